@@ -1,0 +1,8 @@
+//! Kernels of PaveTwin, in pure Rust.
+//!
+//! The world frame is east-north-up in metres; angles are `yaw_rad`, counter-clockwise from east; times are seconds.
+#![forbid(unsafe_code)]
+
+pub mod geometry;
+pub mod navigation;
+pub mod sensing;

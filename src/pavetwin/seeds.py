@@ -1,0 +1,25 @@
+"""Named children of one seed, so that changing one part's luck leaves every other part's as it was."""
+
+from enum import IntEnum
+
+import numpy as np
+
+
+class Stream(IntEnum):
+    """What a random choice is for. The numbers are part of the file formats: append, never renumber."""
+
+    WORLD = 0
+    DEFECTS = 1
+    TRAFFIC = 2
+    DEMAND = 3
+    SENSING = 4
+    ORDER = 5
+    FURNITURE = 6
+
+
+def child(seed: int, stream: Stream, *keys: int) -> np.random.Generator:
+    """The generator of `stream` under `seed`; further `keys` (≥ 0) name its children.
+
+    The same arguments give the same numbers on every machine. Seed 0 is a seed like any other.
+    """
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(int(stream), *keys)))
