@@ -1,0 +1,1 @@
+"""PaveTwin: a digital twin for planning UAV pavement inspection over open traffic."""

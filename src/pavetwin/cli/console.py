@@ -1,0 +1,44 @@
+"""What every command shares on the terminal: the console, the progress bar, and how an error is shown."""
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
+
+out = Console(highlight=False)
+err = Console(stderr=True, highlight=False)
+
+Report = Callable[[float], None]
+"""Told the share done, 0 … 1."""
+
+
+@contextmanager
+def progress(what: str) -> Iterator[Report]:
+    """A progress bar on the error stream, so that results can be piped; plain silence when it is no terminal."""
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
+    with Progress(*columns, TimeRemainingColumn(), console=err, transient=True, disable=not err.is_terminal) as bar:
+        task = bar.add_task(what, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
+
+
+@contextmanager
+def counting(what: str, total: int) -> Iterator[Callable[[str], None]]:
+    """A progress bar over `total` things; call it with the name of each as it is done."""
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(*columns, TimeRemainingColumn(), console=err, transient=True, disable=not err.is_terminal) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda name: bar.update(task, advance=1, description=f"{what} [dim]{name}[/]")
+
+
+def fail(message: str) -> None:
+    """One plain line on the error stream."""
+    text = " ".join(message.split())
+    prefix = "[bold red]Error:[/] " if err.is_terminal and not os.environ.get("NO_COLOR") else "Error: "
+    if err.is_terminal:
+        err.print(prefix, end="")
+    else:
+        sys.stderr.write(prefix)
+    sys.stderr.write(text + "\n")

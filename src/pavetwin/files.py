@@ -1,0 +1,64 @@
+"""Files written whole or not at all: to a temporary name beside the target, then renamed."""
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from pavetwin.errors import PaveTwinError
+
+
+@contextmanager
+def writing(target: Path) -> Iterator[Path]:
+    """A temporary path with the target's suffix, moved onto `target` when the block ends without an exception.
+
+    Raises:
+        PaveTwinError: the folder cannot be made or written, or the disk is full. Nothing is left behind.
+    """
+    temporary = None
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.stem}-", suffix=target.suffix)
+        os.close(handle)
+        temporary = Path(name)
+        yield temporary
+        temporary.chmod(0o644)
+        temporary.replace(target)
+    except OSError as error:
+        raise unwritable(target, error) from error
+    finally:
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def writing_folder(target: Path, *, replace: bool = False) -> Iterator[Path]:
+    """A temporary folder, moved onto `target` when the block ends without an exception.
+
+    Raises:
+        PaveTwinError: `target` exists and `replace` is false, or it cannot be written. Nothing is left behind.
+    """
+    if target.exists() and not replace and (not target.is_dir() or any(target.iterdir())):
+        raise PaveTwinError(f"'{target}' exists already; choose another name or add --force to replace it.")
+    temporary = None
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}-"))
+        yield temporary
+        temporary.chmod(0o755)
+        if target.exists():
+            shutil.rmtree(target)
+        temporary.replace(target)
+    except OSError as error:
+        raise unwritable(target, error) from error
+    finally:
+        if temporary is not None:
+            shutil.rmtree(temporary, ignore_errors=True)
+
+
+def unwritable(target: Path, error: OSError) -> PaveTwinError:
+    """The plain sentence for a file that could not be written."""
+    reason = error.strerror or str(error)
+    return PaveTwinError(f"Cannot write '{target}': {reason}. Free some space or choose another folder with --output.")

@@ -1,0 +1,214 @@
+"""What stands still, as values: streets, segments, buildings, furniture, defects.
+
+The world frame is east-north-up in metres. It is the frame of the SUMO network beside the world, so that a position in
+the network and in the world is the same pair of numbers. `GeoReference` carries it to WGS 84.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from pyproj import Transformer
+from shapely import LineString, MultiPolygon, Point, Polygon
+
+from pavetwin.errors import PaveTwinError, nearest_name
+
+Surface = Polygon | MultiPolygon
+
+
+@dataclass(frozen=True, slots=True)
+class GeoReference:
+    """Where the world frame lies on the earth: projected = world + offset, in the CRS `epsg` (a UTM zone)."""
+
+    epsg: int
+    offset_east_m: float
+    offset_north_m: float
+
+    def to_projected(self, xy: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """World (..., 2) in metres to projected (..., 2) in metres."""
+        return np.asarray(xy, dtype=np.float64) + (self.offset_east_m, self.offset_north_m)
+
+    def to_wgs84(self, xy: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """World (..., 2) in metres to (longitude, latitude) (..., 2) in degrees."""
+        projected = self.to_projected(xy)
+        transformer = Transformer.from_crs(self.epsg, 4326, always_xy=True)
+        lon, lat = transformer.transform(projected[..., 0], projected[..., 1])
+        return np.stack([lon, lat], axis=-1)
+
+
+class LaneKind(StrEnum):
+    DRIVING = "driving"
+    SIDEWALK = "sidewalk"
+    BICYCLE = "bicycle"
+
+
+@dataclass(frozen=True, slots=True)
+class Lane:
+    """One lane of a SUMO edge, between its junctions."""
+
+    id: str
+    edge: str
+    kind: LaneKind
+    centre_line: LineString
+    width_m: float
+    speed_limit_mps: float
+
+    @property
+    def length_m(self) -> float:
+        return float(self.centre_line.length)
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """A piece of one street's carriageway between junctions: what is inspected as one unit (a member of S)."""
+
+    id: str
+    street: str
+    """The street's name on the map, or its SUMO edge when it has none."""
+    edges: tuple[str, ...]
+    """The directed SUMO edges it lies on: one for a one-way street, two otherwise."""
+    centre_line: LineString
+    polygon: Surface
+    width_m: float
+    """Mean width of the carriageway (driving and bicycle lanes, without sidewalks)."""
+    lanes: int
+
+    @property
+    def length_m(self) -> float:
+        return float(self.centre_line.length)
+
+    @property
+    def area_m2(self) -> float:
+        return float(self.polygon.area)
+
+
+@dataclass(frozen=True, slots=True)
+class Junction:
+    id: str
+    kind: str
+    """SUMO's type: priority, traffic_light, right_before_left, dead_end …"""
+    polygon: Surface
+
+
+@dataclass(frozen=True, slots=True)
+class Crossing:
+    """A pedestrian crossing on the carriageway of a junction's arm."""
+
+    id: str
+    polygon: Polygon
+    signalled: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Building:
+    id: str
+    polygon: Polygon
+    height_m: float
+
+
+class FurnitureKind(StrEnum):
+    TREE = "tree"
+    STREET_LIGHT = "street_light"
+    POLE = "pole"
+    SIGN = "sign"
+    SIGNAL = "signal"
+
+
+@dataclass(frozen=True, slots=True)
+class Furniture:
+    """Something upright beside the road. `arm_m` reaches from the mast's top along `yaw_rad` (lights, signals)."""
+
+    id: str
+    kind: FurnitureKind
+    position: Point
+    height_m: float
+    radius_m: float
+    """Of the mast, or of a tree's crown."""
+    yaw_rad: float = 0.0
+    arm_m: float = 0.0
+    clear_height_m: float = 0.0
+    """Of a tree: where the crown begins. Of an arm: its underside is at `height_m`."""
+    controller: str = ""
+    """Of a signal: SUMO's traffic light that it shows."""
+
+
+class DefectClass(StrEnum):
+    SINGLE_CRACK = "single_crack"
+    CROCODILE_CRACK = "crocodile_crack"
+    POTHOLE = "pothole"
+
+
+@dataclass(frozen=True, slots=True)
+class Defect:
+    id: int
+    """0 … n−1 in the order of the world's defects."""
+    segment: str
+    kind: DefectClass
+    centre: Point
+    polygon: Polygon
+    seed: int
+
+
+@dataclass(frozen=True)
+class World:
+    """S and everything around it that stands still."""
+
+    name: str
+    georeference: GeoReference
+    segments: tuple[Segment, ...]
+    lanes: tuple[Lane, ...]
+    junctions: tuple[Junction, ...]
+    crossings: tuple[Crossing, ...]
+    buildings: tuple[Building, ...]
+    furniture: tuple[Furniture, ...]
+    parks: tuple[Polygon, ...]
+    defects: tuple[Defect, ...]
+    base: Point
+    """Where the UAV takes off and lands."""
+    content_hash: str = ""
+    """Names everything above but the defects: what a trace or a navmesh was made for."""
+    folder: Path | None = field(default=None, compare=False)
+    """Where it was loaded from; holds `roads.net.xml` and `traffic/`."""
+
+    @cached_property
+    def _segment_by_id(self) -> dict[str, Segment]:
+        return {segment.id: segment for segment in self.segments}
+
+    def segment(self, segment_id: str) -> Segment:
+        """The segment named `segment_id`.
+
+        Raises:
+            PaveTwinError: there is none; the message names the nearest.
+        """
+        try:
+            return self._segment_by_id[segment_id]
+        except KeyError:
+            raise PaveTwinError(
+                f"No segment '{segment_id}' in the world '{self.name}'"
+                f"{nearest_name(segment_id, self._segment_by_id)}. `pavetwin world show` draws their names."
+            ) from None
+
+    def defects_of(self, segment_id: str) -> Iterator[Defect]:
+        return (defect for defect in self.defects if defect.segment == segment_id)
+
+    def lanes_of(self, kind: LaneKind) -> Sequence[Lane]:
+        return [lane for lane in self.lanes if lane.kind is kind]
+
+    def length_km(self, kind: LaneKind) -> float:
+        """Summed length of all lanes of a kind, in kilometres: the denominator of the traffic density."""
+        return sum(lane.length_m for lane in self.lanes if lane.kind is kind) / 1000
+
+    @property
+    def network_file(self) -> Path:
+        """The SUMO network beside the world.
+
+        Raises:
+            PaveTwinError: the world was never saved.
+        """
+        if self.folder is None:
+            raise PaveTwinError(f"The world '{self.name}' has no folder yet; save it with `save_world` first.")
+        return self.folder / "roads.net.xml"
