@@ -1,0 +1,82 @@
+"""Typed configuration: frozen, unknown keys refused with the nearest known one, overridden by `key=value`."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Self
+
+import yaml
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+
+from pavetwin.errors import PaveTwinError, nearest_name
+
+
+class Settings(BaseModel):
+    """The base of every configuration of ours."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _refuse_unknown_keys(cls, values: Any) -> Any:
+        if isinstance(values, Mapping):
+            for key in values:
+                if key not in cls.model_fields:
+                    known = ", ".join(cls.model_fields)
+                    near = nearest_name(str(key), cls.model_fields)
+                    raise ValueError(f"unknown key '{key}'{near or f'; known are {known}'}")
+        return values
+
+    @classmethod
+    def parse(cls, values: Mapping[str, Any], where: str) -> Self:
+        """Build from plain values.
+
+        Raises:
+            PaveTwinError: a key is unknown or a value does not fit; `where` names the source in the message.
+        """
+        try:
+            return cls.model_validate(values)
+        except ValidationError as error:
+            raise PaveTwinError(f"{where}: {describe(error)}") from error
+
+
+def describe(error: ValidationError) -> str:
+    """The first complaint of a validation error, as `key: what is wrong`."""
+    first = error.errors()[0]
+    place = ".".join(str(part) for part in first["loc"])
+    message = first["msg"].removeprefix("Value error, ")
+    given = first["input"]
+    shown = f" (got {given!r})" if isinstance(given, str | int | float | bool) else ""
+    return f"{place}: {message}{shown}" if place else message
+
+
+def with_overrides(values: Mapping[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
+    """`values` with each `section.key=value` laid over it; the value is read as YAML.
+
+    Raises:
+        PaveTwinError: an override is not of the form key=value.
+    """
+    merged: dict[str, Any] = dict(values)
+    for override in overrides:
+        key, equals, text = override.partition("=")
+        if not equals or not key.strip():
+            raise PaveTwinError(f"--set {override}: expected key=value, for example --set policy.max_wait_s=60.")
+        try:
+            value = yaml.safe_load(text)
+        except yaml.YAMLError:
+            value = text
+        layer = merged
+        *sections, leaf = key.strip().split(".")
+        for section in sections:
+            inner = layer.get(section)
+            layer[section] = dict(inner) if isinstance(inner, Mapping) else {}
+            layer = layer[section]
+        layer[leaf] = value
+    return merged
+
+
+def overlay(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    """`above` laid over `below`, section by section."""
+    merged = dict(below)
+    for key, value in above.items():
+        inner = merged.get(key)
+        merged[key] = overlay(inner, value) if isinstance(inner, Mapping) and isinstance(value, Mapping) else value
+    return merged

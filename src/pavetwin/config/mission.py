@@ -1,0 +1,150 @@
+"""Everything that decides how a mission is flown, and the presets `default` and `paper`."""
+
+from collections.abc import Iterable
+from importlib.resources import files
+from typing import Annotated, Any, Literal, Self
+
+import yaml
+from pydantic import Field, model_validator
+
+from pavetwin.config.base import Settings, overlay, with_overrides
+from pavetwin.errors import PaveTwinError, nearest_name
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class UavSettings(Settings):
+    """The airframe's limits: Unity's NavMesh agent of the paper, and what it leaves open."""
+
+    radius_m: Positive = 0.5
+    inspect_speed_mps: Positive = 5.0
+    transit_speed_mps: Positive = 10.0
+    acceleration_mps2: Positive = 8.0
+    yaw_rate_deg_s: Positive = 45.0
+    stopping_distance_m: NonNegative = 1.0
+    climb_speed_mps: Positive = 3.0
+    """Between the ground and the altitude; a Phantom 4 climbs at up to 6 m/s and descends at up to 4 m/s."""
+
+
+class CameraSettings(Settings):
+    """Which camera looks straight down, how often it captures, and its inspection window."""
+
+    model: str = "paper"
+    """A name of the camera database, or a path to a YAML file of the same form."""
+    capture_interval_s: Positive = 0.6
+    window_rows: Annotated[float, Field(gt=0, le=1)] = 0.5
+    """Share of the image rows (along the track) in which a defect counts as centred."""
+    window_columns: Annotated[float, Field(gt=0, le=1)] | None = 1.0
+    """Share of the image columns (across the track); null when `window_across_per_altitude` is given."""
+    window_across_per_altitude: Positive | None = None
+    """Width of the window across the track, in metres a metre of altitude (the paper: 0.6)."""
+
+    @model_validator(mode="after")
+    def _one_width(self) -> Self:
+        if (self.window_columns is None) == (self.window_across_per_altitude is None):
+            raise ValueError("give exactly one of window_columns and window_across_per_altitude (the other null)")
+        return self
+
+
+class VisibilitySettings(Settings):
+    threshold: Share = 0.7
+    """τ_o: below it a policy is asked."""
+    interval_s: Positive = 0.3
+    cell_m: Annotated[float, Field(ge=0.05, le=2)] = 0.25
+    inspected_share: Annotated[float, Field(gt=0, le=1)] = 0.95
+
+
+class PatternSettings(Settings):
+    kind: Literal["boustrophedon", "out_and_back"] = "boustrophedon"
+    side_overlap: Annotated[float, Field(ge=0, lt=0.9)] = 0.2
+    """Share of the window's width that neighbouring passes of the boustrophedon share."""
+
+
+class PolicySettings(Settings):
+    """What the built-in policies read; `options` is free for a user's own."""
+
+    wait_s: Positive = 2.0
+    max_wait_s: Positive = 300.0
+    max_displacement_m: Positive = 3.0
+    note_spacing_m: NonNegative = 1.5
+    note_interval_s: NonNegative = 2.0
+    revisit_stay_s: Positive = 5.0
+    options: dict[str, float | int | str | bool] = {}
+
+
+class SensingSettings(Settings):
+    sensor: str = "recall"
+    recall: Share = 0.840
+    """Of the paper's YOLOv8n."""
+    min_unoccluded_share: Share = 0.35
+    attempts: Literal["every_capture", "first_capture"] = "every_capture"
+    """`first_capture`: a defect gets one attempt, and one more for each revisit."""
+
+
+class EnergySettings(Settings):
+    model: str = "rotor"
+    """A name of the registry in pavetwin.uav.energy: rotor or linear."""
+    endurance_s: Positive = 1800.0
+    """Of the linear model."""
+    capacity_wh: Positive = 81.3
+    hover_endurance_s: Positive = 28 * 60.0
+    mass_kg: Positive = 1.38
+    climb_efficiency: Annotated[float, Field(gt=0, le=1)] = 0.7
+    """Share of the battery's power that a climb turns into potential energy."""
+    wind_mps: NonNegative = 0.0
+    wind_from_deg: Annotated[float, Field(ge=0, lt=360)] = 270.0
+    reserve: Annotated[float, Field(ge=0, lt=0.9)] = 0.15
+    """Share of the battery that must be left after landing."""
+    swap_s: NonNegative = 120.0
+    """From landing with an empty battery to take-off with a full one."""
+
+
+class MissionSettings(Settings):
+    """One mission, complete."""
+
+    altitude_m: Positive = 10.0
+    time_step_s: Annotated[float, Field(gt=0, le=0.1)] = 0.05
+    uav: UavSettings = UavSettings()
+    camera: CameraSettings = CameraSettings()
+    visibility: VisibilitySettings = VisibilitySettings()
+    pattern: PatternSettings = PatternSettings()
+    policy: PolicySettings = PolicySettings()
+    sensing: SensingSettings = SensingSettings()
+    energy: EnergySettings = EnergySettings()
+
+    @model_validator(mode="after")
+    def _whole_steps(self) -> Self:
+        for name, interval in (
+            ("camera.capture_interval_s", self.camera.capture_interval_s),
+            ("visibility.interval_s", self.visibility.interval_s),
+        ):
+            steps = interval / self.time_step_s
+            if steps < 0.999 or abs(steps - round(steps)) > 1e-6:
+                raise ValueError(f"{name} ({interval} s) must be a whole number of time steps ({self.time_step_s} s)")
+        return self
+
+
+def preset_names() -> list[str]:
+    """The presets that ship with the package."""
+    return sorted(
+        entry.name.removesuffix(".yaml")
+        for entry in (files("pavetwin.config") / "presets").iterdir()
+        if entry.name.endswith(".yaml")
+    )
+
+
+def load_settings(preset: str = "default", overrides: Iterable[str] = (), **given: Any) -> MissionSettings:
+    """A preset, with keyword values (as nested mappings) and then `key=value` overrides laid over it.
+
+    Raises:
+        PaveTwinError: the preset, a key or a value is not known or does not fit.
+    """
+    names = preset_names()
+    if preset not in names:
+        near = nearest_name(preset, names) or f"; known are {', '.join(names)}"
+        raise PaveTwinError(f"No preset '{preset}'{near}.")
+    text = (files("pavetwin.config") / "presets" / f"{preset}.yaml").read_text(encoding="utf-8")
+    values = overlay(yaml.safe_load(text) or {}, given)
+    return MissionSettings.parse(with_overrides(values, overrides), where=f"settings (preset '{preset}')")

@@ -1,0 +1,96 @@
+"""The camera database: image size, field of view, shutter. The user's own file extends it."""
+
+from importlib.resources import files
+from math import atan, degrees, radians, tan
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import yaml
+from pydantic import Field, model_validator
+
+from pavetwin.config.base import Settings
+from pavetwin.errors import PaveTwinError, nearest_name
+
+Positive = Annotated[float, Field(gt=0)]
+Pixels = Annotated[int, Field(gt=0)]
+
+
+class Camera(Settings):
+    """A pinhole camera that looks straight down, its image rows along the track."""
+
+    title: str
+    image_px: tuple[Pixels, Pixels]
+    """Width (across the track) and height (along it)."""
+    vertical_fov_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
+    sensor_mm: tuple[Positive, Positive] | None = None
+    focal_length_mm: Positive | None = None
+    shutter: Literal["global", "rolling", "mechanical"] = "global"
+    shortest_exposure_s: Positive | None = None
+    source: str = ""
+
+    @model_validator(mode="after")
+    def _one_geometry(self) -> Self:
+        by_lens = self.sensor_mm is not None and self.focal_length_mm is not None
+        if by_lens == (self.vertical_fov_deg is not None):
+            raise ValueError("give either vertical_fov_deg or both sensor_mm and focal_length_mm")
+        return self
+
+    @property
+    def fov_rad(self) -> float:
+        """Vertical field of view: 2·atan(sensor height / (2 f))."""
+        if self.sensor_mm is not None and self.focal_length_mm is not None:
+            return 2 * atan(self.sensor_mm[1] / (2 * self.focal_length_mm))
+        assert self.vertical_fov_deg is not None
+        return radians(self.vertical_fov_deg)
+
+    @property
+    def fov_deg(self) -> float:
+        return degrees(self.fov_rad)
+
+    def footprint_m(self, altitude_m: float) -> tuple[float, float]:
+        """Ground covered (across the track, along the track), in metres."""
+        along = 2 * altitude_m * tan(self.fov_rad / 2)
+        return along * self.image_px[0] / self.image_px[1], along
+
+    def ground_resolution_m(self, altitude_m: float) -> float:
+        """Metres on the ground a pixel."""
+        return self.footprint_m(altitude_m)[1] / self.image_px[1]
+
+
+def _parse(text: str, where: str) -> dict[str, Camera]:
+    try:
+        entries: Any = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise PaveTwinError(f"{where} is not valid YAML: {error}") from error
+    if not isinstance(entries, dict) or not all(isinstance(entry, dict) for entry in entries.values()):
+        raise PaveTwinError(f"{where}: expected a mapping from camera names to their values.")
+    return {str(name): Camera.parse(entry, where=f"{where}, camera '{name}'") for name, entry in entries.items()}
+
+
+def cameras() -> dict[str, Camera]:
+    """The cameras that ship with the package, by name."""
+    return _parse((files("pavetwin.uav") / "cameras.yaml").read_text(encoding="utf-8"), "cameras.yaml")
+
+
+def find_camera(model: str) -> Camera:
+    """A camera by its name, or from a YAML file: `my.yaml` (its only camera) or `my.yaml:name`.
+
+    Raises:
+        PaveTwinError: no such camera or file.
+    """
+    path, colon, name = model.partition(":")
+    if not path.endswith((".yaml", ".yml")):
+        known = cameras()
+        if model not in known:
+            near = nearest_name(model, known) or f"; known are {', '.join(known)}"
+            raise PaveTwinError(f"camera.model: no camera '{model}'{near}, or give a path to a YAML file.")
+        return known[model]
+    try:
+        own = _parse(Path(path).read_text(encoding="utf-8"), path)
+    except OSError as error:
+        raise PaveTwinError(f"camera.model: cannot read '{path}': {error.strerror}.") from error
+    if not colon and len(own) == 1:
+        return next(iter(own.values()))
+    if name not in own:
+        raise PaveTwinError(f"camera.model: '{path}' holds {', '.join(own)}; choose one as {path}:NAME.")
+    return own[name]
