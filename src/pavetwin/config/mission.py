@@ -1,6 +1,6 @@
 """Everything that decides how a mission is flown, and the presets `default` and `paper`."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from importlib.resources import files
 from typing import Annotated, Any, Literal, Self
 
@@ -57,7 +57,8 @@ class VisibilitySettings(Settings):
 
 
 class PatternSettings(Settings):
-    kind: Literal["boustrophedon", "out_and_back"] = "boustrophedon"
+    kind: str = "boustrophedon"
+    """A name of the registry in pavetwin.navigation.patterns: boustrophedon or out_and_back."""
     side_overlap: Annotated[float, Field(ge=0, lt=0.9)] = 0.2
     """Share of the window's width that neighbouring passes of the boustrophedon share."""
 
@@ -71,7 +72,7 @@ class PolicySettings(Settings):
     note_spacing_m: NonNegative = 1.5
     note_interval_s: NonNegative = 2.0
     revisit_stay_s: Positive = 5.0
-    options: dict[str, float | int | str | bool] = {}
+    options: Mapping[str, float | int | str | bool] = Field(default_factory=dict)
 
 
 class SensingSettings(Settings):

@@ -1,0 +1,33 @@
+"""Π: what to do when traffic hides the road. One file a policy, one registry."""
+
+from pavetwin.policies.base import (
+    Action,
+    Displace,
+    GoOn,
+    Policy,
+    Revisit,
+    Wait,
+    load_policy,
+    policy,
+    policy_names,
+)
+from pavetwin.policies.baseline import Baseline
+from pavetwin.policies.hover import Hover
+from pavetwin.policies.micro import Micro
+from pavetwin.policies.skip import Skip
+
+__all__ = [
+    "Action",
+    "Baseline",
+    "Displace",
+    "GoOn",
+    "Hover",
+    "Micro",
+    "Policy",
+    "Revisit",
+    "Skip",
+    "Wait",
+    "load_policy",
+    "policy",
+    "policy_names",
+]

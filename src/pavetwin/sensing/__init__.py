@@ -1,0 +1,7 @@
+"""Which defects a captured frame confirms. One file a sensor, one registry."""
+
+from pavetwin.sensing.base import Frame, Sensor, Sighting, load_sensor, sensor, sensor_names
+from pavetwin.sensing.ideal import Ideal
+from pavetwin.sensing.recall import Recall
+
+__all__ = ["Frame", "Ideal", "Recall", "Sensor", "Sighting", "load_sensor", "sensor", "sensor_names"]

@@ -1,0 +1,21 @@
+"""D_t as values. Knows no loop: the mission makes these, policies and sensors read them."""
+
+from pavetwin.twin.memory import Confirmation, InspectionMemory, Note, SegmentStatus
+from pavetwin.twin.snapshot import Episode, Moment, Occlusion, Snapshot
+from pavetwin.twin.state import Agent, AgentClass, Mode, Place, UavState
+
+__all__ = [
+    "Agent",
+    "AgentClass",
+    "Confirmation",
+    "Episode",
+    "InspectionMemory",
+    "Mode",
+    "Moment",
+    "Note",
+    "Occlusion",
+    "Place",
+    "SegmentStatus",
+    "Snapshot",
+    "UavState",
+]

@@ -1,0 +1,12 @@
+"""The policy that never reacts."""
+
+from pavetwin.policies.base import Action, GoOn, Policy, policy
+from pavetwin.twin import Snapshot
+
+
+@policy("baseline")
+class Baseline(Policy):
+    """Flies on whatever it sees."""
+
+    def decide(self, snapshot: Snapshot) -> Action:  # noqa: ARG002
+        return GoOn()

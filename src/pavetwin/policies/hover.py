@@ -1,0 +1,15 @@
+"""The policy that waits for the traffic to clear."""
+
+from pavetwin.policies.base import Action, GoOn, Policy, Wait, policy
+from pavetwin.twin import Snapshot
+
+
+@policy("hover")
+class Hover(Policy):
+    """p_{t+1} = p_t for `wait_s`; looks again, and waits again, at most `max_wait_s` in one episode of occlusion."""
+
+    def decide(self, snapshot: Snapshot) -> Action:
+        if snapshot.occlusion is None:
+            return GoOn()
+        left_s = self.settings.max_wait_s - snapshot.occlusion.episode.waited_s
+        return Wait(min(self.settings.wait_s, left_s)) if left_s > 1e-6 else GoOn()

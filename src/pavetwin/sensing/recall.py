@@ -1,0 +1,30 @@
+"""The sensor that finds a defect with the detector's recall."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pavetwin.config.mission import SensingSettings
+from pavetwin.seeds import Stream, child
+from pavetwin.sensing.base import Frame, Sensor, Sighting, sensor
+
+
+@sensor("recall")
+class Recall(Sensor):
+    """Confirms each sighting with probability `recall` (0.840, the YOLOv8n of arXiv 2606.20742)."""
+
+    def __init__(self, settings: SensingSettings, seed: int) -> None:
+        super().__init__(settings, seed)
+        self._luck: dict[int, tuple[np.random.Generator, list[float]]] = {}
+
+    def detect(self, frame: Frame) -> Sequence[int]:
+        return [sighting.defect for sighting in frame.sightings if self._draw(sighting) < self.settings.recall]
+
+    def _draw(self, sighting: Sighting) -> float:
+        """The k-th number of the defect's own generator."""
+        if sighting.defect not in self._luck:
+            self._luck[sighting.defect] = (child(self.seed, Stream.SENSING, sighting.defect), [])
+        generator, draws = self._luck[sighting.defect]
+        while len(draws) <= sighting.attempt:
+            draws.append(float(generator.random()))
+        return draws[sighting.attempt]

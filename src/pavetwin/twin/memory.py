@@ -1,0 +1,76 @@
+"""The inspection memory M_t: an immutable value; every change makes a new one."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from math import dist
+from types import MappingProxyType
+from typing import Self
+
+from pavetwin.twin.state import Place
+
+
+class SegmentStatus(StrEnum):
+    PENDING = "pending"
+    INSPECTED = "inspected"
+
+
+@dataclass(frozen=True, slots=True)
+class Confirmation:
+    """When and how a defect was first confirmed."""
+
+    time_s: float
+    on_revisit: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A place that was hidden and is to be visited again after the pass."""
+
+    place: Place
+    time_s: float
+    stay_s: float
+
+
+@dataclass(frozen=True)
+class InspectionMemory:
+    """M_t: which segments are inspected, how much of their surface was seen, which defects are confirmed."""
+
+    surface_coverage: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    """Share of the cells seen so far, by segment; absent when the segment was not begun."""
+    status: Mapping[str, SegmentStatus] = field(default_factory=lambda: MappingProxyType({}))
+    """Absent means pending."""
+    confirmed: Mapping[int, Confirmation] = field(default_factory=lambda: MappingProxyType({}))
+    notes: tuple[Note, ...] = ()
+    """Places noted on this pass and not visited yet."""
+
+    def status_of(self, segment: str) -> SegmentStatus:
+        return self.status.get(segment, SegmentStatus.PENDING)
+
+    def last_note(self) -> Note | None:
+        return self.notes[-1] if self.notes else None
+
+    def noted_near(self, place: Place, radius_m: float) -> bool:
+        """Whether a note lies closer than `radius_m` to a place."""
+        return any(dist(note.place, place) < radius_m for note in self.notes)
+
+    def confirm(self, defect: int, confirmation: Confirmation) -> Self:
+        """With a defect confirmed; its first confirmation stands."""
+        if defect in self.confirmed:
+            return self
+        return replace(self, confirmed=MappingProxyType({**self.confirmed, defect: confirmation}))
+
+    def cover(self, segment: str, coverage: float, inspected_share: float) -> Self:
+        """With a segment's seen share brought up to date."""
+        status = SegmentStatus.INSPECTED if coverage >= inspected_share else SegmentStatus.PENDING
+        return replace(
+            self,
+            surface_coverage=MappingProxyType({**self.surface_coverage, segment: coverage}),
+            status=MappingProxyType({**self.status, segment: status}),
+        )
+
+    def note(self, note: Note) -> Self:
+        return replace(self, notes=(*self.notes, note))
+
+    def forget_notes(self) -> Self:
+        return replace(self, notes=())

@@ -1,0 +1,84 @@
+"""D_t = (S, A_t, x_t, M_t, Π) at one moment, as policies and sensors see it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from pavetwin.twin.memory import InspectionMemory
+from pavetwin.twin.state import Agent, Place, UavState
+from pavetwin.world.model import Segment
+
+
+@dataclass(frozen=True, slots=True)
+class Episode:
+    """The stretch of time since visibility last fell below τ_o without having come back."""
+
+    since_s: float
+    waited_s: float = 0.0
+    """Waited in this episode so far."""
+    displacements: int = 0
+    since_displacement_m: float = float("inf")
+    """Flown along the route since the last displacement of this episode."""
+
+
+@dataclass(frozen=True, slots=True)
+class Occlusion:
+    """What the camera sees of the segment under inspection s*."""
+
+    visibility: float
+    """o_{s*,t}."""
+    hidden_place: Place | None
+    """Centroid of the cells that agents hide; none when nothing is hidden."""
+    episode: Episode
+
+
+class Moment(Protocol):
+    """The kernel's view of one moment: it computes what a snapshot does not hold ready."""
+
+    def agents(self) -> Sequence[Agent]: ...
+
+    def predict(self, displacements: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]: ...
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The digital twin D_t. A value: it stays as it is when the mission flies on."""
+
+    time_s: float
+    segments: Sequence[Segment]
+    """S."""
+    uav: UavState
+    """x_t."""
+    memory: InspectionMemory
+    """M_t."""
+    policy: str
+    """Π."""
+    segment: Segment | None
+    """s*: the one under inspection."""
+    occlusion: Occlusion | None
+    """o_{s*,t}; none when nothing is under inspection."""
+    window_along_m: float
+    """Length of the inspection window along the track."""
+    moment: Moment = field(repr=False)
+
+    @cached_property
+    def agents(self) -> Sequence[Agent]:
+        """A_t: every agent in the world at this time."""
+        return self.moment.agents()
+
+    def predict_visibility(self, displacements: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """Predicted visible share of the cells now hidden, were the UAV displaced.
+
+        The agents are moved on at their present velocities by the time the displacement takes.
+
+        Args:
+            displacements: (n, 2) east and north in metres.
+
+        Returns:
+            (n,) shares in [0, 1]; −1 for a displacement that would leave the flight domain.
+        """
+        return self.moment.predict(np.ascontiguousarray(displacements, dtype=np.float64).reshape(-1, 2))
