@@ -1,0 +1,56 @@
+# What this project can do, one word each. `make` alone lists them.
+#
+# Every target sets up what it needs first, in a .venv beside this file, and is quick when nothing has changed.
+
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test test-all bench lint lock clean
+
+PYTHON ?= python3
+PYTEST_WORKERS ?= 2
+PYTEST := .venv/bin/python -m pytest -n $(PYTEST_WORKERS) --dist loadfile
+export PYTHON
+
+# Settings of the caller's shell that would bend what is installed or imported here.
+unexport PYTHONPATH PYTHONHOME PYTHONDONTWRITEBYTECODE PIP_USER PIP_TARGET PIP_PREFIX
+unexport UV_SYSTEM_PYTHON VIRTUAL_ENV CONDA_PREFIX SUMO_HOME PROJ_LIB PROJ_DATA GDAL_DATA
+export PYTHONNOUSERSITE := 1
+export MPLBACKEND := Agg
+
+help:  ## This list
+	@printf '\nPaveTwin: a digital twin for planning UAV pavement inspection over open traffic\n\n'
+	@if [ -t 1 ]; then bold=$$'\033[1m' plain=$$'\033[0m'; fi; \
+		awk -F ':.*## ' -v on="$$bold" -v off="$$plain" \
+		'/^[a-z-]+:.*## / { printf "  %smake %-9s%s %s\n", on, $$1, off, $$2 }' $(MAKEFILE_LIST)
+	@printf '\nEach sets up what it needs. Another Python: make PYTHON=python3.12 test\n\n'
+
+setup:  ## Install everything into .venv, nothing else
+	@scripts/setup.sh
+
+demo: setup  ## A UAV inspects a generated town under traffic, with each of the four policies
+	@.venv/bin/pavetwin demo
+
+test: setup  ## All tests but the slow ones
+	@rc=0; cargo test --release --locked --quiet --package pavetwin-core || rc=1; $(PYTEST) || rc=1; exit $$rc
+
+test-all: setup  ## All tests
+	@rc=0; cargo test --release --locked --quiet --package pavetwin-core || rc=1; $(PYTEST) -m '' || rc=1; exit $$rc
+
+bench: setup  ## How fast it is on this machine, beside what the design asks for
+	@.venv/bin/python -m benchmarks
+	@cargo bench --locked --package pavetwin-core
+
+lint:  ## ruff, mypy --strict, clippy with warnings as errors, rustfmt
+	@scripts/setup.sh packages
+	@scripts/lint.sh
+
+lock:  ## Write requirements.lock and Cargo.lock anew from what is asked for (UPGRADE=1: the newest of everything)
+	@scripts/setup.sh packages
+	@.venv/bin/uv pip compile pyproject.toml --group dev --universal --python-version 3.11 --generate-hashes \
+		--no-emit-index-url --no-header --quiet $(if $(UPGRADE),--upgrade) --output-file requirements.lock
+	@cargo update --quiet $(if $(UPGRADE),,--workspace)
+	@git diff --stat -- requirements.lock Cargo.lock
+
+clean:  ## Remove what these targets made, results in out/ excepted
+	rm -rf .venv .tools target .mypy_cache .pytest_cache .ruff_cache .hypothesis src/pavetwin/_core*.so
+	find src tests benchmarks examples -name __pycache__ -type d -prune -exec rm -rf {} +

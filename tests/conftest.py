@@ -1,0 +1,38 @@
+"""What every test shares: Hypothesis profiles, and where real input may lie."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# Drawn anew on a developer's machine, the same examples in every run of CI: a red build there is the change's doing.
+settings.register_profile("default", deadline=None, print_blob=True)
+settings.register_profile("ci", parent=settings.get_profile("default"), derandomize=True, database=None)
+settings.load_profile("ci" if os.environ.get("CI") else "default")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--shared-data",
+        type=Path,
+        default=Path(os.environ.get("PAVETWIN_SHARED_DATA", ROOT.parent / "shared" / "data")),
+        help="folder with real input (osm/*.osm); tests that want a file that is not there are skipped and say so",
+    )
+
+
+@pytest.fixture(scope="session")
+def shared_file(request: pytest.FixtureRequest) -> Callable[[str], Path]:
+    """The path of a file of real input, by its name below `--shared-data`; skips, naming it, where it is absent."""
+    folder: Path = request.config.getoption("--shared-data")
+
+    def find(name: str) -> Path:
+        path = folder / name
+        if not path.is_file():
+            pytest.skip(f"real input {path} is absent (name its folder with --shared-data)")
+        return path
+
+    return find

@@ -1,0 +1,204 @@
+"""The rules of the house, read from the source itself: who imports whom, what stays light, how large a file may be."""
+
+import ast
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGE = ROOT / "src" / "pavetwin"
+
+# From the ground up. A room imports from strictly lower layers, or from itself.
+LAYERS: tuple[frozenset[str], ...] = (
+    frozenset({"_core", "errors"}),
+    frozenset({"seeds", "files"}),
+    frozenset({"config"}),
+    frozenset({"world", "uav"}),
+    frozenset({"traffic", "navigation", "defects"}),
+    frozenset({"twin", "scene"}),
+    frozenset({"policies", "sensing", "render"}),
+    frozenset({"mission"}),
+    frozenset({"draw"}),
+    frozenset({"experiments", "capture"}),
+    frozenset({"cli", "app"}),
+)
+LEVEL = {room: level for level, rooms in enumerate(LAYERS) for room in rooms}
+
+# The front door may open any room; `python -m pavetwin` starts the command line.
+DOORS = {"__init__", "__main__"}
+
+# What a mission without pictures never loads: drawing, learning, the web, the command line, SUMO, many machines.
+HEAVY = frozenset(
+    {
+        *("matplotlib", "pygfx", "wgpu", "bpy", "cv2"),
+        *("torch", "torchvision", "ultralytics", "onnxruntime", "supervision", "albumentations"),
+        *("fastapi", "starlette", "uvicorn", "flask", "typer"),
+        *("sumo", "sumolib", "libsumo", "traci"),
+        *("dask", "distributed", "statsmodels"),
+    }
+)
+
+MAX_LINES = 450
+
+# Written in two halves, so that this file does not name them either.
+REGISTRY_HOSTS = tuple(
+    ".".join(halves)
+    for halves in (
+        ("pypi", "org"),
+        ("pythonhosted", "org"),
+        ("crates", "io"),
+        ("npmjs", "org"),
+        ("npmjs", "com"),
+        ("proxy.golang", "org"),
+        ("repo1.maven", "org"),
+        ("deb.debian", "org"),
+    )
+)
+# How Cargo.lock spells "the usual registry": a name in its file format, fixed by Cargo.
+CARGO_SOURCE = "registry+https://github.com/rust-lang/" + ".".join(("crates", "io-index"))
+
+
+def room_of(path: Path, package: Path) -> str:
+    return path.relative_to(package).parts[0].removesuffix(".pyi").removesuffix(".py")
+
+
+def imported_rooms(path: Path, package: Path) -> Iterator[tuple[int, str]]:
+    """Line and room of every import of the package's own, at the top, in a function, or for the type checker alone.
+
+    A name taken from the front door itself is given as `pavetwin`; its dunders (`__version__`) are anyone's.
+    """
+    inside = (package.name, *path.relative_to(package).parent.parts)
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), str(path))):
+        if isinstance(node, ast.Import):
+            targets = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = inside[: len(inside) - node.level + 1] if node.level else ()
+            origin = ".".join((*base, *((node.module,) if node.module else ())))
+            targets = [f"{origin}.{alias.name}" for alias in node.names] if origin == package.name else [origin]
+        else:
+            continue
+        for target in targets:
+            head, _, rest = target.partition(".")
+            name = rest.partition(".")[0]
+            if head != package.name or (name.startswith("__") and name.endswith("__")):
+                continue
+            is_room = name in LEVEL or (package / name).is_dir() or (package / f"{name}.py").is_file()
+            yield node.lineno, name if name and is_room else package.name
+
+
+def broken_import_rules(package: Path) -> list[str]:
+    """One line for each arrow that points up or sideways, and for each room that has no place in `LAYERS`."""
+    broken = []
+    for path in sorted([*package.rglob("*.py"), *package.rglob("*.pyi")]):
+        room, where = room_of(path, package), path.relative_to(package.parent)
+        if room in DOORS:
+            continue
+        if room not in LEVEL:
+            broken.append(f"{where}: the room '{room}' has no layer; give it one in the design and in LAYERS")
+            continue
+        for line, other in imported_rooms(path, package):
+            if other == package.name:
+                broken.append(f"{where}:{line}: '{room}' imports from the front door; import from the room itself")
+            elif other not in LEVEL:
+                broken.append(f"{where}:{line}: '{room}' imports '{other}', which has no layer")
+            elif other != room and LEVEL[other] >= LEVEL[room]:
+                broken.append(f"{where}:{line}: '{room}' imports '{other}', which is not below it")
+    return broken
+
+
+def tracked_files() -> list[Path]:
+    """The project's files as git sees them, new ones included and ignored ones not."""
+    listing = subprocess.run(
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        cwd=ROOT,
+        capture_output=True,
+        check=False,
+    )
+    if listing.returncode != 0:
+        pytest.skip(f"git cannot list the project's files: {listing.stderr.decode().strip()}")
+    paths = (ROOT / name for name in listing.stdout.decode().split("\0") if name)
+    return [path for path in paths if path.is_file()]
+
+
+def test_imports_point_down() -> None:
+    assert broken_import_rules(PACKAGE) == []
+
+
+@pytest.mark.parametrize(
+    ("room", "line", "complaint"),
+    [
+        ("mission", "from pavetwin.twin import State", None),
+        ("mission", "from pavetwin.mission.plan import plan", None),
+        ("mission", "from .plan import plan", None),
+        ("mission", "from ..twin import State", None),
+        ("mission", "from pavetwin import __version__", None),
+        ("mission", "import numpy.random", None),
+        ("mission", "from pavetwin.draw import draw_map", "not below"),
+        ("twin", "from pavetwin.mission import run", "not below"),
+        ("twin", "from ..mission import run", "not below"),
+        ("twin", "from .. import mission", "not below"),
+        ("twin", "import pavetwin.scene", "not below"),
+        ("world", "def late():\n    from pavetwin import traffic", "not below"),
+        ("config", "if False:\n    from pavetwin.world import World", "not below"),
+        ("twin", "from pavetwin import fly", "front door"),
+        ("attic", "import numpy", "no layer"),
+        ("cli", "from pavetwin.attic import box", "no layer"),
+    ],
+)
+def test_the_rule_catches_what_it_should(tmp_path: Path, room: str, line: str, complaint: str | None) -> None:
+    package = tmp_path / "pavetwin"
+    for name in {"attic", room} if complaint == "no layer" else {room}:
+        (package / name).mkdir(parents=True)
+    (package / room / "module.py").write_text(line + "\n", encoding="utf-8")
+    broken = broken_import_rules(package)
+    if complaint is None:
+        assert broken == []
+    else:
+        assert len(broken) == 1, broken
+        assert complaint in broken[0]
+
+
+@pytest.mark.parametrize("module", ["pavetwin", "pavetwin.mission"])
+def test_a_headless_mission_loads_nothing_heavy(module: str) -> None:
+    if not PACKAGE.joinpath(*module.split(".")[1:], "__init__.py").is_file():
+        pytest.skip(f"{module} is not written yet")
+    script = f"import {module}, sys; print(*sorted({{name.partition('.')[0] for name in sys.modules}}))"
+    fresh = subprocess.run([sys.executable, "-I", "-c", script], capture_output=True, text=True, check=False)
+    assert fresh.returncode == 0, fresh.stderr
+    loaded = fresh.stdout.split()
+    assert "pavetwin" in loaded
+    assert sorted(HEAVY & set(loaded)) == []
+
+
+def test_rooms_are_small() -> None:
+    sources = [path for path in tracked_files() if path.relative_to(ROOT).parts[0] in {"src", "crates"}]
+    sources = [path for path in sources if path.suffix in {".py", ".pyi", ".rs"}]
+    assert sources, "no sources found"
+    lengths = {str(path.relative_to(ROOT)): len(path.read_text(encoding="utf-8").splitlines()) for path in sources}
+    assert {name: lines for name, lines in lengths.items() if lines > MAX_LINES} == {}
+
+
+def test_the_core_knows_no_python() -> None:
+    manifest = tomllib.loads((ROOT / "crates" / "pavetwin-core" / "Cargo.toml").read_text(encoding="utf-8"))
+    assert {"pyo3", "numpy"} & set(manifest["dependencies"]) == set()
+
+
+def test_no_file_names_a_package_registry() -> None:
+    named = []
+    for path in tracked_files():
+        text = path.read_bytes().decode("utf-8", errors="ignore").replace(CARGO_SOURCE, "").lower()
+        named += [f"{path.relative_to(ROOT)}: {host}" for host in REGISTRY_HOSTS if host in text]
+    assert named == []
+
+
+def test_the_lock_covers_what_is_asked_for() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    asked = project["project"]["dependencies"] + project["dependency-groups"]["dev"]
+    names = {wish.partition(">")[0].partition("=")[0].partition("<")[0].strip().lower() for wish in asked}
+    lock = (ROOT / "requirements.lock").read_text(encoding="utf-8").splitlines()
+    locked = {line.partition("==")[0] for line in lock if "==" in line and not line.startswith((" ", "#"))}
+    assert sorted(names - locked) == [], "run `make lock`"
