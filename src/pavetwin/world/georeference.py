@@ -1,0 +1,86 @@
+"""Where a network lies on the earth: from SUMO's `<location>`, or from an anchor that the user names."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+from pyproj import CRS, Transformer
+from pyproj.exceptions import CRSError
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.world.model import GeoReference
+
+DEFAULT_ANCHOR = (0.0, 0.0)
+"""(latitude, longitude) in degrees of the origin of a network that lies nowhere: the Gulf of Guinea."""
+
+WGS84 = 4326
+
+
+def utm_epsg(latitude: float, longitude: float) -> int:
+    """EPSG code of the UTM zone of a place (WGS 84, degrees); Norway's and Svalbard's exceptions are not made."""
+    zone = min(60, int((longitude + 180.0) // 6.0) + 1)
+    return (32600 if latitude >= 0 else 32700) + zone
+
+
+def anchored(latitude: float, longitude: float) -> GeoReference:
+    """The georeference of a network whose origin lies at a place (degrees), its y axis along grid north.
+
+    Raises:
+        PaveTwinError: the place is not on the earth, or outside UTM's reach (80° S to 84° N).
+    """
+    if not (-80.0 <= latitude <= 84.0 and -180.0 <= longitude <= 180.0):
+        raise PaveTwinError(
+            f"The anchor {latitude:g},{longitude:g} is no place for a world: "
+            "latitude must be -80 … 84 and longitude -180 … 180 degrees, as in --anchor 52.47,13.44."
+        )
+    epsg = utm_epsg(latitude, longitude)
+    east, north = Transformer.from_crs(WGS84, epsg, always_xy=True).transform(longitude, latitude)
+    return GeoReference(epsg, round(float(east), 2), round(float(north), 2))
+
+
+def parse_anchor(text: str) -> tuple[float, float]:
+    """(latitude, longitude) in degrees from `LAT,LON`.
+
+    Raises:
+        PaveTwinError: the text is not two numbers, or no place on the earth.
+    """
+    parts = text.split(",")
+    try:
+        latitude, longitude = (float(part) for part in parts)
+    except ValueError:
+        raise PaveTwinError(f"--anchor {text}: expected LAT,LON in degrees, as in --anchor 52.47,13.44.") from None
+    anchored(latitude, longitude)
+    return latitude, longitude
+
+
+def from_location(location: Mapping[str, str], where: str) -> GeoReference | None:
+    """The georeference that a SUMO network's `<location>` states, or None when it has no projection.
+
+    SUMO writes world = projected + netOffset, so the offset here is its negative.
+
+    Raises:
+        PaveTwinError: the projection has no EPSG code, or the offset is no pair of numbers; `where` names the file.
+    """
+    projection = location.get("projParameter", "!")
+    if projection in ("", "!", "-", "."):
+        return None
+    try:
+        east, north = (float(part) for part in location.get("netOffset", "0,0").split(","))
+        code = CRS.from_user_input(projection).to_epsg(min_confidence=70)
+    except (ValueError, CRSError):
+        code = None
+    if code is None:
+        raise PaveTwinError(
+            f"'{where}' is projected by '{projection}', which has no EPSG code; "
+            "say where its origin lies with --anchor LAT,LON."
+        )
+    return GeoReference(code, -east, -north)
+
+
+def from_wgs84(georeference: GeoReference, lonlat: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """(longitude, latitude) (..., 2) in degrees to world (..., 2) in metres."""
+    degrees = np.asarray(lonlat, dtype=np.float64)
+    transformer = Transformer.from_crs(WGS84, georeference.epsg, always_xy=True)
+    east, north = transformer.transform(degrees[..., 0], degrees[..., 1])
+    offset = (georeference.offset_east_m, georeference.offset_north_m)
+    return np.stack([np.asarray(east), np.asarray(north)], axis=-1) - offset

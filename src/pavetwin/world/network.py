@@ -1,0 +1,182 @@
+"""A road network for SUMO from what the user has: `.osm`, `.osm.gz`, `.osm.pbf`, or a `.net.xml` as it is.
+
+OpenStreetMap goes through two steps. First only the streets for motor traffic are kept (motorway … living_street; no
+service roads, parking aisles, footways and cycleways of their own), and each urban street is given sidewalks on both
+sides unless the map says that it has none: a sidewalk mapped as a way of its own (`sidewalk=separate`) is dropped with
+the other footways and would be missing. Then netconvert makes the network: junctions joined, crossings and traffic
+lights guessed (actuated), only the largest connected part, UTM.
+"""
+
+import gzip
+import re
+import shutil
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.world.sumo import NO_VALIDATION, data_file, run_tool
+
+OSM_SUFFIXES = (".osm", ".osm.gz", ".osm.pbf")
+NET_SUFFIXES = (".net.xml", ".net.xml.gz")
+
+STREETS = frozenset(
+    {"motorway", "trunk", "primary", "secondary", "tertiary", "unclassified", "residential", "living_street"}
+)
+"""Values of OSM's `highway` (and their `_link`s) that are inspected and driven on."""
+
+WITHOUT_SIDEWALK = frozenset({"motorway", "trunk", "living_street"})
+"""Streets that get a sidewalk only when the map says so; a living street is walked on as a whole."""
+
+NETCONVERT_OPTIONS = (
+    "--osm.sidewalks",
+    "--osm.oneway-reverse-sidewalk",  # a one-way street's left sidewalk needs an edge of its own
+    "--geometry.remove",  # nodes that only bend a street are no junctions
+    "--geometry.min-dist=0.5",
+    "--ramps.guess",
+    "--junctions.join",
+    "--tls.guess-signals",
+    "--tls.discard-simple",
+    "--tls.join",
+    "--tls.default-type=actuated",
+    "--crossings.guess",
+    "--keep-edges.components=1",
+    "--no-turnarounds.except-deadend",
+    "--proj.utm",
+    "--output.street-names",
+    "--no-warnings",
+    *NO_VALIDATION,
+)
+
+
+def source_kind(source: Path) -> str:
+    """`osm` or `net`, by the file's name.
+
+    Raises:
+        PaveTwinError: the file is missing, or its name ends in none of the suffixes that can be read.
+    """
+    if not source.is_file():
+        what = "is a folder" if source.is_dir() else "does not exist"
+        raise PaveTwinError(f"The source '{source}' {what}; give an .osm, .osm.gz, .osm.pbf or .net.xml file.")
+    name = source.name.lower()
+    if name.endswith(OSM_SUFFIXES):
+        return "osm"
+    if name.endswith(NET_SUFFIXES):
+        return "net"
+    raise PaveTwinError(
+        f"'{source}' has a suffix that is not known; a world is built from .osm, .osm.gz, .osm.pbf or .net.xml."
+    )
+
+
+def network_from_osm(source: Path, target: Path, *, left_hand: bool = False) -> None:
+    """Write the SUMO network of an OSM file to `target`.
+
+    Raises:
+        PaveTwinError: the file is cut short or no OSM, it has no streets, or SUMO is missing.
+    """
+    with tempfile.TemporaryDirectory(prefix="pavetwin-") as folder:
+        streets = Path(folder) / "streets.osm"
+        if write_streets(source, streets) == 0:
+            raise PaveTwinError(f"'{source}' has no streets for cars (ways tagged highway=residential or the like).")
+        types = ",".join(str(data_file(f"typemap/osmNetconvert{part}.typ.xml")) for part in ("", "Pedestrians"))
+        made = Path(folder) / "roads.net.xml"
+        arguments = ["--osm-files", str(streets), "--type-files", types, "--output-file", str(made)]
+        if left_hand:
+            arguments.append("--lefthand")
+        doing = f"Cannot build the road network of '{source}'"
+        run_tool("netconvert", [*arguments, *NETCONVERT_OPTIONS], doing=doing)
+        copy_without_stamp(made, target)
+
+
+def network_from_net(source: Path, target: Path) -> None:
+    """Copy a user's own SUMO network as it is, unpacked when it is gzipped.
+
+    Raises:
+        PaveTwinError: it cannot be read.
+    """
+    try:
+        if source.name.lower().endswith(".gz"):
+            with gzip.open(source, "rb") as packed, target.open("wb") as plain:
+                shutil.copyfileobj(packed, plain)
+        else:
+            shutil.copyfile(source, target)
+    except (EOFError, gzip.BadGzipFile) as error:
+        raise PaveTwinError(f"'{source}' is cut short or no gzip file ({error}); fetch it again.") from error
+
+
+def copy_without_stamp(made: Path, target: Path) -> None:
+    """Copy a network less netconvert's leading comment, whose date and paths differ on every run."""
+    text = made.read_text(encoding="utf-8")
+    head, begin, body = text.partition("<net ")
+    head = re.sub(r"<!--.*?-->\s*", "", head, flags=re.DOTALL)
+    target.write_text(head + begin + body, encoding="utf-8")
+
+
+def write_streets(source: Path, target: Path) -> int:
+    """Copy the streets of an OSM file, their nodes and turn restrictions to a plain `.osm`; return how many ways.
+
+    Raises:
+        PaveTwinError: the file cannot be read to its end.
+    """
+    import osmium
+
+    wanted: set[int] = set()
+    streets = 0
+    for way in osm_objects(source, only_ways=True):
+        if is_street(way.tags):
+            streets += 1
+            wanted.update(node.ref for node in way.nodes)
+    if streets == 0:
+        return 0
+    with osmium.SimpleWriter(str(target)) as writer:
+        for item in osm_objects(source):
+            if item.is_node() and item.id in wanted:
+                writer.add(item)
+            elif item.is_way() and is_street(item.tags):
+                writer.add(item.replace(tags=with_sidewalks({tag.k: tag.v for tag in item.tags})))
+            elif item.is_relation() and item.tags.get("type") == "restriction":
+                writer.add(item)
+    return streets
+
+
+def osm_objects(source: Path, *, only_ways: bool = False, areas: bool = False) -> Iterator[Any]:
+    """The objects of an OSM file in file order, with the areas assembled from ways and relations when asked.
+
+    Raises:
+        PaveTwinError: the file cannot be read to its end.
+    """
+    import osmium
+
+    try:
+        entities = osmium.osm.WAY if only_ways else osmium.osm.ALL
+        processor = osmium.FileProcessor(str(source), entities)
+        yield from processor.with_areas() if areas else processor
+    except (RuntimeError, OSError, EOFError) as error:
+        raise PaveTwinError(
+            f"'{source}' cannot be read as OpenStreetMap data ({error}); it may be cut short: download it again."
+        ) from error
+
+
+def is_street(tags: Any) -> bool:
+    """Whether an OSM way is one of the streets that the world is made of."""
+    kind = tags.get("highway", "").removesuffix("_link")
+    return kind in STREETS and tags.get("area") != "yes"
+
+
+def with_sidewalks(tags: dict[str, str]) -> dict[str, str]:
+    """A street's tags with `sidewalk` as netconvert shall have it: both, left, right or none."""
+    given = {key: value for key, value in tags.items() if key.split(":")[0] == "sidewalk"}
+    kept = {key: value for key, value in tags.items() if key not in given}
+    urban = tags["highway"].removesuffix("_link") not in WITHOUT_SIDEWALK and tags.get("motorroad") != "yes"
+    plain = given.get("sidewalk", "")
+    if plain in ("both", "left", "right"):
+        side = plain
+    elif plain in ("no", "none") or given.get("sidewalk:both") in ("no", "none"):
+        side = "none"
+    elif urban and tags.get("junction") not in ("roundabout", "circular"):
+        sides = [name for name in ("left", "right") if given.get(f"sidewalk:{name}") not in ("no", "none")]
+        side = {2: "both", 0: "none"}.get(len(sides)) or sides[0]
+    else:
+        side = "none"
+    return {**kept, "sidewalk": side}

@@ -1,0 +1,211 @@
+"""A SUMO network as typed values: edges with lanes, junctions, crossings and what its traffic lights control.
+
+Only what the world needs is read; internal lanes and requests are left out. Coordinates are metres in the network's
+frame, which is the world frame.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree.ElementTree import Element, ParseError, iterparse
+
+from shapely import LineString, Polygon
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.world.model import Crossing, Junction, Lane, LaneKind
+
+DEFAULT_LANE_WIDTH = 3.2
+"""SUMO's width of a lane without one of its own [m]."""
+
+MOTOR = frozenset({"passenger", "private", "taxi", "bus", "coach", "delivery", "truck", "trailer", "motorcycle"})
+"""SUMO vehicle classes for which a lane counts as part of the carriageway's driving lanes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """A directed edge between two junctions; lane 0 is the one next to the kerb."""
+
+    id: str
+    start: str
+    end: str
+    name: str
+    type: str
+    lanes: tuple[Lane, ...]
+    for_cars: bool
+    """Passenger cars may use it."""
+
+    @property
+    def carriageway(self) -> tuple[Lane, ...]:
+        """Driving and bicycle lanes, from the kerb to the middle of the street."""
+        return tuple(lane for lane in self.lanes if lane.kind is not LaneKind.SIDEWALK)
+
+    @property
+    def sidewalk_width_m(self) -> float:
+        """Width of the sidewalks beside its carriageway, 0 when it has none."""
+        return sum(lane.width_m for lane in self.lanes if lane.kind is LaneKind.SIDEWALK)
+
+
+@dataclass(frozen=True, slots=True)
+class RoadNet:
+    edges: dict[str, Edge]
+    junctions: tuple[Junction, ...]
+    crossings: tuple[Crossing, ...]
+    signalled: dict[str, str]
+    """Edge → the SUMO traffic light at its end."""
+    location: dict[str, str]
+    """The attributes of `<location>`."""
+    left_hand: bool
+
+
+def read_roadnet(path: Path, shown_as: str | None = None) -> RoadNet:
+    """Read a `.net.xml`; `shown_as` names it in messages when it is a temporary copy.
+
+    Raises:
+        PaveTwinError: it is not readable, no XML, or no SUMO network.
+    """
+    shown = shown_as or str(path)
+    reader = _Reader()
+    try:
+        root_seen = False
+        depth = 0
+        for event, element in iterparse(path, events=("start", "end")):
+            if event == "start":
+                if not root_seen:
+                    root_seen = True
+                    if element.tag != "net":
+                        raise PaveTwinError(f"'{shown}' is no SUMO network: it begins with <{element.tag}>, not <net>.")
+                    reader.left_hand = element.get("lefthand") in ("1", "true")
+                depth += 1
+                continue
+            depth -= 1
+            if depth == 1:
+                reader.take(element)
+                element.clear()
+    except ParseError as error:
+        raise PaveTwinError(
+            f"'{shown}' is not readable as XML ({error}); it may be cut short: fetch or convert it again."
+        ) from error
+    except OSError as error:
+        raise PaveTwinError(f"Cannot read '{shown}': {error.strerror or error}.") from error
+    except (KeyError, ValueError) as error:
+        raise PaveTwinError(
+            f"'{shown}' is no complete SUMO network ({error}); make it anew with netconvert."
+        ) from error
+    return reader.result()
+
+
+class _Reader:
+    def __init__(self) -> None:
+        self.left_hand = False
+        self.edges: dict[str, Edge] = {}
+        self.junctions: list[Junction] = []
+        self.crossings: list[tuple[str, Polygon]] = []
+        self.signalled: dict[str, str] = {}
+        self.location: dict[str, str] = {}
+
+    def take(self, element: Element) -> None:
+        match element.tag:
+            case "location":
+                self.location = dict(element.attrib)
+            case "edge" if not element.get("function") or element.get("function") == "normal":
+                edge = _edge(element)
+                self.edges[edge.id] = edge
+            case "edge" if element.get("function") == "crossing":
+                self.crossings += _crossing(element)
+            case "junction" if element.get("type") != "internal":
+                self._take_junction(element)
+            case "connection" if controller := element.get("tl"):
+                self.signalled[element.attrib["from"]] = controller
+                if element.attrib["to"].startswith(":"):  # a crossing, entered from a walking area
+                    self.signalled[element.attrib["to"]] = controller
+
+    def _take_junction(self, element: Element) -> None:
+        corners = _points(element.get("shape", ""))
+        if len(corners) < 3:
+            return
+        polygon = Polygon(corners).buffer(0)
+        parts = getattr(polygon, "geoms", [polygon])
+        largest = max(parts, key=lambda part: part.area, default=polygon)
+        if largest.area >= 0.5:
+            self.junctions.append(Junction(element.attrib["id"], element.attrib["type"], largest))
+
+    def result(self) -> RoadNet:
+        crossings = tuple(Crossing(name, polygon, name in self.signalled) for name, polygon in self.crossings)
+        signalled = {edge: light for edge, light in self.signalled.items() if edge in self.edges}
+        return RoadNet(self.edges, tuple(self.junctions), crossings, signalled, self.location, self.left_hand)
+
+
+def _points(shape: str) -> list[tuple[float, float]]:
+    points: list[tuple[float, float]] = []
+    for point in shape.split():
+        x, y = point.split(",")[:2]
+        if not points or points[-1] != (float(x), float(y)):
+            points.append((float(x), float(y)))
+    return points
+
+
+def _crossing(element: Element) -> Iterator[tuple[str, Polygon]]:
+    for lane in element.iter("lane"):
+        points = _points(lane.attrib["shape"])
+        if len(points) < 2:
+            continue
+        width = float(lane.get("width", "4"))
+        polygon = LineString(points).buffer(width / 2, cap_style="flat", join_style="mitre")
+        if isinstance(polygon, Polygon) and polygon.area > 0:
+            yield element.attrib["id"], polygon
+
+
+def _edge(element: Element) -> Edge:
+    name = element.attrib["id"]
+    lanes = []
+    for_cars = False
+    for lane in element.iter("lane"):
+        allowed = _allows(lane.attrib)
+        kind = _kind(lane.attrib)
+        for_cars = for_cars or allowed("passenger")
+        points = _points(lane.attrib["shape"])
+        if kind is None or len(points) < 2:
+            continue
+        lanes.append(
+            Lane(
+                id=lane.attrib["id"],
+                edge=name,
+                kind=kind,
+                centre_line=LineString(points),
+                width_m=float(lane.get("width", str(DEFAULT_LANE_WIDTH))),
+                speed_limit_mps=float(lane.attrib["speed"]),
+            )
+        )
+    return Edge(
+        id=name,
+        start=element.attrib["from"],
+        end=element.attrib["to"],
+        name=element.get("name", "").strip(),
+        type=element.get("type", ""),
+        lanes=tuple(lanes),
+        for_cars=for_cars,
+    )
+
+
+class _allows:  # noqa: N801 - reads as a question: allowed("passenger")
+    """Which vehicle classes a lane's `allow` or `disallow` lets in."""
+
+    def __init__(self, attributes: Mapping[str, str]) -> None:
+        allow, disallow = attributes.get("allow"), attributes.get("disallow")
+        self._only = None if allow is None or "all" in allow.split() else set(allow.split())
+        self._not = set() if disallow is None or allow is not None else set(disallow.split())
+
+    def __call__(self, vehicle_class: str) -> bool:
+        if self._only is not None:
+            return vehicle_class in self._only
+        return vehicle_class not in self._not and "all" not in self._not
+
+
+def _kind(attributes: Mapping[str, str]) -> LaneKind | None:
+    """Driving when any motor vehicle of the road may use it; rails and forbidden lanes are none."""
+    allowed = _allows(attributes)
+    if any(allowed(vehicle_class) for vehicle_class in MOTOR):
+        return LaneKind.DRIVING
+    if allowed("bicycle"):
+        return LaneKind.BICYCLE
+    return LaneKind.SIDEWALK if allowed("pedestrian") else None
