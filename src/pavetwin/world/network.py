@@ -11,7 +11,7 @@ import gzip
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -140,18 +140,25 @@ def write_streets(source: Path, target: Path) -> int:
     return streets
 
 
-def osm_objects(source: Path, *, only_ways: bool = False, areas: bool = False) -> Iterator[Any]:
-    """The objects of an OSM file in file order, with the areas assembled from ways and relations when asked.
+def osm_objects(
+    source: Path, *, only_ways: bool = False, areas: bool = False, keys: Sequence[str] = ()
+) -> Iterator[Any]:
+    """The objects of an OSM file in file order; with the areas made of ways and relations, and only those that have
+    one of `keys` as a tag, when asked.
 
     Raises:
         PaveTwinError: the file cannot be read to its end.
     """
     import osmium
 
+    filters = [osmium.filter.KeyFilter(*keys)] if keys else []
     try:
-        entities = osmium.osm.WAY if only_ways else osmium.osm.ALL
-        processor = osmium.FileProcessor(str(source), entities)
-        yield from processor.with_areas() if areas else processor
+        processor = osmium.FileProcessor(str(source), osmium.osm.WAY if only_ways else osmium.osm.ALL)
+        if areas:
+            processor = processor.with_areas(*filters)
+        for each in filters:
+            processor = processor.with_filter(each)
+        yield from processor
     except (RuntimeError, OSError, EOFError) as error:
         raise PaveTwinError(
             f"'{source}' cannot be read as OpenStreetMap data ({error}); it may be cut short: download it again."

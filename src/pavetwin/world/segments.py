@@ -54,7 +54,7 @@ def pieces_of(street: Street, segment_length_m: float) -> Iterator[tuple[LineStr
         yield street.centre_line, street.polygon
         return
     stations = np.linspace(0.0, street.length_m, count + 1)
-    lines = [substring(street.centre_line, a, b) for a, b in pairwise(stations)]
+    lines = [LineString(substring(street.centre_line, a, b).coords) for a, b in pairwise(stations)]
     shares: list[list[Polygon]] = [[] for _ in lines]
     for part in _cut(street, stations[1:-1]):
         along = street.centre_line.project(part.representative_point())

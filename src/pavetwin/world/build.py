@@ -1,0 +1,192 @@
+"""A world from a source: the road network, the segments, and everything that stands beside them."""
+
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import shapely
+from pydantic import Field
+from shapely import MultiPoint, MultiPolygon, Point, Polygon
+from shapely.ops import nearest_points
+
+from pavetwin.config.base import Settings
+from pavetwin.errors import PaveTwinError
+from pavetwin.world.buildings import buildings_by_rule, clear_of_roads
+from pavetwin.world.content import content_hash, sha256, snapped_world
+from pavetwin.world.furniture import furnish
+from pavetwin.world.generate import NetworkKind, generate_network
+from pavetwin.world.georeference import DEFAULT_ANCHOR, anchored, from_location
+from pavetwin.world.ground import Ground
+from pavetwin.world.model import Building, GeoReference, Lane, LaneKind, Segment, World
+from pavetwin.world.network import network_from_net, network_from_osm, source_kind
+from pavetwin.world.osm import MapFeatures, read_features
+from pavetwin.world.roadnet import RoadNet, read_roadnet
+from pavetwin.world.segments import DEFAULT_SEGMENT_LENGTH, MIN_SEGMENT_LENGTH, segments_of
+from pavetwin.world.streets import polygons_of, streets_of
+
+SMALLEST_PARK = 20.0
+"""A park's part below this is dropped [m²]."""
+
+Progress = Callable[[str, float], None]
+"""Told what is being done and the share done, 0 … 1."""
+
+
+class BuildOptions(Settings):
+    """How a world is built. The same source and options give the same bytes."""
+
+    seed: Annotated[int, Field(ge=0)] = 0
+    segment_length_m: Annotated[float, Field(ge=2 * MIN_SEGMENT_LENGTH, le=2000.0)] = DEFAULT_SEGMENT_LENGTH
+    anchor: tuple[float, float] | None = None
+    """(latitude, longitude) in degrees of the origin of a network that lies nowhere, or whose projection is odd."""
+    left_hand: bool = False
+    """Traffic keeps left (OSM sources; a SUMO network says it itself)."""
+
+
+class BuildRecord(Settings):
+    """What a world was made from; kept in its `world.yaml`."""
+
+    source: str
+    """The source file's name, or `generated town` and the like."""
+    source_sha256: str = ""
+    options: BuildOptions = BuildOptions()
+    mapped: dict[str, int] = Field(default_factory=dict)
+    """How many buildings and how much of each kind of furniture came from the source; the rest was placed by rule."""
+    defects: dict[str, Any] = Field(default_factory=dict)
+    """How the defects were placed."""
+
+
+@dataclass(frozen=True)
+class Built:
+    """A world that is not saved yet, with its SUMO network."""
+
+    world: World
+    network: bytes
+    record: BuildRecord
+
+
+@dataclass(frozen=True)
+class _Source:
+    """A source turned into a network file in a temporary folder."""
+
+    net_file: Path
+    record: BuildRecord
+    georeference: GeoReference | None = None
+    osm_file: Path | None = None
+    parks: tuple[Polygon, ...] = ()
+    buildings: tuple[Building, ...] = ()
+
+
+def build_world(
+    source: Path | NetworkKind | str, options: BuildOptions | None = None, on_progress: Progress | None = None
+) -> Built:
+    """Build a world, without defects, from a map, a SUMO network, or a kind of invented network.
+
+    A `Path` is a file (`.osm`, `.osm.gz`, `.osm.pbf`, `.net.xml`); a string or `NetworkKind` is a kind to generate.
+
+    Raises:
+        PaveTwinError: the source is missing, damaged or without streets, an option does not fit, or SUMO is missing.
+    """
+    options = options or BuildOptions()
+    tell = on_progress or (lambda _what, _share: None)
+    with tempfile.TemporaryDirectory(prefix="pavetwin-") as folder:
+        tell("road network", 0.0)
+        prepared = _prepare(source, options, Path(folder))
+        network = prepared.net_file.read_bytes()
+        net = read_roadnet(prepared.net_file, shown_as=prepared.record.source)
+    return _build(prepared, network, net, options, tell)
+
+
+def _prepare(source: Path | NetworkKind | str, options: BuildOptions, folder: Path) -> _Source:
+    if not isinstance(source, Path):
+        made = generate_network(source, options.seed, folder, anchor=options.anchor or DEFAULT_ANCHOR)
+        record = BuildRecord(source=f"generated {source!s}", options=options)
+        return _Source(made.net_file, record, made.georeference, parks=made.parks, buildings=made.buildings)
+    target = folder / "roads.net.xml"
+    kind = source_kind(source)
+    if kind == "osm":
+        if options.anchor is not None:
+            raise PaveTwinError(f"'{source}' says itself where it lies; leave --anchor away.")
+        network_from_osm(source, target, left_hand=options.left_hand)
+    else:
+        network_from_net(source, target)
+    with source.open("rb") as stream:
+        name = sha256(iter(lambda: stream.read(1 << 20), b""))
+    record = BuildRecord(source=source.name, source_sha256=name, options=options)
+    return _Source(target, record, osm_file=source if kind == "osm" else None)
+
+
+def _build(prepared: _Source, network: bytes, net: RoadNet, options: BuildOptions, tell: Progress) -> Built:
+    georeference = prepared.georeference or _georeference(net, options, prepared.record.source)
+    tell("segments", 0.4)
+    streets = streets_of(net)
+    segments = segments_of(streets, options.segment_length_m)
+    if not segments:
+        raise PaveTwinError(f"'{prepared.record.source}' has no streets for passenger cars of at least 8 m.")
+    ground = Ground(net)
+    tell("map", 0.5)
+    features = MapFeatures()
+    if prepared.osm_file is not None:
+        near = MultiPolygon([part for segment in segments for part in polygons_of(segment.polygon)])
+        features = read_features(prepared.osm_file, georeference, near)
+    parks = _parks([*prepared.parks, *features.parks], ground)
+    tell("buildings", 0.7)
+    given = [(building.polygon, building.height_m) for building in prepared.buildings]
+    given += [(building.polygon, building.height_m) for building in features.buildings]
+    buildings = clear_of_roads(given, ground)
+    mapped = Counter(buildings=len(buildings))
+    if not given:
+        buildings = buildings_by_rule(segments, ground, parks, options.seed)
+    tell("furniture", 0.8)
+    furniture, of_map = furnish(net, streets, segments, ground, buildings, features.points, options.seed)
+    mapped.update({kind.value: count for kind, count in of_map.items()})
+    tell("world", 0.95)
+    world = snapped_world(
+        World(
+            name=Path(prepared.record.source).name.split(".")[0],
+            georeference=georeference,
+            segments=segments,
+            lanes=_lanes(net),
+            junctions=net.junctions,
+            crossings=net.crossings,
+            buildings=buildings,
+            furniture=furniture,
+            parks=parks,
+            defects=(),
+            base=base_of(segments),
+        )
+    )
+    world = replace(world, content_hash=content_hash(world, sha256([network])))
+    tell("world", 1.0)
+    return Built(world, network, prepared.record.model_copy(update={"mapped": dict(sorted(mapped.items()))}))
+
+
+def _georeference(net: RoadNet, options: BuildOptions, shown: str) -> GeoReference:
+    if options.anchor is not None:
+        return anchored(*options.anchor)
+    return from_location(net.location, shown) or anchored(*DEFAULT_ANCHOR)
+
+
+def _lanes(net: RoadNet) -> tuple[Lane, ...]:
+    """All lanes by edge and position; sidewalks last."""
+    lanes = [lane for edge in net.edges.values() for lane in edge.lanes]
+    return tuple(sorted(lanes, key=lambda lane: lane.kind is LaneKind.SIDEWALK))
+
+
+def _parks(given: Iterable[Polygon], ground: Ground) -> tuple[Polygon, ...]:
+    parks: list[Polygon] = []
+    for park in given:
+        roads = ground.roads_near(park, 0.0)
+        rest = park.difference(shapely.union_all(roads)) if roads else park
+        parks += [part for part in polygons_of(rest) if part.area >= SMALLEST_PARK]
+    return tuple(parks)
+
+
+def base_of(segments: Sequence[Segment]) -> Point:
+    """The place on a street nearest to the middle of all segments: where the UAV takes off by default."""
+    middle = MultiPoint([segment.centre_line.centroid for segment in segments]).centroid
+    nearest = min(segments, key=lambda segment: segment.centre_line.distance(middle))
+    on_street, _ = nearest_points(nearest.centre_line, middle)
+    return Point(on_street.x, on_street.y)

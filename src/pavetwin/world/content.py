@@ -1,0 +1,97 @@
+"""What a world's content hash is made of, and the grid on which its coordinates lie.
+
+Every coordinate is a multiple of 2⁻²⁰ m (about a micrometre). A GeoPackage holds projected coordinates, which are
+millions of metres and so lose the last bits; rounding to the grid gives them back, and a loaded world equals the built
+one to the last bit.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import fields, replace
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from pavetwin.world.model import World
+
+STEPS_PER_METRE = 2**20
+Geometry = TypeVar("Geometry", bound=BaseGeometry)
+
+HASHED = ("segments", "lanes", "junctions", "crossings", "buildings", "furniture", "parks")
+"""Fields of a world that name what a trace or a navmesh was made for; defects are not among them."""
+
+COLLECTIONS = (*HASHED, "defects")
+
+
+def round_to_grid(xy: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Coordinates on the grid nearest to these [m]."""
+    return np.asarray(np.round(xy * STEPS_PER_METRE) / STEPS_PER_METRE, dtype=np.float64)
+
+
+def snapped(geometry: Geometry) -> Geometry:
+    """A geometry on the grid; a polygon that rounding spoilt is mended."""
+    moved: Any = shapely.transform(geometry, round_to_grid)
+    if isinstance(moved, Polygon) and not moved.is_valid:
+        moved = max(shapely.get_parts(moved.buffer(0)), key=lambda part: part.area)
+        moved = shapely.transform(moved, round_to_grid)
+    result: Geometry = moved
+    return result
+
+
+def snapped_world(world: World) -> World:
+    """A world on the grid, with the content hash that belongs to it left as it was."""
+    changed: dict[str, Any] = {
+        name: tuple(_snapped_item(item) for item in getattr(world, name)) for name in COLLECTIONS
+    }
+    return replace(world, base=snapped(world.base), **changed)
+
+
+def _snapped_item(item: Any) -> Any:
+    if isinstance(item, BaseGeometry):
+        return snapped(item)
+    geometries = {
+        field.name: snapped(value)
+        for field in fields(item)
+        if isinstance(value := getattr(item, field.name), BaseGeometry)
+    }
+    return replace(item, **geometries)
+
+
+def content_hash(world: World, network_sha256: str) -> str:
+    """SHA-256 over the georeference, the base, the network and everything that stands still, but the defects."""
+    digest = hashlib.sha256()
+    place = world.georeference
+    digest.update(json.dumps([place.epsg, place.offset_east_m, place.offset_north_m, network_sha256]).encode())
+    digest.update(_wkb(world.base))
+    for name in HASHED:
+        digest.update(name.encode())
+        for item in getattr(world, name):
+            for part in _parts(item):
+                digest.update(part)
+    return digest.hexdigest()
+
+
+def _parts(item: Any) -> Iterator[bytes]:
+    if isinstance(item, BaseGeometry):
+        yield _wkb(item)
+        return
+    values = [getattr(item, field.name) for field in fields(item)]
+    yield json.dumps([value for value in values if not isinstance(value, BaseGeometry)], ensure_ascii=False).encode()
+    yield from (_wkb(value) for value in values if isinstance(value, BaseGeometry))
+
+
+def _wkb(geometry: BaseGeometry) -> bytes:
+    return bytes(shapely.to_wkb(geometry, byte_order=1))
+
+
+def sha256(chunks: Iterable[bytes]) -> str:
+    """SHA-256 of what the chunks are together, in hexadecimal."""
+    digest = hashlib.sha256()
+    for chunk in chunks:
+        digest.update(chunk)
+    return digest.hexdigest()

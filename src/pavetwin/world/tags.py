@@ -1,0 +1,66 @@
+"""Numbers out of OpenStreetMap's free-text tags, and the height of a building when no tag says it."""
+
+import re
+from collections.abc import Mapping
+
+FOOT = 0.3048
+LEVEL_HEIGHT = 3.0
+"""Height of one storey [m]."""
+
+ROOF_HEIGHT = 1.5
+"""Added to `building:levels` for a roof whose height and levels the map does not say [m]."""
+
+LOW_KINDS = frozenset(
+    {"garage", "garages", "shed", "hut", "carport", "cabin", "kiosk", "toilets", "greenhouse", "roof", "service"}
+)
+"""Values of `building` that are one low storey."""
+
+AREA_RULE = ((60.0, 3.0), (150.0, 6.5), (400.0, 9.5), (1500.0, 12.5))
+"""Footprint up to [m²] → height [m] of a building about which the map says nothing; larger ones are 15 m."""
+
+LARGEST = 15.0
+
+_LENGTH = re.compile(
+    r"""^\s*[~≈<>]?\s*(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>[a-zA-Z'′’]*)\s*(?:(?P<inch>\d+)\s*["″”])?"""
+)
+
+
+def metres(text: str | None) -> float | None:
+    """A length [m] from `12`, `10 m`, `10,5`, `40 ft`, `12'`, `12'6"`, `3;4` (the largest); None when it is none."""
+    found = [length for part in re.split(r"[;/]", text or "") if (length := _metres(part)) is not None]
+    return max(found, default=None)
+
+
+def _metres(text: str) -> float | None:
+    match = _LENGTH.match(text)
+    if match is None:
+        return None
+    number = float(match["number"].replace(",", "."))
+    unit = match["unit"].lower()
+    if unit in ("'", "′", "’", "ft", "feet", "foot"):
+        return number * FOOT + float(match["inch"] or 0) * FOOT / 12
+    scale = {"": 1.0, "m": 1.0, "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0, "cm": 0.01}.get(unit)
+    return None if scale is None else number * scale
+
+
+def building_height_m(tags: Mapping[str, str], area_m2: float) -> float:
+    """`height`; else levels × 3.0 m and the roof; else by kind and footprint. Between 2 and 400 m."""
+    height = metres(tags.get("height")) or metres(tags.get("building:height"))
+    levels = metres(tags.get("building:levels"))
+    if height is None and levels:
+        roof = metres(tags.get("roof:height"))
+        if roof is None:
+            roof_levels = metres(tags.get("roof:levels"))
+            flat = tags.get("roof:shape") == "flat"
+            roof = 0.0 if flat else roof_levels * LEVEL_HEIGHT if roof_levels is not None else ROOF_HEIGHT
+        height = levels * LEVEL_HEIGHT + roof
+    if not height:
+        height = height_by_rule_m(tags.get("building", "yes"), area_m2)
+    return round(min(400.0, max(2.0, height)), 2)
+
+
+def height_by_rule_m(kind: str, area_m2: float) -> float:
+    """The height that a kind of building and its footprint suggest."""
+    if kind in LOW_KINDS:
+        return 3.0
+    return next((height for largest, height in AREA_RULE if area_m2 <= largest), LARGEST)
