@@ -32,7 +32,7 @@ step() {
         ticker=$!
         trap 'kill "$ticker" 2>/dev/null || true' EXIT
     fi
-    ("$@") >"$log" 2>&1 </dev/null 9>&- || rc=$?
+    ("$@") >>"$log" 2>&1 </dev/null 9>&- || rc=$?
     if [ -n "$ticker" ]; then
         kill "$ticker" 2>/dev/null || true
         wait "$ticker" 2>/dev/null || true
@@ -95,7 +95,7 @@ install_packages() {
     # uv, at the version and hash of the lock, does in seconds what takes pip a minute; pip does it where uv cannot.
     awk '/^uv==/ { on = 1 } on { print } on && !/\\$/ { exit }' requirements.lock >.tools/uv.lock
     "$venv/bin/python" -m pip install --disable-pip-version-check --require-hashes --no-deps -r .tools/uv.lock
-    "$venv/bin/uv" pip sync --no-config --require-hashes --python "$venv/bin/python" requirements.lock ||
+    UV_SYSTEM_CERTS=1 "$venv/bin/uv" pip sync --no-config --require-hashes --python "$venv/bin/python" requirements.lock ||
         "$venv/bin/python" -m pip install --disable-pip-version-check --require-hashes -r requirements.lock
 }
 
@@ -135,9 +135,10 @@ install_libraries() {
     [ -z "$missing" ] || stop "SUMO's shared libraries are still missing: ${missing//$'\n'/ }"
 }
 
+# What `maturin develop --release --locked` does, less its own look at the index for packages that are here already.
 build_kernels() {
-    VIRTUAL_ENV=$venv "$venv/bin/maturin" develop --release --locked --uv ||
-        VIRTUAL_ENV=$venv "$venv/bin/maturin" develop --release --locked
+    PATH=$venv/bin:$PATH "$venv/bin/python" -m pip install --disable-pip-version-check --verbose \
+        --no-index --no-deps --no-build-isolation --editable .
 }
 
 packages_key() {
@@ -154,6 +155,7 @@ is_current() { # is_current STEP KEY
 }
 
 check_tools
+: >"$log"
 
 key=$(packages_key)
 if ! is_current packages "$key"; then
