@@ -1,1 +1,25 @@
 //! What the camera sees: the recorded traffic, the solids, the surface cells, and which of them are hidden.
+//!
+//! Frames and units throughout: the world is east-north-up in metres with the ground at z = 0, `yaw_rad` is
+//! counter-clockwise from east, times are seconds from the start of the recording.
+
+mod camera;
+mod cells;
+mod grid;
+mod occlusion;
+mod patch;
+mod predict;
+mod raster;
+mod shadow;
+mod solids;
+mod trace;
+mod trace_columns;
+
+pub use camera::{AcrossRule, Camera, CameraError, Viewpoint, Window, WindowRule};
+pub use grid::{CellSet, GridError, GridShape, SURFACE_CELL_M, SurfaceGrid};
+pub use occlusion::{Observer, Scene, SenseError, Visibility};
+pub use patch::Patch;
+pub use predict::Predictor;
+pub use solids::{MIN_BASE_M2, Prism, SolidError, Solids};
+pub use trace::{AgentPose, TELEPORT_MPS, Trace};
+pub use trace_columns::{Body, BodyClass, TraceColumns, TraceError};

@@ -1,0 +1,211 @@
+//! Visibility as the design defines it: which cells below the inspection window the camera sees.
+
+use super::camera::{Camera, CameraError, Viewpoint, Window};
+use super::grid::SurfaceGrid;
+use super::patch::Patch;
+use super::raster::Spans;
+use super::shadow::{Eye, Shadow};
+use super::solids::Solids;
+use super::trace::{AgentPose, Trace};
+use super::trace_columns::TraceError;
+use crate::geometry::Vec2;
+
+/// Why nothing can be seen from there or then.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SenseError {
+    #[error(transparent)]
+    Trace(#[from] TraceError),
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+}
+
+/// What a camera looks at: a segment's surface among things that stand and things that move.
+#[derive(Debug, Clone, Copy)]
+pub struct Scene<'a> {
+    pub grid: &'a SurfaceGrid,
+    pub solids: &'a Solids,
+    pub trace: &'a Trace,
+}
+
+/// The result of one look.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Visibility {
+    /// |C|: cells of the segment in the inspection window that no solid hides.
+    pub candidates: u32,
+    /// |V|: those of them that no agent hides.
+    pub visible: u32,
+    /// o = |V| / |C|, and 0 when there is no candidate.
+    pub share: f64,
+    /// Whether C is not empty; where it is empty, `share` says nothing and triggers no policy.
+    pub has_candidates: bool,
+    /// Mean of the centres of the cells that agents hide, C ∖ V.
+    pub hidden_centroid: Option<Vec2>,
+}
+
+/// Casts shadows on a patch; the buffers are reused.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Caster {
+    pub(super) spans: Spans,
+    pub(super) shadow: Shadow,
+}
+
+impl Caster {
+    /// Keeps of the patch what lies in the window and no solid hides. The patch has just been loaded.
+    pub(super) fn retain_candidates(
+        &mut self,
+        patch: &mut Patch,
+        solids: &Solids,
+        viewpoint: &Viewpoint,
+        window: Window,
+    ) {
+        let corners = viewpoint.corners(window);
+        self.spans.set_lattice(patch.lattice());
+        self.spans.polygon(&corners);
+        patch.retain(&self.spans);
+        let (min, max) = bounding_box(&corners);
+        let eye = eye_of(viewpoint);
+        solids.near(min, max, |base, base_m, top_m| {
+            self.shadow.of_prism(eye, base, base_m, top_m);
+            if self.shadow.fill(&mut self.spans) {
+                patch.remove(&self.spans);
+            }
+        });
+    }
+
+    /// Removes what the agent hides. The lattice must be the patch's.
+    pub(super) fn remove_hidden(&mut self, patch: &mut Patch, eye: Eye, pose: &AgentPose) {
+        self.shadow.of_agent(eye, pose);
+        if self.shadow.fill(&mut self.spans) {
+            patch.remove(&self.spans);
+        }
+    }
+}
+
+pub(super) fn eye_of(viewpoint: &Viewpoint) -> Eye {
+    Eye { nadir: viewpoint.position, altitude_m: viewpoint.altitude_m }
+}
+
+/// Whether a body may meet the window. None that does not can hide a cell of it: seen from above, every line of sight
+/// to a cell of the window runs inside the window, which is convex and holds the nadir.
+pub(super) fn may_meet(viewpoint: &Viewpoint, ahead: Vec2, window: Window, pose: &AgentPose) -> bool {
+    let offset = pose.position - viewpoint.position;
+    let reach_m = pose.body.half_diagonal_m();
+    offset.dot(ahead).abs() <= window.half_along_m + reach_m
+        && offset.dot(ahead.left()).abs() <= window.half_across_m + reach_m
+}
+
+fn bounding_box(points: &[Vec2]) -> (Vec2, Vec2) {
+    let start = Vec2::new(f64::INFINITY, f64::INFINITY);
+    points.iter().fold((start, -start), |(min, max), p| {
+        (Vec2::new(min.x.min(p.x), min.y.min(p.y)), Vec2::new(max.x.max(p.x), max.y.max(p.y)))
+    })
+}
+
+/// Looks at segments. One observer serves one mission: its buffers grow to the size of a window and are then reused.
+///
+/// A body hides a cell when the line from the camera's centre to the cell's centre meets it: the box of a vehicle, the
+/// upright cylinder of diameter `width_m` of a pedestrian, the prism of a solid. A body that reaches higher than the
+/// camera is cut just below it, and one that begins above it hides nothing; a camera inside a body sees nothing.
+#[derive(Debug, Clone, Default)]
+pub struct Observer {
+    candidates: Patch,
+    visible: Patch,
+    hidden: Patch,
+    caster: Caster,
+    is_clear: Vec<bool>,
+}
+
+impl Observer {
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Looks at `scene` from `viewpoint` at `t_s`, and keeps the visible and the hidden cells until the next look.
+    ///
+    /// # Errors
+    /// For a viewpoint at or below the ground, and a time outside the recording.
+    pub fn observe(
+        &mut self,
+        scene: &Scene,
+        camera: &Camera,
+        viewpoint: &Viewpoint,
+        t_s: f64,
+    ) -> Result<Visibility, SenseError> {
+        viewpoint.check()?;
+        let window = camera.window(viewpoint.altitude_m);
+        let Self { candidates, visible, hidden, caster, .. } = self;
+        candidates.load(scene.grid, &viewpoint.corners(window));
+        caster.retain_candidates(candidates, scene.solids, viewpoint, window);
+        visible.copy_from(candidates);
+        let (eye, ahead) = (eye_of(viewpoint), Vec2::from_yaw(viewpoint.yaw_rad));
+        scene.trace.agents_near(viewpoint.position, window.half_diagonal_m(), t_s, &mut |pose| {
+            if may_meet(viewpoint, ahead, window, &pose) {
+                caster.remove_hidden(visible, eye, &pose);
+            }
+        })?;
+        hidden.difference(candidates, visible);
+        let (candidate_count, visible_count) = (candidates.count(), visible.count());
+        Ok(Visibility {
+            candidates: candidate_count,
+            visible: visible_count,
+            share: f64::from(visible_count) / f64::from(candidate_count.max(1)),
+            has_candidates: candidate_count > 0,
+            hidden_centroid: hidden.centroid(),
+        })
+    }
+
+    /// C of the last look.
+    pub fn candidates(&self) -> &Patch {
+        &self.candidates
+    }
+
+    /// V of the last look.
+    pub fn visible(&self) -> &Patch {
+        &self.visible
+    }
+
+    /// C ∖ V of the last look: what agents hid.
+    pub fn hidden(&self) -> &Patch {
+        &self.hidden
+    }
+
+    /// The share of `points` on the ground that nothing hides, neither solid nor agent, from `viewpoint` at `t_s`: for a
+    /// defect given by points spread over its area, the share of its area that is unoccluded. The frame does not count:
+    /// points outside it are judged like any others. `None` when there are no points.
+    ///
+    /// # Errors
+    /// For a viewpoint at or below the ground, and a time outside the recording.
+    pub fn clear_share(
+        &mut self,
+        solids: &Solids,
+        trace: &Trace,
+        viewpoint: &Viewpoint,
+        t_s: f64,
+        points: &[Vec2],
+    ) -> Result<Option<f64>, SenseError> {
+        viewpoint.check()?;
+        let Self { is_clear, caster: Caster { shadow, .. }, .. } = self;
+        let eye = eye_of(viewpoint);
+        is_clear.clear();
+        is_clear.resize(points.len(), true);
+        let mut judge = |shadow: &Shadow| {
+            is_clear.iter_mut().zip(points).for_each(|(clear, point)| *clear = *clear && !shadow.covers(*point));
+        };
+        // Only what stands between the nadir and a point can hide it.
+        let (mut min, mut max) = bounding_box(points);
+        (min, max) = bounding_box(&[min, max, eye.nadir]);
+        if !points.is_empty() {
+            solids.near(min, max, |base, base_m, top_m| {
+                shadow.of_prism(eye, base, base_m, top_m);
+                judge(shadow);
+            });
+        }
+        let reach_m = points.iter().map(|point| point.distance(eye.nadir)).fold(0.0, f64::max);
+        trace.agents_near(eye.nadir, reach_m, t_s, &mut |pose| {
+            shadow.of_agent(eye, &pose);
+            judge(shadow);
+        })?;
+        let clear = self.is_clear.iter().filter(|clear| **clear).count();
+        Ok((!points.is_empty()).then(|| clear as f64 / points.len() as f64))
+    }
+}

@@ -1,0 +1,190 @@
+//! Tiny scenes whose answer is known.
+
+use crate::scenes::*;
+use pavetwin_core::geometry::Vec2;
+use pavetwin_core::sensing::{Body, Observer, Predictor, Prism, Scene, SenseError, Solids, TraceError, WindowRule};
+
+#[test]
+fn an_empty_street_is_wholly_visible() {
+    let (_, seen) = look(
+        &street(),
+        &Solids::default(),
+        &standing(&[]),
+        &camera(WindowRule::DEFAULT),
+        &viewpoint(-10.0, 0.0, 10.0, 0.0),
+    );
+    // 0.5 · 11.547 m along the street, the whole 14 m across it.
+    assert_eq!((seen.candidates, seen.visible, seen.share), (24 * 56, 24 * 56, 1.0));
+    assert!(seen.has_candidates && seen.hidden_centroid.is_none());
+}
+
+#[test]
+fn off_the_segment_there_are_no_candidates_and_no_share() {
+    let (observer, seen) = look(
+        &street(),
+        &Solids::default(),
+        &standing(&[]),
+        &camera(WindowRule::DEFAULT),
+        &viewpoint(500.0, 0.0, 10.0, 0.3),
+    );
+    assert_eq!((seen.candidates, seen.visible, seen.share, seen.has_candidates), (0, 0, 0.0, false));
+    assert!(observer.visible().is_empty());
+}
+
+#[test]
+fn a_car_right_below_hides_its_own_enlarged_outline() {
+    let car = (CAR, Vec2::new(-10.0, 0.0), 0.0, 0.0);
+    let (_, seen) = look(
+        &street(),
+        &Solids::default(),
+        &standing(&[car]),
+        &camera(WindowRule::DEFAULT),
+        &viewpoint(-10.0, 0.0, 15.0, 0.0),
+    );
+    // Its roof at 1.5 m is thrown on the ground 15/13.5 times as large: 5.11 m × 2.0 m, 20 × 8 cell centres.
+    assert_eq!(seen.candidates - seen.visible, 20 * 8);
+    assert!(seen.hidden_centroid.unwrap().distance(Vec2::new(-10.0, 0.0)) < 1e-9);
+}
+
+#[test]
+fn the_wall_of_a_truck_hides_the_far_side_only() {
+    let truck = (TRUCK, Vec2::new(-10.0, 2.0), 0.0, 0.0);
+    let (observer, _) = look(
+        &street(),
+        &Solids::default(),
+        &standing(&[truck]),
+        &camera(WindowRule::DEFAULT),
+        &viewpoint(-10.0, -2.0, 6.0, 0.0),
+    );
+    // Near side at y = 0.8; the roof's far edge, y = 3.2, is thrown from −2 to −2 + 5.2 · 6/2.6 = 10.
+    let ys: Vec<f64> = observer.hidden().centres().map(|centre| centre.y).collect();
+    assert!(ys.iter().all(|&y| y > 0.8) && !ys.is_empty());
+    let window_edge = -2.0 + camera(WindowRule::DEFAULT).window(6.0).half_across_m;
+    assert!(ys.iter().any(|&y| y > window_edge - 0.26));
+}
+
+#[test]
+fn a_camera_below_the_roof_of_a_body_sees_nothing_behind_it() {
+    let tower = Body { height_m: 40.0, ..TRUCK };
+    for altitude_m in [2.0, 15.0, 39.999, 40.0] {
+        let agents = [(tower, Vec2::new(-10.0, 2.0), 0.0, 0.0)];
+        let (observer, seen) = look(
+            &street(),
+            &Solids::default(),
+            &standing(&agents),
+            &camera(WindowRule::DEFAULT),
+            &viewpoint(-10.0, 0.0, altitude_m, 0.0),
+        );
+        assert!(seen.visible < seen.candidates);
+        let is_behind = |centre: Vec2| centre.y > 0.8 && (centre.x + 10.0).abs() < 3.55 * (centre.y / 0.8).min(1.0);
+        assert!(!observer.visible().centres().any(is_behind), "altitude {altitude_m}");
+    }
+}
+
+#[test]
+fn a_camera_inside_a_body_sees_nothing() {
+    for class in [TRUCK, WALKER] {
+        let agents = [(Body { height_m: 40.0, ..class }, Vec2::new(-10.0, 0.1), 0.4, 0.0)];
+        let (_, seen) = look(
+            &street(),
+            &Solids::default(),
+            &standing(&agents),
+            &camera(WindowRule::DEFAULT),
+            &viewpoint(-10.0, 0.0, 10.0, 0.0),
+        );
+        assert_eq!((seen.visible, seen.share, seen.has_candidates), (0, 0.0, true));
+    }
+}
+
+#[test]
+fn what_begins_above_the_camera_hides_nothing() {
+    let bridge = Body { base_m: 10.0, height_m: 12.0, ..TRUCK };
+    let crown = Prism::new(regular(Vec2::new(-10.0, 0.0), 3.0, 8, 0.0), 10.0, 14.0).unwrap();
+    let agents = [(bridge, Vec2::new(-10.0, 0.0), 0.0, 0.0)];
+    let (_, seen) = look(
+        &street(),
+        &Solids::new([crown]),
+        &standing(&agents),
+        &camera(WindowRule::DEFAULT),
+        &viewpoint(-10.0, 0.0, 10.0, 0.0),
+    );
+    assert_eq!((seen.candidates, seen.visible), (24 * 56, 24 * 56));
+}
+
+#[test]
+fn a_crown_takes_candidates_away_and_leaves_the_share_alone() {
+    let crown = Prism::new(regular(Vec2::new(-10.0, 5.0), 2.0, 12, 0.0), 3.0, 6.0).unwrap();
+    let (observer, seen) = look(
+        &street(),
+        &Solids::new([crown]),
+        &standing(&[]),
+        &camera(WindowRule::DEFAULT),
+        &viewpoint(-10.0, 0.0, 10.0, 0.0),
+    );
+    assert!(seen.candidates < 24 * 56 && seen.share == 1.0 && seen.hidden_centroid.is_none());
+    // The crown begins at 3 m: the ground below it, toward the camera, is seen: 3 · 10/7 = 4.29 is the first hidden.
+    assert!(
+        observer.visible().centres().any(|centre| centre.y > 3.5 && centre.y < 4.2 && (centre.x + 10.0).abs() < 0.2)
+    );
+    assert!(!observer.visible().centres().any(|centre| centre.y > 4.4 && (centre.x + 10.0).abs() < 0.2));
+}
+
+#[test]
+fn a_defect_half_below_a_car_is_half_clear() {
+    let trace = standing(&[(CAR, Vec2::new(0.0, 0.0), 0.0, 0.0)]);
+    let points: Vec<Vec2> =
+        (0..10).map(|i| Vec2::new(-0.45 + 0.1 * f64::from(i), if i % 2 == 0 { 0.0 } else { -3.0 })).collect();
+    let share = Observer::new().clear_share(&Solids::default(), &trace, &viewpoint(0.0, 0.0, 15.0, 0.0), 0.0, &points);
+    assert_eq!(share, Ok(Some(0.5)));
+    let none = Observer::new().clear_share(&Solids::default(), &trace, &viewpoint(0.0, 0.0, 15.0, 0.0), 0.0, &[]);
+    assert_eq!(none, Ok(None));
+}
+
+#[test]
+fn micro_finds_the_side_from_which_the_ground_beside_a_truck_is_seen() {
+    let (grid, trace, camera, solids) = (
+        street(),
+        standing(&[(TRUCK, Vec2::new(-10.0, 1.5), 0.0, 0.0)]),
+        camera(WindowRule::DEFAULT),
+        Solids::default(),
+    );
+    let from = viewpoint(-10.0, -2.0, 10.0, 0.0);
+    let (observer, _) = look(&grid, &solids, &trace, &camera, &from);
+    let scene = Scene { grid: &grid, solids: &solids, trace: &trace };
+    let sides = [from, viewpoint(-10.0, -5.0, 10.0, 0.0), viewpoint(-10.0, 1.0, 10.0, 0.0)];
+    let mut predictor = Predictor::new();
+    let shares = predictor.predict(&scene, &camera, observer.hidden(), &sides, 0.0, 0.0).unwrap().unwrap();
+    assert_eq!((shares[0], shares[1]), (0.0, 0.0));
+    assert!(shares[2] > 0.3, "{shares:?}");
+}
+
+#[test]
+fn a_car_that_drives_on_is_predicted_to_clear_the_ground() {
+    let (grid, trace, camera, solids) = (
+        street(),
+        standing(&[(CAR, Vec2::new(-10.0, 0.0), 0.0, 10.0)]),
+        camera(WindowRule::DEFAULT),
+        Solids::default(),
+    );
+    let from = viewpoint(-10.0, 0.0, 10.0, 0.0);
+    let (observer, _) = look(&grid, &solids, &trace, &camera, &from);
+    let scene = Scene { grid: &grid, solids: &solids, trace: &trace };
+    let mut predictor = Predictor::new();
+    assert_eq!(predictor.predict(&scene, &camera, observer.hidden(), &[from], 0.0, 0.0), Ok(Some(&[0.0][..])));
+    assert_eq!(predictor.predict(&scene, &camera, observer.hidden(), &[from], 0.0, 1.0), Ok(Some(&[1.0][..])));
+    assert_eq!(predictor.predict(&scene, &camera, &Default::default(), &[from], 0.0, 1.0), Ok(None));
+}
+
+#[test]
+fn a_look_past_the_recording_or_from_below_the_ground_is_refused() {
+    let (grid, trace, solids) = (street(), standing(&[]), Solids::default());
+    let scene = Scene { grid: &grid, solids: &solids, trace: &trace };
+    let mut observer = Observer::new();
+    let mut refusal = |altitude_m: f64, t_s: f64| {
+        observer.observe(&scene, &camera(WindowRule::PAPER), &viewpoint(0.0, 0.0, altitude_m, 0.0), t_s).unwrap_err()
+    };
+    assert_eq!(refusal(10.0, 0.1), SenseError::Trace(TraceError::PastEnd { t_s: 0.1, duration_s: 0.0 }));
+    assert!(matches!(refusal(10.0, f64::NAN), SenseError::Trace(TraceError::NotATime { .. })));
+    assert!(matches!(refusal(0.0, 0.0), SenseError::Camera(_)));
+    assert!(matches!(refusal(f64::NAN, 0.0), SenseError::Camera(_)));
+}
