@@ -140,7 +140,8 @@ def _build(prepared: _Source, network: bytes, net: RoadNet, options: BuildOption
     if not given:
         buildings = buildings_by_rule(segments, ground, parks, options.seed)
     tell("furniture", 0.8)
-    furniture, of_map = furnish(net, streets, segments, ground, buildings, features.points, options.seed)
+    planted = parks if prepared.parks else ()
+    furniture, of_map = furnish(net, streets, segments, ground, buildings, features.points, planted, options.seed)
     mapped.update({kind.value: count for kind, count in of_map.items()})
     tell("world", 0.95)
     world = snapped_world(

@@ -10,6 +10,7 @@ Rules (metres; random choices come from the seed and the segment alone, so that 
 - *trees* along two thirds of the streets with a limit up to 50 km/h, both sides, every 11–16, unless the map has trees
   within 25 of the segment: trunk 0.5 behind the sidewalk, crown radius 2–4 and at most 1 over the carriageway,
   beginning at 2.5–4, up to 6–12 high;
+- trees in the parks of an invented town, one for every 180 m², at least 6 apart;
 - *poles*, 9 high, every 40 on one side of every third such street, 0.5 behind the kerb, unless mapped ones are near.
 
 Nothing stands on a road, in a junction or in a building, or within 1.5 of another thing (trees 4 of a light).
@@ -37,6 +38,7 @@ LIGHT_SPACING, LIGHT_HEIGHT, LIGHT_ARM, LIGHT_SETBACK = 30.0, 8.0, 1.5, 0.6
 POLE_SPACING, POLE_HEIGHT, POLE_SETBACK = 40.0, 9.0, 0.5
 SIGN_HEIGHT = 2.5
 TREE_SPACING, TREE_OVERHANG = (11.0, 16.0), 1.0
+PARK_AREA_A_TREE = 180.0
 CROWN_RADIUS, CROWN_BASE, TREE_HEIGHT = (2.0, 4.0), (2.5, 4.0), (6.0, 12.0)
 MAPPED_NEAR = 25.0
 """Where the map has trees (or poles) this near to a segment, it is trusted to have all of them [m]."""
@@ -112,9 +114,13 @@ def furnish(
     ground: Ground,
     buildings: Iterable[Building],
     points: Iterable[MappedPoint],
+    parks: Iterable[Polygon],
     seed: int,
 ) -> tuple[tuple[Furniture, ...], Counter[FurnitureKind]]:
-    """All furniture of a world, and how many of each kind came from the map; the rest was placed by rule."""
+    """All furniture of a world, and how many of each kind came from the map; the rest was placed by rule.
+
+    `points` are the map's own, `parks` those to be planted with trees.
+    """
     houses: Nearby[Polygon] = Nearby(40.0)
     for building in buildings:
         houses.add(building.polygon.bounds, building.polygon)
@@ -133,6 +139,8 @@ def furnish(
         if calm.issuperset(segment.edges):
             street_rng = child(seed, Stream.FURNITURE, KEY, keys[segment.edges[0]], 1)
             _place_green(placed, segment, street_rng, child(seed, Stream.FURNITURE, KEY, segment_key(segment), 1))
+    for index, park in enumerate(parks):
+        _plant(placed, park, child(seed, Stream.FURNITURE, KEY, index, 2))
     return placed.numbered(), placed.mapped
 
 
@@ -226,6 +234,18 @@ def _place_green(placed: Placed, segment: Segment, street_rng: np.random.Generat
         for station in evenly(segment.length_m, POLE_SPACING):
             at, _ = _behind_kerb(segment, station, 1 if pole_side else -1, POLE_SETBACK)
             placed.add(Furniture("", FurnitureKind.POLE, at, POLE_HEIGHT, RADIUS[FurnitureKind.POLE]), apart_m=2.5)
+
+
+def _plant(placed: Placed, park: Polygon, rng: np.random.Generator) -> None:
+    low_x, low_y, high_x, high_y = park.bounds
+    inner = park.buffer(-2.0)
+    for _ in range(int(park.area / PARK_AREA_A_TREE) * 2):
+        share, draw = rng.random(2), rng.random(3)
+        at = Point(low_x + share[0] * (high_x - low_x), low_y + share[1] * (high_y - low_y))
+        if inner.contains(at):
+            tree = _tree(placed, at, draw)
+            if tree is not None:
+                placed.add(tree, apart_m=6.0)
 
 
 def _behind_kerb(segment: Segment, station_m: float, side: int, setback_m: float) -> tuple[Point, tuple[float, float]]:
