@@ -1,5 +1,120 @@
 """`pavetwin world …`: build, inspect and draw worlds."""
 
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
 import typer
 
+from pavetwin.cli.console import out, progress
+from pavetwin.errors import PaveTwinError
+
+if TYPE_CHECKING:
+    from pavetwin.world.build import BuildRecord
+    from pavetwin.world.model import World
+
 app = typer.Typer(help="Build, inspect and draw worlds: streets, buildings, furniture, defects.", no_args_is_help=True)
+
+
+@app.command()
+def build(
+    source: Annotated[
+        Path | None, typer.Argument(help="A map: .osm, .osm.gz, .osm.pbf, or a SUMO network: .net.xml.")
+    ] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the new world.")] = None,
+    generate: Annotated[str | None, typer.Option(help="Invent streets: town, grid, spider or random.")] = None,
+    seed: Annotated[int, typer.Option(help="Names the world's luck; 0 is a seed like any other.")] = 0,
+    segment_length: Annotated[float, typer.Option(help="Longest segment, in metres.")] = 135.0,
+    defects_per_segment: Annotated[float, typer.Option(help="Defects on a segment, where they fit.")] = 30.0,
+    anchor: Annotated[
+        str | None, typer.Option(metavar="LAT,LON", help="Where the origin of a network without a place lies.")
+    ] = None,
+    left_hand: Annotated[bool, typer.Option("--left-hand", help="Traffic keeps left (maps only).")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace the world that is there.")] = False,
+) -> None:
+    """Build a world from a map, a SUMO network, or invented streets.
+
+    \b
+    pavetwin world build berlin.osm.pbf -o worlds/berlin
+    pavetwin world build my.net.xml -o worlds/mine --anchor 48.14,11.58
+    pavetwin world build --generate town --seed 7 -o worlds/town
+    """
+    from pavetwin.defects import DefectOptions, add_defects
+    from pavetwin.world.build import BuildOptions, build_world
+    from pavetwin.world.generate import network_kind
+    from pavetwin.world.georeference import parse_anchor
+    from pavetwin.world.store import check_target, save_world
+
+    if (source is None) == (generate is None):
+        raise PaveTwinError(
+            "Give either a SOURCE file or --generate, for example `pavetwin world build town.osm -o town` "
+            "or `pavetwin world build --generate town -o town`."
+        )
+    if output is None:
+        raise PaveTwinError("Say where the world goes with -o, for example -o worlds/town.")
+    values: dict[str, Any] = {"seed": seed, "segment_length_m": segment_length, "left_hand": left_hand}
+    if anchor is not None:
+        values["anchor"] = parse_anchor(anchor)
+    options = BuildOptions.parse(values, where="world build")
+    defects = DefectOptions.parse({"per_segment": defects_per_segment}, where="world build")
+    check_target(output, force=force)
+    with progress("Building the world") as report:
+        chosen = source if source is not None else network_kind(generate or "")
+        built = build_world(chosen, options, lambda _what, share: report(0.9 * share))
+        world = save_world(add_defects(built, defects), output, force=force)
+        report(1.0)
+    _print_summary(world, built.record)
+    out.print(f"Written to {output}/ (world.gpkg opens in QGIS). Next: pavetwin world show {output}", soft_wrap=True)
+
+
+@app.command()
+def info(world: Annotated[Path, typer.Argument(help="Folder of a world.")]) -> None:
+    """Say what is in a world and what it was made from.
+
+    \b
+    pavetwin world info worlds/berlin
+    """
+    from pavetwin.world.store import load_record, load_world
+
+    _print_summary(load_world(world), load_record(world))
+
+
+def _print_summary(world: "World", record: "BuildRecord") -> None:
+    from rich.table import Table
+
+    table = Table(title=f"World {world.name}", show_header=False, title_justify="left")
+    for name, value in _summary(world, record):
+        table.add_row(name, value)
+    out.print(table)
+
+
+def _summary(world: "World", record: "BuildRecord") -> list[tuple[str, str]]:
+    """What the table says: names and values."""
+    from pavetwin.world.model import LaneKind
+
+    lon, lat = world.georeference.to_wgs84((world.base.x, world.base.y))
+    mapped = record.mapped
+    lights = {thing.controller for thing in world.furniture if thing.controller}
+    kinds = Counter(thing.kind.value for thing in world.furniture)
+    classes = Counter(defect.kind.value for defect in world.defects)
+    area = sum(segment.area_m2 for segment in world.segments)
+    length = sum(segment.length_m for segment in world.segments)
+    houses = mapped.get("buildings", 0)
+    rows = [
+        ("source", f"{record.source}, seed {record.options.seed}"),
+        ("place", f"EPSG:{world.georeference.epsg}, base at {lat:.5f}, {lon:.5f}"),
+        ("segments", f"{len(world.segments)} ({length / 1000:.2f} km, {area:.0f} m²)"),
+        ("lanes", f"{world.length_km(LaneKind.DRIVING):.2f} km"),
+        ("sidewalks", f"{world.length_km(LaneKind.SIDEWALK):.2f} km"),
+        ("junctions", f"{len(world.junctions)}, {len(world.crossings)} crossings, {len(lights)} traffic lights"),
+        ("buildings", _of_map(len(world.buildings), houses)),
+    ]
+    rows += [(name.replace("_", " ") + "s", _of_map(kinds[name], mapped.get(name, 0))) for name in sorted(kinds)]
+    shares = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in sorted(classes.items()))
+    rows.append(("defects", f"{len(world.defects)}" + (f" ({shares})" if shares else "")))
+    rows.append(("content", world.content_hash[:12]))
+    return rows
+
+
+def _of_map(total: int, mapped: int) -> str:
+    return f"{total} ({mapped} from the source, {total - mapped} by rule)"

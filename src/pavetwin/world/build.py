@@ -91,11 +91,18 @@ def build_world(
     """
     options = options or BuildOptions()
     tell = on_progress or (lambda _what, _share: None)
-    with tempfile.TemporaryDirectory(prefix="pavetwin-") as folder:
-        tell("road network", 0.0)
-        prepared = _prepare(source, options, Path(folder))
-        network = prepared.net_file.read_bytes()
-        net = read_roadnet(prepared.net_file, shown_as=prepared.record.source)
+    try:
+        with tempfile.TemporaryDirectory(prefix="pavetwin-") as folder:
+            tell("road network", 0.0)
+            prepared = _prepare(source, options, Path(folder))
+            network = prepared.net_file.read_bytes()
+            net = read_roadnet(prepared.net_file, shown_as=prepared.record.source)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise PaveTwinError(
+            f"Cannot build in the temporary folder '{tempfile.gettempdir()}': {reason}. "
+            "Free some space there or name another one in TMPDIR."
+        ) from error
     return _build(prepared, network, net, options, tell)
 
 

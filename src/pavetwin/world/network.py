@@ -118,6 +118,7 @@ def write_streets(source: Path, target: Path) -> int:
 
     Raises:
         PaveTwinError: the file cannot be read to its end.
+        OSError: the copy cannot be written.
     """
     import osmium
 
@@ -129,14 +130,17 @@ def write_streets(source: Path, target: Path) -> int:
             wanted.update(node.ref for node in way.nodes)
     if streets == 0:
         return 0
-    with osmium.SimpleWriter(str(target)) as writer:
-        for item in osm_objects(source):
-            if item.is_node() and item.id in wanted:
-                writer.add(item)
-            elif item.is_way() and is_street(item.tags):
-                writer.add(item.replace(tags=with_sidewalks({tag.k: tag.v for tag in item.tags})))
-            elif item.is_relation() and item.tags.get("type") == "restriction":
-                writer.add(item)
+    try:
+        with osmium.SimpleWriter(str(target)) as writer:
+            for item in osm_objects(source):
+                if item.is_node() and item.id in wanted:
+                    writer.add(item)
+                elif item.is_way() and is_street(item.tags):
+                    writer.add(item.replace(tags=with_sidewalks({tag.k: tag.v for tag in item.tags})))
+                elif item.is_relation() and item.tags.get("type") == "restriction":
+                    writer.add(item)
+    except RuntimeError as error:  # what osmium raises when the disk is full
+        raise OSError(str(error)) from error
     return streets
 
 

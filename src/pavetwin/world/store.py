@@ -1,0 +1,135 @@
+"""Worlds on disk: a folder with `world.gpkg` (for QGIS and GIS tools), `roads.net.xml` (SUMO) and `world.yaml`.
+
+The GeoPackage holds projected coordinates in the world's own CRS. The same world gives the same bytes.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import yaml
+from shapely import Point
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import writing_folder
+from pavetwin.world.build import BuildRecord, Built
+from pavetwin.world.content import content_hash, sha256
+from pavetwin.world.model import GeoReference, World
+
+FORMAT = 1
+"""Of the folder; raised when a world written before cannot be read any more."""
+
+DESCRIPTION, GEOPACKAGE, NETWORK = "world.yaml", "world.gpkg", "roads.net.xml"
+FILES = (DESCRIPTION, GEOPACKAGE, NETWORK)
+
+
+def check_target(folder: Path, *, force: bool = False) -> None:
+    """Refuse early where `save_world` would.
+
+    Raises:
+        PaveTwinError: something is there that may not be replaced.
+    """
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return
+    if not folder.is_dir() or not any((folder / name).exists() for name in FILES):
+        raise PaveTwinError(f"'{folder}' exists and is no world, so it is not replaced; choose another name.")
+    if not force:
+        raise PaveTwinError(f"The world '{folder}' exists already; choose another name or add --force to replace it.")
+
+
+def save_world(built: Built, folder: Path, *, force: bool = False) -> World:
+    """Write a world as a folder, whole or not at all, and return it with its name and place.
+
+    Raises:
+        PaveTwinError: the folder exists (and `force` is false, or it is no world), or cannot be written.
+    """
+    from pavetwin.world.layers import write_layers
+
+    check_target(folder, force=force)
+    folder = folder.absolute()
+    with writing_folder(folder, replace=force or folder.is_dir()) as place:
+        write_layers(built.world, place / GEOPACKAGE)
+        (place / NETWORK).write_bytes(built.network)
+        text = yaml.safe_dump(_description(built), sort_keys=False, allow_unicode=True)
+        (place / DESCRIPTION).write_text(text, encoding="utf-8")
+    return replace(built.world, name=folder.name, folder=folder)
+
+
+def _description(built: Built) -> dict[str, Any]:
+    world, place = built.world, built.world.georeference
+    lon, lat = (round(float(value), 7) for value in place.to_wgs84((world.base.x, world.base.y)))
+    return {
+        "format": FORMAT,
+        "content_hash": world.content_hash,
+        **built.record.model_dump(mode="json"),
+        "georeference": {
+            "epsg": place.epsg,
+            "offset_east_m": place.offset_east_m,
+            "offset_north_m": place.offset_north_m,
+        },
+        "base": {"east_m": world.base.x, "north_m": world.base.y, "longitude": lon, "latitude": lat},
+        "counts": {name: len(getattr(world, name)) for name in ("segments", "buildings", "furniture", "defects")},
+    }
+
+
+def load_world(folder: Path) -> World:
+    """Read a world's folder; it equals the one that was saved.
+
+    The content hash is made anew, so that a world edited in QGIS is another world to its traces.
+
+    Raises:
+        PaveTwinError: it is no world, a file of it is missing or damaged, or it is of another version.
+    """
+    from pavetwin.world.layers import read_layers
+
+    description = _read_description(folder)
+    try:
+        place = description["georeference"]
+        georeference = GeoReference(int(place["epsg"]), float(place["offset_east_m"]), float(place["offset_north_m"]))
+        base = Point(*(float(description["base"][key]) for key in ("east_m", "north_m")))
+    except (KeyError, TypeError, ValueError) as error:
+        raise PaveTwinError(f"'{folder / DESCRIPTION}' is damaged (at {error}); {_mending(folder)}") from error
+    layers = read_layers(folder / GEOPACKAGE, georeference, _mending(folder))
+    world = World(name=folder.absolute().name, georeference=georeference, base=base, folder=folder.absolute(), **layers)
+    with (folder / NETWORK).open("rb") as stream:
+        network = sha256(iter(lambda: stream.read(1 << 20), b""))
+    return replace(world, content_hash=content_hash(world, network))
+
+
+def load_record(folder: Path) -> BuildRecord:
+    """What a saved world was made from.
+
+    Raises:
+        PaveTwinError: as `load_world`.
+    """
+    description = _read_description(folder)
+    fields = {name: description[name] for name in BuildRecord.model_fields if name in description}
+    return BuildRecord.parse(fields, where=f"'{folder / DESCRIPTION}'")
+
+
+def _read_description(folder: Path) -> dict[str, Any]:
+    if not folder.is_dir():
+        what = "is no folder" if folder.exists() else "does not exist"
+        raise PaveTwinError(f"The world '{folder}' {what}; make one with `pavetwin world build SOURCE -o {folder}`.")
+    missing = [name for name in FILES if not (folder / name).is_file()]
+    if len(missing) == len(FILES):
+        raise PaveTwinError(f"'{folder}' is no world: it has no {DESCRIPTION}; {_mending(folder)}")
+    if missing:
+        raise PaveTwinError(
+            f"The world '{folder}' is not complete: {', '.join(missing)} is missing; {_mending(folder)}"
+        )
+    try:
+        description = yaml.safe_load((folder / DESCRIPTION).read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError, OSError) as error:
+        raise PaveTwinError(f"'{folder / DESCRIPTION}' cannot be read; {_mending(folder)}") from error
+    if not isinstance(description, dict) or "format" not in description:
+        raise PaveTwinError(f"'{folder / DESCRIPTION}' is damaged; {_mending(folder)}")
+    if description["format"] != FORMAT:
+        raise PaveTwinError(
+            f"The world '{folder}' has format {description['format']}, this version reads {FORMAT}; {_mending(folder)}"
+        )
+    return description
+
+
+def _mending(folder: Path) -> str:
+    return f"build it again with `pavetwin world build SOURCE -o {folder} --force`."
