@@ -1,5 +1,137 @@
 """`pavetwin traffic …`: record traffic with SUMO."""
 
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
 import typer
 
+from pavetwin.cli.console import out, progress
+from pavetwin.errors import PaveTwinError
+
+if TYPE_CHECKING:
+    from pavetwin.traffic.demand import Density
+    from pavetwin.traffic.recording import Recording
+
 app = typer.Typer(help="Record traffic over a world with SUMO.", no_args_is_help=True)
+
+
+@app.command()
+def record(
+    world: Annotated[Path, typer.Argument(help="Folder of the world.")],
+    density: Annotated[str | None, typer.Option(help="low, medium or high.")] = None,
+    vehicles_per_lane_km: Annotated[float | None, typer.Option(help="Your own density of vehicles.")] = None,
+    pedestrians_per_sidewalk_km: Annotated[float | None, typer.Option(help="Your own density of pedestrians.")] = None,
+    routes: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE.rou.xml", help="Your own demand, driven as it is; may be given several times."),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Names the traffic's luck; 0 is a seed like any other.")] = 0,
+    duration: Annotated[float, typer.Option(help="How long to record [s].")] = 600.0,
+    force: Annotated[bool, typer.Option("--force", help="Record even where this traffic is there.")] = False,
+) -> None:
+    """Record traffic over a world; what was recorded before from the same inputs is used again.
+
+    \b
+    pavetwin traffic record worlds/town --density high --seed 1 --duration 600
+    pavetwin traffic record worlds/town --vehicles-per-lane-km 12 --pedestrians-per-sidewalk-km 0
+    pavetwin traffic record worlds/town --routes mine.rou.xml --duration 900
+    """
+    from pavetwin.traffic.record import record as record_traffic
+    from pavetwin.world.store import load_world
+
+    asked = _density(density, vehicles_per_lane_km, pedestrians_per_sidewalk_km, routes or [])
+    loaded = load_world(world)
+    started, simulated = time.perf_counter(), [False]
+    with progress(f"Recording {duration:g} s of traffic") as tell:
+
+        def advance(share: float) -> None:
+            simulated[0] = True
+            tell(share)
+
+        recording = record_traffic(
+            loaded, asked, seed, duration, routes=routes or (), force=force, on_progress=advance
+        )  # fmt: skip
+    taken_s = time.perf_counter() - started
+    _print(recording)
+    if simulated[0]:
+        out.print(f"Recorded in {taken_s:.1f} s, {recording.duration_s / taken_s:.0f} × real time.")
+    else:
+        out.print("Recorded before from the same inputs; --force records again.")
+
+
+@app.command()
+def info(file: Annotated[Path, typer.Argument(metavar="FILE.parquet", help="A recording.")]) -> None:
+    """Say what a recording holds.
+
+    \b
+    pavetwin traffic info worlds/town/traffic/high-1.parquet
+    """
+    from pavetwin.traffic.recording import load_recording
+
+    _print(load_recording(file))
+
+
+def _density(
+    name: str | None, vehicles: float | None, pedestrians: float | None, routes: list[Path]
+) -> "Density | None":
+    """What was asked for; None for the user's own routes.
+
+    Raises:
+        PaveTwinError: the options contradict each other, or none says how much traffic.
+    """
+    from pavetwin.traffic.demand import density_named, density_of
+
+    own = vehicles is not None or pedestrians is not None
+    if sum((name is not None, own, bool(routes))) > 1:
+        raise PaveTwinError("Choose one: --density, the two densities of your own, or --routes.")
+    if routes:
+        return None
+    if own:
+        return density_of(vehicles or 0.0, pedestrians or 0.0)
+    if name is None:
+        raise PaveTwinError("Say how much traffic: --density low, medium or high, your own numbers, or --routes.")
+    return density_named(name)
+
+
+def _print(recording: "Recording") -> None:
+    from collections import Counter
+
+    from rich.table import Table
+
+    origin, (vehicles, pedestrians) = recording.origin, recording.counts
+    table = Table(box=None, pad_edge=False)
+    for heading in ("", "asked", "achieved", "at a time", "in all"):
+        table.add_column(heading, justify="left" if not heading else "right")
+    walks = int(recording.agents.is_pedestrian.sum())
+    asked = origin.asked
+    rows = (
+        ("vehicles per lane-km", asked and asked.vehicles_per_lane_km, recording.vehicles_per_lane_km, vehicles),
+        (
+            "pedestrians per sidewalk-km",
+            asked and asked.pedestrians_per_sidewalk_km,
+            recording.pedestrians_per_sidewalk_km,
+            pedestrians,
+        ),
+    )
+    for (what, wanted, achieved, counts), total in zip(rows, (len(recording.agents) - walks, walks), strict=True):
+        table.add_row(
+            what,
+            "–" if wanted is None else f"{wanted:g}",
+            "–" if achieved is None else f"{achieved:.1f}",
+            f"{counts.min()}–{counts.max()}",
+            str(total),
+        )
+    out.print(f"{recording.name} traffic, seed {origin.seed}, {recording.duration_s:g} s every {recording.step_s:g} s")
+    out.print(table)
+    kinds = Counter(recording.agents.kind)
+    out.print("Kinds: " + ", ".join(f"{count} {kind}" for kind, count in kinds.most_common()))
+    out.print(
+        f"Network: {origin.capacity.lanes_km:.2f} km of lanes, {origin.capacity.sidewalks_km:.2f} km of sidewalks, "
+        f"{len(recording.signals)} traffic lights. {recording.removed} vehicles taken out of gridlock."
+    )
+    out.print(f"{origin.sumo_version}, {origin.warm_up_s:g} s of warm-up before.")
+    for remark in recording.remarks:
+        out.print(f"[yellow]Note:[/] {remark}.")
+    if recording.path is not None:
+        out.print(f"File: {recording.path}", soft_wrap=True)

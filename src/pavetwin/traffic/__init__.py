@@ -1,0 +1,4 @@
+"""What moves: demand, SUMO recording, the recorded trace.
+
+Traffic does not react to the UAV, so it is recorded once and replayed everywhere.
+"""

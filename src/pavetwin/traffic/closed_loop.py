@@ -1,0 +1,186 @@
+"""Closed-loop demand: every simulated second, what is missing to the wanted number of agents is inserted.
+
+Vehicles come in over the map's border and out of dead ends as long as these have room, and only what is still missing
+pulls out at the kerb of side streets, so that few bodies appear in mid-street. A trip leads to a random place on the
+border (anywhere, in a network without one) and is at least `TRIP_M` long where the network is so large. Drivers go
+around jams (SUMO's rerouting device), without which a dense town locks up. Pedestrians come out of doors along any
+sidewalk, walk at random over crossings and go in at a door. During the first half of the warm-up everything starts
+anywhere. Runs only in the simulation's process.
+"""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from pavetwin.traffic.kinds import PEDESTRIANS, VEHICLES, Kind
+from pavetwin.traffic.network import Floats, Roads, Sidewalks
+
+TRIP_M: Final = 400.0
+"""The least length of a vehicle's trip, where one of the goals drawn is so far away."""
+
+WALK_M: Final = (250.0, 900.0)
+"""Between these a pedestrian's walk is drawn: the bulk of walks in towns last 3 to 12 minutes."""
+
+GOALS: Final = 6
+"""So many goals are drawn for a trip."""
+
+PATIENCE: Final = 0.04
+"""The share of all vehicles that may be missing before vehicles pull out at the kerb although the border has room."""
+
+PRESENT_TIMES: Final = 1
+"""SUMO's routing mode that looks at the travel times of the last minutes (ROUTING_MODE_AGGREGATED)."""
+
+JAM_LENGTH_M: Final = 7.5
+"""Road that one standing vehicle takes."""
+
+FULL: Final = 0.7
+"""On an edge that is occupied to this share nobody pulls out."""
+
+
+class ClosedLoop:
+    """Holds the numbers of vehicles and pedestrians in the running simulation `sumo` (the libsumo module)."""
+
+    def __init__(
+        self,
+        sumo: Any,
+        roads: Roads,
+        sidewalks: Sidewalks,
+        vehicles: int,
+        pedestrians: int,
+        rng: np.random.Generator,
+    ) -> None:
+        self._sumo = sumo
+        self._roads = roads
+        self._sidewalks = sidewalks
+        self._vehicles = vehicles if roads.ids else 0
+        self._pedestrians = pedestrians if sidewalks.ids else 0
+        self._rng = rng
+        self._count = 0
+        self._anywhere = _Draw(roads.length_m)
+        self._entry = _Draw(roads.importance[roads.entries])
+        self._exit = _Draw(roads.importance[roads.exits])
+        self._kerb = _Draw(roads.length_m[roads.kerbsides])
+        self._sidewalk = _Draw(sidewalks.length_m)
+        self._vehicle_kind = _Draw(np.array([kind.share for kind in VEHICLES]))
+        self._pedestrian_kind = _Draw(np.array([kind.share for kind in PEDESTRIANS]))
+
+    def fill(self, *, warming: bool) -> None:
+        """Insert what is missing now; `warming` while nobody watches."""
+        sumo = self._sumo
+        missing = self._vehicles - sumo.vehicle.getIDCount() - len(sumo.simulation.getPendingVehicles())
+        if warming:
+            for _ in range(missing):
+                self._start_anywhere()
+        elif missing > 0:
+            left = missing - self._start_at_border(missing)
+            if missing > PATIENCE * self._vehicles or not len(self._roads.entries):
+                for _ in range(left):
+                    self._start_at_kerb()
+        for _ in range(self._pedestrians - sumo.person.getIDCount()):
+            self._start_walk()
+
+    def _start_at_border(self, missing: int) -> int:
+        """Start vehicles on entries with room, at most one a lane; returns how many."""
+        roads, started = self._roads, 0
+        if not len(roads.entries):
+            return 0
+        for _ in range(min(missing, len(roads.entries))):
+            edge = int(roads.entries[self._entry(self._rng)])
+            if self._occupied(edge) < FULL:
+                self._start(edge, departPos="base", departLane="free", departSpeed="max")
+                started += 1
+        return started
+
+    def _start_at_kerb(self) -> None:
+        edge = self._with_room(self._roads.kerbsides, self._kerb)
+        self._start(edge, departPos="random_free", departLane="first", departSpeed="0")
+
+    def _start_anywhere(self) -> None:
+        edge = self._with_room(None, self._anywhere)
+        self._start(edge, departPos="random_free", departLane="random", departSpeed="max")
+
+    def _with_room(self, edges: Any, draw: "_Draw") -> int:
+        """An edge drawn in proportion to its free lane length."""
+        for _ in range(8):
+            picked = draw(self._rng)
+            edge = int(edges[picked]) if edges is not None else picked
+            if self._rng.random() >= self._occupied(edge) / FULL:
+                return edge
+        return edge
+
+    def _occupied(self, edge: int) -> float:
+        count = self._sumo.edge.getLastStepVehicleNumber(self._roads.ids[edge])
+        return float(count * JAM_LENGTH_M / self._roads.length_m[edge])
+
+    def _start(self, edge: int, **departure: str) -> None:
+        """One vehicle of a random kind from `edge` on; nothing where its kind may not drive."""
+        sumo, kind = self._sumo, VEHICLES[self._vehicle_kind(self._rng)]
+        route = self._trip(edge, kind)
+        if not route:
+            return
+        name = f"v{self._count}"
+        self._count += 1
+        sumo.route.add(name, route)
+        sumo.vehicle.add(name, name, typeID=kind.sumo_id, **departure)
+
+    def _trip(self, start: int, kind: Kind) -> Sequence[str]:
+        """From `start` to the one of the goals drawn that is best reached now, `TRIP_M` away where one is.
+
+        Best is the highest mean speed over the way by the present travel times: drivers who would have to cross a jam
+        stay at home, so that the queue before a bottleneck does not take up all vehicles there are.
+        """
+        roads, find = self._roads, self._sumo.simulation.findRoute
+        best, merit = (), (False, -1.0)
+        for _ in range(GOALS):
+            goal = int(roads.exits[self._exit(self._rng)]) if len(roads.exits) else self._anywhere(self._rng)
+            stage = find(roads.ids[start], roads.ids[goal], kind.sumo_id, -1.0, PRESENT_TIMES)
+            if stage.edges:
+                far = stage.length >= TRIP_M
+                this = (far, stage.length / max(stage.travelTime, 1.0) if far else stage.length)
+                if this > merit:
+                    best, merit = stage.edges, this
+        return best
+
+    def _start_walk(self) -> None:
+        walks = self._sidewalks
+        start = self._sidewalk(self._rng)
+        edges = self._walk(start)
+        kind = PEDESTRIANS[self._pedestrian_kind(self._rng)]
+        name = f"p{self._count}"
+        self._count += 1
+        place = self._rng.random() * walks.length_m[start]
+        goal = self._rng.random() * walks.length_m[edges[-1]] if len(edges) > 1 else -1.0
+        self._sumo.person.add(name, walks.ids[start], float(place), typeID=kind.sumo_id)
+        self._sumo.person.appendWalkingStage(name, [walks.ids[i] for i in edges], float(goal))
+
+    def _walk(self, start: int) -> list[int]:
+        """Sidewalks from `start` on, each reached on foot from the one before, until the walk is long enough."""
+        walks, rng = self._sidewalks, self._rng
+        wanted = rng.uniform(*WALK_M)
+        route, length = [start], walks.length_m[start] / 2
+        side = int(rng.integers(2))
+        if walks.ends[start][side] < 0:
+            side = 1 - side
+        while length < wanted:
+            here = route[-1]
+            meeting = walks.ends[here][side]
+            ways = [i for i in walks.meetings[meeting] if i != here] if meeting >= 0 else []
+            if not ways:
+                break
+            there = ways[int(rng.integers(len(ways)))]
+            route.append(there)
+            length += walks.length_m[there]
+            side = 1 if walks.ends[there][0] == meeting else 0
+        return route
+
+
+class _Draw:
+    """Indices in proportion to fixed weights."""
+
+    def __init__(self, weights: Floats) -> None:
+        self._cumulated = np.cumsum(weights)
+
+    def __call__(self, rng: np.random.Generator) -> int:
+        picked = np.searchsorted(self._cumulated, rng.random() * self._cumulated[-1], side="right")
+        return min(int(picked), len(self._cumulated) - 1)

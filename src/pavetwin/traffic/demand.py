@@ -1,0 +1,96 @@
+"""How much traffic: vehicles per kilometre of lane and pedestrians per kilometre of sidewalk.
+
+The denominators are the whole network's: all driving lanes, and all sidewalks, between junctions. Agents on junctions
+and crossings count in the numerator, for they are part of the traffic that those lanes feed.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.world.model import LaneKind, World
+
+TOLERANCE: Final = 0.20
+"""An achieved density further than this from the asked one is said to the user."""
+
+JAM_VEHICLES_PER_LANE_KM: Final = 133.0
+"""One vehicle every 7.5 m (SUMO's 5 m car and 2.5 m gap): more cannot stand on a lane."""
+
+USER: Final = "user"
+"""The name of the density of a user's own routes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Density:
+    """Mean numbers of agents per kilometre, and a name for files."""
+
+    name: str
+    vehicles_per_lane_km: float
+    pedestrians_per_sidewalk_km: float
+
+    def __post_init__(self) -> None:
+        for what, value in (
+            ("vehicles per lane-kilometre", self.vehicles_per_lane_km),
+            ("pedestrians per sidewalk-kilometre", self.pedestrians_per_sidewalk_km),
+        ):
+            if not math.isfinite(value) or value < 0:
+                raise PaveTwinError(f"The density of {what} must be a number from 0 up, not {value:g}.")
+        if self.vehicles_per_lane_km > JAM_VEHICLES_PER_LANE_KM:
+            raise PaveTwinError(
+                f"{self.vehicles_per_lane_km:g} vehicles per lane-kilometre do not fit on a lane: bumper to bumper "
+                f"there are {JAM_VEHICLES_PER_LANE_KM:g}. Choose a density below that."
+            )
+
+
+DENSITIES: Final[Mapping[str, Density]] = MappingProxyType(
+    {density.name: density for density in (Density("low", 6, 20), Density("medium", 15, 60), Density("high", 30, 120))}
+)
+"""The three densities of the design's section 4."""
+
+
+def density_named(name: str) -> Density:
+    """The density called `name`.
+
+    Raises:
+        PaveTwinError: there is none; the message gives the nearest name.
+    """
+    try:
+        return DENSITIES[name]
+    except KeyError:
+        raise PaveTwinError(
+            f"No density '{name}'{nearest_name(name, DENSITIES)}. There are {', '.join(DENSITIES)}; or give your own "
+            "by --vehicles-per-lane-km and --pedestrians-per-sidewalk-km."
+        ) from None
+
+
+def density_of(vehicles_per_lane_km: float, pedestrians_per_sidewalk_km: float) -> Density:
+    """A density of the user's own numbers, named after them (`v12-p40`)."""
+    name = f"v{vehicles_per_lane_km:g}-p{pedestrians_per_sidewalk_km:g}"
+    return Density(name, vehicles_per_lane_km, pedestrians_per_sidewalk_km)
+
+
+@dataclass(frozen=True, slots=True)
+class Capacity:
+    """The denominators of the density in one world, in kilometres."""
+
+    lanes_km: float
+    sidewalks_km: float
+
+    @classmethod
+    def of(cls, world: World) -> "Capacity":
+        return cls(world.length_km(LaneKind.DRIVING), world.length_km(LaneKind.SIDEWALK))
+
+    def vehicles(self, density: Density) -> int:
+        """How many vehicles make the density; at least one where any were asked for and a lane exists."""
+        return _count(density.vehicles_per_lane_km * self.lanes_km)
+
+    def pedestrians(self, density: Density) -> int:
+        """How many pedestrians make the density; none in a world without sidewalks."""
+        return _count(density.pedestrians_per_sidewalk_km * self.sidewalks_km)
+
+
+def _count(wanted: float) -> int:
+    return 0 if wanted <= 0 else max(1, round(wanted))

@@ -1,0 +1,156 @@
+"""The streets as the demand needs them: where vehicles may start and end, and how sidewalks hang together.
+
+Read from the running simulation, so that it is SUMO's own view of the network, and quick for a whole city. Runs only in
+the simulation's process.
+"""
+
+from collections import defaultdict
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+SIDE_STREET_SPEED_MPS: Final = 14.0
+"""Up to 50 km/h (13.89 m/s) and with one lane: a street where a car may pull out of a parking place."""
+
+SHORTEST_START_M: Final = 15.0
+"""A vehicle starts inside the town only on an edge that a bus fits on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Roads:
+    """The edges that cars may use, in the network's order."""
+
+    ids: tuple[str, ...]
+    length_m: Floats
+    """(n,) length times driving lanes."""
+    lanes: npt.NDArray[np.int64]
+    """(n,) driving lanes."""
+    entries: npt.NDArray[np.int64]
+    """Indices of edges that begin at the map's border or in a dead end."""
+    exits: npt.NDArray[np.int64]
+    """Indices of edges that end there."""
+    kerbsides: npt.NDArray[np.int64]
+    """Indices of side streets, where a vehicle may pull out of a parking place; all edges where there are none."""
+    importance: Floats
+    """(n,) lanes times speed limit: how much traffic comes in or leaves over an entry or exit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sidewalks:
+    """The edges with a sidewalk, and which ends meet over walking areas and crossings."""
+
+    ids: tuple[str, ...]
+    length_m: Floats
+    """(n,)"""
+    ends: tuple[tuple[int, int], ...]
+    """Per sidewalk, the meeting places at its beginning and end; −1 where there is none."""
+    meetings: tuple[tuple[int, ...], ...]
+    """Per meeting place, the sidewalks that can be reached on foot from each other there."""
+
+
+def read_roads(sumo: Any) -> Roads:
+    """The driving edges of the running simulation `sumo` (the libsumo module)."""
+    ids: list[str] = []
+    length, lanes, speed = [], [], []
+    following: dict[str, set[str]] = {}
+    for edge in _edges(sumo):
+        driving = [lane for lane in _lanes(sumo, edge) if _allows(sumo, lane, "passenger")]
+        if not driving:
+            continue
+        ids.append(edge)
+        lanes.append(len(driving))
+        length.append(float(sumo.lane.getLength(driving[0])))
+        speed.append(float(sumo.lane.getMaxSpeed(driving[0])))
+        following[edge] = {link[0].rsplit("_", 1)[0] for lane in driving for link in sumo.lane.getLinks(lane)}
+    ends = {edge: (sumo.edge.getFromJunction(edge), sumo.edge.getToJunction(edge)) for edge in ids}
+    onward = {edge: [other for other in following[edge] if ends.get(other) != ends[edge][::-1]] for edge in ids}
+    reached = {other for edge in ids for other in onward[edge]}
+    length_m, count = np.array(length), np.array(lanes, dtype=np.int64)
+    slow = (np.array(speed) <= SIDE_STREET_SPEED_MPS) & (count == 1) & (length_m >= SHORTEST_START_M)
+    if not slow.any():
+        slow = np.ones(len(ids), dtype=bool)
+    return Roads(
+        ids=tuple(ids),
+        length_m=length_m * count,
+        lanes=count,
+        entries=np.array([i for i, edge in enumerate(ids) if edge not in reached], dtype=np.int64),
+        exits=np.array([i for i, edge in enumerate(ids) if not onward[edge]], dtype=np.int64),
+        kerbsides=np.flatnonzero(slow),
+        importance=np.array(speed) * count,
+    )
+
+
+def read_sidewalks(sumo: Any) -> Sidewalks:
+    """The sidewalks of the running simulation `sumo`, and where they meet."""
+    ids, length = [], []
+    inside: dict[str, str] = {}
+    touching: list[tuple[str, str]] = []
+    walks: list[str] = []
+    for edge in _edges(sumo):
+        lanes = _lanes(sumo, edge)
+        walk = next((x for x in lanes if _allows(sumo, x, "pedestrian") and not _allows(sumo, x, "passenger")), None)
+        if walk is not None:
+            ids.append(edge)
+            walks.append(walk)
+            length.append(float(sumo.lane.getLength(walk)))
+    paths = [lane for lane in sumo.lane.getIDList() if lane[0] == ":" and _is_path(lane)]
+    for lane in (*walks, *paths):
+        touching.extend((lane, link[0]) for link in sumo.lane.getLinks(lane))
+    inside = _meeting_of(paths, touching)
+    first, last = dict.fromkeys(walks, ""), dict.fromkeys(walks, "")
+    for a, b in touching:
+        if a in last and b in inside:
+            last[a] = inside[b]
+        elif b in first and a in inside:
+            first[b] = inside[a]
+    number = {name: i for i, name in enumerate(sorted({*first.values(), *last.values()} - {""}))}
+    ends = tuple((number.get(first[lane], -1), number.get(last[lane], -1)) for lane in walks)
+    members: dict[int, list[int]] = defaultdict(list)
+    for i, pair in enumerate(ends):
+        for meeting in set(pair) - {-1}:
+            members[meeting].append(i)
+    return Sidewalks(
+        ids=tuple(ids),
+        length_m=np.array(length),
+        ends=ends,
+        meetings=tuple(tuple(members[i]) for i in range(len(number))),
+    )
+
+
+def _meeting_of(paths: list[str], touching: list[tuple[str, str]]) -> dict[str, str]:
+    """Each walking area and crossing → the name of the connected group it belongs to (union-find)."""
+    parent = {lane: lane for lane in paths}
+
+    def root(lane: str) -> str:
+        while parent[lane] != lane:
+            parent[lane] = parent[parent[lane]]
+            lane = parent[lane]
+        return lane
+
+    for a, b in touching:
+        if a in parent and b in parent:
+            parent[root(a)] = root(b)
+    return {lane: root(lane) for lane in paths}
+
+
+def _edges(sumo: Any) -> list[str]:
+    return [edge for edge in sumo.edge.getIDList() if edge[0] != ":"]
+
+
+def _lanes(sumo: Any, edge: str) -> list[str]:
+    return [f"{edge}_{i}" for i in range(sumo.edge.getLaneNumber(edge))]
+
+
+def _is_path(lane: str) -> bool:
+    """Whether an internal lane is a walking area or a crossing (`:node_w0_0`, `:node_c1_0`)."""
+    part = lane.rsplit("_", 2)[1]
+    return len(part) > 1 and part[0] in "wc" and part[1:].isdigit()
+
+
+def _allows(sumo: Any, lane: str, sumo_class: str) -> bool:
+    allowed = sumo.lane.getAllowed(lane)
+    return not allowed or sumo_class in allowed

@@ -1,0 +1,363 @@
+"""A recording: every agent's pose at every step, and the file it is kept in.
+
+The file is one Parquet table, its rows sorted by (step, agent), with everything else as JSON in its schema's metadata
+under the key `pavetwin`. The same recording gives the same bytes.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final, TypedDict
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import writing
+from pavetwin.traffic.demand import TOLERANCE, USER, Capacity, Density
+from pavetwin.traffic.kinds import AgentClass
+from pavetwin.world.model import World
+
+FORMAT: Final = 1
+_KEY: Final = b"pavetwin"
+_COLUMNS: Final = ("x", "y", "yaw_rad", "speed_mps")
+
+REMOVED_REMARK: Final = 0.1
+"""When more than this share of the vehicles that are there at a time were taken away, it is said to the user."""
+
+Float32 = npt.NDArray[np.float32]
+UInt32 = npt.NDArray[np.uint32]
+Bools = npt.NDArray[np.bool_]
+Counts = npt.NDArray[np.int64]
+
+
+class Columns(TypedDict):
+    """The arrays the kernel replays. Rows are sorted by (step, agent); positions are in the world frame."""
+
+    step_s: float
+    step_offsets: UInt32
+    """(steps + 1,) rows of step k are step_offsets[k] … step_offsets[k + 1]"""
+    agent: UInt32
+    """(rows,)"""
+    x: Float32
+    """(rows,) centre of the body on the ground, metres east"""
+    y: Float32
+    """(rows,) metres north"""
+    yaw_rad: Float32
+    """(rows,) counter-clockwise from east, −π … π"""
+    speed_mps: Float32
+    """(rows,)"""
+    length_m: Float32
+    """(agents,)"""
+    width_m: Float32
+    """(agents,)"""
+    height_m: Float32
+    """(agents,)"""
+    is_pedestrian: Bools
+    """(agents,)"""
+
+
+@dataclass(frozen=True, eq=False)
+class Agents:
+    """Who moves, in the order of first appearance. All arrays (agents,)."""
+
+    id: tuple[str, ...]
+    """SUMO's."""
+    kind: tuple[str, ...]
+    """Of `kinds.KINDS`, or the vehicle class of a user's own type."""
+    length_m: Float32
+    width_m: Float32
+    height_m: Float32
+    is_pedestrian: Bools
+
+    def __post_init__(self) -> None:
+        for name in ("kind", "length_m", "width_m", "height_m", "is_pedestrian"):
+            if len(getattr(self, name)) != len(self.id):
+                raise ValueError(f"Agents.{name} has {len(getattr(self, name))} entries for {len(self.id)} agents")
+
+    def __len__(self) -> int:
+        return len(self.id)
+
+    def agent_class(self, agent: int) -> AgentClass:
+        return AgentClass.PEDESTRIAN if self.is_pedestrian[agent] else AgentClass.VEHICLE
+
+    def first(self, count: int) -> "Agents":
+        """The first `count` to appear."""
+        return Agents(
+            self.id[:count],
+            self.kind[:count],
+            self.length_m[:count],
+            self.width_m[:count],
+            self.height_m[:count],
+            self.is_pedestrian[:count],
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """What a recording was made from."""
+
+    world: str
+    """The world's content hash."""
+    inputs: str
+    """Hash of everything that shapes the recording but its duration."""
+    seed: int
+    asked: Density | None
+    """None for a user's own routes."""
+    capacity: Capacity
+    sumo_version: str
+    warm_up_s: float
+    """Simulated before the recording begins and not recorded."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Traffic from time 0 to `duration_s`, a frame every `step_s`, both ends included."""
+
+    origin: Origin
+    step_s: float
+    agents: Agents
+    step_offsets: UInt32
+    """(frames + 1,)"""
+    agent: UInt32
+    """(rows,) and so the next four; see `Columns`"""
+    x: Float32
+    y: Float32
+    yaw_rad: Float32
+    speed_mps: Float32
+    removals: tuple[tuple[int, int], ...]
+    """(step, how many): vehicles that SUMO took out of gridlock, where a driver would have found a way."""
+    signals: Mapping[str, tuple[tuple[int, str], ...]]
+    """Per traffic light of the network: (step, state of its links, SUMO's letters) at step 0 and at each change."""
+    path: Path | None = field(default=None)
+    """The file it is kept in; it may be longer than this recording."""
+
+    def __post_init__(self) -> None:
+        rows = len(self.agent)
+        if len(self.step_offsets) < 2 or self.step_offsets[0] != 0 or self.step_offsets[-1] != rows:
+            raise ValueError("Recording.step_offsets must begin with 0, end with the number of rows, and hold a frame")
+        for name in _COLUMNS:
+            column = getattr(self, name)
+            if column.shape != (rows,) or column.dtype != np.float32:
+                raise ValueError(f"Recording.{name} must be float32 of shape ({rows},)")
+
+    @property
+    def frames(self) -> int:
+        return len(self.step_offsets) - 1
+
+    @property
+    def duration_s(self) -> float:
+        return (self.frames - 1) * self.step_s
+
+    @property
+    def name(self) -> str:
+        """Of its density: low, medium, high, one from numbers, or `user`."""
+        return self.origin.asked.name if self.origin.asked else USER
+
+    @cached_property
+    def counts(self) -> tuple[Counts, Counts]:
+        """Vehicles and pedestrians in each frame, two arrays (frames,)."""
+        offsets = self.step_offsets.astype(np.int64)
+        walkers = np.zeros(len(self.agent) + 1, dtype=np.int64)
+        np.cumsum(self.agents.is_pedestrian[self.agent], out=walkers[1:])
+        pedestrians: Counts = walkers[offsets[1:]] - walkers[offsets[:-1]]
+        return offsets[1:] - offsets[:-1] - pedestrians, pedestrians
+
+    @property
+    def vehicles_per_lane_km(self) -> float | None:
+        """Achieved: the mean over the recording; None in a world without lanes."""
+        lanes_km = self.origin.capacity.lanes_km
+        return float(self.counts[0].mean()) / lanes_km if lanes_km > 0 else None
+
+    @property
+    def pedestrians_per_sidewalk_km(self) -> float | None:
+        """Achieved: the mean over the recording; None in a world without sidewalks."""
+        sidewalks_km = self.origin.capacity.sidewalks_km
+        return float(self.counts[1].mean()) / sidewalks_km if sidewalks_km > 0 else None
+
+    @property
+    def removed(self) -> int:
+        """How many vehicles were taken out of gridlock."""
+        return sum(count for _, count in self.removals)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a user must know about this recording: a density missed, streets that ran empty. Mostly nothing."""
+        return tuple(_remarks(self))
+
+    def columns(self) -> Columns:
+        """Exactly what the kernel's trace is made of."""
+        agents = self.agents
+        return Columns(
+            step_s=self.step_s,
+            step_offsets=self.step_offsets,
+            agent=self.agent,
+            x=self.x,
+            y=self.y,
+            yaw_rad=self.yaw_rad,
+            speed_mps=self.speed_mps,
+            length_m=agents.length_m,
+            width_m=agents.width_m,
+            height_m=agents.height_m,
+            is_pedestrian=agents.is_pedestrian,
+        )
+
+    def until(self, duration_s: float) -> "Recording":
+        """The first `duration_s`, as if no more had been recorded.
+
+        Raises:
+            ValueError: the recording is shorter.
+        """
+        frames = frames_of(duration_s, self.step_s)
+        if frames > self.frames:
+            raise ValueError(f"The recording lasts {self.duration_s:g} s, not {duration_s:g} s")
+        if frames == self.frames:
+            return self
+        rows = int(self.step_offsets[frames])
+        count = int(self.agent[:rows].max()) + 1 if rows else 0
+        columns: dict[str, Any] = {name: getattr(self, name)[:rows] for name in ("agent", *_COLUMNS)}
+        return replace(
+            self,
+            agents=self.agents.first(count),
+            step_offsets=self.step_offsets[: frames + 1],
+            removals=tuple(entry for entry in self.removals if entry[0] < frames),
+            signals={name: tuple(e for e in states if e[0] < frames) for name, states in self.signals.items()},
+            **columns,
+        )
+
+    def same_traffic(self, other: "Recording") -> bool:
+        """Whether both hold the same agents, poses and signals, to the last bit."""
+        mine, theirs = self.columns(), other.columns()
+        return (
+            self.agents.id == other.agents.id
+            and self.signals == other.signals
+            and all(np.array_equal(mine[name], theirs[name]) for name in Columns.__annotations__)  # type: ignore[literal-required]
+        )
+
+
+def frames_of(duration_s: float, step_s: float) -> int:
+    """How many frames cover 0 … `duration_s`, both ends included."""
+    return math.ceil(duration_s / step_s - 1e-9) + 1
+
+
+def _remarks(recording: Recording) -> list[str]:
+    asked, remarks = recording.origin.asked, []
+    vehicles, _ = recording.counts
+    if asked is None:
+        busy = np.flatnonzero(vehicles)
+        last = (int(busy[-1]) + 1) * recording.step_s if len(busy) else 0.0
+        if last < recording.duration_s:
+            remarks.append(f"the routes end early: from {last:g} s on no vehicle is on the streets")
+    else:
+        cars, walkers = recording.vehicles_per_lane_km, recording.pedestrians_per_sidewalk_km
+        remarks += _missed("vehicles", "lane", asked.vehicles_per_lane_km, cars)
+        remarks += _missed("pedestrians", "sidewalk", asked.pedestrians_per_sidewalk_km, walkers)
+    if recording.removed > REMOVED_REMARK * max(1.0, float(vehicles.mean())):
+        remarks.append(f"{recording.removed} vehicles stood in gridlock and were taken away")
+    return remarks
+
+
+def _missed(who: str, way: str, wanted: float, achieved: float | None) -> list[str]:
+    if achieved is None:
+        return [f"the world has no {way}s, so there are no {who}"] if wanted > 0 else []
+    if abs(achieved - wanted) > TOLERANCE * wanted:
+        missed = f"{achieved:.1f} {who} per {way}-kilometre instead of {wanted:g}"
+        return [f"{missed}: outside ±{TOLERANCE * 100:.0f} % of what was asked"]
+    return []
+
+
+def save_recording(recording: Recording, path: Path) -> Recording:
+    """Write the recording to `path`, whole or not at all; returns it with its path.
+
+    Raises:
+        PaveTwinError: the file cannot be written.
+    """
+    step = np.repeat(np.arange(recording.frames, dtype=np.int32), np.diff(recording.step_offsets))
+    columns = {"step": step, "agent": recording.agent.astype(np.int32)}
+    table = pa.table({**columns, **{name: getattr(recording, name) for name in _COLUMNS}})
+    text = json.dumps(_metadata(recording), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+    with writing(path) as temporary:
+        pq.write_table(table.replace_schema_metadata({_KEY: text.encode()}), temporary, compression="zstd")
+    return replace(recording, path=path)
+
+
+def _metadata(recording: Recording) -> dict[str, Any]:
+    agents = recording.agents
+    return {
+        "format": FORMAT,
+        "origin": asdict(recording.origin),
+        "step_s": recording.step_s,
+        "duration_s": recording.duration_s,
+        "frames": recording.frames,
+        "achieved": {
+            "vehicles_per_lane_km": recording.vehicles_per_lane_km,
+            "pedestrians_per_sidewalk_km": recording.pedestrians_per_sidewalk_km,
+        },
+        "remarks": recording.remarks,
+        "removals": recording.removals,
+        "signals": recording.signals,
+        "agents": {
+            "id": agents.id,
+            "class": [agents.agent_class(i).value for i in range(len(agents))],
+            "kind": agents.kind,
+            "length_m": [round(float(value), 3) for value in agents.length_m],
+            "width_m": [round(float(value), 3) for value in agents.width_m],
+            "height_m": [round(float(value), 3) for value in agents.height_m],
+        },
+    }
+
+
+def load_recording(path: Path, world: World | None = None) -> Recording:
+    """Read a recording, and check that it was made for `world` where one is given.
+
+    Raises:
+        PaveTwinError: there is no such file, it is no recording of ours, or it belongs to another world.
+    """
+    if not path.is_file():
+        raise PaveTwinError(f"There is no recording '{path}'; make one with `pavetwin traffic record`.")
+    try:
+        table = pq.read_table(path)
+        metadata = json.loads((table.schema.metadata or {})[_KEY])
+        if metadata["format"] != FORMAT:
+            raise PaveTwinError(
+                f"The recording '{path}' has format {metadata['format']}, this version reads {FORMAT}; record it again."
+            )
+        recording = _recording(table, metadata, path)
+    except (pa.ArrowException, OSError, KeyError, ValueError, TypeError) as error:
+        raise PaveTwinError(f"'{path}' is not a whole recording of PaveTwin; record it again.") from error
+    if world is not None and recording.origin.world != world.content_hash:
+        raise PaveTwinError(
+            f"The recording '{path}' was made for another world than '{world.name}'; record it again with "
+            "`pavetwin traffic record`."
+        )
+    return recording
+
+
+def _recording(table: pa.Table, metadata: dict[str, Any], path: Path) -> Recording:
+    origin, who = metadata["origin"], metadata["agents"]
+    asked = Density(**origin["asked"]) if origin["asked"] else None
+    step = table["step"].to_numpy()
+    offsets = np.searchsorted(step, np.arange(metadata["frames"] + 1)).astype(np.uint32)
+    return Recording(
+        origin=Origin(**{**origin, "asked": asked, "capacity": Capacity(**origin["capacity"])}),
+        step_s=metadata["step_s"],
+        agents=Agents(
+            id=tuple(who["id"]),
+            kind=tuple(who["kind"]),
+            length_m=np.array(who["length_m"], dtype=np.float32),
+            width_m=np.array(who["width_m"], dtype=np.float32),
+            height_m=np.array(who["height_m"], dtype=np.float32),
+            is_pedestrian=np.array([name == AgentClass.PEDESTRIAN for name in who["class"]], dtype=np.bool_),
+        ),
+        step_offsets=offsets,
+        agent=table["agent"].to_numpy().astype(np.uint32),
+        removals=tuple((int(step), int(count)) for step, count in metadata["removals"]),
+        signals={name: tuple((int(s), str(t)) for s, t in states) for name, states in metadata["signals"].items()},
+        path=path,
+        **{name: table[name].to_numpy() for name in _COLUMNS},
+    )
