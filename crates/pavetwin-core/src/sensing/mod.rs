@@ -20,6 +20,6 @@ pub use grid::{CellSet, GridError, GridShape, SURFACE_CELL_M, SurfaceGrid};
 pub use occlusion::{Observer, Scene, SenseError, Visibility};
 pub use patch::Patch;
 pub use predict::Predictor;
-pub use solids::{MIN_BASE_M2, Prism, SolidError, Solids};
+pub use solids::{MIN_BASE_M2, Prism, Solid, SolidError, Solids};
 pub use trace::{AgentPose, TELEPORT_MPS, Trace};
 pub use trace_columns::{Body, BodyClass, TraceColumns, TraceError};

@@ -42,6 +42,35 @@ pub struct Visibility {
     pub hidden_centroid: Option<Vec2>,
 }
 
+/// An inspection window laid on the ground.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct View {
+    pub(super) eye: Eye,
+    pub(super) window: Window,
+    pub(super) corners: [Vec2; 4],
+    ahead: Vec2,
+}
+
+impl View {
+    pub(super) fn new(camera: &Camera, viewpoint: &Viewpoint) -> Self {
+        let window = camera.window(viewpoint.altitude_m);
+        Self {
+            eye: eye_of(viewpoint),
+            window,
+            corners: viewpoint.corners(window),
+            ahead: Vec2::from_yaw(viewpoint.yaw_rad),
+        }
+    }
+
+    /// Whether a body inside a circle may meet the window. None that does not can hide a cell of it: seen from above,
+    /// every line of sight to a cell of the window runs inside the window, which is convex and holds the nadir.
+    pub(super) fn may_meet(&self, centre: Vec2, radius_m: f64) -> bool {
+        let offset = centre - self.eye.nadir;
+        offset.dot(self.ahead).abs() <= self.window.half_along_m + radius_m
+            && offset.cross(self.ahead).abs() <= self.window.half_across_m + radius_m
+    }
+}
+
 /// Casts shadows on a patch; the buffers are reused.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Caster {
@@ -50,48 +79,37 @@ pub(super) struct Caster {
 }
 
 impl Caster {
-    /// Keeps of the patch what lies in the window and no solid hides. The patch has just been loaded.
-    pub(super) fn retain_candidates(
-        &mut self,
-        patch: &mut Patch,
-        solids: &Solids,
-        viewpoint: &Viewpoint,
-        window: Window,
-    ) {
-        let corners = viewpoint.corners(window);
+    /// Keeps of the patch what lies in the window and no solid hides. Fills on the patch's lattice from here on.
+    pub(super) fn retain_candidates(&mut self, patch: &mut Patch, view: &View, solids: &Solids) {
         self.spans.set_lattice(patch.lattice());
-        self.spans.polygon(&corners);
+        self.spans.polygon(&view.corners);
         patch.retain(&self.spans);
-        let (min, max) = bounding_box(&corners);
-        let eye = eye_of(viewpoint);
-        solids.near(min, max, |base, base_m, top_m| {
-            self.shadow.of_prism(eye, base, base_m, top_m);
-            if self.shadow.fill(&mut self.spans) {
-                patch.remove(&self.spans);
+        let (min, max) = bounding_box(&view.corners);
+        solids.near(min, max, |solid| {
+            if view.may_meet(solid.centre, solid.radius_m) {
+                self.shadow.of_solid(view.eye, &solid);
+                self.remove_shadow(patch);
             }
         });
     }
 
-    /// Removes what the agent hides. The lattice must be the patch's.
-    pub(super) fn remove_hidden(&mut self, patch: &mut Patch, eye: Eye, pose: &AgentPose) {
-        self.shadow.of_agent(eye, pose);
+    /// Removes what the agent hides.
+    pub(super) fn remove_hidden(&mut self, patch: &mut Patch, view: &View, pose: &AgentPose) {
+        if view.may_meet(pose.position, pose.body.half_diagonal_m()) {
+            self.shadow.of_agent(view.eye, pose);
+            self.remove_shadow(patch);
+        }
+    }
+
+    fn remove_shadow(&mut self, patch: &mut Patch) {
         if self.shadow.fill(&mut self.spans) {
             patch.remove(&self.spans);
         }
     }
 }
 
-pub(super) fn eye_of(viewpoint: &Viewpoint) -> Eye {
+fn eye_of(viewpoint: &Viewpoint) -> Eye {
     Eye { nadir: viewpoint.position, altitude_m: viewpoint.altitude_m }
-}
-
-/// Whether a body may meet the window. None that does not can hide a cell of it: seen from above, every line of sight
-/// to a cell of the window runs inside the window, which is convex and holds the nadir.
-pub(super) fn may_meet(viewpoint: &Viewpoint, ahead: Vec2, window: Window, pose: &AgentPose) -> bool {
-    let offset = pose.position - viewpoint.position;
-    let reach_m = pose.body.half_diagonal_m();
-    offset.dot(ahead).abs() <= window.half_along_m + reach_m
-        && offset.dot(ahead.left()).abs() <= window.half_across_m + reach_m
 }
 
 fn bounding_box(points: &[Vec2]) -> (Vec2, Vec2) {
@@ -132,16 +150,13 @@ impl Observer {
         t_s: f64,
     ) -> Result<Visibility, SenseError> {
         viewpoint.check()?;
-        let window = camera.window(viewpoint.altitude_m);
+        let view = View::new(camera, viewpoint);
         let Self { candidates, visible, hidden, caster, .. } = self;
-        candidates.load(scene.grid, &viewpoint.corners(window));
-        caster.retain_candidates(candidates, scene.solids, viewpoint, window);
+        candidates.load(scene.grid, &view.corners);
+        caster.retain_candidates(candidates, &view, scene.solids);
         visible.copy_from(candidates);
-        let (eye, ahead) = (eye_of(viewpoint), Vec2::from_yaw(viewpoint.yaw_rad));
-        scene.trace.agents_near(viewpoint.position, window.half_diagonal_m(), t_s, &mut |pose| {
-            if may_meet(viewpoint, ahead, window, &pose) {
-                caster.remove_hidden(visible, eye, &pose);
-            }
+        scene.trace.agents_near(viewpoint.position, view.window.half_diagonal_m(), t_s, &mut |pose| {
+            caster.remove_hidden(visible, &view, &pose);
         })?;
         hidden.difference(candidates, visible);
         let (candidate_count, visible_count) = (candidates.count(), visible.count());
@@ -195,8 +210,8 @@ impl Observer {
         let (mut min, mut max) = bounding_box(points);
         (min, max) = bounding_box(&[min, max, eye.nadir]);
         if !points.is_empty() {
-            solids.near(min, max, |base, base_m, top_m| {
-                shadow.of_prism(eye, base, base_m, top_m);
+            solids.near(min, max, |solid| {
+                shadow.of_solid(eye, &solid);
                 judge(shadow);
             });
         }

@@ -1,7 +1,7 @@
 //! What a displaced camera would see of the cells that are hidden now.
 
 use super::camera::{Camera, Viewpoint};
-use super::occlusion::{Caster, Scene, SenseError, eye_of, may_meet};
+use super::occlusion::{Caster, Scene, SenseError, View};
 use super::patch::Patch;
 use super::trace::AgentPose;
 use crate::geometry::Vec2;
@@ -75,14 +75,11 @@ impl Predictor {
     }
 
     fn shown(&mut self, scene: &Scene, camera: &Camera, hidden: &Patch, viewpoint: &Viewpoint) -> u32 {
-        let window = camera.window(viewpoint.altitude_m);
+        let view = View::new(camera, viewpoint);
         let Self { agents, cells, caster, .. } = self;
         cells.copy_from(hidden);
-        caster.retain_candidates(cells, scene.solids, viewpoint, window);
-        let (eye, ahead) = (eye_of(viewpoint), Vec2::from_yaw(viewpoint.yaw_rad));
-        for pose in agents.iter().filter(|pose| may_meet(viewpoint, ahead, window, pose)) {
-            caster.remove_hidden(cells, eye, pose);
-        }
+        caster.retain_candidates(cells, &view, scene.solids);
+        agents.iter().for_each(|pose| caster.remove_hidden(cells, &view, pose));
         cells.count()
     }
 }

@@ -112,13 +112,15 @@ impl Spans {
                 let rows = self.rows_between(from.y, to.y);
                 let slope = (to.x - from.x) / (to.y - from.y);
                 for (row, high) in rows.clone().zip(&mut self.high[rows]) {
-                    *high = high.max(from.x + (row as f64 - from.y) * slope);
+                    let x = from.x + (row as i32 as f64 - from.y) * slope;
+                    *high = if x > *high { x } else { *high };
                 }
             } else if to.y < from.y {
                 let rows = self.rows_between(to.y, from.y);
                 let slope = (to.x - from.x) / (to.y - from.y);
                 for (row, low) in rows.clone().zip(&mut self.low[rows]) {
-                    *low = low.min(from.x + (row as f64 - from.y) * slope);
+                    let x = from.x + (row as i32 as f64 - from.y) * slope;
+                    *low = if x < *low { x } else { *low };
                 }
             }
             from = to;

@@ -6,6 +6,7 @@
 //! s = H/(H − z), z in [z0, z1]; for a convex B that union is convex, the hull of its two ends.
 
 use super::raster::Spans;
+use super::solids::Solid;
 use super::trace::AgentPose;
 use super::trace_columns::BodyClass;
 use crate::geometry::Vec2;
@@ -79,11 +80,16 @@ impl Shadow {
         }
     }
 
+    /// Becomes the shadow of a static solid.
+    pub(crate) fn of_solid(&mut self, eye: Eye, solid: &Solid) {
+        self.of_prism(eye, solid.base, solid.base_m, solid.top_m);
+    }
+
     /// Becomes the shadow of an upright prism with a convex, counter-clockwise base.
     ///
     /// An edge that turns its outer side to the nadir bounds the shadow on the near side, where the lower scale counts;
     /// any other edge bounds it on the far side. Where the two sides meet, the corner appears at both scales.
-    pub(crate) fn of_prism(&mut self, eye: Eye, base: &[Vec2], base_m: f64, top_m: f64) {
+    fn of_prism(&mut self, eye: Eye, base: &[Vec2], base_m: f64, top_m: f64) {
         self.corners.clear();
         self.cylinder = None;
         let Some(scales) = eye.scales(base_m, top_m) else { return };

@@ -96,13 +96,35 @@ fn is_convex(ring: &[Vec2], doubled_m2: f64) -> bool {
     turns_left && (turned_rad - std::f64::consts::TAU).abs() < 1.0e-3
 }
 
+/// A solid as a query finds it.
+#[derive(Debug, Clone, Copy)]
+pub struct Solid<'a> {
+    /// The base's corners, counter-clockwise.
+    pub base: &'a [Vec2],
+    /// Height of the underside above the ground, metres.
+    pub base_m: f64,
+    /// Height of the top above the ground, metres.
+    pub top_m: f64,
+    /// Centre and radius, in metres, of a circle that holds the base.
+    pub centre: Vec2,
+    pub radius_m: f64,
+}
+
 #[derive(Debug, Clone, Copy)]
 struct Entry {
     first_corner: u32,
     corner_count: u32,
     base_m: f64,
     top_m: f64,
-    block: CellBlock,
+    /// Bounding box of the base.
+    min: Vec2,
+    max: Vec2,
+}
+
+impl Entry {
+    fn meets(&self, min: Vec2, max: Vec2) -> bool {
+        self.min.x <= max.x && self.max.x >= min.x && self.min.y <= max.y && self.max.y >= min.y
+    }
 }
 
 /// Every static solid of a world, found by place.
@@ -128,7 +150,8 @@ impl Solids {
                 corner_count: prism.base.len() as u32,
                 base_m: prism.base_m,
                 top_m: prism.top_m,
-                block,
+                min,
+                max,
             });
             solids.corners.extend(prism.base);
         }
@@ -145,15 +168,20 @@ impl Solids {
         self.entries.is_empty()
     }
 
-    /// Calls `visit(base, base_m, top_m)` once for every solid whose base may meet the box from `min` to `max`: for all
-    /// that do, and for others in the same 32 m cells.
-    pub fn near(&self, min: Vec2, max: Vec2, mut visit: impl FnMut(&[Vec2], f64, f64)) {
+    /// Calls `visit` once for every solid of whose base the bounding box meets the box from `min` to `max`.
+    pub fn near(&self, min: Vec2, max: Vec2, mut visit: impl FnMut(Solid)) {
         let block = CellBlock::covering(min, max);
         block.visit(&self.cell_keys, |position| {
             let entry = &self.entries[self.cell_entries[position] as usize];
-            if self.cell_keys[position] == entry.block.first_shared_key(&block) {
-                let base = &self.corners[entry.first_corner as usize..][..entry.corner_count as usize];
-                visit(base, entry.base_m, entry.top_m);
+            let filed = || CellBlock::covering(entry.min, entry.max);
+            if entry.meets(min, max) && self.cell_keys[position] == filed().first_shared_key(&block) {
+                visit(Solid {
+                    base: &self.corners[entry.first_corner as usize..][..entry.corner_count as usize],
+                    base_m: entry.base_m,
+                    top_m: entry.top_m,
+                    centre: (entry.min + entry.max) * 0.5,
+                    radius_m: 0.5 * (entry.max - entry.min).dot(entry.max - entry.min).sqrt(),
+                });
             }
         });
     }
@@ -196,7 +224,7 @@ mod tests {
         let solids = Solids::new(prisms);
         for (x, y) in [(-90.0, -90.0), (0.0, 0.0), (190.0, 190.0)] {
             let mut found = 0;
-            solids.near(Vec2::new(x, y), Vec2::new(x + 90.0, y + 90.0), |_, _, _| found += 1);
+            solids.near(Vec2::new(x, y), Vec2::new(x + 90.0, y + 90.0), |_| found += 1);
             assert_eq!(found, 1);
         }
     }
