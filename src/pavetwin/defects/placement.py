@@ -1,9 +1,9 @@
 """Where defects lie: every segment by itself, from its own child of the seed.
 
 On every segment `per_segment` defects are tried, whatever its size, the class of each drawn by the mix. Each gets up to
-`ATTEMPTS` places, evenly distributed over the carriageway, and takes the first where its whole outline lies on the
-segment, 5 cm from its edge, and 10 cm from every other. It is left out when it finds none, or when the defects would
-cover more than `LARGEST_SHARE` of the segment: short segments may so have fewer than asked.
+`SHAPES` outlines and for each up to `PLACES` places, evenly distributed over the carriageway, and takes the first where
+its whole outline lies on the segment, 5 cm from its edge, and 10 cm from every other. It is left out when it finds
+none, or when the defects would cover more than `LARGEST_SHARE` of the segment: short segments may have fewer than asked.
 """
 
 import math
@@ -25,7 +25,7 @@ from pavetwin.world.content import snapped
 from pavetwin.world.model import Defect, Segment
 from pavetwin.world.segments import direction_at, segment_key
 
-ATTEMPTS = 60
+SHAPES, PLACES = 5, 30
 LARGEST_SHARE = 0.15
 EDGE_M, APART_M = 0.05, 0.10
 
@@ -89,17 +89,16 @@ def _on_segment(
     known, weights = weighted
     for _ in range(count):
         kind = known[int(rng.choice(len(known), p=weights))]
-        shape_seed = int(rng.integers(2**32))
-        shares = rng.random((ATTEMPTS, 2))
-        outline = kind.outline(np.random.default_rng(shape_seed))
-        if room.is_empty or outline.area > budget:
-            continue
-        placed = _first_place(segment, outline, shares, room, taken)
-        if placed is not None:
-            centre, polygon = placed
-            taken.append(polygon)
-            budget -= polygon.area
-            yield Defect(-1, segment.id, kind.name, snapped(centre), snapped(polygon), shape_seed)
+        for shape_seed in rng.integers(2**32, size=SHAPES).tolist():
+            shares = rng.random((PLACES, 2))
+            outline = kind.outline(np.random.default_rng(shape_seed))
+            placed = None if outline.area > budget else _first_place(segment, outline, shares, room, taken)
+            if placed is not None:
+                centre, polygon = placed
+                taken.append(polygon)
+                budget -= polygon.area
+                yield Defect(-1, segment.id, kind.name, snapped(centre), snapped(polygon), shape_seed)
+                break
 
 
 def _first_place(

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
-import shapely
 from pydantic import Field
 from shapely import MultiPoint, MultiPolygon, Point, Polygon
 from shapely.ops import nearest_points
@@ -25,7 +24,7 @@ from pavetwin.world.network import network_from_net, network_from_osm, source_ki
 from pavetwin.world.osm import MapFeatures, read_features
 from pavetwin.world.roadnet import RoadNet, read_roadnet
 from pavetwin.world.segments import DEFAULT_SEGMENT_LENGTH, MIN_SEGMENT_LENGTH, segments_of
-from pavetwin.world.streets import polygons_of, streets_of
+from pavetwin.world.streets import polygons_of, streets_of, union_of
 
 SMALLEST_PARK = 20.0
 """A park's part below this is dropped [m²]."""
@@ -187,7 +186,7 @@ def _parks(given: Iterable[Polygon], ground: Ground) -> tuple[Polygon, ...]:
     parks: list[Polygon] = []
     for park in given:
         roads = ground.roads_near(park, 0.0)
-        rest = park.difference(shapely.union_all(roads)) if roads else park
+        rest = park.difference(union_of(roads, 0.01)) if roads else park
         parks += [part for part in polygons_of(rest) if part.area >= SMALLEST_PARK]
     return tuple(parks)
 

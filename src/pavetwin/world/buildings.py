@@ -9,14 +9,13 @@ import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-import shapely
 from shapely import Point, Polygon
 
 from pavetwin.seeds import Stream, child
 from pavetwin.world.ground import Ground, Nearby, kerb
 from pavetwin.world.model import Building, Segment
 from pavetwin.world.segments import segment_key
-from pavetwin.world.streets import polygons_of
+from pavetwin.world.streets import polygons_of, union_of
 
 ROAD_CLEARANCE = 0.2
 """A mapped building is cut back to this distance from the road [m]."""
@@ -37,7 +36,7 @@ def clear_of_roads(footprints: Iterable[tuple[Polygon, float]], ground: Ground) 
         rest = polygon
         near = ground.roads_near(polygon, ROAD_CLEARANCE)
         if near:
-            left = polygons_of(polygon.difference(shapely.union_all(near).buffer(ROAD_CLEARANCE)))
+            left = polygons_of(polygon.difference(union_of(near, ROAD_CLEARANCE)))
             if not left or left[0].area < max(SMALLEST, KEPT_SHARE * polygon.area):
                 continue
             rest = left[0]

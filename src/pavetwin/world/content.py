@@ -29,8 +29,8 @@ COLLECTIONS = (*HASHED, "defects")
 
 
 def round_to_grid(xy: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Coordinates on the grid nearest to these [m]."""
-    return np.asarray(np.round(xy * STEPS_PER_METRE) / STEPS_PER_METRE, dtype=np.float64)
+    """Coordinates on the grid nearest to these [m]; no −0, which is equal to 0 but hashes otherwise."""
+    return np.asarray(np.round(xy * STEPS_PER_METRE) / STEPS_PER_METRE + 0.0, dtype=np.float64)
 
 
 def snapped(geometry: Geometry) -> Geometry:

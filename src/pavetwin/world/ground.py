@@ -10,7 +10,7 @@ from shapely import LineString, Point, Polygon, STRtree
 from pavetwin.world.model import LaneKind, Segment
 from pavetwin.world.roadnet import RoadNet
 from pavetwin.world.segments import direction_at, point_at
-from pavetwin.world.streets import lanes_polygon, polygons_of
+from pavetwin.world.streets import lanes_polygon, polygons_of, union_of
 
 Bounds = tuple[float, float, float, float]
 Item = TypeVar("Item")
@@ -76,7 +76,7 @@ class Ground:
         """
         if self.road_distance_m(point) >= clearance_m:
             return point
-        near = shapely.union_all(self.roads_near(point, furthest_m + clearance_m)).buffer(clearance_m + 0.01)
+        near = union_of(self.roads_near(point, furthest_m + clearance_m), clearance_m + 0.01)
         moved = near.boundary.interpolate(near.boundary.project(point))
         for border in shapely.get_parts(near.boundary):
             candidate = border.interpolate(border.project(point))

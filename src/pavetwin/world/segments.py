@@ -61,7 +61,14 @@ def pieces_of(street: Street, segment_length_m: float) -> Iterator[tuple[LineStr
         shares[min(count - 1, int(along / street.length_m * count))].append(part)
     for line, parts in zip(lines, shares, strict=True):
         if parts:
-            yield line, surface_of(polygons_of(shapely.union_all(parts)))
+            yield line, parts[0] if len(parts) == 1 else _joined(parts)
+
+
+def _joined(parts: list[Polygon]) -> Surface:
+    """Touching parts as one surface, none lost."""
+    union = shapely.union_all(parts)
+    area = sum(part.area for part in parts)
+    return surface_of(polygons_of(union) if abs(union.area - area) < 1e-6 * area else parts)
 
 
 def _cut(street: Street, stations: Iterable[float]) -> list[Polygon]:

@@ -80,9 +80,9 @@ def pair_edges(edges: Iterable[Edge]) -> list[tuple[Edge, ...]]:
     return pairs
 
 
-def _plain_first(name: str) -> tuple[str, str]:
+def _plain_first(name: str) -> tuple[str, bool]:
     """OSM's own direction (`12#1`) before the reverse one (`-12#1`), so that a street runs as it was drawn."""
-    return name.removeprefix("-"), name
+    return name.removeprefix("-"), name.startswith("-")
 
 
 def _median_m(edge: Edge, other: Edge) -> float:
@@ -111,9 +111,17 @@ def _street(edges: tuple[Edge, ...], left_hand: bool) -> Street:
 def lanes_polygon(lanes: Sequence[Lane], closing_m: float = CLOSING) -> Surface:
     """Union of lanes with flat ends; gaps of up to twice `closing_m` between them are closed, holes filled."""
     strips = [lane.centre_line.buffer(lane.width_m / 2, cap_style="flat", join_style="mitre") for lane in lanes]
-    union = shapely.union_all(strips)
-    closed = union.buffer(closing_m, join_style="mitre").buffer(-closing_m, join_style="mitre")
-    return solid_parts(closed)
+    return solid_parts(union_of(strips, closing_m).buffer(-closing_m, join_style="mitre"))
+
+
+def union_of(surfaces: Iterable[Surface], wider_m: float) -> Surface:
+    """Union of surfaces that are each widened first.
+
+    They overlap then. GEOS may lose a polygon whose border nearly coincides with its neighbour's, as lanes' borders do.
+    """
+    union = shapely.union_all([surface.buffer(wider_m, join_style="mitre") for surface in surfaces])
+    assert isinstance(union, Polygon | MultiPolygon)
+    return union
 
 
 def solid_parts(geometry: shapely.Geometry) -> Surface:
@@ -190,9 +198,9 @@ def _disjoint(streets: list[Street]) -> tuple[Street, ...]:
     result: list[Street] = []
     for index, street in enumerate(streets):
         earlier = [result[other].polygon for other in tree.query(street.polygon, "intersects") if other < index]
-        rest = street.polygon.difference(shapely.union_all(earlier)) if earlier else street.polygon
-        if rest.area < street.polygon.area - 1e-6:
-            surface = surface_of(polygons_of(rest))
+        overlapping = [other for other in earlier if street.polygon.intersection(other).area > 0.01]
+        if overlapping:
+            surface = surface_of(polygons_of(street.polygon.difference(union_of(overlapping, 1e-3))))
             if surface.area < 0.5:
                 continue
             street = Street(street.name, street.edges, street.centre_line, surface, street.left_hand)

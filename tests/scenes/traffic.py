@@ -1,0 +1,93 @@
+"""Tiny road networks for traffic: a straight street and a signalled cross, made by netconvert from a few lines."""
+
+from pathlib import Path
+
+from shapely import Point
+
+from pavetwin.traffic.recording import Recording
+from pavetwin.world.model import GeoReference, World
+from pavetwin.world.roadnet import read_roadnet
+from pavetwin.world.sumo import run_tool
+
+_NODES = {
+    "straight": [("a", 0, 0, "priority"), ("b", 600, 0, "priority")],
+    "cross": [
+        ("c", 0, 0, "traffic_light"),
+        ("w", -300, 0, "priority"),
+        ("e", 300, 0, "priority"),
+        ("s", 0, -250, "priority"),
+        ("n", 0, 250, "priority"),
+    ],
+}
+_STREETS = {"straight": [("a", "b")], "cross": [("w", "c"), ("c", "e"), ("s", "c"), ("c", "n")]}
+
+
+def make_network(scene: str, target: Path, *, sidewalks: bool = True) -> Path:
+    """Write the SUMO network of a scene: two-way streets at 50 km/h, a lane and a sidewalk in each direction."""
+    folder = target.parent
+    folder.mkdir(parents=True, exist_ok=True)
+    nodes, edges = folder / "plain.nod.xml", folder / "plain.edg.xml"
+    nodes.write_text(
+        "<nodes>"
+        + "".join(f'<node id="{i}" x="{x}" y="{y}" type="{kind}"/>' for i, x, y, kind in _NODES[scene])
+        + "</nodes>"
+    )
+    walk = 'sidewalkWidth="2"' if sidewalks else ""
+    edges.write_text(
+        "<edges>"
+        + "".join(
+            f'<edge id="{a}{b}" from="{a}" to="{b}" numLanes="1" speed="13.89" {walk}/>'
+            for pair in _STREETS[scene]
+            for a, b in (pair, pair[::-1])
+        )
+        + "</edges>"
+    )
+    options = ["--crossings.guess"] if sidewalks else []
+    run_tool(
+        "netconvert",
+        [
+            "-n",
+            str(nodes),
+            "-e",
+            str(edges),
+            "-o",
+            str(target),
+            "--no-warnings",
+            "--offset.disable-normalization",
+            *options,
+        ],
+        doing="making a scene",
+    )
+    nodes.unlink()
+    edges.unlink()
+    return target
+
+
+def world_on(net_file: Path, content_hash: str = "scene") -> World:
+    """A world with nothing but streets, in the folder of its network."""
+    net = read_roadnet(net_file)
+    return World(
+        name=net_file.parent.name,
+        georeference=GeoReference(32632, 500000.0, 5000000.0),
+        segments=(),
+        lanes=tuple(lane for edge in net.edges.values() for lane in edge.lanes),
+        junctions=net.junctions,
+        crossings=net.crossings,
+        buildings=(),
+        furniture=(),
+        parks=(),
+        defects=(),
+        base=Point(0, 0),
+        content_hash=content_hash,
+        folder=net_file.parent,
+    )
+
+
+def scene_world(scene: str, folder: Path, *, sidewalks: bool = True) -> World:
+    """The world of a scene, written below `folder`."""
+    return world_on(make_network(scene, folder / scene / "roads.net.xml", sidewalks=sidewalks))
+
+
+def bytes_of(recording: Recording) -> bytes:
+    assert recording.path is not None
+    return recording.path.read_bytes()

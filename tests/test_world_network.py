@@ -1,0 +1,179 @@
+"""Road networks from maps and from SUMO: what is kept, what is refused."""
+
+import gzip
+from pathlib import Path
+
+import osmium
+import pytest
+import shapely
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.world import sumo
+from pavetwin.world.build import BuildOptions, build_world
+from pavetwin.world.georeference import anchored, from_location, from_wgs84, parse_anchor
+from pavetwin.world.model import LaneKind
+from pavetwin.world.network import source_kind, with_sidewalks
+from pavetwin.world.streets import pair_edges
+from scenes import HERE, built, net_of, scene_file
+
+
+def test_only_connected_streets_for_cars_are_kept(tmp_path: Path) -> None:
+    net = net_of("cross", tmp_path)
+    names = {edge.name for edge in net.edges.values() if edge.for_cars}
+    assert names == {"Hauptstraße", "Nebenstraße", "Bogen", "Anger", ""}
+    assert not any(edge.id.lstrip("-").startswith(("110", "111", "112")) for edge in net.edges.values())
+
+
+def test_the_signalled_cross_has_signals_on_its_four_approaches_and_crossings(tmp_path: Path) -> None:
+    net = net_of("cross", tmp_path)
+    assert len(net.signalled) == 4
+    assert len(set(net.signalled.values())) == 1
+    assert sum(crossing.signalled for crossing in net.crossings) == 4
+    assert any(not crossing.signalled for crossing in net.crossings)
+
+
+@pytest.mark.parametrize(
+    ("tags", "expected"),
+    [
+        ({"highway": "residential"}, "both"),
+        ({"highway": "residential", "sidewalk": "separate"}, "both"),
+        ({"highway": "residential", "sidewalk": "no"}, "none"),
+        ({"highway": "residential", "sidewalk:both": "separate"}, "both"),
+        ({"highway": "residential", "sidewalk:left": "no", "sidewalk:right": "separate"}, "right"),
+        ({"highway": "primary_link"}, "both"),
+        ({"highway": "motorway"}, "none"),
+        ({"highway": "living_street", "sidewalk": "left"}, "left"),
+        ({"highway": "residential", "junction": "roundabout"}, "none"),
+    ],
+)
+def test_sidewalks_are_on_both_sides_unless_the_map_denies_it(tags: dict[str, str], expected: str) -> None:
+    changed = with_sidewalks(tags)
+    assert changed["sidewalk"] == expected
+    assert [key for key in changed if key.startswith("sidewalk")] == ["sidewalk"]
+
+
+def test_a_one_way_street_is_one_edge_with_sidewalks_on_both_sides(tmp_path: Path) -> None:
+    net = net_of("cross", tmp_path)
+    street = next(pair for pair in pair_edges(net.edges.values()) if pair[0].name == "Bogen")
+    assert len(street) == 1
+    line = street[0].carriageway[0].centre_line
+    sides = set()
+    for edge in net.edges.values():
+        for lane in edge.lanes:
+            if edge.name == "Bogen" and lane.kind is LaneKind.SIDEWALK:
+                middle = lane.centre_line.interpolate(0.5, normalized=True)
+                sides.add(line.offset_curve(2.0).distance(middle) < line.offset_curve(-2.0).distance(middle))
+    assert sides == {True, False}
+
+
+def test_packed_and_binary_maps_give_the_same_segments(tmp_path: Path) -> None:
+    plain = scene_file("cross")
+    packed = tmp_path / "cross.osm.gz"
+    packed.write_bytes(gzip.compress(plain.read_bytes()))
+    binary = tmp_path / "cross.osm.pbf"
+    with osmium.SimpleWriter(str(binary)) as writer:
+        for item in osmium.FileProcessor(str(plain)):
+            writer.add(item)
+    expected = [shapely.to_wkt(segment.polygon, 2) for segment in built("cross").world.segments]
+    for source in (packed, binary):
+        world = build_world(source, BuildOptions(seed=1)).world
+        assert [shapely.to_wkt(segment.polygon, 2) for segment in world.segments] == expected
+
+
+def test_the_georeference_brings_a_map_back_to_its_place() -> None:
+    world = built("cross").world
+    assert world.georeference.epsg == 32633
+    crossing = from_wgs84(world.georeference, (13.0, 52.0))
+    junction = min(world.junctions, key=lambda junction: junction.polygon.distance(shapely.Point(crossing)))
+    assert junction.polygon.contains(shapely.Point(crossing))
+    assert world.georeference.to_wgs84(crossing) == pytest.approx((13.0, 52.0), abs=1e-9)
+
+
+def test_a_network_without_a_place_is_anchored() -> None:
+    assert from_location({"projParameter": "!"}, "x") is None
+    place = anchored(48.14, 11.58)
+    assert place.epsg == 32632
+    assert place.to_wgs84((0.0, 0.0)) == pytest.approx((11.58, 48.14), abs=1e-6)
+    south = from_location({"projParameter": "+proj=utm +zone=56 +south +datum=WGS84", "netOffset": "-5,-7"}, "x")
+    assert south is not None
+    assert (south.epsg, south.offset_east_m, south.offset_north_m) == (32756, 5.0, 7.0)
+
+
+def test_an_odd_projection_asks_for_an_anchor() -> None:
+    with pytest.raises(PaveTwinError, match="--anchor"):
+        from_location({"projParameter": "+proj=tmerc +lat_0=1 +lon_0=9 +k=1 +x_0=0"}, "x.net.xml")
+
+
+@pytest.mark.parametrize("text", ["", "52", "52;13", "a,b", "52,13,4", "91,0", "0,200", "nan,0"])
+def test_a_bad_anchor_is_refused(text: str) -> None:
+    with pytest.raises(PaveTwinError, match="anchor"):
+        parse_anchor(text)
+
+
+def test_a_users_network_is_taken_as_it_is(tmp_path: Path) -> None:
+    made = built("cross")
+    own = tmp_path / "own.net.xml"
+    own.write_bytes(made.network)
+    again = build_world(own, BuildOptions(seed=1))
+    assert again.network == made.network
+    assert again.world.segments == made.world.segments
+    assert again.world.georeference == made.world.georeference
+    assert again.record.mapped.get("buildings", 0) == 0
+    assert len(again.world.buildings) > 20, "houses are placed by rule where the source has none"
+
+
+def bad_sources(folder: Path) -> dict[str, tuple[Path, str]]:
+    """Files that are no source, each with a word of the message."""
+    whole = (HERE / "cross.osm").read_text(encoding="utf-8")
+    texts = {
+        "truncated.osm": (whole[: len(whole) // 2], "cut short"),
+        "plain.osm": ("hello", "cut short"),
+        "empty.osm": ("", "cut short"),
+        "streetless.osm": ("<osm version='0.6'><node id='1' version='1' lat='1' lon='1'/></osm>", "no streets"),
+        "roads.txt": ("hello", "suffix"),
+        "plain.net.xml": ("hello", "not readable as XML"),
+        "other.net.xml": ("<routes/>", "no SUMO network"),
+        "half.net.xml": ("<net><edge id='a'></net>", "not readable as XML"),
+        "edgeless.net.xml": ("<net><location netOffset='0,0' projParameter='!'/></net>", "no streets"),
+        "odd.net.xml": ("<net><edge id='a' from='b'/></net>", "no complete SUMO network"),
+    }
+    sources = {"missing.osm": (folder / "missing.osm", "does not exist")}
+    for name, (text, word) in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+        sources[name] = (folder / name, word)
+    packed = folder / "truncated.osm.gz"
+    packed.write_bytes(gzip.compress(whole.encode())[:900])
+    sources[packed.name] = (packed, "cut short")
+    network = folder / "truncated.net.xml.gz"
+    network.write_bytes(gzip.compress(whole.encode())[:900])
+    sources[network.name] = (network, "cut short")
+    return sources
+
+
+def test_bad_sources_are_one_plain_line(tmp_path: Path) -> None:
+    for name, (source, word) in bad_sources(tmp_path).items():
+        with pytest.raises(PaveTwinError, match=word) as caught:
+            build_world(source)
+        assert "\n" not in str(caught.value), name
+        assert source.name in str(caught.value), name
+
+
+def test_a_map_needs_no_anchor() -> None:
+    with pytest.raises(PaveTwinError, match="--anchor"):
+        build_world(scene_file("cross"), BuildOptions(anchor=(1.0, 2.0)))
+
+
+def test_a_folder_is_no_source(tmp_path: Path) -> None:
+    with pytest.raises(PaveTwinError, match="is a folder"):
+        source_kind(tmp_path)
+
+
+def test_without_sumo_the_message_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sumo, "_candidates", list)
+    with pytest.raises(PaveTwinError, match="pip install eclipse-sumo"):
+        build_world(scene_file("cross"))
+
+
+def test_the_first_error_of_a_tool_is_what_is_told() -> None:
+    assert sumo.first_error("Warning: x\nError: No nodes loaded.\nQuitting (on error).", "") == "No nodes loaded."
+    assert sumo.first_error("", "") == "it ended without a word"

@@ -1,0 +1,136 @@
+"""Worlds on disk: exact round trip, same bytes, and clear words about damage."""
+
+import filecmp
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pyogrio
+import pytest
+import yaml
+
+from pavetwin.defects import add_defects
+from pavetwin.errors import PaveTwinError
+from pavetwin.world.build import BuildOptions, build_world
+from pavetwin.world.model import Furniture, FurnitureKind, World
+from pavetwin.world.store import FILES, check_target, load_record, load_world, save_world
+from scenes import built, scene_file
+
+
+@pytest.fixture
+def saved(tmp_path: Path) -> World:
+    return save_world(add_defects(built("cross")), tmp_path / "world")
+
+
+@pytest.mark.parametrize("name", ["cross", "berlin_neukoelln", "town"])
+def test_a_loaded_world_equals_the_saved_one(name: str, tmp_path: Path) -> None:
+    made = add_defects(built(name))
+    world = save_world(made, tmp_path / "place" / name)
+    loaded = load_world(tmp_path / "place" / name)
+    assert loaded == world
+    assert loaded.content_hash == made.world.content_hash
+    assert load_record(tmp_path / "place" / name) == made.record
+    assert loaded.network_file.read_bytes() == made.network
+    assert sorted(path.name for path in (tmp_path / "place").iterdir()) == [name]
+
+
+@pytest.mark.parametrize("name", ["cross", "grid"])
+def test_the_same_seed_gives_the_same_bytes(name: str, tmp_path: Path) -> None:
+    source = scene_file(name) if name == "cross" else name
+    for copy in ("one", "two"):
+        save_world(add_defects(build_world(source, BuildOptions(seed=0))), tmp_path / copy)
+    same, differing, _ = filecmp.cmpfiles(tmp_path / "one", tmp_path / "two", FILES, shallow=False)
+    assert (sorted(same), differing) == (sorted(FILES), [])
+
+
+def test_the_geopackage_opens_with_its_crs_and_sensible_columns(saved: World) -> None:
+    assert saved.folder is not None
+    path = saved.folder / "world.gpkg"
+    layers = {name for name, _ in pyogrio.list_layers(path)}
+    assert layers >= {"segments", "lanes", "sidewalks", "junctions", "crossings", "buildings", "furniture", "defects"}
+    info = pyogrio.read_info(path, layer="segments")
+    assert info["crs"] == "EPSG:32633"
+    assert {"id", "street", "width_m", "lanes", "length_m", "area_m2"} <= set(info["fields"])
+    west, south, east, north = info["total_bounds"]
+    assert 362_000 < west < east < 364_000
+    assert 5_762_000 < south < north < 5_764_000
+
+
+def test_defects_do_not_change_the_content_hash(tmp_path: Path) -> None:
+    made = built("cross")
+    bare = save_world(made, tmp_path / "bare")
+    full = save_world(add_defects(made), tmp_path / "full")
+    assert bare.content_hash == full.content_hash
+    assert bare.defects != full.defects
+
+
+def test_an_edited_world_is_another_world(tmp_path: Path) -> None:
+    made = built("cross")
+    mast = Furniture("x", FurnitureKind.POLE, made.world.base, 9.0, 0.1)
+    edited = replace(made, world=replace(made.world, furniture=(*made.world.furniture, mast)))
+    save_world(edited, tmp_path / "edited")
+    assert load_world(tmp_path / "edited").content_hash != made.world.content_hash
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_half_deleted_world_names_what_is_missing(saved: World, name: str) -> None:
+    assert saved.folder is not None
+    (saved.folder / name).unlink()
+    with pytest.raises(PaveTwinError, match=f"{name} is missing.*--force"):
+        load_world(saved.folder)
+
+
+def test_other_damage_is_one_plain_line(saved: World, tmp_path: Path) -> None:
+    folder = saved.folder
+    assert folder is not None
+
+    def spoilt(change: str) -> Path:
+        copy = tmp_path / change
+        shutil.copytree(folder, copy)
+        return copy
+
+    half = spoilt("half")
+    (half / "world.gpkg").write_bytes((folder / "world.gpkg").read_bytes()[:50_000])
+    newer = spoilt("newer")
+    (newer / "world.yaml").write_text("format: 99\n")
+    torn = spoilt("torn")
+    (torn / "world.yaml").write_text("format: [1\n")
+    bare = spoilt("bare")
+    (bare / "world.yaml").write_text(yaml.safe_dump({"format": 1}))
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    for place, word in (
+        (half, "readable layer"),
+        (newer, "format 99"),
+        (torn, "cannot be read"),
+        (bare, "damaged"),
+        (empty, "no world"),
+        (tmp_path / "nowhere", "does not exist"),
+        (folder / "world.gpkg", "no folder"),
+    ):
+        with pytest.raises(PaveTwinError, match=word) as caught:
+            load_world(place)
+        assert "\n" not in str(caught.value)
+
+
+def test_only_a_world_is_replaced_and_only_by_force(saved: World, tmp_path: Path) -> None:
+    assert saved.folder is not None
+    with pytest.raises(PaveTwinError, match="--force"):
+        save_world(built("cross"), saved.folder)
+    assert load_world(saved.folder) == saved
+    again = save_world(built("cross"), saved.folder, force=True)
+    assert load_world(saved.folder) == again
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "diary.txt").write_text("mine")
+    with pytest.raises(PaveTwinError, match="no world"):
+        check_target(other, force=True)
+    assert (other / "diary.txt").is_file()
+
+
+def test_an_unwritable_place_is_refused_and_nothing_left(tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("in the way")
+    with pytest.raises(PaveTwinError, match="Cannot write"):
+        save_world(built("cross"), blocked / "world")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
