@@ -3,7 +3,7 @@
 On every segment `per_segment` defects are tried, whatever its size, the class of each drawn by the mix. Each gets up to
 `SHAPES` outlines and for each up to `PLACES` places, evenly distributed over the carriageway, and takes the first where
 its whole outline lies on the segment, 5 cm from its edge, and 10 cm from every other. It is left out when it finds
-none, or when the defects would cover more than `LARGEST_SHARE` of the segment: short segments may have fewer than asked.
+none, or when the defects would cover more than `LARGEST_SHARE` of the segment: short ones may have fewer than asked.
 """
 
 import math
