@@ -74,7 +74,7 @@ impl City {
         Self {
             grid: SurfaceGrid::from_rings(&[outline], 0.25).expect("a grid"),
             solids: Solids::new(prisms),
-            trace: traffic(&mut sequence, side_km),
+            trace: traffic(side_km),
         }
     }
 
@@ -88,7 +88,9 @@ fn upright(centre: Vec2, radius_m: f64, corners: u32, base_m: f64, top_m: f64) -
     Prism::new((0..corners).map(corner).collect(), base_m, top_m).expect("a prism")
 }
 
-fn traffic(sequence: &mut Sequence, side_km: u32) -> Trace {
+fn traffic(side_km: u32) -> Trace {
+    // Those near the camera are drawn first, from a sequence of their own: they are the same in every city.
+    let mut sequence = Sequence(2);
     let near = NEAR_CARS + NEAR_WALKERS;
     let count = near + AGENTS_PER_KM2 * side_km * side_km;
     let body = |agent: u32| match agent {

@@ -15,8 +15,6 @@ fn moved(agents: &[Placed], shift: Vec2) -> Vec<Placed> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
-
     #[test]
     fn moving_everything_by_whole_cells_changes_nothing(
         agents in any_agents(),

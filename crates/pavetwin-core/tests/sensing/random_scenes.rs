@@ -11,8 +11,6 @@ use std::collections::HashSet;
 const RIM_M: f64 = 1.0e-5;
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
-
     #[test]
     fn every_cell_is_judged_like_the_brute_force(
         agents in any_agents(),
