@@ -16,6 +16,8 @@ unexport PYTHONPATH PYTHONHOME PYTHONDONTWRITEBYTECODE PIP_USER PIP_TARGET PIP_P
 unexport UV_SYSTEM_PYTHON VIRTUAL_ENV CONDA_PREFIX SUMO_HOME PROJ_LIB PROJ_DATA GDAL_DATA
 export PYTHONNOUSERSITE := 1
 export MPLBACKEND := Agg
+# uv trusts what the system trusts, as pip and cargo do.
+export UV_SYSTEM_CERTS := 1
 
 help:  ## This list
 	@printf '\nPaveTwin: a digital twin for planning UAV pavement inspection over open traffic\n\n'
@@ -53,4 +55,4 @@ lock:  ## Write requirements.lock and Cargo.lock anew from what is asked for (UP
 
 clean:  ## Remove what these targets made, results in out/ excepted
 	rm -rf .venv .tools target .mypy_cache .pytest_cache .ruff_cache .hypothesis src/pavetwin/_core*.so
-	find src tests benchmarks examples -name __pycache__ -type d -prune -exec rm -rf {} +
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

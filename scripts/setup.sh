@@ -95,7 +95,8 @@ install_packages() {
     # uv, at the version and hash of the lock, does in seconds what takes pip a minute; pip does it where uv cannot.
     awk '/^uv==/ { on = 1 } on { print } on && !/\\$/ { exit }' requirements.lock >.tools/uv.lock
     "$venv/bin/python" -m pip install --disable-pip-version-check --require-hashes --no-deps -r .tools/uv.lock
-    UV_SYSTEM_CERTS=1 "$venv/bin/uv" pip sync --no-config --require-hashes --python "$venv/bin/python" requirements.lock ||
+    UV_SYSTEM_CERTS=1 "$venv/bin/uv" pip sync --no-config --require-hashes --python "$venv/bin/python" \
+        requirements.lock ||
         "$venv/bin/python" -m pip install --disable-pip-version-check --require-hashes -r requirements.lock
 }
 
