@@ -40,7 +40,7 @@ test-all: setup  ## All tests
 
 bench: setup  ## How fast it is on this machine, beside what the design asks for
 	@.venv/bin/python -m benchmarks
-	@cargo bench --locked --package pavetwin-core
+	@cargo bench --locked --package pavetwin-core --bench '*'
 
 lint:  ## ruff, mypy --strict, clippy with warnings as errors, rustfmt
 	@scripts/setup.sh packages
