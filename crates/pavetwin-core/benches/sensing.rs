@@ -94,7 +94,7 @@ fn traffic(side_km: u32) -> Trace {
     let near = NEAR_CARS + NEAR_WALKERS;
     let count = near + AGENTS_PER_KM2 * side_km * side_km;
     let body = |agent: u32| match agent {
-        _ if agent < NEAR_CARS || agent >= near && agent % 2 == 0 => {
+        _ if agent < NEAR_CARS || agent >= near && agent.is_multiple_of(2) => {
             Body { class: BodyClass::Vehicle, length_m: 4.6, width_m: 1.8, height_m: 1.6, base_m: 0.0 }
         }
         _ => Body { class: BodyClass::Pedestrian, length_m: 0.22, width_m: 0.48, height_m: 1.72, base_m: 0.0 },

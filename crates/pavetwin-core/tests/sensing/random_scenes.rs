@@ -3,7 +3,7 @@
 use crate::brute::{agent_hides, in_window, solid_hides};
 use crate::scenes::*;
 use pavetwin_core::geometry::Vec2;
-use pavetwin_core::sensing::{CellSet, Observer, Predictor, Prism, Scene, Solids};
+use pavetwin_core::sensing::{CellSet, Observer, Predictor, Scene, Solids};
 use proptest::prelude::*;
 use std::collections::HashSet;
 
@@ -93,7 +93,7 @@ proptest! {
         horizon_s in 0.0..3.0,
     ) {
         let (grid, trace, camera) = (street(), standing(&agents), camera(pavetwin_core::sensing::WindowRule::DEFAULT));
-        let solids = Solids::new(prisms.iter().cloned().collect::<Vec<Prism>>());
+        let solids = Solids::new(prisms);
         let (observer, _) = look(&grid, &solids, &trace, &camera, &from);
         let scene = Scene { grid: &grid, solids: &solids, trace: &trace };
         let mut there = from;
