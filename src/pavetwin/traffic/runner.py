@@ -15,13 +15,15 @@ from pathlib import Path
 from types import FrameType
 from typing import Final
 
-import pavetwin
 from pavetwin.errors import PaveTwinError
 from pavetwin.traffic.sumo_run import Job, Outcome
 from pavetwin.world.sumo import environment, first_error
 
 GRACE_S: Final = 5.0
 """What SUMO has to end after it was told to, before it is killed."""
+
+UNSORTED: Final = "should be sorted by departure time"
+"""In SUMO's warning that it ignores the rest of a routes file."""
 
 OnProgress = Callable[[float], None]
 """Told the share done, 0 … 1."""
@@ -75,8 +77,14 @@ def run_job(job: Job, on_progress: OnProgress | None = None) -> Outcome:
             code = process.wait()
         finally:
             _end(process)
+    stderr = words.read_text(errors="replace")
     if code != 0:
-        raise PaveTwinError(_failure(code, words.read_text(errors="replace"), said))
+        raise PaveTwinError(_failure(job, code, stderr, said))
+    if job.routes and UNSORTED in stderr:
+        raise PaveTwinError(
+            f"The routes {_names(job)} are not sorted by departure time, and SUMO would drop what comes too late; sort "
+            "them (SUMO's tools/route/sort_routes.py does)."
+        )
     return Outcome(**json.loads((folder / "run.json").read_text()))
 
 
@@ -105,11 +113,17 @@ def _end(process: "subprocess.Popen[str]") -> None:
         process.stdout.close()
 
 
-def _failure(code: int, stderr: str, stdout: str) -> str:
+def _failure(job: Job, code: int, stderr: str, stdout: str) -> str:
     words = " ".join(first_error(stderr, stdout).split())
     if code < 0:
         return f"SUMO crashed while recording (signal {-code}); its last words: {words}"
+    if job.routes:
+        return f"SUMO cannot drive the routes {_names(job)} on this world: {words}"
     return f"SUMO cannot run this traffic: {words}"
+
+
+def _names(job: Job) -> str:
+    return ", ".join(f"'{Path(path).name}'" for path in job.routes)
 
 
 def _environment() -> dict[str, str]:
@@ -118,7 +132,8 @@ def _environment() -> dict[str, str]:
         variables = environment()
     except PaveTwinError:  # the library alone is enough to record
         variables = dict(os.environ)
-    here = str(Path(pavetwin.__file__).resolve().parents[1])
+    here = str(Path(__file__).resolve().parents[2])
+    variables.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy's threads would only wait, and cost time
     variables["PYTHONPATH"] = os.pathsep.join(filter(None, (here, variables.get("PYTHONPATH"))))
     return variables
 

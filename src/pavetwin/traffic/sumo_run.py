@@ -27,7 +27,6 @@ SETTLING_S: Final = 20.0
 OPTIONS: Final[tuple[str, ...]] = (
     "--no-step-log=true",
     "--duration-log.disable=true",
-    "--no-warnings=true",
     "--xml-validation=never",
     "--precision=3",
     "--fcd-output.attributes=x,y,angle,speed,type",
@@ -43,6 +42,7 @@ OPTIONS: Final[tuple[str, ...]] = (
 """The same for every recording."""
 
 CLOSED_LOOP_OPTIONS: Final[tuple[str, ...]] = (
+    "--no-warnings=true",
     "--max-depart-delay=1",  # where there is no room, the loop tries elsewhere a second later
     "--device.rerouting.probability=1",
     "--device.rerouting.period=60",
@@ -191,10 +191,10 @@ def _report(share: float) -> None:
 
 def main(path: str) -> int:
     """Run the job in the file `path`. Returns the exit code: 0 done, 1 SUMO refused, 3 the caller is gone."""
+    import libsumo
+
     job = Job(**json.loads(Path(path).read_text()))
     try:
-        import libsumo
-
         outcome = run(libsumo, job)
         text = json.dumps(asdict(outcome))
         (Path(job.folder) / "run.json").write_text(text)
@@ -202,6 +202,9 @@ def main(path: str) -> int:
     except BrokenPipeError:
         shutil.rmtree(job.folder, ignore_errors=True)
         return 3
+    except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
+        print("Error:", " ".join(str(error).split()), file=sys.stderr)
+        return 1
     return 0
 
 

@@ -1,0 +1,143 @@
+"""A recording as a value: its prefix, its file, its numbers. No SUMO needed."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.traffic.demand import DENSITIES, Capacity, density_named, density_of
+from pavetwin.traffic.kinds import KINDS, PEDESTRIANS, VEHICLES, sumo_types
+from pavetwin.traffic.recording import Agents, Origin, Recording, load_recording, save_recording
+
+
+def recording_of(counts: list[int], walkers: int = 1) -> Recording:
+    """Frame k holds the agents 0 … counts[k] − 1; the first `walkers` of all are pedestrians."""
+    agents = max(counts, default=0)
+    agent = np.concatenate([np.arange(count) for count in counts]).astype(np.uint32)
+    rows = len(agent)
+    place = np.arange(rows, dtype=np.float32)
+    return Recording(
+        origin=Origin("world", "inputs", 3, DENSITIES["low"], Capacity(0.5, 0.05), "SUMO 1.28.0", 120.0),
+        step_s=0.5,
+        agents=Agents(
+            id=tuple(f"a{i}" for i in range(agents)),
+            kind=tuple("man" if i < walkers else "suv" for i in range(agents)),
+            length_m=np.full(agents, 4.6, dtype=np.float32),
+            width_m=np.full(agents, 1.86, dtype=np.float32),
+            height_m=np.linspace(1, 2, agents).round(3).astype(np.float32),
+            is_pedestrian=np.arange(agents) < walkers,
+        ),
+        step_offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32),
+        agent=agent,
+        x=place,
+        y=place + 1,
+        yaw_rad=place * 0.01,
+        speed_mps=place * 0.1,
+        removals=((0, 1), (len(counts) - 1, 2)),
+        signals={"tls": ((0, "Gr"), (len(counts) - 1, "rG"))},
+    )
+
+
+frame_counts = st.lists(st.integers(0, 6), min_size=2, max_size=12)
+
+
+@given(frame_counts, st.data())
+def test_a_prefix_is_what_a_shorter_recording_would_be(counts: list[int], data: st.DataObject) -> None:
+    recording = recording_of(counts)
+    frames = data.draw(st.integers(1, len(counts)))
+    prefix = recording.until((frames - 1) * 0.5)
+    assert prefix.frames == frames
+    assert len(prefix.agent) == sum(counts[:frames])
+    assert len(prefix.agents) == max(counts[:frames])
+    assert np.array_equal(prefix.x, recording.x[: sum(counts[:frames])])
+    assert prefix.vehicles_per_lane_km == pytest.approx(np.mean([max(0, c - 1) for c in counts[:frames]]) / 0.5)
+    assert prefix.pedestrians_per_sidewalk_km == pytest.approx(np.mean([min(1, c) for c in counts[:frames]]) / 0.05)
+    assert all(step < frames for _, states in prefix.signals.items() for step, _ in states)
+
+
+def test_a_prefix_cannot_be_longer_than_the_whole() -> None:
+    with pytest.raises(ValueError, match=r"lasts 0\.5 s"):
+        recording_of([1, 2]).until(1.0)
+
+
+@given(frame_counts)
+def test_the_file_gives_back_what_was_saved(tmp_path_factory: pytest.TempPathFactory, counts: list[int]) -> None:
+    path = tmp_path_factory.mktemp("trace") / "low-3.parquet"
+    recording = recording_of(counts)
+    saved = save_recording(recording, path)
+    loaded = load_recording(path)
+    assert loaded.same_traffic(recording)
+    assert loaded.origin == recording.origin
+    assert loaded.removals == recording.removals
+    assert saved.path == path
+    before = path.read_bytes()
+    save_recording(loaded, path)
+    assert path.read_bytes() == before
+
+
+def test_the_file_is_sorted_and_small_in_type(tmp_path: Path) -> None:
+    path = tmp_path / "t.parquet"
+    save_recording(recording_of([2, 0, 3]), path)
+    table = pq.read_table(path)
+    assert table.column_names == ["step", "agent", "x", "y", "yaw_rad", "speed_mps"]
+    assert [str(column.type) for column in table.columns] == ["int32", "int32", *["float"] * 4]
+    assert table["step"].to_pylist() == [0, 0, 2, 2, 2]
+
+
+def test_columns_are_the_kernels() -> None:
+    columns = recording_of([2, 3]).columns()
+    kinds = {name: np.asarray(value).dtype.name for name, value in columns.items() if name != "step_s"}
+    assert kinds == {
+        **dict.fromkeys(("step_offsets", "agent"), "uint32"),
+        **dict.fromkeys(("x", "y", "yaw_rad", "speed_mps", "length_m", "width_m", "height_m"), "float32"),
+        "is_pedestrian": "bool",
+    }
+
+
+def test_a_density_that_was_missed_is_said() -> None:
+    sparse = recording_of([3, 3, 3])  # 2 vehicles on 0.5 km: 4 instead of 6; 1 pedestrian on 0.05 km: 20 as asked
+    assert sparse.remarks[0].startswith("4.0 vehicles per lane-kilometre instead of 6")
+    assert "taken away" in sparse.remarks[1]
+    pathless = replace(sparse, origin=replace(sparse.origin, capacity=Capacity(2 / 6, 0.0)), removals=())
+    assert pathless.remarks == ("the world has no sidewalks, so there are no pedestrians",)
+
+
+def test_a_file_that_is_no_recording_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "low-1.parquet"
+    with pytest.raises(PaveTwinError, match="no recording"):
+        load_recording(path)
+    path.write_bytes(b"PAR1 not really")
+    with pytest.raises(PaveTwinError, match="not a whole recording"):
+        load_recording(path)
+    save_recording(recording_of([1, 2]), path)
+    path.write_bytes(path.read_bytes()[:-20])
+    with pytest.raises(PaveTwinError, match="not a whole recording"):
+        load_recording(path)
+
+
+def test_densities_by_name_and_number() -> None:
+    assert density_named("high").vehicles_per_lane_km == 30
+    with pytest.raises(PaveTwinError, match="did you mean 'medium'"):
+        density_named("mediun")
+    assert density_of(12, 40.5).name == "v12-p40.5"
+    for bad in (-1.0, float("nan"), 200.0):
+        with pytest.raises(PaveTwinError):
+            density_of(bad, 0)
+
+
+def test_the_kinds_are_whole() -> None:
+    for kinds in (VEHICLES, PEDESTRIANS):
+        assert sum(kind.share for kind in kinds) == pytest.approx(1.0)
+    assert all(kind.source for kind in KINDS.values())
+    hatchback = KINDS["hatchback"]
+    assert (hatchback.length_m, hatchback.width_m, hatchback.height_m) == (3.77, 1.66, 1.52)
+    assert KINDS["bus"].length_m == 12.0
+    assert sumo_types().count("<vType") == len(KINDS)
+    rng = np.random.default_rng(0)
+    heights = [KINDS["man"].height_of_one(rng) for _ in range(500)]
+    assert 1.6 < min(heights) < 1.7 < 1.83 < max(heights) < 1.92
