@@ -29,9 +29,10 @@ pub struct BakeConfig {
 }
 
 impl Default for BakeConfig {
-    /// The paper's agent (radius 0.5 m) on voxels of 0.25 m. Recast's manual advises an edge error of 1.1 to 1.5 voxels.
+    /// The paper's agent (radius 0.5 m) on voxels of 0.25 m. Recast's manual advises an edge error of 1.1 to 1.5 voxels;
+    /// at 1.5 the staircase of an oblique street becomes one edge, which takes a third of the polygons that 1.2 takes.
     fn default() -> Self {
-        Self { cell_size_m: 0.25, agent_radius_m: 0.5, max_edge_error_m: 0.3 }
+        Self { cell_size_m: 0.25, agent_radius_m: 0.5, max_edge_error_m: 0.375 }
     }
 }
 
@@ -61,8 +62,9 @@ impl NavMesh {
     /// Bakes the flat flight domain at one altitude, given as triangles of any winding (overlaps do no harm).
     ///
     /// A voxel counts as free when its centre lies in the domain. Recast then narrows the free area by the agent's
-    /// radius, traces its contours, straightens them and cuts them into convex polygons. With the default configuration
-    /// the mesh lies strictly inside the domain.
+    /// radius, traces its contours, straightens them and cuts them into convex polygons. Half a voxel's diagonal of
+    /// rounding and the edge error eat into the radius: by the default configuration the mesh may at worst come 0.05 m
+    /// out of the domain, a fifth of a voxel.
     ///
     /// # Errors
     /// [`NavMeshError::Empty`], [`NavMeshError::NotFinite`], [`NavMeshError::UnknownVertex`],
