@@ -12,9 +12,10 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from pavetwin.traffic.kinds import PEDESTRIANS, VEHICLES, Kind
-from pavetwin.traffic.network import Floats, Roads, Sidewalks
+from pavetwin.traffic.network import Roads, Sidewalks
 
 TRIP_M: Final = 400.0
 """The least length of a vehicle's trip, where one of the goals drawn is so far away."""
@@ -58,8 +59,8 @@ class ClosedLoop:
         self._rng = rng
         self._count = 0
         self._anywhere = _Draw(roads.length_m)
-        self._entry = _Draw(roads.importance[roads.entries])
-        self._exit = _Draw(roads.importance[roads.exits])
+        self._entry = _Draw(roads.lanes[roads.entries])
+        self._exit = _Draw(roads.lanes[roads.exits])
         self._kerb = _Draw(roads.length_m[roads.kerbsides])
         self._sidewalk = _Draw(sidewalks.length_m)
         self._vehicle_kind = _Draw(np.array([kind.share for kind in VEHICLES]))
@@ -178,8 +179,8 @@ class ClosedLoop:
 class _Draw:
     """Indices in proportion to fixed weights."""
 
-    def __init__(self, weights: Floats) -> None:
-        self._cumulated = np.cumsum(weights)
+    def __init__(self, weights: npt.ArrayLike) -> None:
+        self._cumulated = np.cumsum(np.asarray(weights, dtype=np.float64))
 
     def __call__(self, rng: np.random.Generator) -> int:
         picked = np.searchsorted(self._cumulated, rng.random() * self._cumulated[-1], side="right")

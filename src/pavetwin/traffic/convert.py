@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import polars as pl
 
+from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.kinds import KINDS
 from pavetwin.traffic.recording import Agents, Origin, Recording
@@ -46,9 +47,18 @@ def to_recording(folder: Path, outcome: Outcome, origin: Origin, frames: int) ->
 
     Only what is on the streets is in it: SUMO writes no vehicle that is teleported or waits to depart, and a person who
     rides in a vehicle (a user's own demand) is left out.
+
+    Raises:
+        PaveTwinError: SUMO's files are not whole.
     """
-    vehicles = _read(folder / "vehicles.parquet", "vehicle", outcome.start_s, frames)
-    persons = _read(folder / "persons.parquet", "person", outcome.start_s, frames)
+    try:
+        vehicles = _read(folder / "vehicles.parquet", "vehicle", outcome.start_s, frames)
+        persons = _read(folder / "persons.parquet", "person", outcome.start_s, frames)
+    except (pl.exceptions.PolarsError, OSError) as error:
+        raise PaveTwinError(
+            f"SUMO's output in '{folder.parent}' is not whole; the disk may be full. Free some space, or name another "
+            "place by TMPDIR."
+        ) from error
     persons = persons.join(vehicles.select("step", "x", "y"), on=["step", "x", "y"], how="anti")
     rows = pl.concat([vehicles.with_columns(walks=False), persons.with_columns(walks=True)])
     order = rows.group_by("walks", "id").agg(pl.col("step").min()).sort("step", "walks", "id")
@@ -75,8 +85,7 @@ def to_recording(folder: Path, outcome: Outcome, origin: Origin, frames: int) ->
 def _read(path: Path, what: str, start_s: float, frames: int) -> pl.DataFrame:
     """Rows of the recorded frames: step, id, x, y, angle, speed."""
     step = ((pl.col("time") - start_s) / STEP_S).round().cast(pl.Int32).alias("step")
-    names = pl.read_parquet_schema(path) if path.is_file() and path.stat().st_size else {}
-    if f"{what}_id" not in names:  # nobody of this class was ever on the streets
+    if not pl.read_parquet_schema(path):  # nobody of this class was on the streets: SUMO writes no columns
         return pl.DataFrame(schema=_SCHEMA).with_columns(step)
     return (
         pl.scan_parquet(path)

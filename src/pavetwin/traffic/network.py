@@ -28,15 +28,13 @@ class Roads:
     length_m: Floats
     """(n,) length times driving lanes."""
     lanes: npt.NDArray[np.int64]
-    """(n,) driving lanes."""
+    """(n,) driving lanes: how much traffic comes in or leaves over an entry or exit is in proportion to them."""
     entries: npt.NDArray[np.int64]
     """Indices of edges that begin at the map's border or in a dead end."""
     exits: npt.NDArray[np.int64]
     """Indices of edges that end there."""
     kerbsides: npt.NDArray[np.int64]
     """Indices of side streets, where a vehicle may pull out of a parking place; all edges where there are none."""
-    importance: Floats
-    """(n,) lanes times speed limit: how much traffic comes in or leaves over an entry or exit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +78,6 @@ def read_roads(sumo: Any) -> Roads:
         entries=np.array([i for i, edge in enumerate(ids) if edge not in reached], dtype=np.int64),
         exits=np.array([i for i, edge in enumerate(ids) if not onward[edge]], dtype=np.int64),
         kerbsides=np.flatnonzero(slow),
-        importance=np.array(speed) * count,
     )
 
 

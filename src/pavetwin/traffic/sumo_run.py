@@ -29,7 +29,7 @@ OPTIONS: Final[tuple[str, ...]] = (
     "--duration-log.disable=true",
     "--xml-validation=never",
     "--precision=3",
-    "--fcd-output.attributes=x,y,angle,speed,type",
+    "--fcd-output.attributes=x,y,angle,speed",
     "--fcd-output.skip-empty=true",
     "--pedestrian.model=striping",
     "--collision.action=none",  # bodies may graze on a crowded junction; removing one would be seen
@@ -204,6 +204,9 @@ def main(path: str) -> int:
         return 3
     except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
         print("Error:", " ".join(str(error).split()), file=sys.stderr)
+        return 1
+    except OSError as error:
+        print(f"Error: cannot write in '{job.folder}': {error.strerror}", file=sys.stderr)
         return 1
     return 0
 
