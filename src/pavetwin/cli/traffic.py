@@ -27,7 +27,7 @@ def record(
         typer.Option(metavar="FILE.rou.xml", help="Your own demand, driven as it is; may be given several times."),
     ] = None,
     seed: Annotated[int, typer.Option(help="Names the traffic's luck; 0 is a seed like any other.")] = 0,
-    duration: Annotated[float, typer.Option(help="How long to record [s].")] = 600.0,
+    duration: Annotated[float, typer.Option(help="How long to record, in seconds.")] = 600.0,
     force: Annotated[bool, typer.Option("--force", help="Record even where this traffic is there.")] = False,
 ) -> None:
     """Record traffic over a world; what was recorded before from the same inputs is used again.
