@@ -4,5 +4,6 @@
 #![forbid(unsafe_code)]
 
 pub mod geometry;
+pub mod mission;
 pub mod navigation;
 pub mod sensing;

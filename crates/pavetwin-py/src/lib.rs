@@ -1,8 +1,31 @@
-//! Python bindings of `pavetwin-core`, as the module `pavetwin._core`.
+//! Python bindings of `pavetwin-core`, as the module `pavetwin._core`: conversions and nothing else.
+
+mod arrays;
+mod flight;
+mod ground;
+mod navmesh;
+mod trace;
 
 use pyo3::prelude::*;
 
+pyo3::import_exception!(pavetwin.errors, PaveTwinError);
+
+/// The kernel's error as the exception that the command line shows, with the same words.
+fn plain(error: impl std::fmt::Display) -> PyErr {
+    PaveTwinError::new_err(error.to_string())
+}
+
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add("__version__", env!("CARGO_PKG_VERSION"))
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_class::<navmesh::NavMesh>()?;
+    module.add_class::<trace::Trace>()?;
+    module.add_class::<ground::Ground>()?;
+    module.add_class::<flight::Flight>()?;
+    module.add_class::<flight::Moment>()?;
+    module.add_class::<flight::Arrived>()?;
+    module.add_class::<flight::Captured>()?;
+    module.add_class::<flight::Occluded>()?;
+    module.add_class::<flight::BatteryLow>()?;
+    module.add_class::<flight::RecordingEnds>()
 }

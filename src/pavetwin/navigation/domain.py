@@ -42,9 +42,8 @@ def corridors(world: World) -> Geometry:
 
 def obstacles(standing: Solids, altitude_m: float) -> list[Polygon]:
     """The bases of all solids that reach into altitude ± clearance."""
-    top, bottom = altitude_m + VERTICAL_CLEARANCE_M, altitude_m - VERTICAL_CLEARANCE_M
-    met = np.flatnonzero((standing.z0 < top) & (standing.z1 > bottom))
-    return [standing.base(int(index)) for index in met]
+    met = standing.between(altitude_m - VERTICAL_CLEARANCE_M, altitude_m + VERTICAL_CLEARANCE_M)
+    return [Polygon(standing.base(int(index))) for index in met]
 
 
 def flight_domain(world: World, altitude_m: float, standing: Solids | None = None) -> FlightDomain:

@@ -1,8 +1,9 @@
 """D_t as values. Knows no loop: the mission makes these, policies and sensors read them."""
 
+from pavetwin.traffic.kinds import AgentClass
 from pavetwin.twin.memory import Confirmation, InspectionMemory, Note, SegmentStatus
 from pavetwin.twin.snapshot import Episode, Moment, Occlusion, Snapshot
-from pavetwin.twin.state import Agent, AgentClass, Mode, Place, UavState
+from pavetwin.twin.state import Agent, Mode, Place, UavState
 
 __all__ = [
     "Agent",

@@ -4,13 +4,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from math import degrees
 
+from pavetwin.traffic.kinds import AgentClass
+
 Place = tuple[float, float]
 """East and north in the world frame, metres."""
-
-
-class AgentClass(StrEnum):
-    VEHICLE = "vehicle"
-    PEDESTRIAN = "pedestrian"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,71 @@
+//! The battery, drained by a curve over airspeed.
+
+use crate::geometry::Vec2;
+
+/// Battery drained at each airspeed: the model is chosen above, the kernel only integrates it.
+#[derive(Debug, Clone)]
+pub struct DrainCurve {
+    /// Share of the battery a second at airspeeds 0, `step_mps`, 2·`step_mps` …; linear between, constant beyond.
+    pub per_s: Vec<f64>,
+    pub step_mps: f64,
+    /// Share of the battery a metre climbed, on top.
+    pub per_m_climbed: f64,
+    /// Velocity of the air over the ground, m/s.
+    pub wind: Vec2,
+}
+
+impl DrainCurve {
+    /// Share of the battery a second at an airspeed.
+    pub fn at(&self, airspeed_mps: f64) -> f64 {
+        let last = self.per_s.len() - 1;
+        let place = (airspeed_mps / self.step_mps).clamp(0.0, last as f64);
+        let below = (place as usize).min(last.saturating_sub(1));
+        let above = (below + 1).min(last);
+        self.per_s[below] + (self.per_s[above] - self.per_s[below]) * (place - below as f64)
+    }
+
+    /// Share drained in `dt_s` at a ground velocity and a climb rate (negative when sinking, which gives nothing back).
+    pub fn drained(&self, velocity: Vec2, climb_mps: f64, dt_s: f64) -> f64 {
+        let airspeed = (velocity - self.wind).length();
+        (self.at(airspeed) + self.per_m_climbed * climb_mps.max(0.0)) * dt_s
+    }
+
+    /// Upper bound of the share that flying `distance_m` and landing from `altitude_m` drains, turns and braking
+    /// allowed for by `manoeuvre_s` of the costlier of hovering and cruising.
+    pub fn home(&self, distance_m: f64, speed_mps: f64, altitude_m: f64, sink_mps: f64, manoeuvre_s: f64) -> f64 {
+        let head_wind = self.at(speed_mps + self.wind.length());
+        let tail_wind = self.at((speed_mps - self.wind.length()).max(0.0));
+        let cruise = head_wind.max(tail_wind);
+        let hover = self.at(self.wind.length());
+        distance_m / speed_mps * cruise + altitude_m / sink_mps * hover + manoeuvre_s * hover.max(cruise)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn curve() -> DrainCurve {
+        DrainCurve { per_s: vec![1.0, 0.8, 2.0], step_mps: 5.0, per_m_climbed: 0.1, wind: Vec2::ZERO }
+    }
+
+    #[test]
+    fn is_linear_between_entries_and_constant_beyond() {
+        assert!((curve().at(2.5) - 0.9).abs() < 1e-12);
+        assert!((curve().at(7.5) - 1.4).abs() < 1e-12);
+        assert_eq!(curve().at(99.0), 2.0);
+    }
+
+    #[test]
+    fn a_tail_wind_is_felt_as_less_airspeed() {
+        let windy = DrainCurve { wind: Vec2::new(5.0, 0.0), ..curve() };
+        assert!((windy.drained(Vec2::new(5.0, 0.0), 0.0, 1.0) - 1.0).abs() < 1e-12);
+        assert!((windy.drained(Vec2::new(-5.0, 0.0), 0.0, 1.0) - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn climbing_costs_and_sinking_gives_nothing_back() {
+        assert!((curve().drained(Vec2::ZERO, 2.0, 1.0) - 1.2).abs() < 1e-12);
+        assert!((curve().drained(Vec2::ZERO, -2.0, 1.0) - 1.0).abs() < 1e-12);
+    }
+}

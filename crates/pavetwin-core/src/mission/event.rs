@@ -1,0 +1,49 @@
+//! What the kernel stops for: the moments that need a decision from above.
+
+use crate::geometry::Vec2;
+use crate::sensing::Viewpoint;
+
+/// A defect whose centre is in the inspection window and of whose area enough is unoccluded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sighting {
+    pub defect: u32,
+    pub clear_share: f64,
+}
+
+/// One capture with something in it that is still wanted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Capture {
+    pub time_s: f64,
+    pub viewpoint: Viewpoint,
+    pub sightings: Vec<Sighting>,
+}
+
+/// A look that fell below the threshold, and the episode it belongs to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OcclusionReport {
+    pub time_s: f64,
+    /// o, in [0, threshold).
+    pub visibility: f64,
+    pub hidden_centroid: Option<Vec2>,
+    /// When visibility last fell below the threshold.
+    pub since_s: f64,
+    /// Waited since then.
+    pub waited_s: f64,
+    /// Displacements since then.
+    pub displacements: u32,
+    /// Flown since the last of them; infinite when there was none.
+    pub since_displacement_m: f64,
+}
+
+/// Something that needs deciding.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Event {
+    /// The command has been carried out.
+    Arrived,
+    Captured(Capture),
+    Occluded(OcclusionReport),
+    /// Going home now leaves just the reserve.
+    BatteryLow,
+    /// The next step lies past the end of the recording, which must be prolonged.
+    RecordingEnds,
+}

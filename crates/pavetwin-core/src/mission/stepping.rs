@@ -1,0 +1,131 @@
+//! The clock: one time step after the other, until something needs deciding.
+
+use super::event::Event;
+use super::flight::{Flight, FlightError, Mode, Task};
+use super::reaction::Reaction;
+use crate::navigation::Motion;
+
+/// How often the way home is weighed, seconds.
+const HOME_CHECK_S: f64 = 1.0;
+
+/// Turns and braking on the way home, seconds of flight.
+const HOME_MANOEUVRES_S: f64 = 15.0;
+
+impl Flight {
+    /// Runs to the next event.
+    ///
+    /// # Errors
+    /// When the battery runs empty.
+    pub fn advance(&mut self) -> Result<Event, FlightError> {
+        if self.tick == 0 {
+            self.log_if_due(None);
+        }
+        loop {
+            if let Some(event) = self.queue.pop_front() {
+                return Ok(event);
+            }
+            if matches!(self.reaction, Reaction::None) && self.task_done() {
+                self.inspection = None;
+                self.task = Task::Idle;
+                return Ok(Event::Arrived);
+            }
+            let next_s = (self.tick + 1) as f64 * self.settings.time_step_s;
+            if next_s > self.trace.duration_s() {
+                return Ok(Event::RecordingEnds);
+            }
+            self.step()?;
+        }
+    }
+
+    fn task_done(&self) -> bool {
+        match &self.task {
+            Task::Idle => true,
+            Task::Climb { to_m } => self.altitude_m == *to_m,
+            Task::Rail(follower) => follower.arrived(),
+            Task::Turn(turn) => turn.arrived(),
+            Task::Stay { until_tick } => self.tick >= *until_tick,
+        }
+    }
+
+    fn step(&mut self) -> Result<(), FlightError> {
+        let dt_s = self.settings.time_step_s;
+        let (position, altitude_m) = (self.position, self.altitude_m);
+        if !self.step_reaction(dt_s)? {
+            self.step_task(dt_s);
+        }
+        self.tick += 1;
+        let moved = self.position - position;
+        self.distance_m += moved.length();
+        self.home_bound_m += moved.length();
+        if !matches!(self.mode, Mode::Ground | Mode::Swap) {
+            let climb_mps = (self.altitude_m - altitude_m) / dt_s;
+            let drained = self.settings.drain.drained(moved * (1.0 / dt_s), climb_mps, dt_s);
+            self.energy_used += drained;
+            self.battery -= drained;
+            if self.battery <= 0.0 {
+                return Err(FlightError::BatteryEmpty { time_s: self.time_s() });
+            }
+        }
+        self.look_if_due()?;
+        self.weigh_way_home()
+    }
+
+    fn step_task(&mut self, dt_s: f64) {
+        match &mut self.task {
+            Task::Idle | Task::Stay { .. } => self.speed_mps = 0.0,
+            Task::Climb { to_m } => {
+                let most_m = self.settings.climb_speed_mps * dt_s;
+                self.altitude_m += (*to_m - self.altitude_m).clamp(-most_m, most_m);
+                self.speed_mps = 0.0;
+            }
+            Task::Turn(turn) => {
+                turn.step(dt_s);
+                self.yaw_rad = turn.yaw_rad();
+                self.speed_mps = 0.0;
+            }
+            Task::Rail(follower) => {
+                follower.resume();
+                follower.step(dt_s);
+                self.position = follower.position();
+                self.yaw_rad = follower.yaw_rad();
+                self.speed_mps = follower.speed_mps();
+            }
+        }
+    }
+
+    pub(super) fn take_pose(&mut self, motion: &impl Motion) {
+        self.position = motion.position();
+        self.yaw_rad = motion.yaw_rad();
+        self.speed_mps = motion.speed_mps();
+    }
+
+    /// Reports `BatteryLow` when flying home now would leave no more than the reserve. The distance home is bounded by
+    /// the last one measured and what was flown since, so that the mesh is searched only when that bound says so.
+    fn weigh_way_home(&mut self) -> Result<(), FlightError> {
+        let every = self.ticks(HOME_CHECK_S).max(1);
+        if self.heading_home || self.altitude_m == 0.0 || !self.tick.is_multiple_of(every) {
+            return Ok(());
+        }
+        if self.battery - self.cost_home(self.home_bound_m) > self.settings.reserve {
+            return Ok(());
+        }
+        let way = self.ground.mesh.path(self.position, self.base)?;
+        self.home_bound_m = way.windows(2).map(|leg| leg[0].distance(leg[1])).sum();
+        if self.battery - self.cost_home(self.home_bound_m) <= self.settings.reserve {
+            self.heading_home = true;
+            self.queue.push_back(Event::BatteryLow);
+        }
+        Ok(())
+    }
+
+    fn cost_home(&self, distance_m: f64) -> f64 {
+        let Self { settings, altitude_m, .. } = self;
+        settings.drain.home(
+            distance_m,
+            settings.transit.speed_mps,
+            *altitude_m,
+            settings.climb_speed_mps,
+            HOME_MANOEUVRES_S,
+        )
+    }
+}

@@ -1,0 +1,319 @@
+//! `Flight`, its events, and the moment that a policy may ask about.
+
+use crate::arrays::{points, to_array};
+use crate::ground::Ground;
+use crate::plain;
+use crate::trace::{Trace, pose_columns};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
+use pavetwin_core::geometry::Vec2;
+use pavetwin_core::mission::{self as core, DrainCurve, Event, Mode, Settings};
+use pavetwin_core::navigation::Limits;
+use pavetwin_core::sensing::{AcrossRule, Camera, WindowRule};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// The command has been carried out.
+#[pyclass(frozen, module = "pavetwin._core")]
+pub struct Arrived {}
+
+/// Going home now leaves just the reserve.
+#[pyclass(frozen, module = "pavetwin._core")]
+pub struct BatteryLow {}
+
+/// The next step lies past the end of the recording.
+#[pyclass(frozen, module = "pavetwin._core")]
+pub struct RecordingEnds {}
+
+/// A capture with something wanted in it.
+#[pyclass(frozen, get_all, module = "pavetwin._core")]
+pub struct Captured {
+    time_s: f64,
+    position: (f64, f64),
+    altitude_m: f64,
+    yaw_rad: f64,
+    /// (defect, unoccluded share)
+    sightings: Vec<(u32, f64)>,
+}
+
+/// A look that fell below the threshold.
+#[pyclass(frozen, get_all, module = "pavetwin._core")]
+pub struct Occluded {
+    time_s: f64,
+    visibility: f64,
+    hidden_place: Option<(f64, f64)>,
+    since_s: f64,
+    waited_s: f64,
+    displacements: u32,
+    since_displacement_m: f64,
+}
+
+fn event_object(py: Python<'_>, event: Event) -> PyResult<Py<PyAny>> {
+    let object = match event {
+        Event::Arrived => Py::new(py, Arrived {})?.into_any(),
+        Event::BatteryLow => Py::new(py, BatteryLow {})?.into_any(),
+        Event::RecordingEnds => Py::new(py, RecordingEnds {})?.into_any(),
+        Event::Captured(capture) => {
+            let viewpoint = capture.viewpoint;
+            let sightings = capture.sightings.iter().map(|sighting| (sighting.defect, sighting.clear_share)).collect();
+            let position = (viewpoint.position.x, viewpoint.position.y);
+            let (altitude_m, yaw_rad) = (viewpoint.altitude_m, viewpoint.yaw_rad);
+            Py::new(py, Captured { time_s: capture.time_s, position, altitude_m, yaw_rad, sightings })?.into_any()
+        }
+        Event::Occluded(report) => Py::new(
+            py,
+            Occluded {
+                time_s: report.time_s,
+                visibility: report.visibility,
+                hidden_place: report.hidden_centroid.map(|place| (place.x, place.y)),
+                since_s: report.since_s,
+                waited_s: report.waited_s,
+                displacements: report.displacements,
+                since_displacement_m: report.since_displacement_m,
+            },
+        )?
+        .into_any(),
+    };
+    Ok(object)
+}
+
+/// One moment of a mission, to be asked at any later time.
+#[pyclass(frozen, module = "pavetwin._core")]
+pub struct Moment(core::Moment);
+
+#[pymethods]
+impl Moment {
+    fn agents<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        pose_columns(py, &self.0.agents().map_err(plain)?)
+    }
+
+    fn predict<'py>(
+        &self,
+        py: Python<'py>,
+        displacements: PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        Ok(self.0.predict(&points(&displacements)?).map_err(plain)?.to_pyarray(py))
+    }
+}
+
+#[pyclass(module = "pavetwin._core")]
+pub struct Flight(core::Flight);
+
+#[pymethods]
+impl Flight {
+    #[new]
+    #[pyo3(signature = (ground, trace, *, base, altitude_m, time_step_s, radius_m, inspect_speed_mps, transit_speed_mps, acceleration_mps2, yaw_rate_rad_s, stopping_distance_m, climb_speed_mps, image_px, vertical_fov_rad, window_rows, window_columns, window_across_per_altitude, look_steps, capture_steps, threshold, min_clear_share, drain_per_s, drain_step_mps, drain_per_m_climbed, wind_mps, reserve))]
+    #[allow(clippy::too_many_arguments)] // the kernel's settings, each by name
+    fn new(
+        ground: &Ground,
+        trace: &Trace,
+        base: (f64, f64),
+        altitude_m: f64,
+        time_step_s: f64,
+        radius_m: f64,
+        inspect_speed_mps: f64,
+        transit_speed_mps: f64,
+        acceleration_mps2: f64,
+        yaw_rate_rad_s: f64,
+        stopping_distance_m: f64,
+        climb_speed_mps: f64,
+        image_px: (u32, u32),
+        vertical_fov_rad: f64,
+        window_rows: f64,
+        window_columns: Option<f64>,
+        window_across_per_altitude: Option<f64>,
+        look_steps: u32,
+        capture_steps: u32,
+        threshold: f64,
+        min_clear_share: f64,
+        drain_per_s: PyReadonlyArray1<'_, f64>,
+        drain_step_mps: f64,
+        drain_per_m_climbed: f64,
+        wind_mps: (f64, f64),
+        reserve: f64,
+    ) -> PyResult<Self> {
+        let across = match (window_columns, window_across_per_altitude) {
+            (Some(share), None) => AcrossRule::Columns(share),
+            (None, Some(factor)) => AcrossRule::PerAltitude(factor),
+            _ => return Err(plain("give exactly one of window_columns and window_across_per_altitude")),
+        };
+        let window = WindowRule { rows_share: window_rows, across };
+        let camera = Camera::new(image_px.0, image_px.1, vertical_fov_rad, window).map_err(plain)?;
+        let limits = |speed_mps| Limits { speed_mps, acceleration_mps2, yaw_rate_rad_s };
+        let settings = Settings {
+            time_step_s,
+            altitude_m,
+            radius_m,
+            inspect: limits(inspect_speed_mps),
+            transit: limits(transit_speed_mps),
+            stopping_distance_m,
+            climb_speed_mps,
+            camera,
+            look_steps,
+            capture_steps,
+            threshold,
+            min_clear_share,
+            drain: DrainCurve {
+                per_s: drain_per_s.as_slice()?.to_vec(),
+                step_mps: drain_step_mps,
+                per_m_climbed: drain_per_m_climbed,
+                wind: Vec2::new(wind_mps.0, wind_mps.1),
+            },
+            reserve,
+        };
+        let base = Vec2::new(base.0, base.1);
+        core::Flight::new(ground.0.clone(), trace.0.clone(), settings, base).map(Self).map_err(plain)
+    }
+
+    fn advance(&mut self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        py.check_signals()?;
+        let event = self.0.advance().map_err(plain)?;
+        event_object(py, event)
+    }
+
+    fn climb_to(&mut self, altitude_m: f64) {
+        self.0.climb_to(altitude_m);
+    }
+
+    #[pyo3(signature = (goal, *, revisit = false, stop_short = false))]
+    fn fly_to(&mut self, goal: (f64, f64), revisit: bool, stop_short: bool) -> PyResult<()> {
+        let mode = if revisit { Mode::Revisit } else { Mode::Transit };
+        self.0.fly_to(Vec2::new(goal.0, goal.1), mode, stop_short).map_err(plain)
+    }
+
+    fn fly_home(&mut self) -> PyResult<()> {
+        self.0.fly_home().map_err(plain)
+    }
+
+    fn turn_to(&mut self, yaw_rad: f64) {
+        self.0.turn_to(yaw_rad);
+    }
+
+    fn inspect(&mut self, segment: u32, line: PyReadonlyArray2<'_, f64>) -> PyResult<()> {
+        self.0.inspect(segment, &points(&line)?).map_err(plain)
+    }
+
+    fn revisit(&mut self, segment: u32, stay_s: f64) -> PyResult<()> {
+        self.0.revisit(segment, stay_s).map_err(plain)
+    }
+
+    fn swap_battery(&mut self, swap_s: f64) {
+        self.0.swap_battery(swap_s);
+    }
+
+    fn wait(&mut self, seconds: f64) {
+        self.0.wait(seconds);
+    }
+
+    fn displace(&mut self, east_m: f64, north_m: f64, stay_s: f64) {
+        self.0.displace(Vec2::new(east_m, north_m), stay_s);
+    }
+
+    fn prolong(&mut self, trace: &Trace) -> PyResult<()> {
+        self.0.prolong(trace.0.clone()).map_err(plain)
+    }
+
+    fn remaining<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        to_array(py, &self.0.remaining())
+    }
+
+    fn moment(&self) -> Option<Moment> {
+        self.0.moment().map(Moment)
+    }
+
+    fn set_wanted(&mut self, defect: u32, wanted: bool) {
+        self.0.set_wanted(defect, wanted);
+    }
+
+    fn surface_coverage(&self, segment: u32) -> f64 {
+        self.0.surface_coverage(segment)
+    }
+
+    fn swept<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+        self.0.swept().to_pyarray(py)
+    }
+
+    #[getter]
+    fn time_s(&self) -> f64 {
+        self.0.time_s()
+    }
+
+    #[getter]
+    fn position(&self) -> (f64, f64) {
+        let position = self.0.viewpoint().position;
+        (position.x, position.y)
+    }
+
+    #[getter]
+    fn altitude_m(&self) -> f64 {
+        self.0.viewpoint().altitude_m
+    }
+
+    #[getter]
+    fn yaw_rad(&self) -> f64 {
+        self.0.viewpoint().yaw_rad
+    }
+
+    #[getter]
+    fn speed_mps(&self) -> f64 {
+        self.0.speed_mps()
+    }
+
+    #[getter]
+    fn battery(&self) -> f64 {
+        self.0.battery()
+    }
+
+    #[getter]
+    fn mode(&self) -> u8 {
+        self.0.mode() as u8
+    }
+
+    #[getter]
+    fn energy_used(&self) -> f64 {
+        self.0.energy_used()
+    }
+
+    #[getter]
+    fn distance_m(&self) -> f64 {
+        self.0.distance_m()
+    }
+
+    #[getter]
+    fn waited_s(&self) -> f64 {
+        self.0.waited_s()
+    }
+
+    #[getter]
+    fn occlusions(&self) -> u32 {
+        self.0.occlusions()
+    }
+
+    fn track<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let track = self.0.track();
+        let columns = PyDict::new(py);
+        columns.set_item("t_s", track.time_s.to_pyarray(py))?;
+        columns.set_item("x_m", track.x_m.to_pyarray(py))?;
+        columns.set_item("y_m", track.y_m.to_pyarray(py))?;
+        columns.set_item("altitude_m", track.altitude_m.to_pyarray(py))?;
+        columns.set_item("yaw_rad", track.yaw_rad.to_pyarray(py))?;
+        columns.set_item("speed_mps", track.speed_mps.to_pyarray(py))?;
+        columns.set_item("battery", track.battery.to_pyarray(py))?;
+        columns.set_item("mode", track.mode.to_pyarray(py))?;
+        columns.set_item("segment", track.segment.to_pyarray(py))?;
+        columns.set_item("visibility", track.visibility.to_pyarray(py))?;
+        Ok(columns)
+    }
+
+    fn captures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let captures = self.0.captures();
+        let columns = PyDict::new(py);
+        columns.set_item("t_s", captures.time_s.to_pyarray(py))?;
+        columns.set_item("x_m", captures.x_m.to_pyarray(py))?;
+        columns.set_item("y_m", captures.y_m.to_pyarray(py))?;
+        columns.set_item("yaw_rad", captures.yaw_rad.to_pyarray(py))?;
+        columns.set_item("segment", captures.segment.to_pyarray(py))?;
+        columns.set_item("visibility", captures.visibility.to_pyarray(py))?;
+        columns.set_item("on_revisit", captures.on_revisit.to_pyarray(py))?;
+        Ok(columns)
+    }
+}

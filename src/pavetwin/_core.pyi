@@ -1,0 +1,263 @@
+"""The kernels, in Rust. World frame: east-north-up, metres; yaw counter-clockwise from east, radians; time in seconds.
+
+Every error that a user can mend is raised as `pavetwin.errors.PaveTwinError` with the kernel's own words.
+"""
+
+from typing import TypedDict
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Singles = npt.NDArray[np.float32]
+Indices = npt.NDArray[np.uint32]
+Flags = npt.NDArray[np.bool_]
+Point = tuple[float, float]
+
+__version__: str
+
+class PoseColumns(TypedDict):
+    """Agents at one time, one array of shape (n,) a column."""
+
+    agent: Indices
+    x_m: Floats
+    y_m: Floats
+    yaw_rad: Floats
+    east_mps: Floats
+    north_mps: Floats
+    length_m: Floats
+    width_m: Floats
+    height_m: Floats
+    is_pedestrian: Flags
+
+class TrackColumns(TypedDict):
+    """x_t over time, one array of shape (n,) a column."""
+
+    t_s: Floats
+    x_m: Floats
+    y_m: Floats
+    altitude_m: Floats
+    yaw_rad: Floats
+    speed_mps: Floats
+    battery: Floats
+    mode: npt.NDArray[np.uint8]
+    segment: npt.NDArray[np.int32]
+    visibility: Floats
+
+class CaptureColumns(TypedDict):
+    """Every capture, one array of shape (n,) a column."""
+
+    t_s: Floats
+    x_m: Floats
+    y_m: Floats
+    yaw_rad: Floats
+    segment: npt.NDArray[np.int32]
+    visibility: Floats
+    on_revisit: Flags
+
+class NavMesh:
+    """Where the UAV may fly at one altitude: convex polygons baked by Recast."""
+
+    @staticmethod
+    def bake(
+        vertices: Floats, triangles: Indices, *, cell_size_m: float = 0.25, agent_radius_m: float = 0.5
+    ) -> NavMesh:
+        """From a flight domain: vertices (n, 2), triangles (m, 3) of any winding."""
+
+    @staticmethod
+    def from_polygons(vertices: Floats, offsets: Indices, corners: Indices) -> NavMesh:
+        """From saved polygons: polygon i is vertices[corners[offsets[i]:offsets[i + 1]]]."""
+
+    def vertices(self) -> Floats:
+        """(n, 2)."""
+
+    def offsets(self) -> Indices:
+        """(polygons + 1,) into `corners`."""
+
+    def corners(self) -> Indices:
+        """Indices of vertices, polygon after polygon, counter-clockwise."""
+
+    def area_m2(self) -> float: ...
+    def contains(self, east_m: float, north_m: float) -> bool: ...
+    def nearest(self, east_m: float, north_m: float) -> Point:
+        """The closest point of the mesh."""
+
+    def component_of(self, east_m: float, north_m: float) -> int | None:
+        """The connected part that a point lies in; none outside the mesh."""
+
+    def path(self, start: Point, goal: Point) -> Floats:
+        """The shortest way (k, 2), both ends included."""
+
+class Trace:
+    """The recorded traffic, interpolated between its steps."""
+
+    def __init__(
+        self,
+        *,
+        step_s: float,
+        step_offsets: Indices,
+        agent: Indices,
+        x_m: Singles,
+        y_m: Singles,
+        yaw_rad: Singles,
+        speed_mps: Singles,
+        length_m: Singles,
+        width_m: Singles,
+        height_m: Singles,
+        base_m: Singles,
+        is_pedestrian: Flags,
+    ) -> None: ...
+    @property
+    def duration_s(self) -> float: ...
+    @property
+    def row_count(self) -> int: ...
+    def agents_at(self, time_s: float) -> PoseColumns: ...
+    def agents_near(self, east_m: float, north_m: float, radius_m: float, time_s: float) -> PoseColumns:
+        """Those whose body may reach into the disc."""
+
+class Ground:
+    """What stands still at one altitude. Ragged arrays are given as offsets (k + 1,) into their values."""
+
+    def __init__(
+        self,
+        mesh: NavMesh,
+        *,
+        cell_m: float,
+        surface_rings: list[list[Floats]],
+        solid_offsets: Indices,
+        solid_xy: Floats,
+        solid_z0: Floats,
+        solid_z1: Floats,
+        defect_centres: Floats,
+        defect_offsets: Indices,
+        defect_points: Floats,
+        defect_segments: Indices,
+    ) -> None: ...
+    def cell_count(self, segment: int) -> int: ...
+
+class Arrived:
+    """The command has been carried out."""
+
+class BatteryLow:
+    """Going home now leaves just the reserve."""
+
+class RecordingEnds:
+    """The next step lies past the end of the recording."""
+
+class Captured:
+    """A capture with a wanted defect in it: centre in the inspection window, enough of its area unoccluded."""
+
+    @property
+    def time_s(self) -> float: ...
+    @property
+    def position(self) -> Point: ...
+    @property
+    def altitude_m(self) -> float: ...
+    @property
+    def yaw_rad(self) -> float: ...
+    @property
+    def sightings(self) -> list[tuple[int, float]]:
+        """(defect, unoccluded share)."""
+
+class Occluded:
+    """A look below τ_o, and the episode of occlusion that it belongs to."""
+
+    @property
+    def time_s(self) -> float: ...
+    @property
+    def visibility(self) -> float: ...
+    @property
+    def hidden_place(self) -> Point | None: ...
+    @property
+    def since_s(self) -> float: ...
+    @property
+    def waited_s(self) -> float: ...
+    @property
+    def displacements(self) -> int: ...
+    @property
+    def since_displacement_m(self) -> float: ...
+
+class Moment:
+    """One moment of a mission; immutable."""
+
+    def agents(self) -> PoseColumns: ...
+    def predict(self, displacements: Floats) -> Floats:
+        """(n, 2) displacements to (n,) predicted visible shares of the cells now hidden; −1 outside the mesh."""
+
+class Flight:
+    """One UAV: takes commands, and runs to the next event."""
+
+    def __init__(
+        self,
+        ground: Ground,
+        trace: Trace,
+        *,
+        base: Point,
+        altitude_m: float,
+        time_step_s: float,
+        radius_m: float,
+        inspect_speed_mps: float,
+        transit_speed_mps: float,
+        acceleration_mps2: float,
+        yaw_rate_rad_s: float,
+        stopping_distance_m: float,
+        climb_speed_mps: float,
+        image_px: tuple[int, int],
+        vertical_fov_rad: float,
+        window_rows: float,
+        window_columns: float | None,
+        window_across_per_altitude: float | None,
+        look_steps: int,
+        capture_steps: int,
+        threshold: float,
+        min_clear_share: float,
+        drain_per_s: Floats,
+        drain_step_mps: float,
+        drain_per_m_climbed: float,
+        wind_mps: Point,
+        reserve: float,
+    ) -> None: ...
+    def advance(self) -> Arrived | Captured | Occluded | BatteryLow | RecordingEnds: ...
+    def climb_to(self, altitude_m: float) -> None: ...
+    def fly_to(self, goal: Point, *, revisit: bool = False, stop_short: bool = False) -> None: ...
+    def fly_home(self) -> None: ...
+    def turn_to(self, yaw_rad: float) -> None: ...
+    def inspect(self, segment: int, line: Floats) -> None: ...
+    def revisit(self, segment: int, stay_s: float) -> None: ...
+    def swap_battery(self, swap_s: float) -> None: ...
+    def wait(self, seconds: float) -> None: ...
+    def displace(self, east_m: float, north_m: float, stay_s: float) -> None: ...
+    def prolong(self, trace: Trace) -> None: ...
+    def remaining(self) -> Floats:
+        """(k, 2), what is left of the line under inspection."""
+
+    def moment(self) -> Moment | None: ...
+    def set_wanted(self, defect: int, wanted: bool) -> None: ...
+    def surface_coverage(self, segment: int) -> float: ...
+    def swept(self) -> Flags: ...
+    def track(self) -> TrackColumns: ...
+    def captures(self) -> CaptureColumns: ...
+    @property
+    def time_s(self) -> float: ...
+    @property
+    def position(self) -> Point: ...
+    @property
+    def altitude_m(self) -> float: ...
+    @property
+    def yaw_rad(self) -> float: ...
+    @property
+    def speed_mps(self) -> float: ...
+    @property
+    def battery(self) -> float: ...
+    @property
+    def mode(self) -> int: ...
+    @property
+    def energy_used(self) -> float:
+        """In batteries, over all swaps."""
+
+    @property
+    def distance_m(self) -> float: ...
+    @property
+    def waited_s(self) -> float: ...
+    @property
+    def occlusions(self) -> int: ...

@@ -1,0 +1,140 @@
+"""Flying a mission from take-off to landing, and what it leaves behind."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pavetwin._core import BatteryLow, Captured, Occluded
+from pavetwin.config import MissionSettings
+from pavetwin.mission.ground import Stage
+from pavetwin.mission.ledger import SegmentRow
+from pavetwin.mission.mission import Mission, Traffic
+from pavetwin.policies import Policy, load_policy
+from pavetwin.sensing import load_sensor
+from pavetwin.twin import InspectionMemory
+
+if TYPE_CHECKING:
+    from pavetwin._core import CaptureColumns, TrackColumns
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A defect that was confirmed, and the capture that did."""
+
+    defect: int
+    time_s: float
+    on_revisit: bool
+    attempt: int
+    """1 for the first."""
+    unoccluded_share: float
+    position: tuple[float, float]
+    """Of the UAV."""
+    yaw_rad: float
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a policy did something other than going on."""
+
+    time_s: float
+    position: tuple[float, float]
+    action: str
+
+
+@dataclass(frozen=True)
+class Flown:
+    """A mission that was flown to its end."""
+
+    stage: Stage
+    settings: MissionSettings
+    policy: str
+    sensor: str
+    seed: int
+    traffic: str
+    """Name of the recording, such as `high-1`."""
+    rows: tuple[SegmentRow, ...]
+    findings: tuple[Finding, ...]
+    actions: tuple[Place, ...]
+    memory: InspectionMemory
+    track: "TrackColumns"
+    captures: "CaptureColumns"
+    duration_s: float
+    energy: float
+    distance_m: float
+    swaps: int
+
+
+def fly(
+    stage: Stage,
+    traffic: Traffic,
+    settings: MissionSettings,
+    targets: Sequence[int],
+    policy: str | Policy = "hover",
+    *,
+    seed: int = 0,
+    traffic_name: str = "",
+    on_progress: Callable[[float], None] | None = None,
+) -> Flown:
+    """Fly one mission.
+
+    Args:
+        targets: indices of the segments to inspect, in order; see `choose_targets`.
+        policy: a registered name, `path/to/file.py:ClassName`, or a policy.
+        seed: names the sensor's luck.
+
+    Raises:
+        PaveTwinError: the policy or the sensor is not known, or the mission cannot be flown.
+    """
+    decides = load_policy(policy, settings.policy) if isinstance(policy, str) else policy
+    sensor = load_sensor(settings.sensing, seed)
+    mission = Mission(
+        stage, traffic, settings, targets, policy=decides.name, on_progress=on_progress or (lambda _: None)
+    )
+    findings: list[Finding] = []
+    actions: list[Place] = []
+    for event in mission:
+        match event:
+            case Captured():
+                frame = mission.frame(event)
+                confirmed = sensor.detect(frame)
+                mission.confirm(confirmed)
+                sightings = {sighting.defect: sighting for sighting in frame.sightings}
+                findings += [
+                    Finding(
+                        defect,
+                        frame.time_s,
+                        mission.memory.confirmed[defect].on_revisit,
+                        sightings[defect].attempt + 1,
+                        sightings[defect].unoccluded_share,
+                        frame.position,
+                        frame.yaw_rad,
+                    )
+                    for defect in confirmed
+                ]
+            case Occluded():
+                action = decides.decide(mission.snapshot(event))
+                mission.act(action)
+                name = type(action).__name__.lower()
+                if name != "goon":
+                    actions.append(Place(event.time_s, mission.flight.position, name))
+            case BatteryLow():
+                actions.append(Place(mission.flight.time_s, mission.flight.position, "battery"))
+    flight = mission.flight
+    return Flown(
+        stage=stage,
+        settings=settings,
+        policy=decides.name,
+        sensor=sensor.name,
+        seed=seed,
+        traffic=traffic_name,
+        rows=tuple(mission.rows),
+        findings=tuple(findings),
+        actions=tuple(actions),
+        memory=mission.memory,
+        track=flight.track(),
+        captures=flight.captures(),
+        duration_s=flight.time_s,
+        energy=flight.energy_used,
+        distance_m=flight.distance_m,
+        swaps=mission.swaps,
+    )

@@ -1,0 +1,278 @@
+"""The mission: a plan flown segment by segment, as a stream of events that policies and sensors answer."""
+
+from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass, field
+from math import atan2
+from typing import Protocol
+
+import numpy as np
+
+from pavetwin._core import Arrived, BatteryLow, Captured, Flight, Occluded, RecordingEnds, Trace
+from pavetwin.config import MissionSettings
+from pavetwin.errors import PaveTwinError
+from pavetwin.mission.ground import Stage, new_flight, window_m
+from pavetwin.mission.ledger import Ledger, SegmentRow
+from pavetwin.mission.moment import KernelMoment
+from pavetwin.navigation.patterns import Pass, from_nearest_end, passes
+from pavetwin.policies import Action, Displace, GoOn, Revisit, Wait
+from pavetwin.sensing import Frame, Sighting
+from pavetwin.twin import (
+    Confirmation,
+    Episode,
+    InspectionMemory,
+    Mode,
+    Note,
+    Occlusion,
+    Place,
+    SegmentStatus,
+    Snapshot,
+    UavState,
+)
+
+Event = Captured | Occluded | BatteryLow
+"""What a mission stops for and shows to those who fly it."""
+
+MODES = tuple(Mode)
+
+
+class Traffic(Protocol):
+    """The recorded traffic, which can be prolonged."""
+
+    def trace(self) -> Trace: ...
+
+    def prolong(self, needed_s: float) -> Trace:
+        """A recording that begins with the present one and reaches beyond `needed_s`."""
+        ...
+
+
+@dataclass
+class Mission:
+    """One UAV, one plan, one policy's name. Iterate over it, and answer every event:
+
+    ```python
+    for event in mission:
+        match event:
+            case Captured(): mission.confirm(sensor.detect(mission.frame(event)))
+            case Occluded(): mission.act(policy.decide(mission.snapshot(event)))
+    ```
+
+    An event that is not answered is as if answered by doing nothing.
+    """
+
+    stage: Stage
+    traffic: Traffic
+    settings: MissionSettings
+    targets: Sequence[int]
+    """Indices of the segments to inspect, in order."""
+    policy: str = ""
+    on_progress: Callable[[float], None] = lambda _: None
+    memory: InspectionMemory = field(default_factory=InspectionMemory)
+    rows: list[SegmentRow] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.flight: Flight = new_flight(self.stage, self.traffic.trace(), self.settings)
+        self.window_across_m, self.window_along_m = window_m(self.settings)
+        self.swaps = 0
+        self._ledger = Ledger(self.stage)
+        self._attempts: dict[int, int] = {}
+        self._tried: set[int] = set()
+        self._left: Pass = np.empty((0, 2))
+        self._segment: int | None = None
+        self._on_revisit = False
+        self._swapped_at_m = -1.0
+
+    # What those who fly it may ask and say.
+
+    def snapshot(self, event: Occluded | None = None) -> Snapshot:
+        """D_t now; with an occlusion event, what the camera sees is in it too."""
+        occlusion = None
+        if event is not None:
+            episode = Episode(event.since_s, event.waited_s, event.displacements, event.since_displacement_m)
+            occlusion = Occlusion(event.visibility, event.hidden_place, episode)
+        if self._segment is not None:
+            self._update_coverage(self._segment)
+        segments = self.stage.world.segments
+        return Snapshot(
+            time_s=self.flight.time_s,
+            segments=segments,
+            uav=self.state(),
+            memory=self.memory,
+            policy=self.policy,
+            segment=None if self._segment is None else segments[self._segment],
+            occlusion=occlusion,
+            window_along_m=self.window_along_m,
+            moment=KernelMoment(self.flight.moment(), self.flight.time_s, self.traffic),
+        )
+
+    def state(self) -> UavState:
+        """x_t."""
+        flight = self.flight
+        return UavState(
+            position=flight.position,
+            altitude_m=flight.altitude_m,
+            speed_mps=flight.speed_mps,
+            battery=flight.battery,
+            yaw_rad=flight.yaw_rad,
+            mode=MODES[flight.mode],
+        )
+
+    def act(self, action: Action) -> None:
+        """Do what a policy decided."""
+        match action:
+            case GoOn():
+                pass
+            case Wait(seconds):
+                self.flight.wait(seconds)
+            case Displace(east_m, north_m, stay_s):
+                self.flight.displace(east_m, north_m, stay_s)
+            case Revisit(place, stay_s):
+                self.memory = self.memory.note(Note(place, self.flight.time_s, stay_s))
+            case _:
+                raise PaveTwinError(
+                    f"The policy '{self.policy}' answered {action!r}; it must be GoOn, Wait, Displace or Revisit."
+                )
+
+    def frame(self, event: Captured) -> Frame:
+        """The capture as a sensor sees it; each sighting in it is an attempt."""
+        sightings = []
+        for defect, share in event.sightings:
+            attempt = self._attempts.get(defect, 0)
+            self._attempts[defect] = attempt + 1
+            sightings.append(Sighting(defect, share, attempt))
+            if self.settings.sensing.attempts == "first_capture":
+                self.flight.set_wanted(defect, False)
+                self._tried.add(defect)
+        return Frame(event.time_s, event.position, event.altitude_m, event.yaw_rad, tuple(sightings))
+
+    def confirm(self, defects: Sequence[int]) -> None:
+        """Note defects as confirmed, now and from here."""
+        for defect in defects:
+            self.memory = self.memory.confirm(defect, Confirmation(self.flight.time_s, self._on_revisit))
+            self.flight.set_wanted(defect, False)
+
+    # The plan.
+
+    def __iter__(self) -> Iterator[Event]:
+        yield from self._take_off()
+        for done, target in enumerate(self.targets):
+            yield from self._inspect_segment(target, done)
+            self.on_progress((done + 1) / len(self.targets))
+        yield from self._go_home()
+
+    def _inspect_segment(self, target: int, done: int) -> Iterator[Event]:
+        segment = self.stage.world.segments[target]
+        self._segment = target
+        revisits = 0
+        plan = from_nearest_end(passes(segment, self.window_across_m, self.settings.pattern), self.flight.position)
+        for number, line in enumerate(plan):
+            yield from self._fly_pass(target, line)
+            self.on_progress((done + (number + 1) / (len(plan) + 1)) / len(self.targets))
+            revisits += len(self.memory.notes)
+            yield from self._revisit_notes(target, line)
+        self._update_coverage(target)
+        self._segment = None
+        inspected = self.memory.status_of(segment.id) is SegmentStatus.INSPECTED
+        self.rows.append(
+            self._ledger.close(
+                len(self.rows), target, self.flight, self.memory, revisits, inspected=inspected, swaps=self.swaps
+            )
+        )
+
+    def _fly_pass(self, target: int, line: Pass) -> Iterator[Event]:
+        commands = (
+            lambda: self.flight.fly_to(_place(line[0])),
+            lambda: self.flight.turn_to(_yaw(line)),
+            lambda: self.flight.inspect(target, line),
+        )
+        for command in commands:
+            if not (yield from self._carry_out(command)):
+                yield from self._fly_pass(target, self._left if len(self._left) > 1 else line)
+                return
+
+    def _revisit_notes(self, target: int, line: Pass) -> Iterator[Event]:
+        """Visit the places noted on this pass, in path order, each with a new attempt at what was tried before."""
+        notes = sorted(self.memory.notes, key=lambda note: _along(line, note.place))
+        self.memory = self.memory.forget_notes()
+        for note in notes:
+            again = self._tried - set(self.memory.confirmed)
+            for defect in again:
+                self.flight.set_wanted(defect, True)
+            self._on_revisit = True
+            yield from self._visit(target, note)
+            self._on_revisit = False
+            for defect in again:
+                self.flight.set_wanted(defect, False)
+
+    def _visit(self, target: int, note: Note) -> Iterator[Event]:
+        commands = (
+            lambda: self.flight.fly_to(note.place, revisit=True, stop_short=True),
+            lambda: self.flight.revisit(target, note.stay_s),
+        )
+        for command in commands:
+            if not (yield from self._carry_out(command)):
+                yield from self._visit(target, note)
+                return
+
+    def _carry_out(self, command: Callable[[], None]) -> Generator[Event, None, bool]:
+        """Fly until the command is carried out; false when a battery was swapped instead, and the UAV is over its base.
+
+        What was then left of the line under inspection is in `_left`. The recording is prolonged on the way.
+        """
+        command()
+        while True:
+            match event := self.flight.advance():
+                case Arrived():
+                    return True
+                case RecordingEnds():
+                    self.flight.prolong(self.traffic.prolong(self.flight.time_s))
+                case BatteryLow():
+                    self._left = self.flight.remaining()
+                    yield event
+                    yield from self._swap_battery()
+                    return False
+                case _:
+                    yield event
+
+    def _swap_battery(self) -> Iterator[Event]:
+        if self.flight.distance_m - self._swapped_at_m < 1.0:
+            raise PaveTwinError(
+                "One battery is too small to get anywhere and back; lower energy.reserve or raise the capacity."
+            )
+        yield from self._go_home()
+        yield from self._carry_out(lambda: self.flight.swap_battery(self.settings.energy.swap_s))
+        self.swaps += 1
+        self._swapped_at_m = self.flight.distance_m
+        yield from self._take_off()
+
+    def _take_off(self) -> Iterator[Event]:
+        yield from self._carry_out(lambda: self.flight.climb_to(self.settings.altitude_m))
+
+    def _go_home(self) -> Iterator[Event]:
+        yield from self._carry_out(self.flight.fly_home)
+        yield from self._carry_out(lambda: self.flight.climb_to(0.0))
+
+    def _update_coverage(self, target: int) -> None:
+        coverage = self.flight.surface_coverage(target)
+        name = self.stage.world.segments[target].id
+        self.memory = self.memory.cover(name, coverage, self.settings.visibility.inspected_share)
+
+
+def _place(point: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Place:
+    return float(point[0]), float(point[1])
+
+
+def _yaw(line: Pass) -> float:
+    """The direction in which a line sets off."""
+    steps = np.diff(line, axis=0)
+    first = steps[np.flatnonzero(np.hypot(*steps.T) > 1e-6)[0]]
+    return atan2(float(first[1]), float(first[0]))
+
+
+def _along(line: Pass, place: Place) -> float:
+    """How far along a line the nearest point to a place lies, in metres."""
+    start, step = line[:-1], np.diff(line, axis=0)
+    length = np.hypot(*step.T)
+    share = np.clip(np.sum((place - start) * step, axis=1) / np.maximum(length**2, 1e-12), 0, 1)
+    gap = np.hypot(*(start + share[:, None] * step - place).T)
+    leg = int(np.argmin(gap))
+    return float(length[:leg].sum() + share[leg] * length[leg])

@@ -1,0 +1,47 @@
+"""The kernel's view of one moment, behind the protocol that snapshots know."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from pavetwin._core import Moment as CoreMoment
+from pavetwin.twin import Agent, AgentClass
+
+if TYPE_CHECKING:
+    from pavetwin._core import PoseColumns
+    from pavetwin.mission.mission import Traffic
+
+
+class KernelMoment:
+    """Asks the kernel for what a snapshot does not hold ready. Immutable, like all it refers to."""
+
+    def __init__(self, core: CoreMoment | None, time_s: float, traffic: "Traffic") -> None:
+        self._core = core
+        self._time_s = time_s
+        self._trace = traffic.trace()
+
+    def agents(self) -> tuple[Agent, ...]:
+        return agents_of(self._trace.agents_at(self._time_s))
+
+    def predict(self, displacements: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        if self._core is None:  # nothing is under inspection, so nothing is hidden
+            return np.zeros(len(displacements))
+        return self._core.predict(displacements)
+
+
+def agents_of(columns: "PoseColumns") -> tuple[Agent, ...]:
+    """Agents as values, from one array a column."""
+    return tuple(
+        Agent(
+            id=int(columns["agent"][row]),
+            kind=AgentClass.PEDESTRIAN if columns["is_pedestrian"][row] else AgentClass.VEHICLE,
+            position=(float(columns["x_m"][row]), float(columns["y_m"][row])),
+            velocity_mps=(float(columns["east_mps"][row]), float(columns["north_mps"][row])),
+            yaw_rad=float(columns["yaw_rad"][row]),
+            length_m=float(columns["length_m"][row]),
+            width_m=float(columns["width_m"][row]),
+            height_m=float(columns["height_m"][row]),
+        )
+        for row in range(len(columns["agent"]))
+    )

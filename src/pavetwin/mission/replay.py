@@ -1,0 +1,86 @@
+"""The recorded traffic as a mission replays it: prolonged when the mission outlasts it, never wrapped."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from pavetwin._core import Trace
+from pavetwin.traffic.demand import Density
+from pavetwin.traffic.record import prolong, record
+from pavetwin.traffic.recording import Recording
+from pavetwin.world.model import World
+
+FIRST_DURATION_S = 1200.0
+"""Recorded before the first flight; a mission of some ten segments fits."""
+
+GROWTH = 2.0
+"""A recording that proves too short is made this much longer."""
+
+
+def to_trace(recording: Recording) -> Trace:
+    """A recording in the kernel's hands. Everything in it stands on the ground."""
+    columns = recording.columns()
+    return Trace(
+        step_s=columns["step_s"],
+        step_offsets=columns["step_offsets"],
+        agent=columns["agent"],
+        x_m=columns["x"],
+        y_m=columns["y"],
+        yaw_rad=columns["yaw_rad"],
+        speed_mps=columns["speed_mps"],
+        length_m=columns["length_m"],
+        width_m=columns["width_m"],
+        height_m=columns["height_m"],
+        base_m=np.zeros_like(columns["height_m"]),
+        is_pedestrian=columns["is_pedestrian"],
+    )
+
+
+@dataclass
+class Replay:
+    """One recording, shared by all missions that are to be compared."""
+
+    world: World
+    recording: Recording
+    routes: Sequence[Path] = ()
+    on_prolong: Callable[[float], None] = lambda _: None
+    """Told the share done of a prolongation."""
+    _trace: Trace | None = field(default=None, init=False, repr=False)
+
+    def trace(self) -> Trace:
+        if self._trace is None:
+            self._trace = to_trace(self.recording)
+        return self._trace
+
+    def prolong(self, needed_s: float) -> Trace:
+        """A trace that begins with the present one and lasts beyond `needed_s`.
+
+        Raises:
+            PaveTwinError: the traffic cannot be recorded again with the same beginning.
+        """
+        if self.recording.duration_s <= needed_s + self.recording.step_s:
+            longer_s = max(self.recording.duration_s, needed_s) * GROWTH
+            self.recording = prolong(
+                self.recording, self.world, longer_s, routes=self.routes, on_progress=self.on_prolong
+            )
+            self._trace = None
+        return self.trace()
+
+
+def replay_of(
+    world: World,
+    density: Density | str | None,
+    seed: int,
+    *,
+    routes: Sequence[Path] = (),
+    on_progress: Callable[[float], None] | None = None,
+) -> Replay:
+    """The traffic of a world at a density, recorded by SUMO now if it was not before.
+
+    Raises:
+        PaveTwinError: as `pavetwin.traffic.record.record`.
+    """
+    recording = record(world, density, seed, FIRST_DURATION_S, routes=routes, on_progress=on_progress)
+    return Replay(world, recording, routes)

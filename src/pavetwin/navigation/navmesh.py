@@ -1,0 +1,83 @@
+"""The baked NavMesh of a world at an altitude, kept beside the world and baked once."""
+
+import zipfile
+from hashlib import sha256
+from pathlib import Path
+
+import geopandas
+import numpy as np
+import shapely
+
+from pavetwin._core import NavMesh
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import writing
+from pavetwin.navigation.domain import CORRIDOR_MARGIN_M, VERTICAL_CLEARANCE_M, flight_domain
+from pavetwin.world.model import World
+from pavetwin.world.solids import Solids
+
+VOXEL_M = 0.25
+
+_FORMAT = 1
+
+
+def navmesh(world: World, altitude_m: float, agent_radius_m: float, standing: Solids | None = None) -> NavMesh:
+    """The NavMesh at an altitude, baked by Recast, or read from where it was kept.
+
+    Raises:
+        PaveTwinError: nothing is left to fly in at this altitude.
+    """
+    kept = _kept(world, altitude_m, agent_radius_m)
+    if kept is not None and kept.is_file():
+        mesh = _load(kept)
+        if mesh is not None:
+            return mesh
+    vertices, triangles = flight_domain(world, altitude_m, standing).triangles()
+    mesh = NavMesh.bake(vertices, triangles, cell_size_m=VOXEL_M, agent_radius_m=agent_radius_m)
+    if kept is not None:
+        _save(mesh, kept)
+    return mesh
+
+
+def polygons(mesh: NavMesh) -> list[shapely.Polygon]:
+    """The convex polygons of a mesh, in the world frame."""
+    vertices, corners, offsets = mesh.vertices(), mesh.corners(), mesh.offsets()
+    return [shapely.Polygon(vertices[corners[a:b]]) for a, b in zip(offsets[:-1], offsets[1:], strict=True)]
+
+
+def save_geopackage(mesh: NavMesh, world: World, path: Path) -> None:
+    """The polygons as one GeoPackage layer that opens in QGIS in its place.
+
+    Raises:
+        PaveTwinError: it cannot be written.
+    """
+    shapes = [shapely.transform(polygon, world.georeference.to_projected) for polygon in polygons(mesh)]
+    frame = geopandas.GeoDataFrame({"polygon": range(len(shapes))}, geometry=shapes, crs=world.georeference.epsg)
+    with writing(path) as temporary:
+        temporary.unlink()
+        frame.to_file(temporary, layer="navmesh", driver="GPKG", engine="pyogrio")
+
+
+def _kept(world: World, altitude_m: float, agent_radius_m: float) -> Path | None:
+    if world.folder is None or not world.content_hash:
+        return None
+    inputs = (_FORMAT, world.content_hash, altitude_m, agent_radius_m, VOXEL_M, CORRIDOR_MARGIN_M, VERTICAL_CLEARANCE_M)
+    name = sha256(repr(inputs).encode()).hexdigest()[:12]
+    return world.folder / "navmesh" / f"{altitude_m:g}m-{name}.npz"
+
+
+def _save(mesh: NavMesh, path: Path) -> None:
+    try:
+        with writing(path) as temporary:
+            np.savez_compressed(
+                temporary, vertices=mesh.vertices(), offsets=mesh.offsets(), corners=mesh.corners(), allow_pickle=False
+            )
+    except PaveTwinError:
+        return  # a world on a read-only disk can still be flown over; the mesh is baked each time
+
+
+def _load(path: Path) -> NavMesh | None:
+    try:
+        with np.load(path, allow_pickle=False) as kept:
+            return NavMesh.from_polygons(kept["vertices"], kept["offsets"], kept["corners"])
+    except (OSError, KeyError, ValueError, zipfile.BadZipFile, PaveTwinError):
+        return None  # damaged: baked anew
