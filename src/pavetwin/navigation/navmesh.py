@@ -1,5 +1,6 @@
 """The baked NavMesh of a world at an altitude, kept beside the world and baked once."""
 
+import itertools
 import zipfile
 from hashlib import sha256
 from pathlib import Path
@@ -41,7 +42,7 @@ def navmesh(world: World, altitude_m: float, agent_radius_m: float, standing: So
 def polygons(mesh: NavMesh) -> list[shapely.Polygon]:
     """The convex polygons of a mesh, in the world frame."""
     vertices, corners, offsets = mesh.vertices(), mesh.corners(), mesh.offsets()
-    return [shapely.Polygon(vertices[corners[a:b]]) for a, b in zip(offsets[:-1], offsets[1:], strict=True)]
+    return [shapely.Polygon(vertices[corners[a:b]]) for a, b in itertools.pairwise(offsets)]
 
 
 def save_geopackage(mesh: NavMesh, world: World, path: Path) -> None:

@@ -1,0 +1,50 @@
+"""Our demo town: a bent main street, side streets of different widths, signals, a park, houses along the streets.
+
+`plan_town` draws the streets, `plan_roads` gives them lanes and names, `place_buildings` lines them with houses. Here
+all are moved into the world frame, the whole town to the north-east of the origin.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from shapely import Polygon
+from shapely.affinity import translate
+
+from pavetwin.world.model import Building
+from pavetwin.world.street_graph import Coordinate
+from pavetwin.world.town_buildings import largest, place_buildings, surfaces
+from pavetwin.world.town_edge import RADIUS
+from pavetwin.world.town_plan import plan_town
+from pavetwin.world.town_roads import RoadPlan, plan_roads, write_plain
+
+SHIFT: Coordinate = (RADIUS + 10.0, RADIUS + 10.0)
+"""From the plan's frame, whose origin is the main crossing, to the world frame [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Town:
+    """A town ready for netconvert; `parks` and `buildings` are in the world frame, `roads` in the plan's."""
+
+    roads: RoadPlan
+    parks: tuple[Polygon, ...]
+    buildings: tuple[Building, ...]
+
+    def write(self, folder: Path) -> tuple[Path, Path]:
+        """SUMO's plain XML: the files of nodes and of edges, in the world frame."""
+        return write_plain(self.roads, folder, SHIFT)
+
+
+def build_town(seed: int) -> Town:
+    """The town of a seed; needs no SUMO."""
+    plan = plan_town(seed)
+    roads = plan_roads(plan, seed)
+    park = largest(plan.park.difference(surfaces(roads)).buffer(-3).buffer(3, join_style="mitre"))
+    placed = place_buildings(plan, roads, park, seed)
+    buildings = tuple(replace(house, polygon=_moved(house.polygon)) for house in placed)
+    return Town(roads, (_moved(park),), buildings)
+
+
+def _moved(polygon: Polygon) -> Polygon:
+    """A polygon in the world frame, to the centimetre."""
+    shifted = translate(polygon, *SHIFT)
+    return Polygon([(round(x, 2), round(y, 2)) for x, y in shifted.exterior.coords])

@@ -1,0 +1,297 @@
+"""Houses for the invented town: closed rows around the blocks of the centre, terraces and single houses further out.
+
+Everything stands behind the sidewalks with a front garden or none, faces its street, and overlaps nothing. Heights are
+storeys of about 3 m and a roof: 9 to 15 m in the centre, 6 to 9 m elsewhere, a church with a steeple by a small square.
+Coordinates are metres in the plan's frame (the main crossing at the origin).
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import shapely
+from shapely import LineString, Point, Polygon, unary_union
+from shapely.geometry.base import BaseGeometry
+from shapely.geometry.polygon import orient
+
+from pavetwin.seeds import Stream, child
+from pavetwin.world.model import Building, Surface
+from pavetwin.world.street_graph import Vector, turned, unit
+from pavetwin.world.streets import polygons_of, surface_of
+from pavetwin.world.town_plan import TownPlan
+from pavetwin.world.town_roads import Rank, RoadPlan
+
+CENTRE_RADIUS = 145.0
+"""Blocks whose middle is nearer to the crossing are built up in closed rows [m]."""
+EDGE_RADIUS = 262.0
+"""Beyond this only a farm stands here and there [m]."""
+LEAST_AREA = 28.0
+"""Smaller left-overs are not built [m²]."""
+FORECOURT_WIDTH, FORECOURT_DEPTH = 44.0, 50.0
+"""The plot of the church with its square [m]."""
+
+
+def surfaces(plan: RoadPlan) -> Surface:
+    """Everything between the backs of the sidewalks, junction corners rounded as SUMO rounds them."""
+    parts = [road.centre_line.buffer(road.half_width_m, quad_segs=4) for road in plan.roads]
+    for node, at in plan.nodes.items():
+        arms = [road.half_width_m for road in plan.roads if node in (road.start, road.end)]
+        parts.append(Point(at).buffer(max(arms) + (1.5 if len(arms) > 2 else 0.0), quad_segs=6))
+    return union(parts).buffer(7.5, quad_segs=6).buffer(-7.0, quad_segs=6)
+
+
+@dataclass(slots=True)
+class _Site:
+    """What is built so far, and where nothing may be built."""
+
+    forbidden: Surface
+    rng: np.random.Generator
+    polygons: list[Polygon] = field(default_factory=list)
+    heights: list[float] = field(default_factory=list)
+
+    def build(self, polygon: Polygon, height_m: float, *, gap_m: float = 0.0) -> bool:
+        """Build unless something stands within the gap (measured along all sides)."""
+        if not polygon.is_valid or polygon.area < LEAST_AREA or polygon.intersects(self.forbidden):
+            return False
+        wanted = polygon.buffer(gap_m, join_style="mitre") if gap_m else polygon.buffer(-0.02)
+        if self.polygons and shapely.intersects(np.array(self.polygons), wanted).any():
+            return False
+        self.polygons.append(polygon)
+        self.heights.append(round(height_m, 1))
+        return True
+
+
+def place_buildings(plan: TownPlan, roads: RoadPlan, park: Polygon, seed: int) -> list[Building]:
+    """The buildings of a town, in the plan's frame."""
+    rng = child(seed, Stream.WORLD, 2_000)
+    paved = surfaces(roads)
+    site = _Site(union([paved, park.buffer(3)]), rng)
+    blocks = _blocks(plan, paved, park)
+    deep = [block for block in blocks if block.buffer(-16).area > 60]
+    central = [block for block in deep if block.centroid.distance(Point(0, 0)) < CENTRE_RADIUS]
+    square = _church(site, central)
+    for block in deep:
+        if block in central or block.distance(Point(0, 0)) < 40:
+            _closed_rows(site, block, square, math.inf if block in central else CENTRE_RADIUS)
+    side_streets = unary_union([road.centre_line for road in roads.roads if road.rank not in (Rank.MAIN, Rank.THROUGH)])
+    _line_streets(site, paved, union([*central, square]).buffer(1), side_streets.buffer(22))
+    for block in blocks:
+        _depths(site, block, square)
+    return [
+        Building(f"b{number}", polygon, height)
+        for number, (polygon, height) in enumerate(zip(site.polygons, site.heights, strict=True))
+    ]
+
+
+def _blocks(plan: TownPlan, paved: Surface, park: Polygon) -> list[Polygon]:
+    """The land between streets, block by block, without the park; largest part of each."""
+    blocks = []
+    for face in plan.graph.faces():
+        if face.intersection(park).area > 0.5 * face.area:
+            continue
+        land = face.difference(paved)
+        parts = [part for part in polygons_of(land) if part.area > 300]
+        blocks += [orient(Polygon(part.exterior), 1.0) for part in parts]
+    return blocks
+
+
+# --- The centre -------------------------------------------------------------------------------------------------------
+
+
+def _church(site: _Site, central: Sequence[Polygon]) -> Polygon:
+    """A church at the back of a small square, on the straightest front near the crossing; the plot it keeps free."""
+    best: tuple[float, Vector, Vector] | None = None
+    for block in central:
+        ring = block.exterior
+        for along in np.arange(0, ring.length, 6.0):
+            middle, ahead = _on_ring(ring, along)
+            bend = max(1 - float(ahead @ _on_ring(ring, along + d)[1]) for d in (-20.0, 20.0))
+            inward = turned(ahead, 90)
+            plot = _rectangle(middle, ahead, inward, FORECOURT_WIDTH, -1.0, FORECOURT_DEPTH)
+            outside = 1 - float(plot.intersection(block).area) / float(plot.area)
+            score = float(np.hypot(*middle)) / 150 + 12 * bend + 8 * outside
+            if best is None or score < best[0]:
+                best = (score, middle, ahead)
+    if best is None:
+        return Polygon()
+    _, middle, ahead = best
+    inward = turned(ahead, 90)
+
+    def local(*points: tuple[float, float]) -> Polygon:
+        return Polygon([middle + x * ahead + y * inward for x, y in points])
+
+    nave = local((-6, 18), (6, 18), (6, 30), (11, 30), (11, 37), (6, 37), (6, 41), (2.5, 45), (-2.5, 45), (-6, 41),
+                 (-6, 37), (-11, 37), (-11, 30), (-6, 30))  # fmt: skip
+    site.build(nave, 12.5)
+    site.build(local((-3.2, 11.5), (3.2, 11.5), (3.2, 17.9), (-3.2, 17.9)), 27.0)
+    return _rectangle(middle, ahead, inward, FORECOURT_WIDTH, -3.0, FORECOURT_DEPTH)
+
+
+def _closed_rows(site: _Site, block: Polygon, square: Polygon, reach_m: float) -> None:
+    """A row of houses round a block, wall to wall, with a gap here and there; as far as `reach_m` from the crossing."""
+    rng = site.rng
+    front = largest(block.buffer(-3.3).buffer(2.5, join_style="mitre"))
+    if front.area < 400:
+        return
+    depth = float(rng.uniform(10.5, 13.0))
+    court = front.buffer(-depth, join_style="mitre")
+    row = front.difference(court)
+    cuts = [front.exterior, *_rings(court)]
+    ring = orient(front, 1.0).exterior
+    for along in _stations(ring, rng):
+        start, ahead = _on_ring(ring, along)
+        inward = turned(ahead, 90)
+        cuts.append(LineString([start - 0.5 * inward, start + (depth + 1.0) * inward]))
+    for part in shapely.polygonize([unary_union(cuts)]).geoms:
+        if not row.covers(part.representative_point()) or part.area > 700 or rng.random() < 0.09:
+            continue
+        shallow = part.difference(front.buffer(-depth + float(rng.choice([0.0, 0.0, 1.2, 2.4])), join_style="mitre"))
+        house = largest(shallow)
+        if not house.intersects(square) and house.distance(Point(0, 0)) < reach_m:
+            storeys = int(rng.choice([3, 3, 4, 4]))
+            site.build(
+                largest(Polygon(house.exterior).simplify(0.15)), min(15.0, 3.1 * storeys + float(rng.uniform(0.2, 2.4)))
+            )
+
+
+def _stations(ring: LineString, rng: np.random.Generator) -> Iterator[float]:
+    """Where party walls stand along a front: every 9 to 16 m, none within 9 m of a corner."""
+    corners = [
+        along
+        for along in np.arange(0, ring.length, 1.0)
+        if float(_on_ring(ring, along - 3)[1] @ _on_ring(ring, along + 3)[1]) < 0.8
+    ]
+    along = 0.0
+    while along < ring.length - 7:
+        if all(abs((along - corner + ring.length / 2) % ring.length - ring.length / 2) > 9 for corner in corners):
+            yield along
+            along += float(rng.uniform(9, 16))
+        else:
+            along += 1.5
+
+
+# --- Further out ------------------------------------------------------------------------------------------------------
+
+
+def _line_streets(site: _Site, paved: Surface, skip: Surface, near_side_street: Surface) -> None:
+    """Terraces and single houses along both sides of every street, but for `skip` and few on the roads out of town."""
+    rng = site.rng
+    shapely.prepare([skip, near_side_street])
+    for part in polygons_of(paved):
+        for boundary in (orient(part, 1.0).exterior, *orient(part, 1.0).interiors):
+            ring = LineString(boundary.coords)
+            setback, along = float(rng.uniform(2.5, 5.5)), float(rng.uniform(0, 8))
+            while along < ring.length:
+                spot, _ = _on_ring(ring, along)
+                remote = float(np.hypot(*spot))
+                open_land = remote > EDGE_RADIUS and not near_side_street.intersects(Point(spot))
+                if (open_land and remote > EDGE_RADIUS + 50) or skip.intersects(Point(spot)):
+                    along += 5.0
+                elif open_land and rng.random() < 0.7:
+                    along += 22.0
+                elif remote < 205 and rng.random() < 0.12:
+                    along += _terrace(site, ring, along, setback)
+                else:
+                    along += _house(site, ring, along, setback + float(rng.uniform(-0.6, 0.8)))
+
+
+def _terrace(site: _Site, ring: LineString, along: float, setback: float) -> float:
+    """Four to six narrow houses wall to wall on a straight front; how far to go on along the street."""
+    count, width, depth = (
+        int(site.rng.integers(4, 7)),
+        float(site.rng.uniform(5.6, 6.8)),
+        float(site.rng.uniform(9, 11)),
+    )
+    height = float(site.rng.uniform(7.0, 9.0))
+    middle, ahead = _on_ring(ring, along + count * width / 2)
+    away = turned(ahead, -90)
+    bend = min(float(ahead @ _on_ring(ring, along + d)[1]) for d in (2, count * width - 2))
+    if bend < 0.985:
+        return _house(site, ring, along, setback)
+    built = 0
+    for k in range(count):
+        here = middle + (k - (count - 1) / 2) * width * ahead
+        stagger = setback + (0.9 if k % 2 else 0.0)
+        built += site.build(_rectangle(here, ahead, away, width, stagger, stagger + depth), height)
+    return count * width + 6.0 if built else 4.0
+
+
+def _house(site: _Site, ring: LineString, along: float, setback: float) -> float:
+    """A single house, often with a wing or a garage; how far to go on along the street."""
+    rng = site.rng
+    width, depth = float(rng.uniform(8.5, 13.0)), float(rng.uniform(8.0, 11.5))
+    middle, ahead = _on_ring(ring, along + width / 2)
+    away = turned(ahead, -90)
+    if min(float(ahead @ _on_ring(ring, along + d)[1]) for d in (0.0, width)) < 0.94:
+        return 3.0
+    body = _rectangle(middle, ahead, away, width, setback, setback + depth)
+    side = 1 if rng.random() < 0.5 else -1
+    shape = rng.random()
+    if shape < 0.3:  # a wing towards the garden
+        wing = _rectangle(
+            middle + side * width * 0.27 * ahead, ahead, away, width * 0.46, setback + 1, setback + depth + 4.5
+        )
+        body = largest(unary_union([body, wing]))
+    elif shape < 0.5:  # a porch or bay
+        bay = _rectangle(middle - side * width * 0.2 * ahead, ahead, away, 3.2, setback - 1.4, setback + 1)
+        body = largest(unary_union([body, bay]))
+    if not site.build(body, float(rng.uniform(6.0, 9.0)), gap_m=2.6):
+        return 3.0
+    if rng.random() < 0.35:
+        place = middle + side * (width / 2 + 2.0) * ahead
+        site.build(_rectangle(place, ahead, away, 3.6, setback + 2.5, setback + 10.5), 3.0)
+        return width + 5.0 + float(rng.uniform(1.0, 4.0))
+    return width + float(rng.uniform(3.2, 7.5))
+
+
+def _depths(site: _Site, block: Polygon, square: Polygon) -> None:
+    """Workshops in the courts, a hall or school where a block is deep."""
+    rng = site.rng
+    inner = block.buffer(-20)
+    for part in polygons_of(inner):
+        if part.area < 150:
+            continue
+        box = largest(part.minimum_rotated_rectangle)
+        (ax, ay), (bx, by) = box.exterior.coords[:2]
+        ahead = unit(np.array([bx - ax, by - ay]))
+        large = part.area > 1_800 and rng.random() < 0.6
+        for _ in range(3 if large else int(part.area // 500) + 1):
+            x0, y0, x1, y1 = part.bounds
+            spot = np.array([rng.uniform(x0, x1), rng.uniform(y0, y1)])
+            length, depth = (
+                (rng.uniform(24, 34), rng.uniform(12, 15)) if large else (rng.uniform(7, 15), rng.uniform(5, 8))
+            )
+            shed = _rectangle(spot, ahead, turned(ahead, 90), float(length), -float(depth) / 2, float(depth) / 2)
+            if part.buffer(4).covers(shed) and not shed.intersects(square):
+                site.build(shed, float(rng.uniform(7, 9.5) if large else rng.uniform(3.2, 5.5)), gap_m=3.5)
+
+
+# --- Geometry ---------------------------------------------------------------------------------------------------------
+
+
+def union(parts: Sequence[Surface]) -> Surface:
+    """Their union, of areas only."""
+    return surface_of(polygons_of(unary_union(parts)))
+
+
+def largest(land: BaseGeometry) -> Polygon:
+    """The largest polygon of a geometry; an empty one when it has none."""
+    return max(polygons_of(land), key=lambda part: float(part.area), default=Polygon())
+
+
+def _rings(land: Surface) -> list[LineString]:
+    return [part.exterior for part in polygons_of(land)]
+
+
+def _on_ring(ring: LineString, along: float) -> tuple[Vector, Vector]:
+    """Position and unit tangent at a distance along a closed line."""
+    length = float(ring.length)
+    at, before, after = (ring.interpolate((along + d) % length) for d in (0.0, -2.0, 2.0))
+    return np.array([at.x, at.y]), unit(np.array([after.x - before.x, after.y - before.y]))
+
+
+def _rectangle(middle: Vector, ahead: Vector, away: Vector, width: float, near: float, far: float) -> Polygon:
+    """A rectangle astride `middle`, `width` along `ahead`, from `near` to `far` along `away`."""
+    a, b = middle - ahead * width / 2, middle + ahead * width / 2
+    return Polygon([a + near * away, b + near * away, b + far * away, a + far * away])
