@@ -1,0 +1,218 @@
+"""A mission's files: `mission.parquet`, `track.parquet`, `captures.geojson`, `mission.yaml`; and its numbers in sum."""
+
+import json
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import yaml
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import writing_folder
+from pavetwin.mission.fly import Flown
+from pavetwin.mission.ledger import SegmentRow
+from pavetwin.twin import Mode
+
+MODES = pl.Enum([mode.value for mode in Mode])
+
+
+@dataclass(frozen=True, slots=True)
+class Totals:
+    """A mission in sum. A share that is undefined is None."""
+
+    segments: int
+    inspected: int
+    """Segments of which enough was seen."""
+    defects: int
+    swept: int
+    confirmed: int
+    recovered: int
+    coverage: float | None
+    swath_coverage: float | None
+    recovery: float | None
+    surface_coverage: float | None
+    """Weighted by area."""
+    time_s: float
+    """From take-off to landing, swaps included."""
+    energy: float
+    """In batteries."""
+    wait_s: float
+    distance_m: float
+    occlusions: int
+    revisits: int
+    swaps: int
+
+
+def totals(flown: Flown) -> Totals:
+    """The sums over a mission's segments, and the whole flight's time, energy and distance."""
+    rows = flown.rows
+
+    def summed(value: Callable[[SegmentRow], float]) -> float:
+        return sum(value(row) for row in rows)
+
+    defects, swept = sum(row.defects for row in rows), sum(row.swept for row in rows)
+    confirmed, recovered = sum(row.confirmed for row in rows), sum(row.recovered for row in rows)
+    area_m2 = summed(lambda row: row.area_m2)
+    return Totals(
+        segments=len(rows),
+        inspected=sum(row.inspected for row in rows),
+        defects=defects,
+        swept=swept,
+        confirmed=confirmed,
+        recovered=recovered,
+        coverage=confirmed / defects if defects else None,
+        swath_coverage=confirmed / swept if swept else None,
+        recovery=recovered / swept if swept else None,
+        surface_coverage=summed(lambda row: row.surface_coverage * row.area_m2) / area_m2 if area_m2 else None,
+        time_s=flown.duration_s,
+        energy=flown.energy,
+        wait_s=summed(lambda row: row.wait_s),
+        distance_m=flown.distance_m,
+        occlusions=sum(row.occlusions for row in rows),
+        revisits=sum(row.revisits for row in rows),
+        swaps=flown.swaps,
+    )
+
+
+def segment_table(flown: Flown) -> pl.DataFrame:
+    """One row a segment, with the factors of the mission before the metrics."""
+    factors = {
+        "world": flown.stage.world.name,
+        "traffic": flown.traffic,
+        "policy": flown.policy,
+        "sensor": flown.sensor,
+        "altitude_m": flown.settings.altitude_m,
+        "seed": flown.seed,
+    }
+    return pl.DataFrame([factors | asdict(row) for row in flown.rows], infer_schema_length=None)
+
+
+def track_table(flown: Flown) -> pl.DataFrame:
+    """The time series of the UAV's state, a row every look interval, with its WGS 84 position."""
+    track = flown.track
+    names = np.array([segment.id for segment in flown.stage.world.segments] + [None], dtype=object)
+    lonlat = flown.stage.world.georeference.to_wgs84(np.column_stack([track["x_m"], track["y_m"]]))
+    modes = [mode.value for mode in Mode]
+    return pl.DataFrame(
+        {
+            "t_s": track["t_s"],
+            "x_m": track["x_m"],
+            "y_m": track["y_m"],
+            "longitude": lonlat[:, 0],
+            "latitude": lonlat[:, 1],
+            "altitude_m": track["altitude_m"],
+            "yaw_rad": track["yaw_rad"],
+            "speed_mps": track["speed_mps"],
+            "battery": track["battery"],
+            "mode": pl.Series([modes[number] for number in track["mode"]], dtype=MODES),
+            "segment": pl.Series(names[track["segment"]].tolist(), dtype=pl.String),
+            "visibility": pl.Series(track["visibility"], nan_to_null=True),
+        }
+    )
+
+
+def findings_geojson(flown: Flown) -> dict[str, Any]:
+    """The confirmed defects as points in WGS 84 (RFC 7946), each with the capture that confirmed it."""
+    world = flown.stage.world
+    features = []
+    for finding in flown.findings:
+        defect = flown.stage.defects[finding.defect]
+        lon, lat = world.georeference.to_wgs84((defect.centre.x, defect.centre.y))
+        camera_lon, camera_lat = world.georeference.to_wgs84(finding.position)
+        features.append(
+            {
+                "type": "Feature",
+                "id": defect.id,
+                "geometry": {"type": "Point", "coordinates": [round(float(lon), 8), round(float(lat), 8)]},
+                "properties": {
+                    "class": defect.kind.value,
+                    "segment": defect.segment,
+                    "street": world.segment(defect.segment).street,
+                    "time_s": round(finding.time_s, 3),
+                    "on_revisit": finding.on_revisit,
+                    "attempt": finding.attempt,
+                    "unoccluded_share": round(finding.unoccluded_share, 4),
+                    "camera_longitude": round(float(camera_lon), 8),
+                    "camera_latitude": round(float(camera_lat), 8),
+                    "camera_altitude_m": flown.settings.altitude_m,
+                    "camera_yaw_rad": round(finding.yaw_rad, 6),
+                },
+            }
+        )
+    return {"type": "FeatureCollection", "features": features}
+
+
+def description(flown: Flown) -> dict[str, Any]:
+    """Everything needed to fly the same mission again, and its totals."""
+    return {
+        "pavetwin": version("pavetwin"),
+        "world": {"name": flown.stage.world.name, "content_hash": flown.stage.world.content_hash},
+        "traffic": flown.traffic,
+        "policy": flown.policy,
+        "seed": flown.seed,
+        "segments": [row.segment for row in flown.rows],
+        "settings": flown.settings.model_dump(mode="json"),
+        "totals": asdict(totals(flown)),
+    }
+
+
+Drawing = Callable[[Flown, Path], None]
+"""Draws a mission into a file."""
+
+
+def save_mission(flown: Flown, folder: Path, drawings: Iterable[tuple[str, Drawing]] = ()) -> None:
+    """Write a mission's files into `folder`, all or none. A mission that is there already is replaced.
+
+    Args:
+        drawings: names of further files, each with what draws it.
+
+    Raises:
+        PaveTwinError: the folder holds something else, or cannot be written.
+    """
+    check_mission_folder(folder)
+    with writing_folder(folder, replace=True) as temporary:
+        _write(flown, temporary, drawings)
+
+
+def save_missions(
+    missions: Iterable[tuple[Flown, Iterable[tuple[str, Drawing]]]],
+    folder: Path,
+    extras: Iterable[tuple[str, Callable[[Path], None]]] = (),
+) -> None:
+    """Write several missions into one folder, a folder each named by its policy, all or none."""
+    check_mission_folder(folder)
+    with writing_folder(folder, replace=True) as temporary:
+        tables = []
+        for flown, drawings in missions:
+            part = temporary / flown.policy
+            part.mkdir()
+            _write(flown, part, drawings)
+            tables.append(segment_table(flown))
+        pl.concat(tables).write_parquet(temporary / "mission.parquet")
+        for name, write in extras:
+            write(temporary / name)
+
+
+def check_mission_folder(folder: Path) -> None:
+    """Refuse to replace what is not a mission.
+
+    Raises:
+        PaveTwinError: the folder exists, is not empty, and holds no mission.
+    """
+    if not folder.exists():
+        return
+    if not folder.is_dir() or (any(folder.iterdir()) and not (folder / "mission.parquet").is_file()):
+        raise PaveTwinError(f"--output: '{folder}' exists and holds no mission; choose another folder.")
+
+
+def _write(flown: Flown, folder: Path, drawings: Iterable[tuple[str, Drawing]]) -> None:
+    segment_table(flown).write_parquet(folder / "mission.parquet")
+    track_table(flown).write_parquet(folder / "track.parquet")
+    (folder / "captures.geojson").write_text(json.dumps(findings_geojson(flown), indent=1) + "\n", encoding="utf-8")
+    (folder / "mission.yaml").write_text(yaml.safe_dump(description(flown), sort_keys=False), encoding="utf-8")
+    for name, draw in drawings:
+        draw(flown, folder / name)
