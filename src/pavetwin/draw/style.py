@@ -1,0 +1,232 @@
+"""One look for every map and plot: colours, type, scale bar, north arrow, attribution, and files that never change.
+
+Colours hold for the common forms of colour blindness and in grey print: marks that must be told apart also differ in
+shape. Type is DejaVu Sans, which Matplotlib brings along, so that the same input gives the same bytes on any machine.
+"""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import floor, log10
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+from matplotlib import patheffects
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import writing
+from pavetwin.world.model import DefectClass
+
+Bounds = tuple[float, float, float, float]
+"""West, south, east, north in metres of the world frame."""
+
+PAPER, INK, INK_SOFT, INK_FAINT = "#FFFFFF", "#2B2B2B", "#6E6A64", "#B5AFA6"
+GROUND, PARK, PARK_EDGE = "#F4F1EB", "#DDE9CF", "#C3D6B0"
+TREE, TREE_EDGE = "#A6C795", "#8DB27B"
+BUILDING_LOW, BUILDING_HIGH, BUILDING_EDGE, SHADOW = "#E3DACE", "#B9AA9A", "#A99C8D", "#8D857B"
+SIDEWALK, SIDEWALK_EDGE = "#E6E1D9", "#D3CCC2"
+CARRIAGEWAY, CASING, MARKING = "#FFFFFF", "#A8A199", "#C9C4BC"
+LAMP, SIGNAL, POLE = "#C7A14A", "#C0392B", "#8B857D"
+BASE = "#1F3A5F"
+
+POLICY_COLOURS: Mapping[str, str] = {
+    "baseline": "#6B6B6B",
+    "hover": "#0072B2",
+    "micro": "#E08A00",
+    "skip": "#009E73",
+}
+POLICY_MARKERS: Mapping[str, str] = {"baseline": "o", "hover": "s", "micro": "^", "skip": "D"}
+_MORE_COLOURS = ("#CC79A7", "#56B4E9", "#8C510A", "#B22222")
+_MORE_MARKERS = ("v", "P", "X", "h")
+
+DEFECT_COLOURS: Mapping[DefectClass, str] = {
+    DefectClass.SINGLE_CRACK: "#3B6FB6",
+    DefectClass.CROCODILE_CRACK: "#D1495B",
+    DefectClass.POTHOLE: "#262626",
+}
+DEFECT_MARKERS: Mapping[DefectClass, str] = {
+    DefectClass.SINGLE_CRACK: "_",
+    DefectClass.CROCODILE_CRACK: "s",
+    DefectClass.POTHOLE: "o",
+}
+
+OUTCOME_COLOURS: Mapping[str, str] = {"confirmed": "#00846B", "missed": "#D55E00", "recovered": "#0063B1"}
+OUTCOME_MARKERS: Mapping[str, str] = {"confirmed": "o", "missed": "X", "recovered": "D"}
+
+VISIBILITY = LinearSegmentedColormap.from_list(
+    "visibility", [(0.0, "#7F1734"), (0.4, "#D8593B"), (0.7, "#F0B64A"), (0.85, "#6FB1C9"), (1.0, "#1F6FB2")]
+)
+"""o_{s,t} from 0 (all hidden: dark red) to 1 (all seen: blue); the usual threshold 0.7 is where yellow turns."""
+
+DPI = 180
+
+_SETTINGS: Mapping[Any, Any] = {
+    "font.family": ["DejaVu Sans"],
+    "font.size": 7.5,
+    "text.color": INK,
+    "axes.edgecolor": INK_SOFT,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.6,
+    "axes.titlesize": 9,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#E5E2DC",
+    "grid.linewidth": 0.5,
+    "xtick.color": INK_SOFT,
+    "ytick.color": INK_SOFT,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "legend.frameon": False,
+    "legend.fontsize": 7,
+    "lines.linewidth": 1.4,
+    "lines.solid_capstyle": "round",
+    "figure.facecolor": PAPER,
+    "savefig.facecolor": PAPER,
+}
+
+
+@contextmanager
+def styled() -> Iterator[None]:
+    """Draw within it: the user's own matplotlibrc is left aside and comes back afterwards."""
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(_SETTINGS)
+        yield
+
+
+def new_figure(width_in: float, height_in: float) -> Figure:
+    """An empty figure that opens no window and needs no display. Sizes in inches."""
+    figure = Figure(figsize=(width_in, height_in), dpi=DPI)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def policy_style(name: str, order: int = 0) -> tuple[str, str]:
+    """Colour and marker of a policy; one that is not built in takes the `order`-th of the spare ones."""
+    spare = order % len(_MORE_COLOURS)
+    return POLICY_COLOURS.get(name, _MORE_COLOURS[spare]), POLICY_MARKERS.get(name, _MORE_MARKERS[spare])
+
+
+def halo(width_pt: float = 1.6, colour: str = PAPER) -> list[patheffects.AbstractPathEffect]:
+    """A rim around text or lines that keeps them readable over the map; its width in points."""
+    return [patheffects.withStroke(linewidth=width_pt, foreground=colour)]
+
+
+def attribution(source: str) -> str | None:
+    """Who must be named under a map made from `source` (see `world.store.load_record(folder).source`)."""
+    return "© OpenStreetMap contributors" if source.endswith((".osm", ".osm.gz", ".osm.pbf")) else None
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A map in its frame, a title above, and a strip below for legend, scale bar, north arrow and sources."""
+
+    figure: Figure
+    axes: Axes
+    footer: Axes
+    """The strip below; its coordinates are inches from its lower left corner."""
+
+
+def map_sheet(
+    bounds: Bounds, *, title: str, subtitle: str = "", credit: str | None = None, longest_in: float = 9.0
+) -> Sheet:
+    """A figure for a map of `bounds`: draw the world into `axes`, the legend into `footer`.
+
+    Args:
+        bounds: what the map shows, in metres; the frame takes its proportions.
+        longest_in: the longer side of the frame, in inches.
+    """
+    west, south, east, north = bounds
+    scale = longest_in / max(east - west, north - south)
+    width, height = max((east - west) * scale, 4.0), max((north - south) * scale, 2.5)
+    margin, head, foot = 0.25, 0.55 if subtitle else 0.42, 0.62
+    figure = new_figure(width + 2 * margin, height + head + foot)
+    total_w, total_h = figure.get_size_inches()
+    axes = figure.add_axes((margin / total_w, foot / total_h, width / total_w, height / total_h))
+    frame_axes(axes, bounds)
+    footer = figure.add_axes((margin / total_w, 0.0, width / total_w, foot / total_h))
+    footer.set(xlim=(0, width), ylim=(0, foot))
+    footer.set_axis_off()
+    left, top = margin / total_w, 1 - 0.1 / total_h
+    figure.text(left, top, title, fontsize=12, fontweight="bold", va="top")
+    if subtitle:
+        figure.text(left, 1 - 0.34 / total_h, subtitle, fontsize=7.5, color=INK_SOFT, va="top")
+    if credit:
+        figure.text(1 - left, 1 - 0.34 / total_h, credit, fontsize=6, color=INK_SOFT, ha="right", va="top")
+    north_arrow(footer, width - 0.12, 0.30)
+    scale_bar(footer, width - 0.45, 0.24, width / (axes.get_xlim()[1] - axes.get_xlim()[0]))
+    return Sheet(figure, axes, footer)
+
+
+def frame_axes(axes: Axes, bounds: Bounds) -> None:
+    """Make axes a map of `bounds`, in metres: equal scales, a thin frame, no ticks."""
+    axes.set(xlim=(bounds[0], bounds[2]), ylim=(bounds[1], bounds[3]), xticks=[], yticks=[], facecolor=GROUND)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.grid(False)
+    for spine in axes.spines.values():
+        spine.set(visible=True, color=INK_FAINT, linewidth=0.6, zorder=90)
+    axes.apply_aspect()
+
+
+def scale_bar(axes: Axes, right: float, y: float, unit_per_m: float, *, longest: float = 1.6) -> None:
+    """A scale bar in the coordinates of `axes` (inches in a sheet's footer), ending at `right`.
+
+    Args:
+        unit_per_m: how many of those coordinates a metre of the map takes.
+        longest: the bar is the longest of 1, 2, 5 · 10ⁿ metres below this length.
+    """
+    length_m = nice_length_m(longest / unit_per_m)
+    length = length_m * unit_per_m
+    left, height = right - length, 0.045
+    for part in range(4):
+        colour = INK if part % 2 == 0 else PAPER
+        axes.fill_between(
+            [left + part * length / 4, left + (part + 1) * length / 4], y, y + height, facecolor=colour, linewidth=0
+        )
+    axes.plot([left, right, right, left, left], [y, y, y + height, y + height, y], color=INK, linewidth=0.5)
+    for share in (0.0, 0.5, 1.0):
+        unit = " m" if share == 1.0 else ""
+        axes.text(left + share * length, y + 0.09, f"{share * length_m:g}{unit}", fontsize=6, ha="center", va="bottom")
+
+
+def north_arrow(axes: Axes, x: float, y: float, size: float = 0.26) -> None:
+    """A slim arrow to the north, its middle at (x, y) in the coordinates of `axes`."""
+    half, tip, tail = size * 0.24, y + size * 0.5, y - size * 0.5
+    notch = tail + size * 0.24
+    axes.fill([x, x - half, x], [tip, tail, notch], facecolor=INK, edgecolor=INK, linewidth=0.5)
+    axes.fill([x, x + half, x], [tip, tail, notch], facecolor=PAPER, edgecolor=INK, linewidth=0.5)
+    axes.text(x, tip + 0.02, "N", fontsize=6, fontweight="bold", ha="center", va="bottom")
+
+
+def nice_length_m(longest_m: float) -> float:
+    """The greatest of 1, 2, 5 · 10ⁿ that is not above `longest_m`."""
+    power = 10.0 ** floor(log10(longest_m))
+    return next(factor * power for factor in (5, 2, 1) if factor * power <= longest_m * (1 + 1e-9))
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure as PNG, SVG or PDF by the path's suffix; the same figure gives the same bytes.
+
+    Raises:
+        PaveTwinError: the suffix is none of these, or the file cannot be written. Nothing is left behind.
+    """
+    metadata: dict[str, dict[str, Any]] = {
+        ".png": {"Software": None},
+        ".svg": {"Date": None, "Creator": None},
+        ".pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+    }
+    kind = path.suffix.lower()
+    if kind not in metadata:
+        raise PaveTwinError(f"A picture cannot be written as '{path.name}'; end its name in .png, .svg or .pdf.")
+    with writing(path) as temporary, styled():
+        matplotlib.rcParams["svg.hashsalt"] = "pavetwin"
+        figure.savefig(temporary, format=kind[1:], dpi=DPI, metadata=metadata[kind])
