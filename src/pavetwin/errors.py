@@ -9,6 +9,6 @@ class PaveTwinError(Exception):
 
 
 def nearest_name(word: str, known: Iterable[str]) -> str:
-    """`; did you mean 'hover'?` for the known name closest to `word`, or an empty string when none is near."""
+    """` (did you mean 'hover'?)` for the known name closest to `word`, or an empty string when none is near."""
     match = get_close_matches(word, list(known), n=1, cutoff=0.5)
-    return f"; did you mean '{match[0]}'?" if match else ""
+    return f" (did you mean '{match[0]}'?)" if match else ""

@@ -1,8 +1,11 @@
 """The command line: parses, calls, prints. One file a command group; heavy imports wait until a command runs."""
 
+import signal
 import sys
+from types import FrameType
 
 import typer
+from typer.exceptions import TyperException
 
 from pavetwin.cli.console import fail
 from pavetwin.errors import PaveTwinError
@@ -17,20 +20,57 @@ app = typer.Typer(
 
 
 def _register() -> None:
-    from pavetwin.cli import traffic, world
+    from pavetwin.cli import demo, doctor, fly, policy, traffic, world
 
     app.add_typer(world.app, name="world")
     app.add_typer(traffic.app, name="traffic")
+    app.command("fly")(fly.fly)
+    app.add_typer(policy.app, name="policy")
+    app.command("demo")(demo.demo)
+    app.command("doctor")(doctor.doctor)
+
+
+class _Terminated(BaseException):
+    """SIGTERM, as an exception, so that temporary files are cleared on the way out."""
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - the signature of a handler
+    raise _Terminated
 
 
 def main() -> None:
-    """Run one command. Exit codes: 0 done, 2 something the user can mend (one plain line), 130 interrupted."""
+    """Run one command.
+
+    Exit codes: 0 done, 2 something the user can mend (one plain line), 130 interrupted, 143 terminated.
+    """
     _register()
+    signal.signal(signal.SIGTERM, _terminate)
+    sys.exit(_run())
+
+
+def _run() -> int:
     try:
-        app()
+        code = app(standalone_mode=False)
     except PaveTwinError as error:
         fail(str(error))
-        sys.exit(2)
-    except KeyboardInterrupt:
+        return 2
+    except TyperException as error:
+        fail(f"{_words_of(error)} `{_command_of(error)} --help` lists what there is.")
+        return 2
+    except (KeyboardInterrupt, typer.Abort):
         fail("Interrupted; nothing half-written was left behind.")
-        sys.exit(130)
+        return 130
+    except _Terminated:
+        fail("Terminated; nothing half-written was left behind.")
+        return 143
+    return code if isinstance(code, int) else 0
+
+
+def _command_of(error: Exception) -> str:
+    context = getattr(error, "ctx", None)
+    return context.command_path if context is not None else "pavetwin"
+
+
+def _words_of(error: Exception) -> str:
+    words = getattr(error, "format_message", lambda: str(error))()
+    return words if words.endswith((".", "?")) else f"{words}."

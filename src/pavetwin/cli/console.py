@@ -11,17 +11,24 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)
 
-Report = Callable[[float], None]
-"""Told the share done, 0 … 1."""
+
+class Bar:
+    """A progress bar: call it with the share done, 0 … 1, and now and then with what is being done."""
+
+    def __init__(self, bar: Progress, what: str) -> None:
+        self._bar, self._what = bar, what
+        self._task = bar.add_task(what, total=1.0)
+
+    def __call__(self, share: float, what: str | None = None) -> None:
+        self._bar.update(self._task, completed=share, description=what or self._what)
 
 
 @contextmanager
-def progress(what: str) -> Iterator[Report]:
+def progress(what: str) -> Iterator[Bar]:
     """A progress bar on the error stream, so that results can be piped; plain silence when it is no terminal."""
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
     with Progress(*columns, TimeRemainingColumn(), console=err, transient=True, disable=not err.is_terminal) as bar:
-        task = bar.add_task(what, total=1.0)
-        yield lambda share: bar.update(task, completed=share)
+        yield Bar(bar, what)
 
 
 @contextmanager

@@ -1,0 +1,102 @@
+"""`pavetwin demo`: the main job on an invented town, from nothing to results."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pavetwin.cli.console import err, out, progress
+
+if TYPE_CHECKING:
+    from pavetwin.world.model import World
+
+TOWN_SEED = 1
+FLIGHT_SEED = 1
+SEGMENTS = 8
+ALTITUDE_M = 10.0
+DENSITY = "high"
+
+
+def demo(
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the town and the results.")] = Path(
+        "out/demo"
+    ),
+) -> None:
+    """Invent a town, record dense traffic in it, and fly the four policies over the same eight segments.
+
+    \b
+    pavetwin demo
+    pavetwin demo -o /tmp/demo
+    """
+    from pavetwin.cli import report
+    from pavetwin.config import load_settings
+    from pavetwin.draw.world_map import save_world_map
+    from pavetwin.mission.fly import fly
+    from pavetwin.mission.ground import prepare
+    from pavetwin.mission.replay import replay_of
+    from pavetwin.mission.targets import choose_targets
+    from pavetwin.policies import policy_names
+
+    world = _town(output / "town")
+    save_world_map(world, output / "town.png")
+    with progress(f"[2/4] Recording {DENSITY} traffic with SUMO") as tell:
+        replay = replay_of(world, DENSITY, FLIGHT_SEED, on_progress=tell)
+    agents = replay.recording.agents
+    walking = int(agents.is_pedestrian.sum())
+    out.print(
+        f"[2/4] Traffic: {len(agents) - walking} vehicles and {walking} pedestrians "
+        f"in {replay.recording.duration_s / 60:.0f} min, {DENSITY} density."
+    )
+    settings = load_settings(altitude_m=ALTITUDE_M)
+    with progress("[3/4] Flying the four policies") as tell:
+        stage = prepare(world, settings)
+        targets = choose_targets(stage, count=SEGMENTS, seed=FLIGHT_SEED)
+        replay.on_prolong = lambda share: tell(share, "[3/4] Recording more traffic")
+        flown = []
+        for name in policy_names():
+            traffic_name = f"{replay.recording.name}-{replay.recording.origin.seed}"
+            flown.append(fly(stage, replay, settings, targets, name, seed=FLIGHT_SEED, traffic_name=traffic_name))
+            tell(len(flown) / len(policy_names()), "[3/4] Flying the four policies")
+    minutes = sum(mission.duration_s for mission in flown) / 60
+    out.print(
+        f"[3/4] Flown: {len(flown)} missions over {SEGMENTS} segments at {ALTITUDE_M:g} m, {minutes:.0f} min of flight."
+    )
+    folder = output / "missions"
+    with progress("[4/4] Drawing maps and an animation") as tell:
+        report.save(flown, replay, folder, animate=True, on_progress=tell)
+    out.print()
+    out.print(report.comparison_table(flown))
+    out.print(report.sentence(flown), markup=False)
+    out.print(f"""
+[bold]Results[/] in {folder}/
+  comparison.png        the four policies over the same street
+  hover/map.png         the whole mission; mission.gif shows it moving
+  hover/mission.parquet one row a segment; track.parquet, captures.geojson beside it
+  {output}/town.png     the town; town/world.gpkg opens in QGIS
+
+[bold]Next:[/] your own town, from an OpenStreetMap extract
+  .venv/bin/pavetwin world build my-town.osm -o worlds/my-town
+  .venv/bin/pavetwin fly worlds/my-town --density high --altitude 10 --policy all --segments 8 --seed 1""")
+
+
+def _town(folder: Path) -> "World":
+    from pavetwin.defects import DefectOptions, add_defects
+    from pavetwin.errors import PaveTwinError
+    from pavetwin.world.build import BuildOptions, build_world
+    from pavetwin.world.store import load_world, save_world
+
+    try:
+        world = load_world(folder) if folder.is_dir() else None
+    except PaveTwinError as error:
+        err.print(f"Building the town anew: {error}", markup=False)
+        world = None
+    if world is None:
+        with progress("[1/4] Inventing a town") as tell:
+            built = build_world("town", BuildOptions(seed=TOWN_SEED), lambda _, share: tell(share))
+            world = save_world(add_defects(built, DefectOptions()), folder, force=True)
+    length_km = sum(segment.length_m for segment in world.segments) / 1000
+    out.print(
+        f"[1/4] Town: {len(world.segments)} segments, {length_km:.1f} km of streets, {len(world.buildings)} buildings, "
+        f"{len(world.defects)} defects."
+    )
+    return world

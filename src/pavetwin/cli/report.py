@@ -1,0 +1,148 @@
+"""What `fly` prints and writes: tables, a sentence, files."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import yaml
+from rich.table import Table
+
+from pavetwin.mission.results import Totals, save_mission, save_missions, totals
+
+if TYPE_CHECKING:
+    from pavetwin.config import MissionSettings
+    from pavetwin.mission.fly import Flown
+    from pavetwin.mission.replay import Replay
+
+
+def settings_text(settings: "MissionSettings") -> str:
+    """All settings as YAML, ready for `--set`."""
+    return yaml.safe_dump(settings.model_dump(mode="json"), sort_keys=False).rstrip()
+
+
+def save(
+    flown: Sequence["Flown"], replay: "Replay", folder: Path, *, animate: bool, on_progress: Callable[[float], None]
+) -> None:
+    """Write all missions with their pictures into `folder`."""
+    from pavetwin.draw.animation import save_animation
+    from pavetwin.draw.mission_map import save_comparison_map, save_mission_map
+
+    pictures = len(flown) * (1 + animate)
+    done = 0
+
+    def draw_map(mission: "Flown", path: Path) -> None:
+        nonlocal done
+        save_mission_map(mission, path)
+        done += 1
+        on_progress(done / pictures)
+
+    def draw_animation(mission: "Flown", path: Path) -> None:
+        nonlocal done
+        save_animation(mission, replay, path, on_progress=lambda share: on_progress((done + share) / pictures))
+        done += 1
+
+    drawings = [("map.png", draw_map)] + ([("mission.gif", draw_animation)] if animate else [])
+    if len(flown) == 1:
+        save_mission(flown[0], folder, drawings)
+    else:
+        comparison = ("comparison.png", partial(save_comparison_map, flown))
+        save_missions([(mission, drawings) for mission in flown], folder, [comparison])
+
+
+def listing(flown: Sequence["Flown"], *, animate: bool) -> str:
+    """Which files were written."""
+    files = "map.png, " + ("mission.gif, " if animate else "") + "mission.parquet, track.parquet, captures.geojson"
+    return files if len(flown) == 1 else f"comparison.png, mission.parquet, and a folder for each policy with {files}"
+
+
+def segments_table(flown: "Flown") -> Table:
+    """One row a segment, and the sums."""
+    table = Table(box=None, pad_edge=False, header_style="bold", show_footer=True)
+    sums = totals(flown)
+    columns: list[tuple[str, str]] = [
+        ("segment", f"{sums.segments}"),
+        ("street", ""),
+        ("length\nm", f"{sum(row.length_m for row in flown.rows):.0f}"),
+        ("defects\nfound", f"{sums.confirmed}/{sums.defects}"),
+        ("coverage\n%", _percent(sums.coverage)),
+        ("recovery\n%", _percent(sums.recovery)),
+        ("surface\nseen %", _percent(sums.surface_coverage)),
+        ("hidden\ntimes", f"{sums.occlusions}"),
+        ("waited\ns", f"{sums.wait_s:.0f}"),
+        ("time\ns", f"{sum(row.time_s for row in flown.rows):.0f}"),
+        ("battery\n%", f"{100 * sum(row.energy for row in flown.rows):.1f}"),
+    ]
+    for number, (heading, footer) in enumerate(columns):
+        table.add_column(heading, footer=footer, justify="left" if number < 2 else "right", footer_style="bold")
+    for row in flown.rows:
+        table.add_row(
+            row.segment,
+            row.street[:28],
+            f"{row.length_m:.0f}",
+            f"{row.confirmed}/{row.defects}",
+            _percent(row.coverage),
+            _percent(row.recovery),
+            _percent(row.surface_coverage),
+            f"{row.occlusions}",
+            f"{row.wait_s:.0f}",
+            f"{row.time_s:.0f}",
+            f"{100 * row.energy:.1f}",
+        )
+    return table
+
+
+def comparison_table(flown: Sequence["Flown"]) -> Table:
+    """One row a policy, the best of each column in bold."""
+    sums = [totals(mission) for mission in flown]
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("policy")
+    measures: list[tuple[str, Callable[[Totals], float | None], str, int]] = [
+        ("defects\nfound", lambda t: t.confirmed, "{:.0f}", 1),
+        ("coverage\n%", lambda t: _hundred(t.coverage), "{:.1f}", 1),
+        ("swath\ncoverage %", lambda t: _hundred(t.swath_coverage), "{:.1f}", 1),
+        ("recovery\n%", lambda t: _hundred(t.recovery), "{:.1f}", 0),
+        ("surface\nseen %", lambda t: _hundred(t.surface_coverage), "{:.1f}", 1),
+        ("waited\ns", lambda t: t.wait_s, "{:.0f}", 0),
+        ("time\nmin", lambda t: t.time_s / 60, "{:.1f}", -1),
+        ("battery\n%", lambda t: 100 * t.energy, "{:.1f}", -1),
+        ("flown\nkm", lambda t: t.distance_m / 1000, "{:.2f}", -1),
+    ]
+    for heading, *_ in measures:
+        table.add_column(heading, justify="right")
+    cells = [
+        [_cells(value, form, better, sums)[row] for _, value, form, better in measures] for row in range(len(sums))
+    ]
+    for mission, row in zip(flown, cells, strict=True):
+        table.add_row(mission.policy, *row)
+    return table
+
+
+def _cells(value: Callable[[Totals], float | None], form: str, better: int, sums: Sequence[Totals]) -> list[str]:
+    """One column, its best in bold where one is better (1: the largest, −1: the smallest) and they differ."""
+    values = [value(sum_) for sum_ in sums]
+    texts = ["–" if number is None else form.format(number) for number in values]
+    known = [number * better for number in values if number is not None]
+    if not better or not known or len(set(texts)) == 1:
+        return texts
+    best = form.format(max(known) * better)
+    return [f"[bold]{text}[/]" if text == best else text for text in texts]
+
+
+def sentence(flown: Sequence["Flown"]) -> str:
+    """What came out, in words."""
+    if len(flown) == 1:
+        sums = totals(flown[0])
+        found = f"{sums.confirmed} of {sums.defects} defects confirmed" if sums.defects else "No defects to find"
+        surface = f"{_percent(sums.surface_coverage)} % of the surface seen"
+        swaps = f" and {sums.swaps} battery swap{'s' if sums.swaps != 1 else ''}" if sums.swaps else ""
+        return f"{found}, {surface}, in {sums.time_s / 60:.1f} min with {100 * sums.energy:.0f} % of a battery{swaps}."
+    return "The same traffic, defects, order and sensor luck for every policy; one mission each, so no statistics yet."
+
+
+def _hundred(share: float | None) -> float | None:
+    return None if share is None else 100 * share
+
+
+def _percent(share: float | None) -> str:
+    return "–" if share is None else f"{100 * share:.1f}"
