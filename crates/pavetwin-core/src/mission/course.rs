@@ -8,15 +8,15 @@ const PROBE_M: f64 = 1.0;
 
 /// The wanted line where the mesh has room for it, with the shortest way round wherever it has not, from `start`.
 ///
-/// Stretches of the line outside the mesh, or in a part of it that cannot be reached, are left out.
+/// Stretches of the line outside the mesh, or in a part of it that cannot be reached, are left out; of a line that
+/// cannot be reached at all, `start` alone is left.
 ///
 /// # Errors
-/// When nothing of the line can be reached from `start`.
+/// When `start` is outside the mesh.
 pub fn course(mesh: &NavMesh, start: Vec2, line: &[Vec2]) -> Result<Vec<Vec2>, NavMeshError> {
-    let here = mesh.component_of(start);
     let mut flown = vec![start];
     for stop in stops(mesh, line) {
-        if mesh.component_of(stop) != here {
+        if !mesh.connected(start, stop) {
             continue;
         }
         let last = flown[flown.len() - 1];
@@ -26,11 +26,28 @@ pub fn course(mesh: &NavMesh, start: Vec2, line: &[Vec2]) -> Result<Vec<Vec2>, N
             flown.extend_from_slice(&mesh.path(last, stop)?[1..]);
         }
     }
-    if flown.len() == 1 {
-        let goal = line.first().copied().unwrap_or(start);
-        return mesh.path(start, mesh.nearest(goal));
-    }
     Ok(flown)
+}
+
+/// The place nearest to `goal` that can be reached from `from`; the nearest of the whole mesh when `from` is outside it.
+pub fn nearest_reachable(mesh: &NavMesh, from: Vec2, goal: Vec2) -> Vec2 {
+    let nearest = mesh.nearest(goal);
+    if mesh.connected(from, nearest) {
+        return nearest;
+    }
+    let edges = mesh.polygons().iter().flat_map(|polygon| {
+        let corner = |i: usize| mesh.vertices()[polygon[i % polygon.len()] as usize];
+        (0..polygon.len()).map(move |i| [corner(i), corner(i + 1)])
+    });
+    let places = edges.map(|edge| foot_on(&edge, goal)).filter(|place| mesh.connected(from, *place));
+    places.min_by(|a, b| a.distance(goal).total_cmp(&b.distance(goal))).unwrap_or(nearest)
+}
+
+/// The point of a straight leg that is nearest to `point`.
+fn foot_on(leg: &[Vec2], point: Vec2) -> Vec2 {
+    let along = leg[1] - leg[0];
+    let share = (point - leg[0]).dot(along) / along.dot(along).max(f64::MIN_POSITIVE);
+    leg[0].lerp(leg[1], share.clamp(0.0, 1.0))
 }
 
 /// The points of the line that must be passed: its own corners while it stays inside the mesh, else where it leaves and
@@ -81,12 +98,8 @@ pub fn shortened(path: &[Vec2], distance_m: f64) -> Vec<Vec2> {
 
 /// What is left of a path from the place on it that is nearest to `position`, that place first.
 pub fn rest_of(path: &[Vec2], position: Vec2) -> Vec<Vec2> {
-    let foot = |leg: &[Vec2]| {
-        let along = leg[1] - leg[0];
-        let share = (position - leg[0]).dot(along) / along.dot(along).max(f64::MIN_POSITIVE);
-        leg[0].lerp(leg[1], share.clamp(0.0, 1.0))
-    };
-    let nearest = path.windows(2).map(foot).enumerate().min_by(|a, b| {
+    let feet = path.windows(2).map(|leg| foot_on(leg, position));
+    let nearest = feet.enumerate().min_by(|a, b| {
         let (to_a, to_b) = (a.1.distance(position), b.1.distance(position));
         to_a.total_cmp(&to_b)
     });

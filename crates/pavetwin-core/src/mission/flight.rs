@@ -1,6 +1,6 @@
 //! A flight: its state, and the commands it takes. The stepping is in `stepping`, the looking in `looking`.
 
-use super::course::{course, rest_of, shortened};
+use super::course::{course, nearest_reachable, rest_of, shortened};
 use super::event::Event;
 use super::ground::Ground;
 use super::log::{Captures, Track};
@@ -9,7 +9,7 @@ use super::moment::Moment;
 use super::reaction::{Episode, Reaction};
 use super::settings::{Settings, SettingsError};
 use crate::geometry::Vec2;
-use crate::navigation::{Follower, NavMeshError, Rail, TurnTo};
+use crate::navigation::{Follower, Motion, NavMeshError, Rail, Strafe, TurnTo};
 use crate::sensing::{CellSet, Observer, SenseError, Trace, Viewpoint};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -51,10 +51,36 @@ pub enum FlightError {
 #[derive(Debug, Clone)]
 pub(super) enum Task {
     Idle,
-    Climb { to_m: f64 },
+    Climb {
+        to_m: f64,
+    },
     Rail(Box<Follower>),
     Turn(TurnTo),
-    Stay { until_tick: u64 },
+    Stay {
+        until_tick: u64,
+    },
+    /// Comes to rest first, then flies to the goal.
+    Halt {
+        moving: Moving,
+        goal: Vec2,
+        stop_short: bool,
+    },
+}
+
+/// A movement that a command cuts short.
+#[derive(Debug, Clone)]
+pub(super) enum Moving {
+    Rail(Box<Follower>),
+    Strafe(Strafe),
+}
+
+impl Moving {
+    pub(super) fn motion(&mut self) -> &mut dyn Motion {
+        match self {
+            Self::Rail(follower) => &mut **follower,
+            Self::Strafe(strafe) => strafe,
+        }
+    }
 }
 
 /// One UAV over one ground in one recorded traffic.
@@ -76,13 +102,15 @@ pub struct Flight {
     pub(super) occlusions: u32,
     /// Never less than the distance home.
     pub(super) home_bound_m: f64,
+    /// Never much less than the time that the corners on the way home cost.
+    pub(super) home_turns_s: f64,
     pub(super) heading_home: bool,
     pub(super) mode: Mode,
     pub(super) task: Task,
     pub(super) reaction: Reaction,
     pub(super) episode: Option<Episode>,
     pub(super) inspection: Option<Inspection>,
-    /// The corners of the line under inspection.
+    /// The corners of the line under inspection, up to its end.
     pub(super) course: Vec<Vec2>,
     pub(super) observer: Observer,
     pub(super) seen: Vec<Option<CellSet>>,
@@ -119,6 +147,7 @@ impl Flight {
             waited_ticks: 0,
             occlusions: 0,
             home_bound_m: 0.0,
+            home_turns_s: 0.0,
             heading_home: false,
             mode: Mode::Ground,
             task: Task::Idle,
@@ -143,19 +172,40 @@ impl Flight {
         self.begin(mode, Task::Climb { to_m: altitude_m });
     }
 
-    /// Flies to a place by the shortest way at transit speed, in mode transit, revisit or home. It stops on the spot,
-    /// or with `stop_short` at the stopping distance before it.
+    /// Flies to a place, or to the nearest one that can be reached, by the shortest way at transit speed, in mode
+    /// transit, revisit or home. It stops on the spot, or with `stop_short` at the stopping distance before it. What is
+    /// already moving comes to rest first.
     ///
     /// # Errors
     /// When the mesh has no way there.
     pub fn fly_to(&mut self, goal: Vec2, mode: Mode, stop_short: bool) -> Result<(), FlightError> {
+        let task = match self.moving() {
+            Some(moving) => Task::Halt { moving, goal, stop_short },
+            None => self.way_to(goal, stop_short)?,
+        };
+        self.heading_home = mode == Mode::Home;
+        self.begin(mode, task);
+        Ok(())
+    }
+
+    /// The flight to a place, from rest.
+    pub(super) fn way_to(&self, goal: Vec2, stop_short: bool) -> Result<Task, FlightError> {
         let mesh = &self.ground.mesh;
-        let way = mesh.path(self.position, mesh.nearest(goal))?;
+        let way = mesh.path(self.position, nearest_reachable(mesh, self.position, goal))?;
         let way = if stop_short { shortened(&way, self.settings.stopping_distance_m) } else { way };
         let rail = Rail::new(mesh, &way, &self.settings.transit)?;
-        self.heading_home = mode == Mode::Home;
-        self.begin(mode, Task::Rail(Box::new(Follower::new(rail, self.yaw_rad))));
-        Ok(())
+        Ok(Task::Rail(Box::new(Follower::new(rail, self.yaw_rad))))
+    }
+
+    /// The movement in progress; `None` at rest.
+    fn moving(&self) -> Option<Moving> {
+        match (&self.reaction, &self.task) {
+            _ if self.speed_mps == 0.0 => None,
+            (Reaction::Out { strafe, .. } | Reaction::Back { strafe }, _) => Some(Moving::Strafe(strafe.clone())),
+            (_, Task::Rail(follower)) => Some(Moving::Rail(follower.clone())),
+            (_, Task::Halt { moving, .. }) => Some(moving.clone()),
+            _ => None,
+        }
     }
 
     /// Flies home, to the base.
@@ -179,8 +229,8 @@ impl Flight {
     pub fn inspect(&mut self, segment: u32, line: &[Vec2]) -> Result<(), FlightError> {
         let inspection = self.inspection_of(segment, false)?;
         let way = course(&self.ground.mesh, self.position, line)?;
-        let way = shortened(&way, self.settings.stopping_distance_m);
-        let rail = Rail::new(&self.ground.mesh, &way, &self.settings.inspect)?;
+        let flown = shortened(&way, self.settings.stopping_distance_m);
+        let rail = Rail::new(&self.ground.mesh, &flown, &self.settings.inspect)?;
         self.begin(Mode::Inspect, Task::Rail(Box::new(Follower::new(rail, self.yaw_rad))));
         self.inspection = Some(inspection);
         self.course = way;
@@ -203,7 +253,7 @@ impl Flight {
         self.begin(Mode::Swap, Task::Stay { until_tick: self.tick + self.ticks(swap_s) });
         self.battery = 1.0;
         self.heading_home = false;
-        self.home_bound_m = 0.0;
+        (self.home_bound_m, self.home_turns_s) = (0.0, 0.0);
     }
 
     /// Goes on in a longer recording that begins with the present one.

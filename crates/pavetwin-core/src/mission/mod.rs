@@ -17,7 +17,7 @@ mod settings;
 mod stepping;
 
 pub use battery::DrainCurve;
-pub use course::{course, rest_of, shortened};
+pub use course::{course, nearest_reachable, rest_of, shortened};
 pub use event::{Capture, Event, OcclusionReport, Sighting};
 pub use flight::{Flight, FlightError, Mode};
 pub use ground::{DefectTarget, Ground, GroundError, SegmentSurface};

@@ -3,13 +3,17 @@
 use super::event::Event;
 use super::flight::{Flight, FlightError, Mode, Task};
 use super::reaction::Reaction;
+use crate::geometry::{Vec2, wrap_angle};
 use crate::navigation::Motion;
 
 /// How often the way home is weighed, seconds.
 const HOME_CHECK_S: f64 = 1.0;
 
-/// Turns and braking on the way home, seconds of flight.
-const HOME_MANOEUVRES_S: f64 = 15.0;
+/// Coming to rest, turning round and setting off for home, seconds of flight; the corners on the way come on top.
+const HOME_MANOEUVRES_S: f64 = 12.0;
+
+/// What turning costs on top of the turn itself: slowing down before it and speeding up after it.
+const TURN_ALLOWANCE: f64 = 2.0;
 
 impl Flight {
     /// Runs to the next event.
@@ -44,19 +48,21 @@ impl Flight {
             Task::Rail(follower) => follower.arrived(),
             Task::Turn(turn) => turn.arrived(),
             Task::Stay { until_tick } => self.tick >= *until_tick,
+            Task::Halt { .. } => false,
         }
     }
 
     fn step(&mut self) -> Result<(), FlightError> {
         let dt_s = self.settings.time_step_s;
-        let (position, altitude_m) = (self.position, self.altitude_m);
+        let (position, altitude_m, yaw_rad) = (self.position, self.altitude_m, self.yaw_rad);
         if !self.step_reaction(dt_s)? {
-            self.step_task(dt_s);
+            self.step_task(dt_s)?;
         }
         self.tick += 1;
         let moved = self.position - position;
         self.distance_m += moved.length();
         self.home_bound_m += moved.length();
+        self.home_turns_s += TURN_ALLOWANCE * self.turn_s(wrap_angle(self.yaw_rad - yaw_rad));
         if !matches!(self.mode, Mode::Ground | Mode::Swap) {
             let climb_mps = (self.altitude_m - altitude_m) / dt_s;
             let drained = self.settings.drain.drained(moved * (1.0 / dt_s), climb_mps, dt_s);
@@ -70,7 +76,7 @@ impl Flight {
         self.weigh_way_home()
     }
 
-    fn step_task(&mut self, dt_s: f64) {
+    fn step_task(&mut self, dt_s: f64) -> Result<(), FlightError> {
         match &mut self.task {
             Task::Idle | Task::Stay { .. } => self.speed_mps = 0.0,
             Task::Climb { to_m } => {
@@ -90,7 +96,18 @@ impl Flight {
                 self.yaw_rad = follower.yaw_rad();
                 self.speed_mps = follower.speed_mps();
             }
+            Task::Halt { moving, goal, stop_short } => {
+                let (goal, stop_short, motion) = (*goal, *stop_short, moving.motion());
+                motion.brake();
+                motion.step(dt_s);
+                (self.position, self.yaw_rad, self.speed_mps) =
+                    (motion.position(), motion.yaw_rad(), motion.speed_mps());
+                if self.speed_mps == 0.0 {
+                    self.task = self.way_to(goal, stop_short)?;
+                }
+            }
         }
+        Ok(())
     }
 
     pub(super) fn take_pose(&mut self, motion: &impl Motion) {
@@ -99,33 +116,48 @@ impl Flight {
         self.speed_mps = motion.speed_mps();
     }
 
-    /// Reports `BatteryLow` when flying home now would leave no more than the reserve. The distance home is bounded by
-    /// the last one measured and what was flown since, so that the mesh is searched only when that bound says so.
+    fn turn_s(&self, turned_rad: f64) -> f64 {
+        turned_rad.abs() / self.settings.transit.yaw_rate_rad_s
+    }
+
+    /// Reports `BatteryLow` when flying home now would leave no more than the reserve. Distance and turns home are bounded
+    /// by those last measured and what was flown since, so that the mesh is searched only when that bound says so.
     fn weigh_way_home(&mut self) -> Result<(), FlightError> {
         let every = self.ticks(HOME_CHECK_S).max(1);
         if self.heading_home || self.altitude_m == 0.0 || !self.tick.is_multiple_of(every) {
             return Ok(());
         }
-        if self.battery - self.cost_home(self.home_bound_m) > self.settings.reserve {
+        if self.battery - self.cost_home() > self.settings.reserve {
             return Ok(());
         }
         let way = self.ground.mesh.path(self.position, self.base)?;
         self.home_bound_m = way.windows(2).map(|leg| leg[0].distance(leg[1])).sum();
-        if self.battery - self.cost_home(self.home_bound_m) <= self.settings.reserve {
+        self.home_turns_s = self.corners_s(&way);
+        if self.battery - self.cost_home() <= self.settings.reserve {
             self.heading_home = true;
             self.queue.push_back(Event::BatteryLow);
         }
         Ok(())
     }
 
-    fn cost_home(&self, distance_m: f64) -> f64 {
-        let Self { settings, altitude_m, .. } = self;
+    /// What the corners of a way cost in time: at each the UAV may have to stop, turn and set off again.
+    fn corners_s(&self, way: &[Vec2]) -> f64 {
+        let stop_s = self.settings.transit.speed_mps / self.settings.transit.acceleration_mps2;
+        let corner_s = |corner: &[Vec2]| {
+            let (before, after) = (corner[1] - corner[0], corner[2] - corner[1]);
+            stop_s + self.turn_s(before.cross(after).atan2(before.dot(after)))
+        };
+        way.windows(3).map(corner_s).sum()
+    }
+
+    fn cost_home(&self) -> f64 {
+        let Self { settings, altitude_m, home_bound_m, home_turns_s, .. } = self;
         settings.drain.home(
-            distance_m,
+            *home_bound_m,
             settings.transit.speed_mps,
             *altitude_m,
             settings.climb_speed_mps,
-            HOME_MANOEUVRES_S,
+            HOME_MANOEUVRES_S + home_turns_s,
         )
     }
 }
