@@ -55,6 +55,18 @@ class CaptureColumns(TypedDict):
     visibility: Floats
     on_revisit: Flags
 
+class LookColumns(TypedDict):
+    """What one look shows of a segment."""
+
+    visibility: float | None
+    """o; None when C is empty."""
+    hidden_place: Point | None
+    """Centroid of C less V."""
+    candidates: Floats
+    """(n, 2), the centres of the cells of C."""
+    visible: Floats
+    """(m, 2), the centres of the cells of V."""
+
 class NavMesh:
     """Where the UAV may fly at one altitude: convex polygons baked by Recast."""
 
@@ -134,6 +146,22 @@ class Ground:
         defect_segments: Indices,
     ) -> None: ...
     def cell_count(self, segment: int) -> int: ...
+    def observe(
+        self,
+        segment: int,
+        trace: Trace,
+        time_s: float,
+        *,
+        position: Point,
+        altitude_m: float,
+        yaw_rad: float,
+        image_px: tuple[int, int],
+        vertical_fov_rad: float,
+        window_rows: float,
+        window_columns: float | None,
+        window_across_per_altitude: float | None,
+    ) -> LookColumns:
+        """One look at a segment, without a mission: which cells are candidates, and which of them are visible."""
 
 class Arrived:
     """The command has been carried out."""

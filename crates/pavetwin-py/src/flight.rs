@@ -1,14 +1,13 @@
 //! `Flight`, its events, and the moment that a policy may ask about.
 
 use crate::arrays::{points, to_array};
-use crate::ground::Ground;
+use crate::ground::{Ground, camera};
 use crate::plain;
 use crate::trace::{Trace, pose_columns};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
 use pavetwin_core::geometry::Vec2;
 use pavetwin_core::mission::{self as core, DrainCurve, Event, Mode, Settings};
 use pavetwin_core::navigation::Limits;
-use pavetwin_core::sensing::{AcrossRule, Camera, WindowRule};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -131,13 +130,7 @@ impl Flight {
         wind_mps: (f64, f64),
         reserve: f64,
     ) -> PyResult<Self> {
-        let across = match (window_columns, window_across_per_altitude) {
-            (Some(share), None) => AcrossRule::Columns(share),
-            (None, Some(factor)) => AcrossRule::PerAltitude(factor),
-            _ => return Err(plain("give exactly one of window_columns and window_across_per_altitude")),
-        };
-        let window = WindowRule { rows_share: window_rows, across };
-        let camera = Camera::new(image_px.0, image_px.1, vertical_fov_rad, window).map_err(plain)?;
+        let camera = camera(image_px, vertical_fov_rad, window_rows, window_columns, window_across_per_altitude)?;
         let limits = |speed_mps| Limits { speed_mps, acceleration_mps2, yaw_rate_rad_s };
         let settings = Settings {
             time_step_s,
