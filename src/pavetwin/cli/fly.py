@@ -43,6 +43,9 @@ def fly(
     routes: Annotated[
         list[Path] | None, typer.Option(metavar="FILE.rou.xml", help="Your own SUMO demand. Replaces --density.")
     ] = None,
+    airspace: Annotated[
+        Path | None, typer.Option(metavar="FILE.csv", help="Other aircraft: aircraft, t_s, x_m, y_m, altitude_m.")
+    ] = None,
     defect_seed: Annotated[int | None, typer.Option(help="Place the defects anew under this seed.")] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the results.")] = None,
     animate: Annotated[bool, typer.Option("--animate", help="Also draw an animation, mission.gif.")] = False,
@@ -57,6 +60,7 @@ def fly(
     """
     from pavetwin.cli import report
     from pavetwin.config import load_settings
+    from pavetwin.mission.airspace import load_airspace
     from pavetwin.mission.ground import prepare
     from pavetwin.mission.results import check_mission_folder
     from pavetwin.mission.targets import choose_targets
@@ -83,7 +87,9 @@ def fly(
         stage = prepare(loaded, chosen, _defects(loaded, defect_seed))
         tell(1.0)
     targets = choose_targets(stage, count=_count(segments), names=segment or (), order=order, seed=seed)
+    aircraft = load_airspace(airspace) if airspace is not None else ()
     replay = _replay(loaded, density, seed, traffic, routes or [])
+    replay.aircraft = aircraft
     folder = output or world / "missions" / _folder_name(policy, replay, chosen, preset, seed)
     check_mission_folder(folder)
     flown = [_fly_one(stage, replay, chosen, targets, name, seed) for name in names]

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pavetwin._core import Trace
+from pavetwin.mission.airspace import Aircraft, TraceArguments, with_aircraft
 from pavetwin.traffic.demand import Density
 from pavetwin.traffic.record import prolong, record
 from pavetwin.traffic.recording import Recording
@@ -19,10 +20,10 @@ GROWTH = 2.0
 """A recording that proves too short is made this much longer."""
 
 
-def to_trace(recording: Recording) -> Trace:
-    """A recording in the kernel's hands. Everything in it stands on the ground."""
+def to_trace(recording: Recording, aircraft: Sequence[Aircraft] = ()) -> Trace:
+    """A recording in the kernel's hands, and other aircraft with it, which come first among the agents."""
     columns = recording.columns()
-    return Trace(
+    on_ground = TraceArguments(
         step_s=columns["step_s"],
         step_offsets=columns["step_offsets"],
         agent=columns["agent"],
@@ -36,6 +37,7 @@ def to_trace(recording: Recording) -> Trace:
         base_m=np.zeros_like(columns["height_m"]),
         is_pedestrian=columns["is_pedestrian"],
     )
+    return Trace(**with_aircraft(on_ground, aircraft))
 
 
 @dataclass
@@ -45,13 +47,15 @@ class Replay:
     world: World
     recording: Recording
     routes: Sequence[Path] = ()
+    aircraft: Sequence[Aircraft] = ()
+    """Others in the air, which the UAV keeps clear of at its own altitude."""
     on_prolong: Callable[[float], None] = lambda _: None
     """Told the share done of a prolongation."""
     _trace: Trace | None = field(default=None, init=False, repr=False)
 
     def trace(self) -> Trace:
         if self._trace is None:
-            self._trace = to_trace(self.recording)
+            self._trace = to_trace(self.recording, self.aircraft)
         return self._trace
 
     def prolong(self, needed_s: float) -> Trace:

@@ -43,6 +43,7 @@ class Mode(StrEnum):
     HOME = "home"
     LAND = "land"
     SWAP = "swap"
+    AVOID = "avoid"
 
 
 @dataclass(frozen=True, slots=True)

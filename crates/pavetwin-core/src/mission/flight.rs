@@ -1,6 +1,7 @@
 //! A flight: its state, and the commands it takes. The stepping is in `stepping`, the looking in `looking`.
 
 use super::course::{course, nearest_reachable, rest_of, shortened};
+use super::encounter::{Encounter, reaches};
 use super::event::Event;
 use super::ground::Ground;
 use super::log::{Captures, Track};
@@ -28,6 +29,7 @@ pub enum Mode {
     Home = 7,
     Land = 8,
     Swap = 9,
+    Avoid = 10,
 }
 
 /// Why a command or a step fails.
@@ -108,6 +110,11 @@ pub struct Flight {
     pub(super) mode: Mode,
     pub(super) task: Task,
     pub(super) reaction: Reaction,
+    pub(super) encounter: Option<Encounter>,
+    /// Whether any agent of the recording reaches the mission's altitude.
+    pub(super) shared_airspace: bool,
+    /// The mode that an encounter interrupted.
+    pub(super) mode_before: Mode,
     pub(super) episode: Option<Episode>,
     pub(super) inspection: Option<Inspection>,
     /// The corners of the line under inspection, up to its end.
@@ -130,6 +137,7 @@ impl Flight {
     pub fn new(ground: Arc<Ground>, trace: Arc<Trace>, settings: Settings, base: Vec2) -> Result<Self, FlightError> {
         settings.check()?;
         let base = ground.mesh.nearest(base);
+        let shared_airspace = reaches(&trace, settings.altitude_m);
         let (segments, defects) = (ground.segments.len(), ground.defects.len());
         Ok(Self {
             ground,
@@ -152,6 +160,9 @@ impl Flight {
             mode: Mode::Ground,
             task: Task::Idle,
             reaction: Reaction::None,
+            encounter: None,
+            shared_airspace,
+            mode_before: Mode::Ground,
             episode: None,
             inspection: None,
             course: Vec::new(),
@@ -264,6 +275,7 @@ impl Flight {
         if !self.trace.is_prefix_of(&trace) {
             return Err(FlightError::OtherRecording);
         }
+        self.shared_airspace = reaches(&trace, self.settings.altitude_m);
         self.trace = trace;
         Ok(())
     }
@@ -299,6 +311,7 @@ impl Flight {
         self.mode = mode;
         self.task = task;
         self.reaction = Reaction::None;
+        self.encounter = None;
         self.episode = None;
         self.inspection = None;
         self.course.clear();

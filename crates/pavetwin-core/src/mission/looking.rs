@@ -98,7 +98,7 @@ impl Flight {
 
     /// Opens or closes the episode of occlusion, and reports what needs deciding.
     fn judge(&mut self, inspection: Inspection, visibility: &Visibility) {
-        let busy = inspection.on_revisit || !matches!(self.reaction, Reaction::None);
+        let busy = inspection.on_revisit || self.encounter.is_some() || !matches!(self.reaction, Reaction::None);
         if busy || !matches!(self.task, Task::Rail(_)) || !visibility.has_candidates {
             return;
         }

@@ -6,6 +6,7 @@
 
 mod battery;
 mod course;
+mod encounter;
 mod event;
 mod flight;
 mod ground;

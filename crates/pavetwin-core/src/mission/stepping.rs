@@ -28,7 +28,7 @@ impl Flight {
             if let Some(event) = self.queue.pop_front() {
                 return Ok(event);
             }
-            if matches!(self.reaction, Reaction::None) && self.task_done() {
+            if matches!(self.reaction, Reaction::None) && self.encounter.is_none() && self.task_done() {
                 self.inspection = None;
                 self.task = Task::Idle;
                 return Ok(Event::Arrived);
@@ -55,7 +55,7 @@ impl Flight {
     fn step(&mut self) -> Result<(), FlightError> {
         let dt_s = self.settings.time_step_s;
         let (position, altitude_m, yaw_rad) = (self.position, self.altitude_m, self.yaw_rad);
-        if !self.step_reaction(dt_s)? {
+        if !self.step_encounter(dt_s)? && !self.step_reaction(dt_s)? {
             self.step_task(dt_s)?;
         }
         self.tick += 1;
