@@ -4,9 +4,10 @@ Colours hold for the common forms of colour blindness and in grey print: marks t
 shape. Type is DejaVu Sans, which Matplotlib brings along, so that the same input gives the same bytes on any machine.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from math import floor, log10
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import text_to_path
+from matplotlib.typing import ColorType
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
@@ -28,10 +32,10 @@ Bounds = tuple[float, float, float, float]
 PAPER, INK, INK_SOFT, INK_FAINT = "#FFFFFF", "#2B2B2B", "#6E6A64", "#B5AFA6"
 GROUND, PARK, PARK_EDGE = "#F4F1EB", "#DDE9CF", "#C3D6B0"
 TREE, TREE_EDGE = "#A6C795", "#8DB27B"
-BUILDING_LOW, BUILDING_HIGH, BUILDING_EDGE, SHADOW = "#E3DACE", "#B9AA9A", "#A99C8D", "#8D857B"
+BUILDING, BUILDING_LOW, BUILDING_HIGH, BUILDING_EDGE, SHADOW = "#D6CABC", "#E3DACE", "#B9AA9A", "#A99C8D", "#8D857B"
 SIDEWALK, SIDEWALK_EDGE = "#E6E1D9", "#D3CCC2"
-CARRIAGEWAY, CASING, MARKING = "#FFFFFF", "#A8A199", "#C9C4BC"
-LAMP, SIGNAL, POLE = "#C7A14A", "#C0392B", "#8B857D"
+CARRIAGEWAY, CASING, MARKING, ZEBRA = "#FFFFFF", "#A8A199", "#B9B4AC", "#C4BFB7"
+LAMP, SIGNAL, POLE, SIGN = "#D9A400", "#C0392B", "#8B857D", "#6C7A89"
 BASE = "#1F3A5F"
 
 POLICY_COLOURS: Mapping[str, str] = {
@@ -126,6 +130,18 @@ def attribution(source: str) -> str | None:
     return "© OpenStreetMap contributors" if source.endswith((".osm", ".osm.gz", ".osm.pbf")) else None
 
 
+@dataclass(frozen=True, slots=True)
+class LegendEntry:
+    """One line of a legend: a patch, a line, or any of Matplotlib's markers, and what it means."""
+
+    label: str
+    symbol: str
+    """`patch`, `line`, or a marker."""
+    colour: ColorType
+    edge: ColorType = "none"
+    size_pt: float = 5.0
+
+
 @dataclass(frozen=True)
 class Sheet:
     """A map in its frame, a title above, and a strip below for legend, scale bar, north arrow and sources."""
@@ -137,34 +153,84 @@ class Sheet:
 
 
 def map_sheet(
-    bounds: Bounds, *, title: str, subtitle: str = "", credit: str | None = None, longest_in: float = 9.0
+    bounds: Bounds,
+    *,
+    title: str,
+    subtitle: str = "",
+    credit: str | None = None,
+    legend: Sequence[LegendEntry] = (),
+    longest_in: float = 9.0,
 ) -> Sheet:
-    """A figure for a map of `bounds`: draw the world into `axes`, the legend into `footer`.
+    """A figure for a map of `bounds`: draw the world into `axes`; whatever else fits below goes into `footer`.
 
     Args:
         bounds: what the map shows, in metres; the frame takes its proportions.
+        credit: who is named in the lower right corner (see `attribution`).
         longest_in: the longer side of the frame, in inches.
     """
     west, south, east, north = bounds
     scale = longest_in / max(east - west, north - south)
     width, height = max((east - west) * scale, 4.0), max((north - south) * scale, 2.5)
-    margin, head, foot = 0.25, 0.55 if subtitle else 0.42, 0.62
+    rows = _flow(legend, width - _SCALE_BAR_IN)
+    margin, head, foot = 0.25, 0.55 if subtitle else 0.42, max(0.68, 0.2 + _ROW_IN * len(rows))
     figure = new_figure(width + 2 * margin, height + head + foot)
-    total_w, total_h = figure.get_size_inches()
+    total_w, total_h = (float(side) for side in figure.get_size_inches())
     axes = figure.add_axes((margin / total_w, foot / total_h, width / total_w, height / total_h))
     frame_axes(axes, bounds)
     footer = figure.add_axes((margin / total_w, 0.0, width / total_w, foot / total_h))
     footer.set(xlim=(0, width), ylim=(0, foot))
     footer.set_axis_off()
-    left, top = margin / total_w, 1 - 0.1 / total_h
-    figure.text(left, top, title, fontsize=12, fontweight="bold", va="top")
-    if subtitle:
-        figure.text(left, 1 - 0.34 / total_h, subtitle, fontsize=7.5, color=INK_SOFT, va="top")
+    figure.text(margin / total_w, 1 - 0.1 / total_h, title, fontsize=12, fontweight="bold", va="top")
+    figure.text(margin / total_w, 1 - 0.34 / total_h, subtitle, fontsize=7.5, color=INK_SOFT, va="top")
+    north_arrow(footer, width - 0.09, foot - 0.25)
+    west, east = axes.get_xlim()
+    scale_bar(footer, width - 0.42, foot - 0.3, width / (east - west))
     if credit:
-        figure.text(1 - left, 1 - 0.34 / total_h, credit, fontsize=6, color=INK_SOFT, ha="right", va="top")
-    north_arrow(footer, width - 0.12, 0.30)
-    scale_bar(footer, width - 0.45, 0.24, width / (axes.get_xlim()[1] - axes.get_xlim()[0]))
+        footer.text(width, foot - 0.5, credit, fontsize=5.8, color=INK_SOFT, ha="right", va="center")
+    for number, row in enumerate(rows):
+        for x, entry in row:
+            _legend_entry(footer, x, foot - 0.17 - _ROW_IN * number, entry)
     return Sheet(figure, axes, footer)
+
+
+_SCALE_BAR_IN, _ROW_IN, _LEGEND_PT = 2.4, 0.165, 6.4
+
+
+def _flow(entries: Sequence[LegendEntry], width: float) -> list[list[tuple[float, LegendEntry]]]:
+    """The entries in columns of one width, row by row, each with its left edge in inches."""
+    if not entries:
+        return []
+    widest = max(text_width_pt(entry.label, _LEGEND_PT) for entry in entries) / 72 + 0.42
+    columns = max(1, int(width // widest))
+    rows = -(-len(entries) // columns)
+    return [[(column * widest, entry) for column, entry in enumerate(entries[row::rows])] for row in range(rows)]
+
+
+def _legend_entry(footer: Axes, x: float, y: float, entry: LegendEntry) -> None:
+    if entry.symbol == "patch":
+        footer.fill(
+            [x, x + 0.2, x + 0.2, x], [y - 0.05, y - 0.05, y + 0.05, y + 0.05],
+            facecolor=entry.colour, edgecolor=entry.edge, linewidth=0.6,
+        )  # fmt: skip
+    elif entry.symbol == "line":
+        footer.plot([x, x + 0.2], [y, y], color=entry.colour, linewidth=entry.size_pt)
+    else:
+        footer.plot(
+            x + 0.1, y, marker=entry.symbol, markersize=entry.size_pt,
+            markerfacecolor=entry.colour, markeredgecolor=entry.edge if entry.edge != "none" else entry.colour,
+            markeredgewidth=0.8,
+        )  # fmt: skip
+    footer.text(x + 0.27, y, entry.label, fontsize=_LEGEND_PT, va="center_baseline")
+
+
+@cache
+def text_width_pt(text: str, size_pt: float, *, bold: bool = False) -> float:
+    """How wide a text is on paper, in points."""
+    if not text:
+        return 0.0
+    prop = FontProperties(family="DejaVu Sans", weight="bold" if bold else "normal", size=100)
+    width, _, _ = text_to_path.get_text_width_height_descent(text, prop, ismath=False)
+    return float(width) * size_pt / 100
 
 
 def frame_axes(axes: Axes, bounds: Bounds) -> None:

@@ -1,26 +1,33 @@
 """The map of a world: what stands still, drawn as a city plan. Other pictures are drawn on top of it."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections import Counter
+from collections.abc import Collection, Sequence
 from enum import StrEnum
+from math import cos, sin
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from matplotlib.axes import Axes
-from matplotlib.collections import EllipseCollection, LineCollection, PathCollection
-from matplotlib.colors import LinearSegmentedColormap
-from matplotlib.path import Path as Outline
+from matplotlib.typing import ColorType
 from shapely import Geometry
 
-from pavetwin.draw import style
-from pavetwin.draw.style import Bounds
-from pavetwin.world.model import FurnitureKind, LaneKind, World
+from pavetwin.draw import lettering, shapes, style
+from pavetwin.draw.carriageway import carriageway, lane_lines
+from pavetwin.draw.style import Bounds, LegendEntry
+from pavetwin.world.model import DefectClass, Furniture, FurnitureKind, LaneKind, World
+from pavetwin.world.store import load_record
 
 ABOVE_WORLD = 50
 """The lowest zorder above everything that `draw_world` draws."""
 
 MARGIN_M = 12.0
+
+SHADOW_EAST, SHADOW_SOUTH, SHADOW_LONGEST_M = 0.16, 0.22, 5.0
+"""Metres of shadow a metre of height; light comes from the north-west, as maps have it."""
+
+TALL_M = 30.0
+"""Buildings of this height and above have the darkest colour."""
 
 
 class Layer(StrEnum):
@@ -38,14 +45,11 @@ class Layer(StrEnum):
 
 EVERYTHING = frozenset(Layer)
 
-_HEIGHTS = LinearSegmentedColormap.from_list("heights", [style.BUILDING_LOW, style.BUILDING_HIGH])
-_TALL_M = 30.0
-
 
 def world_bounds(world: World, margin_m: float = MARGIN_M) -> Bounds:
     """What a map of the whole world shows: its streets and buildings and a margin, in metres."""
-    shapes = [segment.polygon for segment in world.segments] + [building.polygon for building in world.buildings]
-    west, south, east, north = (float(value) for value in shapely.total_bounds(shapes))
+    things = [segment.polygon for segment in world.segments] + [building.polygon for building in world.buildings]
+    west, south, east, north = (float(value) for value in shapely.total_bounds(things))
     return west - margin_m, south - margin_m, east + margin_m, north + margin_m
 
 
@@ -61,6 +65,9 @@ def draw_world(
 ) -> None:
     """Draw a world into `axes`, which becomes a map in metres of the world frame.
 
+    The finer things (lane lines, zebras, masts, outlines of defects) come with the scale. Everything has a zorder below
+    `ABOVE_WORLD`.
+
     Args:
         bounds: what the map shows; the whole world when not given.
         names: segment ids and boundaries.
@@ -68,102 +75,205 @@ def draw_world(
         muted: paler, as a ground for other things.
     """
     style.frame_axes(axes, bounds if bounds is not None else world_bounds(world))
-    alpha = 0.55 if muted else 1.0
+    plan = _Plan(axes, world, muted)
     if Layer.PARKS in layers:
-        _fill(axes, world.parks, 1, style.PARK, style.PARK_EDGE, 0.4, alpha)
-    if Layer.SIDEWALKS in layers:
-        walks = [
-            lane.centre_line.buffer(lane.width_m / 2, cap_style="flat") for lane in world.lanes_of(LaneKind.SIDEWALK)
-        ]
-        _fill(axes, walks, 2, style.SIDEWALK, style.SIDEWALK_EDGE, 0.3, alpha)
-    if Layer.CARRIAGEWAYS in layers:
-        roads: list[Geometry] = [segment.polygon for segment in world.segments]
-        roads += [junction.polygon for junction in world.junctions]
-        whole = shapely.union_all(shapely.buffer(roads, 0.05))
-        _fill(axes, [whole], 3, style.CARRIAGEWAY, style.CASING, 0.6, alpha)
+        shapes.fill(axes, world.parks, 1, plan.shade(style.PARK), plan.shade(style.PARK_EDGE), 0.5)
     if Layer.BUILDINGS in layers:
-        heights = np.array([building.height_m for building in world.buildings])
-        colours = _HEIGHTS(np.clip(heights / _TALL_M, 0, 1))
-        _fill(axes, [b.polygon for b in world.buildings], 5, colours, style.BUILDING_EDGE, 0.35, alpha)
+        plan.buildings()
+    if Layer.SIDEWALKS in layers:
+        plan.sidewalks()
+    if Layer.CARRIAGEWAYS in layers:
+        roads = carriageway(world)
+        shapes.fill(axes, [roads], 4, plan.shade(style.CARRIAGEWAY), plan.shade(style.CASING), 0.55)
+    if Layer.CROSSINGS in layers:
+        plan.crossings()
+    if Layer.MARKINGS in layers:
+        plan.markings()
     if Layer.TREES in layers:
-        trees = [thing for thing in world.furniture if thing.kind is FurnitureKind.TREE]
-        _discs(axes, [(t.position.x, t.position.y) for t in trees], [t.radius_m for t in trees], 7, style.TREE, alpha)
+        plan.trees()
+    if Layer.FURNITURE in layers:
+        plan.furniture()
     if defects:
-        for kind, colour in style.DEFECT_COLOURS.items():
-            spots = np.array([(d.centre.x, d.centre.y) for d in world.defects if d.kind is kind]).reshape(-1, 2)
-            axes.scatter(
-                spots[:, 0], spots[:, 1], s=2.5, marker=style.DEFECT_MARKERS[kind], color=colour, linewidths=0.4,
-                alpha=alpha, zorder=10,
-            )  # fmt: skip
-    if names:
-        for segment in world.segments:
-            middle = segment.centre_line.interpolate(0.5, normalized=True)
-            text = axes.text(middle.x, middle.y, segment.id, fontsize=4.5, ha="center", va="center", zorder=45)
-            text.set_path_effects(style.halo())
+        plan.defects()
+    room = lettering.Room()
     if Layer.BASE in layers:
         base_symbol(axes, world)
+        room.take(world.base.buffer(6.0 / plan.per_m))
+    if names:
+        boundaries = [tick for s in world.segments for tick in shapes.ticks(s.centre_line, s.width_m / 2 + 0.6)]
+        shapes.strokes(axes, boundaries, 38, style.BASE, 0.7)
+        lettering.segment_ids(axes, world.segments, room)
+    if Layer.STREET_NAMES in layers:
+        lettering.street_names(axes, world.segments, room, style.INK_SOFT if muted else style.INK)
+
+
+class _Plan:
+    """Draws one layer after the other in one scale."""
+
+    def __init__(self, axes: Axes, world: World, muted: bool) -> None:
+        self.axes, self.world = axes, world
+        self.per_m = shapes.points_per_m(axes)
+        self._pale = 0.5 if muted else 0.0
+
+    def shade(self, colour: ColorType) -> ColorType:
+        return shapes.mix(colour, style.PAPER, self._pale)
+
+    def buildings(self) -> None:
+        houses = [self.world.buildings[i] for i in shapes.seen(self.axes, [b.polygon for b in self.world.buildings])]
+        heights = np.array([house.height_m for house in houses])
+        bases = [house.polygon for house in houses]
+        cast = shapes.shadow(bases, heights, SHADOW_EAST, SHADOW_SOUTH, SHADOW_LONGEST_M)
+        shapes.fill(self.axes, [cast], 5, self.shade(style.SHADOW), alpha=0.22)
+        faces: list[ColorType] = [
+            self.shade(shapes.mix(style.BUILDING_LOW, style.BUILDING_HIGH, min(1.0, float(height) / TALL_M)))
+            for height in heights
+        ]
+        shapes.fill(self.axes, bases, 6, faces, self.shade(style.BUILDING_EDGE), 0.35)
+
+    def sidewalks(self) -> None:
+        lanes = self.world.lanes_of(LaneKind.SIDEWALK)
+        lines = np.array([lane.centre_line for lane in lanes], dtype=object)
+        walks: list[Geometry] = list(shapely.buffer(lines, [lane.width_m / 2 for lane in lanes], cap_style="flat"))
+        walks += [junction.polygon for junction in self.world.junctions]
+        whole = shapely.union_all(shapely.buffer(np.array(walks, dtype=object), 0.05))
+        shapes.fill(self.axes, [whole], 3, self.shade(style.SIDEWALK), self.shade(style.SIDEWALK_EDGE), 0.35)
+
+    def crossings(self) -> None:
+        bar_m = 0.5 if self.per_m > 2.0 else 1.0
+        chosen = shapes.seen(self.axes, [crossing.polygon for crossing in self.world.crossings])
+        bars = [bar for i in chosen for bar in shapes.stripes(self.world.crossings[i].polygon, bar_m, bar_m)]
+        shapes.strokes(self.axes, bars, 4.2, self.shade(style.ZEBRA), bar_m * self.per_m)
+
+    def markings(self) -> None:
+        if self.per_m > 0.8:
+            dash = (3 * self.per_m, 3 * self.per_m)
+            shapes.strokes(self.axes, lane_lines(self.world), 4.3, self.shade(style.MARKING), 0.5, dash)
+
+    def trees(self) -> None:
+        trees = self._of(FurnitureKind.TREE)
+        if not trees:
+            return
+        centres, radii = _centres(trees), np.array([tree.radius_m for tree in trees])
+        shapes.discs(self.axes, centres + (0.5, -0.7), radii, 5.1, self.shade(style.SHADOW), alpha=0.16)
+        shapes.discs(
+            self.axes, centres, radii, 7, self.shade(style.TREE), self.shade(style.TREE_EDGE), 0.25, alpha=0.78
+        )
+        shapes.discs(self.axes, centres + radii[:, None] * (-0.22, 0.25), 0.55 * radii, 7.1, style.PAPER, alpha=0.22)
+
+    def furniture(self) -> None:
+        if self.per_m < 0.55:
+            return
+        arms = [thing for thing in self.world.furniture if thing.arm_m > 0] if self.per_m > 2.0 else []
+        feet = _centres(arms)
+        reach = np.array([(thing.arm_m * cos(thing.yaw_rad), thing.arm_m * sin(thing.yaw_rad)) for thing in arms])
+        lines = np.stack([feet, feet + reach.reshape(-1, 2)], axis=1)
+        shapes.strokes(self.axes, list(lines), 8, self.shade(style.POLE), 0.6)
+        for kind, colour, marker, size in (
+            (FurnitureKind.POLE, style.POLE, "o", 2.0),
+            (FurnitureKind.SIGN, style.SIGN, "D", 2.0),
+            (FurnitureKind.STREET_LIGHT, style.LAMP, "o", 2.6),
+            (FurnitureKind.SIGNAL, style.SIGNAL, "s", 3.4),
+        ):
+            grown = size * min(2.0, max(0.55, self.per_m / 2.0))
+            centres = _centres(self._of(kind))
+            self.axes.scatter(
+                centres[:, 0],
+                centres[:, 1],
+                s=grown**2,
+                marker=marker,
+                color=self.shade(colour),
+                linewidths=0,
+                zorder=8.1,
+            )
+
+    def defects(self) -> None:
+        outlined = self.per_m > 4.0
+        for kind, colour in style.DEFECT_COLOURS.items():
+            chosen = [defect for defect in self.world.defects if defect.kind is kind]
+            if outlined:
+                face, edge = shapes.mix(colour, style.PAPER, 0.35), self.shade(colour)
+                shapes.fill(self.axes, [defect.polygon for defect in chosen], 10, face, edge, 0.5)
+                continue
+            spots = np.array([(d.centre.x, d.centre.y) for d in chosen]).reshape(-1, 2)
+            self.axes.scatter(
+                spots[:, 0], spots[:, 1], s=1.5 * max(1.0, self.per_m) ** 2, marker=style.DEFECT_MARKERS[kind],
+                color=self.shade(colour), linewidths=0.5 if style.DEFECT_MARKERS[kind] == "_" else 0, zorder=10,
+            )  # fmt: skip
+
+    def _of(self, kind: FurnitureKind) -> list[Furniture]:
+        (west, east), (south, north) = self.axes.get_xlim(), self.axes.get_ylim()
+        return [
+            thing
+            for thing in self.world.furniture
+            if thing.kind is kind and west < thing.position.x < east and south < thing.position.y < north
+        ]
 
 
 def base_symbol(axes: Axes, world: World, zorder: float = ABOVE_WORLD - 1) -> None:
     """The landing pad: an H in a disc."""
-    axes.plot(world.base.x, world.base.y, "o", ms=9, mfc=style.BASE, mec=style.PAPER, mew=0.8, zorder=zorder)
-    axes.plot(
-        world.base.x, world.base.y, marker="$H$", ms=4.5, mfc=style.PAPER, mec=style.PAPER, mew=0.3, zorder=zorder
-    )
+    x, y = world.base.x, world.base.y
+    axes.plot(x, y, "o", ms=9, mfc=style.BASE, mec=style.PAPER, mew=0.8, zorder=zorder)
+    axes.plot(x, y, marker="$\\mathbf{H}$", ms=4.6, mfc=style.PAPER, mec="none", zorder=zorder)
 
 
-def save_world_map(world: World, path: Path, *, names: bool = False) -> None:
-    """Write the map of a whole world as a picture.
+def save_world_map(world: World, path: Path, *, names: bool = False, bounds: Bounds | None = None) -> None:
+    """Write the map of a world, or of `bounds` of it, as a picture.
 
     Raises:
         PaveTwinError: it cannot be written.
     """
     with style.styled():
-        bounds = world_bounds(world)
-        sheet = style.map_sheet(bounds, title=world.name)
-        draw_world(sheet.axes, world, bounds=bounds, names=names)
-    style.save_figure(sheet.figure, path)
+        shown = bounds if bounds is not None else world_bounds(world)
+        sheet = style.map_sheet(
+            shown, title=world.name, subtitle=subtitle(world), credit=credit(world), legend=legend(world)
+        )
+        draw_world(sheet.axes, world, bounds=shown, names=names)
+        style.save_figure(sheet.figure, path)
 
 
-def outline(shape: Geometry) -> Outline:
-    """A polygon, or several, with their holes, as one path."""
-    rings = [
-        np.asarray(ring.coords)[:, :2]
-        for part in shapely.get_parts(shape)
-        if isinstance(part, shapely.Polygon)
-        for ring in (part.exterior, *part.interiors)
-    ]
-    return Outline.make_compound_path(*(Outline(ring, closed=True) for ring in rings if len(ring)))
-
-
-def _fill(
-    axes: Axes,
-    shapes: Sequence[Geometry],
-    zorder: float,
-    face: str | npt.NDArray[np.float64],
-    edge: str,
-    width_pt: float,
-    alpha: float,
-) -> None:
-    paths = [outline(shape) for shape in shapes]
-    axes.add_collection(
-        PathCollection(paths, facecolors=face, edgecolors=edge, linewidths=width_pt, alpha=alpha, zorder=zorder),
-        autolim=False,
+def subtitle(world: World) -> str:
+    """What is there, in one line."""
+    length_km = sum(segment.length_m for segment in world.segments) / 1000
+    return (
+        f"{len(world.segments)} segments, {length_km:.1f} km  ·  {len(world.buildings)} buildings  ·  "
+        f"{len(world.defects)} defects"
     )
 
 
-def _discs(
-    axes: Axes, centres: Iterable[tuple[float, float]], radii: Iterable[float], zorder: float, face: str, alpha: float
-) -> None:
-    sizes = 2 * np.fromiter(radii, dtype=np.float64)
-    axes.add_collection(
-        EllipseCollection(
-            sizes, sizes, np.zeros_like(sizes), units="xy", offsets=np.array(list(centres)).reshape(-1, 2),
-            offset_transform=axes.transData, facecolors=face, linewidths=0, alpha=0.8 * alpha, zorder=zorder,
+def credit(world: World) -> str | None:
+    """Who must be named under a map of this world."""
+    return style.attribution(load_record(world.folder).source) if world.folder is not None else None
+
+
+def legend(world: World, *, defects: bool = True) -> list[LegendEntry]:
+    """What the marks on the map of this world mean; only those that are on it."""
+    kinds = Counter(thing.kind for thing in world.furniture)
+    classes = Counter(defect.kind for defect in world.defects)
+    walks = bool(world.lanes_of(LaneKind.SIDEWALK))
+    entries: Sequence[tuple[bool, LegendEntry]] = (
+        (True, LegendEntry("carriageway", "patch", style.CARRIAGEWAY, style.CASING)),
+        (walks, LegendEntry("sidewalk", "patch", style.SIDEWALK, style.SIDEWALK_EDGE)),
+        (bool(world.buildings), LegendEntry("building", "patch", style.BUILDING, style.BUILDING_EDGE)),
+        (bool(world.parks), LegendEntry("park, green", "patch", style.PARK, style.PARK_EDGE)),
+        (kinds[FurnitureKind.TREE] > 0, LegendEntry("tree", "o", style.TREE, style.TREE_EDGE, 6)),
+        (kinds[FurnitureKind.STREET_LIGHT] > 0, LegendEntry("street light", "o", style.LAMP, size_pt=2.2)),
+        (kinds[FurnitureKind.SIGNAL] > 0, LegendEntry("traffic signal", "s", style.SIGNAL, size_pt=3)),
+        (True, LegendEntry("base", "o", style.BASE, size_pt=5.5)),
+        *(
+            (
+                defects and classes[kind] > 0,
+                LegendEntry(defect_words(kind), style.DEFECT_MARKERS[kind], colour, size_pt=3.2),
+            )
+            for kind, colour in style.DEFECT_COLOURS.items()
         ),
-        autolim=False,
-    )  # fmt: skip
+    )
+    return [entry for shown, entry in entries if shown]
 
 
-def _lines(axes: Axes, lines: Sequence[npt.ArrayLike], zorder: float, colour: str, width_pt: float) -> None:
-    axes.add_collection(LineCollection(list(lines), colors=colour, linewidths=width_pt, zorder=zorder), autolim=False)
+def defect_words(kind: DefectClass) -> str:
+    """`single crack` for `single_crack`."""
+    return kind.value.replace("_", " ")
+
+
+def _centres(things: Sequence[Furniture]) -> shapes.Floats:
+    return np.array([(thing.position.x, thing.position.y) for thing in things], dtype=np.float64).reshape(-1, 2)

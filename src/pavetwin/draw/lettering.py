@@ -1,0 +1,215 @@
+"""Lettering of a map: names that follow their streets, ids on their segments, none over another.
+
+Positions are metres of the world frame; sizes of type are points of paper.
+"""
+
+from collections.abc import Iterable, Sequence
+from functools import cache
+from math import ceil, hypot
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
+from matplotlib.font_manager import FontProperties
+from matplotlib.path import Path as Outline
+from matplotlib.textpath import TextPath
+from matplotlib.transforms import Affine2D
+from shapely import LineString, Polygon
+
+from pavetwin.draw import style
+from pavetwin.draw.shapes import points_per_m
+from pavetwin.world.model import Segment
+
+Floats = npt.NDArray[np.float64]
+
+SMALLEST_PT, LARGEST_PT = 4.4, 7.0
+"""Of a street's name."""
+
+_ID_PT = 4.4
+_GAP_M = 45.0
+"""Pieces of one street farther apart than this are named apart."""
+
+_MAX_TURN = np.radians(75)
+_MAX_TURN_AT_ONCE = np.radians(22)
+_REPEAT_PT = 300.0
+
+
+class Room:
+    """What lettering has taken of the paper already."""
+
+    def __init__(self) -> None:
+        self._taken: list[Polygon] = []
+
+    def free(self, shape: Polygon) -> bool:
+        return not self._taken or not bool(shapely.intersects(np.array(self._taken, dtype=object), shape).any())
+
+    def take(self, shape: Polygon) -> None:
+        self._taken.append(shape)
+
+
+def segment_ids(axes: Axes, segments: Iterable[Segment], room: Room) -> list[str]:
+    """Write the id of each segment on it, in a small plate. Returns those for which there was no room."""
+    per_m = points_per_m(axes)
+    left_out = []
+    for segment in segments:
+        half_w = (style.text_width_pt(segment.id, _ID_PT, bold=True) / 2 + 1.4) / per_m
+        half_h = (_ID_PT / 2 + 1.2) / per_m
+        for share in (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8):
+            x, y, angle = _pose(segment.centre_line, share * segment.length_m)
+            plate = _box(x, y, angle, half_w, half_h)
+            if _inside(axes, plate) and room.free(plate):
+                room.take(plate.buffer(0.8 / per_m))
+                _plate(axes, segment.id, x, y, np.degrees(angle))
+                break
+        else:
+            left_out.append(segment.id)
+    return left_out
+
+
+def street_names(axes: Axes, segments: Sequence[Segment], room: Room, colour: str = style.INK) -> None:
+    """Write each street's name along it, again and again on a long one, where there is room."""
+    per_m = points_per_m(axes)
+    streets: dict[str, list[Segment]] = {}
+    for segment in segments:
+        if segment.street not in segment.edges and any(letter.isalpha() for letter in segment.street):
+            streets.setdefault(segment.street, []).append(segment)
+    glyphs: list[Outline] = []
+    by_length = sorted(streets, key=lambda name: (-sum(s.length_m for s in streets[name]), name))
+    for name in by_length:
+        pieces = streets[name]
+        width_m = min(segment.width_m for segment in pieces)
+        size = float(np.clip(0.72 * width_m * per_m, SMALLEST_PT, LARGEST_PT))
+        for line in chains([segment.centre_line for segment in pieces]):
+            glyphs += _along(axes, line, name, size, per_m, room)
+    for face, edge, width in ((style.PAPER, style.PAPER, 1.5), (colour, "none", 0.0)):
+        axes.add_collection(
+            PathCollection(
+                glyphs, facecolors=face, edgecolors=edge, linewidths=width, joinstyle="round", zorder=40, alpha=0.9
+            ),
+            autolim=False,
+        )
+
+
+def chains(lines: Iterable[LineString], gap_m: float = _GAP_M) -> list[LineString]:
+    """Lines joined over the junctions between them where they go on in about the same direction."""
+    open_ends = [shapely.get_coordinates(line) for line in lines]
+    joined = []
+    while open_ends:
+        line = open_ends.pop(0)
+        while True:
+            best = _continuation(line, open_ends, gap_m)
+            if best is None:
+                break
+            index, reverse_line, reverse_other = best
+            other = open_ends.pop(index)
+            line = np.concatenate([line[::-1] if reverse_line else line, other[::-1] if reverse_other else other])
+        joined.append(LineString(line))
+    return sorted(joined, key=lambda chain: -chain.length)
+
+
+def _continuation(line: Floats, others: Sequence[Floats], gap_m: float) -> tuple[int, bool, bool] | None:
+    best, nearest = None, gap_m
+    for index, other in enumerate(others):
+        for reverse_line in (False, True):
+            a = line[::-1] if reverse_line else line
+            for reverse_other in (False, True):
+                b = other[::-1] if reverse_other else other
+                gap = hypot(*(b[0] - a[-1]))
+                if gap < nearest and abs(_turn(a[-1] - a[-2], b[1] - b[0])) < np.radians(40):
+                    best, nearest = (index, reverse_line, reverse_other), gap
+    return best
+
+
+def _along(axes: Axes, line: LineString, name: str, size: float, per_m: float, room: Room) -> list[Outline]:
+    """The glyphs of a name along a line, as often as it is long."""
+    spaced = size * 0.08
+    advances = np.array([style.text_width_pt(name[:end], size) + spaced * end for end in range(len(name) + 1)]) / per_m
+    length = float(advances[-1])
+    if line.length < length * 1.05:
+        return []
+    glyphs: list[Outline] = []
+    times = max(1, round(line.length * per_m / _REPEAT_PT))
+    for number in range(times):
+        wanted = (number + 0.5) / times * line.length - length / 2
+        reach = line.length / times / 2
+        for shift in sorted(np.linspace(-reach, reach, max(3, ceil(reach / 3)) | 1), key=abs):
+            start = wanted + float(shift)
+            if start < 0 or start + length > line.length:
+                continue
+            written = _write(axes, line, name, size / per_m, advances, start, room)
+            if written:
+                glyphs += written
+                break
+    return glyphs
+
+
+def _write(
+    axes: Axes, line: LineString, name: str, size_m: float, advances: Floats, start: float, room: Room
+) -> list[Outline]:
+    """The glyphs from `start` metres along the line, or none where it bends too much or is taken."""
+    length = float(advances[-1])
+    first, last = line.interpolate(start), line.interpolate(start + length)
+    backwards = last.x < first.x if abs(last.x - first.x) > 0.05 * length else last.y < first.y
+    middles = (advances[:-1] + advances[1:]) / 2
+    spots = start + (length - middles if backwards else middles)
+    poses = [_pose(line, float(spot), size_m * 1.2, upright=False) for spot in spots]
+    angles = np.unwrap([angle + (np.pi if backwards else 0.0) for _, _, angle in poses])
+    turns = np.abs(np.diff(angles))
+    if np.ptp(angles) > _MAX_TURN or (len(turns) and turns.max() > _MAX_TURN_AT_ONCE):
+        return []
+    spine = LineString([(x, y) for x, y, _ in poses])
+    strip = spine.buffer(0.62 * size_m)
+    if not _inside(axes, strip) or not room.free(strip):
+        return []
+    room.take(strip)
+    glyphs = []
+    for letter, (x, y, _), angle, left, middle in zip(name, poses, angles, advances[:-1], middles, strict=True):
+        if letter != " ":
+            place = Affine2D().scale(size_m).translate(left - middle, -0.36 * size_m).rotate(angle).translate(x, y)
+            glyphs.append(_glyph(letter).transformed(place))
+    return glyphs
+
+
+def _pose(line: LineString, at_m: float, window_m: float = 6.0, *, upright: bool = True) -> tuple[float, float, float]:
+    """Position and direction (radians, counter-clockwise from east) of a line, smoothed over a window."""
+    spots = np.clip(at_m + np.linspace(-1, 1, 5) * window_m, 0, line.length)
+    points = shapely.get_coordinates(shapely.line_interpolate_point(line, spots))
+    x, y = points.mean(axis=0)
+    dx, dy = points[-1] - points[0]
+    angle = float(np.arctan2(dy, dx))
+    if upright and not -np.pi / 2 < angle <= np.pi / 2:
+        angle += np.pi if angle <= 0 else -np.pi
+    return float(x), float(y), angle
+
+
+def _turn(a: Floats, b: Floats) -> float:
+    return float(np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b))
+
+
+def _box(x: float, y: float, angle: float, half_w: float, half_h: float) -> Polygon:
+    corners = np.array([(-half_w, -half_h), (half_w, -half_h), (half_w, half_h), (-half_w, half_h)])
+    turned = corners @ np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    return Polygon(turned + (x, y))
+
+
+def _inside(axes: Axes, shape: Polygon) -> bool:
+    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
+    box = shape.bounds
+    return box[0] >= west and box[1] >= south and box[2] <= east and box[3] <= north
+
+
+def _plate(axes: Axes, text: str, x: float, y: float, angle_deg: float) -> None:
+    axes.text(
+        x, y, text, fontsize=_ID_PT, fontweight="bold", color=style.BASE, rotation=angle_deg, rotation_mode="anchor",
+        ha="center", va="center_baseline", zorder=45,
+        bbox={"boxstyle": "round,pad=0.22,rounding_size=0.5", "fc": style.PAPER, "ec": style.BASE, "lw": 0.35},
+    )  # fmt: skip
+
+
+@cache
+def _glyph(letter: str) -> Outline:
+    """A letter one unit high, from its own left edge on the base line."""
+    path = TextPath((0, 0), letter, size=100, prop=FontProperties(family="DejaVu Sans"))
+    return Outline(path.vertices / 100, path.codes)

@@ -1,0 +1,182 @@
+"""Shapes of the world as Matplotlib collections: one collection a layer, so that a town is drawn at once.
+
+Lengths are metres of the world frame unless a name says points (`_pt`).
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.collections import EllipseCollection, LineCollection, PathCollection
+from matplotlib.colors import to_rgb
+from matplotlib.path import Path as Outline
+from matplotlib.typing import ColorType
+from shapely import Geometry, LineString, Polygon
+
+Floats = npt.NDArray[np.float64]
+
+
+def mix(colour: ColorType, other: ColorType, share: float) -> tuple[float, float, float]:
+    """`colour` with a share of `other` in it, 0 … 1."""
+    a, b = np.array(to_rgb(colour)), np.array(to_rgb(other))
+    red, green, blue = a + (b - a) * share
+    return float(red), float(green), float(blue)
+
+
+def points_per_m(axes: Axes) -> float:
+    """How many points of paper a metre of the map takes."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    west, east = axes.get_xlim()
+    return float(axes.get_position().width * figure.get_size_inches()[0] * 72 / (east - west))
+
+
+def seen(axes: Axes, shapes: Sequence[Geometry], margin_m: float = 5.0) -> npt.NDArray[np.intp]:
+    """The indices of the shapes that the map shows, wholly or in part."""
+    if not len(shapes):
+        return np.empty(0, dtype=np.intp)
+    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
+    boxes = shapely.bounds(np.asarray(shapes, dtype=object))
+    beside = (boxes[:, 0] > east + margin_m) | (boxes[:, 2] < west - margin_m)
+    above = (boxes[:, 1] > north + margin_m) | (boxes[:, 3] < south - margin_m)
+    return np.flatnonzero(~(beside | above) & np.isfinite(boxes[:, 0]))
+
+
+def outline(shape: Geometry) -> Outline:
+    """A polygon, or several, with their holes, as one path."""
+    rings = [
+        Outline(np.asarray(ring.coords)[:, :2], closed=True)
+        for part in shapely.get_parts(shape)
+        if isinstance(part, Polygon) and not part.is_empty
+        for ring in (part.exterior, *part.interiors)
+    ]
+    return Outline.make_compound_path(*rings)
+
+
+def fill(
+    axes: Axes,
+    shapes: Sequence[Geometry],
+    zorder: float,
+    face: ColorType | Sequence[ColorType],
+    edge: ColorType = "none",
+    width_pt: float = 0.0,
+    alpha: float = 1.0,
+) -> None:
+    """Polygons, filled with one colour or one each."""
+    chosen = seen(axes, shapes)
+    faces = [face[i] for i in chosen] if isinstance(face, list) else face
+    axes.add_collection(
+        PathCollection(
+            [outline(shapes[i]) for i in chosen],
+            facecolors=faces,
+            edgecolors=edge,
+            linewidths=width_pt,
+            alpha=alpha,
+            zorder=zorder,
+            joinstyle="round",
+        ),
+        autolim=False,
+    )
+
+
+def discs(
+    axes: Axes,
+    centres: Floats,
+    radii_m: Floats,
+    zorder: float,
+    face: ColorType,
+    edge: ColorType = "none",
+    width_pt: float = 0.0,
+    alpha: float = 1.0,
+) -> None:
+    """Circles of a size in metres, at centres (n, 2)."""
+    axes.add_collection(
+        EllipseCollection(
+            2 * radii_m,
+            2 * radii_m,
+            np.zeros_like(radii_m),
+            units="xy",
+            offsets=centres.reshape(-1, 2),
+            offset_transform=axes.transData,
+            facecolors=face,
+            edgecolors=edge,
+            linewidths=width_pt,
+            alpha=alpha,
+            zorder=zorder,
+        ),
+        autolim=False,
+    )
+
+
+def strokes(
+    axes: Axes,
+    lines: Sequence[npt.ArrayLike],
+    zorder: float,
+    colour: ColorType,
+    width_pt: float,
+    dash_pt: tuple[float, float] | None = None,
+) -> None:
+    """Lines, whole or dashed (drawn and left out, in points)."""
+    style = "solid" if dash_pt is None else (0, (dash_pt[0] / width_pt, dash_pt[1] / width_pt))
+    axes.add_collection(
+        LineCollection(
+            [np.asarray(line) for line in lines],
+            colors=colour,
+            linewidths=width_pt,
+            linestyles=style,
+            zorder=zorder,
+            capstyle="butt",
+        ),
+        autolim=False,
+    )
+
+
+def shadow(bases: Sequence[Polygon], heights_m: Floats, east: float, south: float, longest_m: float) -> Geometry:
+    """The ground in the shadow of upright things, all in one.
+
+    Args:
+        east, south: metres of shadow a metre of height.
+        longest_m: of a shadow; a map's shadow is an ornament and must not hide a street.
+    """
+    if not len(bases):
+        return Polygon()
+    reach = np.minimum(heights_m, longest_m / np.hypot(east, south))
+    swept: list[Geometry] = list(bases)
+    for base, metres in zip(bases, reach, strict=True):
+        ring = shapely.get_coordinates(base.exterior)
+        far = ring + (east * metres, -south * metres)
+        sides = np.stack([ring[:-1], ring[1:], far[1:], far[:-1], ring[:-1]], axis=1)
+        swept += [*map(Polygon, sides), Polygon(far)]
+    return shapely.union_all(shapely.make_valid(np.array(swept, dtype=object)), grid_size=0.01)
+
+
+def stripes(rectangle: Polygon, width_m: float, gap_m: float, inset_m: float = 0.3) -> list[Floats]:
+    """Bars across the longer axis of a rectangle (a zebra crossing's): lines of two points."""
+    ring = shapely.get_coordinates(rectangle.minimum_rotated_rectangle)
+    if len(ring) < 5:
+        return []
+    sides = np.diff(ring[:3], axis=0)
+    lengths = np.hypot(sides[:, 0], sides[:, 1])
+    long = int(np.argmax(lengths))
+    if lengths.min() <= 2 * inset_m:
+        return []
+    along, across = sides[long] / lengths[long], sides[1 - long]
+    start = ring[0] if long == 0 else ring[1] - across
+    count = int((lengths[long] - 2 * inset_m + gap_m) // (width_m + gap_m))
+    spare = lengths[long] - count * (width_m + gap_m) + gap_m
+    inner = inset_m / lengths[1 - long]
+    offsets = spare / 2 + width_m / 2 + np.arange(count) * (width_m + gap_m)
+    return [np.stack([start + along * s + across * inner, start + along * s + across * (1 - inner)]) for s in offsets]
+
+
+def ticks(line: LineString, half_m: float) -> list[Floats]:
+    """A short line across each end of `line`, reaching `half_m` to both sides."""
+    points = shapely.get_coordinates(line)
+    marks = []
+    for end, inner in ((points[0], points[1]), (points[-1], points[-2])):
+        direction = (end - inner) / max(float(np.hypot(*(end - inner))), 1e-9)
+        side = np.array([-direction[1], direction[0]]) * half_m
+        marks.append(np.stack([end - side, end + side]))
+    return marks
