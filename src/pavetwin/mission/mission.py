@@ -34,6 +34,9 @@ Event = Captured | Occluded | BatteryLow
 
 MODES = tuple(Mode)
 
+LEAST_PROGRESS_M = 1.0
+"""A full battery that does not bring a mission this much further never will."""
+
 
 class Traffic(Protocol):
     """The recorded traffic, which can be prolonged."""
@@ -161,6 +164,11 @@ class Mission:
 
     def _inspect_segment(self, target: int, done: int) -> Iterator[Event]:
         segment = self.stage.world.segments[target]
+        if not self.stage.reachable(target):
+            raise PaveTwinError(
+                f"No way leads from the base to segment '{segment.id}' at {self.stage.altitude_m:g} m; "
+                "choose another altitude or segment."
+            )
         self._segment = target
         revisits = 0
         plan = from_nearest_end(passes(segment, self.window_across_m, self.settings.pattern), self.flight.position)
@@ -179,6 +187,18 @@ class Mission:
         )
 
     def _fly_pass(self, target: int, line: Pass) -> Iterator[Event]:
+        """Fly a pass, with as many batteries as it takes; each but the first is full and must bring it further."""
+        left, is_full = line, False
+        while not (yield from self._fly_line(target, left)):
+            rest = self._left if len(self._left) > 1 else left
+            if _length_m(rest) <= self.settings.uav.stopping_distance_m:
+                return
+            if is_full and _length_m(rest) > _length_m(left) - LEAST_PROGRESS_M:
+                raise self._too_far(target)
+            left, is_full = rest, True
+
+    def _fly_line(self, target: int, line: Pass) -> Generator[Event, None, bool]:
+        """Fly to a line, turn and inspect along it; false when a battery was swapped before its end."""
         commands = (
             lambda: self.flight.fly_to(_place(line[0])),
             lambda: self.flight.turn_to(_yaw(line)),
@@ -186,8 +206,8 @@ class Mission:
         )
         for command in commands:
             if not (yield from self._carry_out(command)):
-                yield from self._fly_pass(target, self._left if len(self._left) > 1 else line)
-                return
+                return False
+        return True
 
     def _revisit_notes(self, target: int, line: Pass) -> Iterator[Event]:
         """Visit the places noted on this pass, in path order, each with a new attempt at what was tried before."""
@@ -204,14 +224,20 @@ class Mission:
                 self.flight.set_wanted(defect, False)
 
     def _visit(self, target: int, note: Note) -> Iterator[Event]:
+        """Stay over a noted place; with a second, full battery when the first was low."""
+        if (yield from self._stay_over(target, note)) or (yield from self._stay_over(target, note)):
+            return
+        raise self._too_far(target)
+
+    def _stay_over(self, target: int, note: Note) -> Generator[Event, None, bool]:
         commands = (
             lambda: self.flight.fly_to(note.place, revisit=True, stop_short=True),
             lambda: self.flight.revisit(target, note.stay_s),
         )
         for command in commands:
             if not (yield from self._carry_out(command)):
-                yield from self._visit(target, note)
-                return
+                return False
+        return True
 
     def _carry_out(self, command: Callable[[], None]) -> Generator[Event, None, bool]:
         """Fly until the command is carried out; false when a battery was swapped instead, and the UAV is over its base.
@@ -224,7 +250,7 @@ class Mission:
                 case Arrived():
                     return True
                 case RecordingEnds():
-                    self.flight.prolong(self.traffic.prolong(self.flight.time_s))
+                    self._prolong()
                 case BatteryLow():
                     self._left = self.flight.remaining()
                     yield event
@@ -233,8 +259,20 @@ class Mission:
                 case _:
                     yield event
 
+    def _prolong(self) -> None:
+        longer = self.traffic.prolong(self.flight.time_s)
+        if longer.duration_s <= self.flight.time_s + self.settings.time_step_s:
+            raise PaveTwinError(f"The traffic ends after {longer.duration_s:g} s and cannot be prolonged.")
+        self.flight.prolong(longer)
+
+    def _too_far(self, target: int) -> PaveTwinError:
+        return PaveTwinError(
+            f"One battery is too small to inspect '{self.stage.world.segments[target].id}' and to come back; "
+            "lower energy.reserve or policy.max_wait_s, raise the capacity, or choose a segment nearer to the base."
+        )
+
     def _swap_battery(self) -> Iterator[Event]:
-        if self.flight.distance_m - self._swapped_at_m < 1.0:
+        if self.flight.distance_m - self._swapped_at_m < LEAST_PROGRESS_M:
             raise PaveTwinError(
                 "One battery is too small to get anywhere and back; lower energy.reserve or raise the capacity."
             )
@@ -259,6 +297,10 @@ class Mission:
 
 def _place(point: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Place:
     return float(point[0]), float(point[1])
+
+
+def _length_m(line: Pass) -> float:
+    return float(np.hypot(*np.diff(line, axis=0).T).sum())
 
 
 def _yaw(line: Pass) -> float:
