@@ -7,12 +7,13 @@ from pavetwin.policies.base import (
     Policy,
     Revisit,
     Wait,
-    load_policy,
     policy,
     policy_names,
 )
 from pavetwin.policies.baseline import Baseline
+from pavetwin.policies.conformance import check_policy
 from pavetwin.policies.hover import Hover
+from pavetwin.policies.loading import load_policy
 from pavetwin.policies.micro import Micro
 from pavetwin.policies.skip import Skip
 
@@ -27,6 +28,7 @@ __all__ = [
     "Revisit",
     "Skip",
     "Wait",
+    "check_policy",
     "load_policy",
     "policy",
     "policy_names",

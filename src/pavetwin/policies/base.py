@@ -1,15 +1,11 @@
 """What a recovery policy is, what it may answer, and where it is registered."""
 
-import importlib.util
-import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import hypot, isfinite
-from pathlib import Path
 
 from pavetwin.config.mission import PolicySettings
-from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.twin import Place, Snapshot
 
 
@@ -38,8 +34,8 @@ class Displace:
     stay_s: float = 0.6
 
     def __post_init__(self) -> None:
-        if not isfinite(hypot(self.east_m, self.north_m)) or self.stay_s < 0:
-            raise ValueError(f"{self}: the displacement must be finite and the stay not negative")
+        if not (isfinite(hypot(self.east_m, self.north_m)) and isfinite(self.stay_s) and self.stay_s >= 0):
+            raise ValueError(f"{self}: displacement and stay must be finite and the stay not negative")
 
     @property
     def length_m(self) -> float:
@@ -52,6 +48,10 @@ class Revisit:
 
     place: Place
     stay_s: float = 5.0
+
+    def __post_init__(self) -> None:
+        if not (isfinite(hypot(*self.place)) and isfinite(self.stay_s) and self.stay_s > 0):
+            raise ValueError(f"{self}: the place must be finite and the stay positive")
 
 
 Action = GoOn | Wait | Displace | Revisit
@@ -74,10 +74,14 @@ _POLICIES: dict[str, type[Policy]] = {}
 
 
 def policy(name: str) -> Callable[[type[Policy]], type[Policy]]:
-    """Register a policy under `name`, which `--policy` then takes."""
+    """Register a policy under `name`, which `--policy` then takes.
+
+    A name may be taken once; the same class read again from its file takes its own name anew.
+    """
 
     def register(kind: type[Policy]) -> type[Policy]:
-        if name in _POLICIES:
+        known = _POLICIES.get(name)
+        if known is not None and (known.__module__, known.__qualname__) != (kind.__module__, kind.__qualname__):
             raise ValueError(f"a policy '{name}' is registered already")
         kind.name = name
         _POLICIES[name] = kind
@@ -91,42 +95,6 @@ def policy_names() -> list[str]:
     return list(_POLICIES)
 
 
-def load_policy(name: str, settings: PolicySettings) -> Policy:
-    """A registered policy by name, or a user's own as `path/to/file.py:ClassName`.
-
-    Raises:
-        PaveTwinError: there is none, or its file does not give a policy.
-    """
-    path, colon, class_name = name.rpartition(":")
-    if colon and path.endswith(".py"):
-        return _from_file(Path(path), class_name)(settings)
-    if name.endswith(".py"):
-        raise PaveTwinError(f"--policy {name}: name the class too, as {name}:ClassName.")
-    if name not in _POLICIES:
-        near = nearest_name(name, _POLICIES) or f"; known are {', '.join(_POLICIES)}"
-        raise PaveTwinError(f"No policy '{name}'{near}, or give your own as path/to/file.py:ClassName.")
-    return _POLICIES[name](settings)
-
-
-def _from_file(path: Path, class_name: str) -> type[Policy]:
-    if not path.is_file():
-        raise PaveTwinError(f"--policy: there is no file '{path}'.")
-    module_name = f"pavetwin_user_policy_{path.stem}"
-    spec = importlib.util.spec_from_file_location(module_name, path)
-    if spec is None or spec.loader is None:
-        raise PaveTwinError(f"--policy: '{path}' cannot be read as Python.")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[module_name] = module
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        raise PaveTwinError(f"--policy: '{path}' fails when read: {type(error).__name__}: {error}.") from error
-    kind = getattr(module, class_name, None)
-    if not (isinstance(kind, type) and issubclass(kind, Policy)):
-        known = [key for key, value in vars(module).items() if isinstance(value, type) and issubclass(value, Policy)]
-        raise PaveTwinError(
-            f"--policy: '{path}' has no policy class '{class_name}'{nearest_name(class_name, known)}. "
-            "It must be a subclass of pavetwin.policies.Policy."
-        )
-    kind.name = kind.name or class_name
-    return kind
+def registered(name: str) -> type[Policy] | None:
+    """The policy of a name, if there is one."""
+    return _POLICIES.get(name)

@@ -1,0 +1,61 @@
+"""Policies by name, or from a user's own file."""
+
+import importlib.util
+import sys
+from hashlib import sha256
+from pathlib import Path
+
+from pavetwin.config.mission import PolicySettings
+from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.policies.base import Policy, policy_names, registered
+from pavetwin.policies.conformance import check_policy
+
+
+def load_policy(name: str, settings: PolicySettings) -> Policy:
+    """A registered policy by name, or a user's own as `path/to/file.py:ClassName`, once it has passed `check_policy`.
+
+    Raises:
+        PaveTwinError: there is none, its file does not give a policy, or the policy breaks a rule.
+    """
+    path, colon, class_name = name.rpartition(":")
+    if colon and path.endswith(".py"):
+        kind = _from_file(Path(path), class_name)
+        if broken := check_policy(kind):
+            more = f" (and {len(broken) - 1} more)" if len(broken) > 1 else ""
+            raise PaveTwinError(f"--policy: '{name}' breaks a rule of policies: {broken[0]}{more}.")
+        return kind(settings)
+    if name.endswith(".py"):
+        raise PaveTwinError(f"--policy {name}: name the class too, as {name}:ClassName.")
+    known = registered(name)
+    if known is None:
+        near = nearest_name(name, policy_names()) or f"; known are {', '.join(policy_names())}"
+        raise PaveTwinError(f"No policy '{name}'{near}, or give your own as path/to/file.py:ClassName.")
+    return known(settings)
+
+
+def _from_file(path: Path, class_name: str) -> type[Policy]:
+    if not path.is_file():
+        raise PaveTwinError(f"--policy: there is no file '{path}'.")
+    # Two files of the same name in different folders are two modules.
+    module_name = f"pavetwin_user_policy_{path.stem}_{sha256(str(path.resolve()).encode()).hexdigest()[:8]}"
+    spec = importlib.util.spec_from_file_location(module_name, path)
+    if spec is None or spec.loader is None:
+        raise PaveTwinError(f"--policy: '{path}' cannot be read as Python.")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[module_name] = module
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as error:
+        del sys.modules[module_name]
+        told = " ".join(str(error).split())
+        raise PaveTwinError(f"--policy: '{path}' fails when read: {type(error).__name__}: {told}.") from error
+    kind = getattr(module, class_name, None)
+    if not (isinstance(kind, type) and issubclass(kind, Policy)):
+        own = [key for key, value in vars(module).items() if getattr(value, "__module__", "") == module_name]
+        policies = [key for key in own if isinstance(vars(module)[key], type) and issubclass(vars(module)[key], Policy)]
+        raise PaveTwinError(
+            f"--policy: '{path}' has no policy class '{class_name}'{nearest_name(class_name, policies)}. "
+            "It must be a subclass of pavetwin.policies.Policy."
+        )
+    kind.name = vars(kind).get("name") or class_name  # not its base's: a changed hover is not hover
+    return kind
