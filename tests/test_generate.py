@@ -2,7 +2,7 @@
 
 from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory, mkdtemp
 from xml.etree import ElementTree
 
 import pytest
@@ -21,10 +21,12 @@ from pavetwin.world.town_plan import faults, plan_town
 
 TOWNS = range(10)
 
+_FOLDER = TemporaryDirectory(prefix="pavetwin-test-")  # gone when the interpreter ends
+
 
 @cache
 def generated(kind: NetworkKind, seed: int) -> tuple[GeneratedNetwork, RoadNet]:
-    network = generate_network(kind, seed, Path(mkdtemp(prefix="generated-")))
+    network = generate_network(kind, seed, Path(mkdtemp(dir=_FOLDER.name)))
     return network, read_roadnet(network.net_file)
 
 

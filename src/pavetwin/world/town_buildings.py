@@ -190,29 +190,30 @@ def _line_streets(site: _Site, paved: Surface, skip: Surface, near_side_street: 
                     along += 5.0
                 elif open_land and rng.random() < 0.7:
                     along += 22.0
+                elif remote < CENTRE_RADIUS - 10 and rng.random() < 0.6:
+                    along += _terrace(site, ring, along, 1.0, tall=True)
                 elif remote < 205 and rng.random() < 0.12:
                     along += _terrace(site, ring, along, setback)
                 else:
                     along += _house(site, ring, along, setback + float(rng.uniform(-0.6, 0.8)))
 
 
-def _terrace(site: _Site, ring: LineString, along: float, setback: float) -> float:
-    """Four to six narrow houses wall to wall on a straight front; how far to go on along the street."""
-    count, width, depth = (
-        int(site.rng.integers(4, 7)),
-        float(site.rng.uniform(5.6, 6.8)),
-        float(site.rng.uniform(9, 11)),
-    )
-    height = float(site.rng.uniform(7.0, 9.0))
+def _terrace(site: _Site, ring: LineString, along: float, setback: float, *, tall: bool = False) -> float:
+    """Narrow houses wall to wall on a straight front, `tall` as in the centre; how far to go on along the street."""
+    rng = site.rng
+    count = int(rng.integers(3, 5) if tall else rng.integers(4, 7))
+    width = float(rng.uniform(8.5, 12.0) if tall else rng.uniform(5.6, 6.8))
+    depth = float(rng.uniform(9, 11))
+    height = float(rng.uniform(9.3, 13.0) if tall else rng.uniform(7.0, 9.0))
     middle, ahead = _on_ring(ring, along + count * width / 2)
     away = turned(ahead, -90)
     bend = min(float(ahead @ _on_ring(ring, along + d)[1]) for d in (2, count * width - 2))
-    if bend < 0.985:
+    if bend < (0.965 if tall else 0.985):
         return _house(site, ring, along, setback)
     built = 0
     for k in range(count):
         here = middle + (k - (count - 1) / 2) * width * ahead
-        stagger = setback + (0.9 if k % 2 else 0.0)
+        stagger = setback + (0.9 if k % 2 and not tall else 0.0)
         built += site.build(_rectangle(here, ahead, away, width, stagger, stagger + depth), height)
     return count * width + 6.0 if built else 4.0
 
