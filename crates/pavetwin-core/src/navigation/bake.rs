@@ -69,7 +69,7 @@ impl NavMesh {
     /// # Errors
     /// [`NavMeshError::Empty`], [`NavMeshError::NotFinite`], [`NavMeshError::UnknownVertex`],
     /// [`NavMeshError::BadConfig`], [`NavMeshError::TooLarge`], [`NavMeshError::NothingLeft`],
-    /// [`NavMeshError::TooManyPolygons`] and [`NavMeshError::Recast`].
+    /// and [`NavMeshError::Recast`].
     pub fn bake(vertices: &[Vec2], triangles: &[[u32; 3]], config: &BakeConfig) -> Result<Self, NavMeshError> {
         config.check()?;
         let corners = corners_of(vertices, triangles)?;

@@ -32,9 +32,6 @@ pub enum NavMeshError {
          use a smaller radius, another altitude or wider corridors"
     )]
     NothingLeft { agent_radius_m: f64 },
-    /// More polygons than the path search can number.
-    #[error("the mesh has {count} polygons and at most {most} can be searched: use a larger cell size")]
-    TooManyPolygons { count: usize, most: usize },
     /// Recast could not turn a tile into polygons.
     #[error("Recast could not make polygons of the area around ({x:.1}, {y:.1}): {reason}; try another cell size")]
     Recast { x: f64, y: f64, reason: String },

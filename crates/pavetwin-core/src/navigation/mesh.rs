@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::assembly::{Assembly, WALL, assemble, edges, signed_area};
 use super::error::NavMeshError;
 use super::grid::{BinGrid, Bounds};
-use super::search::Searcher;
+use super::search::{End, Searcher};
 use crate::geometry::Vec2;
 
 /// A point this far outside a border, in metres, still counts as inside: room for rounding, nothing more.
@@ -54,10 +54,10 @@ impl NavMesh {
     ///
     /// # Errors
     /// [`NavMeshError::Empty`], [`NavMeshError::NotFinite`], [`NavMeshError::UnknownVertex`],
-    /// [`NavMeshError::NotConvex`] and [`NavMeshError::TooManyPolygons`].
+    /// and [`NavMeshError::NotConvex`].
     pub fn from_polygons(vertices: &[Vec2], polygons: &[Vec<u32>]) -> Result<Self, NavMeshError> {
         let assembly = assemble(vertices, polygons)?;
-        let searcher = Searcher::new(&assembly)?;
+        let searcher = Searcher::new(&assembly);
         let corners = |polygon: &[u32]| -> Vec<Vec2> {
             polygon.iter().map(|corner| assembly.vertices[*corner as usize]).collect()
         };
@@ -201,8 +201,7 @@ impl NavMesh {
     /// Every point is on the mesh and every straight piece stays on it. An end that misses the mesh by less than a
     /// millimetre is moved onto it.
     ///
-    /// Polyanya (Cui, Harabor, Grastien 2017) finds the polygons to go through, in single precision; the corners are
-    /// then pulled tight in double precision over those same polygons.
+    /// It is the optimum, up to rounding: A* over the tangent graph of the border's reflex corners.
     ///
     /// # Errors
     /// [`NavMeshError::StartOutside`], [`NavMeshError::GoalOutside`], [`NavMeshError::Unreachable`].
@@ -215,7 +214,9 @@ impl NavMesh {
         if self.segment_inside(from, to) {
             return Ok(vec![from, to]);
         }
-        self.inner.searcher.path(self, &self.inner.assembly, from, to).ok_or(NavMeshError::Unreachable { start, goal })
+        let polygons = [from, to].map(|end| self.polygons_at(end).collect::<Vec<u32>>());
+        let (from, to) = (End { place: from, polygons: &polygons[0] }, End { place: to, polygons: &polygons[1] });
+        self.inner.searcher.path(from, to).ok_or(NavMeshError::Unreachable { start, goal })
     }
 
     /// `point` if it lies on the mesh, the nearest point of the mesh if that is less than a millimetre away.

@@ -1,7 +1,7 @@
 //! Where the UAV may fly and how it moves there: navigation mesh, routes, rails, kinematics, avoidance.
 //!
 //! - [`NavMesh`] holds the flat flight domain at one altitude as convex polygons, baked by Recast ([`NavMesh::bake`]),
-//!   and answers what lies inside, what is nearest and which way is shortest ([`NavMesh::path`], by Polyanya).
+//!   and answers what lies inside, what is nearest and which way is shortest ([`NavMesh::path`]).
 //! - [`Rail`] makes such a path flyable: corners become arcs, and a speed limit runs along it.
 //! - [`Follower`], [`Strafe`] and [`TurnTo`] are the agent's kinematics, all behind the one trait [`Motion`].
 //! - [`Avoider`] steers around agents at the UAV's own altitude by ORCA.
@@ -14,13 +14,14 @@ mod bake;
 mod corners;
 mod error;
 mod follower;
-mod funnel;
 mod grid;
 mod mesh;
 mod moves;
 mod profile;
 mod rail;
 mod search;
+mod sight;
+mod sightlines;
 mod tile;
 
 pub use avoid::{Avoider, Neighbour};

@@ -1,164 +1,213 @@
-//! The search over polygons, by the crate `polyanya`.
-//!
-//! Polyanya computes in single precision and snaps to corners within some millimetres. So only the sequence of polygons
-//! is taken from it; [`funnel`](super::funnel) then finds the shortest line through them in double precision.
+//! The shortest way over the mesh: A* from bend to bend along the sightlines, exact up to rounding.
 
 use std::cmp::Reverse;
-use std::collections::{BinaryHeap, HashMap};
+use std::collections::BinaryHeap;
 
-use super::assembly::{Assembly, WALL, edges};
-use super::error::NavMeshError;
-use super::funnel;
-use super::mesh::NavMesh;
+use super::assembly::Assembly;
+use super::sight::Sight;
+use super::sightlines::{LANDMARKS, Metres, Sides, Sightlines};
 use crate::geometry::Vec2;
 
-/// Polyanya keeps a layer number in the upper eight of 32 bits.
-const MOST_POLYGONS: usize = (1 << 24) - 1;
-
-/// How far a point is moved into its polygon when Polyanya finds no way from it, in metres.
-const NUDGE_M: f64 = 0.005;
+/// A turn away from the obstacle by less than this, in radians, is rounding.
+const STRAIGHT_RAD: f64 = 1.0e-6;
+/// A way that gains less than this, in metres, is no better.
+const EQUAL_M: f64 = 1.0e-9;
 
 #[derive(Debug)]
 pub(super) struct Searcher {
-    mesh: polyanya::Mesh,
-    /// Subtracted before coordinates become single precision, so that they stay small.
-    origin: Vec2,
+    sight: Sight,
+    lines: Sightlines,
+}
+
+/// An end of the way, and what it sees.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct End<'a> {
+    pub place: Vec2,
+    /// All polygons on which it lies.
+    pub polygons: &'a [u32],
+}
+
+/// How a bend is best reached.
+#[derive(Debug, Clone, Copy)]
+struct Reached {
+    bend: u32,
+    /// The index of the one before, or the start.
+    before: Option<u32>,
+    along: Vec2,
+    so_far_m: f64,
+    to_go_m: f64,
 }
 
 impl Searcher {
-    pub fn new(assembly: &Assembly) -> Result<Self, NavMeshError> {
-        let count = assembly.polygons.len();
-        if count > MOST_POLYGONS {
-            return Err(NavMeshError::TooManyPolygons { count, most: MOST_POLYGONS });
-        }
-        let total = assembly.vertices.iter().fold(Vec2::ZERO, |sum, vertex| sum + *vertex);
-        let origin = total * (1.0 / assembly.vertices.len() as f64);
-        let vertices = vertices_with_rings(assembly, origin);
-        let polygons = assembly
-            .polygons
-            .iter()
-            .zip(&assembly.neighbours)
-            .map(|(polygon, beyond)| {
-                let mut others: Vec<u32> = beyond.iter().copied().filter(|other| *other != WALL).collect();
-                others.sort_unstable();
-                others.dedup();
-                polyanya::Polygon::new(polygon.clone(), others.len() <= 1)
-            })
-            .collect();
-        let mut mesh = polyanya::Mesh::new(vertices, polygons).map_err(|_| NavMeshError::Empty)?;
-        mesh.set_search_delta(0.01);
-        Ok(Self { mesh, origin })
+    pub fn new(assembly: &Assembly) -> Self {
+        let sight = Sight::new(assembly);
+        let lines = Sightlines::new(&sight);
+        Self { sight, lines }
     }
 
-    /// The shortest path between two points that lie on the mesh; `None` when the search finds none.
-    ///
-    /// Polyanya now and then finds nothing from a point that is itself a corner (its rays have no direction there). It
-    /// is then asked the other way round, then from a little inside the polygons; and last, polygons are searched by
-    /// their edges' middles, which always finds a way, though not always the very shortest.
-    pub fn path(&self, mesh: &NavMesh, assembly: &Assembly, start: Vec2, goal: Vec2) -> Option<Vec<Vec2>> {
-        let reversed = |mut way: Vec<Vec2>| {
-            way.reverse();
-            way
+    /// The shortest way between two points that do not see each other; `None` when there is none.
+    pub fn path(&self, start: End, goal: End) -> Option<Vec<Vec2>> {
+        let from_start = self.bends_seen(start);
+        let to_goal = self.bends_seen(goal);
+        let bound = Bound::new(&self.lines, goal.place, &to_goal);
+        let mut search = Search {
+            searcher: self,
+            bound,
+            open: BinaryHeap::new(),
+            reached: Vec::new(),
+            at: vec![0; self.sight.bends.len()],
         };
-        let inner = |point: Vec2| {
-            let polygon = mesh.polygon_at(point)? as usize;
-            let middle = middle_of(assembly, polygon);
-            Some(point + (middle - point).normalized() * NUDGE_M.min(0.5 * point.distance(middle)))
+        for (bend, distance_m) in from_start {
+            let along = self.sight.bends[bend as usize].place - start.place;
+            search.reach(bend, None, along, distance_m);
+        }
+        let (mut best_m, mut last) = (f64::INFINITY, None);
+        while let Some((Reverse(Metres(least_m)), index)) = search.open.pop() {
+            if least_m >= best_m {
+                break;
+            }
+            let here = search.reached[index as usize];
+            if search.at[here.bend as usize] != index + 1 || least_m > here.so_far_m + here.to_go_m {
+                continue;
+            }
+            if let Ok(seen) = to_goal.binary_search_by_key(&here.bend, |(bend, _)| *bend) {
+                let whole_m = here.so_far_m + to_goal[seen].1;
+                if whole_m < best_m {
+                    (best_m, last) = (whole_m, Some(index));
+                }
+            }
+            search.go_on(index);
+        }
+        let mut points = vec![goal.place];
+        let mut next = Some(last?);
+        while let Some(index) = next {
+            let reached = search.reached[index as usize];
+            points.push(self.sight.bends[reached.bend as usize].place);
+            next = reached.before;
+        }
+        points.push(start.place);
+        points.reverse();
+        points.dedup();
+        Some(without_straight_corners(points))
+    }
+
+    /// The bends that a shortest way from or to `end` can go to first, with their distances, sorted.
+    fn bends_seen(&self, end: End) -> Vec<(u32, f64)> {
+        let mut seen = Vec::new();
+        self.sight.look(end.place, end.polygons, &mut seen);
+        let bends = seen.into_iter().map(|bend| (bend, &self.sight.bends[bend as usize]));
+        bends
+            .filter(|(_, bend)| Sides::of(bend, bend.place - end.place).touches())
+            .map(|(number, bend)| (number, bend.place.distance(end.place)))
+            .collect()
+    }
+}
+
+struct Search<'a> {
+    searcher: &'a Searcher,
+    bound: Bound,
+    open: BinaryHeap<(Reverse<Metres>, u32)>,
+    reached: Vec<Reached>,
+    /// For each bend one more than its index in `reached`, zero when it was not reached.
+    at: Vec<u32>,
+}
+
+impl Search<'_> {
+    /// Follows every sightline from a bend that turns around the obstacle there.
+    fn go_on(&mut self, index: u32) {
+        let here = self.reached[index as usize];
+        let bends = &self.searcher.sight.bends;
+        let bend = &bends[here.bend as usize];
+        let arrives = Sides::of(bend, here.along);
+        let slack = STRAIGHT_RAD * here.along.length();
+        for line in self.searcher.lines.from(here.bend) {
+            let along = bends[line.to as usize].place - bend.place;
+            let turn = here.along.cross(along);
+            let bends_left = arrives.left && turn >= -slack * line.length_m;
+            let bends_right = arrives.right && turn <= slack * line.length_m;
+            if bends_left || bends_right {
+                self.reach(line.to, Some(index), along, here.so_far_m + line.length_m);
+            }
+        }
+    }
+
+    fn reach(&mut self, bend: u32, before: Option<u32>, along: Vec2, so_far_m: f64) {
+        let known = self.at[bend as usize];
+        let index = known.wrapping_sub(1);
+        let to_go_m = if known == 0 {
+            let place = self.searcher.sight.bends[bend as usize].place;
+            let to_go_m = self.bound.to_go_m(place, self.searcher.lines.landmarks_m(bend));
+            self.reached.push(Reached { bend, before, along, so_far_m, to_go_m });
+            self.at[bend as usize] = self.reached.len() as u32;
+            to_go_m
+        } else {
+            let reached = &mut self.reached[index as usize];
+            if so_far_m >= reached.so_far_m - EQUAL_M {
+                return;
+            }
+            *reached = Reached { before, along, so_far_m, ..*reached };
+            reached.to_go_m
         };
-        self.search(mesh, assembly, [start, goal], [start, goal])
-            .or_else(|| self.search(mesh, assembly, [goal, start], [goal, start]).map(reversed))
-            .or_else(|| self.search(mesh, assembly, [start, goal], [inner(start)?, inner(goal)?]))
-            .or_else(|| self.search(mesh, assembly, [goal, start], [inner(goal)?, inner(start)?]).map(reversed))
-            .or_else(|| {
-                let corridor = corridor_by_middles(assembly, mesh.polygon_at(start)?, mesh.polygon_at(goal)?)?;
-                Some(funnel::pull(start, goal, &funnel::portals(assembly, &corridor)?))
-            })
-    }
-
-    /// One run of Polyanya between the points `asked`, for a path between `ends` next to them.
-    fn search(&self, mesh: &NavMesh, assembly: &Assembly, ends: [Vec2; 2], asked: [Vec2; 2]) -> Option<Vec<Vec2>> {
-        let [start, goal] = ends;
-        let found = self.mesh.path(self.local(asked[0]), self.local(asked[1]))?;
-        let corridor: Vec<u32> = found.polygons().into_iter().map(|(_, polygon)| polygon).collect();
-        let pulled = funnel::portals(assembly, &corridor).map(|portals| funnel::pull(start, goal, &portals));
-        let stays = |points: &Vec<Vec2>| points.windows(2).all(|leg| mesh.segment_inside(leg[0], leg[1]));
-        pulled.filter(stays).or_else(|| {
-            let corners = found.path.iter().map(|p| mesh.nearest(self.origin + Vec2::new(p.x.into(), p.y.into())));
-            let mut direct: Vec<Vec2> = std::iter::once(start).chain(corners).collect();
-            *direct.last_mut()? = goal;
-            Some(direct).filter(stays)
-        })
-    }
-
-    fn local(&self, point: Vec2) -> glam::Vec2 {
-        let offset = point - self.origin;
-        glam::Vec2::new(offset.x as f32, offset.y as f32)
+        if to_go_m.is_finite() {
+            let index = self.at[bend as usize] - 1;
+            self.open.push((Reverse(Metres(so_far_m + to_go_m)), index));
+        }
     }
 }
 
-/// Polyanya's corners: each knows the polygons around it, counter-clockwise, with a gap mark where there is a wall.
-fn vertices_with_rings(assembly: &Assembly, origin: Vec2) -> Vec<polyanya::Vertex> {
-    let mut around: Vec<Vec<(f64, u32)>> = vec![Vec::new(); assembly.vertices.len()];
-    let mut at_wall = vec![false; assembly.vertices.len()];
-    for (number, (polygon, beyond)) in assembly.polygons.iter().zip(&assembly.neighbours).enumerate() {
-        for (i, corner) in polygon.iter().enumerate() {
-            let next = polygon[(i + 1) % polygon.len()];
-            let leaves = assembly.vertices[next as usize] - assembly.vertices[*corner as usize];
-            around[*corner as usize].push((leaves.yaw_rad(), number as u32));
-            if beyond[i] == WALL {
-                at_wall[*corner as usize] = true;
-                at_wall[next as usize] = true;
-            }
-        }
-    }
-    around
-        .into_iter()
-        .zip(at_wall)
-        .zip(&assembly.vertices)
-        .map(|((mut ring, at_wall), place)| {
-            ring.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            let mut polygons: Vec<u32> = ring.into_iter().map(|(_, polygon)| polygon).collect();
-            if at_wall {
-                polygons.push(u32::MAX);
-            }
-            let offset = *place - origin;
-            polyanya::Vertex::new(glam::Vec2::new(offset.x as f32, offset.y as f32), polygons)
-        })
-        .collect()
+/// A lower bound of the way from a bend to the goal.
+struct Bound {
+    goal: Vec2,
+    /// Between these lie the goal's distances to the landmarks: the least by a way through a bend that it sees, and the
+    /// most that those bends leave possible.
+    least_m: [f64; LANDMARKS],
+    most_m: [f64; LANDMARKS],
 }
 
-fn middle_of(assembly: &Assembly, polygon: usize) -> Vec2 {
-    let corners = &assembly.polygons[polygon];
-    let total = corners.iter().fold(Vec2::ZERO, |sum, corner| sum + assembly.vertices[*corner as usize]);
-    total * (1.0 / corners.len() as f64)
+impl Bound {
+    fn new(lines: &Sightlines, goal: Vec2, seen: &[(u32, f64)]) -> Self {
+        let (mut least_m, mut most_m) = ([f64::INFINITY; LANDMARKS], [f64::NEG_INFINITY; LANDMARKS]);
+        for (bend, distance_m) in seen {
+            for (k, landmark_m) in lines.landmarks_m(*bend).iter().enumerate() {
+                least_m[k] = least_m[k].min(landmark_m + distance_m);
+                most_m[k] = most_m[k].max(landmark_m - distance_m);
+            }
+        }
+        // A landmark that some of them cannot reach says nothing.
+        for (least_m, most_m) in least_m.iter_mut().zip(&mut most_m).filter(|(_, most_m)| !most_m.is_finite()) {
+            (*least_m, *most_m) = (f64::NEG_INFINITY, f64::INFINITY);
+        }
+        Self { goal, least_m, most_m }
+    }
+
+    fn to_go_m(&self, place: Vec2, landmarks_m: &[f64; LANDMARKS]) -> f64 {
+        let mut bound_m = place.distance(self.goal);
+        for (k, landmark_m) in landmarks_m.iter().enumerate() {
+            // A comparison with NaN (two infinities) is false and leaves the bound as it is.
+            for candidate_m in [self.least_m[k] - landmark_m, landmark_m - self.most_m[k]] {
+                if candidate_m > bound_m {
+                    bound_m = candidate_m;
+                }
+            }
+        }
+        bound_m
+    }
 }
 
-/// A* from polygon to polygon over the middles of their edges.
-fn corridor_by_middles(assembly: &Assembly, start: u32, goal: u32) -> Option<Vec<u32>> {
-    let target = middle_of(assembly, goal as usize);
-    // Millimetres as whole numbers, so that the queue has a total order.
-    let key = |metres: f64| Reverse((metres * 1.0e3) as u64);
-    let mut reached = HashMap::from([(start, (0.0, start, middle_of(assembly, start as usize)))]);
-    let mut open = BinaryHeap::from([(key(0.0), start)]);
-    while let Some((_, polygon)) = open.pop() {
-        if polygon == goal {
-            let mut corridor = vec![goal];
-            while let Some((_, before, _)) = reached.get(corridor.last()?).filter(|_| corridor.last() != Some(&start)) {
-                corridor.push(*before);
-            }
-            corridor.reverse();
-            return Some(corridor);
-        }
-        let (so_far_m, _, place) = reached[&polygon];
-        let beyond = &assembly.neighbours[polygon as usize];
-        for ((a, b), other) in edges(&assembly.polygons[polygon as usize]).zip(beyond).filter(|(_, o)| **o != WALL) {
-            let middle = assembly.vertices[a as usize].lerp(assembly.vertices[b as usize], 0.5);
-            let cost_m = so_far_m + place.distance(middle);
-            if reached.get(other).is_none_or(|(known_m, _, _)| cost_m < *known_m) {
-                reached.insert(*other, (cost_m, polygon, middle));
-                open.push((key(cost_m + middle.distance(target)), *other));
+/// Drops the corners at which the line does not turn.
+fn without_straight_corners(points: Vec<Vec2>) -> Vec<Vec2> {
+    let mut kept: Vec<Vec2> = Vec::with_capacity(points.len());
+    for (i, point) in points.iter().enumerate() {
+        if let (Some(before), Some(after)) = (kept.last(), points.get(i + 1)) {
+            let (arrives, leaves) = (*point - *before, *after - *point);
+            if arrives.dot(leaves) > 0.0 && arrives.cross(leaves).abs() <= 1.0e-9 * arrives.length() {
+                continue;
             }
         }
+        kept.push(*point);
     }
-    None
+    if kept.len() == 1 {
+        kept.push(kept[0]);
+    }
+    kept
 }

@@ -119,6 +119,19 @@ pub fn any_corridors() -> impl Strategy<Value = Scene> {
     )
 }
 
+/// Streets that cross at right angles, evenly spaced, in any direction or along the axes: many ways are almost equal.
+pub fn any_streets() -> impl Strategy<Value = Scene> {
+    let yaw = prop_oneof![Just(0.0), 0.0..std::f64::consts::FRAC_PI_2];
+    (2..6_u32, 2..6_u32, yaw, 30.0..60.0_f64, 4.0..20.0_f64).prop_map(|(rows, columns, yaw_rad, spacing_m, width_m)| {
+        let (east, north) = (Vec2::from_yaw(yaw_rad), Vec2::from_yaw(yaw_rad).left());
+        let at = |column: u32, row: u32| (east * f64::from(column) + north * f64::from(row)) * spacing_m;
+        let mut scene = Scene::default();
+        (0..rows).for_each(|row| scene.add_corridor(at(0, row), at(columns - 1, row), width_m));
+        (0..columns).for_each(|column| scene.add_corridor(at(column, 0), at(column, rows - 1), width_m));
+        scene
+    })
+}
+
 /// A point of the mesh, chosen by three shares in [0, 1).
 pub fn point_of(mesh: &NavMesh, shares: (f64, f64, f64)) -> Vec2 {
     let polygons = mesh.polygons();
