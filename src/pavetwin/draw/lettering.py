@@ -19,12 +19,12 @@ from matplotlib.transforms import Affine2D
 from shapely import LineString, Polygon
 
 from pavetwin.draw import style
-from pavetwin.draw.shapes import points_per_m
+from pavetwin.draw.shapes import fill, points_per_m
 from pavetwin.world.model import Segment
 
 Floats = npt.NDArray[np.float64]
 
-SMALLEST_PT, LARGEST_PT = 4.4, 7.0
+SMALLEST_PT, LARGEST_PT = 4.4, 8.0
 """Of a street's name."""
 
 _ID_PT = 4.4
@@ -32,21 +32,21 @@ _GAP_M = 45.0
 """Pieces of one street farther apart than this are named apart."""
 
 _MAX_TURN = np.radians(75)
-_MAX_TURN_AT_ONCE = np.radians(22)
-_REPEAT_PT = 300.0
+_MAX_TURN_AT_ONCE = np.radians(11)
+_REPEAT_PT = 420.0
 
 
 class Room:
     """What lettering has taken of the paper already."""
 
     def __init__(self) -> None:
-        self._taken: list[Polygon] = []
+        self.taken: list[Polygon] = []
 
     def free(self, shape: Polygon) -> bool:
-        return not self._taken or not bool(shapely.intersects(np.array(self._taken, dtype=object), shape).any())
+        return not self.taken or not bool(shapely.intersects(np.array(self.taken, dtype=object), shape).any())
 
     def take(self, shape: Polygon) -> None:
-        self._taken.append(shape)
+        self.taken.append(shape)
 
 
 def segment_ids(axes: Axes, segments: Iterable[Segment], room: Room) -> list[str]:
@@ -71,18 +71,17 @@ def segment_ids(axes: Axes, segments: Iterable[Segment], room: Room) -> list[str
 def street_names(axes: Axes, segments: Sequence[Segment], room: Room, colour: str = style.INK) -> None:
     """Write each street's name along it, again and again on a long one, where there is room."""
     per_m = points_per_m(axes)
-    streets: dict[str, list[Segment]] = {}
-    for segment in segments:
-        if segment.street not in segment.edges and any(letter.isalpha() for letter in segment.street):
-            streets.setdefault(segment.street, []).append(segment)
     glyphs: list[Outline] = []
-    by_length = sorted(streets, key=lambda name: (-sum(s.length_m for s in streets[name]), name))
-    for name in by_length:
-        pieces = streets[name]
+    spines: list[Polygon] = []
+    for name, pieces in streets(segments).items():
         width_m = min(segment.width_m for segment in pieces)
         size = float(np.clip(0.72 * width_m * per_m, SMALLEST_PT, LARGEST_PT))
         for line in chains([segment.centre_line for segment in pieces]):
-            glyphs += _along(axes, line, name, size, per_m, room)
+            for letters, spine in _along(axes, line, name, size, per_m, room):
+                glyphs += letters
+                spines.append(spine.buffer(min(0.4 * size / per_m, 0.4 * width_m), cap_style="flat"))
+    # Lane lines between two words would read as hyphens.
+    fill(axes, spines, 4.5, style.CARRIAGEWAY)
     for face, edge, width in ((style.PAPER, style.PAPER, 1.5), (colour, "none", 0.0)):
         axes.add_collection(
             PathCollection(
@@ -90,6 +89,16 @@ def street_names(axes: Axes, segments: Sequence[Segment], room: Room, colour: st
             ),
             autolim=False,
         )
+
+
+def streets(segments: Iterable[Segment]) -> dict[str, list[Segment]]:
+    """The segments of each street that has a name, the longest street first."""
+    found: dict[str, list[Segment]] = {}
+    for segment in segments:
+        if segment.street not in segment.edges and any(letter.isalpha() for letter in segment.street):
+            found.setdefault(segment.street, []).append(segment)
+    lengths = {name: sum(segment.length_m for segment in pieces) for name, pieces in found.items()}
+    return {name: found[name] for name in sorted(found, key=lambda name: (-lengths[name], name))}
 
 
 def chains(lines: Iterable[LineString], gap_m: float = _GAP_M) -> list[LineString]:
@@ -117,19 +126,23 @@ def _continuation(line: Floats, others: Sequence[Floats], gap_m: float) -> tuple
             for reverse_other in (False, True):
                 b = other[::-1] if reverse_other else other
                 gap = hypot(*(b[0] - a[-1]))
-                if gap < nearest and abs(_turn(a[-1] - a[-2], b[1] - b[0])) < np.radians(40):
+                ahead = a[-1] - a[-2]
+                straight = gap < 4 or abs(_turn(ahead, b[0] - a[-1])) < np.radians(20)
+                if gap < nearest and straight and abs(_turn(ahead, b[1] - b[0])) < np.radians(40):
                     best, nearest = (index, reverse_line, reverse_other), gap
     return best
 
 
-def _along(axes: Axes, line: LineString, name: str, size: float, per_m: float, room: Room) -> list[Outline]:
-    """The glyphs of a name along a line, as often as it is long."""
+def _along(
+    axes: Axes, line: LineString, name: str, size: float, per_m: float, room: Room
+) -> list[tuple[list[Outline], LineString]]:
+    """A name along a line, as often as it is long: its glyphs and the line that they stand on."""
     spaced = size * 0.08
     advances = np.array([style.text_width_pt(name[:end], size) + spaced * end for end in range(len(name) + 1)]) / per_m
     length = float(advances[-1])
     if line.length < length * 1.05:
         return []
-    glyphs: list[Outline] = []
+    found = []
     times = max(1, round(line.length * per_m / _REPEAT_PT))
     for number in range(times):
         wanted = (number + 0.5) / times * line.length - length / 2
@@ -139,16 +152,16 @@ def _along(axes: Axes, line: LineString, name: str, size: float, per_m: float, r
             if start < 0 or start + length > line.length:
                 continue
             written = _write(axes, line, name, size / per_m, advances, start, room)
-            if written:
-                glyphs += written
+            if written is not None:
+                found.append(written)
                 break
-    return glyphs
+    return found
 
 
 def _write(
     axes: Axes, line: LineString, name: str, size_m: float, advances: Floats, start: float, room: Room
-) -> list[Outline]:
-    """The glyphs from `start` metres along the line, or none where it bends too much or is taken."""
+) -> tuple[list[Outline], LineString] | None:
+    """The name from `start` metres along the line, or nothing where that bends too much or is taken."""
     length = float(advances[-1])
     first, last = line.interpolate(start), line.interpolate(start + length)
     backwards = last.x < first.x if abs(last.x - first.x) > 0.05 * length else last.y < first.y
@@ -158,18 +171,18 @@ def _write(
     angles = np.unwrap([angle + (np.pi if backwards else 0.0) for _, _, angle in poses])
     turns = np.abs(np.diff(angles))
     if np.ptp(angles) > _MAX_TURN or (len(turns) and turns.max() > _MAX_TURN_AT_ONCE):
-        return []
+        return None
     spine = LineString([(x, y) for x, y, _ in poses])
     strip = spine.buffer(0.62 * size_m)
     if not _inside(axes, strip) or not room.free(strip):
-        return []
+        return None
     room.take(strip)
     glyphs = []
     for letter, (x, y, _), angle, left, middle in zip(name, poses, angles, advances[:-1], middles, strict=True):
         if letter != " ":
             place = Affine2D().scale(size_m).translate(left - middle, -0.36 * size_m).rotate(angle).translate(x, y)
             glyphs.append(_glyph(letter).transformed(place))
-    return glyphs
+    return glyphs, spine
 
 
 def _pose(line: LineString, at_m: float, window_m: float = 6.0, *, upright: bool = True) -> tuple[float, float, float]:

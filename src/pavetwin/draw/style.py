@@ -22,6 +22,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import text_to_path
 from matplotlib.typing import ColorType
 
+from pavetwin.draw.png import shrink
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.world.model import DefectClass
@@ -171,8 +172,10 @@ def map_sheet(
     west, south, east, north = bounds
     scale = longest_in / max(east - west, north - south)
     width, height = max((east - west) * scale, 4.0), max((north - south) * scale, 2.5)
-    rows = _flow(legend, width - _SCALE_BAR_IN)
-    margin, head, foot = 0.25, 0.55 if subtitle else 0.42, max(0.68, 0.2 + _ROW_IN * len(rows))
+    beside = width >= _NARROW_IN
+    rows = _flow(legend, width - _SCALE_BAR_IN if beside else width)
+    drop = 0.17 if beside else 0.72
+    margin, head, foot = 0.25, 0.55 if subtitle else 0.42, max(0.68, drop + 0.05 + _ROW_IN * len(rows))
     figure = new_figure(width + 2 * margin, height + head + foot)
     total_w, total_h = (float(side) for side in figure.get_size_inches())
     axes = figure.add_axes((margin / total_w, foot / total_h, width / total_w, height / total_h))
@@ -182,18 +185,19 @@ def map_sheet(
     footer.set_axis_off()
     figure.text(margin / total_w, 1 - 0.1 / total_h, title, fontsize=12, fontweight="bold", va="top")
     figure.text(margin / total_w, 1 - 0.34 / total_h, subtitle, fontsize=7.5, color=INK_SOFT, va="top")
-    north_arrow(footer, width - 0.09, foot - 0.25)
+    north_arrow(footer, width - 0.09, foot - 0.28, 0.22)
     west, east = axes.get_xlim()
     scale_bar(footer, width - 0.42, foot - 0.3, width / (east - west))
     if credit:
         footer.text(width, foot - 0.5, credit, fontsize=5.8, color=INK_SOFT, ha="right", va="center")
     for number, row in enumerate(rows):
         for x, entry in row:
-            _legend_entry(footer, x, foot - 0.17 - _ROW_IN * number, entry)
+            _legend_entry(footer, x, foot - drop - _ROW_IN * number, entry)
     return Sheet(figure, axes, footer)
 
 
-_SCALE_BAR_IN, _ROW_IN, _LEGEND_PT = 2.4, 0.165, 6.4
+_NARROW_IN, _SCALE_BAR_IN = 6.0, 2.4
+_ROW_IN, _LEGEND_PT = 0.165, 6.4
 
 
 def _flow(entries: Sequence[LegendEntry], width: float) -> list[list[tuple[float, LegendEntry]]]:
@@ -296,3 +300,5 @@ def save_figure(figure: Figure, path: Path) -> None:
     with writing(path) as temporary, styled():
         matplotlib.rcParams["svg.hashsalt"] = "pavetwin"
         figure.savefig(temporary, format=kind[1:], dpi=DPI, metadata=metadata[kind])
+        if kind == ".png":
+            shrink(temporary)

@@ -62,7 +62,7 @@ def draw_world(
     names: bool = False,
     defects: bool = True,
     muted: bool = False,
-) -> None:
+) -> list[str]:
     """Draw a world into `axes`, which becomes a map in metres of the world frame.
 
     The finer things (lane lines, zebras, masts, outlines of defects) come with the scale. Everything has a zorder below
@@ -73,11 +73,15 @@ def draw_world(
         names: segment ids and boundaries.
         defects: a small mark for each, by class; their outlines where the scale allows.
         muted: paler, as a ground for other things.
+
+    Returns:
+        The ids for which there was no room.
     """
     style.frame_axes(axes, bounds if bounds is not None else world_bounds(world))
     plan = _Plan(axes, world, muted)
     if Layer.PARKS in layers:
-        shapes.fill(axes, world.parks, 1, plan.shade(style.PARK), plan.shade(style.PARK_EDGE), 0.5)
+        green = [shapely.union_all(shapely.buffer(world.parks, 0.05))]
+        shapes.fill(axes, green, 1, plan.shade(style.PARK), plan.shade(style.PARK_EDGE), 0.5)
     if Layer.BUILDINGS in layers:
         plan.buildings()
     if Layer.SIDEWALKS in layers:
@@ -95,16 +99,20 @@ def draw_world(
         plan.furniture()
     if defects:
         plan.defects()
-    room = lettering.Room()
+    room, left_out = lettering.Room(), list[str]()
     if Layer.BASE in layers:
         base_symbol(axes, world)
         room.take(world.base.buffer(6.0 / plan.per_m))
     if names:
         boundaries = [tick for s in world.segments for tick in shapes.ticks(s.centre_line, s.width_m / 2 + 0.6)]
         shapes.strokes(axes, boundaries, 38, style.BASE, 0.7)
-        lettering.segment_ids(axes, world.segments, room)
+        left_out = lettering.segment_ids(axes, world.segments, room)
     if Layer.STREET_NAMES in layers:
+        if plan.per_m > 1.2:
+            for crossing in world.crossings:
+                room.take(crossing.polygon)
         lettering.street_names(axes, world.segments, room, style.INK_SOFT if muted else style.INK)
+    return left_out
 
 
 class _Plan:
@@ -158,7 +166,7 @@ class _Plan:
         shapes.discs(
             self.axes, centres, radii, 7, self.shade(style.TREE), self.shade(style.TREE_EDGE), 0.25, alpha=0.78
         )
-        shapes.discs(self.axes, centres + radii[:, None] * (-0.22, 0.25), 0.55 * radii, 7.1, style.PAPER, alpha=0.22)
+        shapes.discs(self.axes, centres + radii[:, None] * (-0.22, 0.25), 0.55 * radii, 7.1, style.PAPER, alpha=0.16)
 
     def furniture(self) -> None:
         if self.per_m < 0.55:
@@ -172,7 +180,7 @@ class _Plan:
             (FurnitureKind.POLE, style.POLE, "o", 2.0),
             (FurnitureKind.SIGN, style.SIGN, "D", 2.0),
             (FurnitureKind.STREET_LIGHT, style.LAMP, "o", 2.6),
-            (FurnitureKind.SIGNAL, style.SIGNAL, "s", 3.4),
+            (FurnitureKind.SIGNAL, style.SIGNAL, "^", 4.4),
         ):
             grown = size * min(2.0, max(0.55, self.per_m / 2.0))
             centres = _centres(self._of(kind))
@@ -195,10 +203,17 @@ class _Plan:
                 shapes.fill(self.axes, [defect.polygon for defect in chosen], 10, face, edge, 0.5)
                 continue
             spots = np.array([(d.centre.x, d.centre.y) for d in chosen]).reshape(-1, 2)
+            marker, grown = style.DEFECT_MARKERS[kind], max(0.6, self.per_m)
+            rim_pt = 0.5 * min(1.0, self.per_m) if marker == "_" else 0.0
             self.axes.scatter(
-                spots[:, 0], spots[:, 1], s=1.5 * max(1.0, self.per_m) ** 2, marker=style.DEFECT_MARKERS[kind],
-                color=self.shade(colour), linewidths=0.5 if style.DEFECT_MARKERS[kind] == "_" else 0, zorder=10,
-            )  # fmt: skip
+                spots[:, 0],
+                spots[:, 1],
+                s=1.5 * grown**2,
+                marker=marker,
+                color=self.shade(colour),
+                linewidths=rim_pt,
+                zorder=10,
+            )
 
     def _of(self, kind: FurnitureKind) -> list[Furniture]:
         (west, east), (south, north) = self.axes.get_xlim(), self.axes.get_ylim()
@@ -216,8 +231,8 @@ def base_symbol(axes: Axes, world: World, zorder: float = ABOVE_WORLD - 1) -> No
     axes.plot(x, y, marker="$\\mathbf{H}$", ms=4.6, mfc=style.PAPER, mec="none", zorder=zorder)
 
 
-def save_world_map(world: World, path: Path, *, names: bool = False, bounds: Bounds | None = None) -> None:
-    """Write the map of a world, or of `bounds` of it, as a picture.
+def save_world_map(world: World, path: Path, *, names: bool = False, bounds: Bounds | None = None) -> list[str]:
+    """Write the map of a world, or of `bounds` of it, as a picture. Returns the ids without room.
 
     Raises:
         PaveTwinError: it cannot be written.
@@ -227,8 +242,9 @@ def save_world_map(world: World, path: Path, *, names: bool = False, bounds: Bou
         sheet = style.map_sheet(
             shown, title=world.name, subtitle=subtitle(world), credit=credit(world), legend=legend(world)
         )
-        draw_world(sheet.axes, world, bounds=shown, names=names)
+        left_out = draw_world(sheet.axes, world, bounds=shown, names=names)
         style.save_figure(sheet.figure, path)
+    return left_out
 
 
 def subtitle(world: World) -> str:
@@ -257,7 +273,7 @@ def legend(world: World, *, defects: bool = True) -> list[LegendEntry]:
         (bool(world.parks), LegendEntry("park, green", "patch", style.PARK, style.PARK_EDGE)),
         (kinds[FurnitureKind.TREE] > 0, LegendEntry("tree", "o", style.TREE, style.TREE_EDGE, 6)),
         (kinds[FurnitureKind.STREET_LIGHT] > 0, LegendEntry("street light", "o", style.LAMP, size_pt=2.2)),
-        (kinds[FurnitureKind.SIGNAL] > 0, LegendEntry("traffic signal", "s", style.SIGNAL, size_pt=3)),
+        (kinds[FurnitureKind.SIGNAL] > 0, LegendEntry("traffic signal", "^", style.SIGNAL, size_pt=3.6)),
         (True, LegendEntry("base", "o", style.BASE, size_pt=5.5)),
         *(
             (
