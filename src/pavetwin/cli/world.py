@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from pavetwin.cli import world_maps
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -77,6 +78,10 @@ def info(world: Annotated[Path, typer.Argument(help="Folder of a world.")]) -> N
     from pavetwin.world.store import load_record, load_world
 
     _print_summary(load_world(world), load_record(world))
+
+
+app.command()(world_maps.show)
+app.command()(world_maps.navmesh)
 
 
 def _print_summary(world: "World", record: "BuildRecord") -> None:

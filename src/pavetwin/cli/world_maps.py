@@ -1,0 +1,110 @@
+"""`pavetwin world show` and `pavetwin world navmesh`: maps of what stands still and of where can be flown."""
+
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pavetwin.cli.console import out, progress
+from pavetwin.errors import PaveTwinError
+
+if TYPE_CHECKING:
+    from pavetwin.draw.navmesh_map import Baked
+
+
+def show(
+    world: Annotated[Path, typer.Argument(help="Folder of a world.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="The picture: .png, .svg or .pdf; WORLD/map.png if not given.")
+    ] = None,
+    names: Annotated[bool, typer.Option("--names", help="Write the segments' ids and mark where they end.")] = False,
+    html: Annotated[bool, typer.Option("--html", help="Also write an interactive page beside the picture.")] = False,
+) -> None:
+    """Draw the map of a world.
+
+    \b
+    pavetwin world show worlds/berlin
+    pavetwin world show worlds/berlin --names --html -o berlin.png
+    """
+    from pavetwin.draw.world_html import save_world_html
+    from pavetwin.draw.world_map import save_world_map
+    from pavetwin.world.store import load_world
+
+    loaded = load_world(world)
+    picture = output if output is not None else world / "map.png"
+    with progress("Drawing the map") as report:
+        left_out = save_world_map(loaded, picture, names=names)
+        report(0.7)
+        if html:
+            save_world_html(loaded, picture.with_suffix(".html"))
+        report(1.0)
+    said = f"Drawn to {picture}"
+    if html:
+        said += f", and to {picture.with_suffix('.html')} (open it in a browser; it needs no network)"
+    out.print(f"{said}.", soft_wrap=True, markup=False)
+    if left_out:
+        out.print(
+            f"There was no room for {len(left_out)} of {len(loaded.segments)} ids; the page of --html has them all.",
+            soft_wrap=True,
+            markup=False,
+        )
+
+
+def navmesh(
+    world: Annotated[Path, typer.Argument(help="Folder of a world.")],
+    altitude: Annotated[float, typer.Option(help="Metres above ground.")] = 10.0,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="The picture: .png, .svg or .pdf; WORLD/navmesh-10m.png if not given."),
+    ] = None,
+    geopackage: Annotated[
+        Path | None, typer.Option(metavar="FILE.gpkg", help="Also save the polygons, for QGIS.")
+    ] = None,
+) -> None:
+    """Bake the NavMesh at an altitude and draw its polygons.
+
+    \b
+    pavetwin world navmesh worlds/berlin --altitude 6
+    pavetwin world navmesh worlds/berlin --altitude 15 -o mesh.png --geopackage mesh.gpkg
+    """
+    from pavetwin.config import load_settings
+    from pavetwin.draw.navmesh_map import bake, save_navmesh_map
+    from pavetwin.navigation.navmesh import save_geopackage
+    from pavetwin.world.store import load_world
+
+    if not isfinite(altitude):
+        raise PaveTwinError(f"--altitude {altitude}: it must be a number of metres.")
+    if geopackage is not None and geopackage.suffix.lower() != ".gpkg":
+        raise PaveTwinError(f"--geopackage {geopackage}: end its name in .gpkg.")
+    settings = load_settings("default")
+    loaded = load_world(world)
+    picture = output if output is not None else world / f"navmesh-{altitude:g}m.png"
+    with progress("Baking the NavMesh") as report:
+        baked = bake(loaded, altitude, settings.uav.radius_m)
+        report(0.5)
+        save_navmesh_map(baked, picture)
+        if geopackage is not None:
+            save_geopackage(baked.mesh, loaded, geopackage)
+        report(1.0)
+    _print(baked, settings.uav.radius_m)
+    also = f" and its polygons saved to {geopackage}" if geopackage is not None else ""
+    out.print(f"Drawn to {picture}{also}.", soft_wrap=True, markup=False)
+
+
+def _print(baked: "Baked", radius_m: float) -> None:
+    from rich.table import Table
+
+    names = [segment.id for segment, ok in zip(baked.world.segments, baked.reachable, strict=True) if not ok]
+    lost = f"; not {', '.join(names[:8])}{' …' if len(names) > 8 else ''}" if names else ""
+    table = Table(
+        title=f"NavMesh of {baked.world.name} at {baked.altitude_m:g} m", show_header=False, title_justify="left"
+    )
+    table.add_row("polygons", f"{len(baked.polygons)} convex")
+    table.add_row("area", f"{baked.mesh.area_m2():.0f} m²")
+    table.add_row("agent radius", f"{radius_m:g} m")
+    table.add_row("obstacles", f"{len(baked.obstacles)} reach this altitude")
+    reached = sum(baked.reachable)
+    table.add_row("in reach", f"{reached} of {len(baked.reachable)} segments ({baked.share_reachable:.0%}){lost}")
+    table.add_row("baked in", f"{baked.seconds:.2f} s")
+    out.print(table)

@@ -1,0 +1,116 @@
+"""The map of a NavMesh: its convex polygons over a pale world, and what stands in the way at that altitude."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+
+import shapely
+from shapely import Geometry, Polygon
+
+from pavetwin._core import NavMesh
+from pavetwin.draw import shapes, style
+from pavetwin.draw.style import LegendEntry
+from pavetwin.draw.world_map import EVERYTHING, Layer, credit, draw_world, world_bounds
+from pavetwin.navigation.domain import obstacles
+from pavetwin.navigation.navmesh import navmesh, polygons
+from pavetwin.world.model import World
+from pavetwin.world.solids import solids
+
+FREE, FREE_EDGE = "#9CC7E3", "#3C7FA8"
+CUT_OFF, CUT_OFF_EDGE = "#F2B977", "#B8741A"
+BLOCKED, BLOCKED_EDGE = "#9A7A72", "#5E4640"
+UNREACHABLE = "#B2182B"
+
+
+@dataclass(frozen=True)
+class Baked:
+    """A NavMesh with what is told of it."""
+
+    world: World
+    altitude_m: float
+    mesh: NavMesh
+    polygons: tuple[Polygon, ...]
+    connected: tuple[bool, ...]
+    """For each polygon, whether the base lies in the same part of the mesh."""
+    obstacles: tuple[Geometry, ...]
+    """What reaches this altitude; things that touch are one."""
+    reachable: tuple[bool, ...]
+    """For each segment, whether its middle is flown to from the base."""
+    seconds: float
+    """It took to bake, the flight domain included."""
+
+    @property
+    def share_reachable(self) -> float:
+        return sum(self.reachable) / len(self.reachable)
+
+
+def bake(world: World, altitude_m: float, agent_radius_m: float) -> Baked:
+    """Bake the mesh anew (it is the same that missions keep beside the world) and judge what can be reached.
+
+    Raises:
+        PaveTwinError: nothing is left to fly in at this altitude.
+    """
+    standing = solids(world)
+    start = perf_counter()
+    mesh = navmesh(replace(world, folder=None), altitude_m, agent_radius_m, standing)
+    seconds = perf_counter() - start
+
+    def part(x: float, y: float) -> int | None:
+        return mesh.component_of(*mesh.nearest(x, y))
+
+    home = part(world.base.x, world.base.y)
+    cells = tuple(polygons(mesh))
+    centres = [cell.representative_point() for cell in cells]
+    middles = [segment.centre_line.interpolate(0.5, normalized=True) for segment in world.segments]
+    return Baked(
+        world=world,
+        altitude_m=altitude_m,
+        mesh=mesh,
+        polygons=cells,
+        connected=tuple(part(point.x, point.y) == home for point in centres),
+        obstacles=tuple(shapely.get_parts(shapely.union_all(obstacles(standing, altitude_m), grid_size=0.01))),
+        reachable=tuple(home is not None and part(point.x, point.y) == home for point in middles),
+        seconds=seconds,
+    )
+
+
+def save_navmesh_map(baked: Baked, path: Path) -> None:
+    """Write the map of a NavMesh as a picture.
+
+    Raises:
+        PaveTwinError: it cannot be written.
+    """
+    world, layers = baked.world, EVERYTHING - {Layer.FURNITURE, Layer.MARKINGS, Layer.TREES}
+    bounds = world_bounds(world)
+    words = f"{len(baked.polygons)} convex polygons, {baked.mesh.area_m2():.0f} m²"
+    share = f"{sum(baked.reachable)} of {len(baked.reachable)} segments within reach of the base"
+    with style.styled():
+        sheet = style.map_sheet(
+            bounds,
+            title=f"{world.name}: NavMesh at {baked.altitude_m:g} m",
+            subtitle=f"{words}  ·  {share}",
+            credit=credit(world),
+            legend=_legend(baked),
+        )
+        draw_world(sheet.axes, world, bounds=bounds, layers=layers, defects=False, muted=True)
+        fine = min(0.5, max(0.12, 0.25 * shapes.points_per_m(sheet.axes)))
+        for connected, face, edge in ((True, FREE, FREE_EDGE), (False, CUT_OFF, CUT_OFF_EDGE)):
+            cells = [cell for cell, joined in zip(baked.polygons, baked.connected, strict=True) if joined is connected]
+            shapes.fill(sheet.axes, cells, 20, face, alpha=0.62)
+            rings = [shapely.get_coordinates(cell.exterior) for cell in cells]
+            shapes.strokes(sheet.axes, rings, 21, edge, fine)
+        shapes.fill(sheet.axes, baked.obstacles, 22, BLOCKED, BLOCKED_EDGE, 0.3, alpha=0.8)
+        lost = [s.centre_line for s, ok in zip(world.segments, baked.reachable, strict=True) if not ok]
+        shapes.strokes(sheet.axes, [shapely.get_coordinates(line) for line in lost], 23, UNREACHABLE, 1.6)
+        style.save_figure(sheet.figure, path)
+
+
+def _legend(baked: Baked) -> list[LegendEntry]:
+    entries = [LegendEntry("polygon, joined with the base", "patch", FREE, FREE_EDGE)]
+    if not all(baked.connected):
+        entries.append(LegendEntry("polygon, cut off", "patch", CUT_OFF, CUT_OFF_EDGE))
+    if baked.obstacles:
+        entries.append(LegendEntry("obstacle at this altitude", "patch", BLOCKED, BLOCKED_EDGE))
+    if not all(baked.reachable):
+        entries.append(LegendEntry("segment out of reach", "line", UNREACHABLE, size_pt=1.6))
+    return [*entries, LegendEntry("base", "o", style.BASE, size_pt=5.5)]

@@ -1,0 +1,217 @@
+"""The map of a world as one HTML file: pan, zoom, and what a segment or defect is. It loads nothing from anywhere."""
+
+import json
+from collections import Counter
+from collections.abc import Iterable
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import shapely
+from matplotlib.colors import to_hex
+from shapely import Geometry, Polygon
+
+from pavetwin.draw import lettering, shapes, style
+from pavetwin.draw.carriageway import carriageway, lane_lines
+from pavetwin.draw.world_map import TALL_M, credit, defect_words, legend, subtitle, world_bounds
+from pavetwin.files import writing
+from pavetwin.world.model import FurnitureKind, LaneKind, World
+
+_STEPS = 6
+"""Buildings are drawn in so many shades by height, a path each."""
+
+_NAMED_AGAIN_M = 150.0
+
+_MASTS = {FurnitureKind.STREET_LIGHT: style.LAMP, FurnitureKind.SIGNAL: style.SIGNAL, FurnitureKind.SIGN: style.SIGN}
+
+
+def save_world_html(world: World, path: Path) -> None:
+    """Write the interactive map of a world.
+
+    Raises:
+        PaveTwinError: it cannot be written. Nothing is left behind.
+    """
+    page = world_page(world)
+    with writing(path) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+
+
+def world_page(world: World) -> str:
+    """The page's text."""
+    west, south, east, north = world_bounds(world)
+    flip = _Flip(west, north)
+    note = credit(world)
+    values = {
+        "TITLE": escape(world.name),
+        "SUBTITLE": escape(subtitle(world)),
+        "CREDIT": escape(note) if note else "",
+        "VIEW": f"0 0 {east - west:.1f} {north - south:.1f}",
+        "LAYERS": "\n".join(_layers(world, flip)),
+        "LEGEND": "".join(
+            f"<li><i class='{'patch' if entry.symbol == 'patch' else 'dot'}' "
+            f"style='background:{to_hex(entry.colour)};border-color:{_edge(entry.edge, entry.colour)}'></i>"
+            f"{escape(entry.label)}</li>"
+            for entry in legend(world)
+        ),
+        "ORIGIN": json.dumps([west, north]),
+        "GROUND": style.GROUND,
+        "INK": style.INK,
+        "ACCENT": style.BASE,
+    }
+    page = files("pavetwin.draw").joinpath("world_map.html").read_text(encoding="utf-8")
+    for name, value in values.items():
+        page = page.replace(f"%%{name}%%", value)
+    return page
+
+
+class _Flip:
+    """World coordinates to the page's: metres from the upper left corner, y down, in decimetres' precision."""
+
+    def __init__(self, west: float, north: float) -> None:
+        self._west, self._north = west, north
+
+    def point(self, x: float, y: float) -> tuple[str, str]:
+        return _number(x - self._west), _number(self._north - y)
+
+    def path(self, surface: Geometry, digits: int = 1) -> str:
+        """The `d` of a path for polygons with their holes, or for lines."""
+        written = []
+        for part in shapely.get_parts(surface):
+            closed = isinstance(part, Polygon)
+            rings = (part.exterior, *part.interiors) if isinstance(part, Polygon) else (part,)
+            for ring in rings:
+                points = shapely.get_coordinates(ring)[: -1 if closed else None]
+                steps = (f"{_number(x - self._west, digits)} {_number(self._north - y, digits)}" for x, y in points)
+                written.append("M" + "L".join(steps) + ("Z" if closed else ""))
+        return "".join(written)
+
+
+def _layers(world: World, flip: _Flip) -> Iterable[str]:
+    """The map from the ground up, a group a layer."""
+    parks = shapely.union_all(shapely.buffer(world.parks, 0.05)) if world.parks else Polygon()
+    yield _shape(flip.path(parks), style.PARK, style.PARK_EDGE, 0.4)
+    lanes = world.lanes_of(LaneKind.SIDEWALK)
+    walks: list[Geometry] = [lane.centre_line.buffer(lane.width_m / 2, cap_style="flat") for lane in lanes]
+    walks += [junction.polygon for junction in world.junctions]
+    yield _shape(flip.path(shapely.union_all(walks)), style.SIDEWALK, style.SIDEWALK_EDGE, 0.25)
+    yield _shape(flip.path(carriageway(world)), style.CARRIAGEWAY, style.CASING, 0.35)
+    bars = [shapely.LineString(bar) for c in world.crossings for bar in shapes.stripes(c.polygon, 0.5, 0.5)]
+    yield f"<path d='{flip.path(shapely.MultiLineString(bars))}' stroke='{style.ZEBRA}' stroke-width='.5' fill='none'/>"
+    dashes = shapely.MultiLineString([shapely.LineString(line) for line in lane_lines(world)])
+    pattern = "stroke-width='.15' stroke-dasharray='3 3' fill='none'"
+    yield f"<path d='{flip.path(dashes)}' stroke='{style.MARKING}' {pattern}/>"
+    yield from _buildings(world, flip)
+    yield from _segments(world, flip)
+    yield from _defects(world, flip)
+    yield from _furniture(world, flip)
+    yield from _street_names(world, flip)
+    x, y = flip.point(world.base.x, world.base.y)
+    yield (
+        f"<g class='base' data-tip='base' transform='translate({x} {y})'><circle r='4' fill='{style.BASE}'/>"
+        "<path d='M-1.4 -2V2M1.4 -2V2M-1.4 0H1.4' stroke='#fff' stroke-width='.8' fill='none'/></g>"
+    )
+
+
+def _buildings(world: World, flip: _Flip) -> Iterable[str]:
+    by_step: dict[int, list[Polygon]] = {}
+    for building in world.buildings:
+        step = min(_STEPS - 1, int(building.height_m / TALL_M * _STEPS))
+        by_step.setdefault(step, []).append(building.polygon)
+    for step, bases in sorted(by_step.items()):
+        shade = to_hex(shapes.mix(style.BUILDING_LOW, style.BUILDING_HIGH, (step + 0.5) / _STEPS))
+        yield _shape("".join(flip.path(base) for base in bases), shade, style.BUILDING_EDGE, 0.2)
+
+
+def _segments(world: World, flip: _Flip) -> Iterable[str]:
+    counts: Counter[str] = Counter()
+    for defect in world.defects:
+        counts[defect.segment] += 1
+    yield "<g class='segments'>"
+    for segment in world.segments:
+        street = segment.street if segment.street not in segment.edges else "unnamed street"
+        lanes = "1 lane" if segment.lanes == 1 else f"{segment.lanes} lanes"
+        tip = (
+            f"{segment.id} · {street}\n{segment.length_m:.0f} m × {segment.width_m:.1f} m, {lanes}, "
+            f"{segment.area_m2:.0f} m²\n{counts[segment.id]} defects"
+        )
+        yield f"<path d='{flip.path(segment.polygon)}' data-tip='{_attribute(tip)}'/>"
+    yield "</g><g class='ids'>"
+    for segment in world.segments:
+        middle = segment.centre_line.interpolate(0.5, normalized=True)
+        x, y = flip.point(middle.x, middle.y)
+        yield f"<text x='{x}' y='{y}'>{escape(segment.id)}</text>"
+    yield "</g>"
+
+
+def _defects(world: World, flip: _Flip) -> Iterable[str]:
+    """A group a class; the page knows the words from the group and the numbers from the mark."""
+    yield "<g class='defects'>"
+    for kind, colour in style.DEFECT_COLOURS.items():
+        yield f"<g fill='{colour}' stroke='{colour}' data-kind='{defect_words(kind)}'>"
+        for defect in world.defects:
+            if defect.kind is kind:
+                shape = shapely.simplify(defect.polygon, 0.02)
+                yield f"<path d='{flip.path(shape, 2)}' data-d='{defect.id},{_attribute(defect.segment)}'/>"
+        yield "</g>"
+    yield "</g>"
+
+
+def _furniture(world: World, flip: _Flip) -> Iterable[str]:
+    yield f"<g fill='{style.TREE}' fill-opacity='.75' stroke='{style.TREE_EDGE}' stroke-width='.2'>"
+    for thing in world.furniture:
+        if thing.kind is FurnitureKind.TREE:
+            x, y = flip.point(thing.position.x, thing.position.y)
+            yield f"<circle cx='{x}' cy='{y}' r='{_number(thing.radius_m)}'/>"
+    yield "</g><g class='masts'>"
+    for thing in world.furniture:
+        if thing.kind is not FurnitureKind.TREE:
+            x, y = flip.point(thing.position.x, thing.position.y)
+            arm_x = _number(thing.arm_m * float(np.cos(thing.yaw_rad)))
+            arm_y = _number(-thing.arm_m * float(np.sin(thing.yaw_rad)))
+            colour = _MASTS.get(thing.kind, style.POLE)
+            words = thing.kind.value.replace("_", " ")
+            arm = f"<path d='M{x} {y}l{arm_x} {arm_y}'/>" if thing.arm_m > 0 else ""
+            yield f"{arm}<circle cx='{x}' cy='{y}' r='.6' fill='{colour}' data-tip='{words}, {thing.height_m:.1f} m'/>"
+    yield "</g>"
+
+
+def _street_names(world: World, flip: _Flip) -> Iterable[str]:
+    """Each name along the longest stretch of its street, and along others of 150 m and more."""
+    yield "<g class='streets'>"
+    number = 0
+    for name, pieces in lettering.streets(world.segments).items():
+        for place, line in enumerate(lettering.chains([segment.centre_line for segment in pieces])):
+            if place > 0 and line.length < _NAMED_AGAIN_M:
+                continue
+            points = shapely.get_coordinates(line)
+            if points[-1, 0] < points[0, 0]:
+                line = line.reverse()
+            size = min(4.5, 0.7 * min(segment.width_m for segment in pieces))
+            if len(name) * size * 0.6 > line.length:
+                continue
+            yield f"<path id='street{number}' d='{flip.path(line)}' fill='none'/>"
+            yield (
+                f"<text font-size='{_number(size)}' dy='.35em'><textPath href='#street{number}' startOffset='50%'>"
+                f"{escape(name)}</textPath></text>"
+            )
+            number += 1
+    yield "</g>"
+
+
+def _shape(path: str, fill: str, stroke: str, width_m: float) -> str:
+    return f"<path d='{path}' fill='{fill}' fill-rule='evenodd' stroke='{stroke}' stroke-width='{width_m}'/>"
+
+
+def _edge(edge: object, colour: object) -> str:
+    return to_hex(edge if edge != "none" else colour)  # type: ignore[arg-type]
+
+
+def _attribute(text: str) -> str:
+    return escape(text, quote=True).replace("\n", "&#10;")
+
+
+def _number(value: float, digits: int = 1) -> str:
+    """A number without needless zeros."""
+    text = f"{value:.{digits}f}".rstrip("0").rstrip(".")
+    return "0" if text in ("-0", "") else text
