@@ -1,0 +1,221 @@
+"""What a mission adds to a map: its route, captured windows, defects, waits, displacements and revisits.
+
+Every function draws into axes in metres, either of the world frame (`Turn()`) or of a page turned along a street.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import hypot
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.patches import FancyArrowPatch
+
+from pavetwin.draw import style
+from pavetwin.draw.marks import Outcome, Stay, displacements, inspecting, outcomes, revisits, runs, waits, windows
+from pavetwin.draw.shapes import outline
+from pavetwin.draw.turned import Turn
+from pavetwin.draw.world_map import ABOVE_WORLD, base_symbol
+from pavetwin.mission.fly import Flown
+
+CAPTURED, GAP = "#CFE2EF", "#F3CDB4"
+"""Pavement of an inspected segment inside and outside all captured windows."""
+
+WAIT, REVISIT, STEP, BATTERY = "#5B2A86", "#0063B1", "#B0307A", "#7A5A00"
+
+_SURFACE, _WINDOWS, _ROUTE, _STAYS, _DEFECTS, _LABELS = (ABOVE_WORLD + 5 * level for level in range(6))
+
+
+@dataclass(frozen=True, slots=True)
+class Weights:
+    """How heavy the marks are: lengths in points, areas in square points."""
+
+    transit: float
+    inspection: float
+    defect: float
+    wait_area_per_s: float
+    label: float
+
+    def times(self, factor: float) -> "Weights":
+        """For a smaller scale: lengths by the factor, areas by its square."""
+        return Weights(
+            self.transit * factor**0.5,
+            self.inspection * factor,
+            self.defect * factor**2,
+            self.wait_area_per_s * factor**2,
+            self.label,
+        )
+
+
+TOWN = Weights(transit=0.55, inspection=1.5, defect=5.0, wait_area_per_s=1.6, label=6.5)
+CLOSE = Weights(transit=0.8, inspection=1.8, defect=26.0, wait_area_per_s=4.0, label=7.0)
+
+
+def wait_area(seconds: float, weights: Weights) -> float:
+    """The area of a wait's disc in square points: in proportion to its seconds, and never too small to be seen."""
+    return max(14.0, weights.wait_area_per_s * seconds)
+
+
+def draw_surfaces(axes: Axes, flown: Flown, turn: Turn) -> None:
+    """The inspected segments: what some captured window covered, and the gaps."""
+    index = {segment.id: number for number, segment in enumerate(flown.stage.world.segments)}
+    for name in dict.fromkeys(row.segment for row in flown.rows):
+        polygon = turn.shape(flown.stage.world.segment(name).polygon)
+        corners, _ = windows(flown, index[name])
+        covered = shapely.union_all(shapely.polygons(turn.points(corners))) if len(corners) else shapely.Polygon()
+        inside = shapely.intersection(polygon, covered)
+        for shape, colour in ((polygon, GAP), (inside, CAPTURED)):
+            if not shape.is_empty:
+                axes.add_collection(
+                    PathCollection([outline(shape)], facecolors=colour, linewidths=0, zorder=_SURFACE), autolim=False
+                )
+
+
+def draw_windows(axes: Axes, flown: Flown, turn: Turn, segment: int) -> None:
+    """The pavement in each captured window of a segment, coloured by visibility, deeper where windows overlap."""
+    corners, visibility = windows(flown, segment)
+    if not len(corners):
+        return
+    faces, edges = style.VISIBILITY(visibility), style.VISIBILITY(visibility)
+    faces[:, 3], edges[:, 3] = 0.20, 0.45
+    polygon = turn.shape(flown.stage.world.segments[segment].polygon)
+    inside = np.asarray(shapely.intersection(shapely.polygons(turn.points(corners)), polygon))
+    touching = ~shapely.is_empty(inside)
+    axes.add_collection(
+        PathCollection(
+            [outline(part) for part in inside[touching]],
+            facecolors=faces[touching],
+            edgecolors=edges[touching],
+            linewidths=0.45,
+            zorder=_WINDOWS,
+        ),
+        autolim=False,
+    )
+
+
+def draw_route(axes: Axes, flown: Flown, turn: Turn, weights: Weights) -> None:
+    """The way flown: thin in transit, thick and coloured by visibility while inspecting."""
+    xy = turn.points(np.column_stack([flown.track["x_m"], flown.track["y_m"]]))
+    seen = inspecting(flown)
+    others = [xy[rows.start : rows.stop + 1] for rows in runs(~seen)]
+    axes.add_collection(
+        LineCollection(others, colors=style.INK, linewidths=weights.transit, alpha=0.75, zorder=_ROUTE), autolim=False
+    )
+    legs = [xy[rows.start : rows.stop] for rows in runs(seen)]
+    axes.add_collection(
+        LineCollection(
+            legs, colors=style.PAPER, linewidths=weights.inspection + 1.2, capstyle="round", zorder=_ROUTE + 1
+        ),
+        autolim=False,
+    )
+    steps = np.stack([xy[:-1], xy[1:]], axis=1)[seen[:-1]]
+    axes.add_collection(
+        LineCollection(
+            list(steps),
+            colors=style.VISIBILITY(flown.track["visibility"][:-1][seen[:-1]]),
+            linewidths=weights.inspection,
+            capstyle="round",
+            zorder=_ROUTE + 2,
+        ),
+        autolim=False,
+    )
+
+
+def draw_defects(axes: Axes, flown: Flown, turn: Turn, weights: Weights) -> None:
+    """One mark a defect of the inspected segments: confirmed, recovered or missed."""
+    found = outcomes(flown)
+    places = np.array([(d.centre.x, d.centre.y) for d in flown.stage.defects]).reshape(-1, 2)
+    for number, outcome in enumerate(Outcome):
+        which = [defect for defect, is_ in found.items() if is_ is outcome]
+        spots = turn.points(places[which])
+        larger = {Outcome.CONFIRMED: 0.75, Outcome.RECOVERED: 1.5, Outcome.MISSED: 1.7}[outcome]
+        marks = axes.scatter(
+            spots[:, 0], spots[:, 1], s=weights.defect * larger, marker=style.OUTCOME_MARKERS[outcome],
+            color=style.OUTCOME_COLOURS[outcome], edgecolors=style.PAPER, linewidths=0.35, zorder=_DEFECTS + number,
+        )  # fmt: skip
+        marks.set_gid(f"defects-{outcome}")
+
+
+def draw_reactions(axes: Axes, flown: Flown, turn: Turn, weights: Weights) -> None:
+    """What the policy did: discs where it waited, arrows where it stepped aside, rings where it came back."""
+    stays = sorted(waits(flown), key=lambda stay: -stay.seconds)
+    _discs(axes, stays, turn, weights, WAIT, "waits")
+    again = revisits(flown)
+    if again:
+        spots = turn.points([stay.position for stay in again])
+        axes.scatter(
+            spots[:, 0], spots[:, 1], s=5 * weights.defect**0.7 + 8, marker="s", facecolors="none",
+            edgecolors=REVISIT, linewidths=0.9, zorder=_STAYS,
+        ).set_gid("revisits")  # fmt: skip
+    for step in displacements(flown):
+        start, end = turn.points([step.start, step.end])
+        axes.add_patch(
+            FancyArrowPatch(
+                tuple(start),
+                tuple(end),
+                arrowstyle="-|>,head_length=2.6,head_width=1.5",
+                shrinkA=0,
+                shrinkB=0,
+                color=STEP,
+                linewidth=1.0,
+                zorder=_STAYS + 3,
+            )
+        )
+        if weights.defect < CLOSE.defect:
+            axes.plot(*start, marker="^", ms=3.2, mfc=STEP, mec=style.PAPER, mew=0.3, zorder=_STAYS + 3)
+    _label_waits(axes, stays, turn, weights)
+
+
+def draw_stations(axes: Axes, flown: Flown, turn: Turn) -> None:
+    """The base, and where the battery ran low."""
+    low = [place.position for place in flown.actions if place.action == "battery"]
+    if low:
+        spots = turn.points(low)
+        axes.scatter(
+            spots[:, 0], spots[:, 1], s=34, marker="P", color=BATTERY, edgecolors=style.PAPER, linewidths=0.7,
+            zorder=_LABELS,
+        )  # fmt: skip
+    base_symbol(axes, flown.stage.world, zorder=_LABELS)
+
+
+def _discs(axes: Axes, stays: Sequence[Stay], turn: Turn, weights: Weights, colour: str, name: str) -> None:
+    if not stays:
+        return
+    spots = turn.points([stay.position for stay in stays])
+    areas = [wait_area(stay.seconds, weights) for stay in stays]
+    axes.scatter(spots[:, 0], spots[:, 1], s=areas, color=colour, alpha=0.22, linewidths=0, zorder=_STAYS)
+    rims = axes.scatter(
+        spots[:, 0], spots[:, 1], s=areas, facecolors="none", edgecolors=colour, linewidths=0.9, zorder=_STAYS + 1
+    )
+    rims.set_gid(name)
+
+
+def _label_waits(axes: Axes, stays: Sequence[Stay], turn: Turn, weights: Weights, *, at_most: int = 8) -> None:
+    """Seconds beside the longest waits, where there is room: no label lies on another or on another wait's middle."""
+    per_point = axes.figure.dpi / 72
+    spots = axes.transData.transform(turn.points([stay.position for stay in stays]).reshape(-1, 2))
+    taken: list[tuple[float, float]] = []
+    view = axes.get_window_extent()
+    size = weights.label * per_point
+    for stay, spot in list(zip(stays, spots, strict=True))[:at_most]:
+        radius = (wait_area(stay.seconds, weights) / np.pi) ** 0.5 * per_point
+        text = f"{stay.seconds:.0f} s"
+        half = 0.33 * size * len(text)
+        for right, up in ((1, 0), (-1, 0), (0, 1), (0, -1), (0.8, 0.8), (-0.8, 0.8), (0.8, -0.8), (-0.8, -0.8)):
+            middle = (spot[0] + right * (radius + half + 2), spot[1] + up * (radius + 0.7 * size))
+            crowded = any(abs(middle[0] - x) < 2.1 * half and abs(middle[1] - y) < 1.1 * size for x, y in taken)
+            covers = any(
+                other is not stay and hypot(middle[0] - x, middle[1] - y) < half + 2
+                for other, (x, y) in zip(stays, spots, strict=True)
+            )
+            inside = view.x0 + half < middle[0] < view.x1 - half and view.y0 + size < middle[1] < view.y1 - size
+            if inside and not crowded and not covers:
+                taken.append(middle)
+                x, y = axes.transData.inverted().transform(middle)
+                axes.text(
+                    x, y, text, fontsize=weights.label, color=WAIT, fontweight="bold", ha="center", va="center",
+                    zorder=_LABELS + 1, path_effects=style.halo(),
+                )  # fmt: skip
+                break

@@ -1,0 +1,134 @@
+"""A close view of one segment, turned so that the street lies along the page."""
+
+from dataclasses import dataclass
+from math import cos, sin
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pavetwin.draw import style
+from pavetwin.draw.marks import Floats
+from pavetwin.draw.mission_layers import (
+    CLOSE,
+    draw_defects,
+    draw_reactions,
+    draw_route,
+    draw_surfaces,
+    draw_windows,
+)
+from pavetwin.draw.turned import Turn
+from pavetwin.draw.world_map import EVERYTHING, Layer, draw_world
+from pavetwin.mission.fly import Flown
+from pavetwin.mission.ground import window_m
+from pavetwin.mission.ledger import SegmentRow
+
+TALLEST_IN = 2.0
+GAP_IN = 0.1
+NARROW_IN = 8.0
+"""On a narrower page the caption takes two lines."""
+CAPTION_IN = 0.28
+_QUIET = EVERYTHING - {Layer.BASE, Layer.STREET_NAMES}
+
+
+@dataclass(frozen=True)
+class Strip:
+    """How a segment is laid on a page of some width: its turn, and the metres that are shown."""
+
+    segment: str
+    turn: Turn
+    width_m: float
+    height_m: float
+    height_in: float
+    width_in: float
+
+    @property
+    def caption_in(self) -> float:
+        """Height of the line or lines above it."""
+        return CAPTION_IN if self.width_in > NARROW_IN else CAPTION_IN + 0.16
+
+    @property
+    def with_caption_in(self) -> float:
+        return self.caption_in + self.height_in + GAP_IN
+
+    @staticmethod
+    def of(flown: Flown, segment: str, width_in: float, tallest_in: float = TALLEST_IN) -> "Strip":
+        """The largest scale at which the whole segment and the windows beside it fit."""
+        place = flown.stage.world.segment(segment)
+        turn = Turn.along(place)
+        left, bottom, right, top = turn.shape(place.polygon).bounds
+        across, along = window_m(flown.settings)
+        long_m = max(right - left, 30.0) + along + 2
+        high_m = max(top - bottom, 6.0) + float(np.clip(across - place.width_m, 4.0, 9.0)) + 1
+        per_m = min(width_in / long_m, tallest_in / high_m)
+        return Strip(segment, turn, width_in / per_m, high_m, high_m * per_m, width_in)
+
+    def outline(self) -> Floats:
+        """(5, 2) its frame in the world frame, closed."""
+        x, y = self.width_m / 2, self.height_m / 2
+        return self.turn.back([(-x, -y), (x, -y), (x, y), (-x, y), (-x, -y)])
+
+
+def draw_strip(
+    figure: Figure, strip: Strip, flown: Flown, corner_in: tuple[float, float], *, scale: bool = True
+) -> Axes:
+    """Draw a strip.
+
+    Args:
+        corner_in: its lower left, in inches of the figure.
+        scale: with a scale bar and an arrow to the north above it.
+    """
+    (left, bottom), width = corner_in, strip.width_in
+    page_w, page_h = figure.get_size_inches()
+    frame = (left / page_w, bottom / page_h, width / page_w, strip.height_in / page_h)
+    axes = figure.add_axes(frame)
+    x, y = strip.width_m / 2, strip.height_m / 2
+    near = strip.turn.world(flown.stage.world, float(np.hypot(x, y)) + 5)
+    draw_world(axes, near, bounds=(-x, -y, x, y), layers=_QUIET, defects=False, muted=True)
+    index = next(i for i, segment in enumerate(flown.stage.world.segments) if segment.id == strip.segment)
+    draw_surfaces(axes, flown, strip.turn)
+    draw_windows(axes, flown, strip.turn, index)
+    draw_route(axes, flown, strip.turn, CLOSE)
+    draw_defects(axes, flown, strip.turn, CLOSE)
+    draw_reactions(axes, flown, strip.turn, CLOSE)
+    if scale:
+        above = figure.add_axes(
+            (left / page_w, (bottom + strip.height_in) / page_h, width / page_w, strip.caption_in / page_h)
+        )
+        above.set(xlim=(0, width), ylim=(0, strip.caption_in))
+        above.set_axis_off()
+        first_line = strip.caption_in - CAPTION_IN
+        style.scale_bar(above, width - 0.5, first_line + 0.05, width / strip.width_m, longest=0.85)
+        _north(above, width - 0.12, first_line + 0.12, strip.turn.north_rad)
+    return axes
+
+
+def caption(row: SegmentRow) -> str:
+    """What happened on a segment, in one line."""
+    parts = [f"{row.confirmed} of {row.defects} defects confirmed"]
+    if row.recovered:
+        parts.append(f"{row.recovered} of them recovered")
+    parts.append(f"surface {100 * row.surface_coverage:.0f} %")
+    parts.append(f"{row.occlusions} occlusion{'s' if row.occlusions != 1 else ''}")
+    if row.wait_s >= 0.5:
+        parts.append(f"waited {row.wait_s:.0f} s")
+    if row.revisits:
+        parts.append(f"{row.revisits} revisits")
+    parts.append(f"{row.time_s:.0f} s in all")
+    return " · ".join(parts)
+
+
+def clipped(shape: Floats, bounds: style.Bounds) -> Floats:
+    """The part of a closed line inside `bounds`, as one line; for frames that reach out of a map."""
+    part = shapely.intersection(shapely.Polygon(shape), shapely.box(*bounds))
+    return shapely.get_coordinates(part)
+
+
+def _north(axes: Axes, x: float, y: float, angle_rad: float, size: float = 0.2) -> None:
+    """An arrow to the north, turned with the page; x, y and size in inches."""
+    ahead = np.array([cos(angle_rad), sin(angle_rad)])
+    aside = np.array([-ahead[1], ahead[0]])
+    middle = np.array([x, y])
+    corners = [middle + size * (a * ahead + b * aside) for a, b in ((0.5, 0), (-0.5, 0.28), (-0.28, 0), (-0.5, -0.28))]
+    axes.fill(*np.transpose(corners), facecolor=style.INK, linewidth=0)
