@@ -1,0 +1,204 @@
+"""One frame of the animation: what moves, drawn over the raster of what stands still."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, pi, sin
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+from PIL import Image
+
+from pavetwin.draw import style
+from pavetwin.draw.ground_raster import GroundRaster
+from pavetwin.draw.marks import Floats, Outcome, Place, rectangles
+from pavetwin.draw.mission_style import AGENT_COLOURS, HIDDEN, OPEN_DEFECT, SEEN, UAV, Rgb, rgb, visibility_rgb
+from pavetwin.draw.pen import SMOOTHING, Pen
+from pavetwin.draw.shadows import bodies
+from pavetwin.twin import Mode
+
+if TYPE_CHECKING:
+    from pavetwin._core import PoseColumns
+
+FLASH_S = 0.8
+"""How long, in the animation's own time, a confirmation flashes."""
+
+ARM_M, ROTOR_M = 0.95, 0.55
+"""The UAV's symbol; larger than the airframe, so that it can be seen."""
+
+SEEN_OPACITY, HIDDEN_OPACITY = 150, 120
+
+WHITE: Rgb = (255, 255, 255)
+
+
+@dataclass(frozen=True)
+class DefectMark:
+    """A defect as it stands at this moment."""
+
+    position: Place
+    outcome: Outcome | None
+    """None while it is open."""
+    age_s: float = 0.0
+    """Since its confirmation, in the animation's own time."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything that moves, at one moment of a mission. World frame, metres."""
+
+    time_s: float
+    position: Place
+    altitude_m: float
+    yaw_rad: float
+    speed_mps: float
+    battery: float
+    mode: Mode
+    visibility: float | None
+    """o; None while nothing is under inspection."""
+    agents: "PoseColumns"
+    groups: Sequence[str]
+    """For each agent, its key of `AGENT_COLOURS`."""
+    hidden: shapely.Geometry
+    """What agents hide of the inspection window."""
+    seen: shapely.Geometry
+    """Pavement that the captures so far have seen."""
+    defects: Sequence[DefectMark]
+    trail: Floats
+    """(n, 2), where the UAV has just been."""
+
+
+@dataclass(frozen=True)
+class View:
+    """Draws scenes around a place."""
+
+    ground: GroundRaster
+    size_px: tuple[int, int]
+    window_m: tuple[float, float]
+    """The inspection window, across and along the track."""
+    footprint_m: tuple[float, float]
+
+    def corner_px(self, centre: Place) -> tuple[int, int]:
+        """The raster's pixel in the upper left of a frame around `centre`."""
+        x, y = self.ground.pixel(*centre)
+        return x - self.size_px[0] // 2, y - self.size_px[1] // 2
+
+    def pixel(self, place: Place, centre: Place) -> tuple[int, int]:
+        """Where a place lies in a frame around `centre`."""
+        (x, y), (left, top) = self.ground.pixel(*place), self.corner_px(centre)
+        return x - left, y - top
+
+    def draw(self, scene: Scene, centre: Place) -> Image.Image:
+        """The frame around `centre`."""
+        corner = self.corner_px(centre)
+        still = self.ground.crop(*corner, self.size_px)
+        large = (self.size_px[0] * SMOOTHING, self.size_px[1] * SMOOTHING)
+        pen = Pen(still.resize(large, Image.Resampling.NEAREST), self.ground.scale, corner)
+        pen.area(scene.seen, (*rgb(SEEN), SEEN_OPACITY))
+        pen.line(scene.trail, (*rgb(UAV), 110), 1.2)
+        for mark in scene.defects:
+            _draw_defect(pen, mark)
+        if scene.visibility is not None:
+            pen.fill(_around(scene, self.window_m), (*visibility_rgb(scene.visibility), 70))
+            pen.area(scene.hidden, (*rgb(HIDDEN), HIDDEN_OPACITY))
+        _draw_agents(pen, scene)
+        if scene.visibility is not None:
+            colour = visibility_rgb(scene.visibility)
+            _draw_dashed(pen, _around(scene, self.footprint_m), (*rgb(style.INK_SOFT), 200))
+            pen.line(_around(scene, self.window_m), WHITE, 4.5, closed=True)
+            pen.line(_around(scene, self.window_m), colour, 2.8, closed=True)
+        for mark in scene.defects:
+            _draw_flash(pen, mark)
+        _draw_uav(pen, scene)
+        return pen.finished()
+
+
+def _around(scene: Scene, size_m: tuple[float, float]) -> Floats:
+    """(4, 2) corners of a rectangle under the UAV, given as (across, along)."""
+    x, y = np.array([scene.position[0]]), np.array([scene.position[1]])
+    return np.asarray(rectangles(x, y, np.array([scene.yaw_rad]), *size_m)[0])
+
+
+def _draw_defect(pen: Pen, mark: DefectMark) -> None:
+    if mark.outcome is None:
+        pen.disc(mark.position, 3.6, None, rgb(OPEN_DEFECT), 1.6)
+    else:
+        pen.disc(mark.position, 4.2, rgb(style.OUTCOME_COLOURS[mark.outcome]), WHITE, 1.0)
+
+
+def _draw_flash(pen: Pen, mark: DefectMark) -> None:
+    if mark.outcome is not None and mark.age_s < FLASH_S:
+        share = mark.age_s / FLASH_S
+        colour = rgb(style.OUTCOME_COLOURS[mark.outcome])
+        pen.disc(mark.position, 5 + 12 * share, None, (*colour, round(255 * (1 - 0.7 * share))), 2.4)
+        pen.disc(mark.position, 4.6, colour, WHITE, 1.2)
+
+
+def _draw_agents(pen: Pen, scene: Scene) -> None:
+    outlines = bodies(scene.agents)
+    for index in np.argsort(scene.agents["height_m"], kind="stable"):
+        colour = rgb(AGENT_COLOURS[scene.groups[index]])
+        if scene.agents["is_pedestrian"][index]:
+            place = (scene.agents["x_m"][index], scene.agents["y_m"][index])
+            pen.disc(place, 3.4, colour, WHITE, 0.8)
+        elif scene.groups[index] == "aircraft":
+            pen.disc((scene.agents["x_m"][index], scene.agents["y_m"][index]), 7.0, WHITE, colour, 2.4)
+        else:
+            _draw_vehicle(pen, outlines[index], colour, scene.groups[index])
+
+
+def _draw_vehicle(pen: Pen, corners: Floats, colour: Rgb, group: str) -> None:
+    """A body with cut corners, a windscreen and, but for trucks and buses, a rear window. Front: corners 0 and 1."""
+    front_left, front_right, _, back_left = corners
+    right, back = front_right - front_left, back_left - front_left
+    length, width = float(np.hypot(*back)), float(np.hypot(*right))
+
+    def at(along_m: float, across: float) -> Floats:
+        return np.asarray(front_left + back * (along_m / length) + right * across)
+
+    cut, side = 0.35, 0.35 / max(width, 0.5) * 0.6
+    edge = [at(cut, 0), at(0, side), at(0, 1 - side), at(cut, 1), at(length - cut, 1), at(length - cut / 2, 1 - side)]
+    edge += [at(length - cut / 2, side), at(length - cut, 0)]
+    dark = tuple(round(0.55 * part) for part in colour)
+    pen.fill([corner + (0.12, -0.12) for corner in edge], (60, 55, 50, 60))
+    pen.fill(edge, colour)
+    pen.line(edge, dark, 0.8, closed=True)
+    if group == "motorcycle":
+        pen.disc(at(length * 0.55, 0.5), 2.6, dark)
+        return
+    start, depth = (0.25, 0.7) if group in ("bus", "truck") else (0.25 * length, 0.7)
+    pen.fill([at(start, 0.16), at(start, 0.84), at(start + depth, 0.76), at(start + depth, 0.24)], dark)
+    if group == "truck":
+        pen.line([at(2.2, 0.02), at(2.2, 0.98)], dark, 1.2)
+    elif group != "bus":
+        rear = 0.84 * length
+        pen.fill([at(rear - 0.4, 0.26), at(rear - 0.4, 0.74), at(rear, 0.8), at(rear, 0.2)], dark)
+
+
+def _draw_dashed(pen: Pen, corners: Floats, colour: tuple[int, ...], dash_m: float = 0.55) -> None:
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        count = max(1, round(float(np.hypot(*(end - start))) / (2 * dash_m)))
+        for number in range(count):
+            share = np.array([[number / count], [(number + 0.5) / count]])
+            pen.line(start + share * (end - start), colour, 1.2)
+
+
+def _draw_uav(pen: Pen, scene: Scene) -> None:
+    """Four rotors on arms, a body, and an arrowhead in the direction of the camera's top edge."""
+    centre, ink = np.array(scene.position), rgb(UAV)
+
+    def at(ahead_m: float, left_m: float) -> Floats:
+        c, s = cos(scene.yaw_rad), sin(scene.yaw_rad)
+        return centre + (c * ahead_m - s * left_m, s * ahead_m + c * left_m)
+
+    radius_px = ROTOR_M * pen.scale / SMOOTHING
+    rotors = [at(ARM_M * cos(turn), ARM_M * sin(turn)) for turn in (pi / 4, 3 * pi / 4, 5 * pi / 4, 7 * pi / 4)]
+    for pair in (rotors[::2], rotors[1::2]):
+        pen.line(pair, WHITE, 4.5)
+    for rotor in rotors:
+        pen.disc(rotor, radius_px + 1, (255, 255, 255, 190), ink, 1.6)
+    for pair in (rotors[::2], rotors[1::2]):
+        pen.line(pair, ink, 2.2)
+    arrow = [at(2.25, 0), at(1.35, 0.5), at(1.35, -0.5)]
+    pen.line(arrow, WHITE, 3.0, closed=True)
+    pen.fill(arrow, ink)
+    pen.disc(centre, 5.0, ink, WHITE, 1.2)

@@ -1,0 +1,69 @@
+"""Colours and type of the animation, beside those that every picture shares."""
+
+from functools import cache
+from pathlib import Path
+from typing import Final
+
+import matplotlib
+import numpy as np
+from matplotlib.colors import to_rgb
+from PIL import ImageFont
+
+from pavetwin.draw.style import VISIBILITY
+
+Rgb = tuple[int, int, int]
+
+UAV: Final = "#14181C"
+SEEN: Final = "#BFD9EA"
+"""Pavement that was seen by some capture."""
+HIDDEN: Final = "#3A2E3F"
+"""Pavement in the window that an agent hides."""
+OPEN_DEFECT: Final = "#D55E00"
+
+AGENT_COLOURS: Final = {
+    "car": "#66788A",
+    "van": "#9AA5AE",
+    "truck": "#8C7361",
+    "bus": "#BF9F55",
+    "motorcycle": "#434B54",
+    "pedestrian": "#20262B",
+    "aircraft": "#7A2E8E",
+}
+"""By group; muted, so that the colours of visibility stand out."""
+
+SMALLEST_VEHICLE_M = 1.2
+"""What is shorter and does not walk is another aircraft."""
+
+
+def agent_group(length_m: float, height_m: float, *, pedestrian: bool) -> str:
+    """The key of `AGENT_COLOURS` for an agent, told by its size, as kinds of a user's own have other names."""
+    if pedestrian:
+        return "pedestrian"
+    if length_m < SMALLEST_VEHICLE_M:
+        return "aircraft"
+    if length_m < 3.0:
+        return "motorcycle"
+    if length_m >= 10.5 and height_m < 3.6:
+        return "bus"
+    if length_m >= 5.5 and height_m > 2.2:
+        return "truck"
+    return "van" if height_m > 1.9 else "car"
+
+
+def visibility_rgb(visibility: float) -> Rgb:
+    """The colour of o ∈ [0, 1] in hundredths, eight bits a channel."""
+    red, green, blue, _ = VISIBILITY(float(np.clip(np.round(visibility, 2), 0.0, 1.0)))
+    return round(255 * red), round(255 * green), round(255 * blue)
+
+
+def rgb(colour: str) -> Rgb:
+    """A hexadecimal colour as eight bits a channel."""
+    red, green, blue = (round(255 * part) for part in to_rgb(colour))
+    return red, green, blue
+
+
+@cache
+def font(size_px: int, *, bold: bool = False) -> ImageFont.FreeTypeFont:
+    """The typeface of all pictures, at a size in pixels; matplotlib ships it, so it is the same everywhere."""
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+    return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name), size_px)

@@ -1,0 +1,90 @@
+"""What the camera cannot see: the ground behind agents, and the pavement that captures have seen so far.
+
+The camera is a point at the UAV; an agent is a box that stands on the ground, a pedestrian too. World frame, metres.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import hypot
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from pavetwin._core import Trace
+from pavetwin.draw.marks import Floats, rectangles
+from pavetwin.draw.mission_style import SMALLEST_VEHICLE_M
+from pavetwin.mission.fly import Flown
+from pavetwin.mission.ground import window_m
+
+if TYPE_CHECKING:
+    from pavetwin._core import PoseColumns
+
+LOWEST_M = 0.1
+"""An agent as tall as the camera is high is cut this far below it: its shadow is then long, and not endless."""
+
+TOLERANCE_M = 0.05
+"""Outlines of the seen pavement are simplified by this much."""
+
+
+def bodies(agents: "PoseColumns") -> Floats:
+    """(n, 4, 2) the agents' outlines on the ground."""
+    count = len(agents["x_m"])
+    shapes = np.empty((count, 4, 2))
+    for index in range(count):
+        one = slice(index, index + 1)
+        shapes[index] = rectangles(
+            agents["x_m"][one],
+            agents["y_m"][one],
+            agents["yaw_rad"][one],
+            float(agents["width_m"][index]),
+            float(agents["length_m"][index]),
+        )[0]
+    return shapes
+
+
+def shadows(agents: "PoseColumns", camera: tuple[float, float, float]) -> npt.NDArray[np.object_]:
+    """Polygons of ground that the agents on it hide from a camera at (east, north, height above the ground)."""
+    standing = agents["is_pedestrian"] | (agents["length_m"] >= SMALLEST_VEHICLE_M)
+    base = bodies(agents)[standing]
+    eye, height_m = np.array(camera[:2]), camera[2]
+    top_m = np.minimum(agents["height_m"][standing], height_m - LOWEST_M)
+    top = eye + (base - eye) * (height_m / (height_m - top_m))[:, None, None]
+    return np.asarray(shapely.convex_hull(shapely.multipoints(np.concatenate([base, top], axis=1))))
+
+
+@dataclass
+class SeenSurface:
+    """The pavement of the inspected segments that the captures have seen, up to a time that only moves on."""
+
+    flown: Flown
+    trace: Trace
+    concerns: Callable[[float, float], bool] = lambda _east, _north: True
+    """Whether a capture at this place can come into the picture; the others are left out."""
+    _done: int = field(default=0, init=False)
+    _seen: shapely.Geometry = field(default_factory=shapely.Polygon, init=False)
+
+    def until(self, time_s: float) -> shapely.Geometry:
+        """Everything seen by captures up to `time_s`."""
+        captures, news = self.flown.captures, []
+        while self._done < len(captures["t_s"]) and captures["t_s"][self._done] <= time_s + 1e-9:
+            if self.concerns(float(captures["x_m"][self._done]), float(captures["y_m"][self._done])):
+                news.append(self._seen_by(self._done))
+            self._done += 1
+        if news:
+            self._seen = shapely.simplify(shapely.union_all([self._seen, *news]), TOLERANCE_M)
+        return self._seen
+
+    def _seen_by(self, capture: int) -> shapely.Geometry:
+        captures, one = self.flown.captures, slice(capture, capture + 1)
+        across, along = window_m(self.flown.settings)
+        corners = rectangles(captures["x_m"][one], captures["y_m"][one], captures["yaw_rad"][one], across, along)[0]
+        window = shapely.Polygon(corners)
+        east, north = float(captures["x_m"][capture]), float(captures["y_m"][capture])
+        reach = hypot(across, along) / 2 + 1
+        agents = self.trace.agents_near(east, north, reach, float(captures["t_s"][capture]))
+        segment = self.flown.stage.world.segments[int(captures["segment"][capture])]
+        seen = shapely.intersection(window, segment.polygon)
+        hidden = shadows(agents, (east, north, self.flown.settings.altitude_m))
+        return shapely.difference(seen, shapely.union_all(hidden)) if len(hidden) else seen
