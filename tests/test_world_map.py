@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import shapely
 from PIL import Image
+from shapely import affinity
 
 from pavetwin.cli import main
 from pavetwin.defects import DefectOptions, add_defects
@@ -176,11 +177,20 @@ def test_the_carriageway_holds_its_segments_and_no_houses(town: World) -> None:
     assert all(roads.contains(shapely.LineString(line)) for line in lane_lines(town))
 
 
-def test_shadow_and_stripes() -> None:
-    house = shapely.box(0, 0, 10, 10)
-    cast = shadow([house], np.array([10.0]), 0.3, 0.4, 5.0)
-    assert cast.bounds == pytest.approx((0, -4, 13, 10))
-    assert cast.area == pytest.approx(100 + 10 * 3 + 10 * 4)
+def test_a_shadow_is_its_base_swept() -> None:
+    court = shapely.box(0, 0, 10, 10).difference(shapely.box(2, 2, 8, 8))
+    cast = shadow([court], np.array([10.0]), 0.3, 0.4, 5.0)
+    sides = [shapely.Polygon(ring) for ring in cast.to_polygons()]
+    assert all(side.exterior.is_ccw for side in sides if side.area > 0)
+    steps = [affinity.translate(court, 0.3 * metres, -0.4 * metres) for metres in np.linspace(0, 10, 201)]
+    swept = shapely.union_all([court, *shapely.buffer(sides, 0)])
+    assert swept.symmetric_difference(shapely.union_all(steps)).area < 0.6
+    assert swept.bounds == pytest.approx((0, -4, 13, 10))
+    assert shadow([court], np.array([90.0]), 0.3, 0.4, 5.0).get_extents().x1 == pytest.approx(13)
+    assert len(shadow([], np.array([]), 0.3, 0.4, 5.0).vertices) == 0
+
+
+def test_a_zebra_lies_across_its_longer_side() -> None:
     bars = stripes(shapely.box(0, 0, 6, 3), 0.5, 0.5)
     assert len(bars) == 5
     assert all(abs(bar[0, 0] - bar[1, 0]) < 1e-9 for bar in bars)

@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 from matplotlib.axes import Axes
-from matplotlib.collections import PathCollection
 from matplotlib.font_manager import FontProperties
 from matplotlib.path import Path as Outline
 from matplotlib.textpath import TextPath
@@ -19,7 +18,7 @@ from matplotlib.transforms import Affine2D
 from shapely import LineString, Polygon
 
 from pavetwin.draw import style
-from pavetwin.draw.shapes import fill, points_per_m
+from pavetwin.draw.shapes import fill, fill_outlines, points_per_m
 from pavetwin.world.model import Segment
 
 Floats = npt.NDArray[np.float64]
@@ -33,6 +32,9 @@ _GAP_M = 45.0
 
 _MAX_TURN = np.radians(75)
 _MAX_TURN_AT_ONCE = np.radians(11)
+_STEEP = np.radians(80)
+"""Steeper than this, all lettering reads upwards."""
+
 _REPEAT_PT = 420.0
 
 
@@ -83,12 +85,7 @@ def street_names(axes: Axes, segments: Sequence[Segment], room: Room, colour: st
     # Lane lines between two words would read as hyphens.
     fill(axes, spines, 4.5, style.CARRIAGEWAY)
     for face, edge, width in ((style.PAPER, style.PAPER, 1.5), (colour, "none", 0.0)):
-        axes.add_collection(
-            PathCollection(
-                glyphs, facecolors=face, edgecolors=edge, linewidths=width, joinstyle="round", zorder=40, alpha=0.9
-            ),
-            autolim=False,
-        )
+        fill_outlines(axes, glyphs, 40, face, edge, width, alpha=0.9)
 
 
 def streets(segments: Iterable[Segment]) -> dict[str, list[Segment]]:
@@ -164,7 +161,8 @@ def _write(
     """The name from `start` metres along the line, or nothing where that bends too much or is taken."""
     length = float(advances[-1])
     first, last = line.interpolate(start), line.interpolate(start + length)
-    backwards = last.x < first.x if abs(last.x - first.x) > 0.05 * length else last.y < first.y
+    level = abs(last.x - first.x) > length * np.cos(_STEEP)
+    backwards = last.x < first.x if level else last.y < first.y
     middles = (advances[:-1] + advances[1:]) / 2
     spots = start + (length - middles if backwards else middles)
     poses = [_pose(line, float(spot), size_m * 1.2, upright=False) for spot in spots]
@@ -192,7 +190,7 @@ def _pose(line: LineString, at_m: float, window_m: float = 6.0, *, upright: bool
     x, y = points.mean(axis=0)
     dx, dy = points[-1] - points[0]
     angle = float(np.arctan2(dy, dx))
-    if upright and not -np.pi / 2 < angle <= np.pi / 2:
+    if upright and not -_STEEP < angle <= np.pi - _STEEP:
         angle += np.pi if angle <= 0 else -np.pi
     return float(x), float(y), angle
 

@@ -67,10 +67,23 @@ def fill(
     """Polygons, filled with one colour or one each."""
     chosen = seen(axes, shapes)
     faces = [face[i] for i in chosen] if isinstance(face, list) else face
+    fill_outlines(axes, [outline(shapes[i]) for i in chosen], zorder, faces, edge, width_pt, alpha)
+
+
+def fill_outlines(
+    axes: Axes,
+    outlines: Sequence[Outline],
+    zorder: float,
+    face: ColorType | Sequence[ColorType],
+    edge: ColorType = "none",
+    width_pt: float = 0.0,
+    alpha: float = 1.0,
+) -> None:
+    """Paths, filled with one colour or one each."""
     axes.add_collection(
         PathCollection(
-            [outline(shapes[i]) for i in chosen],
-            facecolors=faces,
+            outlines,
+            facecolors=face,
             edgecolors=edge,
             linewidths=width_pt,
             alpha=alpha,
@@ -133,23 +146,31 @@ def strokes(
     )
 
 
-def shadow(bases: Sequence[Polygon], heights_m: Floats, east: float, south: float, longest_m: float) -> Geometry:
-    """The ground in the shadow of upright things, all in one.
+def shadow(bases: Sequence[Polygon], heights_m: Floats, east: float, south: float, longest_m: float) -> Outline:
+    """The shadows of upright things on the ground, courtyards included, but for what their own bases cover.
+
+    A base swept along a line is the base and each of its sides swept. The sides make parallelograms, all turned the
+    same way round, so that where they overlap the path is filled once.
 
     Args:
+        bases, heights_m: (n,) polygons and how high they are.
         east, south: metres of shadow a metre of height.
         longest_m: of a shadow; a map's shadow is an ornament and must not hide a street.
     """
-    if not len(bases):
-        return Polygon()
-    reach = np.minimum(heights_m, longest_m / np.hypot(east, south))
-    swept: list[Geometry] = list(bases)
-    for base, metres in zip(bases, reach, strict=True):
-        ring = shapely.get_coordinates(base.exterior)
-        far = ring + (east * metres, -south * metres)
-        sides = np.stack([ring[:-1], ring[1:], far[1:], far[:-1], ring[:-1]], axis=1)
-        swept += [*map(Polygon, sides), Polygon(far)]
-    return shapely.union_all(shapely.make_valid(np.array(swept, dtype=object)), grid_size=0.01)
+    rings, base_of_ring = shapely.get_rings(np.asarray(bases, dtype=object), return_index=True)
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    same = ring[:-1] == ring[1:]
+    start, end = points[:-1][same], points[1:][same]
+    if not len(start):
+        return Outline(np.empty((0, 2)))
+    reach = np.minimum(heights_m, longest_m / np.hypot(east, south))[base_of_ring[ring[:-1][same]]]
+    away = np.stack([east * reach, -south * reach], axis=-1)
+    sides = np.stack([start, end, end + away, start + away, start], axis=1)
+    along = end - start
+    clockwise = along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0] < 0
+    sides[clockwise] = sides[clockwise, ::-1]
+    codes = np.tile([Outline.MOVETO, *[Outline.LINETO] * 3, Outline.CLOSEPOLY], len(sides))
+    return Outline(sides.reshape(-1, 2), codes)
 
 
 def stripes(rectangle: Polygon, width_m: float, gap_m: float, inset_m: float = 0.3) -> list[Floats]:

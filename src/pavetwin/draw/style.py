@@ -160,17 +160,20 @@ def map_sheet(
     subtitle: str = "",
     credit: str | None = None,
     legend: Sequence[LegendEntry] = (),
-    longest_in: float = 9.0,
+    longest_in: float | None = None,
 ) -> Sheet:
     """A figure for a map of `bounds`: draw the world into `axes`; whatever else fits below goes into `footer`.
 
     Args:
         bounds: what the map shows, in metres; the frame takes its proportions.
         credit: who is named in the lower right corner (see `attribution`).
-        longest_in: the longer side of the frame, in inches.
+        longest_in: the longer side of the frame, in inches; 9 to 13 by its proportions when not given.
     """
     west, south, east, north = bounds
-    scale = longest_in / max(east - west, north - south)
+    longer, shorter = max(east - west, north - south), min(east - west, north - south)
+    if longest_in is None:
+        longest_in = min(max(9.0, 6.0 * longer / shorter), 13.0)
+    scale = longest_in / longer
     width, height = max((east - west) * scale, 4.0), max((north - south) * scale, 2.5)
     beside = width >= _NARROW_IN
     rows = _flow(legend, width - _SCALE_BAR_IN if beside else width)

@@ -21,7 +21,11 @@ from pavetwin.world.model import FurnitureKind, LaneKind, World
 _STEPS = 6
 """Buildings are drawn in so many shades by height, a path each."""
 
-_NAMED_AGAIN_M = 150.0
+_NAMED_AGAIN_M = 90.0
+"""A street's name stands on its longest segment, and on every other one that is longer than this."""
+
+_FINE_M = 0.03
+"""Outlines of defects are simplified by so much."""
 
 _MASTS = {FurnitureKind.STREET_LIGHT: style.LAMP, FurnitureKind.SIGNAL: style.SIGNAL, FurnitureKind.SIGN: style.SIGN}
 
@@ -74,17 +78,23 @@ class _Flip:
     def point(self, x: float, y: float) -> tuple[str, str]:
         return _number(x - self._west), _number(self._north - y)
 
-    def path(self, surface: Geometry, digits: int = 1) -> str:
-        """The `d` of a path for polygons with their holes, or for lines."""
+    def path(self, surface: Geometry) -> str:
+        """The `d` of a path for polygons with their holes, or for lines, in metres."""
         written = []
         for part in shapely.get_parts(surface):
-            closed = isinstance(part, Polygon)
-            rings = (part.exterior, *part.interiors) if isinstance(part, Polygon) else (part,)
-            for ring in rings:
-                points = shapely.get_coordinates(ring)[: -1 if closed else None]
-                steps = (f"{_number(x - self._west, digits)} {_number(self._north - y, digits)}" for x, y in points)
+            for ring in (part.exterior, *part.interiors) if isinstance(part, Polygon) else (part,):
+                points = shapely.get_coordinates(ring)
+                closed = isinstance(part, Polygon)
+                steps = (" ".join(self.point(x, y)) for x, y in (points[:-1] if closed else points))
                 written.append("M" + "L".join(steps) + ("Z" if closed else ""))
         return "".join(written)
+
+    def outline_cm(self, polygon: Polygon) -> str:
+        """The `d` of a small polygon in whole centimetres, as short as it goes."""
+        points = shapely.get_coordinates(polygon.exterior)[:-1]
+        rounded = np.rint((points - (self._west, self._north)) * (100, -100)).astype(int)
+        steps = "l".join(f"{x} {y}" for x, y in np.diff(rounded, axis=0))
+        return f"M{rounded[0, 0]} {rounded[0, 1]}l{steps}z".replace(" -", "-")
 
 
 def _layers(world: World, flip: _Flip) -> Iterable[str]:
@@ -105,7 +115,7 @@ def _layers(world: World, flip: _Flip) -> Iterable[str]:
     yield from _segments(world, flip)
     yield from _defects(world, flip)
     yield from _furniture(world, flip)
-    yield from _street_names(world, flip)
+    yield from _lettering(world, flip)
     x, y = flip.point(world.base.x, world.base.y)
     yield (
         f"<g class='base' data-tip='base' transform='translate({x} {y})'><circle r='4' fill='{style.BASE}'/>"
@@ -136,11 +146,6 @@ def _segments(world: World, flip: _Flip) -> Iterable[str]:
             f"{segment.area_m2:.0f} m²\n{counts[segment.id]} defects"
         )
         yield f"<path d='{flip.path(segment.polygon)}' data-tip='{_attribute(tip)}'/>"
-    yield "</g><g class='ids'>"
-    for segment in world.segments:
-        middle = segment.centre_line.interpolate(0.5, normalized=True)
-        x, y = flip.point(middle.x, middle.y)
-        yield f"<text x='{x}' y='{y}'>{escape(segment.id)}</text>"
     yield "</g>"
 
 
@@ -148,11 +153,11 @@ def _defects(world: World, flip: _Flip) -> Iterable[str]:
     """A group a class; the page knows the words from the group and the numbers from the mark."""
     yield "<g class='defects'>"
     for kind, colour in style.DEFECT_COLOURS.items():
-        yield f"<g fill='{colour}' stroke='{colour}' data-kind='{defect_words(kind)}'>"
+        yield f"<g transform='scale(.01)' fill='{colour}' stroke='{colour}' data-kind='{defect_words(kind)}'>"
         for defect in world.defects:
             if defect.kind is kind:
-                shape = shapely.simplify(defect.polygon, 0.02)
-                yield f"<path d='{flip.path(shape, 2)}' data-d='{defect.id},{_attribute(defect.segment)}'/>"
+                shape = flip.outline_cm(shapely.simplify(defect.polygon, _FINE_M))
+                yield f"<path d='{shape}' data-d='{defect.id},{_attribute(defect.segment)}'/>"
         yield "</g>"
     yield "</g>"
 
@@ -176,26 +181,29 @@ def _furniture(world: World, flip: _Flip) -> Iterable[str]:
     yield "</g>"
 
 
-def _street_names(world: World, flip: _Flip) -> Iterable[str]:
-    """Each name along the longest stretch of its street, and along others of 150 m and more."""
+def _lettering(world: World, flip: _Flip) -> Iterable[str]:
+    """Street names along their streets, and ids beside them."""
     yield "<g class='streets'>"
     number = 0
     for name, pieces in lettering.streets(world.segments).items():
-        for place, line in enumerate(lettering.chains([segment.centre_line for segment in pieces])):
-            if place > 0 and line.length < _NAMED_AGAIN_M:
+        ordered = sorted(pieces, key=lambda segment: -segment.length_m)
+        for segment in (s for place, s in enumerate(ordered) if place == 0 or s.length_m > _NAMED_AGAIN_M):
+            size = min(4.5, 0.7 * segment.width_m)
+            if style.text_width_pt(name, size) * 1.1 > segment.length_m:
                 continue
-            points = shapely.get_coordinates(line)
-            if points[-1, 0] < points[0, 0]:
-                line = line.reverse()
-            size = min(4.5, 0.7 * min(segment.width_m for segment in pieces))
-            if len(name) * size * 0.6 > line.length:
-                continue
+            points = shapely.get_coordinates(segment.centre_line)
+            line = segment.centre_line.reverse() if points[-1, 0] < points[0, 0] else segment.centre_line
             yield f"<path id='street{number}' d='{flip.path(line)}' fill='none'/>"
             yield (
-                f"<text font-size='{_number(size)}' dy='.35em'><textPath href='#street{number}' startOffset='50%'>"
-                f"{escape(name)}</textPath></text>"
+                f"<text style='--size:{_number(size)}px' dy='.35em'><textPath href='#street{number}' "
+                f"startOffset='50%'>{escape(name)}</textPath></text>"
             )
             number += 1
+    yield "</g><g class='ids'>"
+    for segment in world.segments:
+        place = segment.centre_line.interpolate(0.2, normalized=True)
+        x, y = flip.point(place.x, place.y)
+        yield f"<text x='{x}' y='{y}'>{escape(segment.id)}</text>"
     yield "</g>"
 
 
@@ -211,7 +219,7 @@ def _attribute(text: str) -> str:
     return escape(text, quote=True).replace("\n", "&#10;")
 
 
-def _number(value: float, digits: int = 1) -> str:
-    """A number without needless zeros."""
-    text = f"{value:.{digits}f}".rstrip("0").rstrip(".")
+def _number(value: float) -> str:
+    """A number to a decimetre, without needless zeros."""
+    text = f"{value:.1f}".rstrip("0").rstrip(".")
     return "0" if text in ("-0", "") else text
