@@ -5,12 +5,13 @@ use super::flight::{Flight, FlightError, Mode, Task};
 use super::reaction::Reaction;
 use crate::geometry::{Vec2, wrap_angle};
 use crate::navigation::Motion;
+use std::f64::consts::PI;
 
 /// How often the way home is weighed, seconds.
 const HOME_CHECK_S: f64 = 1.0;
 
-/// Coming to rest, turning round and setting off for home, seconds of flight; the corners on the way come on top.
-const HOME_MANOEUVRES_S: f64 = 12.0;
+/// Coming to rest, setting off for home and braking there, seconds of flight; turning comes on top.
+const HOME_MANOEUVRES_S: f64 = 8.0;
 
 /// What turning costs on top of the turn itself: slowing down before it and speeding up after it.
 const TURN_ALLOWANCE: f64 = 2.0;
@@ -157,7 +158,7 @@ impl Flight {
             settings.transit.speed_mps,
             *altitude_m,
             settings.climb_speed_mps,
-            HOME_MANOEUVRES_S + home_turns_s,
+            HOME_MANOEUVRES_S + self.turn_s(PI) + home_turns_s,
         )
     }
 }
