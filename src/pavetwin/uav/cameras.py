@@ -1,8 +1,11 @@
 """The camera database: image size, field of view, shutter. The user's own file extends it."""
 
+from collections.abc import Mapping
+from functools import cache
 from importlib.resources import files
 from math import atan, degrees, radians, tan
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, Self
 
 import yaml
@@ -67,9 +70,11 @@ def _parse(text: str, where: str) -> dict[str, Camera]:
     return {str(name): Camera.parse(entry, where=f"{where}, camera '{name}'") for name, entry in entries.items()}
 
 
-def cameras() -> dict[str, Camera]:
-    """The cameras that ship with the package, by name."""
-    return _parse((files("pavetwin.uav") / "cameras.yaml").read_text(encoding="utf-8"), "cameras.yaml")
+@cache
+def cameras() -> Mapping[str, Camera]:
+    """The cameras that ship with the package, by name. Read once: every mission asks for one."""
+    text = (files("pavetwin.uav") / "cameras.yaml").read_text(encoding="utf-8")
+    return MappingProxyType(_parse(text, "cameras.yaml"))
 
 
 def find_camera(model: str) -> Camera:
