@@ -63,11 +63,12 @@ def demo(
     )
     folder = output / "missions"
     with progress("[4/4] Drawing maps and an animation") as tell:
-        report.save(flown, replay, folder, animate=True, on_progress=tell)
+        report.save(flown, replay, folder, animated=["hover"], on_progress=tell)
     out.print()
     out.print(report.comparison_table(flown))
-    out.print(report.sentence(flown), markup=False)
-    out.print(f"""
+    out.print(report.sentence(flown), markup=False, soft_wrap=True)
+    out.print(
+        f"""
 [bold]Results[/] in {folder}/
   comparison.png        the four policies over the same street
   hover/map.png         the whole mission; mission.gif shows it moving
@@ -76,7 +77,9 @@ def demo(
 
 [bold]Next:[/] your own town, from an OpenStreetMap extract
   .venv/bin/pavetwin world build my-town.osm -o worlds/my-town
-  .venv/bin/pavetwin fly worlds/my-town --density high --altitude 10 --policy all --segments 8 --seed 1""")
+  .venv/bin/pavetwin fly worlds/my-town --density high --altitude 10 --policy all --segments 8 --seed 1""",
+        soft_wrap=True,
+    )
 
 
 def _town(folder: Path) -> "World":

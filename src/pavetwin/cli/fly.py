@@ -94,11 +94,12 @@ def fly(
     check_mission_folder(folder)
     flown = [_fly_one(stage, replay, chosen, targets, name, seed) for name in names]
     with progress("Drawing") as tell:
-        report.save(flown, replay, folder, animate=animate, on_progress=tell)
+        animated = [mission.policy for mission in flown] if animate else []
+        report.save(flown, replay, folder, animated=animated, on_progress=tell)
     for remark in replay.recording.remarks:
         out.print(f"[yellow]Note:[/] {remark}")
     out.print(report.segments_table(flown[0]) if len(flown) == 1 else report.comparison_table(flown))
-    out.print(report.sentence(flown), markup=False)
+    out.print(report.sentence(flown), markup=False, soft_wrap=True)
     out.print(f"Results in {folder}/: {report.listing(flown, animate=animate)}", markup=False, soft_wrap=True)
 
 

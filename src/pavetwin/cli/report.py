@@ -1,14 +1,15 @@
 """What `fly` prints and writes: tables, a sentence, files."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import yaml
 from rich.table import Table
 
-from pavetwin.mission.results import Totals, save_mission, save_missions, totals
+from pavetwin.mission.ledger import SegmentRow
+from pavetwin.mission.results import Drawing, Totals, save_mission, save_missions, totals
 
 if TYPE_CHECKING:
     from pavetwin.config import MissionSettings
@@ -22,13 +23,18 @@ def settings_text(settings: "MissionSettings") -> str:
 
 
 def save(
-    flown: Sequence["Flown"], replay: "Replay", folder: Path, *, animate: bool, on_progress: Callable[[float], None]
+    flown: Sequence["Flown"],
+    replay: "Replay",
+    folder: Path,
+    *,
+    animated: Collection[str],
+    on_progress: Callable[[float], None],
 ) -> None:
-    """Write all missions with their pictures into `folder`."""
+    """Write all missions with their pictures into `folder`; those of the policies `animated` move."""
     from pavetwin.draw.animation import save_animation
     from pavetwin.draw.mission_map import save_comparison_map, save_mission_map
 
-    pictures = len(flown) * (1 + animate)
+    pictures = len(flown) + len(animated)
     done = 0
 
     def draw_map(mission: "Flown", path: Path) -> None:
@@ -42,12 +48,15 @@ def save(
         save_animation(mission, replay, path, on_progress=lambda share: on_progress((done + share) / pictures))
         done += 1
 
-    drawings = [("map.png", draw_map)] + ([("mission.gif", draw_animation)] if animate else [])
+    def drawings(mission: "Flown") -> list[tuple[str, Drawing]]:
+        animation: tuple[str, Drawing] = ("mission.gif", draw_animation)
+        return [("map.png", draw_map), *([animation] if mission.policy in animated else [])]
+
     if len(flown) == 1:
-        save_mission(flown[0], folder, drawings)
+        save_mission(flown[0], folder, drawings(flown[0]))
     else:
         comparison = ("comparison.png", partial(save_comparison_map, flown))
-        save_missions([(mission, drawings) for mission in flown], folder, [comparison])
+        save_missions([(mission, drawings(mission)) for mission in flown], folder, [comparison])
 
 
 def listing(flown: Sequence["Flown"], *, animate: bool) -> str:
@@ -58,54 +67,48 @@ def listing(flown: Sequence["Flown"], *, animate: bool) -> str:
 
 def segments_table(flown: "Flown") -> Table:
     """One row a segment, and the sums."""
-    table = Table(box=None, pad_edge=False, header_style="bold", show_footer=True)
-    sums = totals(flown)
-    columns: list[tuple[str, str]] = [
-        ("segment", f"{sums.segments}"),
-        ("street", ""),
-        ("length\nm", f"{sum(row.length_m for row in flown.rows):.0f}"),
-        ("defects\nfound", f"{sums.confirmed}/{sums.defects}"),
-        ("coverage\n%", _percent(sums.coverage)),
-        ("recovery\n%", _percent(sums.recovery)),
-        ("surface\nseen %", _percent(sums.surface_coverage)),
-        ("hidden\ntimes", f"{sums.occlusions}"),
-        ("waited\ns", f"{sums.wait_s:.0f}"),
-        ("time\ns", f"{sum(row.time_s for row in flown.rows):.0f}"),
-        ("battery\n%", f"{100 * sum(row.energy for row in flown.rows):.1f}"),
+    sums, rows = totals(flown), flown.rows
+    columns: list[tuple[str, str, Callable[[SegmentRow], str]]] = [
+        ("segment", f"{sums.segments}", lambda row: row.segment),
+        ("street", "", lambda row: row.street),
+        ("length\nm", f"{sum(row.length_m for row in rows):.0f}", lambda row: f"{row.length_m:.0f}"),
+        ("defects\nfound", f"{sums.confirmed}/{sums.defects}", lambda row: f"{row.confirmed}/{row.defects}"),
+        ("cover-\nage %", _percent(sums.coverage), lambda row: _percent(row.coverage)),
+        ("recov-\nered %", _percent(sums.recovery), lambda row: _percent(row.recovery)),
+        ("surface\nseen %", _percent(sums.surface_coverage), lambda row: _percent(row.surface_coverage)),
+        ("hidden\ntimes", f"{sums.occlusions}", lambda row: f"{row.occlusions}"),
+        ("waited\ns", f"{sums.wait_s:.0f}", lambda row: f"{row.wait_s:.0f}"),
+        ("time\ns", f"{sum(row.time_s for row in rows):.0f}", lambda row: f"{row.time_s:.0f}"),
+        ("batt-\nery %", f"{100 * sum(row.energy for row in rows):.1f}", lambda row: f"{100 * row.energy:.1f}"),
     ]
-    for number, (heading, footer) in enumerate(columns):
-        table.add_column(heading, footer=footer, justify="left" if number < 2 else "right", footer_style="bold")
-    for row in flown.rows:
-        table.add_row(
-            row.segment,
-            row.street[:28],
-            f"{row.length_m:.0f}",
-            f"{row.confirmed}/{row.defects}",
-            _percent(row.coverage),
-            _percent(row.recovery),
-            _percent(row.surface_coverage),
-            f"{row.occlusions}",
-            f"{row.wait_s:.0f}",
-            f"{row.time_s:.0f}",
-            f"{100 * row.energy:.1f}",
+    idle = {"recov-\nered %"} if not sums.revisits else set()
+    idle |= {"waited\ns"} if not sums.wait_s else set()
+    shown = [column for column in columns if column[0] not in idle]
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold", show_footer=True)
+    for number, (heading, footer, _) in enumerate(shown):
+        justify: Literal["left", "right"] = "left" if number < 2 else "right"
+        table.add_column(
+            heading, footer, justify=justify, footer_style="bold", no_wrap=heading == "street", overflow="ellipsis"
         )
+    for row in rows:
+        table.add_row(*(text(row) for _, _, text in shown))
     return table
 
 
 def comparison_table(flown: Sequence["Flown"]) -> Table:
     """One row a policy, the best of each column in bold."""
     sums = [totals(mission) for mission in flown]
-    table = Table(box=None, pad_edge=False, header_style="bold")
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
     table.add_column("policy")
     measures: list[tuple[str, Callable[[Totals], float | None], str, int]] = [
         ("defects\nfound", lambda t: t.confirmed, "{:.0f}", 1),
-        ("coverage\n%", lambda t: _hundred(t.coverage), "{:.1f}", 1),
-        ("swath\ncoverage %", lambda t: _hundred(t.swath_coverage), "{:.1f}", 1),
-        ("recovery\n%", lambda t: _hundred(t.recovery), "{:.1f}", 0),
+        ("cover-\nage %", lambda t: _hundred(t.coverage), "{:.1f}", 1),
+        ("of\nswath %", lambda t: _hundred(t.swath_coverage), "{:.1f}", 1),
+        ("recov-\nered %", lambda t: _hundred(t.recovery), "{:.1f}", 0),
         ("surface\nseen %", lambda t: _hundred(t.surface_coverage), "{:.1f}", 1),
         ("waited\ns", lambda t: t.wait_s, "{:.0f}", 0),
         ("time\nmin", lambda t: t.time_s / 60, "{:.1f}", -1),
-        ("battery\n%", lambda t: 100 * t.energy, "{:.1f}", -1),
+        ("batt-\nery %", lambda t: 100 * t.energy, "{:.1f}", -1),
         ("flown\nkm", lambda t: t.distance_m / 1000, "{:.2f}", -1),
     ]
     for heading, *_ in measures:

@@ -115,9 +115,6 @@ impl Flight {
                 }
             }
         };
-        if matches!(self.reaction, Reaction::None) {
-            self.mode = Mode::Inspect;
-        }
         Ok(true)
     }
 

@@ -91,6 +91,9 @@ impl Flight {
                 self.speed_mps = 0.0;
             }
             Task::Rail(follower) => {
+                if self.inspection.is_some() {
+                    self.mode = Mode::Inspect; // after a reaction
+                }
                 follower.resume();
                 follower.step(dt_s);
                 self.position = follower.position();
