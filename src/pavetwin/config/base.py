@@ -61,7 +61,7 @@ def with_overrides(values: Mapping[str, Any], overrides: Iterable[str]) -> dict[
             raise PaveTwinError(f"--set {override}: expected key=value, for example --set policy.max_wait_s=60.")
         try:
             value = yaml.safe_load(text)
-        except yaml.YAMLError:
+        except (yaml.YAMLError, ValueError):  # a ValueError comes from what looks like a date and is none
             value = text
         layer = merged
         *sections, leaf = key.strip().split(".")

@@ -63,10 +63,12 @@ class Camera(Settings):
 def _parse(text: str, where: str) -> dict[str, Camera]:
     try:
         entries: Any = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise PaveTwinError(f"{where} is not valid YAML: {error}") from error
+    except (yaml.YAMLError, ValueError) as error:  # a ValueError comes from what looks like a date and is none
+        raise PaveTwinError(f"{where} is not valid YAML: {' '.join(str(error).split())}.") from error
     if not isinstance(entries, dict) or not all(isinstance(entry, dict) for entry in entries.values()):
         raise PaveTwinError(f"{where}: expected a mapping from camera names to their values.")
+    if not entries:
+        raise PaveTwinError(f"{where} holds no camera.")
     return {str(name): Camera.parse(entry, where=f"{where}, camera '{name}'") for name, entry in entries.items()}
 
 
@@ -94,6 +96,8 @@ def find_camera(model: str) -> Camera:
         own = _parse(Path(path).read_text(encoding="utf-8"), path)
     except OSError as error:
         raise PaveTwinError(f"camera.model: cannot read '{path}': {error.strerror}.") from error
+    except UnicodeDecodeError as error:
+        raise PaveTwinError(f"camera.model: '{path}' is not text in UTF-8.") from error
     if not colon and len(own) == 1:
         return next(iter(own.values()))
     if name not in own:
