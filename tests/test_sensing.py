@@ -1,0 +1,145 @@
+"""Sensors: the rules that all keep, and the luck of `recall`."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from pavetwin.config.mission import SensingSettings
+from pavetwin.errors import PaveTwinError
+from pavetwin.seeds import Stream, child
+from pavetwin.sensing import Frame, Ideal, Recall, Sensor, Sighting, check_sensor, load_sensor, sensor, sensor_names
+from pavetwin.sensing.conformance import trial_frames
+
+
+def frame(*sightings: tuple[int, int]) -> Frame:
+    """A capture of (defect, attempt) pairs."""
+    return Frame(1.0, (0.0, 0.0), 10.0, 0.0, tuple(Sighting(defect, 1.0, attempt) for defect, attempt in sightings))
+
+
+def found(seed: int, *sightings: tuple[int, int], recall: float = 0.84) -> set[tuple[int, int]]:
+    """Which sightings a fresh sensor confirms."""
+    confirmed = set(Recall(SensingSettings(recall=recall), seed).detect(frame(*sightings)))
+    return {sighting for sighting in sightings if sighting[0] in confirmed}
+
+
+@pytest.mark.parametrize("name", sensor_names())
+def test_every_registered_sensor_keeps_the_rules(name: str) -> None:
+    settings = SensingSettings(sensor=name)
+    assert check_sensor(lambda given, seed: load_sensor(given.model_copy(update={"sensor": name}), seed)) == []
+    assert load_sensor(settings, 0).name == name
+
+
+class Inventive(Sensor):
+    def detect(self, frame: Frame) -> Sequence[int]:
+        return [sighting.defect for sighting in frame.sightings] + [999]
+
+
+class Stuttering(Sensor):
+    def detect(self, frame: Frame) -> Sequence[int]:
+        return [sighting.defect for sighting in frame.sightings] * 2
+
+
+class Wandering(Sensor):
+    """One generator for all: the luck depends on what came before."""
+
+    def __init__(self, settings: SensingSettings, seed: int) -> None:
+        super().__init__(settings, seed)
+        self.luck = np.random.default_rng(seed)
+
+    def detect(self, frame: Frame) -> Sequence[int]:
+        return [s.defect for s in frame.sightings if self.luck.random() < self.settings.recall]
+
+
+class Unseeded(Sensor):
+    def detect(self, frame: Frame) -> Sequence[int]:
+        return [s.defect for s in frame.sightings if np.random.default_rng().random() < 0.5]
+
+
+class Falsy(Sensor):
+    """The classic mistake: seed 0 is taken for no seed."""
+
+    def detect(self, frame: Frame) -> Sequence[int]:
+        luck = np.random.default_rng(self.seed or None).random(1000)
+        return [s.defect for s in frame.sightings if luck[s.defect * 10 + s.attempt] < 0.5]
+
+
+class Failing(Sensor):
+    def detect(self, frame: Frame) -> Sequence[int]:
+        return [frame.sightings[0].defect]
+
+
+@pytest.mark.parametrize(
+    ("kind", "complaint"),
+    [
+        (Inventive, "which the frame does not show"),
+        (Stuttering, "twice in one frame"),
+        (Wandering, "depends on what it was shown before"),
+        (Unseeded, "depends on what it was shown before"),
+        (Falsy, "with seed 0"),
+        (Failing, "it fails: IndexError"),
+    ],
+)
+def test_a_bad_sensor_is_caught(kind: type[Sensor], complaint: str) -> None:
+    assert any(complaint in told for told in check_sensor(kind))
+
+
+def test_the_frames_that_sensors_are_tried_on_hold_none_one_and_many() -> None:
+    sizes = {len(each.sightings) for each in trial_frames()}
+    assert {0, 1} < sizes
+    assert max(sizes) > 10
+    assert {sighting.attempt for each in trial_frames() for sighting in each.sightings} >= {0, 1, 2, 3}
+
+
+def test_the_ideal_sensor_confirms_all_it_is_shown() -> None:
+    assert list(Ideal(SensingSettings(), 0).detect(frame((3, 0), (5, 2)))) == [3, 5]
+    assert list(Ideal(SensingSettings(), 0).detect(frame())) == []
+
+
+@pytest.mark.parametrize("seed", [0, 1, 12345])
+def test_an_attempts_luck_depends_on_seed_defect_and_attempt_alone(seed: int) -> None:
+    pairs = [(defect, attempt) for defect in range(40) for attempt in range(5)]
+    alone = {pair for pair in pairs if found(seed, pair)}
+    settings = SensingSettings()
+    for order in (pairs, pairs[::-1], [pairs[k] for k in np.random.default_rng(1).permutation(len(pairs))]):
+        one = Recall(settings, seed)
+        assert {pair for pair in order if one.detect(frame(pair))} == alone
+    together = Recall(settings, seed)
+    for attempt in (4, 0, 3, 1, 2):
+        shown = frame(*((defect, attempt) for defect in range(40)))
+        assert {(defect, attempt) for defect in together.detect(shown)} == {p for p in alone if p[1] == attempt}
+
+
+def test_the_luck_is_the_defects_own_child_of_the_seed() -> None:
+    for seed, defect in ((0, 0), (7, 3), (7, 4)):
+        draws = child(seed, Stream.SENSING, defect).random(6)
+        for attempt, draw in enumerate(draws):
+            assert bool(found(seed, (defect, attempt), recall=float(draw) + 1e-9))
+            assert not found(seed, (defect, attempt), recall=float(draw))
+
+
+@pytest.mark.parametrize("recall", [0.0, 0.3, 0.84, 1.0])
+def test_the_rate_is_the_recall(recall: float) -> None:
+    count = 6000
+    confirmed = Recall(SensingSettings(recall=recall), 0).detect(frame(*((defect, 0) for defect in range(count))))
+    assert len(confirmed) / count == pytest.approx(recall, abs=4 * (recall * (1 - recall) / count) ** 0.5 + 1e-12)
+
+
+def test_seeds_and_attempts_are_independent() -> None:
+    def outcomes(seed: int, attempt: int) -> np.ndarray:
+        shown = frame(*((defect, attempt) for defect in range(4000)))
+        confirmed = np.zeros(4000)
+        confirmed[list(Recall(SensingSettings(recall=0.5), seed).detect(shown))] = 1
+        return confirmed
+
+    zero, one, later = outcomes(0, 0), outcomes(1, 0), outcomes(0, 1)
+    assert np.array_equal(zero, outcomes(0, 0))
+    assert abs(np.corrcoef(zero, one)[0, 1]) < 0.06
+    assert abs(np.corrcoef(zero, later)[0, 1]) < 0.06
+
+
+def test_an_unknown_sensor_is_refused_with_the_nearest_name() -> None:
+    with pytest.raises(PaveTwinError, match=r"sensing\.sensor: no sensor 'recal'.*did you mean 'recall'"):
+        load_sensor(SensingSettings(sensor="recal"), 0)
+    with pytest.raises(ValueError, match="'ideal' is registered already"):
+        sensor("ideal")(Inventive)
