@@ -1,7 +1,6 @@
 """The baked NavMesh of a world at an altitude, kept beside the world and baked once."""
 
 import itertools
-import zipfile
 from hashlib import sha256
 from pathlib import Path
 
@@ -36,7 +35,9 @@ def navmesh(world: World, altitude_m: float, agent_radius_m: float, standing: So
     mesh = NavMesh.bake(vertices, triangles, cell_size_m=VOXEL_M, agent_radius_m=agent_radius_m)
     if kept is not None:
         _save(mesh, kept)
-    return mesh
+    # As it will be read the next time: a mesh made of polygons numbers them anew, and equal ways could then be flown
+    # in another order.
+    return NavMesh.from_polygons(mesh.vertices(), mesh.offsets(), mesh.corners())
 
 
 def polygons(mesh: NavMesh) -> list[shapely.Polygon]:
@@ -80,5 +81,5 @@ def _load(path: Path) -> NavMesh | None:
     try:
         with np.load(path, allow_pickle=False) as kept:
             return NavMesh.from_polygons(kept["vertices"], kept["offsets"], kept["corners"])
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile, PaveTwinError):
-        return None  # damaged: baked anew
+    except Exception:  # NumPy, zip and zlib each have their own words for a damaged file: it is baked anew
+        return None
