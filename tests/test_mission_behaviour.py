@@ -147,8 +147,8 @@ def test_micro_moves_aside_at_most_d_max_and_comes_back_to_its_route(scene: str,
     assert len(begins) == len(ends) == len(ours.actions)
     for begin, end in zip(begins, ends, strict=True):
         braked = begin + int(np.argmax(track["speed_mps"][begin : end + 1] == 0.0))
-        stretch = slice(braked, end + 2)
-        rest = at[end + 1]
+        stretch = slice(braked, end + 1)
+        rest = at[end]
         assert rest == pytest.approx(at[braked])  # back where braking ended
         assert rest[1] == pytest.approx(0.0)  # which is on the route, the x axis
         reach = np.hypot(*(at[stretch] - rest).T)

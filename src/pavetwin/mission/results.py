@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import polars as pl
+import pyarrow.parquet
 import yaml
 
 from pavetwin.errors import PaveTwinError
@@ -192,7 +193,7 @@ def save_missions(
             part.mkdir()
             _write(flown, part, drawings)
             tables.append(segment_table(flown))
-        pl.concat(tables).write_parquet(temporary / "mission.parquet")
+        _write_table(pl.concat(tables), temporary / "mission.parquet")
         for name, write in extras:
             write(temporary / name)
 
@@ -210,9 +211,14 @@ def check_mission_folder(folder: Path) -> None:
 
 
 def _write(flown: Flown, folder: Path, drawings: Iterable[tuple[str, Drawing]]) -> None:
-    segment_table(flown).write_parquet(folder / "mission.parquet")
-    track_table(flown).write_parquet(folder / "track.parquet")
+    _write_table(segment_table(flown), folder / "mission.parquet")
+    _write_table(track_table(flown), folder / "track.parquet")
     (folder / "captures.geojson").write_text(json.dumps(findings_geojson(flown), indent=1) + "\n", encoding="utf-8")
     (folder / "mission.yaml").write_text(yaml.safe_dump(description(flown), sort_keys=False), encoding="utf-8")
     for name, draw in drawings:
         draw(flown, folder / name)
+
+
+def _write_table(table: pl.DataFrame, path: Path) -> None:
+    """By Arrow's writer, which says plainly when the disk is full."""
+    pyarrow.parquet.write_table(table.to_arrow(), path, compression="zstd")
