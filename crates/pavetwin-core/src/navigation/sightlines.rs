@@ -92,11 +92,12 @@ impl Sightlines {
     /// Chooses landmarks in every part, each as far as can be from those before, and measures from them.
     fn measure(&mut self) {
         let mut known = vec![false; self.landmarks_m.len()];
+        let mut best_m = vec![f64::INFINITY; self.landmarks_m.len()];
         for seed in 0..known.len() as u32 {
             if known[seed as usize] {
                 continue;
             }
-            let mut part = self.distances_m(seed);
+            let mut part = self.distances_m(seed, &mut best_m);
             part.iter().for_each(|(bend, _)| known[*bend as usize] = true);
             if part.len() < LEAST_BENDS {
                 continue;
@@ -105,7 +106,7 @@ impl Sightlines {
             let mut nearest_m: Vec<f64> = part.iter().map(|(_, distance_m)| *distance_m).collect();
             for number in 0..LANDMARKS {
                 let furthest = (0..part.len()).max_by(|a, b| nearest_m[*a].total_cmp(&nearest_m[*b])).unwrap_or(0);
-                for (bend, distance_m) in self.distances_m(part[furthest].0) {
+                for (bend, distance_m) in self.distances_m(part[furthest].0, &mut best_m) {
                     self.landmarks_m[bend as usize][number] = distance_m;
                 }
                 for (nearest_m, (bend, _)) in nearest_m.iter_mut().zip(&part) {
@@ -116,9 +117,9 @@ impl Sightlines {
         }
     }
 
-    /// Every bend of the part that `from` belongs to, with its distance (Dijkstra).
-    fn distances_m(&self, from: u32) -> Vec<(u32, f64)> {
-        let mut best_m = vec![f64::INFINITY; self.landmarks_m.len()];
+    /// Every bend of the part that `from` belongs to, with its distance (Dijkstra). All of `best_m` is infinite, before
+    /// and afterwards: what a part costs must not depend on how many others there are.
+    fn distances_m(&self, from: u32, best_m: &mut [f64]) -> Vec<(u32, f64)> {
         best_m[from as usize] = 0.0;
         let mut open = BinaryHeap::from([(Reverse(Metres(0.0)), from)]);
         let mut reached = Vec::new();
@@ -135,6 +136,7 @@ impl Sightlines {
                 }
             }
         }
+        reached.iter().for_each(|(bend, _)| best_m[*bend as usize] = f64::INFINITY);
         reached
     }
 }
