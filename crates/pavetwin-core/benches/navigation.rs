@@ -42,16 +42,24 @@ fn navigation(criterion: &mut Criterion) {
         group.bench_function(format!("bake 1 km², {name}"), |b| b.iter(|| bake(1000.0, yaw_rad)));
     }
     group.sample_size(100);
-    for (size_m, name, yaw_rad) in
-        [(1000.0, "1 km², straight", 0.0), (1000.0, "1 km², oblique", FRAC_PI_6), (3000.0, "9 km², oblique", FRAC_PI_6)]
-    {
+    for (size_m, name, yaw_rad) in [
+        (1000.0, "1 km², straight", 0.0),
+        (1000.0, "1 km², oblique", FRAC_PI_6),
+        (3000.0, "9 km², straight", 0.0),
+        (3000.0, "9 km², oblique", FRAC_PI_6),
+    ] {
         let mesh = bake(size_m, yaw_rad);
         println!("{name}: {} polygons, {} corners", mesh.polygons().len(), mesh.vertices().len());
+        let (vertices, polygons) = (mesh.vertices().to_vec(), mesh.polygons().to_vec());
+        group.sample_size(10).bench_function(format!("open {name}"), |b| {
+            b.iter(|| NavMesh::from_polygons(&vertices, &polygons).expect("a mesh"))
+        });
+        group.sample_size(100);
         let (start, goal) = ends(size_m, yaw_rad);
         group.bench_function(format!("path across {name}"), |b| {
             b.iter(|| mesh.path(black_box(start), goal).expect("a way"))
         });
-        let near = mesh.nearest(start + Vec2::from_yaw(yaw_rad) * 230.0 + Vec2::from_yaw(yaw_rad).left() * 190.0);
+        let near = mesh.nearest(start + Vec2::from_yaw(yaw_rad) * 200.0 + Vec2::from_yaw(yaw_rad).left() * 200.0);
         group.bench_function(format!("path of 400 m, {name}"), |b| {
             b.iter(|| mesh.path(black_box(start), near).expect("a way"))
         });
