@@ -1,0 +1,116 @@
+"""`python -m benchmarks [--quick] [--world PATH] [--json FILE]`."""
+
+import argparse
+import json
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks import growing, machine, missions, streets, worlds
+from benchmarks.measure import Line
+from benchmarks.table import as_json, notes, table
+from pavetwin.cli.console import counting, fail, out
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import writing
+from pavetwin.mission.replay import FIRST_DURATION_S
+from pavetwin.world.store import load_world
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is measured."""
+
+    segments: int
+    runs: int
+    recorded_s: float
+    crowd_s: float
+
+
+FULL = Size(segments=8, runs=9, recorded_s=FIRST_DURATION_S, crowd_s=worlds.RECORDED_S)
+QUICK = Size(segments=3, runs=3, recorded_s=600.0, crowd_s=60.0)
+
+
+def measure(world_folder: Path | None, size: Size, folder: Path, begin: Callable[[str], None]) -> Iterator[Line]:
+    """All lines, one after the other; `begin` is told what comes next."""
+    quick = size is QUICK
+    if world_folder is not None:
+        load_world(world_folder)  # refused now rather than after the first measurements
+        # A copy: the user's own recordings are neither used nor replaced.
+        world_folder = Path(shutil.copytree(world_folder, folder / "world", ignore=shutil.ignore_patterns("traffic")))
+    begin("NavMesh")
+    yield from streets.lines(quick)
+    begin("world")
+    if world_folder is None:
+        world_folder = folder / "town"
+        yield worlds.build(world_folder)
+    world = load_world(world_folder)
+    yield worlds.load_line(world_folder)
+    begin("recording")
+    replay, line = worlds.record_high(world, size.recorded_s)
+    yield line
+    begin("missions")
+    course = missions.Course.over(world, replay, min(size.segments, len(world.segments)))
+    yield from missions.lines(course, size.runs)
+    begin("visibility")
+    yield missions.look_line(course, size.runs)
+    begin("memory")
+    yield missions.memory_line(world_folder, len(course.targets))
+    begin("city × 100")
+    yield growing.line(course, 2 * size.runs + 1)
+    begin("600 + 600 agents")
+    yield from worlds.record_crowd(folder / "random", size.crowd_s)
+
+
+PARTS = 8
+
+
+def main(arguments: list[str]) -> int:
+    """Measure, print, and write the JSON file if one is asked for; the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description="How fast PaveTwin is on this machine.")
+    parser.add_argument("--quick", action="store_true", help="fewer runs and shorter recordings: within a minute")
+    parser.add_argument("--world", type=Path, help="fly over this world instead of a generated town")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers here as well")
+    asked = parser.parse_args(arguments)
+    described = machine.describe()
+    load, busy = machine.load()
+    described["load before"] = load
+    begun = time.perf_counter()
+    lines: list[Line] = []
+    try:
+        with tempfile.TemporaryDirectory(prefix="pavetwin-bench-") as folder, counting("Measuring", PARTS) as begin:
+            lines += measure(asked.world, QUICK if asked.quick else FULL, Path(folder), begin)
+    except PaveTwinError as error:
+        fail(str(error))
+        return 2
+    _print(lines, described, busy=busy, took_s=time.perf_counter() - begun)
+    if asked.json is None:
+        return 0
+    try:
+        with writing(asked.json) as temporary:
+            temporary.write_text(json.dumps(as_json(described, lines), indent=1) + "\n", encoding="utf-8")
+    except PaveTwinError as error:
+        fail(str(error))
+        return 2
+    return 0
+
+
+def _print(lines: list[Line], described: dict[str, str], *, busy: bool, took_s: float) -> None:
+    out.print(table(lines))
+    for note in notes(lines):
+        out.print(note, markup=False, style="dim")
+    out.print()
+    for name, text in described.items():
+        out.print(f"{name}: {text}", markup=False)
+    out.print(f"load after: {machine.load()[0]}; took {took_s:.0f} s", markup=False)
+    if busy:
+        out.print("[bold yellow]The machine was busy with something else: the times are longer than they need be.[/]")
+    missed = sum(line.reached is False for line in lines)
+    out.print(f"{missed} of {sum(line.target is not None for line in lines)} targets not reached.")
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

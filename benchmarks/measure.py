@@ -1,0 +1,79 @@
+"""Timing, and one line of the table."""
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Kind(Enum):
+    """What a number measures, and how it is compared with its target."""
+
+    SECONDS = "s"
+    REAL_TIME = "× real time"
+    RATIO = "ratio"
+    MEBIBYTES = "MiB"
+
+    @property
+    def more_is_better(self) -> bool:
+        return self is Kind.REAL_TIME
+
+    def shown(self, value: float) -> str:
+        match self:
+            case Kind.SECONDS:
+                unit, factor = next(
+                    (unit, factor)
+                    for unit, factor, least in (("s", 1, 1.0), ("ms", 1e3, 1e-3), ("µs", 1e6, 0.0))
+                    if value >= least
+                )
+                return f"{value * factor:.3g} {unit}"
+            case Kind.REAL_TIME:
+                return f"{value:,.0f} ×"
+            case Kind.RATIO:
+                return f"{value:.2f} times"
+            case Kind.MEBIBYTES:
+                return f"{value:,.0f} MiB"
+
+
+@dataclass(frozen=True)
+class Line:
+    """One measurement beside its target."""
+
+    what: str
+    value: float
+    kind: Kind
+    target: float | None = None
+    """None where the design names none."""
+    took_s: float | None = None
+    """What one run took, where the value is a ratio to real time."""
+    note: str = ""
+
+    @property
+    def reached(self) -> bool | None:
+        if self.target is None:
+            return None
+        return self.value >= self.target if self.kind.more_is_better else self.value <= self.target
+
+    def measured(self) -> str:
+        """The value, and the time behind it."""
+        shown = self.kind.shown(self.value)
+        return shown if self.took_s is None else f"{Kind.SECONDS.shown(self.took_s)}, {shown}"
+
+    def asked(self) -> str:
+        """The target with its comparison."""
+        if self.target is None:
+            return ""
+        return f"{'≥' if self.kind.more_is_better else '≤'} {self.kind.shown(self.target)}"
+
+
+def median_s(call: Callable[[], object], runs: int, warm_up: int = 1) -> float:
+    """The median wall-clock time of `call` over `runs` runs, after some that do not count."""
+    for _ in range(warm_up):
+        call()
+    times = []
+    for _ in range(runs):
+        begun = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - begun)
+    return statistics.median(times)

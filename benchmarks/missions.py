@@ -1,0 +1,175 @@
+"""Whole missions without rendering, flown as `pavetwin fly` does, on one core."""
+
+import resource
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+import pavetwin.mission.mission as loop
+from benchmarks.measure import Kind, Line
+from pavetwin._core import Flight, Trace
+from pavetwin.config import MissionSettings, load_settings
+from pavetwin.mission.fly import Flown, fly
+from pavetwin.mission.ground import Stage, new_flight, prepare
+from pavetwin.mission.replay import Replay
+from pavetwin.mission.targets import choose_targets
+from pavetwin.policies import policy_names
+from pavetwin.traffic.recording import load_recording
+from pavetwin.world.model import World
+from pavetwin.world.store import load_world
+
+ALTITUDE_M, SEED = 10.0, 1
+REAL_TIME_TARGET = 3000.0
+SWEEP_SEGMENTS, SWEEP_TARGET_S = 720, 20.0
+
+
+@dataclass
+class Course:
+    """A world, its traffic, and the segments to fly over."""
+
+    stage: Stage
+    replay: Replay
+    targets: list[int]
+    settings: MissionSettings = field(default_factory=lambda: load_settings(altitude_m=ALTITUDE_M))
+
+    @classmethod
+    def over(cls, world: World, replay: Replay, segments: int) -> "Course":
+        settings = load_settings(altitude_m=ALTITUDE_M)
+        stage = prepare(world, settings)
+        return cls(stage, replay, choose_targets(stage, count=segments, seed=SEED), settings)
+
+    def fly(self, policy: str, settings: MissionSettings | None = None) -> Flown:
+        return fly(self.stage, self.replay, settings or self.settings, self.targets, policy, seed=SEED)
+
+
+class _Clocked:
+    """A flight that notes how long the kernel runs; everything else it passes on."""
+
+    def __init__(self, flight: Flight) -> None:
+        self._flight = flight
+        self.spent_s = 0.0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._flight, name)
+
+    def advance(self) -> object:
+        begun = time.perf_counter()
+        event = self._flight.advance()
+        self.spent_s += time.perf_counter() - begun
+        return event
+
+
+def lines(course: Course, runs: int) -> Iterator[Line]:
+    """Each policy, then what the same rate makes of the design's sweep."""
+    whole_s = 0.0
+    for policy in policy_names():
+        flown = course.fly(policy)  # warm-up; it prolongs the recording where that is needed
+        times = []
+        for _ in range(runs):
+            begun = time.perf_counter()
+            course.fly(policy)
+            times.append(time.perf_counter() - begun)
+        took_s = statistics.median(times)
+        whole_s += took_s
+        yield Line(
+            f"mission, {policy}, high traffic",
+            flown.duration_s / took_s,
+            Kind.REAL_TIME,
+            REAL_TIME_TARGET,
+            took_s=took_s,
+            note=f"{flown.duration_s:.0f} s flown; {_kernel_share(course, policy):.0%} of the time in the kernel",
+        )
+    each_s = whole_s / (len(policy_names()) * len(course.targets))
+    yield Line(
+        f"{SWEEP_SEGMENTS} segment missions, all policies in turn",
+        each_s * SWEEP_SEGMENTS,
+        Kind.SECONDS,
+        SWEEP_TARGET_S,
+        note=f"stands for the sweep: {1 / each_s:.0f} segments a second, one process",
+    )
+
+
+def _kernel_share(course: Course, policy: str) -> float:
+    """Of one mission's time, what passes between asking the kernel for the next event and getting it."""
+    clocked: list[_Clocked] = []
+
+    def made(stage: Stage, trace: Trace, settings: MissionSettings) -> _Clocked:
+        clocked.append(_Clocked(new_flight(stage, trace, settings)))
+        return clocked[-1]
+
+    with patch.object(loop, "new_flight", made):
+        begun = time.perf_counter()
+        course.fly(policy)
+        took_s = time.perf_counter() - begun
+    return clocked[0].spent_s / took_s
+
+
+def look_line(course: Course, runs: int) -> Line:
+    """One visibility evaluation at 15 m: what looking at every time step adds to a mission that looks at every sixth.
+
+    It is a difference of two missions and so the mean over many places; the median of one place's is Criterion's.
+    """
+    unanswered = "visibility.threshold=0"  # no look falls below it, so that none becomes an event
+    usual = load_settings(altitude_m=15.0, overrides=[unanswered])
+    often = load_settings(altitude_m=15.0, overrides=[unanswered, f"visibility.interval_s={usual.time_step_s}"])
+    high = Course(prepare(course.stage.world, usual), course.replay, course.targets, usual)
+    extra = _looks(high.fly("baseline", often)) - _looks(high.fly("baseline"))
+    differences = []
+    for _ in range(runs):
+        times = []
+        for chosen in (usual, often):
+            begun = time.perf_counter()
+            high.fly("baseline", chosen)
+            times.append(time.perf_counter() - begun)
+        differences.append((times[1] - times[0]) / extra)
+    return Line(
+        "one visibility evaluation, high traffic, 15 m",
+        statistics.median(differences),
+        Kind.SECONDS,
+        10e-6,
+        note=f"mean of {extra:,.0f} looks of a flight; the median of one: Criterion, below",
+    )
+
+
+def _looks(flown: Flown) -> int:
+    return int(np.isfinite(flown.track["visibility"]).sum())
+
+
+def memory_line(folder: Path, segments: int) -> Line:
+    """The most memory that a process holds which loads a world and its traffic and flies one mission."""
+    command = [sys.executable, "-m", "benchmarks.missions", str(folder), str(segments)]
+    root = Path(__file__).resolve().parent.parent
+    done = subprocess.run(command, check=True, capture_output=True, text=True, cwd=root)
+    libraries, whole = map(float, done.stdout.split())
+    note = f"world and traffic loaded, hover flown; Python and its libraries alone: {libraries:.0f} MiB"
+    return Line("memory of a mission, at most", whole, Kind.MEBIBYTES, note=note)
+
+
+def main(folder: Path, segments: int) -> None:
+    """Fly once over what was recorded; print the peak resident memory before and after, in MiB."""
+    libraries = _peak_mib()
+    world = load_world(folder)
+    recording = load_recording(folder / "traffic" / f"high-{SEED}.parquet")
+    Course.over(world, Replay(world, recording), segments).fly("hover")
+    print(libraries, _peak_mib())
+
+
+def _peak_mib() -> float:
+    """Of this process alone: a child's `ru_maxrss` begins with that of its parent on Linux."""
+    status = Path("/proc/self/status")
+    if status.is_file():
+        peak = next(line for line in status.read_text(encoding="utf-8").splitlines() if line.startswith("VmHWM"))
+        return float(peak.split()[1]) / 2**10
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]))

@@ -1,0 +1,62 @@
+"""NavMesh baking and path queries on a made-up square kilometre of streets."""
+
+from collections.abc import Iterator
+from math import cos, pi, sin
+
+import numpy as np
+import numpy.typing as npt
+
+from benchmarks.measure import Kind, Line, median_s
+from pavetwin._core import NavMesh
+
+SPACING_M, WIDTH_M = 100.0, 18.0
+YAW_RAD = pi / 6
+"""Streets at an angle to the voxels are the dearer case."""
+
+
+def street_grid(size_m: float) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint32]]:
+    """Vertices (n, 2) and triangles (m, 3) of streets 18 m wide and 100 m apart, both ways."""
+    east = np.array([cos(YAW_RAD), sin(YAW_RAD)])
+    north = np.array([-east[1], east[0]])
+    corners: list[npt.NDArray[np.float64]] = []
+    for middle in np.arange(SPACING_M / 2, size_m, SPACING_M):
+        for along, across in ((east, north), (north, east)):
+            low, high = middle - WIDTH_M / 2, middle + WIDTH_M / 2
+            corners += [along * s + across * side for s, side in ((0, low), (size_m, low), (size_m, high), (0, high))]
+    first = np.arange(0, len(corners), 4, dtype=np.uint32)
+    triangles = np.concatenate([first[:, None] + [0, 1, 2], first[:, None] + [0, 2, 3]])
+    return np.array(corners), triangles.astype(np.uint32)
+
+
+def lines(quick: bool) -> Iterator[Line]:
+    """Bake and path on 1 km², and a path on 9 km²."""
+    vertices, triangles = street_grid(1000.0)
+    bake_s = median_s(lambda: NavMesh.bake(vertices, triangles), runs=3 if quick else 7)
+    mesh = NavMesh.bake(vertices, triangles)
+    polygons = len(mesh.offsets()) - 1
+    yield Line("NavMesh of 1 km² of streets", bake_s, Kind.SECONDS, 3.0, note=f"20 streets, {polygons} polygons")
+    runs = 100 if quick else 1000
+    across_s = _across_s(mesh, 1000.0, runs)
+    yield Line("path query on it, corner to corner", across_s, Kind.SECONDS, 0.2e-3)
+    rng = np.random.default_rng(1)
+    points = [tuple(point) for point in mesh.vertices()[rng.integers(0, len(mesh.vertices()), 2 * runs)]]
+    pairs = iter(list(zip(points[::2], points[1::2], strict=True)) * 2)
+    yield Line(
+        "path query on it, any two places",
+        median_s(lambda: mesh.path(*next(pairs)), runs, warm_up=10),
+        Kind.SECONDS,
+        0.2e-3,
+    )
+    if not quick:
+        large = NavMesh.bake(*street_grid(3000.0))
+        across_s = _across_s(large, 3000.0, 200)
+        yield Line("path query on 9 km², corner to corner", across_s, Kind.SECONDS)
+
+
+def _across_s(mesh: NavMesh, size_m: float, runs: int) -> float:
+    start, goal = _place(SPACING_M / 2, 25.0), _place(size_m - 25.0, size_m - SPACING_M / 2)
+    return median_s(lambda: mesh.path(start, goal), runs, warm_up=3)
+
+
+def _place(along_m: float, aside_m: float) -> tuple[float, float]:
+    return along_m * cos(YAW_RAD) - aside_m * sin(YAW_RAD), along_m * sin(YAW_RAD) + aside_m * cos(YAW_RAD)

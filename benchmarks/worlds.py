@@ -1,0 +1,70 @@
+"""Worlds and recordings to measure on, and how long it takes to make them."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from benchmarks.measure import Kind, Line
+from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.mission.replay import Replay
+from pavetwin.traffic.demand import Capacity, density_of
+from pavetwin.traffic.record import record
+from pavetwin.world.build import BuildOptions, build_world
+from pavetwin.world.model import World
+from pavetwin.world.store import load_world, save_world
+
+RECORDED_S = 600.0
+AGENTS = 600
+SEED = 1
+
+
+def build(folder: Path) -> Line:
+    """The generated town, into a folder."""
+    begun = time.perf_counter()
+    world = save_world(add_defects(build_world("town", BuildOptions(seed=SEED)), DefectOptions()), folder)
+    took_s = time.perf_counter() - begun
+    length_km = sum(segment.length_m for segment in world.segments) / 1000
+    note = f"{len(world.segments)} segments, {length_km:.1f} km of streets, {len(world.defects)} defects; one run"
+    return Line("building a world (the generated town)", took_s, Kind.SECONDS, note=note)
+
+
+def load_line(folder: Path) -> Line:
+    """Opening a world that was built before."""
+    begun = time.perf_counter()
+    load_world(folder)
+    return Line("opening it again", time.perf_counter() - begun, Kind.SECONDS, note="one run")
+
+
+def record_high(world: World, duration_s: float) -> tuple[Replay, Line]:
+    """High traffic over a world, recorded by SUMO; and what that took."""
+    begun = time.perf_counter()
+    recording = record(world, "high", SEED, duration_s, force=True)
+    took_s = time.perf_counter() - begun
+    walking = int(recording.agents.is_pedestrian.sum())
+    note = f"{len(recording.agents) - walking} vehicles, {walking} pedestrians in all"
+    line = Line(
+        f"recording {duration_s / 60:.0f} min of high traffic",
+        duration_s / took_s,
+        Kind.REAL_TIME,
+        took_s=took_s,
+        note=note,
+    )
+    return Replay(world, recording), line
+
+
+def record_crowd(folder: Path, duration_s: float) -> Iterator[Line]:
+    """600 vehicles and 600 pedestrians at any time, over a network of random streets that has room for them."""
+    world = save_world(build_world("random", BuildOptions(seed=SEED)), folder)
+    capacity = Capacity.of(world)
+    density = density_of(AGENTS / capacity.lanes_km, AGENTS / capacity.sidewalks_km)
+    begun = time.perf_counter()
+    record(world, density, SEED, duration_s)
+    took_s = time.perf_counter() - begun
+    yield Line(
+        f"recording {duration_s / 60:.0f} min of {AGENTS} vehicles and {AGENTS} pedestrians",
+        duration_s / took_s,
+        Kind.REAL_TIME,
+        RECORDED_S / 2.0,
+        took_s=took_s,
+        note="from nothing, with warm-up; the design expects 10 min in 2 s",
+    )
