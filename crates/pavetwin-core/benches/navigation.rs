@@ -2,6 +2,7 @@
 
 use std::f64::consts::FRAC_PI_6;
 use std::hint::black_box;
+use std::time::Duration;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use pavetwin_core::geometry::Vec2;
@@ -37,6 +38,7 @@ fn ends(size_m: f64, yaw_rad: f64) -> (Vec2, Vec2) {
 
 fn navigation(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("navigation");
+    group.warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(2));
     group.sample_size(10);
     for (name, yaw_rad) in [("straight", 0.0), ("oblique", FRAC_PI_6)] {
         group.bench_function(format!("bake 1 km², {name}"), |b| b.iter(|| bake(1000.0, yaw_rad)));
