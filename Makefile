@@ -4,7 +4,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-all bench lint lock clean
+.PHONY: help setup demo pictures test test-all bench lint lock clean
 
 PYTHON ?= python3
 PYTEST_WORKERS ?= 2
@@ -31,6 +31,11 @@ setup:  ## Install everything into .venv, nothing else
 
 demo: setup  ## A UAV inspects a generated town under traffic, with each of the four policies
 	@.venv/bin/pavetwin demo
+
+pictures: demo  ## The pictures of the documentation, made anew from the demo
+	@mkdir -p docs/images
+	@cp out/demo/missions/comparison.png docs/images/comparison.png
+	@cp out/demo/missions/hover/map.png docs/images/mission.png
 
 test: setup  ## All tests but the slow ones
 	@rc=0; cargo test --release --locked --quiet --package pavetwin-core || rc=1; $(PYTEST) || rc=1; exit $$rc
