@@ -6,20 +6,20 @@ import numpy as np
 import numpy.typing as npt
 
 from pavetwin._core import Moment as CoreMoment
+from pavetwin._core import Trace
 from pavetwin.twin import Agent, AgentClass
 
 if TYPE_CHECKING:
     from pavetwin._core import PoseColumns
-    from pavetwin.mission.mission import Traffic
 
 
 class KernelMoment:
     """Asks the kernel for what a snapshot does not hold ready. Immutable, like all it refers to."""
 
-    def __init__(self, core: CoreMoment | None, time_s: float, traffic: "Traffic") -> None:
+    def __init__(self, core: CoreMoment | None, time_s: float, trace: Trace) -> None:
         self._core = core
         self._time_s = time_s
-        self._trace = traffic.trace()
+        self._trace = trace
 
     def agents(self) -> tuple[Agent, ...]:
         return agents_of(self._trace.agents_at(self._time_s))
