@@ -197,7 +197,7 @@ def test_a_full_disk_is_said_and_leaves_nothing(world: Path, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-@pytest.mark.parametrize("after_s", [0.6, 2.5])
+@pytest.mark.parametrize("after_s", [1.0, 2.0, 3.5])
 def test_an_interrupted_run_leaves_nothing_half_written(
     world: Path, tmp_path: Path, number: signal.Signals, code: int, after_s: float
 ) -> None:
@@ -214,8 +214,8 @@ def test_an_interrupted_run_leaves_nothing_half_written(
     _, words = process.communicate(timeout=60)
     if process.returncode == 0:
         pytest.skip("the run was over before it could be interrupted")
-    assert process.returncode == code or after_s < 1, words
-    assert "Traceback" not in words or after_s < 1
+    assert process.returncode == code, words
+    assert "Traceback" not in words
     assert not (tmp_path / "m").exists()
     left = set(digests(target)) - before
     assert all(Path(name).parts[0] in ("traffic", "navmesh") and not Path(name).name.startswith(".") for name in left)

@@ -43,13 +43,13 @@ def main() -> None:
 
     Exit codes: 0 done, 2 something the user can mend (one plain line), 130 interrupted, 143 terminated.
     """
-    _register()
-    signal.signal(signal.SIGTERM, _terminate)
     sys.exit(_run())
 
 
 def _run() -> int:
     try:
+        signal.signal(signal.SIGTERM, _terminate)
+        _register()
         code = app(standalone_mode=False)
     except PaveTwinError as error:
         fail(str(error))
