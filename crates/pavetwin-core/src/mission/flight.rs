@@ -208,10 +208,10 @@ impl Flight {
         Ok(Task::Rail(Box::new(Follower::new(rail, self.yaw_rad))))
     }
 
-    /// The movement in progress; `None` at rest.
+    /// The movement in progress; `None` at rest, and in an encounter, which leaves the line that could be braked along.
     fn moving(&self) -> Option<Moving> {
         match (&self.reaction, &self.task) {
-            _ if self.speed_mps == 0.0 => None,
+            _ if self.speed_mps == 0.0 || self.encounter.is_some() => None,
             (Reaction::Out { strafe, .. } | Reaction::Back { strafe }, _) => Some(Moving::Strafe(strafe.clone())),
             (_, Task::Rail(follower)) => Some(Moving::Rail(follower.clone())),
             (_, Task::Halt { moving, .. }) => Some(moving.clone()),
