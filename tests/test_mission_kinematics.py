@@ -1,17 +1,23 @@
 """What was flown keeps the airframe's limits and stays inside the mesh, at every step of the clock."""
 
 from math import radians
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 import shapely
 
-from pavetwin.mission.fly import Flown
+from pavetwin.defects import add_defects
+from pavetwin.mission.fly import Flown, fly
+from pavetwin.mission.ground import prepare
 from pavetwin.mission.mission import MODES
+from pavetwin.mission.targets import choose_targets
 from pavetwin.navigation.domain import flight_domain
 from pavetwin.navigation.navmesh import navmesh, polygons
 from pavetwin.twin import Mode
+from pavetwin.world.store import load_world, save_world
+from scenes import built
 from scenes.tiny import TRUCK, Scene, bent, block, parked, straight
 
 if TYPE_CHECKING:
@@ -165,3 +171,36 @@ def test_micro_stays_inside_the_mesh_among_houses_and_trucks(seed: int) -> None:
         .surface.buffer(0.25)
         .covers(shapely.multipoints(np.stack([ours.track["x_m"], ours.track["y_m"]], axis=1)))
     )
+
+
+# A whole town.
+
+
+@pytest.mark.parametrize(("policy", "altitude_m"), [("micro", 6.0), ("skip", 10.0)])
+def test_in_a_town_the_limits_hold_and_a_mesh_read_is_flown_as_the_one_baked(
+    policy: str, altitude_m: float, tmp_path: Path
+) -> None:
+    """Trucks stand all over the streets of the generated town. The second flight finds the mesh of the first."""
+    town = save_world(add_defects(built("town")), tmp_path / "town")
+    rng = np.random.default_rng(5)
+    trucks = []
+    for segment in town.segments:
+        places = [segment.centre_line.interpolate(share, normalized=True) for share in rng.uniform(0, 1, 3)]
+        trucks += [parked(at.x + rng.uniform(-2, 2), at.y, TRUCK, yaw_rad=rng.uniform(-3, 3)) for at in places]
+    scene = Scene(town, tuple(trucks), altitude_m)
+    settings = scene.settings(EVERY_STEP, "policy.max_wait_s=6")
+    flights = []
+    for _ in range(2):
+        stage = prepare(load_world(tmp_path / "town"), settings)
+        targets = choose_targets(stage, count=4, seed=3)
+        flights.append(fly(stage, scene.traffic(1200.0), settings, targets, policy))
+    first, second = (flight.track for flight in flights)
+    assert all(np.array_equal(first[name], second[name], equal_nan=True) for name in first)  # type: ignore[literal-required]
+    assert flights[0].actions
+    mesh = navmesh(town, altitude_m, 0.5)
+    assert _inside(mesh, flights[0])
+    speed = np.hypot(np.diff(first["x_m"]), np.diff(first["y_m"])) / DT_S
+    assert speed.max() <= 10.0 + 1e-6
+    assert np.abs(np.diff(first["speed_mps"])).max() <= 8.0 * DT_S + 1e-9
+    turned = np.abs((np.diff(first["yaw_rad"]) + np.pi) % (2 * np.pi) - np.pi)
+    assert turned.max() <= radians(45) * DT_S + 1e-9

@@ -135,14 +135,26 @@ def test_the_default_tries_at_every_capture() -> None:
     assert [attempt for _, attempt, _ in high] in ([0, 1], [0, 1, 2])
 
 
-def test_in_the_paper_each_revisit_may_try_once_more() -> None:
-    """The truck hides the street beside the defect, so skip comes back; the defect itself is in full view."""
-    scene = Scene(straight((30, 0.5)), (parked(30, 2.5, TRUCK),), altitude_m=15.0)
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_in_the_paper_each_revisit_may_try_once_more(side: float) -> None:
+    """The truck hides the street beside the defect, so skip comes back; the defect itself is in full view.
+
+    With the truck on the right, the revisit comes between the passes: the second does not try once more.
+    """
+    scene = Scene(straight((30, 0.5 * side)), (parked(30, 2.5 * side, TRUCK),), altitude_m=15.0)
     tried = attempts(scene, preset="paper", policy="skip")
     revisits = sum(on_revisit for _, _, on_revisit in tried)
     assert [attempt for _, attempt, _ in tried] == list(range(len(tried)))
     assert sum(not on_revisit for _, _, on_revisit in tried) == 1
     assert 1 <= revisits <= 3
+
+
+def test_it_inspects_only_once_it_has_turned() -> None:
+    """Out and back over a straight street: while inspecting it looks one way or the other."""
+    track = empty_street((30, 1.75)).fly("baseline", preset="paper").track
+    yaw = track["yaw_rad"][track["segment"] == 0]
+    assert np.abs(np.sin(yaw)).max() < 1e-6
+    assert 0 < (np.cos(yaw) > 0).mean() < 1
 
 
 def test_a_capture_every_0_6_s_and_a_look_every_0_3_s_while_inspecting() -> None:
