@@ -149,6 +149,14 @@ def test_in_the_paper_each_revisit_may_try_once_more(side: float) -> None:
     assert 1 <= revisits <= 3
 
 
+def test_between_revisits_a_defect_that_was_tried_stays_tried() -> None:
+    """Defect 1 is tried on the first pass, lies far from the revisit, and below the second pass."""
+    scene = Scene(straight((30, -0.5), (10, -0.5)), (parked(30, -2.5, TRUCK),), altitude_m=15.0)
+    tried = attempts(scene, preset="paper", policy="skip")
+    assert any(on_revisit for _, _, on_revisit in tried)
+    assert [attempt for defect, attempt, _ in tried if defect == 1] == [0]
+
+
 def test_it_inspects_only_once_it_has_turned() -> None:
     """Out and back over a straight street: while inspecting it looks one way or the other."""
     track = empty_street((30, 1.75)).fly("baseline", preset="paper").track

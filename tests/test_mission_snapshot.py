@@ -48,6 +48,17 @@ def test_a_snapshot_is_the_twin_as_typed_values() -> None:
     assert {agent.kind for agent in snapshot.agents} == {AgentClass.VEHICLE, AgentClass.PEDESTRIAN}
 
 
+def test_the_memory_in_a_snapshot_is_that_of_the_moment() -> None:
+    mission = mission_of(SCENES["queue_at_light"]())
+    shares = []
+    for event in mission:
+        if isinstance(event, Occluded):
+            shares.append(mission.snapshot(event).memory.surface_coverage["street"])
+            assert shares[-1] == mission.flight.surface_coverage(0)
+    assert len(set(shares)) > 5
+    assert shares == sorted(shares)
+
+
 def test_agents_have_the_place_velocity_and_body_they_were_written_with() -> None:
     scene = Scene(straight((30, 0)), (passing(0, -1.75, 4.0), parked(30, 0.5, TRUCK, yaw_rad=0.3)), altitude_m=6.0)
     _, snapshot = first_snapshot(scene)
