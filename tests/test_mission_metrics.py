@@ -102,7 +102,7 @@ def test_swath_coverage_is_none_where_the_window_passed_over_no_defect() -> None
 
 def test_recovery_is_a_share_of_what_was_swept() -> None:
     """The narrow windows pass over defect 0, under a car that leaves, and never over defect 1 between them."""
-    scene = Scene(straight((30, 1.0), (50, 0.0), width_m=4.0), (parked(30, 1.0, until_s=28.0),))
+    scene = Scene(straight((30, 1.0), (50, 0.0), width_m=4.0), (parked(30, 1.0, until_s=40.0),))
     row = scene.fly("skip", "camera.window_columns=0.2", "pattern.kind=out_and_back").rows[0]
     assert (row.defects, row.swept, row.confirmed, row.recovered) == (2, 1, 1, 1)
     assert (row.coverage, row.swath_coverage, row.recovery) == (0.5, 1.0, 1.0)
