@@ -377,3 +377,18 @@ def test_where_nothing_is_under_inspection_all_go_on(name: str) -> None:
 def test_skip_goes_on_where_no_agent_hides_anything() -> None:
     nothing = replace(HALF_HIDDEN, occlusion=Occlusion(0.0, None, Episode(1.0)))
     assert load_policy("skip", SETTINGS).decide(nothing) == GoOn()
+
+
+def test_a_policy_that_fails_in_flight_is_named_with_its_line(tmp_path: Path) -> None:
+    file = tmp_path / "brittle.py"
+    file.write_text(
+        "from pavetwin.policies import GoOn, Policy\n"
+        "class Brittle(Policy):\n"
+        "    def decide(self, snapshot):\n"
+        "        if snapshot.segment is not None and snapshot.segment.id == 'street':\n"
+        "            return {}['never']\n"
+        "        return GoOn()\n"
+    )
+    with pytest.raises(PaveTwinError, match=r"'Brittle' failed .* KeyError: 'never' \(brittle.py, line 5\)") as caught:
+        SCENES["parked_car_over_defect"]().fly(f"{file}:Brittle")
+    assert "\n" not in str(caught.value)

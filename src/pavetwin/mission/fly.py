@@ -1,17 +1,20 @@
 """Flying a mission from take-off to landing, and what it leaves behind."""
 
+import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pavetwin._core import BatteryLow, Captured, Occluded
 from pavetwin.config import MissionSettings
+from pavetwin.errors import PaveTwinError
 from pavetwin.mission.ground import Stage
 from pavetwin.mission.ledger import SegmentRow
 from pavetwin.mission.mission import Mission, Traffic
-from pavetwin.policies import Policy, load_policy
+from pavetwin.policies import Action, Policy, load_policy
 from pavetwin.sensing import load_sensor
-from pavetwin.twin import InspectionMemory
+from pavetwin.twin import InspectionMemory, Snapshot
 
 if TYPE_CHECKING:
     from pavetwin._core import CaptureColumns, TrackColumns
@@ -112,7 +115,7 @@ def fly(
                     for defect in confirmed
                 ]
             case Occluded():
-                action = decides.decide(mission.snapshot(event))
+                action = _decide(decides, mission.snapshot(event))
                 mission.act(action)
                 name = type(action).__name__.lower()
                 if name != "goon":
@@ -138,3 +141,17 @@ def fly(
         distance_m=flight.distance_m,
         swaps=mission.swaps,
     )
+
+
+def _decide(policy: Policy, snapshot: Snapshot) -> Action:
+    """The policy's answer; a user's own may fail in a situation that its check did not think of."""
+    try:
+        return policy.decide(snapshot)
+    except PaveTwinError:
+        raise
+    except Exception as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        raise PaveTwinError(
+            f"The policy '{policy.name}' failed {snapshot.time_s:.1f} s into the mission: "
+            f"{type(error).__name__}: {error} ({Path(where.filename).name}, line {where.lineno})."
+        ) from error

@@ -104,10 +104,9 @@ def furniture_prisms(thing: Furniture) -> list[tuple[SolidKind, Prism]]:
     if thing.kind is FurnitureKind.TREE:
         trunk = _round(thing, min(TRUNK_RADIUS, thing.radius_m / 2), MAST_SIDES)
         crown = _round(thing, thing.radius_m, CROWN_SIDES)
-        return [
-            (SolidKind.TRUNK, (trunk, 0.0, thing.clear_height_m)),
-            (SolidKind.CROWN, (crown, thing.clear_height_m, thing.height_m)),
-        ]
+        leaves = (SolidKind.CROWN, (crown, thing.clear_height_m, thing.height_m))
+        stem = (SolidKind.TRUNK, (trunk, 0.0, thing.clear_height_m))
+        return [stem, leaves] if thing.clear_height_m > 0 else [leaves]
     prisms = [(SolidKind.MAST, (_round(thing, thing.radius_m, MAST_SIDES), 0.0, thing.height_m))]
     if thing.arm_m > 0:
         arm = _box(thing, 0.0, thing.arm_m, ARM_HALF_WIDTH)

@@ -128,7 +128,9 @@ impl Flight {
     /// by those last measured and what was flown since, so that the mesh is searched only when that bound says so.
     fn weigh_way_home(&mut self) -> Result<(), FlightError> {
         let every = self.ticks(HOME_CHECK_S).max(1);
-        if self.heading_home || self.altitude_m == 0.0 || !self.tick.is_multiple_of(every) {
+        // An encounter is flown to its end first: it lasts seconds, and its speed belongs to no route.
+        let busy = self.heading_home || self.altitude_m == 0.0 || self.encounter.is_some();
+        if busy || !self.tick.is_multiple_of(every) {
             return Ok(());
         }
         if self.battery - self.cost_home() > self.settings.reserve {
