@@ -2,6 +2,7 @@
 
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import geopandas
@@ -167,6 +168,16 @@ def test_letters_do_not_overlap(town: World) -> None:
     taken = room.taken
     assert len(taken) > len(town.segments)
     assert not any(taken[a].intersects(taken[b]) for a in range(len(taken)) for b in range(a))
+
+
+@pytest.mark.parametrize("name", ["A", "B ", "Ü", "IJ"])
+def test_a_street_may_have_the_shortest_of_names(town: World, name: str) -> None:
+    with style.styled():
+        axes = style.new_figure(9, 9).add_subplot()
+        draw_world(axes, town, layers=())
+        room = lettering.Room()
+        lettering.street_names(axes, [replace(segment, street=name) for segment in town.segments], room)
+    assert room.taken
 
 
 def test_the_carriageway_holds_its_segments_and_no_houses(town: World) -> None:

@@ -170,7 +170,8 @@ def _write(
     turns = np.abs(np.diff(angles))
     if np.ptp(angles) > _MAX_TURN or (len(turns) and turns.max() > _MAX_TURN_AT_ONCE):
         return None
-    spine = LineString([(x, y) for x, y, _ in poses])
+    # A single letter has one pose, which is no line yet.
+    spine = LineString([(x, y) for x, y, _ in poses] if len(poses) > 1 else [first, last])
     strip = spine.buffer(0.62 * size_m)
     if not _inside(axes, strip) or not room.free(strip):
         return None
