@@ -9,8 +9,11 @@ import polars as pl
 import pytest
 
 from pavetwin.config.mission import PolicySettings
+from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.policies import load_policy
 from pavetwin.policies.conformance import check_policy
+from pavetwin.world.store import save_world
+from scenes import built
 
 ROOT = Path(__file__).resolve().parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
@@ -44,6 +47,16 @@ def test_the_documented_policy_is_short_and_sound(tmp_path: Path) -> None:
     file.write_text(code, encoding="utf-8")
     policy = load_policy(f"{file}:Patient", PolicySettings())
     assert check_policy(type(policy)) == []
+
+
+def test_the_readmes_code_runs(tmp_path: Path) -> None:
+    (snippet,) = code_blocks("README.md", "python")
+    save_world(add_defects(built("cross"), DefectOptions()), tmp_path / "worlds" / "my-town")
+    done = subprocess.run(
+        [sys.executable, "-c", snippet], capture_output=True, text=True, check=False, cwd=tmp_path, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    assert "coverage=" in done.stdout
 
 
 def test_the_readme_names_only_what_there_is() -> None:

@@ -134,3 +134,17 @@ def test_an_unwritable_place_is_refused_and_nothing_left(tmp_path: Path) -> None
     with pytest.raises(PaveTwinError, match="Cannot write"):
         save_world(built("cross"), blocked / "world")
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_path_may_be_a_plain_string(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "town.osm").write_bytes(scene_file("cross").read_bytes())
+    (tmp_path / "grid").write_text("a file of a kind's name does not hide the kind")
+    from_map = build_world("town.osm", BuildOptions(seed=1))
+    assert from_map.record.source == "town.osm"
+    saved = save_world(from_map, "mine")
+    assert load_world("mine") == saved
+    assert load_record("mine") == from_map.record
+    assert build_world("grid", BuildOptions(seed=1)).record.source == "generated grid"
+    with pytest.raises(PaveTwinError, match="does not exist"):
+        build_world("nowhere.osm")

@@ -46,7 +46,7 @@ class Replay:
 
     world: World
     recording: Recording
-    routes: Sequence[Path] = ()
+    routes: Sequence[str | Path] = ()
     aircraft: Sequence[Aircraft] = ()
     """Others in the air, which the UAV keeps clear of at its own altitude."""
     on_prolong: Callable[[float], None] = lambda _: None
@@ -78,7 +78,7 @@ def replay_of(
     density: Density | str | None,
     seed: int,
     *,
-    routes: Sequence[Path] = (),
+    routes: Sequence[str | Path] = (),
     on_progress: Callable[[float], None] | None = None,
 ) -> Replay:
     """The traffic of a world at a density, recorded by SUMO now if it was not before.

@@ -39,7 +39,7 @@ def record(
     seed: int,
     duration_s: float,
     *,
-    routes: Sequence[Path] = (),
+    routes: Sequence[str | Path] = (),
     force: bool = False,
     on_progress: OnProgress | None = None,
 ) -> Recording:
@@ -52,17 +52,18 @@ def record(
     Raises:
         PaveTwinError: SUMO is missing or refuses its input, or the file cannot be written.
     """
-    asked = None if routes else density_named(density) if isinstance(density, str) else density
-    if asked is None and not routes:
+    files = [Path(route) for route in routes]
+    asked = None if files else density_named(density) if isinstance(density, str) else density
+    if asked is None and not files:
         raise PaveTwinError("Say how much traffic: a density, or your own routes.")
-    _check(seed, duration_s, routes)
-    inputs = _inputs(world, asked, seed, routes)
-    path = recording_path(world, asked, seed, routes)
+    _check(seed, duration_s, files)
+    inputs = _inputs(world, asked, seed, files)
+    path = recording_path(world, asked, seed, files)
     kept = None if force else _kept(path, inputs)
     if kept is not None and kept.frames >= frames_of(duration_s, kept.step_s):
         return kept.until(duration_s)
     with termination_as_exit():
-        fresh = _record(world, asked, seed, duration_s, routes, inputs, path, on_progress)
+        fresh = _record(world, asked, seed, duration_s, files, inputs, path, on_progress)
         if kept is not None and not fresh.until(kept.duration_s).same_traffic(kept):
             raise PaveTwinError(
                 f"SUMO did not repeat the traffic of '{path}', so it cannot be prolonged; record it again with --force."
@@ -75,7 +76,7 @@ def prolong(
     world: World,
     duration_s: float,
     *,
-    routes: Sequence[Path] = (),
+    routes: Sequence[str | Path] = (),
     on_progress: OnProgress | None = None,
 ) -> Recording:
     """The same traffic for longer: its first `recording.duration_s` are the same to the last bit.
@@ -83,12 +84,13 @@ def prolong(
     Raises:
         PaveTwinError: as `record`; or the recording is of another world or of other routes than these.
     """
+    files = [Path(route) for route in routes]
     origin, shared_s = recording.origin, min(recording.duration_s, duration_s)
-    if origin.world != world.content_hash or origin.inputs != _inputs(world, origin.asked, origin.seed, routes):
+    if origin.world != world.content_hash or origin.inputs != _inputs(world, origin.asked, origin.seed, files):
         raise PaveTwinError(
             "This recording cannot be prolonged: its world, its routes or SUMO's version is another now; record again."
         )
-    longer = record(world, origin.asked, origin.seed, duration_s, routes=routes, on_progress=on_progress)
+    longer = record(world, origin.asked, origin.seed, duration_s, routes=files, on_progress=on_progress)
     if not longer.until(shared_s).same_traffic(recording.until(shared_s)):
         raise PaveTwinError("SUMO did not repeat this recording's traffic, so it cannot be prolonged; record it again.")
     return longer

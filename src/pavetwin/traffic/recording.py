@@ -271,12 +271,13 @@ def _missed(who: str, way: str, wanted: float, achieved: float | None) -> list[s
     return []
 
 
-def save_recording(recording: Recording, path: Path) -> Recording:
+def save_recording(recording: Recording, path: str | Path) -> Recording:
     """Write the recording to `path`, whole or not at all; returns it with its path.
 
     Raises:
         PaveTwinError: the file cannot be written.
     """
+    path = Path(path)
     step = np.repeat(np.arange(recording.frames, dtype=np.int32), np.diff(recording.step_offsets))
     columns = {"step": step, "agent": recording.agent.astype(np.int32)}
     table = pa.table({**columns, **{name: getattr(recording, name) for name in _COLUMNS}})
@@ -312,12 +313,13 @@ def _metadata(recording: Recording) -> dict[str, Any]:
     }
 
 
-def load_recording(path: Path, world: World | None = None) -> Recording:
+def load_recording(path: str | Path, world: World | None = None) -> Recording:
     """Read a recording, and check that it was made for `world` where one is given.
 
     Raises:
         PaveTwinError: there is no such file, it is no recording of ours, or it belongs to another world.
     """
+    path = Path(path)
     if not path.is_file():
         raise PaveTwinError(f"There is no recording '{path}'; make one with `pavetwin traffic record`.")
     try:

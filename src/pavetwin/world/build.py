@@ -20,7 +20,7 @@ from pavetwin.world.generate import NetworkKind, generate_network
 from pavetwin.world.georeference import DEFAULT_ANCHOR, anchored, from_location
 from pavetwin.world.ground import Ground
 from pavetwin.world.model import Building, GeoReference, Lane, LaneKind, Segment, World
-from pavetwin.world.network import network_from_net, network_from_osm, source_kind
+from pavetwin.world.network import NET_SUFFIXES, OSM_SUFFIXES, network_from_net, network_from_osm, source_kind
 from pavetwin.world.osm import MapFeatures, read_features
 from pavetwin.world.roadnet import RoadNet, read_roadnet
 from pavetwin.world.segments import DEFAULT_SEGMENT_LENGTH, MIN_SEGMENT_LENGTH, segments_of
@@ -79,11 +79,12 @@ class _Source:
 
 
 def build_world(
-    source: Path | NetworkKind | str, options: BuildOptions | None = None, on_progress: Progress | None = None
+    source: str | Path | NetworkKind, options: BuildOptions | None = None, on_progress: Progress | None = None
 ) -> Built:
     """Build a world, without defects, from a map, a SUMO network, or a kind of invented network.
 
-    A `Path` is a file (`.osm`, `.osm.gz`, `.osm.pbf`, `.net.xml`); a string or `NetworkKind` is a kind to generate.
+    A `Path`, or a string that names a file (`.osm`, `.osm.gz`, `.osm.pbf`, `.net.xml`), is read; a `NetworkKind` or
+    its name is a kind to generate.
 
     Raises:
         PaveTwinError: the source is missing, damaged or without streets, an option does not fit, or SUMO is missing.
@@ -93,7 +94,7 @@ def build_world(
     try:
         with tempfile.TemporaryDirectory(prefix="pavetwin-") as folder:
             tell("road network", 0.0)
-            prepared = _prepare(source, options, Path(folder))
+            prepared = _prepare(_file_or_kind(source), options, Path(folder))
             network = prepared.net_file.read_bytes()
             net = read_roadnet(prepared.net_file, shown_as=prepared.record.source)
     except OSError as error:
@@ -105,7 +106,14 @@ def build_world(
     return _build(prepared, network, net, options, tell)
 
 
-def _prepare(source: Path | NetworkKind | str, options: BuildOptions, folder: Path) -> _Source:
+def _file_or_kind(source: str | Path | NetworkKind) -> str | Path | NetworkKind:
+    if isinstance(source, Path | NetworkKind) or source in list(NetworkKind):
+        return source
+    named_so = source.lower().endswith((*OSM_SUFFIXES, *NET_SUFFIXES))
+    return Path(source) if named_so or Path(source).is_file() else source
+
+
+def _prepare(source: str | Path | NetworkKind, options: BuildOptions, folder: Path) -> _Source:
     if not isinstance(source, Path):
         made = generate_network(source, options.seed, folder, anchor=options.anchor or DEFAULT_ANCHOR)
         record = BuildRecord(source=f"generated {source!s}", options=options)

@@ -23,12 +23,13 @@ DESCRIPTION, GEOPACKAGE, NETWORK = "world.yaml", "world.gpkg", "roads.net.xml"
 FILES = (DESCRIPTION, GEOPACKAGE, NETWORK)
 
 
-def check_target(folder: Path, *, force: bool = False) -> None:
+def check_target(folder: str | Path, *, force: bool = False) -> None:
     """Refuse early where `save_world` would.
 
     Raises:
         PaveTwinError: something is there that may not be replaced.
     """
+    folder = Path(folder)
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return
     if not folder.is_dir() or not any((folder / name).exists() for name in FILES):
@@ -37,7 +38,7 @@ def check_target(folder: Path, *, force: bool = False) -> None:
         raise PaveTwinError(f"The world '{folder}' exists already; choose another name or add --force to replace it.")
 
 
-def save_world(built: Built, folder: Path, *, force: bool = False) -> World:
+def save_world(built: Built, folder: str | Path, *, force: bool = False) -> World:
     """Write a world as a folder, whole or not at all, and return it with its name and place.
 
     Raises:
@@ -46,7 +47,7 @@ def save_world(built: Built, folder: Path, *, force: bool = False) -> World:
     from pavetwin.world.layers import write_layers
 
     check_target(folder, force=force)
-    folder = folder.absolute()
+    folder = Path(folder).absolute()
     with writing_folder(folder, replace=force or folder.is_dir()) as place:
         write_layers(built.world, place / GEOPACKAGE)
         (place / NETWORK).write_bytes(built.network)
@@ -72,7 +73,7 @@ def _description(built: Built) -> dict[str, Any]:
     }
 
 
-def load_world(folder: Path) -> World:
+def load_world(folder: str | Path) -> World:
     """Read a world's folder; it equals the one that was saved.
 
     The content hash is made anew, so that a world edited in QGIS is another world to its traces.
@@ -82,6 +83,7 @@ def load_world(folder: Path) -> World:
     """
     from pavetwin.world.layers import read_layers
 
+    folder = Path(folder)
     description = _read_description(folder)
     try:
         place = description["georeference"]
@@ -96,12 +98,13 @@ def load_world(folder: Path) -> World:
     return replace(world, content_hash=content_hash(world, network))
 
 
-def load_record(folder: Path) -> BuildRecord:
+def load_record(folder: str | Path) -> BuildRecord:
     """What a saved world was made from.
 
     Raises:
         PaveTwinError: as `load_world`.
     """
+    folder = Path(folder)
     description = _read_description(folder)
     fields = {name: description[name] for name in BuildRecord.model_fields if name in description}
     return BuildRecord.parse(fields, where=f"'{folder / DESCRIPTION}'")
