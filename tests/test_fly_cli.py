@@ -148,6 +148,7 @@ def test_ones_own_policy_from_a_file(world: Path, tmp_path: Path) -> None:
         (("--segments", "99"), "can be reached"),
         (("--segments", "few"), "'all'"),
         (("--segment", "s9999"), "No segment 's9999'"),
+        (("--segment", "s0001", "--segment", "s0002", "--segment", "s0001"), "--segment s0001: given more than once"),
         (("--order", "nearest"), "near"),
         (("--seed", "-1"), "seed"),
         (("--sgements", "3"), "--segments"),

@@ -59,6 +59,8 @@ def _named(stage: Stage, names: Sequence[str]) -> list[int]:
                 f"--segment {name}: no way leads there from the base at {stage.altitude_m:g} m; "
                 "`pavetwin world navmesh` shows where one can fly. Choose another altitude or segment."
             )
+        if number in chosen:
+            raise PaveTwinError(f"--segment {name}: given more than once; a mission inspects a segment once.")
         chosen.append(number)
     return chosen
 
