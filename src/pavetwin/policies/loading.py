@@ -3,7 +3,9 @@
 import importlib.util
 import sys
 from hashlib import sha256
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
+from types import CodeType
 
 from pavetwin.config.mission import PolicySettings
 from pavetwin.errors import PaveTwinError, nearest_name
@@ -33,18 +35,26 @@ def load_policy(name: str, settings: PolicySettings) -> Policy:
     return known(settings)
 
 
+class _Uncached(SourceFileLoader):
+    """Always compiles the source: leaves no `__pycache__` in the user's folder, and reads none that is stale."""
+
+    def get_code(self, fullname: str) -> CodeType:  # noqa: ARG002 - the signature of a loader
+        return self.source_to_code(self.get_data(self.path), self.path)
+
+
 def _from_file(path: Path, class_name: str) -> type[Policy]:
     if not path.is_file():
         raise PaveTwinError(f"--policy: there is no file '{path}'.")
     # Two files of the same name in different folders are two modules.
     module_name = f"pavetwin_user_policy_{path.stem}_{sha256(str(path.resolve()).encode()).hexdigest()[:8]}"
-    spec = importlib.util.spec_from_file_location(module_name, path)
-    if spec is None or spec.loader is None:
+    loader = _Uncached(module_name, str(path))
+    spec = importlib.util.spec_from_file_location(module_name, path, loader=loader)
+    if spec is None:
         raise PaveTwinError(f"--policy: '{path}' cannot be read as Python.")
     module = importlib.util.module_from_spec(spec)
     sys.modules[module_name] = module
     try:
-        spec.loader.exec_module(module)
+        loader.exec_module(module)
     except (Exception, SystemExit) as error:
         del sys.modules[module_name]
         told = " ".join(str(error).split())
