@@ -126,6 +126,7 @@ def test_ones_own_policy_from_a_file(world: Path, tmp_path: Path) -> None:
     assert baseline.returncode == 0
     same = ("track.parquet", "captures.geojson")
     assert [digests(tmp_path / "m")[name] for name in same] == [digests(tmp_path / "b")[name] for name in same]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["b", "m", "restless.py"]  # no __pycache__
 
 
 @pytest.mark.parametrize(
@@ -197,10 +198,12 @@ def test_a_full_disk_is_said_and_leaves_nothing(world: Path, tmp_path: Path) -> 
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ("number", "code", "said"), [(signal.SIGINT, 130, "Interrupted"), (signal.SIGTERM, 143, "Terminated")]
+)
 @pytest.mark.parametrize("after_s", [1.0, 2.0, 3.5])
 def test_an_interrupted_run_leaves_nothing_half_written(
-    world: Path, tmp_path: Path, number: signal.Signals, code: int, after_s: float
+    world: Path, tmp_path: Path, number: signal.Signals, code: int, said: str, after_s: float
 ) -> None:
     target = tmp_path / "cross"
     shutil.copytree(world, target)
@@ -216,7 +219,7 @@ def test_an_interrupted_run_leaves_nothing_half_written(
     if process.returncode == 0:
         pytest.skip("the run was over before it could be interrupted")
     assert process.returncode == code, words
-    assert "Traceback" not in words
+    assert words == f"Error: {said}; nothing half-written was left behind.\n"
     assert not (tmp_path / "m").exists()
     left = set(digests(target)) - before
     assert all(Path(name).parts[0] in ("traffic", "navmesh") and not Path(name).name.startswith(".") for name in left)

@@ -59,6 +59,24 @@ def test_mistakes_are_one_plain_line_and_leave_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_mistake_of_ours_is_one_line_that_asks_for_a_report(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken(_folder: Path) -> None:
+        raise KeyError("nobody thought of this")
+
+    monkeypatch.delenv("PAVETWIN_DEBUG", raising=False)
+    monkeypatch.setattr("pavetwin.world.store.load_world", broken)
+    assert run(monkeypatch, "world", "info", "anywhere") == 1
+    words = capsys.readouterr().err
+    assert words.count("\n") == 1
+    assert "Unexpected failure: KeyError: 'nobody thought of this'. Please report it" in words
+    monkeypatch.setenv("PAVETWIN_DEBUG", "1")
+    monkeypatch.setattr(sys, "argv", ["pavetwin", "world", "info", "anywhere"])
+    with pytest.raises(KeyError):
+        main()
+
+
 def test_info_of_no_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(monkeypatch, "world", "info", str(tmp_path / "none")) == 2
     assert "pavetwin world build" in capsys.readouterr().err

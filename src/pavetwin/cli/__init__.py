@@ -1,5 +1,6 @@
 """The command line: parses, calls, prints. One file a command group; heavy imports wait until a command runs."""
 
+import os
 import signal
 import sys
 from types import FrameType
@@ -9,6 +10,9 @@ from typer.exceptions import TyperException
 
 from pavetwin.cli.console import fail
 from pavetwin.errors import PaveTwinError
+
+INTERRUPTED = 130
+"""The exit code after Ctrl-C: of shells, and what typer makes of a KeyboardInterrupt within a command."""
 
 app = typer.Typer(
     name="pavetwin",
@@ -41,7 +45,8 @@ def _terminate(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - 
 def main() -> None:
     """Run one command.
 
-    Exit codes: 0 done, 2 something the user can mend (one plain line), 130 interrupted, 143 terminated.
+    Exit codes: 0 done, 1 a mistake of ours or a finding of `doctor`, 2 something the user can mend (one plain line),
+    130 interrupted, 143 terminated.
     """
     sys.exit(_run())
 
@@ -58,11 +63,20 @@ def _run() -> int:
         fail(f"{_words_of(error)} `{_command_of(error)} --help` lists what there is.")
         return 2
     except (KeyboardInterrupt, typer.Abort):
-        fail("Interrupted; nothing half-written was left behind.")
-        return 130
+        code = INTERRUPTED
     except _Terminated:
         fail("Terminated; nothing half-written was left behind.")
         return 143
+    except Exception as error:
+        if os.environ.get("PAVETWIN_DEBUG"):
+            raise
+        fail(
+            f"Unexpected failure: {type(error).__name__}: {error}. Please report it; "
+            "run with PAVETWIN_DEBUG=1 for the traceback."
+        )
+        return 1
+    if code == INTERRUPTED:
+        fail("Interrupted; nothing half-written was left behind.")
     return code if isinstance(code, int) else 0
 
 
