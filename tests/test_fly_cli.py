@@ -141,14 +141,18 @@ def test_ones_own_policy_from_a_file(world: Path, tmp_path: Path) -> None:
         (("--set", "sensing.sensor=idael"), "did you mean 'ideal'"),
         (("--set", "camera.model=phantom5"), "did you mean 'phantom4'"),
         (("--set", "pattern.kind=boustrofedon"), "did you mean 'boustrophedon'"),
-        (("--altitude", "0"), "altitude_m"),
-        (("--altitude", "-5"), "altitude_m"),
+        (("--altitude", "0"), "--altitude 0: the UAV flies at a number of metres above 0."),
+        (("--altitude", "-5"), "--altitude -5"),
+        (("--altitude", "nan"), "--altitude nan"),
+        (("--altitude", "inf"), "--altitude inf"),
         (("--altitude", "0.5"), "clearance"),
         (("--density", "hihg"), "did you mean 'high'"),
         (("--segments", "0"), "at least one"),
-        (("--segments", "99"), "can be reached"),
+        (("--segments", "99"), "--segments all inspects these"),
         (("--segments", "few"), "'all'"),
         (("--segment", "s9999"), "No segment 's9999'"),
+        (("--segment", "s1"), "did you mean 's0001'"),
+        (("--segment", "12"), "did you mean 's0012'"),
         (("--segment", "s0001", "--segment", "s0002", "--segment", "s0001"), "--segment s0001: given more than once"),
         (("--order", "nearest"), "near"),
         (("--seed", "-1"), "seed"),
@@ -174,6 +178,16 @@ def test_a_half_deleted_world_is_named(world: Path, tmp_path: Path) -> None:
     assert "nowhere" in plain_refusal(pavetwin("fly", tmp_path / "nowhere", *SHORT))
 
 
+def test_a_network_that_was_cut_short_is_named_with_its_mending(world: Path, tmp_path: Path) -> None:
+    broken = tmp_path / "broken"
+    shutil.copytree(world, broken)
+    whole = (broken / "roads.net.xml").read_bytes()
+    (broken / "roads.net.xml").write_bytes(whole[: len(whole) // 2])
+    line = plain_refusal(pavetwin("fly", broken, *SHORT))
+    assert str(broken / "roads.net.xml") in line
+    assert "pavetwin world build" in line
+
+
 def test_a_trace_of_another_world_is_refused(world: Path, tmp_path: Path) -> None:
     other = tmp_path / "other"
     save_world(built("cross", seed=2), other)
@@ -185,6 +199,9 @@ def test_a_folder_that_cannot_be_written_is_named(world: Path, tmp_path: Path) -
     (tmp_path / "file").write_text("in the way")
     line = plain_refusal(pavetwin("fly", world, *SHORT, "-o", tmp_path / "file" / "m"))
     assert str(tmp_path / "file") in line
+    assert "space" not in line
+    line = plain_refusal(pavetwin("fly", world, *SHORT, "-o", "/proc/nothing/m"))
+    assert "Cannot write '/proc/nothing/m': nothing can be made there. Choose another folder." in line
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
@@ -195,6 +212,7 @@ def test_a_full_disk_is_said_and_leaves_nothing(world: Path, tmp_path: Path) -> 
 
     line = plain_refusal(pavetwin("fly", world, *SHORT, "-o", tmp_path / "m", preexec_fn=no_room))
     assert "Cannot write" in line
+    assert "Free some space" in line
     assert not list(tmp_path.iterdir())
 
 

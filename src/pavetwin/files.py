@@ -1,5 +1,6 @@
 """Files written whole or not at all: to a temporary name beside the target, then renamed."""
 
+import errno
 import os
 import shutil
 import tempfile
@@ -8,6 +9,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from pavetwin.errors import PaveTwinError
+
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""A full disk, a used-up quota, and a file that may not grow."""
 
 
 @contextmanager
@@ -60,5 +64,11 @@ def writing_folder(target: Path, *, replace: bool = False) -> Iterator[Path]:
 
 def unwritable(target: Path, error: OSError) -> PaveTwinError:
     """The plain sentence for a file that could not be written."""
-    reason = error.strerror or str(error)
-    return PaveTwinError(f"Cannot write '{target}': {reason}. Free some space or choose another folder with --output.")
+    nowhere = error.errno == errno.ENOENT  # what mkdir says of a place such as /proc
+    reason = "nothing can be made there" if nowhere else error.strerror or str(error)
+    return PaveTwinError(f"Cannot write '{target}': {reason}. {mending(error, 'choose another folder')}.")
+
+
+def mending(error: OSError, otherwise: str) -> str:
+    """What helps, as the beginning of a sentence: room where there is none left, else `otherwise`."""
+    return f"Free some space or {otherwise}" if error.errno in NO_ROOM else otherwise[:1].upper() + otherwise[1:]

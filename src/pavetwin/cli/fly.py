@@ -1,5 +1,6 @@
 """`pavetwin fly`: fly missions and write what they leave."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -69,6 +70,8 @@ def fly(
     from pavetwin.uav import energy_curve, find_camera
     from pavetwin.world.store import load_world
 
+    if altitude is not None and not 0 < altitude < math.inf:
+        raise PaveTwinError(f"--altitude {altitude:g}: the UAV flies at a number of metres above 0.")
     given = {} if altitude is None else {"altitude_m": altitude}
     chosen = load_settings(preset, set_ or (), **given)
     if settings:
@@ -92,10 +95,8 @@ def fly(
     replay.aircraft = aircraft
     folder = output or world / "missions" / _folder_name(policy, replay, chosen, preset, seed)
     check_mission_folder(folder)
-    flown = [_fly_one(stage, replay, chosen, targets, name, seed) for name in names]
-    with progress("Drawing") as tell:
-        animated = [mission.policy for mission in flown] if animate else []
-        report.save(flown, replay, folder, animated=animated, on_progress=tell)
+    missions = (_fly_one(stage, replay, chosen, targets, name, seed) for name in names)
+    flown = report.save(missions, replay, folder, several=policy == ALL, animated=lambda _: animate)
     for remark in replay.recording.remarks:
         out.print(f"[yellow]Note:[/] {remark}")
     out.print(report.segments_table(flown[0]) if len(flown) == 1 else report.comparison_table(flown))

@@ -41,7 +41,7 @@ def choose_targets(
     if count is not None and count > len(reachable):
         raise PaveTwinError(
             f"--segments {count}: only {len(reachable)} of the {len(world.segments)} segments of '{world.name}' "
-            f"can be reached at {stage.altitude_m:g} m; leave the option out to inspect them all."
+            f"can be reached at {stage.altitude_m:g} m; --segments all inspects these."
         )
     if order == "near":
         return _short_tour(stage, reachable)[:count]

@@ -14,6 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from types import FrameType
 from typing import Final
+from xml.etree import ElementTree
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.traffic.sumo_run import Job, Outcome
@@ -115,11 +116,26 @@ def _end(process: "subprocess.Popen[str]") -> None:
 
 def _failure(job: Job, code: int, stderr: str, stdout: str) -> str:
     words = " ".join(first_error(stderr, stdout).split())
+    if damage := _damage(Path(job.network)):
+        return (
+            f"The world's network '{job.network}' is damaged ({damage}); build the world again with "
+            "`pavetwin world build … --force`."
+        )
     if code < 0:
         return f"SUMO crashed while recording (signal {-code}); its last words: {words}"
     if job.routes:
         return f"SUMO cannot drive the routes {_names(job)} on this world: {words}"
     return f"SUMO cannot run this traffic: {words}"
+
+
+def _damage(file: Path) -> str:
+    """What is wrong with the XML of a file; empty when it is whole. SUMO does not say which of its files it means."""
+    try:
+        for _, element in ElementTree.iterparse(file):
+            element.clear()
+    except (ElementTree.ParseError, OSError) as error:
+        return str(error)
+    return ""
 
 
 def _names(job: Job) -> str:

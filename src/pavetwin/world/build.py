@@ -13,6 +13,7 @@ from shapely.ops import nearest_points
 
 from pavetwin.config.base import Settings
 from pavetwin.errors import PaveTwinError
+from pavetwin.files import mending
 from pavetwin.world.buildings import buildings_by_rule, clear_of_roads
 from pavetwin.world.content import content_hash, sha256, snapped_world
 from pavetwin.world.furniture import furnish
@@ -101,7 +102,7 @@ def build_world(
         reason = error.strerror or str(error)
         raise PaveTwinError(
             f"Cannot build in the temporary folder '{tempfile.gettempdir()}': {reason}. "
-            "Free some space there or name another one in TMPDIR."
+            f"{mending(error, 'name another one in TMPDIR')}."
         ) from error
     return _build(prepared, network, net, options, tell)
 
