@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 
 from pavetwin._core import Trace
+from pavetwin.config import load_settings
+from pavetwin.defects import add_defects
 from pavetwin.errors import PaveTwinError
+from pavetwin.mission import choose_targets, prepare, totals
 from pavetwin.mission.airspace import SPAN_M, Aircraft, TraceArguments, load_airspace, with_aircraft
 from pavetwin.mission.fly import Flown, fly
-from scenes import tiny
+from scenes import built, tiny
 
 HEADER = "aircraft,t_s,x_m,y_m,altitude_m\n"
 ALTITUDE_M = 6.0
@@ -118,3 +121,30 @@ def test_a_table_that_is_none_is_refused_in_one_line(tmp_path: Path, text: str, 
     with pytest.raises(PaveTwinError, match=words) as caught:
         load_airspace(file)
     assert "\n" not in str(caught.value)
+
+
+def test_an_aircraft_that_stands_anywhere_on_the_route_is_flown_round() -> None:
+    """In a town, where corners, trees and the ends of passes leave less room than a straight street."""
+    world = add_defects(built("town")).world
+    settings = load_settings("default", altitude_m=ALTITUDE_M)
+    stage = prepare(world, settings)
+    targets = choose_targets(stage, count=4, seed=1)
+    alone = fly(stage, Sky([]), settings, targets, "hover")
+    aloft = np.flatnonzero(alone.track["altitude_m"] == ALTITUDE_M)
+    for row in np.linspace(aloft[40], aloft[-40], 12).astype(int):
+        x, y = float(alone.track["x_m"][row]), float(alone.track["y_m"][row])
+        other = aircraft((0, x, y), (600, x, y))
+        together = fly(stage, Sky([other]), settings, targets, "hover")
+        assert nearest_m(together, other) > 0.5 + SPAN_M / 2
+        assert together.duration_s < alone.duration_s + 60
+        assert together.swaps == 0
+        assert totals(together).surface_coverage > totals(alone).surface_coverage - 0.02
+
+
+def test_an_aircraft_that_never_lets_it_pass_does_not_cost_the_battery() -> None:
+    """A swarm closes the street: the UAV waits, goes home in time, and says that it cannot get there."""
+    wall = [aircraft((0, 30, y), (600, 30, y)) for y in np.arange(-9.0, 9.5, 0.8)]
+    scene = tiny.empty_street((30.0, 1.0))
+    settings = scene.settings("pattern.kind=out_and_back", "energy.model=linear", "energy.endurance_s=200")
+    with pytest.raises(PaveTwinError, match="One battery is too small"):
+        fly(scene.stage(settings), Sky(wall), settings, [0], "baseline")

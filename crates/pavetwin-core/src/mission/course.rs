@@ -44,7 +44,7 @@ pub fn nearest_reachable(mesh: &NavMesh, from: Vec2, goal: Vec2) -> Vec2 {
 }
 
 /// The point of a straight leg that is nearest to `point`.
-fn foot_on(leg: &[Vec2], point: Vec2) -> Vec2 {
+pub(super) fn foot_on(leg: &[Vec2], point: Vec2) -> Vec2 {
     let along = leg[1] - leg[0];
     let share = (point - leg[0]).dot(along) / along.dot(along).max(f64::MIN_POSITIVE);
     leg[0].lerp(leg[1], share.clamp(0.0, 1.0))

@@ -128,9 +128,7 @@ impl Flight {
     /// by those last measured and what was flown since, so that the mesh is searched only when that bound says so.
     fn weigh_way_home(&mut self) -> Result<(), FlightError> {
         let every = self.ticks(HOME_CHECK_S).max(1);
-        // An encounter is flown to its end first: it lasts seconds, and its speed belongs to no route.
-        let busy = self.heading_home || self.altitude_m == 0.0 || self.encounter.is_some();
-        if busy || !self.tick.is_multiple_of(every) {
+        if self.heading_home || self.altitude_m == 0.0 || !self.tick.is_multiple_of(every) {
             return Ok(());
         }
         if self.battery - self.cost_home() > self.settings.reserve {
@@ -139,7 +137,12 @@ impl Flight {
         let way = self.ground.mesh.path(self.position, self.base)?;
         self.home_bound_m = way.windows(2).map(|leg| leg[0].distance(leg[1])).sum();
         self.home_turns_s = self.corners_s(&way);
-        if self.battery - self.cost_home() <= self.settings.reserve {
+        if self.battery - self.cost_home() > self.settings.reserve {
+            return Ok(());
+        }
+        if self.encounter.is_some() {
+            self.give_up_encounter(); // which reports it once the UAV has come to rest
+        } else {
             self.heading_home = true;
             self.queue.push_back(Event::BatteryLow);
         }
