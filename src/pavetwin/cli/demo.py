@@ -62,8 +62,9 @@ def demo(
         f"[3/4] Flown: {len(flown)} missions over {SEGMENTS} segments at {ALTITUDE_M:g} m, {minutes:.0f} min of flight."
     )
     folder = output / "missions"
-    with progress("[4/4] Drawing maps and an animation") as tell:
-        report.save(flown, replay, folder, animated=["hover"], on_progress=tell)
+    report.save(
+        flown, replay, folder, several=True, animated=lambda mission: mission.policy == "hover", title="[4/4] Drawing"
+    )
     out.print()
     out.print(report.comparison_table(flown))
     out.print(report.sentence(flown), markup=False, soft_wrap=True)

@@ -1,13 +1,13 @@
 """What `fly` prints and writes: tables, a sentence, files."""
 
-from collections.abc import Callable, Collection, Sequence
-from functools import partial
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import yaml
 from rich.table import Table
 
+from pavetwin.cli.console import progress
 from pavetwin.mission.ledger import SegmentRow
 from pavetwin.mission.results import Drawing, Totals, save_mission, save_missions, totals
 
@@ -23,40 +23,45 @@ def settings_text(settings: "MissionSettings") -> str:
 
 
 def save(
-    flown: Sequence["Flown"],
+    missions: Iterable["Flown"],
     replay: "Replay",
     folder: Path,
     *,
-    animated: Collection[str],
-    on_progress: Callable[[float], None],
-) -> None:
-    """Write all missions with their pictures into `folder`; those of the policies `animated` move."""
+    several: bool,
+    animated: Callable[["Flown"], bool],
+    title: str = "Drawing",
+) -> list["Flown"]:
+    """Write missions into `folder`, each as it comes: its numbers, then its pictures. Returns the missions.
+
+    Args:
+        several: a folder for each policy, and a comparison.
+        animated: whether a mission is shown moving as well.
+    """
     from pavetwin.draw.animation import save_animation
     from pavetwin.draw.mission_map import save_comparison_map, save_mission_map
 
-    pictures = len(flown) + len(animated)
-    done = 0
+    flown: list[Flown] = []
 
     def draw_map(mission: "Flown", path: Path) -> None:
-        nonlocal done
-        save_mission_map(mission, path)
-        done += 1
-        on_progress(done / pictures)
+        with progress(f"{title}: {mission.policy}"):
+            save_mission_map(mission, path)
 
     def draw_animation(mission: "Flown", path: Path) -> None:
-        nonlocal done
-        save_animation(mission, replay, path, on_progress=lambda share: on_progress((done + share) / pictures))
-        done += 1
+        with progress(f"{title}: {mission.policy}, moving") as tell:
+            save_animation(mission, replay, path, on_progress=tell)
 
-    def drawings(mission: "Flown") -> list[tuple[str, Drawing]]:
-        animation: tuple[str, Drawing] = ("mission.gif", draw_animation)
-        return [("map.png", draw_map), *([animation] if mission.policy in animated else [])]
+    def drawn() -> Iterator[tuple["Flown", list[tuple[str, Drawing]]]]:
+        for mission in missions:
+            flown.append(mission)
+            moving: list[tuple[str, Drawing]] = [("mission.gif", draw_animation)] if animated(mission) else []
+            yield mission, [("map.png", draw_map), *moving]
 
-    if len(flown) == 1:
-        save_mission(flown[0], folder, drawings(flown[0]))
+    if several:
+        save_missions(drawn(), folder, [("comparison.png", lambda path: save_comparison_map(flown, path))])
     else:
-        comparison = ("comparison.png", partial(save_comparison_map, flown))
-        save_missions([(mission, drawings(mission)) for mission in flown], folder, [comparison])
+        for mission, drawings in drawn():
+            save_mission(mission, folder, drawings)
+    return flown
 
 
 def listing(flown: Sequence["Flown"], *, animate: bool) -> str:

@@ -1,8 +1,9 @@
 """A mission's files: `mission.parquet`, `track.parquet`, `captures.geojson`, `mission.yaml`; and its numbers in sum."""
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import pyarrow.parquet
 import yaml
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import writing_folder
+from pavetwin.files import writing, writing_folder
 from pavetwin.mission.fly import Flown
 from pavetwin.mission.ledger import SegmentRow
 from pavetwin.twin import Mode
@@ -162,21 +163,24 @@ def description(flown: Flown) -> dict[str, Any]:
 
 
 Drawing = Callable[[Flown, Path], None]
-"""Draws a mission into a file."""
+"""Draws a mission into a file, whole or not at all."""
 
 
 def save_mission(flown: Flown, folder: Path, drawings: Iterable[tuple[str, Drawing]] = ()) -> None:
-    """Write a mission's files into `folder`, all or none. A mission that is there already is replaced.
+    """Write a mission's files into `folder`: the numbers first, all or none, then picture by picture.
+
+    A mission that is there already is replaced.
 
     Args:
         drawings: names of further files, each with what draws it.
 
     Raises:
-        PaveTwinError: the folder holds something else, or cannot be written.
+        PaveTwinError: the folder holds something else or cannot be written, or a picture failed; the numbers stay.
     """
     check_mission_folder(folder)
     with writing_folder(folder, replace=True) as temporary:
-        _write(flown, temporary, drawings)
+        _write(flown, temporary)
+    _raise_first(_draw(flown, folder, drawings))
 
 
 def save_missions(
@@ -184,18 +188,35 @@ def save_missions(
     folder: Path,
     extras: Iterable[tuple[str, Callable[[Path], None]]] = (),
 ) -> None:
-    """Write several missions into one folder, a folder each named by its policy, all or none."""
+    """Write several missions into one folder, a folder each named by its policy.
+
+    Each is written as `missions` yields it, so that what ends the next one costs nothing of those before.
+
+    Args:
+        extras: names of files over all missions, each with what draws it, once all are there.
+
+    Raises:
+        PaveTwinError: as `save_mission`. A picture that failed is named at the end, when all else is written.
+    """
     check_mission_folder(folder)
-    with writing_folder(folder, replace=True) as temporary:
-        tables = []
-        for flown, drawings in missions:
-            part = temporary / flown.policy
-            part.mkdir()
-            _write(flown, part, drawings)
-            tables.append(segment_table(flown))
-        _write_table(pl.concat(tables), temporary / "mission.parquet")
-        for name, write in extras:
-            write(temporary / name)
+    tables: list[pl.DataFrame] = []
+    failures: list[PaveTwinError] = []
+    for flown, drawings in missions:
+        tables.append(segment_table(flown))
+        if len(tables) == 1:
+            with writing_folder(folder, replace=True) as temporary:
+                (temporary / flown.policy).mkdir()
+                _write(flown, temporary / flown.policy)
+                _write_table(tables[0], temporary / "mission.parquet")
+        else:
+            with writing_folder(folder / flown.policy, replace=True) as temporary:
+                _write(flown, temporary)
+            with writing(folder / "mission.parquet") as path:
+                _write_table(pl.concat(tables), path)
+        failures += _draw(flown, folder / flown.policy, drawings)
+    for name, draw in extras:
+        failures += _failures(draw, folder / name)
+    _raise_first(failures)
 
 
 def check_mission_folder(folder: Path) -> None:
@@ -210,13 +231,36 @@ def check_mission_folder(folder: Path) -> None:
         raise PaveTwinError(f"--output: '{folder}' exists and holds no mission; choose another folder.")
 
 
-def _write(flown: Flown, folder: Path, drawings: Iterable[tuple[str, Drawing]]) -> None:
+def _write(flown: Flown, folder: Path) -> None:
     _write_table(segment_table(flown), folder / "mission.parquet")
     _write_table(track_table(flown), folder / "track.parquet")
     (folder / "captures.geojson").write_text(json.dumps(findings_geojson(flown), indent=1) + "\n", encoding="utf-8")
     (folder / "mission.yaml").write_text(yaml.safe_dump(description(flown), sort_keys=False), encoding="utf-8")
-    for name, draw in drawings:
-        draw(flown, folder / name)
+
+
+def _draw(flown: Flown, folder: Path, drawings: Iterable[tuple[str, Drawing]]) -> list[PaveTwinError]:
+    return [failure for name, draw in drawings for failure in _failures(partial(draw, flown), folder / name)]
+
+
+def _failures(draw: Callable[[Path], None], path: Path) -> list[PaveTwinError]:
+    """Draw one picture. Whatever is wrong with it must not cost the numbers, nor the next picture."""
+    try:
+        draw(path)
+    except PaveTwinError as error:
+        return [PaveTwinError(f"'{path}' was not drawn: {error} The numbers are in '{path.parent}'.")]
+    except Exception as error:
+        failure = PaveTwinError(
+            f"'{path}' could not be drawn ({type(error).__name__}: {error}); the numbers are in '{path.parent}'. "
+            "Please report this."
+        )
+        failure.__cause__ = error
+        return [failure]
+    return []
+
+
+def _raise_first(failures: Sequence[PaveTwinError]) -> None:
+    if failures:
+        raise failures[0]
 
 
 def _write_table(table: pl.DataFrame, path: Path) -> None:
