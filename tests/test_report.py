@@ -2,12 +2,16 @@
 
 import hashlib
 from collections.abc import Iterator
+from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import polars as pl
 import pytest
+from rich.console import Console
+from rich.table import Table
 
 from pavetwin.cli import report
 from pavetwin.draw import mission_map
@@ -94,3 +98,44 @@ def test_nothing_of_a_former_mission_stays(tmp_path: Path) -> None:
     assert names(tmp_path / "m") == {"hover", "mission.parquet"}
     save_mission(flown, tmp_path / "m")
     assert names(tmp_path / "m") == NUMBERS
+
+
+def printed(table: Table, width: int = 80) -> list[str]:
+    console = Console(width=width, record=True, file=StringIO())
+    console.print(table)
+    return console.export_text().splitlines()
+
+
+def busy() -> Flown:
+    """A mission with all columns, long names and large numbers."""
+    flown = tiny.flown("queue_that_leaves", "skip")
+    (row,) = flown.rows
+    large = replace(
+        row, street="Straße des 17. Juni [Ost]", length_m=1234.0, defects=700, confirmed=699, swept=700, recovered=5,
+        coverage=1.0, swath_coverage=1.0, recovery=1.0, surface_coverage=1.0, occlusions=12345, revisits=9,
+        wait_s=12345.0, time_s=23456.0, energy=1.234,
+    )  # fmt: skip
+    return replace(flown, rows=(replace(large, segment="s0001"), replace(large, segment="s0002")), policy="hover")
+
+
+def test_only_the_street_gives_way_on_a_narrow_page() -> None:
+    lines = printed(report.segments_table(busy()))
+    assert all(len(line) <= 80 for line in lines)
+    assert [line.split()[-9:] for line in lines[-3:]] == [
+        ["1234", "699/700", "100.0", "100.0", "100.0", "12345", "12345", "23456", "123.4"],
+        ["1234", "699/700", "100.0", "100.0", "100.0", "12345", "12345", "23456", "123.4"],
+        ["2468", "1398/1400", "99.9", "0.7", "100.0", "24690", "24690", "46912", "246.8"],
+    ]
+    assert lines[-3].split()[1].startswith("Stra")
+    assert sum("…" in line for line in lines) == 2
+    assert len(lines) == 5
+    assert "Straße des 17. Juni [Ost]" in printed(report.segments_table(busy()), 120)[-3]
+
+
+def test_only_the_policy_gives_way_in_a_comparison() -> None:
+    missions = [replace(busy(), policy=f"a_very_long_name_of_a_policy_{number}") for number in "ab"]
+    lines = printed(report.comparison_table(missions))
+    assert all(len(line) <= 80 for line in lines)
+    assert len(lines) == 4
+    assert all(line.count("…") == 1 for line in lines[2:])
+    assert lines[2].split()[1:6] == ["1398", "99.9", "99.9", "0.7", "100.0"]

@@ -8,7 +8,10 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 
-out = Console(highlight=False)
+PIPE_COLUMNS = 120
+"""Width of what goes into a file or a pipe, which has none of its own."""
+
+out = Console(highlight=False, width=None if sys.stdout.isatty() or os.environ.get("COLUMNS") else PIPE_COLUMNS)
 err = Console(stderr=True, highlight=False)
 
 

@@ -5,7 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import yaml
+from rich.cells import cell_len
 from rich.table import Table
+from rich.text import Text
 
 from pavetwin.cli.console import progress
 from pavetwin.mission.ledger import SegmentRow
@@ -89,21 +91,21 @@ def segments_table(flown: "Flown") -> Table:
     idle = {"recov-\nered %"} if not sums.revisits else set()
     idle |= {"waited\ns"} if not sums.wait_s else set()
     shown = [column for column in columns if column[0] not in idle]
-    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold", show_footer=True)
-    for number, (heading, footer, _) in enumerate(shown):
-        justify: Literal["left", "right"] = "left" if number < 2 else "right"
-        table.add_column(
-            heading, footer, justify=justify, footer_style="bold", no_wrap=heading == "street", overflow="ellipsis"
-        )
+    table = _table(show_footer=True)
+    for heading, footer, text in shown:
+        if heading == "street":
+            table.add_column(heading)
+        else:
+            _add_rigid(table, heading, [text(row) for row in rows], footer, left=heading == "segment")
     for row in rows:
-        table.add_row(*(text(row) for _, _, text in shown))
+        table.add_row(*(_name(text(row)) if heading == "street" else text(row) for heading, _, text in shown))
     return table
 
 
 def comparison_table(flown: Sequence["Flown"]) -> Table:
     """One row a policy, the best of each column in bold."""
     sums = [totals(mission) for mission in flown]
-    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
+    table = _table()
     table.add_column("policy")
     measures: list[tuple[str, Callable[[Totals], float | None], str, int]] = [
         ("defects\nfound", lambda t: t.confirmed, "{:.0f}", 1),
@@ -116,25 +118,38 @@ def comparison_table(flown: Sequence["Flown"]) -> Table:
         ("batt-\nery %", lambda t: 100 * t.energy, "{:.1f}", -1),
         ("flown\nkm", lambda t: t.distance_m / 1000, "{:.2f}", -1),
     ]
-    for heading, *_ in measures:
-        table.add_column(heading, justify="right")
-    cells = [
-        [_cells(value, form, better, sums)[row] for _, value, form, better in measures] for row in range(len(sums))
-    ]
-    for mission, row in zip(flown, cells, strict=True):
-        table.add_row(mission.policy, *row)
+    columns = [_cells(value, form, better, sums) for _, value, form, better in measures]
+    for (heading, *_), cells in zip(measures, columns, strict=True):
+        _add_rigid(table, heading, [cell.plain for cell in cells])
+    for mission, *cells in zip(flown, *columns, strict=True):
+        table.add_row(_name(mission.policy), *cells)
     return table
 
 
-def _cells(value: Callable[[Totals], float | None], form: str, better: int, sums: Sequence[Totals]) -> list[str]:
+def _table(*, show_footer: bool = False) -> Table:
+    return Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold", show_footer=show_footer)
+
+
+def _add_rigid(table: Table, heading: str, cells: Sequence[str], footer: str = "", *, left: bool = False) -> None:
+    """A column that keeps its width on the narrowest page: half a number is a wrong number."""
+    width = max(cell_len(line) for line in (*heading.split("\n"), *cells, footer))
+    justify: Literal["left", "right"] = "left" if left else "right"
+    table.add_column(heading, footer, justify=justify, footer_style="bold", no_wrap=True, min_width=width)
+
+
+def _name(text: str) -> Text:
+    """A cell that gives way, as it stands: brackets in a name are no markup."""
+    return Text(text, no_wrap=True, overflow="ellipsis")
+
+
+def _cells(value: Callable[[Totals], float | None], form: str, better: int, sums: Sequence[Totals]) -> list[Text]:
     """One column, its best in bold where one is better (1: the largest, −1: the smallest) and they differ."""
     values = [value(sum_) for sum_ in sums]
     texts = ["–" if number is None else form.format(number) for number in values]
     known = [number * better for number in values if number is not None]
-    if not better or not known or len(set(texts)) == 1:
-        return texts
-    best = form.format(max(known) * better)
-    return [f"[bold]{text}[/]" if text == best else text for text in texts]
+    differ = bool(better and known and len(set(texts)) > 1)
+    best = form.format(max(known) * better) if differ else None
+    return [Text(text, style="bold" if text == best else "") for text in texts]
 
 
 def sentence(flown: Sequence["Flown"]) -> str:
