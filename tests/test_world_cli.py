@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 
 from pavetwin.cli import main
+from pavetwin.world.connected import LeftOut
+from pavetwin.world.store import load_record
 from scenes import scene_file
 
 
@@ -27,6 +29,36 @@ def test_build_and_info_say_what_is_there(
         assert word in said
     assert run(monkeypatch, "world", "info", target) == 0
     assert "14 (" in capsys.readouterr().out
+
+
+def test_streets_that_are_not_connected_are_said_to_be_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    island = """
+      <node id="901" version="1" lat="52.0100" lon="13.0100"/>
+      <node id="902" version="1" lat="52.0110" lon="13.0100"/>
+      <node id="903" version="1" lat="52.0120" lon="13.0100"/>
+      <node id="911" version="1" lat="52.0200" lon="13.0100"/>
+      <node id="912" version="1" lat="52.0209" lon="13.0100"/>
+      <way id="991" version="1"><nd ref="901"/><nd ref="902"/><tag k="highway" v="residential"/>
+        <tag k="name" v="Far Lane"/></way>
+      <way id="992" version="1"><nd ref="902"/><nd ref="903"/><tag k="highway" v="residential"/>
+        <tag k="name" v="Far Lane"/></way>
+      <way id="993" version="1"><nd ref="911"/><nd ref="912"/><tag k="highway" v="residential"/></way>
+    """
+    text = "".join(line for line in scene_file("cross").open(encoding="utf-8") if "Insel" not in line)
+    (tmp_path / "whole.osm").write_text(text, encoding="utf-8")
+    (tmp_path / "islands.osm").write_text(text.replace("</osm>", island + "</osm>"), encoding="utf-8")
+    for name in ("whole", "islands"):
+        assert run(monkeypatch, "world", "build", str(tmp_path / f"{name}.osm"), "-o", str(tmp_path / name)) == 0
+        assert ("left out" in capsys.readouterr().out) == (name == "islands")
+    assert load_record(tmp_path / "whole").left_out == LeftOut()
+    lost = load_record(tmp_path / "islands").left_out
+    assert lost.streets == 2
+    # A degree of latitude there is 111.26 km long on the ellipsoid.
+    assert lost.length_m == pytest.approx(0.0029 * 111_260, rel=2e-3)
+    assert run(monkeypatch, "world", "info", str(tmp_path / "islands")) == 0
+    assert "2 streets" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

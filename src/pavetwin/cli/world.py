@@ -115,6 +115,9 @@ def _summary(world: "World", record: "BuildRecord") -> list[tuple[str, str]]:
         ("buildings", _of_map(len(world.buildings), houses)),
     ]
     rows += [(name.replace("_", " ") + "s", _of_map(kinds[name], mapped.get(name, 0))) for name in sorted(kinds)]
+    if lost := record.left_out.streets:
+        streets = "1 street" if lost == 1 else f"{lost} streets"
+        rows.append(("left out", f"{streets} ({record.left_out.length_m:.0f} m) that no street joins to the rest"))
     shares = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in sorted(classes.items()))
     rows.append(("defects", f"{len(world.defects)}" + (f" ({shares})" if shares else "")))
     rows.append(("content", world.content_hash[:12]))

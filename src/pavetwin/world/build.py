@@ -15,6 +15,7 @@ from pavetwin.config.base import Settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import mending
 from pavetwin.world.buildings import buildings_by_rule, clear_of_roads
+from pavetwin.world.connected import LeftOut
 from pavetwin.world.content import content_hash, sha256, snapped_world
 from pavetwin.world.furniture import furnish
 from pavetwin.world.generate import NetworkKind, generate_network
@@ -54,6 +55,8 @@ class BuildRecord(Settings):
     options: BuildOptions = BuildOptions()
     mapped: dict[str, int] = Field(default_factory=dict)
     """How many buildings and how much of each kind of furniture came from the source; the rest was placed by rule."""
+    left_out: LeftOut = LeftOut()
+    """Streets of the source that are not connected with the rest."""
     defects: dict[str, Any] = Field(default_factory=dict)
     """How the defects were placed."""
 
@@ -124,12 +127,13 @@ def _prepare(source: str | Path | NetworkKind, options: BuildOptions, folder: Pa
     if kind == "osm":
         if options.anchor is not None:
             raise PaveTwinError(f"'{source}' says itself where it lies; leave --anchor away.")
-        network_from_osm(source, target, left_hand=options.left_hand)
+        lost = network_from_osm(source, target, left_hand=options.left_hand)
     else:
+        lost = LeftOut()
         network_from_net(source, target)
     with source.open("rb") as stream:
         name = sha256(iter(lambda: stream.read(1 << 20), b""))
-    record = BuildRecord(source=source.name, source_sha256=name, options=options)
+    record = BuildRecord(source=source.name, source_sha256=name, options=options, left_out=lost)
     return _Source(target, record, osm_file=source if kind == "osm" else None)
 
 

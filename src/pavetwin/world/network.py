@@ -11,11 +11,12 @@ import gzip
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.world.connected import LeftOut, left_out
+from pavetwin.world.osm_file import osm_objects
 from pavetwin.world.sumo import NO_VALIDATION, data_file, run_tool
 
 OSM_SUFFIXES = (".osm", ".osm.gz", ".osm.pbf")
@@ -69,8 +70,8 @@ def source_kind(source: Path) -> str:
     )
 
 
-def network_from_osm(source: Path, target: Path, *, left_hand: bool = False) -> None:
-    """Write the SUMO network of an OSM file to `target`.
+def network_from_osm(source: Path, target: Path, *, left_hand: bool = False) -> LeftOut:
+    """Write the SUMO network of an OSM file to `target`; returns what was not connected with it.
 
     Raises:
         PaveTwinError: the file is cut short or no OSM, it has no streets, or SUMO is missing.
@@ -87,6 +88,7 @@ def network_from_osm(source: Path, target: Path, *, left_hand: bool = False) -> 
         doing = f"Cannot build the road network of '{source}'"
         run_tool("netconvert", [*arguments, *NETCONVERT_OPTIONS], doing=doing)
         copy_without_stamp(made, target)
+        return left_out(streets, target)
 
 
 def network_from_net(source: Path, target: Path) -> None:
@@ -142,31 +144,6 @@ def write_streets(source: Path, target: Path) -> int:
     except RuntimeError as error:  # what osmium raises when the disk is full
         raise OSError(str(error)) from error
     return streets
-
-
-def osm_objects(
-    source: Path, *, only_ways: bool = False, areas: bool = False, keys: Sequence[str] = ()
-) -> Iterator[Any]:
-    """The objects of an OSM file in file order; with the areas made of ways and relations, and only those that have
-    one of `keys` as a tag, when asked.
-
-    Raises:
-        PaveTwinError: the file cannot be read to its end.
-    """
-    import osmium
-
-    filters = [osmium.filter.KeyFilter(*keys)] if keys else []
-    try:
-        processor = osmium.FileProcessor(str(source), osmium.osm.WAY if only_ways else osmium.osm.ALL)
-        if areas:
-            processor = processor.with_areas(*filters)
-        for each in filters:
-            processor = processor.with_filter(each)
-        yield from processor
-    except (RuntimeError, OSError, EOFError) as error:
-        raise PaveTwinError(
-            f"'{source}' cannot be read as OpenStreetMap data ({error}); it may be cut short: download it again."
-        ) from error
 
 
 def is_street(tags: Any) -> bool:

@@ -1,0 +1,32 @@
+"""Reading OpenStreetMap files, whole or with a plain sentence."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from pavetwin.errors import PaveTwinError
+
+
+def osm_objects(
+    source: Path, *, only_ways: bool = False, areas: bool = False, keys: Sequence[str] = ()
+) -> Iterator[Any]:
+    """The objects of an OSM file in file order; with the areas made of ways and relations, and only those that have
+    one of `keys` as a tag, when asked.
+
+    Raises:
+        PaveTwinError: the file cannot be read to its end.
+    """
+    import osmium
+
+    filters = [osmium.filter.KeyFilter(*keys)] if keys else []
+    try:
+        processor = osmium.FileProcessor(str(source), osmium.osm.WAY if only_ways else osmium.osm.ALL)
+        if areas:
+            processor = processor.with_areas(*filters)
+        for each in filters:
+            processor = processor.with_filter(each)
+        yield from processor
+    except (RuntimeError, OSError, EOFError) as error:
+        raise PaveTwinError(
+            f"'{source}' cannot be read as OpenStreetMap data ({error}); it may be cut short: download it again."
+        ) from error
