@@ -13,6 +13,7 @@ from PIL import Image
 
 from pavetwin.draw import style
 from pavetwin.draw.marks import (
+    NUMBER,
     Outcome,
     displacements,
     outcomes,
@@ -27,6 +28,7 @@ from pavetwin.draw.turned import Turn
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.fly import Flown
 from pavetwin.mission.ground import window_m
+from pavetwin.twin import Mode
 from scenes import tiny
 
 POLICIES = ("baseline", "hover", "micro", "skip")
@@ -93,6 +95,21 @@ def test_revisits_last_as_long_as_the_policy_stays() -> None:
     places = revisits(flown)
     assert 1 <= len(places) <= sum(row.revisits for row in flown.rows)
     assert sum(stay.seconds for stay in places) >= flown.settings.policy.revisit_stay_s
+
+
+def test_giving_way_is_marked_only_where_it_occurs() -> None:
+    flown = tiny.flown("lively_street", "hover")
+    mode = np.array(flown.track["mode"])
+    mode[20:30], mode[40:45] = NUMBER[Mode.AVOID], NUMBER[Mode.AVOID]
+    avoided = replace(flown, track={**flown.track, "mode": mode})  # type: ignore[arg-type]
+    for mission, stretches in ((flown, 0), (avoided, 2)):
+        figure = figure_of(mission)
+        bands = [c for axes in figure.axes for c in axes.collections if c.get_gid() == "avoiding"]
+        assert bands
+        assert all(len(band.get_paths()) == stretches for band in bands)
+        legends = [axes.get_legend() for axes in figure.axes if axes.get_legend() is not None]
+        words = [text.get_text() for legend in legends for text in legend.get_texts()]
+        assert ("Giving way to aircraft" in words) == bool(stretches)
 
 
 def test_windows_have_the_size_of_the_inspection_window() -> None:

@@ -15,7 +15,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.path import Path as Outline
 from matplotlib.textpath import TextPath
 from matplotlib.transforms import Affine2D
-from shapely import LineString, Polygon
+from shapely import Geometry, LineString, Polygon
 
 from pavetwin.draw import style
 from pavetwin.draw.shapes import fill, fill_outlines, points_per_m
@@ -42,12 +42,12 @@ class Room:
     """What lettering has taken of the paper already."""
 
     def __init__(self) -> None:
-        self.taken: list[Polygon] = []
+        self.taken: list[Geometry] = []
 
     def free(self, shape: Polygon) -> bool:
         return not self.taken or not bool(shapely.intersects(np.array(self.taken, dtype=object), shape).any())
 
-    def take(self, shape: Polygon) -> None:
+    def take(self, shape: Geometry) -> None:
         self.taken.append(shape)
 
 
@@ -70,22 +70,33 @@ def segment_ids(axes: Axes, segments: Iterable[Segment], room: Room) -> list[str
     return left_out
 
 
-def street_names(axes: Axes, segments: Sequence[Segment], room: Room, colour: str = style.INK) -> None:
-    """Write each street's name along it, again and again on a long one, where there is room."""
+def street_names(
+    axes: Axes, segments: Sequence[Segment], room: Room, colour: str = style.INK, zorder: float = 40
+) -> list[str]:
+    """Write each street's name along it, again and again on a long one, where there is room.
+
+    Returns:
+        The names for which there was none.
+    """
     per_m = points_per_m(axes)
     glyphs: list[Outline] = []
     spines: list[Polygon] = []
+    left_out = []
     for name, pieces in streets(segments).items():
         width_m = min(segment.width_m for segment in pieces)
         size = float(np.clip(0.72 * width_m * per_m, SMALLEST_PT, LARGEST_PT))
+        before = len(glyphs)
         for line in chains([segment.centre_line for segment in pieces]):
             for letters, spine in _along(axes, line, name, size, per_m, room):
                 glyphs += letters
                 spines.append(spine.buffer(min(0.4 * size / per_m, 0.4 * width_m), cap_style="flat"))
+        if len(glyphs) == before:
+            left_out.append(name)
     # Lane lines between two words would read as hyphens.
     fill(axes, spines, 4.5, style.CARRIAGEWAY)
     for face, edge, width in ((style.PAPER, style.PAPER, 1.5), (colour, "none", 0.0)):
-        fill_outlines(axes, glyphs, 40, face, edge, width, alpha=0.9)
+        fill_outlines(axes, glyphs, zorder, face, edge, width, alpha=0.9)
+    return left_out
 
 
 def streets(segments: Iterable[Segment]) -> dict[str, list[Segment]]:

@@ -134,6 +134,11 @@ def inspecting(flown: Flown) -> npt.NDArray[np.bool_]:
     return np.asarray(np.isfinite(flown.track["visibility"]), dtype=np.bool_)
 
 
+def avoiding(flown: Flown) -> npt.NDArray[np.bool_]:
+    """(n,) for each sample of the track, whether the UAV gave way to another aircraft."""
+    return np.asarray(flown.track["mode"] == NUMBER[Mode.AVOID], dtype=np.bool_)
+
+
 def rectangles(x_m: Floats, y_m: Floats, yaw_rad: Floats, across_m: float, along_m: float) -> Floats:
     """(n, 4, 2) corners of rectangles on the ground, `along_m` in the direction of the yaw and `across_m` beside it."""
     forward = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=-1)

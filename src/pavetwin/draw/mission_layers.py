@@ -14,7 +14,18 @@ from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.patches import FancyArrowPatch
 
 from pavetwin.draw import style
-from pavetwin.draw.marks import Outcome, Stay, displacements, inspecting, outcomes, revisits, runs, waits, windows
+from pavetwin.draw.marks import (
+    Outcome,
+    Stay,
+    avoiding,
+    displacements,
+    inspecting,
+    outcomes,
+    revisits,
+    runs,
+    waits,
+    windows,
+)
 from pavetwin.draw.shapes import outline
 from pavetwin.draw.turned import Turn
 from pavetwin.draw.world_map import ABOVE_WORLD, base_symbol
@@ -23,7 +34,10 @@ from pavetwin.mission.fly import Flown
 CAPTURED, GAP = "#CFE2EF", "#F3CDB4"
 """Pavement of an inspected segment inside and outside all captured windows."""
 
-WAIT, REVISIT, STEP, BATTERY = "#5B2A86", "#0063B1", "#B0307A", "#7A5A00"
+WAIT, REVISIT, STEP, BATTERY, AVOID = "#5B2A86", "#0063B1", "#B0307A", "#7A5A00", "#00A0A0"
+
+NAMES = ABOVE_WORLD + 13
+"""Street names, between the route and the marks on it."""
 
 _SURFACE, _WINDOWS, _ROUTE, _STAYS, _DEFECTS, _LABELS = (ABOVE_WORLD + 5 * level for level in range(6))
 
@@ -96,8 +110,16 @@ def draw_windows(axes: Axes, flown: Flown, turn: Turn, segment: int) -> None:
 
 
 def draw_route(axes: Axes, flown: Flown, turn: Turn, weights: Weights) -> None:
-    """The way flown: thin in transit, thick and coloured by visibility while inspecting."""
+    """The way flown: thin in transit, thick and coloured by visibility while inspecting, in a band while giving way."""
     xy = turn.points(np.column_stack([flown.track["x_m"], flown.track["y_m"]]))
+    away = [xy[max(rows.start - 1, 0) : rows.stop + 1] for rows in runs(avoiding(flown))]
+    axes.add_collection(
+        LineCollection(
+            away, colors=AVOID, linewidths=weights.inspection + 4, alpha=0.4, capstyle="round", zorder=_ROUTE - 1,
+            gid="avoiding",
+        ),
+        autolim=False,
+    )  # fmt: skip
     seen = inspecting(flown)
     others = [xy[rows.start : rows.stop + 1] for rows in runs(~seen)]
     axes.add_collection(

@@ -9,8 +9,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pavetwin.draw import style
-from pavetwin.draw.marks import Outcome, displacements, outcomes, revisits, waits
-from pavetwin.draw.mission_layers import BATTERY, CAPTURED, GAP, REVISIT, STEP, WAIT
+from pavetwin.draw.marks import Outcome, avoiding, displacements, outcomes, revisits, waits
+from pavetwin.draw.mission_layers import AVOID, BATTERY, CAPTURED, GAP, REVISIT, STEP, WAIT
 from pavetwin.mission.fly import Flown
 
 Handle = Artist | tuple[Artist, ...]
@@ -71,6 +71,8 @@ def legend_of(flowns: Sequence[Flown], *, town: bool) -> tuple[list[Handle], lis
     if any(revisits(flown) for flown in flowns):
         square = Line2D([], [], marker="s", color=REVISIT, linestyle="", mfc="none", markersize=6, mew=0.9)
         add(square, "Place revisited")
+    if any(avoiding(flown).any() for flown in flowns):
+        add(Line2D([], [], color=AVOID, linewidth=5, alpha=0.4), "Giving way to aircraft")
     if town:
         if flowns[0].swaps:
             add(Line2D([], [], marker="P", color=BATTERY, linestyle="", markersize=6), "Battery low")

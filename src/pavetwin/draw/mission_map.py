@@ -10,9 +10,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.legend_handler import HandlerTuple
 
-from pavetwin.draw import style
+from pavetwin.draw import lettering, style
 from pavetwin.draw.marks import telling_segments
 from pavetwin.draw.mission_layers import (
+    NAMES,
     TOWN,
     draw_defects,
     draw_reactions,
@@ -27,6 +28,7 @@ from pavetwin.draw.turned import Turn
 from pavetwin.draw.world_map import ABOVE_WORLD, EVERYTHING, Layer, credit, draw_world
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.fly import Flown
+from pavetwin.mission.ground import window_m
 
 WIDTH_IN = 10.0
 MARGIN_IN = 0.25
@@ -71,7 +73,7 @@ def mission_figure(flown: Flown) -> Figure:
     strips = [Strip.of(flown, name, side_w if narrow else inner) for name in telling_segments([flown])[:3]]
     room = town_h - NUMBERS_IN if narrow else 2 * TALLEST_IN + 1
     strips = [s for n, s in enumerate(strips) if sum(each.with_caption_in for each in strips[: n + 1]) <= room]
-    strips = strips if narrow else strips[:2]
+    strips = _heightened(strips, room) if narrow else strips[:2]
     below = 0.0 if narrow else sum(strip.with_caption_in for strip in strips)
     height = MARGIN_IN + below + GAP_IN + town_h + HEAD_IN
     figure = style.new_figure(WIDTH_IN, height)
@@ -95,6 +97,12 @@ def mission_figure(flown: Flown) -> Figure:
         draw_strip(figure, strip, flown, (x, y))
         y -= GAP_IN
     return figure
+
+
+def _heightened(strips: Sequence[Strip], room_in: float) -> list[Strip]:
+    """Strips that show more beside their streets, as far as there is room."""
+    spare_in = room_in - sum(strip.with_caption_in for strip in strips)
+    return [strip.heightened(min(TALLEST_IN, strip.height_in + spare_in / len(strips))) for strip in strips]
 
 
 def save_comparison_map(flowns: Sequence[Flown], path: Path) -> None:
@@ -162,7 +170,7 @@ def fitted(bounds: style.Bounds, ratio: float) -> style.Bounds:
 
 
 def _draw_town(axes: Axes, flown: Flown, bounds: style.Bounds, strips: Sequence[Strip]) -> None:
-    quiet = EVERYTHING - {Layer.BASE, Layer.TREES, Layer.FURNITURE, Layer.MARKINGS, Layer.CROSSINGS}
+    quiet = EVERYTHING - {Layer.BASE, Layer.TREES, Layer.FURNITURE, Layer.MARKINGS, Layer.CROSSINGS, Layer.STREET_NAMES}
     draw_world(axes, flown.stage.world, bounds=bounds, layers=quiet, defects=False, muted=True)
     weights = TOWN.times(float(np.clip(points_per_m(axes), 0.45, 1.0)))
     for strip, letter in zip(strips, "abc", strict=False):
@@ -175,11 +183,27 @@ def _draw_town(axes: Axes, flown: Flown, bounds: style.Bounds, strips: Sequence[
         disc = {"boxstyle": "circle,pad=0.18", "facecolor": style.PAPER, "edgecolor": style.INK, "linewidth": 0.8}
         text = axes.text(float(corner[0]), float(corner[1]), letter, fontsize=9, fontweight="bold", bbox=disc)
         text.set(ha="center", va="center", zorder=ABOVE_WORLD + 40)
+    _name_streets(axes, flown)
     draw_surfaces(axes, flown, _PLAIN)
     draw_route(axes, flown, _PLAIN, weights)
     draw_defects(axes, flown, _PLAIN, weights)
     draw_reactions(axes, flown, _PLAIN, weights)
     draw_stations(axes, flown, _PLAIN)
+
+
+def _name_streets(axes: Axes, flown: Flown) -> None:
+    """Beside what was inspected where the street goes on, else across it."""
+    segments = flown.stage.world.segments
+    inspected = {row.segment for row in flown.rows}
+    base = flown.stage.world.base.buffer(6.0 / points_per_m(axes))
+    clear, any_ = lettering.Room(), lettering.Room()
+    for place in (base, *(segment.polygon for segment in segments if segment.id in inspected)):
+        clear.take(place)
+    hidden = lettering.street_names(axes, segments, clear, style.INK_SOFT, NAMES)
+    for place in (base, *clear.taken[len(inspected) + 1 :]):
+        any_.take(place)
+    rest = [segment for segment in segments if segment.street in hidden]
+    lettering.street_names(axes, rest, any_, style.INK_SOFT, NAMES)
 
 
 def _draw_side(axes: Axes, flown: Flown, inches_per_m: float, *, narrow: bool) -> None:
@@ -221,6 +245,8 @@ def _credit(flown: Flown) -> str | None:
 def _subtitle(flown: Flown, first: str) -> str:
     parts = [first, f"altitude {flown.stage.altitude_m:g} m"]
     parts += [f"traffic {flown.traffic}"] if flown.traffic else []
+    across, along = window_m(flown.settings)
+    parts += [flown.settings.pattern.kind.replace("_", " "), f"window {across:.1f} × {along:.1f} m"]
     parts += [f"sensor {flown.sensor}", f"seed {flown.seed}"]
     return "  ·  ".join(parts)
 

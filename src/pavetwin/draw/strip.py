@@ -1,6 +1,6 @@
 """A close view of one segment, turned so that the street lies along the page."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, sin
 
 import numpy as np
@@ -63,6 +63,10 @@ class Strip:
         high_m = max(top - bottom, 6.0) + float(np.clip(across - place.width_m, 4.0, 9.0)) + 1
         per_m = min(width_in / long_m, tallest_in / high_m)
         return Strip(segment, turn, width_in / per_m, high_m, high_m * per_m, width_in)
+
+    def heightened(self, height_in: float) -> "Strip":
+        """The same view with more above and below."""
+        return replace(self, height_in=height_in, height_m=self.height_m * height_in / self.height_in)
 
     def outline(self) -> Floats:
         """(5, 2) its frame in the world frame, closed."""
