@@ -129,6 +129,54 @@ def test_ones_own_policy_from_a_file(world: Path, tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["b", "m", "restless.py"]  # no __pycache__
 
 
+def test_another_mission_gets_another_folder_and_the_same_one_the_same(world: Path, tmp_path: Path) -> None:
+    own = tmp_path / "cross"
+    shutil.copytree(world, own)
+    plain = "hover-low-1-10m-default-seed1"
+    short = ("--density", "low", "--seed", "1")
+    for options, count in (
+        ((), 1),
+        (("--set", "policy.max_wait_s=60"), 2),
+        (("--set", "policy.max_wait_s=90"), 3),
+        (("--set", "policy.max_wait_s=60"), 3),
+        (("--segments", "2"), 4),
+        (("--segment", "s0001"), 5),
+        (("--defect-seed", "5"), 6),
+        (("--segments", "8", "--altitude", "10"), 6),
+    ):
+        done = pavetwin("fly", own, *short, *options)
+        assert done.returncode == 0, done.stderr
+        names = {path.name for path in (own / "missions").iterdir()}
+        assert len(names) == count, options
+        assert plain in names
+        assert all(name.startswith(plain) for name in names)
+
+
+def test_a_mission_is_flown_again_from_its_description(world: Path, tmp_path: Path) -> None:
+    first = ("--density", "low", "--segments", "3", "--order", "near", "--policy", "micro", "--altitude", "9")
+    done = pavetwin("fly", world, *first, "--seed", "4", "--set", "policy.max_wait_s=33", "-o", tmp_path / "m")
+    assert done.returncode == 0, done.stderr
+    again = ("fly", world, "--again", tmp_path / "m" / "mission.yaml")
+    done = pavetwin(*again)
+    assert done.returncode == 0, done.stderr
+    assert "The same as the first time." in done.stdout
+    assert digests(tmp_path / "m-again") == digests(tmp_path / "m")
+    done = pavetwin(*again, "--defect-seed", "7", "-o", tmp_path / "other")
+    assert "not the same as the first time" in done.stdout
+    assert "--seed" in plain_refusal(pavetwin(*again, "--seed", "1"))
+    save_world(built("cross", seed=2), tmp_path / "elsewhere")
+    assert "flown over the world" in plain_refusal(pavetwin("fly", tmp_path / "elsewhere", *again[2:]))
+    text = (tmp_path / "m" / "mission.yaml").read_text()
+    for name, words, damage in (
+        ("torn", "not a whole mission.yaml", text.replace("seed: 4", "sead: 4")),
+        ("none", "not a mission.yaml", "- 1"),
+        ("odd", "max_wait_s", text.replace("max_wait_s: 33", "max_wait_s: soon")),
+        ("own", "--routes", text.replace("traffic: low-4", "traffic: user-rush-4")),
+    ):
+        (tmp_path / f"{name}.yaml").write_text(damage)
+        assert words in plain_refusal(pavetwin(*again[:3], tmp_path / f"{name}.yaml"))
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -159,6 +207,7 @@ def test_ones_own_policy_from_a_file(world: Path, tmp_path: Path) -> None:
         (("--sgements", "3"), "--segments"),
         (("--traffic", "nowhere.parquet"), "nowhere.parquet"),
         (("--airspace", "nowhere.csv"), "nowhere.csv"),
+        (("--policy", "hover", "--again", "nowhere.yaml"), "--density"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(world: Path, tmp_path: Path, arguments: tuple[str, ...], words: str) -> None:
@@ -238,6 +287,9 @@ def test_an_interrupted_run_leaves_nothing_half_written(
         pytest.skip("the run was over before it could be interrupted")
     assert process.returncode == code, words
     assert words == f"Error: {said}; nothing half-written was left behind.\n"
-    assert not (tmp_path / "m").exists()
+    assert [path.name for path in tmp_path.iterdir() if path.name not in ("cross", "m")] == []
+    for flown in (tmp_path / "m").glob("*/"):  # missions that were whole by then
+        assert {"mission.parquet", "track.parquet", "captures.geojson", "mission.yaml"} <= set(digests(flown))
+    assert not [name for name in digests(tmp_path) if Path(name).name.startswith(".")]
     left = set(digests(target)) - before
     assert all(Path(name).parts[0] in ("traffic", "navmesh") and not Path(name).name.startswith(".") for name in left)

@@ -200,8 +200,8 @@ def _name_streets(axes: Axes, flown: Flown) -> None:
     for place in (base, *(segment.polygon for segment in segments if segment.id in inspected)):
         clear.take(place)
     hidden = lettering.street_names(axes, segments, clear, style.INK_SOFT, NAMES)
-    for place in (base, *clear.taken[len(inspected) + 1 :]):
-        any_.take(place)
+    for written in (base, *clear.taken[len(inspected) + 1 :]):
+        any_.take(written)
     rest = [segment for segment in segments if segment.street in hidden]
     lettering.street_names(axes, rest, any_, style.INK_SOFT, NAMES)
 
