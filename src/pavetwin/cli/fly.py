@@ -1,7 +1,9 @@
 """`pavetwin fly`: fly missions and write what they leave."""
 
+import json
 import math
 from collections.abc import Sequence
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,22 +14,28 @@ from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
     from pavetwin.config import MissionSettings
+    from pavetwin.mission.again import Again
     from pavetwin.mission.fly import Flown
     from pavetwin.mission.ground import Stage
     from pavetwin.mission.replay import Replay
+    from pavetwin.traffic.demand import Density
     from pavetwin.world.model import Defect, World
 
-ALL = "all"
+ALL, SEGMENTS = "all", "8"
+
+SAID_BY_AGAIN = ("density", "altitude", "segments", "segment", "order", "seed", "preset", "set_")
+"""Options that a mission.yaml answers."""
 
 
 def fly(
+    context: typer.Context,
     world: Annotated[Path, typer.Argument(help="Folder of the world.")],
     density: Annotated[str, typer.Option(help="Traffic: low, medium or high.")] = "medium",
     altitude: Annotated[float | None, typer.Option(help="Metres above ground; 10 unless set otherwise.")] = None,
     policy: Annotated[
         str, typer.Option(help="baseline, hover, micro, skip; all for the four; or your own, file.py:ClassName.")
     ] = "hover",
-    segments: Annotated[str, typer.Option(metavar="N|all", help="How many segments to inspect.")] = "8",
+    segments: Annotated[str, typer.Option(metavar="N|all", help="How many segments to inspect.")] = SEGMENTS,
     segment: Annotated[
         list[str] | None, typer.Option(help="Inspect this segment; may be given several times. Replaces --segments.")
     ] = None,
@@ -48,6 +56,9 @@ def fly(
         Path | None, typer.Option(metavar="FILE.csv", help="Other aircraft: aircraft, t_s, x_m, y_m, altitude_m.")
     ] = None,
     defect_seed: Annotated[int | None, typer.Option(help="Place the defects anew under this seed.")] = None,
+    again: Annotated[
+        Path | None, typer.Option(metavar="mission.yaml", help="Fly that mission again; replaces what it says.")
+    ] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the results.")] = None,
     animate: Annotated[bool, typer.Option("--animate", help="Also draw an animation, mission.gif.")] = False,
     settings: Annotated[bool, typer.Option("--settings", help="Show all settings as they would be, and stop.")] = False,
@@ -58,9 +69,11 @@ def fly(
     pavetwin fly worlds/town --density high --altitude 10 --policy hover --segments 8 --seed 1
     pavetwin fly worlds/town --policy all --preset paper --altitude 6
     pavetwin fly worlds/town --segment s0004 --policy my_policy.py:Careful --set policy.max_wait_s=60
+    pavetwin fly worlds/town --again worlds/town/missions/hover-high-1-10m-default-seed1/mission.yaml
     """
     from pavetwin.cli import report
     from pavetwin.config import load_settings
+    from pavetwin.mission.again import read_mission
     from pavetwin.mission.airspace import load_airspace
     from pavetwin.mission.ground import prepare
     from pavetwin.mission.results import check_mission_folder
@@ -74,6 +87,18 @@ def fly(
         raise PaveTwinError(f"--altitude {altitude:g}: the UAV flies at a number of metres above 0.")
     given = {} if altitude is None else {"altitude_m": altitude}
     chosen = load_settings(preset, set_ or (), **given)
+    loaded, former, traffic_seed = None, None, seed
+    wanted: Density | None = _density(density)
+    if again is not None:
+        _refuse_answered(context)
+        loaded = load_world(world)
+        former = read_mission(again, loaded)
+        chosen, seed, segment = former.settings, former.seed, list(former.segments)
+        wanted, traffic_seed = former.density, former.traffic_seed
+        policy = policy if _given(context, "policy") else former.policy
+        if wanted is None and not routes and traffic is None:
+            raise PaveTwinError("--again: the mission was flown over your own routes; give them by --routes as well.")
+        output = output or again.absolute().parent.with_name(f"{again.absolute().parent.name}-again")
     if settings:
         out.print(report.settings_text(chosen), markup=False)
         return
@@ -85,15 +110,26 @@ def fly(
     energy_curve(chosen.energy)
     if seed < 0:
         raise PaveTwinError(f"--seed {seed}: seeds are whole numbers from 0.")
-    loaded = load_world(world)
+    loaded = loaded or load_world(world)
     with progress("Preparing the flight domain") as tell:
         stage = prepare(loaded, chosen, _defects(loaded, defect_seed))
         tell(1.0)
     targets = choose_targets(stage, count=_count(segments), names=segment or (), order=order, seed=seed)
     aircraft = load_airspace(airspace) if airspace is not None else ()
-    replay = _replay(loaded, density, seed, traffic, routes or [])
+    replay = _replay(loaded, wanted, traffic_seed, traffic, routes or [])
     replay.aircraft = aircraft
-    folder = output or world / "missions" / _folder_name(policy, replay, chosen, preset, seed)
+    folder = output or world / "missions" / _folder_name(
+        policy,
+        replay,
+        chosen,
+        preset,
+        seed,
+        others={
+            "segments": targets if segment or order != "random" or segments != SEGMENTS else None,
+            "defect_seed": defect_seed,
+            "airspace": airspace and sha256(airspace.read_bytes()).hexdigest(),
+        },
+    )
     check_mission_folder(folder)
     missions = (_fly_one(stage, replay, chosen, targets, name, seed) for name in names)
     flown = report.save(missions, replay, folder, several=policy == ALL, animated=lambda _: animate)
@@ -101,6 +137,9 @@ def fly(
         out.print(f"[yellow]Note:[/] {remark}")
     out.print(report.segments_table(flown[0]) if len(flown) == 1 else report.comparison_table(flown))
     out.print(report.sentence(flown), markup=False, soft_wrap=True)
+    for mission in flown:
+        if former is not None and mission.policy == former.policy:
+            out.print(_compared(former, mission), soft_wrap=True)
     out.print(f"Results in {folder}/: {report.listing(flown, animate=animate)}", markup=False, soft_wrap=True)
 
 
@@ -116,7 +155,7 @@ def _fly_one(
         )
 
 
-def _replay(world: "World", density: str, seed: int, file: Path | None, routes: list[Path]) -> "Replay":
+def _replay(world: "World", density: "Density | None", seed: int, file: Path | None, routes: list[Path]) -> "Replay":
     from pavetwin.mission.replay import Replay, replay_of
     from pavetwin.traffic.recording import load_recording
 
@@ -145,6 +184,56 @@ def _count(segments: str) -> int | None:
         raise PaveTwinError(f"--segments {segments}: expected a number or 'all'.") from None
 
 
-def _folder_name(policy: str, replay: "Replay", settings: "MissionSettings", preset: str, seed: int) -> str:
+def _density(name: str) -> "Density":
+    from pavetwin.traffic.demand import density_named
+
+    return density_named(name)
+
+
+def _given(context: typer.Context, option: str) -> bool:
+    source = context.get_parameter_source(option)
+    return source is not None and source.name == "COMMANDLINE"
+
+
+def _refuse_answered(context: typer.Context) -> None:
+    """Raises:
+    PaveTwinError: an option was given beside --again that the mission.yaml answers.
+    """
+    for option in SAID_BY_AGAIN:
+        if _given(context, option):
+            raise PaveTwinError(f"--again: the mission.yaml says --{option.rstrip('_')}; leave one of the two out.")
+
+
+def _compared(former: "Again", flown: "Flown") -> str:
+    """Whether a mission flown again came out as before: its mission.yaml does not hold every input."""
+    from dataclasses import asdict
+
+    from pavetwin.mission.results import findings_geojson, totals
+
+    now = asdict(totals(flown))
+    other = [name for name, value in former.totals.items() if now.get(name) != value]
+    if former.findings is not None and former.findings != findings_geojson(flown):
+        other.append("captures")
+    if not other:
+        return "The same as the first time."
+    return (
+        f"[yellow]Note:[/] not the same as the first time ({', '.join(other)}): give --defect-seed, --airspace, "
+        "--routes and --policy as they were then."
+    )
+
+
+def _folder_name(
+    policy: str, replay: "Replay", settings: "MissionSettings", preset: str, seed: int, others: dict[str, object]
+) -> str:
+    """Names a mission by what is asked for most, and by a short hash of `others` and settings that are not usual."""
+    from pavetwin.config import load_settings
+
+    unusual = {key: value for key, value in others.items() if value is not None}
+    if settings != load_settings(preset, altitude_m=settings.altitude_m):
+        unusual["settings"] = settings.model_dump(mode="json")
+    if replay.recording.origin.asked is None:
+        unusual["traffic"] = replay.recording.origin.inputs
     name = policy.rpartition(":")[2]
-    return f"{name}-{_traffic_name(replay)}-{settings.altitude_m:g}m-{preset}-seed{seed}"
+    plain = f"{name}-{_traffic_name(replay)}-{settings.altitude_m:g}m-{preset}-seed{seed}"
+    mark = sha256(json.dumps(unusual, sort_keys=True).encode()).hexdigest()[:6]
+    return f"{plain}-{mark}" if unusual else plain
