@@ -7,6 +7,8 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from platform import node
+from re import sub
 
 from pavetwin.errors import PaveTwinError
 
@@ -24,7 +26,10 @@ def writing(target: Path) -> Iterator[Path]:
     temporary = None
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.stem}-", suffix=target.suffix)
+        _clear_killed(target)
+        handle, name = tempfile.mkstemp(
+            dir=target.parent, prefix=f"{_mark(target)}{os.getpid()}-", suffix=target.suffix
+        )
         os.close(handle)
         temporary = Path(name)
         yield temporary
@@ -49,7 +54,8 @@ def writing_folder(target: Path, *, replace: bool = False) -> Iterator[Path]:
     temporary = None
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}-"))
+        _clear_killed(target)
+        temporary = Path(tempfile.mkdtemp(dir=target.parent, prefix=f"{_mark(target)}{os.getpid()}-"))
         yield temporary
         temporary.chmod(0o755)
         if target.exists():
@@ -60,6 +66,24 @@ def writing_folder(target: Path, *, replace: bool = False) -> Iterator[Path]:
     finally:
         if temporary is not None:
             shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _mark(target: Path) -> str:
+    """How temporary names for a target begin on this machine; the number of the process follows."""
+    return f".{target.name}-{sub(r'[^A-Za-z0-9]', '', node())}-"
+
+
+def _clear_killed(target: Path) -> None:
+    """Remove what a process left that was killed while it wrote this target."""
+    mark = _mark(target)
+    for path in target.parent.iterdir():
+        number = path.name.removeprefix(mark).partition("-")[0] if path.name.startswith(mark) else ""
+        if not number.isdigit() or Path(f"/proc/{number}").exists() or not Path("/proc/self").exists():
+            continue
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
 
 
 def unwritable(target: Path, error: OSError) -> PaveTwinError:

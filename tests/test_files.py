@@ -1,0 +1,52 @@
+"""Files are whole or not there; what a killed process left is cleared by the next that writes the same."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pavetwin.files import writing, writing_folder
+
+KILLED_WHILE_WRITING = """
+import os, signal, sys
+from pathlib import Path
+from pavetwin.files import writing, writing_folder
+target = Path(sys.argv[2])
+with (writing if sys.argv[1] == "file" else writing_folder)(target) as temporary:
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.parametrize("what", ["file", "folder"])
+def test_what_a_killed_process_left_is_cleared(tmp_path: Path, what: str) -> None:
+    target = tmp_path / "result.txt"
+    killed = subprocess.run([sys.executable, "-c", KILLED_WHILE_WRITING, what, target], check=False)
+    assert killed.returncode == -signal.SIGKILL
+    assert not target.exists()
+    assert len(list(tmp_path.iterdir())) == 1  # its temporary
+    if what == "file":
+        with writing(target) as temporary:
+            temporary.write_text("whole")
+    else:
+        with writing_folder(target) as temporary:
+            (temporary / "part").write_text("whole")
+    assert [path.name for path in tmp_path.iterdir()] == ["result.txt"]
+
+
+def test_what_a_living_process_writes_is_left_alone(tmp_path: Path) -> None:
+    with writing(tmp_path / "a.txt") as first, writing(tmp_path / "a.txt") as second:
+        assert first.exists()
+        assert first != second
+        assert str(os.getpid()) in first.name
+
+
+def test_an_exception_leaves_the_former_file(tmp_path: Path) -> None:
+    target = tmp_path / "a.txt"
+    target.write_text("former")
+    with pytest.raises(RuntimeError), writing(target) as temporary:
+        temporary.write_text("half")
+        raise RuntimeError
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["former"]
