@@ -46,7 +46,12 @@ def test_what_a_living_process_writes_is_left_alone(tmp_path: Path) -> None:
 def test_an_exception_leaves_the_former_file(tmp_path: Path) -> None:
     target = tmp_path / "a.txt"
     target.write_text("former")
-    with pytest.raises(RuntimeError), writing(target) as temporary:
-        temporary.write_text("half")
-        raise RuntimeError
+
+    def fail() -> None:
+        with writing(target) as temporary:
+            temporary.write_text("half")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
     assert [path.read_text() for path in tmp_path.iterdir()] == ["former"]
