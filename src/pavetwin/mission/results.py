@@ -166,7 +166,7 @@ Drawing = Callable[[Flown, Path], None]
 """Draws a mission into a file, whole or not at all."""
 
 
-def save_mission(flown: Flown, folder: Path, drawings: Iterable[tuple[str, Drawing]] = ()) -> None:
+def save_mission(flown: Flown, folder: Path | str, drawings: Iterable[tuple[str, Drawing]] = ()) -> None:
     """Write a mission's files into `folder`: the numbers first, all or none, then picture by picture.
 
     A mission that is there already is replaced.
@@ -177,6 +177,7 @@ def save_mission(flown: Flown, folder: Path, drawings: Iterable[tuple[str, Drawi
     Raises:
         PaveTwinError: the folder holds something else or cannot be written, or a picture failed; the numbers stay.
     """
+    folder = Path(folder)
     check_mission_folder(folder)
     with writing_folder(folder, replace=True) as temporary:
         _write(flown, temporary)
