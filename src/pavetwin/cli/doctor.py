@@ -2,7 +2,8 @@
 
 import sys
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
+from importlib.util import find_spec
 from platform import machine, system
 
 import typer
@@ -29,7 +30,7 @@ def doctor() -> None:
     findings = [check() for check in (_python, _kernels, _sumo, _libsumo, _geo)]
     for finding in findings:
         mark = "[red]✗[/]" if finding.mend else "[green]✓[/]"
-        out.print(f"{mark} {finding.what}: {finding.found}")
+        out.print(f"{mark} {finding.what}: {finding.found}", soft_wrap=True)
         if finding.mend:
             out.print(f"  mend it: {finding.mend}", markup=False)
     if any(finding.mend for finding in findings):
@@ -69,7 +70,7 @@ def _geo() -> Finding:
 
 
 def _package(what: str, name: str) -> Finding:
-    try:
-        return Finding(what, version(name))
-    except PackageNotFoundError:
-        return Finding(what, "missing", f"pip install {name}")
+    """A package counts when Python finds its code: what pip noted of it may outlive it."""
+    if find_spec(name) is None:
+        return Finding(what, "missing", f"pip install --force-reinstall {name}")
+    return Finding(what, version(name))
