@@ -15,10 +15,11 @@ from shapely import affinity
 from pavetwin.cli import main
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.draw import lettering, style
-from pavetwin.draw.carriageway import carriageway, lane_lines
+from pavetwin.draw.carriageway import lane_lines
 from pavetwin.draw.shapes import shadow, stripes
 from pavetwin.draw.world_map import ABOVE_WORLD, draw_world
 from pavetwin.errors import PaveTwinError
+from pavetwin.world.carriageway import carriageway
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world, save_world
 from scenes import built

@@ -9,22 +9,24 @@ import pyogrio
 import pytest
 import yaml
 
-from pavetwin.defects import add_defects
+from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.build import BuildOptions, build_world
 from pavetwin.world.model import Furniture, FurnitureKind, World
 from pavetwin.world.store import FILES, check_target, load_record, load_world, save_world
 from scenes import built, scene_file
 
+FEW = DefectOptions(per_segment=3)
+
 
 @pytest.fixture
 def saved(tmp_path: Path) -> World:
-    return save_world(add_defects(built("cross")), tmp_path / "world")
+    return save_world(add_defects(built("cross"), FEW), tmp_path / "world")
 
 
 @pytest.mark.parametrize("name", ["cross", "berlin_neukoelln", "town"])
 def test_a_loaded_world_equals_the_saved_one(name: str, tmp_path: Path) -> None:
-    made = add_defects(built(name))
+    made = add_defects(built(name), FEW)
     world = save_world(made, tmp_path / "place" / name)
     loaded = load_world(tmp_path / "place" / name)
     assert loaded == world
@@ -38,7 +40,7 @@ def test_a_loaded_world_equals_the_saved_one(name: str, tmp_path: Path) -> None:
 def test_the_same_seed_gives_the_same_bytes(name: str, tmp_path: Path) -> None:
     source = scene_file(name) if name == "cross" else name
     for copy in ("one", "two"):
-        save_world(add_defects(build_world(source, BuildOptions(seed=0))), tmp_path / copy)
+        save_world(add_defects(build_world(source, BuildOptions(seed=0)), FEW), tmp_path / copy)
     same, differing, _ = filecmp.cmpfiles(tmp_path / "one", tmp_path / "two", FILES, shallow=False)
     assert (sorted(same), differing) == (sorted(FILES), [])
 
@@ -59,7 +61,7 @@ def test_the_geopackage_opens_with_its_crs_and_sensible_columns(saved: World) ->
 def test_defects_do_not_change_the_content_hash(tmp_path: Path) -> None:
     made = built("cross")
     bare = save_world(made, tmp_path / "bare")
-    full = save_world(add_defects(made), tmp_path / "full")
+    full = save_world(add_defects(made, FEW), tmp_path / "full")
     assert bare.content_hash == full.content_hash
     assert bare.defects != full.defects
 
@@ -96,7 +98,7 @@ def test_other_damage_is_one_plain_line(saved: World, tmp_path: Path) -> None:
     torn = spoilt("torn")
     (torn / "world.yaml").write_text("format: [1\n")
     bare = spoilt("bare")
-    (bare / "world.yaml").write_text(yaml.safe_dump({"format": 1}))
+    (bare / "world.yaml").write_text(yaml.safe_dump({"format": 2}))
     empty = tmp_path / "empty"
     empty.mkdir()
     for place, word in (

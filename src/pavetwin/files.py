@@ -68,6 +68,26 @@ def writing_folder(target: Path, *, replace: bool = False) -> Iterator[Path]:
             shutil.rmtree(temporary, ignore_errors=True)
 
 
+@contextmanager
+def staging_folder(target: Path) -> Iterator[Path]:
+    """A temporary folder beside `target`, for files that are whole before they are moved to their places.
+
+    Raises:
+        PaveTwinError: it cannot be made, or the block failed to write. The folder is gone afterwards.
+    """
+    temporary = None
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        _clear_killed(target)
+        temporary = Path(tempfile.mkdtemp(dir=target.parent, prefix=f"{_mark(target)}{os.getpid()}-"))
+        yield temporary
+    except OSError as error:
+        raise unwritable(target.parent, error) from error
+    finally:
+        if temporary is not None:
+            shutil.rmtree(temporary, ignore_errors=True)
+
+
 def _mark(target: Path) -> str:
     """How temporary names for a target begin on this machine; the number of the process follows."""
     return f".{target.name}-{sub(r'[^A-Za-z0-9]', '', node())}-"
@@ -78,12 +98,21 @@ def _clear_killed(target: Path) -> None:
     mark = _mark(target)
     for path in target.parent.iterdir():
         number = path.name.removeprefix(mark).partition("-")[0] if path.name.startswith(mark) else ""
-        if not number.isdigit() or Path(f"/proc/{number}").exists() or not Path("/proc/self").exists():
+        if not number.isdigit() or not Path("/proc/self").exists() or _is_running(number):
             continue
         if path.is_dir():
             shutil.rmtree(path, ignore_errors=True)
         else:
             path.unlink(missing_ok=True)
+
+
+def _is_running(number: str) -> bool:
+    """Whether a process still does anything: one that was killed stays listed until its parent has asked after it."""
+    try:
+        _, _, rest = Path(f"/proc/{number}/stat").read_text(encoding="utf-8").rpartition(")")
+    except OSError:
+        return False
+    return rest.split()[0] != "Z"
 
 
 def unwritable(target: Path, error: OSError) -> PaveTwinError:

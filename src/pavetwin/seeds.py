@@ -15,6 +15,9 @@ class Stream(IntEnum):
     SENSING = 4
     ORDER = 5
     FURNITURE = 6
+    SCENE = 7
+    CAPTURE = 8
+    FRAME = 9
 
 
 def child(seed: int, stream: Stream, *keys: int) -> np.random.Generator:

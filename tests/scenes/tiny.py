@@ -17,7 +17,17 @@ from pavetwin.config import MissionSettings, load_settings
 from pavetwin.mission.fly import Flown, fly
 from pavetwin.mission.ground import Stage, prepare
 from pavetwin.policies import Policy
-from pavetwin.world.model import Building, Defect, DefectClass, Furniture, GeoReference, Junction, Segment, World
+from pavetwin.world.model import (
+    Building,
+    Defect,
+    DefectClass,
+    Furniture,
+    GeoReference,
+    Junction,
+    Segment,
+    Severity,
+    World,
+)
 
 STEP_S = 0.5
 
@@ -123,7 +133,20 @@ def defect(number: int, x: float, y: float, segment: str = "street", side_m: flo
     half = side_m / 2
     shape = shapely.box(x - half, y - half, x + half, y + half)
     assert isinstance(shape, Polygon)
-    return Defect(number, segment, DefectClass.POTHOLE, Point(x, y), shape, number)
+    return Defect(
+        id=number,
+        segment=segment,
+        kind=DefectClass.POTHOLE,
+        centre=Point(x, y),
+        polygon=shape,
+        seed=number,
+        yaw_rad=0.0,
+        severity=Severity.MEDIUM,
+        width_m=side_m,
+        depth_m=0.04,
+        length_m=0.0,
+        volume_m3=0.6 * 0.04 * side_m**2,
+    )
 
 
 def world(

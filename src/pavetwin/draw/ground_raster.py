@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
 from pavetwin.draw import style
-from pavetwin.draw.carriageway import carriageway
+from pavetwin.world.carriageway import carriageway
 from pavetwin.world.model import Crossing, FurnitureKind, Lane, LaneKind, World
 
 Floats = npt.NDArray[np.float64]

@@ -4,7 +4,7 @@ Colours hold for the common forms of colour blindness and in grey print: marks t
 shape. Type is DejaVu Sans, which Matplotlib brings along, so that the same input gives the same bytes on any machine.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -59,6 +59,17 @@ DEFECT_MARKERS: Mapping[DefectClass, str] = {
     DefectClass.CROCODILE_CRACK: "s",
     DefectClass.POTHOLE: "o",
 }
+
+
+def defect_styles(found: Iterable[DefectClass]) -> list[tuple[DefectClass, str, str]]:
+    """Class, colour and marker of the known classes and, after them, of the others among `found` by name."""
+    more = sorted(set(found) - set(DEFECT_COLOURS))
+    styles = [(kind, colour, DEFECT_MARKERS[kind]) for kind, colour in DEFECT_COLOURS.items()]
+    return styles + [
+        (kind, _MORE_COLOURS[at % len(_MORE_COLOURS)], _MORE_MARKERS[at % len(_MORE_MARKERS)])
+        for at, kind in enumerate(more)
+    ]
+
 
 OUTCOME_COLOURS: Mapping[str, str] = {"confirmed": "#00846B", "missed": "#D55E00", "recovered": "#0063B1"}
 OUTCOME_MARKERS: Mapping[str, str] = {"confirmed": "o", "missed": "X", "recovered": "D"}

@@ -13,9 +13,10 @@ from matplotlib.colors import to_hex
 from shapely import Geometry, Polygon
 
 from pavetwin.draw import lettering, shapes, style
-from pavetwin.draw.carriageway import carriageway, lane_lines
+from pavetwin.draw.carriageway import lane_lines
 from pavetwin.draw.world_map import TALL_M, credit, defect_words, legend, subtitle, world_bounds
 from pavetwin.files import writing
+from pavetwin.world.carriageway import carriageway
 from pavetwin.world.model import FurnitureKind, LaneKind, World
 
 _STEPS = 6
@@ -152,7 +153,7 @@ def _segments(world: World, flip: _Flip) -> Iterable[str]:
 def _defects(world: World, flip: _Flip) -> Iterable[str]:
     """A group a class; the page knows the words from the group and the numbers from the mark."""
     yield "<g class='defects'>"
-    for kind, colour in style.DEFECT_COLOURS.items():
+    for kind, colour, _ in style.defect_styles(defect.kind for defect in world.defects):
         yield f"<g transform='scale(.01)' fill='{colour}' stroke='{colour}' data-kind='{defect_words(kind)}'>"
         for defect in world.defects:
             if defect.kind is kind:

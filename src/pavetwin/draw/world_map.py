@@ -13,8 +13,9 @@ from matplotlib.typing import ColorType
 from shapely import Geometry
 
 from pavetwin.draw import lettering, shapes, style
-from pavetwin.draw.carriageway import carriageway, lane_lines
+from pavetwin.draw.carriageway import lane_lines
 from pavetwin.draw.style import Bounds, LegendEntry
+from pavetwin.world.carriageway import carriageway
 from pavetwin.world.model import DefectClass, Furniture, FurnitureKind, LaneKind, World
 from pavetwin.world.store import load_record
 
@@ -196,14 +197,14 @@ class _Plan:
 
     def defects(self) -> None:
         outlined = self.per_m > 4.0
-        for kind, colour in style.DEFECT_COLOURS.items():
+        for kind, colour, marker in style.defect_styles(defect.kind for defect in self.world.defects):
             chosen = [defect for defect in self.world.defects if defect.kind is kind]
             if outlined:
                 face, edge = shapes.mix(colour, style.PAPER, 0.35), self.shade(colour)
                 shapes.fill(self.axes, [defect.polygon for defect in chosen], 10, face, edge, 0.5)
                 continue
             spots = np.array([(d.centre.x, d.centre.y) for d in chosen]).reshape(-1, 2)
-            marker, grown = style.DEFECT_MARKERS[kind], max(0.6, self.per_m)
+            grown = max(0.6, self.per_m)
             rim_pt = 0.5 * min(1.0, self.per_m) if marker == "_" else 0.0
             self.axes.scatter(
                 spots[:, 0],
@@ -278,9 +279,9 @@ def legend(world: World, *, defects: bool = True) -> list[LegendEntry]:
         *(
             (
                 defects and classes[kind] > 0,
-                LegendEntry(defect_words(kind), style.DEFECT_MARKERS[kind], colour, size_pt=3.2),
+                LegendEntry(defect_words(kind), marker, colour, size_pt=3.2),
             )
-            for kind, colour in style.DEFECT_COLOURS.items()
+            for kind, colour, marker in style.defect_styles(classes)
         ),
     )
     return [entry for shown, entry in entries if shown]

@@ -29,6 +29,12 @@ class Camera(Settings):
     focal_length_mm: Positive | None = None
     shutter: Literal["global", "rolling", "mechanical"] = "global"
     shortest_exposure_s: Positive | None = None
+    f_numbers: tuple[Positive, Positive] = (2.8, 2.8)
+    """The widest aperture and the narrowest."""
+    iso: tuple[Positive, Positive] = (100.0, 1600.0)
+    """The lowest and the highest of still pictures."""
+    readout_s: Annotated[float, Field(ge=0)] = 0.0
+    """From the exposure of the first row to that of the last."""
     source: str = ""
 
     @model_validator(mode="after")
@@ -36,6 +42,8 @@ class Camera(Settings):
         by_lens = self.sensor_mm is not None and self.focal_length_mm is not None
         if by_lens == (self.vertical_fov_deg is not None):
             raise ValueError("give either vertical_fov_deg or both sensor_mm and focal_length_mm")
+        if self.f_numbers[0] > self.f_numbers[1] or self.iso[0] > self.iso[1]:
+            raise ValueError("f_numbers and iso each name the lowest value, then the highest")
         return self
 
     @property
@@ -45,6 +53,11 @@ class Camera(Settings):
             return 2 * atan(self.sensor_mm[1] / (2 * self.focal_length_mm))
         assert self.vertical_fov_deg is not None
         return radians(self.vertical_fov_deg)
+
+    @property
+    def focal_mm(self) -> float:
+        """Focal length; of a camera without a sensor as if behind it were one of 1/2.3", 4.55 mm high."""
+        return self.focal_length_mm or 4.55 / (2 * tan(self.fov_rad / 2))
 
     @property
     def fov_deg(self) -> float:

@@ -29,6 +29,7 @@ from pavetwin.world.model import (
     Lane,
     LaneKind,
     Segment,
+    Severity,
     World,
 )
 
@@ -119,6 +120,13 @@ def _defects(world: World) -> Iterator[Row]:
             "centre_east_m": item.centre.x,
             "centre_north_m": item.centre.y,
             "seed": item.seed,
+            "yaw_rad": item.yaw_rad,
+            "severity": item.severity.value,
+            "width_m": item.width_m,
+            "depth_m": item.depth_m,
+            "length_m": item.length_m,
+            "area_m2": round(item.area_m2, 6),
+            "volume_m3": item.volume_m3,
             "geometry": item.polygon,
         }
 
@@ -157,7 +165,21 @@ LAYERS = (
     Layer(
         "defects",
         "Polygon",
-        {"id": int, "segment": str, "kind": str, "centre_east_m": float, "centre_north_m": float, "seed": int},
+        {
+            "id": int,
+            "segment": str,
+            "kind": str,
+            "centre_east_m": float,
+            "centre_north_m": float,
+            "seed": int,
+            "yaw_rad": float,
+            "severity": str,
+            "width_m": float,
+            "depth_m": float,
+            "length_m": float,
+            "area_m2": float,
+            "volume_m3": float,
+        },
         _defects,
     ),
 )
@@ -294,4 +316,17 @@ def _thing(row: Row) -> Furniture:
 
 def _defect(row: Row) -> Defect:
     centre = shapely.Point(row["centre_east_m"], row["centre_north_m"])
-    return Defect(row["id"], row["segment"], DefectClass(row["kind"]), centre, row["geometry"], row["seed"])
+    return Defect(
+        id=row["id"],
+        segment=row["segment"],
+        kind=DefectClass(row["kind"]),
+        centre=centre,
+        polygon=row["geometry"],
+        seed=row["seed"],
+        yaw_rad=row["yaw_rad"],
+        severity=Severity(row["severity"]),
+        width_m=row["width_m"],
+        depth_m=row["depth_m"],
+        length_m=row["length_m"],
+        volume_m3=row["volume_m3"],
+    )

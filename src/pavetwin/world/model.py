@@ -137,9 +137,34 @@ class Furniture:
 
 
 class DefectClass(StrEnum):
+    """Names of the classes of defects. Three are known here; any other plain name becomes a member when it is asked
+    for, so that a class of one's own needs no change here.
+    """
+
     SINGLE_CRACK = "single_crack"
     CROCODILE_CRACK = "crocodile_crack"
     POTHOLE = "pothole"
+
+    @classmethod
+    def _missing_(cls, value: object) -> "DefectClass | None":
+        if not (isinstance(value, str) and value.isidentifier() and value.islower()):
+            return None
+        if value not in _MORE_CLASSES:
+            member = str.__new__(cls, value)
+            member._name_, member._value_ = value.upper(), value
+            _MORE_CLASSES[value] = member
+        return _MORE_CLASSES[value]
+
+
+_MORE_CLASSES: dict[str, DefectClass] = {}
+
+
+class Severity(StrEnum):
+    """After ASTM D6433; `pavetwin.defects.severity` has the rules."""
+
+    LOW = "low"
+    MEDIUM = "medium"
+    HIGH = "high"
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,8 +174,26 @@ class Defect:
     segment: str
     kind: DefectClass
     centre: Point
+    """Origin of its own frame."""
     polygon: Polygon
+    """Its outline: what is labelled, and the border of what is drawn."""
     seed: int
+    """Its shape's luck; `pavetwin.defects.heightfield_of` makes the shape anew from it."""
+    yaw_rad: float
+    """Direction of its own x axis."""
+    severity: Severity
+    width_m: float
+    """Of a crack's widest opening, of a pothole its mean diameter."""
+    depth_m: float
+    """At its deepest."""
+    length_m: float
+    """Of all its cracks together; 0 where it has none."""
+    volume_m3: float
+    """Missing below the road's surface."""
+
+    @property
+    def area_m2(self) -> float:
+        return float(self.polygon.area)
 
 
 @dataclass(frozen=True)

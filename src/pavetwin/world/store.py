@@ -16,7 +16,7 @@ from pavetwin.world.build import BuildRecord, Built
 from pavetwin.world.content import content_hash, sha256
 from pavetwin.world.model import GeoReference, World
 
-FORMAT = 1
+FORMAT = 2
 """Of the folder; raised when a world written before cannot be read any more."""
 
 DESCRIPTION, GEOPACKAGE, NETWORK = "world.yaml", "world.gpkg", "roads.net.xml"
