@@ -289,3 +289,85 @@ class Flight:
     def waited_s(self) -> float: ...
     @property
     def occlusions(self) -> int: ...
+
+# Surface relief. Fields are (rows, cols) with row 0 at the smallest y; a lattice is (shape, side of a cell in metres,
+# centre of the first cell in metres).
+
+Shape = tuple[int, int]
+Lattice = tuple[Shape, float, Point]
+
+def relief_noise(lattice: Lattice, seed: int, wavelength_m: Point, octaves: int, gain: float) -> Singles:
+    """Fractal value noise of mean 0 and standard deviation about 1; each octave has half the wavelength before."""
+
+def relief_trace(
+    lattice: Lattice, points: Floats, offsets: Indices, half_m: Floats, depth_m: Floats, reach_m: float, steepness: int
+) -> tuple[Singles, Singles, Singles]:
+    """Cracks along lines: (height [m], share of the cell that is open, distance from the nearest edge [m]).
+
+    `points` (n, 2) are cut into lines by `offsets`; `half_m` (n, 2) opens to the left and right of a line.
+    """
+
+def relief_blocks(
+    lattice: Lattice, wanted: Flags, sites: Floats, half_exponent: int, warp_x: Singles, warp_y: Singles, reach_m: float
+) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.uint16], Singles]:
+    """Cells of sites under a Minkowski metric: (own site, site beyond the nearest joint, distance to that joint)."""
+
+def relief_pebbles(lattice: Lattice, wanted: Flags, seed: int, size_m: float) -> tuple[Singles, Singles]:
+    """Tops of stones: (1 at a top and 0 between stones, a tone in [0, 1) for each stone)."""
+
+def relief_region(marked: Flags, margin: float, closing: float) -> Flags:
+    """Marked cells widened by `margin`, closed by `closing` (cells), the largest part of that without its holes."""
+
+def relief_largest_part(inside: Flags, diagonal: bool) -> Flags:
+    """The largest part in one piece."""
+
+def relief_outline(inside: Flags) -> Floats:
+    """The outer ring (n, 2) of a region as (col, row), anticlockwise, through the middles of cell sides."""
+
+def relief_widths(opening: Singles) -> Singles:
+    """How wide the opening is at each cell, in cells; 0 where there is none."""
+
+def relief_mesh(
+    lattice: Lattice, height_m: Singles, ring: Floats, tolerance_m: float, most: int
+) -> tuple[Singles, Indices, float] | None:
+    """(vertices (n, 3), triangles (m, 3), largest error [m]) within a ring at height 0; None if it crosses itself."""
+
+def expose(
+    light: npt.NDArray[np.uint16],
+    *,
+    seed: int,
+    electrons_per_light: float,
+    full_electrons: float,
+    read_electrons: float,
+    vignetting: float,
+    blur_px: float,
+    white_balance: tuple[float, float, float],
+    saturation: float,
+    sharpening: float,
+    curve: Singles,
+    depth: Singles | None = None,
+    labels: Indices | None = None,
+    focal_px: float = 1.0,
+    still_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    moving_m: dict[int, tuple[float, float, float]] = {},
+) -> npt.NDArray[np.uint8]:
+    """What a camera stores, (height, width, 3) sRGB, of light (height, width, 4), half floats in kcd/m² seen as uint16.
+
+    Args:
+        light: red, green, blue, and one that is not read.
+        seed: of the noise.
+        electrons_per_light: of one pixel for each kcd/m², over the exposure.
+        full_electrons: at which a pixel is full, at the ISO in use.
+        read_electrons: standard deviation of the electronics.
+        vignetting: share of the light that is missing in the corners.
+        blur_px: standard deviation of the lens's point spread.
+        white_balance: gains of red, green and blue.
+        saturation: distance of colours from grey, 1 as they are.
+        sharpening: how much of the difference to its neighbours is added to a pixel.
+        curve: (n,) output 0 … 1 at inputs (i / (n − 1))².
+        depth: (height, width) metres along the axis; None for no motion.
+        labels: (height, width), to tell what moves by itself.
+        focal_px: focal length.
+        still_m: what stands still moves this in the camera's frame (right, down, forward) over the exposure, metres.
+        moving_m: likewise of labelled things that move.
+    """

@@ -4,6 +4,8 @@
 #![forbid(unsafe_code)]
 
 pub mod geometry;
+pub mod imaging;
 pub mod mission;
 pub mod navigation;
+pub mod relief;
 pub mod sensing;

@@ -3,7 +3,9 @@
 mod arrays;
 mod flight;
 mod ground;
+mod imaging;
 mod navmesh;
+mod relief;
 mod trace;
 
 use pyo3::prelude::*;
@@ -27,5 +29,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<flight::Captured>()?;
     module.add_class::<flight::Occluded>()?;
     module.add_class::<flight::BatteryLow>()?;
-    module.add_class::<flight::RecordingEnds>()
+    module.add_class::<flight::RecordingEnds>()?;
+    module.add_function(wrap_pyfunction!(imaging::expose, module)?)?;
+    relief::add_to(module)
 }

@@ -1,8 +1,34 @@
-"""Defects: outlines of the registered classes, their placement, points on them."""
+"""Defects: heightfields of the registered classes, what follows from them, their placement, points on them."""
 
 from pavetwin.defects import crocodile_crack, pothole, single_crack  # noqa: F401  - each registers its class
+from pavetwin.defects.heightfield import Heightfield, Stains
+from pavetwin.defects.maps import albedo_factor, normal_map, occlusion_map
+from pavetwin.defects.marking import Marking
+from pavetwin.defects.measures import Measures, measure
+from pavetwin.defects.mesh import Mesh, mesh_of
 from pavetwin.defects.placement import DefectOptions, add_defects, place
-from pavetwin.defects.registry import DefectKind, kind_of, kinds, register
+from pavetwin.defects.registry import DefectKind, heightfield_of, kind_of, kinds, register, unregister
 from pavetwin.defects.sampling import sample_points
 
-__all__ = ["DefectKind", "DefectOptions", "add_defects", "kind_of", "kinds", "place", "register", "sample_points"]
+__all__ = [
+    "DefectKind",
+    "DefectOptions",
+    "Heightfield",
+    "Marking",
+    "Measures",
+    "Mesh",
+    "Stains",
+    "add_defects",
+    "albedo_factor",
+    "heightfield_of",
+    "kind_of",
+    "kinds",
+    "measure",
+    "mesh_of",
+    "normal_map",
+    "occlusion_map",
+    "place",
+    "register",
+    "sample_points",
+    "unregister",
+]

@@ -1,38 +1,242 @@
-"""A crocodile crack: a ragged patch of cracked surface, longer along the wheel path than across it."""
+"""A crocodile crack: a connected network of cracks around angular blocks, longer along the wheel path than across."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
-from shapely import Polygon
+import numpy.typing as npt
 
+from pavetwin._core import relief_blocks, relief_largest_part, relief_noise
 from pavetwin.config.base import Settings
-from pavetwin.defects.outlines import Range, between, fitted, turned, wandering_radius
+from pavetwin.defects import laying
+from pavetwin.defects.heightfield import Field, Heightfield, Lattice, Stains
+from pavetwin.defects.marking import Marking
 from pavetwin.defects.registry import register
+from pavetwin.defects.severity import crocodile_severity
+from pavetwin.defects.shapes import (
+    Cells,
+    Points,
+    Range,
+    Share,
+    between,
+    centres,
+    lattice_around,
+    log_between,
+    noise,
+    smooth,
+    spread,
+)
 from pavetwin.world.model import DefectClass
 
-CORNERS = 48
-SQUARENESS = 3.0
-"""Exponent of the superellipse that the patch is made from: 2 is an ellipse, large is a rectangle."""
+CELL_M = 0.005
+MARKING = Marking(margin_m=0.03, closing_m=0.12)
+BESIDE_M = (0.006, 0.018)
+"""How far from a crack's edge its surroundings are broken or stained, from the least worn to the most."""
+
+BENT = 0.10
+"""How far blocks' edges bend, as a share of a block's size."""
+
+BITTEN_M = 0.004
+"""How far blocks' edges depart from smooth lines at the size of stones."""
+
+TILT_M = 0.006
+"""Height across a block, one standard deviation, where the patch is worst."""
+
+LOST_SHARE, LOST_M = 0.06, 0.025
+"""Share of blocks that are gone where wear is 1, and how deep their places are."""
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """The pattern of blocks: a cell's own one, the one beyond the nearest joint, the distance to that joint."""
+
+    own: npt.NDArray[np.uint16]
+    other: npt.NDArray[np.uint16]
+    distance_m: Field
+    sites: Points
 
 
 class CrocodileCrackParameters(Settings):
     length_m: Range = (2.5, 3.5)
-    """Along the street."""
+    """Along the wheel path."""
     width_m: Range = (1.5, 2.5)
+    blocks: Range = (60, 220)
+    """How many blocks it is broken into, with those that its border cuts: a third to half of them are whole."""
+    crack_m: Range = (0.002, 0.025)
+    """Width of its thinnest and of its widest cracks."""
+    exponent: Range = (1.5, 3.0)
+    """Of the Minkowski metric that shapes the blocks; rounded to halves."""
+    wear: Share = (0.0, 1.0)
+    """How far it has gone: width of the cracks, broken edges, tilted and lost blocks."""
 
 
-def crocodile_crack(rng: np.random.Generator, parameters: CrocodileCrackParameters | None = None) -> Polygon:
-    """The outline of a patch, its centroid at the origin; x runs along the street."""
+def crocodile_crack(rng: np.random.Generator, parameters: CrocodileCrackParameters | None = None) -> Heightfield:
+    """A patch around the origin; x runs along the wheel path."""
     parameters = parameters or CrocodileCrackParameters()
-    angles = 2 * math.pi * np.arange(CORNERS) / CORNERS
-    cos, sin = np.cos(angles), np.sin(angles)
-    radius = (np.abs(cos) ** SQUARENESS + np.abs(sin) ** SQUARENESS) ** (-1 / SQUARENESS)
-    radius *= wandering_radius(rng, CORNERS, roughness=0.18, harmonics=7) * rng.uniform(0.92, 1.0, CORNERS)
-    ring = np.stack([radius * cos, radius * sin], axis=1)
-    length, width = between(rng, parameters.length_m), between(rng, parameters.width_m)
-    patch = fitted(np.asarray(ring), length, width)
-    skew = float(rng.normal(0.0, 0.05))
-    return Polygon(turned(np.asarray(patch.exterior.coords)[:-1], skew))
+    half = np.array([between(rng, parameters.length_m), between(rng, parameters.width_m)]) / 2
+    half -= MARKING.margin_m
+    count = round(log_between(parameters.blocks, float(rng.random())))
+    wear = between(rng, parameters.wear)
+    lattice = lattice_around(-half, half, CELL_M, MARKING.margin_m + 0.03)
+    region, area = _region(rng, lattice, half)
+    sites, size = _sites(rng, half, area, count)
+    warp_x, warp_y = (
+        np.asarray(BENT * size * noise(rng, lattice, size, 1) + BITTEN_M * noise(rng, lattice, 0.05, 2, 0.55))
+        for _ in range(2)
+    )
+    halves = round(2 * between(rng, parameters.exponent))
+    low, high = parameters.crack_m
+    beside = BESIDE_M[0] + wear * (BESIDE_M[1] - BESIDE_M[0])
+    reach = 0.5 * log_between((low, high), 0.3 + 0.7 * wear) + beside
+    blocks = Blocks(*relief_blocks(lattice, region > 0, sites, halves, warp_x, warp_y, reach), sites)
+    near = np.flatnonzero((blocks.distance_m < reach) & (region > 0))
+    width = _widths(rng, parameters, lattice, blocks, near, region, wear)
+    return _painted(rng, lattice, blocks, near, width, region, wear, beside)
 
 
-register(DefectClass.CROCODILE_CRACK, crocodile_crack, weight=0.2)
+def _region(rng: np.random.Generator, lattice: Lattice, half: Points) -> tuple[Field, float]:
+    """1 in the middle of the patch, falling to 0 at its ragged border and below outside it; and the area within [m²].
+
+    The border is a superellipse frayed by noise. It is drawn coarsely first to see how far it reaches, and then so that
+    it reaches exactly as far as asked.
+    """
+    seed = int(rng.integers(2**63))
+
+    def field(lattice: Lattice, scale: Points, middle: Points) -> Field:
+        shape, cell, (x0, y0) = lattice
+        moved = shape, cell, (x0 - float(middle[0]), y0 - float(middle[1]))
+        x, y = centres(moved)
+        u, v = np.square(x / np.float32(scale[0])), np.square(y / np.float32(scale[1]))
+        ragged = relief_noise(moved, seed, (0.6 * float(scale[0]), 0.6 * float(scale[1])), 3, 0.6)
+        return np.asarray(0.9 - np.sqrt(np.sqrt(u * u + v * v)) + np.clip(0.16 * ragged, -0.4, 0.2), dtype=np.float32)
+
+    coarse = lattice_around(-1.3 * half, 1.3 * half, 0.03, 0.0)
+    inside = relief_largest_part(field(coarse, half, np.zeros(2)) > 0, False)
+    (rows, cols), origin = np.nonzero(inside), np.array(coarse[2])
+    low = origin + 0.03 * np.array([cols.min(), rows.min()]) - 0.015
+    high = origin + 0.03 * np.array([cols.max(), rows.max()]) + 0.015
+    grown = 2 * half / (high - low)
+    area = float(np.count_nonzero(inside)) * 0.03**2 * float(grown.prod())
+    region = field(lattice, half * grown, -(low + high) / 2 * grown)
+    # Seen finely it may reach a little farther here and there; the lattice keeps room for the marking around it.
+    edge = math.ceil(MARKING.margin_m / lattice[1]) + 2
+    region[:edge] = region[-edge:] = region[:, :edge] = region[:, -edge:] = -1
+    return region, area
+
+
+def _sites(rng: np.random.Generator, half: Points, area_m2: float, count: int) -> tuple[Points, float]:
+    """Sites of blocks on a jittered hexagonal lattice over the patch, `count` of them within it; the blocks' size."""
+    stretch = np.array([float(rng.uniform(1.0, 1.25)), 1.0])
+    size = math.sqrt(area_m2 / (0.87 * count * float(stretch.prod())))
+    across = np.ceil(half / (size * stretch * [1.0, 0.87])) + 2
+    grid_x, grid_y = np.meshgrid(np.arange(-across[0], across[0] + 1), np.arange(-across[1], across[1] + 1))
+    places = np.stack([grid_x + 0.5 * (grid_y % 2), 0.87 * grid_y], axis=-1).reshape(-1, 2)
+    return (places + rng.uniform(-0.36, 0.36, places.shape)) * size * stretch, size
+
+
+def _widths(
+    rng: np.random.Generator,
+    parameters: CrocodileCrackParameters,
+    lattice: Lattice,
+    blocks: Blocks,
+    near: Cells,
+    region: Field,
+    wear: float,
+) -> Field:
+    """(near,) width of the crack that the joint beside each of the near cells is [m].
+
+    Main cracks follow a smooth field that is longer along the wheel path; every joint has a rank of its own beside it;
+    all are thinner towards the border.
+    """
+    low, high = parameters.crack_m
+    own, other = blocks.own.ravel()[near].astype(np.uint32), blocks.other.ravel()[near].astype(np.uint32)
+    mixed = np.minimum(own, other) * np.uint32(0x9E3779B1) + np.maximum(own, other) * np.uint32(0x85EBCA77)
+    mixed = np.bitwise_xor(mixed, np.uint32(rng.integers(2**32))) * np.uint32(0xC2B2AE3D)
+    rank = (mixed // np.uint32(2**8)).astype(np.float32) / np.float32(2**24)
+    mains = noise(rng, lattice, (0.9, 0.45), 3, 0.6).ravel()[near]
+    ripple = noise(rng, lattice, 0.05, 2, 0.7).ravel()[near]
+    worst = np.clip(2.2 * region.ravel()[near], 0, 1)
+    share = (0.2 + 0.8 * wear) * (0.2 + 0.8 * worst) * np.clip(0.30 + 0.22 * mains + 0.55 * rank * rank, 0, 1)
+    share = np.clip(share + (0.02 + 0.06 * share) * ripple, 0, 0.3 + 0.7 * wear)
+    return np.asarray(low * np.exp(np.float32(math.log(high / low)) * share), dtype=np.float32)
+
+
+def _painted(
+    rng: np.random.Generator,
+    lattice: Lattice,
+    blocks: Blocks,
+    near: Cells,
+    width: Field,
+    region: Field,
+    wear: float,
+    beside_m: float,
+) -> Heightfield:
+    """Cracks, moved and lost blocks, and what they leave on the surface. Most of it lies near joints."""
+    shape, cell = lattice[0], np.float32(lattice[1])
+    distance, half = blocks.distance_m.ravel()[near], 0.5 * width
+    opening = spread(
+        shape, near, (np.minimum(distance + cell / 2, half) - np.maximum(distance - cell / 2, -half)) / cell
+    )
+    opening *= relief_largest_part(opening > 0, True)
+    share = opening.ravel()[near]
+    out = np.clip(distance / (half + cell / 2), 0, 1)
+    height = -np.clip(0.8 * width, 0.004, 0.02) * share * (1 - out * out)
+    grain = noise(rng, lattice, 0.018, 2, 0.7)
+    worn = np.clip(1.6 * region.ravel()[near], 0, 1) * np.float32(wear)
+    edge, rough = distance - half, grain.ravel()[near]
+    spall = smooth(edge, beside_m, 0.0) * smooth(rough + 2.4 * worn, 1.3, 2.3)
+    height -= 0.004 * spall * (1 - share)
+    beside = smooth(edge, beside_m, 0.0)
+    sunken, gone = _moved(rng, lattice, blocks, region, grain, wear)
+    exposed = np.maximum(spread(shape, near, 0.8 * spall), 0.7 * gone) * (1 - opening)
+    luck = int(rng.integers(2**63))
+
+    def stains() -> Stains:
+        patches = noise(np.random.default_rng(luck), lattice, 0.5, 3).ravel()[near]
+        return Stains(
+            dirt=spread(shape, near, 0.55 * beside * beside * smooth(patches, -0.8, 1.5)),
+            dust=spread(shape, near, 0.6 * beside * smooth(patches, 0.0, -1.5)),
+            stone=np.zeros(shape, dtype=np.float32),
+            tone=np.clip(0.5 * grain, -1, 1),
+        )
+
+    return Heightfield(
+        height_m=spread(shape, near, height, -1, 0) * (1 - gone) + sunken - LOST_M * gone * (1 + 0.1 * grain),
+        opening=opening,
+        exposed=exposed,
+        cell_m=lattice[1],
+        origin_m=lattice[2],
+        marking=MARKING,
+        paint=stains,
+    ).settled()
+
+
+def _moved(
+    rng: np.random.Generator, lattice: Lattice, blocks: Blocks, region: Field, grain: Field, wear: float
+) -> tuple[Field, Field]:
+    """(height of tilted and sunken blocks [m], share of lost ones)."""
+    count, own = len(blocks.sites), blocks.own
+    x, y = centres(lattice)
+    worst = np.square(np.clip(1.6 * region, 0, 1))
+    a, b, c = (TILT_M * wear * rng.normal(size=(3, count))).astype(np.float32)
+    b, c = b / np.float32(0.25), c / np.float32(0.25)
+    level = a - b * blocks.sites[:, 0].astype(np.float32) - c * blocks.sites[:, 1].astype(np.float32)
+    sunken = -np.abs(level[own] + b[own] * x + c[own] * y) * worst
+    lost = rng.random(count) < LOST_SHARE * wear * wear
+    gone = (lost[own] & (region > 0.15)) * smooth(blocks.distance_m + 0.002 * grain, 0.0, 0.016)
+    return sunken, np.asarray(gone, dtype=np.float32)
+
+
+def lay_crocodile_crack(rng: np.random.Generator, road: laying.Road, count: int) -> laying.Poses:
+    """In wheel paths, along them."""
+    return laying.poses(rng, laying.wheel_paths(rng, road, count), 0.0, 0.04)
+
+
+register(
+    DefectClass.CROCODILE_CRACK,
+    crocodile_crack,
+    lay=lay_crocodile_crack,
+    rate=crocodile_severity,
+    width=lambda measures: measures.width_m,
+    weight=0.2,
+)

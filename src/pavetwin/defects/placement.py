@@ -1,13 +1,19 @@
 """Where defects lie: every segment by itself, from its own child of the seed.
 
-On every segment `per_segment` defects are tried, whatever its size, the class of each drawn by the mix. Each gets up to
-`SHAPES` outlines and for each up to `PLACES` places, evenly distributed over the carriageway, and takes the first where
-its whole outline lies on the segment, 5 cm from its edge, and 10 cm from every other. It is left out when it finds
-none, or when the defects would cover more than `LARGEST_SHARE` of the segment: short ones may have fewer than asked.
+On every segment `per_segment` defects are tried, or `per_100_m2` for its size; the class of each is drawn by the mix.
+Each gets up to `SHAPES` shapes and for each up to `PLACES` places by its class's law (wheel paths, joints, edges,
+across), and takes the first where its whole outline lies on the segment's asphalt, 5 cm from its edge (where its street
+has gutters of concrete, 5 cm from those), and 10 cm from every other. It is left out when it finds none, or when the
+defects would cover more than `LARGEST_SHARE` of the segment: short ones may have fewer than asked.
+
+Segments are placed side by side on as many threads as there are cores: most of the work is done outside Python, and
+what comes out does not depend on how many there are.
 """
 
 import math
-from collections.abc import Iterable, Iterator
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Annotated, Self
 
@@ -17,15 +23,18 @@ from pydantic import Field, model_validator
 from shapely import Point, Polygon
 
 from pavetwin.config.base import Settings
-from pavetwin.defects.outlines import Points, turned
+from pavetwin.defects.laying import Poses, Road
+from pavetwin.defects.measures import measure
 from pavetwin.defects.registry import DefectKind, kinds, unknown
+from pavetwin.defects.shapes import Points, turned
 from pavetwin.seeds import Stream, child
 from pavetwin.world.build import Built
 from pavetwin.world.content import snapped
+from pavetwin.world.gutters import GUTTER_M, has_gutter
 from pavetwin.world.model import Defect, Segment
-from pavetwin.world.segments import direction_at, segment_key
+from pavetwin.world.segments import direction_at, point_at, segment_key
 
-SHAPES, PLACES = 5, 30
+SHAPES, PLACES = 3, 30
 LARGEST_SHARE = 0.15
 EDGE_M, APART_M = 0.05, 0.10
 
@@ -35,6 +44,8 @@ class DefectOptions(Settings):
 
     per_segment: Annotated[float, Field(ge=0, le=1000)] = 30.0
     """Rounded to a whole number."""
+    per_100_m2: Annotated[float | None, Field(ge=0, le=100)] = None
+    """Instead of `per_segment`: for each 100 m² of the segment; rounded by chance, so that it holds on average."""
     mix: dict[str, Annotated[float, Field(ge=0)]] = Field(default_factory=dict)
     """Class → weight; empty for every class's own weight, classes left out get none."""
 
@@ -42,19 +53,35 @@ class DefectOptions(Settings):
     def _known(self) -> Self:
         if self.mix and sum(self.mix.values()) <= 0:
             raise ValueError("the weights of the mix sum to 0")
+        if self.per_100_m2 is not None and "per_segment" in self.model_fields_set:
+            raise ValueError("give either per_segment or per_100_m2")
         return self
 
+    def count_on(self, segment: Segment, rng: np.random.Generator) -> int:
+        """How many defects to try on a segment."""
+        if self.per_100_m2 is None:
+            return round(self.per_segment)
+        return math.floor(self.per_100_m2 * segment.area_m2 / 100 + float(rng.random()))
 
-def add_defects(built: Built, options: DefectOptions | None = None) -> Built:
-    """A built world with its defects, and a note of how they were placed."""
+
+def add_defects(
+    built: Built, options: DefectOptions | None = None, on_progress: Callable[[float], None] | None = None
+) -> Built:
+    """A built world with its defects, and a note of how they were placed; `on_progress` is told the share placed."""
     options = options or DefectOptions()
-    defects = place(built.world.segments, built.record.options.seed, options)
-    record = built.record.model_copy(update={"defects": options.model_dump()})
+    defects = place(built.world.segments, built.record.options.seed, options, on_progress)
+    record = built.record.model_copy(update={"defects": options.model_dump(exclude_none=True)})
     return replace(built, world=replace(built.world, defects=defects), record=record)
 
 
-def place(segments: Iterable[Segment], seed: int, options: DefectOptions | None = None) -> tuple[Defect, ...]:
-    """The defects of all segments, numbered from 0 in their order.
+def place(
+    segments: Sequence[Segment],
+    seed: int,
+    options: DefectOptions | None = None,
+    on_progress: Callable[[float], None] | None = None,
+    threads: int | None = None,
+) -> tuple[Defect, ...]:
+    """The defects of all segments, numbered from 0 in their order; on one thread a core, or so many.
 
     Raises:
         PaveTwinError: the mix names an unknown class.
@@ -62,9 +89,12 @@ def place(segments: Iterable[Segment], seed: int, options: DefectOptions | None 
     options = options or DefectOptions()
     weighted = _weighted(options)
     defects: list[Defect] = []
-    for segment in segments:
-        for defect in _on_segment(segment, seed, round(options.per_segment), weighted):
-            defects.append(replace(defect, id=len(defects)))
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+        found = pool.map(lambda segment: tuple(_on_segment(segment, seed, options, weighted)), segments)
+        for done, own in enumerate(found, start=1):
+            defects += [replace(defect, id=index) for index, defect in enumerate(own, start=len(defects))]
+            if on_progress is not None:
+                on_progress(done / len(segments))
     return tuple(defects)
 
 
@@ -79,42 +109,67 @@ def _weighted(options: DefectOptions) -> tuple[tuple[DefectKind, ...], Points]:
 
 
 def _on_segment(
-    segment: Segment, seed: int, count: int, weighted: tuple[tuple[DefectKind, ...], Points]
+    segment: Segment, seed: int, options: DefectOptions, weighted: tuple[tuple[DefectKind, ...], Points]
 ) -> Iterator[Defect]:
     rng = child(seed, Stream.DEFECTS, segment_key(segment))
-    room = segment.polygon.buffer(-EDGE_M)
+    room = segment.polygon.buffer(-EDGE_M - (GUTTER_M if has_gutter(segment.street) else 0.0))
     shapely.prepare(room)
     budget = LARGEST_SHARE * segment.area_m2
+    road = Road.of(segment)
     taken: list[Polygon] = []
     known, weights = weighted
-    for _ in range(count):
+    for _ in range(options.count_on(segment, rng)):
         kind = known[int(rng.choice(len(known), p=weights))]
         for shape_seed in rng.integers(2**32, size=SHAPES).tolist():
-            shares = rng.random((PLACES, 2))
-            outline = kind.outline(np.random.default_rng(shape_seed))
-            placed = None if outline.area > budget else _first_place(segment, outline, shares, room, taken)
-            if placed is not None:
-                centre, polygon = placed
-                taken.append(polygon)
-                budget -= polygon.area
-                yield Defect(-1, segment.id, kind.name, snapped(centre), snapped(polygon), shape_seed)
-                break
+            poses = kind.lay(rng, road, PLACES)
+            shape = kind.generate(np.random.default_rng(shape_seed))
+            if shape.outline.area > budget:
+                continue
+            placed = _first_place(segment, shape.outline, poses, room, taken)
+            if placed is None:
+                continue
+            centre, yaw, polygon = placed
+            taken.append(polygon)
+            budget -= polygon.area
+            sizes = measure(shape)
+            yield Defect(
+                id=-1,
+                segment=segment.id,
+                kind=kind.name,
+                centre=snapped(centre),
+                polygon=snapped(polygon),
+                seed=shape_seed,
+                yaw_rad=yaw,
+                severity=kind.rate(sizes),
+                width_m=round(kind.width(sizes), 5),
+                depth_m=round(sizes.depth_m, 5),
+                length_m=round(sizes.crack_length_m, 3),
+                volume_m3=round(sizes.volume_m3, 7),
+            )
+            break
 
 
 def _first_place(
-    segment: Segment, outline: Polygon, shares: Points, room: shapely.Geometry, taken: list[Polygon]
-) -> tuple[Point, Polygon] | None:
+    segment: Segment, outline: Polygon, poses: Poses, room: shapely.Geometry, taken: list[Polygon]
+) -> tuple[Point, float, Polygon] | None:
     ring = np.asarray(outline.exterior.coords)[:-1]
-    half = segment.width_m / 2 + 0.5
-    for along, across in shares:
-        station = float(along) * segment.length_m
+    others = np.array(taken)
+    boxes = shapely.bounds(others) if taken else np.empty((0, 4))
+    for along, offset, turn in poses.tolist():
+        station = along * segment.length_m
         dx, dy = direction_at(segment.centre_line, station)
-        base = segment.centre_line.interpolate(station)
-        offset = (2 * float(across) - 1) * half
-        x, y = base.x - dy * offset, base.y + dx * offset
-        polygon = Polygon(turned(ring, math.atan2(dy, dx)) + np.array([x, y]))
-        if shapely.contains(room, polygon) and not (
-            taken and bool(shapely.dwithin(np.array(taken), polygon, APART_M).any())
-        ):
-            return Point(x, y), polygon
+        base_x, base_y = point_at(segment.centre_line, station)
+        x, y = base_x - dy * offset, base_y + dx * offset
+        yaw = math.remainder(math.atan2(dy, dx) + turn, 2 * math.pi)
+        corners = turned(ring, yaw) + np.array([x, y])
+        polygon = Polygon(corners)
+        if not shapely.contains_properly(room, polygon):
+            continue
+        low, high = corners.min(axis=0) - APART_M, corners.max(axis=0) + APART_M
+        near = (boxes[:, :2] <= high).all(axis=1) & (boxes[:, 2:] >= low).all(axis=1)
+        if near.any():
+            shapely.prepare(polygon)
+            if shapely.dwithin(polygon, others[near], APART_M).any():
+                continue
+        return Point(x, y), yaw, polygon
     return None

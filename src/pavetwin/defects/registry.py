@@ -4,40 +4,65 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from shapely import Polygon
 
+from pavetwin.defects.heightfield import Heightfield
+from pavetwin.defects.laying import Lay
+from pavetwin.defects.measures import Measures
 from pavetwin.errors import PaveTwinError, nearest_name
-from pavetwin.world.model import DefectClass
+from pavetwin.world.model import Defect, DefectClass, Severity
 
-Outline = Callable[[np.random.Generator], Polygon]
-"""Draws an outline in metres around the origin, which is the defect's centre; x runs along the street."""
+Generate = Callable[[np.random.Generator], Heightfield]
+"""Makes a defect around the origin, which is its centre; x runs along its length."""
 
 
 @dataclass(frozen=True, slots=True)
 class DefectKind:
-    """A registered class: how its outline is drawn, and its weight among all defects unless a mix says otherwise."""
+    """A registered class."""
 
     name: DefectClass
-    outline: Outline
+    generate: Generate
+    lay: Lay
+    """Where on a road it is found."""
+    rate: Callable[[Measures], Severity]
+    width: Callable[[Measures], float]
+    """Which of its measures is its width."""
     weight: float
+    """Among all defects, unless a mix says otherwise."""
 
 
 _KINDS: dict[DefectClass, DefectKind] = {}
 
 
-def register(name: DefectClass, outline: Outline, *, weight: float) -> DefectKind:
+def register(
+    name: str,
+    generate: Generate,
+    *,
+    lay: Lay,
+    rate: Callable[[Measures], Severity],
+    width: Callable[[Measures], float],
+    weight: float,
+) -> DefectKind:
     """Make a class known.
 
     Raises:
-        ValueError: the name is taken, or the weight is negative.
+        ValueError: the name is taken or no plain lower-case word, or the weight is negative.
     """
-    if name in _KINDS:
+    kind = DefectKind(DefectClass(name), generate, lay, rate, width, weight)
+    if kind.name in _KINDS:
         raise ValueError(f"the defect class '{name}' is registered already")
     if weight < 0:
         raise ValueError(f"the weight {weight} of the defect class '{name}' is negative")
-    kind = DefectKind(name, outline, weight)
-    _KINDS[name] = kind
+    _KINDS[kind.name] = kind
     return kind
+
+
+def unregister(name: str) -> None:
+    """Forget a class again.
+
+    Raises:
+        PaveTwinError: it is not known.
+    """
+    del _KINDS[kind_of(name).name]
 
 
 def kinds() -> tuple[DefectKind, ...]:
@@ -61,3 +86,14 @@ def unknown(name: str, known: Iterable[str]) -> PaveTwinError:
     """The plain sentence for a class that is not registered."""
     names = list(known)
     return PaveTwinError(f"Unknown defect class '{name}'{nearest_name(name, names)}. Known: {', '.join(names)}.")
+
+
+def heightfield_of(defect: Defect) -> Heightfield:
+    """The shape of a placed defect, made anew from its seed.
+
+    Its outline turned by `yaw_rad` about the origin and moved to `centre` is the defect's polygon.
+
+    Raises:
+        PaveTwinError: its class is not registered here.
+    """
+    return kind_of(defect.kind).generate(np.random.default_rng(defect.seed))

@@ -1,76 +1,261 @@
 """A single crack: a line that wanders along, across or obliquely to the street, millimetres to centimetres open."""
 
 import math
+from itertools import pairwise
+from typing import Annotated
 
 import numpy as np
-from shapely import LineString, Polygon
+from pydantic import Field as Limited
 
+from pavetwin._core import relief_pebbles
 from pavetwin.config.base import Settings
-from pavetwin.defects.outlines import Points, Range, between, turned
+from pavetwin.defects import laying
+from pavetwin.defects.heightfield import Field, Heightfield, Lattice, Stains
+from pavetwin.defects.marking import Marking
 from pavetwin.defects.registry import register
+from pavetwin.defects.severity import crack_severity
+from pavetwin.defects.shapes import (
+    Cells,
+    Points,
+    Range,
+    Share,
+    between,
+    lattice_around,
+    log_between,
+    noise,
+    smooth,
+    spread,
+    turned,
+)
+from pavetwin.defects.strokes import STEP_M, Stroke, flaked, frayed, traced, wandering
 from pavetwin.world.model import DefectClass
 
-STEP = 0.12
-"""Distance between the points of the line [m]."""
+CELL_M = 0.005
+REACH_M = 0.025
+"""How far from its edges a crack marks the surface."""
 
-WANDER, PULL_BACK = 0.22, 0.25
-"""Heading of the line: standard deviation of its change a step [rad], and the share by which it returns a step."""
+WANDER_M, HURST, LONGEST_M = 0.032, 0.68, 1.6
+"""How a crack departs from a straight line: deviation at waves of 1 m, its growth with the wave, longest wave."""
 
-DIRECTIONS = ((0.0, 0.12), (math.pi / 2, 0.12), (math.pi / 4, 0.25), (-math.pi / 4, 0.25))
-"""Longitudinal, transverse, oblique (two ways): angle to the street and its standard deviation [rad]."""
+WIDEST_PER_LENGTH = 1 / 40
+"""Cracks open as they grow: a short one is no slot."""
 
-DIRECTION_WEIGHTS = (0.4, 0.35, 0.125, 0.125)
+FRAYED_M, FRAYED_SHARE = 0.005, 0.10
+"""Most that an edge departs from the line, standard deviation: half a stone, and more where pieces have broken off a
+wide one, in shares of half its width."""
+
+FILLED_M = (0.02, 0.04)
+"""Between these widths a crack begins to show what lies in it; a thinner one is dark."""
+
+FILL, CRUMB_M = 0.3, 0.012
+"""What a wide crack holds: dirt, in shares of its depth, and crumbs of that size."""
+
+WALL = 2.2
+"""Steepest slope of a wide crack's sides."""
+
+STEP_APART_M, STEP_OVERLAP_M = (0.02, 0.055), (-0.03, 0.06)
+"""Where a crack stops and goes on beside itself: how far beside, and how far the two tips pass each other. The
+marking's closing keeps both in one outline."""
+
+ALONG, ACROSS, OBLIQUE = 0.40, 0.35, 0.25
+"""Shares of longitudinal, transverse and oblique cracks."""
+
+ALONG_IN_WHEEL_PATH, ALONG_AT_JOINT = 0.60, 0.25
+"""Of the longitudinal ones: loads crack the wheel paths, joints between lanes open; the rest lies near the edges."""
 
 
 class SingleCrackParameters(Settings):
     length_m: Range = (0.5, 6.0)
     """Along its chord."""
     width_m: Range = (0.002, 0.08)
-    """At its widest; drawn evenly in the logarithm, since narrow cracks are the common ones."""
+    """At its widest; drawn evenly in the logarithm, since narrow cracks are the common ones, and not above a fortieth
+    of the length while the range allows."""
+    depth_m: Range = (0.005, 0.06)
+    """As far as it is not filled; wider cracks are deeper."""
+    wander: Range = (0.6, 1.5)
+    """Times the usual departure from a straight line."""
+    steps: tuple[int, int] = (0, 2)
+    """Interruptions: it stops and goes on beside itself."""
+    branches: Annotated[float, Limited(ge=0, le=5)] = 0.7
+    """Branches a metre, on average."""
+    spalled: Share = (0.0, 0.7)
+    """Share of its length along which an edge has chipped."""
 
 
-def single_crack(rng: np.random.Generator, parameters: SingleCrackParameters | None = None) -> Polygon:
-    """The outline of a crack around the middle of its line; x runs along the street."""
+def single_crack(rng: np.random.Generator, parameters: SingleCrackParameters | None = None) -> Heightfield:
+    """A crack with the middle of its chord at the origin, its chord on x."""
     parameters = parameters or SingleCrackParameters()
     length = between(rng, parameters.length_m)
-    width = math.exp(between(rng, (math.log(parameters.width_m[0]), math.log(parameters.width_m[1]))))
-    direction = int(rng.choice(len(DIRECTIONS), p=DIRECTION_WEIGHTS))
-    angle = DIRECTIONS[direction][0] + float(rng.normal(0.0, DIRECTIONS[direction][1]))
-    line = turned(_line(rng, length), angle)
-    half = _half_widths(rng, len(line), width)
-    normals = _normals(line)
-    polygon = Polygon(np.concatenate([line + normals * half[:, None], (line - normals * half[:, None])[::-1]]))
-    if not polygon.is_valid:  # the line turned sharper than it is wide
-        polygon = LineString(line).buffer(float(half.mean()), cap_style="flat", join_style="mitre")
-    return Polygon(polygon.exterior)
+    low, high = parameters.width_m
+    width = log_between((low, max(low, min(high, WIDEST_PER_LENGTH * length))), float(rng.random()))
+    rank = math.log(width / low) / math.log(high / low) if high > low else float(rng.random())
+    depth = log_between(parameters.depth_m, 0.7 * rank + 0.3 * float(rng.random()))
+    pieces = _pieces(rng, parameters, length, width, depth)
+    branches = [branch for piece in pieces for branch in _branches(rng, piece, parameters.branches)]
+    strokes = [*pieces, *branches]
+    spalled, flake = between(rng, parameters.spalled), 0.006 + 0.35 * width
+    flakes = [flaked(rng, piece, spalled, flake, float(rng.uniform(0.003, 0.008))) for piece in pieces]
+    points = np.concatenate([stroke.points for stroke in strokes])
+    marking = Marking()
+    lattice = lattice_around(points.min(axis=0), points.max(axis=0), CELL_M, marking.margin_m + width + 0.02)
+    return _painted(rng, lattice, strokes, flakes, marking)
 
 
-def _line(rng: np.random.Generator, length_m: float) -> Points:
-    """Points (n, 2) of a line whose chord lies on x, `length_m` long, its middle point at the origin."""
-    count = max(6, math.ceil(length_m / STEP))
-    heading = np.zeros(count)
-    for index in range(1, count):
-        heading[index] = (1 - PULL_BACK) * heading[index - 1] + float(rng.normal(0.0, WANDER))
-    steps = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    line = np.concatenate([[[0.0, 0.0]], np.cumsum(steps, axis=0)])
-    chord = line[-1]
-    line = turned(line, -math.atan2(chord[1], chord[0])) * (length_m / math.hypot(*chord))
-    return np.asarray(line - line[len(line) // 2], dtype=np.float64)
-
-
-def _half_widths(rng: np.random.Generator, count: int, width_m: float) -> Points:
-    """Half the opening along the line: it varies, is nowhere wider than asked, and closes towards both ends."""
+def _pieces(
+    rng: np.random.Generator, parameters: SingleCrackParameters, length_m: float, width_m: float, depth_m: float
+) -> list[Stroke]:
+    """The crack from end to end, in one piece or in several that pass each other."""
+    count = max(8, math.ceil(length_m / STEP_M))
+    x = np.linspace(-length_m / 2, length_m / 2, count)
     share = np.linspace(0.0, 1.0, count)
-    ends = np.minimum(1.0, 6.0 * np.minimum(share, 1 - share) + 0.25)
-    opening = np.clip(0.75 + 0.25 * np.sin(share * float(rng.uniform(4, 15)) + float(rng.uniform(0, 6))), 0.4, 1.0)
-    profile = ends * opening
-    return np.asarray(width_m / 2 * profile / profile.max(), dtype=np.float64)
+    y = WANDER_M * between(rng, parameters.wander) * wandering(rng, count, STEP_M, LONGEST_M, HURST)
+    y -= y[0] + (y[-1] - y[0]) * share
+    profile = _profile(rng, count)
+    low, high = parameters.steps
+    most = min(high, int(length_m / 0.6))
+    cuts = np.sort(rng.uniform(0.15, 0.85, int(rng.integers(min(low, most), most + 1))))
+    bounds = [0, *(cuts * count).astype(int).tolist(), count]
+    pieces, aside = [], 0.0
+    for index, (begin, end) in enumerate(pairwise(bounds)):
+        overlap = round(float(rng.uniform(*STEP_OVERLAP_M)) / STEP_M) if index else 0
+        begin = max(0, begin - overlap)
+        if end - begin < 6:
+            continue
+        line = np.stack([x[begin:end], y[begin:end] + aside], axis=1)
+        pieces.append(_opened(rng, line, width_m * profile[begin:end], depth_m, (index > 0, end < count)))
+        aside += float(rng.choice([-1.0, 1.0])) * between(rng, STEP_APART_M)
+    widest = max(float(piece.half_m.sum(axis=1).max()) for piece in pieces)
+    scale = width_m / widest
+    return [Stroke(piece.points, piece.half_m * scale, piece.depth_m) for piece in pieces]
 
 
-def _normals(line: Points) -> Points:
-    tangent = np.gradient(line, axis=0)
-    tangent /= np.hypot(tangent[:, 0], tangent[:, 1])[:, None]
-    return np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+def _profile(rng: np.random.Generator, count: int) -> Points:
+    """How open it is along its length, 1 where widest: it varies in long waves and short ones."""
+    waves = wandering(rng, count, STEP_M, 1.2, 0.4)
+    return np.asarray(np.clip(0.62 + 0.38 * waves / max(1e-6, float(np.abs(waves).max())), 0.22, 1.0))
 
 
-register(DefectClass.SINGLE_CRACK, single_crack, weight=0.5)
+def _opened(
+    rng: np.random.Generator, line: Points, width_m: Points, depth_m: float, stepped: tuple[bool, bool]
+) -> Stroke:
+    """A line opened to a width, closing towards its ends over a tenth of its length, or 8 cm where it steps aside."""
+    count = len(line)
+    at = np.arange(count) * STEP_M
+    ends = np.ones(count)
+    for away, step in ((at, stepped[0]), (at[::-1], stepped[1])):
+        reach = min(0.08 if step else max(0.15, 0.12 * at[-1]), 0.5 * at[-1])
+        ends *= np.sqrt(np.clip((away + 0.5 * STEP_M) / reach, 0.0, 1.0))
+    half = 0.5 * width_m * ends
+    fray = frayed(rng, count, STEP_M, float(rng.uniform(0.010, 0.018)))
+    rough = np.minimum(0.35 * half, FRAYED_M + FRAYED_SHARE * half)[:, None] * fray
+    sides = np.maximum(half[:, None] + rough, 0.15 * half[:, None])
+    depth = depth_m * np.clip(0.35 + 0.65 * ends * (0.8 + 0.2 * fray[:, 0]), 0.1, 1.0)
+    return Stroke(line, sides, depth / max(1e-9, float(depth.max())) * depth_m)
+
+
+def _branches(rng: np.random.Generator, piece: Stroke, per_m: float) -> list[Stroke]:
+    """Short cracks that leave the line at an angle and run out."""
+    branches = []
+    for _ in range(int(rng.poisson(per_m * len(piece.points) * STEP_M))):
+        start = int(rng.integers(len(piece.points)))
+        length = min(0.6, 0.08 + float(rng.exponential(0.15)))
+        count = max(5, math.ceil(length / STEP_M))
+        forward = -1.0 if rng.random() < 0.5 else 1.0
+        angle = float(rng.choice([-1.0, 1.0])) * float(rng.uniform(0.35, 1.1)) + (math.pi if forward < 0 else 0.0)
+        y = 1.3 * WANDER_M * wandering(rng, count, STEP_M, 0.4, HURST)
+        line = np.stack([STEP_M * np.arange(count), y - y[0]], axis=1)
+        own = float(piece.half_m[start].sum()) * float(rng.uniform(0.3, 0.7))
+        taper = np.sqrt(np.linspace(1.0, 0.0, count))
+        half = np.repeat((0.5 * max(own, 0.001) * taper)[:, None], 2, axis=1)
+        branches.append(
+            Stroke(turned(line, angle) + piece.points[start], half, float(piece.depth_m[start]) * 0.7 * taper)
+        )
+    return branches
+
+
+def _painted(
+    rng: np.random.Generator, lattice: Lattice, strokes: list[Stroke], flakes: list[Stroke], marking: Marking
+) -> Heightfield:
+    """The strokes as a heightfield with the marks that a crack leaves on the surface; all of it lies near them."""
+    shape = lattice[0]
+    crack, chips = traced(lattice, strokes, REACH_M, steepness=3), traced(lattice, flakes, 0.0, steepness=6)
+    cells = np.flatnonzero(crack.distance_m < REACH_M)
+    grain = noise(rng, lattice, 0.016, 2, 0.7).ravel()[cells]
+    opening, chipped = crack.opening.ravel()[cells], chips.opening.ravel()[cells]
+    near = smooth(crack.distance_m.ravel()[cells], REACH_M, 0.0)
+    squared = near * near
+    shown = smooth(grain, -1.2, 0.8)
+    exposed = np.maximum(chipped * shown, 0.6 * squared * squared * smooth(grain, 0.4, 1.4)) * (1 - opening)
+    flaked_m = chips.height_m.ravel()[cells] * (0.8 + 0.2 * np.clip(grain, -1, 1))
+    height = crack.height_m.ravel()[cells]
+    crumbs = np.zeros(1, dtype=np.float32)
+    if max(float(stroke.half_m.sum(axis=1).max()) for stroke in strokes) > FILLED_M[0]:
+        height, crumbs = _filled(rng, lattice, crack.distance_m.ravel()[cells], cells, height)
+    luck = int(rng.integers(2**63))
+
+    def stains() -> Stains:
+        patches = noise(np.random.default_rng(luck), lattice, (0.5, 0.12), 3).ravel()[cells]
+        return Stains(
+            dirt=spread(shape, cells, 0.6 * squared * near * smooth(patches + 0.5 * grain, -0.5, 1.6)),
+            dust=spread(shape, cells, 0.35 * near * smooth(patches, 0.3, -1.5)),
+            stone=spread(shape, cells, crumbs),
+            tone=spread(shape, cells, 0.5 * grain, -1, 1),
+        )
+
+    return Heightfield(
+        height_m=spread(shape, cells, np.minimum(height, flaked_m), -1, 0),
+        opening=crack.opening,
+        exposed=spread(shape, cells, exposed),
+        cell_m=lattice[1],
+        origin_m=lattice[2],
+        marking=marking,
+        paint=stains,
+    ).settled()
+
+
+def _filled(
+    rng: np.random.Generator, lattice: Lattice, distance_m: Field, cells: Cells, height_m: Field
+) -> tuple[Field, Field]:
+    """(height of a wide crack with leaning sides and what has fallen in [m], share covered by crumbs) at the cells.
+
+    The deepest point stays as deep as it was.
+    """
+    inner = np.clip(-distance_m, 0, None) + np.float32(lattice[1] / 2)
+    wide = smooth(inner, FILLED_M[0] / 4, FILLED_M[1] / 3)
+    rugged = 1 + 0.25 * noise(rng, lattice, 0.04, 3, 0.7).ravel()[cells]
+    dirt = smooth(noise(rng, lattice, 0.15, 3, 0.6).ravel()[cells], -1.2, 1.6)
+    dome, tone = relief_pebbles(lattice, spread(lattice[0], cells, -distance_m) > 0, int(rng.integers(2**63)), CRUMB_M)
+    fallen = dome.ravel()[cells] * (tone.ravel()[cells] > 0.45)
+    sides = np.maximum(height_m, -WALL * inner * np.clip(rugged, 0.5, 1.5))
+    bed = sides * (1 - FILL * dirt) + np.minimum(0.5 * CRUMB_M * fallen, -0.3 * sides)
+    filled = height_m + wide * (bed - height_m)
+    filled *= min(1.5, float(height_m.min()) / min(-1e-9, float(filled.min())))
+    return filled, 0.5 * wide * fallen
+
+
+def lay_single_crack(rng: np.random.Generator, road: laying.Road, count: int) -> laying.Poses:
+    """Along the street in wheel paths, at joints and edges; across it; or obliquely."""
+    manner = rng.random()
+    if manner < ACROSS:
+        return laying.poses(rng, laying.anywhere(rng, road, count), math.pi / 2, 0.10)
+    if manner < ACROSS + OBLIQUE:
+        turn = float(rng.choice([-1.0, 1.0])) * math.pi / 4
+        return laying.poses(rng, laying.anywhere(rng, road, count), turn, 0.22)
+    where = rng.random()
+    if where < ALONG_IN_WHEEL_PATH:
+        offsets = laying.wheel_paths(rng, road, count)
+    elif where < ALONG_IN_WHEEL_PATH + ALONG_AT_JOINT:
+        offsets = laying.joints(rng, road, count)
+    else:
+        offsets = laying.edges(rng, road, count)
+    return laying.poses(rng, offsets, 0.0, 0.035)
+
+
+register(
+    DefectClass.SINGLE_CRACK,
+    single_crack,
+    lay=lay_single_crack,
+    rate=crack_severity,
+    width=lambda measures: measures.width_m,
+    weight=0.5,
+)

@@ -1,0 +1,153 @@
+//! From the light that a lens lets through to the picture that a camera stores: lens blur, motion over the exposure,
+//! vignetting, electrons and their noise, white balance, tone, sharpening, 8 bits.
+
+mod edges;
+mod light;
+mod motion;
+mod noise;
+
+pub use light::Light;
+pub use motion::Motion;
+
+use edges::Tones;
+use noise::Normal;
+
+/// What the camera does to light. Light is in kcd/m², colours are linear sRGB until the tone curve.
+#[derive(Clone, Debug)]
+pub struct Sensor {
+    /// Electrons of one output pixel for each kcd/m², over the exposure.
+    pub electrons_per_light: f32,
+    /// Electrons at which a pixel is full, at this ISO.
+    pub full_electrons: f32,
+    /// Standard deviation of the electronics, in electrons.
+    pub read_electrons: f32,
+    /// Share of the light that is missing in the corners.
+    pub vignetting: f32,
+    /// Standard deviation of the lens's point spread in pixels.
+    pub blur_px: f32,
+    /// Gains of red, green and blue.
+    pub white_balance: [f32; 3],
+    /// Distance of colours from grey, 1 as they are.
+    pub saturation: f32,
+    /// How much of the difference to its neighbours is added to a pixel.
+    pub sharpening: f32,
+    /// Output 0 … 1 at inputs (i / (n − 1))², so that the dark end is fine.
+    pub curve: Vec<f32>,
+}
+
+/// Rows are worked on in bands, on all cores; the result does not depend on how many there are.
+fn in_bands(rows: usize, row_length: usize, out: &mut [f32], work: impl Fn(usize, &mut [f32]) + Sync) {
+    let cores = std::thread::available_parallelism().map_or(1, |n| n.get()).min(8);
+    let band = rows.div_ceil(cores).max(1);
+    std::thread::scope(|scope| {
+        for (index, chunk) in out.chunks_mut(band * row_length).enumerate() {
+            let work = &work;
+            scope.spawn(move || {
+                for (row, line) in chunk.chunks_mut(row_length).enumerate() {
+                    work(index * band + row, line);
+                }
+            });
+        }
+    });
+}
+
+impl Sensor {
+    /// The picture, (height × width × 3) values of sRGB.
+    pub fn expose(&self, light: &Light<'_>, motion: Option<&Motion<'_>>, seed: u64) -> Vec<u8> {
+        let (width, height) = (light.width, light.height);
+        let mut plane = vec![0.0_f32; width * height * 3];
+        in_bands(height, width * 3, &mut plane, |row, line| light.line(row, line));
+        let mut other = vec![0.0_f32; plane.len()];
+        let tones = self.tones(&plane, width, height);
+        in_bands(height, width * 3, &mut other, |row, line| tones.smooth(&plane, row, line));
+        std::mem::swap(&mut plane, &mut other);
+        if let Some(motion) = motion {
+            in_bands(height, width * 3, &mut other, |row, line| motion.gather(&plane, (width, height), row, line));
+            std::mem::swap(&mut plane, &mut other);
+        }
+        let mut blurred = other;
+        let tail = (0.5 * self.blur_px * self.blur_px).min(0.25);
+        in_bands(height, width * 3, &mut blurred, |row, line| three_by_three(&plane, width, height, row, tail, line));
+        let normal = Normal::new();
+        in_bands(height, width * 3, &mut plane, |row, line| {
+            self.develop(&blurred[row * width * 3..][..width * 3], (width, height), row, seed, &normal, line);
+        });
+        in_bands(height, width * 3, &mut blurred, |row, line| {
+            // The neighbours' weights of a small Gaussian: what sharpening takes for the blurred picture.
+            three_by_three(&plane, width, height, row, 0.25, line);
+            let own = &plane[row * width * 3..][..width * 3];
+            for (value, own) in line.iter_mut().zip(own) {
+                *value = own + self.sharpening * (own - *value);
+            }
+        });
+        blurred.iter().map(|value| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8).collect()
+    }
+
+    /// Tones that the picture will have, to find edges in: before noise and white balance.
+    fn tones(&self, plane: &[f32], width: usize, height: usize) -> Tones {
+        let scale = self.electrons_per_light / self.full_electrons;
+        let mut values = vec![0.0_f32; width * height];
+        in_bands(height, width, &mut values, |row, line| {
+            for (tone, rgb) in line.iter_mut().zip(plane[row * width * 3..].chunks_exact(3)) {
+                // The square root stands in for the tone curve.
+                *tone = (scale * (0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2])).clamp(0.0, 1.0).sqrt();
+            }
+        });
+        Tones { width, height, values }
+    }
+
+    fn develop(
+        &self,
+        light: &[f32],
+        (width, height): (usize, usize),
+        row: usize,
+        seed: u64,
+        normal: &Normal,
+        out: &mut [f32],
+    ) {
+        let (middle_x, middle_y) = (0.5 * (width as f32 - 1.0), 0.5 * (height as f32 - 1.0));
+        let corner = (middle_x * middle_x + middle_y * middle_y).max(1.0);
+        let y = row as f32 - middle_y;
+        for (column, (light, out)) in light.chunks_exact(3).zip(out.chunks_exact_mut(3)).enumerate() {
+            let x = column as f32 - middle_x;
+            let open = 1.0 - self.vignetting * (x * x + y * y) / corner;
+            let luck = normal.three(seed, (row * width + column) as u64);
+            let mut rgb = [0.0_f32; 3];
+            for channel in 0..3 {
+                let mean = (light[channel] * open * self.electrons_per_light).max(0.0);
+                let spread = (mean + self.read_electrons * self.read_electrons).sqrt();
+                let electrons = (mean + spread * luck[channel]).clamp(0.0, self.full_electrons);
+                rgb[channel] = electrons / self.full_electrons * self.white_balance[channel];
+            }
+            let grey = 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
+            for channel in 0..3 {
+                out[channel] = self.tone(grey + self.saturation * (rgb[channel] - grey));
+            }
+        }
+    }
+
+    fn tone(&self, value: f32) -> f32 {
+        let at = value.clamp(0.0, 1.0).sqrt() * (self.curve.len() - 1) as f32;
+        let low = (at as usize).min(self.curve.len() - 2);
+        let share = at - low as f32;
+        self.curve[low] * (1.0 - share) + self.curve[low + 1] * share
+    }
+}
+
+/// One row convolved with (tail, 1 − 2·tail, tail) both ways; edges go on outwards.
+fn three_by_three(plane: &[f32], width: usize, height: usize, row: usize, tail: f32, out: &mut [f32]) {
+    let line = |row: usize| &plane[row * width * 3..][..width * 3];
+    let (above, here, below) = (line(row.saturating_sub(1)), line(row), line((row + 1).min(height - 1)));
+    let centre = 1.0 - 2.0 * tail;
+    let vertical = |at: usize| tail * (above[at] + below[at]) + centre * here[at];
+    for column in 0..width {
+        let (left, right) = (column.saturating_sub(1), (column + 1).min(width - 1));
+        for channel in 0..3 {
+            let sides = vertical(left * 3 + channel) + vertical(right * 3 + channel);
+            out[column * 3 + channel] = tail * sides + centre * vertical(column * 3 + channel);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,133 @@
+//! Stairs along edges made smooth, after the picture is drawn with one sample a pixel: each pixel at an edge takes as
+//! much from the other side as the edge, followed to its ends, cuts off it (Lottes 2009, FXAA). On a processor this
+//! costs a tenth of drawing four samples a pixel.
+
+/// Differences of tone below this are no edge; grain and noise stay as they are.
+const LEAST: f32 = 0.06;
+
+/// And below this share of the brighter side.
+const LEAST_SHARE: f32 = 0.18;
+
+/// Pixels that an edge is followed.
+const LONGEST: i32 = 12;
+
+/// A picture's tones, (height × width), to find edges in.
+pub struct Tones {
+    pub width: usize,
+    pub height: usize,
+    pub values: Vec<f32>,
+}
+
+impl Tones {
+    fn at(&self, column: i32, row: i32) -> f32 {
+        let column = column.clamp(0, self.width as i32 - 1) as usize;
+        let row = row.clamp(0, self.height as i32 - 1) as usize;
+        self.values[row * self.width + column]
+    }
+
+    /// Where a pixel takes from, as a step to a neighbour, and how much; None away from edges.
+    fn share(&self, column: i32, row: i32) -> Option<((i32, i32), f32)> {
+        let at = |dx: i32, dy: i32| self.at(column + dx, row + dy);
+        let (here, up, down, left, right) = (at(0, 0), at(0, -1), at(0, 1), at(-1, 0), at(1, 0));
+        let (low, high) =
+            [up, down, left, right].iter().fold((here, here), |(low, high), tone| (low.min(*tone), high.max(*tone)));
+        if high - low < LEAST.max(LEAST_SHARE * high) {
+            return None;
+        }
+        let bend = |a: f32, b: f32, c: f32| (a + c - 2.0 * b).abs();
+        let (a, b, c, d) = (at(-1, -1), at(1, -1), at(-1, 1), at(1, 1));
+        let level = 2.0 * bend(up, here, down) + bend(a, left, c) + bend(b, right, d);
+        let upright = 2.0 * bend(left, here, right) + bend(a, up, b) + bend(c, down, d);
+        // The edge runs along `along`; its other side lies across.
+        let is_level = level >= upright;
+        let (before, after) = if is_level { (up, down) } else { (left, right) };
+        let sign = if (before - here).abs() >= (after - here).abs() { -1 } else { 1 };
+        let other = if sign < 0 { before } else { after };
+        let (across, along) = if is_level { ((0, sign), (1, 0)) } else { ((sign, 0), (0, 1)) };
+        let (middle, step) = (0.5 * (here + other), 0.25 * (other - here).abs());
+        let between = |way: i32| {
+            let (x, y) = (along.0 * way, along.1 * way);
+            0.5 * (at(x, y) + at(x + across.0, y + across.1)) - middle
+        };
+        let end = |sense: i32| {
+            (1..=LONGEST)
+                .map(|way| (way, between(sense * way)))
+                .find(|(_, away)| away.abs() >= step)
+                .unwrap_or((LONGEST, 0.0))
+        };
+        let ((back, back_tone), (ahead, ahead_tone)) = (end(-1), end(1));
+        let (nearest, tone) = if back < ahead { (back, back_tone) } else { (ahead, ahead_tone) };
+        // Only where the edge ends towards this pixel's side does it cut into the pixel.
+        let cuts = (tone < 0.0) != (here < middle) && tone != 0.0;
+        let share = 0.5 - nearest as f32 / (back + ahead) as f32;
+        (cuts && share > 0.0).then_some((across, share))
+    }
+
+    /// One row of the picture with its edges smooth.
+    pub fn smooth(&self, plane: &[f32], row: usize, out: &mut [f32]) {
+        let width = self.width;
+        out.copy_from_slice(&plane[row * width * 3..][..width * 3]);
+        for column in 0..width {
+            if let Some(((dx, dy), share)) = self.share(column as i32, row as i32) {
+                let x = (column as i32 + dx).clamp(0, width as i32 - 1) as usize;
+                let y = (row as i32 + dy).clamp(0, self.height as i32 - 1) as usize;
+                for channel in 0..3 {
+                    let other = plane[(y * width + x) * 3 + channel];
+                    out[column * 3 + channel] += share * (other - out[column * 3 + channel]);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Tones;
+
+    /// A half plane under y = slope · x, drawn with one sample a pixel.
+    fn stairs(slope: f32, size: usize) -> (Tones, Vec<f32>) {
+        let values: Vec<f32> = (0..size * size)
+            .map(|pixel| {
+                let (x, y) = ((pixel % size) as f32 + 0.5, (pixel / size) as f32 + 0.5);
+                if y - 0.5 * size as f32 > slope * (x - 0.5 * size as f32) { 0.8 } else { 0.2 }
+            })
+            .collect();
+        let plane = values.iter().flat_map(|tone| [*tone; 3]).collect();
+        (Tones { width: size, height: size, values }, plane)
+    }
+
+    /// Mean distance of an edge from where it should be, in each column.
+    fn error(plane: &[f32], slope: f32, size: usize) -> f32 {
+        let column_error = |column: usize| {
+            let bright: f32 = (0..size).map(|row| (plane[(row * size + column) * 3] - 0.2) / 0.6).sum();
+            let edge = 0.5 * size as f32 + slope * (column as f32 + 0.5 - 0.5 * size as f32);
+            (bright - (size as f32 - edge)).abs()
+        };
+        (8..size - 8).map(column_error).sum::<f32>() / (size - 16) as f32
+    }
+
+    #[test]
+    fn stairs_become_slopes() {
+        for slope in [0.1, 0.2, 0.35] {
+            let (tones, plane) = stairs(slope, 64);
+            let mut smooth = vec![0.0; plane.len()];
+            smooth.chunks_mut(64 * 3).enumerate().for_each(|(row, line)| tones.smooth(&plane, row, line));
+            let (before, after) = (error(&plane, slope, 64), error(&smooth, slope, 64));
+            assert!(after < 0.55 * before, "slope {slope}: {before} → {after}");
+        }
+    }
+
+    #[test]
+    fn straight_edges_and_grain_stay() {
+        let (tones, plane) = stairs(0.0, 32);
+        let mut smooth = vec![0.0; plane.len()];
+        smooth.chunks_mut(32 * 3).enumerate().for_each(|(row, line)| tones.smooth(&plane, row, line));
+        assert_eq!(plane, smooth);
+        let grain: Vec<f32> = (0..32 * 32).map(|pixel| 0.4 + 0.02 * ((pixel * 7919 % 13) as f32 / 12.0)).collect();
+        let plane: Vec<f32> = grain.iter().flat_map(|tone| [*tone; 3]).collect();
+        let tones = Tones { width: 32, height: 32, values: grain };
+        let mut smooth = vec![0.0; plane.len()];
+        smooth.chunks_mut(32 * 3).enumerate().for_each(|(row, line)| tones.smooth(&plane, row, line));
+        assert_eq!(plane, smooth);
+    }
+}

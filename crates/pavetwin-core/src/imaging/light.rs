@@ -1,0 +1,48 @@
+//! The picture as the graphics device gives it: half floats, red green blue and one that is not used.
+
+/// Light that falls on the sensor, (height × width × 4) half floats in kcd/m².
+pub struct Light<'a> {
+    pub width: usize,
+    pub height: usize,
+    pub halves: &'a [u16],
+}
+
+impl Light<'_> {
+    pub(super) fn line(&self, row: usize, out: &mut [f32]) {
+        let halves = &self.halves[row * self.width * 4..][..self.width * 4];
+        for (pixel, out) in halves.chunks_exact(4).zip(out.chunks_exact_mut(3)) {
+            for channel in 0..3 {
+                out[channel] = single(pixel[channel]);
+            }
+        }
+    }
+}
+
+/// A half float's value. What is no number counts as dark, what is infinite as the largest there is.
+fn single(half: u16) -> f32 {
+    if half & 0x7c00 == 0x7c00 {
+        return if half & 0x03ff == 0 && half & 0x8000 == 0 { 65504.0 } else { 0.0 };
+    }
+    // Moved to where a single's exponent and mantissa lie, then scaled by the difference of the two biases, 2^112.
+    let bits = (u32::from(half & 0x8000) << 16) | (u32::from(half & 0x7fff) << 13);
+    f32::from_bits(bits) * f32::from_bits(0x7780_0000)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::single;
+
+    #[test]
+    fn halves_are_read_exactly() {
+        for (half, value) in [
+            (0x3c00, 1.0),
+            (0xc000, -2.0),
+            (0x0001, 5.960_464_5e-8),
+            (0x7bff, 65504.0),
+            (0x7c00, 65504.0),
+            (0x7e00, 0.0),
+        ] {
+            assert_eq!(single(half), value);
+        }
+    }
+}

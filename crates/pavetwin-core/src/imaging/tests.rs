@@ -1,0 +1,81 @@
+use super::{Light, Motion, Sensor};
+use std::collections::HashMap;
+
+fn sensor() -> Sensor {
+    Sensor {
+        electrons_per_light: 1000.0,
+        full_electrons: 10_000.0,
+        read_electrons: 0.0,
+        vignetting: 0.0,
+        blur_px: 0.0,
+        white_balance: [1.0; 3],
+        saturation: 1.0,
+        sharpening: 0.0,
+        curve: (0..256).map(|step| (step as f32 / 255.0).powi(2)).collect(),
+    }
+}
+
+/// 1.0 as a half float.
+const ONE: u16 = 0x3c00;
+
+fn even(width: usize, height: usize, half: u16) -> Vec<u16> {
+    vec![half; width * height * 4]
+}
+
+#[test]
+fn brighter_is_noisier_and_relatively_cleaner() {
+    let spread = |half: u16| {
+        let halves = even(64, 64, half);
+        let picture = sensor().expose(&Light { width: 64, height: 64, halves: &halves }, None, 3);
+        let mean = picture.iter().map(|value| f64::from(*value)).sum::<f64>() / picture.len() as f64;
+        let variance =
+            picture.iter().map(|value| (f64::from(*value) - mean).powi(2)).sum::<f64>() / picture.len() as f64;
+        (mean, variance.sqrt())
+    };
+    let (dim, dim_spread) = spread(ONE);
+    let (bright, bright_spread) = spread(ONE + 0x0800); // 4.0
+    assert!((bright / dim - 4.0).abs() < 0.05);
+    assert!(bright_spread > 1.5 * dim_spread && bright_spread / bright < dim_spread / dim);
+}
+
+#[test]
+fn a_full_pixel_is_white() {
+    let halves = even(8, 8, 0x5400); // 64 kcd/m²: 64,000 electrons
+    let picture = sensor().expose(&Light { width: 8, height: 8, halves: &halves }, None, 0);
+    assert!(picture.iter().all(|value| *value == 255));
+}
+
+#[test]
+fn the_seed_alone_decides_the_noise() {
+    let halves = even(16, 16, ONE);
+    let light = Light { width: 16, height: 16, halves: &halves };
+    assert_eq!(sensor().expose(&light, None, 5), sensor().expose(&light, None, 5));
+    assert_ne!(sensor().expose(&light, None, 5), sensor().expose(&light, None, 6));
+}
+
+#[test]
+fn an_edge_is_smeared_over_the_way() {
+    let (width, height) = (64, 4);
+    let mut halves = even(width, height, 0);
+    for pixel in 0..width * height {
+        if pixel % width >= 32 {
+            halves[pixel * 4..][..3].fill(0x4900); // 10.0
+        }
+    }
+    let depth = vec![10.0; width * height];
+    // 1 m at 10 m under a focal length of 100 px: 10 px.
+    let motion = Motion { depth: &depth, labels: &[], focal: 100.0, still: [1.0, 0.0, 0.0], moving: HashMap::new() };
+    let picture = sensor().expose(&Light { width, height, halves: &halves }, Some(&motion), 0);
+    let row: Vec<u8> = (0..width).map(|column| picture[column * 3]).collect();
+    let between = row.iter().filter(|value| **value > 12 && **value < 243).count();
+    assert!((8..=11).contains(&between), "{between} pixels between dark and bright: {row:?}");
+}
+
+#[test]
+fn what_moves_along_is_sharp() {
+    let (width, height) = (32, 2);
+    let (depth, labels) = (vec![10.0; width * height], vec![7; width * height]);
+    let moving = HashMap::from([(7, [0.0; 3])]);
+    let motion = Motion { depth: &depth, labels: &labels, focal: 100.0, still: [1.0, 0.0, 0.0], moving };
+    assert_eq!(motion.at(width, height, 3, 1), (0.0, 0.0));
+}

@@ -1,0 +1,142 @@
+"""A defect as one heightfield, in its own frame: everything drawn, labelled and measured follows from it alone.
+
+The defect's own frame has its centre at the origin, x along its length, y to the left and z up, in metres. Rows run
+along y (row 0 at the smallest), columns along x.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+from shapely import Polygon
+
+from pavetwin.defects.marking import Marking, mark, outline
+
+Field = npt.NDArray[np.float32]
+Lattice = tuple[tuple[int, int], float, tuple[float, float]]
+
+COARSEST_CELL_M = 0.005
+
+
+@dataclass(frozen=True, eq=False)
+class Stains:
+    """What a defect leaves on the surface besides its shape; fields (rows, cols) float32.
+
+    Raises:
+        ValueError: shapes differ, or a value is out of its range.
+    """
+
+    dirt: Field
+    """Dark fill and stains, 0 … 1: soil, damp, old bitumen."""
+    dust: Field
+    """Pale fines, 0 … 1: ground off or pumped out."""
+    stone: Field
+    """Share of the cell covered by loose stones."""
+    tone: Field
+    """How bright the single stone is that shows, -1 … 1; 0 where the binder covers it."""
+
+    def __post_init__(self) -> None:
+        for name in ("dirt", "dust", "stone", "tone"):
+            _check(name, getattr(self, name), self.dirt.shape, -1.0 if name == "tone" else 0.0)
+
+    @classmethod
+    def none(cls, shape: tuple[int, int]) -> Self:
+        """A clean surface."""
+        return cls(*(np.zeros(shape, dtype=np.float32) for _ in range(4)))
+
+
+@dataclass(frozen=True, eq=False)
+class Heightfield:
+    """Height and surface of a defect, one value a square cell; all fields (rows, cols) float32 and read-only.
+
+    A cell holds the *mean* over its square: a crack thinner than a cell has an `opening` below 1 and a height that is
+    its depth times that share, so that areas and volumes are right and the width can be measured from the field.
+
+    Raises:
+        ValueError: shapes differ, a cell is coarser than 5 mm, or a share is not within 0 … 1.
+    """
+
+    height_m: Field
+    """Mean height above the sound road around it."""
+    opening: Field
+    """Share of the cell that lies in an open crack."""
+    exposed: Field
+    """Share that is broken: bare aggregate, the binder gone."""
+    cell_m: float
+    origin_m: tuple[float, float]
+    """Centre (x, y) of the cell [0, 0]."""
+    marking: Marking
+    """What of it is labelled."""
+    paint: Callable[[], Stains]
+    """Makes the stains, the same ones always. Placing thousands of defects needs their shapes alone."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.cell_m <= COARSEST_CELL_M:
+            raise ValueError(f"a cell of {self.cell_m:g} m is not within 0 … {COARSEST_CELL_M} m")
+        _check("height_m", self.height_m, self.height_m.shape, -np.inf, np.inf)
+        _check("opening", self.opening, self.height_m.shape)
+        _check("exposed", self.exposed, self.height_m.shape)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, cols)."""
+        return int(self.height_m.shape[0]), int(self.height_m.shape[1])
+
+    @property
+    def lattice(self) -> Lattice:
+        """Shape, cell and origin, as the kernels take them."""
+        return self.shape, self.cell_m, self.origin_m
+
+    @property
+    def bounds_m(self) -> tuple[float, float, float, float]:
+        """Least x, least y, largest x, largest y of its cells' squares."""
+        (rows, cols), half = self.shape, self.cell_m / 2
+        x, y = self.origin_m[0] - half, self.origin_m[1] - half
+        return x, y, x + cols * self.cell_m, y + rows * self.cell_m
+
+    @cached_property
+    def mask(self) -> npt.NDArray[np.bool_]:
+        """(rows, cols) what an annotator would mark: one piece without holes; see `Marking` for the rule."""
+        mask = mark(self.height_m, self.cell_m, self.marking)
+        mask.flags.writeable = False
+        return mask
+
+    @cached_property
+    def outline(self) -> Polygon:
+        """The mask's boundary in the defect's own frame."""
+        return outline(self.mask, self.cell_m, self.origin_m)
+
+    @cached_property
+    def stains(self) -> Stains:
+        """Dirt, dust and stones; stones lie within the mask alone."""
+        stains = self.paint()
+        if stains.dirt.shape != self.shape:
+            raise ValueError(f"stains of shape {stains.dirt.shape} on a heightfield of {self.shape}")
+        kept = self.mask.astype(np.float32)
+        return replace(stains, stone=stains.stone * kept, tone=stains.tone * kept)
+
+    def uv(self, xy: npt.NDArray[np.float64]) -> npt.NDArray[np.float32]:
+        """Texture coordinates (n, 2) of points (n, 2): (0, 0) is the outer corner of cell [0, 0], v grows with y."""
+        x0, y0, x1, y1 = self.bounds_m
+        return np.asarray((xy - (x0, y0)) / (x1 - x0, y1 - y0), dtype=np.float32)
+
+    def settled(self) -> Self:
+        """The same with the sound road outside its mask: height 0 and nothing broken there, stains and dust apart."""
+        kept = self.mask.astype(np.float32)
+        result = replace(self, height_m=self.height_m * kept, opening=self.opening * kept, exposed=self.exposed * kept)
+        apart = (self.height_m <= -self.marking.least_m) & ~self.mask
+        if apart.any():  # a piece that is gone, and may have bent the mask
+            return result.settled()
+        result.__dict__["mask"] = self.mask  # made of the same cells
+        return result
+
+
+def _check(name: str, layer: Field, shape: tuple[int, ...], low: float = 0.0, high: float = 1.0) -> None:
+    if layer.ndim != 2 or layer.shape != shape or layer.dtype != np.float32:
+        raise ValueError(f"{name} is {layer.dtype} of shape {layer.shape}, not float32 {shape}")
+    if layer.size and not (layer.min() >= low and layer.max() <= high):
+        raise ValueError(f"{name} is not within {low:g} … {high:g}")
+    layer.flags.writeable = False

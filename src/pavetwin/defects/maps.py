@@ -1,0 +1,70 @@
+"""A heightfield as textures: normals, albedo, occlusion. Row 0 holds the smallest y, as `Heightfield.uv` counts."""
+
+import numpy as np
+import numpy.typing as npt
+
+from pavetwin._core import relief_widths
+from pavetwin.defects.heightfield import Field, Heightfield
+from pavetwin.defects.shapes import smooth
+
+CRACK = (0.22, 0.21, 0.20)
+"""Of the sound road's albedo: little light comes back out of an open crack."""
+CRACK_FLOOR, SEEN_M = (0.48, 0.45, 0.40), (0.015, 0.05)
+"""What lies in one whose width is beyond these: it is drawn in its depth, and dark by its own shadow."""
+DIRT = (0.50, 0.48, 0.44)
+BROKEN = (1.22, 1.18, 1.11)
+"""Aggregate without its film of bitumen is lighter and warmer than the road."""
+DUST = (1.42, 1.38, 1.28)
+STONE = (1.45, 1.40, 1.32)
+STONE_CONTRAST = 0.3
+"""How much lighter or darker single stones are than their mean."""
+
+CAVITY_SCALES_M = (0.02, 0.08, 0.25)
+CAVITY_STRENGTH = 1.1
+
+
+def normal_map(heightfield: Heightfield) -> npt.NDArray[np.uint8]:
+    """(rows, cols, 3) tangent-space normals: red along x, green along y, blue up, 0 … 255 for -1 … 1."""
+    slope_y, slope_x = np.gradient(heightfield.height_m, np.float32(heightfield.cell_m))
+    inverse = 1 / np.sqrt(slope_x * slope_x + slope_y * slope_y + 1)
+    normals = np.stack([-slope_x * inverse, -slope_y * inverse, inverse], axis=-1)
+    return np.asarray(np.round(normals * 127.5 + 127.5), dtype=np.uint8)
+
+
+def albedo_factor(heightfield: Heightfield) -> Field:
+    """(rows, cols, 3) what the road's albedo (linear red, green, blue) is multiplied by; 1 where it is sound."""
+    stains = heightfield.stains
+    contrast = 1 + STONE_CONTRAST * stains.tone[..., None]
+    factor = np.ones((*heightfield.shape, 3), dtype=np.float32)
+    factor = _mixed(factor, contrast * np.array(BROKEN, dtype=np.float32), heightfield.exposed)
+    factor = _mixed(factor, np.array(DUST, dtype=np.float32), stains.dust)
+    factor = _mixed(factor, np.array(DIRT, dtype=np.float32), stains.dirt)
+    factor = _mixed(factor, _within(heightfield), heightfield.opening)
+    return _mixed(factor, contrast * np.array(STONE, dtype=np.float32), stains.stone)
+
+
+def occlusion_map(heightfield: Heightfield) -> npt.NDArray[np.uint8]:
+    """(rows, cols) share of the sky's light that reaches a cell, 255 for all of it.
+
+    At each of three scales r the mean height around a cell less its own, over r, stands for the tangent of the horizon;
+    the light falls with its exponential.
+    """
+    from scipy.ndimage import uniform_filter  # half a second that missions need not wait
+
+    darkness = np.zeros(heightfield.shape, dtype=np.float32)
+    for scale in CAVITY_SCALES_M:
+        size = 2 * round(scale / heightfield.cell_m) + 1
+        around = uniform_filter(heightfield.height_m, size, mode="nearest")
+        darkness += np.maximum(around - heightfield.height_m, 0) / np.float32(scale)
+    return np.asarray(np.round(255 * np.exp(-CAVITY_STRENGTH * darkness)), dtype=np.uint8)
+
+
+def _within(heightfield: Heightfield) -> Field:
+    """(rows, cols, 3) the factor in openings."""
+    dark, floor = np.array(CRACK, dtype=np.float32), np.array(CRACK_FLOOR, dtype=np.float32)
+    width = relief_widths(heightfield.opening) * np.float32(heightfield.cell_m)
+    return dark + (floor - dark) * smooth(width, *SEEN_M)[..., None]
+
+
+def _mixed(below: Field, above: Field, share: Field) -> Field:
+    return np.asarray(below + (above - below) * share[..., None], dtype=np.float32)

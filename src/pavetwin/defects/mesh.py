@@ -1,0 +1,46 @@
+"""A heightfield as triangles: dense where the surface bends, its border exactly at the road's height."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from pavetwin._core import relief_mesh
+from pavetwin.defects.heightfield import Heightfield
+
+TOLERANCE_M = 0.002
+MOST_VERTICES = 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles over a defect's outline, anticlockwise from above, in the defect's own frame."""
+
+    positions: npt.NDArray[np.float32]
+    """(n, 3) metres. The first `border` of them are the outline's corners in its order, at z = 0."""
+    uv: npt.NDArray[np.float32]
+    """(n, 2) into the heightfield's maps; see `Heightfield.uv`."""
+    indices: npt.NDArray[np.uint32]
+    """(m, 3)."""
+    border: int
+    error_m: float
+    """Largest vertical distance from a cell's mean height."""
+
+
+def mesh_of(heightfield: Heightfield, tolerance_m: float = TOLERANCE_M, most_vertices: int = MOST_VERTICES) -> Mesh:
+    """A mesh that is nowhere farther than `tolerance_m` from the heightfield, or has `most_vertices`.
+
+    Its border is the defect's outline, so it fits a hole that is cut into the road along that polygon.
+
+    Raises:
+        ValueError: the tolerance is not positive.
+    """
+    if tolerance_m <= 0:
+        raise ValueError(f"a tolerance of {tolerance_m:g} m is not positive")
+    ring = np.ascontiguousarray(np.asarray(heightfield.outline.exterior.coords)[:-1])
+    made = relief_mesh(heightfield.lattice, heightfield.height_m, ring, tolerance_m, most_vertices)
+    if made is None:
+        raise ValueError("the outline crosses itself")
+    positions, indices, error = made
+    uv = heightfield.uv(positions[:, :2].astype(np.float64))
+    return Mesh(positions, uv, indices, len(ring), error)

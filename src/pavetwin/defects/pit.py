@@ -1,0 +1,179 @@
+"""The inside of a pothole: walls in broken layers, a bowl with a nearly flat floor, what lies on it.
+
+Sizes of stones, ledges and bumps are metres, whatever the depth: a deep hole is no rougher than a shallow one.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from pavetwin._core import relief_pebbles, relief_region
+from pavetwin.defects.heightfield import Field, Lattice
+from pavetwin.defects.shapes import Cells, Flags, Points, between, centres, noise, smooth
+
+STEEPEST = 1.8
+"""Of a wall, as a slope (61°): a course of 4 cm breaks over four cells. Fuller holes than that allows are steeper."""
+
+LAYER_M = (0.03, 0.05)
+"""Thickness of the courses: where one comes off the layer below, the hole steps."""
+
+LEDGED, SHARPNESS = (-0.9, 0.7), 4.0
+"""Ledges stand where a noise is above the one, whole above the other; they are so much steeper than the bowl."""
+
+BROKEN_M = 0.009
+"""How far ledges' edges depart from the rim's course, standard deviation."""
+
+FIN_M = 0.012
+"""Half of the thickness below which a tongue of the course would not stand between two breaks."""
+
+SMOOTHED_M = 0.055
+"""Notches of the rim that are narrower do not reach far down."""
+
+UNEVEN_M, AGGREGATE_M = 0.005, 0.005
+"""The floor's bumps, standard deviation, and the tops of its stones above the gaps between them, at most."""
+
+FLOOR, WALL_BED = np.array([0.6, 0.9]), 0.3
+"""Between these shares of the depth the wall becomes floor; how much of the floor's roughness a wall has."""
+
+REFINED, CLOSE = 0.35, 0.02
+"""Range in which the width of the slopes is searched once more over all cells, as a logarithm, and how near the asked
+fullness must be."""
+
+SETTLED, LEAST_BED_M = 0.6, 0.001
+"""By how much the bed of a hole that cannot be as full as asked is lowered at a time, and what is left alone [m]."""
+
+SOLVED_CELLS = 4000
+"""As many cells tell the volume to within a hundredth."""
+
+
+def opened(rim_m: Field, cell_m: float) -> tuple[Flags, Field]:
+    """(which cells are in the hole, distance from its rim [m], negative outside) of what a rim leaves.
+
+    One hole without islands or fins: the course breaks off where little of it is left.
+    """
+    from scipy.ndimage import distance_transform_edt, uniform_filter  # half a second that missions need not wait
+
+    hole = relief_region(rim_m > 0, 0.0, FIN_M / cell_m)
+    inner = np.asarray(distance_transform_edt(hole), dtype=np.float32) * np.float32(cell_m)
+    # Notches of the rim do not run down the walls as flutes: farther in, the distance is that from a smoother rim.
+    inner += smooth(inner, 0.004, 0.02) * (uniform_filter(inner, round(SMOOTHED_M / cell_m)) - inner)
+    return hole, np.asarray(np.where(hole, inner - np.float32(cell_m / 2), np.minimum(rim_m, 0)), dtype=np.float32)
+
+
+def dug(
+    rng: np.random.Generator,
+    lattice: Lattice,
+    hole: Flags,
+    inside_m: Field,
+    bed_m: Field,
+    depth_m: float,
+    fullness: tuple[float, float],
+) -> Field:
+    """Height of the hole with its floor's bed on it, 0 outside: as deep and as full as asked [m].
+
+    The fullness is drawn from its range, but not above what walls of the steepest slope leave, while the range allows.
+    """
+    cells = np.flatnonzero(hole)
+    layers = _layers(rng, depth_m)
+    broken = noise(rng, lattice, 0.05, 3, 0.7).ravel()[cells]
+    ledged = smooth(noise(rng, lattice, 0.16, 2).ravel()[cells], *LEDGED)
+    uneven = min(UNEVEN_M, 0.12 * depth_m) * noise(rng, lattice, 0.13, 3, 0.6).ravel()[cells]
+    inner = inside_m.ravel()[cells]
+    moved = np.maximum(inner + BROKEN_M * broken * smooth(inner, 0.0, 0.03), 0)
+    bed = bed_m.ravel()[cells] + uneven
+    reach = float(np.quantile(inner, 0.97))
+    few = np.arange(0, len(cells), max(1, len(cells) // SOLVED_CELLS))
+
+    def level(width_m: float, some: Cells | slice) -> Field:
+        """Depth below the road where the bowl's slopes are so wide, 1 at the deepest."""
+        wall = max(STEEPEST, 2 * depth_m / width_m)
+        whole = min(1.0, reach / width_m)
+        bowl = 1 - np.square(1 - np.minimum(moved[some] / np.float32(width_m), 1))
+        bowl *= np.float32(depth_m / max(1e-9, float(bowl.max())))
+        stepped = _stepped(bowl, layers)
+        deep = np.minimum(bowl + whole * ledged[some] * (stepped - bowl), np.float32(wall) * inner[some])
+        lying = smooth(deep, 0.0, min(0.03, 0.6 * depth_m)) * (
+            WALL_BED + (1 - WALL_BED) * smooth(bowl, *FLOOR * depth_m)
+        )
+        deep = np.maximum(deep - bed[some] * lying, np.float32(0.02 * depth_m))
+        return np.asarray(deep / deep.max(), dtype=np.float32)
+
+    asked = between(rng, fullness)
+    fullest = float(level(2 * depth_m / STEEPEST, few).mean())
+    asked = max(fullness[0], min(asked, fullest))
+    found = _solved(level, few, reach, asked)
+    while float(found.mean()) < (1 - CLOSE) * asked and float(np.abs(bed).max()) > LEAST_BED_M:
+        bed *= np.float32(SETTLED)  # what lies in a shallow hole would fill it
+        found = _solved(level, few, reach, asked)
+    height = np.zeros(lattice[0], dtype=np.float32)
+    height.ravel()[cells] = np.float32(-depth_m) * found
+    return height
+
+
+def _solved(level: Callable[[float, Cells | slice], Field], few: Cells, reach_m: float, asked: float) -> Field:
+    """The level whose mean is nearest to what is asked, by the width of its slopes."""
+    low, high = math.log(reach_m / 100), math.log(reach_m * 20)
+    middle = 0.5 * (low + high)
+    for _ in range(12):
+        low, high = (middle, high) if float(level(math.exp(middle), few).mean()) > asked else (low, middle)
+        middle = 0.5 * (low + high)
+    # The few cells stand for all but for their deepest point; where that matters all are asked.
+    found = level(math.exp(middle), slice(None))
+    low, high = middle - REFINED, middle + REFINED
+    for _ in range(7):
+        if abs(float(found.mean()) / asked - 1) < CLOSE:
+            break
+        low, high = (middle, high) if float(found.mean()) > asked else (low, middle)
+        middle = 0.5 * (low + high)
+        found = level(math.exp(middle), slice(None))
+    return found
+
+
+def _layers(rng: np.random.Generator, depth_m: float) -> Points:
+    """Depths at which the courses end, 0 first; the last is the floor."""
+    ends = [0.0, min(between(rng, LAYER_M), float(rng.uniform(0.4, 0.75)) * depth_m)]
+    while depth_m - ends[-1] > 1.4 * LAYER_M[1]:
+        ends.append(ends[-1] + between(rng, LAYER_M))
+    return np.array([*ends, depth_m])
+
+
+def _stepped(deep: Field, layers: Points) -> Field:
+    """The same slopes in steps: each course falls steeply and is a ledge from there to where the next one ends."""
+    total = np.zeros_like(deep)
+    for top, end in zip(layers[:-1].tolist(), layers[1:].tolist(), strict=True):
+        sharpness = SHARPNESS if end < layers[-1] else 1.0
+        total += np.clip(sharpness * (deep - np.float32(top)), 0, np.float32(end - top))
+    return total
+
+
+def aggregate(rng: np.random.Generator, lattice: Lattice, hole: Flags, size_m: float) -> tuple[Field, Field]:
+    """(tops of stones, tone of each) of a floor of coarse aggregate with finer stones between."""
+    coarse, coarse_tone = relief_pebbles(lattice, hole, int(rng.integers(2**63)), size_m)
+    fine, fine_tone = relief_pebbles(lattice, hole, int(rng.integers(2**63)), 0.55 * size_m)
+    kept = coarse * (coarse_tone > 0.45)
+    lower = 0.65 * fine
+    return np.maximum(kept, lower), np.where(kept > lower, coarse_tone, fine_tone)
+
+
+def loose_stones(rng: np.random.Generator, lattice: Lattice, inside_m: Field, per_m2: float) -> tuple[Field, Field]:
+    """Stones of 1 to 4 cm that lie about on the floor, few by the rim: (height [m], share covered)."""
+    (rows, cols), cell, _ = lattice
+    height = np.zeros((rows, cols), dtype=np.float32)
+    lying = np.zeros((rows, cols), dtype=np.float32)
+    cells = np.flatnonzero(inside_m > 0.02)
+    if len(cells) == 0:
+        return height, lying
+    x, y = centres(lattice)
+    for at in rng.choice(cells, int(rng.poisson(per_m2 * len(cells) * cell**2))).tolist():
+        row, col = divmod(at, cols)
+        radius = 0.5 * min(0.04, 0.010 * float(rng.lognormal(0.25, 0.4)))
+        reach = math.ceil(radius * 1.5 / cell)
+        part = (slice(max(0, row - reach), row + reach + 1), slice(max(0, col - reach), col + reach + 1))
+        cos, sin = math.cos(turn := float(rng.uniform(0, math.pi))), math.sin(turn)
+        dx, dy = x[:, part[1]] - x[0, col], y[part[0]] - y[row, 0]
+        u, v = (cos * dx + sin * dy) / (1.3 * radius), (cos * dy - sin * dx) / (0.8 * radius)
+        top = np.clip(1 - np.abs(u) ** 2.5 - np.abs(v) ** 2.5, 0, 1)
+        height[part] = np.maximum(height[part], 0.8 * radius * np.sqrt(top))
+        lying[part] = np.maximum(lying[part], smooth(top, 0.0, 0.3))
+    return height, lying

@@ -1,0 +1,52 @@
+"""How bad a defect is: low, medium or high after ASTM D6433 (pavement condition index surveys of roads).
+
+Where the standard counts millimetres, so does this. Where it describes (alligator cracking), thresholds of our own
+stand for its words; `docs/defects.md` lists them.
+"""
+
+from pavetwin.defects.measures import Measures
+from pavetwin.world.model import Severity
+
+CRACK_MEDIUM_M, CRACK_HIGH_M = 0.010, 0.075
+"""Longitudinal and transverse cracking: below 10 mm low, 10 to 75 mm medium, above high."""
+
+POTHOLE_DEPTHS_M = (0.025, 0.050)
+POTHOLE_DIAMETERS_M = (0.200, 0.450, 0.750)
+_L, _M, _H = Severity.LOW, Severity.MEDIUM, Severity.HIGH
+POTHOLE_TABLE = (
+    (_L, _L, _M),
+    (_L, _M, _H),
+    (_M, _M, _H),
+)
+"""Rows: deepest point up to 25 mm, up to 50 mm, beyond. Columns: mean diameter up to 200, 450 and 750 mm."""
+
+SPALLED_MEDIUM, SPALLED_HIGH = 0.04, 0.15
+"""Broken surface as a share of a strip of 3 cm along the cracks: "lightly spalled", "spalled at the edges"."""
+SPALL_STRIP_M = 0.03
+SUNKEN_HIGH_M = 0.012
+"""Pieces that sank, tilted or are gone: what the standard says by "some pieces may rock under traffic"."""
+
+
+def crack_severity(measures: Measures) -> Severity:
+    """Of a single crack, by its width."""
+    if measures.width_m < CRACK_MEDIUM_M:
+        return Severity.LOW
+    return Severity.MEDIUM if measures.width_m <= CRACK_HIGH_M else Severity.HIGH
+
+
+def pothole_severity(measures: Measures) -> Severity:
+    """Of a pothole, by depth and diameter; above 750 mm across it is medium up to 25 mm deep and high beyond."""
+    row = sum(measures.depth_m > limit for limit in POTHOLE_DEPTHS_M)
+    column = sum(measures.diameter_m > limit for limit in POTHOLE_DIAMETERS_M)
+    if column == len(POTHOLE_DIAMETERS_M):
+        return Severity.MEDIUM if row == 0 else Severity.HIGH
+    return POTHOLE_TABLE[row][column]
+
+
+def crocodile_severity(measures: Measures) -> Severity:
+    """Of a crocodile crack, by how much of its cracks' edges is broken and whether pieces have moved."""
+    strip = measures.crack_length_m * SPALL_STRIP_M
+    spalled = measures.exposed_m2 / strip if strip > 0 else 0.0
+    if spalled > SPALLED_HIGH or measures.sunken_m > SUNKEN_HIGH_M:
+        return Severity.HIGH
+    return Severity.MEDIUM if spalled > SPALLED_MEDIUM else Severity.LOW
