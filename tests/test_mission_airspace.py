@@ -11,8 +11,9 @@ from pavetwin.config import load_settings
 from pavetwin.defects import add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission import choose_targets, prepare, totals
-from pavetwin.mission.airspace import SPAN_M, Aircraft, TraceArguments, load_airspace, with_aircraft
+from pavetwin.mission.airspace import SPAN_M, Aircraft, load_airspace, with_aircraft
 from pavetwin.mission.fly import Flown, fly
+from pavetwin.traffic.trace import TraceArguments
 from scenes import built, tiny
 
 HEADER = "aircraft,t_s,x_m,y_m,altitude_m\n"

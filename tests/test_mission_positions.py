@@ -19,7 +19,7 @@ from scenes import built
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
     folder = tmp_path_factory.mktemp("positions") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions()), folder)
+    save_world(add_defects(built("cross"), DefectOptions(per_segment=14)), folder)
     world, settings = load_world(folder), load_settings()
     stage = prepare(world, settings)
     return fly(stage, replay_of(world, "low", 1), settings, choose_targets(stage, count=2, seed=1), seed=1)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pavetwin.cli import world_maps
+from pavetwin.cli import world_export, world_maps
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -26,7 +26,12 @@ def build(
     generate: Annotated[str | None, typer.Option(help="Invent streets: town, grid, spider or random.")] = None,
     seed: Annotated[int, typer.Option(help="Names the world's luck; 0 is a seed like any other.")] = 0,
     segment_length: Annotated[float, typer.Option(help="Longest segment, in metres.")] = 135.0,
-    defects_per_segment: Annotated[float, typer.Option(help="Defects on a segment, where they fit.")] = 30.0,
+    defects_per_segment: Annotated[
+        float | None, typer.Option(help="Defects on a segment, where they fit.", show_default="30")
+    ] = None,
+    defects_per_100_m2: Annotated[
+        float | None, typer.Option("--defects-per-100-m2", help="Instead: defects on 100 m² of a segment.")
+    ] = None,
     anchor: Annotated[
         str | None, typer.Option(metavar="LAT,LON", help="Where the origin of a network without a place lies.")
     ] = None,
@@ -57,12 +62,15 @@ def build(
     if anchor is not None:
         values["anchor"] = parse_anchor(anchor)
     options = BuildOptions.parse(values, where="world build")
-    defects = DefectOptions.parse({"per_segment": defects_per_segment}, where="world build")
+    asked = {"per_segment": defects_per_segment, "per_100_m2": defects_per_100_m2}
+    density = {name: value for name, value in asked.items() if value is not None}
+    defects = DefectOptions.parse(density, where="world build")
     check_target(output, force=force)
     with progress("Building the world") as report:
         chosen = source if source is not None else network_kind(generate or "")
-        built = build_world(chosen, options, lambda _what, share: report(0.9 * share))
-        world = save_world(add_defects(built, defects), output, force=force)
+        built = build_world(chosen, options, lambda _what, share: report(0.25 * share))
+        damaged = add_defects(built, defects, lambda share: report(0.25 + 0.7 * share))
+        world = save_world(damaged, output, force=force)
         report(1.0)
     _print_summary(world, built.record)
     out.print(f"Written to {output}/ (world.gpkg opens in QGIS). Next: pavetwin world show {output}", soft_wrap=True)
@@ -82,6 +90,7 @@ def info(world: Annotated[Path, typer.Argument(help="Folder of a world.")]) -> N
 
 app.command()(world_maps.show)
 app.command()(world_maps.navmesh)
+app.command()(world_export.export)
 
 
 def _print_summary(world: "World", record: "BuildRecord") -> None:

@@ -78,10 +78,14 @@ def _read(path: Path) -> Mapping[str, Any]:
 
 
 def _findings(path: Path) -> Any:
+    """What a mission found, without the frames that were taken of it afterwards."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        content = json.loads(path.read_text(encoding="utf-8"))
+        for feature in content["features"]:
+            feature["properties"].pop("frame", None)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
+    return content
 
 
 def _traffic(name: str) -> tuple[Density | None, int]:

@@ -3,15 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypedDict
 
 import numpy as np
 import numpy.typing as npt
 import polars as pl
 
 from pavetwin.errors import PaveTwinError
-
-Singles = npt.NDArray[np.float32]
+from pavetwin.traffic.trace import Singles, TraceArguments
 
 COLUMNS = ("aircraft", "t_s", "x_m", "y_m", "altitude_m")
 
@@ -30,23 +28,6 @@ class Aircraft:
     xy_m: npt.NDArray[np.float64]
     """(n, 2), world frame."""
     altitude_m: float
-
-
-class TraceArguments(TypedDict):
-    """What the kernel's trace is made of."""
-
-    step_s: float
-    step_offsets: npt.NDArray[np.uint32]
-    agent: npt.NDArray[np.uint32]
-    x_m: Singles
-    y_m: Singles
-    yaw_rad: Singles
-    speed_mps: Singles
-    length_m: Singles
-    width_m: Singles
-    height_m: Singles
-    base_m: Singles
-    is_pedestrian: npt.NDArray[np.bool_]
 
 
 def load_airspace(path: Path) -> tuple[Aircraft, ...]:

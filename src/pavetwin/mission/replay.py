@@ -4,13 +4,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
 from pavetwin._core import Trace
-from pavetwin.mission.airspace import Aircraft, TraceArguments, with_aircraft
+from pavetwin.mission.airspace import Aircraft, with_aircraft
 from pavetwin.traffic.demand import Density
 from pavetwin.traffic.record import prolong, record
 from pavetwin.traffic.recording import Recording
+from pavetwin.traffic.trace import trace_arguments
 from pavetwin.world.model import World
 
 FIRST_DURATION_S = 1200.0
@@ -22,22 +21,7 @@ GROWTH = 2.0
 
 def to_trace(recording: Recording, aircraft: Sequence[Aircraft] = ()) -> Trace:
     """A recording in the kernel's hands, and other aircraft with it, which come first among the agents."""
-    columns = recording.columns()
-    on_ground = TraceArguments(
-        step_s=columns["step_s"],
-        step_offsets=columns["step_offsets"],
-        agent=columns["agent"],
-        x_m=columns["x"],
-        y_m=columns["y"],
-        yaw_rad=columns["yaw_rad"],
-        speed_mps=columns["speed_mps"],
-        length_m=columns["length_m"],
-        width_m=columns["width_m"],
-        height_m=columns["height_m"],
-        base_m=np.zeros_like(columns["height_m"]),
-        is_pedestrian=columns["is_pedestrian"],
-    )
-    return Trace(**with_aircraft(on_ground, aircraft))
+    return Trace(**with_aircraft(trace_arguments(recording), aircraft))
 
 
 @dataclass

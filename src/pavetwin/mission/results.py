@@ -117,11 +117,15 @@ def track_table(flown: Flown) -> pl.DataFrame:
     )
 
 
-def findings_geojson(flown: Flown) -> dict[str, Any]:
-    """The confirmed defects as points in WGS 84 (RFC 7946), each with the capture that confirmed it."""
+def findings_geojson(flown: Flown, frames: Sequence[str] = ()) -> dict[str, Any]:
+    """The confirmed defects as points in WGS 84 (RFC 7946), each with the capture that confirmed it.
+
+    Args:
+        frames: for each finding, the file of its frame, where frames were taken.
+    """
     world = flown.stage.world
     features = []
-    for finding in flown.findings:
+    for number, finding in enumerate(flown.findings):
         defect = flown.stage.defects[finding.defect]
         lon, lat = world.georeference.to_wgs84((defect.centre.x, defect.centre.y))
         camera_lon, camera_lat = world.georeference.to_wgs84(finding.position)
@@ -142,6 +146,7 @@ def findings_geojson(flown: Flown) -> dict[str, Any]:
                     "camera_latitude": round(float(camera_lat), 8),
                     "camera_altitude_m": flown.settings.altitude_m,
                     "camera_yaw_rad": round(finding.yaw_rad, 6),
+                    **({"frame": frames[number]} if frames else {}),
                 },
             }
         )

@@ -1,0 +1,93 @@
+"""`pavetwin world export`: everything of a world as one file that Blender and web pages open."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pavetwin.cli.console import out, progress
+from pavetwin.errors import PaveTwinError
+
+if TYPE_CHECKING:
+    from pavetwin.scene.export import Moment
+    from pavetwin.world.model import World
+
+SEGMENT_AROUND_M = 25.0
+"""What is shown around a segment that is asked for."""
+
+
+def export(
+    world: Annotated[Path, typer.Argument(help="Folder of a world.")],
+    target: Annotated[Path, typer.Argument(help="The file to write, ending in .glb.")],
+    bounds: Annotated[
+        str | None, typer.Option(metavar="W,S,E,N", help="Only this part: west, south, east, north in metres.")
+    ] = None,
+    segment: Annotated[str | None, typer.Option(help="Only what lies around this segment, for example s0003.")] = None,
+    texel: Annotated[
+        float | None, typer.Option(help="Metres of a texel of the ground; 0.02 unless the part is large.")
+    ] = None,
+    traffic: Annotated[
+        Path | None, typer.Option(metavar="FILE.parquet", help="A recording, to show its traffic at a moment.")
+    ] = None,
+    at: Annotated[float, typer.Option(help="That moment, in seconds of the recording.")] = 0.0,
+    seed: Annotated[int, typer.Option(help="Names the luck of what is only seen: colours, wear, leaves.")] = 0,
+) -> None:
+    """Write the scene as one binary glTF file: ground, defects, buildings, furniture, and traffic at a moment.
+
+    \b
+    pavetwin world export worlds/berlin berlin.glb
+    pavetwin world export worlds/berlin street.glb --segment s0003 --texel 0.01
+    pavetwin world export worlds/berlin rush.glb --traffic worlds/berlin/traffic/high-0.parquet --at 60
+    """
+    from pavetwin.scene.export import estimate, export_scene, tiles_of, usual_texel_m
+    from pavetwin.scene.scene import Scene
+    from pavetwin.world.store import load_world
+
+    if bounds is not None and segment is not None:
+        raise PaveTwinError("Give either --bounds or --segment, not both.")
+    loaded = load_world(world)
+    part = _segment_bounds(loaded, segment) if segment is not None else _parsed(bounds)
+    moment = _moment(loaded, traffic, at)
+    scene = Scene(loaded, seed=seed)
+    keys = tiles_of(scene, part)
+    size = estimate(scene, keys, texel if texel is not None else usual_texel_m(len(keys)))
+    with progress(f"Exporting {len(keys)} tiles, about {size / 1e6:.0f} MB") as report:
+        made = export_scene(scene, target, bounds=part, texel_m=texel, moment=moment, on_progress=report)
+    held = f"{made.tiles} tiles of 32 m, {made.defects} defects, {made.buildings} buildings"
+    held += f", {made.agents} agents" if moment is not None else ""
+    out.print(
+        f"Written to {target}: {made.bytes / 1e6:.1f} MB; {held}; {made.texel_m * 100:g} cm a texel.",
+        soft_wrap=True,
+        markup=False,
+    )
+
+
+def _parsed(bounds: str | None) -> tuple[float, float, float, float] | None:
+    if bounds is None:
+        return None
+    try:
+        west, south, east, north = (float(value) for value in bounds.split(","))
+    except ValueError:
+        raise PaveTwinError(
+            f"--bounds {bounds}: give four numbers, west,south,east,north in metres, for example 0,0,200,150."
+        ) from None
+    if not (west < east and south < north):
+        raise PaveTwinError(f"--bounds {bounds}: west must be less than east, and south less than north.")
+    return west, south, east, north
+
+
+def _segment_bounds(world: "World", segment: str) -> tuple[float, float, float, float]:
+    west, south, east, north = world.segment(segment).polygon.buffer(SEGMENT_AROUND_M).bounds
+    return west, south, east, north
+
+
+def _moment(world: "World", traffic: Path | None, at_s: float) -> "Moment | None":
+    from pavetwin.scene.export import Moment
+    from pavetwin.traffic.recording import load_recording
+
+    if traffic is None:
+        return None
+    recording = load_recording(traffic, world)
+    if not 0 <= at_s <= recording.duration_s:
+        raise PaveTwinError(f"--at {at_s:g}: the recording lasts from 0 to {recording.duration_s:g} s.")
+    return Moment(recording, at_s)

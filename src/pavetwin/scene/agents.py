@@ -1,0 +1,161 @@
+"""The agents of a recording at a time, as instances of models.
+
+Positions between frames are the kernel's, the same that a mission flies against. How people step follows from the way
+they have walked, not from the time, so that no foot slides. Brake lamps follow from the change of speed.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from pavetwin.scene.looks import STAND, Look, look_of, tints
+from pavetwin.scene.model import Float64, Instance, Model, agent_label
+from pavetwin.scene.models import BODY
+from pavetwin.traffic.recording import Recording
+from pavetwin.traffic.trace import trace_of
+
+BRAKING_MPS2: Final = 0.7
+"""UN Regulation 13-H, 5.2.22.4: at less deceleration without the pedal brake lamps must not be lit."""
+
+STANDING_MPS: Final = 0.2
+"""Slower vehicles stand with a foot on the brake; slower people stand."""
+
+BRAKE_GLOW: Final = 1.5
+"""See `Instance.tints`."""
+
+_LAMP_REAR: Final = 2
+"""Slot of the rear lamps."""
+
+Rows = npt.NDArray[np.int64]
+
+
+class Actors:
+    """A recording's agents, ready to be drawn. Looks are made when an agent is first seen, and kept."""
+
+    def __init__(
+        self, recording: Recording, *, seed: int, models: Mapping[str, Model], ground: Callable[[Float64], Float64]
+    ) -> None:
+        """`ground` gives the height of the ground [m] at points (n, 2), for the feet of people."""
+        self.recording = recording
+        self._ground = ground
+        self._seed = seed
+        self._models = models
+        self._trace = trace_of(recording)
+        self._walked = _way_so_far(recording)
+        self._looks: dict[int, Look] = {}
+
+    def look(self, agent: int) -> Look:
+        """How an agent looks."""
+        if agent not in self._looks:
+            self._looks[agent] = look_of(self.recording.agents, agent, self._seed, self._models)
+        return self._looks[agent]
+
+    def at(self, time_s: float, near: tuple[float, float, float] | None = None) -> tuple[Instance, ...]:
+        """All agents at a time, or those that reach into a disc (x, y, radius, metres)."""
+        poses = self._trace.agents_at(time_s) if near is None else self._trace.agents_near(*near, time_s)
+        who = poses["agent"].astype(np.int64)
+        speed = np.hypot(poses["east_mps"], poses["north_mps"])
+        braking, walked = self._braking(who, time_s), self._way_walked(who, time_s)
+        feet = np.zeros(len(who))
+        on_foot = poses["is_pedestrian"]
+        feet[on_foot] = self._ground(np.stack([poses["x_m"], poses["y_m"]], axis=1)[on_foot])
+        return tuple(
+            self._instance(
+                agent=int(who[row]),
+                at=(float(poses["x_m"][row]), float(poses["y_m"][row]), float(poses["yaw_rad"][row])),
+                z_m=float(feet[row]),
+                moves=bool(speed[row] > STANDING_MPS),
+                brakes=bool(braking[row]),
+                walked_m=float(walked[row]),
+            )
+            for row in range(len(who))
+        )
+
+    def _instance(
+        self, agent: int, at: tuple[float, float, float], z_m: float, moves: bool, brakes: bool, walked_m: float
+    ) -> Instance:
+        look, part = self.look(agent), BODY
+        colours = look.tints
+        if look.stride_m:
+            part = self._step(look, walked_m) if moves else STAND
+        elif brakes:
+            colours = colours.copy()
+            colours[_LAMP_REAR - 1, 3] = BRAKE_GLOW
+        return Instance(look.model, part, upright(*at, z_m=z_m, scale=look.scale), colours, agent_label(agent))
+
+    def _step(self, look: Look, walked_m: float) -> str:
+        steps = sum(part != STAND for part in self._models[look.model].parts)
+        phase = (look.first_phase + walked_m / look.stride_m) % 1.0
+        return f"walk_{round(phase * steps) % steps}"
+
+    def _frame(self, time_s: float) -> tuple[int, float]:
+        """The frame at or before a time, and the share of the step that has passed since."""
+        recording = self.recording
+        frame = min(max(0, math.floor(time_s / recording.step_s + 1e-9)), recording.frames - 1)
+        return frame, min(1.0, max(0.0, time_s / recording.step_s - frame))
+
+    def _rows(self, who: Rows, frame: int) -> Rows:
+        """The row of each agent in a frame, −1 for those that are not in it."""
+        offsets, agents = self.recording.step_offsets, self.recording.agent
+        if frame >= self.recording.frames:
+            return np.full(len(who), -1)
+        start, end = int(offsets[frame]), int(offsets[frame + 1])
+        there = agents[start:end].astype(np.int64)
+        at = np.searchsorted(there, who)
+        found = (at < len(there)) & (there[np.minimum(at, max(len(there) - 1, 0))] == who) if len(there) else at < 0
+        return np.where(found, start + at, -1)
+
+    def _braking(self, who: Rows, time_s: float) -> npt.NDArray[np.bool_]:
+        frame, _ = self._frame(time_s)
+        now, then = self._rows(who, frame), self._rows(who, frame + 1)
+        speed = self.recording.speed_mps
+        before = np.where(now >= 0, speed[now], np.inf)
+        after = np.where(then >= 0, speed[then], before)
+        change = np.where(now >= 0, after - before, 0.0) / self.recording.step_s
+        return np.asarray((change < -BRAKING_MPS2) | ((before < STANDING_MPS) & (after < STANDING_MPS)))
+
+    def _way_walked(self, who: Rows, time_s: float) -> Float64:
+        frame, share = self._frame(time_s)
+        now, then = self._rows(who, frame), self._rows(who, frame + 1)
+        before = np.where(now >= 0, self._walked[now], 0.0)
+        after = np.where(then >= 0, self._walked[then], before)
+        return np.asarray(before + share * (after - before))
+
+
+def upright(x_m: float, y_m: float, yaw_rad: float, *, z_m: float = 0.0, scale: npt.ArrayLike = 1.0) -> Float64:
+    """(4, 4): scaled in the model's own frame, turned about the vertical, put to a place."""
+    factors = np.broadcast_to(np.asarray(scale, dtype=np.float64), (3,))
+    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]) * factors
+    matrix[:3, 3] = (x_m, y_m, z_m)
+    return matrix
+
+
+def quadrotor(position: npt.ArrayLike, yaw_rad: float, acceleration_mps2: npt.ArrayLike = (0.0, 0.0, 0.0)) -> Instance:
+    """The UAV in flight: its rotors' axis leans with the thrust that gravity and the acceleration (3,) ask for."""
+    thrust = np.asarray(acceleration_mps2, dtype=np.float64) + (0.0, 0.0, 9.81)
+    up = thrust / np.linalg.norm(thrust)
+    left = np.cross(up, (math.cos(yaw_rad), math.sin(yaw_rad), 0.0))
+    left /= np.linalg.norm(left)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack([np.cross(left, up), left, up], axis=1)
+    matrix[:3, 3] = np.asarray(position, dtype=np.float64)
+    return Instance("quadrotor", BODY, matrix, tints())
+
+
+def _way_so_far(recording: Recording) -> Float64:
+    """(rows,) metres that each agent has moved since it appeared."""
+    order = np.lexsort((np.arange(len(recording.agent)), recording.agent))
+    x, y = recording.x[order].astype(np.float64), recording.y[order].astype(np.float64)
+    same = np.diff(recording.agent[order].astype(np.int64)) == 0
+    moved = np.concatenate([[0.0], np.where(same, np.hypot(np.diff(x), np.diff(y)), 0.0)])
+    total = np.cumsum(moved)
+    begins = np.concatenate([[True], ~same])
+    base = np.maximum.accumulate(np.where(begins, total, 0.0))
+    way = np.empty(len(order))
+    way[order] = total - base
+    return way

@@ -1,0 +1,154 @@
+"""Polygons gathered by texture layer, and made one mesh a layer in the end."""
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from pavetwin.scene.buildings.layers import Layer
+from pavetwin.scene.model import Float64, Mesh
+from pavetwin.scene.models import merged
+from pavetwin.world.model import Surface
+
+Colour = tuple[float, float, float]
+ROUGH = 0.85
+
+
+@dataclass
+class _Heap:
+    """Polygons of one layer with k corners each."""
+
+    positions: list[Float64] = field(default_factory=list)
+    colours: list[Float64] = field(default_factory=list)
+    uv: list[Float64] = field(default_factory=list)
+    rough: list[Float64] = field(default_factory=list)
+
+    def add(self, positions: Float64, colour: npt.ArrayLike, uv: Float64, roughness: float) -> None:
+        self.positions.append(positions)
+        self.colours.append(np.broadcast_to(np.asarray(colour, dtype=np.float64), positions.shape))
+        self.uv.append(uv)
+        self.rough.append(np.full(len(positions), roughness))
+
+
+@dataclass
+class Faces:
+    """Flat faces of one building. Points are metres in one frame, any; colours linear reflectances."""
+
+    _quads: defaultdict[Layer, _Heap] = field(default_factory=lambda: defaultdict(_Heap))
+    _triangles: defaultdict[Layer, _Heap] = field(default_factory=lambda: defaultdict(_Heap))
+
+    def quads(
+        self,
+        layer: Layer,
+        corners: npt.ArrayLike,
+        colour: npt.ArrayLike,
+        *,
+        uv: npt.ArrayLike | None = None,
+        roughness: float = ROUGH,
+    ) -> None:
+        """Add (n, 4, 3) corners, anticlockwise from outside.
+
+        Args:
+            layer: what they are drawn with.
+            corners: (n, 4, 3) or (4, 3); a quad may have two corners in one place.
+            colour: (3,), (n, 1, 3) or (n, 4, 3).
+            uv: (n, 4, 2) metres; zeros when not given.
+            roughness: 0 … 1, for faces without texture.
+        """
+        points = np.asarray(corners, dtype=np.float64).reshape(-1, 4, 3)
+        if len(points):
+            coordinates = np.zeros((len(points), 4, 2)) if uv is None else np.asarray(uv, dtype=np.float64)
+            self._quads[layer].add(points, colour, coordinates.reshape(-1, 4, 2), roughness)
+
+    def level(self, layer: Layer, area: Surface, height_m: float, colour: Colour, roughness: float = ROUGH) -> None:
+        """Add a level area seen from above; its texture lies along x and y."""
+        corners = corners_of(shapely.constrained_delaunay_triangles(area))
+        self.slopes(layer, corners, np.full(corners.shape[:2], height_m), colour, roughness)
+
+    def slopes(
+        self,
+        layer: Layer,
+        corners: Float64,
+        heights: Float64,
+        colour: Colour,
+        roughness: float = ROUGH,
+        uv: Float64 | None = None,
+    ) -> None:
+        """Add triangles (n, 3, 2) with heights (n, 3), turned to be seen from above."""
+        points = np.concatenate([corners, heights[..., None]], axis=2)
+        if uv is None:
+            uv = corners.copy()
+        normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+        over = normal[:, 2] < 0
+        points[over] = points[over][:, ::-1]
+        uv[over] = uv[over][:, ::-1]
+        solid = np.einsum("nk,nk->n", normal, normal) > 1e-18
+        if solid.any():
+            self._triangles[layer].add(points[solid], colour, uv[solid], roughness)
+
+    def box(
+        self, layer: Layer, base: Float64, low_m: float, high_m: float, colour: Colour, roughness: float = ROUGH
+    ) -> None:
+        """Add the sides and the top of an upright prism over a ring (n, 2), anticlockwise, not closed."""
+        self.walls(layer, base, low_m, high_m, colour, roughness)
+        self.level(Layer.PLAIN, shapely.Polygon(base), high_m, colour, roughness)
+
+    def walls(
+        self, layer: Layer, ring: Float64, low_m: float, high_m: float, colour: npt.ArrayLike, roughness: float = ROUGH
+    ) -> None:
+        """Add upright walls over a closed ring (n, 2), seen from its right side when walked along."""
+        start, end = ring, np.roll(ring, -1, axis=0)
+        length = np.hypot(*(end - start).T)
+        along = np.cumsum(length) - length
+        corners = np.stack([_at(start, low_m), _at(end, low_m), _at(end, high_m), _at(start, high_m)], axis=1)
+        uv = np.stack(
+            [
+                np.stack([along, np.full_like(along, low_m)], axis=1),
+                np.stack([along + length, np.full_like(along, low_m)], axis=1),
+                np.stack([along + length, np.full_like(along, high_m)], axis=1),
+                np.stack([along, np.full_like(along, high_m)], axis=1),
+            ],
+            axis=1,
+        )
+        self.quads(layer, corners, colour, uv=uv, roughness=roughness)
+
+    def meshes(self) -> dict[Layer, Mesh]:
+        """What was added, one mesh a layer, in the layers' order."""
+        layers = sorted({*self._quads, *self._triangles})
+        return {layer: _mesh(self._quads.get(layer, _Heap()), self._triangles.get(layer, _Heap())) for layer in layers}
+
+
+def corners_of(triangles: shapely.Geometry | npt.NDArray[np.object_]) -> Float64:
+    """(n, 3, 2) corners of all triangles in a collection, or in an array of them."""
+    return shapely.get_coordinates(shapely.get_parts(triangles)).reshape(-1, 4, 2)[:, :3]
+
+
+def _at(points: Float64, height_m: float) -> Float64:
+    return np.column_stack([points, np.full(len(points), height_m)])
+
+
+def _mesh(quads: _Heap, triangles: _Heap) -> Mesh:
+    parts = [part for part in (_flattened(quads, 4), _flattened(triangles, 3)) if part is not None]
+    return merged(parts)
+
+
+def _flattened(heap: _Heap, corners: int) -> Mesh | None:
+    if not heap.positions:
+        return None
+    points = np.concatenate(heap.positions)
+    diagonals = (points[:, 2] - points[:, 0], points[:, 3 if corners == 4 else 2] - points[:, 1])
+    normal = np.cross(*diagonals)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    fan = np.array([[0, 1, 2], [0, 2, 3]] if corners == 4 else [[0, 1, 2]])
+    surface = np.zeros((len(points) * corners, 3), dtype=np.uint8)
+    surface[:, 0] = np.repeat(np.round(255 * np.concatenate(heap.rough)), corners)
+    return Mesh(
+        positions=points.reshape(-1, 3).astype(np.float32),
+        normals=np.repeat(normal, corners, axis=0).astype(np.float32),
+        indices=(corners * np.arange(len(points))[:, None, None] + fan).reshape(-1, 3).astype(np.uint32),
+        colours=np.concatenate(heap.colours).reshape(-1, 3).astype(np.float32),
+        surface=surface,
+        uv=np.concatenate(heap.uv).reshape(-1, 2).astype(np.float32),
+    )

@@ -1,0 +1,205 @@
+"""What kind of building stands on a footprint, and how it is built: from size, height, neighbours, and a drawn number.
+
+The map gives a footprint and a height. Small and low is a garage or a shed, very tall and slender a tower; large is an
+office or a block of flats; the rest are houses, with shops on the ground floor where they stand right at a street.
+Storeys are about 3 m as in dwellings, 3.4 m in offices. Colours are reflectances of paints and plasters, ours.
+"""
+
+from dataclasses import dataclass
+from enum import Enum, auto
+
+import numpy as np
+
+from pavetwin.scene.buildings.layers import Layer
+
+Colour = tuple[float, float, float]
+
+
+class Roof(Enum):
+    FLAT = auto()
+    PITCHED = auto()
+
+
+class Ground(Enum):
+    """What the ground floor's front holds."""
+
+    HOME = auto()
+    SHOP = auto()
+    GARAGE = auto()
+    HALL = auto()
+    LOBBY = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class Windows:
+    """The opening of one bay on one storey."""
+
+    layer: Layer
+    cells: tuple[int, ...]
+    """Of the layer, from which each window draws one."""
+    width: float
+    """Share of the bay."""
+    height: float
+    """Share of the storey."""
+    sill: float
+    """Where it begins, as a share of the storey."""
+    reveal_m: float
+    """How deep it lies in the wall."""
+    with_sill: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Style:
+    wall: Layer
+    colour: Colour
+    trim: Colour
+    """Of sills, cornices and string courses."""
+    plinth: Colour
+    storey_m: float
+    bay_m: float
+    windows: Windows | None
+    """None for walls without any."""
+    ground: Ground
+    roof: Roof
+    covering: Layer
+    covering_colour: Colour
+    pitch_rad: float
+    cornice: bool
+    """A moulding below the roof and a string course over the ground floor."""
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """What is known of a building besides its height."""
+
+    area_m2: float
+    height_m: float
+    street_m: float
+    """Distance from the nearest carriageway."""
+    joined: bool
+    """Whether another building touches it."""
+    long_m: float
+    """Of its longest side."""
+
+
+TOWER = 2.2
+"""What is higher than this many times the side of a square of its area is a tower."""
+
+RENDERS: tuple[Colour, ...] = (
+    (0.68, 0.66, 0.60), (0.66, 0.60, 0.47), (0.60, 0.50, 0.33), (0.55, 0.42, 0.30), (0.62, 0.58, 0.54),
+    (0.50, 0.50, 0.47), (0.47, 0.53, 0.50), (0.58, 0.45, 0.40), (0.70, 0.69, 0.67), (0.42, 0.33, 0.24),
+)  # fmt: skip
+BRICKS: tuple[Colour, ...] = ((1.0, 1.0, 1.0), (1.25, 1.2, 1.1), (0.75, 0.70, 0.72), (1.5, 1.75, 1.7), (1.1, 0.85, 0.8))
+CLADDINGS: tuple[Colour, ...] = ((0.55, 0.57, 0.58), (0.30, 0.34, 0.38), (0.45, 0.42, 0.36), (0.20, 0.28, 0.24))
+TILE_TONES: tuple[Colour, ...] = ((1.0, 1.0, 1.0), (0.75, 0.72, 0.75), (1.25, 1.3, 1.3), (0.55, 0.62, 0.75))
+WHITE: Colour = (0.68, 0.67, 0.64)
+
+
+def style_of(situation: Situation, rng: np.random.Generator) -> Style:
+    """The style of a building."""
+    if situation.height_m > TOWER * np.sqrt(situation.area_m2):
+        return _tower(rng)
+    if situation.height_m <= 3.6 and situation.area_m2 < 60:
+        return _garage(rng)
+    if situation.height_m <= 5.6:
+        return _shed(rng)
+    if situation.area_m2 > 420:
+        return _hall(rng) if situation.height_m < 9.8 and rng.random() < 0.4 else _block(situation, rng)
+    return _house(situation, rng)
+
+
+def _pick(colours: tuple[Colour, ...], rng: np.random.Generator, spread: float = 0.06) -> Colour:
+    red, green, blue = colours[int(rng.integers(len(colours)))]
+    factor = float(np.exp(spread * np.clip(rng.standard_normal(), -2, 2)))
+    return min(red * factor, 0.85) if red < 0.9 else red * factor, green * factor, blue * factor
+
+
+def _dark(colour: Colour, share: float = 0.55) -> Colour:
+    return colour[0] * share, colour[1] * share, colour[2] * share
+
+
+def _house(situation: Situation, rng: np.random.Generator) -> Style:
+    town = situation.height_m > 8.8
+    brick = rng.random() < 0.28
+    colour = _pick(BRICKS, rng) if brick else _pick(RENDERS, rng)
+    shop = town and situation.street_m < 7.5 and rng.random() < 0.6
+    family = (0, 8, 12)[int(rng.choice(3, p=[0.72, 0.18, 0.10]))]
+    count = 8 if family == 0 else 4
+    cells = tuple(family + int(n) for n in rng.choice(count, size=3 + int(rng.integers(3)), replace=True))
+    tiles = rng.random() < 0.62
+    return Style(
+        wall=Layer.BRICK if brick else Layer.RENDER,
+        colour=colour,
+        trim=WHITE if rng.random() < 0.6 else (0.45, 0.44, 0.41),
+        plinth=(0.26, 0.25, 0.24) if brick else _dark(colour),
+        storey_m=3.05 if town else 2.75,
+        bay_m=float(rng.uniform(2.5, 3.3)),
+        windows=Windows(
+            Layer.WINDOWS, cells, float(rng.uniform(0.38, 0.5)), float(rng.uniform(0.46, 0.58)), 0.30, 0.13, True
+        ),
+        ground=Ground.SHOP if shop else Ground.HOME,
+        roof=Roof.PITCHED,
+        covering=Layer.TILES if tiles else Layer.SLATE,
+        covering_colour=_pick(TILE_TONES, rng, 0.12) if tiles else _pick(((1.0, 1.0, 1.0),), rng, 0.2),
+        pitch_rad=float(np.radians(rng.uniform(32, 44))),
+        cornice=town,
+    )
+
+
+def _block(situation: Situation, rng: np.random.Generator) -> Style:
+    """Offices, schools, blocks of flats."""
+    kind = int(rng.integers(3))
+    wall = (Layer.RENDER, Layer.CONCRETE, Layer.STONE)[kind]
+    colour = _pick(RENDERS, rng) if kind == 0 else _pick(((0.50, 0.49, 0.46), (0.58, 0.54, 0.46)), rng)
+    ribbon = kind > 0 and rng.random() < 0.6
+    windows = (
+        Windows(Layer.GLAZING, tuple(range(8)), 0.97, 0.55, 0.30, 0.10, False)
+        if ribbon
+        else Windows(Layer.WINDOWS, (8, 9, 10, 11, 8, 11), 0.55, 0.56, 0.28, 0.18, True)
+    )
+    near = situation.street_m < 9.0
+    return Style(
+        wall=wall, colour=colour, trim=_dark(colour, 0.8), plinth=_dark(colour), storey_m=3.4,
+        bay_m=float(rng.uniform(2.2, 3.4)), windows=windows, ground=Ground.SHOP if near else Ground.LOBBY,
+        roof=Roof.FLAT, covering=Layer.GRAVEL if rng.random() < 0.6 else Layer.FELT, covering_colour=(1.0, 1.0, 1.0),
+        pitch_rad=0.0, cornice=False,
+    )  # fmt: skip
+
+
+def _hall(rng: np.random.Generator) -> Style:
+    colour = _pick(CLADDINGS, rng)
+    return Style(
+        wall=Layer.CLADDING, colour=colour, trim=_dark(colour, 0.7), plinth=(0.30, 0.29, 0.28), storey_m=4.4, bay_m=4.5,
+        windows=Windows(Layer.GLAZING, (0, 1, 4, 5), 0.9, 0.22, 0.68, 0.05, False), ground=Ground.HALL,
+        roof=Roof.FLAT, covering=Layer.FELT if rng.random() < 0.5 else Layer.SEAMS, covering_colour=(1.0, 1.0, 1.0),
+        pitch_rad=0.0, cornice=False,
+    )  # fmt: skip
+
+
+def _shed(rng: np.random.Generator) -> Style:
+    style = _hall(rng)
+    wall = Layer.BRICK if rng.random() < 0.4 else Layer.RENDER
+    colour = _pick(BRICKS, rng) if wall is Layer.BRICK else _pick(RENDERS, rng)
+    return Style(
+        wall=wall, colour=colour, trim=style.trim, plinth=_dark(colour), storey_m=6.0, bay_m=3.2,
+        windows=Windows(Layer.WINDOWS, (8, 9, 11), 0.42, 0.30, 0.42, 0.1, True), ground=Ground.HALL, roof=Roof.FLAT,
+        covering=Layer.FELT, covering_colour=(1.0, 1.0, 1.0), pitch_rad=0.0, cornice=False,
+    )  # fmt: skip
+
+
+def _garage(rng: np.random.Generator) -> Style:
+    colour = _pick(RENDERS, rng)
+    return Style(
+        wall=Layer.RENDER, colour=colour, trim=(0.2, 0.2, 0.2), plinth=_dark(colour), storey_m=6.0, bay_m=3.0,
+        windows=None, ground=Ground.GARAGE, roof=Roof.FLAT, covering=Layer.FELT, covering_colour=(1.0, 1.0, 1.0),
+        pitch_rad=0.0, cornice=False,
+    )  # fmt: skip
+
+
+def _tower(rng: np.random.Generator) -> Style:
+    colour = _pick(((0.52, 0.48, 0.40), (0.60, 0.57, 0.50)), rng)
+    return Style(
+        wall=Layer.STONE, colour=colour, trim=_dark(colour, 0.8), plinth=_dark(colour, 0.7), storey_m=9.0, bay_m=7.0,
+        windows=Windows(Layer.WINDOWS, (11,), 0.16, 0.3, 0.4, 0.25, True), ground=Ground.LOBBY, roof=Roof.PITCHED,
+        covering=Layer.SLATE, covering_colour=(1.0, 1.0, 1.0), pitch_rad=float(np.radians(58)), cornice=True,
+    )  # fmt: skip

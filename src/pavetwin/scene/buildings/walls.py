@@ -1,0 +1,315 @@
+"""Walls with their openings: bays along a wall, storeys up it, a window in each, set back into the wall."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pavetwin.scene.buildings.faces import Faces
+from pavetwin.scene.buildings.layers import CELL_M, CELLS, FACADE_REPEAT_M, Layer
+from pavetwin.scene.buildings.styles import Ground, Style, Windows
+from pavetwin.scene.model import Float64
+
+SHORTEST_M = 1.3
+"""A shorter wall has no openings."""
+
+MARGIN_M, MARGIN_SHARE = 0.35, 0.12
+"""Of plain wall at a wall's ends; of a short wall this share."""
+
+PLINTH_M = 0.45
+SILL_M = (0.06, 0.05)
+"""How far a window sill stands out, and its thickness."""
+
+SHADE_BELOW_EAVES, SHADE_AT_FOOT, SHADE_IN_REVEAL = 0.86, 0.80, 0.62
+"""What corners see less of the sky: factors on the colours there."""
+
+SHOP_M, LOBBY_M = 3.7, 3.5
+"""Heights of ground floors that are more than a storey of dwellings."""
+
+
+@dataclass(frozen=True)
+class Wall:
+    """One side of a building, seen from outside with `start` on the left."""
+
+    start: Float64
+    """(2,)"""
+    end: Float64
+    """(2,)"""
+    top_m: float
+    """Where it ends below the roof."""
+    party: bool
+    """Against another building: no openings."""
+    front: bool
+    """Towards the street: doors, shops and gates are here."""
+    offset_m: float
+    """Way along the building's ring to `start`: where its texture begins."""
+
+    @cached_property
+    def length_m(self) -> float:
+        return float(np.hypot(*(self.end - self.start)))
+
+    @cached_property
+    def along(self) -> Float64:
+        return np.asarray((self.end - self.start) / self.length_m)
+
+    @cached_property
+    def outward(self) -> Float64:
+        """(2,) the wall's normal."""
+        x, y = self.along
+        return np.array([y, -x])
+
+    def points(self, u: Float64, z: Float64, depth: Float64 | float = 0.0) -> Float64:
+        """(..., 3) for metres along the wall, up it, and into the building."""
+        flat = self.start + u[..., None] * self.along - np.asarray(depth)[..., None] * self.outward
+        return np.concatenate([flat, np.broadcast_to(z, u.shape)[..., None]], axis=-1)
+
+
+def build_wall(faces: Faces, wall: Wall, style: Style, rng: np.random.Generator) -> None:
+    """Add one wall with all that is in it."""
+    floors = _floors(style, wall.top_m)
+    bays = _bays(style, wall)
+    colour = np.array(style.colour)
+    plinth = 0.0 if style.ground is Ground.SHOP and wall.front else min(PLINTH_M, 0.2 * wall.top_m)
+    if plinth and not wall.party:
+        _plinth(faces, wall, style, plinth)
+    if wall.party or not len(bays):
+        _plain(faces, wall, style, 0.0, wall.length_m, 0.0, wall.top_m, colour)
+        return
+    left, right = bays[0, 0], bays[-1, 1]
+    _plain(faces, wall, style, 0.0, left, 0.0, wall.top_m, colour)
+    _plain(faces, wall, style, right, wall.length_m, 0.0, wall.top_m, colour)
+    for number, (low, high) in enumerate(floors):
+        if number == 0:
+            _ground_floor(faces, wall, style, bays, low, high, rng)
+        else:
+            _storey(faces, wall, style, style.windows, bays, low, high, rng)
+    _plain(faces, wall, style, left, right, floors[-1][1], wall.top_m, colour * SHADE_BELOW_EAVES)
+    if style.cornice:
+        _moulding(faces, wall, style, floors[0][1], 0.10, 0.16)
+
+
+def _floors(style: Style, top_m: float) -> list[tuple[float, float]]:
+    """Bottom and top of each storey; what is left below the eaves is plain wall."""
+    usable = top_m - (0.25 if style.windows else 0.0)
+    first = {Ground.SHOP: SHOP_M, Ground.LOBBY: LOBBY_M}.get(style.ground, style.storey_m)
+    if usable < 1.35 * first:
+        return [(0.0, usable)]
+    above = max(1, round((usable - first) / style.storey_m))
+    height = (usable - first) / above
+    return [(0.0, first), *((first + k * height, first + (k + 1) * height) for k in range(above))]
+
+
+def _bays(style: Style, wall: Wall) -> Float64:
+    """(n, 2) beginning and end of each bay; none where the wall is too short."""
+    margin = min(MARGIN_M, MARGIN_SHARE * wall.length_m)
+    room = wall.length_m - 2 * margin
+    if wall.length_m < SHORTEST_M or (style.windows is None and not (wall.front and style.ground is Ground.GARAGE)):
+        return np.empty((0, 2))
+    count = max(1, round(room / style.bay_m))
+    edges = margin + room / count * np.arange(count + 1)
+    return np.stack([edges[:-1], edges[1:]], axis=1)
+
+
+def _ground_floor(
+    faces: Faces, wall: Wall, style: Style, bays: Float64, low: float, high: float, rng: np.random.Generator
+) -> None:
+    """The ground floor: on the front a door, shop windows or gates; windows elsewhere."""
+    own = np.zeros(len(bays), dtype=bool)
+    height = high - low
+    if wall.front:
+        door = int(rng.integers(len(bays)))
+        own[door] = True
+        at = bays[door : door + 1]
+        if style.ground in (Ground.GARAGE, Ground.HALL):
+            cell = int(rng.integers(8, 12) if style.ground is Ground.GARAGE else rng.integers(12, 16))
+            wide = min(float(at[0, 1] - at[0, 0]) - 0.3, 3.6)
+            _openings(
+                faces,
+                wall,
+                style,
+                at,
+                low,
+                high,
+                Windows(
+                    Layer.DOORS,
+                    (cell,),
+                    wide / float(at[0, 1] - at[0, 0]),
+                    min(0.88, (2.3 if style.ground is Ground.GARAGE else 3.2) / height),
+                    0.0,
+                    0.15,
+                    False,
+                ),
+                rng,
+            )
+        elif style.ground is Ground.SHOP:
+            own[:] = True
+            _shop(faces, wall, style, bays, low, high, door, rng)
+        else:
+            wide = min(0.8, (1.1 if style.ground is Ground.HOME else 2.0) / float(at[0, 1] - at[0, 0]))
+            look = Windows(Layer.DOORS, (int(rng.integers(8)),), wide, min(0.85, 2.2 / height), 0.0, 0.25, False)
+            _openings(faces, wall, style, at, low, high, look, rng)
+    _storey(faces, wall, style, style.windows, bays[~own], low, high, rng)
+
+
+def _shop(
+    faces: Faces, wall: Wall, style: Style, bays: Float64, low: float, high: float, door: int, rng: np.random.Generator
+) -> None:
+    """Large panes between piers, a door among them, a board with the shop's name above."""
+    height = high - low
+    panes = np.delete(bays, door, axis=0)
+    cells = tuple(int(n) for n in rng.integers(8, 16, 4))
+    top = 2.75 / height
+    _openings(
+        faces, wall, style, panes, low, high, Windows(Layer.GLAZING, cells, 0.9, top - 0.1, 0.1, 0.12, False), rng
+    )
+    wide = min(0.7, 1.2 / float(bays[door, 1] - bays[door, 0]))
+    look = Windows(Layer.DOORS, (1, 3, 5, 7), wide, 2.4 / height, 0.0, 0.3, False)
+    _openings(faces, wall, style, bays[door : door + 1], low, high, look, rng)
+    hue = rng.uniform(0.02, 0.35, 3) * float(rng.uniform(0.4, 1.0))
+    u, z = np.array([bays[0, 0], bays[-1, 1]]), np.array([low + 2.85, low + 3.4])
+    _slab(faces, wall, u, z, 0.09, hue, 0.4)
+
+
+def _storey(
+    faces: Faces,
+    wall: Wall,
+    style: Style,
+    look: Windows | None,
+    bays: Float64,
+    low: float,
+    high: float,
+    rng: np.random.Generator,
+) -> None:
+    if look is not None and len(bays):
+        _openings(faces, wall, style, bays, low, high, look, rng)
+    else:
+        for left, right in bays:
+            _plain(faces, wall, style, float(left), float(right), low, high, np.array(style.colour))
+
+
+def _openings(
+    faces: Faces,
+    wall: Wall,
+    style: Style,
+    bays: Float64,
+    low: float,
+    high: float,
+    look: Windows,
+    rng: np.random.Generator,
+) -> None:
+    """A row of equal openings: the wall around each, its reveal, what fills it, its sill."""
+    if not len(bays):
+        return
+    middle, width = bays.mean(axis=1), (bays[:, 1] - bays[:, 0]) * look.width
+    u0, u1 = middle - width / 2, middle + width / 2
+    z0 = np.full(len(bays), low + (high - low) * look.sill)
+    z1 = z0 + (high - low) * look.height
+    lows, highs = np.full(len(bays), low), np.full(len(bays), high)
+    colour = np.array(style.colour)
+    for left, right, bottom, top in (
+        (bays[:, 0], bays[:, 1], lows, z0),
+        (bays[:, 0], bays[:, 1], z1, highs),
+        (bays[:, 0], u0, z0, z1),
+        (u1, bays[:, 1], z0, z1),
+    ):
+        _panels(faces, wall, style.wall, left, right, bottom, top, colour)
+    _reveals(faces, wall, style, u0, u1, z0, z1, look.reveal_m)
+    cells = rng.choice(look.cells, len(bays))
+    corners = wall.points(np.stack([u0, u1, u1, u0], axis=1), np.stack([z0, z0, z1, z1], axis=1), look.reveal_m)
+    faces.quads(look.layer, corners, (1.0, 1.0, 1.0), uv=_cell_uv(cells), roughness=0.2)
+    if look.with_sill:
+        for a, b, z in zip(u0, u1, z0, strict=True):
+            out, thick = SILL_M
+            _slab(faces, wall, np.array([a - 0.05, b + 0.05]), np.array([z - thick, z]), out, np.array(style.trim), 0.7)
+
+
+def _cell_uv(cells: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Float64:
+    """(n, 4, 2) corners of cells in metres of the texture, half a percent within them."""
+    column, row = cells % CELLS, cells // CELLS
+    inset = 0.005 * CELL_M
+    left, right = column * CELL_M + inset, (column + 1) * CELL_M - inset
+    low, high = row * CELL_M + inset, (row + 1) * CELL_M - inset
+    return np.stack(
+        [np.stack(pair, axis=1) for pair in ((left, low), (right, low), (right, high), (left, high))], axis=1
+    )
+
+
+def _panels(
+    faces: Faces, wall: Wall, layer: Layer, left: Float64, right: Float64, low: Float64, high: Float64, colour: Float64
+) -> None:
+    """Rectangles of wall, one a row of the arguments; empty ones are left out."""
+    keep = (right - left > 1e-6) & (high - low > 1e-6)
+    left, right, low, high = left[keep], right[keep], low[keep], high[keep]
+    if not len(left):
+        return
+    u, z = np.stack([left, right, right, left], axis=1), np.stack([low, low, high, high], axis=1)
+    shade = _shade(z, wall.top_m)[..., None]
+    uv = np.stack([u + wall.offset_m % FACADE_REPEAT_M, z], axis=-1)
+    faces.quads(layer, wall.points(u, z), colour * shade, uv=uv, roughness=0.9)
+
+
+def _shade(z: Float64, top_m: float) -> Float64:
+    """Darker towards the foot, where dirt splashes, and just below the roof."""
+    foot = SHADE_AT_FOOT + (1 - SHADE_AT_FOOT) * np.clip(z / 1.5, 0, 1)
+    eaves = SHADE_BELOW_EAVES + (1 - SHADE_BELOW_EAVES) * np.clip((top_m - z) / 0.8, 0, 1)
+    return np.asarray(foot * eaves)
+
+
+def _plain(
+    faces: Faces, wall: Wall, style: Style, left: float, right: float, low: float, high: float, colour: Float64
+) -> None:
+    cuts = [low, *(cut for cut in (1.5, wall.top_m - 0.8) if low < cut < high), high]
+    for bottom, top in zip(sorted(cuts)[:-1], sorted(cuts)[1:], strict=True):
+        edge = [np.array([value]) for value in (left, right, bottom, top)]
+        _panels(faces, wall, style.wall, edge[0], edge[1], edge[2], edge[3], colour)
+
+
+def _reveals(
+    faces: Faces, wall: Wall, style: Style, u0: Float64, u1: Float64, z0: Float64, z1: Float64, depth: float
+) -> None:
+    """The four sides between the wall's face and what fills the opening; the upper one lies in shade."""
+    near, far = 0.0, depth
+    plain = Layer.PLAIN
+    colour = np.array(style.colour if style.wall is not Layer.BRICK else (0.24, 0.12, 0.08)) * 0.85
+    for (ua, za), (ub, zb), dark in (
+        ((u0, z0), (u0, z1), 0.75),
+        ((u1, z1), (u1, z0), 0.75),
+        ((u0, z1), (u1, z1), SHADE_IN_REVEAL),
+        ((u1, z0), (u0, z0), 0.95),
+    ):
+        u, z = np.stack([ua, ua, ub, ub], axis=1), np.stack([za, za, zb, zb], axis=1)
+        depths = np.broadcast_to(np.array([near, far, far, near]), u.shape)
+        faces.quads(plain, wall.points(u, z, depths), colour * dark, roughness=0.9)
+
+
+def _plinth(faces: Faces, wall: Wall, style: Style, height: float) -> None:
+    """A darker band along the foot of the wall, two centimetres proud of it."""
+    _slab(faces, wall, np.array([0.0, wall.length_m]), np.array([0.0, height]), 0.02, np.array(style.plinth), 0.9)
+
+
+def _moulding(faces: Faces, wall: Wall, style: Style, z: float, out: float, high: float) -> None:
+    _slab(
+        faces,
+        wall,
+        np.array([0.0, wall.length_m]),
+        np.array([z - high / 2, z + high / 2]),
+        out,
+        np.array(style.trim),
+        0.8,
+    )
+
+
+def _slab(faces: Faces, wall: Wall, u: Float64, z: Float64, out: float, colour: Float64, roughness: float) -> None:
+    """A box on the wall's face: front, top, underside and ends."""
+    (a, b), (low, high) = u, z
+    front, back = -out, 0.0
+    sides = (
+        ([a, b, b, a], [low, low, high, high], [front] * 4, 1.0),
+        ([a, b, b, a], [high] * 4, [front, front, back, back], 1.05),
+        ([a, b, b, a], [low] * 4, [back, back, front, front], 0.6),
+        ([a, a, a, a], [low, low, high, high], [back, front, front, back], 0.9),
+        ([b, b, b, b], [low, low, high, high], [front, back, back, front], 0.9),
+    )
+    corners = np.stack([wall.points(np.array(us), np.array(zs), np.array(ds)) for us, zs, ds, _ in sides])
+    shades = np.array([shade for *_, shade in sides])[:, None, None]
+    faces.quads(Layer.PLAIN, corners, np.clip(colour * shades, 0, 0.9), roughness=roughness)

@@ -1,0 +1,151 @@
+"""Ground and patches as pictures: base colour and normals of what the compositor makes of maps and grain.
+
+Pictures have their upper edge in the north (of a patch: at its largest y), as glTF counts rows.
+"""
+
+from dataclasses import dataclass
+from io import BytesIO
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image, ImageDraw
+
+from pavetwin.scene.ground.compose import MapPyramids, surface
+from pavetwin.scene.ground.sampling import Float32, srgb_of_linear
+from pavetwin.scene.model import TILE_M, DefectPatch, GroundKind, GroundPiece, Tile, UInt8
+from pavetwin.scene.patches import averaged
+
+QUALITY_COLOUR, QUALITY_NORMAL = 86, 88
+MOST_POINTS = 1 << 19
+"""Baked at once: some 200 MB."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What a surface looks like from above; both (rows, cols, 3) uint8."""
+
+    colour: UInt8
+    """sRGB"""
+    normal: UInt8
+    """Tangent space: 128 for 0 and 255 for 1; red to the right, green up the picture."""
+
+
+def jpeg(pixels: UInt8, quality: int) -> bytes:
+    """The bytes of a JPEG file of (rows, cols, 3)."""
+    stream = BytesIO()
+    Image.fromarray(pixels).save(stream, "JPEG", quality=quality, subsampling="4:4:4", optimize=True)
+    return stream.getvalue()
+
+
+def bake_tile(tile: Tile, maps: MapPyramids, texel_m: float) -> Picture:
+    """The ground of a tile from above, `texel_m` metres a texel."""
+    side = max(4, round(TILE_M / texel_m))
+    which = _triangle_seen(tile.ground, side)
+    colour, normal = np.zeros((side, side, 3), dtype=np.uint8), np.zeros((side, side, 3), dtype=np.uint8)
+    rows = max(1, MOST_POINTS // side)
+    for first in range(0, side, rows):
+        strip = slice(first, min(first + rows, side))
+        colour[strip], normal[strip] = _strip(tile, maps, which[strip], first)
+    return Picture(np.ascontiguousarray(colour[::-1]), np.ascontiguousarray(normal[::-1]))
+
+
+def _strip(tile: Tile, maps: MapPyramids, which: npt.NDArray[np.int32], first: int) -> tuple[UInt8, UInt8]:
+    """Some rows of a tile, from the row `first` on: colour and normals, each (rows, side, 3), row 0 south."""
+    rows, side = which.shape
+    texel_m = TILE_M / side
+    x, y = (np.arange(side) + 0.5) * texel_m, (first + np.arange(rows) + 0.5) * texel_m
+    local = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    kind, uv = _kinds_and_uv(tile, local, which.reshape(-1))
+    colour = np.zeros((len(local), 3), dtype=np.float32)
+    normal = np.zeros((len(local), 3), dtype=np.float32)
+    for each in np.unique(kind):
+        mine = kind == each
+        seen = surface(GroundKind(each), uv[mine], local[mine], tile.origin, maps, texel_m)
+        colour[mine], normal[mine] = seen.albedo, seen.normal
+    return _coded(colour.reshape(rows, side, 3), normal.reshape(rows, side, 3))
+
+
+def bake_patch(patch: DefectPatch, origin: tuple[float, float], maps: MapPyramids, texel_m: float) -> Picture:
+    """The pavement over a patch's maps, with the defect's reflectance and normals.
+
+    Args:
+        patch: of a defect.
+        origin: of the tile that `maps` belongs to.
+        maps: what time did to the road there.
+        texel_m: of the picture; finer maps are averaged down to about that.
+    """
+    low, high = _extent(patch)
+    cell_m = float(high[0] - low[0]) / patch.relief.shape[1]
+    relief = averaged(patch.relief.astype(np.float32), max(1, round(texel_m / cell_m)))
+    rows, cols = relief.shape[:2]
+    x = low[0] + (np.arange(cols) + 0.5) * (high[0] - low[0]) / cols
+    y = low[1] + (np.arange(rows) + 0.5) * (high[1] - low[1]) / rows
+    own = np.stack(np.meshgrid(x, y), axis=-1)
+    turn = patch.transform[:2, :2]
+    world = own @ turn.T + patch.transform[:2, 3]
+    seen = surface(GroundKind.ASPHALT, world, world - origin, origin, maps, float((high[0] - low[0]) / cols))
+    bent = (relief[..., :2] - 128) / 127
+    slope = bent / np.sqrt(np.maximum(1e-3, 1 - (bent**2).sum(axis=-1, keepdims=True)))
+    grain = (seen.normal[..., :2] / seen.normal[..., 2:]) @ turn.astype(np.float32)
+    total = np.concatenate([slope + grain, np.ones((rows, cols, 1), dtype=np.float32)], axis=-1)
+    normal = total / np.linalg.norm(total, axis=-1, keepdims=True)
+    albedo = np.clip(seen.albedo * (relief[..., 2:3] / 128) * (relief[..., 3:4] / 255), 0, 1).astype(np.float32)
+    colour, bent_normal = _coded(albedo, normal.astype(np.float32))
+    return Picture(np.ascontiguousarray(colour[::-1]), np.ascontiguousarray(bent_normal[::-1]))
+
+
+def _extent(patch: DefectPatch) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Corners of the maps in the defect's frame: uv grows in a straight line with the position, in every part alike."""
+    if patch.mesh.uv is None:
+        raise ValueError(f"the patch of defect {patch.label} has no uv")
+    corners = []
+    for axis in (0, 1):
+        slope, offset = np.polyfit(patch.mesh.uv[:, axis].astype(float), patch.mesh.positions[:, axis].astype(float), 1)
+        corners.append((offset, offset + slope))
+    (x0, x1), (y0, y1) = corners
+    return np.array([x0, y0]), np.array([x1, y1])
+
+
+def _triangle_seen(ground: tuple[GroundPiece, ...], side: int) -> npt.NDArray[np.int32]:
+    """(side, side) which triangle, counted over all pieces, covers a texel; −1 for none. Row 0 is south."""
+    image = Image.new("I", (side, side), -1)
+    pen = ImageDraw.Draw(image)
+    number = 0
+    for piece in ground:
+        corners = piece.mesh.positions[piece.mesh.indices][..., :2] * (side / TILE_M) - 0.5
+        for triangle in corners.reshape(-1, 6).tolist():
+            pen.polygon(triangle, fill=number)
+            number += 1
+    return np.asarray(image, dtype=np.int32)
+
+
+def _kinds_and_uv(
+    tile: Tile, local: npt.NDArray[np.float64], which: npt.NDArray[np.int32]
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+    """Kind (n,) and detail coordinates (n, 2) at points of the tile; asphalt along the world's axes in holes."""
+    kinds = [np.full(len(piece.mesh.indices), int(piece.kind)) for piece in tile.ground]
+    kind_of = np.concatenate([*kinds, [int(GroundKind.ASPHALT)]])
+    maps = [_uv_maps(piece) for piece in tile.ground]
+    plain = np.array([[[1.0, 0.0], [0.0, 1.0], list(tile.origin)]])
+    affine = np.concatenate([*maps, plain])[which]
+    uv = local[:, :1] * affine[:, 0] + local[:, 1:] * affine[:, 1] + affine[:, 2]
+    return kind_of[which], uv
+
+
+def _uv_maps(piece: GroundPiece) -> npt.NDArray[np.float64]:
+    """(m, 3, 2) of each triangle: how uv grows with x, with y, and uv at the origin."""
+    assert piece.mesh.uv is not None
+    xy = piece.mesh.positions[piece.mesh.indices][..., :2].astype(np.float64)
+    uv = piece.mesh.uv[piece.mesh.indices].astype(np.float64)
+    edges, steps = xy[:, 1:] - xy[:, :1], uv[:, 1:] - uv[:, :1]
+    flat = np.abs(np.linalg.det(edges)) < 1e-9
+    edges[flat], steps[flat] = np.eye(2), 0.0
+    slopes = np.linalg.solve(edges, steps)
+    offset = uv[:, 0] - np.einsum("nk,nkc->nc", xy[:, 0], slopes)
+    return np.concatenate([slopes, offset[:, None]], axis=1)
+
+
+def _coded(albedo: Float32, normal: Float32) -> tuple[UInt8, UInt8]:
+    """Linear reflectance and unit normals as a `Picture` holds them."""
+    colour = np.round(255 * srgb_of_linear(albedo)).astype(np.uint8)
+    return colour, np.round(np.clip(normal, -1, 1) * 127 + 128).astype(np.uint8)

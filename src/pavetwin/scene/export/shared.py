@@ -1,0 +1,171 @@
+"""Models in a binary glTF file: geometry written once, a mesh for every colouring, a node for every instance."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from io import BytesIO
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+from pavetwin.scene.foliage import CUT, leaf_sheet
+from pavetwin.scene.glb import INDICES, GlbWriter, to_file_axes
+from pavetwin.scene.ground.sampling import srgb_of_linear
+from pavetwin.scene.model import Float32, Instance, Mesh, Model
+
+TINT_STEPS: Final = 64
+"""Colours of individuals are rounded to this many steps, so that many share a mesh."""
+
+
+class _Group(NamedTuple):
+    """The triangles of a part that share a material."""
+
+    attributes: dict[str, int]
+    indices: int
+    look: tuple[int, int, int]
+    """Roughness, metallic, slot."""
+    leafy: bool
+    """Whether the sheet of leaves is cut out of it."""
+    colour: Float32
+    """(3,) the brightest of each channel; its vertices hold shares of it."""
+
+
+@dataclass
+class SharedModels:
+    """What was written of the models so far."""
+
+    writer: GlbWriter
+    models: Mapping[str, Model]
+    _groups: dict[tuple[str, str], list[_Group]] = field(default_factory=dict)
+    _meshes: dict[tuple[str, str, bytes], int] = field(default_factory=dict)
+    _materials: dict[bytes, int] = field(default_factory=dict)
+    _leaves: int | None = None
+    """The texture of leaves, once there is any tree."""
+
+    def mesh(self, instance: Instance) -> int:
+        """The mesh of an instance, with its own colours."""
+        tints = (np.round(instance.tints * TINT_STEPS) / TINT_STEPS).astype(np.float32)
+        groups = self._grouped(instance.model, instance.part)
+        slots = sorted({group.look[2] for group in groups if group.look[2]})
+        key = (instance.model, instance.part, tints[[slot - 1 for slot in slots]].tobytes())
+        if key not in self._meshes:
+            primitives = [
+                {
+                    "attributes": group.attributes,
+                    "indices": group.indices,
+                    "material": self._material(group, tints[group.look[2] - 1] if group.look[2] else None),
+                }
+                for group in groups
+            ]
+            self._meshes[key] = self.writer.mesh(f"{instance.model} {instance.part}", primitives)
+        return self._meshes[key]
+
+    def _grouped(self, model: str, part: str) -> list[_Group]:
+        if (model, part) not in self._groups:
+            mesh = self.models[model].parts[part]
+            if mesh.surface is None or mesh.colours is None:
+                raise ValueError(f"the model {model} has no colours")
+            looks = mesh.surface[mesh.indices[:, 0]]
+            self._groups[model, part] = [
+                self._group(mesh, mesh.colours, (looks == look).all(axis=1), look) for look in np.unique(looks, axis=0)
+            ]
+        return self._groups[model, part]
+
+    def _group(
+        self, mesh: Mesh, colours: Float32, triangles: npt.NDArray[np.bool_], look: npt.NDArray[np.uint8]
+    ) -> _Group:
+        used, indices = np.unique(mesh.indices[triangles], return_inverse=True)
+        piece = Mesh(mesh.positions[used], mesh.normals[used], indices.reshape(-1, 3).astype(np.uint32))
+        brightest = np.maximum(colours[used].max(axis=0), 1e-4)
+        uv = None if mesh.uv is None else mesh.uv[used]
+        attributes = attributes_of(self.writer, piece, uv=uv, colours=colours[used] / brightest)
+        rough, metallic, slot = (int(value) for value in look)
+        look_of = (rough, metallic, slot)
+        return _Group(attributes, indices_of(self.writer, piece.indices), look_of, uv is not None, brightest)
+
+    def _material(self, group: _Group, tint: Float32 | None) -> int:
+        colour = group.colour if tint is None else group.colour * tint[:3]
+        factor = [*np.clip(colour, 0, 1).astype(float).tolist(), 1.0]
+        glow = 0.0 if tint is None else float(tint[3])
+        key = repr((group.look[:2], group.leafy, factor, glow)).encode()
+        if key not in self._materials:
+            rough, metallic, _ = group.look
+            material: dict[str, Any] = {
+                "pbrMetallicRoughness": {
+                    "baseColorFactor": factor,
+                    "metallicFactor": metallic / 255,
+                    "roughnessFactor": rough / 255,
+                },
+                "doubleSided": True,
+            }
+            if group.leafy:
+                material["pbrMetallicRoughness"]["baseColorTexture"] = {"index": self._leaf_texture()}
+                material |= {"alphaMode": "MASK", "alphaCutoff": CUT}
+            if glow > 0:
+                material["emissiveFactor"] = (np.clip(colour, 0, 1) / max(float(colour.max()), 1e-4)).tolist()
+            self._materials[key] = self.writer.material(**material)
+        return self._materials[key]
+
+    def _leaf_texture(self) -> int:
+        if self._leaves is None:
+            sheet = leaf_sheet()
+            coded = np.round(255 * srgb_of_linear(sheet[..., :3] / 255)).astype(np.uint8)
+            stream = BytesIO()
+            Image.fromarray(np.concatenate([coded, sheet[..., 3:]], axis=-1)).save(stream, "PNG", optimize=True)
+            self._leaves = self.writer.texture(stream.getvalue(), "image/png")
+        return self._leaves
+
+
+def attributes_of(
+    writer: GlbWriter,
+    mesh: Mesh,
+    *,
+    uv: npt.NDArray[np.floating[Any]] | None = None,
+    colours: Float32 | None = None,
+    seen_from_above: bool = False,
+) -> dict[str, int]:
+    """Write a mesh's vertices.
+
+    Args:
+        writer: of the file.
+        mesh: in our axes.
+        uv: (n, 2) as glTF has it: (0, 0) is a picture's upper left corner.
+        colours: (n, 3) linear.
+        seen_from_above: its normal map has x to the right and y up the picture; tangents are written for that.
+    """
+    attributes = {
+        "POSITION": writer.array(to_file_axes(mesh.positions)),
+        "NORMAL": writer.array(_unit(to_file_axes(mesh.normals))),
+    }
+    if seen_from_above:
+        attributes["TANGENT"] = writer.array(_tangents(mesh.normals))
+    if uv is not None:
+        attributes["TEXCOORD_0"] = writer.array(uv.astype(np.float32))
+    if colours is not None:
+        packed = np.full((len(colours), 4), 65_535, dtype=np.uint16)
+        packed[:, :3] = np.round(65_535 * np.clip(colours, 0, 1))
+        attributes["COLOR_0"] = writer.array(packed, normalized=True)
+    return attributes
+
+
+def indices_of(writer: GlbWriter, indices: npt.NDArray[np.uint32]) -> int:
+    """Write triangles (m, 3), in 16 bits where they fit."""
+    flat = indices.reshape(-1)
+    return writer.array(flat.astype("<u2" if flat.max(initial=0) < 65_535 else "<u4"), target=INDICES)
+
+
+def _tangents(normals: Float32) -> Float32:
+    """(n, 4) in the file's axes: the part of x, else of y, in the surface; the picture's up is to its left."""
+    x, y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    steep = np.abs(normals[:, :1]) > 0.99
+    along = np.where(steep, y, x)
+    along = along - normals * (along * normals).sum(axis=1, keepdims=True)
+    return np.column_stack([_unit(to_file_axes(along)), np.ones(len(normals))]).astype(np.float32)
+
+
+def _unit(normals: Float32) -> Float32:
+    """glTF wants normals of length 1 to within rounding."""
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    up = np.array([0, 1, 0], dtype=np.float32)
+    return np.where(length > 1e-6, normals / np.maximum(length, 1e-6), up).astype(np.float32)

@@ -1,0 +1,182 @@
+"""A world as one binary glTF file: ground, defects, buildings, furniture, and traffic at one moment."""
+
+import math
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import shapely
+
+from pavetwin import __version__
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import writing
+from pavetwin.scene.export.parts import PATCH_FINER, Parts
+from pavetwin.scene.glb import LARGEST, GlbWriter
+from pavetwin.scene.model import TILE_M, Instance
+from pavetwin.scene.scene import Scene, keys_of, tile_bounds
+from pavetwin.traffic.recording import Recording
+
+Key = tuple[int, int]
+Bounds = tuple[float, float, float, float]
+
+AROUND_M: Final = 40.0
+"""Land further than this from any street is left out."""
+
+FINEST_TEXEL_M, COARSEST_TEXEL_M = 0.005, 0.5
+USUAL_TEXEL_M: Final = 0.02
+TEXELS: Final = 200e6
+"""Pictures of the ground hold about this many texels unless the user says otherwise: some 50 MB."""
+
+BYTES_A_TEXEL: Final = 0.24
+"""Of a pair of JPEG files, colour and normals."""
+
+DEFECT_M2: Final = 5.2
+"""Pictured for a defect on average: its maps' rectangle."""
+
+BYTES_A_DEFECT, BYTES_A_TILE, BYTES_OF_MODELS = 40_000, 150_000, 2_000_000
+"""Meshes of a patch, of a tile's ground and houses, and of all models. All measured over an invented town."""
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """Traffic to be shown as it is at a time."""
+
+    recording: Recording
+    time_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """What a file holds."""
+
+    tiles: int
+    defects: int
+    buildings: int
+    agents: int
+    nodes: int
+    bytes: int
+    texel_m: float
+
+
+def tiles_of(scene: Scene, bounds: Bounds | None = None) -> tuple[Key, ...]:
+    """The tiles to be exported: all within `AROUND_M` of a street, of those that meet the bounds (west, south, east,
+    north, metres).
+
+    Raises:
+        PaveTwinError: there are none.
+    """
+    roads = shapely.union_all([segment.polygon for segment in scene.world.segments])
+    near = roads.buffer(AROUND_M)
+    area = near if bounds is None else near.intersection(shapely.box(*bounds))
+    if roads.is_empty:
+        raise PaveTwinError(f"The world '{scene.world.name}' has no streets, so there is nothing to export.")
+    if area.is_empty:
+        west, south, east, north = (round(value) for value in roads.bounds)
+        raise PaveTwinError(
+            f"There are no streets within these bounds; the world '{scene.world.name}' lies within "
+            f"{west},{south},{east},{north} (west, south, east, north in metres)."
+        )
+    shapely.prepare(area)
+    squares = {key: shapely.box(*tile_bounds(key)) for key in keys_of(area.bounds)}
+    return tuple(key for key, square in squares.items() if area.intersects(square) and not area.touches(square))
+
+
+def usual_texel_m(tiles: int) -> float:
+    """The size of a texel for a number of tiles: 2 cm, and coarser where pictures would hold too many."""
+    least = math.sqrt(tiles * TILE_M**2 / TEXELS)
+    return max(USUAL_TEXEL_M, math.ceil(least / 0.005 - 1e-9) * 0.005)
+
+
+def estimate(scene: Scene, keys: Sequence[Key], texel_m: float) -> int:
+    """About how many bytes an export will have."""
+    defects = len({number for key in keys for number in scene.defects_on(key)})
+    texels = len(keys) * (TILE_M / texel_m) ** 2 + defects * DEFECT_M2 / (texel_m * PATCH_FINER) ** 2
+    meshes = defects * BYTES_A_DEFECT + len(keys) * BYTES_A_TILE + BYTES_OF_MODELS
+    return round(texels * BYTES_A_TEXEL + meshes)
+
+
+def export_scene(
+    scene: Scene,
+    target: str | Path,
+    *,
+    bounds: Bounds | None = None,
+    texel_m: float | None = None,
+    moment: Moment | None = None,
+    on_progress: Callable[[float], None] = lambda _: None,
+) -> Exported:
+    """Write a scene to a .glb file, whole or not at all.
+
+    The file's origin is the middle of what it holds, given to readers as `extras.origin_m` of the asset.
+
+    Args:
+        scene: of a world.
+        target: a path that ends in .glb.
+        bounds: west, south, east, north in metres of the world frame; everything when not given. Tiles are whole.
+        texel_m: side of a texel of the ground's pictures.
+        moment: traffic to be shown.
+        on_progress: told the share done.
+
+    Raises:
+        PaveTwinError: the name has another suffix, the texel no sensible size, the bounds hold no street, or the file
+            would be too large for the format or cannot be written.
+    """
+    target = Path(target)
+    if target.suffix.lower() != ".glb":
+        raise PaveTwinError(f"'{target}' should end in .glb: the scene is written as one binary glTF file.")
+    keys = tiles_of(scene, bounds)
+    texel_m = usual_texel_m(len(keys)) if texel_m is None else texel_m
+    if not FINEST_TEXEL_M <= texel_m <= COARSEST_TEXEL_M:
+        raise PaveTwinError(f"A texel of {texel_m:g} m is not within {FINEST_TEXEL_M} … {COARSEST_TEXEL_M} m.")
+    if (size := estimate(scene, keys, texel_m)) > LARGEST:
+        raise PaveTwinError(
+            f"The file would have about {size / 1e9:.1f} GB, and binary glTF ends at 4.3 GB; take a coarser --texel "
+            f"than {texel_m:g} or fewer streets with --bounds."
+        )
+    with writing(target) as temporary, tempfile.TemporaryFile(dir=target.parent) as spool:
+        writer = GlbWriter(spool)
+        columns, rows = zip(*keys, strict=True)
+        middle = ((min(columns) + max(columns) + 1) * TILE_M / 2, (min(rows) + max(rows) + 1) * TILE_M / 2)
+        parts = Parts(writer, scene.models, scene.facade_textures, middle)
+        roots = []
+        defects: set[int] = set()
+        for number, key in enumerate(keys):
+            tile = scene.tile(key)
+            roots.append(parts.tile(tile, texel_m))
+            defects |= {patch.label for patch in tile.patches}
+            on_progress((number + 1) / (len(keys) + 1))
+        agents = _agents(scene, keys, moment)
+        roots += [parts.instance(instance) for instance in agents]
+        with temporary.open("wb") as file:
+            asset = {
+                "generator": f"PaveTwin {__version__}",
+                "extras": {
+                    "world": scene.world.name,
+                    "seed": scene.seed,
+                    "origin_m": list(middle),
+                    "texel_m": texel_m,
+                },
+            }
+            writer.finish(file, spool, roots, asset)
+        on_progress(1.0)
+    return Exported(
+        tiles=len(keys),
+        defects=len(defects),
+        buildings=sum(len(scene.buildings_on(key)) for key in keys),
+        agents=sum(instance.label > 0 for instance in agents),
+        nodes=len(writer.nodes),
+        bytes=target.stat().st_size,
+        texel_m=texel_m,
+    )
+
+
+def _agents(scene: Scene, keys: Sequence[Key], moment: Moment | None) -> list[Instance]:
+    """Agents and signal heads on the tiles."""
+    found = scene.agents(moment.recording if moment else None, moment.time_s if moment else 0.0)
+    on = set(keys)
+    return [
+        instance
+        for instance in found
+        if (math.floor(instance.transform[0, 3] / TILE_M), math.floor(instance.transform[1, 3] / TILE_M)) in on
+    ]

@@ -1,0 +1,153 @@
+"""What else stands beside a street: bins, benches, bollards, bicycles, hydrants, hedges.
+
+None of it is among the world's solids, so all of it is lower than `HIGHEST_M`, where nobody flies, and stands behind
+the sidewalk, clear of the carriageway, of houses, of furniture and of each other.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import shapely
+from shapely import Point, STRtree
+
+from pavetwin.scene.looks import tints
+from pavetwin.scene.model import Float64
+from pavetwin.scene.palettes import PAINTS, drawn
+from pavetwin.seeds import Stream, child
+from pavetwin.world.carriageway import carriageway
+from pavetwin.world.model import Lane, LaneKind, World
+
+KEY: Final = 6
+"""This file's child of the scene's stream."""
+
+HIGHEST_M: Final = 1.2
+SPACING_M: Final = (9.0, 26.0)
+"""Way along a sidewalk between two places where something may stand."""
+
+FROM_ROAD_M: Final = 0.6
+"""Least distance from the carriageway: the clearance that posts keep beside roads."""
+
+APART_M: Final = 1.4
+"""Least distance between middles, also from the world's furniture."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """One kind of thing, and how often it is what stands at a place."""
+
+    model: str
+    share: float
+    half_m: float
+    """Radius of the circle that it needs."""
+    behind_m: float
+    """How far behind the sidewalk's edge its middle is."""
+    near_houses: bool | None = None
+    """True: only within 8 m of a house; False: only farther."""
+    coloured: bool = False
+
+
+KINDS: Final = (
+    Kind("bin", 0.26, 0.3, 0.35, None),
+    Kind("bench", 0.20, 0.95, 0.55, None),
+    Kind("bicycle", 0.18, 0.9, 0.5, True, coloured=True),
+    Kind("bicycle_stand", 0.08, 0.5, 0.5, True),
+    Kind("bollard", 0.12, 0.12, 0.2, True),
+    Kind("hydrant", 0.06, 0.25, 0.35, None),
+    Kind("hedge", 0.10, 0.6, 0.7, False),
+)
+"""Shares: ours, after photographs of streets."""
+
+
+@dataclass(frozen=True, eq=False)
+class Extra:
+    """One thing beside a street."""
+
+    model: str
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    """Of its x axis: it looks at the road."""
+    tints: np.ndarray[tuple[int, int], np.dtype[np.float32]]
+
+
+class Verge:
+    """A world's sidewalks and what must be kept clear."""
+
+    def __init__(self, world: World, *, seed: int) -> None:
+        self._world = world
+        self._seed = seed
+
+    def extras(self) -> Sequence[Extra]:
+        """All things of a world, in the order of its sidewalks."""
+        taken: list[tuple[float, float]] = []
+        placed: list[Extra] = []
+        for number, lane in enumerate(self._world.lanes_of(LaneKind.SIDEWALK)):
+            for extra in self._along(lane, child(self._seed, Stream.SCENE, KEY, number)):
+                if all(math.dist((extra.x_m, extra.y_m), other) > APART_M for other in taken[-200:]):
+                    taken.append((extra.x_m, extra.y_m))
+                    placed.append(extra)
+        return placed
+
+    def _along(self, lane: Lane, rng: np.random.Generator) -> Iterator[Extra]:
+        station = float(rng.uniform(2.0, SPACING_M[1]))
+        while station < lane.length_m - 2.0:
+            kind = KINDS[int(rng.choice(len(KINDS), p=[each.share for each in KINDS]))]
+            colour = drawn(PAINTS, rng)
+            at, out = self._behind(lane, station, kind.behind_m)
+            if self._is_free(at, kind):
+                yaw = math.atan2(-out[1], -out[0])
+                turned = yaw + math.pi / 2 if kind.model in ("bicycle", "hedge") else yaw
+                yield Extra(kind.model, at[0], at[1], turned, tints(colour) if kind.coloured else tints())
+            station += float(rng.uniform(*SPACING_M))
+
+    def _behind(self, lane: Lane, station_m: float, behind_m: float) -> tuple[tuple[float, float], Float64]:
+        """A place behind the edge of a sidewalk that is away from the road, and the direction to there."""
+        line = lane.centre_line
+        a, b = line.interpolate(max(0.0, station_m - 0.5)), line.interpolate(station_m + 0.5)
+        along = np.array([b.x - a.x, b.y - a.y]) / max(math.hypot(b.x - a.x, b.y - a.y), 1e-9)
+        left = np.array([-along[1], along[0]])
+        middle = np.array([(a.x + b.x) / 2, (a.y + b.y) / 2])
+        to_left, to_right = (self._road_distance(middle + side * left) for side in (1.0, -1.0))
+        out = left if to_left > to_right else -left
+        at = middle + (lane.width_m / 2 + behind_m) * out
+        return (float(at[0]), float(at[1])), out
+
+    def _is_free(self, at: tuple[float, float], kind: Kind) -> bool:
+        point = Point(at)
+        if self._road_distance(at) < max(FROM_ROAD_M, kind.half_m + 0.1):
+            return False
+        to_house = _distance(self._houses, point)
+        if to_house < kind.half_m + 0.1 or kind.near_houses not in (None, to_house < 8.0):
+            return False
+        return _distance(self._standing, point) > APART_M and _distance(self._walks, point) > 0.0
+
+    def _road_distance(self, at: Float64 | tuple[float, float]) -> float:
+        return float(shapely.distance(self._road, Point(at)))
+
+    @cached_property
+    def _road(self) -> shapely.Geometry:
+        road = carriageway(self._world)
+        shapely.prepare(road)
+        return road
+
+    @cached_property
+    def _houses(self) -> STRtree:
+        return STRtree([building.polygon for building in self._world.buildings])
+
+    @cached_property
+    def _standing(self) -> STRtree:
+        return STRtree([thing.position for thing in self._world.furniture])
+
+    @cached_property
+    def _walks(self) -> STRtree:
+        lanes = self._world.lanes_of(LaneKind.SIDEWALK)
+        return STRtree([lane.centre_line.buffer(lane.width_m / 2, cap_style="flat") for lane in lanes])
+
+
+def _distance(tree: STRtree, point: Point) -> float:
+    """From the nearest shape; far where there is none."""
+    return float(tree.query_nearest(point, return_distance=True)[1][0]) if len(tree) else 1e3

@@ -1,0 +1,176 @@
+"""Twigs with leaves, drawn once: the sheet that the crowns of trees cut their leaves out of.
+
+A crown is made of cards, kinked quads that hold a twig each. The sheet has a cell for every kind of card: its colours
+multiply the card's, its alpha is 255 on leaves and 0 in the gaps between them. A twig runs from the corner of its cell
+nearest to (0, 0) to the opposite one, along the card's kink.
+
+Where a renderer halves the sheet, gaps and leaves run together, and whoever cuts at half of alpha would see crowns grow
+bald or dense with distance; so alpha is scaled on every level until the cut leaves as much as on the first (Castaño
+2010, Computing Alpha Mipmaps).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+UInt8 = npt.NDArray[np.uint8]
+
+SIDE_PX: Final = 512
+"""Side of the sheet [texels]; it has 2 × 2 cells."""
+
+CUT: Final = 0.5
+"""What has less alpha is not there."""
+
+SPRAY: Final = 3
+"""The cell of leaves all over, for the inside of a crown. The cells before it are twigs."""
+
+_CELL_PX: Final = SIDE_PX // 2
+_FINE: Final = 2
+"""Texels are means of so many by so many samples."""
+
+_LEVELS: Final = 6
+"""Down to cells of 8 texels, whose leaves do not run into their neighbours' yet."""
+
+_SEED: Final = 5
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class _Leaf:
+    """One leaf in a cell, whose side is 1."""
+
+    foot: Floats
+    """(2,)"""
+    angle_rad: float
+    length: float
+    slim: float
+    """Half its width over its length."""
+    tone: float
+    yellow: float
+
+
+@cache
+def leaf_sheet() -> UInt8:
+    """(SIDE_PX, SIDE_PX, 4): linear factors of colour, 255 for 1, and alpha. Row 0 is v = 0; always the same bytes."""
+    rng = np.random.default_rng(_SEED)
+    drawn = [_cell(_twig(rng, leaves)) for leaves in (24, 21, 27)] + [_cell(_spray(rng))]
+    rows = [np.concatenate(drawn[start : start + 2], axis=1) for start in (0, 2)]
+    return np.concatenate(rows, axis=0)
+
+
+@cache
+def leaf_levels() -> tuple[UInt8, ...]:
+    """The sheet and its halved levels, cut alike at `CUT`: every cell keeps its share of leaves."""
+    sheet = leaf_sheet()
+    kept = [float((cell >= 255 * CUT).mean()) for cell in cells(sheet[..., 3])]
+    levels = [sheet]
+    texels = sheet / 255
+    for _ in range(_LEVELS - 1):
+        half = len(texels) // 2
+        texels = texels.reshape(half, 2, half, 2, 4).mean(axis=(1, 3))
+        cut = texels.copy()
+        for share, cell in zip(kept, cells(cut[..., 3]), strict=True):
+            cell *= CUT / max(float(np.quantile(cell, 1.0 - share)), 0.05)
+        levels.append((255 * np.clip(cut, 0, 1) + 0.5).astype(np.uint8))
+    return tuple(levels)
+
+
+def cells(texels: npt.NDArray[Any]) -> list[npt.NDArray[Any]]:
+    """Views of the cells of a level, in their order."""
+    return [cell for row in np.split(texels, 2, axis=0) for cell in np.split(row, 2, axis=1)]
+
+
+def _twig(rng: np.random.Generator, leaves: int) -> list[_Leaf]:
+    """Leaves on three shoots: one along the diagonal, one to either side; painted in any order, those at tips last."""
+    shoots = [(0.0, 0.0, 1.16), (rng.uniform(0.16, 0.24), rng.uniform(32, 42), 0.58)]
+    shoots.append((rng.uniform(0.28, 0.34), -rng.uniform(32, 42), 0.52))
+    found, tips = [], []
+    for start, degrees, reach in shoots:
+        heading = np.pi / 4 + np.radians(degrees)
+        foot = np.array([start, start])
+        count = round(leaves * reach / 2)
+        for index in range(count):
+            share = 0.14 + 0.80 * (index + rng.uniform(0.2, 0.8)) / count
+            turn = (-1) ** index * np.radians(rng.uniform(35.0, 75.0) - 15.0 * share)
+            length = rng.uniform(0.22, 0.30) * (1.0 - 0.25 * share)
+            place = foot + share * reach * np.array([np.cos(heading), np.sin(heading)])
+            found.append(_leaf(rng, place, heading + turn, length))
+        end = foot + 0.94 * reach * np.array([np.cos(heading), np.sin(heading)])
+        tips.append(_leaf(rng, end, heading + rng.uniform(-0.2, 0.2), 0.24))
+    return [leaf for leaf in (*(found[index] for index in rng.permutation(len(found))), *tips) if leaf.length > 0.07]
+
+
+def _spray(rng: np.random.Generator) -> list[_Leaf]:
+    """Leaves all over a round cell, the outermost painted first."""
+    count = 62
+    away = 0.37 * np.sqrt((np.arange(count) + 0.5) / count)
+    angle = np.arange(count) * 2.399963 + rng.normal(0.0, 0.2, count)
+    # Outwards at the ragged rim, any way inside.
+    turn = angle + rng.normal(0.0, np.where(away > 0.24, 0.6, 2.5))
+    feet = 0.5 + away[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    return [_leaf(rng, feet[index], float(turn[index]), rng.uniform(0.17, 0.24)) for index in range(count)][::-1]
+
+
+def _leaf(rng: np.random.Generator, foot: Floats, angle_rad: float, length: float) -> _Leaf:
+    """A leaf that ends inside its cell."""
+    heading = np.array([np.cos(angle_rad), np.sin(angle_rad)])
+    room = np.where(heading > 0, 0.985 - foot, foot - 0.015) / np.maximum(np.abs(heading), 1e-6)
+    slim, tone = float(rng.uniform(0.27, 0.36)), float(np.clip(rng.normal(0.78, 0.16), 0.45, 1.0))
+    return _Leaf(foot, float(angle_rad), float(min(length, room.min())), slim, tone, float(rng.normal(0.0, 0.5)))
+
+
+def _cell(leaves: Sequence[_Leaf]) -> UInt8:
+    """The picture of some leaves, one over the other, each shading those below it."""
+    side = _CELL_PX * _FINE
+    colour, alpha = np.zeros((side, side, 3)), np.zeros((side, side))
+    for leaf in leaves:
+        low = np.clip(np.floor((leaf.foot - 1.1 * leaf.length) * side), 0, side).astype(int)
+        high = np.clip(np.ceil((leaf.foot + 1.1 * leaf.length) * side), 0, side).astype(int)
+        x, y = np.meshgrid((np.arange(low[0], high[0]) + 0.5) / side, (np.arange(low[1], high[1]) + 0.5) / side)
+        tint, inside, shade = _blade(leaf, x, y, 1.0 / side)
+        room = np.s_[low[1] : high[1], low[0] : high[0]]
+        below = colour[room] * ((1.0 - 0.5 * shade) * (1.0 - inside))[..., None]
+        colour[room] = below + inside[..., None] * tint
+        alpha[room] += inside - alpha[room] * inside
+    return _texels(colour, alpha)
+
+
+def _blade(leaf: _Leaf, x: Floats, y: Floats, sample: float) -> tuple[Floats, Floats, Floats]:
+    """Colours (m, n, 3) of one leaf at points (m, n), where it is (m, n), and where its shadow falls (m, n)."""
+    cos, sin = np.cos(leaf.angle_rad), np.sin(leaf.angle_rad)
+    dx, dy = x - leaf.foot[0], y - leaf.foot[1]
+    along = (dx * cos + dy * sin) / leaf.length
+    across = (dy * cos - dx * sin) / leaf.length
+    # A stalk, then an oval blade with a drawn-out tip and small teeth.
+    share = np.clip((along - 0.10) / 0.90, 0.0, 1.0)
+    half = leaf.slim * np.sin(np.pi * share**0.72) * (1.0 - 0.35 * share**3)
+    half = half * (1.0 + 0.05 * np.sin(60.0 * share)) + 0.02 * ((along > 0.0) & (along < 0.5))
+    off = (half - np.abs(across)) * leaf.length
+    inside = _ramp(off, sample) * ((along > 0.0) & (along < 1.0))
+    shade = np.where((along > -0.1) & (along < 1.1), _ramp(off + 0.012, 0.02), 0.0)
+    veins = 0.5 + 0.5 * np.cos(2 * np.pi * (7.0 * share - 9.0 * np.abs(across)))
+    # One half of the blade looks more to the light than the other.
+    light = leaf.tone * (1.0 + 0.10 * np.tanh(12.0 * across)) * (0.90 + 0.08 * veins)
+    light = light + 0.10 * np.exp(-((across / 0.018) ** 2)) * (share > 0)
+    hue = np.array([1.0 + 0.14 * leaf.yellow, 1.0 + 0.03 * leaf.yellow, 1.0 - 0.18 * leaf.yellow]) * (0.92, 0.95, 0.85)
+    return np.clip(light[..., None] * hue, 0.0, 1.0), inside, shade
+
+
+def _texels(colour: Floats, alpha: Floats) -> UInt8:
+    """Samples (n, n, 3) with their alpha multiplied in, and alpha, as texels; gaps have the leaves' mean colour."""
+    whole = np.concatenate([colour, alpha[..., None]], axis=-1)
+    size = len(whole) // _FINE
+    mean = whole.reshape(size, _FINE, size, _FINE, 4).mean(axis=(1, 3))
+    usual = mean[..., :3].sum(axis=(0, 1)) / mean[..., 3].sum()
+    shown = np.where(mean[..., 3:] > 0.02, mean[..., :3] / np.maximum(mean[..., 3:], 0.02), usual)
+    return (255 * np.concatenate([shown, mean[..., 3:]], axis=-1) + 0.5).astype(np.uint8)
+
+
+def _ramp(value: Floats, width: float) -> Floats:
+    """0 below nought, 1 a width above it, straight between."""
+    return np.asarray(np.clip(value / width + 0.5, 0.0, 1.0))

@@ -1,0 +1,186 @@
+"""Manhole covers, grates, valve caps and leaves as small meshes that lie on the ground, millimetres thick."""
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+import shapely.affinity
+from shapely import Point, Polygon, box
+from shapely.geometry.base import BaseGeometry
+
+from pavetwin.scene.model import Mesh, Model
+from pavetwin.seeds import Stream, child
+
+Float64 = npt.NDArray[np.float64]
+Layer = tuple[BaseGeometry, float, tuple[float, float, float], float, float]
+"""A shape, its height [m], its linear reflectance, roughness and metallic share."""
+
+IRON: Final = (0.095, 0.086, 0.078)
+POLISHED: Final = (0.19, 0.178, 0.165)
+SLOT: Final = (0.012, 0.011, 0.010)
+MORTAR: Final = (0.24, 0.23, 0.21)
+DIRT: Final = (0.06, 0.055, 0.048)
+
+COVER_M: Final = 0.605
+FRAME_M: Final = 0.785
+"""Diameters of a cover and of its frame (EN 124-2; DIN 19584: 605 mm and 785 mm)."""
+
+GRATE_M: Final = (0.46, 0.26)
+"""Sides of a gully grate inside its frame of 500 mm × 300 mm, as wide as a gutter (DIN 19594)."""
+
+LEAVES: Final = 46
+LEAF_TONES: Final = (
+    (0.20, 0.115, 0.04),
+    (0.26, 0.17, 0.05),
+    (0.13, 0.07, 0.03),
+    (0.17, 0.15, 0.05),
+    (0.22, 0.09, 0.035),
+)
+"""Linear reflectances of fallen leaves, brown to yellow."""
+
+
+@cache
+def fixture_models() -> Mapping[str, Model]:
+    """Every flush thing by name."""
+    return MappingProxyType(
+        {
+            "cover_iron": Model("cover_iron", {"body": _plates([*_frame(), *_studded()])}),
+            "cover_filled": Model("cover_filled", {"body": _plates([*_frame(), *_filled()])}),
+            "grate": Model("grate", {"body": _plates(_grate())}),
+            "valve": Model("valve", {"body": _plates(_valve())}),
+            "leaves": Model("leaves", {"body": _leaves()}),
+        }
+    )
+
+
+def _ring(outer_m: float, inner_m: float, sides: int = 12) -> BaseGeometry:
+    """A flat ring; diameters."""
+    disc = Point(0, 0).buffer(outer_m / 2, quad_segs=sides)
+    return disc.difference(Point(0, 0).buffer(inner_m / 2, quad_segs=sides))
+
+
+def _frame() -> list[Layer]:
+    gap = COVER_M + 0.012
+    return [
+        (_ring(FRAME_M, gap), 0.002, IRON, 0.7, 0.25),
+        (_ring(FRAME_M - 0.03, FRAME_M - 0.075), 0.004, POLISHED, 0.5, 0.35),
+        (_ring(gap + 0.012, gap), 0.004, POLISHED, 0.5, 0.35),
+        (_ring(gap, COVER_M), 0.001, SLOT, 0.95, 0.0),
+    ]
+
+
+def _studded() -> list[Layer]:
+    """A cast cover with rows of studs, worn bright, and two lifting holes."""
+    layers: list[Layer] = [(Point(0, 0).buffer(COVER_M / 2, quad_segs=12), 0.002, IRON, 0.75, 0.2)]
+    layers.append((_ring(COVER_M, COVER_M - 0.04), 0.004, POLISHED, 0.5, 0.35))
+    pitch, half = 0.046, 0.0135
+    inside = Point(0, 0).buffer(COVER_M / 2 - 0.03)
+    holes = shapely.union_all([box(-0.03, y - 0.012, 0.03, y + 0.012) for y in (-0.2, 0.2)])
+    count = int(COVER_M / pitch / 2) + 1
+    studs = [
+        box(x - half, y - half, x + half, y + half)
+        for row in range(-count, count + 1)
+        for column in range(-count, count + 1)
+        for x, y in [((column + (row % 2) / 2) * pitch, row * pitch)]
+    ]
+    kept = [stud for stud in studs if inside.contains(stud) and not stud.intersects(holes)]
+    layers.append((shapely.union_all(kept), 0.005, POLISHED, 0.5, 0.35))
+    layers.append((holes, 0.004, SLOT, 0.95, 0.0))
+    return layers
+
+
+def _filled() -> list[Layer]:
+    """An iron rim and cross filled with concrete, vents around."""
+    rim, core = _ring(COVER_M, COVER_M - 0.07), Point(0, 0).buffer(COVER_M / 2 - 0.035, quad_segs=12)
+    vents = [
+        shapely.affinity.rotate(box(0.195, -0.014, 0.245, 0.014), 22.5 * number, origin=(0, 0)) for number in range(16)
+    ]
+    badge = Point(0, 0).buffer(0.09, quad_segs=8)
+    return [
+        (core, 0.002, MORTAR, 0.85, 0.0),
+        (rim, 0.004, POLISHED, 0.5, 0.3),
+        (badge, 0.004, IRON, 0.6, 0.3),
+        (_ring(0.18, 0.15, 8), 0.005, POLISHED, 0.5, 0.35),
+        (shapely.union_all(vents), 0.003, SLOT, 0.95, 0.0),
+    ]
+
+
+def _grate() -> list[Layer]:
+    """A frame and cross bars over the dark."""
+    wide, deep = GRATE_M
+    outer, inner = _rectangle(wide + 0.04, deep + 0.04), _rectangle(wide, deep)
+    bars = [box(x, -deep / 2, x + 0.026, deep / 2) for x in np.linspace(-wide / 2 + 0.02, wide / 2 - 0.046, 8)]
+    spine = box(-wide / 2, -0.014, wide / 2, 0.014)
+    rim = inner.difference(_rectangle(wide - 0.05, deep - 0.05))
+    return [
+        (outer.difference(inner), 0.002, DIRT, 0.8, 0.1),
+        (inner, 0.001, SLOT, 0.95, 0.0),
+        (shapely.union_all([*bars, spine, rim]), 0.005, IRON, 0.6, 0.3),
+        (shapely.union_all([bar.buffer(-0.006) for bar in bars]), 0.006, POLISHED, 0.45, 0.4),
+    ]
+
+
+def _valve() -> list[Layer]:
+    """A street box over a valve, in a collar of concrete."""
+    lid = Point(0, 0).buffer(0.075, quad_segs=6)
+    return [
+        (_rectangle(0.20, 0.20).difference(lid), 0.002, MORTAR, 0.85, 0.0),
+        (lid, 0.003, IRON, 0.65, 0.25),
+        (_ring(0.15, 0.125, 6), 0.004, POLISHED, 0.5, 0.35),
+        (box(-0.035, -0.008, 0.035, 0.008), 0.005, SLOT, 0.95, 0.0),
+    ]
+
+
+def _rectangle(wide: float, deep: float) -> Polygon:
+    return box(-wide / 2, -deep / 2, wide / 2, deep / 2)
+
+
+def _plates(layers: Sequence[Layer]) -> Mesh:
+    """Flat shapes at their heights as one mesh."""
+    positions, colours, surface = [], [], []
+    for shape, height, colour, rough, metallic in layers:
+        parts = shapely.constrained_delaunay_triangles(shape)
+        corners = shapely.get_coordinates(shapely.get_parts(parts)).reshape(-1, 4, 2)[:, :3]
+        (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+        clockwise = ax * by - ay * bx < 0
+        corners[clockwise] = corners[clockwise][:, ::-1]
+        flat = corners.reshape(-1, 2)
+        positions.append(np.column_stack([flat, np.full(len(flat), height)]))
+        colours.append(np.tile(colour, (len(flat), 1)))
+        surface.append(np.tile([round(255 * rough), round(255 * metallic), 0], (len(flat), 1)))
+    return _mesh(np.concatenate(positions), np.concatenate(colours), np.concatenate(surface))
+
+
+def _leaves() -> Mesh:
+    """Leaves strewn over a disc, denser in its middle, each a little bent up at its tip."""
+    rng = child(1, Stream.SCENE, 100)
+    positions, colours = [], []
+    for _ in range(LEAVES):
+        middle = rng.normal(0.0, 0.36, 2)
+        turn, half = rng.uniform(0, 2 * np.pi), rng.uniform(0.018, 0.042)
+        outline = np.array([[-1.0, 0.0], [-0.2, -0.55], [1.0, 0.0], [-0.2, 0.55]]) * half
+        cos, sin = np.cos(turn), np.sin(turn)
+        flat = outline @ np.array([[cos, sin], [-sin, cos]]) + middle
+        lift = np.array([0.003, 0.004, 0.004 + 0.5 * half * rng.random(), 0.004])
+        corners = np.column_stack([flat, lift])[[0, 1, 2, 0, 2, 3]]
+        positions.append(corners)
+        colours.append(np.tile(np.array(LEAF_TONES[rng.integers(len(LEAF_TONES))]) * rng.uniform(0.7, 1.25), (6, 1)))
+    points = np.concatenate(positions)
+    return _mesh(points, np.concatenate(colours), np.tile([230, 0, 0], (len(points), 1)))
+
+
+def _mesh(positions: Float64, colours: Float64, surface: Float64) -> Mesh:
+    """A mesh of loose triangles, corners shared where all agrees, normals up."""
+    rows, indices = np.unique(np.column_stack([positions, colours, surface]), axis=0, return_inverse=True)
+    normals = np.tile(np.array([0.0, 0.0, 1.0], dtype=np.float32), (len(rows), 1))
+    return Mesh(
+        positions=rows[:, :3].astype(np.float32),
+        normals=normals,
+        indices=np.asarray(indices, dtype=np.uint32).reshape(-1, 3),
+        colours=rows[:, 3:6].astype(np.float32),
+        surface=rows[:, 6:].astype(np.uint8),
+    )

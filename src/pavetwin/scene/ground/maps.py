@@ -1,0 +1,12 @@
+"""What time, traffic and people did to a tile's ground, as maps."""
+
+from pavetwin.scene.ground.drawn import drawn
+from pavetwin.scene.ground.plan import GroundPlan
+from pavetwin.scene.ground.weathering import weathering
+from pavetwin.scene.model import GroundMaps
+
+
+def ground_maps(plan: GroundPlan, key: tuple[int, int]) -> GroundMaps:
+    """The maps of a tile. Neighbours agree where they overlap, to the size of a texel."""
+    weathered, worn = weathering(plan, key)
+    return GroundMaps(weathered, drawn(plan, key, worn))

@@ -1,0 +1,222 @@
+"""Road markings of a world: lines between lanes and at edges, stop and give-way lines, crossings, arrows.
+
+Which of them a street has follows from its class and its own luck: many residential streets have none.
+"""
+
+from collections.abc import Iterable
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+import shapely.ops
+from shapely import LineString, STRtree
+from shapely.geometry.base import BaseGeometry
+
+from pavetwin.scene.ground.ageing import Ageing
+from pavetwin.scene.ground.arrows import arrow
+from pavetwin.scene.ground.layout import Layout
+from pavetwin.scene.ground.painter import Paint, Painter
+from pavetwin.scene.ground.rules import MarkingRules
+from pavetwin.scene.ground.streets import Street, direction
+from pavetwin.scene.ground.turns import Approach, Turn
+from pavetwin.world.model import Crossing, Lane, LaneKind
+
+Float64 = npt.NDArray[np.float64]
+
+ENDS_FREE_M: Final = 0.6
+"""Lines end this far before a junction."""
+
+SOLID_M: Final = 25.0
+"""Lines between lanes are solid for this far before a stop line (RMS-1: 20 to 30 m in towns)."""
+
+ARROW_AT_M: Final = (9.0, 27.0)
+"""Distances of arrows from the stop line."""
+
+EDGE_LINE_M: Final = 0.45
+"""From an edge line's middle to the kerb: beside a gutter of 30 cm and its grates."""
+
+
+def markings(plan: Layout) -> Paint:
+    """All paint of a world."""
+    return _Marker(plan).paint()
+
+
+class _Marker:
+    def __init__(self, plan: Layout) -> None:
+        self.plan = plan
+        self.rules: MarkingRules = plan.rules
+        self.painter = Painter()
+        self.crossings = [crossing.polygon for crossing in plan.world.crossings]
+        self.crossing_tree = STRtree(self.crossings)
+        self.approaches = _approaches(plan)
+
+    def paint(self) -> Paint:
+        stops = {lane: self._stop(lane) for lane in self.approaches}
+        for street in self.plan.streets:
+            self._street(street, stops)
+        for lane, (approach, turns) in self.approaches.items():
+            self._end(approach, turns, stops[lane])
+        for crossing in self.plan.world.crossings:
+            self._crossing(crossing)
+        self._bicycle_lanes()
+        return self.painter.done()
+
+    def _draw(self, what: str) -> float:
+        return self.plan.chance(f"marking {what}")
+
+    def _street(self, street: Street, stops: dict[str, float]) -> None:
+        """The lines along a street."""
+        ageing = self.plan.ageing(street)
+        two_way = len(street.ways) > 1
+        marked = street.main or self._draw(f"centre {street.name}") < 0.35
+        if not marked or ageing.unpainted:
+            return
+        for way in street.ways:
+            for lane in way[:-1]:
+                self._between(lane, street, stops, ageing)
+            inner = way[-1]
+            if two_way and way is street.ways[0]:
+                self._centre(self._left(inner, street), street, ageing)
+            if not two_way and street.main and self.rules.yellow_centre:
+                edge = shapely.offset_curve(inner.centre_line, _side(street) * (inner.width_m / 2 - EDGE_LINE_M))
+                self.painter.line(self._clear(edge), self.rules.line_m, ageing.paint_wear, yellow=True)
+            if street.main and self._draw(f"edge {street.name}") < 0.3:
+                edge = shapely.offset_curve(way[0].centre_line, -_side(street) * (way[0].width_m / 2 - EDGE_LINE_M))
+                self.painter.line(self._clear(edge), self.rules.line_m, ageing.paint_wear)
+
+    def _left(self, lane: Lane, street: Street) -> BaseGeometry:
+        """A lane's border towards the middle of its street."""
+        return shapely.offset_curve(lane.centre_line, _side(street) * lane.width_m / 2)
+
+    def _between(self, lane: Lane, street: Street, stops: dict[str, float], ageing: Ageing) -> None:
+        """The line between a lane and the next, solid before a stop line."""
+        border = self._left(lane, street)
+        stop = stops.get(lane.id, 0.0)
+        near = shapely.intersection(border, self._before(lane, stop, SOLID_M)) if stop else LineString()
+        far = shapely.difference(border, self._before(lane, stop, SOLID_M)) if stop else border
+        self.painter.line(self._clear(far), self.rules.line_m, ageing.paint_wear, dash_m=self.rules.lane_dash_m)
+        self.painter.line(self._clear(near), self.rules.line_m, ageing.paint_wear)
+
+    def _before(self, lane: Lane, stop: float, reach_m: float) -> BaseGeometry:
+        """The surroundings of the last metres of a lane before its stop line, and what lies beyond."""
+        line = lane.centre_line
+        last = shapely.ops.substring(line, max(0.0, stop - reach_m), line.length)
+        return last.buffer(lane.width_m * 0.8, cap_style="flat")
+
+    def _centre(self, border: BaseGeometry, street: Street, ageing: Ageing) -> None:
+        """The line between the directions."""
+        rules, path = self.rules, self._clear(border)
+        many = max(len(way) for way in street.ways) > 1
+        solid = many or (street.main and self._draw(f"solid {street.name}") < (0.7 if rules.yellow_centre else 0.25))
+        if solid and (many or rules.yellow_centre):
+            for side in (-1, 1):
+                beside = shapely.offset_curve(path, side * (rules.line_m + rules.double_gap_m) / 2)
+                self.painter.line(beside, rules.line_m, ageing.paint_wear, yellow=rules.yellow_centre)
+        else:
+            dash = None if solid else rules.lane_dash_m
+            self.painter.line(path, rules.line_m, ageing.paint_wear, dash_m=dash, yellow=rules.yellow_centre)
+
+    def _clear(self, path: BaseGeometry) -> BaseGeometry:
+        """A path without its ends at junctions and without crossings."""
+        parts = []
+        for part in shapely.get_parts(path):
+            if isinstance(part, LineString) and part.length > 2 * ENDS_FREE_M:
+                inner = shapely.ops.substring(part, ENDS_FREE_M, part.length - ENDS_FREE_M)
+                near = [self.crossings[index] for index in self.crossing_tree.query(inner, "dwithin", distance=1.0)]
+                parts.append(shapely.difference(inner, shapely.union_all(near).buffer(1.0, join_style="mitre")))
+        return shapely.line_merge(shapely.union_all(parts)) if parts else LineString()
+
+    def _stop(self, lane_id: str) -> float:
+        """The station of a lane's stop line: before its end, and a metre before a crossing there."""
+        line = self.approaches[lane_id][0].lane.centre_line
+        station = line.length - ENDS_FREE_M
+        for index in self.crossing_tree.query(line, "intersects"):
+            first = min(line.project(shapely.Point(xy)) for xy in shapely.get_coordinates(self.crossings[index] & line))
+            if first > line.length - 12.0:
+                station = min(station, first - 1.0)
+        return float(station)
+
+    def _end(self, approach: Approach, turns: frozenset[Turn], station: float) -> None:
+        """What is painted where a lane meets a junction."""
+        lane, street = approach.lane, approach.street
+        wear = self.plan.ageing(street).paint_wear
+        signalled = approach.junction.kind == "traffic_light"
+        if signalled:
+            self._across(lane, station, self.rules.stop_m, wear, None)
+            if approach.lanes > 1:
+                for back in ARROW_AT_M:
+                    self._arrow(lane, station - back, turns, wear)
+        elif self.plan.gives_way(approach) and self._draw(f"yield {lane.edge}") < (0.85 if street.main else 0.45):
+            if self.rules.yield_dash_m is None:
+                self._across(lane, station, self.rules.stop_m, wear, None)
+            else:
+                self._across(lane, station, self.rules.stop_m, wear, self.rules.yield_dash_m)
+
+    def _across(
+        self, lane: Lane, station: float, width_m: float, wear: float, dash_m: tuple[float, float] | None
+    ) -> None:
+        """A bar across a lane, its far edge at a station."""
+        if station < width_m + 1.0:
+            return
+        middle = np.array(lane.centre_line.interpolate(station - width_m / 2).coords[0])
+        dx, dy = direction(lane.centre_line, station)
+        out = np.array([-dy, dx]) * (lane.width_m / 2 - 0.08)
+        self.painter.line(LineString([middle - out, middle + out]), width_m, wear, dash_m=dash_m)
+
+    def _arrow(self, lane: Lane, station: float, turns: frozenset[Turn], wear: float) -> None:
+        if station < 6.0 or not turns:
+            return
+        base = lane.centre_line.interpolate(station - 5.0)
+        dx, dy = direction(lane.centre_line, station - 2.5)
+        turned = np.array([[dx, dy], [-dy, dx]])
+        for ring in arrow(turns):
+            self.painter.outline(ring @ turned + (base.x, base.y), wear)
+
+    def _crossing(self, crossing: Crossing) -> None:
+        """A zebra, a ladder or two lines, or nothing at all."""
+        ring = shapely.get_coordinates(crossing.polygon)
+        if len(ring) != 5:
+            ring = shapely.get_coordinates(crossing.polygon.minimum_rotated_rectangle)
+        # SUMO draws a crossing's outline from one end of its middle line: its first side is as wide as the crossing.
+        wide, way = ring[1] - ring[0], ring[2] - ring[1]
+        width, length = float(np.hypot(*wide)), float(np.hypot(*way))
+        if width < 1.0 or length < 2.0:
+            return
+        draw = self._draw(f"crossing {crossing.id}")
+        wear = 0.06 + 0.44 * self._draw(f"crossing wear {crossing.id}")
+        rules = self.rules
+        if crossing.signalled and draw >= rules.ladder_share:
+            for edge in (0.15 / width, 1.0 - 0.15 / width):
+                path = LineString([ring[0] + wide * edge + way * (0.2 / length), ring[3] + (ring[2] - ring[3]) * edge])
+                self.painter.line(path, rules.crossing_line_m, wear, dash_m=rules.crossing_dash_m)
+        elif crossing.signalled or draw < 0.6:
+            on, off = rules.stripe_m
+            count = int((length - 0.2 + off) / (on + off))
+            first = (length - count * (on + off) + off) / 2 + on / 2
+            for stripe in range(count):
+                foot = ring[1] + way * ((first + stripe * (on + off)) / length)
+                own = min(0.9, wear * (0.85 + 0.3 * self._draw(f"stripe {crossing.id} {stripe}")))
+                self.painter.bar(foot - wide * (1 - 0.1 / width), foot - wide * (0.1 / width), on, own)
+
+    def _bicycle_lanes(self) -> None:
+        """A broad line between a bicycle lane and the lane beside it."""
+        side = 1.0 if not any(street.left_hand for street in self.plan.streets) else -1.0
+        for lane in self.plan.world.lanes_of(LaneKind.BICYCLE):
+            border = shapely.offset_curve(lane.centre_line, side * lane.width_m / 2)
+            self.painter.line(self._clear(border), self.rules.broad_m, 0.3)
+
+
+def _side(street: Street) -> float:
+    """1 where the middle of the street is to the left of its lanes, −1 where to the right."""
+    return -1.0 if street.left_hand else 1.0
+
+
+def _approaches(plan: Layout) -> dict[str, tuple[Approach, frozenset[Turn]]]:
+    """Every lane that ends at a junction, and which ways lead on from it."""
+    found: dict[str, tuple[Approach, frozenset[Turn]]] = {}
+    for path in plan.paths:
+        lane = path.approach.lane.id
+        turns: Iterable[Turn] = found[lane][1] if lane in found else ()
+        found[lane] = (path.approach, frozenset({*turns, path.turn}))
+    return found

@@ -1,0 +1,128 @@
+"""Where everything of a world's ground lies and what is on it: worked out once, looked up tile by tile."""
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+from shapely.ops import substring
+
+from pavetwin.scene.ground.fixtures import Fixture, placed
+from pavetwin.scene.ground.layout import Layout, Shelf, road_of
+from pavetwin.scene.ground.markings import markings
+from pavetwin.scene.ground.painter import Paint
+from pavetwin.scene.ground.raster import boxes_of
+from pavetwin.scene.ground.repairs import Repairs, repairs
+from pavetwin.scene.ground.streets import Street, streets_of
+from pavetwin.world.model import Lane, Segment, World
+
+Float64 = npt.NDArray[np.float64]
+
+WIDENED_M: Final = 3.0
+"""How far from a street or junction the carriageway is still counted to it."""
+
+
+class GroundPlan(Layout):
+    """A world's surfaces and all marks on them, each made when it is first asked for."""
+
+    @cached_property
+    def paint(self) -> Paint:
+        return markings(self)
+
+    @cached_property
+    def repairs(self) -> Repairs:
+        return repairs(self, self.fixtures)
+
+    @cached_property
+    def fixtures(self) -> tuple[Fixture, ...]:
+        """Covers, grates, caps and leaves."""
+        return placed(self)
+
+    @cached_property
+    def fixture_shelf(self) -> Shelf:
+        return Shelf([shapely.Point(thing.x, thing.y) for thing in self.fixtures])
+
+    @cached_property
+    def seal_boxes(self) -> tuple[Float64, Float64]:
+        """Lower and upper corners (n, 2) of the sealed lines."""
+        return boxes_of(self.repairs.seals)
+
+    @cached_property
+    def skid_boxes(self) -> tuple[Float64, Float64]:
+        """Lower and upper corners (n, 2) of the tyre marks."""
+        return boxes_of(line for line, _ in self.repairs.skids)
+
+    @cached_property
+    def patch_bars(self) -> Float64:
+        """(n, 5) as `raster.bars` takes them."""
+        return np.array(self.repairs.patches, dtype=np.float64).reshape(-1, 5)
+
+    @cached_property
+    def spots(self) -> Float64:
+        """(n, 4): x, y, radius, strength."""
+        return np.array(self.repairs.spots, dtype=np.float64).reshape(-1, 4)
+
+    @cached_property
+    def segments(self) -> tuple[tuple[Segment, Street], ...]:
+        return tuple((segment, street) for street in self.streets for segment in street.segments)
+
+    @cached_property
+    def segment_shelf(self) -> Shelf:
+        return Shelf([segment.polygon for segment, _ in self.segments])
+
+    @cached_property
+    def lanes(self) -> tuple[tuple[Lane, Street], ...]:
+        return tuple((lane, street) for street in self.streets for lane in street.lanes)
+
+    @cached_property
+    def lane_shelf(self) -> Shelf:
+        return Shelf([lane.centre_line.buffer(lane.width_m / 2, cap_style="flat") for lane, _ in self.lanes])
+
+    @cached_property
+    def path_shelf(self) -> Shelf:
+        """The ways across junctions."""
+        return Shelf([shapely.LineString(path.line) for path in self.paths])
+
+    @cached_property
+    def tones(self) -> tuple[Shelf, tuple[float, ...]]:
+        """Surfaces of one age each, and × what reflectance; the later lie on the earlier."""
+        streets = {street.key: self.ageing(street).tone for street in self.streets}
+        laid = [(segment.polygon, streets[street.key]) for segment, street in self.segments]
+        crossed = [
+            (junction.polygon, tone)
+            for junction, tone in zip(self.world.junctions, self._junction_tones(streets), strict=True)
+        ]
+        # First all a little widened: rounded corners belong to what is next to them.
+        shapes: list[tuple[BaseGeometry, float]] = [
+            (shape.buffer(WIDENED_M, quad_segs=2), tone) for shape, tone in (*laid, *crossed)
+        ]
+        shapes += [*crossed, *laid]
+        for segment, street in self.segments:
+            for start, end, tone in self.repairs.stretches.get(segment.id, ()):
+                part = substring(segment.centre_line, start, end).buffer(segment.width_m, cap_style="flat")
+                shapes.append((shapely.intersection(part, segment.polygon), tone * streets[street.key]))
+        return Shelf([shape for shape, _ in shapes]), tuple(tone for _, tone in shapes)
+
+    def _junction_tones(self, streets: dict[str, float]) -> list[float]:
+        """Each junction is as old as the most important street that meets there."""
+        best: dict[str, tuple[int, float]] = {}
+        for path in self.paths:
+            street, junction = path.approach.street, path.approach.junction.id
+            rank = (len(street.lanes), streets[street.key])
+            best[junction] = max(rank, best.get(junction, rank))
+        return [best.get(junction.id, (0, 1.0))[1] for junction in self.world.junctions]
+
+
+def plan_ground(world: World, seed: int, holes: Sequence[Polygon] = ()) -> GroundPlan:
+    """The plan of a world's ground.
+
+    Args:
+        world: as it stands.
+        seed: names the luck of ageing, repairs and markings.
+        holes: where patches of defects replace the carriageway, world frame; they must not overlap.
+    """
+    return GroundPlan(world=world, seed=seed, holes=Shelf(list(holes)), road=road_of(world), streets=streets_of(world))

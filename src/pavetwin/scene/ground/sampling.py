@@ -1,0 +1,79 @@
+"""Textures as a graphics card samples them: pyramids of halved levels, wrapped or clamped, filtered trilinearly."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Float32 = npt.NDArray[np.float32]
+Floats = npt.NDArray[np.floating]
+
+
+def linear_of_srgb(coded: npt.ArrayLike) -> Float32:
+    """Linear values of sRGB-coded ones, both 0 … 1 (IEC 61966-2-1)."""
+    value = np.asarray(coded, dtype=np.float32)
+    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4).astype(np.float32)
+
+
+def srgb_of_linear(linear: npt.ArrayLike) -> Float32:
+    """sRGB-coded values of linear ones, both 0 … 1 (IEC 61966-2-1)."""
+    value = np.clip(np.asarray(linear, dtype=np.float32), 0.0, 1.0)
+    return np.where(value <= 0.0031308, value * 12.92, 1.055 * value ** (1 / 2.4) - 0.055).astype(np.float32)
+
+
+def smoothstep(low: npt.ArrayLike, high: npt.ArrayLike, value: npt.ArrayLike) -> Float32:
+    """0 below `low`, 1 above `high`, smooth between (the shading languages' function of that name)."""
+    low, high = np.asarray(low, dtype=np.float32), np.asarray(high, dtype=np.float32)
+    share = np.clip((np.asarray(value, dtype=np.float32) - low) / (high - low), 0.0, 1.0)
+    return np.asarray(share * share * (3.0 - 2.0 * share), dtype=np.float32)
+
+
+@dataclass(frozen=True)
+class Pyramid:
+    """A texture and its halved levels, each (k, k, c) float32, row 0 at v = 0."""
+
+    levels: tuple[Float32, ...]
+    wraps: bool
+    """Whether it repeats; else its edge texels go on outwards."""
+
+    @classmethod
+    def of(cls, texture: Float32, *, wraps: bool) -> "Pyramid":
+        """A square texture of 2ⁿ texels with all its levels."""
+        levels = [np.ascontiguousarray(texture, dtype=np.float32)]
+        while len(levels[-1]) > 1:
+            fine = levels[-1]
+            coarse = fine.reshape(len(fine) // 2, 2, fine.shape[1] // 2, 2, -1).mean(axis=(1, 3))
+            levels.append(coarse.astype(np.float32))
+        return cls(tuple(levels), wraps)
+
+    def sample(self, uv: Floats, footprint: float | Floats) -> Float32:
+        """Values (..., c) at `uv` (..., 2), 0 … 1 over the texture.
+
+        Args:
+            uv: texture coordinates; texel centres lie at (i + ½) / k.
+            footprint: side of a pixel's footprint in texture coordinates, one number or (...).
+        """
+        size = len(self.levels[0])
+        level = np.log2(np.maximum(np.asarray(footprint, dtype=np.float32) * size, 1.0))
+        level = np.broadcast_to(np.minimum(level, len(self.levels) - 1), uv.shape[:-1])
+        found = np.zeros((*uv.shape[:-1], self.levels[0].shape[2]), dtype=np.float32)
+        if not level.size:
+            return found
+        for index in range(int(level.min()), int(np.ceil(level.max())) + 1):
+            weight = np.clip(1.0 - np.abs(level - index), 0.0, 1.0)[..., None]
+            if np.any(weight):
+                found += weight * self._bilinear(index, uv)
+        return found
+
+    def _bilinear(self, index: int, uv: Floats) -> Float32:
+        texture = self.levels[index]
+        size = len(texture)
+        at = np.asarray(uv, dtype=np.float64) * size - 0.5
+        low = np.floor(at).astype(np.int64)
+        share = (at - low).astype(np.float32)
+        near = [(low + step) % size if self.wraps else np.clip(low + step, 0, size - 1) for step in (0, 1)]
+        columns, rows = ([part[..., axis] for part in near] for axis in (0, 1))
+        x, y = share[..., 0:1], share[..., 1:2]
+        lower = texture[rows[0], columns[0]] * (1 - x) + texture[rows[0], columns[1]] * x
+        upper = texture[rows[1], columns[0]] * (1 - x) + texture[rows[1], columns[1]] * x
+        return np.asarray(lower * (1 - y) + upper * y, dtype=np.float32)

@@ -1,0 +1,115 @@
+"""What each agent of a recording looks like (model, size, colours), from the seed and its number alone."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from pavetwin.scene.model import TINTS, Float32, Float64, Model
+from pavetwin.scene.models import bounds
+from pavetwin.scene.palettes import BOTTOMS, BUS_PAINTS, HAIR, PAINTS, SKIN, TOPS, WORK_PAINTS, Colour, Tone, drawn
+from pavetwin.seeds import Stream, child
+from pavetwin.traffic.kinds import KINDS, VEHICLES
+from pavetwin.traffic.recording import Agents
+
+KEY: Final = 1
+"""This file's child of the scene's stream."""
+
+STAND: Final = "stand"
+"""The part of a person who does not walk; walking ones are `walk_0` … in the order of the gait."""
+
+_CARS: Final = ("hatchback", "compact", "saloon", "suv", "van")
+_CLASSES: Final[Mapping[str, tuple[str, ...]]] = {
+    "delivery": ("van", "light_truck"),
+    "truck": ("light_truck", "heavy_truck"),
+    "trailer": ("heavy_truck",),
+    "bus": ("bus",),
+    "coach": ("bus",),
+    "tram": ("bus",),
+    "motorcycle": ("motorcycle",),
+    "moped": ("motorcycle",),
+    "bicycle": ("motorcycle",),
+    "scooter": ("motorcycle",),
+}
+"""SUMO vehicle classes that are no cars → the models that may stand for them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """How one agent is drawn."""
+
+    model: str
+    scale: Float64
+    """(3,) of the model's length, width and height."""
+    tints: Float32
+    """(TINTS, 4)"""
+    stride_m: float = 0.0
+    """Way walked in one cycle of the gait; 0 for vehicles."""
+    first_phase: float = 0.0
+    """Of the gait, 0 … 1, where the agent appears."""
+
+
+def look_of(agents: Agents, agent: int, seed: int, models: Mapping[str, Model]) -> Look:
+    """The look of one agent. `models` must hold those of `traffic.kinds` and people called `pedestrian_*`."""
+    rng = child(seed, Stream.SCENE, KEY, agent)
+    if agents.is_pedestrian[agent]:
+        return _person(agents.kind[agent], float(agents.height_m[agent]), rng, models)
+    size = np.array([agents.length_m[agent], agents.width_m[agent], agents.height_m[agent]], dtype=np.float64)
+    return _vehicle(vehicle_model(agents.kind[agent], size), size, rng)
+
+
+def vehicle_model(kind: str, size_m: Float64) -> str:
+    """The model for a kind of ours, or for a SUMO vehicle class: the one of that class whose size is nearest."""
+    if kind in KINDS:
+        return kind
+    candidates = _CLASSES.get(kind, _CARS)
+    sizes = {each.name: np.array([each.length_m, each.width_m, each.height_m]) for each in VEHICLES}
+    return min(candidates, key=lambda name: float(np.abs(np.log(sizes[name] / size_m)).sum()))
+
+
+def people(models: Mapping[str, Model], kind: str) -> Sequence[str]:
+    """The models for a kind of person, by name; all people where the kind has none of its own."""
+    everyone = sorted(name for name in models if name.startswith("pedestrian_"))
+    return [name for name in everyone if name.split("_")[1] == kind] or everyone
+
+
+def tints(*colours: Colour | None) -> Float32:
+    """(TINTS, 4) for the first slots, None for the model's own colour; nothing glows."""
+    values = np.zeros((TINTS, 4), dtype=np.float32)
+    values[:, :3] = 1.0
+    for slot, colour in enumerate(colours):
+        if colour is not None:
+            values[slot, :3] = colour
+    return values
+
+
+def _vehicle(model: str, size_m: Float64, rng: np.random.Generator) -> Look:
+    kind = KINDS[model]
+    return Look(
+        model=model,
+        scale=size_m / (kind.length_m, kind.width_m, kind.height_m),
+        tints=tints(drawn(_paints(model, rng), rng)),
+    )
+
+
+def _paints(model: str, rng: np.random.Generator) -> tuple[Tone, ...]:
+    if model == "bus":
+        return BUS_PAINTS
+    if model in ("light_truck", "heavy_truck") or (model == "van" and rng.random() < 0.5):
+        return WORK_PAINTS
+    return PAINTS
+
+
+def _person(kind: str, height_m: float, rng: np.random.Generator, models: Mapping[str, Model]) -> Look:
+    names = people(models, kind)
+    model = models[names[int(rng.integers(len(names)))]]
+    low, high = bounds(model.parts[STAND])
+    scale = height_m / (high[2] - low[2])
+    return Look(
+        model=model.name,
+        scale=np.full(3, scale),
+        tints=tints(drawn(TOPS, rng), drawn(BOTTOMS, rng), drawn(HAIR, rng), drawn(SKIN, rng)),
+        stride_m=model.extras["stride_m"] * scale,
+        first_phase=float(rng.random()),
+    )

@@ -1,0 +1,215 @@
+"""What a scene is made of, as values: no renderer and no file format is needed to read them.
+
+The world is cut into square tiles. A tile holds its ground (meshes by kind of ground, and maps of what time and traffic
+did to it), its buildings, its furniture and the patches of its defects; agents are instances of models at one moment.
+Renderers, the glTF export and the labels all look at these values, so that they can not disagree.
+
+Frames: world is east-north-up in metres with the road surface at z = 0; a tile's own frame is the world's, moved to the
+tile's south-west corner, which keeps 32-bit coordinates exact; a model's frame is x forward, y left, z up, its origin
+on the ground below the middle of its footprint.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+UInt8 = npt.NDArray[np.uint8]
+UInt32 = npt.NDArray[np.uint32]
+
+TILE_M: Final = 32.0
+"""Side of a tile [m]."""
+
+MAP_PX: Final = 1024
+"""Side of a tile's maps [texels]."""
+
+MAP_MARGIN_M: Final = 0.5
+"""The maps reach this far beyond their tile on every side, so that filtering across its edge sees no seam [m]."""
+
+SIGNED_DISTANCE_M: Final = 0.25
+"""Signed distances in maps are (value − 128) / 127 of this, positive inside [m]."""
+
+TINTS: Final = 4
+"""Colours an instance may lend to its model's slots."""
+
+_FIRST_DEFECT: Final = 1 << 23
+"""Labels fit 24 bits: agents from 1, defects from here."""
+
+
+class GroundKind(IntEnum):
+    """What a piece of ground is made of; the index of its detail textures."""
+
+    ASPHALT = 0
+    CONCRETE = 1
+    PAVING = 2
+    KERB = 3
+    GRASS = 4
+    EARTH = 5
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles, anticlockwise seen from outside, with what shading needs at each of the n vertices."""
+
+    positions: Float32
+    """(n, 3) metres."""
+    normals: Float32
+    """(n, 3) unit."""
+    indices: UInt32
+    """(m, 3)"""
+    colours: Float32 | None = None
+    """(n, 3) linear RGB reflectance with ambient occlusion multiplied in; None on ground."""
+    surface: UInt8 | None = None
+    """(n, 3): roughness and metallic, 255 for 1, and the slot, 0 for its own colour or 1 … TINTS for the instance's."""
+    uv: Float32 | None = None
+    """(n, 2): of ground in metres over its detail; of a façade in metres along and up its wall; of a defect's patch
+    0 … 1 over its maps, row 0 at v = 0. A part of a model that has it is foliage, uv 0 … 1 over `foliage.leaf_sheet`,
+    whose gaps are cut out of it; its triangles come in pairs, a card each."""
+
+    def __post_init__(self) -> None:
+        count = len(self.positions)
+        expected: tuple[tuple[str, Any, tuple[int, ...], type], ...] = (
+            ("positions", self.positions, (count, 3), np.float32),
+            ("normals", self.normals, (count, 3), np.float32),
+            ("colours", self.colours, (count, 3), np.float32),
+            ("surface", self.surface, (count, 3), np.uint8),
+            ("uv", self.uv, (count, 2), np.float32),
+            ("indices", self.indices, (len(self.indices), 3), np.uint32),
+        )
+        for name, array, shape, dtype in expected:
+            if array is not None and (array.shape != shape or array.dtype != dtype):
+                raise ValueError(f"{name} of a mesh: {array.dtype} {array.shape}, expected {dtype.__name__} {shape}")
+        if len(self.indices) and int(self.indices.max()) >= count:
+            raise ValueError("a triangle of a mesh names a vertex that is not there")
+
+
+@dataclass(frozen=True)
+class Model:
+    """A thing that is drawn many times: one mesh a part. Most have the one part 'body'."""
+
+    name: str
+    parts: Mapping[str, Mesh]
+    extras: Mapping[str, float] = field(default_factory=dict)
+    """What its maker noted: stride_m, crown_radius_m …"""
+
+
+@dataclass(frozen=True)
+class Instance:
+    """One drawing of a model's part."""
+
+    model: str
+    part: str
+    transform: Float64
+    """(4, 4) from the model's frame to the world's; column vectors."""
+    tints: Float32
+    """(TINTS, 4): linear RGB of each slot and how strongly it glows (0 for a surface that only reflects)."""
+    label: int = 0
+    """What it is in the instance image; 0 for nothing that is labelled."""
+
+
+@dataclass(frozen=True)
+class GroundPiece:
+    """All ground of one kind in one tile."""
+
+    kind: GroundKind
+    mesh: Mesh
+    """In the tile's frame, with `uv` in metres: where its detail is sampled (× 1 / size_m). On asphalt, grass and earth
+    that is world x and y; paving lies along its street, kerb stones along their kerb. Holes are cut where the patches
+    of defects lie."""
+
+
+@dataclass(frozen=True)
+class GroundMaps:
+    """What time and traffic did to a tile's ground. Row 0 is south; a texel is (TILE_M + 2·MARGIN) / MAP_PX."""
+
+    weathering: UInt8
+    """(MAP_PX, MAP_PX, 4): tone (reflectance × value / 128), stain (oil, rubber, damp), dust, polish (wheel paths)."""
+    drawn: UInt8
+    """(MAP_PX, MAP_PX, 4): signed distance to paint, its colour (0 white … 255 yellow), its wear, signed distance to
+    bitumen (sealed cracks and seams)."""
+
+
+@dataclass(frozen=True)
+class Detail:
+    """The grain of one kind of ground: square textures that repeat every `size_m`."""
+
+    size_m: float
+    reflectance: UInt8
+    """(k, k, 4): sRGB-coded reflectance, and the hold of paint: its share of even spread is the wear at which paint has
+    gone from here (0 first, 255 last). Row 0 is v = 0."""
+    relief: UInt8
+    """(k, k, 4): normal x and y (128 for 0, 255 for 1), height (0 … 255 of its range), roughness."""
+
+
+@dataclass(frozen=True)
+class FacadePiece:
+    """Walls and roof of one building."""
+
+    building: str
+    mesh: Mesh
+    """In the tile's frame; `colours` and `surface` without slots; `uv` in metres."""
+    layer: int
+    """Of the façade textures; −1 for plain vertex colours."""
+
+
+@dataclass(frozen=True)
+class DefectPatch:
+    """The pavement around one defect, drawn from its heightfield in place of the road that was cut away."""
+
+    label: int
+    mesh: Mesh
+    """In the defect's frame, with `uv` over the maps."""
+    transform: Float64
+    """(4, 4) from the defect's frame to the world's."""
+    relief: UInt8
+    """(rows, columns, 4): normal x and y (128 for 0), reflectance × value / 128, ambient occlusion (255 open)."""
+    mask: UInt8
+    """(rows, columns): 255 where the label is, else 0."""
+
+
+@dataclass(frozen=True)
+class Tile:
+    """Everything that stands still on one square of the world."""
+
+    key: tuple[int, int]
+    """Column and row: its south-west corner is key × TILE_M in the world frame."""
+    ground: tuple[GroundPiece, ...]
+    maps: GroundMaps
+    facades: tuple[FacadePiece, ...]
+    instances: tuple[Instance, ...]
+    """Trees, lights, signs, manholes …"""
+    patches: tuple[DefectPatch, ...]
+
+    @property
+    def origin(self) -> tuple[float, float]:
+        """The south-west corner in the world frame, in metres."""
+        return self.key[0] * TILE_M, self.key[1] * TILE_M
+
+
+def agent_label(agent: int) -> int:
+    """The label of an agent of a recording in instance images."""
+    if not 0 <= agent < _FIRST_DEFECT - 1:
+        raise ValueError(f"agent {agent} has no label: there are {_FIRST_DEFECT - 1}")
+    return 1 + agent
+
+
+def defect_label(defect: int) -> int:
+    """The label of a defect of a world in instance images."""
+    if not 0 <= defect < _FIRST_DEFECT:
+        raise ValueError(f"defect {defect} has no label: there are {_FIRST_DEFECT}")
+    return _FIRST_DEFECT + defect
+
+
+def labelled_agent(label: int) -> int | None:
+    """The agent that a label stands for, or None."""
+    return label - 1 if 0 < label < _FIRST_DEFECT else None
+
+
+def labelled_defect(label: int) -> int | None:
+    """The defect that a label stands for, or None."""
+    return label - _FIRST_DEFECT if label >= _FIRST_DEFECT else None

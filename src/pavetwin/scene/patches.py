@@ -1,0 +1,140 @@
+"""The pavement around each defect: a hole in the ground, and the mesh and maps of its heightfield that fill it.
+
+A hole is the defect's outline widened by `BESIDE_M`. Outlines lie at least 10 cm from each other and 5 cm from the
+carriageway's edge, so holes never meet and never leave the road, whatever the rectangles of their heightfields do.
+Beyond its outline a heightfield is level and only dusty or stained; both fade out within the strip, so that the patch
+meets the road with the road's own height, slope and reflectance.
+"""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+import shapely
+from scipy.ndimage import distance_transform_edt
+from shapely import Polygon
+
+from pavetwin._core import relief_mesh
+from pavetwin.defects import Heightfield, albedo_factor, heightfield_of, normal_map, occlusion_map
+from pavetwin.scene.model import TILE_M, DefectPatch, Float32, Float64, Mesh, UInt8, defect_label
+from pavetwin.world.model import Defect
+
+BESIDE_M: Final = 0.04
+"""How far a hole reaches beyond its defect's outline; less than half the least distance between two defects."""
+
+SMOOTHED_M: Final = 0.004
+"""The outline is simplified within this, and the hole's ring again."""
+
+TOLERANCE_M: Final = 0.005
+"""The mesh is nowhere farther from the heightfield; what is finer shows in the normal map."""
+
+MOST_VERTICES: Final = 1_500
+MOST_TEXELS: Final = 1_500_000
+"""Larger maps are averaged down by whole factors: 6 × 4 m at 4 mm."""
+
+LUMINANCE: Final = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
+
+
+def hole_of(defect: Defect) -> Polygon:
+    """The part of the carriageway that a defect's patch replaces, world frame."""
+    return holes_of((defect,))[0]
+
+
+def holes_of(defects: tuple[Defect, ...]) -> list[Polygon]:
+    """The holes of many defects, all at once."""
+    outlines = np.array([defect.polygon for defect in defects], dtype=object)
+    coarse = shapely.simplify(outlines, SMOOTHED_M)
+    widened = shapely.simplify(shapely.buffer(coarse, BESIDE_M, quad_segs=2), SMOOTHED_M)
+    return [Polygon(shape.exterior) for shape in widened]
+
+
+def patch_of(defect: Defect) -> DefectPatch:
+    """The patch of a defect.
+
+    Raises:
+        PaveTwinError: its class is not registered.
+        ValueError: its outline crosses itself.
+    """
+    field = heightfield_of(defect)
+    transform = _transform(defect)
+    ring = np.asarray(hole_of(defect).exterior.coords)[:-1] - transform[:2, 3]
+    if shapely.LinearRing(ring).is_ccw is False:
+        ring = ring[::-1]
+    ring = np.ascontiguousarray(ring @ transform[:2, :2])
+    made = relief_mesh(field.lattice, field.height_m, ring, TOLERANCE_M, MOST_VERTICES)
+    if made is None:
+        raise ValueError(f"the outline of defect {defect.id} crosses itself")
+    positions, indices, _ = made
+    uv = field.uv(positions[:, :2].astype(np.float64))
+    relief, mask = _maps(field)
+    upright = np.tile(np.array([0, 0, 1], dtype=np.float32), (len(positions), 1))  # the map holds the whole slope
+    return DefectPatch(
+        label=defect_label(defect.id),
+        mesh=Mesh(positions, upright, indices, uv=uv),
+        transform=transform,
+        relief=relief,
+        mask=mask,
+    )
+
+
+def part_on(patch: DefectPatch, key: tuple[int, int]) -> DefectPatch | None:
+    """The triangles of a patch whose middles lie on a tile, with the maps of the whole; None when there are none.
+
+    Triangles are not cut: those at the border reach over it by less than the tiles' maps do.
+    """
+    mesh = patch.mesh
+    middles = mesh.positions[mesh.indices].mean(axis=1)[:, :2] @ patch.transform[:2, :2].T + patch.transform[:2, 3]
+    mine = (np.floor(middles / TILE_M) == key).all(axis=1)
+    if mine.all():
+        return patch
+    if not mine.any():
+        return None
+    used, indices = np.unique(mesh.indices[mine], return_inverse=True)
+    uv = None if mesh.uv is None else mesh.uv[used]
+    triangles = indices.reshape(-1, 3).astype(np.uint32)
+    return replace(patch, mesh=Mesh(mesh.positions[used], mesh.normals[used], triangles, uv=uv))
+
+
+def _transform(defect: Defect) -> Float64:
+    cos, sin = np.cos(defect.yaw_rad), np.sin(defect.yaw_rad)
+    matrix = np.eye(4)
+    matrix[:2, :2] = [[cos, -sin], [sin, cos]]
+    matrix[:2, 3] = defect.centre.x, defect.centre.y
+    return matrix
+
+
+def _maps(field: Heightfield) -> tuple[UInt8, UInt8]:
+    """(rows, cols, 4) normal x and y, reflectance, openness; and (rows, cols) the label's mask."""
+    share = _inward(field)
+    factor = 1 + (albedo_factor(field) @ LUMINANCE - 1) * share
+    normal = normal_map(field)[..., :2].astype(np.float32) - 127.5
+    relief = np.stack(
+        [
+            128 + normal[..., 0] * share * (127 / 127.5),
+            128 + normal[..., 1] * share * (127 / 127.5),
+            128 * factor,
+            255 + (occlusion_map(field).astype(np.float32) - 255) * share,
+        ],
+        axis=-1,
+    )
+    mask = 255 * field.mask.astype(np.float32)
+    step = max(1, int(np.ceil(np.sqrt(mask.size / MOST_TEXELS))))
+    coarse = np.clip(np.round(averaged(relief, step)), 0, 255).astype(np.uint8)
+    return coarse, (255 * (averaged(mask[..., None], step)[..., 0] >= 127.5)).astype(np.uint8)
+
+
+def _inward(field: Heightfield) -> Float32:
+    """(rows, cols): 1 on the outline and inside, falling to 0 before the hole's ring."""
+    away = distance_transform_edt(~field.mask) * field.cell_m
+    ramp = np.clip(1 - away / (BESIDE_M - 2 * SMOOTHED_M), 0, 1)
+    return np.asarray(ramp * ramp * (3 - 2 * ramp), dtype=np.float32)
+
+
+def averaged(values: Float32, step: int) -> Float32:
+    """Means over step × step cells; the last row and column are repeated to fill them."""
+    if step == 1:
+        return values
+    rows, cols = -values.shape[0] % step, -values.shape[1] % step
+    padded = np.pad(values, ((0, rows), (0, cols), (0, 0)), mode="edge")
+    shape = (padded.shape[0] // step, step, padded.shape[1] // step, step, values.shape[2])
+    return np.asarray(padded.reshape(shape).mean(axis=(1, 3)), dtype=np.float32)

@@ -1,0 +1,284 @@
+"""The scene of a world: its tiles, made when they are wanted, and what moves over it."""
+
+import math
+from collections import OrderedDict, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+from shapely import Polygon
+
+from pavetwin.scene import furniture, signals
+from pavetwin.scene.agents import Actors, upright
+from pavetwin.scene.buildings import Buildings, facade_textures
+from pavetwin.scene.extras import Extra, Verge
+from pavetwin.scene.ground import (
+    GroundPlan,
+    details,
+    fixture_models,
+    fixtures,
+    ground_maps,
+    ground_pieces,
+    heights,
+    plan_ground,
+)
+from pavetwin.scene.model import TILE_M, DefectPatch, Detail, Float64, GroundKind, Instance, Model, Tile, UInt8
+from pavetwin.scene.models import BODY, library
+from pavetwin.scene.patches import holes_of, part_on, patch_of
+from pavetwin.scene.shafts import shafts
+from pavetwin.traffic.recording import Recording
+from pavetwin.world.model import Furniture, World
+
+TILES_KEPT: Final = 64
+"""Tiles in memory: a car's view down a street needs some 30, each of about 10 MB."""
+
+PATCHES_KEPT: Final = 96
+"""Whole patches in memory, some MB each at most."""
+
+EAVES_M: Final = 0.35
+"""How far roofs reach beyond their buildings' walls at most."""
+
+Key = tuple[int, int]
+Box = tuple[float, float, float, float]
+"""West, south, east, north."""
+
+
+class Scene:
+    """All that can be seen of a world. The same world and seed make the same scene, tile by tile, in any order."""
+
+    def __init__(self, world: World, *, seed: int, tiles_kept: int = TILES_KEPT) -> None:
+        self.world = world
+        self.seed = seed
+        self._kept = tiles_kept
+        self._tiles: OrderedDict[Key, Tile] = OrderedDict()
+        self._patches: OrderedDict[int, DefectPatch] = OrderedDict()
+        self._actors: Actors | None = None
+
+    def tile(self, key: Key) -> Tile:
+        """One tile; made now if it was not kept."""
+        if key not in self._tiles:
+            self._tiles[key] = self._make(key)
+            while len(self._tiles) > self._kept:
+                self._tiles.popitem(last=False)
+        self._tiles.move_to_end(key)
+        return self._tiles[key]
+
+    def keys_near(self, x_m: float, y_m: float, radius_m: float) -> tuple[Key, ...]:
+        """The tiles of which anything, also a house that leans out of its tile, reaches into a disc; nearest first."""
+        reach = radius_m + self._furthest_reach
+        columns = range(math.floor((x_m - reach) / TILE_M), math.floor((x_m + reach) / TILE_M) + 1)
+        rows = range(math.floor((y_m - reach) / TILE_M), math.floor((y_m + reach) / TILE_M) + 1)
+        distances = {key: _distance(self._box(key), x_m, y_m) for key in ((c, r) for c in columns for r in rows)}
+        near = [key for key, distance in distances.items() if distance <= radius_m]
+        return tuple(sorted(near, key=lambda key: (distances[key], key)))
+
+    def tiles_near(self, x_m: float, y_m: float, radius_m: float) -> tuple[Tile, ...]:
+        """Those tiles themselves."""
+        return tuple(self.tile(key) for key in self.keys_near(x_m, y_m, radius_m))
+
+    @cached_property
+    def models(self) -> Mapping[str, Model]:
+        """Everything that is drawn many times, by name."""
+        return {**library(), **shafts(), **fixture_models()}
+
+    @cached_property
+    def details(self) -> Mapping[GroundKind, Detail]:
+        """The grain of each kind of ground."""
+        return details()
+
+    @cached_property
+    def facade_textures(self) -> UInt8:
+        """(layers, k, k, 4): sRGB-coded reflectance, and roughness; repeats every `FACADE_REPEAT_M`. Row 0 is v = 0."""
+        return facade_textures(self.seed)
+
+    def agents(
+        self, recording: Recording | None, time_s: float, near: tuple[float, float, float] | None = None
+    ) -> tuple[Instance, ...]:
+        """What differs from time to time: agents with their labels, and signal heads with their lamps.
+
+        Args:
+            recording: None for empty streets and dark signals.
+            time_s: of the recording.
+            near: x, y, radius of a disc in metres; only what reaches into it is given.
+        """
+        heads = [
+            head for head in self._heads if near is None or math.dist(near[:2], (head.x_m, head.y_m)) < near[2] + 1
+        ]
+        shown = tuple(signals.instances(heads, recording, time_s))
+        if recording is None:
+            return shown
+        if self._actors is None or self._actors.recording is not recording:
+            self._actors = Actors(recording, seed=self.seed, models=self.models, ground=self.heights)
+        return (*self._actors.at(time_s, near), *shown)
+
+    def heights(self, xy: npt.ArrayLike) -> Float64:
+        """Height of the ground [m] at points (n, 2) in the world frame."""
+        return heights(self._plan, xy)
+
+    def buildings_on(self, key: Key) -> Sequence[int]:
+        """Places in the world's list of the buildings that a tile holds."""
+        return self._buildings.get(key, [])
+
+    def defects_on(self, key: Key) -> Sequence[int]:
+        """Places in the world's list of the defects of which a part may lie on a tile."""
+        return self._defects.get(key, [])
+
+    # --- Where things belong ----------------------------------------------------------------------------------------
+
+    @cached_property
+    def _buildings(self) -> Mapping[Key, list[int]]:
+        """Places in the world's list, by the tile in which a building's middle lies; it is drawn there whole."""
+        return _by_tile(
+            [(building.polygon.centroid.x, building.polygon.centroid.y) for building in self.world.buildings]
+        )
+
+    @cached_property
+    def _furniture(self) -> Mapping[Key, list[int]]:
+        return _by_tile([(thing.position.x, thing.position.y) for thing in self.world.furniture])
+
+    @cached_property
+    def _holes(self) -> list[Polygon]:
+        return holes_of(self.world.defects)
+
+    @cached_property
+    def _defects(self) -> Mapping[Key, list[int]]:
+        """Places in the world's list of all whose hole may reach into a tile."""
+        found: defaultdict[Key, list[int]] = defaultdict(list)
+        for index, hole in enumerate(self._holes):
+            for key in keys_of(hole.bounds):
+                found[key].append(index)
+        return dict(found)
+
+    @cached_property
+    def _walker_poles(self) -> Mapping[Key, list[tuple[float, float]]]:
+        """Where poles carry the heads for people."""
+        places = [(head.x_m, head.y_m) for head in self._heads if head.model == signals.WALKERS]
+        return {key: [places[index] for index in indices] for key, indices in _by_tile(places).items()}
+
+    @cached_property
+    def _extras(self) -> Mapping[Key, list[Extra]]:
+        extras = Verge(self.world, seed=self.seed).extras()
+        places = [(extra.x_m, extra.y_m) for extra in extras]
+        return {key: [extras[index] for index in indices] for key, indices in _by_tile(places).items()}
+
+    @cached_property
+    def _heads(self) -> tuple[signals.Head, ...]:
+        return signals.heads_of(self.world)
+
+    @cached_property
+    def _boxes(self) -> Mapping[Key, Box]:
+        """The bounds of every tile of which anything reaches out of its square."""
+        boxes: dict[Key, Box] = {}
+        for key, houses in self._buildings.items():
+            _widen(boxes, key, [_wider(self.world.buildings[house].polygon.bounds, EAVES_M) for house in houses])
+        for key, things in self._furniture.items():
+            _widen(boxes, key, [_around(self.world.furniture[thing]) for thing in things])
+        return boxes
+
+    @cached_property
+    def _furthest_reach(self) -> float:
+        """How far at most anything reaches out of its tile's square [m]."""
+        reaches = [0.0]
+        for key, (west, south, east, north) in self._boxes.items():
+            x, y = key[0] * TILE_M, key[1] * TILE_M
+            reaches += [x - west, y - south, east - x - TILE_M, north - y - TILE_M]
+        return max(reaches)
+
+    def _box(self, key: Key) -> Box:
+        return self._boxes.get(key, tile_bounds(key))
+
+    # --- Making a tile ----------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _plan(self) -> GroundPlan:
+        return plan_ground(self.world, self.seed, holes=self._holes)
+
+    @cached_property
+    def _builder(self) -> Buildings:
+        return Buildings(self.world, seed=self.seed)
+
+    def _make(self, key: Key) -> Tile:
+        origin = key[0] * TILE_M, key[1] * TILE_M
+        facades = [self._builder.pieces(number, origin) for number in self._buildings.get(key, [])]
+        return Tile(
+            key=key,
+            ground=ground_pieces(self._plan, key),
+            maps=ground_maps(self._plan, key),
+            facades=tuple(piece for pieces in facades for piece in pieces),
+            instances=(*self._standing(key), *fixtures(self._plan, key)),
+            patches=tuple(self._patches_of(key)),
+        )
+
+    def _patches_of(self, key: Key) -> Iterator[DefectPatch]:
+        """The defects' patches, or their parts on this tile."""
+        for number in self.defects_on(key):
+            part = part_on(self._patch(number), key)
+            if part is not None:
+                yield part
+
+    def _patch(self, number: int) -> DefectPatch:
+        """A defect's whole patch; kept a while, since its other parts lie on the next tiles."""
+        if number not in self._patches:
+            self._patches[number] = patch_of(self.world.defects[number])
+            while len(self._patches) > PATCHES_KEPT:
+                self._patches.popitem(last=False)
+        self._patches.move_to_end(number)
+        return self._patches[number]
+
+    def _standing(self, key: Key) -> Iterator[Instance]:
+        """What stands on a tile as instances."""
+        numbers = self._furniture.get(key, [])
+        things = [self.world.furniture[number] for number in numbers]
+        feet = self.heights(np.array([(thing.position.x, thing.position.y) for thing in things]).reshape(-1, 2))
+        for number, thing, ground_m in zip(numbers, things, feet, strict=True):
+            yield from furniture.stand(thing, number, float(ground_m), self.seed, self.models)
+        for x, y in self._walker_poles.get(key, []):
+            low = float(self.heights([(x, y)])[0])
+            yield furniture.pole(x, y, low, signals.WALKER_POLE_M, 0.05)
+        for extra in self._extras.get(key, []):
+            low = float(self.heights([(extra.x_m, extra.y_m)])[0])
+            place = upright(extra.x_m, extra.y_m, extra.yaw_rad, z_m=low)
+            yield Instance(extra.model, BODY, place, extra.tints)
+
+
+def _by_tile(places: Sequence[tuple[float, float]]) -> Mapping[Key, list[int]]:
+    """Indices of places by the tile that they lie in."""
+    found: defaultdict[Key, list[int]] = defaultdict(list)
+    for index, (x, y) in enumerate(places):
+        found[math.floor(x / TILE_M), math.floor(y / TILE_M)].append(index)
+    return dict(found)
+
+
+def keys_of(bounds: Box) -> Iterator[Key]:
+    """The tiles that a box meets, row by row."""
+    west, south, east, north = (math.floor(value / TILE_M) for value in bounds)
+    return ((column, row) for row in range(south, north + 1) for column in range(west, east + 1))
+
+
+def tile_bounds(key: Key) -> Box:
+    """A tile's square, in metres of the world frame."""
+    return key[0] * TILE_M, key[1] * TILE_M, (key[0] + 1) * TILE_M, (key[1] + 1) * TILE_M
+
+
+def _wider(bounds: Box, by_m: float) -> Box:
+    west, south, east, north = bounds
+    return west - by_m, south - by_m, east + by_m, north + by_m
+
+
+def _around(thing: Furniture) -> Box:
+    reach = max(thing.radius_m, thing.arm_m) + 1.0
+    x, y = thing.position.x, thing.position.y
+    return x - reach, y - reach, x + reach, y + reach
+
+
+def _widen(boxes: dict[Key, Box], key: Key, bounds: list[Box]) -> None:
+    corners = np.array([boxes.get(key, tile_bounds(key)), *bounds])
+    low, high = corners[:, :2].min(axis=0), corners[:, 2:].max(axis=0)
+    boxes[key] = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+
+
+def _distance(box: Box, x_m: float, y_m: float) -> float:
+    west, south, east, north = box
+    return math.hypot(max(west - x_m, 0.0, x_m - east), max(south - y_m, 0.0, y_m - north))

@@ -1,0 +1,187 @@
+"""Signal heads: where they hang, and which of their lamps is lit at a time.
+
+A mast stands at the end of the edge whose traffic it stops, with a head low on the mast and one at the arm's end;
+people have a head at each end of a crossing. The network's links say which letter of SUMO's state a head shows.
+"""
+
+import bisect
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from pavetwin.scene.agents import upright
+from pavetwin.scene.model import TINTS, Float32, Float64, Instance
+from pavetwin.scene.models import BODY
+from pavetwin.traffic.recording import Recording
+from pavetwin.world.model import Crossing, Furniture, FurnitureKind, Lane, LaneKind, World
+from pavetwin.world.signal_links import SignalLink, read_signal_links
+
+VEHICLES: Final = "signal_head"
+WALKERS: Final = "signal_pedestrian"
+
+LOW_HEAD_M: Final = 2.95
+"""Middle of the head on a mast: its underside is at 2.4 m (RiLSA 2015: at least 2.1 m)."""
+
+WALKER_HEAD_M: Final = 2.4
+WALKER_POLE_M: Final = 2.9
+"""Middle of the heads at crossings, and height of their poles."""
+
+DARK: Final = 0.22
+"""Colour of a lamp that is off, as a share of its lens."""
+
+GLOW: Final = 3.0
+"""See `Instance.tints`."""
+
+_LIT: Final[Mapping[str, tuple[int, ...]]] = {
+    **dict.fromkeys("rs", (1,)),
+    "u": (1, 2),
+    **dict.fromkeys("yY", (2,)),
+    **dict.fromkeys("gG", (3,)),
+}
+"""SUMO's letters → slots of the lamps that are lit; `o` blinks amber, `O` is off."""
+
+
+@dataclass(frozen=True, eq=False)
+class Head:
+    """One signal head."""
+
+    model: str
+    transform: Float64
+    """(4, 4); the model's x axis points at those who are to see it."""
+    controller: str
+    link: int | None
+    """The letter of the controller's state that it shows; None where the network does not say."""
+
+    @property
+    def x_m(self) -> float:
+        return float(self.transform[0, 3])
+
+    @property
+    def y_m(self) -> float:
+        return float(self.transform[1, 3])
+
+    def is_near(self, x_m: float, y_m: float, radius_m: float) -> bool:
+        """Whether it hangs within a disc."""
+        return math.hypot(self.x_m - x_m, self.y_m - y_m) <= radius_m
+
+
+def heads_of(world: World) -> tuple[Head, ...]:
+    """All signal heads of a world. Without a network beside it they show nothing, and there are none for people."""
+    masts = [thing for thing in world.furniture if thing.kind is FurnitureKind.SIGNAL]
+    if not masts:
+        return ()
+    has_network = world.folder is not None and world.network_file.is_file()
+    links = read_signal_links(world.network_file) if has_network else ()
+    by_edge: defaultdict[tuple[str, str], list[SignalLink]] = defaultdict(list)
+    for link in links:
+        by_edge[link.controller, link.source].append(link)
+    kerb_lanes = _kerb_lanes(world)
+    heads: list[Head] = []
+    for mast in masts:
+        heads += _on_mast(mast, by_edge, kerb_lanes)
+    to_crossing = {link.target: link for link in links if link.target.startswith(":")}
+    for crossing in world.crossings:
+        if crossing.id in to_crossing:
+            heads += _at_crossing(crossing, to_crossing[crossing.id])
+    return tuple(heads)
+
+
+def instances(heads: Sequence[Head], recording: Recording | None, time_s: float) -> Iterator[Instance]:
+    """Heads with their lamps as the recording has them at a time; all off without one."""
+    for head in heads:
+        yield Instance(head.model, BODY, head.transform, lamps(head, recording, time_s))
+
+
+def lamps(head: Head, recording: Recording | None, time_s: float) -> Float32:
+    """(TINTS, 4) of a head at a time."""
+    tints = np.full((TINTS, 4), DARK, dtype=np.float32)
+    tints[:, 3] = 0.0
+    for slot in _lit_slots(letter(head, recording, time_s), time_s):
+        tints[slot - 1] = (1.0, 1.0, 1.0, GLOW)
+    return tints
+
+
+def letter(head: Head, recording: Recording | None, time_s: float) -> str:
+    """SUMO's letter for a head at a time, `O` where nothing is known."""
+    states = recording.signals.get(head.controller, ()) if recording is not None else ()
+    if recording is None or head.link is None or not states:
+        return "O"
+    step = time_s / recording.step_s + 1e-9
+    _, state = states[max(0, bisect.bisect_right(states, step, key=lambda entry: entry[0]) - 1)]
+    return state[head.link] if head.link < len(state) else "O"
+
+
+def _lit_slots(shown: str, time_s: float) -> tuple[int, ...]:
+    if shown == "o":
+        return (2,) if time_s % 1.0 < 0.5 else ()
+    return _LIT.get(shown, ())
+
+
+def _on_mast(
+    mast: Furniture, links: Mapping[tuple[str, str], list[SignalLink]], kerb_lanes: Mapping[str, Lane]
+) -> Iterator[Head]:
+    """The two heads of a mast, turned towards the traffic of its edge."""
+    edges = [edge for controller, edge in links if controller == mast.controller and edge in kerb_lanes]
+    edge = min(edges, key=lambda name: _misfit(mast, kerb_lanes[name]), default=None)
+    if edge is None:
+        facing, link = mast.yaw_rad + math.pi / 2, None
+    else:
+        facing, link = _heading(kerb_lanes[edge]) + math.pi, _through(links[mast.controller, edge])
+    x, y = mast.position.x, mast.position.y
+    ahead = (math.cos(facing), math.sin(facing))
+    out = mast.radius_m + 0.02
+    yield Head(VEHICLES, upright(x + out * ahead[0], y + out * ahead[1], facing, z_m=LOW_HEAD_M), mast.controller, link)
+    if mast.arm_m > 0.8:
+        reach = mast.arm_m - 0.25
+        end = (x + reach * math.cos(mast.yaw_rad) + 0.1 * ahead[0], y + reach * math.sin(mast.yaw_rad) + 0.1 * ahead[1])
+        yield Head(VEHICLES, upright(*end, facing, z_m=mast.height_m), mast.controller, link)
+
+
+def _kerb_lanes(world: World) -> Mapping[str, Lane]:
+    """Edge → its carriageway's lane next to the kerb."""
+    lanes: dict[str, Lane] = {}
+    for lane in world.lanes:
+        if lane.kind is not LaneKind.SIDEWALK:
+            lanes.setdefault(lane.edge, lane)
+    return lanes
+
+
+def _heading(lane: Lane) -> float:
+    (ax, ay), (bx, by) = list(lane.centre_line.coords)[-2:]
+    return math.atan2(by - ay, bx - ax)
+
+
+def _misfit(mast: Furniture, lane: Lane) -> float:
+    """How far a mast stands from where one for this lane would: metres, and 4 m for a radian."""
+    end = lane.centre_line.coords[-1]
+    turn = mast.yaw_rad - _heading(lane)
+    return math.hypot(mast.position.x - end[0], mast.position.y - end[1]) + 4 * abs(math.cos(turn))
+
+
+def _through(links: Sequence[SignalLink]) -> int:
+    """The link straight on, else the first that there is: what most drivers go by."""
+    order = {"s": 0, "r": 1, "R": 1, "l": 2, "L": 2}
+    return min(links, key=lambda link: (order.get(link.direction, 3), link.index)).index
+
+
+def _at_crossing(crossing: Crossing, link: SignalLink) -> Iterator[Head]:
+    """A head beyond each end of a crossing, beside it, turned to who comes across."""
+    for corner, facing in walker_poles(crossing):
+        yield Head(WALKERS, upright(*corner, facing, z_m=WALKER_HEAD_M), link.controller, link.index)
+
+
+def walker_poles(crossing: Crossing) -> Iterator[tuple[tuple[float, float], float]]:
+    """Where the poles of a crossing's heads stand, and which way each faces."""
+    ring = np.asarray(crossing.polygon.exterior.coords)[:4]
+    sides = [(ring[k] + ring[(k + 1) % 4]) / 2 for k in range(4)]
+    lengths = [float(np.hypot(*(ring[(k + 1) % 4] - ring[k]))) for k in range(4)]
+    first = 0 if lengths[0] < lengths[1] else 1
+    for k, other in ((first, first + 2), (first + 2, first)):
+        across = (sides[k % 4] - sides[other % 4]) / np.hypot(*(sides[k % 4] - sides[other % 4]))
+        beside = np.array([-across[1], across[0]])
+        at = sides[k % 4] + 0.5 * across + beside * (lengths[first] / 2 + 0.25)
+        yield (float(at[0]), float(at[1])), math.atan2(-across[1], -across[0])

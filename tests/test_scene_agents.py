@@ -1,0 +1,213 @@
+"""Agents as instances: in the places the kernel flies against, in their own sizes, feet that do not slide."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from pavetwin.scene.agents import BRAKE_GLOW, Actors, quadrotor
+from pavetwin.scene.looks import look_of, people, vehicle_model
+from pavetwin.scene.model import Instance, agent_label, labelled_agent
+from pavetwin.scene.models import bounds, library
+from pavetwin.traffic.demand import Capacity
+from pavetwin.traffic.kinds import KINDS, VEHICLES
+from pavetwin.traffic.recording import Agents, Origin, Recording
+from pavetwin.traffic.trace import trace_of
+
+STEP_S = 0.5
+Pose = tuple[float, float, float, float]
+
+
+def recording(kinds: Sequence[str], poses: Callable[[int, float], Pose], frames: int = 21) -> Recording:
+    """Agents of some kinds; `poses(agent, time)` gives x, y, yaw and speed."""
+    known = [KINDS[kind] if kind in KINDS else KINDS["suv"] for kind in kinds]
+    rows = np.array([poses(agent, k * STEP_S) for k in range(frames) for agent in range(len(kinds))], dtype=np.float32)
+    return Recording(
+        origin=Origin("", "", 0, None, Capacity(1.0, 1.0), "", 0.0),
+        step_s=STEP_S,
+        agents=Agents(
+            id=tuple(f"a{k}" for k in range(len(kinds))),
+            kind=tuple(kinds),
+            length_m=np.array([kind.length_m for kind in known], dtype=np.float32),
+            width_m=np.array([kind.width_m for kind in known], dtype=np.float32),
+            height_m=np.array([kind.height_m for kind in known], dtype=np.float32),
+            is_pedestrian=np.array([kind.agent_class == "pedestrian" for kind in known]),
+        ),
+        step_offsets=(len(kinds) * np.arange(frames + 1)).astype(np.uint32),
+        agent=np.tile(np.arange(len(kinds), dtype=np.uint32), frames),
+        x=np.ascontiguousarray(rows[:, 0]),
+        y=np.ascontiguousarray(rows[:, 1]),
+        yaw_rad=np.ascontiguousarray(rows[:, 2]),
+        speed_mps=np.ascontiguousarray(rows[:, 3]),
+        removals=(),
+        signals={},
+    )
+
+
+def actors(made: Recording, seed: int = 0) -> Actors:
+    return Actors(made, seed=seed, models=library(), ground=lambda xy: np.full(len(xy), 0.12))
+
+
+def corners(instance: Instance) -> np.ndarray:
+    """(n, 3) vertices in the world frame."""
+    points = library()[instance.model].parts[instance.part].positions.astype(float)
+    return points @ instance.transform[:3, :3].T + instance.transform[:3, 3]
+
+
+def row(agent: int, _: float) -> Pose:
+    return (14.0 * agent, 0.0, 0.0, 0.0)
+
+
+def test_every_vehicle_is_drawn_in_its_own_size() -> None:
+    kinds = [kind.name for kind in VEHICLES]
+    made = recording(kinds, row)
+    for index, instance in enumerate(actors(made).at(0.0)):
+        assert instance.model == kinds[index]
+        points = corners(instance)
+        size = points.max(axis=0) - points.min(axis=0)
+        assert size[0] == pytest.approx(made.agents.length_m[index], abs=0.01)
+        assert size[2] == pytest.approx(made.agents.height_m[index], abs=0.01)
+        assert made.agents.width_m[index] - 0.01 < size[1] < made.agents.width_m[index] + 0.65  # mirrors
+        assert points[:, 2].min() == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_users_vehicle_takes_the_nearest_model_and_its_own_size() -> None:
+    made = recording(["passenger", "truck", "bicycle"], row)
+    sizes = {"length_m": [4.2, 11.0, 1.8], "width_m": [1.75, 2.5, 0.6], "height_m": [1.5, 3.9, 1.7]}
+    longer = {name: np.array(values, dtype=np.float32) for name, values in sizes.items()}
+    made = replace(made, agents=replace(made.agents, **longer))
+    drawn = actors(made).at(0.0)
+    assert [each.model for each in drawn] == ["compact", "heavy_truck", "motorcycle"]
+    for index, instance in enumerate(drawn):
+        points = corners(instance)
+        assert np.ptp(points[:, 0]) == pytest.approx(sizes["length_m"][index], abs=0.02)
+        assert np.ptp(points[:, 2]) == pytest.approx(sizes["height_m"][index], abs=0.02)
+
+
+def test_a_class_that_nobody_knows_is_a_car() -> None:
+    assert vehicle_model("rickshaw_of_mars", np.array([4.9, 1.85, 1.45])) == "saloon"
+
+
+def test_people_have_their_height_stand_on_the_ground_and_look_where_they_go() -> None:
+    made = recording(["man", "woman", "child", "senior"], lambda agent, _: (9.0 * agent, 0.0, np.pi / 2, 0.0))
+    for index, instance in enumerate(actors(made).at(0.0)):
+        assert instance.model in people(library(), made.agents.kind[index])
+        assert instance.part == "stand"
+        points = corners(instance)
+        assert np.ptp(points[:, 2]) == pytest.approx(made.agents.height_m[index], abs=0.01)
+        assert points[:, 2].min() == pytest.approx(0.12, abs=0.01)
+        assert instance.transform[:2, 0] @ (0, 1) > 0
+
+
+def test_positions_between_frames_are_those_of_the_kernel() -> None:
+    made = recording(["suv", "man"], lambda agent, t: (7.0 * t, 3.0 * agent + t * t / 9, 0.1 * t, 7.0))
+    trace = trace_of(made)
+    for time_s in (0.0, 0.26, 1.5, 3.33):
+        poses = trace.agents_at(time_s)
+        for index, instance in enumerate(actors(made).at(time_s)):
+            assert instance.transform[0, 3] == pytest.approx(poses["x_m"][index], abs=1e-9)
+            assert instance.transform[1, 3] == pytest.approx(poses["y_m"][index], abs=1e-9)
+
+
+def test_only_what_reaches_into_the_disc_is_given() -> None:
+    made = recording(["suv"] * 5, row)
+    assert [labelled_agent(each.label) for each in actors(made).at(0.0, (14.0, 0.0, 5.0))] == [1]
+    assert [each.label for each in actors(made).at(0.0)] == [agent_label(index) for index in range(5)]
+
+
+@pytest.mark.parametrize("speed", [0.6, 1.4, 2.1])
+def test_the_gait_follows_the_way_and_not_the_time(speed: float) -> None:
+    made = recording(["man"], lambda _, t: (speed * t, 0.0, 0.0, speed))
+    stage = actors(made)
+    look = stage.look(0)
+    times = np.linspace(0.0, 9.9, 397)
+    parts = np.array([int(stage.at(time_s)[0].part.removeprefix("walk_")) for time_s in times])
+    phase = (look.first_phase + speed * times / look.stride_m) % 1.0
+    off = np.abs((parts / 8 - phase + 0.5) % 1.0 - 0.5)
+    assert off.max() <= 1 / 16 + 1e-6
+    assert set(parts) == set(range(8)) or speed < 1.0
+
+
+@pytest.mark.parametrize("kind", ["man", "woman", "child", "senior"])
+def test_planted_feet_do_not_slide(kind: str) -> None:
+    """What touches the ground in one pose and in the next stays where it is, while the body goes an eighth further."""
+    made = recording([kind], lambda _, t: (1.0 * t, 0.0, 0.0, 1.0))
+    stage = actors(made)
+    stride_m = stage.look(0).stride_m
+    first = (1 - stage.look(0).first_phase) * stride_m
+    poses = [stage.at((first + k * stride_m / 8) / 1.0)[0] for k in range(9)]
+    assert [pose.part for pose in poses] == [f"walk_{k % 8}" for k in range(9)]
+    slides = []
+    for before, after in pairwise(poses):
+        here, there = corners(before), corners(after)
+        planted = (here[:, 2] < 0.12 + 0.012) & (there[:, 2] < 0.12 + 0.012)
+        assert planted.sum() >= 3
+        slides.append(float(np.median(np.abs(there[planted, 0] - here[planted, 0]))))
+        assert np.abs(there[:, 0] - here[:, 0]).max() > stride_m / 8
+    assert np.median(slides) < 0.005
+    assert max(slides) < 0.07  # a heel rolls over its edge as it strikes
+
+
+def test_a_person_who_stops_stands() -> None:
+    made = recording(["woman"], lambda _, t: (1.3 * min(t, 4.0), 0.0, 0.0, 1.3 if t < 4.0 else 0.0))
+    stage = actors(made)
+    assert stage.at(2.0)[0].part.startswith("walk_")
+    assert stage.at(8.0)[0].part == "stand"
+
+
+@pytest.mark.parametrize(
+    ("speed", "lit"),
+    [
+        (lambda _: 12.0, False),
+        (lambda t: 12.0 - 2.0 * t, True),
+        (lambda t: 12.0 - 0.3 * t, False),
+        (lambda t: 2.0 + 1.5 * t, False),
+        (lambda _: 0.0, True),
+    ],
+)
+def test_brake_lamps_follow_deceleration(speed: Callable[[float], float], lit: bool) -> None:
+    made = recording(["suv"], lambda _, t: (5.0 * t, 0.0, 0.0, speed(t)), frames=8)
+    assert actors(made).at(1.2)[0].tints[1, 3] == (BRAKE_GLOW if lit else 0.0)
+
+
+def test_a_look_depends_on_seed_and_number_alone() -> None:
+    many = recording(["suv"] * 30 + ["man"] * 10, row).agents
+    few = many.first(5)
+    for agent in range(5):
+        a, b = look_of(many, agent, 7, library()), look_of(few, agent, 7, library())
+        assert a.model == b.model
+        assert np.array_equal(a.tints, b.tints)
+    colours = {look_of(many, agent, 7, library()).tints[0].tobytes() for agent in range(30)}
+    assert len(colours) > 20
+    other = [look_of(many, agent, 8, library()).tints[0].tobytes() for agent in range(30)]
+    assert not colours & set(other)
+
+
+def test_a_third_of_many_cars_are_white() -> None:
+    many = recording(["compact"] * 600, row, frames=1).agents
+    whites = [look_of(many, agent, 1, library()).tints[0, :3].min() > 0.55 for agent in range(600)]
+    assert np.mean(whites) == pytest.approx(0.38, abs=0.06)
+
+
+def test_the_quadrotor_leans_into_its_acceleration() -> None:
+    level = quadrotor((1.0, 2.0, 9.0), 0.3)
+    assert level.transform[:3, 2] == pytest.approx([0, 0, 1])
+    assert level.transform[:2, 0] == pytest.approx([np.cos(0.3), np.sin(0.3)])
+    leaning = quadrotor((0.0, 0.0, 9.0), 0.0, (9.81, 0.0, 0.0)).transform[:3, :3]
+    assert leaning[:, 2] == pytest.approx([np.sqrt(0.5), 0, np.sqrt(0.5)])
+    assert leaning.T @ leaning == pytest.approx(np.eye(3))
+    assert np.linalg.det(leaning) == pytest.approx(1.0)
+
+
+def test_models_have_unit_normals_and_sane_triangles() -> None:
+    for model in library().values():
+        for mesh in model.parts.values():
+            assert np.abs(np.linalg.norm(mesh.normals, axis=1) - 1).max() < 1e-3
+            assert mesh.colours is not None
+            assert mesh.surface is not None
+            assert 0 <= mesh.colours.min() <= mesh.colours.max() <= 1
+            assert mesh.surface[:, 2].max() <= 4
+            low, high = bounds(mesh)
+            assert (high > low).all()
