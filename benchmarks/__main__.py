@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks import growing, machine, missions, streets, worlds
+from benchmarks import defects, frames, growing, machine, missions, streets, worlds
 from benchmarks.measure import Line
 from benchmarks.table import as_json, notes, table
 from pavetwin.cli.console import counting, fail, out
@@ -49,6 +49,8 @@ def measure(world_folder: Path | None, size: Size, folder: Path, begin: Callable
         yield worlds.build(world_folder)
     world = load_world(world_folder)
     yield worlds.load_line(world_folder)
+    begin("defects")
+    yield from defects.lines(world, size.runs)
     begin("recording")
     replay, line = worlds.record_high(world, size.recorded_s)
     yield line
@@ -57,6 +59,8 @@ def measure(world_folder: Path | None, size: Size, folder: Path, begin: Callable
     yield from missions.lines(course, size.runs)
     begin("visibility")
     yield missions.look_line(course, size.runs)
+    begin("frames")
+    yield from frames.lines(world, replay, size.runs)
     begin("memory")
     yield missions.memory_line(world_folder, len(course.targets))
     begin("city × 100")
@@ -65,7 +69,7 @@ def measure(world_folder: Path | None, size: Size, folder: Path, begin: Callable
     yield from worlds.record_crowd(folder / "random", size.crowd_s)
 
 
-PARTS = 8
+PARTS = 10
 
 
 def main(arguments: list[str]) -> int:

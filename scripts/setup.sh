@@ -136,6 +136,24 @@ install_libraries() {
     [ -z "$missing" ] || stop "SUMO's shared libraries are still missing: ${missing//$'\n'/ }"
 }
 
+# Whether anything here can draw: a graphics card or Mesa's software Vulkan. Everything but frames works without.
+has_adapter() {
+    XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-/tmp} "$venv/bin/python" -I - <<'PYTHON' >>"$log" 2>&1
+import sys
+
+import wgpu
+from wgpu.backends.wgpu_native.extras import set_instance_extras
+
+set_instance_extras(backends=("Vulkan", "Metal", "DX12"))
+sys.exit(not wgpu.gpu.enumerate_adapters_sync())
+PYTHON
+}
+
+install_adapter() {
+    apt_install "a Vulkan adapter" mesa-vulkan-drivers || true
+    has_adapter || echo "Installed mesa-vulkan-drivers, and still no adapter answers: frames will not be drawn."
+}
+
 # What `maturin develop --release --locked` does, less its own look at the index for packages that are here already.
 build_kernels() {
     PATH=$venv/bin:$PATH "$venv/bin/python" -m pip install --disable-pip-version-check --verbose \
@@ -172,6 +190,14 @@ fi
 if ! is_current libraries "$key"; then
     if [ -n "$(missing_libraries)" ] && ! may_apt; then install_libraries; fi
     step "[2/3] System libraries" install_libraries
+    if ! has_adapter; then
+        if may_apt; then
+            step "[2/3] A Vulkan adapter in software, by apt" install_adapter
+        else
+            echo "No Vulkan adapter: frames will not be drawn, all else works. On Debian or Ubuntu:"
+            echo "  sudo apt-get install --yes mesa-vulkan-drivers"
+        fi
+    fi
     echo "$key" >"$venv/.made-libraries"
 fi
 

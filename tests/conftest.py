@@ -7,6 +7,9 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from pavetwin.errors import PaveTwinError
+from pavetwin.render.adapter import find_adapter
+
 ROOT = Path(__file__).resolve().parent.parent
 
 # Drawn anew on a developer's machine, the same examples in every run of CI: a red build there is the change's doing.
@@ -36,3 +39,16 @@ def shared_file(request: pytest.FixtureRequest) -> Callable[[str], Path]:
         return path
 
     return find
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests that draw are skipped by name where nothing can draw."""
+    drawn = [item for item in items if item.path.name.startswith("test_render_") or "needs_adapter" in item.keywords]
+    drawn = [item for item in drawn if item.path.name != "test_render_adapter.py"]
+    if not drawn:
+        return
+    try:
+        find_adapter()
+    except PaveTwinError as error:
+        for item in drawn:
+            item.add_marker(pytest.mark.skip(reason=str(error)))

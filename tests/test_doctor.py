@@ -4,13 +4,17 @@ import pytest
 import typer
 
 from pavetwin.cli import doctor
+from pavetwin.errors import PaveTwinError
+from pavetwin.render import adapter
 
 
+@pytest.mark.needs_adapter
 def test_all_is_there(capsys: pytest.CaptureFixture[str]) -> None:
     doctor.doctor()
     said = capsys.readouterr().out
     assert "All is there." in said
-    assert said.count("✓") == 5
+    assert said.count("✓") == 6
+    assert "Vulkan adapter for frames" in said
 
 
 @pytest.mark.parametrize("package", ["libsumo", "pyogrio"])
@@ -22,3 +26,16 @@ def test_a_missing_package_is_named_with_the_command_that_mends_it(
         doctor.doctor()
     assert ended.value.exit_code == 1
     assert f"pip install --force-reinstall {package}" in capsys.readouterr().out
+
+
+def test_without_an_adapter_it_names_the_package(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def none() -> None:
+        raise PaveTwinError(adapter.NEEDED)
+
+    monkeypatch.setattr(adapter, "find_adapter", none)
+    with pytest.raises(typer.Exit):
+        doctor.doctor()
+    said = capsys.readouterr().out
+    assert "mend it: sudo apt-get install --yes mesa-vulkan-drivers" in " ".join(said.split())

@@ -27,7 +27,7 @@ def doctor() -> None:
     \b
     pavetwin doctor
     """
-    findings = [check() for check in (_python, _kernels, _sumo, _libsumo, _geo)]
+    findings = [check() for check in (_python, _kernels, _sumo, _libsumo, _geo, _adapter)]
     for finding in findings:
         mark = "[red]✗[/]" if finding.mend else "[green]✓[/]"
         out.print(f"{mark} {finding.what}: {finding.found}", soft_wrap=True)
@@ -35,7 +35,7 @@ def doctor() -> None:
             out.print(f"  mend it: {finding.mend}", markup=False)
     if any(finding.mend for finding in findings):
         raise typer.Exit(1)
-    out.print("All is there. Frames need no graphics card yet: nothing here renders.")
+    out.print("All is there.")
 
 
 def _python() -> Finding:
@@ -67,6 +67,17 @@ def _libsumo() -> Finding:
 
 def _geo() -> Finding:
     return _package("GeoPackage files (pyogrio)", "pyogrio")
+
+
+def _adapter() -> Finding:
+    """Only frames need one."""
+    from pavetwin.render.adapter import find_adapter
+
+    try:
+        return Finding("Vulkan adapter for frames", str(find_adapter()))
+    except PaveTwinError as error:
+        _, _, command = str(error).partition(": ")
+        return Finding("Vulkan adapter for frames", "none; all but frames works without", command)
 
 
 def _package(what: str, name: str) -> Finding:

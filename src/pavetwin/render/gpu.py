@@ -1,0 +1,145 @@
+"""Buffers and textures on the device, with a count of what is held there."""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+import wgpu
+
+UInt8 = npt.NDArray[np.uint8]
+
+_BUFFER: Final = wgpu.BufferUsage
+_TEXTURE: Final = wgpu.TextureUsage
+
+_CHANNELS: Final = {1: "r8unorm", 2: "rg8unorm", 4: "rgba8unorm"}
+
+
+class Gpu:
+    """A device and what of its memory is in use."""
+
+    def __init__(self, device: Any) -> None:
+        self.device = device
+        self.queue = device.queue
+        self.held_bytes = 0
+        """Of all buffers and textures made here and not yet freed."""
+        self._sizes: dict[int, int] = {}
+
+    def buffer(self, data: npt.NDArray[Any], usage: int) -> Any:
+        """A buffer with these contents."""
+        made = self.device.create_buffer_with_data(data=np.ascontiguousarray(data), usage=usage | _BUFFER.COPY_DST)
+        return self._hold(made, made.size)
+
+    def empty_buffer(self, size: int, usage: int) -> Any:
+        """A buffer of that many bytes."""
+        return self._hold(self.device.create_buffer(size=size, usage=usage | _BUFFER.COPY_DST), size)
+
+    def target(self, size_px: tuple[int, int], format: str, *, usage: int = 0) -> Any:
+        """A texture to draw into."""
+        made = self.device.create_texture(size=(*size_px, 1), format=format, usage=_TEXTURE.RENDER_ATTACHMENT | usage)
+        return self._hold(made, size_px[0] * size_px[1] * (8 if format == "rgba16float" else 4))
+
+    def texture(self, layers: Sequence[UInt8], *, srgb: bool = False, levels: bool = True) -> Any:
+        """A texture, or an array of them, to sample.
+
+        Args:
+            layers: each (rows, columns, channels) of 1, 2 or 4 channels; row 0 at v = 0.
+            srgb: colours are sRGB-coded (a fourth channel never is).
+            levels: with all its halved levels.
+        """
+        rows, columns, channels = layers[0].shape
+        pyramids = [halved(layer, srgb=srgb) if levels else [layer] for layer in layers]
+        made = self.device.create_texture(
+            size=(columns, rows, len(layers)),
+            format=_CHANNELS[channels] + ("-srgb" if srgb else ""),
+            mip_level_count=len(pyramids[0]),
+            usage=_TEXTURE.TEXTURE_BINDING | _TEXTURE.COPY_DST,
+        )
+        for index, pyramid in enumerate(pyramids):
+            for level, texels in enumerate(pyramid):
+                self.write(made, texels, layer=index, level=level)
+        return self._hold(made, sum(texels.size for pyramid in pyramids for texels in pyramid))
+
+    def half_floats(self, levels: Sequence[npt.NDArray[np.float16]]) -> Any:
+        """A texture of linear light, each level (rows, columns, 4)."""
+        return self._levelled(levels, "rgba16float")
+
+    def levelled(self, levels: Sequence[UInt8]) -> Any:
+        """A texture of numbers whose levels are made already, each (rows, columns, 4)."""
+        return self._levelled(levels, _CHANNELS[4])
+
+    def _levelled(self, levels: Sequence[npt.NDArray[Any]], format: str) -> Any:
+        rows, columns, _ = levels[0].shape
+        made = self.device.create_texture(
+            size=(columns, rows, 1),
+            format=format,
+            mip_level_count=len(levels),
+            usage=_TEXTURE.TEXTURE_BINDING | _TEXTURE.COPY_DST,
+        )
+        for level, texels in enumerate(levels):
+            self.write(made, texels, level=level)
+        return self._hold(made, sum(texels.nbytes for texels in levels))
+
+    def write(self, texture: Any, texels: npt.NDArray[Any], *, layer: int = 0, level: int = 0) -> None:
+        rows, columns = texels.shape[:2]
+        self.queue.write_texture(
+            {"texture": texture, "origin": (0, 0, layer), "mip_level": level},
+            np.ascontiguousarray(texels),
+            {"bytes_per_row": texels.nbytes // rows, "rows_per_image": rows},
+            (columns, rows, 1),
+        )
+
+    def free(self, *resources: Any) -> None:
+        """Give memory back now, not when Python's collector gets to it."""
+        for resource in resources:
+            self.held_bytes -= self._sizes.pop(id(resource))
+            resource.destroy()
+
+    def _hold(self, resource: Any, size: int) -> Any:
+        self._sizes[id(resource)] = size
+        self.held_bytes += size
+        return resource
+
+
+def halved(texels: UInt8, *, srgb: bool = False) -> list[UInt8]:
+    """A texture (rows, columns, channels) and its levels, each half as wide and high, down to one texel."""
+    if not srgb and all(side & (side - 1) == 0 for side in texels.shape[:2]) and texels.shape[0] == texels.shape[1]:
+        return _quartered(texels)
+    levels = [texels]
+    values = texels.astype(np.float32)
+    colours = min(texels.shape[2], 3) if srgb else 0
+    values[..., :colours] = _LINEAR[texels[..., :colours]]
+    while values.shape[0] > 1 or values.shape[1] > 1:
+        for axis in (0, 1):
+            if values.shape[axis] > 1:
+                even = values.shape[axis] // 2 * 2
+                first, second = (values.take(range(start, even, 2), axis=axis) for start in (0, 1))
+                values = ((first + second) / 2).astype(np.float32)
+        coded = values.copy()
+        coded[..., :colours] = _coded(values[..., :colours])
+        levels.append((coded + 0.5).astype(np.uint8))
+    return levels
+
+
+def _quartered(texels: UInt8) -> list[UInt8]:
+    """The same for numbers of a square of 2ⁿ texels, several times as fast: tiles wait for it."""
+    levels = [texels]
+    while len(levels[-1]) > 1:
+        fine = levels[-1].astype(np.uint16)
+        rows = fine[0::2] + fine[1::2]
+        levels.append(((rows[:, 0::2] + rows[:, 1::2] + 2) >> 2).astype(np.uint8))
+    return levels
+
+
+def _coded(linear: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """sRGB code 0 … 255 of linear 0 … 1 (IEC 61966-2-1)."""
+    curve = 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
+    return np.asarray(255 * np.where(linear <= 0.0031308, 12.92 * linear, curve), dtype=np.float32)
+
+
+def _linear() -> npt.NDArray[np.float32]:
+    code = np.arange(256) / 255
+    return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4).astype(np.float32)
+
+
+_LINEAR: Final = _linear()

@@ -1,0 +1,187 @@
+"""Things that are drawn many times, as rows of a table: gathered from tiles and traffic, culled and sorted at once."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from pavetwin.render.levels import foliage_px2, mean_area_m2
+from pavetwin.scene.model import Float64, Instance, Model
+
+_LOWEST_SHADE_M: Final = 0.35
+"""Lower things hide no sky that is worth drawing; higher undersides belong to what hangs [m]."""
+
+_WIDE_M: Final = 1.2
+_SHADE_REACH_M: Final = 1.8
+_SLIM_REACH_M: Final = 0.5
+"""How far beside cars, and beside people and posts, shade is drawn: what it costs is its area [m]."""
+
+RECORD: Final = np.dtype(
+    [
+        ("rows", "f4", (3, 4)),
+        ("tints", "f2", (4, 4)),
+        ("label", "u4"),
+        ("velocity", "f4", 3),
+        ("shift", "f4", 4),
+    ]
+)
+"""One instance as the shaders read it."""
+
+LAYOUT: Final = {
+    "array_stride": RECORD.itemsize,
+    "step_mode": "instance",
+    "attributes": [
+        *({"format": "float32x4", "offset": 16 * row, "shader_location": row} for row in range(3)),
+        *({"format": "float16x4", "offset": 48 + 8 * tint, "shader_location": 3 + tint} for tint in range(4)),
+        {"format": "uint32", "offset": 80, "shader_location": 7},
+        {"format": "float32x3", "offset": 84, "shader_location": 8},
+        {"format": "float32x4", "offset": 96, "shader_location": 9},
+    ],
+}
+
+
+class Parts:
+    """Numbers for all parts of all models, and how large each is."""
+
+    def __init__(self, models: Mapping[str, Model]) -> None:
+        names = [(model.name, part) for model in models.values() for part in model.parts]
+        self.number = {name: index for index, name in enumerate(names)}
+        self.meshes = [models[model].parts[part] for model, part in names]
+        boxes = [(mesh.positions.min(axis=0), mesh.positions.max(axis=0)) for mesh in self.meshes]
+        self.least_px2 = np.array([foliage_px2(mesh) for mesh in self.meshes], dtype=np.float64)
+        self.area_m2 = np.array([mean_area_m2(mesh) for mesh in self.meshes], dtype=np.float64)
+        self.low = np.array([low for low, _ in boxes], dtype=np.float64).reshape(-1, 3)
+        self.high = np.array([high for _, high in boxes], dtype=np.float64).reshape(-1, 3)
+
+
+@dataclass(frozen=True)
+class Crowd:
+    """n instances. Positions are in the world frame, metres."""
+
+    part: npt.NDArray[np.int32]
+    """(n,)"""
+    transform: Float64
+    """(n, 3, 4)"""
+    tints: npt.NDArray[np.float16]
+    """(n, 4, 4)"""
+    label: npt.NDArray[np.uint32]
+    """(n,)"""
+    velocity: Float64
+    """(n, 3)"""
+    centre: Float64
+    """(n, 3) of the sphere around it."""
+    radius: Float64
+    """(n,)"""
+
+    @classmethod
+    def of(
+        cls, instances: Sequence[Instance], parts: Parts, velocities: Mapping[int, npt.ArrayLike] | None = None
+    ) -> "Crowd":
+        """The table of some instances."""
+        count, moving = len(instances), velocities or {}
+        part = np.array([parts.number[each.model, each.part] for each in instances], dtype=np.int32)
+        transform = np.array([each.transform[:3] for each in instances], dtype=np.float64).reshape(count, 3, 4)
+        middle, half = (parts.low[part] + parts.high[part]) / 2, (parts.high[part] - parts.low[part]) / 2
+        stretch = np.linalg.norm(transform[:, :, :3], axis=1)
+        return cls(
+            part,
+            transform,
+            np.array([each.tints for each in instances], dtype=np.float16).reshape(count, 4, 4),
+            np.array([each.label for each in instances], dtype=np.uint32),
+            np.array([moving.get(each.label, (0, 0, 0)) for each in instances], dtype=np.float64).reshape(count, 3),
+            np.einsum("nij,nj->ni", transform[:, :, :3], middle) + transform[:, :, 3],
+            np.linalg.norm(half * stretch, axis=1),
+        )
+
+    @classmethod
+    def joined(cls, crowds: Iterable["Crowd"]) -> "Crowd":
+        """Several as one."""
+        every = list(crowds)
+        names = ("part", "transform", "tints", "label", "velocity", "centre", "radius")
+        return cls(*(np.concatenate([getattr(crowd, name) for crowd in every]) for name in names))
+
+    def __len__(self) -> int:
+        return len(self.part)
+
+    def only(self, which: npt.NDArray[np.bool_] | npt.NDArray[np.int64]) -> "Crowd":
+        """Those rows alone."""
+        return Crowd(
+            self.part[which],
+            self.transform[which],
+            self.tints[which],
+            self.label[which],
+            self.velocity[which],
+            self.centre[which],
+            self.radius[which],
+        )
+
+
+@dataclass
+class Records:
+    """The instance buffer of one frame while it is filled: positions relative to the camera."""
+
+    camera: Float64
+    """(3,) world frame, metres."""
+    filled: list[npt.NDArray[np.void]] = field(default_factory=list)
+    count: int = 0
+
+    def add_place(self, origin: tuple[float, float], *, label: int = 0) -> int:
+        """A record for a mesh that stands in the frame of a tile; gives its number."""
+        row = np.zeros(1, dtype=RECORD)
+        row["rows"][0, :, :3] = np.eye(3)
+        row["rows"][0, :, 3] = np.array([*origin, 0.0]) - self.camera
+        row["tints"] = 1
+        row["label"] = label
+        row["shift"] = (1, 1, 0, 0)
+        return self._add(row)
+
+    def add_crowd(
+        self, crowd: Crowd, level: npt.NDArray[np.int64] | None = None
+    ) -> list[tuple[tuple[int, int], int, int]]:
+        """Records for a crowd, sorted by part and level; gives ((part, level), how many, the first one's number)."""
+        if len(crowd) == 0:
+            return []
+        sort = crowd.part.astype(np.int64) * 16 + (0 if level is None else level)
+        order = np.argsort(sort, kind="stable")
+        rows = np.zeros(len(crowd), dtype=RECORD)
+        rows["rows"] = crowd.transform[order]
+        rows["rows"][:, :, 3] = crowd.transform[order][:, :, 3] - self.camera
+        rows["tints"], rows["label"] = crowd.tints[order], crowd.label[order]
+        rows["velocity"], rows["shift"] = crowd.velocity[order], (1, 1, 0, 0)
+        first = self._add(rows)
+        kinds, starts, counts = np.unique(sort[order], return_index=True, return_counts=True)
+        return [
+            ((int(kind) // 16, int(kind) % 16), int(count), first + int(start))
+            for kind, start, count in zip(kinds, starts, counts, strict=True)
+        ]
+
+    def add_shades(self, crowd: Crowd, parts: Parts) -> tuple[int, int]:
+        """Records of the sky that a crowd hides from the ground: how many, the first one's number."""
+        low, high = parts.low[crowd.part], parts.high[crowd.part]
+        loose = parts.least_px2[crowd.part] > 0
+        stands = (high[:, 2] > _LOWEST_SHADE_M) & ((low[:, 2] < _LOWEST_SHADE_M) | loose)
+        crowd, low, high, loose = crowd.only(np.flatnonzero(stands)), low[stands], high[stands], loose[stands]
+        wide = np.minimum(high[:, 0] - low[:, 0], high[:, 1] - low[:, 1]) > _WIDE_M
+        rows = np.zeros(len(crowd), dtype=RECORD)
+        rows["rows"] = crowd.transform
+        rows["rows"][:, :, 3] = crowd.transform[:, :, 3] - self.camera
+        rows["tints"][:, 0, :2] = (low[:, :2] + high[:, :2]) / 2
+        # People and posts are slimmer than the boxes around their arms.
+        rows["tints"][:, 0, 2:] = (high[:, :2] - low[:, :2]) / 2 * np.where(wide | loose, 1.0, 0.5)[:, None]
+        rows["tints"][:, 1, 0], rows["tints"][:, 1, 2] = high[:, 2], loose
+        # Wheels hold a car up by a seventh of its height; what has no wheels stands on the ground.
+        rows["tints"][:, 1, 1] = np.where(loose, low[:, 2], np.where(wide, high[:, 2] / 7, 0.0))
+        reach = np.where(wide, np.minimum(high[:, 2], _SHADE_REACH_M), _SLIM_REACH_M)
+        rows["tints"][:, 1, 3] = np.where(loose, 0.5 * high[:, 0], reach)
+        return len(rows), self._add(rows)
+
+    def _add(self, rows: npt.NDArray[np.void]) -> int:
+        self.filled.append(rows)
+        first, self.count = self.count, self.count + len(rows)
+        return first
+
+    @property
+    def data(self) -> npt.NDArray[np.void]:
+        return np.concatenate(self.filled)

@@ -1,0 +1,121 @@
+"""Coarser versions of meshes for when they are far away: a triangle smaller than a pixel costs as much as a large one.
+
+Solid things are clustered: vertices that share a cell of a grid become one (Rossignac and Borrel 1993). Foliage, loose
+triangles or cards all over, is thinned, and what is left grown, so that as much of the sky is hidden as before.
+"""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from pavetwin.render.meshes import Skin
+from pavetwin.scene.model import Float64, Mesh
+
+FINEST_M: Final = 0.015
+"""Cell of the first coarser level of solid things [m]; it doubles from level to level."""
+
+LEVELS: Final = 5
+"""Coarser levels at most."""
+
+_CLOSED_SHARE: Final = 0.98
+_CELL_PX: Final = 0.75
+_LEAF_PX2: Final = 4.0
+_CARD_PX2: Final = 32.0
+
+
+def foliage_px2(mesh: Mesh) -> float:
+    """How many pixels a triangle of foliage should cover: of cards with leaves, or of triangles that share next to no
+    vertices. 0 for solid things."""
+    if mesh.uv is not None:
+        return _CARD_PX2
+    return _LEAF_PX2 if len(mesh.positions) > 2.2 * len(mesh.indices) else 0.0
+
+
+def skin_of(mesh: Mesh) -> Skin:
+    """What is seen of a model's triangles."""
+    if mesh.uv is not None:
+        return Skin.LEAVES
+    return Skin.CLOSED if is_closed(mesh) else Skin.SHEETS
+
+
+def is_closed(mesh: Mesh) -> bool:
+    """Whether triangles hide each other's backs: nearly every edge has one on its other side, the other way round."""
+    _, place = np.unique(np.round(mesh.positions / 1e-4).astype(np.int64), axis=0, return_inverse=True)
+    corners = place.reshape(-1)[mesh.indices]
+    starts, ends = corners.reshape(-1), np.roll(corners, -1, axis=1).reshape(-1)
+    size = int(place.max(initial=0)) + 1
+    ways, there = starts.astype(np.int64) * size + ends, ends.astype(np.int64) * size + starts
+    return bool(np.isin(ways, there).mean() > _CLOSED_SHARE) if len(ways) else False
+
+
+def mean_area_m2(mesh: Mesh) -> float:
+    """Of a triangle."""
+    a, b, c = (mesh.positions[mesh.indices[:, corner]].astype(np.float64) for corner in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).mean() / 2) if len(mesh.indices) else 0.0
+
+
+def level_of(least_px2: Float64, area_m2: Float64, pixel_m: Float64) -> npt.NDArray[np.int64]:
+    """The level at which things may be drawn without a difference that is seen, 0 … LEVELS.
+
+    Args:
+        least_px2: (n,) each thing's `foliage_px2`.
+        area_m2: (n,) of its mean triangle.
+        pixel_m: (n,) side of a pixel where it stands.
+    """
+    solid = np.floor(np.log2(np.maximum(_CELL_PX * pixel_m / FINEST_M, 0.5))) + 1
+    thin = np.floor(np.log2(np.maximum(least_px2 * pixel_m**2 / np.maximum(area_m2, 1e-9), 1.0)))
+    return np.clip(np.where(least_px2 > 0, thin, solid), 0, LEVELS).astype(np.int64)
+
+
+def coarser(mesh: Mesh, level: int) -> Mesh:
+    """A mesh at a level, 0 as it is."""
+    if level == 0 or len(mesh.indices) == 0:
+        return mesh
+    return _thinned(mesh, level) if foliage_px2(mesh) else _clustered(mesh, FINEST_M * 2 ** (level - 1))
+
+
+def _thinned(mesh: Mesh, level: int) -> Mesh:
+    """One card or triangle of 2^level, so much larger."""
+    together = 1 if mesh.uv is None else 2
+    kept = mesh.indices.reshape(-1, 3 * together)[:: 2**level]
+    corners = mesh.positions[kept]
+    middle = corners.mean(axis=1, keepdims=True)
+    grown = (middle + (corners - middle) * np.float32(2 ** (level / 2))).reshape(-1, 3)
+    return _with(mesh, kept.reshape(-1), grown, np.arange(kept.size, dtype=np.uint32).reshape(-1, 3))
+
+
+def _clustered(mesh: Mesh, cell_m: float) -> Mesh:
+    """Vertices of one cell, one slot and alike normals as the one nearest to their middle."""
+    cells = np.floor(mesh.positions / cell_m).astype(np.int64)
+    facing = (mesh.normals > 0.5).astype(np.int64) - (mesh.normals < -0.5)
+    slot = np.zeros((len(cells), 1), dtype=np.int64) if mesh.surface is None else mesh.surface[:, 2:].astype(np.int64)
+    _, group = np.unique(np.concatenate([cells, facing, slot], axis=1), axis=0, return_inverse=True)
+    group = group.reshape(-1)
+    count = np.bincount(group).astype(np.float64)
+    middle = np.stack([np.bincount(group, mesh.positions[:, axis]) for axis in range(3)], axis=1) / count[:, None]
+    away = np.linalg.norm(mesh.positions - middle[group], axis=1)
+    order = np.lexsort((away, group))
+    chosen = order[np.searchsorted(group[order], np.arange(len(count)))]
+    triangles = group[mesh.indices]
+    # A triangle whose corners fall into fewer than three cells is gone, whatever way their normals look.
+    place = np.unique(cells, axis=0, return_inverse=True)[1].reshape(-1)[mesh.indices]
+    whole = (place[:, 0] != place[:, 1]) & (place[:, 1] != place[:, 2]) & (place[:, 2] != place[:, 0])
+    triangles = np.unique(triangles[whole], axis=0) if whole.any() else triangles[:1]
+    return _with(mesh, chosen, mesh.positions[chosen], triangles.astype(np.uint32))
+
+
+def _with(
+    mesh: Mesh, vertices: npt.NDArray[np.integer], positions: npt.NDArray[np.float32], indices: npt.NDArray[np.uint32]
+) -> Mesh:
+    """Some vertices of a mesh at new positions."""
+    return replace(
+        mesh,
+        positions=positions.astype(np.float32),
+        normals=mesh.normals[vertices],
+        indices=indices,
+        colours=None if mesh.colours is None else mesh.colours[vertices],
+        surface=None if mesh.surface is None else mesh.surface[vertices],
+        uv=None if mesh.uv is None else mesh.uv[vertices],
+    )

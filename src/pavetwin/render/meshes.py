@@ -1,0 +1,178 @@
+"""Meshes as the device draws them: positions apart from the rest, which depths, shadows and labels do without."""
+
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+import wgpu
+
+from pavetwin.render.gpu import Gpu
+from pavetwin.scene.model import DefectPatch, FacadePiece, Float64, GroundKind, GroundPiece, Mesh, UInt8
+
+_VERTEX: Final = wgpu.BufferUsage.VERTEX
+_INDEX: Final = wgpu.BufferUsage.INDEX
+
+_GROUND: Final = np.dtype([("normal", "u1", 4), ("uv", "f4", 2)])
+_MODEL: Final = np.dtype([("normal", "u1", 4), ("colour", "f2", 4), ("surface", "u1", 4)])
+_LEAF: Final = np.dtype([*_MODEL.descr, ("uv", "f4", 2)])
+_FACADE: Final = np.dtype([("normal", "u1", 4), ("colour", "f2", 4), ("surface", "u1", 4), ("uv", "f4", 2)])
+_PATCH: Final = np.dtype([("normal", "u1", 4), ("uv", "f4", 2), ("along", "f4", 2)])
+
+POSITIONS: Final = {
+    "array_stride": 12,
+    "step_mode": "vertex",
+    "attributes": [{"format": "float32x3", "offset": 0, "shader_location": 10}],
+}
+"""Layout of the positions' buffer."""
+
+
+def _layout(dtype: np.dtype[Any], formats: tuple[str, ...]) -> dict[str, Any]:
+    assert dtype.names is not None
+    assert dtype.fields is not None
+    attributes = [
+        {"format": format, "offset": dtype.fields[name][1], "shader_location": 11 + index}
+        for index, (name, format) in enumerate(zip(dtype.names, formats, strict=True))
+    ]
+    return {"array_stride": dtype.itemsize, "step_mode": "vertex", "attributes": attributes}
+
+
+LAYOUTS: Final = {
+    "ground": _layout(_GROUND, ("uint8x4", "float32x2")),
+    "model": _layout(_MODEL, ("uint8x4", "float16x4", "uint8x4")),
+    "leaf": _layout(_LEAF, ("uint8x4", "float16x4", "uint8x4", "float32x2")),
+    "facade": _layout(_FACADE, ("uint8x4", "float16x4", "uint8x4", "float32x2")),
+    "patch": _layout(_PATCH, ("uint8x4", "float32x2", "float32x2")),
+}
+"""Layouts of the buffers with all else, by material."""
+
+
+class Skin(IntEnum):
+    """What is seen of a mesh's triangles; pipelines of models stand in this order."""
+
+    SHEETS = 0
+    """Both sides."""
+    CLOSED = 1
+    """Never their backs."""
+    LEAVES = 2
+    """Both sides, where the sheet of leaves has any."""
+
+
+@dataclass(frozen=True)
+class GpuMesh:
+    """One mesh on the device."""
+
+    positions: Any
+    attributes: Any
+    indices: Any
+    count: int
+    """Of indices."""
+    low: Float64
+    high: Float64
+    """(3,) corners of its box, in its own frame."""
+    skin: Skin = Skin.SHEETS
+
+    @property
+    def buffers(self) -> tuple[Any, Any, Any]:
+        return self.positions, self.attributes, self.indices
+
+    def draw(self, render_pass: Any, instances: int, first: int, *, attributes: bool) -> None:
+        """Draw it for `instances` records of the instance buffer from `first` on; leaves always need attributes."""
+        render_pass.set_vertex_buffer(1, self.positions)
+        if attributes or self.skin is Skin.LEAVES:
+            render_pass.set_vertex_buffer(2, self.attributes)
+        render_pass.set_index_buffer(self.indices, "uint32")
+        render_pass.draw_indexed(self.count, instances, 0, 0, first)
+
+
+def upload_model(gpu: Gpu, mesh: Mesh, skin: Skin) -> GpuMesh:
+    """A part of a model; leaves have uv."""
+    rows = np.zeros(len(mesh.positions), dtype=_LEAF if skin is Skin.LEAVES else _MODEL)
+    rows["normal"][:, :3] = _packed(mesh.normals)
+    rows["colour"][:, :3], rows["colour"][:, 3] = _colours(mesh), 1
+    rows["surface"][:, :3] = _surface(mesh)
+    if skin is Skin.LEAVES:
+        rows["uv"] = mesh.uv
+    return replace(_upload(gpu, mesh.positions, rows, mesh.indices), skin=skin)
+
+
+def upload_ground(gpu: Gpu, pieces: tuple[GroundPiece, ...]) -> GpuMesh | None:
+    """All ground of one tile as one mesh, the kind of each vertex beside its normal."""
+    full = [piece for piece in pieces if len(piece.mesh.indices)]
+    if not full:
+        return None
+    rows = [np.zeros(len(piece.mesh.positions), dtype=_GROUND) for piece in full]
+    for row, piece in zip(rows, full, strict=True):
+        row["normal"][:, :3], row["normal"][:, 3] = _packed(piece.mesh.normals), int(piece.kind)
+        row["uv"] = piece.mesh.positions[:, :2] if piece.mesh.uv is None else piece.mesh.uv
+    return _joined(gpu, [piece.mesh for piece in full], rows)
+
+
+def upload_kerbs(gpu: Gpu, pieces: tuple[GroundPiece, ...]) -> GpuMesh | None:
+    """What of a tile's ground stands up and throws shadows."""
+    kerbs = [piece for piece in pieces if piece.kind is GroundKind.KERB and len(piece.mesh.indices)]
+    if not kerbs:
+        return None
+    return _joined(gpu, [piece.mesh for piece in kerbs], [np.zeros(1, dtype=_GROUND)])
+
+
+def upload_facades(gpu: Gpu, pieces: tuple[FacadePiece, ...]) -> GpuMesh | None:
+    """All buildings of one tile as one mesh."""
+    full = [piece for piece in pieces if len(piece.mesh.indices)]
+    if not full:
+        return None
+    rows = [np.zeros(len(piece.mesh.positions), dtype=_FACADE) for piece in full]
+    for row, piece in zip(rows, full, strict=True):
+        row["normal"][:, :3] = _packed(piece.mesh.normals)
+        row["colour"][:, :3], row["colour"][:, 3] = _colours(piece.mesh), 1
+        row["surface"][:, :2], row["surface"][:, 3] = _surface(piece.mesh)[:, :2], piece.layer + 1
+        if piece.mesh.uv is not None:
+            row["uv"] = piece.mesh.uv
+    return _joined(gpu, [piece.mesh for piece in full], rows)
+
+
+def upload_patch(gpu: Gpu, patch: DefectPatch, origin: tuple[float, float]) -> GpuMesh:
+    """The pavement around a defect, moved into the frame of the tile whose corner is `origin`."""
+    moved = patch.mesh.positions @ patch.transform[:3, :3].T + patch.transform[:3, 3] - (*origin, 0.0)
+    along = patch.transform[:2, 0] / np.linalg.norm(patch.transform[:2, 0])
+    rows = np.zeros(len(moved), dtype=_PATCH)
+    rows["normal"][:, :3] = _packed(patch.mesh.normals @ patch.transform[:3, :3].T)
+    rows["along"] = along
+    if patch.mesh.uv is not None:
+        rows["uv"] = patch.mesh.uv
+    return _upload(gpu, moved.astype(np.float32), rows, patch.mesh.indices)
+
+
+def _joined(gpu: Gpu, meshes: list[Mesh], rows: list[npt.NDArray[Any]]) -> GpuMesh:
+    starts = np.cumsum([0, *(len(mesh.positions) for mesh in meshes[:-1])])
+    indices = np.concatenate([mesh.indices + start for mesh, start in zip(meshes, starts, strict=True)])
+    positions = np.concatenate([mesh.positions for mesh in meshes])
+    return _upload(gpu, positions, np.concatenate(rows), indices.astype(np.uint32))
+
+
+def _upload(
+    gpu: Gpu, positions: npt.NDArray[np.float32], rows: npt.NDArray[Any], indices: npt.NDArray[np.uint32]
+) -> GpuMesh:
+    return GpuMesh(
+        gpu.buffer(positions.astype(np.float32), _VERTEX),
+        gpu.buffer(rows.view(np.uint8), _VERTEX),
+        gpu.buffer(indices.reshape(-1), _INDEX),
+        indices.size,
+        positions.min(axis=0).astype(np.float64),
+        positions.max(axis=0).astype(np.float64),
+    )
+
+
+def _packed(normals: npt.NDArray[Any]) -> UInt8:
+    return np.asarray(np.rint(normals * 127) + 128, dtype=np.uint8)
+
+
+def _colours(mesh: Mesh) -> npt.NDArray[np.float32]:
+    return np.full((len(mesh.positions), 3), 0.5, np.float32) if mesh.colours is None else mesh.colours
+
+
+def _surface(mesh: Mesh) -> UInt8:
+    """Rough and plain where a mesh does not say."""
+    plain = np.tile(np.array([230, 0, 0], dtype=np.uint8), (len(mesh.positions), 1))
+    return plain if mesh.surface is None else mesh.surface

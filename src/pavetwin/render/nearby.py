@@ -1,0 +1,72 @@
+"""Which tiles a frame needs: those that are seen, and those that throw shadows on what is."""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from pavetwin.render.projection import planes, seen_points
+from pavetwin.render.tiles import Drawable
+from pavetwin.scene.light import Light
+from pavetwin.scene.model import TILE_M, Float64
+from pavetwin.scene.view import View
+
+FAR_M: Final = 150.0
+"""Nothing farther away is drawn."""
+
+_WIDE_M: Final = 40.0
+"""A view of more ground than this, from its middle, looks along a street; its shadows come from what it sees."""
+
+_CASTERS_UP_TO_M: Final = 20.0
+"""Height of what throws shadows into the picture from beside it [m]."""
+
+_CASTERS_REACH_M: Final = 48.0
+"""And how far beside it [m]."""
+
+_STEP_M: Final = 12.0
+
+Key = tuple[int, int]
+
+
+def wanted_keys(scene: Drawable, view: View, light: Light) -> tuple[Key, ...]:
+    """The keys of the tiles to draw for a view under a light."""
+    points = seen_points(view, FAR_M)[:, :2]
+    x, y = ((points.min(axis=0) + points.max(axis=0)) / 2).tolist()
+    radius = float(np.linalg.norm(points - (x, y), axis=1).max())
+    found: dict[Key, None] = {}
+    if radius < _WIDE_M:
+        steep = math.tan(math.radians(light.sun_elevation_deg))
+        reach = min(_CASTERS_UP_TO_M / steep, _CASTERS_REACH_M) if light.sun_klux.any() else 0.0
+        east, north = (light.to_sun[:2] / max(float(np.linalg.norm(light.to_sun[:2])), 1e-9)).tolist()
+        for way in np.arange(0, reach + _STEP_M, _STEP_M).tolist():
+            found |= dict.fromkeys(scene.keys_near(x + east * way, y + north * way, radius))
+        return tuple(found)
+    bounds = planes(view)
+    x, y = view.position[:2].tolist()
+    for key in scene.keys_near(x, y, FAR_M):
+        if tile_seen((key[0] * TILE_M, key[1] * TILE_M), view, bounds):
+            found[key] = None
+    return tuple(found | dict.fromkeys(scene.keys_near(x, y, _STEP_M)))
+
+
+def tile_seen(origin: tuple[float, float], view: View, bounds: Float64) -> bool:
+    """Whether a tile with all that stands on it, 30 m high and 10 m beyond its edge, may be in the picture.
+
+    Args:
+        origin: its south-west corner, metres.
+        view: the camera.
+        bounds: its `projection.planes`.
+    """
+    low = np.array([origin[0] - 10, origin[1] - 10, -1.0]) - view.position
+    high = np.array([origin[0] + TILE_M + 10, origin[1] + TILE_M + 10, 30.0]) - view.position
+    furthest = np.where(bounds > 0, high, low)
+    return bool((np.einsum("ni,ni->n", bounds, furthest) > 0).all())
+
+
+def looks_beyond(view: View) -> bool:
+    """Whether any of a view's corners misses the ground that is drawn."""
+    width, height = view.size_px
+    rays = view.rays([[0, 0], [width, 0], [0, height], [width, height]])
+    down = np.maximum(-rays[:, 2], 1e-9)
+    away = np.linalg.norm(rays[:, :2], axis=1) * view.position[2] / down
+    return bool((away > 0.8 * FAR_M).any())

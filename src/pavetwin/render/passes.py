@@ -1,0 +1,208 @@
+"""The passes of one frame, recorded and read back: shadow map, picture, truth."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+import wgpu
+
+from pavetwin.render.gpu import Gpu
+from pavetwin.render.meshes import GpuMesh
+from pavetwin.render.pipelines import (
+    DEPTH_FORMAT,
+    DISTANCE_FORMAT,
+    LABEL_FORMAT,
+    LIGHT_FORMAT,
+    Pipelines,
+)
+from pavetwin.render.projection import SHADOW_PX
+from pavetwin.render.tiles import GpuPatch, GpuTile
+
+_READ: Final = wgpu.TextureUsage.COPY_SRC
+_SAMPLED: Final = wgpu.TextureUsage.TEXTURE_BINDING
+
+
+@dataclass(frozen=True)
+class Draws:
+    """What one frame draws. Numbers are records of the instance buffer."""
+
+    tiles: list[tuple[GpuTile, int]]
+    """With the record that places each."""
+    patches: list[tuple[GpuTile, GpuPatch, int]]
+    """With the record that places and labels each."""
+    near: list[tuple[GpuMesh, int, int]]
+    """Mesh, how many, the first one's record."""
+    far: list[tuple[GpuMesh, int, int]]
+    """Likewise, of small triangles."""
+    casters: list[tuple[GpuMesh, int, int]]
+    """Likewise, of what the shadow map sees."""
+    shades: tuple[int, int]
+    """How many things take light from the ground around them, the first one's record."""
+    levels: npt.NDArray[np.int64]
+    """Of each agent, how coarse it is drawn; −1 where it is not."""
+    sky: bool
+    """Whether the picture reaches beyond the ground that is drawn."""
+
+
+@dataclass(frozen=True)
+class Materials:
+    """Bind groups of textures that the whole scene shares."""
+
+    ground: Any
+    facades: Any
+    leaves: Any
+
+
+class Targets:
+    """The textures of one picture size that the passes draw into."""
+
+    def __init__(self, gpu: Gpu, size_px: tuple[int, int]) -> None:
+        self.size_px = size_px
+        self.light = gpu.target(size_px, LIGHT_FORMAT, usage=_READ)
+        self.labels = gpu.target(size_px, LABEL_FORMAT, usage=_READ)
+        self.distances = gpu.target(size_px, DISTANCE_FORMAT, usage=_READ)
+        self.depth = gpu.target(size_px, DEPTH_FORMAT)
+
+    @property
+    def textures(self) -> tuple[Any, ...]:
+        return self.light, self.labels, self.distances, self.depth
+
+
+def shadow_map(gpu: Gpu) -> Any:
+    """The texture that the shadow pass draws and the picture reads."""
+    return gpu.target((SHADOW_PX, SHADOW_PX), DEPTH_FORMAT, usage=_SAMPLED)
+
+
+def draw_shadows(
+    encoder: Any,
+    pipelines: Pipelines,
+    frame: Any,
+    leaves: Any,
+    records: Any,
+    target: Any,
+    casters: Iterable[tuple[GpuMesh, int, int]],
+) -> None:
+    """Depths from the sun. `leaves`: bind group of their sheet."""
+    depth = _cleared(target, "store") | {"depth_clear_value": 1.0}
+    render_pass = encoder.begin_render_pass(color_attachments=[], depth_stencil_attachment=depth)
+    render_pass.set_bind_group(0, frame)
+    render_pass.set_bind_group(1, leaves)
+    render_pass.set_vertex_buffer(0, records)
+    for mesh, count, first in casters:
+        render_pass.set_pipeline(pipelines.shadow[mesh.skin])
+        mesh.draw(render_pass, count, first, attributes=False)
+    render_pass.end()
+
+
+def draw_light(
+    encoder: Any,
+    pipelines: Pipelines,
+    frame: Any,
+    materials: Materials,
+    records: Any,
+    targets: Targets,
+    draws: Draws,
+) -> None:
+    """The picture as luminances.
+
+    Args:
+        encoder: records the commands.
+        pipelines: compiled.
+        frame: bind group of the frame with its light.
+        materials: what surfaces are textured with.
+        records: the instance buffer.
+        targets: drawn into.
+        draws: what there is.
+    """
+    colour = {
+        "view": targets.light.create_view(),
+        "clear_value": (0, 0, 0, 1),
+        "load_op": "clear",
+        "store_op": "store",
+    }
+    render_pass = encoder.begin_render_pass(
+        color_attachments=[colour], depth_stencil_attachment=_cleared(targets.depth, "discard")
+    )
+    render_pass.set_bind_group(0, frame)
+    render_pass.set_vertex_buffer(0, records)
+    render_pass.set_bind_group(1, materials.leaves)
+    # What stands above the ground first: what it hides need not be shaded.
+    for either, crowd in ((pipelines.near, draws.near), (pipelines.far, draws.far)):
+        for mesh, count, first in crowd:
+            render_pass.set_pipeline(either[mesh.skin])
+            mesh.draw(render_pass, count, first, attributes=True)
+    render_pass.set_pipeline(pipelines.facade)
+    render_pass.set_bind_group(1, materials.facades)
+    for tile, record in draws.tiles:
+        if tile.facades is not None:
+            tile.facades.draw(render_pass, 1, record, attributes=True)
+    render_pass.set_bind_group(1, materials.ground)
+    render_pass.set_pipeline(pipelines.ground)
+    for tile, record in draws.tiles:
+        if tile.ground is not None:
+            render_pass.set_bind_group(2, tile.shading)
+            tile.ground.draw(render_pass, 1, record, attributes=True)
+    render_pass.set_pipeline(pipelines.patch)
+    for tile, patch, record in draws.patches:
+        render_pass.set_bind_group(2, tile.shading)
+        render_pass.set_bind_group(3, patch.shading)
+        patch.mesh.draw(render_pass, 1, record, attributes=True)
+    count, first = draws.shades
+    if count:
+        render_pass.set_pipeline(pipelines.shade)
+        render_pass.draw(6, count, 0, first)
+    if draws.sky:
+        render_pass.set_pipeline(pipelines.sky)
+        render_pass.draw(3)
+    render_pass.end()
+
+
+def draw_truth(
+    encoder: Any, pipelines: Pipelines, frame: Any, leaves: Any, records: Any, targets: Targets, draws: Draws
+) -> None:
+    """Labels and distances. `leaves`: bind group of their sheet."""
+    colours = [
+        {"view": texture.create_view(), "clear_value": value, "load_op": "clear", "store_op": "store"}
+        for texture, value in ((targets.labels, (0, 0, 0, 0)), (targets.distances, (np.inf, 0, 0, 0)))
+    ]
+    render_pass = encoder.begin_render_pass(
+        color_attachments=colours, depth_stencil_attachment=_cleared(targets.depth, "discard")
+    )
+    render_pass.set_bind_group(0, frame)
+    render_pass.set_bind_group(1, leaves)
+    render_pass.set_vertex_buffer(0, records)
+    for mesh, count, first in [*draws.near, *draws.far]:
+        render_pass.set_pipeline(pipelines.truth[mesh.skin])
+        mesh.draw(render_pass, count, first, attributes=False)
+    render_pass.set_pipeline(pipelines.truth[0])
+    for tile, record in draws.tiles:
+        for part in (tile.facades, tile.ground):
+            if part is not None:
+                part.draw(render_pass, 1, record, attributes=False)
+    render_pass.set_pipeline(pipelines.truth_patch)
+    for _, patch, record in draws.patches:
+        render_pass.set_bind_group(1, patch.truth)
+        patch.mesh.draw(render_pass, 1, record, attributes=True)
+    render_pass.end()
+
+
+def read(gpu: Gpu, texture: Any, size_px: tuple[int, int], dtype: type[np.generic], channels: int) -> npt.NDArray[Any]:
+    """A texture's texels: (height, width, channels), or (height, width) of one channel."""
+    width, height = size_px
+    row = width * channels * np.dtype(dtype).itemsize
+    layout = {"bytes_per_row": row, "rows_per_image": height}
+    texels = gpu.queue.read_texture({"texture": texture}, layout, (width, height, 1))
+    shape = (height, width) if channels == 1 else (height, width, channels)
+    return np.frombuffer(texels, dtype=dtype).reshape(shape)
+
+
+def _cleared(texture: Any, store: str) -> dict[str, Any]:
+    """A depth buffer with nothing nearer than infinity."""
+    return {
+        "view": texture.create_view(),
+        "depth_clear_value": 0.0,
+        "depth_load_op": "clear",
+        "depth_store_op": store,
+    }

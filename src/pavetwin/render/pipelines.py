@@ -1,0 +1,226 @@
+"""The shaders and what they are given, compiled once."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import Any, Final
+
+import wgpu
+
+from pavetwin.render.gpu import Gpu
+from pavetwin.render.instances import LAYOUT
+from pavetwin.render.meshes import LAYOUTS, POSITIONS
+from pavetwin.render.tiles import Layouts, texture_layout
+from pavetwin.scene.buildings import FACADE_REPEAT_M
+from pavetwin.scene.foliage import CUT
+from pavetwin.scene.ground import compose
+from pavetwin.scene.model import MAP_MARGIN_M, SIGNED_DISTANCE_M, TILE_M, Detail, GroundKind
+
+LIGHT_FORMAT: Final = "rgba16float"
+DEPTH_FORMAT: Final = "depth32float"
+LABEL_FORMAT: Final = "r32uint"
+DISTANCE_FORMAT: Final = "r32float"
+
+_SHADED: Final = wgpu.ShaderStage.VERTEX | wgpu.ShaderStage.FRAGMENT
+
+
+BySkin = tuple[Any, Any, Any]
+"""In the order of `Skin`."""
+
+
+@dataclass(frozen=True)
+class Pipelines:
+    """Everything that is compiled."""
+
+    ground: Any
+    patch: Any
+    near: BySkin
+    far: BySkin
+    facade: Any
+    shade: Any
+    sky: Any
+    shadow: BySkin
+    truth: BySkin
+    truth_patch: Any
+    alone: Any
+    alone_patch: Any
+    frame_layout: Any
+    """The frame alone: for shadows and labels."""
+    light_layout: Any
+    """The frame, the shadow map, the sky and their samplers."""
+    detail_layout: Any
+    facade_layout: Any
+    leaf_layout: Any
+    tiles: Layouts
+
+
+def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
+    """All pipelines. The ground's numbers come from its numpy formula, so that the two can not drift apart."""
+    frame_layout, light_layout = _frame_layout(gpu), _light_layout(gpu)
+    tiles = Layouts(
+        maps=texture_layout(gpu, "2d", "2d"),
+        patch=texture_layout(gpu, "2d"),
+        mask=texture_layout(gpu, "2d", filtered=False),
+    )
+    detail_layout = texture_layout(gpu, "2d-array", "2d-array", samplers=1)
+    facade_layout = texture_layout(gpu, "2d-array", samplers=1)
+    leaf_layout = texture_layout(gpu, "2d", samplers=1)
+    lit, surface = ["common", "lighting"], ["common", "lighting", "ground_surface"]
+    numbers, repeat = _ground_numbers(details), f"const FACADE_REPEAT_M = {FACADE_REPEAT_M};\n"
+
+    def shaded(parts: list[str], layouts: list[Any], buffers: list[Any], extra: str = "", cull: str = "none") -> Any:
+        return _shaded(gpu, extra + _source(parts), [light_layout, *layouts], buffers, cull)
+
+    def truth(parts: list[str], layouts: list[Any], buffers: list[Any], *, depth: bool, cull: str = "none") -> Any:
+        return _truth(gpu, _source(["common", *parts]), [frame_layout, *layouts], buffers, depth, cull)
+
+    def shadow(parts: list[str], layouts: list[Any], buffers: list[Any], cull: str = "none") -> Any:
+        return _shadow(gpu, _source(["common", *parts]), [frame_layout, *layouts], buffers, cull)
+
+    def by_skin(make: Callable[[str], Any], leaves: Any) -> BySkin:
+        return make("none"), make("back"), leaves
+
+    leaves = shaded([*lit, "model", "leaf", "leaf_light"], [leaf_layout], _buffers("leaf"))
+    patch_buffers = [LAYOUT, POSITIONS, LAYOUTS["patch"]]
+    return Pipelines(
+        ground=shaded([*surface, "ground"], [detail_layout, tiles.maps], _buffers("ground"), numbers),
+        patch=shaded([*surface, "patch"], [detail_layout, tiles.maps, tiles.patch], patch_buffers, numbers),
+        near=by_skin(lambda cull: shaded([*lit, "model", "model_near"], [], _buffers("model"), cull=cull), leaves),
+        far=by_skin(lambda cull: shaded([*lit, "model", "model_far"], [], _buffers("model"), cull=cull), leaves),
+        facade=shaded([*lit, "facade"], [facade_layout], _buffers("facade"), repeat),
+        shade=_shade(gpu, _source([*lit, "shade"]), light_layout),
+        sky=shaded([*lit, "sky"], [], []),
+        shadow=by_skin(
+            lambda cull: shadow(["shadow"], [], [LAYOUT, POSITIONS], cull),
+            shadow(["leaf", "shadow_leaf"], [leaf_layout], _buffers("leaf")),
+        ),
+        truth=by_skin(
+            lambda cull: truth(["truth"], [], [LAYOUT, POSITIONS], depth=True, cull=cull),
+            truth(["leaf", "truth_leaf"], [leaf_layout], _buffers("leaf"), depth=True),
+        ),
+        truth_patch=truth(["truth_patch"], [tiles.mask], patch_buffers, depth=True),
+        alone=truth(["truth"], [], [LAYOUT, POSITIONS], depth=False),
+        alone_patch=truth(["truth_patch"], [tiles.mask], patch_buffers, depth=False),
+        frame_layout=frame_layout,
+        light_layout=light_layout,
+        detail_layout=detail_layout,
+        facade_layout=facade_layout,
+        leaf_layout=leaf_layout,
+        tiles=tiles,
+    )
+
+
+def _buffers(material: str) -> list[Any]:
+    return [LAYOUT, POSITIONS, LAYOUTS[material]]
+
+
+def _source(parts: list[str]) -> str:
+    folder = files("pavetwin.render") / "wgsl"
+    cut = f"const LEAF_CUT = {CUT};\n" if "leaf" in parts else ""
+    return cut + "\n".join((folder / f"{part}.wgsl").read_text(encoding="utf-8") for part in parts)
+
+
+def _ground_numbers(details: dict[GroundKind, Detail]) -> str:
+    """Constants of the ground's formula, as WGSL."""
+    numbers = {
+        "SIGNED_DISTANCE_M": SIGNED_DISTANCE_M,
+        "RAGGED_M": compose.RAGGED_M,
+        "PAINT_EDGE_M": compose.PAINT_EDGE_M,
+        "BITUMEN_EDGE_M": compose.BITUMEN_EDGE_M,
+        "KEPT_SOFT": compose.KEPT_SOFT,
+        "GRAINS_SEEN_M": compose.GRAINS_SEEN_M,
+        "GRAINS_MELTED_M": compose.GRAINS_MELTED_M,
+        "MEAN_HEIGHT": compose.MEAN_HEIGHT,
+        "SECOND_COS": math.cos(compose.SECOND_TURN_RAD),
+        "SECOND_SIN": math.sin(compose.SECOND_TURN_RAD),
+        "SECOND_SCALE": compose.SECOND_SCALE,
+        "MAP_MARGIN_M": MAP_MARGIN_M,
+        "MAP_SIDE_M": TILE_M + 2 * MAP_MARGIN_M,
+    }
+    lines = [f"const {name}: f32 = {float(value)};" for name, value in numbers.items()]
+    colours = {"DUST": compose.DUST, "BITUMEN": compose.BITUMEN, "WHITE": compose.WHITE, "YELLOW": compose.YELLOW}
+    lines += [f"const {name} = vec3f({', '.join(map(str, rgb))});" for name, rgb in colours.items()]
+    lines.append(f"const LOOSE_KINDS = {sum(1 << int(kind) for kind in compose.LOOSE)}u;")
+    sizes = ", ".join(str(float(details[kind].size_m)) for kind in GroundKind)
+    lines.append(f"const DETAIL_SIZES = array<f32, {len(GroundKind)}>({sizes});")
+    lines.append("fn detail_size(kind: u32) -> f32 { var sizes = DETAIL_SIZES; return sizes[kind]; }")
+    return "\n".join(lines) + "\n"
+
+
+def _frame_layout(gpu: Gpu) -> Any:
+    return gpu.device.create_bind_group_layout(entries=[_frame_entry()])
+
+
+def _frame_entry() -> dict[str, Any]:
+    return {"binding": 0, "visibility": _SHADED, "buffer": {"type": "uniform"}}
+
+
+def _light_layout(gpu: Gpu) -> Any:
+    resources: list[dict[str, Any]] = [
+        {"texture": {"sample_type": "depth", "view_dimension": "2d"}},
+        {"sampler": {"type": "comparison"}},
+        {"texture": {"sample_type": "float", "view_dimension": "2d"}},
+        {"sampler": {"type": "filtering"}},
+        {"sampler": {"type": "filtering"}},
+        {"sampler": {"type": "non-filtering"}},
+    ]
+    entries = [{"binding": index + 1, "visibility": _SHADED, **each} for index, each in enumerate(resources)]
+    return gpu.device.create_bind_group_layout(entries=[_frame_entry(), *entries])
+
+
+def _shaded(gpu: Gpu, code: str, layouts: list[Any], buffers: list[Any], cull: str) -> Any:
+    module = gpu.device.create_shader_module(code=code)
+    return gpu.device.create_render_pipeline(
+        layout=gpu.device.create_pipeline_layout(bind_group_layouts=layouts),
+        vertex={"module": module, "entry_point": "vertex", "buffers": buffers},
+        primitive={"topology": "triangle-list", "cull_mode": cull},
+        # Depth falls with distance: nearly even precision from 0.1 m to the horizon.
+        depth_stencil={"format": DEPTH_FORMAT, "depth_write_enabled": True, "depth_compare": "greater-equal"},
+        fragment={"module": module, "entry_point": "fragment", "targets": [{"format": LIGHT_FORMAT}]},
+    )
+
+
+def _shade(gpu: Gpu, code: str, layout: Any) -> Any:
+    """Multiplies what is there already."""
+    module = gpu.device.create_shader_module(code=code)
+    multiplied = {"src_factor": "dst", "dst_factor": "zero", "operation": "add"}
+    kept = {"src_factor": "zero", "dst_factor": "one", "operation": "add"}
+    target = {"format": LIGHT_FORMAT, "blend": {"color": multiplied, "alpha": kept}}
+    return gpu.device.create_render_pipeline(
+        layout=gpu.device.create_pipeline_layout(bind_group_layouts=[layout]),
+        vertex={"module": module, "entry_point": "vertex", "buffers": [LAYOUT]},
+        primitive={"topology": "triangle-list", "cull_mode": "none"},
+        depth_stencil={"format": DEPTH_FORMAT, "depth_write_enabled": False, "depth_compare": "greater-equal"},
+        fragment={"module": module, "entry_point": "fragment", "targets": [target]},
+    )
+
+
+def _shadow(gpu: Gpu, code: str, layouts: list[Any], buffers: list[Any], cull: str) -> Any:
+    """Depths alone; code without fragments draws all of its triangles."""
+    module = gpu.device.create_shader_module(code=code)
+    cutting = {"fragment": {"module": module, "entry_point": "fragment", "targets": []}} if "@fragment" in code else {}
+    return gpu.device.create_render_pipeline(
+        layout=gpu.device.create_pipeline_layout(bind_group_layouts=layouts),
+        vertex={"module": module, "entry_point": "vertex", "buffers": buffers},
+        **cutting,
+        primitive={"topology": "triangle-list", "cull_mode": cull},
+        depth_stencil={"format": DEPTH_FORMAT, "depth_write_enabled": True, "depth_compare": "less"},
+    )
+
+
+def _truth(gpu: Gpu, code: str, layouts: list[Any], buffers: list[Any], depth: bool, cull: str) -> Any:
+    """Labels and distances. Without `depth` labels alone, and nothing hides anything."""
+    module = gpu.device.create_shader_module(code=code)
+    targets = [{"format": LABEL_FORMAT}, {"format": DISTANCE_FORMAT}]
+    fragment = {"module": module, "entry_point": "fragment", "targets": targets if depth else targets[:1]}
+    if not depth and "override alone" in code:
+        fragment["constants"] = {"alone": 1}
+    hiding = {"format": DEPTH_FORMAT, "depth_write_enabled": True, "depth_compare": "greater-equal"}
+    return gpu.device.create_render_pipeline(
+        layout=gpu.device.create_pipeline_layout(bind_group_layouts=layouts),
+        vertex={"module": module, "entry_point": "vertex", "buffers": buffers},
+        primitive={"topology": "triangle-list", "cull_mode": cull},
+        depth_stencil=hiding if depth else None,
+        fragment=fragment,
+    )

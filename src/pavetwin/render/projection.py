@@ -1,0 +1,146 @@
+"""From a view and a light to the matrices and numbers of one frame."""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from pavetwin.scene.light import SUN_RADIUS_RAD, Light
+from pavetwin.scene.model import Float64
+from pavetwin.scene.view import View
+
+NEAR_M: Final = 0.1
+"""Nothing is drawn nearer to the camera [m]."""
+
+SHADOW_PX: Final = 2048
+"""Side of the shadow map [texels]."""
+
+SHADOW_REACH_M: Final = 60.0
+"""Level views have shadows up to this distance [m]."""
+
+_SHADOW_DEPTH_M: Final = 400.0
+_RECEIVER_M: Final = 4.0
+"""Shadows fall on the ground and on what stands up to this height [m]."""
+
+FRAME_INFO: Final = np.dtype(
+    [
+        ("to_clip", "f4", (4, 4)),
+        ("to_shadow", "f4", (4, 4)),
+        ("to_sun", "f4", 4),
+        ("sun", "f4", 4),
+        ("sky", "f4", (9, 4)),
+        ("ground_light", "f4", 4),
+        ("camera", "f4", 4),
+        ("axis", "f4", 4),
+        ("drift", "f4", 4),
+        ("shutter", "f4", 4),
+    ]
+)
+"""`FrameInfo` of the shaders; matrices are stored by columns there."""
+
+
+def to_clip(view: View) -> Float64:
+    """(4, 4) from positions relative to the camera to clip space, depth 1 at `NEAR_M` falling to 0 at infinity."""
+    width, height = view.size_px
+    right, down, forward = view.rotation.T
+    matrix = np.zeros((4, 4))
+    matrix[0, :3] = 2 * view.focal_px / width * right
+    matrix[1, :3] = -2 * view.focal_px / height * down
+    matrix[2, 3] = NEAR_M
+    matrix[3, :3] = forward
+    return matrix
+
+
+@dataclass(frozen=True)
+class ShadowFit:
+    """Where the shadow map lies: a square across the sun's rays that holds all that is seen and near."""
+
+    matrix: Float64
+    """(4, 4) from positions relative to the camera to u, v (v down) and depth from the sun, 0 … 1."""
+    texel_m: float
+    across: Float64
+    """(2, 3) axes of the square, world frame."""
+    middle: Float64
+    """(2,) of the square along these axes, relative to the camera [m]."""
+    half_m: float
+
+
+def seen_points(view: View, reach_m: float) -> Float64:
+    """(n, 3) points on the rim and inside of what a view sees of the ground and of what stands on it, world frame."""
+    width, height = view.size_px
+    grid = np.stack(np.meshgrid(np.linspace(0, width, 7), np.linspace(0, height, 7)), axis=-1).reshape(-1, 2)
+    rays = view.rays(grid)
+    found = []
+    for level in (0.0, min(_RECEIVER_M, max(view.position[2] - 0.5, 0.0))):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            along = (level - view.position[2]) / rays[:, 2]
+        along[~(along > 0)] = np.inf
+        limit = reach_m / np.maximum(np.linalg.norm(rays[:, :2], axis=1), 1e-9)
+        along = np.minimum(along, limit)
+        kept = np.isfinite(along)
+        found.append(view.position + rays[kept] * along[kept, None])
+    points = np.concatenate(found)
+    points[:, 2] = np.clip(points[:, 2], 0, None)
+    return points
+
+
+def fit_shadow(view: View, light: Light) -> ShadowFit:
+    """The shadow map for a view: its texels stay where they are in the world when the camera moves a little."""
+    points = seen_points(view, SHADOW_REACH_M) - view.position
+    sun = light.to_sun
+    flat = math.hypot(sun[0], sun[1])
+    first = np.array([-sun[1], sun[0], 0.0]) / flat if flat > 1e-6 else np.array([1.0, 0.0, 0.0])
+    across = np.stack([first, np.cross(sun, first)])
+    placed = points @ across.T
+    low, high = placed.min(axis=0), placed.max(axis=0)
+    side = math.ceil(float((high - low).max()) + 0.5)
+    texel = side / SHADOW_PX
+    home = across @ view.position
+    corner = np.floor(((low + high) / 2 - side / 2 + home) / texel) * texel - home
+    matrix = np.zeros((4, 4))
+    matrix[0, :3], matrix[0, 3] = across[0] / side, -corner[0] / side
+    matrix[1, :3], matrix[1, 3] = -across[1] / side, 1 + corner[1] / side
+    matrix[2, :3], matrix[2, 3] = -sun / _SHADOW_DEPTH_M, 0.5
+    matrix[3, 3] = 1
+    return ShadowFit(matrix, texel, across, corner + side / 2, side / 2)
+
+
+def frame_info(view: View, light: Light, shadow: ShadowFit, *, readout_s: float) -> npt.NDArray[np.void]:
+    """One row of `FRAME_INFO`.
+
+    Args:
+        view: its velocity moves the rows of a rolling shutter.
+        light: sun and sky.
+        shadow: of this view and light.
+        readout_s: from the exposure of the first row to that of the last; 0 for all rows at once.
+    """
+    info = np.zeros(1, dtype=FRAME_INFO)
+    clip = to_clip(view)
+    info["to_clip"], info["to_shadow"] = clip.T, shadow.matrix.T
+    info["to_sun"][0, :3] = light.to_sun
+    info["to_sun"][0, 3] = _SHADOW_DEPTH_M * math.tan(SUN_RADIUS_RAD) / shadow.texel_m
+    info["sun"][0, :3], info["sun"][0, 3] = light.sun_klux, shadow.texel_m
+    info["sky"][0, :, :3] = light.sky_irradiance
+    info["ground_light"][0, :3] = light.ground_radiance
+    info["camera"][0, :3], info["camera"][0, 3] = view.position, 1 / view.focal_px
+    # Koschmieder: a contrast of 2 % is left at the visibility.
+    info["axis"][0, :3], info["axis"][0, 3] = view.rotation[:, 2], light.visibility_m / math.log(50)
+    info["drift"][0] = -(clip @ np.append(view.velocity_mps, 0.0))
+    info["shutter"][0, 0] = readout_s
+    return info
+
+
+def planes(view: View) -> Float64:
+    """(4, 3) inward normals of the planes through the camera that bound what it sees: left, right, top, bottom."""
+    width, height = view.size_px
+    x, y = width / 2 / view.focal_px, height / 2 / view.focal_px
+    bounds = np.array([[1.0, 0.0, x], [-1.0, 0.0, x], [0.0, 1.0, y], [0.0, -1.0, y]])
+    return np.asarray(bounds / np.linalg.norm(bounds, axis=1, keepdims=True) @ view.rotation.T)
+
+
+def corners(low: Float64, high: Float64) -> Float64:
+    """(8, 3) of a box."""
+    choice = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), axis=-1).reshape(-1, 3)
+    return np.where(choice == 1, high, low)

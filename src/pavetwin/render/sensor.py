@@ -1,0 +1,158 @@
+"""From light to the stored picture: electrons, noise, white balance, tone. The pixels are worked on in Rust."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from pavetwin._core import expose
+from pavetwin.render.exposure import Exposure
+from pavetwin.scene.light import LUMINANCE, Light, harmonics
+from pavetwin.scene.view import View
+from pavetwin.uav.cameras import Camera
+
+Singles = npt.NDArray[np.float32]
+UInt8 = npt.NDArray[np.uint8]
+
+FULL_WELL_PER_UM2: Final = 2600.0
+"""Electrons that a pixel holds for each µm² of its area: 15,000 on the 2.4 µm pixels of 1" sensors of the Phantom 4
+Pro's kind (Sony IMX183, as camera makers measure it by EMVA 1288)."""
+
+READ_NOISE: Final = 2.5
+"""Electrons of one such pixel, of the same measurements."""
+
+_READ_PITCH_UM: Final = 2.4
+
+_PAVEMENT_WARMTH: Final = 0.08
+"""Logarithm of red over blue of aged asphalt and concrete under white light."""
+
+SHARP_PX: Final = 0.3
+"""Pictures in which nothing moves farther than this over the exposure are not smeared."""
+
+
+@dataclass(frozen=True)
+class Style:
+    """What a camera's own processing does to taste; these are those of a consumer drone's pictures as they come."""
+
+    contrast: float = 1.12
+    """Slope of the tone curve at middle grey over sRGB's."""
+    saturation: float = 1.1
+    adaptation: float = 0.9
+    """How far the white balance goes from none (0) to fully neutral (1)."""
+    sharpening: float = 0.5
+    blur_px: float = 0.45
+    """Standard deviation of the point spread of lens, pixels and demosaicing together."""
+    vignetting: float = 0.14
+    """What correction in the camera leaves of the cos⁴ law."""
+
+
+def picture(
+    radiance: npt.NDArray[np.float16],
+    *,
+    view: View,
+    camera: Camera,
+    light: Light,
+    exposure: Exposure,
+    seed: int,
+    style: Style,
+    depth: Singles | None = None,
+    labels: npt.NDArray[np.uint32] | None = None,
+    velocities: Mapping[int, npt.ArrayLike] | None = None,
+) -> UInt8:
+    """What a camera stores, (height, width, 3) sRGB.
+
+    Args:
+        radiance: (height, width, 4) linear RGB, kcd/m².
+        view: its pinhole and velocity.
+        camera: whose sensor and lens.
+        light: that the white balance adapts to.
+        exposure: its settings.
+        seed: of the noise.
+        style: of its processing.
+        depth: (height, width) metres along the axis, for motion blur; None for none.
+        labels: (height, width), whose velocities are told.
+        velocities: label → (3,) m/s, world frame.
+    """
+    pitch_um = camera.focal_mm / view.focal_px * 1000
+    wells = pitch_um**2 * FULL_WELL_PER_UM2 * camera.iso[0] / exposure.iso
+    still = -(view.velocity_mps @ view.rotation) * exposure.shutter_s
+    moving = {
+        label: _three(still + np.asarray(velocity, dtype=np.float64) @ view.rotation * exposure.shutter_s)
+        for label, velocity in (velocities or {}).items()
+    }
+    return expose(
+        radiance.view(np.uint16),
+        seed=seed,
+        electrons_per_light=exposure.share_per_light * wells,
+        full_electrons=wells,
+        read_electrons=READ_NOISE * pitch_um / _READ_PITCH_UM,
+        vignetting=style.vignetting,
+        blur_px=style.blur_px,
+        white_balance=white_balance(light, radiance, style.adaptation),
+        saturation=style.saturation,
+        sharpening=style.sharpening,
+        curve=tone_curve(style.contrast),
+        depth=depth,
+        labels=labels if depth is not None else None,
+        focal_px=view.focal_px,
+        still_m=_three(still),
+        moving_m=moving if depth is not None else {},
+    )
+
+
+def farthest_motion_px(
+    view: View, exposure: Exposure, velocities: Mapping[int, npt.ArrayLike], nearest_m: float
+) -> float:
+    """At least how far anything moves in the picture over the exposure [px]."""
+    fastest = max((float(np.linalg.norm(np.asarray(each))) for each in velocities.values()), default=0.0)
+    speed = fastest + float(np.linalg.norm(view.velocity_mps))
+    return speed * exposure.shutter_s * view.focal_px / nearest_m
+
+
+def white_balance(light: Light, radiance: npt.NDArray[np.float16], adaptation: float) -> tuple[float, float, float]:
+    """Gains of red, green and blue, none below 1, that turn grey things in a picture towards neutral.
+
+    The illuminant lies between that of level ground in the sun and in the shade, nearer to the one that the picture's
+    mean ratio of red to blue speaks for: a grey world, held to illuminants that there are.
+    """
+    shade = light.sky_irradiance.T @ harmonics(np.array([0.0, 0.0, 1.0]))
+    sun = light.sun_klux * light.to_sun[2] + shade
+    seen = radiance[::8, ::8, :3].astype(np.float64).reshape(-1, 3)
+    seen = np.maximum(seen[np.isfinite(seen).all(axis=1)], 0)
+    # Each pixel counts alike, so that a white van does not outweigh the street; pavements are a little warm.
+    ratios = np.log((seen[:, 0] + 1e-4) / (seen[:, 2] + 1e-4))
+    mean = float(np.median(ratios)) - _PAVEMENT_WARMTH if len(ratios) else 0.0
+    sunny, shady = (math.log(each[0] / each[2]) for each in (sun, shade))
+    share = float(np.clip((mean - sunny) / (shady - sunny), 0, 1)) if abs(shady - sunny) > 1e-3 else 0.0
+    illuminant = np.exp((1 - share) * np.log(sun) + share * np.log(shade))
+    gains = ((illuminant @ LUMINANCE) / illuminant) ** adaptation
+    return _three(gains / gains.min())
+
+
+@cache
+def tone_curve(contrast: float) -> Singles:
+    """Output 0 … 1 at inputs (i / 1023)²: sRGB's curve after a gain of 1.5 with a shoulder for highlights, `contrast`
+    times as steep about middle grey."""
+    share = np.linspace(0, 1, 1024) ** 2
+    # A shoulder that starts at 0.5 and meets white at full saturation (Reinhard 2002, with a white point).
+    lifted = 1.5 * share
+    knee, top = 0.5, 1.5
+    over = np.maximum(lifted - knee, 0) / (top - knee)
+    shoulder = knee + (1 - knee) * over * (2 - over)
+    linear = np.where(lifted > knee, shoulder, lifted)
+    coded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
+    # An S about middle grey: x + k·sin, flat at black, grey and white.
+    middle = 0.46
+    bent = np.where(coded < middle, coded / middle, (coded - middle) / (1 - middle))
+    swing = (contrast - 1) / math.pi * np.sin(math.pi * bent)
+    out = coded + np.where(coded < middle, -middle * swing, (1 - middle) * swing)
+    return np.asarray(np.clip(out, 0, 1), dtype=np.float32)
+
+
+def _three(values: npt.ArrayLike) -> tuple[float, float, float]:
+    x, y, z = np.asarray(values, dtype=np.float64)
+    return float(x), float(y), float(z)

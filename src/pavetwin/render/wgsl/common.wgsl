@@ -1,0 +1,58 @@
+// What all passes share: the frame, instances, where vertices land. Positions are world positions less the camera's,
+// so that 32-bit numbers stay exact far from the world's origin.
+
+struct FrameInfo {
+    to_clip: mat4x4f,         // from positions relative to the camera
+    to_shadow: mat4x4f,       // from positions relative to the camera to the shadow map: u, v, depth
+    to_sun: vec4f,            // xyz unit, w: spread of the sun's half shadow [texels a metre between caster and ground]
+    sun: vec4f,               // rgb [klx], w: texel of the shadow map [m]
+    sky: array<vec4f, 9>,     // irradiance [klx], spherical harmonics
+    ground_light: vec4f,      // rgb luminance of what lies around [kcd/m²]
+    camera: vec4f,            // world position, w: metres a pixel at 1 m along the axis
+    axis: vec4f,              // the camera's axis in the world, w: 1/e distance of haze [m]
+    drift: vec4f,             // clip-space change for each second the camera moves on, w of it too
+    shutter: vec4f,           // x: seconds from the first row's exposure to the last's; y: 1 when drawing into an atlas
+}
+
+struct Instance {
+    @location(0) row0: vec4f,
+    @location(1) row1: vec4f,
+    @location(2) row2: vec4f,
+    @location(3) tint1: vec4f,
+    @location(4) tint2: vec4f,
+    @location(5) tint3: vec4f,
+    @location(6) tint4: vec4f,
+    @location(7) label: u32,
+    @location(8) velocity: vec3f,   // [m/s]
+    @location(9) shift: vec4f,      // clip-space scale and offset into an atlas
+}
+
+@group(0) @binding(0) var<uniform> frame: FrameInfo;
+
+fn place(at: Instance, position: vec3f) -> vec3f {
+    let p = vec4f(position, 1.0);
+    return vec3f(dot(at.row0, p), dot(at.row1, p), dot(at.row2, p));
+}
+
+// The transform may scale unevenly: normals go by its cofactors.
+fn turn(at: Instance, normal: vec3f) -> vec3f {
+    let r = at.row0.xyz; let s = at.row1.xyz; let t = at.row2.xyz;
+    return vec3f(dot(cross(s, t), normal), dot(cross(t, r), normal), dot(cross(r, s), normal));
+}
+
+// Clip position of a point: where a rolling shutter's rows see it, each row at its own moment.
+fn project(relative: vec3f, velocity: vec3f) -> vec4f {
+    let still = frame.to_clip * vec4f(relative, 1.0);
+    if (frame.shutter.x == 0.0) { return still; }
+    let drift = frame.drift + frame.to_clip * vec4f(velocity, 0.0);
+    var at = still;
+    for (var round = 0; round < 3; round++) {
+        let row = clamp(-at.y / max(at.w, 0.05), -1.5, 1.5) * 0.5;   // −½ upper edge … ½ lower edge
+        at = still + drift * (row * frame.shutter.x);
+    }
+    return at;
+}
+
+fn unpack_normal(packed: vec4u) -> vec3f {
+    return (vec3f(packed.xyz) - 128.0) / 127.0;
+}

@@ -1,0 +1,48 @@
+// Walls and roofs: vertex colours × a texture of an array, or plain.
+
+@group(1) @binding(0) var facades: texture_2d_array<f32>;    // reflectance, roughness
+@group(1) @binding(1) var repeat_sampler: sampler;
+
+struct Vertex {
+    @location(10) position: vec3f,
+    @location(11) normal: vec4u,
+    @location(12) colour: vec4f,
+    @location(13) surface: vec4u,    // roughness, metallic, 0, layer + 1
+    @location(14) uv: vec2f,
+}
+
+struct Seen {
+    @builtin(position) clip: vec4f,
+    @location(0) relative: vec3f,
+    @location(1) normal: vec3f,
+    @location(2) colour: vec3f,
+    @location(3) @interpolate(flat) surface: vec4u,
+    @location(4) uv: vec2f,
+}
+
+@vertex fn vertex(at: Instance, in: Vertex) -> Seen {
+    var out: Seen;
+    out.relative = place(at, in.position);
+    out.clip = project(out.relative, vec3f(0.0));
+    out.normal = unpack_normal(in.normal);
+    out.colour = in.colour.rgb;
+    out.surface = in.surface;
+    out.uv = in.uv;
+    return out;
+}
+
+@fragment fn fragment(in: Seen) -> @location(0) vec4f {
+    let v = normalize(-in.relative);
+    let n = normalize(in.normal);
+    let texel = textureSample(facades, repeat_sampler, in.uv / FACADE_REPEAT_M, max(i32(in.surface.w), 1) - 1);
+    let textured = in.surface.w > 0u;
+    let colour = in.colour * select(vec3f(1.0), texel.rgb, textured);
+    let rough = clamp(select(f32(in.surface.x) / 255.0, texel.a, textured), 0.05, 1.0);
+    let lit = sunlight(in.relative, n, pixel_jitter(in.clip.xy));
+    let sun = frame.sun.rgb * (lit * max(dot(n, frame.to_sun.xyz), 0.0));
+    var radiance = colour / PI * (sun + sky_irradiance(n));
+    let f0 = vec3f(0.04);
+    radiance += mirrored(max(dot(n, v), 0.02), rough, f0) * surroundings(reflect(-v, n), rough);
+    radiance += glint(n, v, rough, f0) * frame.sun.rgb * lit;
+    return vec4f(through_air(radiance, in.relative), 1.0);
+}

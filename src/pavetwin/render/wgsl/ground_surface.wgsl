@@ -1,0 +1,115 @@
+// How ground looks: the formula of scene/ground/compose.py, step by step. The numbers come from there by `GROUND`.
+
+@group(1) @binding(0) var detail_colour: texture_2d_array<f32>;   // reflectance, hold of paint
+@group(1) @binding(1) var detail_relief: texture_2d_array<f32>;   // normal x, y, height, roughness
+@group(1) @binding(2) var repeat_sampler: sampler;
+@group(2) @binding(0) var weathering_map: texture_2d<f32>;        // tone, stain, dust, polish
+@group(2) @binding(1) var drawn_map: texture_2d<f32>;             // to paint, its yellow, its wear, to bitumen
+
+struct Surface {
+    albedo: vec3f,
+    slope: vec2f,        // of the normal before normalising
+    roughness: f32,
+}
+
+struct Detail {
+    colour: vec4f,
+    relief: vec4f,
+}
+
+fn detail_at(kind: u32, uv: vec2f, footprint: f32) -> Detail {
+    let layer = i32(kind);
+    let lod = log2(max(footprint * f32(textureDimensions(detail_colour).x), 1.0));
+    var found: Detail;
+    found.colour = textureSampleLevel(detail_colour, repeat_sampler, uv, layer, lod);
+    found.relief = textureSampleLevel(detail_relief, repeat_sampler, uv, layer, lod);
+    found.relief = vec4f((found.relief.xy * 255.0 - 128.0) / 127.0, found.relief.zw);
+    return found;
+}
+
+fn second_share(p: vec2f) -> f32 {
+    let waves = sin(0.43 * p.x + 0.31 * p.y) + sin(-0.59 * p.x + 0.77 * p.y + 1.3) + sin(1.13 * p.x - 0.37 * p.y + 4.1);
+    return smoothstep(0.4, 0.6, 0.5 + 0.17 * waves);
+}
+
+fn metres(coded: f32) -> f32 {
+    return (coded * 255.0 - 128.0) / 127.0 * SIGNED_DISTANCE_M;
+}
+
+fn edge_share(distance: f32, height: f32, edge: f32, footprint: f32) -> f32 {
+    let e = max(edge, 0.5 * footprint);
+    return smoothstep(-e, e, distance + RAGGED_M * (height - 0.5));
+}
+
+fn ground_surface(kind: u32, uv: vec2f, local: vec2f, world: vec2f, footprint: f32) -> Surface {
+    let size = detail_size(kind);
+    var detail = detail_at(kind, uv / size, footprint / size);
+    let turned = vec2f(SECOND_COS * uv.x - SECOND_SIN * uv.y, SECOND_SIN * uv.x + SECOND_COS * uv.y);
+    let scale = SECOND_SCALE / size;
+    let second = detail_at(kind, turned * scale, footprint * scale);
+    let n = second.relief.xy;
+    let back = vec2f(SECOND_COS * n.x + SECOND_SIN * n.y, -SECOND_SIN * n.x + SECOND_COS * n.y);
+    let share = select(0.0, second_share(world), (LOOSE_KINDS >> kind & 1u) == 1u);
+    detail.colour = mix(detail.colour, second.colour, share);
+    detail.relief = mix(detail.relief, vec4f(back, second.relief.zw), share);
+    let at = (local + MAP_MARGIN_M) / MAP_SIDE_M;
+    let lod = log2(max(footprint / MAP_SIDE_M * f32(textureDimensions(weathering_map).x), 1.0));
+    let weathering = textureSampleLevel(weathering_map, smooth_sampler, at, lod);
+    let drawn = textureSampleLevel(drawn_map, smooth_sampler, at, lod);
+    let tone = weathering.x * (255.0 / 128.0);
+    let stain = weathering.y;
+    let dust = weathering.z;
+    let polish = weathering.w;
+    let height = detail.relief.z;
+
+    var out: Surface;
+    out.albedo = detail.colour.rgb * tone;
+    out.albedo = mix(out.albedo, DUST, clamp(dust * (1.15 - 0.5 * height), 0.0, 1.0));
+    out.albedo *= 1.0 - 0.8 * stain;
+    out.slope = detail.relief.xy * ((1.0 - 0.45 * polish) * (1.0 - 0.5 * dust));
+    out.roughness = detail.relief.w - 0.15 * polish - 0.25 * stain;
+
+    let sealed = edge_share(metres(drawn.w), height, BITUMEN_EDGE_M, footprint);
+    out.albedo = mix(out.albedo, BITUMEN, 0.92 * sealed);
+    out.slope *= 1.0 - 0.75 * sealed;
+    out.roughness = mix(out.roughness, 0.55, sealed);
+
+    let wear = drawn.z;
+    let hold = detail.colour.a;
+    let least = wear * (1.0 + 2.0 * KEPT_SOFT) - KEPT_SOFT;
+    let near = smoothstep(least - KEPT_SOFT, least + KEPT_SOFT, hold);
+    let far = clamp(1.0 - wear + 5.0 * wear * (1.0 - wear) * (hold - 0.5), 0.0, 1.0);
+    let kept = mix(near, far, smoothstep(GRAINS_SEEN_M, GRAINS_MELTED_M, footprint));
+    let painted = edge_share(metres(drawn.x), height, PAINT_EDGE_M, footprint) * kept * (1.0 - 0.8 * sealed);
+    let grime = (1.0 - 0.3 * polish) * (1.0 + 0.35 * (height - MEAN_HEIGHT));
+    let dirt = (1.0 - 0.35 * wear) * mix(1.0, tone, 0.5) * (1.0 - 0.5 * stain) * grime;
+    out.albedo = mix(out.albedo, mix(WHITE, YELLOW, drawn.y) * dirt, painted);
+    out.slope *= 1.0 - 0.4 * painted;
+    out.roughness = clamp(mix(out.roughness, 0.6, painted), 0.05, 1.0);
+    out.albedo = clamp(out.albedo, vec3f(0.0), vec3f(1.0));
+    return out;
+}
+
+// What a rough, mostly level surface sends to the camera.
+fn ground_radiance(surface: Surface, n: vec3f, flat_n: vec3f, relative: vec3f, open: f32, pixel: vec2f) -> vec3f {
+    let v = normalize(-relative);
+    let lit = sunlight(relative, flat_n, pixel_jitter(pixel));
+    let facing = max(dot(n, frame.to_sun.xyz), 0.0);
+    var radiance = surface.albedo / PI * (frame.sun.rgb * (lit * facing) + sky_irradiance(n) * open);
+    let f0 = vec3f(0.04);
+    if (lit > 0.0) { radiance += glint(n, v, surface.roughness, f0) * frame.sun.rgb * lit; }
+    let nv = max(dot(n, v), 0.02);
+    if (nv < 0.5) {
+        radiance += mirrored(nv, surface.roughness, f0) * surroundings(reflect(-v, n), surface.roughness) * open;
+    } else {
+        radiance += mirrored(nv, surface.roughness, f0) * sky_irradiance(n) * (open / PI);
+    }
+    return through_air(radiance, relative);
+}
+
+// Side of a pixel's footprint on the ground [m]: between its short and its long side where the view is slanted.
+fn footprint_of(relative: vec3f, n: vec3f) -> f32 {
+    let distance = length(relative);
+    let slant = max(abs(dot(relative, n)) / distance, 0.02);
+    return dot(relative, frame.axis.xyz) * frame.camera.w * inverseSqrt(slant);
+}

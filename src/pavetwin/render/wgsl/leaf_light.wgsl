@@ -1,0 +1,34 @@
+// Foliage: light is worked out at the corners of cards, of which a crown has thousands; the sheet tells leaf from leaf.
+
+// What a leaf lets through beside what it sends back, and its colour beside that: yellower (Jacquemoud and Baret 1990,
+// PROSPECT: at 550 nm a thin leaf lets through about as much as it sends back, at 450 and 650 nm much less).
+const THROUGH = vec3f(0.75, 0.85, 0.35);
+
+// Sun is looked for this far in front of a card [m], past the leaves of its own twig.
+const CLEAR_OF_TWIG_M = 0.06;
+
+// Leaves of a twig look all ways about the dome that it is part of: light that grazes the dome reaches some.
+const WRAP = 0.25;
+
+struct Seen {
+    @builtin(position) clip: vec4f,
+    @location(0) radiance: vec3f,
+    @location(1) uv: vec2f,
+}
+
+@vertex fn vertex(at: Instance, in: Vertex, @location(14) uv: vec2f) -> Seen {
+    let leaf = model_vertex(at, in);
+    let l = frame.to_sun.xyz;
+    let lit = frame.sun.rgb * sunlight(leaf.relative + CLEAR_OF_TWIG_M * l, l, 0.0);
+    let slope = (dot(leaf.normal, l) + WRAP) / (1.0 + WRAP);
+    let sun = lit * (max(slope, 0.0) + THROUGH * max(-slope, 0.0));
+    let sky = sky_irradiance(leaf.normal) + THROUGH * sky_irradiance(-leaf.normal);
+    let radiance = leaf.colour / PI * (sun + sky);
+    return Seen(project(leaf.relative, at.velocity), through_air(radiance, leaf.relative), uv);
+}
+
+@fragment fn fragment(in: Seen) -> @location(0) vec4f {
+    let leaf = leaf_at(in.uv);
+    if (is_gap(leaf)) { discard; }
+    return vec4f(in.radiance * leaf.rgb, 1.0);
+}

@@ -1,0 +1,102 @@
+// Sun, sky and shadows, [kcd/m²].
+
+const PI = 3.14159265;
+
+@group(0) @binding(1) var shadow_map: texture_depth_2d;
+@group(0) @binding(2) var shadow_compare: sampler_comparison;
+@group(0) @binding(3) var sky_map: texture_2d<f32>;     // rows from the zenith to the horizon and on to the nadir
+@group(0) @binding(4) var smooth_sampler: sampler;
+@group(0) @binding(5) var sky_sampler: sampler;     // wraps around the horizon
+@group(0) @binding(6) var nearest_sampler: sampler;
+
+fn sky_irradiance(n: vec3f) -> vec3f {
+    let s = &frame.sky;
+    var e = (*s)[0].rgb * 0.282095;
+    e += (*s)[1].rgb * (0.488603 * n.y) + (*s)[2].rgb * (0.488603 * n.z) + (*s)[3].rgb * (0.488603 * n.x);
+    e += (*s)[4].rgb * (1.092548 * n.x * n.y) + (*s)[5].rgb * (1.092548 * n.y * n.z);
+    e += (*s)[6].rgb * (0.315392 * (3.0 * n.z * n.z - 1.0)) + (*s)[7].rgb * (1.092548 * n.x * n.z);
+    e += (*s)[8].rgb * (0.546274 * (n.x * n.x - n.y * n.y));
+    return max(e, vec3f(0.0));
+}
+
+// The sky in a direction, or what it lights below the horizon; blurred the rougher the surface that mirrors it.
+fn surroundings(direction: vec3f, roughness: f32) -> vec3f {
+    let u = atan2(direction.y, direction.x) / (2.0 * PI) + 0.5;
+    let v = acos(clamp(direction.z, -1.0, 1.0)) / PI;
+    return textureSampleLevel(sky_map, sky_sampler, vec2f(u, v), roughness * 5.0).rgb;
+}
+
+// How much of the sun reaches a point: its half shadow widens with the distance of what casts it (Fernando 2005,
+// Percentage-Closer Soft Shadows), `jitter` turns the samples from pixel to pixel.
+fn sunlight(relative: vec3f, normal: vec3f, jitter: f32) -> f32 {
+    let slope = dot(normal, frame.to_sun.xyz);
+    if (slope <= 0.0) { return 0.0; }
+    let lifted = relative + normal * (frame.sun.w * (1.0 + 1.5 * (1.0 - slope)));
+    let at = (frame.to_shadow * vec4f(lifted, 1.0)).xyz;
+    if (any(at.xy < vec2f(0.002)) || any(at.xy > vec2f(0.998))) { return 1.0; }
+    let texel = 1.0 / f32(textureDimensions(shadow_map).x);
+    let turn = vec2f(cos(jitter), sin(jitter));
+    var nearer = 0.0;
+    var blockers = 0.0;
+    for (var k = 0; k < 5; k++) {
+        let tap = disc(k, 5.0, turn) * (6.0 * texel);
+        let depth = textureSampleLevel(shadow_map, nearest_sampler, at.xy + tap, 0);
+        if (depth < at.z) { nearer += at.z - depth; blockers += 1.0; }
+    }
+    // In the open the loop does not run: a processor skips loops, but does both sides of an `if`.
+    let taps = select(0, 6, blockers > 0.0);
+    let radius = clamp(nearer / max(blockers, 1.0) * frame.to_sun.w, 0.6, 12.0) * texel;
+    var dark = 0.0;
+    for (var k = 0; k < taps; k++) {
+        dark += 1.0 - textureSampleCompareLevel(shadow_map, shadow_compare, at.xy + disc(k, 6.0, turn) * radius, at.z);
+    }
+    return 1.0 - dark / 6.0;
+}
+
+// Vogel's disc: k-th of n points, turned.
+fn disc(k: i32, n: f32, turn: vec2f) -> vec2f {
+    let angle = f32(k) * 2.399963;
+    let p = vec2f(cos(angle), sin(angle)) * sqrt((f32(k) + 0.5) / n);
+    return vec2f(p.x * turn.x - p.y * turn.y, p.x * turn.y + p.y * turn.x);
+}
+
+// Interleaved gradient noise (Jimenez 2014) as an angle.
+fn pixel_jitter(pixel: vec2f) -> f32 {
+    return 2.0 * PI * fract(52.9829189 * fract(dot(pixel, vec2f(0.06711056, 0.00583715))));
+}
+
+// GGX with Smith's visibility in Hammon's approximation, for the sun's mirror image: its share of the sun's illuminance.
+fn glint(n: vec3f, v: vec3f, roughness: f32, f0: vec3f) -> vec3f {
+    let l = frame.to_sun.xyz;
+    let h = normalize(l + v + 1e-5 * n);
+    let nl = max(dot(n, l), 0.0);
+    let nv = max(dot(n, v), 0.05);
+    let nh = max(dot(n, h), 0.0);
+    let a = max(roughness * roughness, 0.003);
+    let d = nh * nh * (a * a - 1.0) + 1.0;
+    let spread = a * a / (PI * d * d);
+    let visible = 0.5 / mix(2.0 * nl * nv, nl + nv, a);
+    let fresnel = f0 + (1.0 - f0) * pow(clamp(1.0 - dot(v, h), 0.0, 1.0), 5.0);
+    return fresnel * (spread * visible * nl);
+}
+
+// The share of the surroundings that a surface mirrors (Karis 2014, Physically Based Shading on Mobile).
+fn mirrored(nv: f32, roughness: f32, f0: vec3f) -> vec3f {
+    let r = roughness * vec4f(-1.0, -0.0275, -0.572, 0.022) + vec4f(1.0, 0.0425, 1.04, -0.04);
+    let a = min(r.x * r.x, exp2(-9.28 * nv)) * r.x + r.y;
+    let ab = vec2f(-1.04, 1.04) * a + r.zw;
+    return max(f0 * ab.x + ab.y, vec3f(0.0));
+}
+
+// Haze between the camera and a point; no more light than half floats hold.
+fn through_air(radiance: vec3f, relative: vec3f) -> vec3f {
+    let distance = length(relative);
+    var seen = radiance;
+    // A loop for the same reason: near things have no haze before them.
+    for (var k = 0; k < select(0, 1, distance > 0.003 * frame.axis.w); k++) {
+        let azimuth = atan2(relative.y, relative.x) / (2.0 * PI) + 0.5;
+        let air = textureSampleLevel(sky_map, sky_sampler, vec2f(azimuth, 0.49), 2.0).rgb;
+        seen = mix(air, radiance, exp(-distance / frame.axis.w));
+    }
+    return clamp(seen, vec3f(0.0), vec3f(60000.0));
+}

@@ -1,0 +1,51 @@
+// Vehicles, people, trees, lamps: vertex colours, tints of the instance, mirrored sky.
+
+struct Vertex {
+    @location(10) position: vec3f,
+    @location(11) normal: vec4u,
+    @location(12) colour: vec4f,
+    @location(13) surface: vec4u,    // roughness, metallic, slot
+}
+
+struct Model {
+    relative: vec3f,
+    normal: vec3f,
+    colour: vec3f,
+    roughness: f32,
+    metal: f32,
+    glow: vec3f,
+}
+
+fn model_vertex(at: Instance, in: Vertex) -> Model {
+    var out: Model;
+    out.relative = place(at, in.position);
+    out.normal = normalize(turn(at, unpack_normal(in.normal)) + vec3f(0.0, 0.0, 1e-6));
+    var tint = vec4f(1.0, 1.0, 1.0, 0.0);
+    switch (in.surface.z) {
+        case 1u: { tint = at.tint1; }
+        case 2u: { tint = at.tint2; }
+        case 3u: { tint = at.tint3; }
+        case 4u: { tint = at.tint4; }
+        default: {}
+    }
+    out.colour = in.colour.rgb * tint.rgb;
+    // Glow is in units of white paper in full sun: 100 klx / π.
+    out.glow = out.colour * (tint.a * 31.8);
+    out.roughness = clamp(f32(in.surface.x) / 255.0, 0.05, 1.0);
+    out.metal = f32(in.surface.y) / 255.0;
+    return out;
+}
+
+// Seen from both sides with the normals as they are: leaves are single sheets.
+fn model_radiance(model: Model, jitter: f32) -> vec3f {
+    let v = normalize(-model.relative);
+    let n = model.normal;
+    let lit = sunlight(model.relative, n, jitter);
+    let nv = max(dot(n, v), 0.02);
+    let sun = frame.sun.rgb * (lit * max(dot(n, frame.to_sun.xyz), 0.0));
+    var radiance = model.colour * (1.0 - model.metal) / PI * (sun + sky_irradiance(n)) + model.glow;
+    let f0 = mix(vec3f(0.04), model.colour, model.metal);
+    radiance += mirrored(nv, model.roughness, f0) * surroundings(reflect(-v, n), model.roughness);
+    radiance += glint(n, v, model.roughness, f0) * frame.sun.rgb * lit;
+    return through_air(radiance, model.relative);
+}

@@ -1,0 +1,27 @@
+// The sky behind everything, for views that see it.
+
+struct Seen {
+    @builtin(position) clip: vec4f,
+    @location(0) ray: vec3f,
+}
+
+@vertex fn vertex(@builtin(vertex_index) k: u32) -> Seen {
+    let corner = vec2f(f32(k & 1u) * 4.0 - 1.0, f32(k >> 1u) * 4.0 - 1.0);
+    var out: Seen;
+    out.clip = vec4f(corner, 0.0, 1.0);
+    // Rows of the projection hold the camera's axes times the focal length: the ray is their sum.
+    let m = transpose(frame.to_clip);
+    let x = m[0].xyz; let y = m[1].xyz;
+    out.ray = frame.axis.xyz + x * (corner.x / dot(x, x)) + y * (corner.y / dot(y, y));
+    return out;
+}
+
+@fragment fn fragment(in: Seen) -> @location(0) vec4f {
+    let ray = normalize(in.ray);
+    // Not so near to the horizon that the map mixes in what lies below it.
+    let sky = surroundings(vec3f(ray.xy, max(ray.z, 0.025)), 0.0);
+    // Below the horizon lies ground that is too far to be drawn.
+    let distance = frame.camera.z / max(-ray.z, 1e-4);
+    let ground = mix(sky, frame.ground_light.rgb, exp(-distance / frame.axis.w));
+    return vec4f(select(sky, ground, ray.z < 0.0), 1.0);
+}

@@ -1,0 +1,91 @@
+"""A photographer without a renderer: outlines of defects and boxes of agents, filled by Pillow."""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from PIL import Image, ImageDraw
+
+from pavetwin.capture.platforms import Setting
+from pavetwin.capture.shots import Shot
+from pavetwin.render.exposure import Exposure
+from pavetwin.render.frame import Frame
+from pavetwin.scene.model import agent_label, defect_label
+from pavetwin.scene.view import View
+
+GREY = (120, 118, 112)
+
+
+@dataclass
+class Painter:
+    """Paints what stands on the ground, the farthest first. `slow_s` is what each picture takes at least."""
+
+    setting: Setting
+    slow_s: float = 0.0
+
+    def frame(self, shot: Shot, setting: Setting) -> Frame:
+        time.sleep(self.slow_s)
+        view = shot.pose.view
+        labels = np.zeros((view.size_px[1], view.size_px[0]), dtype=np.uint32)
+        alone: dict[int, int] = {}
+        for label, corners in [*_defects(view, setting), *_agents(shot, setting)]:
+            mask = _filled(view, corners)
+            if mask is not None and mask.any():
+                labels[mask] = label
+                alone[label] = int(mask.sum())
+        rgb = np.empty((*labels.shape, 3), dtype=np.uint8)
+        rgb[:] = GREY
+        for label in alone:
+            rgb[labels == label] = ((label * 37) % 256, (label * 91) % 256, (label * 53) % 256)
+        return Frame(view, rgb, None, labels, alone, Exposure(0.001, 2.8, 100.0))
+
+
+def slow_painter(setting: Setting) -> Painter:
+    return Painter(setting, slow_s=0.05)
+
+
+def full_disk(setting: Setting) -> Painter:  # noqa: ARG001 - the signature of who makes photographers
+    raise OSError(28, "No space left on device")
+
+
+def _defects(view: View, setting: Setting):
+    for defect in setting.world.defects:
+        ring = shapely.get_coordinates(defect.polygon.exterior)
+        corners = np.column_stack([ring, np.zeros(len(ring))])
+        if np.linalg.norm(corners[0] - view.position) < 60:
+            yield defect_label(defect.id), corners
+
+
+def _agents(shot: Shot, setting: Setting):
+    poses = setting.traces[shot.wish.density].agents_at(shot.pose.time_s)
+    away = np.hypot(poses["x_m"] - shot.pose.view.position[0], poses["y_m"] - shot.pose.view.position[1])
+    for row in np.argsort(-away).tolist():
+        if int(poses["agent"][row]) == shot.pose.ego or away[row] > 60:
+            continue
+        yaw = poses["yaw_rad"][row]
+        ahead = np.array([np.cos(yaw), np.sin(yaw), 0.0]) * poses["length_m"][row] / 2
+        left = np.array([-np.sin(yaw), np.cos(yaw), 0.0]) * poses["width_m"][row] / 2
+        base = np.array([poses["x_m"][row], poses["y_m"][row], 0.0])
+        up = np.array([0.0, 0.0, poses["height_m"][row]])
+        corners = [base + a * ahead + b * left + c * up for a in (-1, 1) for b in (-1, 1) for c in (0, 1)]
+        pixels = shot.pose.view.project(np.array(corners))
+        if np.isfinite(pixels).all():
+            hull = shapely.convex_hull(shapely.multipoints(np.array(pixels)))
+            yield agent_label(int(poses["agent"][row])), hull
+
+
+def _filled(view: View, outline) -> np.ndarray | None:
+    """The pixels (height, width) of an outline, corners in the world or a polygon in the image; None for none."""
+    if isinstance(outline, np.ndarray):
+        pixels = view.project(outline)
+        if not np.isfinite(pixels).all() or (pixels.max(axis=0) < 0).any() or (pixels.min(axis=0) > view.size_px).any():
+            return None
+        outline = shapely.Polygon(pixels)
+    image = Image.new("1", view.size_px)
+    if isinstance(outline, shapely.Polygon) and outline.intersects(shapely.box(0, 0, *view.size_px)):
+        clipped = outline.buffer(0).intersection(shapely.box(-50, -50, view.size_px[0] + 50, view.size_px[1] + 50))
+        for part in shapely.get_parts(clipped):
+            if isinstance(part, shapely.Polygon) and not part.is_empty:
+                ImageDraw.Draw(image).polygon([tuple(point) for point in part.exterior.coords], fill=1)
+    return np.array(image, dtype=bool)
