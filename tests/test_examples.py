@@ -51,7 +51,7 @@ def test_the_documented_policy_is_short_and_sound(tmp_path: Path) -> None:
 
 def test_the_readmes_code_runs(tmp_path: Path) -> None:
     (snippet,) = code_blocks("README.md", "python")
-    save_world(add_defects(built("cross"), DefectOptions()), tmp_path / "worlds" / "my-town")
+    save_world(add_defects(built("cross"), DefectOptions(per_segment=8)), tmp_path / "worlds" / "my-town")
     done = subprocess.run(
         [sys.executable, "-c", snippet], capture_output=True, text=True, check=False, cwd=tmp_path, timeout=300
     )

@@ -48,7 +48,7 @@ def digests(folder: Path) -> dict[str, str]:
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("fly") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions()), folder)
+    save_world(add_defects(built("cross"), DefectOptions(per_segment=8)), folder)
     done = pavetwin("fly", folder, *SHORT, "-o", folder.parent / "warm")
     assert done.returncode == 0, done.stderr
     return folder

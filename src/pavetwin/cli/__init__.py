@@ -24,12 +24,13 @@ app = typer.Typer(
 
 
 def _register() -> None:
-    from pavetwin.cli import demo, doctor, fly, policy, traffic, world
+    from pavetwin.cli import capture, demo, doctor, fly, policy, traffic, world
 
     app.add_typer(world.app, name="world")
     app.add_typer(traffic.app, name="traffic")
     app.command("fly")(fly.fly)
     app.add_typer(policy.app, name="policy")
+    app.add_typer(capture.app, name="capture")
     app.command("demo")(demo.demo)
     app.command("doctor")(doctor.doctor)
 

@@ -96,8 +96,9 @@ def _town(folder: Path) -> "World":
         world = None
     if world is None:
         with progress("[1/4] Inventing a town") as tell:
-            built = build_world("town", BuildOptions(seed=TOWN_SEED), lambda _, share: tell(share))
-            world = save_world(add_defects(built, DefectOptions()), folder, force=True)
+            built = build_world("town", BuildOptions(seed=TOWN_SEED), lambda _, share: tell(0.25 * share))
+            damaged = add_defects(built, DefectOptions(), lambda share: tell(0.25 + 0.7 * share))
+            world = save_world(damaged, folder, force=True)
     length_km = sum(segment.length_m for segment in world.segments) / 1000
     out.print(
         f"[1/4] Town: {len(world.segments)} segments, {length_km:.1f} km of streets, {len(world.buildings)} buildings, "

@@ -61,6 +61,9 @@ def fly(
     ] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the results.")] = None,
     animate: Annotated[bool, typer.Option("--animate", help="Also draw an animation, mission.gif.")] = False,
+    save_frames: Annotated[
+        bool, typer.Option("--save-frames", help="Also take the frames of confirmed defects, into frames/.")
+    ] = False,
     settings: Annotated[bool, typer.Option("--settings", help="Show all settings as they would be, and stop.")] = False,
 ) -> None:
     """Fly a UAV over a world's streets in recorded traffic, and measure what it sees.
@@ -132,7 +135,7 @@ def fly(
     )
     check_mission_folder(folder)
     missions = (_fly_one(stage, replay, chosen, targets, name, seed) for name in names)
-    flown = report.save(missions, replay, folder, several=policy == ALL, animated=lambda _: animate)
+    flown = report.save(missions, replay, folder, several=policy == ALL, animated=lambda _: animate, frames=save_frames)
     for remark in replay.recording.remarks:
         out.print(f"[yellow]Note:[/] {remark}")
     out.print(report.segments_table(flown[0]) if len(flown) == 1 else report.comparison_table(flown))
@@ -140,7 +143,11 @@ def fly(
     for mission in flown:
         if former is not None and mission.policy == former.policy:
             out.print(_compared(former, mission), soft_wrap=True)
-    out.print(f"Results in {folder}/: {report.listing(flown, animate=animate)}", markup=False, soft_wrap=True)
+    out.print(
+        f"Results in {folder}/: {report.listing(flown, animate=animate, frames=save_frames)}",
+        markup=False,
+        soft_wrap=True,
+    )
 
 
 def _fly_one(

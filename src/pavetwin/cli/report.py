@@ -31,6 +31,7 @@ def save(
     *,
     several: bool,
     animated: Callable[["Flown"], bool],
+    frames: bool = False,
     title: str = "Drawing",
 ) -> list["Flown"]:
     """Write missions into `folder`, each as it comes: its numbers, then its pictures. Returns the missions.
@@ -38,11 +39,16 @@ def save(
     Args:
         several: a folder for each policy, and a comparison.
         animated: whether a mission is shown moving as well.
+        frames: whether the frames of its confirmed defects are taken.
+
+    Raises:
+        PaveTwinError: frames are wanted and there is no adapter to draw with; nothing was flown then.
     """
     from pavetwin.draw.animation import save_animation
     from pavetwin.draw.mission_map import save_comparison_map, save_mission_map
 
     flown: list[Flown] = []
+    takes = [("frames", _frames_of(replay))] if frames else []
 
     def draw_map(mission: "Flown", path: Path) -> None:
         with progress(f"{title}: {mission.policy}"):
@@ -56,7 +62,7 @@ def save(
         for mission in missions:
             flown.append(mission)
             moving: list[tuple[str, Drawing]] = [("mission.gif", draw_animation)] if animated(mission) else []
-            yield mission, [("map.png", draw_map), *moving]
+            yield mission, [("map.png", draw_map), *moving, *takes]
 
     if several:
         save_missions(drawn(), folder, [("comparison.png", lambda path: save_comparison_map(flown, path))])
@@ -66,9 +72,32 @@ def save(
     return flown
 
 
-def listing(flown: Sequence["Flown"], *, animate: bool) -> str:
+def _frames_of(replay: "Replay") -> Drawing:
+    """Takes a mission's frames; the scene is made once for all missions over the same defects."""
+    from pavetwin.capture.mission_frames import save_frames
+    from pavetwin.capture.studio import Theatre
+    from pavetwin.render.adapter import find_adapter
+
+    find_adapter()
+    theatres: list[Theatre] = []
+
+    def take(mission: "Flown", path: Path) -> None:
+        with progress(f"Taking frames: {mission.policy}") as tell:
+            if not theatres:
+                theatres.append(Theatre(mission.stage.world, mission.stage.defects))
+            save_frames(mission, replay.recording, path.parent, theatres[0], tell)
+
+    return take
+
+
+def listing(flown: Sequence["Flown"], *, animate: bool, frames: bool = False) -> str:
     """Which files were written."""
-    files = "map.png, " + ("mission.gif, " if animate else "") + "mission.parquet, track.parquet, captures.geojson"
+    files = (
+        "map.png, "
+        + ("mission.gif, " if animate else "")
+        + ("frames/, " if frames else "")
+        + "mission.parquet, track.parquet, captures.geojson"
+    )
     return files if len(flown) == 1 else f"comparison.png, mission.parquet, and a folder for each policy with {files}"
 
 

@@ -1,0 +1,81 @@
+"""What a detector learns to tell apart, and from which size on it is asked to."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from pavetwin.defects.registry import kinds
+from pavetwin.world.model import DefectClass
+
+
+@dataclass(frozen=True, slots=True)
+class Category:
+    """One class of labels, with the least that must be seen of a thing for it to be labelled."""
+
+    number: int
+    """From 0, as YOLO counts; COCO's `category_id` is one more."""
+    name: str
+    supercategory: str
+    colour: str
+    """Of its boxes in contact sheets."""
+    least_side_px: int
+    """Of the longer side of its box."""
+    least_area_px: int
+    """Of its mask."""
+    farthest_m: float
+
+
+LEAST_WIDTH_PX: Final = 0.4
+"""Of a crack's widest opening, which is about twice its mean: a finer one darkens its pixels by less than the road's
+own grain does, and no one looking at the image finds it."""
+
+_NEAR_M, _FAR_M = 30.0, 80.0
+"""Defects are looked for on the road ahead; people and vehicles must be noticed sooner."""
+
+_COLOURS: Final = {
+    DefectClass.SINGLE_CRACK: "#56B4E9",
+    DefectClass.CROCODILE_CRACK: "#E69F00",
+    DefectClass.POTHOLE: "#F0577A",
+}
+_MORE_COLOURS: Final = ("#B388EB", "#8CD17D", "#F1CE63")
+
+_FIRST: Final = (DefectClass.SINGLE_CRACK, DefectClass.CROCODILE_CRACK, DefectClass.POTHOLE)
+
+PERSON: Final = Category(3, "Person", "traffic", "#F7E35A", 8, 20, _FAR_M)
+CAR: Final = Category(4, "Car", "traffic", "#3DDC97", 12, 60, _FAR_M)
+"""Every motor vehicle: cars, vans, trucks, buses, and a motorcycle with its rider, who is no Person beside it."""
+
+
+def categories() -> tuple[Category, ...]:
+    """All of them, by number: the three defects, Person and Car, and then what other defects are registered, by name,
+    so that numbers in files do not change their meaning when a class is added."""
+    later = sorted(kind.name for kind in kinds() if kind.name not in _FIRST)
+    first = tuple(_defect(number, kind) for number, kind in enumerate(_FIRST))
+    return (*first, PERSON, CAR, *(_defect(CAR.number + 1 + number, kind) for number, kind in enumerate(later)))
+
+
+def category_named(name: str) -> Category:
+    """The category of that name, as it stands in label files.
+
+    Raises:
+        KeyError: there is none.
+    """
+    return {category.name: category for category in categories()}[name]
+
+
+def category_of_defect(kind: DefectClass) -> Category:
+    return category_named(_name(kind))
+
+
+def category_of_agent(*, is_pedestrian: bool) -> Category:
+    return PERSON if is_pedestrian else CAR
+
+
+def _defect(number: int, kind: DefectClass) -> Category:
+    colour = _COLOURS.get(kind, _MORE_COLOURS[number % len(_MORE_COLOURS)])
+    # A crack is a line: long enough to be one, though it covers little.
+    side, area = (16, 8) if kind is DefectClass.SINGLE_CRACK else (8, 20)
+    return Category(number, _name(kind), "defect", colour, side, area, _NEAR_M)
+
+
+def _name(kind: DefectClass) -> str:
+    return kind.value.replace("_", " ").title()

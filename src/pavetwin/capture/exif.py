@@ -1,0 +1,190 @@
+"""Where and how a picture was taken, inside the picture: EXIF, and for a UAV the XMP tags of DJI's cameras, which
+photogrammetry programs read for the direction of view."""
+
+import io
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from math import cos, degrees, hypot, radians, sin, tan
+from typing import Any, Final, Literal
+
+import numpy as np
+import numpy.typing as npt
+from PIL import ExifTags, Image, PngImagePlugin
+
+from pavetwin.render.exposure import Exposure
+from pavetwin.scene.view import View
+from pavetwin.uav.cameras import Camera
+from pavetwin.world.model import GeoReference
+
+_FULL_FRAME_MM: Final = (36.0, 24.0)
+"""Of the film that 35 mm equivalents are told by."""
+
+
+@dataclass(frozen=True)
+class Taken:
+    """How one picture was taken."""
+
+    view: View
+    camera: Camera
+    heading_rad: float
+    """Of the platform, anticlockwise from east; of a nadir image its upper edge."""
+    pitch_rad: float
+    """Of the camera's axis: −π/2 straight down."""
+    place: GeoReference
+    when: datetime
+    """UTC."""
+    exposure: Exposure | None
+    """None where the camera's settings are not known."""
+    is_airborne: bool
+
+    @property
+    def lonlat(self) -> tuple[float, float]:
+        longitude, latitude = self.place.to_wgs84(self.view.position[:2])
+        return float(longitude), float(latitude)
+
+    @property
+    def heading_deg(self) -> float:
+        """Clockwise from true north; the grid's convergence is taken off."""
+        ahead = self.view.position[:2] + 100.0 * np.array([cos(self.heading_rad), sin(self.heading_rad)])
+        (lon0, lat0), (lon1, lat1) = self.place.to_wgs84(np.stack([self.view.position[:2], ahead]))
+        east, north = (lon1 - lon0) * cos(radians(lat0)), lat1 - lat0
+        return float(90.0 - degrees(np.arctan2(north, east))) % 360.0
+
+    @property
+    def sensor_mm(self) -> tuple[float, float]:
+        """Width and height of the part of the sensor that the image shows: its whole height."""
+        height = 2 * self.camera.focal_mm * tan(self.camera.fov_rad / 2)
+        return height * self.view.size_px[0] / self.view.size_px[1], height
+
+    def as_dict(self) -> dict[str, Any]:
+        """For the image's file: pose in the world frame and on the earth."""
+        longitude, latitude = self.lonlat
+        return {
+            "model": self.camera.title,
+            "position_m": [round(float(value), 4) for value in self.view.position],
+            "rotation": [[round(float(value), 8) for value in row] for row in self.view.rotation],
+            "focal_px": round(self.view.focal_px, 4),
+            "vertical_fov_deg": round(self.camera.fov_deg, 4),
+            "velocity_mps": [round(float(value), 3) for value in self.view.velocity_mps],
+            "longitude": round(longitude, 8),
+            "latitude": round(latitude, 8),
+            "altitude_m": round(float(self.view.position[2]), 3),
+            "heading_deg": round(self.heading_deg, 3),
+            "pitch_deg": round(degrees(self.pitch_rad), 3),
+            "roll_deg": 0.0,
+            **self._settings,
+        }
+
+    @property
+    def _settings(self) -> dict[str, float]:
+        if self.exposure is None:
+            return {}
+        shutter = self.exposure.shutter_s
+        return {
+            "exposure_s": float(f"{shutter:.4g}"),
+            "f_number": round(self.exposure.f_number, 2),
+            "iso": round(self.exposure.iso),
+        }
+
+
+def encoded(rgb: npt.NDArray[np.uint8], taken: Taken, *, picture: Literal["jpg", "png"], quality: int) -> bytes:
+    """A picture (height, width, 3) as a file with its EXIF."""
+    stream, image = io.BytesIO(), Image.fromarray(rgb)
+    exif, xmp = _exif(taken), _xmp(taken) if taken.is_airborne else b""
+    if picture == "jpg":
+        # Colour at full resolution: the edge of a crack is a few pixels wide.
+        image.save(stream, "JPEG", quality=quality, subsampling=0, exif=exif, xmp=xmp)
+    else:
+        info = PngImagePlugin.PngInfo()
+        if xmp:
+            info.add_itxt("XML:com.adobe.xmp", xmp.decode())
+        image.save(stream, "PNG", exif=exif, pnginfo=info)
+    return stream.getvalue()
+
+
+def _exif(taken: Taken) -> Image.Exif:
+    exif, longitude, local = Image.Exif(), taken.lonlat[0], _local(taken)
+    maker, _, model = taken.camera.title.partition(" ")
+    exif.update(
+        {
+            ExifTags.Base.Make: maker,
+            ExifTags.Base.Model: model,
+            ExifTags.Base.Software: "PaveTwin",
+            ExifTags.Base.ImageDescription: "Synthetic image",
+            ExifTags.Base.DateTime: local.strftime("%Y:%m:%d %H:%M:%S"),
+            ExifTags.Base.Orientation: 1,
+        }
+    )
+    width, height = taken.sensor_mm
+    in_35mm = taken.camera.focal_mm * hypot(*_FULL_FRAME_MM) / hypot(width, height)
+    photo = exif.get_ifd(ExifTags.IFD.Exif)
+    photo[ExifTags.Base.DateTimeOriginal] = local.strftime("%Y:%m:%d %H:%M:%S")
+    photo[ExifTags.Base.OffsetTimeOriginal] = f"{round(longitude / 15):+03d}:00"
+    photo[ExifTags.Base.FocalLength] = round(taken.camera.focal_mm, 3)
+    photo[ExifTags.Base.FocalLengthIn35mmFilm] = round(in_35mm)
+    photo[ExifTags.Base.FocalPlaneXResolution] = round(taken.view.size_px[0] / width, 4)
+    photo[ExifTags.Base.FocalPlaneYResolution] = round(taken.view.size_px[1] / height, 4)
+    photo[ExifTags.Base.FocalPlaneResolutionUnit] = 4  # a millimetre
+    if taken.exposure is not None:
+        photo[ExifTags.Base.ExposureTime] = taken.exposure.shutter_s
+        photo[ExifTags.Base.FNumber] = round(taken.exposure.f_number, 2)
+        photo[ExifTags.Base.ISOSpeedRatings] = round(taken.exposure.iso)
+    exif.get_ifd(ExifTags.IFD.GPSInfo).update(_gps(taken))
+    return exif
+
+
+def _gps(taken: Taken) -> dict[int, Any]:
+    tag, (longitude, latitude), when = ExifTags.GPS, taken.lonlat, taken.when
+    return {
+        tag.GPSVersionID: b"\x02\x03\x00\x00",
+        tag.GPSLatitudeRef: "N" if latitude >= 0 else "S",
+        tag.GPSLatitude: _sexagesimal(latitude),
+        tag.GPSLongitudeRef: "E" if longitude >= 0 else "W",
+        tag.GPSLongitude: _sexagesimal(longitude),
+        tag.GPSAltitudeRef: b"\x00",
+        tag.GPSAltitude: round(float(taken.view.position[2]), 3),
+        tag.GPSTimeStamp: (float(when.hour), float(when.minute), float(when.second)),
+        tag.GPSImgDirectionRef: "T",
+        tag.GPSImgDirection: round(taken.heading_deg, 3),
+        tag.GPSMapDatum: "WGS-84",
+        tag.GPSDateStamp: when.strftime("%Y:%m:%d"),
+    }
+
+
+def _sexagesimal(angle_deg: float) -> tuple[float, float, float]:
+    """Degrees, minutes and seconds to a ten-thousandth, 3 mm on the ground."""
+    seconds = round(abs(angle_deg) * 36_000_000) / 10_000
+    return float(seconds // 3600), float(seconds // 60 % 60), round(seconds % 60, 4)
+
+
+def _local(taken: Taken) -> datetime:
+    """The place's time by its longitude, as no time zone is known."""
+    return taken.when + timedelta(hours=round(taken.lonlat[0] / 15))
+
+
+def _xmp(taken: Taken) -> bytes:
+    """DJI's: angles in degrees, yaw clockwise from north, pitch −90 straight down."""
+    longitude, latitude = taken.lonlat
+    yaw = (taken.heading_deg + 180.0) % 360.0 - 180.0
+    altitude = float(taken.view.position[2])
+    tags = {
+        "AbsoluteAltitude": f"{altitude:+.2f}",
+        "RelativeAltitude": f"{altitude:+.2f}",
+        "GpsLatitude": f"{latitude:.8f}",
+        "GpsLongitude": f"{longitude:.8f}",
+        "GimbalRollDegree": "+0.00",
+        "GimbalYawDegree": f"{yaw:+.2f}",
+        "GimbalPitchDegree": f"{degrees(taken.pitch_rad):+.2f}",
+        "FlightRollDegree": "+0.00",
+        "FlightYawDegree": f"{yaw:+.2f}",
+        "FlightPitchDegree": "+0.00",
+    }
+    attributes = "\n".join(f'   drone-dji:{name}="{value}"' for name, value in tags.items())
+    return (
+        '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?>\n'
+        '<x:xmpmeta xmlns:x="adobe:ns:meta/">\n'
+        ' <rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">\n'
+        '  <rdf:Description rdf:about="" xmlns:drone-dji="http://www.dji.com/drone-dji/1.0/"\n'
+        f"{attributes}/>\n </rdf:RDF>\n</x:xmpmeta>\n"
+        '<?xpacket end="w"?>'
+    ).encode()

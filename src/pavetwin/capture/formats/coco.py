@@ -1,0 +1,86 @@
+"""COCO: `annotations/instances_SPLIT.json`, its `file_name`s in `images/SPLIT/`.
+
+Masks are run lengths, which are exact also for a network of cracks. What is ignored has `iscrowd` 1, which COCO's own
+evaluation neither rewards nor punishes and trainers leave out, and says why in `ignored`.
+"""
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from pavetwin.capture.classes import categories
+from pavetwin.capture.formats.base import Format, label_format
+from pavetwin.capture.record import Record, read_records
+
+
+@label_format("coco")
+class Coco(Format):
+    def of_image(self, record: Record) -> Mapping[str, bytes]:
+        del record
+        return {}
+
+    def of_split(self, folder: Path, split: str) -> Iterator[tuple[str, Iterator[bytes]]]:
+        yield f"annotations/instances_{split}.json", _content(folder, split)
+
+
+def _content(folder: Path, split: str) -> Iterator[bytes]:
+    """The file in pieces: the images are read twice, so that memory holds one at a time."""
+    kinds = [
+        {"id": category.number + 1, "name": category.name, "supercategory": category.supercategory}
+        for category in categories()
+    ]
+    yield b'{"info": ' + _line({"description": "PaveTwin synthetic images", "version": "1"})
+    yield b',\n"licenses": [],\n"categories": ' + _line(kinds) + b',\n"images": [\n'
+    yield from _joined(_image(record) for record in read_records(folder, split))
+    yield b'\n],\n"annotations": [\n'
+    yield from _joined(each for record in read_records(folder, split) for each in _annotations(record))
+    yield b"\n]}\n"
+
+
+def _joined(rows: Iterator[dict[str, Any]]) -> Iterator[bytes]:
+    for number, row in enumerate(rows):
+        yield (b",\n" if number else b"") + _line(row)
+
+
+def _line(value: object) -> bytes:
+    return json.dumps(value, ensure_ascii=False).encode()
+
+
+def _image(record: Record) -> dict[str, Any]:
+    width, height = record.size_px
+    return {
+        "id": record.index,
+        "file_name": f"{record.name}{record.suffix}",
+        "width": width,
+        "height": height,
+        "date_captured": record.light["utc"],
+        "camera": record.camera,
+        "light": record.light,
+        "traffic": record.traffic,
+    }
+
+
+def _annotations(record: Record) -> Iterator[dict[str, Any]]:
+    numbers = {category.name: category.number + 1 for category in categories()}
+    width, height = record.size_px
+    for place, thing in enumerate(record.things):
+        left, top, right, bottom = thing.box
+        yield {
+            # Unique over all splits, and the same whatever else was captured.
+            "id": record.index * 10_000 + place + 1,
+            "image_id": record.index,
+            "category_id": numbers[thing.category],
+            "bbox": [left, top, right - left, bottom - top],
+            "area": thing.area_px,
+            "segmentation": {"size": [height, width], "counts": thing.mask},
+            "iscrowd": int(thing.ignored is not None),
+            "ignored": thing.ignored,
+            "thing": thing.id,
+            "visible_share": thing.visible_share,
+            "inside_share": thing.inside_share,
+            "truncated": thing.truncated,
+            "distance_m": thing.distance_m,
+            "position_m": list(thing.position_m),
+            **thing.details,
+        }

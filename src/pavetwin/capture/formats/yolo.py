@@ -1,0 +1,38 @@
+"""Ultralytics YOLO: `labels/SPLIT/NAME.txt` beside `images/SPLIT/NAME.jpg`, and `data.yaml`.
+
+A line is the class and the box's middle, width and height as shares of the image. An image without labels has an empty
+file. What is ignored is not in it: the format has no place for that.
+"""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import yaml
+
+from pavetwin.capture.classes import categories
+from pavetwin.capture.formats.base import Format, label_format
+from pavetwin.capture.record import Record
+
+
+@label_format("yolo")
+class Yolo(Format):
+    def of_image(self, record: Record) -> Mapping[str, bytes]:
+        numbers = {category.name: category.number for category in categories()}
+        width, height = record.size_px
+        lines = []
+        for thing in record.labelled:
+            left, top, right, bottom = thing.box
+            middle = ((left + right) / 2 / width, (top + bottom) / 2 / height)
+            shares = (*middle, (right - left) / width, (bottom - top) / height)
+            lines.append(f"{numbers[thing.category]} " + " ".join(f"{share:.6f}" for share in shares) + "\n")
+        return {f"labels/{record.split}/{record.name}.txt": "".join(lines).encode()}
+
+    def of_split(self, folder: Path, split: str) -> Iterator[tuple[str, Iterator[bytes]]]:
+        del folder, split
+        yield from ()
+
+    def of_all(self, splits: tuple[str, ...]) -> Mapping[str, bytes]:
+        # Without `path` Ultralytics looks beside this file, wherever the dataset is moved to.
+        content = {split: f"images/{split}" for split in splits}
+        names = {category.number: category.name for category in categories()}
+        return {"data.yaml": yaml.safe_dump(content | {"names": names}, sort_keys=False).encode()}

@@ -1,0 +1,71 @@
+"""What image i of a dataset is to show, from the seed and i alone.
+
+Every factor runs through its own sequence frac(start + i·√p), p a prime of its own: each share is kept in any stretch
+of images, and in any combination of factors (Kronecker, Weyl). So the first 100 images of a dataset of 200 are the
+dataset of 100.
+"""
+
+from dataclasses import dataclass
+from math import sqrt
+from typing import Final, TypeVar
+
+import numpy as np
+
+from pavetwin.capture.classes import Category, category_of_defect
+from pavetwin.capture.settings import SPLITS, CaptureSettings
+from pavetwin.seeds import Stream, child
+from pavetwin.world.model import World
+
+PLAN, STREETS, SHOT = 0, 1, 2
+"""Keys of the stream CAPTURE."""
+
+_PRIMES: Final = (2, 3, 5, 7, 11, 13)
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What one image is to show."""
+
+    index: int
+    split: str
+    aims: tuple[Category, ...]
+    """What it must show one of; none for no defect in sight."""
+    density: str
+    altitude_m: float | None
+    """Of the UAV."""
+    share: float
+    """0 … 1, for what a platform chooses beside this."""
+
+
+def wishes(settings: CaptureSettings, world: World, count: int, start: int = 0) -> list[Wish]:
+    """The wishes of images `start` … `start + count − 1`."""
+    aims = aims_of(world)
+    starts = child(settings.seed, Stream.CAPTURE, PLAN).random(len(_PRIMES))
+    steps = np.array([sqrt(prime) for prime in _PRIMES])
+    draws = (starts + np.arange(start, start + count)[:, None] * steps) % 1.0
+    return [_wish(settings, aims, start + row, draw.tolist()) for row, draw in enumerate(draws)]
+
+
+def aims_of(world: World) -> list[Category]:
+    """The classes of the defects that there are."""
+    return [category_of_defect(kind) for kind in sorted({defect.kind for defect in world.defects})]
+
+
+def _wish(settings: CaptureSettings, aims: list[Category], index: int, draw: list[float]) -> Wish:
+    open_splits = [split for split, share in enumerate(settings.split) if share > 0]
+    reached = np.cumsum([settings.split[split] for split in open_splits])[:-1]
+    is_empty = not aims or draw[1] < settings.empty
+    return Wish(
+        index=index,
+        split=SPLITS[open_splits[int(np.searchsorted(reached, draw[0], side="right"))]],
+        aims=() if is_empty else (_pick(aims, draw[2]),),
+        density=_pick(list(settings.densities), draw[3]),
+        altitude_m=_pick(list(settings.altitudes_m), draw[4]) if settings.altitudes_m else None,
+        share=draw[5],
+    )
+
+
+def _pick(choices: list[T], share: float) -> T:
+    return choices[min(int(share * len(choices)), len(choices) - 1)]

@@ -1,0 +1,121 @@
+"""The UAV's camera over a street: mostly straight down and along the street, as it is flown, and some of all else."""
+
+from functools import cached_property
+from math import atan2, pi, radians
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from pavetwin.capture.plan import Wish
+from pavetwin.capture.platforms.base import Platform, Pose, Setting, platform
+from pavetwin.capture.sight import INNER
+from pavetwin.scene.view import View, look
+from pavetwin.uav.cameras import find_camera
+from pavetwin.world.model import Segment
+from pavetwin.world.segments import direction_at, point_at
+
+_ALONG, _ACROSS = 0.75, 0.15
+"""Shares of images headed along the street, either way, and across it; the rest are headed anywhere."""
+
+_SCATTER_RAD: Final = radians(8.0)
+_NADIR: Final = 0.75
+"""Share of images that look straight down, but for the gimbal's error; the others look ahead of it."""
+
+_GIMBAL_RAD: Final = radians(0.5)
+_TILT_RAD: Final = (radians(3.0), radians(20.0))
+_HOVERING: Final = 0.25
+_SPEED_MPS: Final = (2.0, 6.0)
+"""Of the images that are not taken hovering: around the 5 m/s of an inspection."""
+
+_ROAD_M: Final = 1.0
+"""The middle of every image lies on the road, or at most this far beside it."""
+
+
+@platform("uav")
+class Uav(Platform):
+    uses_altitude = True
+
+    def __init__(self, setting: Setting) -> None:
+        super().__init__(setting)
+        self._camera = find_camera(setting.settings.camera)
+
+    def propose(self, wish: Wish, rng: np.random.Generator) -> Pose | None:
+        assert wish.altitude_m is not None
+        aim, along_rad = self._aim(wish, rng)
+        heading = self._heading(along_rad, rng)
+        tilt = _GIMBAL_RAD * rng.standard_normal() if rng.random() < _NADIR else rng.uniform(*_TILT_RAD)
+        pitch = -pi / 2 + float(tilt)
+        speed = 0.0 if rng.random() < _HOVERING else float(rng.uniform(*_SPEED_MPS))
+        place = rng.uniform(0.5 - INNER / 2, 0.5 + INNER / 2, size=2)
+        size = self.setting.settings.size_px
+        forward = np.array([np.cos(heading), np.sin(heading), 0.0])
+
+        def view_from(xy: npt.NDArray[np.float64]) -> View:
+            return look(
+                np.array([*xy, wish.altitude_m]),
+                yaw_rad=heading,
+                pitch_rad=pitch,
+                size_px=size,
+                vertical_fov_rad=self._camera.fov_rad,
+                velocity_mps=speed * forward,
+            )
+
+        # Where the aim would be if the camera were above the origin says where it must be.
+        xy = aim - view_from(np.zeros(2)).ground(place * size)
+        if not np.isfinite(xy).all() or not self.setting.meshes[wish.altitude_m].contains(float(xy[0]), float(xy[1])):
+            return None
+        view = view_from(xy)
+        if not shapely.dwithin(self._road, shapely.Point(view.ground(np.array(size) / 2)), _ROAD_M):
+            return None
+        time_s = float(rng.uniform(0.0, self.setting.recordings[wish.density].duration_s))
+        return Pose(view, time_s, heading, pitch, self._camera, mount="gimbal")
+
+    def _aim(self, wish: Wish, rng: np.random.Generator) -> tuple[npt.NDArray[np.float64], float]:
+        """A point on the ground (2,) and the direction of its street."""
+        sight = self.setting.sight
+        if wish.aims:
+            defect = self.setting.world.defects[int(rng.choice(sight.wanted(wish)))]
+            segment = self._segments[defect.segment]
+            dx, dy = direction_at(segment.centre_line, segment.centre_line.project(defect.centre))
+            return np.array([defect.centre.x, defect.centre.y]), atan2(dy, dx)
+        segments = self._of_split[wish.split]
+        lengths = np.array([segment.length_m for segment in segments])
+        segment = segments[int(rng.choice(len(segments), p=lengths / lengths.sum()))]
+        station = float(rng.uniform(0.0, segment.length_m))
+        half = segment.width_m / 2
+        dx, dy = direction_at(segment.centre_line, station)
+        offset = float(rng.uniform(-half, half))
+        x, y = point_at(segment.centre_line, station)
+        return np.array([x - dy * offset, y + dx * offset]), atan2(dy, dx)
+
+    def _heading(self, along_rad: float, rng: np.random.Generator) -> float:
+        how = rng.random()
+        turn = pi * int(rng.integers(2))
+        if how >= _ALONG:
+            turn += pi / 2 if how < _ALONG + _ACROSS else float(rng.uniform(-pi, pi))
+        return along_rad + turn + _SCATTER_RAD * float(rng.standard_normal())
+
+    @cached_property
+    def _road(self) -> shapely.Geometry:
+        """All carriageways and junctions."""
+        world = self.setting.world
+        parts = [segment.polygon for segment in world.segments] + [junction.polygon for junction in world.junctions]
+        road = shapely.union_all(parts)
+        shapely.prepare(road)
+        return road
+
+    @cached_property
+    def _segments(self) -> dict[str, Segment]:
+        return {segment.id: segment for segment in self.setting.world.segments}
+
+    @cached_property
+    def _of_split(self) -> dict[str, list[Segment]]:
+        """The segments of each split's streets."""
+        splits = self.setting.sight.splits
+        found: dict[str, list[Segment]] = {}
+        for segment in self.setting.world.segments:
+            if segment.street in splits:
+                found.setdefault(splits[segment.street], []).append(segment)
+        return found

@@ -1,0 +1,108 @@
+"""One image of a dataset as it stands on disk: the file beside the image that every format is made from."""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pavetwin.capture.truth import Thing
+from pavetwin.errors import PaveTwinError
+
+TRUTH = "truth"
+"""Folder of these files, by split."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """All that is known about one image."""
+
+    index: int
+    split: str
+    suffix: str
+    """Of the picture, with its dot."""
+    size_px: tuple[int, int]
+    """Width, height."""
+    camera: dict[str, Any]
+    light: dict[str, Any]
+    traffic: dict[str, Any]
+    aim: dict[str, Any]
+    """What the image was to show, and at which attempt it did."""
+    things: tuple[Thing, ...]
+
+    @property
+    def name(self) -> str:
+        return image_name(self.index)
+
+    @property
+    def image(self) -> str:
+        """The picture's path in the dataset."""
+        return f"images/{self.split}/{self.name}{self.suffix}"
+
+    @property
+    def labelled(self) -> tuple[Thing, ...]:
+        return tuple(thing for thing in self.things if thing.ignored is None)
+
+    def as_bytes(self) -> bytes:
+        content = {
+            "image": self.image,
+            "index": self.index,
+            "split": self.split,
+            "suffix": self.suffix,
+            "size_px": list(self.size_px),
+            "camera": self.camera,
+            "light": self.light,
+            "traffic": self.traffic,
+            "aim": self.aim,
+        }
+        rows = [f" {json.dumps(key)}: {_text(value)},\n" for key, value in content.items()]
+        things = ",\n  ".join(_text(thing.as_dict()) for thing in self.things)
+        return ("{\n" + "".join(rows) + ' "things": [\n  ' + things + "\n ]\n}\n").encode()
+
+
+def _text(value: object) -> str:
+    return json.dumps(value, ensure_ascii=False)
+
+
+def image_name(index: int) -> str:
+    return f"{index:06d}"
+
+
+def truth_path(split: str, index: int) -> str:
+    """Of an image's file in the dataset."""
+    return f"{TRUTH}/{split}/{image_name(index)}.json"
+
+
+def read_record(path: Path) -> Record:
+    """An image's file read back.
+
+    Raises:
+        PaveTwinError: it is damaged.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        return Record(
+            index=content["index"],
+            split=content["split"],
+            suffix=content["suffix"],
+            size_px=(content["size_px"][0], content["size_px"][1]),
+            things=tuple(_thing(each) for each in content["things"]),
+            **{name: content[name] for name in ("camera", "light", "traffic", "aim")},
+        )
+    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+        raise PaveTwinError(f"'{path}' is damaged or missing; capture into another folder.") from error
+
+
+def _thing(content: dict[str, Any]) -> Thing:
+    return Thing(**content | {"box": tuple(content["box"]), "position_m": tuple(content["position_m"])})
+
+
+def read_records(folder: Path, split: str | None = None) -> Iterator[Record]:
+    """The images of a dataset by their index, one in memory at a time; all splits unless one is named."""
+    for path in record_paths(folder, split):
+        yield read_record(path)
+
+
+def record_paths(folder: Path, split: str | None = None) -> Sequence[Path]:
+    """Where they are, by index."""
+    return sorted((folder / TRUTH).glob(f"{split or '*'}/*.json"), key=lambda path: path.name)

@@ -1,0 +1,146 @@
+"""A dataset from a world: planned, taken in shards, gone on with where it stopped, and finished by the formats."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+from pavetwin.capture.crew import Hire, Job, crew
+from pavetwin.capture.formats import find_formats
+from pavetwin.capture.plan import Wish, wishes
+from pavetwin.capture.platforms import Platform, Setting, find_platform
+from pavetwin.capture.setting import check, defects_hash, prepare
+from pavetwin.capture.settings import FILE, SPLITS, CaptureSettings, check_same, description
+from pavetwin.capture.shards import Order, dealt, done, in_shards
+from pavetwin.capture.shots import draw_shot
+from pavetwin.capture.statistics import Statistics, count
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import writing
+from pavetwin.world.model import World
+from pavetwin.world.store import load_world
+
+BLOCK: Final = 2048
+"""Images whose places are known before the first of them is taken, so that neighbours are taken together."""
+
+MANIFEST: Final = "manifest.yaml"
+
+OnProgress = Callable[[float, str], None]
+"""Told the share done and what is being done."""
+
+
+@dataclass(frozen=True)
+class Captured:
+    """A dataset that is complete."""
+
+    folder: Path
+    statistics: Statistics
+    taken: int
+    """Images taken now; the others were there."""
+
+
+def capture(
+    world_folder: Path,
+    settings: CaptureSettings,
+    folder: Path,
+    *,
+    hire: Hire,
+    jobs: int = 1,
+    on_progress: OnProgress | None = None,
+) -> Captured:
+    """Take a dataset's images, those that are not there yet, and write what its formats have over all of them.
+
+    Args:
+        hire: makes the photographer of each process.
+        jobs: processes at work at a time; they change nothing but the time it takes.
+
+    Raises:
+        PaveTwinError: the world or a setting does not serve, the folder holds something else, or it cannot be written.
+            What was taken stays, and the same call goes on from there.
+    """
+    if jobs < 1:
+        raise PaveTwinError(f"--jobs {jobs}: at least one process must take the images.")
+    tell = on_progress or (lambda _share, _what: None)
+    check(settings)
+    world = load_world(world_folder)
+    wanted = description(settings, world.name, world.content_hash, defects_hash(world))
+    check_same(folder, wanted)
+    setting = prepare(world, settings, lambda share: tell(share, "Recording traffic"))
+    _write_yaml(folder / FILE, wanted)
+    there = done(folder)
+    missing = [index for index in range(settings.images) if index not in there]
+    if missing:
+        _take(Job(world_folder, settings, folder, hire), setting, missing, jobs, tell)
+    statistics = _finish(world, settings, setting, folder)
+    return Captured(folder, statistics, len(missing))
+
+
+def _take(job: Job, setting: Setting, missing: list[int], jobs: int, tell: OnProgress) -> None:
+    total, ready = job.settings.images, job.settings.images - len(missing)
+    platform = find_platform(job.settings.platform)(setting)
+
+    def on_image() -> None:
+        nonlocal ready
+        ready += 1
+        tell(ready / total, "Taking images")
+
+    hands = min(jobs, -(-len(missing) // 2))
+    with crew(job, setting, hands, on_image) as work:
+        for block in _blocks(job.settings, setting.world, missing):
+            orders = [
+                _planned(platform, wish, number, len(block), tell, ready / total) for number, wish in enumerate(block)
+            ]
+            work(dealt(in_shards(orders, hands), hands))
+
+
+def _planned(platform: Platform, wish: Wish, number: int, total: int, tell: OnProgress, share: float) -> Order:
+    tell(share, f"Finding places {number + 1}/{total}")
+    return wish, draw_shot(platform, wish, 0)
+
+
+def _blocks(settings: CaptureSettings, world: World, missing: list[int]) -> Iterator[list[Wish]]:
+    """The wishes that are still open, a block at a time."""
+    for start in range(0, settings.images, BLOCK):
+        inside = set(range(start, min(start + BLOCK, settings.images))).intersection(missing)
+        if inside:
+            every = wishes(settings, world, BLOCK, start)
+            yield [wish for wish in every if wish.index in inside]
+
+
+def _finish(world: World, settings: CaptureSettings, setting: Setting, folder: Path) -> Statistics:
+    formats = find_formats(settings.formats)
+    splits = tuple(split for split, share in zip(SPLITS, settings.split, strict=True) if share > 0)
+    for each in formats:
+        for split in splits:
+            for path, pieces in each.of_split(folder, split):
+                _write(folder / path, pieces)
+        for path, content in each.of_all(splits).items():
+            _write(folder / path, [content])
+    statistics = count(folder)
+    _write_yaml(folder / MANIFEST, _manifest(world, setting, statistics))
+    return statistics
+
+
+def _manifest(world: World, setting: Setting, statistics: Statistics) -> dict[str, Any]:
+    """What is in the dataset, for people."""
+    streets: dict[str, list[str]] = {}
+    for street, split in sorted(setting.sight.splits.items()):
+        streets.setdefault(split, []).append(street)
+    return {
+        "pavetwin": version("pavetwin"),
+        "world": world.name,
+        "streets": {split: streets[split] for split in SPLITS if split in streets},
+        **statistics.as_dict(),
+    }
+
+
+def _write(path: Path, pieces: Iterable[bytes]) -> None:
+    with writing(path) as temporary, temporary.open("wb") as stream:
+        for piece in pieces:
+            stream.write(piece)
+
+
+def _write_yaml(path: Path, content: dict[str, Any]) -> None:
+    _write(path, [yaml.safe_dump(content, sort_keys=False, allow_unicode=True).encode()])

@@ -1,0 +1,84 @@
+"""From a world and settings to where and when images can be taken; every process makes its own, the same."""
+
+from collections.abc import Callable
+from dataclasses import asdict
+from hashlib import sha256
+from typing import Final
+
+from pavetwin.capture.formats import find_formats
+from pavetwin.capture.plan import STREETS
+from pavetwin.capture.platforms import Setting, find_platform
+from pavetwin.capture.settings import CaptureSettings
+from pavetwin.capture.sight import Sight
+from pavetwin.capture.splits import split_streets
+from pavetwin.config.mission import UavSettings
+from pavetwin.errors import PaveTwinError
+from pavetwin.navigation.navmesh import navmesh
+from pavetwin.seeds import Stream, child
+from pavetwin.traffic.demand import density_named
+from pavetwin.traffic.record import record
+from pavetwin.traffic.recording import Recording
+from pavetwin.traffic.trace import trace_of
+from pavetwin.uav.cameras import find_camera
+from pavetwin.world.model import World
+
+RECORDED_S: Final = 600.0
+"""How much traffic images are taken from."""
+
+OnProgress = Callable[[float], None]
+
+
+def check(settings: CaptureSettings) -> None:
+    """Find out what is wrong before anything costs time.
+
+    Raises:
+        PaveTwinError: a platform, density, camera or format is not known, or an option is missing or out of place.
+    """
+    platform = find_platform(settings.platform)
+    find_formats(settings.formats)
+    find_camera(settings.camera)
+    for name in settings.densities:
+        density_named(name)
+    if platform.uses_altitude and not settings.altitudes_m:
+        raise PaveTwinError(f"--altitude: say how high the {settings.platform} flies, for example --altitude 10.")
+    if settings.altitudes_m and not platform.uses_altitude:
+        raise PaveTwinError(f"--altitude: a {settings.platform} does not fly; leave it out.")
+
+
+def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | None = None) -> Setting:
+    """Everything that images are chosen from; traffic is recorded where it was not before.
+
+    Raises:
+        PaveTwinError: the world has no defects or too few streets, an altitude leaves nothing to fly in, or the
+            traffic cannot be recorded.
+    """
+    check(settings)
+    if not world.defects:
+        raise PaveTwinError(f"The world '{world.name}' has no defects to take images of; build it with some.")
+    splits = split_streets(world, settings.split, child(settings.seed, Stream.CAPTURE, STREETS))
+    meshes = {altitude: navmesh(world, altitude, UavSettings().radius_m) for altitude in settings.altitudes_m}
+    recordings: dict[str, Recording] = {}
+    tell = on_progress or (lambda _: None)
+    for number, name in enumerate(dict.fromkeys(settings.densities)):
+
+        def part(share: float, done: int = number) -> None:
+            tell((done + share) / len(settings.densities))
+
+        recordings[name] = record(world, name, settings.seed, RECORDED_S, on_progress=part)
+    return Setting(
+        world=world,
+        settings=settings,
+        sight=Sight(world, splits),
+        recordings=recordings,
+        traces={name: trace_of(recording) for name, recording in recordings.items()},
+        meshes=meshes,
+    )
+
+
+def defects_hash(world: World) -> str:
+    """Names a world's defects, which its content hash leaves out."""
+    digest = sha256()
+    for defect in world.defects:
+        values = {name: str(value) for name, value in asdict(defect).items() if name not in ("polygon", "centre")}
+        digest.update(repr(sorted(values.items())).encode() + defect.polygon.wkb + defect.centre.wkb)
+    return digest.hexdigest()

@@ -1,0 +1,129 @@
+"""What decides every byte of a dataset, beside the world itself."""
+
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, Self
+
+import yaml
+from pydantic import Field, model_validator
+
+from pavetwin.config.base import Settings
+from pavetwin.errors import PaveTwinError
+
+Share = Annotated[float, Field(ge=0, le=1)]
+Positive = Annotated[float, Field(gt=0)]
+Pixels = Annotated[int, Field(ge=64, le=8192)]
+
+FORMAT: Final = 1
+"""Of the folder; raised when a dataset begun before could not be gone on with."""
+
+FILE: Final = "capture.yaml"
+
+SPLITS: Final = ("train", "val", "test")
+
+
+class CaptureSettings(Settings):
+    """One dataset, complete."""
+
+    platform: str
+    """A name of the registry in pavetwin.capture.platforms: uav or car."""
+    images: Annotated[int, Field(ge=1, le=10_000_000)]
+    seed: Annotated[int, Field(ge=0)] = 0
+    altitudes_m: tuple[Positive, ...] = ()
+    """Of the UAV, one drawn for each image."""
+    densities: Annotated[tuple[str, ...], Field(min_length=1)] = ("medium",)
+    """Of the traffic, one drawn for each image."""
+    size_px: tuple[Pixels, Pixels] = (640, 640)
+    """Width, height. The camera's vertical field of view is kept, so that a square is its middle."""
+    camera: str = "paper"
+    """Of the UAV: a name of the camera database, or a path to a YAML file of the same form."""
+    formats: Annotated[tuple[str, ...], Field(min_length=1)] = ("yolo", "voc", "coco")
+    split: tuple[Share, Share, Share] = (0.70, 0.15, 0.15)
+    """Shares of train, val and test: of the images, and about those of the streets' defects."""
+    empty: Share = 0.15
+    """Share of images that are to show no defect at all."""
+    picture: Literal["jpg", "png"] = "jpg"
+    quality: Annotated[int, Field(ge=50, le=100)] = 92
+    """Of JPEG."""
+
+    @model_validator(mode="after")
+    def _shares_sum_to_one(self) -> Self:
+        if abs(sum(self.split) - 1) > 1e-6:
+            raise ValueError(f"the shares of train, val and test sum to {sum(self.split):g}, not to 1")
+        return self
+
+
+ASKED_BY: Final = {
+    "altitudes_m": "--altitude",
+    "densities": "--density",
+    "size_px": "--size",
+    "picture": "--png",
+}
+"""Options whose names differ from their settings'."""
+
+
+def description(settings: CaptureSettings, world: str, content: str, defects: str) -> dict[str, Any]:
+    """What a dataset's `capture.yaml` holds before its first image.
+
+    Args:
+        world: name of the world.
+        content: hash of what stands still.
+        defects: hash of its defects.
+    """
+    return {
+        "format": FORMAT,
+        "world": {"name": world, "content_hash": content, "defects_hash": defects},
+        "settings": settings.model_dump(mode="json"),
+    }
+
+
+def check_same(folder: Path, wanted: dict[str, Any]) -> bool:
+    """Whether a dataset with these settings was begun in `folder`; more images may be asked for than before.
+
+    Raises:
+        PaveTwinError: something else is there, or a dataset with other settings; the message names the first.
+    """
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return False
+    if not (folder / FILE).is_file():
+        raise PaveTwinError(f"--output: '{folder}' exists and holds no dataset; choose another folder.")
+    found = read_description(folder)
+    if found["format"] != FORMAT:
+        raise PaveTwinError(f"'{folder}' is of format {found['format']}, this version writes {FORMAT}; choose another.")
+    for key, what in (("content_hash", "another world"), ("defects_hash", "other defects")):
+        if found["world"].get(key) != wanted["world"][key]:
+            raise PaveTwinError(
+                f"'{folder}' holds images of {what} than '{wanted['world']['name']}' has now; choose another folder."
+            )
+    there, asked = found["settings"], wanted["settings"]
+    for key, value in asked.items():
+        if key != "images" and there.get(key) != value:
+            raise PaveTwinError(
+                f"'{folder}' was begun with {ASKED_BY.get(key, f'--{key}')} {_said(there.get(key))}, not "
+                f"{_said(value)}; choose another folder or the same settings."
+            )
+    if asked["images"] < there["images"]:
+        raise PaveTwinError(
+            f"'{folder}' was begun with --images {there['images']}, more than {asked['images']}; choose another folder."
+        )
+    return True
+
+
+def read_description(folder: Path) -> dict[str, Any]:
+    """A dataset's `capture.yaml`.
+
+    Raises:
+        PaveTwinError: there is none, or it is damaged.
+    """
+    path = folder / FILE
+    if not path.is_file():
+        raise PaveTwinError(f"'{folder}' holds no dataset; make one with `pavetwin capture WORLD -o {folder}`.")
+    try:
+        found = yaml.safe_load(path.read_text(encoding="utf-8"))
+        found["format"], found["world"]["name"], found["settings"]["images"]
+    except (yaml.YAMLError, OSError, UnicodeDecodeError, KeyError, TypeError) as error:
+        raise PaveTwinError(f"'{path}' is damaged; capture into another folder.") from error
+    return dict(found)
+
+
+def _said(value: Any) -> str:
+    return " ".join(str(part) for part in value) if isinstance(value, list) else str(value)

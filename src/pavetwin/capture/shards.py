@@ -1,0 +1,117 @@
+"""Images written a shard at a time: made in a folder aside, then each file moved to its place, an image's record last.
+
+So an image whose record is there is whole, and a killed run costs at most the shards in work.
+"""
+
+import os
+import shutil
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Final
+
+from pavetwin.capture.formats import Format
+from pavetwin.capture.plan import Wish
+from pavetwin.capture.platforms import Platform
+from pavetwin.capture.record import Record, record_paths, truth_path
+from pavetwin.capture.shots import Shot
+from pavetwin.capture.taking import Photographer, take
+from pavetwin.files import staging_folder
+
+SHARD: Final = 25
+"""Images in one; fewer where that leaves a process without work."""
+
+_ASIDE: Final = "shard"
+"""What the folder aside is named after; it begins with a dot."""
+
+Order = tuple[Wish, Shot | None]
+"""A wish, and its first attempt."""
+
+
+def write_shard(
+    folder: Path,
+    orders: Sequence[Order],
+    platform: Platform,
+    photographer: Photographer,
+    formats: Sequence[Format],
+    on_image: Callable[[], None],
+) -> None:
+    """Take the images of a shard and put them into the dataset.
+
+    Args:
+        on_image: called after each; an exception from it ends the shard, and leaves nothing of it.
+
+    Raises:
+        PaveTwinError: an image cannot be taken, or the dataset cannot be written. Nothing half-written is left.
+    """
+    with staging_folder(folder / _ASIDE) as aside:
+        records = []
+        for wish, first in orders:
+            record, picture = take(platform, photographer, wish, first)
+            _stage(aside, record, picture, formats)
+            records.append(record)
+            on_image()
+        for record in records:
+            _move(aside, folder, record, formats)
+
+
+def done(folder: Path) -> set[int]:
+    """The images that are in a dataset."""
+    return {int(path.stem) for path in record_paths(folder)}
+
+
+def in_shards(orders: Iterable[Order], hands: int) -> list[list[Order]]:
+    """Neighbours in one shard, so that a process makes as few tiles of the scene as can be; enough shards for all."""
+    along = sorted(orders, key=lambda order: (_place(order[1]), order[0].index))
+    size = max(1, min(SHARD, -(-len(along) // hands)))
+    return [along[start : start + size] for start in range(0, len(along), size)]
+
+
+def dealt(shards: Sequence[list[Order]], hands: int) -> list[list[Order]]:
+    """The shards in the order in which `hands` processes should begin them: each goes on beside where it was."""
+    length = -(-len(shards) // hands)
+    piles = [shards[start : start + length] for start in range(0, len(shards), max(1, length))]
+    return [pile[turn] for turn in range(length) for pile in piles if turn < len(pile)]
+
+
+def _files(record: Record, formats: Sequence[Format]) -> dict[str, bytes]:
+    return {path: content for each in formats for path, content in each.of_image(record).items()}
+
+
+def _stage(aside: Path, record: Record, picture: bytes, formats: Sequence[Format]) -> None:
+    last = {record.image: picture, truth_path(record.split, record.index): record.as_bytes()}
+    for path, content in (_files(record, formats) | last).items():
+        (aside / path).parent.mkdir(parents=True, exist_ok=True)
+        (aside / path).write_bytes(content)
+
+
+def _move(aside: Path, folder: Path, record: Record, formats: Sequence[Format]) -> None:
+    truth = truth_path(record.split, record.index)
+    for path in (*_files(record, formats), record.image):
+        _into(aside / path, folder / path)
+    for each in formats:
+        for path in each.links(record):
+            _link(folder / record.image, folder / path)
+    _into(aside / truth, folder / truth)
+
+
+def _into(source: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    source.replace(target)
+
+
+def _link(source: Path, target: Path) -> None:
+    """The same file under a second name; a copy on disks that have no such thing."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.unlink(missing_ok=True)
+    try:
+        os.link(source, target)
+    except (OSError, NotImplementedError):
+        shutil.copyfile(source, target)
+
+
+def _place(shot: Shot | None) -> int:
+    """Along a curve that keeps neighbours together (Morton 1966): the bits of column and row in turn."""
+    if shot is None:
+        return 1 << 62
+    column, row = (int(value // 32.0) + (1 << 20) for value in shot.pose.view.position[:2])
+    return sum(((column >> bit & 1) | (row >> bit & 1) << 1) << 2 * bit for bit in range(21))

@@ -1,0 +1,196 @@
+"""A contact sheet: images of a dataset side by side, with what their labels say drawn over them."""
+
+from collections.abc import Iterable, Sequence
+from functools import cache
+from math import ceil, floor
+from pathlib import Path
+from typing import Final
+
+import matplotlib
+import numpy as np
+from PIL import Image, ImageColor, ImageDraw, ImageFont
+
+from pavetwin.capture.classes import categories
+from pavetwin.capture.record import Record, read_record, record_paths
+from pavetwin.capture.rle import decode
+from pavetwin.capture.settings import SPLITS, read_description
+from pavetwin.capture.truth import Thing
+from pavetwin.draw.style import INK, INK_SOFT, PAPER
+from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.files import writing
+
+CELL_PX: Final = 420
+"""Width of one image on the sheet."""
+
+_GAP_PX, _MARGIN_PX, _CAPTION_PX, _HEADER_PX = 18, 36, 46, 96
+_MASK_ALPHA: Final = 0.28
+_HALO, _IGNORED = "#101010", "#E8E8E8"
+_DASH_PX: Final = 5
+
+
+def save_sheet(folder: Path, path: Path, *, count: int = 24, split: str | None = None) -> int:
+    """Draw `count` images of a dataset, evenly chosen over its indices, into a PNG or JPEG. Returns how many.
+
+    Raises:
+        PaveTwinError: the folder holds no image, or none of that split, or the file cannot be written.
+    """
+    description = read_description(folder)
+    if split is not None and split not in SPLITS:
+        raise PaveTwinError(f"--split: no split '{split}'{nearest_name(split, SPLITS)}; there are {', '.join(SPLITS)}.")
+    if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        raise PaveTwinError(f"A contact sheet cannot be written as '{path.name}'; end its name in .png or .jpg.")
+    if count < 1:
+        raise PaveTwinError(f"--count {count}: a contact sheet shows at least one image.")
+    found = record_paths(folder, split)
+    if not found:
+        which = f"no {split} image" if split else "no image"
+        raise PaveTwinError(f"'{folder}' holds {which} yet.")
+    chosen = np.unique(np.linspace(0, len(found) - 1, min(count, len(found))).round().astype(int))
+    records = [read_record(found[index]) for index in chosen.tolist()]
+    sheet = contact_sheet(
+        folder, records, title=f"{folder.absolute().name}   {_summary(description, len(found), split)}"
+    )
+    with writing(path) as temporary:
+        sheet.save(temporary, quality=90)
+    return len(records)
+
+
+def contact_sheet(folder: Path, records: Sequence[Record], *, title: str) -> Image.Image:
+    """The images of `records` with their labels, in rows, under a title and a legend."""
+    columns = _columns(len(records))
+    rows = ceil(len(records) / columns)
+    cells = [_cell(folder, record) for record in records]
+    height = max(cell.height for cell in cells)
+    size = (
+        2 * _MARGIN_PX + columns * CELL_PX + (columns - 1) * _GAP_PX,
+        _MARGIN_PX + _HEADER_PX + rows * (height + _GAP_PX) + _MARGIN_PX - _GAP_PX,
+    )
+    sheet = Image.new("RGB", size, PAPER)
+    _header(sheet, title)
+    for number, cell in enumerate(cells):
+        row, column = divmod(number, columns)
+        place = (_MARGIN_PX + column * (CELL_PX + _GAP_PX), _MARGIN_PX + _HEADER_PX + row * (height + _GAP_PX))
+        sheet.paste(cell, place)
+    return sheet
+
+
+def _columns(count: int) -> int:
+    """About three columns for two rows, and the last row as full as can be."""
+    wanted = (count * 1.5) ** 0.5
+    choices = range(max(1, floor(0.8 * wanted)), max(1, ceil(1.25 * wanted)) + 1)
+    return min(min(choices, key=lambda columns: (-count % columns, abs(columns - wanted))), count)
+
+
+def annotated(picture: Image.Image, things: Iterable[Thing], scale: float = 1.0) -> Image.Image:
+    """A picture, scaled, with the masks and boxes of its things; ignored ones are dashed and have no mask."""
+    shown = sorted(things, key=lambda thing: (thing.ignored is None, -thing.area_px))
+    small = picture.convert("RGB").resize(
+        (round(picture.width * scale), round(picture.height * scale)), Image.Resampling.LANCZOS
+    )
+    colours = {category.name: category.colour for category in categories()}
+    for thing in shown:
+        if thing.ignored is None:
+            mask = decode(thing.mask, (picture.height, picture.width))
+            soft = Image.fromarray(mask.astype(np.uint8) * round(255 * _MASK_ALPHA)).resize(
+                small.size, Image.Resampling.BOX
+            )
+            small.paste(Image.new("RGB", small.size, colours[thing.category]), mask=soft)
+    pen = ImageDraw.Draw(small)
+    for thing in shown:
+        _box(pen, thing, colours[thing.category], scale)
+    for thing in shown:
+        if thing.ignored is None:
+            _tag(pen, thing, colours[thing.category], scale, small.size)
+    return small
+
+
+def _cell(folder: Path, record: Record) -> Image.Image:
+    path = folder / record.image
+    try:
+        with Image.open(path) as file:
+            picture = file.convert("RGB")
+    except OSError as error:
+        raise PaveTwinError(f"'{path}' is damaged or missing; capture into another folder.") from error
+    drawn = annotated(picture, record.things, CELL_PX / picture.width)
+    cell = Image.new("RGB", (CELL_PX, drawn.height + _CAPTION_PX), PAPER)
+    cell.paste(drawn, (0, 0))
+    pen = ImageDraw.Draw(cell)
+    camera, light = record.camera, record.light
+    height = f"{camera['altitude_m']:g} m" if camera["platform"] == "uav" else camera["mount"]
+    tilt = "" if camera["pitch_deg"] < -87.5 else f", tilted {90 + camera['pitch_deg']:.0f}°"
+    tilt = tilt if camera["platform"] == "uav" else ""
+    pen.text((0, drawn.height + 5), f"{record.name}  {record.split}", INK, _font(15, bold=True))
+    sky = f"sun {light['sun_elevation_deg']:.0f}°, cloud {100 * light['cloud_cover']:.0f} %"
+    text = f"{height}{tilt} · {record.traffic['density']} traffic · {sky}"
+    pen.text((0, drawn.height + 25), text, INK_SOFT, _font(13))
+    ignored = sum(thing.ignored is not None for thing in record.things)
+    right = f"{len(record.labelled)} labels" + (f", {ignored} ignored" if ignored else "")
+    pen.text((CELL_PX, drawn.height + 5), right, INK_SOFT, _font(13), anchor="ra")
+    return cell
+
+
+def _header(sheet: Image.Image, title: str) -> None:
+    pen = ImageDraw.Draw(sheet)
+    name, _, rest = title.partition("   ")
+    pen.text((_MARGIN_PX, _MARGIN_PX - 8), name, INK, _font(26, bold=True))
+    pen.text((_MARGIN_PX + pen.textlength(name, _font(26, bold=True)) + 16, _MARGIN_PX + 1), rest, INK_SOFT, _font(17))
+    x = float(_MARGIN_PX)
+    for category in categories():
+        pen.rectangle((x, _MARGIN_PX + 40, x + 18, _MARGIN_PX + 58), fill=category.colour, outline=INK)
+        pen.text((x + 26, _MARGIN_PX + 40), category.name, INK, _font(16))
+        x += 26 + pen.textlength(category.name, _font(16)) + 30
+    _dashed(pen, (x, _MARGIN_PX + 40, x + 18, _MARGIN_PX + 58), INK_SOFT)
+    pen.text((x + 26, _MARGIN_PX + 40), "ignored (hidden, cut, far, small or fine)", INK, _font(16))
+
+
+def _box(pen: ImageDraw.ImageDraw, thing: Thing, colour: str, scale: float) -> None:
+    left, top, right, bottom = (value * scale for value in thing.box)
+    if thing.ignored is not None:
+        _dashed(pen, (left, top, right, bottom), _IGNORED)
+        return
+    pen.rectangle((left - 2, top - 2, right + 1, bottom + 1), outline=_HALO)
+    pen.rectangle((left - 1, top - 1, right, bottom), outline=colour, width=2)
+
+
+def _dashed(pen: ImageDraw.ImageDraw, box: tuple[float, float, float, float], colour: str) -> None:
+    left, top, right, bottom = box
+    for start, end, is_flat in ((left, right, True), (top, bottom, False)):
+        for at in np.arange(start, max(end, start + 1), 2 * _DASH_PX).tolist():
+            to = min(at + _DASH_PX, end)
+            for other in (top, bottom) if is_flat else (left, right):
+                pen.line((at, other, to, other) if is_flat else (other, at, other, to), fill=colour)
+
+
+def _tag(pen: ImageDraw.ImageDraw, thing: Thing, colour: str, scale: float, size: tuple[int, int]) -> None:
+    """Of a defect its severity, over the box; below its upper edge where there is no room above."""
+    text = thing.details.get("severity")
+    if text is None:
+        return
+    font = _font(10, bold=True)
+    width, height = pen.textlength(text, font) + 6, 13
+    left = min(max(0.0, thing.box[0] * scale - 1), size[0] - width)
+    top = thing.box[1] * scale - height - 1
+    top = top if top >= 0 else thing.box[1] * scale + 1
+    pen.rectangle((left, top, left + width, top + height), fill=colour)
+    pen.text((left + 3, top + 1), text, _on(colour), font)
+
+
+def _on(colour: str) -> str:
+    """Black or white, whichever can be read on a colour."""
+    red, green, blue = ImageColor.getrgb(colour)[:3]
+    return "#000000" if 0.299 * red + 0.587 * green + 0.114 * blue > 110 else "#FFFFFF"
+
+
+@cache
+def _font(size: int, *, bold: bool = False) -> ImageFont.FreeTypeFont:
+    """DejaVu Sans, which Matplotlib brings along."""
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+    return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name), size)
+
+
+def _summary(description: dict[str, object], count: int, split: str | None) -> str:
+    settings, world = description["settings"], description["world"]
+    assert isinstance(settings, dict)
+    assert isinstance(world, dict)
+    images = f"{count} {split} images" if split else f"{count} images"
+    return f"{images} of the world {world['name']}, {settings['platform']}, seed {settings['seed']}"

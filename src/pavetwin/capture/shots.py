@@ -1,0 +1,75 @@
+"""From a wish to an image's pose and light: drawn anew until the place suits, or given up."""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+from pavetwin.capture.daylight import Daylight, draw_daylight
+from pavetwin.capture.plan import SHOT, Wish, aims_of
+from pavetwin.capture.platforms import Platform, Pose
+from pavetwin.errors import PaveTwinError
+from pavetwin.seeds import Stream, child
+
+PROPOSALS: Final = 300
+"""Poses that are looked at, by geometry, for one image."""
+
+STRICT, ANY_CLASS, ANYWHERE = 8, 8, 24
+"""Attempts at a wish as it is, then at any class of defects, then also from any of the altitudes."""
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One image to take."""
+
+    wish: Wish
+    attempt: int
+    pose: Pose
+    daylight: Daylight
+
+
+def draw_shot(platform: Platform, wish: Wish, attempt: int) -> Shot | None:
+    """The n-th attempt at a wish, from the seed, the image's index and n alone; None when no place suits."""
+    setting = platform.setting
+    if wish.aims and not len(setting.sight.wanted(wish)):
+        return None
+    rng = child(setting.settings.seed, Stream.CAPTURE, SHOT, wish.index, attempt)
+    daylight = draw_daylight(rng, *_place(platform))
+    for _ in range(PROPOSALS):
+        pose = platform.propose(wish, rng)
+        if pose is not None and setting.sight.suits(pose.view, wish):
+            return Shot(wish, attempt, pose, daylight)
+    return None
+
+
+def relaxed(platform: Platform, wish: Wish, attempt: int) -> Wish:
+    """What is wished at the n-th attempt: after some any class of defects will do, also where none was to be seen, and
+    at last any altitude.
+
+    Raises:
+        PaveTwinError: there have been enough attempts.
+    """
+    if attempt >= STRICT + ANY_CLASS + ANYWHERE:
+        raise PaveTwinError(
+            f"Image {wish.index}: no place was found on the streets of {wish.split} where a defect can be seen; "
+            "choose another altitude, a larger --size, other --split shares, or a world with more defects."
+        )
+    if attempt < STRICT:
+        return wish
+    easier = replace(wish, aims=tuple(aims_of(platform.setting.world)))
+    heights = platform.setting.settings.altitudes_m
+    if attempt < STRICT + ANY_CLASS or not heights:
+        return easier
+    return replace(easier, altitude_m=heights[attempt % len(heights)])
+
+
+def next_attempt(attempt: int, shot: Shot | None) -> int:
+    """The attempt after one that came to nothing. Where no place was found for it, none is looked for again until what
+    is wished becomes easier."""
+    stages = (STRICT, STRICT + ANY_CLASS)
+    return attempt + 1 if shot is not None else next((stage for stage in stages if attempt < stage), attempt + 1)
+
+
+def _place(platform: Platform) -> tuple[float, float]:
+    """Longitude and latitude of the world's base, in degrees: the sun is the same all over it."""
+    world = platform.setting.world
+    longitude, latitude = world.georeference.to_wgs84((world.base.x, world.base.y))
+    return float(longitude), float(latitude)

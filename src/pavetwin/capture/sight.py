@@ -1,0 +1,97 @@
+"""Which defects a camera may see, by geometry alone: decides about a place before an image of it costs anything."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely import Polygon
+
+from pavetwin.capture.classes import LEAST_WIDTH_PX, category_of_defect
+from pavetwin.capture.plan import Wish
+from pavetwin.scene.view import View
+from pavetwin.world.model import World
+
+HORIZON_M = 45.0
+"""Beyond it a defect is below a pixel high for a camera on a car; what is seen of one all the same, the instance image
+tells."""
+
+INNER = 0.8
+"""The middle of a defect that an image aims at lies in this part of its width and height."""
+
+AIMED_WITHIN_M = 20.0
+"""Of the camera."""
+
+_BORDER = np.linspace(0.0, 1.0, 5)
+
+
+def footprint(view: View, horizon_m: float = HORIZON_M) -> Polygon:
+    """The ground that a view may show, out to a distance; convex, and never less than is seen."""
+    width, height = view.size_px
+    edges = [(u, v) for u in _BORDER for v in _BORDER if u in (0.0, 1.0) or v in (0.0, 1.0)]
+    pixels = np.array(edges) * (width, height)
+    hits, rays = view.ground(pixels), view.rays(pixels)
+    away = hits - view.position[:2]
+    reach = np.hypot(away[:, 0], away[:, 1])
+    flat = rays[:, :2] / np.maximum(1e-12, np.hypot(rays[:, 0], rays[:, 1]))[:, None]
+    beyond = ~(reach <= horizon_m)
+    hits[beyond] = view.position[:2] + flat[beyond] * horizon_m
+    return Polygon(shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(hits))))
+
+
+@dataclass(frozen=True)
+class Sight:
+    """A world's defects, found by place, each with the split that its street belongs to."""
+
+    world: World
+    splits: Mapping[str, str]
+    """Street → split."""
+
+    @cached_property
+    def _tree(self) -> shapely.STRtree:
+        return shapely.STRtree([defect.polygon for defect in self.world.defects])
+
+    @cached_property
+    def split_of(self) -> npt.NDArray[np.str_]:
+        """(defects,)"""
+        street_of = {segment.id: segment.street for segment in self.world.segments}
+        return np.array([self.splits[street_of[defect.segment]] for defect in self.world.defects], dtype=np.str_)
+
+    @cached_property
+    def categories(self) -> npt.NDArray[np.intp]:
+        """(defects,) numbers of their categories."""
+        numbers = {kind: category_of_defect(kind).number for kind in {defect.kind for defect in self.world.defects}}
+        return np.array([numbers[defect.kind] for defect in self.world.defects], dtype=np.intp)
+
+    @cached_property
+    def centres(self) -> npt.NDArray[np.float64]:
+        """(defects, 3) on the ground, metres."""
+        xy = [(defect.centre.x, defect.centre.y, 0.0) for defect in self.world.defects]
+        return np.array(xy, dtype=np.float64).reshape(-1, 3)
+
+    @cached_property
+    def widths_m(self) -> npt.NDArray[np.float64]:
+        """(defects,)"""
+        return np.array([defect.width_m for defect in self.world.defects], dtype=np.float64)
+
+    def wanted(self, wish: Wish) -> npt.NDArray[np.intp]:
+        """The defects that a wish may aim at."""
+        ours = self.split_of == wish.split
+        return np.flatnonzero(ours & np.isin(self.categories, [category.number for category in wish.aims]))
+
+    def suits(self, view: View, wish: Wish) -> bool:
+        """Whether a view may be what is wished: no defect of another split, and one of its own wide enough to be seen;
+        or none at all."""
+        near = self._tree.query(footprint(view), predicate="intersects")
+        if not wish.aims:
+            return not len(near)
+        if not (self.split_of[near] == wish.split).all():
+            return False
+        aims = np.intersect1d(near, self.wanted(wish))
+        within = view.project(self.centres[aims]) / view.size_px
+        away = np.linalg.norm(self.centres[aims] - view.position, axis=1)
+        clear = (away < AIMED_WITHIN_M) & (self.widths_m[aims] * view.focal_px > LEAST_WIDTH_PX * away)
+        with np.errstate(invalid="ignore"):
+            return bool(((np.abs(within - 0.5) < INNER / 2).all(axis=1) & clear).any())

@@ -1,0 +1,130 @@
+"""Whole streets for train, val and test, so that no defect is seen in two of them.
+
+Of many assignments the one is taken that comes nearest to the wanted shares of each class's defects and parts the
+fewest streets that meet: where streets of two splits meet no image can be taken.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from pavetwin.capture.settings import SPLITS
+from pavetwin.errors import PaveTwinError
+from pavetwin.world.model import DefectClass, World
+
+STARTS: Final = 24
+"""Assignments that are improved until none of a street's moves helps; the best is taken."""
+
+MEETING_M: Final = 30.0
+"""Streets nearer to each other than this are seen in one image."""
+
+PARTING_WEIGHT: Final = 0.25
+"""What it costs to part all streets that meet, where 1 is to miss every share by all."""
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Town:
+    counts: Floats
+    """(streets, classes) of defects, as shares of each class."""
+    meets: Floats
+    """(streets, streets) 1 where two meet, scaled to sum to 1."""
+    wanted: Floats
+    """(splits,)"""
+
+
+def split_streets(
+    world: World, shares: Sequence[float], rng: np.random.Generator, meeting_m: float = MEETING_M
+) -> Mapping[str, str]:
+    """The split of every street that has defects.
+
+    Args:
+        shares: of train, val and test; one of 0 gets no street.
+
+    Raises:
+        PaveTwinError: there are fewer streets with defects than splits.
+    """
+    street_of = {segment.id: segment.street for segment in world.segments}
+    names = sorted({street_of[defect.segment] for defect in world.defects})
+    wanted = np.array(shares, dtype=np.float64)
+    if len(names) < np.count_nonzero(wanted):
+        streets = "1 street" if len(names) == 1 else f"{len(names)} streets"
+        raise PaveTwinError(
+            f"The world '{world.name}' has {streets} with defects, and train, val and test each need streets of their "
+            "own; use a larger world, or --split 100/0/0."
+        )
+    town = _Town(_counts(world, names, street_of), _meetings(world, names, meeting_m), wanted)
+    best, least = None, np.inf
+    for _ in range(STARTS):
+        chosen = _improved(town, _started(town, rng))
+        cost = _cost(town, chosen)
+        if cost < least - 1e-12:
+            best, least = chosen, cost
+    assert best is not None
+    return {name: SPLITS[split] for name, split in zip(names, best.tolist(), strict=True)}
+
+
+def _counts(world: World, names: Sequence[str], street_of: Mapping[str, str]) -> Floats:
+    row, column = {name: i for i, name in enumerate(names)}, {kind: i for i, kind in enumerate(_kinds(world))}
+    counts = np.zeros((len(names), len(column)))
+    for defect in world.defects:
+        counts[row[street_of[defect.segment]], column[defect.kind]] += 1
+    return np.asarray(counts / np.maximum(1, counts.sum(axis=0)))
+
+
+def _kinds(world: World) -> list[DefectClass]:
+    return sorted({defect.kind for defect in world.defects})
+
+
+def _meetings(world: World, names: Sequence[str], meeting_m: float) -> Floats:
+    row = {name: i for i, name in enumerate(names)}
+    segments = [segment for segment in world.segments if segment.street in row]
+    polygons = np.array([segment.polygon for segment in segments], dtype=object)
+    streets = np.array([row[segment.street] for segment in segments])
+    one, other = shapely.STRtree(polygons).query(polygons, predicate="dwithin", distance=meeting_m)
+    meets = np.zeros((len(names), len(names)))
+    meets[streets[one], streets[other]] = 1.0
+    np.fill_diagonal(meets, 0.0)
+    return np.asarray(meets / max(1.0, float(meets.sum())))
+
+
+def _started(town: _Town, rng: np.random.Generator) -> npt.NDArray[np.intp]:
+    """Streets in random order, each to the split that lacks most."""
+    chosen = np.zeros(len(town.counts), dtype=np.intp)
+    lacking = np.where(town.wanted > 0, town.wanted, -np.inf)
+    sizes = town.counts.sum(axis=1) / town.counts.sum()
+    for street in rng.permutation(len(town.counts)):
+        chosen[street] = int(np.argmax(lacking))
+        lacking[chosen[street]] -= sizes[street]
+    return chosen
+
+
+def _improved(town: _Town, chosen: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
+    """Move street by street to where it costs least, until no move helps."""
+    chosen = chosen.copy()
+    open_splits = np.flatnonzero(town.wanted > 0)
+    cost, moved = _cost(town, chosen), True
+    while moved:
+        moved = False
+        for street in range(len(chosen)):
+            before = chosen[street]
+            for split in open_splits:
+                chosen[street] = split
+                other = _cost(town, chosen)
+                if other < cost - 1e-12:
+                    cost, before, moved = other, split, True
+            chosen[street] = before
+    return chosen
+
+
+def _cost(town: _Town, chosen: npt.NDArray[np.intp]) -> float:
+    inside = np.eye(len(town.wanted))[chosen]
+    missed = np.abs(inside.T @ town.counts - town.wanted[:, None] * (town.counts.sum(axis=0) > 0))
+    parted = 1.0 - float((inside * (town.meets @ inside)).sum()) if town.meets.any() else 0.0
+    unused = np.count_nonzero((inside.sum(axis=0) == 0) & (town.wanted > 0))
+    return float(missed.mean(axis=1).sum()) + PARTING_WEIGHT * parted + 10.0 * unused

@@ -1,0 +1,94 @@
+"""What is in a dataset, counted from its records."""
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from pavetwin.capture.classes import categories
+from pavetwin.capture.record import Record, read_records
+from pavetwin.capture.settings import SPLITS
+
+SIZES: Final = (("small", 32.0), ("medium", 96.0), ("large", float("inf")))
+"""COCO's: a thing is small where its mask has fewer than 32² pixels, medium where fewer than 96²."""
+
+
+@dataclass
+class Statistics:
+    """Counts over a dataset. All by names, so that they print as they are."""
+
+    images: Counter[str] = field(default_factory=Counter)
+    """By split."""
+    empty: Counter[str] = field(default_factory=Counter)
+    """Images without a defect in sight, by split."""
+    missed_wishes: int = 0
+    """Images that were to show one class, or no defect, and show another: no place for it was found."""
+    labelled: Counter[tuple[str, str]] = field(default_factory=Counter)
+    """By class and split."""
+    distinct: dict[tuple[str, str], set[str]] = field(default_factory=dict)
+    """The defects behind the labels, by class and split."""
+    severities: Counter[tuple[str, str]] = field(default_factory=Counter)
+    """Labelled defects by class and severity."""
+    sizes: Counter[tuple[str, str]] = field(default_factory=Counter)
+    """Labelled things by class and COCO's size."""
+    ignored: Counter[tuple[str, str]] = field(default_factory=Counter)
+    """By class and reason."""
+
+    def add(self, record: Record) -> None:
+        self.images[record.split] += 1
+        self.empty[record.split] += not any("severity" in thing.details for thing in record.things)
+        self.missed_wishes += record.aim["wished"] != record.aim["met"]
+        for thing in record.things:
+            if thing.ignored is not None:
+                self.ignored[thing.category, thing.ignored] += 1
+                continue
+            self.labelled[thing.category, record.split] += 1
+            self.sizes[thing.category, _size(thing.area_px)] += 1
+            if "severity" in thing.details:
+                self.severities[thing.category, thing.details["severity"]] += 1
+                self.distinct.setdefault((thing.category, record.split), set()).add(thing.id)
+
+    def as_dict(self) -> dict[str, Any]:
+        """As the manifest holds it: only what is there."""
+        names = [category.name for category in categories()]
+        return {
+            "images": {split: self.images[split] for split in SPLITS if self.images[split]},
+            "images_without_defects": {split: self.empty[split] for split in SPLITS if self.images[split]},
+            "images_not_as_wished": self.missed_wishes,
+            "labels": {name: _row(self.labelled, name) for name in names},
+            "distinct_defects": {
+                name: {split: len(self.distinct[name, split]) for split in SPLITS if (name, split) in self.distinct}
+                for name in names
+                if any(key[0] == name for key in self.distinct)
+            },
+            "ignored": {name: row for name in names if (row := _row(self.ignored, name))},
+        }
+
+
+def count(folder: Path) -> Statistics:
+    """The counts of a dataset; one image in memory at a time.
+
+    Raises:
+        PaveTwinError: a record is damaged.
+    """
+    return counted(read_records(folder))
+
+
+def counted(records: Iterable[Record]) -> Statistics:
+    statistics = Statistics()
+    for record in records:
+        statistics.add(record)
+    return statistics
+
+
+def _size(area_px: int) -> str:
+    return next(name for name, side in SIZES if area_px < side**2)
+
+
+def _row(counter: Counter[tuple[str, str]], name: str) -> dict[str, int]:
+    keys = {key for first, key in counter if first == name}
+    return {
+        key: counter[name, key]
+        for key in sorted(keys, key=lambda key: (SPLITS.index(key) if key in SPLITS else 0, key))
+    }

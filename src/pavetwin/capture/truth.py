@@ -1,0 +1,222 @@
+"""What one image shows, thing by thing, from its instance image; and what of it is not asked of a detector, and why."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from math import hypot
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely import Polygon
+
+from pavetwin.capture.classes import LEAST_WIDTH_PX, Category, category_of_agent, category_of_defect
+from pavetwin.capture.pieces import Box, Piece, pieces
+from pavetwin.capture.rle import encode
+from pavetwin.capture.sight import footprint
+from pavetwin.render.frame import Frame
+from pavetwin.scene.model import labelled_agent, labelled_defect
+from pavetwin.scene.view import View
+from pavetwin.world.model import Defect, World
+
+if TYPE_CHECKING:
+    from pavetwin._core import PoseColumns
+
+LEAST_VISIBLE_SHARE: Final = 0.15
+LEAST_INSIDE_SHARE: Final = 0.15
+LARGE_PX_SHARE: Final = 0.01
+"""Of the picture: what is seen of a thing and is larger than this is labelled, however much of it lies outside."""
+
+
+class Reason(StrEnum):
+    """Why something that can be seen is not labelled. The first that holds is given."""
+
+    HIDDEN = "hidden"
+    """Less than 15 % of what the image would show of it is visible."""
+    CUT = "cut"
+    """Less than 15 % of it lies within the image, and that is less than 1 % of the image."""
+    FAR = "far"
+    SMALL = "small"
+    """Its box's longer side or its mask is below the class's least."""
+    FINE = "fine"
+    """A crack whose widest opening is below 0.4 pixels."""
+
+
+@dataclass(frozen=True)
+class Thing:
+    """One defect or agent in one image."""
+
+    id: str
+    """`defect 12`, or `agent 7` of the image's recording."""
+    category: str
+    box: Box
+    """Tight around its visible pixels: left, top, and the first column and row beyond it."""
+    area_px: int
+    """Of its visible pixels."""
+    alone_px: int
+    """Of this image's pixels that it would cover if nothing hid it."""
+    visible_share: float
+    """area_px / alone_px."""
+    inside_share: float | None
+    """Of a defect the share of its area on the road that lies within the image; of an agent that of its outline in the
+    image plane, None where a part of it is behind the camera."""
+    truncated: bool
+    """It reaches the image's border."""
+    distance_m: float
+    """From the camera to its middle."""
+    position_m: tuple[float, float, float]
+    """Its middle, in the world frame."""
+    details: dict[str, Any]
+    """Of defects: class, severity, width_m, depth_m, area_m2, segment, street. Of agents: kind, sizes, yaw, speed."""
+    ignored: str | None
+    """A `Reason`; None for what is labelled."""
+    mask: str
+    """COCO's compressed run lengths over the whole image."""
+
+    def as_dict(self) -> dict[str, Any]:
+        return asdict(self) | {"box": list(self.box), "position_m": list(self.position_m)}
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What there is to be seen: a world, and the agents over it at one time."""
+
+    world: World
+    agents: "PoseColumns"
+    kinds: Sequence[str]
+    """Of all agents of the recording, by their number."""
+
+    def defect(self, number: int) -> Defect:
+        return self.world.defects[number]
+
+
+def things(frame: Frame, moment: Moment) -> list[Thing]:
+    """Everything that a frame's instance image shows, by rising label.
+
+    Raises:
+        ValueError: the frame has no labels, or they name a thing that is not there.
+    """
+    if frame.labels is None:
+        raise ValueError("a frame without labels shows no things")
+    return [_thing(piece, frame, moment) for piece in pieces(frame.labels)]
+
+
+def _thing(piece: Piece, frame: Frame, moment: Moment) -> Thing:
+    number = labelled_defect(piece.label)
+    inside: float | None
+    if number is not None:
+        category, middle, details = _defect(moment, number)
+        name, inside = f"defect {number}", ground_share(frame.view, moment.defect(number).polygon)
+    else:
+        agent = labelled_agent(piece.label)
+        assert agent is not None
+        category, corners, middle, details = _agent(moment, agent)
+        name, inside = f"agent {agent}", inside_share(frame.view, corners)
+    alone = frame.alone_px[piece.label]
+    size = (frame.view.size_px[1], frame.view.size_px[0])
+    distance = float(np.linalg.norm(middle - frame.view.position))
+    visible = piece.area_px / alone
+    is_cut = inside is not None and inside < LEAST_INSIDE_SHARE and piece.area_px < LARGE_PX_SHARE * size[0] * size[1]
+    width_px = details.get("width_m", np.inf) * frame.view.focal_px / distance
+    return Thing(
+        id=name,
+        category=category.name,
+        box=piece.box,
+        area_px=piece.area_px,
+        alone_px=alone,
+        visible_share=round(visible, 4),
+        inside_share=None if inside is None else round(inside, 4),
+        truncated=piece.touches_border(size),
+        distance_m=round(distance, 3),
+        position_m=(round(float(middle[0]), 3), round(float(middle[1]), 3), round(float(middle[2]), 3)),
+        details=details,
+        ignored=_reason(piece, category, visible, is_cut, distance, width_px),
+        mask=encode(piece.mask(size)),
+    )
+
+
+def _reason(
+    piece: Piece, category: Category, visible: float, is_cut: bool, distance_m: float, width_px: float
+) -> str | None:
+    if visible < LEAST_VISIBLE_SHARE:
+        return Reason.HIDDEN.value
+    if is_cut:
+        return Reason.CUT.value
+    if distance_m > category.farthest_m:
+        return Reason.FAR.value
+    if piece.longer_side_px < category.least_side_px or piece.area_px < category.least_area_px:
+        return Reason.SMALL.value
+    return Reason.FINE.value if width_px < LEAST_WIDTH_PX else None
+
+
+def _defect(moment: Moment, number: int) -> tuple[Category, npt.NDArray[np.float64], dict[str, Any]]:
+    """Category, middle (3,), details."""
+    defect = moment.defect(number)
+    details = {
+        "class": defect.kind.value,
+        "severity": defect.severity.value,
+        "width_m": round(defect.width_m, 4),
+        "depth_m": round(defect.depth_m, 4),
+        "area_m2": round(defect.area_m2, 4),
+        "segment": defect.segment,
+        "street": moment.world.segment(defect.segment).street,
+    }
+    return category_of_defect(defect.kind), np.array([defect.centre.x, defect.centre.y, 0.0]), details
+
+
+def _agent(
+    moment: Moment, agent: int
+) -> tuple[Category, npt.NDArray[np.float64], npt.NDArray[np.float64], dict[str, Any]]:
+    """Category, corners (8, 3), middle (3,), details."""
+    poses = moment.agents
+    there = np.flatnonzero(poses["agent"] == agent)
+    if not len(there):
+        raise ValueError(f"the instance image shows agent {agent}, who is not there at this time")
+    row = int(there[0])
+    x, y, yaw = float(poses["x_m"][row]), float(poses["y_m"][row]), float(poses["yaw_rad"][row])
+    length, width, height = (float(poses[name][row]) for name in ("length_m", "width_m", "height_m"))
+    details = {
+        "kind": moment.kinds[agent],
+        "length_m": round(length, 3),
+        "width_m": round(width, 3),
+        "height_m": round(height, 3),
+        "yaw_rad": round(yaw, 4),
+        "speed_mps": round(hypot(float(poses["east_mps"][row]), float(poses["north_mps"][row])), 3),
+    }
+    category = category_of_agent(is_pedestrian=bool(poses["is_pedestrian"][row]))
+    return category, _box_corners(x, y, yaw, length, width, height), np.array([x, y, height / 2]), details
+
+
+def _box_corners(
+    x: float, y: float, yaw_rad: float, length_m: float, width_m: float, height_m: float
+) -> npt.NDArray[np.float64]:
+    """The eight corners (8, 3) of a body that stands on the ground."""
+    ahead = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0]) * length_m / 2
+    left = np.array([-np.sin(yaw_rad), np.cos(yaw_rad), 0.0]) * width_m / 2
+    base = [a * ahead + b * left for a in (-1, 1) for b in (-1, 1)]
+    return np.array([np.array([x, y, z]) + corner for corner in base for z in (0.0, height_m)])
+
+
+def ground_share(view: View, outline: Polygon) -> float:
+    """Share of an area on the ground that lies within the image."""
+    return float(outline.intersection(footprint(view)).area / outline.area)
+
+
+def inside_share(view: View, corners: npt.NDArray[np.float64]) -> float | None:
+    """Share of a thing's outline in the image plane that lies within the image.
+
+    Args:
+        corners: (n, 3) in the world frame; the outline is their hull's.
+
+    Returns:
+        None where a corner is behind the camera, or all fall onto a line.
+    """
+    pixels = view.project(corners)
+    if not np.isfinite(pixels).all():
+        return None
+    outline = shapely.convex_hull(shapely.multipoints(pixels))
+    if not isinstance(outline, Polygon):
+        return None
+    width, height = view.size_px
+    return float(outline.intersection(shapely.box(0, 0, width, height)).area / outline.area)

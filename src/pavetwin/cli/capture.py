@@ -1,0 +1,221 @@
+"""`pavetwin capture …`: datasets of labelled images."""
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from pavetwin.cli.console import out, progress
+from pavetwin.errors import PaveTwinError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from pavetwin.capture.statistics import Statistics
+
+
+class _MakeIsMeant(TyperGroup):
+    """`pavetwin capture WORLD …` is `pavetwin capture make WORLD …`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if args and args[0] not in self.commands and args[0] not in ("--help", "-h"):
+            args = ["make", *args]
+        return super().parse_args(ctx, args)
+
+
+app = typer.Typer(
+    cls=_MakeIsMeant,
+    help="""Take a dataset of labelled images of a world, look at it, and count what is in it.
+
+    \b
+    pavetwin capture worlds/town -o datasets/town --platform uav --images 500 --altitude 6 --altitude 10
+    pavetwin capture show datasets/town
+    pavetwin capture stats datasets/town
+
+    `make` may be left out; `pavetwin capture make --help` lists its options.""",
+    no_args_is_help=True,
+)
+
+_UAV_ALTITUDES = (6.0, 10.0, 15.0)
+
+
+@app.command()
+def make(
+    world: Annotated[Path, typer.Argument(help="Folder of the world.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the dataset.")] = None,
+    platform: Annotated[str, typer.Option(help="What carries the camera: uav or car.")] = "uav",
+    images: Annotated[int, typer.Option(help="How many; a dataset may be given more later.")] = 100,
+    altitude: Annotated[
+        list[float] | None, typer.Option(help="Of the UAV, in metres; may be repeated. 6, 10 and 15 unless given.")
+    ] = None,
+    density: Annotated[
+        list[str] | None, typer.Option(help="Traffic: low, medium or high; may be repeated. medium unless given.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Names the luck of places, light and traffic; 0 is a seed too.")] = 0,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Of the images, in pixels.")] = "640x640",
+    camera: Annotated[
+        str | None, typer.Option(help="Of the UAV: paper, phantom4, phantom4pro, mavic3e, or a YAML file.")
+    ] = None,
+    formats: Annotated[str, typer.Option(help="Label files: any of yolo, voc and coco.")] = "yolo,voc,coco",
+    split: Annotated[str, typer.Option(help="Percent of train/val/test, by whole streets.")] = "70/15/15",
+    empty: Annotated[float, typer.Option(help="Share of images that show no defect.")] = 0.15,
+    png: Annotated[bool, typer.Option("--png", help="Store pictures without loss.")] = False,
+    quality: Annotated[int, typer.Option(help="Of JPEG, 50 to 100.")] = 92,
+    jobs: Annotated[int, typer.Option(help="Processes at work; they change only the time it takes.")] = 1,
+) -> None:
+    """Take labelled images of a world, and go on with a dataset that was begun before.
+
+    \b
+    pavetwin capture worlds/town -o datasets/town --images 500 --altitude 6 --altitude 10 --density high
+    pavetwin capture worlds/town -o datasets/drive --platform car --images 200 --seed 3 --jobs 2
+    pavetwin capture worlds/town -o datasets/sharp --camera phantom4pro --size 1280x960 --png --formats yolo
+
+    Traffic is recorded where it was not before. Labels are Single Crack, Crocodile Crack, Pothole, Person and Car.
+    """
+    from pavetwin.capture.run import capture
+    from pavetwin.capture.setting import check
+    from pavetwin.capture.settings import CaptureSettings
+    from pavetwin.render.adapter import find_adapter
+
+    if output is None:
+        raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/town.")
+    if camera is not None and platform != "uav":
+        raise PaveTwinError(f"--camera: a {platform} has cameras of its own; leave it out.")
+    values = {
+        "platform": platform,
+        "images": images,
+        "altitudes_m": tuple(altitude or (_UAV_ALTITUDES if platform == "uav" else ())),
+        "densities": tuple(density or ("medium",)),
+        "seed": seed,
+        "size_px": _size(size),
+        "camera": camera or "paper",
+        "formats": tuple(re.split(r"[,\s]+", formats.strip())),
+        "split": _shares(split),
+        "empty": empty,
+        "picture": "png" if png else "jpg",
+        "quality": quality,
+    }
+    settings = CaptureSettings.parse(values, where="capture")
+    check(settings)
+    find_adapter()
+    from pavetwin.capture.studio import Studio
+
+    with progress("Capturing") as tell:
+        captured = capture(world, settings, output, hire=Studio, jobs=jobs, on_progress=tell)
+    _print(captured.statistics)
+    there = settings.images - captured.taken
+    out.print(
+        f"{captured.taken} images taken" + (f", {there} were there" if there else "") + f". Dataset in {output}/. "
+        f"Next: pavetwin capture show {output}",
+        soft_wrap=True,
+    )
+
+
+@app.command()
+def show(
+    dataset: Annotated[Path, typer.Argument(help="Folder of a dataset.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Where the sheet goes; contact-sheet.png in it otherwise.")
+    ] = None,
+    count: Annotated[int, typer.Option(help="How many images.")] = 24,
+    split: Annotated[str | None, typer.Option(help="Of one split: train, val or test.")] = None,
+) -> None:
+    """Draw a contact sheet of a dataset, with its boxes and masks.
+
+    \b
+    pavetwin capture show datasets/town
+    pavetwin capture show datasets/town --split val --count 12 -o val.png
+    """
+    from pavetwin.capture.sheet import save_sheet
+
+    path = output or dataset / "contact-sheet.png"
+    with progress("Drawing"):
+        drawn = save_sheet(dataset, path, count=count, split=split)
+    out.print(f"{drawn} images on {path}", soft_wrap=True)
+
+
+@app.command()
+def stats(dataset: Annotated[Path, typer.Argument(help="Folder of a dataset.")]) -> None:
+    """Count what is in a dataset: by class, split, severity and size.
+
+    \b
+    pavetwin capture stats datasets/town
+    """
+    from pavetwin.capture.settings import read_description
+    from pavetwin.capture.statistics import count
+
+    description = read_description(dataset)
+    with progress("Counting"):
+        statistics = count(dataset)
+    total, asked = sum(statistics.images.values()), description["settings"]["images"]
+    if total < asked:
+        out.print(f"[yellow]Note:[/] {total} of {asked} images are there; give the same command again to go on.")
+    _print(statistics)
+
+
+def _print(statistics: "Statistics") -> None:
+    out.print(_labels(statistics))
+    if statistics.ignored:
+        out.print(_ignored(statistics))
+
+
+def _labels(statistics: "Statistics") -> "Table":
+    """A row a class: labels by split, distinct defects, severities, sizes."""
+    from rich.table import Table
+
+    from pavetwin.capture.classes import categories
+    from pavetwin.capture.settings import SPLITS
+    from pavetwin.capture.statistics import SIZES
+
+    splits = [split for split in SPLITS if statistics.images[split]]
+    levels, sizes = ("low", "medium", "high"), tuple(name for name, _ in SIZES)
+    table = Table(title="Labels", title_justify="left", box=None, pad_edge=False, header_style="bold", show_footer=True)
+    table.add_column("class", "images\nwithout defects", no_wrap=True)
+    for split in splits:
+        table.add_column(split, f"{statistics.images[split]}\n{statistics.empty[split]}", justify="right")
+    headings = [f"severity\n{level}" for level in levels] + [f"size\n{size}" for size in sizes]
+    for heading in ("of distinct\ndefects", *headings):
+        table.add_column(heading, justify="right")
+    for name in (category.name for category in categories()):
+        behind = [statistics.distinct[name, split] for split in splits if (name, split) in statistics.distinct]
+        cells = [str(statistics.labelled[name, split]) for split in splits]
+        cells.append(str(sum(map(len, behind))) if behind else "–")
+        cells += [str(statistics.severities[name, level]) if behind else "–" for level in levels]
+        table.add_row(name, *cells, *(str(statistics.sizes[name, size]) for size in sizes))
+    return table
+
+
+def _ignored(statistics: "Statistics") -> "Table":
+    """A row a class: what is seen and not labelled, by reason."""
+    from rich.table import Table
+
+    from pavetwin.capture.classes import categories
+    from pavetwin.capture.truth import Reason
+
+    table = Table(title="Ignored", title_justify="left", box=None, pad_edge=False, header_style="bold")
+    table.add_column("class", no_wrap=True)
+    for reason in Reason:
+        table.add_column(reason.value, justify="right")
+    for category in categories():
+        table.add_row(category.name, *(str(statistics.ignored[category.name, reason.value]) for reason in Reason))
+    return table
+
+
+def _size(text: str) -> tuple[int, int]:
+    found = re.fullmatch(r"(\d+)[x×](\d+)", text.strip())
+    if found is None:
+        raise PaveTwinError(f"--size {text}: expected WIDTHxHEIGHT in pixels, for example --size 640x640.")
+    return int(found[1]), int(found[2])
+
+
+def _shares(text: str) -> tuple[float, float, float]:
+    parts = text.split("/")
+    try:
+        train, val, test = (float(part) / 100 for part in parts)
+    except ValueError:
+        raise PaveTwinError(
+            f"--split {text}: expected the percentages of train/val/test, for example --split 70/15/15."
+        ) from None
+    return train, val, test

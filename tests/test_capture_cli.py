@@ -1,0 +1,186 @@
+"""`pavetwin capture` and `fly --save-frames` as a user types them, and one dataset by the real renderer."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import ExifTags, Image
+
+from pavetwin.capture.mission_frames import frame_size, save_frames
+from pavetwin.capture.record import read_records
+from pavetwin.capture.rle import decode
+from pavetwin.cli.capture import make, show, stats
+from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.errors import PaveTwinError
+from pavetwin.mission.results import findings_geojson, save_mission
+from pavetwin.render.adapter import find_adapter
+from pavetwin.render.exposure import Exposure
+from pavetwin.render.frame import Frame
+from pavetwin.scene.view import View
+from pavetwin.world.store import save_world
+from scenes import built
+from scenes.tiny import empty_street
+
+
+def pavetwin(*arguments: object, columns: int = 200, **environment: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", "from pavetwin.cli import main; main()", *map(str, arguments)]
+    settings = {**os.environ, "COLUMNS": str(columns), **environment}
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=settings)
+
+
+def plain_refusal(done: subprocess.CompletedProcess[str]) -> str:
+    """The one line of an error; asserts that it is one, with exit code 2."""
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stderr.count("\n") == 1, done.stderr
+    return done.stderr
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("capture-cli") / "cross"
+    save_world(add_defects(built("cross"), DefectOptions(per_segment=6)), folder)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"images": 0}, "images: Input should be greater than or equal to 1 (got 0)"),
+        ({"size": "640"}, "--size 640: expected WIDTHxHEIGHT"),
+        ({"size": "20x20"}, "size_px"),
+        ({"split": "70/30"}, "--split 70/30: expected the percentages of train/val/test"),
+        ({"split": "70/20/20"}, "sum to 1.1, not to 1"),
+        ({"empty": 2.0}, "empty"),
+        ({"platform": "boat"}, "--platform: no platform 'boat'"),
+        ({"platform": "car", "altitude": [6.0]}, "--altitude: a car does not fly"),
+        ({"platform": "car", "camera": "paper"}, "--camera: a car has cameras of its own"),
+        ({"density": ["heigh"]}, "No density 'heigh' (did you mean 'high'?)"),
+        ({"camera": "phantom5"}, "no camera 'phantom5'"),
+        ({"formats": "yolo,cocoo"}, "--formats: no format 'cocoo' (did you mean 'coco'?)"),
+        ({"jobs": 0}, "--jobs 0: at least one"),
+        ({"altitude": [0.4], "images": 1}, "--altitude 0.4: it must be above 1 m"),
+    ],
+)
+def test_what_is_wrong_is_said_plainly_and_leaves_nothing(
+    world: Path, tmp_path: Path, options: dict[str, Any], words: str
+) -> None:
+    _needs_an_adapter()
+    with pytest.raises(PaveTwinError) as refusal:
+        make(world, tmp_path / "d", **options)
+    assert words in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+    assert not (tmp_path / "d").exists()
+
+
+@pytest.mark.needs_adapter
+def test_a_folder_that_holds_something_else_is_refused(world: Path, tmp_path: Path) -> None:
+    (tmp_path / "letter.txt").write_text("dear")
+    assert "exists and holds no dataset" in plain_refusal(pavetwin("capture", world, "-o", tmp_path))
+    assert "holds no dataset" in plain_refusal(pavetwin("capture", "show", tmp_path))
+    assert "images: Input" in plain_refusal(pavetwin("capture", world, "-o", tmp_path / "d", "--images", 0))
+    assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
+
+
+def test_a_dataset_by_the_real_renderer(world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its boxes are tight, its shares are shares, its pictures show something, and it can be shown and counted."""
+    _needs_an_adapter()
+    options = ("--images", 4, "--size", "160x160", "--altitude", 6, "--density", "high", "--seed", 2)
+    done = pavetwin("capture", world, "-o", tmp_path / "d", *options)
+    assert done.returncode == 0, done.stderr
+    assert "4 images taken" in done.stdout
+    records = list(read_records(tmp_path / "d"))
+    assert [record.index for record in records] == [0, 1, 2, 3]
+    things = [(record, thing) for record in records for thing in record.things]
+    assert things
+    for record, thing in things:
+        rows, columns = np.nonzero(decode(thing.mask, (160, 160)))
+        assert thing.box == (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
+        assert 0 < thing.visible_share <= 1
+        assert thing.area_px <= thing.alone_px
+        with Image.open(tmp_path / "d" / record.image) as image:
+            assert np.asarray(image).std() > 5
+    stats(tmp_path / "d")
+    show(tmp_path / "d")
+    said = capsys.readouterr().out
+    labelled = {thing.category for _, thing in things if thing.ignored is None}
+    assert labelled
+    assert all(category in said for category in labelled)
+    assert "without defects" in said
+    assert "4 images on" in said
+    assert (tmp_path / "d" / "contact-sheet.png").is_file()
+
+
+def test_without_an_adapter_the_package_is_named(world: Path, tmp_path: Path) -> None:
+    done = pavetwin("capture", world, "-o", tmp_path / "d", "--images", 1, VK_DRIVER_FILES="/dev/null")
+    assert "mesa-vulkan-drivers" in plain_refusal(done)
+    assert not (tmp_path / "d").exists()
+    flown = pavetwin("fly", world, "--segments", 1, "--save-frames", "-o", tmp_path / "m", VK_DRIVER_FILES="/dev/null")
+    assert "mesa-vulkan-drivers" in plain_refusal(flown)
+    assert not (tmp_path / "m").exists()
+
+
+# --- Frames of a mission --------------------------------------------------------------------------------------------
+
+
+class Polaroid:
+    """A theatre that paints nothing, and notes what it was asked."""
+
+    def __init__(self) -> None:
+        self.views: list[tuple[View, float]] = []
+
+    def picture(self, view: View, *asked: object, **_: object) -> Frame:
+        time_s = asked[-1]
+        assert isinstance(time_s, float)
+        self.views.append((view, time_s))
+        return Frame(
+            view, np.full((view.size_px[1], view.size_px[0], 3), 90, np.uint8), None, None, {}, Exposure(1e-3, 2.8, 100)
+        )
+
+
+def test_the_frames_of_a_mission_show_where_each_defect_was_confirmed(tmp_path: Path) -> None:
+    flown = empty_street((20, 1), (20.4, -1), (45, 1)).fly("baseline")
+    assert len(flown.findings) == 3
+    theatre = Polaroid()
+    save_mission(flown, tmp_path / "m")
+    taken = save_frames(flown, None, tmp_path / "m", theatre)
+    content = json.loads((tmp_path / "m" / "captures.geojson").read_text())
+    named = {feature["properties"]["frame"] for feature in content["features"]}
+    assert {f"frames/{path.name}" for path in (tmp_path / "m" / "frames").iterdir()} == named
+    assert taken == len(named) == len(theatre.views) == len({finding.time_s for finding in flown.findings})
+    for view, time_s in theatre.views:
+        here = [finding for finding in flown.findings if finding.time_s == time_s]
+        assert tuple(view.position) == (*here[0].position, 6.0)
+        for finding in here:
+            centre = flown.stage.defects[finding.defect].centre
+            pixel = view.project((centre.x, centre.y, 0.0))
+            assert ((pixel > 0) & (pixel < view.size_px)).all()
+    with Image.open(tmp_path / "m" / content["features"][0]["properties"]["frame"]) as image:
+        gps = image.getexif().get_ifd(ExifTags.IFD.GPSInfo)
+    lat, lon = (sum(float(part) / 60**k for k, part in enumerate(gps[tag])) for tag in (2, 4))
+    first = content["features"][0]["properties"]
+    assert (lon, lat) == pytest.approx((first["camera_longitude"], first["camera_latitude"]), abs=1e-7)
+
+
+def test_without_frames_a_mission_names_none(tmp_path: Path) -> None:
+    flown = empty_street((20, 1)).fly("baseline")
+    assert all("frame" not in feature["properties"] for feature in findings_geojson(flown)["features"])
+    save_mission(flown, tmp_path / "m")
+    assert not (tmp_path / "m" / "frames").exists()
+
+
+def test_a_camera_of_many_pixels_is_drawn_with_fewer() -> None:
+    assert frame_size((1270, 950)) == (1270, 950)
+    assert frame_size((5472, 3648)) == (2048, 1365)
+
+
+def _needs_an_adapter() -> None:
+    try:
+        find_adapter()
+    except PaveTwinError as error:
+        pytest.skip(f"no adapter to draw with: {error}")
