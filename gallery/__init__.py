@@ -1,0 +1,1 @@
+"""The pictures of `docs/gallery`, made anew by `make gallery`."""

@@ -1,0 +1,170 @@
+"""The pictures, one function each; every function gives a picture for a web page of some 1300 pixels' width."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from gallery.places import busy_street, drive, shown_best
+from gallery.sheet import captioned, grid
+from gallery.studio import LOW_SUN, MORNING, OVERCAST, Picture, Studio
+from pavetwin.capture.platforms.car import FRONT, REAR, Mount
+from pavetwin.scene.agents import quadrotor
+from pavetwin.scene.view import View, look, nadir
+from pavetwin.world.model import Defect, DefectClass
+
+SEVERITIES: Final = ("low", "medium", "high")
+ALTITUDES_M: Final = (6.0, 10.0, 15.0)
+
+CLOSE_UP_M: Final = {DefectClass.SINGLE_CRACK: 2.4, DefectClass.CROCODILE_CRACK: 3.8, DefectClass.POTHOLE: 2.0}
+"""Height of the ground that a picture of a defect shows [m]."""
+
+_CELL: Final = (640, 640)
+_NARROW_FOV: Final = math.radians(30.0)
+
+
+def defects_above(studio: Studio) -> Picture:
+    """The three classes at three severities, straight from above."""
+
+    def view(defect: Defect) -> View:
+        height = CLOSE_UP_M[defect.kind] / (2 * math.tan(_NARROW_FOV / 2))
+        place = defect.polygon.centroid if defect.kind is not DefectClass.SINGLE_CRACK else defect.centre
+        return look(
+            (place.x, place.y, height),
+            yaw_rad=defect.yaw_rad,
+            pitch_rad=-math.pi / 2,
+            size_px=_CELL,
+            vertical_fov_rad=_NARROW_FOV,
+        )
+
+    return _defects(studio, view)
+
+
+def defects_side(studio: Studio) -> Picture:
+    """The same defects, as who stands at the kerb sees them."""
+
+    def view(defect: Defect) -> View:
+        away = 0.62 * CLOSE_UP_M[defect.kind] + 0.4
+        yaw = defect.yaw_rad + math.radians(35.0)
+        x, y = defect.centre.x - away * math.cos(yaw), defect.centre.y - away * math.sin(yaw)
+        return look(
+            (x, y, 0.62 * away),
+            yaw_rad=yaw,
+            pitch_rad=-math.atan2(0.62 * away, away),
+            size_px=_CELL,
+            vertical_fov_rad=math.radians(48.0),
+        )
+
+    return _defects(studio, view)
+
+
+def uav(studio: Studio) -> Picture:
+    """What the UAV sees from 6, 10 and 15 m, without and with traffic."""
+    moment = busy_street(studio)
+    rows = []
+    for time_s, what in ((None, "empty street"), (moment.time_s, "high traffic")):
+        for altitude_m in ALTITUDES_M:
+            view = nadir(
+                studio.camera, (moment.x_m, moment.y_m, altitude_m), yaw_rad=moment.yaw_rad, size_px=(640, 480)
+            )
+            resolution = studio.camera.footprint_m(altitude_m)[1] / 480 * 1000
+            caption = f"{altitude_m:g} m   {resolution:.0f} mm a pixel   {what}"
+            rows.append(captioned(studio.take(view, MORNING, time_s=time_s), caption, height_px=320))
+    return grid(rows, columns=3)
+
+
+def light(studio: Studio) -> Picture:
+    """One street under three skies."""
+    moment = busy_street(studio)
+    view = nadir(studio.camera, (moment.x_m, moment.y_m, 12.0), yaw_rad=moment.yaw_rad, size_px=(640, 640))
+    skies = (("morning sun", MORNING), ("low sun", LOW_SUN), ("overcast", OVERCAST))
+    taken = [(name, studio.take(view, sky, time_s=moment.time_s)) for name, sky in skies]
+    return grid([captioned(picture, name, height_px=426) for name, picture in taken], columns=3)
+
+
+def car(studio: Studio) -> Picture:
+    """What a hatchback's front and rear cameras see in the recorded traffic."""
+    moment = drive(studio)
+
+    def picture(mount: Mount, size_px: tuple[int, int]) -> Picture:
+        place = (
+            moment.x_m + mount.x_m * math.cos(moment.yaw_rad),
+            moment.y_m + mount.x_m * math.sin(moment.yaw_rad),
+            mount.z_m,
+        )
+        view = look(
+            place,
+            yaw_rad=moment.yaw_rad,
+            pitch_rad=mount.pitch_rad,
+            size_px=size_px,
+            vertical_fov_rad=mount.camera.fov_rad,
+        )
+        return studio.take(view, MORNING, time_s=moment.time_s, without=moment.agent)
+
+    level = Mount("level", FRONT.x_m, FRONT.z_m, -8.0, 48.0)
+    ahead = captioned(picture(level, (1290, 726)), "through the windscreen", height_px=726)
+    below = [
+        captioned(picture(FRONT, (960, 640)), "front camera, 1.3 m high, pitched to the road", height_px=500),
+        captioned(picture(REAR, (676, 640)), "rear camera, straight down", height_px=500),
+    ]
+    return grid([ahead, grid(below, columns=2)], columns=1)
+
+
+def quadrotor_over_street(studio: Studio) -> Picture:
+    """The UAV at work, seen from another one behind it."""
+    moment = busy_street(studio)
+    along = np.array([math.cos(moment.yaw_rad), math.sin(moment.yaw_rad)])
+    place = np.array([moment.x_m, moment.y_m])
+    flier = quadrotor((*place.tolist(), 9.0), moment.yaw_rad)
+    behind = place - 2.6 * along + 0.55 * np.array([-along[1], along[0]])
+    view = look(
+        (*behind.tolist(), 9.9),
+        yaw_rad=moment.yaw_rad - math.radians(9.0),
+        pitch_rad=math.radians(-27.0),
+        size_px=(1280, 720),
+        vertical_fov_rad=math.radians(52.0),
+    )
+    light = replace(MORNING, sun_elevation_deg=42.0)
+    return studio.take(view, light, time_s=moment.time_s, more=[flier])
+
+
+def street(studio: Studio) -> Picture:
+    """The town from above its roofs."""
+    moment = busy_street(studio)
+    x = moment.x_m - 34.0 * math.cos(moment.yaw_rad)
+    y = moment.y_m - 34.0 * math.sin(moment.yaw_rad)
+    view = look(
+        (x, y, 26.0),
+        yaw_rad=moment.yaw_rad,
+        pitch_rad=math.radians(-33.0),
+        size_px=(1280, 720),
+        vertical_fov_rad=math.radians(50.0),
+    )
+    return studio.take(view, MORNING, time_s=moment.time_s)
+
+
+def _defects(studio: Studio, view: Callable[[Defect], View]) -> Picture:
+    cells = []
+    for kind in DefectClass:
+        for severity in SEVERITIES:
+            defect = shown_best(studio, kind, severity)
+            name = kind.value.replace("_", " ")
+            size = f"{defect.width_m * 1000:.0f} mm wide, {defect.depth_m * 1000:.0f} mm deep"
+            cells.append(captioned(studio.take(view(defect), MORNING), f"{name}, {severity}   {size}", height_px=426))
+    return grid(cells, columns=3)
+
+
+PICTURES: Final[Mapping[str, Callable[[Studio], Picture]]] = MappingProxyType(
+    {
+        "defects_above": defects_above,
+        "defects_side": defects_side,
+        "uav": uav,
+        "light": light,
+        "car": car,
+        "quadrotor": quadrotor_over_street,
+        "street": street,
+    }
+)

@@ -1,0 +1,120 @@
+"""Where and when a picture is worth taking: searched in the recording, so that no number is picked by hand."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from shapely import LineString, Polygon
+
+from gallery.studio import MORNING, Studio
+from pavetwin.errors import PaveTwinError
+from pavetwin.world.model import Defect, DefectClass
+from pavetwin.world.segments import direction_at
+
+TIMES = 60
+_PEDESTRIAN_WORTH = 1.5
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A place over the street, the way the street runs there, and a time of the recording."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    time_s: float
+    agent: int | None = None
+    """Who drives there, where the picture is one driver's."""
+
+
+def shown_best(studio: Studio, kind: DefectClass, severity: str) -> Defect:
+    """The widest and deepest defect of a class and severity among those in the morning's sun."""
+    found = [defect for defect in studio.world.defects if (defect.kind, defect.severity) == (kind, severity)]
+    if not found:
+        raise PaveTwinError(f"The town has no {kind.value} of {severity} severity; build it with another seed.")
+    found = [defect for defect in found if _is_sunny(studio, defect)] or found
+    return max(found, key=lambda defect: (round(defect.width_m * defect.depth_m, 6), -defect.id))
+
+
+def busy_street(studio: Studio) -> Moment:
+    """Where most vehicles and people are within sight of a camera 15 m above broken pavement in the morning's sun."""
+    ranked = sorted(_moments(studio), key=lambda found: -found[0])
+    return next((moment for _, moment, defect in ranked if _is_sunny(studio, defect)), ranked[0][1])
+
+
+def drive(studio: Studio) -> Moment:
+    """A moving hatchback with traffic before it and a damaged road right ahead."""
+    best = max(_drives(studio), key=lambda found: found[0])
+    return best[1]
+
+
+def _times(studio: Studio) -> list[float]:
+    return [round(time_s, 1) for time_s in np.linspace(20.0, studio.recording.duration_s - 20.0, TIMES).tolist()]
+
+
+def _moments(studio: Studio) -> Iterator[tuple[float, Moment, Defect]]:
+    defects = np.array([[defect.centre.x, defect.centre.y] for defect in studio.world.defects])
+    broken = [
+        index
+        for index, defect in enumerate(studio.world.defects)
+        if defect.severity != "low" and defect.kind is not DefectClass.SINGLE_CRACK
+    ]
+    worth = np.zeros(len(defects))
+    worth[broken] = [studio.world.defects[index].area_m2 for index in broken]
+    for time_s in _times(studio):
+        poses = studio.trace.agents_at(time_s)
+        agents = np.stack([poses["x_m"], poses["y_m"]], axis=1)
+        value = np.where(poses["is_pedestrian"], _PEDESTRIAN_WORTH, 1.0)
+        for index in broken[::2]:
+            near = np.linalg.norm(agents - defects[index], axis=1)
+            damage = float(worth[np.linalg.norm(defects - defects[index], axis=1) < 3.0].sum())
+            score = float(value[near < 8.0].sum()) + min(damage, 6.0) - 6.0 * float((near < 2.5).sum())
+            place = defects[index].tolist()
+            defect = studio.world.defects[index]
+            yield score, Moment(place[0], place[1], _street_yaw(studio, defect), time_s), defect
+
+
+def _street_yaw(studio: Studio, defect: Defect) -> float:
+    line = studio.world.segment(defect.segment).centre_line
+    dx, dy = direction_at(line, line.project(defect.centre))
+    return math.atan2(dy, dx)
+
+
+def _drives(studio: Studio) -> Iterator[tuple[float, Moment]]:
+    is_ours = np.array([kind == "hatchback" for kind in studio.recording.agents.kind])
+    defects = np.array([[defect.centre.x, defect.centre.y] for defect in studio.world.defects])
+    area = np.array([defect.area_m2 for defect in studio.world.defects])
+    for time_s in _times(studio):
+        poses = studio.trace.agents_at(time_s)
+        xy = np.stack([poses["x_m"], poses["y_m"]], axis=1)
+        speed = np.hypot(poses["east_mps"], poses["north_mps"])
+        for row in np.flatnonzero(is_ours[poses["agent"]] & (speed > 2.0)).tolist():
+            yaw = float(poses["yaw_rad"][row])
+            ahead = _ahead(xy[row], yaw)
+            others, damage = ahead(xy), ahead(defects)
+            free = not bool(((others[:, 0] > 0.5) & (others[:, 0] < 11.0) & (abs(others[:, 1]) < 2.5)).any())
+            seen = (others[:, 0] > 11.0) & (others[:, 0] < 40.0) & (abs(others[:, 1]) < 9.0)
+            near = (damage[:, 0] > 3.5) & (damage[:, 0] < 10.0) & (abs(damage[:, 1]) < 2.0)
+            score = min(float(area[near].sum()), 6.0) + min(int(seen.sum()), 8) - (0 if free else 20)
+            yield score, Moment(float(xy[row, 0]), float(xy[row, 1]), yaw, time_s, int(poses["agent"][row]))
+
+
+def _ahead(origin: np.ndarray, yaw_rad: float) -> Callable[[np.ndarray], np.ndarray]:
+    turn = np.array([[math.cos(yaw_rad), -math.sin(yaw_rad)], [math.sin(yaw_rad), math.cos(yaw_rad)]])
+    return lambda points: np.asarray((points - origin) @ turn)
+
+
+def _is_sunny(studio: Studio, defect: Defect) -> bool:
+    """Whether no house and no tree throws its morning shadow there, and no crown hangs over it."""
+    steep = math.tan(math.radians(MORNING.sun_elevation_deg))
+    east, north = MORNING.to_sun[:2] / float(np.linalg.norm(MORNING.to_sun[:2]))
+
+    def shades(shape: Polygon, height_m: float) -> bool:
+        x, y = defect.centre.x, defect.centre.y
+        reach = height_m / steep
+        return bool(shape.distance(LineString([(x, y), (x + east * reach, y + north * reach)])) < 2.0)
+
+    return not any(shades(building.polygon, building.height_m) for building in studio.world.buildings) and not any(
+        shades(thing.position.buffer(thing.radius_m), thing.height_m) for thing in studio.world.furniture
+    )
