@@ -4,9 +4,11 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo pictures test test-all bench lint lock clean
+.PHONY: help setup demo pictures gallery assets test test-all bench lint lock clean
 
 PYTHON ?= python3
+# Blender's Python module has wheels for one Python only.
+PYTHON_ASSETS ?= python3.11
 PYTEST_WORKERS ?= 2
 PYTEST := .venv/bin/python -m pytest -n $(PYTEST_WORKERS) --dist loadfile
 export PYTHON
@@ -37,6 +39,17 @@ pictures: demo  ## The pictures of the documentation, made anew from the demo
 	@cp out/demo/missions/comparison.png docs/images/comparison.png
 	@cp out/demo/missions/hover/map.png docs/images/mission.png
 
+gallery: setup  ## The pictures of docs/gallery: defects, frames from above and from a car, taken anew
+	@.venv/bin/python -m gallery
+
+assets: .venv-assets/.done  ## The models of the scene (src/pavetwin/scene/models), made anew with Blender's Python module
+	@PYTHONPATH=src .venv-assets/bin/python -m assets.build
+
+.venv-assets/.done: assets/requirements.lock
+	@$(PYTHON_ASSETS) -m venv --clear .venv-assets
+	@.venv-assets/bin/pip install --quiet --require-hashes --requirement assets/requirements.lock
+	@touch $@
+
 test: setup  ## All tests but the slow ones
 	@rc=0; cargo test --release --locked --quiet --package pavetwin-core || rc=1; $(PYTEST) || rc=1; exit $$rc
 
@@ -59,5 +72,5 @@ lock:  ## Write requirements.lock and Cargo.lock anew from what is asked for (UP
 	@git diff --stat -- requirements.lock Cargo.lock
 
 clean:  ## Remove what these targets made, results in out/ excepted
-	rm -rf .venv .tools target .mypy_cache .pytest_cache .ruff_cache .hypothesis src/pavetwin/_core*.so
+	rm -rf .venv .venv-assets .tools target .mypy_cache .pytest_cache .ruff_cache .hypothesis src/pavetwin/_core*.so
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
