@@ -53,8 +53,8 @@ assets: .venv-assets/.done  ## The models of the scene (src/pavetwin/scene/model
 test: setup  ## All tests but the slow ones
 	@rc=0; cargo test --release --locked --quiet --package pavetwin-core || rc=1; $(PYTEST) || rc=1; exit $$rc
 
-test-all: setup  ## All tests
-	@rc=0; cargo test --release --locked --quiet --package pavetwin-core || rc=1; $(PYTEST) -m '' || rc=1; exit $$rc
+test-all: setup  ## All tests, the slow ones too, and with new random examples
+	@rc=0; cargo test --release --locked --quiet --package pavetwin-core || rc=1; $(PYTEST) -m '' --hypothesis-profile explore || rc=1; exit $$rc
 
 bench: setup  ## How fast it is on this machine, beside what the design asks for
 	@.venv/bin/python -m benchmarks

@@ -9,7 +9,7 @@ type Field<'py, T> = Bound<'py, PyArray2<T>>;
 type Traced<'py> = (Field<'py, f32>, Field<'py, f32>, Field<'py, f32>);
 type Blocks<'py> = (Field<'py, u16>, Field<'py, u16>, Field<'py, f32>);
 type Pebbles<'py> = (Field<'py, f32>, Field<'py, f32>);
-type Mesh<'py> = (Field<'py, f32>, Field<'py, u32>, f32);
+type Mesh<'py> = (Field<'py, f32>, Field<'py, u32>, f64);
 
 /// (rows, cols), the cell's side, and the centre of the first cell.
 type Lattice = ((usize, usize), f64, (f64, f64));
@@ -176,7 +176,7 @@ fn relief_mesh<'py>(
     lattice: Lattice,
     height_m: PyReadonlyArray2<'py, f32>,
     ring: PyReadonlyArray2<'py, f64>,
-    tolerance_m: f32,
+    tolerance_m: f64,
     most: usize,
 ) -> PyResult<Option<Mesh<'py>>> {
     checked(&height_m, lattice.0)?;

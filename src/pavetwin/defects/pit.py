@@ -40,6 +40,9 @@ REFINED, CLOSE = 0.35, 0.02
 """Range in which the width of the slopes is searched once more over all cells, as a logarithm, and how near the asked
 fullness must be."""
 
+LEAST_SHARE = 0.025
+"""Of the depth: nothing within the hole, not even a stone at its rim, stands nearer to the road's height."""
+
 SETTLED, LEAST_BED_M = 0.6, 0.001
 """By how much the bed of a hole that cannot be as full as asked is lowered at a time, and what is left alone [m]."""
 
@@ -96,8 +99,8 @@ def dug(
         lying = smooth(deep, 0.0, min(0.03, 0.6 * depth_m)) * (
             WALL_BED + (1 - WALL_BED) * smooth(bowl, *FLOOR * depth_m)
         )
-        deep = np.maximum(deep - bed[some] * lying, np.float32(0.02 * depth_m))
-        return np.asarray(deep / deep.max(), dtype=np.float32)
+        deep = deep - bed[some] * lying
+        return np.asarray(np.maximum(deep / deep.max(), np.float32(LEAST_SHARE)), dtype=np.float32)
 
     asked = between(rng, fullness)
     fullest = float(level(2 * depth_m / STEEPEST, few).mean())

@@ -9,7 +9,7 @@ pub struct Mesh {
     pub vertices: Vec<[f32; 3]>,
     pub triangles: Vec<[u32; 3]>,
     /// Largest vertical distance between the mesh and a cell's centre [m].
-    pub error_m: f32,
+    pub error_m: f64,
 }
 
 #[derive(Clone, Copy)]
@@ -32,7 +32,7 @@ type Net = ConstrainedDelaunayTriangulation<Vertex>;
 /// Points of the grid are added where the surface is farthest from its triangle until it is nowhere more than
 /// `tolerance_m` away, or `most` vertices are there (Garland and Heckbert, "Fast polygonal approximation of terrains
 /// and height fields", 1995, one point a triangle and round). None when the ring cannot be triangulated.
-pub fn mesh(grid: &Grid, height_m: &[f32], ring: &[[f64; 2]], tolerance_m: f32, most: usize) -> Option<Mesh> {
+pub fn mesh(grid: &Grid, height_m: &[f32], ring: &[[f64; 2]], tolerance_m: f64, most: usize) -> Option<Mesh> {
     let corners: Vec<Vertex> =
         ring.iter().map(|corner| Vertex { place: Point2::new(corner[0], corner[1]), height: 0.0 }).collect();
     let edges = (0..ring.len()).map(|index| [index, (index + 1) % ring.len()]).collect();
@@ -44,7 +44,7 @@ pub fn mesh(grid: &Grid, height_m: &[f32], ring: &[[f64; 2]], tolerance_m: f32, 
         if wanted.is_empty() || room == 0 {
             return Some(finish(&net, error));
         }
-        let mut order: Vec<(f32, usize)> = wanted;
+        let mut order: Vec<(f64, usize)> = wanted;
         if order.len() > room {
             order.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
             order.truncate(room);
@@ -66,8 +66,8 @@ fn centre(grid: &Grid, at: usize) -> Point2<f64> {
 }
 
 /// The worst cell of every triangle that is beyond the tolerance, and the largest error of all.
-fn worst(net: &Net, grid: &Grid, height_m: &[f32], border: &Border, tolerance_m: f32) -> (Vec<(f32, usize)>, f32) {
-    let (mut wanted, mut largest) = (Vec::new(), 0.0f32);
+fn worst(net: &Net, grid: &Grid, height_m: &[f32], border: &Border, tolerance_m: f64) -> (Vec<(f64, usize)>, f64) {
+    let (mut wanted, mut largest) = (Vec::new(), 0.0f64);
     let inside = faces_inside(net);
     for face in net.inner_faces().filter(|face| inside[face.index()]) {
         let corners = face.vertices().map(|vertex| *vertex.data());
@@ -91,7 +91,7 @@ fn worst(net: &Net, grid: &Grid, height_m: &[f32], border: &Border, tolerance_m:
                 let (s, t) = ((px * acy - py * acx) / twice, (abx * py - aby * px) / twice);
                 let flat = a.height + s * (b.height - a.height) + t * (c.height - a.height);
                 let at = row * grid.cols + col;
-                let error = (f64::from(height_m[at]) - flat).abs() as f32;
+                let error = (f64::from(height_m[at]) - flat).abs();
                 if error <= largest.min(worst.0) || border.is_near(px + a.place.x, y) {
                     continue;
                 }
@@ -121,7 +121,7 @@ fn crossing(corners: &[Vertex; 3], y: f64) -> Option<(f64, f64)> {
     (left <= right).then_some((left, right))
 }
 
-fn finish(net: &Net, error_m: f32) -> Mesh {
+fn finish(net: &Net, error_m: f64) -> Mesh {
     let inside = faces_inside(net);
     let vertices = net
         .vertices()

@@ -43,8 +43,9 @@ pub fn largest_part(rows: usize, cols: usize, inside: &[bool], diagonal: bool) -
     kept
 }
 
+/// Fills what no way by sides leads out of, so that the outline nowhere touches itself.
 fn fill_holes(rows: usize, cols: usize, inside: &mut [bool]) {
-    let runs = Runs::of(rows, cols, inside, false, true);
+    let runs = Runs::of(rows, cols, inside, false, false);
     let mut open = vec![false; runs.all.len()];
     for (run, &root) in runs.all.iter().zip(&runs.root) {
         open[root] |= run.row == 0 || run.row + 1 == rows || run.start == 0 || run.end == cols;
@@ -256,5 +257,20 @@ mod tests {
         let closed = region(rows, cols, &marked, 1.0, 3.0);
         assert!(closed[30 * cols + 30] && closed[20 * cols + 30] && !closed[5 * cols + 90]);
         assert!(!closed[18 * cols + 30] && !closed[43 * cols + 20]);
+    }
+
+    #[test]
+    fn what_only_a_corner_joins_to_the_outside_is_filled() {
+        #[rustfmt::skip]
+        let ring = [
+            0, 0, 0, 0, 0, 0,
+            0, 1, 1, 1, 0, 0,
+            0, 1, 0, 1, 0, 0,
+            0, 1, 1, 0, 0, 0,
+            0, 0, 0, 0, 0, 0,
+        ];
+        let mut inside = ring.map(|cell| cell == 1);
+        fill_holes(5, 6, &mut inside);
+        assert!(inside[2 * 6 + 2] && !inside[3 * 6 + 3]);
     }
 }
