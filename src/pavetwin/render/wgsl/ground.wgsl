@@ -31,8 +31,22 @@ struct Seen {
     let footprint = footprint_of(in.relative, flat_n);
     let world = in.relative.xy + frame.camera.xy;
     let surface = ground_surface(in.kind, in.uv, in.local, world, footprint);
-    // The relief's x lies along the world's, or on upright faces along the face.
-    let along = normalize(select(vec3f(flat_n.z, 0.0, -flat_n.x), vec3f(-flat_n.y, flat_n.x, 0.0), abs(flat_n.z) < 0.5));
-    let n = normalize(flat_n + along * surface.slope.x + cross(flat_n, along) * surface.slope.y);
+    var axes = grain_axes(in.relative, in.uv, flat_n);
+    // Loose ground lies along the world's, which needs no differences of large numbers.
+    if ((LOOSE_KINDS >> in.kind & 1u) == 1u) { axes = mat2x3f(1.0, 0.0, 0.0, 0.0, 1.0, 0.0); }
+    let n = normalize(flat_n + axes * surface.slope);
     return vec4f(ground_radiance(surface, n, flat_n, in.relative, 1.0, in.clip.xy), 1.0);
+}
+
+// Which way u and v grow over a face: stones and slabs lie along their streets.
+fn grain_axes(relative: vec3f, uv: vec2f, n: vec3f) -> mat2x3f {
+    let right = dpdx(relative);
+    let down = dpdy(relative);
+    let a = cross(down, n);
+    let b = cross(n, right);
+    // Where the picture's axes and the normal are left-handed, both are turned round.
+    let way = sign(dot(a, right));
+    let u = way * (a * dpdx(uv.x) + b * dpdy(uv.x));
+    let v = way * (a * dpdx(uv.y) + b * dpdy(uv.y));
+    return mat2x3f(u * inverseSqrt(max(dot(u, u), 1e-30)), v * inverseSqrt(max(dot(v, v), 1e-30)));
 }

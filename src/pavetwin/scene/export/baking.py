@@ -55,13 +55,14 @@ def _strip(tile: Tile, maps: MapPyramids, which: npt.NDArray[np.int32], first: i
     texel_m = TILE_M / side
     x, y = (np.arange(side) + 0.5) * texel_m, (first + np.arange(rows) + 0.5) * texel_m
     local = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    kind, uv = _kinds_and_uv(tile, local, which.reshape(-1))
+    kind, uv, ways = _kinds_and_uv(tile, local, which.reshape(-1))
     colour = np.zeros((len(local), 3), dtype=np.float32)
     normal = np.zeros((len(local), 3), dtype=np.float32)
     for each in np.unique(kind):
         mine = kind == each
         seen = surface(GroundKind(each), uv[mine], local[mine], tile.origin, maps, texel_m)
         colour[mine], normal[mine] = seen.albedo, seen.normal
+    normal[:, :2] = np.einsum("nc,nkc->nk", normal[:, :2], ways)  # from along the grain to the picture's axes
     return _coded(colour.reshape(rows, side, 3), normal.reshape(rows, side, 3))
 
 
@@ -121,15 +122,18 @@ def _triangle_seen(ground: tuple[GroundPiece, ...], side: int) -> npt.NDArray[np
 
 def _kinds_and_uv(
     tile: Tile, local: npt.NDArray[np.float64], which: npt.NDArray[np.int32]
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
-    """Kind (n,) and detail coordinates (n, 2) at points of the tile; asphalt along the world's axes in holes."""
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64], Float32]:
+    """Kind (n,) and detail coordinates (n, 2) at points of the tile, and the unit vectors along which those grow, the
+    columns of (n, 2, 2); asphalt along the world's axes in holes."""
     kinds = [np.full(len(piece.mesh.indices), int(piece.kind)) for piece in tile.ground]
     kind_of = np.concatenate([*kinds, [int(GroundKind.ASPHALT)]])
     maps = [_uv_maps(piece) for piece in tile.ground]
     plain = np.array([[[1.0, 0.0], [0.0, 1.0], list(tile.origin)]])
-    affine = np.concatenate([*maps, plain])[which]
+    every = np.concatenate([*maps, plain])
+    affine = every[which]
     uv = local[:, :1] * affine[:, 0] + local[:, 1:] * affine[:, 1] + affine[:, 2]
-    return kind_of[which], uv
+    ways = every[:, :2] / np.maximum(np.linalg.norm(every[:, :2], axis=1, keepdims=True), 1e-9)
+    return kind_of[which], uv, ways.astype(np.float32)[which]
 
 
 def _uv_maps(piece: GroundPiece) -> npt.NDArray[np.float64]:
