@@ -8,18 +8,17 @@ import numpy as np
 import pytest
 import shapely
 
-from pavetwin._core import Arrived, Captured, Trace
 from pavetwin.defects import DefectOptions, place
-from pavetwin.mission.ground import new_flight
 from pavetwin.render.boxes import as_solids
 from pavetwin.render.renderer import Renderer
 from pavetwin.scene.light import Light
 from pavetwin.scene.model import defect_label
 from pavetwin.scene.scene import Scene
-from pavetwin.scene.view import View, nadir
+from pavetwin.scene.view import nadir
 from pavetwin.uav.cameras import cameras
-from pavetwin.world.model import Defect, World
+from pavetwin.world.model import World
 from scenes import tiny
+from scenes.captures import captures, is_whole, outline_px
 
 LIGHT = Light(45.0, 140.0)
 CAMERA = cameras()["paper"]
@@ -37,17 +36,6 @@ def street() -> World:
 @pytest.fixture(scope="module")
 def renderer() -> Renderer:
     return Renderer(Scene(street(), seed=1))
-
-
-def outline_px(view: View, defect: Defect) -> np.ndarray:
-    """(n, 2) where the outline lies in the picture."""
-    ring = shapely.get_coordinates(defect.polygon.exterior)
-    return view.project(np.column_stack([ring, np.zeros(len(ring))]))
-
-
-def is_whole(view: View, defect: Defect) -> bool:
-    pixels = outline_px(view, defect)
-    return bool((pixels > 1).all() and (pixels < np.array(view.size_px) - 1).all())
 
 
 # Shares.
@@ -69,34 +57,10 @@ def random_movers(altitude_m: float, rng: np.random.Generator) -> list[tiny.Move
     return standing + [tiny.passing(rng.uniform(0, LENGTH_M), rng.uniform(-4, 4), float(speed)) for speed in speeds]
 
 
-def captures(altitude_m: float, seed: int) -> Iterator[tuple[Captured, Trace]]:
-    """A flight down the street in random traffic: everything that the kernel says of its captures."""
+def shares(renderer: Renderer, altitude_m: float, seed: int) -> Iterator[Share]:
     rng = np.random.default_rng(seed)
     scene = tiny.Scene(street(), tuple(random_movers(altitude_m, rng)), altitude_m=altitude_m)
-    settings = scene.settings(
-        "camera.window_rows=1.0",
-        "camera.window_columns=1.0",
-        "camera.window_across_per_altitude=null",
-        "camera.capture_interval_s=3.0",
-        "sensing.min_unoccluded_share=0.0",
-    )
-    trace = scene.traffic(120).trace()
-    flight = new_flight(scene.stage(settings), trace, settings)
-    north = float(rng.uniform(-2, 2))
-    flight.climb_to(altitude_m)
-    while not isinstance(flight.advance(), Arrived):
-        pass
-    flight.fly_to((5.0, north))
-    while not isinstance(flight.advance(), Arrived):
-        pass
-    flight.inspect(0, np.array([[5.0, north], [LENGTH_M - 10, -north]]))
-    while not isinstance(event := flight.advance(), Arrived):
-        if isinstance(event, Captured):
-            yield event, trace
-
-
-def shares(renderer: Renderer, altitude_m: float, seed: int) -> Iterator[Share]:
-    for event, trace in captures(altitude_m, seed):
+    for event, trace in captures(scene, north_m=float(rng.uniform(-2, 2))):
         view = nadir(CAMERA, (*event.position, event.altitude_m), yaw_rad=event.yaw_rad)
         agents = as_solids(trace.agents_at(event.time_s))
         seen = renderer.light(view, instances=agents, light=LIGHT, alone=True)
