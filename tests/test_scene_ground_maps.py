@@ -140,8 +140,26 @@ def test_seals_keep_clear_of_defects() -> None:
     holes = [hole for index, hole in enumerate(holes) if all(hole.disjoint(other) for other in holes[:index])]
     kept = plan_ground(world, 3, holes).repairs
     lines = shapely.union_all([shapely.LineString(line) for line in kept.seals if not np.allclose(line[0], line[-1])])
-    assert lines.distance(shapely.union_all(holes)) > 0.1
+    assert lines.distance(shapely.union_all(holes)) > 0.02
     assert lines.length > 10
+
+
+def test_seals_run_on_over_cracks_that_they_cross() -> None:
+    """A cut as narrow as a crack across a seal leaves it whole; the same cut along it interrupts it."""
+    world = built("berlin_neukoelln").world
+    long = max(plan("berlin_neukoelln").repairs.seals, key=lambda line: shapely.LineString(line).length)
+    path = shapely.LineString(long)
+    middle = path.interpolate(0.5, normalized=True)
+    ahead = path.interpolate(path.length / 2 + 0.5)
+    along = shapely.LineString([middle, ahead])
+    across = shapely.affinity.rotate(along, 80.0, origin="centroid")
+    lengths = []
+    for crack in (across, along):
+        seals = plan_ground(world, 3, [crack.buffer(0.05)]).repairs.seals
+        mine = [line for line in seals if shapely.LineString(line).distance(path) < 0.01]
+        lengths.append(max(shapely.LineString(line).length for line in mine))
+    assert lengths[0] == pytest.approx(path.length)
+    assert lengths[1] < 0.6 * path.length
 
 
 def test_maps_use_their_range_and_no_more() -> None:

@@ -11,11 +11,11 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 import shapely
-from shapely import LineString
 
 from pavetwin.scene.ground.fixtures import Fixture
 from pavetwin.scene.ground.layout import Layout
 from pavetwin.scene.ground.mending import mended
+from pavetwin.scene.ground.seals import clear_of_defects, wander, wavering
 from pavetwin.scene.ground.streets import Street
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Lane, Segment
@@ -32,11 +32,12 @@ SEAM_HALF_M: Final = (0.009, 0.022)
 OPEN_HALF_M: Final = (-0.003, 0.003)
 """Half the width of a joint nobody sealed: millimetres, closed here and there by dirt and traffic."""
 
+SEALED_GAPS, OPEN_GAPS = (0.001, 0.025), (0.01, 0.11)
+"""Shares of a seal that have come off, and of an open joint that are closed, from and to: who seals a joint seals it
+all along, and with more gaps it would look like a dashed line."""
+
 JOINTS_SEALED, JOINTS_SEEN = 0.22, 0.55
 """Shares of streets whose paver's joint is sealed, and whose joint is seen at all."""
-
-CLEAR_OF_DEFECTS_M: Final = 0.12
-"""Nothing is sealed this near to the patch of a defect, or it would hide what is looked for."""
 
 WHEELS_M: Final = 0.78
 """Half the track of a car."""
@@ -78,7 +79,7 @@ def repairs(plan: Layout, fixtures: Sequence[Fixture]) -> Repairs:
         for number, line in enumerate(lines):
             draw = plan.chance(f"seal {junction.id} {number}")
             width = SEAL_HALF_M[0] + 0.6 * (SEAL_HALF_M[1] - SEAL_HALF_M[0]) * draw
-            _seal(plan, found, line, width, 0.02 + 0.10 * draw)
+            _seal(plan, found, line, width, SEALED_GAPS[0] + (SEALED_GAPS[1] - SEALED_GAPS[0]) * draw)
     for fixture in fixtures:
         _around(plan, fixture, found)
     return found
@@ -162,10 +163,10 @@ class _OnSegment:
             ring = corner @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
             for a, b in pairwise(ring):
                 if self.rng.random() < 0.85:
-                    self._seal(_wavering(self.rng, a, b, 0.008), self._between(*SEAM_HALF_M))
+                    self._seal(wavering(self.rng, a, b, 0.008), self._between(*SEAM_HALF_M))
 
     def _seal(self, line: Float64, half_m: float) -> None:
-        _seal(self.plan, self.found, line, half_m, self._between(0.01, 0.12))
+        _seal(self.plan, self.found, line, half_m, self._between(*SEALED_GAPS))
 
     def _tone(self) -> float:
         """Of a repair: mostly newer and darker than what is around it."""
@@ -183,7 +184,7 @@ class _OnSegment:
 
     def _across(self, station: float, sway: float, half_m: float) -> None:
         ends = self._world([station, station], [-self.half + 0.05, self.half - 0.05])
-        self._seal(_wavering(self.rng, ends[0], ends[1], sway), half_m)
+        self._seal(wavering(self.rng, ends[0], ends[1], sway), half_m)
 
     def _joint(self) -> None:
         """The joint between the paver's two passes, the same all along a street: sealed, or open and thin."""
@@ -193,10 +194,11 @@ class _OnSegment:
             return
         left = 0.5 * self.plan.chance(f"beside {name}") - 0.25
         stations = np.arange(0.0, self.length, 0.45)
-        line = self._world(stations, left + _wander(self.rng, stations, 0.014))
-        width = SEAM_HALF_M if draw < JOINTS_SEALED else OPEN_HALF_M
+        line = self._world(stations, left + wander(self.rng, stations, 0.014))
+        width, gaps = (SEAM_HALF_M, SEALED_GAPS) if draw < JOINTS_SEALED else (OPEN_HALF_M, OPEN_GAPS)
         half = width[0] + (width[1] - width[0]) * self.plan.chance(f"joint's width {name}")
-        _seal(self.plan, self.found, line, half, 0.01 + 0.10 * self.plan.chance(f"joint's wear {name}"))
+        worn = gaps[0] + (gaps[1] - gaps[0]) * self.plan.chance(f"joint's wear {name}")
+        _seal(self.plan, self.found, line, half, worn)
 
     def _trench_across(self) -> None:
         if self.length < 8.0:
@@ -224,7 +226,7 @@ class _OnSegment:
         stations = np.arange(start, at, 0.8)
         for side in (-1, 1):
             if len(stations) > 2 and self.rng.random() < 0.45:
-                edge = left + side * width + _wander(self.rng, stations, 0.008)
+                edge = left + side * width + wander(self.rng, stations, 0.008)
                 self._seal(self._world(stations, edge), self._between(*SEAM_HALF_M))
 
     def _mended(self) -> None:
@@ -261,31 +263,10 @@ class _OnSegment:
 
 def _seal(plan: Layout, found: Repairs, line: Float64, half_m: float, gaps: float) -> None:
     """A line of bitumen, but not where a defect would vanish under it."""
-    path = LineString(line)
-    near = plan.holes.at(path, CLEAR_OF_DEFECTS_M)
-    free = shapely.difference(path, shapely.union_all(near).buffer(CLEAR_OF_DEFECTS_M)) if near else path
-    for part in shapely.get_parts(free):
-        if part.length > 0.4:
-            found.seals.append(shapely.get_coordinates(part))
-            found.seal_halves_m.append(half_m)
-            found.seal_gaps.append(gaps)
-
-
-def _wavering(rng: np.random.Generator, a: Float64, b: Float64, sway: float) -> Float64:
-    """A line from one point to another that does not quite keep straight."""
-    length = float(np.hypot(*(b - a)))
-    stations = np.linspace(0.0, length, max(3, int(length / 0.35)))
-    along = (b - a) / max(length, 1e-9)
-    left = np.array([-along[1], along[0]])
-    return np.asarray(a + along * stations[:, None] + left * _wander(rng, stations, sway)[:, None])
-
-
-def _wander(rng: np.random.Generator, stations: Float64, sway: float) -> Float64:
-    """Offsets of a line from the straight one, deviation `sway` [m]: who pours or saws it corrects it every metre."""
-    waves = np.array([0.9, 2.3, 6.1])[:, None]
-    phases = rng.uniform(0.0, 2 * np.pi, (3, 1))
-    swing = np.array([0.4, 0.8, 1.1]) @ np.sin(2 * np.pi * stations / waves + phases)
-    return np.asarray(sway * swing + rng.normal(0.0, 0.2 * sway, len(stations)))
+    for part in clear_of_defects(plan, line):
+        found.seals.append(part)
+        found.seal_halves_m.append(half_m)
+        found.seal_gaps.append(gaps)
 
 
 def _drips(plan: Layout, lane: Lane, found: Repairs) -> None:
