@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 import shapely.ops
-from shapely import LineString, STRtree
+from shapely import LineString, Polygon, STRtree
 from shapely.geometry.base import BaseGeometry
 
 from pavetwin.scene.ground.ageing import Ageing
@@ -36,6 +36,12 @@ ARROW_AT_M: Final = (9.0, 27.0)
 EDGE_LINE_M: Final = 0.45
 """From an edge line's middle to the kerb: beside a gutter of 30 cm and its grates."""
 
+CROSSINGS_OVERLAP_M2: Final = 0.1
+"""Crossings that cover each other by more lie in the middle of a junction that the map cut in pieces."""
+
+CROSSING_KERB_M: Final = 4.5
+"""Both ends of a crossing lie at most this far from the kerb, which is rounded away where two streets meet."""
+
 
 def markings(plan: Layout) -> Paint:
     """All paint of a world."""
@@ -57,8 +63,9 @@ class _Marker:
             self._street(street, stops)
         for lane, (approach, turns) in self.approaches.items():
             self._end(approach, turns, stops[lane])
-        for crossing in self.plan.world.crossings:
-            self._crossing(crossing)
+        for index, crossing in enumerate(self.plan.world.crossings):
+            if self._is_laid(index):
+                self._crossing(crossing)
         self._bicycle_lanes()
         return self.painter.done()
 
@@ -173,12 +180,24 @@ class _Marker:
         for ring in arrow(turns):
             self.painter.outline(ring @ turned + (base.x, base.y), wear)
 
+    def _is_laid(self, index: int) -> bool:
+        """Whether a crossing leads from kerb to kerb, and no other of at least about its size crosses it.
+
+        Mapped roundabouts of a few metres and junctions of several nodes have crossings between their own pieces.
+        """
+        shape = self.crossings[index]
+        for other in self.crossing_tree.query(shape, "intersects"):
+            rival = self.crossings[int(other)]
+            covered = other != index and shapely.intersection(shape, rival).area > CROSSINGS_OVERLAP_M2
+            if covered and rival.area > 0.8 * shape.area:
+                return False
+        ring = _outline(shape)
+        _, _, away = self.plan.edges.locate(np.array([(ring[0] + ring[1]) / 2, (ring[2] + ring[3]) / 2]))
+        return bool((away < CROSSING_KERB_M).all())
+
     def _crossing(self, crossing: Crossing) -> None:
         """A zebra, a ladder or two lines, or nothing at all."""
-        ring = shapely.get_coordinates(crossing.polygon)
-        if len(ring) != 5:
-            ring = shapely.get_coordinates(crossing.polygon.minimum_rotated_rectangle)
-        # SUMO draws a crossing's outline from one end of its middle line: its first side is as wide as the crossing.
+        ring = _outline(crossing.polygon)
         wide, way = ring[1] - ring[0], ring[2] - ring[1]
         width, length = float(np.hypot(*wide)), float(np.hypot(*way))
         if width < 1.0 or length < 2.0:
@@ -205,6 +224,12 @@ class _Marker:
         for lane in self.plan.world.lanes_of(LaneKind.BICYCLE):
             border = shapely.offset_curve(lane.centre_line, side * lane.width_m / 2)
             self.painter.line(self._clear(border), self.rules.broad_m, 0.3)
+
+
+def _outline(crossing: Polygon) -> Float64:
+    """(5, 2) of a crossing: SUMO draws it from one end of its middle line, so its first side is as wide as it is."""
+    ring = shapely.get_coordinates(crossing)
+    return ring if len(ring) == 5 else shapely.get_coordinates(crossing.minimum_rotated_rectangle)
 
 
 def _side(street: Street) -> float:
