@@ -165,7 +165,7 @@ class Scene:
 
     @cached_property
     def _heads(self) -> tuple[signals.Head, ...]:
-        return signals.heads_of(self.world)
+        return signals.heads_of(self.world, self._plan.road)
 
     @cached_property
     def _boxes(self) -> Mapping[Key, Box]:

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
 
 from pavetwin.scene.agents import upright
 from pavetwin.scene.model import TINTS, Float32, Float64, Instance
@@ -25,6 +27,12 @@ WALKERS: Final = "signal_pedestrian"
 
 LOW_HEAD_M: Final = 2.95
 """Middle of the head on a mast: its underside is at 2.4 m (RiLSA 2015: at least 2.1 m)."""
+
+BEHIND_KERB_M: Final = 0.5
+"""From the carriageway to a pole (RASt 06: half a metre beside it is kept free)."""
+
+REACH_M: Final = 6.0
+"""A crossing that ends farther from any kerb has no pole there: it ends between the lanes."""
 
 WALKER_HEAD_M: Final = 2.4
 WALKER_POLE_M: Final = 2.9
@@ -69,8 +77,13 @@ class Head:
         return math.hypot(self.x_m - x_m, self.y_m - y_m) <= radius_m
 
 
-def heads_of(world: World) -> tuple[Head, ...]:
-    """All signal heads of a world. Without a network beside it they show nothing, and there are none for people."""
+def heads_of(world: World, road: BaseGeometry) -> tuple[Head, ...]:
+    """All signal heads of a world. Without a network beside it they show nothing, and there are none for people.
+
+    Args:
+        world: the world.
+        road: its carriageway as it is built, on which no pole stands.
+    """
     masts = [thing for thing in world.furniture if thing.kind is FurnitureKind.SIGNAL]
     if not masts:
         return ()
@@ -86,7 +99,7 @@ def heads_of(world: World) -> tuple[Head, ...]:
     to_crossing = {link.target: link for link in links if link.target.startswith(":")}
     for crossing in world.crossings:
         if crossing.id in to_crossing:
-            heads += _at_crossing(crossing, to_crossing[crossing.id])
+            heads += _at_crossing(crossing, to_crossing[crossing.id], road)
     return tuple(heads)
 
 
@@ -168,20 +181,26 @@ def _through(links: Sequence[SignalLink]) -> int:
     return min(links, key=lambda link: (order.get(link.direction, 3), link.index)).index
 
 
-def _at_crossing(crossing: Crossing, link: SignalLink) -> Iterator[Head]:
+def _at_crossing(crossing: Crossing, link: SignalLink, road: BaseGeometry) -> Iterator[Head]:
     """A head beyond each end of a crossing, beside it, turned to who comes across."""
-    for corner, facing in walker_poles(crossing):
+    for corner, facing in walker_poles(crossing, road):
         yield Head(WALKERS, upright(*corner, facing, z_m=WALKER_HEAD_M), link.controller, link.index)
 
 
-def walker_poles(crossing: Crossing) -> Iterator[tuple[tuple[float, float], float]]:
-    """Where the poles of a crossing's heads stand, and which way each faces."""
+def walker_poles(crossing: Crossing, road: BaseGeometry) -> Iterator[tuple[tuple[float, float], float]]:
+    """Where the poles of a crossing's heads stand, and which way each faces: in line with one of its sides,
+    behind the kerb, which lies farther out than its ends where a corner is rounded."""
     ring = np.asarray(crossing.polygon.exterior.coords)[:4]
     sides = [(ring[k] + ring[(k + 1) % 4]) / 2 for k in range(4)]
     lengths = [float(np.hypot(*(ring[(k + 1) % 4] - ring[k]))) for k in range(4)]
     first = 0 if lengths[0] < lengths[1] else 1
+    steps = np.arange(0.0, REACH_M, 0.1)[:, None]
     for k, other in ((first, first + 2), (first + 2, first)):
         across = (sides[k % 4] - sides[other % 4]) / np.hypot(*(sides[k % 4] - sides[other % 4]))
         beside = np.array([-across[1], across[0]])
-        at = sides[k % 4] + 0.5 * across + beside * (lengths[first] / 2 + 0.25)
-        yield (float(at[0]), float(at[1])), math.atan2(-across[1], -across[0])
+        tried = sides[k % 4] + steps * across + np.array([[[1.0]], [[-1.0]]]) * beside * (lengths[first] / 2 + 0.25)
+        free = shapely.distance(shapely.points(tried), road) >= BEHIND_KERB_M
+        side = int(np.where(free.any(axis=1), free.argmax(axis=1), len(steps)).argmin())
+        if free[side].any():
+            x, y = tried[side, free[side].argmax()].tolist()
+            yield (x, y), math.atan2(-across[1], -across[0])
