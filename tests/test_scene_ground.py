@@ -15,7 +15,8 @@ from shapely import Polygon
 from pavetwin.scene.ground import GroundPlan, fixture_models, fixtures, ground_pieces, heights, plan_ground
 from pavetwin.scene.ground.fixtures import REACH_M
 from pavetwin.scene.ground.layout import tile_box
-from pavetwin.scene.ground.relief import DROPPED, KERB_M
+from pavetwin.scene.ground.regions import SPECK_M2, faces_of
+from pavetwin.scene.ground.relief import DROPPED, KERB_M, Relief
 from pavetwin.scene.model import TILE_M, GroundKind, GroundPiece
 from pavetwin.world.model import LaneKind
 from scenes import built
@@ -144,6 +145,23 @@ def test_paving_lies_where_sidewalks_are() -> None:
         triangles = corners(paved)[..., :2] + np.array(key) * TILE_M if paved else np.zeros((0, 3, 2))
         cover = shapely.union_all([Polygon(triangle) for triangle in triangles])
         assert inner.difference(cover.buffer(1e-4)).area < 1e-3
+
+
+@pytest.mark.parametrize("name", ["berlin_neukoelln", "seattle_roosevelt"])
+def test_no_speck_of_lawn_lies_in_a_pavement(name: str) -> None:
+    """Within a tile every connected piece of green or earth that lies mostly in pavement is larger than a step."""
+    world = built(name).world
+    near = [junction.polygon.centroid.buffer(10.0).bounds for junction in world.junctions]
+    spots = {(int(x // TILE_M), int(y // TILE_M)) for box in near for x in box[::2] for y in box[1::2]}
+    for key in sorted(spots):
+        box = tile_box(key)
+        faces = faces_of(plan(name), key, Relief(plan(name), box))
+        soft = [face.polygon for face in faces if face.kind in (GroundKind.GRASS, GroundKind.EARTH) and not face.pit]
+        hard = [face.polygon for face in faces if face.kind in (GroundKind.PAVING, GroundKind.KERB)]
+        paved = shapely.union_all(hard)
+        for land in shapely.get_parts(shapely.union_all(soft)):
+            if land.area < SPECK_M2 and not land.intersects(box.boundary):
+                assert shapely.intersection(land.boundary, paved).length < 0.9 * land.length
 
 
 def test_kerb_stones_follow_their_kerb() -> None:

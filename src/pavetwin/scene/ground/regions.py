@@ -13,6 +13,7 @@ from pavetwin.scene.ground.layout import Layout, tile_box
 from pavetwin.scene.ground.relief import (
     DROP_FAR_M,
     DROP_NEAR_M,
+    EXACT_M,
     KERB_WIDTH_M,
     KERBED_FAR_M,
     KERBED_NEAR_M,
@@ -29,6 +30,9 @@ APRON_M: Final = 1.0
 
 TREE_PIT_M: Final = 1.1
 """Side of the open earth about a tree in a sidewalk."""
+
+SPECK_M2: Final = 1.0
+"""Land that is smaller and lies mostly among pavement is paved too: nobody sows a lawn of a step's width."""
 
 CORNER_WALK_M: Final = 2.2
 """Width of the pavement around the corners of junctions with sidewalks."""
@@ -47,6 +51,8 @@ class Face:
     """The sidewalk lane that its paving follows."""
     gutter: bool = False
     """Whether it lies along a kerb."""
+    pit: bool = False
+    """Whether a tree stands in it."""
 
 
 def faces_of(plan: Layout, key: tuple[int, int], relief: Relief) -> list[Face]:
@@ -127,12 +133,12 @@ class _Cut:
             elif on_kerb[index]:
                 faces.append(Face(polygon, GroundKind.KERB if kerbed[index] else GroundKind.EARTH))
             elif in_pit[index]:
-                faces.append(Face(polygon, GroundKind.EARTH))
+                faces.append(Face(polygon, GroundKind.EARTH, pit=True))
             elif on_walk[index]:
                 faces.append(Face(polygon, GroundKind.PAVING, self._walk_at(inner[index])))
             else:
                 faces.append(Face(polygon, self._land(inner[index], bool(kerbed[index]))))
-        return faces
+        return _without_specks(faces, self.box)
 
     def _walk_at(self, point: BaseGeometry) -> int:
         """The sidewalk lane that a paved place belongs to."""
@@ -155,6 +161,9 @@ class _Cut:
         by_house = self.plan.buildings.near(point, APRON_M)
         return GroundKind.PAVING if by_house and yard in (GroundKind.GRASS, GroundKind.EARTH) and draw < 0.6 else yard
 
+
+_HARD: Final = frozenset({GroundKind.PAVING, GroundKind.CONCRETE, GroundKind.KERB})
+_SOFT: Final = frozenset({GroundKind.GRASS, GroundKind.EARTH})
 
 _BUILT_UP: Final = (
     (GroundKind.PAVING, 0.4),
@@ -186,6 +195,26 @@ def _closed(shape: BaseGeometry, gap_m: float = 1.2) -> BaseGeometry:
     """Without gaps narrower than this: nobody leaves a hand's breadth of lawn between two pavements."""
     closed = shapely.buffer(shape, gap_m / 2, join_style="mitre").buffer(-gap_m / 2, join_style="mitre")
     return shapely.union(closed, shape)  # sharp corners lose their tips on the way there and back
+
+
+def _without_specks(faces: list[Face], box: Polygon) -> list[Face]:
+    """With specks of land paved. Those at the tile's border stay, since more of them may lie beyond it."""
+    soft = [face.polygon for face in faces if face.kind in _SOFT and not face.pit]
+    hard = shapely.union_all([face.polygon for face in faces if face.kind in _HARD])
+    specks = [
+        land
+        for land in shapely.get_parts(shapely.union_all(soft))
+        if land.area < SPECK_M2
+        and not land.intersects(box.boundary)
+        and shapely.intersection(land.boundary, hard).length > 0.5 * land.length
+    ]
+    if not specks:
+        return faces
+    inside = shapely.union_all(specks).buffer(EXACT_M)
+    return [
+        Face(face.polygon, GroundKind.PAVING) if not face.pit and inside.contains(face.polygon) else face
+        for face in faces
+    ]
 
 
 def _tree_pits(plan: Layout, wide: Polygon, paved: BaseGeometry) -> BaseGeometry:
