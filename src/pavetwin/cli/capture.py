@@ -157,49 +157,67 @@ def stats(dataset: Annotated[Path, typer.Argument(help="Folder of a dataset.")])
 
 def _print(statistics: "Statistics") -> None:
     out.print(_labels(statistics))
+    out.print()
+    out.print(_kinds(statistics))
     if statistics.ignored:
+        out.print()
         out.print(_ignored(statistics))
 
 
 def _labels(statistics: "Statistics") -> "Table":
-    """A row a class: labels by split, distinct defects, severities, sizes."""
-    from rich.table import Table
-
+    """A row a class: labels by split, and the distinct defects behind them."""
     from pavetwin.capture.classes import categories
     from pavetwin.capture.settings import SPLITS
-    from pavetwin.capture.statistics import SIZES
 
     splits = [split for split in SPLITS if statistics.images[split]]
-    levels, sizes = ("low", "medium", "high"), tuple(name for name, _ in SIZES)
-    table = Table(title="Labels", title_justify="left", box=None, pad_edge=False, header_style="bold", show_footer=True)
-    table.add_column("class", "images\nwithout defects", no_wrap=True)
+    table = _table("Labels", footer="images\nwithout defects")
     for split in splits:
         table.add_column(split, f"{statistics.images[split]}\n{statistics.empty[split]}", justify="right")
-    headings = [f"severity\n{level}" for level in levels] + [f"size\n{size}" for size in sizes]
-    for heading in ("of distinct\ndefects", *headings):
-        table.add_column(heading, justify="right")
+    table.add_column("distinct defects", justify="right")
     for name in (category.name for category in categories()):
         behind = [statistics.distinct[name, split] for split in splits if (name, split) in statistics.distinct]
         cells = [str(statistics.labelled[name, split]) for split in splits]
-        cells.append(str(sum(map(len, behind))) if behind else "–")
-        cells += [str(statistics.severities[name, level]) if behind else "–" for level in levels]
+        table.add_row(name, *cells, str(sum(map(len, behind))) if behind else "–")
+    return table
+
+
+def _kinds(statistics: "Statistics") -> "Table":
+    """A row a class: labels by severity and by size. Beside the splits they would not fit 80 columns."""
+    from pavetwin.capture.classes import categories
+    from pavetwin.capture.statistics import SIZES
+
+    levels, sizes = ("low", "medium", "high"), tuple(name for name, _ in SIZES)
+    table = _table("Labels by severity and size")
+    for heading in (*(f"severity\n{level}" for level in levels), *(f"size\n{size}" for size in sizes)):
+        table.add_column(heading, justify="right")
+    for name in (category.name for category in categories()):
+        has_severity = any((name, level) in statistics.severities for level in levels)
+        cells = [str(statistics.severities[name, level]) if has_severity else "–" for level in levels]
         table.add_row(name, *cells, *(str(statistics.sizes[name, size]) for size in sizes))
     return table
 
 
 def _ignored(statistics: "Statistics") -> "Table":
     """A row a class: what is seen and not labelled, by reason."""
-    from rich.table import Table
-
     from pavetwin.capture.classes import categories
     from pavetwin.capture.truth import Reason
 
-    table = Table(title="Ignored", title_justify="left", box=None, pad_edge=False, header_style="bold")
-    table.add_column("class", no_wrap=True)
+    table = _table("Ignored")
     for reason in Reason:
         table.add_column(reason.value, justify="right")
     for category in categories():
         table.add_row(category.name, *(str(statistics.ignored[category.name, reason.value]) for reason in Reason))
+    return table
+
+
+def _table(title: str, footer: str = "") -> "Table":
+    """A plain table with a column of classes."""
+    from rich.table import Table
+
+    table = Table(
+        title=title, title_justify="left", box=None, pad_edge=False, header_style="bold", show_footer=bool(footer)
+    )
+    table.add_column("class", footer, no_wrap=True)
     return table
 
 
