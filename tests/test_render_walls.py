@@ -1,0 +1,63 @@
+"""The walls of defects: grain lies on them as on the road, instead of being drawn out down them."""
+
+from functools import cache
+from math import asin, hypot, pi, radians
+
+import numpy as np
+import pytest
+
+from pavetwin.render.renderer import Renderer
+from pavetwin.scene.light import Light
+from pavetwin.scene.model import DefectPatch, GroundMaps, Mesh, Tile, defect_label
+from pavetwin.scene.view import look
+from scenes.strips import ORIGIN, Strips, rotation
+
+SLOPE = 1.8
+"""The steepest that pothole walls usually are."""
+MIDDLE = np.array([ORIGIN[0] + 16.0, ORIGIN[1] + 16.0, -0.27])
+OVERCAST = Light(40.0, 120.0, cloud_cover=1.0, visibility_m=1e6)
+
+
+class Wall(Strips):
+    """Nothing but an even slope on a tile, its foot towards `turn_rad` less a quarter turn."""
+
+    def __init__(self, turn_rad: float) -> None:
+        super().__init__()
+        corners = np.array([[-0.5, -0.15], [0.5, -0.15], [0.5, 0.15], [-0.5, 0.15]])
+        positions = np.column_stack([corners, (corners[:, 1] - 0.15) * SLOPE]).astype(np.float32)
+        upright = np.tile(np.array([0, 0, 1], dtype=np.float32), (4, 1))
+        uv = (corners / (1.0, 0.3) + 0.5).astype(np.float32)
+        mesh = Mesh(positions, upright, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32), uv=uv)
+        relief = np.empty((60, 200, 4), dtype=np.uint8)
+        relief[:] = (128, round(128 - 127 * SLOPE / hypot(SLOPE, 1)), 128, 255)
+        place = np.eye(4)
+        place[:2, :2], place[:2, 3] = rotation(turn_rad).T, MIDDLE[:2]
+        mask = np.full((60, 200), 255, dtype=np.uint8)
+        self._patches = (DefectPatch(defect_label(0), mesh, place, relief, mask),)
+
+    def tile(self, key: tuple[int, int]) -> Tile:
+        return Tile(key, (), _untouched(), (), (), self._patches)
+
+
+@cache
+def _untouched() -> GroundMaps:
+    weathering, drawn = (np.zeros((64, 64, 4), dtype=np.uint8) for _ in range(2))
+    weathering[..., 0] = 128
+    return GroundMaps(weathering, drawn)
+
+
+@pytest.mark.parametrize("turn_rad", [0.0, 0.5, pi / 2, 2.4])
+def test_grain_is_as_fine_down_a_wall_as_along_it(turn_rad: float) -> None:
+    """Seen square on: planar grain would be twice as long down the wall as along it."""
+    back = 0.8 * np.array([*(rotation(turn_rad).T @ [0.0, -SLOPE]), 1.0]) / hypot(SLOPE, 1)
+    view = look(
+        MIDDLE + back,
+        yaw_rad=turn_rad + pi / 2,
+        pitch_rad=-asin(1 / hypot(SLOPE, 1)),
+        size_px=(240, 240),
+        vertical_fov_rad=radians(20.0),
+    )
+    seen = Renderer(Wall(turn_rad)).light(view, light=OVERCAST, truth=False).radiance[..., 1].astype(np.float64)
+    along, down = (np.abs(np.diff(seen, axis=axis)).mean() for axis in (1, 0))
+    assert seen.min() > 0
+    assert 0.7 < along / down < 1.4
