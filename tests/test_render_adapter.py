@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 NOWHERE = {"VK_ICD_FILENAMES": "/nowhere.json", "VK_DRIVER_FILES": "/nowhere.json"}
 TESTS = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
 
@@ -27,15 +29,47 @@ def test_a_renderer_names_the_package_that_is_missing() -> None:
     assert "mesa-vulkan-drivers" in done.stdout
 
 
-def test_worlds_are_built_and_exported_all_the_same(tmp_path: Path) -> None:
-    main = "from pavetwin.cli import main; main()"
-    built = without_an_adapter(main, "world", "build", "--generate", "grid", "--seed", "1", "-o", tmp_path / "world")
+def pavetwin(*arguments: object) -> subprocess.CompletedProcess[str]:
+    return without_an_adapter("from pavetwin.cli import main; main()", *arguments)
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("without") / "world"
+    built = pavetwin("world", "build", "--generate", "grid", "--seed", "1", "-o", folder)
     assert built.returncode == 0, built.stderr
-    exported = without_an_adapter(
-        main, "world", "export", tmp_path / "world", tmp_path / "part.glb", "--bounds", "100,100,140,140"
-    )
+    return folder
+
+
+def test_worlds_are_exported_all_the_same(world: Path, tmp_path: Path) -> None:
+    exported = pavetwin("world", "export", world, tmp_path / "part.glb", "--bounds", "100,100,140,140")
     assert exported.returncode == 0, exported.stderr
     assert (tmp_path / "part.glb").read_bytes()[:4] == b"glTF"
+
+
+@pytest.mark.parametrize(
+    "arguments", [("fly", "--density", "low", "--segments", 1, "--save-frames"), ("capture", "--images", 1)], ids=str
+)
+def test_what_draws_is_refused_in_one_line_and_leaves_nothing(
+    world: Path, tmp_path: Path, arguments: tuple[object, ...]
+) -> None:
+    before = sorted(world.rglob("*"))
+    done = pavetwin(arguments[0], world, "-o", tmp_path / "made", *arguments[1:])
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith("Error: ")
+    assert done.stderr.count("\n") == 1
+    assert "mesa-vulkan-drivers" in done.stderr
+    assert not (tmp_path / "made").exists()
+    assert sorted(world.rglob("*")) == before
+
+
+def test_traffic_is_recorded_and_missions_fly_all_the_same(world: Path, tmp_path: Path) -> None:
+    recorded = pavetwin("traffic", "record", world, "--density", "low", "--seed", 1)
+    assert recorded.returncode == 0, recorded.stderr
+    flown = pavetwin("fly", world, "--density", "low", "--seed", 1, "--segments", 1, "-o", tmp_path / "m")
+    assert flown.returncode == 0, flown.stderr
+    assert (tmp_path / "m" / "mission.parquet").is_file()
 
 
 def test_who_asks_again_is_told_the_same() -> None:

@@ -113,6 +113,10 @@ def fly(
     energy_curve(chosen.energy)
     if seed < 0:
         raise PaveTwinError(f"--seed {seed}: seeds are whole numbers from 0.")
+    if save_frames:
+        from pavetwin.render.adapter import find_adapter
+
+        find_adapter()
     loaded = loaded or load_world(world)
     with progress("Preparing the flight domain") as tell:
         stage = prepare(loaded, chosen, _defects(loaded, defect_seed))
