@@ -29,15 +29,13 @@ SEAL_HALF_M: Final = (0.013, 0.034)
 SEAM_HALF_M: Final = (0.009, 0.022)
 """Half the width of a sealed edge or joint: what is poured into a joint and brushed beside it."""
 
-OPEN_HALF_M: Final = (-0.003, 0.003)
-"""Half the width of a joint nobody sealed: millimetres, closed here and there by dirt and traffic."""
+SEALED_GAPS: Final = (0.001, 0.025)
+"""Share of a seal that has come off: who seals a joint seals it all along, and with more gaps it would look like a
+dashed line."""
 
-SEALED_GAPS, OPEN_GAPS = (0.001, 0.025), (0.01, 0.11)
-"""Shares of a seal that have come off, and of an open joint that are closed, from and to: who seals a joint seals it
-all along, and with more gaps it would look like a dashed line."""
-
-JOINTS_SEALED, JOINTS_SEEN = 0.22, 0.55
-"""Shares of streets whose paver's joint is sealed, and whose joint is seen at all."""
+JOINTS_SEALED: Final = 0.35
+"""Share of streets whose paver's joint is sealed. Others are not drawn: a joint of some millimetres is finer than the
+maps hold, and broke up into dots at the pace of their texels."""
 
 WHEELS_M: Final = 0.78
 """Half the track of a car."""
@@ -187,17 +185,17 @@ class _OnSegment:
         self._seal(wavering(self.rng, ends[0], ends[1], sway), half_m)
 
     def _joint(self) -> None:
-        """The joint between the paver's two passes, the same all along a street: sealed, or open and thin."""
+        """The sealed joint between the paver's two passes, the same all along a street."""
         name = self.street.name
-        draw = self.plan.chance(f"joint {name}")
-        if draw > JOINTS_SEEN or self.length < 4.0:
+        if self.plan.chance(f"joint {name}") > JOINTS_SEALED or self.length < 4.0:
             return
         left = 0.5 * self.plan.chance(f"beside {name}") - 0.25
         stations = np.arange(0.0, self.length, 0.45)
         line = self._world(stations, left + wander(self.rng, stations, 0.014))
-        width, gaps = (SEAM_HALF_M, SEALED_GAPS) if draw < JOINTS_SEALED else (OPEN_HALF_M, OPEN_GAPS)
-        half = width[0] + (width[1] - width[0]) * self.plan.chance(f"joint's width {name}")
-        worn = gaps[0] + (gaps[1] - gaps[0]) * self.plan.chance(f"joint's wear {name}")
+        half, worn = (
+            low + (high - low) * self.plan.chance(f"joint's {what} {name}")
+            for what, (low, high) in (("width", SEAM_HALF_M), ("wear", SEALED_GAPS))
+        )
         _seal(self.plan, self.found, line, half, worn)
 
     def _trench_across(self) -> None:
