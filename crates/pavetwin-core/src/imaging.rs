@@ -36,7 +36,7 @@ pub struct Sensor {
 }
 
 /// Rows are worked on in bands, on all cores; the result does not depend on how many there are.
-fn in_bands(rows: usize, row_length: usize, out: &mut [f32], work: impl Fn(usize, &mut [f32]) + Sync) {
+fn in_bands<T: Send>(rows: usize, row_length: usize, out: &mut [T], work: impl Fn(usize, &mut [T]) + Sync) {
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get()).min(8);
     let band = rows.div_ceil(cores).max(1);
     std::thread::scope(|scope| {
@@ -68,19 +68,22 @@ impl Sensor {
         let mut blurred = other;
         let tail = (0.5 * self.blur_px * self.blur_px).min(0.25);
         in_bands(height, width * 3, &mut blurred, |row, line| three_by_three(&plane, width, height, row, tail, line));
-        let normal = Normal::new();
+        let normal = Normal::table();
         in_bands(height, width * 3, &mut plane, |row, line| {
-            self.develop(&blurred[row * width * 3..][..width * 3], (width, height), row, seed, &normal, line);
+            self.develop(&blurred[row * width * 3..][..width * 3], (width, height), row, seed, normal, line);
         });
-        in_bands(height, width * 3, &mut blurred, |row, line| {
+        let mut picture = vec![0_u8; plane.len()];
+        in_bands(height, width * 3, &mut picture, |row, line| {
             // The neighbours' weights of a small Gaussian: what sharpening takes for the blurred picture.
-            three_by_three(&plane, width, height, row, 0.25, line);
+            let mut soft = vec![0.0_f32; line.len()];
+            three_by_three(&plane, width, height, row, 0.25, &mut soft);
             let own = &plane[row * width * 3..][..width * 3];
-            for (value, own) in line.iter_mut().zip(own) {
-                *value = own + self.sharpening * (own - *value);
+            for ((stored, own), soft) in line.iter_mut().zip(own).zip(soft) {
+                let value = own + self.sharpening * (own - soft);
+                *stored = (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
             }
         });
-        blurred.iter().map(|value| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8).collect()
+        picture
     }
 
     /// Tones that the picture will have, to find edges in: before noise and white balance.
@@ -96,6 +99,7 @@ impl Sensor {
         Tones { width, height, values }
     }
 
+    /// One row of light as tones, 0 … 1, with its noise.
     fn develop(
         &self,
         light: &[f32],
@@ -108,26 +112,40 @@ impl Sensor {
         let (middle_x, middle_y) = (0.5 * (width as f32 - 1.0), 0.5 * (height as f32 - 1.0));
         let corner = (middle_x * middle_x + middle_y * middle_y).max(1.0);
         let y = row as f32 - middle_y;
+        let gains = self.white_balance.map(|gain| gain / self.full_electrons);
+        let dark = self.read_electrons * self.read_electrons;
+        // One kind of work at a time over the whole row, which a processor does for many values at once.
+        let mut luck = vec![0.0_f32; light.len()];
+        for (column, luck) in luck.chunks_exact_mut(3).enumerate() {
+            luck.copy_from_slice(&normal.three(seed, (row * width + column) as u64));
+        }
         for (column, (light, out)) in light.chunks_exact(3).zip(out.chunks_exact_mut(3)).enumerate() {
             let x = column as f32 - middle_x;
-            let open = 1.0 - self.vignetting * (x * x + y * y) / corner;
-            let luck = normal.three(seed, (row * width + column) as u64);
-            let mut rgb = [0.0_f32; 3];
-            for channel in 0..3 {
-                let mean = (light[channel] * open * self.electrons_per_light).max(0.0);
-                let spread = (mean + self.read_electrons * self.read_electrons).sqrt();
-                let electrons = (mean + spread * luck[channel]).clamp(0.0, self.full_electrons);
-                rgb[channel] = electrons / self.full_electrons * self.white_balance[channel];
+            let open = self.electrons_per_light * (1.0 - self.vignetting * (x * x + y * y) / corner);
+            (out[0], out[1], out[2]) = (light[0] * open, light[1] * open, light[2] * open);
+        }
+        for (value, luck) in out.iter_mut().zip(&luck) {
+            let mean = value.max(0.0);
+            *value = (mean + (mean + dark).sqrt() * luck).clamp(0.0, self.full_electrons);
+        }
+        for rgb in out.chunks_exact_mut(3) {
+            let [r, g, b] = [rgb[0] * gains[0], rgb[1] * gains[1], rgb[2] * gains[2]];
+            let grey = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+            for (value, own) in rgb.iter_mut().zip([r, g, b]) {
+                *value = grey + self.saturation * (own - grey);
             }
-            let grey = 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
-            for channel in 0..3 {
-                out[channel] = self.tone(grey + self.saturation * (rgb[channel] - grey));
-            }
+        }
+        for value in out.iter_mut() {
+            *value = value.clamp(0.0, 1.0).sqrt();
+        }
+        for value in out.iter_mut() {
+            *value = self.tone(*value);
         }
     }
 
-    fn tone(&self, value: f32) -> f32 {
-        let at = value.clamp(0.0, 1.0).sqrt() * (self.curve.len() - 1) as f32;
+    /// The tone curve at a value whose square root this is.
+    fn tone(&self, root: f32) -> f32 {
+        let at = root * (self.curve.len() - 1) as f32;
         let low = (at as usize).min(self.curve.len() - 2);
         let share = at - low as f32;
         self.curve[low] * (1.0 - share) + self.curve[low + 1] * share
@@ -139,13 +157,15 @@ fn three_by_three(plane: &[f32], width: usize, height: usize, row: usize, tail: 
     let line = |row: usize| &plane[row * width * 3..][..width * 3];
     let (above, here, below) = (line(row.saturating_sub(1)), line(row), line((row + 1).min(height - 1)));
     let centre = 1.0 - 2.0 * tail;
-    let vertical = |at: usize| tail * (above[at] + below[at]) + centre * here[at];
-    for column in 0..width {
-        let (left, right) = (column.saturating_sub(1), (column + 1).min(width - 1));
-        for channel in 0..3 {
-            let sides = vertical(left * 3 + channel) + vertical(right * 3 + channel);
-            out[column * 3 + channel] = tail * sides + centre * vertical(column * 3 + channel);
-        }
+    // With the first and the last pixel once more beyond the ends.
+    let mut upright = vec![0.0_f32; width * 3 + 6];
+    for (sum, ((above, below), here)) in upright[3..].iter_mut().zip(above.iter().zip(below).zip(here)) {
+        *sum = tail * (above + below) + centre * here;
+    }
+    upright.copy_within(3..6, 0);
+    upright.copy_within(width * 3..width * 3 + 3, width * 3 + 3);
+    for (out, ((left, middle), right)) in out.iter_mut().zip(upright.iter().zip(&upright[3..]).zip(&upright[6..])) {
+        *out = tail * (left + right) + centre * middle;
     }
 }
 

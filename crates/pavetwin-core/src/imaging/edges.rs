@@ -25,15 +25,10 @@ impl Tones {
         self.values[row * self.width + column]
     }
 
-    /// Where a pixel takes from, as a step to a neighbour, and how much; None away from edges.
+    /// Where a pixel at an edge takes from, as a step to a neighbour, and how much.
     fn share(&self, column: i32, row: i32) -> Option<((i32, i32), f32)> {
         let at = |dx: i32, dy: i32| self.at(column + dx, row + dy);
         let (here, up, down, left, right) = (at(0, 0), at(0, -1), at(0, 1), at(-1, 0), at(1, 0));
-        let (low, high) =
-            [up, down, left, right].iter().fold((here, here), |(low, high), tone| (low.min(*tone), high.max(*tone)));
-        if high - low < LEAST.max(LEAST_SHARE * high) {
-            return None;
-        }
         let bend = |a: f32, b: f32, c: f32| (a + c - 2.0 * b).abs();
         let (a, b, c, d) = (at(-1, -1), at(1, -1), at(-1, 1), at(1, 1));
         let level = 2.0 * bend(up, here, down) + bend(a, left, c) + bend(b, right, d);
@@ -63,11 +58,24 @@ impl Tones {
         (cuts && share > 0.0).then_some((across, share))
     }
 
+    /// Whether each pixel of a row differs enough from one beside it to lie at an edge.
+    fn edges(&self, row: usize) -> Vec<bool> {
+        let line = |row: usize| &self.values[row * self.width..][..self.width];
+        let (up, here, down) = (line(row.saturating_sub(1)), line(row), line((row + 1).min(self.height - 1)));
+        let last = self.width - 1;
+        let is_edge = |column: usize, left: usize, right: usize| {
+            let low = here[column].min(up[column]).min(down[column]).min(here[left]).min(here[right]);
+            let high = here[column].max(up[column]).max(down[column]).max(here[left]).max(here[right]);
+            high - low >= LEAST.max(LEAST_SHARE * high)
+        };
+        (0..self.width).map(|column| is_edge(column, column.saturating_sub(1), (column + 1).min(last))).collect()
+    }
+
     /// One row of the picture with its edges smooth.
     pub fn smooth(&self, plane: &[f32], row: usize, out: &mut [f32]) {
         let width = self.width;
         out.copy_from_slice(&plane[row * width * 3..][..width * 3]);
-        for column in 0..width {
+        for (column, _) in self.edges(row).into_iter().enumerate().filter(|(_, edge)| *edge) {
             if let Some(((dx, dy), share)) = self.share(column as i32, row as i32) {
                 let x = (column as i32 + dx).clamp(0, width as i32 - 1) as usize;
                 let y = (row as i32 + dy).clamp(0, self.height as i32 - 1) as usize;

@@ -20,13 +20,16 @@ impl Light<'_> {
 
 /// A half float's value. What is no number counts as dark, what is infinite as the largest there is.
 fn single(half: u16) -> f32 {
-    if half & 0x7c00 == 0x7c00 {
-        return if half & 0x03ff == 0 && half & 0x8000 == 0 { 65504.0 } else { 0.0 };
-    }
+    let magnitude = half & 0x7fff;
     // Moved to where a single's exponent and mantissa lie, then scaled by the difference of the two biases, 2^112.
-    let bits = (u32::from(half & 0x8000) << 16) | (u32::from(half & 0x7fff) << 13);
-    f32::from_bits(bits) * f32::from_bits(0x7780_0000)
+    let value = f32::from_bits(u32::from(magnitude) << 13) * f32::from_bits(0x7780_0000);
+    let number = if magnitude > 0x7c00 { 0.0 } else { value.min(LARGEST) };
+    let signed = if half & 0x8000 == 0 { number } else { -number };
+    if half == 0xfc00 { 0.0 } else { signed }
 }
+
+/// The largest half float.
+const LARGEST: f32 = 65504.0;
 
 #[cfg(test)]
 mod tests {

@@ -31,6 +31,18 @@ impl Motion<'_> {
             return (0.0, 0.0);
         }
         let way = self.labels.get(at).and_then(|label| self.moving.get(label)).unwrap_or(&self.still);
+        self.along(way, depth, (width, height), column, row)
+    }
+
+    /// Pixels that what moves so far is moved at a pixel.
+    fn along(
+        &self,
+        way: &[f32; 3],
+        depth: f32,
+        (width, height): (usize, usize),
+        column: usize,
+        row: usize,
+    ) -> (f32, f32) {
         let x = (column as f32 + 0.5 - 0.5 * width as f32) / self.focal;
         let y = (row as f32 + 0.5 - 0.5 * height as f32) / self.focal;
         let scale = self.focal / depth;
@@ -39,9 +51,20 @@ impl Motion<'_> {
 
     pub(super) fn gather(&self, plane: &[f32], (width, height): (usize, usize), row: usize, out: &mut [f32]) {
         out.copy_from_slice(&plane[row * width * 3..][..width * 3]);
-        for (column, out) in out.chunks_exact_mut(3).enumerate() {
-            let (dx, dy) = self.at(width, height, column, row);
-            let length = dx.hypot(dy);
+        let depths = &self.depth[row * width..][..width];
+        // Neighbours mostly show the same thing: its way is looked up where another one begins.
+        let (mut shown, mut way) = (None, &self.still);
+        for (column, (out, depth)) in out.chunks_exact_mut(3).zip(depths).enumerate() {
+            if !depth.is_finite() {
+                continue;
+            }
+            let label = self.labels.get(row * width + column);
+            if label != shown {
+                shown = label;
+                way = label.and_then(|label| self.moving.get(label)).unwrap_or(&self.still);
+            }
+            let (dx, dy) = self.along(way, *depth, (width, height), column, row);
+            let length = (dx * dx + dy * dy).sqrt();
             if length < SHARP_PX {
                 continue;
             }
@@ -69,12 +92,11 @@ fn between(plane: &[f32], (width, height): (usize, usize), x: f32, y: f32) -> [f
     let (left, top) = (x as usize, y as usize);
     let (right, bottom) = ((left + 1).min(width - 1), (top + 1).min(height - 1));
     let (along, down) = (x - left as f32, y - top as f32);
-    let mut out = [0.0; 3];
-    for (channel, out) in out.iter_mut().enumerate() {
-        let pixel = |column: usize, row: usize| plane[(row * width + column) * 3 + channel];
-        let upper = pixel(left, top) * (1.0 - along) + pixel(right, top) * along;
-        let lower = pixel(left, bottom) * (1.0 - along) + pixel(right, bottom) * along;
-        *out = upper * (1.0 - down) + lower * down;
-    }
-    out
+    let pixel = |column: usize, row: usize| &plane[(row * width + column) * 3..][..3];
+    let (a, b, c, d) = (pixel(left, top), pixel(right, top), pixel(left, bottom), pixel(right, bottom));
+    std::array::from_fn(|channel| {
+        let upper = a[channel] * (1.0 - along) + b[channel] * along;
+        let lower = c[channel] * (1.0 - along) + d[channel] * along;
+        upper * (1.0 - down) + lower * down
+    })
 }

@@ -1,15 +1,22 @@
 //! Normal numbers by place: the same at the same pixel under the same seed, whatever the order of work.
 
+use std::sync::LazyLock;
+
 /// Quantiles of the standard normal distribution, in steps of equal chance.
 pub struct Normal {
-    quantiles: Vec<f32>,
+    quantiles: [f32; STEPS],
 }
 
 const STEPS: usize = 4096;
 
+static TABLE: LazyLock<Normal> = LazyLock::new(|| Normal {
+    quantiles: std::array::from_fn(|step| quantile((step as f64 + 0.5) / STEPS as f64) as f32),
+});
+
 impl Normal {
-    pub fn new() -> Self {
-        Self { quantiles: (0..STEPS).map(|step| quantile((step as f64 + 0.5) / STEPS as f64) as f32).collect() }
+    /// The table, made once.
+    pub fn table() -> &'static Self {
+        &TABLE
     }
 
     /// Three numbers for a place.
@@ -26,7 +33,7 @@ fn mixed(mut bits: u64) -> u64 {
     bits ^ (bits >> 31)
 }
 
-/// By bisection of the distribution function: it runs once a picture for a few thousand steps.
+/// By bisection of the distribution function.
 fn quantile(share: f64) -> f64 {
     let (mut low, mut high) = (-6.0, 6.0);
     for _ in 0..40 {
@@ -51,7 +58,7 @@ mod tests {
 
     #[test]
     fn the_numbers_are_normal() {
-        let normal = Normal::new();
+        let normal = Normal::table();
         let numbers: Vec<f64> = (0..20_000).flat_map(|place| normal.three(7, place)).map(f64::from).collect();
         let mean = numbers.iter().sum::<f64>() / numbers.len() as f64;
         let variance = numbers.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / numbers.len() as f64;
@@ -61,7 +68,7 @@ mod tests {
 
     #[test]
     fn channels_and_places_do_not_repeat_each_other() {
-        let normal = Normal::new();
+        let normal = Normal::table();
         let [a, b, _] = normal.three(1, 0);
         assert_ne!(a, b);
         assert_ne!(normal.three(1, 0), normal.three(1, 1));
