@@ -17,7 +17,6 @@ from pavetwin.render.pipelines import (
     LIGHT_FORMAT,
     Pipelines,
 )
-from pavetwin.render.projection import SHADOW_PX
 from pavetwin.render.tiles import GpuPatch, GpuTile
 
 _READ: Final = wgpu.TextureUsage.COPY_SRC
@@ -70,9 +69,9 @@ class Targets:
         return self.light, self.labels, self.distances, self.depth
 
 
-def shadow_map(gpu: Gpu) -> Any:
+def shadow_map(gpu: Gpu, side_px: int) -> Any:
     """The texture that the shadow pass draws and the picture reads."""
-    return gpu.target((SHADOW_PX, SHADOW_PX), DEPTH_FORMAT, usage=_SAMPLED)
+    return gpu.target((side_px, side_px), DEPTH_FORMAT, usage=_SAMPLED)
 
 
 def draw_shadows(

@@ -135,6 +135,7 @@ def _ground_numbers(details: dict[GroundKind, Detail]) -> str:
         "SECOND_COS": math.cos(compose.SECOND_TURN_RAD),
         "SECOND_SIN": math.sin(compose.SECOND_TURN_RAD),
         "SECOND_SCALE": compose.SECOND_SCALE,
+        "GRAIN_M": compose.GRAIN_M,
         "MAP_MARGIN_M": MAP_MARGIN_M,
         "MAP_SIDE_M": TILE_M + 2 * MAP_MARGIN_M,
     }

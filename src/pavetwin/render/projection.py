@@ -14,8 +14,14 @@ from pavetwin.scene.view import View
 NEAR_M: Final = 0.1
 """Nothing is drawn nearer to the camera [m]."""
 
-SHADOW_PX: Final = 2048
-"""Side of the shadow map [texels]."""
+SHADOW_PX: Final = (512, 2048)
+"""Side of the shadow map at least and at most [texels]."""
+
+SHADOW_STEP_PX: Final = 256
+"""Sides are multiples of this, so that few maps serve all views."""
+
+SHADOW_TEXEL_PX: Final = 0.8
+"""Texel of the shadow map that is fine enough, in pixels of the picture where the ground is nearest."""
 
 SHADOW_REACH_M: Final = 60.0
 """Level views have shadows up to this distance [m]."""
@@ -59,12 +65,18 @@ class ShadowFit:
 
     matrix: Float64
     """(4, 4) from positions relative to the camera to u, v (v down) and depth from the sun, 0 … 1."""
-    texel_m: float
+    size_px: int
+    """Side of the map [texels]."""
     across: Float64
     """(2, 3) axes of the square, world frame."""
     middle: Float64
     """(2,) of the square along these axes, relative to the camera [m]."""
     half_m: float
+
+    @property
+    def texel_m(self) -> float:
+        """Side of a texel, across the sun's rays."""
+        return 2 * self.half_m / self.size_px
 
 
 def seen_points(view: View, reach_m: float) -> Float64:
@@ -96,7 +108,10 @@ def fit_shadow(view: View, light: Light) -> ShadowFit:
     placed = points @ across.T
     low, high = placed.min(axis=0), placed.max(axis=0)
     side = math.ceil(float((high - low).max()) + 0.5)
-    texel = side / SHADOW_PX
+    ground = points[points[:, 2] < NEAR_M - view.position[2]] @ view.rotation[:, 2]
+    fine = SHADOW_TEXEL_PX * float(ground.min(initial=SHADOW_REACH_M)) / view.focal_px
+    size = int(np.clip(SHADOW_STEP_PX * math.ceil(side / max(fine, 1e-6) / SHADOW_STEP_PX), *SHADOW_PX))
+    texel = side / size
     home = across @ view.position
     corner = np.floor(((low + high) / 2 - side / 2 + home) / texel) * texel - home
     matrix = np.zeros((4, 4))
@@ -104,7 +119,7 @@ def fit_shadow(view: View, light: Light) -> ShadowFit:
     matrix[1, :3], matrix[1, 3] = -across[1] / side, 1 + corner[1] / side
     matrix[2, :3], matrix[2, 3] = -sun / _SHADOW_DEPTH_M, 0.5
     matrix[3, 3] = 1
-    return ShadowFit(matrix, texel, across, corner + side / 2, side / 2)
+    return ShadowFit(matrix, size, across, corner + side / 2, side / 2)
 
 
 def frame_info(view: View, light: Light, shadow: ShadowFit, *, readout_s: float) -> npt.NDArray[np.void]:

@@ -43,7 +43,7 @@ STYLE: Final = Style()
 SHADE_FAR_M: Final = 60.0
 """Farther things do not darken the ground around them."""
 
-SHADOW_TEXELS: Final = 3.0
+SHADOW_TEXELS: Final = 4.0
 """Details of shadows smaller than this are left out."""
 
 NEAR_PX2: Final = 12.0
@@ -79,11 +79,11 @@ class Renderer:
         self._pipelines = compile_pipelines(self.gpu, details)
         self._tiles = TileCache(self.gpu, scene, self._parts, self._pipelines.tiles)
         self._targets: Targets | None = None
-        self._shadows = shadow_map(self.gpu)
+        self._shadows: dict[int, Any] = {}
         self._uniform = self.gpu.empty_buffer(FRAME_INFO.itemsize, wgpu.BufferUsage.UNIFORM)
         self._records = self.gpu.empty_buffer(1 << 16, wgpu.BufferUsage.VERTEX)
         self._frame = group(self.gpu, self._pipelines.frame_layout, [self._uniform_entry()])
-        self._sky: tuple[Light, Any, Any] | None = None
+        self._sky: tuple[Light, Any, dict[int, Any]] | None = None
         self._materials = self._upload_materials(details)
         self._atlas = Atlas(self.gpu, self._pipelines)
 
@@ -183,24 +183,28 @@ class Renderer:
             self._targets = Targets(self.gpu, size_px)
         return self._targets
 
-    def _lit(self, light: Light) -> Any:
-        """Bind group of the frame under a light."""
+    def _lit(self, light: Light, shadow_px: int) -> tuple[Any, Any]:
+        """The shadow map of that side, and the bind group of the frame under a light with it."""
+        if shadow_px not in self._shadows:
+            self._shadows[shadow_px] = shadow_map(self.gpu, shadow_px)
         if self._sky is None or self._sky[0] != light:
             if self._sky is not None:
                 self.gpu.free(self._sky[1])
-            sky = self.gpu.half_floats(sky_levels(light))
+            self._sky = light, self.gpu.half_floats(sky_levels(light)), {}
+        _, sky, groups = self._sky
+        if shadow_px not in groups:
             device = self.gpu.device
             resources = [
                 self._uniform_entry(),
-                self._shadows.create_view(),
+                self._shadows[shadow_px].create_view(),
                 device.create_sampler(compare="less-equal", mag_filter="linear", min_filter="linear"),
                 sky.create_view(),
                 device.create_sampler(**_SMOOTH),
                 device.create_sampler(**_SMOOTH, address_mode_u="repeat"),
                 device.create_sampler(),
             ]
-            self._sky = light, sky, group(self.gpu, self._pipelines.light_layout, resources)
-        return self._sky[2]
+            groups[shadow_px] = group(self.gpu, self._pipelines.light_layout, resources)
+        return self._shadows[shadow_px], groups[shadow_px]
 
     def light(
         self,
@@ -221,13 +225,12 @@ class Renderer:
         draws = self._gather(view, light, shadow, (agents, Crowd.of(unseen, self._parts)), records)
         self.gpu.queue.write_buffer(self._uniform, 0, frame_info(view, light, shadow, readout_s=readout_s))
         self._write_records(records)
-        lit, encoder = self._lit(light), self.gpu.device.create_command_encoder()
-        draw_shadows(
-            encoder, self._pipelines, self._frame, self._materials.leaves, self._records, self._shadows, draws.casters
-        )
+        shaded, lit = self._lit(light, shadow.size_px)
+        encoder, leaves = self.gpu.device.create_command_encoder(), self._materials.leaves
+        draw_shadows(encoder, self._pipelines, self._frame, leaves, self._records, shaded, draws.casters)
         draw_light(encoder, self._pipelines, lit, self._materials, self._records, targets, draws)
         if truth:
-            draw_truth(encoder, self._pipelines, self._frame, self._materials.leaves, self._records, targets, draws)
+            draw_truth(encoder, self._pipelines, self._frame, leaves, self._records, targets, draws)
         self.gpu.queue.submit([encoder.finish()])
         counted: dict[int, int] = {}
         if alone:

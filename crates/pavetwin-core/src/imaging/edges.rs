@@ -61,14 +61,18 @@ impl Tones {
     /// Whether each pixel of a row differs enough from one beside it to lie at an edge.
     fn edges(&self, row: usize) -> Vec<bool> {
         let line = |row: usize| &self.values[row * self.width..][..self.width];
-        let (up, here, down) = (line(row.saturating_sub(1)), line(row), line((row + 1).min(self.height - 1)));
-        let last = self.width - 1;
-        let is_edge = |column: usize, left: usize, right: usize| {
-            let low = here[column].min(up[column]).min(down[column]).min(here[left]).min(here[right]);
-            let high = here[column].max(up[column]).max(down[column]).max(here[left]).max(here[right]);
-            high - low >= LEAST.max(LEAST_SHARE * high)
-        };
-        (0..self.width).map(|column| is_edge(column, column.saturating_sub(1), (column + 1).min(last))).collect()
+        let (up, down) = (line(row.saturating_sub(1)), line((row + 1).min(self.height - 1)));
+        // With the first and the last once more beyond the ends.
+        let mut here = line(row).to_vec();
+        here.insert(0, here[0]);
+        here.push(here[self.width]);
+        (here.windows(3).zip(up.iter().zip(down)))
+            .map(|(three, (up, down))| {
+                let low = three[0].min(three[1]).min(three[2]).min(*up).min(*down);
+                let high = three[0].max(three[1]).max(three[2]).max(*up).max(*down);
+                high - low >= LEAST.max(LEAST_SHARE * high)
+            })
+            .collect()
     }
 
     /// One row of the picture with its edges smooth.

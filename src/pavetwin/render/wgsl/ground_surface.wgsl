@@ -32,6 +32,13 @@ fn second_share(p: vec2f) -> f32 {
     return smoothstep(0.4, 0.6, 0.5 + 0.17 * waves);
 }
 
+fn grain_luck(local: vec2f) -> f32 {
+    let cell = vec2u(vec2i(floor(local / GRAIN_M)));
+    var mixed = (cell.x * 1597334677u) ^ (cell.y * 3812015801u);
+    mixed = (mixed ^ (mixed >> 16u)) * 2246822519u;
+    return f32(mixed >> 8u) / 16777216.0;
+}
+
 fn metres(coded: f32) -> f32 {
     return (coded * 255.0 - 128.0) / 127.0 * SIGNED_DISTANCE_M;
 }
@@ -43,15 +50,14 @@ fn edge_share(distance: f32, height: f32, edge: f32, footprint: f32) -> f32 {
 
 fn ground_surface(kind: u32, uv: vec2f, local: vec2f, world: vec2f, footprint: f32) -> Surface {
     let size = detail_size(kind);
-    var detail = detail_at(kind, uv / size, footprint / size);
-    let turned = vec2f(SECOND_COS * uv.x - SECOND_SIN * uv.y, SECOND_SIN * uv.x + SECOND_COS * uv.y);
-    let scale = SECOND_SCALE / size;
-    let second = detail_at(kind, turned * scale, footprint * scale);
-    let n = second.relief.xy;
-    let back = vec2f(SECOND_COS * n.x + SECOND_SIN * n.y, -SECOND_SIN * n.x + SECOND_COS * n.y);
-    let share = select(0.0, second_share(world), (LOOSE_KINDS >> kind & 1u) == 1u);
-    detail.colour = mix(detail.colour, second.colour, share);
-    detail.relief = mix(detail.relief, vec4f(back, second.relief.zw), share);
+    // One sample or the other, never both: samples are what the ground costs.
+    let second = (LOOSE_KINDS >> kind & 1u) == 1u && second_share(world) > grain_luck(local);
+    let turn = select(vec2f(1.0, 0.0), vec2f(SECOND_COS, SECOND_SIN), second);
+    let scale = select(1.0, SECOND_SCALE, second) / size;
+    let turned = vec2f(turn.x * uv.x - turn.y * uv.y, turn.y * uv.x + turn.x * uv.y);
+    var detail = detail_at(kind, turned * scale, footprint * scale);
+    let n = detail.relief.xy;
+    detail.relief = vec4f(turn.x * n.x + turn.y * n.y, -turn.y * n.x + turn.x * n.y, detail.relief.zw);
     let at = (local + MAP_MARGIN_M) / MAP_SIDE_M;
     let lod = log2(max(footprint / MAP_SIDE_M * f32(textureDimensions(weathering_map).x), 1.0));
     let weathering = textureSampleLevel(weathering_map, smooth_sampler, at, lod);

@@ -26,13 +26,25 @@ fn surroundings(direction: vec3f, roughness: f32) -> vec3f {
     return textureSampleLevel(sky_map, sky_sampler, vec2f(u, v), roughness * 5.0).rgb;
 }
 
-// How much of the sun reaches a point: its half shadow widens with the distance of what casts it (Fernando 2005,
+// Where a point is looked up, a little before its surface, so that this does not shade itself.
+fn in_shadow_map(relative: vec3f, normal: vec3f, slope: f32) -> vec3f {
+    let lifted = relative + normal * (frame.sun.w * (1.0 + 1.5 * (1.0 - slope)));
+    return (frame.to_shadow * vec4f(lifted, 1.0)).xyz;
+}
+
+// How much of the sun reaches a point, with a single, filtered look: for what is too faint to show the edge of a shadow.
+fn sun_tap(relative: vec3f, normal: vec3f) -> f32 {
+    let at = in_shadow_map(relative, normal, max(dot(normal, frame.to_sun.xyz), 0.0));
+    let inside = all(at.xy > vec2f(0.002)) && all(at.xy < vec2f(0.998));
+    return select(1.0, textureSampleCompareLevel(shadow_map, shadow_compare, at.xy, at.z), inside);
+}
+
+// The same with soft edges: the half shadow widens with the distance of what casts it (Fernando 2005,
 // Percentage-Closer Soft Shadows), `jitter` turns the samples from pixel to pixel.
 fn sunlight(relative: vec3f, normal: vec3f, jitter: f32) -> f32 {
     let slope = dot(normal, frame.to_sun.xyz);
     if (slope <= 0.0) { return 0.0; }
-    let lifted = relative + normal * (frame.sun.w * (1.0 + 1.5 * (1.0 - slope)));
-    let at = (frame.to_shadow * vec4f(lifted, 1.0)).xyz;
+    let at = in_shadow_map(relative, normal, slope);
     if (any(at.xy < vec2f(0.002)) || any(at.xy > vec2f(0.998))) { return 1.0; }
     let texel = 1.0 / f32(textureDimensions(shadow_map).x);
     let turn = vec2f(cos(jitter), sin(jitter));

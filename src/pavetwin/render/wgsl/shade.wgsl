@@ -56,6 +56,6 @@ fn below_disc(d: f32, r: f32, h: f32) -> f32 {
     open = select(open, 1.0 - 0.5 * fade * (1.0 - crown), in.body.z > 0.5);
     let up = vec3f(0.0, 0.0, 1.0);
     let sky = sky_irradiance(up);
-    let sun = frame.sun.rgb * (sunlight(in.relative, up, pixel_jitter(in.clip.xy)) * frame.to_sun.z);
+    let sun = frame.sun.rgb * (sun_tap(in.relative, up) * frame.to_sun.z);
     return vec4f((sun + sky * open) / (sun + sky), 1.0);
 }

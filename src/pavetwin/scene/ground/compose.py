@@ -4,8 +4,9 @@ With uv the detail's coordinates in metres (the mesh's `uv`), p the world positi
 ground [m], D(kind, uv) the detail (linear reflectance ρ, hold of paint a, normal xy n, height h, roughness r, all
 0 … 1 but n), and M(p) the tile's maps, both filtered over f:
 
-1. Detail. ρ, a, n, h, r = D(uv). On loose kinds (LOOSE: no joints to break) a second sample is taken at uv turned by
-   SECOND_TURN_RAD and × SECOND_SCALE, its normal turned back, and the two are mixed by w(p) (`second_share`).
+1. Detail. ρ, a, n, h, r = D(uv). So that loose kinds (LOOSE: no joints to break) do not repeat, some of their grains
+   are taken at uv turned by SECOND_TURN_RAD and × SECOND_SCALE, their normals turned back: those of cells of GRAIN_M
+   whose luck (`grain_luck`) is below w(p) (`second_share`). Mixed samples would be paler and softer than either.
 2. Age. ρ ← ρ · tone; n ← n · (1 − 0.45 · polish); r ← r − 0.15 · polish.
 3. Dust lies in the hollows: ρ ← mix(ρ, DUST, dust · (1.15 − 0.5 · h)); n ← n · (1 − 0.5 · dust).
 4. Stain (oil, rubber, damp): ρ ← ρ · (1 − 0.8 · stain); r ← r − 0.25 · stain.
@@ -37,6 +38,7 @@ from pavetwin.scene.model import MAP_MARGIN_M, SIGNED_DISTANCE_M, TILE_M, Ground
 LOOSE: Final = frozenset({GroundKind.ASPHALT, GroundKind.GRASS, GroundKind.EARTH})
 SECOND_TURN_RAD: Final = 0.62
 SECOND_SCALE: Final = 1.37
+GRAIN_M: Final = 0.004
 
 DUST: Final = (0.30, 0.265, 0.215)
 BITUMEN: Final = (0.034, 0.034, 0.036)
@@ -145,6 +147,14 @@ def second_share(xy: Floats) -> Float32:
     return smoothstep(0.4, 0.6, 0.5 + 0.17 * waves)
 
 
+def grain_luck(local_xy: Floats) -> Float32:
+    """0 … 1 of each cell of GRAIN_M of a tile, (...): the cell's column and row hashed in 32 bits, alike everywhere."""
+    cells = np.floor(np.asarray(local_xy, dtype=np.float32) / np.float32(GRAIN_M)).astype(np.int64).astype(np.uint32)
+    mixed = (cells[..., 0] * np.uint32(1597334677)) ^ (cells[..., 1] * np.uint32(3812015801))
+    mixed = (mixed ^ (mixed >> np.uint32(16))) * np.uint32(2246822519)
+    return np.asarray((mixed >> np.uint32(8)) / np.float32(1 << 24), dtype=np.float32)
+
+
 @cache
 def _pyramids(kind: GroundKind) -> tuple[float, Pyramid]:
     """A detail's size and its nine channels: reflectance, hold, normal xy, height, roughness."""
@@ -158,16 +168,16 @@ def _detail(
     kind: GroundKind, uv: Floats, local_xy: Floats, origin: tuple[float, float], footprint_m: float | Floats
 ) -> tuple[Float32, Float32, Float32, Float32, Float32]:
     size_m, pyramid = _pyramids(kind)
-    found = pyramid.sample(uv / size_m, np.asarray(footprint_m) / size_m)
+    scale, footprint = np.full(uv.shape[:-1], 1 / size_m), np.asarray(footprint_m)
+    cos, sin = np.ones_like(scale), np.zeros_like(scale)
     if kind in LOOSE:
-        cos, sin = math.cos(SECOND_TURN_RAD), math.sin(SECOND_TURN_RAD)
-        turned = np.stack([cos * uv[..., 0] - sin * uv[..., 1], sin * uv[..., 0] + cos * uv[..., 1]], axis=-1)
-        scale = SECOND_SCALE / size_m
-        second = pyramid.sample(turned * scale, np.asarray(footprint_m) * scale)
-        x, y = second[..., 4].copy(), second[..., 5].copy()
-        second[..., 4], second[..., 5] = cos * x + sin * y, -sin * x + cos * y
-        share = second_share(local_xy + np.asarray(origin))[..., None]
-        found = found * (1.0 - share) + second * share
+        second = second_share(local_xy + np.asarray(origin)) > grain_luck(local_xy)
+        scale = np.where(second, SECOND_SCALE, 1.0) / size_m
+        cos, sin = np.where(second, math.cos(SECOND_TURN_RAD), 1.0), np.where(second, math.sin(SECOND_TURN_RAD), 0.0)
+    u, v = uv[..., 0] * scale, uv[..., 1] * scale
+    found = pyramid.sample(np.stack([cos * u - sin * v, sin * u + cos * v], axis=-1), footprint * scale)
+    x, y = found[..., 4].copy(), found[..., 5].copy()
+    found[..., 4], found[..., 5] = cos * x + sin * y, -sin * x + cos * y
     return found[..., :3], found[..., 3], found[..., 4:6], found[..., 6], found[..., 7]
 
 
