@@ -18,7 +18,7 @@ CLEAR_OF_DEFECTS_M: Final = 0.03
 
 SLENDER_M: Final = 0.13
 """Patches that are nowhere farther from their border are those of single cracks: up to 8 cm wide with their broken
-edges, and 4 cm beside. Of two real towns' 1156 single cracks 97 in 100 are, and 1 in 100 potholes."""
+edges, and 4 cm beside. Of two real towns' 1157 single cracks 97 in 100 are, and 1 in 100 potholes."""
 
 RUNS_ON_M: Final = 0.35
 """A seal runs on over a single crack that it crosses within this length: a road's joints do not end at every crack."""
