@@ -20,6 +20,7 @@ from pavetwin.capture.record import Record, read_records
 from pavetwin.capture.run import capture
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.sheet import save_sheet
+from pavetwin.capture.splits import split_streets
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.store import load_world, save_world
@@ -263,6 +264,35 @@ def test_a_car_drives_in_the_recorded_traffic_and_does_not_see_itself(world: Pat
         assert tuple(record.camera["position_m"][:2]) == pytest.approx(place, abs=0.05)
 
 
+def test_where_no_hatchback_drives_another_car_gives_way(world: Path, tmp_path: Path) -> None:
+    """In low traffic the street of val sees no hatchback for ten minutes: pictures are taken there all the same."""
+    from pavetwin.traffic.record import record as record_traffic
+
+    settings = CaptureSettings(
+        platform="car", images=6, densities=("low",), seed=3, size_px=(256, 256), formats=("yolo",)
+    )
+    capture(world, settings, tmp_path / "drive", hire=Painter)
+    kinds = record_traffic(load_world(world), "low", 3, 600.0).agents.kind
+    driven: dict[str, set[str]] = {}
+    for record in read_records(tmp_path / "drive"):
+        driven.setdefault(record.split, set()).add(kinds[int(record.traffic["ego"].removeprefix("agent "))])
+    assert driven["train"] == {"hatchback"}
+    assert driven["val"] <= {"compact", "saloon", "suv", "van"}
+
+
+def test_every_split_gets_a_street_that_is_driven(world: Path) -> None:
+    loaded = load_world(world)
+    streets = sorted({loaded.segment(defect.segment).street for defect in loaded.defects})
+    assert len(streets) > 3
+    driven = set(streets[:3])
+    for seed in range(8):
+        splits = split_streets(loaded, (0.7, 0.15, 0.15), np.random.default_rng(seed), driven)
+        assert set(splits) == set(streets)
+        assert {splits[street] for street in driven} == set(SPLITS)
+    with pytest.raises(PaveTwinError, match="2 streets with defects that are driven"):
+        split_streets(loaded, (0.7, 0.15, 0.15), np.random.default_rng(0), set(streets[:2]))
+
+
 # --- Interruptions and refusals -------------------------------------------------------------------------------------
 
 
@@ -335,6 +365,28 @@ def test_a_failure_in_another_process_is_ours_too(world: Path, tmp_path: Path) -
     assert not list((tmp_path / "failing").glob("images/*/*"))
 
 
+def test_what_can_not_be_planned_leaves_nothing(world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_place(*_: object) -> None:
+        raise PaveTwinError("nowhere")
+
+    monkeypatch.setattr("pavetwin.capture.run.draw_shot", no_place)
+    with pytest.raises(PaveTwinError, match="nowhere"):
+        capture(world, UAV, tmp_path / "d", hire=Painter)
+    assert not (tmp_path / "d").exists()
+
+
+def test_a_run_that_came_to_no_image_is_no_obstacle(
+    world: Path, dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patched:
+        patched.setattr("pavetwin.capture.taking.shows", lambda *_: False)
+        with pytest.raises(PaveTwinError, match="no place was found"):
+            capture(world, UAV.model_copy(update={"seed": 4}), tmp_path / "d", hire=Painter)
+    assert list(files(tmp_path / "d")) == ["capture.yaml"]
+    assert capture(world, UAV, tmp_path / "d", hire=Painter).taken == UAV.images
+    assert files(tmp_path / "d") == files(dataset)
+
+
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
@@ -365,8 +417,6 @@ def test_a_complete_dataset_is_left_as_it_is(world: Path, dataset: Path) -> None
 
 
 def test_a_world_with_one_street_can_not_be_split(world: Path) -> None:
-    from pavetwin.capture.splits import split_streets
-
     loaded = load_world(world)
     street = loaded.segments[0].street
     lone = replace(loaded, defects=tuple(d for d in loaded.defects if loaded.segment(d.segment).street == street))

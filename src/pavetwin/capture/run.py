@@ -68,16 +68,22 @@ def capture(
     wanted = description(settings, world.name, world.content_hash, defects_hash(world))
     check_same(folder, wanted)
     setting = prepare(world, settings, lambda share: tell(share, "Recording traffic"))
-    _write_yaml(folder / FILE, wanted)
     there = done(folder)
     missing = [index for index in range(settings.images) if index not in there]
+
+    def begin() -> None:
+        _write_yaml(folder / FILE, wanted)
+
     if missing:
-        _take(Job(world_folder, settings, folder, hire), setting, missing, jobs, tell)
+        _take(Job(world_folder, settings, folder, hire), setting, missing, jobs, begin, tell)
     statistics = _finish(world, settings, setting, folder)
     return Captured(folder, statistics, len(missing))
 
 
-def _take(job: Job, setting: Setting, missing: list[int], jobs: int, tell: OnProgress) -> None:
+def _take(
+    job: Job, setting: Setting, missing: list[int], jobs: int, begin: Callable[[], None], tell: OnProgress
+) -> None:
+    """`begin` is called when places have been found, before the first image is taken."""
     total, ready = job.settings.images, job.settings.images - len(missing)
     platform = find_platform(job.settings.platform)(setting)
 
@@ -92,6 +98,7 @@ def _take(job: Job, setting: Setting, missing: list[int], jobs: int, tell: OnPro
             orders = [
                 _planned(platform, wish, number, len(block), tell, ready / total) for number, wish in enumerate(block)
             ]
+            begin()
             work(dealt(in_shards(orders, hands), hands))
 
 

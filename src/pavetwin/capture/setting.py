@@ -55,7 +55,6 @@ def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | N
     check(settings)
     if not world.defects:
         raise PaveTwinError(f"The world '{world.name}' has no defects to take images of; build it with some.")
-    splits = split_streets(world, settings.split, child(settings.seed, Stream.CAPTURE, STREETS))
     meshes = {altitude: navmesh(world, altitude, UavSettings().radius_m) for altitude in settings.altitudes_m}
     recordings: dict[str, Recording] = {}
     tell = on_progress or (lambda _: None)
@@ -65,6 +64,8 @@ def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | N
             tell((done + share) / len(settings.densities))
 
         recordings[name] = record(world, name, settings.seed, RECORDED_S, on_progress=part)
+    reached = find_platform(settings.platform).reaches(world, recordings)
+    splits = split_streets(world, settings.split, child(settings.seed, Stream.CAPTURE, STREETS), reached)
     return Setting(
         world=world,
         settings=settings,

@@ -77,7 +77,8 @@ def description(settings: CaptureSettings, world: str, content: str, defects: st
 
 
 def check_same(folder: Path, wanted: dict[str, Any]) -> bool:
-    """Whether a dataset with these settings was begun in `folder`; more images may be asked for than before.
+    """Whether a dataset with these settings was begun in `folder`; more images may be asked for than before. A
+    `capture.yaml` with nothing else beside it is of a run that came to no image, and no obstacle.
 
     Raises:
         PaveTwinError: something else is there, or a dataset with other settings; the message names the first.
@@ -86,6 +87,8 @@ def check_same(folder: Path, wanted: dict[str, Any]) -> bool:
         return False
     if not (folder / FILE).is_file():
         raise PaveTwinError(f"--output: '{folder}' exists and holds no dataset; choose another folder.")
+    if all(path.name == FILE or path.name.startswith(".") for path in folder.iterdir()):
+        return False
     found = read_description(folder)
     if found["format"] != FORMAT:
         raise PaveTwinError(f"'{folder}' is of format {found['format']}, this version writes {FORMAT}; choose another.")

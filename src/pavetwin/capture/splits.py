@@ -4,7 +4,7 @@ Of many assignments the one is taken that comes nearest to the wanted shares of 
 fewest streets that meet: where streets of two splits meet no image can be taken.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Final
 
@@ -34,31 +34,40 @@ class _Town:
     """(streets, classes) of defects, as shares of each class."""
     meets: Floats
     """(streets, streets) 1 where two meet, scaled to sum to 1."""
+    reached: npt.NDArray[np.bool_]
+    """(streets,) of which images can be taken; only these count for the shares."""
     wanted: Floats
     """(splits,)"""
 
 
 def split_streets(
-    world: World, shares: Sequence[float], rng: np.random.Generator, meeting_m: float = MEETING_M
+    world: World,
+    shares: Sequence[float],
+    rng: np.random.Generator,
+    reached: Set[str] | None = None,
+    meeting_m: float = MEETING_M,
 ) -> Mapping[str, str]:
     """The split of every street that has defects.
 
     Args:
         shares: of train, val and test; one of 0 gets no street.
+        reached: the streets that images can be taken of; all unless given. The others go where they meet most.
 
     Raises:
         PaveTwinError: there are fewer streets with defects than splits.
     """
     street_of = {segment.id: segment.street for segment in world.segments}
     names = sorted({street_of[defect.segment] for defect in world.defects})
+    within = np.array([reached is None or name in reached for name in names], dtype=np.bool_)
     wanted = np.array(shares, dtype=np.float64)
-    if len(names) < np.count_nonzero(wanted):
-        streets = "1 street" if len(names) == 1 else f"{len(names)} streets"
+    if within.sum() < np.count_nonzero(wanted):
+        streets = "1 street" if within.sum() == 1 else f"{within.sum()} streets"
+        driven = "" if within.all() else " that are driven in its recorded traffic"
         raise PaveTwinError(
-            f"The world '{world.name}' has {streets} with defects, and train, val and test each need streets of their "
-            "own; use a larger world, or --split 100/0/0."
+            f"The world '{world.name}' has {streets} with defects{driven}, and train, val and test each need streets "
+            "of their own; use a larger world, or --split 100/0/0."
         )
-    town = _Town(_counts(world, names, street_of), _meetings(world, names, meeting_m), wanted)
+    town = _Town(_counts(world, names, within, street_of), _meetings(world, names, meeting_m), within, wanted)
     best, least = None, np.inf
     for _ in range(STARTS):
         chosen = _improved(town, _started(town, rng))
@@ -69,11 +78,12 @@ def split_streets(
     return {name: SPLITS[split] for name, split in zip(names, best.tolist(), strict=True)}
 
 
-def _counts(world: World, names: Sequence[str], street_of: Mapping[str, str]) -> Floats:
+def _counts(world: World, names: Sequence[str], within: npt.NDArray[np.bool_], street_of: Mapping[str, str]) -> Floats:
     row, column = {name: i for i, name in enumerate(names)}, {kind: i for i, kind in enumerate(_kinds(world))}
     counts = np.zeros((len(names), len(column)))
     for defect in world.defects:
         counts[row[street_of[defect.segment]], column[defect.kind]] += 1
+    counts[~within] = 0.0
     return np.asarray(counts / np.maximum(1, counts.sum(axis=0)))
 
 
@@ -126,5 +136,5 @@ def _cost(town: _Town, chosen: npt.NDArray[np.intp]) -> float:
     inside = np.eye(len(town.wanted))[chosen]
     missed = np.abs(inside.T @ town.counts - town.wanted[:, None] * (town.counts.sum(axis=0) > 0))
     parted = 1.0 - float((inside * (town.meets @ inside)).sum()) if town.meets.any() else 0.0
-    unused = np.count_nonzero((inside.sum(axis=0) == 0) & (town.wanted > 0))
+    unused = np.count_nonzero((inside[town.reached].sum(axis=0) == 0) & (town.wanted > 0))
     return float(missed.mean(axis=1).sum()) + PARTING_WEIGHT * parted + 10.0 * unused

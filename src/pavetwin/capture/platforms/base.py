@@ -58,6 +58,11 @@ class Platform(ABC):
     def __init__(self, setting: Setting) -> None:
         self.setting = setting
 
+    @classmethod
+    def reaches(cls, world: World, recordings: Mapping[str, Recording]) -> set[str]:  # noqa: ARG003 - for others
+        """The streets that it can take images of in every one of the recordings."""
+        return {segment.street for segment in world.segments}
+
     @abstractmethod
     def propose(self, wish: Wish, rng: np.random.Generator) -> Pose | None:
         """A pose that may show what is wished, or None when the luck of `rng` led nowhere.

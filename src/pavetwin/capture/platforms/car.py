@@ -1,5 +1,10 @@
-"""A hatchback in the recorded traffic with two cameras: one behind the windscreen, and one down, behind the car."""
+"""A hatchback in the recorded traffic with two cameras: one behind the windscreen, and one down, behind the car.
 
+On streets where no hatchback drives while traffic is recorded it takes the place of another car, or of another vehicle
+where there is no car either: in a small town a street can be without hatchbacks for ten minutes.
+"""
+
+from collections.abc import Mapping
 from functools import cached_property
 from math import atan2, cos, radians, sin
 from typing import Final
@@ -10,10 +15,11 @@ import shapely
 
 from pavetwin.capture.plan import Wish
 from pavetwin.capture.platforms.base import Platform, Pose, platform
-from pavetwin.errors import PaveTwinError
 from pavetwin.scene.view import look
+from pavetwin.traffic.kinds import KINDS
 from pavetwin.traffic.recording import Recording
 from pavetwin.uav.cameras import Camera
+from pavetwin.world.model import World
 
 KIND: Final = "hatchback"
 
@@ -49,6 +55,11 @@ REAR: Final = Mount("rear", x_m=-2.30, z_m=2.00, pitch_deg=-90.0, vertical_fov_d
 
 @platform("car")
 class Car(Platform):
+    @classmethod
+    def reaches(cls, world: World, recordings: Mapping[str, Recording]) -> set[str]:
+        driven = [set(_ways(world, recording, within_m=0.0)) for recording in recordings.values()]
+        return set.intersection(*driven)
+
     def propose(self, wish: Wish, rng: np.random.Generator) -> Pose | None:
         mount = FRONT if wish.share < FRONT_SHARE else REAR
         recording, rows = self.setting.recordings[wish.density], self._rows(wish)
@@ -76,30 +87,46 @@ class Car(Platform):
         return Pose(view, time_s, atan2(sin(yaw), cos(yaw)), pitch, mount.camera, mount.name, ego=agent)
 
     def _rows(self, wish: Wish) -> npt.NDArray[np.intp]:
-        """Rows of the recording with a moving hatchback on one of the split's streets.
-
-        Raises:
-            PaveTwinError: there is none.
-        """
-        rows = self._by_density[wish.density].get(wish.split, np.empty(0, dtype=np.intp))
-        if not len(rows):
-            raise PaveTwinError(
-                f"No hatchback drives on the streets of {wish.split} in {wish.density} traffic; give a higher "
-                "--density, another --seed, or --split 100/0/0."
-            )
-        return rows
+        """Rows of the recording whose vehicle it may be, on the split's streets; `reaches` sees that there are."""
+        return self._by_density[wish.density][wish.split]
 
     @cached_property
     def _by_density(self) -> dict[str, dict[str, npt.NDArray[np.intp]]]:
         return {name: self._of_splits(recording) for name, recording in self.setting.recordings.items()}
 
     def _of_splits(self, recording: Recording) -> dict[str, npt.NDArray[np.intp]]:
-        is_ours = np.array([kind == KIND for kind in recording.agents.kind], dtype=np.bool_)
-        rows = np.flatnonzero(is_ours[recording.agent] & (recording.speed_mps > _LEAST_SPEED_MPS))
         splits = self.setting.sight.splits
-        segments = [segment for segment in self.setting.world.segments if segment.street in splits]
-        places = shapely.points(recording.x[rows].astype(np.float64), recording.y[rows].astype(np.float64))
-        tree = shapely.STRtree([segment.polygon for segment in segments])
-        (point, nearest) = tree.query_nearest(places, max_distance=_STREET_M, all_matches=False)
-        names = np.array([splits[segments[index].street] for index in nearest.tolist()], dtype=np.str_)
-        return {name: rows[point[names == name]] for name in np.unique(names).tolist()}
+        found: dict[str, list[npt.NDArray[np.intp]]] = {}
+        for street, rows in _ways(self.setting.world, recording, within_m=_STREET_M).items():
+            if street in splits:
+                found.setdefault(splits[street], []).append(rows)
+        return {split: np.sort(np.concatenate(rows)) for split, rows in found.items()}
+
+
+def _ways(world: World, recording: Recording, within_m: float) -> dict[str, npt.NDArray[np.intp]]:
+    """Street → rows of the recording with a moving vehicle that the hatchback may be.
+
+    Args:
+        within_m: how far off the carriageway, on a junction, counts as on the street.
+    """
+    ranks = np.array([_rank(kind) for kind in recording.agents.kind], dtype=np.intp)
+    moves = (recording.speed_mps > _LEAST_SPEED_MPS) & ~recording.agents.is_pedestrian[recording.agent]
+    rows = np.flatnonzero(moves)
+    tree = shapely.STRtree([segment.polygon for segment in world.segments])
+    places = shapely.points(recording.x[rows].astype(np.float64), recording.y[rows].astype(np.float64))
+    point, nearest = tree.query_nearest(places, max_distance=max(within_m, 1e-6), all_matches=False)
+    rows, streets = rows[point], np.array([segment.street for segment in world.segments], dtype=np.str_)[nearest]
+    order = np.argsort(streets, kind="stable")
+    names, starts = np.unique(streets[order], return_index=True)
+    found = {}
+    for name, here in zip(names.tolist(), np.split(rows[order], starts[1:]), strict=True):
+        best = ranks[recording.agent[here]]
+        found[name] = here[best == best.min()]
+    return found
+
+
+def _rank(kind: str) -> int:
+    """Whose way it drives on a street: that of the lowest rank there."""
+    if kind == KIND:
+        return 0
+    return 1 if kind in KINDS and KINDS[kind].sumo_class == "passenger" else 2
