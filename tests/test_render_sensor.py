@@ -2,16 +2,16 @@
 
 import gc
 from dataclasses import replace
-from math import pi
+from math import hypot, pi
 
 import numpy as np
 import pytest
 import wgpu
 
-from pavetwin.render.exposure import Exposure
+from pavetwin.render.exposure import Exposure, meter, programme
 from pavetwin.render.sensor import Style, picture
 from pavetwin.render.tiles import TileCache
-from pavetwin.scene.light import Light
+from pavetwin.scene.light import Light, harmonics
 from pavetwin.scene.view import View, look
 from pavetwin.uav.cameras import cameras
 from scenes.stage import Box, plane_renderer
@@ -79,6 +79,30 @@ def test_light_beyond_what_half_floats_hold_blackens_no_picture() -> None:
     sound = picture(radiance, view=ABOVE, camera=CAMERA, light=LIGHT, exposure=settings, seed=0, style=Style())
     assert np.array_equal(seen[20:], sound[20:])
     assert seen[20:].mean() > 20
+
+
+def chroma(rgb: np.ndarray) -> float:
+    """CIE 1976 a*b* chroma of the mean of sRGB pixels, white point D65."""
+    code = rgb.reshape(-1, 3).mean(axis=0) / 255
+    red_green_blue = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+    xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]) @ red_green_blue
+    x, y, z = np.cbrt(xyz / (0.9505, 1.0, 1.089))
+    return hypot(500 * (x - y), 200 * (y - z))
+
+
+@pytest.mark.parametrize("sunlit", [0.4, 0.5, 0.7])
+@pytest.mark.parametrize("elevation_deg", [25.0, 45.0, 60.0])
+def test_sunlit_grey_stays_grey_where_much_of_the_picture_is_in_shade(elevation_deg: float, sunlit: float) -> None:
+    light, edge = Light(elevation_deg, 180.0), round(240 * sunlit)
+    shade = light.sky_irradiance.T @ harmonics(np.array([0.0, 0.0, 1.0]))
+    radiance = np.zeros((160, 240, 4), dtype=np.float16)
+    radiance[:, :edge, :3] = 0.2 / pi * (light.sun_klux * light.to_sun[2] + shade)
+    radiance[:, edge:, :3] = 0.2 / pi * 0.7 * shade
+    exposure = programme(CAMERA, meter(radiance))
+    seen = picture(radiance, view=ABOVE, camera=CAMERA, light=light, exposure=exposure, seed=0, style=Style())
+    assert chroma(seen[:, 10 : edge - 10]) < 8
+    # The rest of the difference is the shade's, which is bluer but no paint.
+    assert chroma(seen[:, edge + 10 : -10]) < 14
 
 
 # With the renderer.

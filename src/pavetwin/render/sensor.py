@@ -117,16 +117,21 @@ def white_balance(light: Light, radiance: npt.NDArray[np.float16], adaptation: f
     """Gains of red, green and blue, none below 1, that turn grey things in a picture towards neutral.
 
     The illuminant lies between that of level ground in the sun and in the shade, nearer to the one that the picture's
-    mean ratio of red to blue speaks for: a grey world, held to illuminants that there are.
+    light-weighted mean ratio of red to blue speaks for: a grey world, held to illuminants that there are.
     """
     shade = light.sky_irradiance.T @ harmonics(np.array([0.0, 0.0, 1.0]))
     sun = light.sun_klux * light.to_sun[2] + shade
     seen = radiance[::8, ::8, :3].astype(np.float64).reshape(-1, 3)
     seen = np.maximum(seen[np.isfinite(seen).all(axis=1)], 0)
-    # Each pixel counts alike, so that a white van does not outweigh the street; pavements are a little warm.
-    ratios = np.log((seen[:, 0] + 1e-4) / (seen[:, 2] + 1e-4))
-    mean = float(np.median(ratios)) - _PAVEMENT_WARMTH if len(ratios) else 0.0
     sunny, shady = (math.log(each[0] / each[2]) for each in (sun, shade))
+    # Lawns and red cars say no more than sun or shade would; pavements are a little warm.
+    ratios = np.log((seen[:, 0] + 1e-4) / (seen[:, 2] + 1e-4)) - _PAVEMENT_WARMTH
+    ratios = np.clip(ratios, min(sunny, shady), max(sunny, shady))
+    # What is brighter counts more, as in cameras: half a street in shade leaves the sunlit half white. No more than the
+    # brightest tenth begins with, so that a white van does not outweigh the street.
+    weight = seen @ LUMINANCE
+    weight = np.minimum(weight, np.quantile(weight, 0.9)) + 1e-9 if len(weight) else weight
+    mean = float(np.average(ratios, weights=weight)) if len(ratios) else 0.0
     share = float(np.clip((mean - sunny) / (shady - sunny), 0, 1)) if abs(shady - sunny) > 1e-3 else 0.0
     illuminant = np.exp((1 - share) * np.log(sun) + share * np.log(shade))
     gains = ((illuminant @ LUMINANCE) / illuminant) ** adaptation
