@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from shapely import Polygon
 
+from pavetwin.memory import give_back
 from pavetwin.scene import furniture, signals
 from pavetwin.scene.agents import Actors, upright
 from pavetwin.scene.buildings import Buildings, facade_textures
@@ -31,8 +32,8 @@ from pavetwin.scene.shafts import shafts
 from pavetwin.traffic.recording import Recording
 from pavetwin.world.model import Furniture, World
 
-TILES_KEPT: Final = 64
-"""Tiles in memory: a car's view down a street needs some 30, each of about 10 MB."""
+TILES_KEPT: Final = 8
+"""Tiles in memory, each of about 10 MB: who draws them keeps them where they are drawn."""
 
 PATCHES_KEPT: Final = 96
 """Whole patches in memory, some MB each at most."""
@@ -60,6 +61,7 @@ class Scene:
         """One tile; made now if it was not kept."""
         if key not in self._tiles:
             self._tiles[key] = self._make(key)
+            give_back()
             while len(self._tiles) > self._kept:
                 self._tiles.popitem(last=False)
         self._tiles.move_to_end(key)

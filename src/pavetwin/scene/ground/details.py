@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from pavetwin.memory import give_back
 from pavetwin.scene.ground.asphalt import asphalt
 from pavetwin.scene.ground.hardscape import concrete, kerb, paving
 from pavetwin.scene.ground.softscape import earth, grass
@@ -32,4 +33,6 @@ def details() -> Mapping[GroundKind, Detail]:
     """The detail textures of all kinds of ground; about two seconds the first time in a process."""
     with ThreadPoolExecutor(max_workers=min(len(MAKERS), cpu_count() or 1)) as pool:
         made = {kind: pool.submit(make, child(_SEED, Stream.SCENE, int(kind))) for kind, make in MAKERS.items()}
-        return MappingProxyType({kind: task.result() for kind, task in made.items()})
+        found = MappingProxyType({kind: task.result() for kind, task in made.items()})
+    give_back()
+    return found
