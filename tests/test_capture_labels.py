@@ -11,8 +11,10 @@ from hypothesis.extra.numpy import arrays
 from pycocotools import mask as coco_mask
 
 from pavetwin.capture.classes import CAR, PERSON, categories, category_of_agent, category_of_defect
+from pavetwin.capture.contrast import Picture
 from pavetwin.capture.pieces import pieces
 from pavetwin.capture.rle import decode, encode
+from pavetwin.capture.sight import opening_px
 from pavetwin.capture.truth import Moment, Reason, Thing, ground_share, inside_share, things
 from pavetwin.render.frame import Frame
 from pavetwin.scene.model import agent_label, defect_label
@@ -93,8 +95,15 @@ def seen(moment: Moment, painted: dict[int, tuple[slice, slice]], alone: dict[in
     labels = np.zeros((SIZE, SIZE), dtype=np.uint32)
     for label, where in painted.items():
         labels[where] = label
-    frame = Frame(from_above(height_m), np.zeros((SIZE, SIZE, 3), dtype=np.uint8), None, labels, alone)
+    frame = Frame(from_above(height_m), shaded(labels), None, labels, alone)
     return {thing.id: thing for thing in things(frame, moment)}
+
+
+def shaded(labels: np.ndarray, darker: float = 60.0) -> np.ndarray:
+    """A picture of grainy asphalt (σ 6 grey levels) on which what is labelled is darker."""
+    grain = np.random.default_rng(0).normal(0.0, 6.0, labels.shape)
+    grey = np.clip(130.0 + grain - darker * (labels > 0), 0, 255)
+    return np.repeat(grey.astype(np.uint8)[:, :, None], 3, axis=2)
 
 
 def test_a_thing_says_what_it_is_and_how_much_of_it_is_seen(moment: Moment) -> None:
@@ -123,8 +132,10 @@ def test_a_thing_says_what_it_is_and_how_much_of_it_is_seen(moment: Moment) -> N
         (POTHOLE, np.s_[96:104, 116:124], 64 * 6, None),
         (POTHOLE, np.s_[96:100, 116:121], 20, Reason.SMALL),
         (POTHOLE, np.s_[96:104, 116:118], 16, Reason.SMALL),
-        (CRACK, np.s_[96:97, 100:120], 20, None),
-        (CRACK, np.s_[96:97, 100:112], 12, Reason.SMALL),
+        (POTHOLE, np.s_[96:99, 116:126], 30, Reason.SMALL),
+        (CRACK, np.s_[96:98, 100:120], 40, None),
+        (CRACK, np.s_[96:97, 100:120], 20, Reason.SMALL),
+        (CRACK, np.s_[96:98, 100:112], 24, Reason.SMALL),
         (AGENT, np.s_[80:92, 70:76], 72, None),
         (AGENT, np.s_[80:91, 70:80], 110, Reason.SMALL),
     ],
@@ -135,10 +146,66 @@ def test_what_is_hardly_seen_is_ignored_and_kept(moment: Moment, label: int, whe
     assert decode(thing.mask, (SIZE, SIZE)).sum() == thing.area_px
 
 
-def test_a_crack_finer_than_its_pixels_show_is_ignored(moment: Moment) -> None:
-    painted, alone = {CRACK: np.s_[96:97, 100:120]}, {CRACK: 20}
-    assert seen(moment, painted, alone, height_m=10.0)["defect 1"].ignored is None
-    assert seen(moment, painted, alone, height_m=14.0)["defect 1"].ignored == Reason.FINE.value
+@pytest.mark.parametrize(("label", "where"), [(POTHOLE, np.s_[80:120, 110:140]), (CRACK, np.s_[96:98, 60:120])])
+def test_what_the_picture_hardly_shows_is_ignored_and_its_contrast_kept(moment: Moment, label: int, where) -> None:
+    labels = np.zeros((SIZE, SIZE), dtype=np.uint32)
+    labels[where] = label
+    contrasts = []
+    for darker in (0.0, 5.0, 20.0, 60.0):
+        (thing,) = things(
+            Frame(from_above(), shaded(labels, darker), None, labels, {label: int((labels > 0).sum())}), moment
+        )
+        contrasts.append(thing.details["contrast"])
+        if darker in (0.0, 60.0):
+            assert thing.ignored == (None if darker else Reason.FAINT.value)
+    assert contrasts == sorted(contrasts)
+
+
+def test_the_contrast_is_measured_in_shadow_and_on_markings_too() -> None:
+    """The shade of a wall over all or a white line across changes little, and a car beside it is no pavement."""
+    labels = np.zeros((SIZE, SIZE), dtype=np.uint32)
+    labels[96:98, 60:120] = CRACK
+    plain = shaded(labels, 20.0)
+    marked, shady = plain.copy(), (plain * 0.4).astype(np.uint8)
+    marked[:, 80:84] += 100
+    (crack,) = pieces(labels)
+    style = category_of_defect(DefectClass.SINGLE_CRACK).look
+    assert style is not None
+    wanted = Picture(plain, labels).contrast(crack, style)
+    assert wanted is not None
+    assert wanted > style.least
+    assert Picture(shady, labels).contrast(crack, style) == pytest.approx(wanted, rel=0.15)
+    assert Picture(marked, labels).contrast(crack, style) == pytest.approx(wanted, rel=0.4)
+    labels[99:130] = AGENT
+    hidden = plain.copy()
+    hidden[99:130] = 255
+    assert Picture(hidden, labels).contrast(crack, style) == pytest.approx(wanted, rel=0.25)
+    labels[labels == 0] = AGENT
+    assert Picture(plain, labels).contrast(crack, style) is None
+
+
+def test_an_opening_across_the_view_is_foreshortened(moment: Moment) -> None:
+    ahead = look(
+        (0, 0, 1.3), yaw_rad=0.0, pitch_rad=np.radians(-10), size_px=(SIZE, SIZE), vertical_fov_rad=np.radians(58)
+    )
+    crack = replace(moment.world.defects[1], centre=shapely.Point(13, 0), width_m=0.01)
+    along = replace(crack, polygon=shapely.box(12, -0.1, 14, 0.1))
+    across = replace(crack, polygon=shapely.box(12.9, -1, 13.1, 1))
+    away = np.hypot(13, 1.3)
+    full = 0.01 * ahead.focal_px / away
+    assert opening_px(ahead, along, is_line=True) == pytest.approx(full)
+    assert opening_px(ahead, across, is_line=True) == pytest.approx(full * 1.3 / away)
+    assert opening_px(ahead, across, is_line=False) == pytest.approx(full * (1 + 1.3 / away) / 2)
+    down = replace(across, centre=shapely.Point(30, 0))
+    assert opening_px(from_above(), down, is_line=True) == pytest.approx(0.01 * from_above().focal_px / 10)
+
+
+def test_a_crack_too_fine_for_its_pixels_is_ignored_though_they_are_dark(moment: Moment) -> None:
+    painted, alone = {CRACK: np.s_[96:98, 100:120]}, {CRACK: 40}
+    fine = replace(moment.world.defects[1], width_m=0.01)
+    finer = replace(moment, world=replace(moment.world, defects=(moment.world.defects[0], fine)))
+    assert seen(finer, painted, alone)["defect 1"].ignored == Reason.FAINT.value
+    assert seen(moment, painted, alone)["defect 1"].ignored is None
 
 
 def test_what_lies_far_away_is_ignored(moment: Moment) -> None:

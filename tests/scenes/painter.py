@@ -11,7 +11,7 @@ from pavetwin.capture.platforms import Setting
 from pavetwin.capture.shots import Shot
 from pavetwin.render.exposure import Exposure
 from pavetwin.render.frame import Frame
-from pavetwin.scene.model import agent_label, defect_label
+from pavetwin.scene.model import agent_label, defect_label, labelled_defect
 from pavetwin.scene.view import View
 
 GREY = (120, 118, 112)
@@ -37,7 +37,9 @@ class Painter:
         rgb = np.empty((*labels.shape, 3), dtype=np.uint8)
         rgb[:] = GREY
         for label in alone:
-            rgb[labels == label] = ((label * 37) % 256, (label * 91) % 256, (label * 53) % 256)
+            # Defects are darker than the road, agents of any colour.
+            shade = 0.25 if labelled_defect(label) is not None else 1.0
+            rgb[labels == label] = [int(shade * ((label * factor) % 256)) for factor in (37, 91, 53)]
         return Frame(view, rgb, None, labels, alone, Exposure(0.001, 2.8, 100.0))
 
 

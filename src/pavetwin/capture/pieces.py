@@ -26,6 +26,10 @@ class Piece:
     def longer_side_px(self) -> int:
         return max(self.box[2] - self.box[0], self.box[3] - self.box[1])
 
+    @property
+    def shorter_side_px(self) -> int:
+        return min(self.box[2] - self.box[0], self.box[3] - self.box[1])
+
     def mask(self, size: tuple[int, int]) -> npt.NDArray[np.bool_]:
         """In the whole image (height, width)."""
         mask = np.zeros(size, dtype=np.bool_)

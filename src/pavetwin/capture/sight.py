@@ -9,10 +9,10 @@ import numpy.typing as npt
 import shapely
 from shapely import Polygon
 
-from pavetwin.capture.classes import LEAST_WIDTH_PX, category_of_defect
+from pavetwin.capture.classes import category_of_defect
 from pavetwin.capture.plan import Wish
 from pavetwin.scene.view import View
-from pavetwin.world.model import World
+from pavetwin.world.model import Defect, World
 
 HORIZON_M = 45.0
 """Beyond it a defect is below a pixel high for a camera on a car; what is seen of one all the same, the instance image
@@ -23,6 +23,9 @@ INNER = 0.8
 
 AIMED_WITHIN_M = 20.0
 """Of the camera."""
+
+AIMED_WIDTH_PX = 0.4
+"""Of the widest opening, seen from straight above: finer cracks are seldom found in a picture."""
 
 _BORDER = np.linspace(0.0, 1.0, 5)
 
@@ -39,6 +42,28 @@ def footprint(view: View, horizon_m: float = HORIZON_M) -> Polygon:
     beyond = ~(reach <= horizon_m)
     hits[beyond] = view.position[:2] + flat[beyond] * horizon_m
     return Polygon(shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(hits))))
+
+
+def opening_px(view: View, defect: Defect, *, is_line: bool) -> float:
+    """How wide the widest opening of a crack in the ground appears, in pixels.
+
+    Args:
+        is_line: whether it runs one way, as its outline does, so that only what lies across is foreshortened; the
+            cracks of a network run every way, and the mean is taken.
+    """
+    ray = np.array([defect.centre.x, defect.centre.y, 0.0]) - view.position
+    distance = float(np.linalg.norm(ray))
+    sine = abs(float(ray[2])) / distance
+    full = defect.width_m * view.focal_px / distance
+    if not is_line:
+        return full * (1.0 + sine) / 2
+    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(defect.polygon))
+    sides = corners[1:3] - corners[:2]
+    along = sides[int(np.argmax(np.hypot(sides[:, 0], sides[:, 1])))]
+    level = ray[:2] / max(float(np.hypot(ray[0], ray[1])), 1e-9)
+    # The opening lies across: its part in the direction of view is what shrinks.
+    cosine = float(along[0] * level[1] - along[1] * level[0]) / float(np.hypot(along[0], along[1]))
+    return full * float(np.sqrt(1.0 - cosine**2 * (1.0 - sine**2)))
 
 
 @dataclass(frozen=True)
@@ -92,6 +117,6 @@ class Sight:
         aims = np.intersect1d(near, self.wanted(wish))
         within = view.project(self.centres[aims]) / view.size_px
         away = np.linalg.norm(self.centres[aims] - view.position, axis=1)
-        clear = (away < AIMED_WITHIN_M) & (self.widths_m[aims] * view.focal_px > LEAST_WIDTH_PX * away)
+        clear = (away < AIMED_WITHIN_M) & (self.widths_m[aims] * view.focal_px > AIMED_WIDTH_PX * away)
         with np.errstate(invalid="ignore"):
             return bool(((np.abs(within - 0.5) < INNER / 2).all(axis=1) & clear).any())

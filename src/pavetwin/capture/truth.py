@@ -11,14 +11,15 @@ import numpy.typing as npt
 import shapely
 from shapely import Polygon
 
-from pavetwin.capture.classes import LEAST_WIDTH_PX, Category, category_of_agent, category_of_defect
+from pavetwin.capture.classes import LEAST_OPENING_PX, Category, category_of_agent, category_of_defect
+from pavetwin.capture.contrast import Picture
 from pavetwin.capture.pieces import Box, Piece, pieces
 from pavetwin.capture.rle import encode
-from pavetwin.capture.sight import footprint
+from pavetwin.capture.sight import footprint, opening_px
 from pavetwin.render.frame import Frame
 from pavetwin.scene.model import labelled_agent, labelled_defect
 from pavetwin.scene.view import View
-from pavetwin.world.model import Defect, World
+from pavetwin.world.model import Defect, DefectClass, World
 
 if TYPE_CHECKING:
     from pavetwin._core import PoseColumns
@@ -38,9 +39,9 @@ class Reason(StrEnum):
     """Less than 15 % of it lies within the image, and that is less than 1 % of the image."""
     FAR = "far"
     SMALL = "small"
-    """Its box's longer side or its mask is below the class's least."""
-    FINE = "fine"
-    """A crack whose widest opening is below 0.4 pixels."""
+    """A side of its box or its mask is below the class's least."""
+    FAINT = "faint"
+    """A defect that the picture hardly shows: its contrast, or a crack's opening as it appears, is below the least."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,8 @@ class Thing:
     position_m: tuple[float, float, float]
     """Its middle, in the world frame."""
     details: dict[str, Any]
-    """Of defects: class, severity, width_m, depth_m, area_m2, segment, street. Of agents: kind, sizes, yaw, speed."""
+    """Of defects: class, severity, width_m, depth_m, area_m2, segment, street, contrast. Of agents: kind, sizes, yaw,
+    speed."""
     ignored: str | None
     """A `Reason`; None for what is labelled."""
     mask: str
@@ -99,15 +101,21 @@ def things(frame: Frame, moment: Moment) -> list[Thing]:
     """
     if frame.labels is None:
         raise ValueError("a frame without labels shows no things")
-    return [_thing(piece, frame, moment) for piece in pieces(frame.labels)]
+    picture = Picture(frame.rgb, frame.labels)
+    return [_thing(piece, frame, picture, moment) for piece in pieces(frame.labels)]
 
 
-def _thing(piece: Piece, frame: Frame, moment: Moment) -> Thing:
+def _thing(piece: Piece, frame: Frame, picture: Picture, moment: Moment) -> Thing:
     number = labelled_defect(piece.label)
     inside: float | None
+    is_faint = False
     if number is not None:
-        category, middle, details = _defect(moment, number)
-        name, inside = f"defect {number}", ground_share(frame.view, moment.defect(number).polygon)
+        defect = moment.defect(number)
+        category, middle, details = _defect(moment, defect)
+        name, inside = f"defect {number}", ground_share(frame.view, defect.polygon)
+        contrast = None if category.look is None else picture.contrast(piece, category.look)
+        details["contrast"] = None if contrast is None else round(contrast, 3)
+        is_faint = _is_faint(frame.view, defect, category, contrast)
     else:
         agent = labelled_agent(piece.label)
         assert agent is not None
@@ -118,7 +126,6 @@ def _thing(piece: Piece, frame: Frame, moment: Moment) -> Thing:
     distance = float(np.linalg.norm(middle - frame.view.position))
     visible = piece.area_px / alone
     is_cut = inside is not None and inside < LEAST_INSIDE_SHARE and piece.area_px < LARGE_PX_SHARE * size[0] * size[1]
-    width_px = details.get("width_m", np.inf) * frame.view.focal_px / distance
     return Thing(
         id=name,
         category=category.name,
@@ -131,13 +138,13 @@ def _thing(piece: Piece, frame: Frame, moment: Moment) -> Thing:
         distance_m=round(distance, 3),
         position_m=(round(float(middle[0]), 3), round(float(middle[1]), 3), round(float(middle[2]), 3)),
         details=details,
-        ignored=_reason(piece, category, visible, is_cut, distance, width_px),
+        ignored=_reason(piece, category, visible, is_cut, distance, is_faint),
         mask=encode(piece.mask(size)),
     )
 
 
 def _reason(
-    piece: Piece, category: Category, visible: float, is_cut: bool, distance_m: float, width_px: float
+    piece: Piece, category: Category, visible: float, is_cut: bool, distance_m: float, is_faint: bool
 ) -> str | None:
     if visible < LEAST_VISIBLE_SHARE:
         return Reason.HIDDEN.value
@@ -145,14 +152,21 @@ def _reason(
         return Reason.CUT.value
     if distance_m > category.farthest_m:
         return Reason.FAR.value
-    if piece.longer_side_px < category.least_side_px or piece.area_px < category.least_area_px:
+    is_short = piece.longer_side_px < category.least_side_px or piece.shorter_side_px < category.least_short_side_px
+    if is_short or piece.area_px < category.least_area_px:
         return Reason.SMALL.value
-    return Reason.FINE.value if width_px < LEAST_WIDTH_PX else None
+    return Reason.FAINT.value if is_faint else None
 
 
-def _defect(moment: Moment, number: int) -> tuple[Category, npt.NDArray[np.float64], dict[str, Any]]:
+def _is_faint(view: View, defect: Defect, category: Category, contrast: float | None) -> bool:
+    is_line = defect.kind is DefectClass.SINGLE_CRACK
+    if category.is_crack and opening_px(view, defect, is_line=is_line) < LEAST_OPENING_PX:
+        return True
+    return category.look is not None and contrast is not None and contrast < category.look.least
+
+
+def _defect(moment: Moment, defect: Defect) -> tuple[Category, npt.NDArray[np.float64], dict[str, Any]]:
     """Category, middle (3,), details."""
-    defect = moment.defect(number)
     details = {
         "class": defect.kind.value,
         "severity": defect.severity.value,

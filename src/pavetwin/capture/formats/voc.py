@@ -57,4 +57,5 @@ def _add(root: ElementTree.Element, thing: Thing) -> None:
 
 def _texts(node: ElementTree.Element, **values: object) -> None:
     for name, value in values.items():
-        ElementTree.SubElement(node, name).text = str(value)
+        if value is not None:
+            ElementTree.SubElement(node, name).text = str(value)
