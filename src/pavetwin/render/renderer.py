@@ -305,6 +305,8 @@ class Renderer:
         )
         # A few texels of the shadow map, which is smoothed, are to shadows what a pixel is to the picture.
         coarse = np.maximum(pixel, SHADOW_TEXELS * shadow.texel_m)
+        # The camera's own vehicle throws its shadow right before the lens, where four texels are a wide tooth.
+        coarse[shown:moving] = pixel[shown:moving]
         shade_level = level_of(self._parts.least_px2[crowd.part], area, coarse)
         casters = [
             (self._mesh(*kind), count, first)

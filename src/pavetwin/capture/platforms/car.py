@@ -6,7 +6,7 @@ where there is no car either: in a small town a street can be without hatchbacks
 
 from collections.abc import Mapping
 from functools import cached_property
-from math import atan2, cos, radians, sin
+from math import atan2, copysign, cos, radians, sin
 from typing import Final
 
 import numpy as np
@@ -45,12 +45,17 @@ class Mount:
             title=f"PaveTwin car, {name} camera", image_px=(1280, 960), vertical_fov_deg=vertical_fov_deg
         )
 
+    def ahead_m(self, length_m: float) -> float:
+        """How far before the middle of a vehicle of that length it is: as far from its end as on the hatchback [m]."""
+        return self.x_m + copysign(1.0, self.x_m) * (length_m - KINDS[KIND].length_m) / 2
+
 
 FRONT: Final = Mount("front", x_m=0.55, z_m=1.30, pitch_deg=-22.0, vertical_fov_deg=58.0)
 """At the upper edge of the windscreen, pitched to the road: the horizon is in the upper tenth of its image."""
 
-REAR: Final = Mount("rear", x_m=-2.30, z_m=2.00, pitch_deg=-90.0, vertical_fov_deg=80.0)
-"""On an arm behind the tailgate, 2 m high as the line scanners of survey vehicles are: it sees a lane, 3.4 m."""
+REAR: Final = Mount("rear", x_m=-3.30, z_m=2.00, pitch_deg=-90.0, vertical_fov_deg=74.0)
+"""On an arm behind the tailgate, 2 m high as the line scanners of survey vehicles are. It sees a lane, 3 m, that begins
+at the rear bumper: nearer to the car it would look at the ground below the body, where no camera sees any."""
 
 
 @platform("car")
@@ -75,9 +80,10 @@ class Car(Platform):
         x, y, yaw, east, north = (
             float(poses[name][there[0]]) for name in ("x_m", "y_m", "yaw_rad", "east_mps", "north_mps")
         )
+        ahead_m = mount.ahead_m(float(recording.agents.length_m[agent]))
         pitch = mount.pitch_rad + _PITCHING_RAD * float(rng.standard_normal())
         view = look(
-            (x + mount.x_m * cos(yaw), y + mount.x_m * sin(yaw), mount.z_m),
+            (x + ahead_m * cos(yaw), y + ahead_m * sin(yaw), mount.z_m),
             yaw_rad=yaw,
             pitch_rad=pitch,
             size_px=self.setting.settings.size_px,

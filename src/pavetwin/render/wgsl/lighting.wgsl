@@ -57,7 +57,9 @@ fn sunlight(relative: vec3f, normal: vec3f, jitter: f32) -> f32 {
     }
     // In the open the loop does not run: a processor skips loops, but does both sides of an `if`.
     let taps = select(0, 6, blockers > 0.0);
-    let radius = clamp(nearer / max(blockers, 1.0) * frame.to_sun.w, 0.6, 12.0) * texel;
+    // Where a texel covers many pixels its corners would be the teeth of a saw; wider, level ground would shade itself.
+    let least = clamp(0.3 * frame.sun.w / (length(relative) * frame.camera.w), 0.6, 1.4);
+    let radius = clamp(nearer / max(blockers, 1.0) * frame.to_sun.w, least, 12.0) * texel;
     var dark = 0.0;
     for (var k = 0; k < taps; k++) {
         dark += 1.0 - textureSampleCompareLevel(shadow_map, shadow_compare, at.xy + disc(k, 6.0, turn) * radius, at.z);
