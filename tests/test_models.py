@@ -113,6 +113,15 @@ def test_the_top_is_open_and_what_looks_down_is_dark(name: str) -> None:
     assert np.concatenate(below).mean() < 0.75
 
 
+@pytest.mark.parametrize("name", [kind.name for kind in VEHICLES if kind.sumo_class == "passenger"])
+def test_no_black_lines_are_seen_from_above(name: str) -> None:
+    """Thinner than a pixel they would be drawn as dashes: gaps between panels are darker paint."""
+    for material, attributes, _ in primitives(read_glb(FOLDER / f"{name}.glb")):
+        if material == "gap":
+            z, up = attributes["POSITION"][:, 1], attributes["NORMAL"][:, 1]
+            assert not ((up > 0.5) & (z > 0.55 * KINDS[name].height_m)).any()
+
+
 def test_models_are_small_together() -> None:
     sizes = {path.stem: path.stat().st_size for path in FOLDER.glob("*.glb")}
     assert sum(sizes.values()) <= 10 * 2**20

@@ -16,15 +16,16 @@ from assets.models.simplify import simplify
 from assets.models.wheels import wheel
 
 LABELS: Final = (
-    "paint", "glass", "trim", "gap", "plastic", "lamp_front", "lamp_rear", "lamp_indicator", "plate", "chrome", "glass",
-    "glass", "paint",
+    "paint", "glass", "trim", "paint", "plastic", "lamp_front", "lamp_rear", "lamp_indicator", "plate", "chrome",
+    "glass", "glass", "paint",
 )  # fmt: skip
 """The material of each label: glass is there as it is, over the dashboard and over the seats; paint as it is, and
-about things on a roof, so that there are vertices to hold their shade."""
+about things on a roof, so that there are vertices to hold their shade, and darker in the gaps between panels."""
 PAINT, GLASS, TRIM, GAP, PLASTIC, LAMP_FRONT, LAMP_REAR, LAMP_INDICATOR, PLATE, CHROME, DASH, SEAT, SHADED = range(13)
-TINTS: Final = {GLASS: 0.6, DASH: 0.36}
-GAP_M: Final = 0.007
-"""Gaps between panels; 4 mm in truth, wider here so that they hold at 5 mm a pixel."""
+GAP_M: Final = 0.012
+"""Gaps between panels, 4 to 5 mm in truth. A black line thinner than a pixel is drawn as dashes, so it is as wide here
+as a pixel from 10 m above, and paint as dark as line and panels beside it are together."""
+TINTS: Final = {GLASS: 0.6, DASH: 0.36, GAP: 0.5}
 Outline = list[tuple[float, ...]]
 
 
@@ -180,7 +181,7 @@ class CarBody:
 
     def _gaps(self) -> None:
         s, d, skin = self.shape, self.details, self.skin
-        painted = (PAINT, PLASTIC)
+        painted = (PAINT,)
         for outline in d.doors + d.side_lines:
             skin.stroke(_outlined(outline, 0.06, (0, 2)), GAP_M, GAP, self._below_belt, painted)
         skin.stroke(self._bonnet, GAP_M, GAP, lambda p: np.abs(p[:, 2] - s.deck_at(p)) - 0.06, painted)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from assets.models.car_build import GAP, GAP_M, SHADED, TRIM, gate
+from assets.models.car_build import GAP, GAP_M, PAINT, SHADED, TRIM, gate
 from assets.models.common import Floats
 from assets.models.fields import polygon_distance, rounded, smooth_max
 from assets.models.implicit import Field, Skin, mesh
@@ -160,7 +160,7 @@ class CoachBody:
         self.skin.paint(lambda p: shape(p) + frame_m, label)
 
     def _gap(self, shape: Field, where: Field) -> None:
-        self.skin.stroke(shape, GAP_M, GAP, where, (0, 4, SHADED))
+        self.skin.stroke(shape, GAP_M, GAP, where, (PAINT, SHADED))
 
 
 def _beyond(p: Floats, axis: int, at: float) -> Floats:
