@@ -19,13 +19,19 @@ GREY = (120, 118, 112)
 
 @dataclass
 class Painter:
-    """Paints what stands on the ground, the farthest first. `slow_s` is what each picture takes at least."""
+    """Paints what stands on the ground, the farthest first. `slow_s` is what each picture takes at least; the one after
+    `tires_after` pictures never comes."""
 
     setting: Setting
     slow_s: float = 0.0
+    tires_after: int | None = None
 
     def frame(self, shot: Shot, setting: Setting) -> Frame:
         time.sleep(self.slow_s)
+        while self.tires_after == 0:
+            time.sleep(1.0)
+        if self.tires_after is not None:
+            self.tires_after -= 1
         view = shot.pose.view
         labels = np.zeros((view.size_px[1], view.size_px[0]), dtype=np.uint32)
         alone: dict[int, int] = {}
@@ -45,6 +51,10 @@ class Painter:
 
 def slow_painter(setting: Setting) -> Painter:
     return Painter(setting, slow_s=0.05)
+
+
+def tired_painter(setting: Setting) -> Painter:
+    return Painter(setting, tires_after=6)
 
 
 def full_disk(setting: Setting) -> Painter:  # noqa: ARG001 - the signature of who makes photographers

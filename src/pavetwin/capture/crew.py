@@ -45,7 +45,7 @@ def crew(job: Job, setting: Setting, hands: int, on_image: Callable[[], None]) -
     """Who takes the images: call it with shards, in the order in which they should begin.
 
     Raises:
-        PaveTwinError: what any of them says; those that are at work stop after their image and leave nothing of it.
+        PaveTwinError: what any of them says; those that are at work stop after their image.
     """
     if hands == 1:
         work = _worker(job, setting, on_image)

@@ -1,6 +1,6 @@
-"""Images written a shard at a time: made in a folder aside, then each file moved to its place, an image's record last.
+"""Images taken a shard at a time: made in a folder aside, then each file moved to its place, an image's record last.
 
-So an image whose record is there is whole, and a killed run costs at most the shards in work.
+So an image whose record is there is whole, and a killed run costs at most the images in work.
 """
 
 import os
@@ -18,7 +18,7 @@ from pavetwin.capture.taking import Photographer, take
 from pavetwin.files import staging_folder
 
 SHARD: Final = 25
-"""Images in one; fewer where that leaves a process without work."""
+"""Images that a process takes in one go, beside each other; fewer where that leaves a process without work."""
 
 _ASIDE: Final = "shard"
 """What the folder aside is named after; it begins with a dot."""
@@ -38,20 +38,17 @@ def write_shard(
     """Take the images of a shard and put them into the dataset.
 
     Args:
-        on_image: called after each; an exception from it ends the shard, and leaves nothing of it.
+        on_image: called after each; an exception from it ends the shard.
 
     Raises:
         PaveTwinError: an image cannot be taken, or the dataset cannot be written. Nothing half-written is left.
     """
     with staging_folder(folder / _ASIDE) as aside:
-        records = []
         for wish, first in orders:
             record, picture = take(platform, photographer, wish, first)
             _stage(aside, record, picture, formats)
-            records.append(record)
-            on_image()
-        for record in records:
             _move(aside, folder, record, formats)
+            on_image()
 
 
 def done(folder: Path) -> set[int]:
