@@ -405,6 +405,19 @@ def test_a_folder_with_other_settings_is_refused(world: Path, dataset: Path, cha
         capture(world, UAV.model_copy(update=changed), dataset, hire=Painter)
 
 
+def test_a_folder_of_another_version_or_adapter_is_refused(
+    world: Path, dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = files(dataset)
+    more = UAV.model_copy(update={"images": 61})
+    with pytest.raises(PaveTwinError, match=r"begun with the adapter , not a card.*the same adapter"):
+        capture(world, more, dataset, hire=Painter, adapter="a card")
+    monkeypatch.setattr("pavetwin.capture.settings.version", lambda _: "99.0")
+    with pytest.raises(PaveTwinError, match=r"begun with the version \S+, not 99\.0.*the same version"):
+        capture(world, more, dataset, hire=Painter)
+    assert files(dataset) == before
+
+
 def test_a_folder_of_another_world_is_refused(world: Path, dataset: Path, tmp_path: Path) -> None:
     changed = tmp_path / "cross"
     shutil.copytree(world, changed)

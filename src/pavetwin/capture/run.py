@@ -47,6 +47,7 @@ def capture(
     folder: Path,
     *,
     hire: Hire,
+    adapter: str = "",
     jobs: int = 1,
     on_progress: OnProgress | None = None,
 ) -> Captured:
@@ -54,6 +55,7 @@ def capture(
 
     Args:
         hire: makes the photographer of each process.
+        adapter: names what it draws with; a dataset is not gone on with on another.
         jobs: processes at work at a time; they change nothing but the time it takes.
 
     Raises:
@@ -65,7 +67,7 @@ def capture(
     tell = on_progress or (lambda _share, _what: None)
     check(settings)
     world = load_world(world_folder)
-    wanted = description(settings, world.name, world.content_hash, defects_hash(world))
+    wanted = description(settings, world.name, world.content_hash, defects_hash(world), adapter)
     check_same(folder, wanted)
     setting = prepare(world, settings, lambda share: tell(share, "Recording traffic"))
     there = done(folder)

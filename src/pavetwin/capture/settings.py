@@ -1,5 +1,6 @@
 """What decides every byte of a dataset, beside the world itself."""
 
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Self
 
@@ -13,7 +14,7 @@ Share = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0)]
 Pixels = Annotated[int, Field(ge=64, le=8192)]
 
-FORMAT: Final = 1
+FORMAT: Final = 2
 """Of the folder; raised when a dataset begun before could not be gone on with."""
 
 FILE: Final = "capture.yaml"
@@ -61,16 +62,18 @@ ASKED_BY: Final = {
 """Options whose names differ from their settings'."""
 
 
-def description(settings: CaptureSettings, world: str, content: str, defects: str) -> dict[str, Any]:
+def description(settings: CaptureSettings, world: str, content: str, defects: str, adapter: str) -> dict[str, Any]:
     """What a dataset's `capture.yaml` holds before its first image.
 
     Args:
         world: name of the world.
         content: hash of what stands still.
         defects: hash of its defects.
+        adapter: what draws.
     """
     return {
         "format": FORMAT,
+        "made_by": {"pavetwin": version("pavetwin"), "adapter": adapter},
         "world": {"name": world, "content_hash": content, "defects_hash": defects},
         "settings": settings.model_dump(mode="json"),
     }
@@ -92,6 +95,13 @@ def check_same(folder: Path, wanted: dict[str, Any]) -> bool:
     found = read_description(folder)
     if found["format"] != FORMAT:
         raise PaveTwinError(f"'{folder}' is of format {found['format']}, this version writes {FORMAT}; choose another.")
+    for key, what, other in (("pavetwin", "version", "the same version"), ("adapter", "adapter", "the same adapter")):
+        before, now = (each.get("made_by", {}).get(key) for each in (found, wanted))
+        if before != now:
+            raise PaveTwinError(
+                f"'{folder}' was begun with the {what} {before}, not {now}, whose pictures may differ; choose another "
+                f"folder or {other}."
+            )
     for key, what in (("content_hash", "another world"), ("defects_hash", "other defects")):
         if found["world"].get(key) != wanted["world"][key]:
             raise PaveTwinError(

@@ -99,11 +99,11 @@ def make(
     }
     settings = CaptureSettings.parse(values, where="capture")
     check(settings)
-    find_adapter()
+    adapter = str(find_adapter())
     from pavetwin.capture.studio import Studio
 
     with progress("Capturing") as tell:
-        captured = capture(world, settings, output, hire=Studio, jobs=jobs, on_progress=tell)
+        captured = capture(world, settings, output, hire=Studio, adapter=adapter, jobs=jobs, on_progress=tell)
     _print(captured.statistics)
     there = settings.images - captured.taken
     out.print(
