@@ -51,16 +51,20 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"images": 0}, "images: Input should be greater than or equal to 1 (got 0)"),
+        ({"images": 0}, "--images 0: it must be greater than or equal to 1."),
+        ({"altitude": [6.0, -3.0]}, "--altitude -3: it must be greater than 0."),
+        ({"seed": -1}, "--seed -1: it must be greater than or equal to 0."),
+        ({"quality": 30}, "--quality 30: it must be greater than or equal to 50."),
         ({"size": "640"}, "--size 640: expected WIDTHxHEIGHT"),
-        ({"size": "20x20"}, "size_px"),
+        ({"size": "20x20"}, "--size 20x20: it must be greater than or equal to 64 (got 20)."),
         ({"split": "70/30"}, "--split 70/30: expected the percentages of train/val/test"),
-        ({"split": "70/20/20"}, "sum to 1.1, not to 1"),
-        ({"empty": 2.0}, "empty"),
+        ({"split": "70/20/20"}, "--split 70/20/20: the shares of train, val and test sum to 1.1, not to 1."),
+        ({"empty": 2.0}, "--empty 2: it must be less than or equal to 1."),
         ({"platform": "boat"}, "--platform: no platform 'boat'"),
         ({"platform": "car", "altitude": [6.0]}, "--altitude: a car does not fly"),
         ({"platform": "car", "camera": "paper"}, "--camera: a car has cameras of its own"),
         ({"density": ["heigh"]}, "No density 'heigh' (did you mean 'high'?)"),
+        ({"density": ["extreme"]}, "No density 'extreme'. There are low, medium, high."),
         ({"camera": "phantom5"}, "no camera 'phantom5'"),
         ({"formats": "yolo,cocoo"}, "--formats: no format 'cocoo' (did you mean 'coco'?)"),
         ({"jobs": 0}, "--jobs 0: at least one"),
@@ -83,7 +87,7 @@ def test_a_folder_that_holds_something_else_is_refused(world: Path, tmp_path: Pa
     (tmp_path / "letter.txt").write_text("dear")
     assert "exists and holds no dataset" in plain_refusal(pavetwin("capture", world, "-o", tmp_path))
     assert "holds no dataset" in plain_refusal(pavetwin("capture", "show", tmp_path))
-    assert "images: Input" in plain_refusal(pavetwin("capture", world, "-o", tmp_path / "d", "--images", 0))
+    assert "--images 0: it must be" in plain_refusal(pavetwin("capture", world, "-o", tmp_path / "d", "--images", 0))
     assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
 
 
@@ -123,6 +127,14 @@ def test_without_an_adapter_the_package_is_named(world: Path, tmp_path: Path) ->
     flown = pavetwin("fly", world, "--segments", 1, "--save-frames", "-o", tmp_path / "m", VK_DRIVER_FILES="/dev/null")
     assert "mesa-vulkan-drivers" in plain_refusal(flown)
     assert not (tmp_path / "m").exists()
+
+
+def test_a_group_without_a_command_prints_its_help_and_asks_for_one() -> None:
+    for group in ("capture", "world"):
+        done = pavetwin(group)
+        assert done.returncode == 2
+        assert "Usage:" in done.stdout
+        assert done.stderr == "Error: Say which of these commands.\n"
 
 
 # --- Frames of a mission --------------------------------------------------------------------------------------------

@@ -1,11 +1,12 @@
 """What decides every byte of a dataset, beside the world itself."""
 
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Self
 
 import yaml
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from pavetwin.config.base import Settings
 from pavetwin.errors import PaveTwinError
@@ -60,6 +61,27 @@ ASKED_BY: Final = {
     "picture": "--png",
 }
 """Options whose names differ from their settings'."""
+
+
+def settings_of(values: Mapping[str, Any], typed: Mapping[str, str]) -> CaptureSettings:
+    """Settings from what the options of the command line say.
+
+    Args:
+        typed: by setting, as the user wrote what became something else on the way.
+
+    Raises:
+        PaveTwinError: a value does not fit; the message names its option.
+    """
+    try:
+        return CaptureSettings.model_validate(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = str(first["loc"][0]) if first["loc"] else "split"  # only the shares are checked together
+        given = first["input"]
+        shown = f"{given:g}" if isinstance(given, int | float) else str(given)
+        what = first["msg"].removeprefix("Value error, ").replace("Input should be", "it must be")
+        got = f" (got {shown})" if name in typed and first["loc"] else ""
+        raise PaveTwinError(f"{ASKED_BY.get(name, f'--{name}')} {typed.get(name, shown)}: {what}{got}.") from error
 
 
 def description(settings: CaptureSettings, world: str, content: str, defects: str, adapter: str) -> dict[str, Any]:

@@ -61,7 +61,8 @@ def _run() -> int:
         fail(str(error))
         return 2
     except TyperException as error:
-        fail(f"{_words_of(error)} `{_command_of(error)} --help` lists what there is.")
+        words = _words_of(error)
+        fail(f"{words} `{_command_of(error)} --help` lists what there is." if words else "Say which of these commands.")
         return 2
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
@@ -87,5 +88,6 @@ def _command_of(error: Exception) -> str:
 
 
 def _words_of(error: Exception) -> str:
+    """A sentence; empty where a group was given without a command, and its help has been printed."""
     words = getattr(error, "format_message", lambda: str(error))()
-    return words if words.endswith((".", "?")) else f"{words}."
+    return words if not words or words.endswith((".", "?")) else f"{words}."

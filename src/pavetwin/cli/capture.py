@@ -76,7 +76,7 @@ def make(
     """
     from pavetwin.capture.run import capture
     from pavetwin.capture.setting import check
-    from pavetwin.capture.settings import CaptureSettings
+    from pavetwin.capture.settings import settings_of
     from pavetwin.render.adapter import find_adapter
 
     if output is None:
@@ -97,7 +97,7 @@ def make(
         "picture": "png" if png else "jpg",
         "quality": quality,
     }
-    settings = CaptureSettings.parse(values, where="capture")
+    settings = settings_of(values, typed={"size_px": size, "split": split})
     check(settings)
     adapter = str(find_adapter())
     from pavetwin.capture.studio import Studio

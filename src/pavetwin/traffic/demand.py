@@ -61,8 +61,7 @@ def density_named(name: str) -> Density:
         return DENSITIES[name]
     except KeyError:
         raise PaveTwinError(
-            f"No density '{name}'{nearest_name(name, DENSITIES)}. There are {', '.join(DENSITIES)}; or give your own "
-            "by --vehicles-per-lane-km and --pedestrians-per-sidewalk-km."
+            f"No density '{name}'{nearest_name(name, DENSITIES)}. There are {', '.join(DENSITIES)}."
         ) from None
 
 
