@@ -332,6 +332,16 @@ def relief_mesh(
 ) -> tuple[Singles, Indices, float] | None:
     """(vertices (n, 3), triangles (m, 3), largest error [m]) within a ring at height 0; None if it crosses itself."""
 
+def texture_sample(levels: list[Singles], uv: Floats, level: Singles, wraps: bool) -> Singles:
+    """(n, c) values at (n, 2) texture coordinates and (n,) levels, trilinear.
+
+    Args:
+        levels: (k, k, c) each, halved from one to the next; row 0 at v = 0, texel centres at (i + ½) / k.
+        uv: 0 … 1 over the texture.
+        level: 0 for the first.
+        wraps: it repeats; else its edge texels go on outwards.
+    """
+
 def expose(
     light: npt.NDArray[np.uint16],
     *,

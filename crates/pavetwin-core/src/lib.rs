@@ -9,3 +9,4 @@ pub mod mission;
 pub mod navigation;
 pub mod relief;
 pub mod sensing;
+pub mod texture;

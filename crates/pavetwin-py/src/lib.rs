@@ -6,6 +6,7 @@ mod ground;
 mod imaging;
 mod navmesh;
 mod relief;
+mod texture;
 mod trace;
 
 use pyo3::prelude::*;
@@ -31,5 +32,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<flight::BatteryLow>()?;
     module.add_class::<flight::RecordingEnds>()?;
     module.add_function(wrap_pyfunction!(imaging::expose, module)?)?;
+    module.add_function(wrap_pyfunction!(texture::texture_sample, module)?)?;
     relief::add_to(module)
 }

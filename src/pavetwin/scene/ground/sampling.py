@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from pavetwin._core import texture_sample
+
 Float32 = npt.NDArray[np.float32]
 Floats = npt.NDArray[np.floating]
 
@@ -54,26 +56,8 @@ class Pyramid:
             footprint: side of a pixel's footprint in texture coordinates, one number or (...).
         """
         size = len(self.levels[0])
-        level = np.log2(np.maximum(np.asarray(footprint, dtype=np.float32) * size, 1.0))
-        level = np.broadcast_to(np.minimum(level, len(self.levels) - 1), uv.shape[:-1])
-        found = np.zeros((*uv.shape[:-1], self.levels[0].shape[2]), dtype=np.float32)
-        if not level.size:
-            return found
-        for index in range(int(level.min()), int(np.ceil(level.max())) + 1):
-            weight = np.clip(1.0 - np.abs(level - index), 0.0, 1.0)[..., None]
-            if np.any(weight):
-                found += weight * self._bilinear(index, uv)
-        return found
-
-    def _bilinear(self, index: int, uv: Floats) -> Float32:
-        texture = self.levels[index]
-        size = len(texture)
-        at = np.asarray(uv, dtype=np.float64) * size - 0.5
-        low = np.floor(at).astype(np.int64)
-        share = (at - low).astype(np.float32)
-        near = [(low + step) % size if self.wraps else np.clip(low + step, 0, size - 1) for step in (0, 1)]
-        columns, rows = ([part[..., axis] for part in near] for axis in (0, 1))
-        x, y = share[..., 0:1], share[..., 1:2]
-        lower = texture[rows[0], columns[0]] * (1 - x) + texture[rows[0], columns[1]] * x
-        upper = texture[rows[1], columns[0]] * (1 - x) + texture[rows[1], columns[1]] * x
-        return np.asarray(lower * (1 - y) + upper * y, dtype=np.float32)
+        level = np.log2(np.maximum(np.asarray(footprint, dtype=np.float32) * np.float32(size), np.float32(1)))
+        level = np.ascontiguousarray(np.broadcast_to(level, uv.shape[:-1]), dtype=np.float32).reshape(-1)
+        places = np.ascontiguousarray(uv, dtype=np.float64).reshape(-1, 2)
+        found = texture_sample(list(self.levels), places, level, self.wraps)
+        return found.reshape(*uv.shape[:-1], found.shape[-1])
