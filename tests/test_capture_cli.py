@@ -98,6 +98,9 @@ def test_a_dataset_by_the_real_renderer(world: Path, tmp_path: Path, capsys: pyt
     done = pavetwin("capture", world, "-o", tmp_path / "d", *options)
     assert done.returncode == 0, done.stderr
     assert "4 images taken" in done.stdout
+    assert [line for line in done.stderr.splitlines() if line.startswith("Taking")] == [
+        f"Taking images {n}/4 ({25 * n}%)" for n in (1, 2, 3, 4)
+    ]
     records = list(read_records(tmp_path / "d"))
     assert [record.index for record in records] == [0, 1, 2, 3]
     things = [(record, thing) for record in records for thing in record.things]

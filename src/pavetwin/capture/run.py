@@ -12,6 +12,7 @@ from pavetwin.capture.crew import Hire, Job, crew
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.plan import Wish, wishes
 from pavetwin.capture.platforms import Platform, Setting, find_platform
+from pavetwin.capture.room import check_room
 from pavetwin.capture.setting import check, defects_hash, prepare
 from pavetwin.capture.settings import FILE, SPLITS, CaptureSettings, check_same, description
 from pavetwin.capture.shards import Order, dealt, done, in_shards
@@ -69,9 +70,10 @@ def capture(
     world = load_world(world_folder)
     wanted = description(settings, world.name, world.content_hash, defects_hash(world), adapter)
     check_same(folder, wanted)
-    setting = prepare(world, settings, lambda share: tell(share, "Recording traffic"))
     there = done(folder)
     missing = [index for index in range(settings.images) if index not in there]
+    check_room(settings, len(missing), folder)
+    setting = prepare(world, settings, lambda share: tell(share, "Recording traffic"))
 
     def begin() -> None:
         _write_yaml(folder / FILE, wanted)
@@ -92,7 +94,7 @@ def _take(
     def on_image() -> None:
         nonlocal ready
         ready += 1
-        tell(ready / total, "Taking images")
+        tell(ready / total, f"Taking images {ready}/{total}")
 
     hands = min(jobs, -(-len(missing) // 2))
     with crew(job, setting, hands, on_image) as work:

@@ -102,7 +102,7 @@ def make(
     adapter = str(find_adapter())
     from pavetwin.capture.studio import Studio
 
-    with progress("Capturing") as tell:
+    with progress("Capturing", lines=True) as tell:
         captured = capture(world, settings, output, hire=Studio, adapter=adapter, jobs=jobs, on_progress=tell)
     _print(captured.statistics)
     there = settings.images - captured.taken

@@ -2,6 +2,7 @@
 
 import os
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -10,6 +11,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 
 PIPE_COLUMNS = 120
 """Width of what goes into a file or a pipe, which has none of its own."""
+
+LINE_S = 10.0
+"""Between two lines of progress where there is no terminal."""
 
 out = Console(highlight=False, width=None if sys.stdout.isatty() or os.environ.get("COLUMNS") else PIPE_COLUMNS)
 err = Console(stderr=True, highlight=False)
@@ -26,9 +30,30 @@ class Bar:
         self._bar.update(self._task, completed=share, description=what or self._what)
 
 
+class Lines:
+    """A progress bar's place where the error stream is a file: a plain line every tenth of the way and every 10 s."""
+
+    def __init__(self, what: str) -> None:
+        self._what, self._stage, self._tenth, self._told_s = what, "", 0, time.monotonic()
+
+    def __call__(self, share: float, what: str | None = None) -> None:
+        text = what or self._what
+        stage, tenth = text.rstrip("0123456789/ "), int(10 * share + 1e-9)
+        if stage != self._stage:
+            self._stage, self._tenth = stage, 0
+        if tenth > self._tenth or time.monotonic() - self._told_s > LINE_S:
+            self._tenth, self._told_s = tenth, time.monotonic()
+            sys.stderr.write(f"{text} ({share:.0%})\n")
+            sys.stderr.flush()
+
+
 @contextmanager
-def progress(what: str) -> Iterator[Bar]:
-    """A progress bar on the error stream, so that results can be piped; plain silence when it is no terminal."""
+def progress(what: str, *, lines: bool = False) -> Iterator[Bar | Lines]:
+    """A progress bar on the error stream, so that results can be piped. When that is no terminal, plain silence, or
+    `lines` for what takes long."""
+    if lines and not err.is_terminal:
+        yield Lines(what)
+        return
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
     with Progress(*columns, TimeRemainingColumn(), console=err, transient=True, disable=not err.is_terminal) as bar:
         yield Bar(bar, what)
