@@ -17,6 +17,7 @@ from PIL import ExifTags, Image
 from pycocotools.coco import COCO
 
 from pavetwin.capture.record import Record, read_records
+from pavetwin.capture.room import bytes_of
 from pavetwin.capture.run import capture
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.sheet import save_sheet
@@ -215,6 +216,7 @@ def test_a_picture_says_where_and_when_it_was_taken(world: Path, dataset: Path, 
     record = next(record for record in records if record.camera["pitch_deg"] > -86)
     with Image.open(dataset / record.image) as image:
         exif, xmp = image.getexif(), image.getxmp()
+    assert (exif[ExifTags.Base.Make], exif[ExifTags.Base.Model]) == ("PaveTwin", "Virtual camera of arXiv 2606.20742")
     gps, photo = exif.get_ifd(ExifTags.IFD.GPSInfo), exif.get_ifd(ExifTags.IFD.Exif)
     lat, lon = (sum(float(part) / 60**k for k, part in enumerate(gps[tag])) for tag in (2, 4))
     place = load_world(world).georeference.to_wgs84(record.camera["position_m"][:2])
@@ -360,6 +362,17 @@ def test_a_full_disk_is_said_plainly_and_leaves_nothing_half_written(world: Path
     assert "Cannot write" in done.stdout, done.stderr
     assert "Free some space" in done.stdout
     assert [path for path in folder.rglob("*") if path.is_file() and path.name != "capture.yaml"] == []
+
+
+def test_a_disk_too_small_is_noticed_at_once(world: Path, tmp_path: Path) -> None:
+    with pytest.raises(PaveTwinError, match=r"10000000 images take about \d.* GB are free.*fewer --images"):
+        capture(world, UAV.model_copy(update={"images": 10_000_000, "size_px": (8192, 8192)}), tmp_path, hire=Painter)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_room_that_is_asked_for_is_about_what_is_taken() -> None:
+    """By the real renderer an image of 640 × 640 pixels at quality 92 takes 0.11 MB, labels included."""
+    assert bytes_of(CaptureSettings(platform="uav", images=1), 2235) == pytest.approx(0.13e6 * 2235, rel=0.1)
 
 
 def test_a_failure_in_another_process_is_ours_too(world: Path, tmp_path: Path) -> None:

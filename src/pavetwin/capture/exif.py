@@ -104,7 +104,7 @@ def encoded(rgb: npt.NDArray[np.uint8], taken: Taken, *, picture: Literal["jpg",
 
 def _exif(taken: Taken) -> Image.Exif:
     exif, longitude, local = Image.Exif(), taken.lonlat[0], _local(taken)
-    maker, _, model = taken.camera.title.partition(" ")
+    maker, model = _maker_and_model(taken.camera.title)
     exif.update(
         {
             ExifTags.Base.Make: maker,
@@ -131,6 +131,12 @@ def _exif(taken: Taken) -> Image.Exif:
         photo[ExifTags.Base.ISOSpeedRatings] = round(taken.exposure.iso)
     exif.get_ifd(ExifTags.IFD.GPSInfo).update(_gps(taken))
     return exif
+
+
+def _maker_and_model(title: str) -> tuple[str, str]:
+    """A camera's title begins with its maker's name; that of a camera that nobody made does not."""
+    maker, _, model = title.partition(" ")
+    return ("PaveTwin", title) if maker == "Virtual" else (maker, model)
 
 
 def _gps(taken: Taken) -> dict[int, Any]:
