@@ -260,7 +260,7 @@ def test_a_car_drives_in_the_recorded_traffic_and_does_not_see_itself(world: Pat
         assert f"agent {ego}" not in {thing.id for thing in record.things}
         poses = trace.agents_at(record.traffic["time_s"])
         row = poses["agent"].tolist().index(ego)
-        reach = {"front": 0.55, "rear": -2.30}[record.camera["mount"]]
+        reach = {"front": 0.55, "rear": -3.30}[record.camera["mount"]]
         yaw = poses["yaw_rad"][row]
         place = (poses["x_m"][row] + reach * np.cos(yaw), poses["y_m"][row] + reach * np.sin(yaw))
         assert tuple(record.camera["position_m"][:2]) == pytest.approx(place, abs=0.05)
