@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any, Final
 
+import numpy as np
 import wgpu
 
 from pavetwin.render.gpu import Gpu
@@ -15,6 +16,7 @@ from pavetwin.render.tiles import Layouts, texture_layout
 from pavetwin.scene.buildings import FACADE_REPEAT_M
 from pavetwin.scene.foliage import CUT
 from pavetwin.scene.ground import compose
+from pavetwin.scene.ground.sampling import linear_of_srgb
 from pavetwin.scene.model import MAP_MARGIN_M, SIGNED_DISTANCE_M, TILE_M, Detail, GroundKind
 
 LIGHT_FORMAT: Final = "rgba16float"
@@ -90,7 +92,7 @@ def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
         far=by_skin(lambda cull: shaded([*lit, "model", "model_far"], [], _buffers("model"), cull=cull), leaves),
         facade=shaded([*lit, "facade"], [facade_layout], _buffers("facade"), repeat),
         shade=_shade(gpu, _source([*lit, "shade"]), light_layout),
-        sky=shaded([*lit, "sky"], [], []),
+        sky=shaded([*lit, "sky"], [], [], _beyond(details)),
         shadow=by_skin(
             lambda cull: shadow(["shadow"], [], [LAYOUT, POSITIONS], cull),
             shadow(["leaf", "shadow_leaf"], [leaf_layout], _buffers("leaf")),
@@ -119,6 +121,12 @@ def _source(parts: list[str]) -> str:
     folder = files("pavetwin.render") / "wgsl"
     cut = f"const LEAF_CUT = {CUT};\n" if "leaf" in parts else ""
     return cut + "\n".join((folder / f"{part}.wgsl").read_text(encoding="utf-8") for part in parts)
+
+
+def _beyond(details: dict[GroundKind, Detail]) -> str:
+    """The reflectance of the ground beyond a world, as WGSL: that of the lawns at its border."""
+    mean = linear_of_srgb(details[GroundKind.GRASS].reflectance[..., :3] / np.float32(255)).mean(axis=(0, 1))
+    return f"const BEYOND = vec3f({', '.join(f'{float(value):.4f}' for value in mean)});\n"
 
 
 def _ground_numbers(details: dict[GroundKind, Detail]) -> str:

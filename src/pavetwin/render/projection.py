@@ -37,7 +37,6 @@ FRAME_INFO: Final = np.dtype(
         ("to_sun", "f4", 4),
         ("sun", "f4", 4),
         ("sky", "f4", (9, 4)),
-        ("ground_light", "f4", 4),
         ("camera", "f4", 4),
         ("axis", "f4", 4),
         ("drift", "f4", 4),
@@ -138,7 +137,6 @@ def frame_info(view: View, light: Light, shadow: ShadowFit, *, readout_s: float)
     info["to_sun"][0, 3] = _SHADOW_DEPTH_M * math.tan(SUN_RADIUS_RAD) / shadow.texel_m
     info["sun"][0, :3], info["sun"][0, 3] = light.sun_klux, shadow.texel_m
     info["sky"][0, :, :3] = light.sky_irradiance
-    info["ground_light"][0, :3] = light.ground_radiance
     info["camera"][0, :3], info["camera"][0, 3] = view.position, 1 / view.focal_px
     # Koschmieder: a contrast of 2 % is left at the visibility.
     info["axis"][0, :3], info["axis"][0, 3] = view.rotation[:, 2], light.visibility_m / math.log(50)

@@ -7,7 +7,6 @@ struct FrameInfo {
     to_sun: vec4f,            // xyz unit, w: spread of the sun's half shadow [texels a metre between caster and ground]
     sun: vec4f,               // rgb [klx], w: texel of the shadow map [m]
     sky: array<vec4f, 9>,     // irradiance [klx], spherical harmonics
-    ground_light: vec4f,      // rgb luminance of what lies around [kcd/m²]
     camera: vec4f,            // world position, w: metres a pixel at 1 m along the axis
     axis: vec4f,              // the camera's axis in the world, w: 1/e distance of haze [m]
     drift: vec4f,             // clip-space change for each second the camera moves on, w of it too
