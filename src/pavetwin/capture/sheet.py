@@ -140,7 +140,7 @@ def _header(sheet: Image.Image, title: str) -> None:
         pen.text((x + 26, _MARGIN_PX + 40), category.name, INK, _font(16))
         x += 26 + pen.textlength(category.name, _font(16)) + 30
     _dashed(pen, (x, _MARGIN_PX + 40, x + 18, _MARGIN_PX + 58), INK_SOFT)
-    pen.text((x + 26, _MARGIN_PX + 40), "ignored (hidden, cut, far, small or fine)", INK, _font(16))
+    pen.text((x + 26, _MARGIN_PX + 40), "ignored (hidden, cut, far, small or faint)", INK, _font(16))
 
 
 def _box(pen: ImageDraw.ImageDraw, thing: Thing, colour: str, scale: float) -> None:
