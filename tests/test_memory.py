@@ -1,8 +1,8 @@
 """Freed memory goes back to the system."""
 
+import platform
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -24,7 +24,7 @@ print(full - freed, full - resident_mib())
 """
 
 
-@pytest.mark.skipif(not Path("/proc/self/status").is_file(), reason="memory is told by /proc")
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries give memory back by themselves")
 def test_what_was_freed_is_given_back() -> None:
     """Arrays of 180 MiB in all."""
     told = subprocess.run([sys.executable, "-c", FREEING], capture_output=True, text=True, check=True).stdout.split()
