@@ -189,7 +189,8 @@ def test_what_shears_covers_alone_what_it_covers() -> None:
 
 def test_memory_stays_what_it_is_over_a_hundred_places(monkeypatch: pytest.MonkeyPatch) -> None:
     renderer = plane_renderer()
-    monkeypatch.setattr(renderer._tiles, "_held", 12)
+    monkeypatch.setattr("pavetwin.render.tiles.PAVEMENTS_HELD", 12)
+    monkeypatch.setattr("pavetwin.render.tiles.TILES_HELD", 30)
     taken = []
     for step in range(100):
         at = (7.0 * step - 350.0, 90.0 * (step % 7) - 300, 10.0)

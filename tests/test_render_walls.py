@@ -34,9 +34,13 @@ class Wall(Strips):
         place[:2, :2], place[:2, 3] = rotation(turn_rad).T, MIDDLE[:2]
         mask = np.full((60, 200), 255, dtype=np.uint8)
         self._patches = (DefectPatch(defect_label(0), mesh, place, relief, mask),)
+        self._holes = {0: (*(MIDDLE[:2] - 1.0).tolist(), *(MIDDLE[:2] + 1.0).tolist())}
 
     def tile(self, key: tuple[int, int]) -> Tile:
-        return Tile(key, (), _untouched(), (), (), self._patches)
+        return Tile(key, (), (), ())
+
+    def maps(self, _: tuple[int, int]) -> GroundMaps:
+        return _untouched()
 
 
 @cache

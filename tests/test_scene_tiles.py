@@ -60,7 +60,7 @@ def test_ground_and_patches_cover_the_tiles_once_over() -> None:
     """A part of a patch may reach over its tile's edge, where its neighbour's reaches less: the sum is what counts."""
     tiles = [scene().tile(key) for key in KEYS]
     total = sum(plan_area(piece.mesh) for tile in tiles for piece in tile.ground)
-    filled = sum(plan_area(patch.mesh) for tile in tiles for patch in tile.patches)
+    filled = sum(plan_area(patch.mesh) for tile in tiles for patch in scene().patches_on(tile.key))
     assert filled > 10.0
     assert total + filled == pytest.approx(len(KEYS) * TILE_M**2, rel=1e-5)
 
@@ -68,7 +68,7 @@ def test_ground_and_patches_cover_the_tiles_once_over() -> None:
 def test_every_defect_has_its_patch_in_whole() -> None:
     labels: dict[int, float] = {}
     for key in KEYS:
-        for patch in scene().tile(key).patches:
+        for patch in scene().patches_on(key):
             labels[patch.label] = labels.get(patch.label, 0.0) + plan_area(patch.mesh)
     assert len(labels) == len(world().defects)
 
@@ -78,7 +78,7 @@ def test_the_ground_has_no_step_at_the_rim_of_a_hole() -> None:
     tile = scene().tile((0, 0))
     ground = np.concatenate([piece.mesh.positions for piece in tile.ground]).astype(float)
     found = 0
-    for patch in tile.patches:
+    for patch in scene().patches_on((0, 0)):
         points = patch.mesh.positions.astype(float) @ patch.transform[:3, :3].T + patch.transform[:3, 3]
         near = np.linalg.norm(ground[:, None, :2] - points[None, :, :2], axis=2) < 1e-4
         pairs = np.argwhere(near)
@@ -91,12 +91,17 @@ def test_order_and_forgetting_do_not_matter() -> None:
     forgetful = Scene(world(), seed=4, tiles_kept=1)
     for key in reversed(KEYS):
         same(forgetful.tile(key), scene().tile(key))
+        mine, theirs = forgetful.maps(key), scene().maps(key)
+        assert np.array_equal(mine.weathering, theirs.weathering)
+        assert np.array_equal(mine.drawn, theirs.drawn)
+        for one, other in zip(forgetful.patches_on(key), scene().patches_on(key), strict=True):
+            assert np.array_equal(one.mesh.positions, other.mesh.positions)
+            assert np.array_equal(one.relief, other.relief)
 
 
 def same(a: Tile, b: Tile) -> None:
     assert a.key == b.key
-    assert np.array_equal(a.maps.weathering, b.maps.weathering)
-    for mine, theirs in zip([*a.ground, *a.facades, *a.patches], [*b.ground, *b.facades, *b.patches], strict=True):
+    for mine, theirs in zip([*a.ground, *a.facades], [*b.ground, *b.facades], strict=True):
         assert np.array_equal(mine.mesh.positions, theirs.mesh.positions)
     for mine, theirs in zip(a.instances, b.instances, strict=True):
         assert mine.model == theirs.model
@@ -200,7 +205,7 @@ def test_a_world_with_nothing_but_a_street_is_a_scene() -> None:
     bare = Scene(tiny.straight(), seed=0)
     tile = bare.tile((0, 0))
     assert tile.facades == ()
-    assert tile.patches == ()
+    assert tuple(bare.patches_on((0, 0))) == ()
     assert sum(plan_area(piece.mesh) for piece in tile.ground) == pytest.approx(TILE_M**2, rel=1e-5)
     assert bare.agents(None, 0.0) == ()
 

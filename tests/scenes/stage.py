@@ -94,7 +94,16 @@ class Plane:
         mesh = Mesh(ring, up, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32), uv=ring[:, :2].copy())
         here = [box for box in self.standing if (floor(box.x / TILE_M), floor(box.y / TILE_M)) == key]
         pieces = (GroundPiece(GroundKind.ASPHALT, mesh),)
-        return Tile(key, pieces, _untouched(), (), tuple(box.instance for box in here), ())
+        return Tile(key, pieces, (), tuple(box.instance for box in here))
+
+    def maps(self, _: tuple[int, int]) -> GroundMaps:
+        return _untouched()
+
+    def holes_on(self, _: tuple[int, int]) -> Mapping[int, tuple[float, float, float, float]]:
+        return {}
+
+    def patch_on(self, _: tuple[int, int], __: int) -> None:
+        raise AssertionError("there are no holes")
 
 
 @cache

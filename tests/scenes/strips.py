@@ -11,7 +11,18 @@ from scipy.ndimage import gaussian_filter
 from pavetwin.defects import DefectOptions, place
 from pavetwin.scene.ground import details
 from pavetwin.scene.ground.compose import MapPyramids
-from pavetwin.scene.model import MAP_PX, TILE_M, Detail, GroundKind, GroundMaps, GroundPiece, Mesh, Model, Tile
+from pavetwin.scene.model import (
+    MAP_PX,
+    TILE_M,
+    DefectPatch,
+    Detail,
+    GroundKind,
+    GroundMaps,
+    GroundPiece,
+    Mesh,
+    Model,
+    Tile,
+)
 from pavetwin.scene.patches import patch_of
 from pavetwin.world.model import Defect
 from scenes import tiny
@@ -81,6 +92,7 @@ class Strips:
 
     def __init__(self, *defects: Defect) -> None:
         self._patches = tuple(patch_of(each) for each in defects)
+        self._holes = {number: each.polygon.buffer(0.1).bounds for number, each in enumerate(defects)}
 
     @property
     def details(self) -> Mapping[GroundKind, Detail]:
@@ -92,7 +104,16 @@ class Strips:
     def tile(self, key: tuple[int, int]) -> Tile:
         assert key == KEY
         strips = () if self._patches else tuple(strip(kind) for kind in GroundKind)
-        return Tile(key, strips, weathered(), (), (), self._patches)
+        return Tile(key, strips, (), ())
+
+    def maps(self, _: tuple[int, int]) -> GroundMaps:
+        return weathered()
+
+    def holes_on(self, _: tuple[int, int]) -> Mapping[int, tuple[float, float, float, float]]:
+        return self._holes
+
+    def patch_on(self, _: tuple[int, int], number: int) -> DefectPatch:
+        return self._patches[number]
 
 
 def strip(kind: GroundKind) -> GroundPiece:

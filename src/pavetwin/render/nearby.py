@@ -57,8 +57,26 @@ def tile_seen(origin: tuple[float, float], view: View, bounds: Float64) -> bool:
         view: the camera.
         bounds: its `projection.planes`.
     """
-    low = np.array([origin[0] - 10, origin[1] - 10, -1.0]) - view.position
-    high = np.array([origin[0] + TILE_M + 10, origin[1] + TILE_M + 10, 30.0]) - view.position
+    return _seen((origin[0], origin[1], origin[0] + TILE_M, origin[1] + TILE_M), 10.0, 30.0, view, bounds)
+
+
+def ground_seen(box: tuple[float, float, float, float], view: View, bounds: Float64) -> bool:
+    """Whether ground may be in the picture, also where a rolling shutter shifts it by a little.
+
+    Args:
+        box: west, south, east, north, metres.
+        view: the camera.
+        bounds: its `projection.planes`.
+    """
+    return _seen(box, 1.0, 1.0, view, bounds)
+
+
+def _seen(
+    box: tuple[float, float, float, float], beyond_m: float, height_m: float, view: View, bounds: Float64
+) -> bool:
+    west, south, east, north = box
+    low = np.array([west - beyond_m, south - beyond_m, -1.0]) - view.position
+    high = np.array([east + beyond_m, north + beyond_m, height_m]) - view.position
     furthest = np.where(bounds > 0, high, low)
     return bool((np.einsum("ni,ni->n", bounds, furthest) > 0).all())
 

@@ -17,10 +17,22 @@ from pavetwin.render.pipelines import (
     LIGHT_FORMAT,
     Pipelines,
 )
-from pavetwin.render.tiles import GpuPatch, GpuTile
+from pavetwin.render.tiles import GpuPatch, GpuPavement, GpuTile
 
 _READ: Final = wgpu.TextureUsage.COPY_SRC
 _SAMPLED: Final = wgpu.TextureUsage.TEXTURE_BINDING
+
+
+@dataclass(frozen=True)
+class PatchDraw:
+    """A defect's pavement in the frame of the tile that it lies on."""
+
+    patch: GpuPatch
+    around: GpuPavement
+    origin: tuple[float, float]
+    """The tile's, metres."""
+    record: int
+    """That places and labels it."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +41,9 @@ class Draws:
 
     tiles: list[tuple[GpuTile, int]]
     """With the record that places each."""
-    patches: list[tuple[GpuTile, GpuPatch, int]]
-    """With the record that places and labels each."""
+    grounds: list[tuple[GpuTile, GpuPavement, int]]
+    """Those of them of which also the ground is seen."""
+    patches: list[PatchDraw]
     near: list[tuple[GpuMesh, int, int]]
     """Mesh, how many, the first one's record."""
     far: list[tuple[GpuMesh, int, int]]
@@ -139,15 +152,15 @@ def draw_light(
             tile.facades.draw(render_pass, 1, record, attributes=True)
     render_pass.set_bind_group(1, materials.ground)
     render_pass.set_pipeline(pipelines.ground)
-    for tile, record in draws.tiles:
+    for tile, pavement, record in draws.grounds:
         if tile.ground is not None:
-            render_pass.set_bind_group(2, tile.shading)
+            render_pass.set_bind_group(2, pavement.shading)
             tile.ground.draw(render_pass, 1, record, attributes=True)
     render_pass.set_pipeline(pipelines.patch)
-    for tile, patch, record in draws.patches:
-        render_pass.set_bind_group(2, tile.shading)
-        render_pass.set_bind_group(3, patch.shading)
-        patch.mesh.draw(render_pass, 1, record, attributes=True)
+    for each in draws.patches:
+        render_pass.set_bind_group(2, each.around.shading)
+        render_pass.set_bind_group(3, each.patch.shading)
+        each.patch.mesh.draw(render_pass, 1, each.record, attributes=True)
     count, first = draws.shades
     if count:
         render_pass.set_pipeline(pipelines.shade)
@@ -176,14 +189,14 @@ def draw_truth(
         render_pass.set_pipeline(pipelines.truth[mesh.skin])
         mesh.draw(render_pass, count, first, attributes=False)
     render_pass.set_pipeline(pipelines.truth[0])
-    for tile, record in draws.tiles:
-        for part in (tile.facades, tile.ground):
-            if part is not None:
-                part.draw(render_pass, 1, record, attributes=False)
+    walls = [(tile.facades, record) for tile, record in draws.tiles]
+    for part, record in [*walls, *((tile.ground, record) for tile, _, record in draws.grounds)]:
+        if part is not None:
+            part.draw(render_pass, 1, record, attributes=False)
     render_pass.set_pipeline(pipelines.truth_patch)
-    for _, patch, record in draws.patches:
-        render_pass.set_bind_group(1, patch.truth)
-        patch.mesh.draw(render_pass, 1, record, attributes=True)
+    for each in draws.patches:
+        render_pass.set_bind_group(1, each.patch.truth)
+        each.patch.mesh.draw(render_pass, 1, each.record, attributes=True)
     render_pass.end()
 
 

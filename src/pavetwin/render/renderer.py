@@ -17,8 +17,18 @@ from pavetwin.render.gpu import Gpu
 from pavetwin.render.instances import Crowd, Parts, Records
 from pavetwin.render.levels import coarser, level_of, skin_of
 from pavetwin.render.meshes import GpuMesh, upload_model
-from pavetwin.render.nearby import FAR_M, looks_beyond, tile_seen, wanted_keys
-from pavetwin.render.passes import Draws, Materials, Targets, draw_light, draw_shadows, draw_truth, read, shadow_map
+from pavetwin.render.nearby import FAR_M, ground_seen, looks_beyond, tile_seen, wanted_keys
+from pavetwin.render.passes import (
+    Draws,
+    Materials,
+    PatchDraw,
+    Targets,
+    draw_light,
+    draw_shadows,
+    draw_truth,
+    read,
+    shadow_map,
+)
 from pavetwin.render.pipelines import compile_pipelines
 from pavetwin.render.projection import (
     FRAME_INFO,
@@ -31,10 +41,10 @@ from pavetwin.render.projection import (
 )
 from pavetwin.render.sensor import SHARP_PX, Style, farthest_motion_px, picture
 from pavetwin.render.sky import sky_levels
-from pavetwin.render.tiles import Drawable, GpuPatch, GpuTile, TileCache, group
+from pavetwin.render.tiles import Drawable, TileCache, group
 from pavetwin.scene.foliage import leaf_levels
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import Float64, GroundKind, Instance
+from pavetwin.scene.model import TILE_M, Float64, GroundKind, Instance
 from pavetwin.scene.view import View
 from pavetwin.uav.cameras import Camera
 
@@ -237,7 +247,7 @@ class Renderer:
             speed = float(np.linalg.norm(view.velocity_mps)) + float(np.abs(agents.velocity).sum(axis=1).max(initial=0))
             margin = 2 + speed * readout_s * view.focal_px / 2
             counted = self._atlas.count(self._lone(view.position, agents, draws), view, self._frame, margin)
-        self._tiles.trim(len(draws.tiles))
+        self._tiles.trim(len(draws.tiles), len(draws.grounds))
         size = view.size_px
         return Seen(
             read(self.gpu, targets.light, size, np.float16, 4),
@@ -257,10 +267,10 @@ class Renderer:
             placed = box @ one.transform[0, :, :3].T + one.transform[0, :, 3]
             mesh = self._mesh(part, int(draws.levels[row]))
             things.append(Lone(int(one.label[0]), mesh, records.data, placed))
-        for tile, patch, _ in draws.patches:
-            records = Records(camera)
-            records.add_place(tile.origin, label=patch.label)
-            placed = corners(patch.mesh.low, patch.mesh.high) + (*tile.origin, 0.0)
+        for each in draws.patches:
+            patch, records = each.patch, Records(camera)
+            records.add_place(each.origin, label=patch.label)
+            placed = corners(patch.mesh.low, patch.mesh.high) + (*each.origin, 0.0)
             things.append(Lone(patch.label, patch.mesh, records.data, placed, patch.truth))
         return things
 
@@ -281,8 +291,22 @@ class Renderer:
         shown, moving = len(agents[0]), len(agents[0]) + len(agents[1])
         placed = [(tile, records.add_place(tile.origin)) for tile in tiles]
         seen = [(tile, record) for tile, record in placed if tile_seen(tile.origin, view, bounds)]
-        holes = [(tile, patch) for tile, _ in seen for patch in tile.patches if _patch_seen(tile, patch, view, bounds)]
-        patches = [(tile, patch, records.add_place(tile.origin, label=patch.label)) for tile, patch in holes]
+        grounds = [
+            (tile, self._tiles.pavement(tile.key), record)
+            for tile, record in seen
+            if ground_seen((*tile.origin, tile.origin[0] + TILE_M, tile.origin[1] + TILE_M), view, bounds)
+        ]
+        filled = [
+            (tile, pavement, self._tiles.patch(tile, number))
+            for tile, pavement, _ in grounds
+            for number, box in self.scene.holes_on(tile.key).items()
+            if ground_seen(box, view, bounds)
+        ]
+        patches = [
+            PatchDraw(patch, pavement, tile.origin, records.add_place(tile.origin, label=patch.label))
+            for tile, pavement, patch in filled
+            if patch is not None
+        ]
         relative = crowd.centre - view.position
         ahead = relative @ view.rotation[:, 2]
         inside = (relative @ bounds.T > -crowd.radius[:, None]).all(axis=1) & (ahead - crowd.radius < FAR_M)
@@ -318,13 +342,7 @@ class Renderer:
         rimmed = (relative @ bounds.T > -2 * crowd.radius[:, None] - 1).all(axis=1) & (ahead < SHADE_FAR_M)
         shades = records.add_shades(crowd.only(np.flatnonzero(rimmed)), self._parts)
         levels = np.where(inside, level, -1)[:shown]
-        return Draws(seen, patches, near, far, casters, shades, levels, looks_beyond(view))
-
-
-def _patch_seen(tile: GpuTile, patch: GpuPatch, view: View, bounds: Float64) -> bool:
-    """Whether a defect's pavement may be in the picture."""
-    middle = (patch.mesh.low + patch.mesh.high) / 2 + (*tile.origin, 0.0) - view.position
-    return bool((bounds @ middle > -float(np.linalg.norm(patch.mesh.high - patch.mesh.low)) / 2).all())
+        return Draws(seen, grounds, patches, near, far, casters, shades, levels, looks_beyond(view))
 
 
 def _moves(

@@ -1,19 +1,29 @@
-"""Tiles on the device: uploaded when they are first seen, freed when many others were seen since."""
+"""Tiles on the device: uploaded when they are first wanted, freed when many others were wanted since.
+
+What stands on a tile may throw its shadow from beside the picture. Its ground's maps and defects, which cost most, are
+made only once they are seen.
+"""
 
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, TypeVar
 
 import wgpu
 
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.instances import Crowd, Parts
 from pavetwin.render.meshes import GpuMesh, upload_facades, upload_ground, upload_kerbs, upload_patch
-from pavetwin.scene.model import Detail, GroundKind, Model, Tile, UInt8
+from pavetwin.scene.model import DefectPatch, Detail, GroundKind, GroundMaps, Model, Tile, UInt8
 
-TILES_HELD: Final = 64
-"""Tiles on the device, each of some 12 MB."""
+TILES_HELD: Final = 192
+"""Tiles on the device, each of 1 MB at most."""
+
+PAVEMENTS_HELD: Final = 64
+"""Their maps and defects, each of some 12 MB."""
+
+Key = tuple[int, int]
+Held = TypeVar("Held")
 
 
 class Drawable(Protocol):
@@ -25,8 +35,11 @@ class Drawable(Protocol):
     def details(self) -> Mapping[GroundKind, Detail]: ...
     @property
     def facade_textures(self) -> UInt8: ...
-    def tile(self, key: tuple[int, int]) -> Tile: ...
-    def keys_near(self, x_m: float, y_m: float, radius_m: float, /) -> tuple[tuple[int, int], ...]: ...
+    def tile(self, key: Key) -> Tile: ...
+    def maps(self, key: Key) -> GroundMaps: ...
+    def holes_on(self, key: Key) -> Mapping[int, tuple[float, float, float, float]]: ...
+    def patch_on(self, key: Key, number: int) -> DefectPatch | None: ...
+    def keys_near(self, x_m: float, y_m: float, radius_m: float, /) -> tuple[Key, ...]: ...
 
 
 @dataclass(frozen=True)
@@ -45,18 +58,25 @@ class GpuPatch:
 
 @dataclass(frozen=True)
 class GpuTile:
-    """One tile, ready to be drawn."""
+    """What stands on one tile and the shape of its ground, ready to be drawn."""
 
-    key: tuple[int, int]
+    key: Key
     origin: tuple[float, float]
     ground: GpuMesh | None
     kerbs: GpuMesh | None
     facades: GpuMesh | None
-    patches: tuple[GpuPatch, ...]
+    crowd: Crowd
+
+
+@dataclass(frozen=True)
+class GpuPavement:
+    """What a tile's ground looks like."""
+
     maps: tuple[Any, Any]
     shading: Any
     """Bind group with the maps."""
-    crowd: Crowd
+    patches: dict[int, GpuPatch | None]
+    """Of the defects that were seen; None for one that does not reach the tile."""
 
 
 @dataclass(frozen=True)
@@ -69,65 +89,83 @@ class Layouts:
 
 
 class TileCache:
-    """Tiles by key, the least recently used freed first."""
+    """Tiles and their pavements by key, the least recently used freed first."""
 
-    def __init__(self, gpu: Gpu, scene: Drawable, parts: Parts, layouts: Layouts, held: int = TILES_HELD) -> None:
+    def __init__(self, gpu: Gpu, scene: Drawable, parts: Parts, layouts: Layouts) -> None:
         self._gpu, self._scene, self._parts, self._layouts = gpu, scene, parts, layouts
-        self._held = held
-        self._tiles: OrderedDict[tuple[int, int], GpuTile] = OrderedDict()
+        self._tiles: OrderedDict[Key, GpuTile] = OrderedDict()
+        self._pavements: OrderedDict[Key, GpuPavement] = OrderedDict()
 
     def __len__(self) -> int:
-        return len(self._tiles)
+        """How many pavements there are."""
+        return len(self._pavements)
 
-    def tile(self, key: tuple[int, int]) -> GpuTile:
-        """One tile on the device."""
-        if key not in self._tiles:
-            self._tiles[key] = self._upload(self._scene.tile(key))
-        self._tiles.move_to_end(key)
-        return self._tiles[key]
+    def tile(self, key: Key) -> GpuTile:
+        """What stands on a tile."""
+        return _latest(self._tiles, key, lambda: self._upload(self._scene.tile(key)))
 
-    def trim(self, needed: int) -> None:
-        """Free what was not used lately, but not the `needed` last ones. Not while they are drawn."""
-        while len(self._tiles) > max(self._held, needed):
-            self._free(self._tiles.popitem(last=False)[1])
+    def pavement(self, key: Key) -> GpuPavement:
+        """What a tile's ground looks like."""
+        return _latest(self._pavements, key, lambda: self._pave(self._scene.maps(key)))
 
-    def clear(self) -> None:
-        for tile in self._tiles.values():
-            self._free(tile)
-        self._tiles.clear()
+    def patch(self, tile: GpuTile, number: int) -> GpuPatch | None:
+        """What of a defect's pavement lies on a tile."""
+        patches = self.pavement(tile.key).patches
+        if number not in patches:
+            made = self._scene.patch_on(tile.key, number)
+            patches[number] = None if made is None else self._fill(made, tile.origin)
+        return patches[number]
+
+    def trim(self, tiles: int, pavements: int) -> None:
+        """Free what was not used lately, but not that many of the last. Not while they are drawn."""
+        while len(self._tiles) > max(TILES_HELD, tiles):
+            self._free_tile(self._tiles.popitem(last=False)[1])
+        while len(self._pavements) > max(PAVEMENTS_HELD, pavements):
+            self._free_pavement(self._pavements.popitem(last=False)[1])
 
     def _upload(self, tile: Tile) -> GpuTile:
-        maps = (self._gpu.texture([tile.maps.weathering]), self._gpu.texture([tile.maps.drawn]))
         return GpuTile(
             tile.key,
             tile.origin,
             upload_ground(self._gpu, tile.ground),
             upload_kerbs(self._gpu, tile.ground),
             upload_facades(self._gpu, tile.facades),
-            tuple(self._patch(tile, index) for index in range(len(tile.patches))),
-            maps,
-            group(self._gpu, self._layouts.maps, [each.create_view() for each in maps]),
             Crowd.of(tile.instances, self._parts),
         )
 
-    def _patch(self, tile: Tile, index: int) -> GpuPatch:
-        patch = tile.patches[index]
+    def _pave(self, made: GroundMaps) -> GpuPavement:
+        maps = (self._gpu.texture([made.weathering]), self._gpu.texture([made.drawn]))
+        return GpuPavement(maps, group(self._gpu, self._layouts.maps, [each.create_view() for each in maps]), {})
+
+    def _fill(self, patch: DefectPatch, origin: tuple[float, float]) -> GpuPatch:
         relief = self._gpu.texture([patch.relief])
         mask = self._gpu.texture([patch.mask[..., None]], levels=False)
         return GpuPatch(
             patch.label,
-            upload_patch(self._gpu, patch, tile.origin),
+            upload_patch(self._gpu, patch, origin),
             (relief, mask),
             group(self._gpu, self._layouts.patch, [relief.create_view()]),
             group(self._gpu, self._layouts.mask, [mask.create_view()]),
         )
 
-    def _free(self, tile: GpuTile) -> None:
-        meshes = [tile.ground, tile.kerbs, tile.facades, *(patch.mesh for patch in tile.patches)]
-        for mesh in meshes:
+    def _free_tile(self, tile: GpuTile) -> None:
+        for mesh in (tile.ground, tile.kerbs, tile.facades):
             if mesh is not None:
                 self._gpu.free(*mesh.buffers)
-        self._gpu.free(*tile.maps, *(texture for patch in tile.patches for texture in patch.textures))
+
+    def _free_pavement(self, pavement: GpuPavement) -> None:
+        self._gpu.free(*pavement.maps)
+        for patch in pavement.patches.values():
+            if patch is not None:
+                self._gpu.free(*patch.mesh.buffers, *patch.textures)
+
+
+def _latest(held: OrderedDict[Key, Held], key: Key, make: Callable[[], Held]) -> Held:
+    """What is held for a key, now the latest used; made first if there is none."""
+    if key not in held:
+        held[key] = make()
+    held.move_to_end(key)
+    return held[key]
 
 
 def group(gpu: Gpu, layout: Any, resources: list[Any]) -> Any:

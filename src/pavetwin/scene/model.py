@@ -174,16 +174,15 @@ class DefectPatch:
 
 @dataclass(frozen=True)
 class Tile:
-    """Everything that stands still on one square of the world."""
+    """What stands still on one square of the world. Its ground's maps and defects are made apart: they take most of the
+    time, and only who looks down on the square needs them."""
 
     key: tuple[int, int]
     """Column and row: its south-west corner is key × TILE_M in the world frame."""
     ground: tuple[GroundPiece, ...]
-    maps: GroundMaps
     facades: tuple[FacadePiece, ...]
     instances: tuple[Instance, ...]
     """Trees, lights, signs, manholes …"""
-    patches: tuple[DefectPatch, ...]
 
     @property
     def origin(self) -> tuple[float, float]:

@@ -25,7 +25,18 @@ from pavetwin.scene.ground import (
     heights,
     plan_ground,
 )
-from pavetwin.scene.model import TILE_M, DefectPatch, Detail, Float64, GroundKind, Instance, Model, Tile, UInt8
+from pavetwin.scene.model import (
+    TILE_M,
+    DefectPatch,
+    Detail,
+    Float64,
+    GroundKind,
+    GroundMaps,
+    Instance,
+    Model,
+    Tile,
+    UInt8,
+)
 from pavetwin.scene.models import BODY, library
 from pavetwin.scene.patches import holes_of, part_on, patch_of
 from pavetwin.scene.shafts import shafts
@@ -33,7 +44,7 @@ from pavetwin.traffic.recording import Recording
 from pavetwin.world.model import Furniture, World
 
 TILES_KEPT: Final = 8
-"""Tiles in memory, each of about 10 MB: who draws them keeps them where they are drawn."""
+"""Tiles in memory: who draws them keeps them where they are drawn."""
 
 PATCHES_KEPT: Final = 96
 """Whole patches in memory, some MB each at most."""
@@ -61,11 +72,30 @@ class Scene:
         """One tile; made now if it was not kept."""
         if key not in self._tiles:
             self._tiles[key] = self._make(key)
-            give_back()
             while len(self._tiles) > self._kept:
                 self._tiles.popitem(last=False)
         self._tiles.move_to_end(key)
         return self._tiles[key]
+
+    def maps(self, key: Key) -> GroundMaps:
+        """What time and traffic did to a tile's ground; not kept."""
+        made = ground_maps(self._plan, key)
+        give_back()
+        return made
+
+    def holes_on(self, key: Key) -> Mapping[int, Box]:
+        """The holes in a tile's ground that defects fill, by the defects' places in the world's list."""
+        holes = {number: self._holes[number].bounds for number in self._defects.get(key, [])}
+        return {number: (west, south, east, north) for number, (west, south, east, north) in holes.items()}
+
+    def patch_on(self, key: Key, number: int) -> DefectPatch | None:
+        """What of a defect's patch lies on a tile; None for nothing."""
+        return part_on(self._patch(number), key)
+
+    def patches_on(self, key: Key) -> Iterator[DefectPatch]:
+        """All that fills the holes in a tile's ground."""
+        parts = (self.patch_on(key, number) for number in self._defects.get(key, []))
+        return (part for part in parts if part is not None)
 
     def keys_near(self, x_m: float, y_m: float, radius_m: float) -> tuple[Key, ...]:
         """The tiles of which anything, also a house that leans out of its tile, reaches into a disc; nearest first."""
@@ -122,10 +152,6 @@ class Scene:
     def buildings_on(self, key: Key) -> Sequence[int]:
         """Places in the world's list of the buildings that a tile holds."""
         return self._buildings.get(key, [])
-
-    def defects_on(self, key: Key) -> Sequence[int]:
-        """Places in the world's list of the defects of which a part may lie on a tile."""
-        return self._defects.get(key, [])
 
     # --- Where things belong ----------------------------------------------------------------------------------------
 
@@ -207,18 +233,9 @@ class Scene:
         return Tile(
             key=key,
             ground=ground_pieces(self._plan, key),
-            maps=ground_maps(self._plan, key),
             facades=tuple(piece for pieces in facades for piece in pieces),
             instances=(*self._standing(key), *fixtures(self._plan, key)),
-            patches=tuple(self._patches_of(key)),
         )
-
-    def _patches_of(self, key: Key) -> Iterator[DefectPatch]:
-        """The defects' patches, or their parts on this tile."""
-        for number in self.defects_on(key):
-            part = part_on(self._patch(number), key)
-            if part is not None:
-                yield part
 
     def _patch(self, number: int) -> DefectPatch:
         """A defect's whole patch; kept a while, since its other parts lie on the next tiles."""

@@ -1,6 +1,6 @@
 """The pieces of a scene as meshes, materials and nodes of a binary glTF file."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from io import BytesIO
 from typing import Any, Final
@@ -14,7 +14,7 @@ from pavetwin.scene.export.baking import QUALITY_COLOUR, QUALITY_NORMAL, Picture
 from pavetwin.scene.export.shared import SharedModels, attributes_of, indices_of
 from pavetwin.scene.glb import TO_FILE, GlbWriter
 from pavetwin.scene.ground.compose import MapPyramids
-from pavetwin.scene.model import TILE_M, DefectPatch, Instance, Mesh, Model, Tile, UInt8, labelled_defect
+from pavetwin.scene.model import TILE_M, DefectPatch, GroundMaps, Instance, Mesh, Model, Tile, UInt8, labelled_defect
 from pavetwin.scene.models import merged
 
 PATCH_FINER: Final = 0.25
@@ -39,12 +39,12 @@ class Parts:
     def __post_init__(self) -> None:
         self._shared = SharedModels(self.writer, self.models)
 
-    def tile(self, tile: Tile, texel_m: float) -> int:
+    def tile(self, tile: Tile, maps: GroundMaps, patches: Sequence[DefectPatch], texel_m: float) -> int:
         """A node with the ground, the patches, the buildings and what stands on a tile."""
-        maps = MapPyramids.of(tile.maps)
-        children = [self._ground(tile, bake_tile(tile, maps, texel_m))]
-        pictures = (bake_patch(patch, tile.origin, maps, texel_m * PATCH_FINER) for patch in tile.patches)
-        children += [self._patch(patch, picture) for patch, picture in zip(tile.patches, pictures, strict=True)]
+        levels = MapPyramids.of(maps)
+        children = [self._ground(tile, bake_tile(tile, levels, texel_m))]
+        pictures = (bake_patch(patch, tile.origin, levels, texel_m * PATCH_FINER) for patch in patches)
+        children += [self._patch(patch, picture) for patch, picture in zip(patches, pictures, strict=True)]
         children += self._facades(tile)
         children += [self.instance(instance) for instance in tile.instances]
         return self.writer.node(name=f"tile {tile.key[0]} {tile.key[1]}", children=children)

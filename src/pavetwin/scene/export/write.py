@@ -91,7 +91,7 @@ def usual_texel_m(tiles: int) -> float:
 
 def estimate(scene: Scene, keys: Sequence[Key], texel_m: float) -> int:
     """About how many bytes an export will have."""
-    defects = len({number for key in keys for number in scene.defects_on(key)})
+    defects = len({number for key in keys for number in scene.holes_on(key)})
     texels = len(keys) * (TILE_M / texel_m) ** 2 + defects * DEFECT_M2 / (texel_m * PATCH_FINER) ** 2
     meshes = defects * BYTES_A_DEFECT + len(keys) * BYTES_A_TILE + BYTES_OF_MODELS
     return round(texels * BYTES_A_TEXEL + meshes)
@@ -142,9 +142,9 @@ def export_scene(
         roots = []
         defects: set[int] = set()
         for number, key in enumerate(keys):
-            tile = scene.tile(key)
-            roots.append(parts.tile(tile, texel_m))
-            defects |= {patch.label for patch in tile.patches}
+            patches = tuple(scene.patches_on(key))
+            roots.append(parts.tile(scene.tile(key), scene.maps(key), patches, texel_m))
+            defects |= {patch.label for patch in patches}
             on_progress((number + 1) / (len(keys) + 1))
         agents = _agents(scene, keys, moment)
         roots += [parts.instance(instance) for instance in agents]
