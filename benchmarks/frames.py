@@ -1,4 +1,5 @@
-"""Frames as datasets need them: a UAV's nadir picture of a street under high traffic, and a car's view along it."""
+"""Frames as datasets need them: a UAV's nadir pictures over streets with high traffic, also over the most crowded place
+of all, and a car's view along a street there."""
 
 import math
 import time
@@ -11,16 +12,20 @@ from pavetwin.mission.replay import Replay
 from pavetwin.render.adapter import find_adapter
 from pavetwin.render.renderer import Renderer
 from pavetwin.scene.light import Light
+from pavetwin.scene.model import Instance
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.view import View, look, nadir
 from pavetwin.uav import find_camera
 from pavetwin.world.model import World
+from pavetwin.world.segments import direction_at, point_at
 
 PICTURE_TARGET_S, LABELLED_TARGET_S = 0.080, 0.120
 SIZE_PX = (640, 640)
 ALTITUDE_M, CAR_CAMERA_M = 10.0, 1.3
 TIME_S, SEED = 300.0, 1
 NEAR_M = 60.0
+PLACES = 9
+"""Over streets, evenly along their whole length, each at another time of the recording."""
 
 
 def lines(world: World, replay: Replay, runs: int) -> Iterator[Line]:
@@ -36,29 +41,50 @@ def lines(world: World, replay: Replay, runs: int) -> Iterator[Line]:
         (*behind, CAR_CAMERA_M), yaw_rad=yaw, pitch_rad=-0.12, size_px=SIZE_PX, vertical_fov_rad=math.radians(50)
     )
 
-    def shoot(view: View, *, labels: bool) -> None:
-        renderer.frame(view, light=light, camera=camera, instances=instances, labels=labels, depth=labels)
+    def shoot(view: View, seen: tuple[Instance, ...], *, labels: bool) -> None:
+        renderer.frame(view, light=light, camera=camera, instances=seen, labels=labels, depth=labels)
 
     begun = time.perf_counter()
-    shoot(above, labels=True)
+    shoot(above, instances, labels=True)
     first_s = time.perf_counter() - begun
-    note = f"{SIZE_PX[0]} × {SIZE_PX[1]} px, {ALTITUDE_M:g} m, {len(instances)} agents near, shadows; {adapter}"
-    still = View(above.position, above.rotation, above.size_px, above.focal_px)
-    yield Line(
-        "a UAV's frame", median_s(lambda: shoot(still, labels=False), runs), Kind.SECONDS, PICTURE_TARGET_S, note=note
-    )
+    plain, labelled = [], []
+    for place, at_s in _along_streets(world):
+        near = scene.agents(replay.recording, at_s, near=(*place[:2], NEAR_M))
+        view = nadir(
+            camera, (*place[:2], ALTITUDE_M), yaw_rad=place[2], size_px=SIZE_PX, velocity_mps=(3.0, 4.0, 0.0)
+        )
+        shoot(view, near, labels=True)
+        plain.append(median_s(lambda: shoot(_still(view), near, labels=False), runs))  # noqa: B023
+        labelled.append(median_s(lambda: shoot(view, near, labels=True), runs))  # noqa: B023
+    note = f"{SIZE_PX[0]} × {SIZE_PX[1]} px, {ALTITUDE_M:g} m, shadows, median of {PLACES} places; {adapter}"
+    yield Line("a UAV's frame over a street", float(np.median(plain)), Kind.SECONDS, PICTURE_TARGET_S, note=note)
     note = "with labels, depth, what each thing would cover alone, and 5 m/s"
-    yield Line(
-        "the same with its labels",
-        median_s(lambda: shoot(above, labels=True), runs),
-        Kind.SECONDS,
-        LABELLED_TARGET_S,
-        note=note,
-    )
-    shoot(along, labels=True)
-    yield Line("a car's frame with its labels", median_s(lambda: shoot(along, labels=True), runs), Kind.SECONDS)
+    yield Line("the same with its labels", float(np.median(labelled)), Kind.SECONDS, LABELLED_TARGET_S, note=note)
+    crowded_s = median_s(lambda: shoot(_still(above), instances, labels=False), runs)
+    note = f"{len(instances)} vehicles and people near"
+    yield Line("a UAV's frame over the most crowded place", crowded_s, Kind.SECONDS, note=note)
+    crowded_s = median_s(lambda: shoot(above, instances, labels=True), runs)
+    yield Line("the same with its labels", crowded_s, Kind.SECONDS)
+    shoot(along, instances, labels=True)
+    along_s = median_s(lambda: shoot(along, instances, labels=True), runs)
+    yield Line("a car's frame with its labels", along_s, Kind.SECONDS, note="along the street there")
     yield Line("the first frame of a place", first_s, Kind.SECONDS, note="tiles made and uploaded; one run")
     yield Line("what a renderer holds on its device", renderer.gpu.held_bytes / 2**20, Kind.MEBIBYTES)
+
+
+def _still(view: View) -> View:
+    return View(view.position, view.rotation, view.size_px, view.focal_px)
+
+
+def _along_streets(world: World) -> Iterator[tuple[tuple[float, float, float], float]]:
+    """East, north and heading of the street, and a time of the recording."""
+    ends = np.cumsum([segment.length_m for segment in world.segments])
+    for number, station in enumerate(((np.arange(PLACES) + 0.5) / PLACES * ends[-1]).tolist()):
+        row = int(np.searchsorted(ends, station))
+        line = world.segments[row].centre_line
+        along = line.length - (float(ends[row]) - station)
+        (x, y), (dx, dy) = point_at(line, along), direction_at(line, along)
+        yield (x, y, math.atan2(dy, dx)), TIME_S + 37.0 * number
 
 
 def _busiest(replay: Replay) -> tuple[float, float, float]:

@@ -7,13 +7,19 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
+from shapely import Polygon
 
 from gallery.places import busy_street, drive, shown_best
 from gallery.sheet import captioned, grid
 from gallery.studio import LOW_SUN, MORNING, OVERCAST, Picture, Studio
 from pavetwin.capture.platforms.car import FRONT, REAR, Mount
+from pavetwin.draw.frame import DefectMark, Scene
+from pavetwin.draw.frame import View as MapView
+from pavetwin.draw.ground_raster import GroundRaster
+from pavetwin.draw.mission_style import agent_group
 from pavetwin.scene.agents import quadrotor
 from pavetwin.scene.view import View, look, nadir
+from pavetwin.twin import Mode
 from pavetwin.world.model import Defect, DefectClass
 
 SEVERITIES: Final = ("low", "medium", "high")
@@ -21,6 +27,9 @@ ALTITUDES_M: Final = (6.0, 10.0, 15.0)
 
 CLOSE_UP_M: Final = {DefectClass.SINGLE_CRACK: 2.4, DefectClass.CROCODILE_CRACK: 3.8, DefectClass.POTHOLE: 2.0}
 """Height of the ground that a picture of a defect shows [m]."""
+
+HIGH_M: Final = 120.0
+_HIGH_FOV: Final = math.radians(46.0)
 
 _CELL: Final = (640, 640)
 _NARROW_FOV: Final = math.radians(30.0)
@@ -146,6 +155,56 @@ def street(studio: Studio) -> Picture:
     return studio.take(view, MORNING, time_s=moment.time_s)
 
 
+def map_view(studio: Studio) -> Picture:
+    """The same moment as seen from high above the street, and on the map that the twin's animation draws."""
+    moment = busy_street(studio)
+    across_m = 2 * HIGH_M * math.tan(_HIGH_FOV / 2)
+    view = look(
+        (moment.x_m, moment.y_m, HIGH_M),
+        yaw_rad=math.pi / 2,
+        pitch_rad=-math.pi / 2,
+        size_px=_CELL,
+        vertical_fov_rad=_HIGH_FOV,
+    )
+    agents = studio.trace.agents_near(moment.x_m, moment.y_m, across_m, moment.time_s)
+    marks = [
+        DefectMark((defect.centre.x, defect.centre.y), None)
+        for defect in studio.world.defects
+        if math.dist((defect.centre.x, defect.centre.y), (moment.x_m, moment.y_m)) < across_m
+    ]
+    scene = Scene(
+        time_s=moment.time_s,
+        position=(moment.x_m, moment.y_m),
+        altitude_m=10.0,
+        yaw_rad=moment.yaw_rad,
+        speed_mps=0.0,
+        battery=1.0,
+        mode=Mode.INSPECT,
+        visibility=None,
+        agents=agents,
+        groups=[
+            agent_group(float(length), float(height), pedestrian=bool(walks))
+            for length, height, walks in zip(
+                agents["length_m"], agents["height_m"], agents["is_pedestrian"], strict=True
+            )
+        ],
+        hidden=Polygon(),
+        seen=Polygon(),
+        defects=marks,
+        trail=np.array([[moment.x_m, moment.y_m]] * 2),
+    )
+    raster = GroundRaster(studio.world, _CELL[0] / across_m)
+    drawn = MapView(raster, _CELL, window_m=(1.0, 1.0), footprint_m=(1.0, 1.0)).draw(scene, scene.position)
+    seen = studio.take(view, MORNING, time_s=moment.time_s)
+    return grid(
+        [
+            captioned(seen, f"seen from {HIGH_M:.0f} m", height_px=_CELL[1]),
+            captioned(np.asarray(drawn.convert("RGB")), "on the map, with the UAV and every defect", height_px=_CELL[1]),
+        ],
+        columns=2,
+    )
+
+
 def _defects(studio: Studio, view: Callable[[Defect], View]) -> Picture:
     cells = []
     for kind in DefectClass:
@@ -166,5 +225,6 @@ PICTURES: Final[Mapping[str, Callable[[Studio], Picture]]] = MappingProxyType(
         "car": car,
         "quadrotor": quadrotor_over_street,
         "street": street,
+        "map": map_view,
     }
 )

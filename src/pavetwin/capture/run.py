@@ -23,7 +23,7 @@ from pavetwin.files import writing
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world
 
-BLOCK: Final = 2048
+BLOCK: Final = 8192
 """Images whose places are known before the first of them is taken, so that neighbours are taken together."""
 
 MANIFEST: Final = "manifest.yaml"
