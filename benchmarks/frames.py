@@ -50,9 +50,7 @@ def lines(world: World, replay: Replay, runs: int) -> Iterator[Line]:
     plain, labelled = [], []
     for place, at_s in _along_streets(world):
         near = scene.agents(replay.recording, at_s, near=(*place[:2], NEAR_M))
-        view = nadir(
-            camera, (*place[:2], ALTITUDE_M), yaw_rad=place[2], size_px=SIZE_PX, velocity_mps=(3.0, 4.0, 0.0)
-        )
+        view = nadir(camera, (*place[:2], ALTITUDE_M), yaw_rad=place[2], size_px=SIZE_PX, velocity_mps=(3.0, 4.0, 0.0))
         shoot(view, near, labels=True)
         plain.append(median_s(lambda: shoot(_still(view), near, labels=False), runs))  # noqa: B023
         labelled.append(median_s(lambda: shoot(view, near, labels=True), runs))  # noqa: B023

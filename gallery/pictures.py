@@ -199,7 +199,9 @@ def map_view(studio: Studio) -> Picture:
     return grid(
         [
             captioned(seen, f"seen from {HIGH_M:.0f} m", height_px=_CELL[1]),
-            captioned(np.asarray(drawn.convert("RGB")), "on the map, with the UAV and every defect", height_px=_CELL[1]),
+            captioned(
+                np.asarray(drawn.convert("RGB")), "on the map, with the UAV and every defect", height_px=_CELL[1]
+            ),
         ],
         columns=2,
     )

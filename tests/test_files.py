@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from pavetwin.files import writing, writing_folder
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import working_in, writing, writing_folder
 
 KILLED_WHILE_WRITING = """
 import os, signal, sys
@@ -55,3 +56,29 @@ def test_an_exception_leaves_the_former_file(tmp_path: Path) -> None:
     with pytest.raises(RuntimeError):
         fail()
     assert [path.read_text() for path in tmp_path.iterdir()] == ["former"]
+
+
+WORKS_UNTIL_KILLED = """
+import sys, time
+from pathlib import Path
+from pavetwin.files import working_in
+with working_in(Path(sys.argv[1])):
+    print("at work", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_two_processes_do_not_work_in_one_folder(tmp_path: Path) -> None:
+    """And a killed one stands in nobody's way."""
+    folder = tmp_path / "dataset"
+    with subprocess.Popen(
+        [sys.executable, "-c", WORKS_UNTIL_KILLED, folder], stdout=subprocess.PIPE, text=True
+    ) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "at work\n"
+        with pytest.raises(PaveTwinError, match=r"Another process is at work in '.*dataset'"), working_in(folder):
+            pass
+        other.kill()
+    with working_in(folder):
+        assert not folder.exists()
+    assert list(tmp_path.iterdir()) == []

@@ -6,9 +6,11 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from platform import node
 from re import sub
+from types import ModuleType
 
 from pavetwin.errors import PaveTwinError
 
@@ -86,6 +88,52 @@ def staging_folder(target: Path) -> Iterator[Path]:
     finally:
         if temporary is not None:
             shutil.rmtree(temporary, ignore_errors=True)
+
+
+@contextmanager
+def working_in(folder: Path) -> Iterator[None]:
+    """While the block runs, no other process that asks the same works in `folder`, which need not exist.
+
+    A hidden file beside the folder is locked, and gone afterwards. Where the system has no such locks (Windows),
+    nothing is guarded.
+
+    Raises:
+        PaveTwinError: another process is at work there, or nothing can be written beside the folder.
+    """
+    try:
+        locks = import_module("fcntl")
+    except ImportError:
+        yield
+        return
+    path = folder.absolute().parent / f".{folder.absolute().name}.lock"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle = _locked(path, locks)
+    except BlockingIOError as error:
+        raise PaveTwinError(
+            f"Another process is at work in '{folder}'; wait for its end or choose another folder."
+        ) from error
+    except OSError as error:
+        raise unwritable(path, error) from error
+    try:
+        yield
+    finally:
+        path.unlink(missing_ok=True)
+        os.close(handle)
+
+
+def _locked(path: Path, locks: ModuleType) -> int:
+    """The handle of a lock file that is ours, and that no one has removed in the moment before we locked it."""
+    while True:
+        handle = os.open(path, os.O_CREAT | os.O_RDWR, 0o644)
+        try:
+            locks.flock(handle, locks.LOCK_EX | locks.LOCK_NB)
+            if path.exists() and os.path.samestat(os.fstat(handle), path.stat()):
+                return handle
+        except BaseException:
+            os.close(handle)
+            raise
+        os.close(handle)
 
 
 def _mark(target: Path) -> str:

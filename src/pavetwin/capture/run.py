@@ -19,7 +19,7 @@ from pavetwin.capture.shards import Order, dealt, done, in_shards
 from pavetwin.capture.shots import draw_shot
 from pavetwin.capture.statistics import Statistics, count
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import writing
+from pavetwin.files import working_in, writing
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world
 
@@ -69,18 +69,19 @@ def capture(
     check(settings)
     world = load_world(world_folder)
     wanted = description(settings, world.name, world.content_hash, defects_hash(world), adapter)
-    check_same(folder, wanted)
-    there = done(folder)
-    missing = [index for index in range(settings.images) if index not in there]
-    check_room(settings, len(missing), folder)
-    setting = prepare(world, settings, lambda share: tell(share, "Recording traffic"))
+    with working_in(folder):
+        check_same(folder, wanted)
+        there = done(folder)
+        missing = [index for index in range(settings.images) if index not in there]
+        check_room(settings, len(missing), folder)
+        setting = prepare(world, settings, lambda share: tell(share, "Recording traffic"))
 
-    def begin() -> None:
-        _write_yaml(folder / FILE, wanted)
+        def begin() -> None:
+            _write_yaml(folder / FILE, wanted)
 
-    if missing:
-        _take(Job(world_folder, settings, folder, hire), setting, missing, jobs, begin, tell)
-    statistics = _finish(world, settings, setting, folder)
+        if missing:
+            _take(Job(world_folder, settings, folder, hire), setting, missing, jobs, begin, tell)
+        statistics = _finish(world, settings, setting, folder)
     return Captured(folder, statistics, len(missing))
 
 

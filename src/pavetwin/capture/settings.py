@@ -118,7 +118,7 @@ def check_same(folder: Path, wanted: dict[str, Any]) -> bool:
     if found["format"] != FORMAT:
         raise PaveTwinError(f"'{folder}' is of format {found['format']}, this version writes {FORMAT}; choose another.")
     for key, what, other in (("pavetwin", "version", "the same version"), ("adapter", "adapter", "the same adapter")):
-        before, now = (each.get("made_by", {}).get(key) for each in (found, wanted))
+        before, now = (each["made_by"].get(key) for each in (found, wanted))
         if before != now:
             raise PaveTwinError(
                 f"'{folder}' was begun with the {what} {before}, not {now}, whose pictures may differ; choose another "
@@ -154,7 +154,7 @@ def read_description(folder: Path) -> dict[str, Any]:
         raise PaveTwinError(f"'{folder}' holds no dataset; make one with `pavetwin capture WORLD -o {folder}`.")
     try:
         found = yaml.safe_load(path.read_text(encoding="utf-8"))
-        found["format"], found["world"]["name"], found["settings"]["images"]
+        found["format"], found["world"]["name"], found["settings"]["images"], found["made_by"]["adapter"]
     except (yaml.YAMLError, OSError, UnicodeDecodeError, KeyError, TypeError) as error:
         raise PaveTwinError(f"'{path}' is damaged; capture into another folder.") from error
     return dict(found)
