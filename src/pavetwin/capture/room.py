@@ -34,6 +34,10 @@ def check_room(settings: CaptureSettings, images: int, folder: Path) -> None:
     needed, free = bytes_of(settings, images), shutil.disk_usage(place).free
     if needed > free:
         raise PaveTwinError(
-            f"{images} images take about {needed / 1e9:,.1f} GB, and {free / 1e9:,.1f} GB are free where '{folder}' "
-            "would be; free some space, choose another folder, or ask for fewer --images."
+            f"{images} images take about {_said(needed)}, and {_said(free)} are free where '{folder}' would be; "
+            "free some space, choose another folder, or ask for fewer --images."
         )
+
+
+def _said(size: float) -> str:
+    return f"{size / 1e9:,.1f} GB" if size >= 1e9 else f"{size / 1e6:.1f} MB"
