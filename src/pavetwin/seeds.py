@@ -18,6 +18,7 @@ class Stream(IntEnum):
     SCENE = 7
     CAPTURE = 8
     FRAME = 9
+    EXPERIMENT = 10
 
 
 def child(seed: int, stream: Stream, *keys: int) -> np.random.Generator:

@@ -1,9 +1,6 @@
 """Shards of images by one process or several: the same files either way."""
 
 import multiprocessing
-import os
-import signal
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -20,6 +17,7 @@ from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.shards import Order, write_shard
 from pavetwin.capture.taking import Photographer
 from pavetwin.errors import PaveTwinError
+from pavetwin.processes import serve_parent
 from pavetwin.world.store import load_world
 
 Hire = Callable[[Setting], Photographer]
@@ -111,8 +109,7 @@ class _StoppedError(Exception):
 
 def _begin(job: Job, ticks: Any, stop: Any) -> None:
     """Set up one process of the crew."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the one who started us says when to stop
-    threading.Thread(target=_die_with_parent, daemon=True).start()
+    serve_parent()
 
     def on_image() -> None:
         ticks.put(1)
@@ -129,11 +126,3 @@ def _begin(job: Job, ticks: Any, stop: Any) -> None:
 
 def _work(shard: Sequence[Order]) -> None:
     _at_work[0](shard)
-
-
-def _die_with_parent() -> None:
-    """A killed parent can not stop its children: they look for themselves."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)

@@ -24,13 +24,14 @@ app = typer.Typer(
 
 
 def _register() -> None:
-    from pavetwin.cli import capture, demo, doctor, fly, policy, traffic, world
+    from pavetwin.cli import capture, demo, doctor, experiment, fly, policy, traffic, world
 
     app.add_typer(world.app, name="world")
     app.add_typer(traffic.app, name="traffic")
     app.command("fly")(fly.fly)
     app.add_typer(policy.app, name="policy")
     app.add_typer(capture.app, name="capture")
+    app.add_typer(experiment.app, name="experiment")
     app.command("demo")(demo.demo)
     app.command("doctor")(doctor.doctor)
 

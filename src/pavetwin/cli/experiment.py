@@ -1,0 +1,146 @@
+"""`pavetwin experiment …`: factorial studies, from a design to a report."""
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pavetwin.cli.console import out, progress
+from pavetwin.errors import PaveTwinError
+
+if TYPE_CHECKING:
+    from pavetwin.experiments.design import Design
+    from pavetwin.experiments.engines import Engine
+    from pavetwin.experiments.run import Ran
+
+app = typer.Typer(
+    help="Studies: every policy, altitude and traffic, many times over, and what that shows.", no_args_is_help=True
+)
+
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a study.")]
+
+FAILED_CODE = 1
+MOST_REASONS = 5
+
+
+@app.command()
+def init(
+    target: Annotated[Path, typer.Argument(metavar="DESIGN.yaml", help="File to write.")],
+    world: Annotated[str, typer.Option(help="Folder of the world, relative to the file.")] = "worlds/town",
+    preset: Annotated[str, typer.Option(help="paper: the full study; quick: a first look.")] = "quick",
+    force: Annotated[bool, typer.Option("--force", help="Replace the file.")] = False,
+) -> None:
+    """Write a commented design to start from.
+
+    \b
+    pavetwin experiment init study.yaml --world worlds/my-town
+    pavetwin experiment init paper.yaml --preset paper --world out/demo/town
+    """
+    from pavetwin.experiments.design import preset_text
+    from pavetwin.files import writing
+
+    text = preset_text(preset, world)
+    if target.exists() and not force:
+        raise PaveTwinError(f"'{target}' exists already; choose another name or add --force to replace it.")
+    with writing(target) as path:
+        path.write_text(text, encoding="utf-8")
+    out.print(
+        f"Wrote {target}. Next: pavetwin experiment run {target} -o {target.with_suffix('')}",
+        markup=False,
+        soft_wrap=True,
+    )
+
+
+@app.command()
+def run(
+    design: Annotated[Path, typer.Argument(metavar="DESIGN.yaml", help="The design; `init` writes one.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the study; one that was begun goes on.")],
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes at work; one a core unless given.")] = None,
+    engine: Annotated[str, typer.Option(help="local, or dask.")] = "local",
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="tcp://HOST:PORT", help="With dask: a scheduler that runs already.")
+    ] = None,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Fly again what failed.")] = False,
+) -> None:
+    """Fly a study. Killed at any moment, the same command goes on where it stopped.
+
+    \b
+    pavetwin experiment run study.yaml -o studies/first
+    pavetwin experiment run study.yaml -o studies/first --engine dask --jobs 8
+    pavetwin experiment run study.yaml -o studies/first --engine dask --scheduler tcp://10.0.0.1:8786
+    """
+    from pavetwin.experiments.design import read_design
+    from pavetwin.experiments.run import run as run_study
+
+    chosen = read_design(design)
+    works = _engine(engine, scheduler, jobs, chosen)
+    with progress("Reading worlds", lines=True) as tell:
+        ran = run_study(
+            chosen,
+            output,
+            works,
+            retry=retry_failed,
+            on_progress=lambda done, total: tell(done / total, f"Flying missions {done}/{total}"),
+        )
+    _say(ran, output)
+    if ran.failures:
+        raise typer.Exit(FAILED_CODE)
+
+
+@app.command()
+def query(
+    folder: Folder,
+    sql: Annotated[str, typer.Argument(metavar="SQL", help="A question over the table `segments`, in DuckDB's SQL.")],
+    csv: Annotated[bool, typer.Option("--csv", help="As CSV, whole; else as a table to look at.")] = False,
+) -> None:
+    """Ask the study's table, one row a segment mission.
+
+    \b
+    pavetwin experiment query studies/first "select policy, avg(coverage) from segments group by all order by 1"
+    pavetwin experiment query studies/first "from segments where status = 'failed'" --csv > failed.csv
+    """
+    import polars as pl
+
+    from pavetwin.experiments.store import query as ask
+
+    answer = ask(folder, sql)
+    if csv:
+        out.file.write(answer.write_csv())
+        return
+    with pl.Config(
+        tbl_rows=60, tbl_cols=-1, tbl_width_chars=out.width, fmt_str_lengths=40, tbl_hide_dataframe_shape=True
+    ):
+        out.print(str(answer), markup=False)
+    out.print(f"{answer.height} rows", markup=False)
+
+
+def _engine(name: str, scheduler: str | None, jobs: int | None, design: "Design") -> "Engine":
+    from pavetwin.experiments.engines import Pool, Single
+
+    hands = jobs or os.cpu_count() or 1
+    if name == "dask":
+        from pavetwin.experiments.engines.cluster import Cluster
+
+        return Cluster(scheduler=scheduler, jobs=hands)
+    if name != "local":
+        raise PaveTwinError(f"--engine {name}: known are local and dask.")
+    if scheduler is not None:
+        raise PaveTwinError("--scheduler: only with --engine dask.")
+    units = len(design.worlds) * design.replicates
+    return Single() if min(hands, units) == 1 else Pool(hands)
+
+
+def _say(ran: "Ran", folder: Path) -> None:
+    total = ran.plan.missions
+    before = f", {total - ran.flown} of them before" if ran.flown < total else ""
+    out.print(
+        f"{total} missions flown{before}: {len(ran.plan.units)} parts in {folder}/segments.parquet/", soft_wrap=True
+    )
+    failed = sum(ran.failures.values())
+    if failed:
+        out.print(f"[yellow]{failed} of {ran.table.height} segment missions failed:[/]")
+        for reason, count in list(ran.failures.items())[:MOST_REASONS]:
+            out.print(f"  {count} × {reason}", markup=False, soft_wrap=True)
+        out.print("Mend the cause and give the same command with --retry-failed.")
+    out.print(f"Next: pavetwin experiment report {folder}", markup=False, soft_wrap=True)

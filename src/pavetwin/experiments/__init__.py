@@ -1,0 +1,1 @@
+"""From one flight to a factorial study: designs, runs, the store, statistics and reports."""

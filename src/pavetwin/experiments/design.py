@@ -1,0 +1,163 @@
+"""What a study varies, holds fixed and repeats: a YAML file, typed, unknown keys refused."""
+
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, Self
+
+import yaml
+from pydantic import Field, field_validator, model_validator
+
+from pavetwin.config import Settings
+from pavetwin.defects import DefectOptions
+from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.experiments.metrics import FACTORS, METRICS
+
+ALIASES: Final[Mapping[str, str]] = {
+    "tau_o": "visibility.threshold",
+    "recall": "sensing.recall",
+    "d_max": "policy.max_displacement_m",
+    "wait_s": "policy.wait_s",
+    "max_wait_s": "policy.max_wait_s",
+    "wind_mps": "energy.wind_mps",
+}
+"""Short names that a sweep understands, after the paper's notation; any other setting goes by its full name."""
+
+OWN_ROUTES: Final = "routes"
+"""What stands for the traffic of a world whose demand is the user's own."""
+
+Value = bool | int | float | str
+
+
+class WorldEntry(Settings):
+    """One world of a study."""
+
+    path: str
+    """Its folder; relative to the design's file."""
+    routes: tuple[str, ...] = ()
+    """SUMO route files that take the place of the densities."""
+
+
+class Design(Settings):
+    """A factorial design: every combination of its factors is flown in every replicate."""
+
+    name: Annotated[str, Field(min_length=1)] = "study"
+    worlds: Annotated[tuple[WorldEntry, ...], Field(min_length=1)]
+    densities: tuple[str, ...] = ("low", "medium", "high")
+    altitudes_m: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(min_length=1)] = (6.0, 10.0, 15.0)
+    policies: Annotated[tuple[str, ...], Field(min_length=1)] = ("baseline", "hover", "micro", "skip")
+    sensors: Annotated[tuple[str, ...], Field(min_length=1)] = ("recall",)
+    presets: Annotated[tuple[str, ...], Field(min_length=1)] = ("paper",)
+    sweep: dict[str, Annotated[tuple[Value, ...], Field(min_length=1)]] = Field(default_factory=dict)
+    """Setting → values; every value is combined with all else."""
+    set: dict[str, Value] = Field(default_factory=dict)
+    """Settings that are the same in all missions, laid over the presets."""
+    replicates: Annotated[int, Field(ge=1, le=100_000)] = 20
+    segments: Annotated[int, Field(ge=1, le=1000)] = 1
+    """That one mission inspects."""
+    seed: Annotated[int, Field(ge=0)] = 1
+    defects: Literal["placed", "world"] | DefectOptions = "placed"
+    """`placed` anew in each replicate as densely as the world was built, or by these options; `world` keeps its own."""
+
+    @field_validator("worlds", mode="before")
+    @classmethod
+    def _entries(cls, value: Any) -> Any:
+        if not isinstance(value, Sequence) or isinstance(value, str):
+            return value
+        return [{"path": entry} if isinstance(entry, str) else entry for entry in value]
+
+    @field_validator("densities", "altitudes_m", "policies", "sensors", "presets")
+    @classmethod
+    def _distinct(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
+        if twice := [value for value in values if values.count(value) > 1]:
+            raise ValueError(f"{twice[0]} is given twice")
+        return values
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        if not self.densities and any(not world.routes for world in self.worlds):
+            raise ValueError("densities: give at least one; only a world with routes of its own needs none")
+        paths = [world.path for world in self.worlds]
+        if len(set(paths)) < len(paths):
+            raise ValueError("worlds: one of them is given twice")
+        taken = {*FACTORS, *(metric.name for metric in METRICS), "replicate", "seed", "segment", "status"}
+        settings = [ALIASES.get(key, key) for key in (*self.sweep, *self.set)]
+        for key, values in self.sweep.items():
+            if key in taken - set(ALIASES):
+                raise ValueError(f"sweep: '{key}' is not a setting to sweep{_instead(key)}")
+            if len(set(values)) < len(values):
+                raise ValueError(f"sweep: a value of {key} is given twice")
+        if twice := [setting for setting in settings if settings.count(setting) > 1]:
+            raise ValueError(f"{twice[0]} is given twice, under sweep or set")
+        return self
+
+    @property
+    def sweep_columns(self) -> tuple[str, ...]:
+        """Names of the table's columns of swept parameters: those that are a metric's too end in `_set`."""
+        metrics = {metric.name for metric in METRICS}
+        return tuple(f"{key}_set" if key in metrics else key for key in self.sweep)
+
+    def traffics(self, world: int) -> tuple[str, ...]:
+        """The levels of traffic over a world, by its place."""
+        return (OWN_ROUTES,) if self.worlds[world].routes else self.densities
+
+
+def read_design(path: Path) -> Design:
+    """A design from its file, its paths made absolute.
+
+    Raises:
+        PaveTwinError: there is none, it is no YAML, or a key or value does not fit.
+    """
+    try:
+        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise PaveTwinError(
+            f"Cannot read the design '{path}': {error.strerror}. `pavetwin experiment init` writes one."
+        ) from error
+    except (yaml.YAMLError, UnicodeDecodeError, ValueError) as error:
+        raise PaveTwinError(f"The design '{path}' is no YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(values, Mapping):
+        raise PaveTwinError(f"The design '{path}' holds no keys; `pavetwin experiment init` writes one.")
+    return placed_at(Design.parse(values, where=f"the design '{path}'"), path.absolute().parent)
+
+
+def placed_at(design: Design, folder: Path) -> Design:
+    """The design with paths that were relative to `folder` made absolute."""
+
+    def whole(path: str) -> str:
+        return str((folder / path).resolve())
+
+    worlds = tuple(
+        WorldEntry(path=whole(world.path), routes=tuple(whole(route) for route in world.routes))
+        for world in design.worlds
+    )
+    policies = tuple(whole(name) if ":" in name else name for name in design.policies)
+    return design.model_copy(update={"worlds": worlds, "policies": policies})
+
+
+def preset_names() -> list[str]:
+    """The designs that ship with the package."""
+    return sorted(entry.name.removesuffix(".yaml") for entry in _presets().iterdir() if entry.name.endswith(".yaml"))
+
+
+def preset_text(name: str, world: str) -> str:
+    """The commented text of a design that ships with the package, over a world.
+
+    Raises:
+        PaveTwinError: there is no such design.
+    """
+    if name not in preset_names():
+        near = nearest_name(name, preset_names()) or f"; known are {', '.join(preset_names())}"
+        raise PaveTwinError(f"No design '{name}'{near}.")
+    text: str = (_presets() / f"{name}.yaml").read_text(encoding="utf-8")
+    return text.replace("WORLD", str(yaml.safe_dump(world, width=1000)).removesuffix("\n...\n").strip())
+
+
+def _presets() -> Any:
+    return files("pavetwin.experiments") / "presets"
+
+
+def _instead(key: str) -> str:
+    plural = {"world": "worlds", "traffic": "densities", "altitude_m": "altitudes_m", "policy": "policies"}
+    plural |= {"sensor": "sensors", "preset": "presets"}
+    return f"; list its values under '{plural[key]}'" if key in plural else ""

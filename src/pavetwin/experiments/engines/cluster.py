@@ -1,0 +1,99 @@
+"""Dask: a cluster on this machine, or one that runs anywhere, by the address of its scheduler.
+
+A worker needs PaveTwin in the same version and the worlds' folders under the same paths, where recordings are kept too.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from importlib.metadata import version
+from typing import Any, Final
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.experiments.engines.base import ATTEMPTS, DIED, Engine, OnUnit
+from pavetwin.experiments.fly_unit import failed_unit, fly_unit
+from pavetwin.experiments.plan import Plan, Unit, check_worlds
+
+ANSWER_S: Final = 15.0
+"""How long a scheduler, and then its first worker, may take to answer."""
+
+
+class Cluster(Engine):
+    """Units as tasks of Dask. A worker that dies costs time only: the scheduler gives its units to another."""
+
+    def __init__(self, *, scheduler: str | None = None, jobs: int = 1) -> None:
+        """`scheduler`: the address of one that runs (tcp://10.0.0.1:8786); else `jobs` workers are started here."""
+        self._scheduler, self._jobs = scheduler, jobs
+
+    def fly(self, plan: Plan, units: Sequence[Unit], on_unit: OnUnit) -> None:
+        dask: Any = import_module("distributed")
+        with self._client() as client:
+            _check_workers(client, plan)
+            shared = client.scatter(plan, broadcast=True, hash=False)
+            deaths = Counter[Unit]()
+
+            def submit(unit: Unit) -> Any:
+                return client.submit(fly_unit, shared, unit, key=f"{unit.name}-{deaths[unit]}-{id(units)}", pure=False)
+
+            futures = {submit(unit): unit for unit in units}
+            running = dask.as_completed(list(futures))
+            for future in running:
+                unit = futures.pop(future)
+                try:
+                    part = future.result()
+                except dask.KilledWorker:
+                    deaths[unit] += 1
+                    if deaths[unit] >= ATTEMPTS:
+                        part = failed_unit(plan, unit, DIED)
+                    else:
+                        futures[again := submit(unit)] = unit
+                        running.add(again)
+                        continue
+                on_unit(unit, part)
+
+    @contextmanager
+    def _client(self) -> Iterator[Any]:
+        dask: Any = import_module("distributed")
+        if self._scheduler is None:
+            with (
+                dask.LocalCluster(n_workers=self._jobs, threads_per_worker=1, dashboard_address=None) as local,
+                dask.Client(local) as client,
+            ):
+                yield client
+            return
+        try:
+            client = dask.Client(self._scheduler, timeout=ANSWER_S)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise PaveTwinError(
+                f"--scheduler {self._scheduler}: no Dask scheduler answers there; start one with `dask scheduler` and "
+                "workers with `dask worker tcp://…`."
+            ) from error
+        with client:
+            yield client
+
+
+def _check_workers(client: Any, plan: Plan) -> None:
+    """Raises:
+    PaveTwinError: there are no workers, or one has another version or other worlds.
+    """
+    try:
+        client.wait_for_workers(1, timeout=ANSWER_S)
+    except TimeoutError as error:
+        raise PaveTwinError(
+            "The Dask scheduler has no workers; start some with `dask worker tcp://… --nthreads 1`."
+        ) from error
+    for worker, complaint in client.run(_complaint, plan, version("pavetwin")).items():
+        if complaint:
+            raise PaveTwinError(f"The Dask worker {worker} cannot fly this study: {complaint}")
+
+
+def _complaint(plan: Plan, wanted: str) -> str:
+    """What a worker lacks; empty for nothing."""
+    if version("pavetwin") != wanted:
+        return f"it has PaveTwin {version('pavetwin')}, not {wanted}."
+    try:
+        check_worlds(plan)
+    except PaveTwinError as error:
+        return str(error)
+    return ""

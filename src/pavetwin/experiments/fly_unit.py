@@ -1,0 +1,189 @@
+"""Flying one unit: a replicate over one world in one traffic, a mission for each cell."""
+
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final, get_args, get_type_hints
+
+import polars as pl
+import pyarrow.parquet
+
+from pavetwin.config import MissionSettings
+from pavetwin.defects import DefectOptions, place
+from pavetwin.errors import PaveTwinError
+from pavetwin.experiments.design import OWN_ROUTES, Design, WorldEntry
+from pavetwin.experiments.metrics import FAILED, FLOWN, REASON, REPLICATE, STATUS
+from pavetwin.experiments.plan import Cell, Plan, Unit, world_of_study
+from pavetwin.mission.fly import fly
+from pavetwin.mission.ground import Stage, prepare
+from pavetwin.mission.ledger import SegmentRow
+from pavetwin.mission.replay import Replay
+from pavetwin.traffic.record import record
+from pavetwin.world.model import Defect, World
+from pavetwin.world.store import load_record
+
+RECORDED_S: Final = 300.0
+"""Of traffic before the first mission of one segment; missions that need more prolong it. Most need less, waiting
+included."""
+
+_LEFT_OUT: Final = ("start_s", "end_s")
+"""Of a segment's row: they tell of the mission's clock alone."""
+
+_TYPES: Final = {int: pl.Int64, float: pl.Float64, str: pl.String, bool: pl.Boolean}
+
+Row = dict[str, Any]
+
+
+def fly_unit(plan: Plan, unit: Unit) -> bytes:
+    """Fly a unit's missions, and give its part of the table as a Parquet file.
+
+    The same plan and unit give the same bytes in every process. What goes wrong is written down, not raised: the
+    missions that it ends are rows with their reason.
+    """
+    try:
+        ground = _Ground.of(plan, unit)
+    except Exception as error:
+        return failed_unit(plan, unit, _words(error))
+    return _part(plan, (row for cell in plan.cells for row in _flown(plan, unit, cell, ground)))
+
+
+def failed_unit(plan: Plan, unit: Unit, reason: str) -> bytes:
+    """The part of a unit of which no mission could be flown."""
+    return _part(plan, (row for cell in plan.cells for row in _failed(plan, unit, cell, reason)))
+
+
+def schema(design: Design) -> dict[str, Any]:
+    """Columns and types of the table."""
+    swept = {
+        column: _type_of(values) for column, values in zip(design.sweep_columns, design.sweep.values(), strict=True)
+    }
+    measured = {
+        name: next(_TYPES[kind] for kind in (hint, *get_args(hint)) if kind in _TYPES)
+        for name, hint in get_type_hints(SegmentRow).items()
+        if name not in _LEFT_OUT
+    }
+    return {
+        "world": pl.String,
+        "traffic": pl.String,
+        "altitude_m": pl.Float64,
+        "policy": pl.String,
+        "sensor": pl.String,
+        "preset": pl.String,
+        **swept,
+        REPLICATE: pl.Int64,
+        "seed": pl.Int64,
+        "traffic_seed": pl.Int64,
+        "defect_seed": pl.Int64,
+        "sensing_seed": pl.Int64,
+        "version": pl.String,
+        STATUS: pl.String,
+        REASON: pl.String,
+        **measured,
+    }
+
+
+def _type_of(values: Sequence[Any]) -> Any:
+    kinds = {type(value) for value in values}
+    if kinds == {bool}:
+        return pl.Boolean
+    return pl.Float64 if kinds <= {int, float} else pl.String
+
+
+def _part(plan: Plan, rows: Iterator[Row]) -> bytes:
+    table, buffer = pl.DataFrame(list(rows), schema=schema(plan.design)), io.BytesIO()
+    pyarrow.parquet.write_table(table.to_arrow(), buffer, compression="zstd")
+    return buffer.getvalue()
+
+
+def _flown(plan: Plan, unit: Unit, cell: Cell, ground: "_Ground") -> list[Row]:
+    """The rows of one mission; it may fail."""
+    luck, targets = plan.luck(unit.replicate), plan.segments(unit)
+    try:
+        settings = cell.settings(plan.design)
+        flown = fly(ground.stage(settings), ground.replay, settings, targets, cell.policy, seed=luck.sensing)
+    except Exception as error:
+        return _failed(plan, unit, cell, _words(error))
+    return [_factors(plan, unit, cell) | {STATUS: FLOWN} | _measured(row) for row in flown.rows]
+
+
+def _failed(plan: Plan, unit: Unit, cell: Cell, reason: str) -> list[Row]:
+    """A row for each segment that was not flown."""
+    count = len(plan.segments(unit))
+    return [_factors(plan, unit, cell) | {STATUS: FAILED, REASON: reason, "order": order} for order in range(count)]
+
+
+def _factors(plan: Plan, unit: Unit, cell: Cell) -> Row:
+    design, luck = plan.design, plan.luck(unit.replicate)
+    texts = {column: kind == pl.String for column, kind in schema(design).items()}
+    swept = zip(design.sweep_columns, cell.swept, strict=True)
+    return {
+        "world": plan.names[unit.world],
+        "traffic": unit.traffic,
+        "altitude_m": cell.altitude_m,
+        "policy": plan.policies[cell.policy],
+        "sensor": cell.sensor,
+        "preset": cell.preset,
+        **{column: str(value) if texts[column] else value for column, value in swept},
+        REPLICATE: unit.replicate,
+        "seed": design.seed,
+        "traffic_seed": luck.traffic,
+        "defect_seed": luck.defects,
+        "sensing_seed": luck.sensing,
+        "version": version("pavetwin"),
+    }
+
+
+def _measured(row: SegmentRow) -> Row:
+    return {name: value for name, value in asdict(row).items() if name not in _LEFT_OUT}
+
+
+def _words(error: Exception) -> str:
+    """A failure in one line; one that no user can mend is named by its kind."""
+    text = " ".join(str(error).split())
+    return text if isinstance(error, PaveTwinError) else f"{type(error).__name__}: {text}"
+
+
+@dataclass
+class _Ground:
+    """What the missions of a unit share."""
+
+    world: World
+    defects: tuple[Defect, ...]
+    replay: Replay
+    stages: dict[tuple[float, float, float], Stage]
+
+    @classmethod
+    def of(cls, plan: Plan, unit: Unit) -> "_Ground":
+        design, luck = plan.design, plan.luck(unit.replicate)
+        entry = design.worlds[unit.world]
+        world = world_of_study(entry.path, plan.hashes[unit.world])
+        defects = _defects(design, world, plan.segments(unit), luck.defects)
+        return cls(world, defects, _replay(world, entry, unit.traffic, luck.traffic, design.segments), {})
+
+    def stage(self, settings: MissionSettings) -> Stage:
+        key = settings.altitude_m, settings.uav.radius_m, settings.visibility.cell_m
+        if key not in self.stages:
+            self.stages[key] = prepare(self.world, settings, self.defects)
+        return self.stages[key]
+
+
+def _defects(design: Design, world: World, targets: Sequence[int], seed: int) -> tuple[Defect, ...]:
+    """The defects of the segments that are inspected; others are not flown over by any pass."""
+    if design.defects == "world":
+        return world.defects
+    options = _usual_options(world) if design.defects == "placed" else design.defects
+    return place([world.segments[target] for target in sorted(targets)], seed, options, threads=1)
+
+
+def _usual_options(world: World) -> DefectOptions:
+    """As densely as the world was built."""
+    known = load_record(world.folder).defects if world.folder is not None else None
+    return DefectOptions.parse(known or {}, where=f"'{world.folder}'")
+
+
+def _replay(world: World, entry: WorldEntry, traffic: str, seed: int, segments: int) -> Replay:
+    routes = [Path(route) for route in entry.routes]
+    density = None if traffic == OWN_ROUTES else traffic
+    return Replay(world, record(world, density, seed, RECORDED_S * segments, routes=routes), routes)

@@ -1,0 +1,54 @@
+"""What a study measures of every mission, and the columns of its table that are no measures.
+
+The table has one row a segment mission: its factors, `replicate`, what it was seeded with, `status`, the metrics. A
+metric that is undefined (no defects on the segment), and every metric of a mission that failed, is null.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+FACTORS: Final = ("world", "traffic", "altitude_m", "policy", "sensor", "preset")
+"""Columns of what a design varies; those of its sweep come after them. Missions of one cell share all of these."""
+
+REPLICATE: Final = "replicate"
+"""Missions with the same replicate and world share traffic, defects and segment: they are compared in pairs."""
+
+STATUS, FLOWN, FAILED, REASON = "status", "flown", "failed", "reason"
+
+REFERENCE: Final = "baseline"
+"""The policy that the others are compared with."""
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One column of the table that is measured."""
+
+    name: str
+    label: str
+    unit: str
+    """Of the values as they are shown."""
+    scale: float
+    """Shown values are the table's times this."""
+    digits: int
+    """Decimals when shown."""
+    more_is_better: bool | None
+    """None where neither is."""
+
+
+METRICS: Final = (
+    Metric("coverage", "Coverage", "%", 100.0, 1, more_is_better=True),
+    Metric("swath_coverage", "Swath coverage", "%", 100.0, 1, more_is_better=True),
+    Metric("recovery", "Recovery", "%", 100.0, 1, more_is_better=True),
+    Metric("surface_coverage", "Surface coverage", "%", 100.0, 1, more_is_better=True),
+    Metric("time_s", "Time", "s", 1.0, 1, more_is_better=False),
+    Metric("energy", "Energy", "% of a battery", 100.0, 2, more_is_better=False),
+    Metric("wait_s", "Waiting", "s", 1.0, 1, more_is_better=False),
+    Metric("distance_m", "Distance", "m", 1.0, 0, more_is_better=None),
+    Metric("occlusions", "Occlusions", "", 1.0, 1, more_is_better=None),
+)
+"""The first is what a study is about; `time_s` and `energy` have heavy tails, since waiting has."""
+
+
+def metric_named(name: str) -> Metric:
+    """The metric of a column; KeyError when it is none."""
+    return {metric.name: metric for metric in METRICS}[name]

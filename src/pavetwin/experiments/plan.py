@@ -1,0 +1,223 @@
+"""From a design to work: its cells, and the units that are flown one by one.
+
+A unit is one replicate over one world in one traffic: a recording, the defects of a segment, and a mission for each
+cell. All luck of a replicate comes from (seed, replicate) alone, so replicates can be added later without changing the
+others.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from itertools import product
+from pathlib import Path
+from typing import Any, Final
+
+from pavetwin.config import MissionSettings, load_settings
+from pavetwin.errors import PaveTwinError
+from pavetwin.experiments.design import ALIASES, Design, Value
+from pavetwin.mission.ground import prepare
+from pavetwin.policies import load_policy
+from pavetwin.seeds import Stream, child
+from pavetwin.sensing import load_sensor
+from pavetwin.traffic.demand import density_named
+from pavetwin.uav import energy_curve, find_camera
+from pavetwin.world.model import World
+from pavetwin.world.store import load_world
+
+_LARGEST_SEED: Final = 2**31
+_SEEDS, _SEGMENTS = 0, 1
+"""Keys of the stream EXPERIMENT, before the replicate."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One combination of everything but world and traffic."""
+
+    altitude_m: float
+    policy: str
+    """As the design names it."""
+    sensor: str
+    preset: str
+    swept: tuple[Value, ...]
+    """Values of the sweep, in its order."""
+
+    def settings(self, design: Design) -> MissionSettings:
+        """How its missions are flown.
+
+        Raises:
+            PaveTwinError: a setting is not known, or a value does not fit.
+        """
+        values = {**design.set, **dict(zip(design.sweep, self.swept, strict=True))}
+        nested: dict[str, Any] = {"altitude_m": self.altitude_m, "sensing": {"sensor": self.sensor}}
+        for key, value in values.items():
+            *sections, leaf = ALIASES.get(key, key).split(".")
+            layer = nested
+            for section in sections:
+                layer = layer.setdefault(section, {})
+                if not isinstance(layer, dict):
+                    raise PaveTwinError(f"the design: '{key}' is no setting.")
+            layer[leaf] = value
+        return load_settings(self.preset, **nested)
+
+
+@dataclass(frozen=True)
+class Luck:
+    """The seeds of one replicate, shared by all its missions."""
+
+    traffic: int
+    defects: int
+    sensing: int
+
+
+@dataclass(frozen=True)
+class Unit:
+    """What is flown in one go, and written as one part of the table."""
+
+    world: int
+    """Its place in the design."""
+    replicate: int
+    traffic: str
+
+    @property
+    def name(self) -> str:
+        return f"w{self.world}-r{self.replicate:05d}-{self.traffic}"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A design that has been checked against its worlds: everything that a process at work must know."""
+
+    design: Design
+    hashes: tuple[str, ...]
+    """Of the worlds' content."""
+    names: tuple[str, ...]
+    """Of the worlds, each another's."""
+    targets: tuple[tuple[int, ...], ...]
+    """For each world the segments, by their place in it, that can be reached in every cell."""
+    policies: Mapping[str, str]
+    """What each policy of the design calls itself."""
+
+    @cached_property
+    def cells(self) -> tuple[Cell, ...]:
+        return cells_of(self.design)
+
+    @cached_property
+    def units(self) -> tuple[Unit, ...]:
+        return units_of(self.design)
+
+    @property
+    def missions(self) -> int:
+        return len(self.units) * len(self.cells)
+
+    def luck(self, replicate: int) -> Luck:
+        rng = child(self.design.seed, Stream.EXPERIMENT, _SEEDS, replicate)
+        return Luck(*rng.integers(_LARGEST_SEED, size=3).tolist())
+
+    def segments(self, unit: Unit) -> list[int]:
+        """What the missions of a unit inspect, in this order: drawn anew in each replicate."""
+        rng = child(self.design.seed, Stream.EXPERIMENT, _SEGMENTS, unit.replicate)
+        reachable = self.targets[unit.world]
+        return [reachable[index] for index in rng.permutation(len(reachable))[: self.design.segments].tolist()]
+
+
+def units_of(design: Design) -> tuple[Unit, ...]:
+    """All units, a replicate's beside each other, in the order of the design."""
+    return tuple(
+        Unit(world, replicate, traffic)
+        for world in range(len(design.worlds))
+        for replicate in range(design.replicates)
+        for traffic in design.traffics(world)
+    )
+
+
+def cells_of(design: Design) -> tuple[Cell, ...]:
+    """Every combination of a design's factors but world and traffic, the policies of an altitude beside each other."""
+    combinations = product(
+        design.presets, product(*design.sweep.values()), design.sensors, design.altitudes_m, design.policies
+    )
+    return tuple(
+        Cell(altitude_m, policy, sensor, preset, swept) for preset, swept, sensor, altitude_m, policy in combinations
+    )
+
+
+def plan(design: Design, worlds: Sequence[World]) -> Plan:
+    """Check a design against its worlds, and see which segments can be reached.
+
+    Raises:
+        PaveTwinError: a factor's level does not exist, or the worlds leave nothing to inspect.
+    """
+    policies = _check_levels(design)
+    names = tuple(world.name for world in worlds)
+    if len(set(names)) < len(names):
+        raise PaveTwinError(
+            f"the design: two of its worlds are called '{names[0]}'; the table could not tell them apart."
+        )
+    targets = tuple(_reachable(design, world) for world in worlds)
+    for world, found in zip(worlds, targets, strict=True):
+        if len(found) < design.segments:
+            raise PaveTwinError(
+                f"the design: only {len(found)} segments of '{world.name}' can be reached at all altitudes, and "
+                f"segments: {design.segments} are asked for."
+            )
+    return Plan(design, tuple(world.content_hash for world in worlds), names, targets, policies)
+
+
+def load_worlds(design: Design) -> list[World]:
+    """Raises:
+    PaveTwinError: one of them does not exist or is damaged.
+    """
+    return [load_world(Path(entry.path)) for entry in design.worlds]
+
+
+def check_worlds(plan: Plan) -> None:
+    """Whether the worlds are here as the study began with them.
+
+    Raises:
+        PaveTwinError: one is gone, damaged or another.
+    """
+    for entry, content in zip(plan.design.worlds, plan.hashes, strict=True):
+        world_of_study(entry.path, content)
+
+
+@cache
+def world_of_study(path: str, content_hash: str) -> World:
+    """A world, read once a process.
+
+    Raises:
+        PaveTwinError: it is gone, damaged, or another than the study began with.
+    """
+    world = load_world(Path(path))
+    if world.content_hash != content_hash:
+        raise PaveTwinError(f"The world '{path}' is not the one that the study began with.")
+    return world
+
+
+def _check_levels(design: Design) -> dict[str, str]:
+    """Policy → what it calls itself."""
+    for name in design.densities:
+        density_named(name)
+    for world in design.worlds:
+        for route in world.routes:
+            if not Path(route).is_file():
+                raise PaveTwinError(f"the design: there is no routes file '{route}'.")
+    called: dict[str, str] = {}
+    for cell in cells_of(design):
+        settings = cell.settings(design)
+        name = load_policy(cell.policy, settings.policy).name
+        if name in (other for policy, other in called.items() if policy != cell.policy):
+            raise PaveTwinError(f"the design: two policies call themselves '{name}'; rename one of them.")
+        called[cell.policy] = name
+        load_sensor(settings.sensing, design.seed)
+        find_camera(settings.camera.model)
+        energy_curve(settings.energy)
+    return called
+
+
+def _reachable(design: Design, world: World) -> tuple[int, ...]:
+    """Segments that can be reached in every cell; bakes and keeps the NavMeshes on the way."""
+    ways: Mapping[tuple[float, float], MissionSettings] = {
+        (settings.altitude_m, settings.uav.radius_m): settings
+        for settings in (cell.settings(design) for cell in cells_of(design))
+    }
+    stages = [prepare(world, settings, ()) for settings in ways.values()]
+    return tuple(index for index in range(len(world.segments)) if all(stage.reachable(index) for stage in stages))

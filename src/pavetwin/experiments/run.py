@@ -1,0 +1,74 @@
+"""A study from its design to its table: flown in units, each written as it ends, gone on with where it stopped."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import polars as pl
+
+from pavetwin.experiments.design import Design
+from pavetwin.experiments.engines import Engine
+from pavetwin.experiments.metrics import FAILED, REASON, STATUS
+from pavetwin.experiments.plan import Plan, Unit, load_worlds, plan
+from pavetwin.experiments.store import Store
+from pavetwin.files import working_in
+
+OnProgress = Callable[[int, int], None]
+"""Told how many missions are flown, and of how many."""
+
+
+@dataclass(frozen=True)
+class Ran:
+    """A study that is complete."""
+
+    plan: Plan
+    table: pl.DataFrame
+    flown: int
+    """Missions flown now; the others were there."""
+
+    @property
+    def failures(self) -> Counter[str]:
+        """How many rows failed, by reason; the most frequent first."""
+        reasons = self.table.filter(pl.col(STATUS) == FAILED)[REASON].to_list()
+        return Counter(dict(Counter(reasons).most_common()))
+
+
+def run(
+    design: Design,
+    folder: Path,
+    engine: Engine,
+    *,
+    retry: bool = False,
+    on_progress: OnProgress | None = None,
+) -> Ran:
+    """Fly what is not flown yet.
+
+    Args:
+        design: with absolute paths, as `read_design` gives it.
+        retry: fly those units again of which a mission failed.
+
+    Raises:
+        PaveTwinError: the design does not fit its worlds, the folder holds another, or it cannot be written. What was
+            flown stays, and the same call goes on from there.
+    """
+    tell = on_progress or (lambda _done, _total: None)
+    made = plan(design, load_worlds(design))
+    store = Store(folder)
+    with working_in(folder):
+        store.begin(made)
+        if retry:
+            store.forget_failed()
+        missing = store.missing(made.units)
+        cells, done = len(made.cells), made.missions - len(missing) * len(made.cells)
+
+        def on_unit(unit: Unit, part: bytes) -> None:
+            nonlocal done
+            store.write(unit, part)
+            done += cells
+            tell(done, made.missions)
+
+        if missing:
+            tell(done, made.missions)
+            engine.fly(made, missing, on_unit)
+        return Ran(made, store.table(), len(missing) * cells)
