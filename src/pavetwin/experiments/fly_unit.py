@@ -1,8 +1,10 @@
 """Flying one unit: a replicate over one world in one traffic, a mission for each cell."""
 
 import io
+import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final, get_args, get_type_hints
@@ -10,8 +12,9 @@ from typing import Any, Final, get_args, get_type_hints
 import polars as pl
 import pyarrow.parquet
 
-from pavetwin.config import MissionSettings
-from pavetwin.defects import DefectOptions, place
+from pavetwin.config import MissionSettings, load_settings
+from pavetwin.defects import DefectOptions
+from pavetwin.defects import place as place_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import OWN_ROUTES, Design, WorldEntry
 from pavetwin.experiments.metrics import FAILED, FLOWN, REASON, REPLICATE, STATUS
@@ -145,42 +148,62 @@ def _words(error: Exception) -> str:
     return text if isinstance(error, PaveTwinError) else f"{type(error).__name__}: {text}"
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Ground:
     """What the missions of a unit share."""
 
-    world: World
-    defects: tuple[Defect, ...]
+    place: "_Place"
     replay: Replay
-    stages: dict[tuple[float, float, float], Stage]
 
     @classmethod
     def of(cls, plan: Plan, unit: Unit) -> "_Ground":
         design, luck = plan.design, plan.luck(unit.replicate)
         entry = design.worlds[unit.world]
-        world = world_of_study(entry.path, plan.hashes[unit.world])
-        defects = _defects(design, world, plan.segments(unit), luck.defects)
-        return cls(world, defects, _replay(world, entry, unit.traffic, luck.traffic, design.segments), {})
+        place = _Place(
+            entry.path,
+            plan.hashes[unit.world],
+            tuple(sorted(plan.segments(unit))),
+            luck.defects,
+            design.defects if isinstance(design.defects, str) else design.defects.model_dump_json(),
+        )
+        _defects(place)
+        return cls(place, _replay(place.world, entry, unit.traffic, luck.traffic, design.segments))
 
     def stage(self, settings: MissionSettings) -> Stage:
-        key = settings.altitude_m, settings.uav.radius_m, settings.visibility.cell_m
-        if key not in self.stages:
-            self.stages[key] = prepare(self.world, settings, self.defects)
-        return self.stages[key]
+        return _stage(self.place, settings.altitude_m, settings.uav.radius_m, settings.visibility.cell_m)
 
 
-def _defects(design: Design, world: World, targets: Sequence[int], seed: int) -> tuple[Defect, ...]:
+@dataclass(frozen=True)
+class _Place:
+    """What the ground of a unit is made from: the same in all traffic of a replicate."""
+
+    path: str
+    content_hash: str
+    targets: tuple[int, ...]
+    seed: int
+    defects: str
+    """As the design has it: placed, world, or options as JSON."""
+
+    @property
+    def world(self) -> World:
+        return world_of_study(self.path, self.content_hash)
+
+
+@lru_cache(maxsize=2)
+def _defects(place: _Place) -> tuple[Defect, ...]:
     """The defects of the segments that are inspected; others are not flown over by any pass."""
-    if design.defects == "world":
+    world = place.world
+    if place.defects == "world":
         return world.defects
-    options = _usual_options(world) if design.defects == "placed" else design.defects
-    return place([world.segments[target] for target in sorted(targets)], seed, options, threads=1)
+    known = load_record(Path(place.path)).defects if place.defects == "placed" else json.loads(place.defects)
+    options = DefectOptions.parse(known or {}, where=f"'{place.path}'")
+    return place_defects([world.segments[target] for target in place.targets], place.seed, options, threads=1)
 
 
-def _usual_options(world: World) -> DefectOptions:
-    """As densely as the world was built."""
-    known = load_record(world.folder).defects if world.folder is not None else None
-    return DefectOptions.parse(known or {}, where=f"'{world.folder}'")
+@lru_cache(maxsize=16)
+def _stage(place: _Place, altitude_m: float, radius_m: float, cell_m: float) -> Stage:
+    settings = load_settings(altitude_m=altitude_m, uav={"radius_m": radius_m}, visibility={"cell_m": cell_m})
+    return prepare(place.world, settings, _defects(place))
 
 
 def _replay(world: World, entry: WorldEntry, traffic: str, seed: int, segments: int) -> Replay:

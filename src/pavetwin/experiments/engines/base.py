@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from itertools import groupby
 from typing import Final
 
 from pavetwin.experiments.plan import Plan, Unit
@@ -13,6 +14,12 @@ DIED: Final = f"The process that flew it died {ATTEMPTS} times, perhaps for want
 
 OnUnit = Callable[[Unit, bytes], None]
 """Given each unit's part as soon as it is there, in any order."""
+
+
+def in_batches(units: Sequence[Unit], hands: int) -> list[list[Unit]]:
+    """Units for one process to fly in one go: a replicate's share their ground, where there are replicates for all."""
+    together = [list(batch) for _, batch in groupby(units, key=lambda unit: (unit.world, unit.replicate))]
+    return together if len(together) >= 2 * hands else [[unit] for unit in units]
 
 
 class Engine(ABC):

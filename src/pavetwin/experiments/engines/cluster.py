@@ -11,7 +11,7 @@ from importlib.metadata import version
 from typing import Any, Final
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments.engines.base import ATTEMPTS, DIED, Engine, OnUnit
+from pavetwin.experiments.engines.base import ATTEMPTS, DIED, Engine, OnUnit, in_batches
 from pavetwin.experiments.fly_unit import failed_unit, fly_unit
 from pavetwin.experiments.plan import Plan, Unit, check_worlds
 
@@ -30,27 +30,29 @@ class Cluster(Engine):
         dask: Any = import_module("distributed")
         with self._client() as client:
             _check_workers(client, plan)
-            shared = client.scatter(plan, broadcast=True, hash=False)
-            deaths = Counter[Unit]()
+            hands = sum(client.nthreads().values())
+            shared, deaths = client.scatter(plan, broadcast=True, hash=False), Counter[Unit]()
 
-            def submit(unit: Unit) -> Any:
-                return client.submit(fly_unit, shared, unit, key=f"{unit.name}-{deaths[unit]}-{id(units)}", pure=False)
+            def submit(batch: list[Unit]) -> Any:
+                return client.submit(_fly_batch, shared, batch, pure=False)
 
-            futures = {submit(unit): unit for unit in units}
+            futures = {submit(batch): batch for batch in in_batches(units, hands)}
             running = dask.as_completed(list(futures))
             for future in running:
-                unit = futures.pop(future)
+                batch = futures.pop(future)
                 try:
-                    part = future.result()
+                    parts = future.result()
                 except dask.KilledWorker:
-                    deaths[unit] += 1
-                    if deaths[unit] >= ATTEMPTS:
-                        part = failed_unit(plan, unit, DIED)
-                    else:
-                        futures[again := submit(unit)] = unit
+                    for unit in batch:
+                        deaths[unit] += 1
+                        if deaths[unit] >= ATTEMPTS:
+                            on_unit(unit, failed_unit(plan, unit, DIED))
+                            continue
+                        futures[again := submit([unit])] = [unit]
                         running.add(again)
-                        continue
-                on_unit(unit, part)
+                    continue
+                for unit, part in zip(batch, parts, strict=True):
+                    on_unit(unit, part)
 
     @contextmanager
     def _client(self) -> Iterator[Any]:
@@ -71,6 +73,10 @@ class Cluster(Engine):
             ) from error
         with client:
             yield client
+
+
+def _fly_batch(plan: Plan, batch: Sequence[Unit]) -> list[bytes]:
+    return [fly_unit(plan, unit) for unit in batch]
 
 
 def _check_workers(client: Any, plan: Plan) -> None:

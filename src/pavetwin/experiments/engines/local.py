@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 
-from pavetwin.experiments.engines.base import ATTEMPTS, DIED, Engine, OnUnit
+from pavetwin.experiments.engines.base import ATTEMPTS, DIED, Engine, OnUnit, in_batches
 from pavetwin.experiments.fly_unit import failed_unit, fly_unit
 from pavetwin.experiments.plan import Plan, Unit
 from pavetwin.processes import serve_parent
@@ -27,29 +27,30 @@ class Pool(Engine):
         self._jobs = jobs
 
     def fly(self, plan: Plan, units: Sequence[Unit], on_unit: OnUnit) -> None:
-        waiting, deaths = deque(units), Counter[Unit]()
+        waiting, deaths = deque(in_batches(units, self._jobs)), Counter[Unit]()
         while waiting:
-            in_work = self._fly(plan, waiting, on_unit)
-            # Who died is not known: of those that were in work one is to blame, the others are flown again as well.
-            for unit in reversed(in_work):
+            lost = self._fly(plan, waiting, on_unit)
+            # Who died is not known: one of those that were in work is to blame, the others are flown again as well.
+            for unit in (unit for batch in lost for unit in batch):
                 deaths[unit] += 1
                 if deaths[unit] < ATTEMPTS:
-                    waiting.appendleft(unit)
+                    waiting.append([unit])
                 else:
                     on_unit(unit, failed_unit(plan, unit, DIED))
 
-    def _fly(self, plan: Plan, waiting: deque[Unit], on_unit: OnUnit) -> list[Unit]:
-        """Take units from `waiting` until none are left, or a process died; gives the units that this cost."""
-        in_work: dict[Future[bytes], Unit] = {}
+    def _fly(self, plan: Plan, waiting: deque[list[Unit]], on_unit: OnUnit) -> list[list[Unit]]:
+        """Take batches from `waiting` until none are left, or a process died; gives the batches that this cost."""
+        in_work: dict[Future[list[bytes]], list[Unit]] = {}
         context = multiprocessing.get_context("spawn")
         pool = ProcessPoolExecutor(self._jobs, context, initializer=_begin, initargs=(plan,))
         try:
             while waiting or in_work:
                 while waiting and len(in_work) < self._jobs:
-                    unit = waiting.popleft()
-                    in_work[pool.submit(_work, unit)] = unit
+                    batch = waiting.popleft()
+                    in_work[pool.submit(_work, batch)] = batch
                 for done in wait(in_work, return_when=FIRST_COMPLETED).done:
-                    on_unit(in_work[done], done.result())
+                    for unit, part in zip(in_work[done], done.result(), strict=True):
+                        on_unit(unit, part)
                     del in_work[done]
         except BrokenProcessPool:
             return list(in_work.values())
@@ -73,5 +74,5 @@ def _begin(plan: Plan) -> None:
     _plans[:] = [plan]
 
 
-def _work(unit: Unit) -> bytes:
-    return fly_unit(_plans[0], unit)
+def _work(batch: list[Unit]) -> list[bytes]:
+    return [fly_unit(_plans[0], unit) for unit in batch]
