@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks import defects, frames, growing, machine, missions, streets, worlds
+from benchmarks import defects, frames, growing, machine, missions, streets, studies, worlds
 from benchmarks.measure import Line
 from benchmarks.table import as_json, notes, table
 from pavetwin.cli.console import counting, fail, out
@@ -57,6 +57,8 @@ def measure(world_folder: Path | None, size: Size, folder: Path, begin: Callable
     begin("missions")
     course = missions.Course.over(world, replay, min(size.segments, len(world.segments)))
     yield from missions.lines(course, size.runs)
+    begin("the paper's study")
+    yield from studies.lines(world_folder, folder, quick=quick)
     begin("visibility")
     yield missions.look_line(course, size.runs)
     begin("frames")
@@ -69,7 +71,7 @@ def measure(world_folder: Path | None, size: Size, folder: Path, begin: Callable
     yield from worlds.record_crowd(folder / "random", size.crowd_s)
 
 
-PARTS = 10
+PARTS = 11
 
 
 def main(arguments: list[str]) -> int:

@@ -28,7 +28,6 @@ from pavetwin.world.store import load_world
 
 ALTITUDE_M, SEED = 10.0, 1
 REAL_TIME_TARGET = 3000.0
-SWEEP_SEGMENTS, SWEEP_TARGET_S = 720, 20.0
 
 
 @dataclass
@@ -68,8 +67,7 @@ class _Clocked:
 
 
 def lines(course: Course, runs: int) -> Iterator[Line]:
-    """Each policy, then what the same rate makes of the design's sweep."""
-    whole_s = 0.0
+    """Each policy."""
     for policy in policy_names():
         flown = course.fly(policy)  # warm-up; it prolongs the recording where that is needed
         times = []
@@ -78,7 +76,6 @@ def lines(course: Course, runs: int) -> Iterator[Line]:
             course.fly(policy)
             times.append(time.perf_counter() - begun)
         took_s = statistics.median(times)
-        whole_s += took_s
         yield Line(
             f"mission, {policy}, high traffic",
             flown.duration_s / took_s,
@@ -87,14 +84,6 @@ def lines(course: Course, runs: int) -> Iterator[Line]:
             took_s=took_s,
             note=f"{flown.duration_s:.0f} s flown; {_kernel_share(course, policy):.0%} of the time in the kernel",
         )
-    each_s = whole_s / (len(policy_names()) * len(course.targets))
-    yield Line(
-        f"{SWEEP_SEGMENTS} segment missions, all policies in turn",
-        each_s * SWEEP_SEGMENTS,
-        Kind.SECONDS,
-        SWEEP_TARGET_S,
-        note=f"stands for the sweep: {1 / each_s:.0f} segments a second, one process",
-    )
 
 
 def _kernel_share(course: Course, policy: str) -> float:

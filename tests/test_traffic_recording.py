@@ -65,6 +65,29 @@ def test_a_prefix_cannot_be_longer_than_the_whole() -> None:
         recording_of([1, 2]).until(1.0)
 
 
+@given(frame_counts, st.data())
+def test_what_is_left_from_a_time_on_is_the_same_traffic_earlier(counts: list[int], data: st.DataObject) -> None:
+    recording = recording_of(counts)
+    first = data.draw(st.integers(0, len(counts) - 1))
+    later = recording.after(first * 0.5)
+    assert later.frames == len(counts) - first
+    assert later.agents.id == recording.agents.id
+    for frame in range(later.frames):
+        mine, theirs = (
+            slice(*each.step_offsets[at : at + 2]) for each, at in ((later, frame), (recording, first + frame))
+        )
+        for name in ("agent", "x", "y", "yaw_rad", "speed_mps"):
+            assert np.array_equal(getattr(later, name)[mine], getattr(recording, name)[theirs])
+    last = len(counts) - 1
+    assert later.signals["tls"] == (((0, "rG"),) if first == last else ((0, "Gr"), (last - first, "rG")))
+    assert later.removals == tuple((step - first, count) for step, count in recording.removals if step >= first)
+
+
+def test_nothing_is_left_after_the_end() -> None:
+    with pytest.raises(ValueError, match=r"holds nothing from 1 s on"):
+        recording_of([1, 2]).after(1.0)
+
+
 @given(frame_counts)
 def test_the_file_gives_back_what_was_saved(tmp_path_factory: pytest.TempPathFactory, counts: list[int]) -> None:
     path = tmp_path_factory.mktemp("trace") / "low-3.parquet"

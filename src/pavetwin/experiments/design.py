@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Self
 
 import yaml
-from pydantic import Field, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
 from pavetwin.config import Settings
 from pavetwin.defects import DefectOptions
@@ -29,6 +29,13 @@ OWN_ROUTES: Final = "routes"
 Value = bool | int | float | str
 
 
+Placing = Annotated[
+    Annotated[Literal["placed", "world"], Tag("how")] | Annotated[DefectOptions, Tag("options")],
+    Discriminator(lambda value: "how" if isinstance(value, str) else "options"),
+]
+"""How defects come onto the segments; told apart first, so that a mistake is named by its own key."""
+
+
 class WorldEntry(Settings):
     """One world of a study."""
 
@@ -36,6 +43,16 @@ class WorldEntry(Settings):
     """Its folder; relative to the design's file."""
     routes: tuple[str, ...] = ()
     """SUMO route files that take the place of the densities."""
+    take_off_s: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]] = (0.0, 0.0)
+    """With routes: earliest and latest take-off, in seconds after the first departure; drawn anew in each replicate."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.take_off_s[0] > self.take_off_s[1]:
+            raise ValueError("take_off_s: the earliest comes first")
+        if self.take_off_s[1] > 0 and not self.routes:
+            raise ValueError("take_off_s: only with routes; the densities hold over time")
+        return self
 
 
 class Design(Settings):
@@ -56,7 +73,7 @@ class Design(Settings):
     segments: Annotated[int, Field(ge=1, le=1000)] = 1
     """That one mission inspects."""
     seed: Annotated[int, Field(ge=0)] = 1
-    defects: Literal["placed", "world"] | DefectOptions = "placed"
+    defects: Placing = "placed"
     """`placed` anew in each replicate as densely as the world was built, or by these options; `world` keeps its own."""
 
     @field_validator("worlds", mode="before")
@@ -128,7 +145,7 @@ def placed_at(design: Design, folder: Path) -> Design:
         return str((folder / path).resolve())
 
     worlds = tuple(
-        WorldEntry(path=whole(world.path), routes=tuple(whole(route) for route in world.routes))
+        world.model_copy(update={"path": whole(world.path), "routes": tuple(whole(route) for route in world.routes)})
         for world in design.worlds
     )
     policies = tuple(whole(name) if ":" in name else name for name in design.policies)

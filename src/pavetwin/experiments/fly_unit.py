@@ -80,6 +80,7 @@ def schema(design: Design) -> dict[str, Any]:
         "traffic_seed": pl.Int64,
         "defect_seed": pl.Int64,
         "sensing_seed": pl.Int64,
+        "take_off_s": pl.Float64,
         "version": pl.String,
         STATUS: pl.String,
         REASON: pl.String,
@@ -134,6 +135,7 @@ def _factors(plan: Plan, unit: Unit, cell: Cell) -> Row:
         "traffic_seed": luck.traffic,
         "defect_seed": luck.defects,
         "sensing_seed": luck.sensing,
+        "take_off_s": plan.take_off_s(unit),
         "version": version("pavetwin"),
     }
 
@@ -167,7 +169,7 @@ class _Ground:
             design.defects if isinstance(design.defects, str) else design.defects.model_dump_json(),
         )
         _defects(place)
-        return cls(place, _replay(place.world, entry, unit.traffic, luck.traffic, design.segments))
+        return cls(place, _replay(plan, unit, place.world, entry))
 
     def stage(self, settings: MissionSettings) -> Stage:
         return _stage(self.place, settings.altitude_m, settings.uav.radius_m, settings.visibility.cell_m)
@@ -206,7 +208,9 @@ def _stage(place: _Place, altitude_m: float, radius_m: float, cell_m: float) -> 
     return prepare(place.world, settings, _defects(place))
 
 
-def _replay(world: World, entry: WorldEntry, traffic: str, seed: int, segments: int) -> Replay:
+def _replay(plan: Plan, unit: Unit, world: World, entry: WorldEntry) -> Replay:
     routes = [Path(route) for route in entry.routes]
-    density = None if traffic == OWN_ROUTES else traffic
-    return Replay(world, record(world, density, seed, RECORDED_S * segments, routes=routes), routes)
+    density = None if unit.traffic == OWN_ROUTES else unit.traffic
+    seed, take_off_s = plan.luck(unit.replicate).traffic, plan.take_off_s(unit)
+    recording = record(world, density, seed, take_off_s + RECORDED_S * plan.design.segments, routes=routes)
+    return Replay(world, recording, routes, start_s=take_off_s)

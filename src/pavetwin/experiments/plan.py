@@ -67,6 +67,8 @@ class Luck:
     traffic: int
     defects: int
     sensing: int
+    moment: float
+    """0 … 1: when within the take-off times of a world with its own routes."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +113,13 @@ class Plan:
 
     def luck(self, replicate: int) -> Luck:
         rng = child(self.design.seed, Stream.EXPERIMENT, _SEEDS, replicate)
-        return Luck(*rng.integers(_LARGEST_SEED, size=3).tolist())
+        traffic, defects, sensing = rng.integers(_LARGEST_SEED, size=3).tolist()
+        return Luck(traffic, defects, sensing, moment=float(rng.random()))
+
+    def take_off_s(self, unit: Unit) -> float:
+        """When in its recording a unit's missions begin, on a whole step."""
+        earliest, latest = self.design.worlds[unit.world].take_off_s
+        return float(round(earliest + self.luck(unit.replicate).moment * (latest - earliest)))
 
     def segments(self, unit: Unit) -> list[int]:
         """What the missions of a unit inspect, in this order: drawn anew in each replicate."""

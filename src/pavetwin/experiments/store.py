@@ -141,10 +141,10 @@ def query(folder: Path, sql: str) -> pl.DataFrame:
         files = ", ".join("'" + str(part).replace("'", "''") + "'" for part in parts)
         connection.execute(f"create view segments as select * from read_parquet([{files}])")
         try:
-            answer = connection.sql(sql)
-            if answer is None:
-                raise PaveTwinError("That was no question: begin with SELECT or FROM segments.")
-            found: pl.DataFrame = answer.pl()
+            kinds = {statement.type.name for statement in connection.extract_statements(sql)}
+            if not kinds or kinds - {"SELECT", "EXPLAIN", "MULTI", "COPY"}:
+                raise PaveTwinError("That is no question: begin with SELECT or FROM segments.")
+            found: pl.DataFrame = connection.sql(sql).pl()
         except duckdb.Error as error:
             raise PaveTwinError(f"The question could not be answered: {' '.join(str(error).split())}") from error
     return found

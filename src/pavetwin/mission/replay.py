@@ -33,13 +33,15 @@ class Replay:
     routes: Sequence[str | Path] = ()
     aircraft: Sequence[Aircraft] = ()
     """Others in the air, which the UAV keeps clear of at its own altitude."""
+    start_s: float = 0.0
+    """When in the recording missions take off."""
     on_prolong: Callable[[float], None] = lambda _: None
     """Told the share done of a prolongation."""
     _trace: Trace | None = field(default=None, init=False, repr=False)
 
     def trace(self) -> Trace:
         if self._trace is None:
-            self._trace = to_trace(self.recording, self.aircraft)
+            self._trace = to_trace(self.recording.after(self.start_s), self.aircraft)
         return self._trace
 
     def prolong(self, needed_s: float) -> Trace:
@@ -48,8 +50,8 @@ class Replay:
         Raises:
             PaveTwinError: the traffic cannot be recorded again with the same beginning.
         """
-        if self.recording.duration_s <= needed_s + self.recording.step_s:
-            longer_s = max(self.recording.duration_s, needed_s) * GROWTH
+        if self.recording.duration_s - self.start_s <= needed_s + self.recording.step_s:
+            longer_s = max(self.recording.duration_s, self.start_s + needed_s) * GROWTH
             self.recording = prolong(
                 self.recording, self.world, longer_s, routes=self.routes, on_progress=self.on_prolong
             )

@@ -230,6 +230,27 @@ class Recording:
             **columns,
         )
 
+    def after(self, start_s: float) -> "Recording":
+        """What is left from `start_s` on, as if it had begun there; agents keep their numbers.
+
+        Raises:
+            ValueError: the recording ends before.
+        """
+        first = round(start_s / self.step_s)
+        if not 0 <= first < self.frames:
+            raise ValueError(f"The recording lasts {self.duration_s:g} s and holds nothing from {start_s:g} s on")
+        if first == 0:
+            return self
+        rows = int(self.step_offsets[first])
+        columns: dict[str, Any] = {name: getattr(self, name)[rows:] for name in ("agent", *_COLUMNS)}
+        return replace(
+            self,
+            step_offsets=self.step_offsets[first:] - self.step_offsets[first],
+            removals=tuple((step - first, count) for step, count in self.removals if step >= first),
+            signals={name: _from(states, first) for name, states in self.signals.items()},
+            **columns,
+        )
+
     def same_traffic(self, other: "Recording") -> bool:
         """Whether both hold the same agents, poses and signals, to the last bit."""
         mine, theirs = self.columns(), other.columns()
@@ -243,6 +264,13 @@ class Recording:
 def frames_of(duration_s: float, step_s: float) -> int:
     """How many frames cover 0 … `duration_s`, both ends included."""
     return math.ceil(duration_s / step_s - 1e-9) + 1
+
+
+def _from(states: tuple[tuple[int, str], ...], first: int) -> tuple[tuple[int, str], ...]:
+    """A signal's states from a step on, the one that holds then at step 0."""
+    held = [state for step, state in states if step <= first]
+    later = tuple((step - first, state) for step, state in states if step > first)
+    return ((0, held[-1]), *later) if held else later
 
 
 def _remarks(recording: Recording) -> list[str]:

@@ -1,0 +1,38 @@
+"""The paper's study, 720 segment missions, from nothing and again with its traffic recorded."""
+
+import os
+import shutil
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import yaml
+
+from benchmarks.measure import Kind, Line
+from pavetwin.experiments.design import Design, placed_at, preset_text
+from pavetwin.experiments.engines import Pool, Single
+from pavetwin.experiments.run import run
+
+FROM_NOTHING_TARGET_S, RECORDED_TARGET_S = 120.0, 20.0
+REPLICATES = {True: 2, False: 20}
+"""Quick or not."""
+
+
+def lines(world_folder: Path, folder: Path, *, quick: bool) -> Iterator[Line]:
+    """Over a copy of a world without its recordings, by as many processes as there are cores."""
+    world = shutil.copytree(world_folder, folder / "studied", ignore=shutil.ignore_patterns("traffic", "navmesh*"))
+    hands, replicates = os.cpu_count() or 1, REPLICATES[quick]
+    values = yaml.safe_load(preset_text("paper", str(world))) | {"replicates": replicates}
+    design = placed_at(Design.parse(values, where="the paper's design"), folder)
+    engine = Single() if hands == 1 else Pool(hands)
+    for what, target_s in (("from nothing", FROM_NOTHING_TARGET_S), ("its traffic recorded", RECORDED_TARGET_S)):
+        begun = time.perf_counter()
+        ran = run(design, folder / what, engine)
+        took_s = time.perf_counter() - begun
+        yield Line(
+            f"the paper's study, {what}",
+            took_s,
+            Kind.SECONDS,
+            None if quick else target_s,
+            note=f"{ran.flown} segment missions, {len(ran.plan.units)} recordings, {hands} processes; one run",
+        )

@@ -1,0 +1,326 @@
+"""Studies: the same table whoever flies it, however often it is killed; and what fails is written down."""
+
+import hashlib
+import multiprocessing
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import polars as pl
+import pytest
+import yaml
+from polars.testing import assert_frame_equal
+
+from pavetwin.config import load_settings
+from pavetwin.defects import DefectOptions, add_defects, place
+from pavetwin.errors import PaveTwinError
+from pavetwin.experiments import fly_unit
+from pavetwin.experiments.design import Design, read_design
+from pavetwin.experiments.engines import Engine, Pool, Single
+from pavetwin.experiments.engines.base import DIED, in_batches
+from pavetwin.experiments.engines.cluster import Cluster
+from pavetwin.experiments.plan import Plan, Unit, units_of
+from pavetwin.experiments.run import run
+from pavetwin.experiments.store import Store, query
+from pavetwin.mission.fly import fly
+from pavetwin.mission.ground import prepare
+from pavetwin.mission.replay import replay_of
+from pavetwin.traffic.record import record
+from pavetwin.world.store import load_world, save_world
+from scenes import built
+
+KILLS = 20
+
+DEADLY = """
+import multiprocessing, os
+from pavetwin.policies import GoOn, Policy
+
+class Deadly(Policy):
+    name = "deadly"
+
+    def decide(self, snapshot):
+        if multiprocessing.parent_process() is not None:
+            os._exit(9)
+        return GoOn()
+"""
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("study") / "cross"
+    save_world(add_defects(built("cross"), DefectOptions(per_segment=6)), folder)
+    return folder
+
+
+def small(world: Path, **values: object) -> Design:
+    usual = {
+        "worlds": [str(world)],
+        "densities": ["low", "medium"],
+        "altitudes_m": [6, 10],
+        "policies": ["baseline", "hover"],
+        "replicates": 3,
+        "seed": 4,
+    }
+    return Design.parse(usual | values, where="the design")
+
+
+@pytest.fixture(scope="module")
+def reference(world: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A study that nothing disturbed, flown by one process."""
+    folder = tmp_path_factory.mktemp("reference") / "study"
+    run(small(world), folder, Single())
+    return folder
+
+
+def digests(folder: Path) -> dict[str, str]:
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def test_every_mission_is_a_row_with_its_factors_and_seeds(reference: Path) -> None:
+    table = Store(reference).table()
+    assert table.height == 2 * 2 * 2 * 3
+    assert table.select("traffic", "altitude_m", "policy", "replicate").n_unique() == table.height
+    assert (table["status"] == "flown").all()
+    assert table["traffic"].unique(maintain_order=True).to_list() == ["low", "medium"]
+    assert (table["coverage"] * table["defects"] - table["confirmed"]).abs().max() < 1e-9
+    assert table["time_s"].min() > 5
+
+
+def test_a_replicate_shares_its_luck_and_another_has_its_own(reference: Path) -> None:
+    table = Store(reference).table()
+    shared = table.group_by("replicate").agg(
+        pl.col("segment", "traffic_seed", "defect_seed", "sensing_seed", "defects").n_unique()
+    )
+    assert (shared.drop("replicate") == 1).to_numpy().all()
+    for name in ("traffic_seed", "defect_seed", "sensing_seed"):
+        assert table[name].n_unique() == 3
+
+
+def test_a_mission_of_a_study_is_the_one_that_fly_flies(reference: Path, world: Path) -> None:
+    """With the seeds of the table, along a longer recording."""
+    cell = {"policy": "hover", "altitude_m": 6.0, "traffic": "medium", "replicate": 1}
+    row = Store(reference).table().filter(**cell).row(0, named=True)
+    town = load_world(world)
+    settings = load_settings("paper", altitude_m=6.0)
+    target = next(index for index, segment in enumerate(town.segments) if segment.id == row["segment"])
+    defects = place([town.segments[target]], row["defect_seed"], DefectOptions(per_segment=6))
+    stage = prepare(town, settings, defects)
+    replay = replay_of(town, "medium", row["traffic_seed"])
+    flown = fly(stage, replay, settings, [target], "hover", seed=row["sensing_seed"])
+    (expected,) = flown.rows
+    for name in ("defects", "swept", "confirmed", "coverage", "time_s", "energy", "wait_s", "surface_coverage"):
+        assert row[name] == getattr(expected, name), name
+
+
+class Disturbed(Engine):
+    """Another engine, one of whose processes is killed after the first part has come."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self.killed = 0
+
+    def fly(self, plan: Plan, units: list[Unit], on_unit) -> None:
+        def kill_one(unit: Unit, part: bytes) -> None:
+            on_unit(unit, part)
+            if not self.killed:
+                os.kill(multiprocessing.active_children()[0].pid, signal.SIGKILL)
+                self.killed += 1
+
+        self._engine.fly(plan, units, kill_one)
+
+
+@pytest.mark.parametrize(
+    "engine",
+    [
+        pytest.param(Pool(2), id="pool"),
+        pytest.param(Cluster(jobs=2), id="dask"),
+        pytest.param(Disturbed(Pool(2)), id="pool, a process killed"),
+        pytest.param(Disturbed(Cluster(jobs=2)), id="dask, a worker killed"),
+    ],
+)
+def test_the_same_bytes_whoever_flies(reference: Path, world: Path, tmp_path: Path, engine: Engine) -> None:
+    ran = run(small(world), tmp_path / "study", engine)
+    assert not ran.failures
+    assert not isinstance(engine, Disturbed) or engine.killed == 1
+    assert digests(tmp_path / "study") == digests(reference)
+
+
+def test_a_unit_that_kills_whoever_flies_it_is_given_up(world: Path, tmp_path: Path) -> None:
+    """Killed by a policy of the user's own, which does no harm where the design is read."""
+    (tmp_path / "deadly.py").write_text(DEADLY)
+    deadly = f"{tmp_path / 'deadly.py'}:Deadly"
+    ran = run(small(world, policies=["baseline", deadly], replicates=1), tmp_path / "study", Pool(2))
+    assert ran.table.height == 2 * 2 * 2
+    assert list(ran.failures) == [DIED]
+    assert set(ran.table["policy"]) == {"baseline", "deadly"}
+
+
+def test_more_replicates_are_added_to_a_study(reference: Path, world: Path, tmp_path: Path) -> None:
+    run(small(world, replicates=2), tmp_path / "study", Single())
+    ran = run(small(world), tmp_path / "study", Single())
+    assert ran.flown == 2 * 4
+    assert digests(tmp_path / "study") == digests(reference)
+
+
+def test_a_complete_study_is_left_as_it_is(reference: Path, world: Path) -> None:
+    before = {path: path.stat().st_mtime_ns for path in (reference / "segments.parquet").iterdir()}
+    assert run(small(world), reference, Single()).flown == 0
+    assert {path: path.stat().st_mtime_ns for path in before} == before
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"seed": 5}, "its seed is 4, not 5"),
+        ({"altitudes_m": [6, 15]}, "its altitudes_m is"),
+        ({"sweep": {"tau_o": [0.5]}}, "its sweep is"),
+        ({"replicates": 2}, "begun with 3 replicates, more than 2"),
+    ],
+)
+def test_a_folder_of_another_design_is_refused(
+    reference: Path, world: Path, values: dict[str, object], words: str
+) -> None:
+    before = digests(reference)
+    with pytest.raises(PaveTwinError, match=words):
+        run(small(world, **values), reference, Single())
+    assert digests(reference) == before
+
+
+def test_a_folder_with_anything_else_is_refused(world: Path, tmp_path: Path) -> None:
+    (tmp_path / "thesis.txt").write_text("precious")
+    with pytest.raises(PaveTwinError, match="holds no study"):
+        run(small(world), tmp_path, Single())
+
+
+# --- Failures -------------------------------------------------------------------------------------------------------
+
+
+def test_a_mission_that_fails_is_a_row_with_its_reason_and_stops_nothing(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def badly(stage, replay, settings, targets, policy, **how):
+        if policy == "hover" and settings.altitude_m == 6.0:
+            raise ZeroDivisionError("of all things")
+        return fly(stage, replay, settings, targets, policy, **how)
+
+    monkeypatch.setattr(fly_unit, "fly", badly)
+    ran = run(small(world), tmp_path / "study", Single())
+    failed = ran.table.filter(status="failed")
+    assert failed.height == 6
+    assert failed.select("policy", "altitude_m").unique().rows() == [("hover", 6.0)]
+    assert failed["coverage"].is_null().all()
+    assert failed["time_s"].is_null().all()
+    assert dict(ran.failures) == {"ZeroDivisionError: of all things": 6}
+    assert ran.table.filter(status="flown")["time_s"].is_not_null().all()
+    monkeypatch.undo()
+    assert run(small(world), tmp_path / "study", Single()).flown == 0
+    assert not run(small(world), tmp_path / "study", Single(), retry=True).failures
+
+
+def test_traffic_that_cannot_be_recorded_fails_its_missions_only(
+    reference: Path, world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def badly(world, density, *more, **how):
+        if density == "medium":
+            raise PaveTwinError("SUMO had a bad day.")
+        return record(world, density, *more, **how)
+
+    monkeypatch.setattr(fly_unit, "record", badly)
+    ran = run(small(world), tmp_path / "study", Single())
+    assert dict(ran.failures) == {"SUMO had a bad day.": 12}
+    assert_frame_equal(ran.table.filter(traffic="low"), Store(reference).table().filter(traffic="low"))
+
+
+# --- Killed ---------------------------------------------------------------------------------------------------------
+
+
+def test_killed_at_twenty_moments_and_gone_on_it_is_the_same_study(
+    reference: Path, world: Path, tmp_path: Path
+) -> None:
+    """Every other time its recordings are gone too, so that it is killed while it records as well."""
+    folder, moments = tmp_path / "study", random.Random(1)
+    path = tmp_path / "design.yaml"
+    path.write_text(yaml.safe_dump(small(world).model_dump(mode="json")))
+    command = "from pavetwin.cli import main; main()"
+    arguments = ["experiment", "run", str(path), "-o", str(folder), "--jobs", "2"]
+    killed, wrote = 0, 0
+    while killed < KILLS:
+        if killed % 2:
+            for file in (world / "traffic").glob("*.parquet"):
+                file.unlink()
+        process = subprocess.Popen([sys.executable, "-c", command, *arguments], stderr=subprocess.DEVNULL)
+        time.sleep(moments.uniform(0.3, 6.0))
+        process.kill()
+        if process.wait() == -signal.SIGKILL:
+            killed += 1
+        parts = list((folder / "segments.parquet").glob("w*.parquet"))
+        wrote = max(wrote, len(parts))
+        for part in parts:
+            pl.read_parquet(part)
+        if len(parts) > 4:  # so that there is always something left to be killed in
+            for part in moments.sample(parts, 4):
+                part.unlink()
+    assert wrote > 0
+    run(read_design(path), folder, Single())
+    assert digests(folder) == digests(reference)
+    assert [each.name for each in tmp_path.iterdir() if each.name.startswith(".")] == []
+
+
+# --- The store and the rest -----------------------------------------------------------------------------------------
+
+
+def test_sql_over_the_table(reference: Path) -> None:
+    answer = query(reference, "select policy, count(*) n, avg(time_s) t from segments group by policy order by policy")
+    table = Store(reference).table()
+    assert answer["n"].to_list() == [12, 12]
+    assert answer["t"].to_list() == pytest.approx(
+        [table.filter(policy=name)["time_s"].mean() for name in ("baseline", "hover")]
+    )
+
+
+@pytest.mark.parametrize(
+    ("sql", "words"),
+    [
+        ("select foo from segments", "could not be answered.*foo"),
+        ("drop view segments", "no question"),
+        ("???", "answered"),
+    ],
+)
+def test_a_question_that_is_none_is_said_in_a_line(reference: Path, sql: str, words: str) -> None:
+    with pytest.raises(PaveTwinError, match=words):
+        query(reference, sql)
+
+
+def test_a_folder_without_a_study_is_said(tmp_path: Path) -> None:
+    with pytest.raises(PaveTwinError, match="holds no study"):
+        query(tmp_path, "from segments")
+
+
+def test_a_damaged_part_and_a_damaged_design_are_said(world: Path, tmp_path: Path) -> None:
+    run(small(world, replicates=1, densities=["low"]), tmp_path / "study", Single())
+    (part,) = (tmp_path / "study" / "segments.parquet").iterdir()
+    part.write_bytes(b"PAR1 half")
+    with pytest.raises(PaveTwinError, match="is damaged; remove it"):
+        Store(tmp_path / "study").table()
+    (tmp_path / "study" / "design.yaml").write_text("design: 3")
+    with pytest.raises(PaveTwinError, match=r"design\.yaml"):
+        Store(tmp_path / "study").table()
+
+
+def test_no_scheduler_is_said_in_a_line(world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pavetwin.experiments.engines.cluster.ANSWER_S", 1.0)
+    with pytest.raises(PaveTwinError, match=r"--scheduler tcp://127.0.0.1:9: no Dask scheduler answers there"):
+        run(small(world), tmp_path / "study", Cluster(scheduler="tcp://127.0.0.1:9"))
+
+
+def test_a_replicate_stays_with_one_process_while_there_are_enough_of_them() -> None:
+    design = Design.parse({"worlds": ["a"], "replicates": 6}, where="the design")
+    units = units_of(design)
+    assert [len(batch) for batch in in_batches(units, 3)] == [3] * 6
+    assert [len(batch) for batch in in_batches(units, 4)] == [1] * 18
+    assert [unit for batch in in_batches(units, 3) for unit in batch] == list(units)
