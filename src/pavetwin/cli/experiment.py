@@ -2,7 +2,7 @@
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -10,9 +10,13 @@ from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from pavetwin.experiments.design import Design
     from pavetwin.experiments.engines import Engine
     from pavetwin.experiments.run import Ran
+    from pavetwin.experiments.statistics import Recommendation
+    from pavetwin.world.model import World
 
 app = typer.Typer(
     help="Studies: every policy, altitude and traffic, many times over, and what that shows.", no_args_is_help=True
@@ -113,6 +117,131 @@ def query(
     ):
         out.print(str(answer), markup=False)
     out.print(f"{answer.height} rows", markup=False)
+
+
+@app.command()
+def report(
+    folder: Folder,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder for the files; the study's own unless given.")
+    ] = None,
+) -> None:
+    """Write report.html, which opens offline, and the table as CSV, Markdown and LaTeX.
+
+    \b
+    pavetwin experiment report studies/first
+    """
+    from pavetwin.experiments.report import gather, write_report
+    from pavetwin.experiments.store import Store
+
+    store = Store(folder)
+    said, table = store.description(), store.table()
+    design = store.design()
+    with progress("Statistics", lines=True) as tell:
+        study = gather(design.name, _plain(said), table, _worlds(design), seed=design.seed)
+        written = write_report(study, output or folder, lambda share: tell(share, "Writing the report"))
+    missing = design.replicates - table["replicate"].n_unique()
+    if missing:
+        out.print(f"[yellow]Note:[/] {missing} of {design.replicates} replicates are not flown yet.")
+    out.print("\n".join(study.conclusions), markup=False, soft_wrap=True)
+    out.print(f"\nWritten: {', '.join(str(path) for path in written)}", markup=False, soft_wrap=True)
+
+
+@app.command()
+def recommend(
+    folder: Folder,
+    max_time: Annotated[
+        float | None, typer.Option(metavar="S", min=0.001, help="Longest mean time of a segment mission, in seconds.")
+    ] = None,
+    max_energy: Annotated[
+        float | None, typer.Option(metavar="%", min=0.001, help="Largest mean energy of one, in % of a battery.")
+    ] = None,
+    min_coverage: Annotated[
+        float | None, typer.Option(metavar="%", min=0, max=100, help="Least mean coverage, in %.")
+    ] = None,
+    traffic: Annotated[str | None, typer.Option(help="In this traffic; else over all that was flown.")] = None,
+    world: Annotated[str | None, typer.Option(help="Over this world; else over all.")] = None,
+) -> None:
+    """Name the altitude and policy with the best expected coverage under limits, and how sure that is.
+
+    \b
+    pavetwin experiment recommend studies/first --traffic high --max-time 120
+    pavetwin experiment recommend studies/first --max-energy 5 --min-coverage 80
+    """
+    from pavetwin.experiments.metrics import REPLICATE
+    from pavetwin.experiments.statistics import Limits
+    from pavetwin.experiments.statistics import recommend as choose
+    from pavetwin.experiments.store import Store
+
+    store = Store(folder)
+    table = store.table()
+    for option, column, value in (("traffic", "traffic", traffic), ("world", "world", world)):
+        if value is not None:
+            levels = table[column].unique(maintain_order=True).to_list()
+            if value not in levels:
+                raise PaveTwinError(f"--{option} {value}: the study has {', '.join(levels)}.")
+            table = table.filter(table[column] == value)
+    varied = table.columns[table.columns.index("altitude_m") : table.columns.index(REPLICATE)]
+    by = [name for name in varied if name in ("altitude_m", "policy") or table[name].n_unique() > 1]
+    limits = Limits(
+        max_time_s=max_time,
+        max_energy=None if max_energy is None else max_energy / 100,
+        min_coverage=None if min_coverage is None else min_coverage / 100,
+    )
+    chosen = choose(table, limits, by, seed=store.design().seed)
+    out.print(_options_table(chosen))
+    out.print("\n".join(chosen.sentences), markup=False, soft_wrap=True)
+    if chosen.best is None:
+        raise typer.Exit(FAILED_CODE)
+
+
+def _options_table(chosen: "Recommendation") -> "Table":
+    from rich.table import Table
+
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for name in (*chosen.by, "coverage %", "time s", "95th perc.", "battery %", "within limits", "best in"):
+        table.add_column(name.removesuffix("_m"), justify="left" if name in chosen.by else "right")
+    for row in chosen.options.iter_rows(named=True):
+        factors = [f"{row[name]:g} m" if name == "altitude_m" else str(row[name]) for name in chosen.by]
+        table.add_row(
+            *factors,
+            _span(row, "coverage", 100),
+            _span(row, "time_s", 1),
+            "–" if row["time_s_p95"] is None else f"{row['time_s_p95']:.0f}",
+            _span(row, "energy", 100),
+            "yes" if row["feasible"] else "no",
+            f"{row['certainty']:.0%}",
+            style="" if row["feasible"] else "dim",
+        )
+    return table
+
+
+def _span(row: dict[str, Any], name: str, scale: float) -> str:
+    """Mean and interval."""
+    mean, low, high = (row[key] for key in (name, f"{name}_low", f"{name}_high"))
+    if mean is None:
+        return "–"
+    interval = "" if low is None else f" ({scale * low:.1f}–{scale * high:.1f})"
+    return f"{scale * mean:.1f}{interval}"
+
+
+def _plain(said: dict[str, Any]) -> dict[str, Any]:
+    """What a report tells of a design."""
+    return {**said["design"], "version": said["pavetwin"], "sumo": said["sumo"], "worlds": list(said["worlds"])}
+
+
+def _worlds(design: "Design") -> "dict[str, World]":
+    """Those that are still here; a report does without the others' maps."""
+    from pavetwin.world.store import load_world
+
+    found = {}
+    for entry in design.worlds:
+        try:
+            world = load_world(Path(entry.path))
+        except PaveTwinError:
+            continue
+        found[world.name] = world
+    return found
 
 
 def _engine(name: str, scheduler: str | None, jobs: int | None, design: "Design") -> "Engine":

@@ -1,0 +1,134 @@
+"""95 % intervals of means by the studentised bootstrap, for all cells of a study at once.
+
+A resample draws as many replicates, with replacement, as there are (in each world as many as that world has), and gives
+
+    t* = (m* − m) / √((s*² + s² / n) / (1 + 1 / n)),
+
+with m the mean, s its standard error, n the number of replicates, and a star for the resample's own. The interval is
+m − t*(97.5 %) · s … m − t*(2.5 %) · s (Efron and Tibshirani, An Introduction to the Bootstrap, 1993, section 12.5). The
+term s² / n is ours: shares are often all 1 but for a few, and a resample that happens to draw none of those has s* = 0.
+
+Chosen by simulation, 3 000 samples of each kind. How many of a hundred nominal 95 % intervals held the true mean:
+
+    replicates, distribution                         this   BCa with Student's quantiles   percentile   Student's t
+    20, normal                                         95     95     93     95
+    20, lognormal (σ = 1)                              90     89     84     85
+    20, waiting: six in ten 0, else lognormal          92     89     83     84
+    20, shares of 6 defects around 0.84                96     96     92     94
+    20, shares of 6 defects around 0.95                95     93     86     86
+    20, differences of Student's t with 3 degrees      92     92     92     95
+    20, shares of 10 defects around 0.98               91     91     81     81
+    10, normal                                         94     94     90     95
+    10, lognormal (σ = 1)                              88     87     79     83
+    10, waiting                                        89     86     76     79
+    10, shares around 0.95                             87     89     81     82
+    5, normal                                          92     91     84     94
+    5, lognormal (σ = 1)                               83     83     71     82
+    5, waiting                                         75     76     67     74
+    5, shares around 0.95                              68     69     67     69
+
+What no method mends: five replicates say little of a tail that they do not show, and a cell in which every replicate
+has the same value has an interval of that one value.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from pavetwin.experiments.statistics.cells import FloatArray, IntArray
+
+RESAMPLES: Final = 9999
+LEVEL: Final = 0.95
+
+_TAIL: Final = round((1 - LEVEL) / 2 * (RESAMPLES + 1)) - 1
+"""Index of the lower limit among the sorted resamples; that of the upper one counts from the end."""
+_COLUMNS: Final = 64
+"""Cells resampled at a time, to bound memory."""
+_BOOTSTRAP: Final = 1
+"""Keeps these draws apart from those of the tests under the same seed."""
+
+Sizes = tuple[int, ...]
+"""Replicates in each world that are resampled among themselves."""
+
+
+def intervals(units: FloatArray, worlds: IntArray, seed: int) -> tuple[FloatArray, FloatArray]:
+    """95 % intervals of the mean over replicates.
+
+    Cells with as many replicates share their resamples, so that an interval does not depend on which others are asked
+    for, and mirrored or shifted values have the mirrored or shifted interval.
+
+    Args:
+        units: (cells, blocks) one value a replicate, NaN where it has none.
+        worlds: (blocks,) number of each block's world, ascending.
+
+    Returns:
+        (cells,) lower and (cells,) upper limits; NaN where fewer than two replicates have a value.
+    """
+    low, high = np.full(len(units), np.nan), np.full(len(units), np.nan)
+    defined = ~np.isnan(units)
+    alike: dict[Sizes, list[int]] = {}
+    for cell, mask in enumerate(defined):
+        if mask.sum() >= 2:
+            alike.setdefault(strata(worlds[mask]), []).append(cell)
+    for sizes, cells in alike.items():
+        counts = resamples(sizes, seed)
+        for start in range(0, len(cells), _COLUMNS):
+            part = cells[start : start + _COLUMNS]
+            values = np.stack([units[cell, defined[cell]] for cell in part], axis=1)
+            low[part], high[part] = _studentised(values, sizes, counts)
+    return low, high
+
+
+def strata(worlds: IntArray) -> Sizes:
+    """How many replicates each world has; all are one stratum when one of them has a single replicate.
+
+    Args:
+        worlds: (replicates,) ascending.
+    """
+    sizes = tuple(int(size) for size in np.unique(worlds, return_counts=True)[1])
+    return (len(worlds),) if min(sizes) < 2 else sizes
+
+
+def resamples(sizes: Sizes, seed: int) -> FloatArray:
+    """(RESAMPLES, replicates) how often each replicate is drawn: in every stratum as often as it has replicates."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_BOOTSTRAP, *sizes)))
+    drawn = [rng.multinomial(size, np.full(size, 1 / size), size=RESAMPLES) for size in sizes]
+    return np.concatenate(drawn, axis=1).astype(np.float64)
+
+
+def _studentised(values: FloatArray, sizes: Sizes, counts: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Limits of (replicates, cells) values; `counts` are the resamples of those `sizes`."""
+    n = len(values)
+    variance, variances = np.zeros(values.shape[1]), np.zeros((len(counts), values.shape[1]))
+    shifts = np.zeros_like(variances)
+    for rows in _rows(sizes):
+        size = rows.stop - rows.start
+        # From the first value, so that equal values differ by exactly nothing.
+        part = values[rows] - values[rows.start]
+        part -= part.mean(axis=0)
+        drawn = counts[:, rows] @ part
+        shifts += drawn / n
+        share = size / ((size - 1) * n**2)
+        variance += share * (part**2).sum(axis=0)
+        variances += share * np.maximum(counts[:, rows] @ part**2 - drawn**2 / size, 0.0)
+    blended = np.sqrt((variances + variance / n) / (1 + 1 / n))
+    t = np.divide(shifts, blended, out=np.zeros_like(shifts), where=blended > 0)
+    t.partition((_TAIL, RESAMPLES - 1 - _TAIL), axis=0)
+    mean, error = centre(values), np.sqrt(variance)
+    return mean - np.maximum(t[-1 - _TAIL], 0.0) * error, mean - np.minimum(t[_TAIL], 0.0) * error
+
+
+def _rows(sizes: Sizes) -> list[slice]:
+    ends = np.cumsum(sizes).tolist()
+    return [slice(end - size, end) for end, size in zip(ends, sizes, strict=True)]
+
+
+def centre(values: FloatArray) -> FloatArray:
+    """(cells,) means of (replicates, cells) values; the mean of equal values is that value to the last bit."""
+    return np.asarray(values[0] + (values - values[0]).mean(axis=0))
+
+
+def centres(units: FloatArray) -> FloatArray:
+    """(cells,) means of (cells, blocks) values over the blocks that have one; NaN where none has."""
+    rows = [row[~np.isnan(row)] for row in units]
+    return np.array([centre(row[:, np.newaxis])[0] if len(row) else np.nan for row in rows])

@@ -1,0 +1,117 @@
+"""A study's table as matrices: a row a cell of the design, a column an independent replicate."""
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from pavetwin.experiments.metrics import FAILED, REPLICATE, STATUS
+
+Key = tuple[Any, ...]
+"""The levels of a cell, in the order of its columns."""
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where every row of a table belongs. What is independent is a *block*: one replicate in one world."""
+
+    keys: tuple[Key, ...]
+    """The cells, sorted by the first appearance of their levels, column by column."""
+    cell: IntArray
+    """(rows,) index into `keys`."""
+    block: IntArray
+    """(rows,) number of the row's block."""
+    worlds: IntArray
+    """(blocks,) number of each block's world. Blocks are sorted by world and replicate, wherever their rows stand."""
+
+    def means(self, values: FloatArray) -> FloatArray:
+        """(cells, blocks) the mean of the defined values of a cell in a block; NaN where there is none.
+
+        Args:
+            values: (rows,) NaN where undefined.
+        """
+        defined = ~np.isnan(values)
+        # In an order of their own, so that sums do not depend on the order of rows by as much as their last bit.
+        order = np.lexsort((values, self.block, self.cell))
+        order = order[defined[order]]
+        counts = self._binned(order, None)
+        means = np.full(counts.shape, np.nan)
+        np.divide(self._binned(order, values[order]), counts, out=means, where=counts > 0)
+        return means
+
+    def present(self) -> BoolArray:
+        """(cells, blocks) where the table has a row, whatever became of its mission."""
+        return np.asarray(self._binned(np.arange(len(self.cell)), None) > 0)
+
+    def _binned(self, rows: IntArray, weights: FloatArray | None) -> FloatArray:
+        shape = (len(self.keys), len(self.worlds))
+        flat = self.cell[rows] * shape[1] + self.block[rows]
+        binned = np.bincount(flat, weights=weights, minlength=shape[0] * shape[1])
+        return binned.reshape(shape).astype(np.float64)
+
+
+def layout(table: pl.DataFrame, by: Sequence[str]) -> Layout:
+    """The layout of `table` by the columns `by`; with none, all rows are one cell."""
+    codes = [_appearance(table[column].to_list()) for column in by]
+    rows = list(zip(*codes, strict=True)) if by else [()] * table.height
+    ranked = sorted(set(rows))
+    number = {key: at for at, key in enumerate(ranked)}
+    first = {key: at for at, key in reversed(list(enumerate(rows)))}
+    levels = [table[column].to_list() for column in by]
+    block, worlds = _blocks(table)
+    return Layout(
+        keys=tuple(tuple(values[first[key]] for values in levels) for key in ranked),
+        cell=np.array([number[key] for key in rows], dtype=np.intp),
+        block=block,
+        worlds=worlds,
+    )
+
+
+def _appearance(values: Sequence[Hashable]) -> list[int]:
+    """The values as numbers, in order of their first appearance."""
+    numbers: dict[Hashable, int] = {}
+    return [numbers.setdefault(value, len(numbers)) for value in values]
+
+
+def _blocks(table: pl.DataFrame) -> tuple[IntArray, IntArray]:
+    rows = list(zip(table["world"].to_list(), table[REPLICATE].to_list(), strict=True))
+    blocks = sorted(set(rows))
+    number = {block: at for at, block in enumerate(blocks)}
+    worlds = _appearance([world for world, _ in blocks])
+    return np.array([number[row] for row in rows], dtype=np.intp), np.array(worlds, dtype=np.intp)
+
+
+def values_of(table: pl.DataFrame, column: str) -> FloatArray:
+    """(rows,) a metric's values, NaN where undefined or failed. Never 0 for what was not measured."""
+    values = np.array(table[column].cast(pl.Float64).fill_null(float("nan")).to_numpy(), dtype=np.float64)
+    values[~np.isfinite(values) | failures(table)] = np.nan
+    return values
+
+
+def failures(table: pl.DataFrame) -> BoolArray:
+    """(rows,) where the mission failed."""
+    return np.asarray((table[STATUS] == FAILED).to_numpy(), dtype=np.bool_)
+
+
+def varied_columns(table: pl.DataFrame) -> list[str]:
+    """What tells the cells of a design apart: its factors and what it sweeps, the columns before `replicate`."""
+    return table.columns[: table.columns.index(REPLICATE)]
+
+
+def key_columns(table: pl.DataFrame, by: Sequence[str], keys: Sequence[Key]) -> dict[str, pl.Series]:
+    """The columns `by` of a frame with one row a key, typed as in `table`."""
+    return {
+        column: pl.Series(column, [key[at] for key in keys], dtype=table.schema[column]) for at, column in enumerate(by)
+    }
+
+
+def nullable(values: Sequence[float] | FloatArray) -> pl.Series:
+    """A column in which NaN is null."""
+    return pl.Series(np.asarray(values, dtype=np.float64), dtype=pl.Float64, nan_to_null=True).fill_nan(None)

@@ -1,0 +1,231 @@
+"""Which option to fly under limits of time, battery and coverage, and how sure that is."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.experiments.metrics import metric_named
+from pavetwin.experiments.statistics.bootstrap import RESAMPLES, resamples, strata
+from pavetwin.experiments.statistics.cells import BoolArray, FloatArray, IntArray, layout, values_of, varied_columns
+from pavetwin.experiments.statistics.summary import summarise
+from pavetwin.experiments.statistics.wording import (
+    amount,
+    factor_name,
+    level_name,
+    listed,
+    opened,
+    percent,
+    setting,
+    span,
+)
+
+_COVERAGE, _TIME, _ENERGY = _MEASURED = ("coverage", "time_s", "energy")
+_SPOKEN = ("coverage", "time", "energy")
+_SAME: Final = 1e-9
+"""Coverages closer than this are equal: sums of the same shares in another order."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What an option must keep on average, per segment mission. None: no limit."""
+
+    max_time_s: float | None = None
+    max_energy: float | None = None
+    """As a share of a battery."""
+    min_coverage: float | None = None
+    """As a share, 0 … 1."""
+
+    def __post_init__(self) -> None:
+        for name, value in (("max-time", self.max_time_s), ("max-energy", self.max_energy)):
+            if value is not None and not (isfinite(value) and value > 0):
+                raise PaveTwinError(f"--{name}: {value:g} is no limit; give a positive number.")
+        if self.min_coverage is not None and not 0 <= self.min_coverage <= 1:
+            raise PaveTwinError(f"--min-coverage: {self.min_coverage:g} is no share; give a number from 0 to 1.")
+
+    @property
+    def named(self) -> dict[str, float]:
+        """The limits that are set, by the metric they hold for."""
+        limits = {_COVERAGE: self.min_coverage, _TIME: self.max_time_s, _ENERGY: self.max_energy}
+        return {name: limit for name, limit in limits.items() if limit is not None}
+
+
+@dataclass(frozen=True)
+class Recommendation:
+    """Every option under the limits, and the best of them."""
+
+    limits: Limits
+    by: tuple[str, ...]
+    options: pl.DataFrame
+    """Best first, those that break a limit last. Columns: `*by`, `n` (missions with a coverage), `undefined`, `failed`;
+    of coverage, time_s and energy each the mean and `…_low`, `…_high` (95 % interval); `time_s_p95`; `feasible` (its
+    means keep the limits), `kept` (share of the resamples in which they do) and `certainty` (in which it also is the
+    best of all that do)."""
+    best: dict[str, Any] | None
+    """The first row of `options`; None when no option is feasible."""
+    nearest: dict[str, Any] | None
+    """When none is feasible: the option whose worst breach is the smallest, as a share of the limit."""
+    broken: str | None
+    """The metric of that worst breach."""
+    sentences: tuple[str, ...]
+
+
+def recommend(
+    table: pl.DataFrame, limits: Limits, by: Sequence[str] = ("altitude_m", "policy"), *, seed: int = 0
+) -> Recommendation:
+    """The option with the best expected coverage of all whose expected time, energy and coverage keep the limits.
+
+    Equal coverages are told apart by time, then by energy. How sure: replicates are resampled for all options at once,
+    which share their traffic, defects and segments, within each world, and the choice is made anew; `certainty` is the
+    share of resamples that chose the option (options equal in everything share it).
+    """
+    metrics = [metric_named(name) for name in _MEASURED]
+    summary = summarise(table, by, metrics, seed=seed)
+    cells = layout(table, by)
+    units = np.stack([cells.means(values_of(table, name)) for name in _MEASURED])
+    means = np.stack([summary.filter(metric=name)["mean"].fill_null(float("nan")).to_numpy() for name in _MEASURED])
+    kept, certainty = _resampled(units, cells.worlds, limits, seed)
+    feasible = _feasible(means[:, np.newaxis], limits)[0]
+    options = _options(summary, by).with_columns(feasible=feasible, kept=kept, certainty=certainty)
+    order = ["feasible", _COVERAGE, _TIME, _ENERGY]
+    options = options.sort(order, descending=[True, True, False, False], nulls_last=True, maintain_order=True)
+    best = options.row(0, named=True) if feasible.any() else None
+    nearest, broken = (None, None) if best else _nearest(options, limits)
+    sentences = _sentences(table, options, by, limits) if best else _refusal(by, nearest, broken, limits)
+    return Recommendation(limits, tuple(by), options, best, nearest, broken, tuple(sentences))
+
+
+def _options(summary: pl.DataFrame, by: Sequence[str]) -> pl.DataFrame:
+    """One row an option, its metrics side by side."""
+    parts = {name: summary.filter(metric=name) for name in _MEASURED}
+    frame = parts[_COVERAGE].select(*by, "n", "undefined", "failed")
+    for name, part in parts.items():
+        frame = frame.with_columns(
+            part["mean"].alias(name), part["low"].alias(f"{name}_low"), part["high"].alias(f"{name}_high")
+        )
+    return frame.with_columns(parts[_TIME]["p95"].alias("time_s_p95"))
+
+
+def _resampled(units: FloatArray, worlds: IntArray, limits: Limits, seed: int) -> tuple[FloatArray, FloatArray]:
+    """(options,) shares of the resamples in which an option keeps the limits, and in which it is chosen.
+
+    Args:
+        units: (3, options, blocks) coverage, time and energy of each replicate, NaN where undefined.
+    """
+    counts = resamples(strata(worlds), seed)
+    drawn = np.einsum("mob,rb->mro", np.isfinite(units), counts, optimize=True).astype(np.float64)
+    sums = np.einsum("mob,rb->mro", np.nan_to_num(units), counts, optimize=True)
+    means = np.divide(sums, drawn, out=np.full(drawn.shape, np.nan), where=drawn > 0)
+    feasible = _feasible(means, limits)
+    chosen = feasible.copy()
+    for name, sign in ((_COVERAGE, -1.0), (_TIME, 1.0), (_ENERGY, 1.0)):
+        value = np.where(chosen, sign * means[_MEASURED.index(name)], np.inf)
+        least = value.min(axis=1, keepdims=True)
+        chosen &= value <= least + _SAME * np.maximum(np.abs(np.where(np.isfinite(least), least, 0.0)), 1.0)
+    number = chosen.sum(axis=1, keepdims=True)
+    shares = np.divide(chosen, number, out=np.zeros(chosen.shape), where=number > 0)
+    return feasible.mean(axis=0), shares.sum(axis=0) / RESAMPLES
+
+
+def _feasible(means: FloatArray, limits: Limits) -> BoolArray:
+    """(resamples, options) of (3, resamples, options) means; what is undefined keeps no limit."""
+    coverage, time_s, energy = means
+    kept = ~np.isnan(means).any(axis=0)
+    if limits.min_coverage is not None:
+        kept &= coverage >= limits.min_coverage - _SAME
+    if limits.max_time_s is not None:
+        kept &= time_s <= limits.max_time_s * (1 + _SAME)
+    if limits.max_energy is not None:
+        kept &= energy <= limits.max_energy * (1 + _SAME)
+    return np.asarray(kept)
+
+
+def _nearest(options: pl.DataFrame, limits: Limits) -> tuple[dict[str, Any] | None, str | None]:
+    breaches = [
+        (max((_breach(option[name], limit, name), name) for name, limit in limits.named.items()), at)
+        for at, option in enumerate(options.iter_rows(named=True))
+        if limits.named and None not in (option[name] for name in _MEASURED)
+    ]
+    if not breaches:
+        return None, None
+    (_, name), at = min(breaches)
+    return options.row(at, named=True), name
+
+
+def _breach(value: float, limit: float, name: str) -> float:
+    """By which share of the limit a value breaks it; negative where it keeps it."""
+    if name == _COVERAGE:
+        return (limit - value) / limit if limit else -1.0
+    return value / limit - 1
+
+
+def _sentences(table: pl.DataFrame, options: pl.DataFrame, by: Sequence[str], limits: Limits) -> list[str]:
+    best, *others = options.to_dicts()
+    expected = [f"{name} {_expected(best, column)}" for name, column in zip(_SPOKEN, _MEASURED, strict=True)]
+    sentences = [f"fly {_option(best, by)}: expected {listed(expected)} a segment", _how_sure(best, others, by)]
+    return [opened(sentence) for sentence in [*sentences, *_warnings(best, limits), *_averaged(table, by)]]
+
+
+def _warnings(best: dict[str, Any], limits: Limits) -> list[str]:
+    warnings = []
+    if limits.named and best["kept"] < 0.95:
+        broken = percent(1 - best["kept"])
+        warnings.append(f"that it keeps the limits on average is not sure: in {broken} of the resamples it does not")
+    if limits.max_time_s is not None and best["time_s_p95"] > limits.max_time_s:
+        over = amount(metric_named(_TIME), best["time_s_p95"])
+        warnings.append(f"the limit of time holds on average only: the 95th percentile is {over}")
+    if best["failed"]:
+        warnings.append(f"{best['failed']} of its missions failed and are in no mean")
+    if best["undefined"]:
+        warnings.append(f"in {best['undefined']} of its missions coverage is undefined")
+    return warnings
+
+
+def _averaged(table: pl.DataFrame, by: Sequence[str]) -> list[str]:
+    """What else the design varies, over which the expected values are averages."""
+    levels = {column: table[column].unique(maintain_order=True).to_list() for column in varied_columns(table)}
+    named = [
+        f"{factor_name(column)} ({listed([level_name(level) for level in found])})"
+        for column, found in levels.items()
+        if column not in by and len(found) > 1
+    ]
+    return [f"this is an average over {listed(named)}"] if named else []
+
+
+def _option(option: dict[str, Any], by: Sequence[str]) -> str:
+    """`hover at 10 m`: the policy first, as one would say it."""
+    rest = [column for column in by if column != "policy"]
+    return " ".join([str(option["policy"])] * ("policy" in by) + [setting(option, rest)] * bool(rest))
+
+
+def _expected(option: dict[str, Any], name: str) -> str:
+    metric, low, high = metric_named(name), option[f"{name}_low"], option[f"{name}_high"]
+    interval = f" ({span(metric, low, high)})" if low is not None else ""
+    return amount(metric, option[name]) + interval
+
+
+def _how_sure(best: dict[str, Any], others: Sequence[dict[str, Any]], by: Sequence[str]) -> str:
+    if best["coverage_low"] is None:
+        return "one replicate says nothing of how sure this is"
+    certainty = best["certainty"]
+    word = "very sure" if certainty >= 0.95 else "fairly sure" if certainty >= 0.8 else "not sure"
+    text = f"this is {word}: of all that keep the limits it is the best in {percent(certainty)} of the resamples"
+    rivals = sorted((other for other in others if other["certainty"] >= 0.05), key=lambda other: -other["certainty"])
+    named = [f"{_option(other, by)} in {percent(other['certainty'])}" for other in rivals[:3]]
+    return f"{text}, {listed(named)}" if named else text
+
+
+def _refusal(by: Sequence[str], nearest: dict[str, Any] | None, broken: str | None, limits: Limits) -> list[str]:
+    if nearest is None or broken is None:
+        return ["No option has a coverage, a time and an energy to judge by."]
+    metric, limit = metric_named(broken), limits.named[broken]
+    side = "below" if broken == _COVERAGE else "above"
+    return [
+        "No option keeps the limits on average.",
+        opened(f"the nearest is {_option(nearest, by)}; what it breaks most is the limit of {metric.label.lower()}: "
+               f"{_expected(nearest, broken)} is {side} {amount(metric, limit)}"),
+    ]  # fmt: skip

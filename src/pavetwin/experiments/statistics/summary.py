@@ -1,0 +1,76 @@
+"""Every cell of a study in numbers: centre, spread, interval and tail of each metric."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import polars as pl
+
+from pavetwin.experiments.metrics import METRICS, Metric
+from pavetwin.experiments.statistics.bootstrap import centres, intervals
+from pavetwin.experiments.statistics.cells import (
+    FloatArray,
+    Layout,
+    failures,
+    key_columns,
+    layout,
+    nullable,
+    values_of,
+)
+
+
+def summarise(
+    table: pl.DataFrame, by: Sequence[str], metrics: Sequence[Metric] = METRICS, *, seed: int = 0
+) -> pl.DataFrame:
+    """One row a cell and metric, in the units of the table.
+
+    Cells are sorted by the first appearance of their levels, column by column, and metrics within them.
+
+    Columns: `*by`, `metric`, `n` (defined values), `undefined` (flown, but null), `failed`, `mean`, `sd` (n − 1), `low`
+    and `high` (95 % interval of the mean, see `bootstrap`), `median`, `p95` (linearly interpolated), `maximum`.
+    `mean` gives every replicate the same weight, also where a cell has several missions of each. Null is what too few
+    values define: `sd` of one, an interval of one replicate, anything of none.
+    """
+    cells = layout(table, by)
+    frames = [_of_metric(table, cells, metric, seed) for metric in metrics]
+    keys = pl.DataFrame(key_columns(table, by, cells.keys))
+    return interleaved([pl.concat([keys, part], how="horizontal") for part in frames])
+
+
+def interleaved(frames: Sequence[pl.DataFrame]) -> pl.DataFrame:
+    """Frames of equal height as one: their first rows, their second rows, and so on."""
+    order = np.arange(len(frames) * frames[0].height).reshape(len(frames), -1).T.ravel()
+    return pl.concat(frames)[order]
+
+
+def _of_metric(table: pl.DataFrame, cells: Layout, metric: Metric, seed: int) -> pl.DataFrame:
+    values, failed = values_of(table, metric.name), failures(table)
+    undefined = np.isnan(values)
+    number = len(cells.keys)
+    defined = [values[(cells.cell == cell) & ~undefined] for cell in range(number)]
+    units = cells.means(values)
+    low, high = within_range(metric, *intervals(units, cells.worlds, seed))
+    return pl.DataFrame(
+        {
+            "metric": pl.Series([metric.name] * number, dtype=pl.String),
+            "n": pl.Series([len(part) for part in defined], dtype=pl.Int64),
+            "undefined": np.bincount(cells.cell[undefined & ~failed], minlength=number),
+            "failed": np.bincount(cells.cell[failed], minlength=number),
+            "mean": nullable(centres(units)),
+            "sd": nullable([float(np.sort(part).std(ddof=1)) if len(part) > 1 else np.nan for part in defined]),
+            "low": nullable(low),
+            "high": nullable(high),
+            **{name: nullable(_quantiles(defined, share)) for name, share in _QUANTILES.items()},
+        }
+    )
+
+
+_QUANTILES = {"median": 0.5, "p95": 0.95, "maximum": 1.0}
+
+
+def _quantiles(cells: Sequence[FloatArray], share: float) -> list[float]:
+    return [float(np.quantile(part, share)) if len(part) else np.nan for part in cells]
+
+
+def within_range(metric: Metric, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Limits cut to what the metric can be: none is negative, a share is at most 1."""
+    return np.maximum(low, 0.0), np.minimum(high, 1.0) if metric.unit == "%" else high

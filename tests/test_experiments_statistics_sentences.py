@@ -1,0 +1,244 @@
+"""What is concluded and recommended: the truth of a study, and nothing where there is none."""
+
+import re
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+from scipy import stats
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.experiments.metrics import metric_named
+from pavetwin.experiments.statistics import Limits, conclusions, differences, effects, recommend, summarise
+from pavetwin.experiments.statistics.wording import amount, number, setting
+from scenes.studies import PAPER, SMALL, study, without
+
+BY = ("traffic", "altitude_m", "policy")
+SPOKEN = [metric_named(name) for name in ("coverage", "time_s", "energy", "wait_s")]
+CLAIM = re.compile(r"p [=<] 0\.|is explained by")
+
+
+def concluded(table: pl.DataFrame, factor: str = "policy", reference: Any = "baseline") -> list[str]:
+    compared = differences(table, BY, SPOKEN, factor=factor, reference=reference)
+    found = summarise(table, BY, SPOKEN), compared, effects(table, BY, SPOKEN)
+    return conclusions(*found, factor=factor, reference=reference)
+
+
+def hover_helps_in_high_traffic(cell: dict[str, Any]) -> dict[str, float]:
+    busy = cell["traffic"] == "high"
+    added = {"hover": (0.06, 30.0), "skip": (-0.05, 0.0)}.get(cell["policy"], (0.0, 0.0))
+    return {"coverage": added[0] * busy + 0.01 * cell["altitude_m"], "time_s": added[1] * busy}
+
+
+def test_a_real_difference_is_told_with_its_interval_and_its_price() -> None:
+    table = study(PAPER, truth=hover_helps_in_high_traffic)
+    first, second, silent, *rest = concluded(table)
+    assert re.fullmatch(
+        r"In high traffic at \d+ m, hover finds \d\.\d percentage points more of the defects than baseline "
+        r"\(95 % interval \d\.\d to \d\.\d, p = 0\.\d{3} after Holm's correction over 81 comparisons\), "
+        r"takes \d+\.\d s longer \(95 % interval [^)]*\) and uses \d\.\d\d % of a battery more \([^)]*\); "
+        r"in 2 more of the 9 settings it does so by \d\.\d to \d\.\d percentage points\.",
+        first,
+    )
+    assert "skip finds" in second
+    assert "percentage points fewer of the defects than baseline" in second
+    assert silent.startswith(
+        "No difference in coverage from baseline could be shown for hover and skip in 6 of 9 settings"
+    )
+    assert "micro in any of the 9 settings" in silent
+    assert "are not excluded there" in silent
+    assert any(sentence.startswith("In high traffic") and "hover takes" in sentence for sentence in rest)
+    explained = next(sentence for sentence in rest if sentence.startswith("Of the variance in coverage"))
+    assert re.search(r"\d+ % lies between segments \(replicates\), \d+ % is explained by altitude", explained)
+
+
+def test_shown_numbers_are_those_of_the_tables() -> None:
+    table = study(PAPER, truth=hover_helps_in_high_traffic)
+    gaps = differences(table, BY, SPOKEN).filter(metric="coverage", traffic="high", policy="hover")
+    largest = gaps.sort("mean", descending=True).row(0, named=True)
+    first = concluded(table)[0]
+    assert f"hover finds {100 * largest['mean']:.1f} percentage points" in first
+    assert f"(95 % interval {100 * largest['low']:.1f} to {100 * largest['high']:.1f}," in first
+
+
+def test_nothing_is_claimed_where_there_is_nothing() -> None:
+    """60 studies without an effect: differences at 5 %, factors at 1 %, within what chance allows."""
+    false = [sum(bool(CLAIM.search(said)) for said in concluded(study(seed=seed))) > 0 for seed in range(60)]
+    assert sum(false) <= stats.binom.ppf(0.999, 60, 0.06)
+
+
+def test_no_claim_has_an_interval_with_zero_in_it() -> None:
+    for seed in range(5):
+        for said in concluded(study(SMALL, 10, hover_helps_in_high_traffic, seed)):
+            for low, high in re.findall(r"interval (−?[\d.]+) to (−?[\d.]+)", said):
+                assert 0 < float(low) <= float(high)
+
+
+def test_at_most_a_dozen_sentences() -> None:
+    policies = ("baseline", *(f"policy {k}" for k in range(9)))
+    table = study({**PAPER, "policy": policies}, 18, lambda cell: {
+        "coverage": -0.02 * policies.index(cell["policy"]), "time_s": 10.0 * policies.index(cell["policy"]),
+    })  # fmt: skip
+    said = concluded(without(table, pl.col("replicate") == 0, failed=True))
+    assert len(said) <= 12
+    assert any("The table of differences has 6 more" in sentence for sentence in said)
+
+
+def test_too_few_replicates_are_said_to_be_too_few() -> None:
+    said = concluded(study(PAPER, 5, hover_helps_in_high_traffic))
+    assert any("With 5 replicates no difference, however large" in sentence for sentence in said)
+    assert not any(re.search("p [=<]", sentence) for sentence in said)
+
+
+def test_a_single_replicate_concludes_nothing() -> None:
+    assert concluded(study(replicates=1)) == [
+        "Nothing could be compared with baseline: that takes pairs of missions in two replicates."
+    ]
+
+
+def test_failed_and_undefined_missions_are_told() -> None:
+    table = without(study(), pl.col("replicate") == 2, failed=False)
+    table = without(table, (pl.col("replicate") == 3) & (pl.col("policy") == "micro"), failed=True)
+    assert concluded(table)[-1] == (
+        "2 of 120 missions failed and in 6 of 120 coverage is undefined; "
+        "they are in no mean, neither as 0 nor as 100 %."
+    )
+
+
+def test_a_heavy_tail_is_told() -> None:
+    table = study()
+    waits = np.where(table["policy"] == "hover", np.random.default_rng(0).lognormal(3, 1.3, table.height), 0.0)
+    said = concluded(table.with_columns(wait_s=pl.Series(waits)))
+    assert any(re.match(r"Waiting has a heavy tail: in \w+ traffic with hover its median was", it) for it in said)
+
+
+def test_energy_is_told_by_itself_where_time_is_not() -> None:
+    table = study(PAPER, truth=hover_helps_in_high_traffic)
+    dearer = table.with_columns(energy=pl.col("energy") + 0.01 * (pl.col("policy") == "micro"))
+    said = [sentence for sentence in concluded(dearer) if re.search(r"(micro|hover) uses", sentence)]
+    assert len(said) == 1
+    assert "micro uses 1." in said[0]
+
+
+def test_other_factors_are_named() -> None:
+    table = study(PAPER, truth=lambda cell: {"coverage": 0.01 * cell["altitude_m"]})
+    first = concluded(table, "altitude_m", 6.0)[0]
+    assert re.match(r"In \w+ traffic with \w+, an altitude of 15 m finds .* than an altitude of 6 m", first)
+
+
+def test_wording() -> None:
+    cell = {"traffic": "high", "altitude_m": 6.0, "tau_o": 0.7, "swap": True}
+    assert (
+        setting(cell, ("tau_o", "altitude_m", "traffic", "swap"))
+        == "in high traffic at 6 m with tau_o = 0.7 with swap = true"
+    )
+    assert number(-0.04, 1) == "−0.04"
+    assert number(-0.0, 1) == "0.0"
+    assert amount(metric_named("energy"), 0.0312) == "3.12 % of a battery"
+
+
+def three_options(cell: dict[str, Any]) -> dict[str, float]:
+    coverage, seconds = {"baseline": (0.0, 0.0), "hover": (0.1, 40.0), "micro": (0.05, 5.0)}[cell["policy"]]
+    return {"coverage": coverage, "time_s": seconds}
+
+
+@pytest.mark.parametrize(
+    ("limits", "policy"),
+    [
+        (Limits(), "hover"),
+        (Limits(max_time_s=80.0), "micro"),
+        (Limits(max_energy=80.0 / 1800), "micro"),
+        (Limits(max_time_s=62.5), "baseline"),
+        (Limits(max_time_s=80.0, min_coverage=0.72), "micro"),
+    ],
+)
+def test_the_best_under_the_limits_is_recommended(limits: Limits, policy: str) -> None:
+    table = study(replicates=30, truth=three_options, seed=4)
+    made = recommend(table, limits)
+    assert made.best is not None
+    assert made.best["policy"] == policy
+    assert made.nearest is None
+    assert made.options["policy"][0] == policy
+    assert made.sentences[0].startswith(f"Fly {policy} at 6 m: expected coverage ")
+    assert made.options["certainty"].sum() <= 1 + 1e-9
+    assert (made.options["certainty"] <= made.options["kept"]).all()
+    assert "traffic (low and high)" in made.sentences[-1]
+
+
+def test_certainty_agrees_with_a_bootstrap_of_its_own() -> None:
+    table = study(truth=lambda cell: {"coverage": {"baseline": 0.0, "hover": 0.004, "micro": 0.002}[cell["policy"]]})
+    made = recommend(table, Limits(max_time_s=61.0), ("policy",))
+    wide = table.group_by("policy", "replicate").agg(pl.col("coverage", "time_s").mean()).sort("policy", "replicate")
+    coverage, seconds = (wide[name].to_numpy().reshape(3, 20) for name in ("coverage", "time_s"))
+    drawn = np.random.default_rng(0).integers(0, 20, (20_000, 20))
+    kept = seconds[:, drawn].mean(axis=2) <= 61.0
+    best = np.where(kept, coverage[:, drawn].mean(axis=2), -1.0)
+    expected = [float(((best.argmax(axis=0) == at) & kept.any(axis=0)).mean()) for at in range(3)]
+    found = made.options.sort("policy")
+    assert found["certainty"].to_list() == pytest.approx(expected, abs=0.02)
+    assert found["kept"].to_list() == pytest.approx(kept.mean(axis=1).tolist(), abs=0.02)
+
+
+def test_what_lies_between_worlds_is_no_chance() -> None:
+    """A segment takes a minute in one town and three in the other: half of each was flown, and will be."""
+    levels = {**SMALL, "world": ("north", "south")}
+    table = study(levels, 12, lambda cell: {"time_s": 120.0 * (cell["world"] == "south")})
+    made = recommend(table, Limits(max_time_s=130.0), ("policy",))
+    assert made.options["kept"].to_list() == pytest.approx([1.0] * 3, abs=0.01)
+    assert "world (north and south)" in made.sentences[-1]
+
+
+def test_pairs_make_a_small_difference_sure() -> None:
+    """The options' intervals overlap, but within every replicate the same one is better."""
+    table = study(truth=lambda cell: {"coverage": 0.03 * (cell["policy"] == "hover")})
+    best = recommend(table, Limits(), ("policy",)).options.to_dicts()
+    assert best[0]["coverage_low"] < best[1]["coverage_high"]
+    assert best[0]["certainty"] > 0.95
+
+
+def test_when_no_option_keeps_the_limits_the_nearest_is_named() -> None:
+    made = recommend(study(truth=three_options, replicates=30, seed=4), Limits(max_time_s=50.0, min_coverage=0.65))
+    assert made.best is None
+    assert made.nearest is not None
+    assert (made.nearest["policy"], made.broken) == ("baseline", "time_s")
+    assert made.options["feasible"].any() is False
+    assert made.sentences[0] == "No option keeps the limits on average."
+    assert "limit of time" in made.sentences[1]
+
+
+def test_options_that_are_equal_share_their_certainty() -> None:
+    table = study(replicates=6).filter(policy="baseline")
+    twin = table.with_columns(policy=pl.lit("twin"))
+    made = recommend(pl.concat([table, twin]), Limits(), ("policy",))
+    assert made.options["certainty"].to_list() == [0.5, 0.5]
+
+
+def test_of_equal_coverages_the_faster_is_recommended() -> None:
+    table = study(truth=lambda cell: {"time_s": 20.0 * (cell["policy"] != "micro")})
+    made = recommend(table.with_columns(coverage=pl.lit(1.0)), Limits(), ("policy",))
+    assert made.options["policy"][0] == "micro"
+    assert made.options["certainty"][0] > 0.99
+
+
+def test_an_option_without_coverage_is_never_recommended() -> None:
+    table = without(study(truth=three_options), pl.col("policy") == "hover", failed=False)
+    made = recommend(table, Limits(), ("policy",))
+    assert made.options["policy"].to_list() == ["micro", "baseline", "hover"]
+    assert made.options["feasible"].to_list() == [True, True, False]
+    nothing = recommend(without(table, pl.lit(True), failed=True), Limits(max_time_s=1.0))
+    assert (nothing.best, nothing.nearest) == (None, None)
+
+
+def test_one_replicate_recommends_without_saying_how_sure() -> None:
+    made = recommend(study(replicates=1), Limits(), ("policy",))
+    assert made.best is not None
+    assert made.sentences[1] == "One replicate says nothing of how sure this is."
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"max_time_s": 0.0}, {"max_energy": -1.0}, {"max_time_s": float("nan")}, {"min_coverage": 80.0}]
+)
+def test_limits_that_are_none_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(PaveTwinError, match="--m"):
+        Limits(**wrong)
