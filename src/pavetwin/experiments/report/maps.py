@@ -1,0 +1,132 @@
+"""What was seen of each street: segments in the colour of their mean coverage, over the muted map of their world."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize
+
+from pavetwin.draw import shapes, style
+from pavetwin.draw.lettering import Room
+from pavetwin.draw.world_map import ABOVE_WORLD, EVERYTHING, Layer, credit, draw_world, world_bounds
+from pavetwin.experiments.report.canvas import raster
+from pavetwin.experiments.report.parts import Picture
+from pavetwin.experiments.report.words import counted
+from pavetwin.world.model import Segment, World
+
+COVERAGE: Final[Colormap] = LinearSegmentedColormap.from_list(
+    "coverage", ["#46093B", "#8E2A5B", "#D05A5A", "#F09A5B", "#FBE08A"]
+)
+"""From little (dark) to much (light): lightness rises evenly, so that it holds in grey print."""
+
+_THINNEST_PT, _RIM_PT, _NUMBER_PT = 2.6, 1.0, 4.6
+_LONGEST_IN = 6.9
+
+
+def street_means(flown: pl.DataFrame, world: str) -> pl.DataFrame:
+    """A row a segment: `street`, `segment`, `length_m`, `missions` with a defined coverage, `replicates`, `coverage`,
+    `time_s` (means); the least covered first.
+    """
+    return (
+        flown.filter(pl.col("world") == world, pl.col("coverage").is_not_null())
+        .group_by("segment", maintain_order=True)
+        .agg(
+            pl.col("street", "length_m").first(),
+            pl.len().alias("missions"),
+            pl.col("replicate").n_unique().alias("replicates"),
+            pl.col("coverage", "time_s").mean(),
+        )
+        .sort("coverage", "segment")
+    )
+
+
+def street_map(world: World, means: pl.DataFrame) -> Picture | None:
+    """The map of a world with its segments coloured; None when none of them is in it."""
+    found = {row["segment"]: row for row in means.iter_rows(named=True)}
+    segments = [segment for segment in world.segments if segment.id in found]
+    if not segments:
+        return None
+    values = [100 * float(found[segment.id]["coverage"]) for segment in segments]
+    norm = _range(values)
+    with style.styled():
+        sheet = style.map_sheet(
+            world_bounds(world),
+            title=world.name,
+            subtitle="Mean coverage of each segment, and the number of missions that it is the mean of",
+            credit=credit(world),
+            longest_in=_LONGEST_IN,
+        )
+        draw_world(sheet.axes, world, layers=EVERYTHING - {Layer.FURNITURE, Layer.BASE}, defects=False, muted=True)
+        _segments(sheet.axes, segments, COVERAGE(norm(values)))
+        _numbers(sheet.axes, segments, found)
+        _colour_bar(sheet.footer, norm)
+        return raster(sheet.figure, _caption(world, found, segments), _alt(world, segments, values))
+
+
+def _range(values: Sequence[float]) -> Normalize:
+    """Whole tens around the values."""
+    low, high = np.floor(min(values) / 10) * 10, np.ceil(max(values) / 10) * 10
+    return Normalize(float(low), float(high if high > low else low + 10))
+
+
+def _segments(axes: Axes, segments: Sequence[Segment], colours: Any) -> None:
+    """Bands along the centre lines, as wide as the street or as the eye needs, with a dark rim."""
+    per_m = shapes.points_per_m(axes)
+    for segment, colour in zip(segments, colours, strict=True):
+        line = shapely.get_coordinates(segment.centre_line)
+        width = max(segment.width_m * per_m, _THINNEST_PT)
+        shapes.strokes(axes, [line], ABOVE_WORLD, style.INK, width + _RIM_PT)
+        shapes.strokes(axes, [line], ABOVE_WORLD + 1, colour, width)
+
+
+def _numbers(axes: Axes, segments: Sequence[Segment], found: Mapping[str, Any]) -> None:
+    """How many missions, in the middle of each segment where there is room."""
+    per_m, room = shapes.points_per_m(axes), Room()
+    for segment in sorted(segments, key=lambda segment: (-segment.length_m, segment.id)):
+        text = f"{found[segment.id]['missions']}"
+        middle = segment.centre_line.interpolate(0.5, normalized=True)
+        half = (style.text_width_pt(text, _NUMBER_PT, bold=True) / 2 + 1.2) / per_m
+        plate = shapely.box(middle.x - half, middle.y - 3.2 / per_m, middle.x + half, middle.y + 3.2 / per_m)
+        if not room.free(plate):
+            continue
+        room.take(plate)
+        axes.text(
+            middle.x, middle.y, text, fontsize=_NUMBER_PT, fontweight="bold", ha="center", va="center_baseline",
+            color=style.INK, path_effects=style.halo(1.5), zorder=ABOVE_WORLD + 3,
+        )  # fmt: skip
+
+
+def _colour_bar(footer: Axes, norm: Normalize) -> None:
+    """In the strip below the map, whose coordinates are inches."""
+    assert norm.vmin is not None
+    assert norm.vmax is not None
+    top = footer.get_ylim()[1]
+    left, right, lower, upper = 0.0, 2.0, top - 0.26, top - 0.14
+    limits = footer.get_xlim(), footer.get_ylim()
+    footer.imshow(np.linspace(0, 1, 256)[None], cmap=COVERAGE, extent=(left, right, lower, upper), aspect="auto")
+    footer.set(xlim=limits[0], ylim=limits[1])
+    for value in np.linspace(norm.vmin, norm.vmax, 3):
+        x = left + (right - left) * (value - norm.vmin) / (norm.vmax - norm.vmin)
+        place = "left" if x == left else "right" if x == right else "center"
+        footer.text(x, lower - 0.04, f"{value:g} %", fontsize=6, ha=place, va="top")
+    footer.text(right + 0.12, (lower + upper) / 2, "mean coverage", fontsize=6.4, va="center_baseline")
+
+
+def _caption(world: World, found: Mapping[str, Any], segments: Sequence[Segment]) -> str:
+    missions = sum(row["missions"] for row in found.values())
+    return (
+        f"Mean coverage by segment in {world.name}: {counted(len(segments), 'segment')} of {len(world.segments)}, "
+        f"{counted(missions, 'mission')} with a defined coverage, all cells together. The number on a segment is "
+        "that of its missions. A segment is flown in all cells of its replicates and in no other, so segments differ "
+        "in their traffic and defects as well as in themselves."
+    )
+
+
+def _alt(world: World, segments: Sequence[Segment], values: Sequence[float]) -> str:
+    return (
+        f"Map of {world.name} with {counted(len(segments), 'segment')} coloured by mean coverage, from "
+        f"{min(values):.0f} to {max(values):.0f} %."
+    )

@@ -1,0 +1,170 @@
+"""The page: what the study was, what it found, its sections, how it was computed and how to repeat it."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import polars as pl
+import yaml
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from pavetwin.draw import style
+from pavetwin.experiments.metrics import FACTORS, FAILED, STATUS
+from pavetwin.experiments.report import whole
+from pavetwin.experiments.report.parts import Block, Bullets, Fold, Picture, Section, Table
+from pavetwin.experiments.report.results import group_sections
+from pavetwin.experiments.report.study import AXES, Group, Study, constants, replicates, shown_groups
+from pavetwin.experiments.report.words import counted, factor_text, factors_text, level_text, listed
+
+MOST_WHOLE, MOST_GROUPS = 4, 16
+"""Combinations of the other factors that have figures, and that have tables; all are in the files beside the page."""
+
+
+def page(study: Study, on_progress: Callable[[float], None] = lambda _: None) -> str:
+    """The text of `report.html`. Needs no network, no script and no font that is not there.
+
+    Args:
+        on_progress: told the share done.
+    """
+    sections = _sections(study, on_progress)
+    environment = Environment(
+        loader=PackageLoader("pavetwin.experiments.report", "."),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
+    environment.filters["identity"] = id
+    environment.tests["figure"] = lambda block: isinstance(block, Picture)
+    environment.tests["grid"] = lambda block: isinstance(block, Table)
+    environment.tests["fold"] = lambda block: isinstance(block, Fold)
+    environment.tests["bullets"] = lambda block: isinstance(block, Bullets)
+    return environment.get_template("page.html.jinja").render(
+        study=study,
+        summary=design_words(study),
+        facts=facts(study),
+        sections=sections,
+        numbers=_numbers(sections),
+        design=design_text(study.design),
+        metrics={metric.name for metric in study.metrics},
+        compared=bool(study.differences.height),
+        explained=bool(study.effects.height),
+        accent=style.BASE,
+        ink=style.INK,
+        soft=style.INK_SOFT,
+    )
+
+
+def design_words(study: Study) -> str:
+    """What was flown, in one paragraph."""
+    varied = [name for name in (*AXES, *study.others) if name in study.table and study.table[name].n_unique() > 1]
+    parts = [f"{counted(len(study.levels(name)), *_plural(name))} ({_levels(study, name)})" for name in varied]
+    design = " × ".join([*parts, counted(replicates(study), "replicate")])
+    fixed = [f"{factor_text(name).lower()} {level_text(name, level)}" for name, level in constants(study).items()]
+    same = f" The same throughout: {', '.join(fixed)}." if fixed else ""
+    return (
+        f"{counted(study.table.height, 'segment mission')}: {design}.{same} A replicate has a street segment, traffic "
+        "and defects of its own, and every combination was flown over the same ones, so that policies and altitudes "
+        "are compared in pairs."
+    )
+
+
+def facts(study: Study) -> list[tuple[str, str]]:
+    """The numbers that a reader looks for first."""
+    failed = study.table.filter(pl.col(STATUS) == FAILED).height
+    cells = study.table.select(name for name in study.table.columns if name in {*FACTORS, *study.factors}).n_unique()
+    version = study.design.get("version")
+    seed = study.design.get("seed")
+    return [
+        ("Missions", f"{study.table.height:,}".replace(",", "\u2009")),
+        ("Cells", f"{cells}"),
+        ("Replicates", f"{replicates(study)}"),
+        ("Failed", f"{failed}"),
+        *((("Seed", f"{seed}"),) if seed is not None else ()),
+        *((("PaveTwin", f"{version}"),) if version is not None else ()),
+    ]
+
+
+def design_text(design: Mapping[str, Any]) -> str:
+    """The design as YAML, without the version, which is no part of the file."""
+    values = {key: value for key, value in design.items() if key != "version"}
+    return yaml.safe_dump(
+        _plain(values), sort_keys=False, default_flow_style=None, allow_unicode=True, width=100
+    ).rstrip()
+
+
+def _sections(study: Study, on_progress: Callable[[float], None]) -> list[Section]:
+    groups, count = shown_groups(study, MOST_GROUPS)
+    builders = (whole.effects_section, whole.streets_section, whole.failures_section)
+    steps: list[Callable[[], Sequence[Section]]] = [
+        lambda: [whole.across_section(study)],
+        *(partial(_group, group, at) for at, group in enumerate(groups, start=1)),
+        lambda: [_left_out(count)] if count > len(groups) else [],
+        *(partial(_one, build, study) for build in builders),
+    ]
+    sections: list[Section] = []
+    for at, step in enumerate(steps, start=1):
+        sections += [section for section in step() if not section.empty]
+        on_progress(at / (len(steps) + 1))
+    return sections
+
+
+def _one(build: Callable[[Study], Section], study: Study) -> list[Section]:
+    return [build(study)]
+
+
+def _group(group: Group, at: int) -> list[Section]:
+    """The group's sections themselves where there is one group, else one section that holds them.
+
+    Args:
+        at: the group's number, from 1.
+    """
+    if not group.key:
+        return list(group_sections(group, ""))
+    title = f"Results: {group.title}"
+    return [Section(f"results-{at}", title, (), list(group_sections(group, f"results-{at}-", brief=at > MOST_WHOLE)))]
+
+
+def _left_out(count: int) -> Section:
+    rest = counted(count - MOST_GROUPS, "more combination")
+    words = f"{rest} of the other factors: see table.csv, table.md and table.tex."
+    return Section("more", "Further results", [Bullets([words])])
+
+
+def _numbers(sections: Sequence[Section]) -> dict[int, int]:
+    """The number of each figure and each table, by the identity of its block, in the order of the page."""
+    numbers: dict[int, int] = {}
+    figures = tables = 0
+    for block in _blocks(sections):
+        if isinstance(block, Picture):
+            figures += 1
+            numbers[id(block)] = figures
+        elif isinstance(block, Table | Fold):
+            tables += 1
+            numbers[id(block)] = tables
+    return numbers
+
+
+def _blocks(sections: Iterable[Section]) -> Iterable[Block]:
+    for section in sections:
+        yield from section.blocks
+        yield from _blocks(section.sections)
+
+
+def _levels(study: Study, name: str) -> str:
+    levels = [level_text(name, level) for level in study.levels(name)]
+    return listed(levels) if len(levels) <= 12 else f"{', '.join(levels[:10])} … {levels[-1]}"
+
+
+def _plural(name: str) -> tuple[str, str]:
+    many = factors_text(name)
+    return factor_text(name).lower(), many
+
+
+def _plain(value: Any) -> Any:
+    """Values that YAML knows: tuples as lists, whatever is no plain value as its text."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value if isinstance(value, str | bool | int | float | None) else str(value)

@@ -1,0 +1,90 @@
+"""What a page is put together from, as plain values: sections of paragraphs, lists, tables and pictures."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+Lines = Sequence[str]
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    text: str
+    strong: bool = False
+    aside: str = ""
+    """What follows the text and is never strong."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under their heads; the first `lead` cells of a row say what it is about."""
+
+    caption: str
+    heads: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    lead: int = 2
+    notes: Lines = ()
+    span: str = ""
+    """What the columns after the lead are together, written over them."""
+    merged: bool = True
+    """Whether equal lead cells below each other are written once."""
+
+    def starts(self, row: int, column: int) -> bool:
+        """Whether a lead cell, or one before it, differs from that of the row above."""
+        here, above = self.rows[row], self.rows[row - 1]
+        return row == 0 or any(here[at].text != above[at].text for at in range(column + 1))
+
+    def height(self, row: int, column: int) -> int:
+        """How many rows the lead cell that starts here stands for; 0 where none starts.
+
+        The last lead cell stands for its own row only.
+        """
+        if column == self.lead - 1 or not self.merged:
+            return 1
+        if not self.starts(row, column):
+            return 0
+        below = (at for at in range(row + 1, len(self.rows)) if self.starts(at, column))
+        return next(below, len(self.rows)) - row
+
+
+@dataclass(frozen=True)
+class Picture:
+    caption: str
+    alt: str
+    source: str
+    """A data URI: the page loads nothing."""
+    width_px: int
+    height_px: int
+
+
+@dataclass(frozen=True)
+class Text:
+    words: str
+
+
+@dataclass(frozen=True)
+class Bullets:
+    items: Lines
+
+
+@dataclass(frozen=True)
+class Fold:
+    """A table that is opened on demand."""
+
+    title: str
+    table: Table
+
+
+Block = Table | Picture | Text | Bullets | Fold
+
+
+@dataclass(frozen=True)
+class Section:
+    anchor: str
+    title: str
+    blocks: Sequence[Block] = ()
+    sections: Sequence["Section"] = field(default=())
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is nothing to show but words about it."""
+        return not self.sections and all(isinstance(block, Text) for block in self.blocks)

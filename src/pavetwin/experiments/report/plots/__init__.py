@@ -1,0 +1,1 @@
+"""The figures of a report. Each takes what was computed and draws it."""

@@ -1,0 +1,141 @@
+"""Sections about the whole study: what else was varied, which factor explains how much, streets, and failures."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+import polars as pl
+
+from pavetwin.experiments.metrics import FAILED, REASON, STATUS, metric_named
+from pavetwin.experiments.report import maps
+from pavetwin.experiments.report.canvas import vector
+from pavetwin.experiments.report.parts import Block, Cell, Section, Table, Text
+from pavetwin.experiments.report.plots import intervals, shares
+from pavetwin.experiments.report.results import COMPARED
+from pavetwin.experiments.report.study import AXES, METRIC, Group, Study
+from pavetwin.experiments.report.words import counted, factor_text, heading, level_text, listed, number, shown
+
+_MOST_SWEEPS: Final = 3
+"""Combinations of the rest that one other factor is drawn for."""
+_MOST_MAPS: Final = 4
+_WORST: Final = 10
+"""Segments in the table of the least covered."""
+_MOST_REASONS: Final = 20
+_MOST_PLACES: Final = 4
+
+
+def across_section(study: Study) -> Section:
+    """Every other factor from left to right: the first levels of the rest, and as many more as there is room for."""
+    blocks = [block for factor in study.others for block in _across(study, factor)]
+    return Section("across", f"Across {listed([factor_text(name).lower() for name in study.others])}", blocks)
+
+
+def _across(study: Study, factor: str) -> Iterator[Block]:
+    sweeps: dict[tuple[Any, ...], list[Group]] = {}
+    for group in study.groups():
+        sweeps.setdefault(tuple(level for name, level in group.key.items() if name != factor), []).append(group)
+    for rest, groups in list(sweeps.items())[:_MOST_SWEEPS]:
+        names = [name for name in study.others if name != factor]
+        words = ", ".join(f"{factor_text(n).lower()} {level_text(n, v)}" for n, v in zip(names, rest, strict=True))
+        for metric in (metric_named(name) for name in COMPARED[:2]):
+            if metric not in study.metrics or len(groups) < 2:
+                continue
+            yield vector(
+                intervals.across(groups, factor, metric),
+                f"{metric.label} over {factor_text(factor).lower()}{f' ({words})' if words else ''}: means with 95 % "
+                "bootstrap intervals, a row for each altitude and a column for each traffic density.",
+                f"Interval plots of {metric.label.lower()} over {factor_text(factor).lower()}, by altitude.",
+            )
+
+
+def effects_section(study: Study) -> Section:
+    known = set(study.effects[METRIC].to_list()) if study.effects.height else set()
+    metrics = [metric for metric in study.metrics if metric.name in known and metric.name in (*COMPARED, "recovery")]
+    blocks: list[Block] = []
+    if metrics:
+        words = listed([metric.label.lower() for metric in metrics])
+        blocks = [
+            Text(
+                "Replicates differ in street, traffic and defects; what they explain is what no altitude and no policy "
+                "changes. An interaction (×) says that a factor matters differently at the levels of the other."
+            ),
+            vector(
+                shares.effect_bars(study.effects, metrics),
+                f"Share of the variation of {words} that each term explains (analysis of variance with replicates as "
+                f"blocks{_used(study.effects)}): η² of the whole as bars and numbers, "
+                "partial ω² as diamonds.",
+                f"Bar charts of η² and ω² by term for {words}.",
+            ),
+        ]
+    return Section("effects", "Which factor explains how much", blocks)
+
+
+def _used(effects: pl.DataFrame) -> str:
+    """How many replicates an analysis had, where the frame says so."""
+    if "replicates" not in effects.columns:
+        return ""
+    least, most = (int(value) for value in effects.select(low=pl.min("replicates"), high=pl.max("replicates")).row(0))
+    return f"; {least if least == most else f'{least} to {most}'} replicates have a value in every cell"
+
+
+def streets_section(study: Study) -> Section:
+    """A map of each world, and its least covered segments."""
+    blocks: list[Block] = []
+    for name in list(study.worlds)[:_MOST_MAPS]:
+        means = maps.street_means(study.flown, name)
+        picture = maps.street_map(study.worlds[name], means) if means.height else None
+        if picture is not None:
+            blocks += [picture, _worst(name, means)]
+    return Section("streets", "Street by street", blocks)
+
+
+def _worst(world: str, means: pl.DataFrame) -> Table:
+    coverage, time = metric_named("coverage"), metric_named("time_s")
+    rows = tuple(
+        (
+            Cell(row["street"]),
+            Cell(row["segment"]),
+            Cell(number(row["length_m"], 0)),
+            Cell(f"{row['missions']} ({row['replicates']})"),
+            Cell(shown(coverage, row["coverage"])),
+            Cell(shown(time, row["time_s"])),
+        )
+        for row in means.head(_WORST).iter_rows(named=True)
+    )
+    words = f"The {_WORST} least covered segments" if means.height > _WORST else "Segments, the least covered first,"
+    heads = ("Street", "Segment", "Length (m)", "Missions (replicates)", f"Mean {heading(coverage).lower()}")
+    notes = ("Missions of one replicate share their traffic and defects: what counts as evidence is the replicates.",)
+    return Table(f"{words} of {world}", (*heads, f"Mean {heading(time).lower()}"), rows, notes=notes, merged=False)
+
+
+def failures_section(study: Study) -> Section:
+    failed = study.table.filter(pl.col(STATUS) == FAILED)
+    reasons = Counter(failed[REASON].fill_null("no reason given").to_list()) if failed.height else Counter[str]()
+    blocks: list[Block] = []
+    if reasons:
+        rows = tuple(
+            (Cell(reason), Cell(_where(failed, reason)), Cell(f"{count}"))
+            for reason, count in reasons.most_common(_MOST_REASONS)
+        )
+        rest = len(reasons) - len(rows)
+        notes = (f"{counted(rest, 'more reason')} in the study's table.",) if rest else ()
+        blocks = [
+            Text(
+                f"{failed.height} of {counted(study.table.height, 'mission')} failed. They count "
+                "in no mean; a cell that lost many is to be read with care."
+            ),
+            Table("Why missions failed, and where", ("Reason", "Cells", "Missions"), rows, notes=notes, merged=False),
+        ]
+    return Section("failures", "Missions that failed", blocks)
+
+
+def _where(failed: pl.DataFrame, reason: str) -> str:
+    """`high, 15 m, hover (3); …`."""
+    rows = failed.filter(pl.col(REASON).fill_null("no reason given") == reason).iter_rows(named=True)
+    cells = Counter(_cell(row) for row in rows).most_common()
+    words = "; ".join(f"{cell} ({count})" for cell, count in cells[:_MOST_PLACES])
+    return words + (f"; and {counted(len(cells) - _MOST_PLACES, 'more cell')}" if len(cells) > _MOST_PLACES else "")
+
+
+def _cell(row: Mapping[str, Any]) -> str:
+    return ", ".join(level_text(axis, row[axis]) for axis in AXES)

@@ -1,0 +1,134 @@
+"""`pavetwin experiment …` as a user types it."""
+
+import io
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import polars as pl
+import pytest
+import yaml
+
+from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.experiments.store import Store
+from pavetwin.world.store import save_world
+from scenes import built
+
+
+def pavetwin(*arguments: object, folder: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", "from pavetwin.cli import main; main()", *map(str, arguments)]
+    environment = {**os.environ, "COLUMNS": "200"}
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=folder)
+
+
+def plain_refusal(done: subprocess.CompletedProcess[str]) -> str:
+    """The one line of an error; asserts that it is one, with exit code 2."""
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert done.stderr.startswith("Error: ")
+    assert done.stderr.count("\n") == 1, done.stderr
+    return done.stderr
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a world, a design over it, and the study that was flown."""
+    folder = tmp_path_factory.mktemp("studies")
+    save_world(add_defects(built("cross"), DefectOptions(per_segment=6)), folder / "worlds" / "cross")
+    made = pavetwin("experiment", "init", "study.yaml", "--world", "worlds/cross", folder=folder)
+    assert made.returncode == 0, made.stderr
+    assert "experiment run study.yaml -o study" in made.stdout
+    values = yaml.safe_load((folder / "study.yaml").read_text())
+    values |= {"densities": ["low"], "replicates": 4, "policies": ["baseline", "hover"]}
+    (folder / "study.yaml").write_text(yaml.safe_dump(values))
+    done = pavetwin("experiment", "run", "study.yaml", "-o", "study", "--jobs", "1", folder=folder)
+    assert done.returncode == 0, done.stderr
+    assert "16 missions flown" in done.stdout
+    assert "16/16 (100%)" in done.stderr
+    return folder
+
+
+def test_a_design_explains_itself_and_is_not_replaced(place: Path) -> None:
+    fresh = pavetwin("experiment", "init", "paper.yaml", "--preset", "paper", folder=place)
+    assert fresh.returncode == 0
+    text = (place / "paper.yaml").read_text()
+    assert sum(line.startswith("#") for line in text.splitlines()) >= 8
+    assert "already" in plain_refusal(pavetwin("experiment", "init", "paper.yaml", folder=place))
+    assert "did you mean 'paper'" in plain_refusal(
+        pavetwin("experiment", "init", "x.yaml", "--preset", "papr", folder=place)
+    )
+
+
+def test_questions_are_answered_as_a_table_and_as_csv(place: Path) -> None:
+    sql = "select policy, count(*) n from segments group by policy order by policy"
+    shown = pavetwin("experiment", "query", "study", sql, folder=place)
+    assert shown.returncode == 0
+    assert "baseline" in shown.stdout
+    assert shown.stdout.rstrip().endswith("2 rows")
+    piped = pavetwin("experiment", "query", "study", sql, "--csv", folder=place)
+    assert pl.read_csv(io.StringIO(piped.stdout)).rows() == [("baseline", 8), ("hover", 8)]
+
+
+def test_a_recommendation_names_the_best_that_keeps_the_limits(place: Path) -> None:
+    table = Store(place / "study").table()
+    means = table.group_by("altitude_m", "policy").agg(pl.col("coverage", "time_s").mean())
+    limit_s = float(means["time_s"].median())
+    best = (
+        means.filter(pl.col("time_s") <= limit_s)
+        .sort("coverage", "time_s", descending=[True, False])
+        .row(0, named=True)
+    )
+    done = pavetwin("experiment", "recommend", "study", "--max-time", limit_s, folder=place)
+    assert done.returncode == 0, done.stderr
+    assert f"Fly {best['policy']} at {best['altitude_m']:g} m" in done.stdout
+    assert done.stdout.count(" m  ") >= 4
+
+
+def test_limits_that_nothing_keeps_are_said_with_an_exit_code(place: Path) -> None:
+    done = pavetwin("experiment", "recommend", "study", "--max-time", "1", folder=place)
+    assert done.returncode == 1
+    assert "No option keeps the limits" in done.stdout
+
+
+def test_a_report_lies_in_the_study_s_folder(place: Path) -> None:
+    done = pavetwin("experiment", "report", "study", folder=place)
+    assert done.returncode == 0, done.stderr
+    for name in ("report.html", "table.csv", "table.md", "table.tex"):
+        assert (place / "study" / name).stat().st_size > 500
+        assert name in done.stdout
+    assert "Ignoring" not in done.stderr
+    assert pavetwin("experiment", "run", "study.yaml", "-o", "study", folder=place).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("run", "none.yaml", "-o", "x"), "experiment init"),
+        (("run", "study.yaml", "-o", "x", "--engine", "spark"), "known are local and dask"),
+        (("run", "study.yaml", "-o", "x", "--scheduler", "tcp://a:1"), "only with --engine dask"),
+        (("run", "study.yaml", "-o", "worlds"), "holds no study"),
+        (("query", "nowhere", "from segments"), "holds no study"),
+        (("query", "study", "drop view segments"), "no question"),
+        (("report", "worlds"), "holds no study"),
+        (("recommend", "study", "--traffic", "hihg"), "the study has low"),
+        (("recommend", "study", "--min-coverage", "120"), "less than or equal to 100"),
+    ],
+)
+def test_a_mistake_is_one_plain_line(place: Path, arguments: tuple[str, ...], words: str) -> None:
+    assert words in plain_refusal(pavetwin("experiment", *arguments, folder=place))
+    assert not (place / "x").exists()
+
+
+def test_a_world_that_is_gone_is_said(place: Path) -> None:
+    (place / "gone.yaml").write_text("worlds: [worlds/gone]\n")
+    said = plain_refusal(pavetwin("experiment", "run", "gone.yaml", "-o", "x", folder=place))
+    assert "worlds/gone' does not exist" in said
+
+
+def test_another_design_is_refused_and_nothing_is_mixed(place: Path) -> None:
+    before = {path: path.read_bytes() for path in (place / "study" / "segments.parquet").iterdir()}
+    values = yaml.safe_load((place / "study.yaml").read_text()) | {"seed": 9}
+    (place / "other.yaml").write_text(yaml.safe_dump(values))
+    said = plain_refusal(pavetwin("experiment", "run", "other.yaml", "-o", "study", folder=place))
+    assert "its seed is 1, not 9" in said
+    assert {path: path.read_bytes() for path in before} == before
