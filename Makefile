@@ -4,7 +4,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo pictures gallery assets test test-all bench lint lock clean
+.PHONY: help setup demo study pictures gallery assets test test-all bench lint lock clean
 
 PYTHON ?= python3
 # Blender's Python module has wheels for one Python only.
@@ -34,10 +34,16 @@ setup:  ## Install everything into .venv, nothing else
 demo: setup  ## A UAV inspects a generated town under traffic, with each of the four policies
 	@.venv/bin/pavetwin demo
 
-pictures: demo  ## The pictures of the documentation, made anew from the demo
+study: demo  ## The paper's study over the demo's town: 720 missions in a few minutes, and its report in out/study
+	@test -f out/study.yaml || .venv/bin/pavetwin experiment init out/study.yaml --preset paper --world demo/town
+	@.venv/bin/pavetwin experiment run out/study.yaml -o out/study
+	@.venv/bin/pavetwin experiment report out/study --figures
+
+pictures: demo study  ## The pictures of the documentation, made anew from the demo
 	@mkdir -p docs/images
 	@cp out/demo/missions/comparison.png docs/images/comparison.png
 	@cp out/demo/missions/hover/map.png docs/images/mission.png
+	@cp out/study/figures/figure-4.svg docs/images/study.svg
 
 gallery: setup  ## The pictures of docs/gallery: defects, frames from above and from a car, taken anew
 	@.venv/bin/python -m gallery

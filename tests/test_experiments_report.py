@@ -12,8 +12,8 @@ import pytest
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.metrics import metric_named
 from pavetwin.experiments.report import Study, gather, write_report
+from pavetwin.experiments.report import page as pages
 from pavetwin.experiments.report.maps import street_map, street_means
-from pavetwin.experiments.report.page import page
 from pavetwin.experiments.report.plots.tradeoff import options
 from scenes import tiny
 from scenes.report_studies import SMALL, study_of, table_of, with_failures
@@ -49,6 +49,10 @@ class Outline(HTMLParser):
     @property
     def anchors(self) -> list[str]:
         return [attributes["id"] or "" for _, attributes in self.tags if "id" in attributes]
+
+
+def page(study: Study) -> str:
+    return pages.page(study, pages.sections_of(study))
 
 
 def small_study(**design: object) -> Study:
@@ -238,3 +242,17 @@ def test_gathered_statistics_fit_the_report() -> None:
     text = page(study)
     assert {"means", "differences", "effects", "findings"} <= sections(text)
     assert "version:" not in text, "it is no key of a design"
+
+
+def test_figures_are_files_too_when_they_are_asked_for(tmp_path: Path) -> None:
+    study = small_study()
+    plain = write_report(study, tmp_path / "plain")
+    written = write_report(study, tmp_path / "all", figures=True)
+    figures = [path for path in written if path.parent.name == "figures"]
+    text = (tmp_path / "all" / "report.html").read_text()
+    assert len(figures) == text.count("<img ") == len(written) - len(plain) > 5
+    for path in figures:
+        if path.suffix == ".svg":
+            assert ElementTree.fromstring(path.read_text()).tag.endswith("svg")
+        else:
+            assert path.read_bytes().startswith(b"\x89PNG")

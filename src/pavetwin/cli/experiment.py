@@ -125,11 +125,13 @@ def report(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder for the files; the study's own unless given.")
     ] = None,
+    figures: Annotated[bool, typer.Option("--figures", help="Also every figure as a file, SVG or PNG.")] = False,
 ) -> None:
     """Write report.html, which opens offline, and the table as CSV, Markdown and LaTeX.
 
     \b
     pavetwin experiment report studies/first
+    pavetwin experiment report studies/first --figures
     """
     from pavetwin.experiments.report import gather, write_report
     from pavetwin.experiments.store import Store
@@ -139,12 +141,15 @@ def report(
     design = store.design()
     with progress("Statistics", lines=True) as tell:
         study = gather(design.name, _plain(said), table, _worlds(design), seed=design.seed)
-        written = write_report(study, output or folder, lambda share: tell(share, "Writing the report"))
+        place = output or folder
+        written = write_report(study, place, lambda share: tell(share, "Writing the report"), figures=figures)
     missing = design.replicates - table["replicate"].n_unique()
     if missing:
         out.print(f"[yellow]Note:[/] {missing} of {design.replicates} replicates are not flown yet.")
     out.print("\n".join(study.conclusions), markup=False, soft_wrap=True)
-    out.print(f"\nWritten: {', '.join(str(path) for path in written)}", markup=False, soft_wrap=True)
+    names = [str(path) for path in written if path.parent == place]
+    drawn = [f"{len(written) - len(names)} files in {place}/figures/"] if figures else []
+    out.print(f"\nWritten: {', '.join(names + drawn)}", markup=False, soft_wrap=True)
 
 
 @app.command()
@@ -227,7 +232,7 @@ def _span(row: dict[str, Any], name: str, scale: float) -> str:
 
 def _plain(said: dict[str, Any]) -> dict[str, Any]:
     """What a report tells of a design."""
-    return {**said["design"], "version": said["pavetwin"], "sumo": said["sumo"], "worlds": list(said["worlds"])}
+    return {**said["design"], "version": said["pavetwin"], "worlds": list(said["worlds"])}
 
 
 def _worlds(design: "Design") -> "dict[str, World]":

@@ -68,7 +68,7 @@ def mission_figure(flown: Flown) -> Figure:
     town_w = float(np.clip(town_h * ratio, 3.2, inner - SIDE_IN))
     narrow = inner - town_w > 2 * SIDE_IN + 0.6
     town_w = town_w if narrow else inner - SIDE_IN
-    bounds = fitted(bounds, town_w / town_h)
+    bounds = style.fitted(bounds, town_w / town_h)
     side_w = inner - town_w - GUTTER_IN
     strips = [Strip.of(flown, name, side_w if narrow else inner) for name in telling_segments([flown])[:3]]
     room = town_h - NUMBERS_IN if narrow else 2 * TALLEST_IN + 1
@@ -159,14 +159,6 @@ def flown_bounds(flown: Flown) -> style.Bounds:
     shapes += [world.base, shapely.MultiPoint(route)]
     west, south, east, north = (float(value) for value in shapely.total_bounds(shapes))
     return west - AROUND_M, south - AROUND_M, east + AROUND_M, north + AROUND_M
-
-
-def fitted(bounds: style.Bounds, ratio: float) -> style.Bounds:
-    """Bounds grown around their middle until width / height is `ratio`."""
-    west, south, east, north = bounds
-    width, height = max(east - west, (north - south) * ratio), max(north - south, (east - west) / ratio)
-    x, y = (west + east) / 2, (south + north) / 2
-    return x - width / 2, y - height / 2, x + width / 2, y + height / 2
 
 
 def _draw_town(axes: Axes, flown: Flown, bounds: style.Bounds, strips: Sequence[Strip]) -> None:

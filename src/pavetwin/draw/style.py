@@ -251,9 +251,22 @@ def text_width_pt(text: str, size_pt: float, *, bold: bool = False) -> float:
     return float(width) * size_pt / 100
 
 
+def fitted(bounds: Bounds, ratio: float) -> Bounds:
+    """Bounds grown around their middle until width / height is `ratio`."""
+    west, south, east, north = bounds
+    width, height = max(east - west, (north - south) * ratio), max(north - south, (east - west) / ratio)
+    x, y = (west + east) / 2, (south + north) / 2
+    return x - width / 2, y - height / 2, x + width / 2, y + height / 2
+
+
 def frame_axes(axes: Axes, bounds: Bounds) -> None:
-    """Make axes a map of `bounds`, in metres: equal scales, a thin frame, no ticks."""
-    axes.set(xlim=(bounds[0], bounds[2]), ylim=(bounds[1], bounds[3]), xticks=[], yticks=[], facecolor=GROUND)
+    """Make axes a map of `bounds`, in metres, and of what beside them the frame has room for: equal scales, a thin
+    frame, no ticks."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    width, height = axes.get_position().size * figure.get_size_inches()
+    west, south, east, north = fitted(bounds, float(width / height))
+    axes.set(xlim=(west, east), ylim=(south, north), xticks=[], yticks=[], facecolor=GROUND)
     axes.set_aspect("equal", adjustable="datalim")
     axes.grid(False)
     for spine in axes.spines.values():

@@ -1,12 +1,10 @@
 """Figures that go into the page as they are: vector drawings or small pictures inside data URIs."""
 
-from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final, Literal
-from urllib.parse import quote
 
 import matplotlib
 import numpy as np
@@ -38,12 +36,7 @@ def vector(figure: Figure, caption: str, alt: str) -> Picture:
     with style.styled():
         matplotlib.rcParams["svg.hashsalt"] = "pavetwin"
         figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
-    return _picture(
-        figure,
-        caption,
-        alt,
-        "data:image/svg+xml," + quote(slim(text.getvalue()).replace('"', "'"), safe=" =:/;,()'@!*+"),
-    )
+    return _picture(figure, caption, alt, slim(text.getvalue()).encode(), "svg")
 
 
 def raster(figure: Figure, caption: str, alt: str) -> Picture:
@@ -51,13 +44,13 @@ def raster(figure: Figure, caption: str, alt: str) -> Picture:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "figure.png"
         style.save_figure(figure, path)
-        content = b64encode(path.read_bytes()).decode("ascii")
-    return _picture(figure, caption, alt, f"data:image/png;base64,{content}")
+        content = path.read_bytes()
+    return _picture(figure, caption, alt, content, "png")
 
 
-def _picture(figure: Figure, caption: str, alt: str, source: str) -> Picture:
+def _picture(figure: Figure, caption: str, alt: str, content: bytes, suffix: str) -> Picture:
     width, height = (round(float(side) * _CSS_PX_PER_IN) for side in figure.get_size_inches())
-    return Picture(caption, alt, source, width, height)
+    return Picture(caption, alt, content, suffix, width, height)
 
 
 def looks(policies: Sequence[Any]) -> Looks:
@@ -106,7 +99,7 @@ def spans_wide(values: Sequence[float], ratio: float = 8.0) -> bool:
 def logarithmic(axis: Axis) -> None:
     """A logarithmic axis whose ticks read 10, 20, 50, 100 …, and some between where it is short."""
     low, high = axis.get_data_interval()
-    subs = (1.0, 2.0, 5.0) if high > 20 * low else (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
+    subs = (1.0, 2.0, 5.0) if high > 8 * low else (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
     getattr(axis.axes, f"set_{axis.axis_name}scale")("log")  # type: ignore[attr-defined]
     axis.set_major_locator(LogLocator(base=10, subs=subs, numticks=20))
     axis.set_minor_locator(NullLocator())

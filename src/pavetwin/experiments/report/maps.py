@@ -55,7 +55,7 @@ def street_map(world: World, means: pl.DataFrame) -> Picture | None:
         sheet = style.map_sheet(
             world_bounds(world),
             title=world.name,
-            subtitle="Mean coverage of each segment, and the number of missions that it is the mean of",
+            subtitle="Mean coverage and number of missions of each segment",
             credit=credit(world),
             longest_in=_LONGEST_IN,
         )
@@ -112,7 +112,7 @@ def _colour_bar(footer: Axes, norm: Normalize) -> None:
         x = left + (right - left) * (value - norm.vmin) / (norm.vmax - norm.vmin)
         place = "left" if x == left else "right" if x == right else "center"
         footer.text(x, lower - 0.04, f"{value:g} %", fontsize=6, ha=place, va="top")
-    footer.text(right + 0.12, (lower + upper) / 2, "mean coverage", fontsize=6.4, va="center_baseline")
+    footer.text(left, upper + 0.04, "mean coverage", fontsize=6, va="bottom")
 
 
 def _caption(world: World, found: Mapping[str, Any], segments: Sequence[Segment]) -> str:

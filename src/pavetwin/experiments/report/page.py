@@ -20,13 +20,8 @@ MOST_WHOLE, MOST_GROUPS = 4, 16
 """Combinations of the other factors that have figures, and that have tables; all are in the files beside the page."""
 
 
-def page(study: Study, on_progress: Callable[[float], None] = lambda _: None) -> str:
-    """The text of `report.html`. Needs no network, no script and no font that is not there.
-
-    Args:
-        on_progress: told the share done.
-    """
-    sections = _sections(study, on_progress)
+def page(study: Study, sections: Sequence[Section]) -> str:
+    """The text of `report.html`. Needs no network, no script and no font that is not there."""
     environment = Environment(
         loader=PackageLoader("pavetwin.experiments.report", "."),
         autoescape=True,
@@ -93,7 +88,12 @@ def design_text(design: Mapping[str, Any]) -> str:
     ).rstrip()
 
 
-def _sections(study: Study, on_progress: Callable[[float], None]) -> list[Section]:
+def sections_of(study: Study, on_progress: Callable[[float], None] = lambda _: None) -> list[Section]:
+    """What the page holds under its head, with every figure drawn.
+
+    Args:
+        on_progress: told the share done.
+    """
     groups, count = shown_groups(study, MOST_GROUPS)
     builders = (whole.effects_section, whole.streets_section, whole.failures_section)
     steps: list[Callable[[], Sequence[Section]]] = [
@@ -123,6 +123,11 @@ def _group(group: Group, at: int) -> list[Section]:
         return list(group_sections(group, ""))
     title = f"Results: {group.title}"
     return [Section(f"results-{at}", title, (), list(group_sections(group, f"results-{at}-", brief=at > MOST_WHOLE)))]
+
+
+def figures(sections: Sequence[Section]) -> list[Picture]:
+    """In the order of their numbers."""
+    return [block for block in _blocks(sections) if isinstance(block, Picture)]
 
 
 def _left_out(count: int) -> Section:

@@ -1,7 +1,9 @@
 """What a page is put together from, as plain values: sections of paragraphs, lists, tables and pictures."""
 
+from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from urllib.parse import quote
 
 Lines = Sequence[str]
 
@@ -50,10 +52,20 @@ class Table:
 class Picture:
     caption: str
     alt: str
-    source: str
-    """A data URI: the page loads nothing."""
+    content: bytes
+    """Of its file."""
+    suffix: str
+    """svg or png."""
     width_px: int
     height_px: int
+
+    @property
+    def source(self) -> str:
+        """A data URI: the page loads nothing."""
+        if self.suffix == "svg":
+            text = self.content.decode().replace('"', "'")
+            return "data:image/svg+xml," + quote(text, safe=" =:/;,()'@!*+")
+        return f"data:image/{self.suffix};base64,{b64encode(self.content).decode('ascii')}"
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,14 @@ from pavetwin.experiments.report.study import Study
 from pavetwin.files import writing
 
 
-def write_report(study: Study, folder: Path, on_progress: Callable[[float], None] | None = None) -> list[Path]:
+def write_report(
+    study: Study, folder: Path, on_progress: Callable[[float], None] | None = None, *, figures: bool = False
+) -> list[Path]:
     """Write `report.html`, `table.csv`, `table.md` and `table.tex` into `folder`. The same study gives the same bytes.
 
     Args:
         on_progress: told the share done.
+        figures: write each figure also as a file of its own, `figures/figure-N.svg`; maps as PNG.
 
     Returns:
         The files.
@@ -20,18 +23,21 @@ def write_report(study: Study, folder: Path, on_progress: Callable[[float], None
     Raises:
         PaveTwinError: one cannot be written; it is then as it was before.
     """
-    from pavetwin.experiments.report.page import page
+    from pavetwin.experiments.report import page
 
     tell = on_progress or (lambda _: None)
-    texts = {
-        "table.csv": tables.csv(study.summary),
-        "table.md": tables.markdown(study),
-        "table.tex": tables.latex(study),
-        "report.html": page(study, tell),
+    sections = page.sections_of(study, tell)
+    files = {
+        "report.html": page.page(study, sections).encode(),
+        "table.csv": tables.csv(study.summary).encode(),
+        "table.md": tables.markdown(study).encode(),
+        "table.tex": tables.latex(study).encode(),
     }
-    paths = [folder / name for name in texts]
-    for path, text in zip(paths, texts.values(), strict=True):
-        with writing(path) as temporary:
-            temporary.write_text(text, encoding="utf-8", newline="")
+    if figures:
+        drawn = enumerate(page.figures(sections), start=1)
+        files |= {f"figures/figure-{number}.{picture.suffix}": picture.content for number, picture in drawn}
+    for name, content in files.items():
+        with writing(folder / name) as temporary:
+            temporary.write_bytes(content)
     tell(1.0)
-    return [paths[-1], *paths[:-1]]
+    return [folder / name for name in files]
