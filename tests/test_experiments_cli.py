@@ -84,6 +84,25 @@ def test_a_recommendation_names_the_best_that_keeps_the_limits(place: Path) -> N
     assert done.stdout.count(" m  ") >= 4
 
 
+def test_wind_is_no_option_and_an_unfinished_study_says_so(place: Path) -> None:
+    values = yaml.safe_load((place / "study.yaml").read_text())
+    values |= {
+        "sweep": {"energy.wind_mps": [0, 8], "tau_o": [0.5, 0.9]},
+        "set": {"sensing.recall": 0.7},
+        "replicates": 2,
+    }
+    (place / "windy.yaml").write_text(yaml.safe_dump(values))
+    assert pavetwin("experiment", "run", "windy.yaml", "-o", "windy", folder=place).returncode == 0
+    next((place / "windy" / "segments.parquet").glob("*r00001*")).unlink()
+    done = pavetwin("experiment", "recommend", "windy", folder=place)
+    assert "only 1 of 2 replicates are flown" in done.stdout
+    assert "tau_o" in done.stdout.splitlines()[0]
+    assert "wind" not in done.stdout.splitlines()[0]
+    assert "average over" in done.stdout
+    assert pavetwin("experiment", "report", "windy", folder=place).returncode == 0
+    assert "Of 2 replicates 1 are flown so far" in (place / "windy" / "report.html").read_text()
+
+
 def test_limits_that_nothing_keeps_are_said_with_an_exit_code(place: Path) -> None:
     done = pavetwin("experiment", "recommend", "study", "--max-time", "1", folder=place)
     assert done.returncode == 1

@@ -111,6 +111,11 @@ def test_replicates_inspect_segments_independently() -> None:
         ({"sweep": {"tau_o": [0.5]}, "set": {"visibility.threshold": 0.6}}, "given twice, under sweep or set"),
         ({"worlds": ["a", "a"]}, "one of them is given twice"),
         ({"seed": -1}, "seed"),
+        ({"set": {"altitude_m": 12}}, "altitude_m is a factor; list its values under 'altitudes_m'"),
+        ({"set": {"sensing.sensor": "ideal"}}, "sensing.sensor is a factor; list its values under 'sensors'"),
+        ({"sweep": {"sensing.sensor": ["ideal"]}}, "list its values under 'sensors'"),
+        ({"worlds": [{"path": "a", "routes": ["r"]}], "densities": ["low"]}, "every world has routes of its own"),
+        ({"policies": []}, "policies: give at least one"),
         ({"worlds": [{"path": "a", "take_off_s": [0, 60]}]}, "take_off_s: only with routes"),
         ({"worlds": [{"path": "a", "routes": ["r"], "take_off_s": [60, 0]}]}, "the earliest comes first"),
         ({"defects": {"per_segmnt": 3}}, "per_segmnt"),
@@ -155,3 +160,10 @@ def test_what_is_no_design_is_said(tmp_path: Path, text: str, words: str) -> Non
         read_design(tmp_path / "d.yaml")
     with pytest.raises(PaveTwinError, match="experiment init"):
         read_design(tmp_path / "none.yaml")
+
+
+def test_the_design_of_a_study_s_folder_is_a_design(tmp_path: Path) -> None:
+    made = design(seed=9)
+    written = {"format": 1, "pavetwin": "0", "design": made.model_dump(mode="json")}
+    (tmp_path / "design.yaml").write_text(yaml.safe_dump(written), encoding="utf-8")
+    assert read_design(tmp_path / "design.yaml") == placed_at(made, tmp_path)

@@ -4,6 +4,7 @@ import hashlib
 import multiprocessing
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -289,6 +290,8 @@ def test_sql_over_the_table(reference: Path) -> None:
         ("select foo from segments", "could not be answered.*foo"),
         ("drop view segments", "no question"),
         ("???", "answered"),
+        ("copy segments to 'x.csv'", "no question"),
+        ("from read_csv('/etc/passwd')", "could not be answered"),
     ],
 )
 def test_a_question_that_is_none_is_said_in_a_line(reference: Path, sql: str, words: str) -> None:
@@ -301,15 +304,41 @@ def test_a_folder_without_a_study_is_said(tmp_path: Path) -> None:
         query(tmp_path, "from segments")
 
 
-def test_a_damaged_part_and_a_damaged_design_are_said(world: Path, tmp_path: Path) -> None:
-    run(small(world, replicates=1, densities=["low"]), tmp_path / "study", Single())
+def test_a_damaged_part_is_flown_anew(world: Path, tmp_path: Path) -> None:
+    design = small(world, replicates=1, densities=["low"])
+    run(design, tmp_path / "study", Single())
     (part,) = (tmp_path / "study" / "segments.parquet").iterdir()
-    part.write_bytes(b"PAR1 half")
-    with pytest.raises(PaveTwinError, match="is damaged; remove it"):
+    whole = part.read_bytes()
+    part.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(PaveTwinError, match="is damaged; run the study again"):
         Store(tmp_path / "study").table()
+    assert run(design, tmp_path / "study", Single()).flown == 4
+    assert part.read_bytes() == whole
+
+
+def test_a_part_in_another_s_place_is_not_counted_twice(reference: Path, tmp_path: Path) -> None:
+    shutil.copytree(reference, tmp_path / "study")
+    parts = Store(tmp_path / "study").parts()
+    shutil.copyfile(parts[0], parts[2])
+    with pytest.raises(PaveTwinError, match="holds another part of a study"):
+        Store(tmp_path / "study").table()
+
+
+def test_a_damaged_design_is_said(reference: Path, tmp_path: Path) -> None:
+    shutil.copytree(reference, tmp_path / "study")
     (tmp_path / "study" / "design.yaml").write_text("design: 3")
     with pytest.raises(PaveTwinError, match=r"design\.yaml"):
         Store(tmp_path / "study").table()
+
+
+def test_taking_off_after_one_s_own_demand_has_ended_is_a_failure(world: Path, tmp_path: Path) -> None:
+    edges = [lane.edge for lane in load_world(world).lanes if lane.kind == "driving"]
+    route = tmp_path / "short.rou.xml"
+    route.write_text(f'<routes><trip id="a" depart="0" from="{edges[0]}" to="{edges[0]}"/></routes>')
+    entry = {"path": str(world), "routes": [str(route)], "take_off_s": [500, 600]}
+    ran = run(small(world, worlds=[entry], densities=[], replicates=1), tmp_path / "study", Single())
+    assert len(ran.failures) == 1
+    assert "its demand has ended; mend take_off_s" in next(iter(ran.failures))
 
 
 def test_no_scheduler_is_said_in_a_line(world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -93,7 +93,7 @@ def test_too_few_replicates_are_said_to_be_too_few() -> None:
 
 def test_a_single_replicate_concludes_nothing() -> None:
     assert concluded(study(replicates=1)) == [
-        "Nothing could be compared with baseline: that takes pairs of missions in two replicates."
+        "Nothing could be compared with baseline: that takes missions of it and of another in the same two replicates."
     ]
 
 

@@ -10,6 +10,7 @@ from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
+    import polars as pl
     from rich.table import Table
 
     from pavetwin.experiments.design import Design
@@ -25,7 +26,7 @@ app = typer.Typer(
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a study.")]
 
 FAILED_CODE = 1
-MOST_REASONS = 5
+MOST_REASONS, MOST_COLUMNS = 5, 14
 
 
 @app.command()
@@ -44,11 +45,15 @@ def init(
     from pavetwin.experiments.design import preset_text
     from pavetwin.files import writing
 
-    text = preset_text(preset, world)
+    text, place = preset_text(preset, world), target.absolute().parent / world
     if target.exists() and not force:
         raise PaveTwinError(f"'{target}' exists already; choose another name or add --force to replace it.")
     with writing(target) as path:
         path.write_text(text, encoding="utf-8")
+    if not place.is_dir():
+        out.print(
+            f"[yellow]Note:[/] there is no world in {place} yet; the path is relative to the design.", soft_wrap=True
+        )
     out.print(
         f"Wrote {target}. Next: pavetwin experiment run {target} -o {target.with_suffix('')}",
         markup=False,
@@ -112,8 +117,10 @@ def query(
     if csv:
         out.file.write(answer.write_csv())
         return
+    if answer.width > MOST_COLUMNS:
+        out.print(f"{answer.width} columns, of which the first and last are shown; name those you want, or add --csv.")
     with pl.Config(
-        tbl_rows=60, tbl_cols=-1, tbl_width_chars=out.width, fmt_str_lengths=40, tbl_hide_dataframe_shape=True
+        tbl_rows=60, tbl_cols=MOST_COLUMNS, tbl_width_chars=out.width, fmt_str_lengths=40, tbl_hide_dataframe_shape=True
     ):
         out.print(str(answer), markup=False)
     out.print(f"{answer.height} rows", markup=False)
@@ -143,9 +150,7 @@ def report(
         study = gather(design.name, _plain(said), table, _worlds(design), seed=design.seed)
         place = output or folder
         written = write_report(study, place, lambda share: tell(share, "Writing the report"), figures=figures)
-    missing = design.replicates - table["replicate"].n_unique()
-    if missing:
-        out.print(f"[yellow]Note:[/] {missing} of {design.replicates} replicates are not flown yet.")
+    _note_unfinished(design, table)
     out.print("\n".join(study.conclusions), markup=False, soft_wrap=True)
     names = [str(path) for path in written if path.parent == place]
     drawn = [f"{len(written) - len(names)} files in {place}/figures/"] if figures else []
@@ -173,6 +178,7 @@ def recommend(
     pavetwin experiment recommend studies/first --traffic high --max-time 120
     pavetwin experiment recommend studies/first --max-energy 5 --min-coverage 80
     """
+    from pavetwin.experiments.design import ALIASES, ENVIRONMENT
     from pavetwin.experiments.metrics import REPLICATE
     from pavetwin.experiments.statistics import Limits
     from pavetwin.experiments.statistics import recommend as choose
@@ -187,17 +193,33 @@ def recommend(
                 raise PaveTwinError(f"--{option} {value}: the study has {', '.join(levels)}.")
             table = table.filter(table[column] == value)
     varied = table.columns[table.columns.index("altitude_m") : table.columns.index(REPLICATE)]
-    by = [name for name in varied if name in ("altitude_m", "policy") or table[name].n_unique() > 1]
+    design = store.design()
+    swept = zip(design.sweep_columns, design.sweep, strict=True)
+    given = {column for column, key in swept if ALIASES.get(key, key) in ENVIRONMENT}
+    by = [
+        name
+        for name in varied
+        if name in ("altitude_m", "policy") or (name not in given and table[name].n_unique() > 1)
+    ]
     limits = Limits(
         max_time_s=max_time,
         max_energy=None if max_energy is None else max_energy / 100,
         min_coverage=None if min_coverage is None else min_coverage / 100,
     )
-    chosen = choose(table, limits, by, seed=store.design().seed)
+    chosen = choose(table, limits, by, seed=design.seed)
     out.print(_options_table(chosen))
+    _note_unfinished(design, table)
     out.print("\n".join(chosen.sentences), markup=False, soft_wrap=True)
     if chosen.best is None:
         raise typer.Exit(FAILED_CODE)
+
+
+def _note_unfinished(design: "Design", table: "pl.DataFrame") -> None:
+    flown = table["replicate"].n_unique()
+    if flown < design.replicates:
+        out.print(
+            f"[yellow]Note:[/] only {flown} of {design.replicates} replicates are flown; `experiment run` goes on."
+        )
 
 
 def _options_table(chosen: "Recommendation") -> "Table":
@@ -232,7 +254,16 @@ def _span(row: dict[str, Any], name: str, scale: float) -> str:
 
 def _plain(said: dict[str, Any]) -> dict[str, Any]:
     """What a report tells of a design."""
-    return {**said["design"], "version": said["pavetwin"], "worlds": list(said["worlds"])}
+    return {
+        **said["design"],
+        "version": said["pavetwin"],
+        "worlds": [_entry(world) for world in said["design"]["worlds"]],
+    }
+
+
+def _entry(world: dict[str, Any]) -> Any:
+    """A world as short as a design may name it."""
+    return world if world["routes"] else world["path"]
 
 
 def _worlds(design: "Design") -> "dict[str, World]":
@@ -276,5 +307,9 @@ def _say(ran: "Ran", folder: Path) -> None:
         out.print(f"[yellow]{failed} of {ran.table.height} segment missions failed:[/]")
         for reason, count in list(ran.failures.items())[:MOST_REASONS]:
             out.print(f"  {count} × {reason}", markup=False, soft_wrap=True)
-        out.print("Mend the cause and give the same command with --retry-failed.")
+        out.print(
+            "Mend the cause and give the same command with --retry-failed. A design, policy or routes file that was "
+            "changed makes another study: choose another folder; its recordings are kept.",
+            soft_wrap=True,
+        )
     out.print(f"Next: pavetwin experiment report {folder}", markup=False, soft_wrap=True)

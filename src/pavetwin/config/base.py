@@ -42,7 +42,7 @@ def describe(error: ValidationError) -> str:
     """The first complaint of a validation error, as `key: what is wrong`."""
     first = error.errors()[0]
     place = ".".join(str(part) for part in first["loc"])
-    message = first["msg"].removeprefix("Value error, ")
+    message = "give at least one" if first["type"] == "too_short" else first["msg"].removeprefix("Value error, ")
     given = first["input"]
     shown = f" (got {given!r})" if isinstance(given, str | int | float | bool) else ""
     return f"{place}: {message}{shown}" if place else message

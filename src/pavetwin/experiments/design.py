@@ -23,6 +23,12 @@ ALIASES: Final[Mapping[str, str]] = {
 }
 """Short names that a sweep understands, after the paper's notation; any other setting goes by its full name."""
 
+FACTOR_OF: Final[Mapping[str, str]] = {"altitude_m": "altitudes_m", "sensing.sensor": "sensors"}
+"""Settings that are factors by themselves."""
+
+ENVIRONMENT: Final = ("energy.wind_mps", "energy.wind_from_deg")
+"""Settings that no one chooses."""
+
 OWN_ROUTES: Final = "routes"
 """What stands for the traffic of a world whose demand is the user's own."""
 
@@ -94,6 +100,8 @@ class Design(Settings):
     def _fits(self) -> Self:
         if not self.densities and any(not world.routes for world in self.worlds):
             raise ValueError("densities: give at least one; only a world with routes of its own needs none")
+        if "densities" in self.model_fields_set and self.densities and all(world.routes for world in self.worlds):
+            raise ValueError("densities: every world has routes of its own, which take their place; give []")
         paths = [world.path for world in self.worlds]
         if len(set(paths)) < len(paths):
             raise ValueError("worlds: one of them is given twice")
@@ -104,6 +112,8 @@ class Design(Settings):
                 raise ValueError(f"sweep: '{key}' is not a setting to sweep{_instead(key)}")
             if len(set(values)) < len(values):
                 raise ValueError(f"sweep: a value of {key} is given twice")
+        if factors := [setting for setting in settings if setting in FACTOR_OF]:
+            raise ValueError(f"{factors[0]} is a factor; list its values under '{FACTOR_OF[factors[0]]}'")
         if twice := [setting for setting in settings if settings.count(setting) > 1]:
             raise ValueError(f"{twice[0]} is given twice, under sweep or set")
         return self
@@ -133,6 +143,8 @@ def read_design(path: Path) -> Design:
         ) from error
     except (yaml.YAMLError, UnicodeDecodeError, ValueError) as error:
         raise PaveTwinError(f"The design '{path}' is no YAML: {' '.join(str(error).split())}") from error
+    if isinstance(values, Mapping) and {"format", "design"} <= values.keys():
+        values = values["design"]  # of a study's folder
     if not isinstance(values, Mapping):
         raise PaveTwinError(f"The design '{path}' holds no keys; `pavetwin experiment init` writes one.")
     return placed_at(Design.parse(values, where=f"the design '{path}'"), path.absolute().parent)

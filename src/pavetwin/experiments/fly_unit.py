@@ -213,4 +213,8 @@ def _replay(plan: Plan, unit: Unit, world: World, entry: WorldEntry) -> Replay:
     density = None if unit.traffic == OWN_ROUTES else unit.traffic
     seed, take_off_s = plan.luck(unit.replicate).traffic, plan.take_off_s(unit)
     recording = record(world, density, seed, take_off_s + RECORDED_S * plan.design.segments, routes=routes)
+    if routes and not len(recording.after(take_off_s).agent):
+        raise PaveTwinError(
+            f"Nothing moves {take_off_s:.0f} s after the first departure: its demand has ended; mend take_off_s."
+        )
     return Replay(world, recording, routes, start_s=take_off_s)

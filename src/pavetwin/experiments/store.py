@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import polars as pl
+import pyarrow.parquet
 import yaml
 
 from pavetwin.errors import PaveTwinError
@@ -71,8 +72,8 @@ class Store:
         return Design.parse(self.description()["design"], where=str(self.folder / DESIGN))
 
     def missing(self, units: Iterable[Unit]) -> list[Unit]:
-        """Those that have no part yet."""
-        return [unit for unit in units if not self._part(unit).is_file()]
+        """Those that have no part yet, or a damaged one."""
+        return [unit for unit in units if not _is_whole(self._part(unit))]
 
     def write(self, unit: Unit, part: bytes) -> None:
         """Put a unit's part into the table."""
@@ -85,13 +86,7 @@ class Store:
         Raises:
             PaveTwinError: there is no study in the folder, or nothing of it was flown yet.
         """
-        found = [self._part(unit) for unit in units_of(self.design())]
-        there = [part for part in found if part.is_file()]
-        if not there:
-            raise PaveTwinError(
-                f"Nothing of the study in '{self.folder}' was flown yet; `pavetwin experiment run` goes on."
-            )
-        return there
+        return [self._part(unit) for unit in self._flown()]
 
     def table(self) -> pl.DataFrame:
         """The whole table, as far as it was flown.
@@ -100,18 +95,30 @@ class Store:
             PaveTwinError: nothing was flown yet, or a part is damaged.
         """
         tables = []
-        for part in self.parts():
+        for unit in self._flown():
+            part = self._part(unit)
             try:
-                tables.append(pl.read_parquet(part))
+                table = pl.read_parquet(part)
             except (OSError, pl.exceptions.PolarsError) as error:
-                raise PaveTwinError(f"'{part}' is damaged; remove it and run the study again.") from error
+                raise PaveTwinError(f"'{part}' is damaged; run the study again, which flies it anew.") from error
+            if table.select("replicate", "traffic").unique().rows() != [(unit.replicate, unit.traffic)]:
+                raise PaveTwinError(f"'{part}' holds another part of a study; remove it and run the study again.")
+            tables.append(table)
         return pl.concat(tables)
 
     def forget_failed(self) -> None:
         """Remove the parts in which a mission failed, so that they are flown again."""
         for part in (self.folder / PARTS).glob("*.parquet"):
-            if (pl.read_parquet(part, columns=[STATUS])[STATUS] == FAILED).any():
+            if _is_whole(part) and (pl.read_parquet(part, columns=[STATUS])[STATUS] == FAILED).any():
                 part.unlink()
+
+    def _flown(self) -> list[Unit]:
+        there = [unit for unit in units_of(self.design()) if self._part(unit).is_file()]
+        if not there:
+            raise PaveTwinError(
+                f"Nothing of the study in '{self.folder}' was flown yet; `pavetwin experiment run` goes on."
+            )
+        return there
 
     def _part(self, unit: Unit) -> Path:
         return self.folder / PARTS / f"{unit.name}.parquet"
@@ -136,18 +143,27 @@ def query(folder: Path, sql: str) -> pl.DataFrame:
     """
     import duckdb
 
-    parts = Store(folder).parts()
+    table = Store(folder).table().to_arrow()
     with duckdb.connect() as connection:
-        files = ", ".join("'" + str(part).replace("'", "''") + "'" for part in parts)
-        connection.execute(f"create view segments as select * from read_parquet([{files}])")
+        connection.register("segments", table)
+        connection.execute("set enable_external_access = false")
         try:
             kinds = {statement.type.name for statement in connection.extract_statements(sql)}
-            if not kinds or kinds - {"SELECT", "EXPLAIN", "MULTI", "COPY"}:
+            if not kinds or kinds - {"SELECT", "EXPLAIN", "MULTI"}:
                 raise PaveTwinError("That is no question: begin with SELECT or FROM segments.")
             found: pl.DataFrame = connection.sql(sql).pl()
         except duckdb.Error as error:
             raise PaveTwinError(f"The question could not be answered: {' '.join(str(error).split())}") from error
     return found
+
+
+def _is_whole(part: Path) -> bool:
+    """Whether a Parquet file is there, with its footer."""
+    try:
+        pyarrow.parquet.read_metadata(part)
+    except (OSError, pyarrow.ArrowException):
+        return False
+    return True
 
 
 def _description(plan: Plan) -> dict[str, Any]:

@@ -100,7 +100,7 @@ def _tail(metric: Metric, cell: Row | None) -> str:
 
 
 def _notes(rows: list[Row], usual: int, *, bold: bool) -> list[str]:
-    differing = any(0 < row["n"] != usual for row in rows)
+    differing = any(row["n"] != usual for row in rows)
     notes = [f"n = {usual} in each cell" + (" but where a number in brackets says otherwise." if differing else ".")]
     undefined, failed = (sum(row[name] or 0 for row in rows) for name in ("undefined", "failed"))
     if undefined:

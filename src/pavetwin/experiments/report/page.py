@@ -55,12 +55,15 @@ def design_words(study: Study) -> str:
     varied = [name for name in (*AXES, *study.others) if name in study.table and study.table[name].n_unique() > 1]
     parts = [f"{counted(len(study.levels(name)), *_plural(name))} ({_levels(study, name)})" for name in varied]
     design = " × ".join([*parts, counted(replicates(study), "replicate")])
+    planned = study.design.get("replicates")
+    flown = replicates(study)
+    so_far = f" Of {planned} replicates {flown} are flown so far." if planned and planned > flown else ""
     fixed = [f"{factor_text(name).lower()} {level_text(name, level)}" for name, level in constants(study).items()]
     same = f" The same throughout: {', '.join(fixed)}." if fixed else ""
     return (
-        f"{counted(study.table.height, 'segment mission')}: {design}.{same} A replicate has a street segment, traffic "
-        "and defects of its own, and every combination was flown over the same ones, so that policies and altitudes "
-        "are compared in pairs."
+        f"{counted(study.table.height, 'segment mission')}: {design}.{so_far}{same} A replicate has a street segment, "
+        "traffic and defects of its own, and every combination was flown over the same ones, so that policies and "
+        "altitudes are compared in pairs."
     )
 
 

@@ -26,6 +26,8 @@ from pavetwin.experiments.statistics.wording import (
 
 _COVERAGE, _TIME, _ENERGY = _MEASURED = ("coverage", "time_s", "energy")
 _SPOKEN = ("coverage", "time", "energy")
+_FEW: Final = 5
+"""With fewer missions resamples say nothing of how sure a choice is."""
 _SAME: Final = 1e-9
 """Coverages closer than this are equal: sums of the same shares in another order."""
 
@@ -166,7 +168,8 @@ def _breach(value: float, limit: float, name: str) -> float:
 def _sentences(table: pl.DataFrame, options: pl.DataFrame, by: Sequence[str], limits: Limits) -> list[str]:
     best, *others = options.to_dicts()
     expected = [f"{name} {_expected(best, column)}" for name, column in zip(_SPOKEN, _MEASURED, strict=True)]
-    sentences = [f"fly {_option(best, by)}: expected {listed(expected)} a segment", _how_sure(best, others, by)]
+    fly = f"fly {_option(best, by)}: expected {listed(expected)} a segment, the way there from the base included"
+    sentences = [fly, _how_sure(best, others, by), *_same(best, others, by)]
     return [opened(sentence) for sentence in [*sentences, *_warnings(best, limits), *_averaged(table, by)]]
 
 
@@ -211,12 +214,27 @@ def _expected(option: dict[str, Any], name: str) -> str:
 def _how_sure(best: dict[str, Any], others: Sequence[dict[str, Any]], by: Sequence[str]) -> str:
     if best["coverage_low"] is None:
         return "one replicate says nothing of how sure this is"
+    if not any(other["kept"] > 0 for other in others):
+        return "no other option keeps the limits" if others else "there is no other option"
+    if best["n"] < _FEW:
+        return f"{best['n']} missions an option are too few to say how sure this is: fly at least {_FEW} replicates"
     certainty = best["certainty"]
     word = "very sure" if certainty >= 0.95 else "fairly sure" if certainty >= 0.8 else "not sure"
     text = f"this is {word}: of all that keep the limits it is the best in {percent(certainty)} of the resamples"
     rivals = sorted((other for other in others if other["certainty"] >= 0.05), key=lambda other: -other["certainty"])
     named = [f"{_option(other, by)} in {percent(other['certainty'])}" for other in rivals[:3]]
     return f"{text}, {listed(named)}" if named else text
+
+
+def _same(best: dict[str, Any], others: Sequence[dict[str, Any]], by: Sequence[str]) -> list[str]:
+    """That options with the same coverage were told apart by what they cost."""
+    same = [_option(other, by) for other in others if other["feasible"] and _equal(best[_COVERAGE], other[_COVERAGE])]
+    return [f"{listed(same[:3])} found as much; the choice is by time, then by energy"] if same else []
+
+
+def _equal(one: float, other: float | None) -> bool:
+    """As they are printed."""
+    return other is not None and round(one, 3) == round(other, 3)
 
 
 def _refusal(by: Sequence[str], nearest: dict[str, Any] | None, broken: str | None, limits: Limits) -> list[str]:

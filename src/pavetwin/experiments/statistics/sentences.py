@@ -163,7 +163,10 @@ class _Claims:
     def hopeless(self) -> list[str]:
         """That even the clearest differences of so few replicates could pass no test after correction."""
         if not self.rows:
-            return [f"Nothing could be compared with {self.reference}: that takes pairs of missions in two replicates."]
+            return [
+                f"Nothing could be compared with {self.reference}: that takes missions of it and of another in the "
+                "same two replicates."
+            ]
         pairs = max(row["pairs"] for row in self.rows)
         if max(2.0 ** (1 - pairs), 1 / (FLIPS + 1)) * self.family < ALPHA:
             return []

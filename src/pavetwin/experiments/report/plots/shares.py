@@ -79,7 +79,7 @@ def _key() -> list[Patch | Line2D]:
         markeredgecolor=style.INK, label="ω² (partial)",
     )  # fmt: skip
     return [
-        Patch(color=style.BASE, label=f"η², p < {LEVEL:g}"),
+        Patch(color=style.BASE, label=f"η², p < {LEVEL:g} uncorrected"),
         Patch(color=_UNSURE, label=f"η², p ≥ {LEVEL:g}"),
         Patch(color=style.INK_FAINT, label="η², not a factor of the design"),
         diamond,
