@@ -142,6 +142,7 @@ class Disturbed(Engine):
         pytest.param(Cluster(jobs=2), id="dask"),
         pytest.param(Disturbed(Pool(2)), id="pool, a process killed"),
         pytest.param(Disturbed(Cluster(jobs=2)), id="dask, a worker killed"),
+        pytest.param(Disturbed(Cluster(jobs=1)), id="dask, its only worker killed"),
     ],
 )
 def test_the_same_bytes_whoever_flies(reference: Path, world: Path, tmp_path: Path, engine: Engine) -> None:

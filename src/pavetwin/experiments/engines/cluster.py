@@ -31,10 +31,10 @@ class Cluster(Engine):
         with self._client() as client:
             _check_workers(client, plan)
             hands = sum(client.nthreads().values())
-            shared, deaths = client.scatter(plan, broadcast=True, hash=False), Counter[Unit]()
+            deaths = Counter[Unit]()
 
             def submit(batch: list[Unit]) -> Any:
-                return client.submit(_fly_batch, shared, batch, pure=False)
+                return client.submit(_fly_batch, plan, batch, pure=False)
 
             futures = {submit(batch): batch for batch in in_batches(units, hands)}
             running = dask.as_completed(list(futures))
