@@ -242,3 +242,8 @@ def test_one_replicate_recommends_without_saying_how_sure() -> None:
 def test_limits_that_are_none_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(PaveTwinError, match="--m"):
         Limits(**wrong)
+
+
+@pytest.mark.parametrize(("replicates", "said"), [(1, False), (2, True), (9, True), (10, False)])
+def test_intervals_of_few_replicates_are_called_rough(replicates: int, said: bool) -> None:
+    assert any("are rough" in sentence for sentence in concluded(study(replicates=replicates))) is said

@@ -29,6 +29,9 @@ ALPHA: Final = 0.05
 EFFECT_ALPHA: Final = 0.01
 """The same of the factors that are named: small, since it adds to the other."""
 
+ENOUGH: Final = 10
+"""Replicates from which on intervals hold about what they promise."""
+
 _MAIN: Final = METRICS[0].name
 _SPOKEN: Final = (_MAIN, "time_s", "energy")
 _MOST = {_MAIN: 3, "time_s": 3, "energy": 1}
@@ -63,6 +66,7 @@ def conclusions(
         *claims.shown("energy", unless="time_s"),
         *claims.not_shown("time_s"),
         *claims.hopeless(),
+        *_few(summary),
         *_tail(summary, "wait_s", "waiting"),
         *(_tail(summary, "time_s", "time") if "wait_s" not in summary["metric"] else []),
         *_explained(effects),
@@ -253,6 +257,17 @@ def _explained(effects: pl.DataFrame) -> list[str]:
 def _term(name: str) -> str:
     factors = [factor_name(column) for column in name.split(TIMES)]
     return f"how {listed(factors)} act together" if len(factors) > 1 else factors[0]
+
+
+def _few(summary: pl.DataFrame) -> list[str]:
+    """That intervals of small samples are rough: what simulations showed stands in `bootstrap`."""
+    most = summary.filter(metric=_MAIN)["n"].max()
+    if not isinstance(most, int) or not 2 <= most < ENOUGH:
+        return []
+    return [
+        f"Intervals of {most} replicates are rough: they may miss the truth more often than they say, or reach where "
+        "no value can be."
+    ]
 
 
 def _missing(summary: pl.DataFrame) -> list[str]:
