@@ -37,7 +37,7 @@ def _across(study: Study, factor: str) -> Iterator[Block]:
     for rest, groups in list(sweeps.items())[:_MOST_SWEEPS]:
         names = [name for name in study.others if name != factor]
         words = ", ".join(f"{factor_text(n).lower()} {level_text(n, v)}" for n, v in zip(names, rest, strict=True))
-        for metric in (metric_named(name) for name in COMPARED[:2]):
+        for metric in (metric_named(name) for name in COMPARED):
             if metric not in study.metrics or len(groups) < 2:
                 continue
             yield vector(
