@@ -244,33 +244,40 @@ def test_traffic_that_cannot_be_recorded_fails_its_missions_only(
 def test_killed_at_twenty_moments_and_gone_on_it_is_the_same_study(
     reference: Path, world: Path, tmp_path: Path
 ) -> None:
-    """Every other time its recordings are gone too, so that it is killed while it records as well."""
+    """Half of them after some seconds, while it reads, records or flies its first; half some moments after another part
+    was written. Every third time its recordings are gone, so that it records again."""
     folder, moments = tmp_path / "study", random.Random(1)
     path = tmp_path / "design.yaml"
     path.write_text(yaml.safe_dump(small(world).model_dump(mode="json")))
-    command = "from pavetwin.cli import main; main()"
     arguments = ["experiment", "run", str(path), "-o", str(folder), "--jobs", "2"]
-    killed, wrote = 0, 0
+    killed = 0
     while killed < KILLS:
-        if killed % 2:
+        if killed % 3 == 0:
             for file in (world / "traffic").glob("*.parquet"):
                 file.unlink()
-        process = subprocess.Popen([sys.executable, "-c", command, *arguments], stderr=subprocess.DEVNULL)
-        time.sleep(moments.uniform(0.3, 6.0))
+        for part in _parts(folder)[2:]:  # so that there is always something left to be killed in
+            part.unlink()
+        before = len(_parts(folder))
+        command = [sys.executable, "-c", "from pavetwin.cli import main; main()", *arguments]
+        process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+        if killed % 2:
+            time.sleep(moments.uniform(0.3, 4.0))
+        else:
+            while len(_parts(folder)) == before and process.poll() is None:
+                time.sleep(0.01)
+            time.sleep(moments.uniform(0.0, 0.5))
         process.kill()
-        if process.wait() == -signal.SIGKILL:
-            killed += 1
-        parts = list((folder / "segments.parquet").glob("w*.parquet"))
-        wrote = max(wrote, len(parts))
-        for part in parts:
+        killed += process.wait() == -signal.SIGKILL
+        for part in _parts(folder):
             pl.read_parquet(part)
-        if len(parts) > 4:  # so that there is always something left to be killed in
-            for part in moments.sample(parts, 4):
-                part.unlink()
-    assert wrote > 0
+    assert _parts(folder) != []
     run(read_design(path), folder, Single())
     assert digests(folder) == digests(reference)
     assert [each.name for each in tmp_path.iterdir() if each.name.startswith(".")] == []
+
+
+def _parts(folder: Path) -> list[Path]:
+    return sorted((folder / "segments.parquet").glob("w*.parquet"))
 
 
 # --- The store and the rest -----------------------------------------------------------------------------------------
