@@ -39,16 +39,20 @@ class Gpu:
         made = self.device.create_texture(size=(*size_px, 1), format=format, usage=_TEXTURE.RENDER_ATTACHMENT | usage)
         return self._hold(made, size_px[0] * size_px[1] * (8 if format == "rgba16float" else 4))
 
-    def texture(self, layers: Sequence[UInt8], *, srgb: bool = False, levels: bool = True) -> Any:
+    def texture(
+        self, layers: Sequence[UInt8], *, srgb: bool = False, rooted: bool = False, levels: bool = True
+    ) -> Any:
         """A texture, or an array of them, to sample.
 
         Args:
             layers: each (rows, columns, channels) of 1, 2 or 4 channels; row 0 at v = 0.
             srgb: colours are sRGB-coded (a fourth channel never is).
+            rooted: so are they, and the texture is to hold their square roots, which the shader squares: lavapipe takes
+                twice as long to sample sRGB.
             levels: with all its halved levels.
         """
         rows, columns, channels = layers[0].shape
-        pyramids = [halved(layer, srgb=srgb) if levels else [layer] for layer in layers]
+        pyramids = [halved(layer, srgb=srgb, rooted=rooted) if levels else [layer] for layer in layers]
         made = self.device.create_texture(
             size=(columns, rows, len(layers)),
             format=_CHANNELS[channels] + ("-srgb" if srgb else ""),
@@ -101,23 +105,28 @@ class Gpu:
         return resource
 
 
-def halved(texels: UInt8, *, srgb: bool = False) -> list[UInt8]:
+def halved(texels: UInt8, *, srgb: bool = False, rooted: bool = False) -> list[UInt8]:
     """A texture (rows, columns, channels) and its levels, each half as wide and high, down to one texel."""
-    if not srgb and all(side & (side - 1) == 0 for side in texels.shape[:2]) and texels.shape[0] == texels.shape[1]:
+    if not (srgb or rooted) and all(side & (side - 1) == 0 for side in texels.shape[:2]) and texels.shape[0] == texels.shape[1]:
         return _quartered(texels)
-    levels = [texels]
     values = texels.astype(np.float32)
-    colours = min(texels.shape[2], 3) if srgb else 0
+    colours = min(texels.shape[2], 3) if srgb or rooted else 0
     values[..., :colours] = _LINEAR[texels[..., :colours]]
+
+    def stored() -> UInt8:
+        coded = values.copy()
+        linear = values[..., :colours]
+        coded[..., :colours] = 255 * np.sqrt(linear) if rooted else _coded(linear)
+        return np.asarray(coded + 0.5, dtype=np.uint8)
+
+    levels = [stored()]
     while values.shape[0] > 1 or values.shape[1] > 1:
         for axis in (0, 1):
             if values.shape[axis] > 1:
                 even = values.shape[axis] // 2 * 2
                 first, second = (values.take(range(start, even, 2), axis=axis) for start in (0, 1))
                 values = ((first + second) / 2).astype(np.float32)
-        coded = values.copy()
-        coded[..., :colours] = _coded(values[..., :colours])
-        levels.append((coded + 0.5).astype(np.uint8))
+        levels.append(stored())
     return levels
 
 

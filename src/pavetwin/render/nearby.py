@@ -14,6 +14,12 @@ from pavetwin.scene.view import View
 FAR_M: Final = 150.0
 """Nothing farther away is drawn."""
 
+CLEAR_SHARE: Final = 0.01
+"""Air over this share of the 1/e distance of haze is drawn as clear: 30 m on a fine day."""
+
+_STEEP: Final = math.cos(math.radians(50))
+"""Cosine to the vertical; ground that is seen less steeply may mirror what is near the horizon."""
+
 _WIDE_M: Final = 40.0
 """A view of more ground than this, from its middle, looks along a street; its shadows come from what it sees."""
 
@@ -88,3 +94,11 @@ def looks_beyond(view: View) -> bool:
     down = np.maximum(-rays[:, 2], 1e-9)
     away = np.linalg.norm(rays[:, :2], axis=1) * view.position[2] / down
     return bool((away > 0.8 * FAR_M).any())
+
+
+def looks_down(view: View, light: Light) -> bool:
+    """Whether all of a view is ground seen from above, and none of it through haze."""
+    width, height = view.size_px
+    rays = view.rays([[0, 0], [width, 0], [0, height], [width, height]])
+    steepness = float((-rays[:, 2] / np.linalg.norm(rays, axis=1)).min())
+    return steepness > _STEEP and bool(view.position[2] / steepness < CLEAR_SHARE * light.haze_m)

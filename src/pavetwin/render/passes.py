@@ -56,6 +56,8 @@ class Draws:
     """Of each agent, how coarse it is drawn; −1 where it is not."""
     sky: bool
     """Whether the picture reaches beyond the ground that is drawn."""
+    looks_down: bool
+    """Whether it is of the kind that `nearby.looks_down` tells of."""
 
 
 @dataclass(frozen=True)
@@ -141,22 +143,23 @@ def draw_light(
     render_pass.set_vertex_buffer(0, records)
     render_pass.set_bind_group(1, materials.leaves)
     # What stands above the ground first: what it hides need not be shaded.
-    for either, crowd in ((pipelines.near, draws.near), (pipelines.far, draws.far)):
+    lit = pipelines.lit[draws.looks_down]
+    for either, crowd in ((lit.near, draws.near), (lit.far, draws.far)):
         for mesh, count, first in crowd:
             render_pass.set_pipeline(either[mesh.skin])
             mesh.draw(render_pass, count, first, attributes=True)
-    render_pass.set_pipeline(pipelines.facade)
+    render_pass.set_pipeline(lit.facade)
     render_pass.set_bind_group(1, materials.facades)
     for tile, record in draws.tiles:
         if tile.facades is not None:
             tile.facades.draw(render_pass, 1, record, attributes=True)
     render_pass.set_bind_group(1, materials.ground)
-    render_pass.set_pipeline(pipelines.ground)
+    render_pass.set_pipeline(lit.ground)
     for tile, pavement, record in draws.grounds:
         if tile.ground is not None:
             render_pass.set_bind_group(2, pavement.shading)
             tile.ground.draw(render_pass, 1, record, attributes=True)
-    render_pass.set_pipeline(pipelines.patch)
+    render_pass.set_pipeline(lit.patch)
     for each in draws.patches:
         render_pass.set_bind_group(2, each.around.shading)
         render_pass.set_bind_group(3, each.patch.shading)

@@ -12,6 +12,7 @@ import wgpu
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.instances import LAYOUT
 from pavetwin.render.meshes import LAYOUTS, POSITIONS
+from pavetwin.render.nearby import CLEAR_SHARE
 from pavetwin.render.tiles import Layouts, texture_layout
 from pavetwin.scene.buildings import FACADE_REPEAT_M
 from pavetwin.scene.foliage import CUT
@@ -32,14 +33,22 @@ BySkin = tuple[Any, Any, Any]
 
 
 @dataclass(frozen=True)
-class Pipelines:
-    """Everything that is compiled."""
+class Lit:
+    """What is drawn with light and air before it."""
 
     ground: Any
     patch: Any
     near: BySkin
     far: BySkin
     facade: Any
+
+
+@dataclass(frozen=True)
+class Pipelines:
+    """Everything that is compiled."""
+
+    lit: tuple[Lit, Lit]
+    """For any view, and for those that `nearby.looks_down` tells of."""
     shade: Any
     sky: Any
     shadow: BySkin
@@ -68,11 +77,7 @@ def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
     detail_layout = texture_layout(gpu, "2d-array", "2d-array", samplers=1)
     facade_layout = texture_layout(gpu, "2d-array", samplers=1)
     leaf_layout = texture_layout(gpu, "2d", samplers=1)
-    lit, surface = ["common", "lighting"], ["common", "lighting", "ground_surface"]
-    numbers, repeat = _ground_numbers(details), f"const FACADE_REPEAT_M = {FACADE_REPEAT_M};\n"
-
-    def shaded(parts: list[str], layouts: list[Any], buffers: list[Any], extra: str = "", cull: str = "none") -> Any:
-        return _shaded(gpu, extra + _source(parts), [light_layout, *layouts], buffers, cull)
+    lit = ["common", "lighting"]
 
     def truth(parts: list[str], layouts: list[Any], buffers: list[Any], *, depth: bool, cull: str = "none") -> Any:
         return _truth(gpu, _source(["common", *parts]), [frame_layout, *layouts], buffers, depth, cull)
@@ -80,24 +85,34 @@ def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
     def shadow(parts: list[str], layouts: list[Any], buffers: list[Any], cull: str = "none") -> Any:
         return _shadow(gpu, _source(["common", *parts]), [frame_layout, *layouts], buffers, cull)
 
-    def by_skin(make: Callable[[str], Any], leaves: Any) -> BySkin:
-        return make("none"), make("back"), leaves
+    def lit_for(*, looks_down: bool) -> Lit:
+        def shaded(
+            parts: list[str], layouts: list[Any], buffers: list[Any], extra: str = "", cull: str = "none"
+        ) -> Any:
+            code = extra + _source([*lit, *parts])
+            return _shaded(gpu, code, [light_layout, *layouts], buffers, cull, looks_down=looks_down)
 
-    leaves = shaded([*lit, "model", "leaf", "leaf_light"], [leaf_layout], _buffers("leaf"))
+        numbers, repeat = _ground_numbers(details), f"const FACADE_REPEAT_M = {FACADE_REPEAT_M};\n"
+        leaves = shaded(["model", "leaf", "leaf_light"], [leaf_layout], _buffers("leaf"))
+        maps, holed = [detail_layout, tiles.maps], [detail_layout, tiles.maps, tiles.patch]
+        return Lit(
+            ground=shaded(["ground_surface", "ground"], maps, _buffers("ground"), numbers),
+            patch=shaded(["ground_surface", "patch"], holed, patch_buffers, numbers),
+            near=_by_skin(lambda cull: shaded(["model", "model_near"], [], _buffers("model"), cull=cull), leaves),
+            far=_by_skin(lambda cull: shaded(["model", "model_far"], [], _buffers("model"), cull=cull), leaves),
+            facade=shaded(["facade"], [facade_layout], _buffers("facade"), repeat),
+        )
+
     patch_buffers = [LAYOUT, POSITIONS, LAYOUTS["patch"]]
     return Pipelines(
-        ground=shaded([*surface, "ground"], [detail_layout, tiles.maps], _buffers("ground"), numbers),
-        patch=shaded([*surface, "patch"], [detail_layout, tiles.maps, tiles.patch], patch_buffers, numbers),
-        near=by_skin(lambda cull: shaded([*lit, "model", "model_near"], [], _buffers("model"), cull=cull), leaves),
-        far=by_skin(lambda cull: shaded([*lit, "model", "model_far"], [], _buffers("model"), cull=cull), leaves),
-        facade=shaded([*lit, "facade"], [facade_layout], _buffers("facade"), repeat),
+        lit=(lit_for(looks_down=False), lit_for(looks_down=True)),
         shade=_shade(gpu, _source([*lit, "shade"]), light_layout),
-        sky=shaded([*lit, "sky"], [], [], _beyond(details)),
-        shadow=by_skin(
+        sky=_shaded(gpu, _beyond(details) + _source([*lit, "sky"]), [light_layout], [], "none", looks_down=False),
+        shadow=_by_skin(
             lambda cull: shadow(["shadow"], [], [LAYOUT, POSITIONS], cull),
             shadow(["leaf", "shadow_leaf"], [leaf_layout], _buffers("leaf")),
         ),
-        truth=by_skin(
+        truth=_by_skin(
             lambda cull: truth(["truth"], [], [LAYOUT, POSITIONS], depth=True, cull=cull),
             truth(["leaf", "truth_leaf"], [leaf_layout], _buffers("leaf"), depth=True),
         ),
@@ -113,14 +128,18 @@ def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
     )
 
 
+def _by_skin(make: Callable[[str], Any], leaves: Any) -> BySkin:
+    return make("none"), make("back"), leaves
+
+
 def _buffers(material: str) -> list[Any]:
     return [LAYOUT, POSITIONS, LAYOUTS[material]]
 
 
 def _source(parts: list[str]) -> str:
     folder = files("pavetwin.render") / "wgsl"
-    cut = f"const LEAF_CUT = {CUT};\n" if "leaf" in parts else ""
-    return cut + "\n".join((folder / f"{part}.wgsl").read_text(encoding="utf-8") for part in parts)
+    numbers = f"const LEAF_CUT = {CUT};\nconst CLEAR_SHARE = {CLEAR_SHARE};\n"
+    return numbers + "\n".join((folder / f"{part}.wgsl").read_text(encoding="utf-8") for part in parts)
 
 
 def _beyond(details: dict[GroundKind, Detail]) -> str:
@@ -178,15 +197,16 @@ def _light_layout(gpu: Gpu) -> Any:
     return gpu.device.create_bind_group_layout(entries=[_frame_entry(), *entries])
 
 
-def _shaded(gpu: Gpu, code: str, layouts: list[Any], buffers: list[Any], cull: str) -> Any:
+def _shaded(gpu: Gpu, code: str, layouts: list[Any], buffers: list[Any], cull: str, *, looks_down: bool) -> Any:
     module = gpu.device.create_shader_module(code=code)
+    stage = {"module": module, "constants": {"looks_down": looks_down}}
     return gpu.device.create_render_pipeline(
         layout=gpu.device.create_pipeline_layout(bind_group_layouts=layouts),
-        vertex={"module": module, "entry_point": "vertex", "buffers": buffers},
+        vertex=stage | {"entry_point": "vertex", "buffers": buffers},
         primitive={"topology": "triangle-list", "cull_mode": cull},
         # Depth falls with distance: nearly even precision from 0.1 m to the horizon.
         depth_stencil={"format": DEPTH_FORMAT, "depth_write_enabled": True, "depth_compare": "greater-equal"},
-        fragment={"module": module, "entry_point": "fragment", "targets": [{"format": LIGHT_FORMAT}]},
+        fragment=stage | {"entry_point": "fragment", "targets": [{"format": LIGHT_FORMAT}]},
     )
 
 

@@ -26,6 +26,9 @@ SHADOW_TEXEL_PX: Final = 0.8
 SHADOW_REACH_M: Final = 60.0
 """Level views have shadows up to this distance [m]."""
 
+_HARMONICS: Final = np.array([0.282095, *[0.488603] * 3, 1.092548, 1.092548, 0.315392, 1.092548, 0.546274])
+"""Of the real spherical harmonics, beside their polynomials in the normal."""
+
 _SHADOW_DEPTH_M: Final = 400.0
 _RECEIVER_M: Final = 4.0
 """Shadows fall on the ground and on what stands up to this height [m]."""
@@ -36,7 +39,7 @@ FRAME_INFO: Final = np.dtype(
         ("to_shadow", "f4", (4, 4)),
         ("to_sun", "f4", 4),
         ("sun", "f4", 4),
-        ("sky", "f4", (9, 4)),
+        ("sky", "f4", (7, 4)),
         ("camera", "f4", 4),
         ("axis", "f4", 4),
         ("drift", "f4", 4),
@@ -136,10 +139,12 @@ def frame_info(view: View, light: Light, shadow: ShadowFit, *, readout_s: float)
     info["to_sun"][0, :3] = light.to_sun
     info["to_sun"][0, 3] = _SHADOW_DEPTH_M * math.tan(SUN_RADIUS_RAD) / shadow.texel_m
     info["sun"][0, :3], info["sun"][0, 3] = light.sun_klux, shadow.texel_m
-    info["sky"][0, :, :3] = light.sky_irradiance
+    # By channel; the last one's factors of all three come last.
+    waves = light.sky_irradiance * _HARMONICS[:, None]
+    info["sky"][0, :6] = waves[:8].T.reshape(6, 4)
+    info["sky"][0, 6, :3] = waves[8]
     info["camera"][0, :3], info["camera"][0, 3] = view.position, 1 / view.focal_px
-    # Koschmieder: a contrast of 2 % is left at the visibility.
-    info["axis"][0, :3], info["axis"][0, 3] = view.rotation[:, 2], light.visibility_m / math.log(50)
+    info["axis"][0, :3], info["axis"][0, 3] = view.rotation[:, 2], light.haze_m
     info["drift"][0] = -(clip @ np.append(view.velocity_mps, 0.0))
     info["shutter"][0, 0] = readout_s
     return info

@@ -17,7 +17,7 @@ from pavetwin.render.gpu import Gpu
 from pavetwin.render.instances import Crowd, Parts, Records
 from pavetwin.render.levels import coarser, level_of, skin_of
 from pavetwin.render.meshes import GpuMesh, upload_model
-from pavetwin.render.nearby import FAR_M, ground_seen, looks_beyond, tile_seen, wanted_keys
+from pavetwin.render.nearby import FAR_M, ground_seen, looks_beyond, looks_down, tile_seen, wanted_keys
 from pavetwin.render.passes import (
     Draws,
     Materials,
@@ -164,7 +164,7 @@ class Renderer:
 
     def _upload_materials(self, details: Mapping[GroundKind, Any]) -> Materials:
         in_order = [details[kind] for kind in GroundKind]
-        colour = self.gpu.texture([detail.reflectance for detail in in_order], srgb=True)
+        colour = self.gpu.texture([detail.reflectance for detail in in_order], rooted=True)
         relief = self.gpu.texture([detail.relief for detail in in_order])
         facades = self.gpu.texture(list(self.scene.facade_textures), srgb=True)
         repeat = self.gpu.device.create_sampler(**_SMOOTH, address_mode_u="repeat", address_mode_v="repeat")
@@ -342,7 +342,8 @@ class Renderer:
         rimmed = (relative @ bounds.T > -2 * crowd.radius[:, None] - 1).all(axis=1) & (ahead < SHADE_FAR_M)
         shades = records.add_shades(crowd.only(np.flatnonzero(rimmed)), self._parts)
         levels = np.where(inside, level, -1)[:shown]
-        return Draws(seen, grounds, patches, near, far, casters, shades, levels, looks_beyond(view))
+        down = looks_down(view, light)
+        return Draws(seen, grounds, patches, near, far, casters, shades, levels, looks_beyond(view), down)
 
 
 def _moves(

@@ -112,6 +112,11 @@ class Light:
         elevation, azimuth = sun_position(when, latitude_deg=latitude_deg, longitude_deg=longitude_deg)
         return cls(elevation, azimuth, cloud_cover, turbidity, visibility_m)
 
+    @property
+    def haze_m(self) -> float:
+        """The distance at which haze leaves 1/e of a contrast."""
+        return self.visibility_m / math.log(50)
+
     @cached_property
     def to_sun(self) -> Array:
         """(3,) unit vector towards the sun."""

@@ -6,7 +6,7 @@ struct FrameInfo {
     to_shadow: mat4x4f,       // from positions relative to the camera to the shadow map: u, v, depth
     to_sun: vec4f,            // xyz unit, w: spread of the sun's half shadow [texels a metre between caster and ground]
     sun: vec4f,               // rgb [klx], w: texel of the shadow map [m]
-    sky: array<vec4f, 9>,     // irradiance [klx], spherical harmonics
+    sky: array<vec4f, 7>,     // irradiance [klx] by the normal x, y, z: for r, g, b each (1, y, z, x), (xy, yz, 3z² − 1, xz); rgb of x² − y²
     camera: vec4f,            // world position, w: metres a pixel at 1 m along the axis
     axis: vec4f,              // the camera's axis in the world, w: 1/e distance of haze [m]
     drift: vec4f,             // clip-space change for each second the camera moves on, w of it too
@@ -50,6 +50,11 @@ fn project(relative: vec3f, velocity: vec3f) -> vec4f {
         at = still + drift * (row * frame.shutter.x);
     }
     return at;
+}
+
+// Side of a pixel where a point is [m].
+fn pixel_at(relative: vec3f) -> f32 {
+    return dot(relative, frame.axis.xyz) * frame.camera.w;
 }
 
 fn unpack_normal(packed: vec4u) -> vec3f {

@@ -1,6 +1,6 @@
 // How ground looks: the formula of scene/ground/compose.py, step by step. The numbers come from there by `GROUND`.
 
-@group(1) @binding(0) var detail_colour: texture_2d_array<f32>;   // reflectance, hold of paint
+@group(1) @binding(0) var detail_colour: texture_2d_array<f32>;   // roots of reflectance, hold of paint
 @group(1) @binding(1) var detail_relief: texture_2d_array<f32>;   // normal x, y, height, roughness
 @group(1) @binding(2) var repeat_sampler: sampler;
 @group(2) @binding(0) var weathering_map: texture_2d<f32>;        // tone, stain, dust, polish
@@ -22,6 +22,7 @@ fn detail_at(kind: u32, uv: vec2f, footprint: f32) -> Detail {
     let lod = log2(max(footprint * f32(textureDimensions(detail_colour).x), 1.0));
     var found: Detail;
     found.colour = textureSampleLevel(detail_colour, repeat_sampler, uv, layer, lod);
+    found.colour = vec4f(found.colour.rgb * found.colour.rgb, found.colour.a);
     found.relief = textureSampleLevel(detail_relief, repeat_sampler, uv, layer, lod);
     found.relief = vec4f((found.relief.xy * 255.0 - 128.0) / 127.0, found.relief.zw);
     return found;
@@ -48,8 +49,8 @@ fn edge_share(distance: f32, height: f32, edge: f32, footprint: f32) -> f32 {
     return smoothstep(-e, e, distance + RAGGED_M * (height - 0.5));
 }
 
-fn ground_surface(kind: u32, uv: vec2f, local: vec2f, world: vec2f, footprint: f32) -> Surface {
-    let size = detail_size(kind);
+// `size`: of the kind's detail, metres.
+fn ground_surface(kind: u32, size: f32, uv: vec2f, local: vec2f, world: vec2f, footprint: f32) -> Surface {
     // One sample or the other, never both: samples are what the ground costs.
     let second = (LOOSE_KINDS >> kind & 1u) == 1u && second_share(world) > grain_luck(local);
     let turn = select(vec2f(1.0, 0.0), vec2f(SECOND_COS, SECOND_SIN), second);
@@ -96,16 +97,15 @@ fn ground_surface(kind: u32, uv: vec2f, local: vec2f, world: vec2f, footprint: f
     return out;
 }
 
-// What a rough, mostly level surface sends to the camera.
-fn ground_radiance(surface: Surface, n: vec3f, flat_n: vec3f, relative: vec3f, open: f32, pixel: vec2f) -> vec3f {
+// What a rough, mostly level surface sends to the camera. `lit`: how much of the sun reaches it.
+fn ground_radiance(surface: Surface, n: vec3f, relative: vec3f, lit: f32, open: f32) -> vec3f {
     let v = normalize(-relative);
-    let lit = sunlight(relative, flat_n, pixel_jitter(pixel));
-    let facing = max(dot(n, frame.to_sun.xyz), 0.0);
-    var radiance = surface.albedo / PI * (frame.sun.rgb * (lit * facing) + sky_irradiance(n) * open);
+    let facing = max(dot(n, lamp.to_sun.xyz), 0.0);
+    var radiance = surface.albedo / PI * (lamp.sun.rgb * (lit * facing) + sky_irradiance(n) * open);
     let f0 = vec3f(0.04);
-    if (lit > 0.0) { radiance += glint(n, v, surface.roughness, f0) * frame.sun.rgb * lit; }
+    if (lit > 0.0) { radiance += glint(n, v, surface.roughness, f0) * lamp.sun.rgb * lit; }
     let nv = max(dot(n, v), 0.02);
-    if (nv < 0.5) {
+    if (!looks_down && nv < 0.5) {
         radiance += mirrored(nv, surface.roughness, f0) * surroundings(reflect(-v, n), surface.roughness) * open;
     } else {
         radiance += mirrored(nv, surface.roughness, f0) * sky_irradiance(n) * (open / PI);
@@ -114,8 +114,7 @@ fn ground_radiance(surface: Surface, n: vec3f, flat_n: vec3f, relative: vec3f, o
 }
 
 // Side of a pixel's footprint on the ground [m]: between its short and its long side where the view is slanted.
-fn footprint_of(relative: vec3f, n: vec3f) -> f32 {
-    let distance = length(relative);
-    let slant = max(abs(dot(relative, n)) / distance, 0.02);
-    return dot(relative, frame.axis.xyz) * frame.camera.w * inverseSqrt(slant);
+fn footprint_of(relative: vec3f, n: vec3f, pixel: f32) -> f32 {
+    let slant = max(abs(dot(relative, n)) / length(relative), 0.02);
+    return pixel * inverseSqrt(slant);
 }

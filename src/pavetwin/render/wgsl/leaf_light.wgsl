@@ -17,9 +17,10 @@ struct Seen {
 }
 
 @vertex fn vertex(at: Instance, in: Vertex, @location(14) uv: vec2f) -> Seen {
+    lamp = lamp_of_frame();
     let leaf = model_vertex(at, in);
-    let l = frame.to_sun.xyz;
-    let lit = frame.sun.rgb * sunlight(leaf.relative + CLEAR_OF_TWIG_M * l, l, 0.0);
+    let l = lamp.to_sun.xyz;
+    let lit = lamp.sun.rgb * sun_on(leaf.relative + CLEAR_OF_TWIG_M * l, l, 0.0);
     let slope = (dot(leaf.normal, l) + WRAP) / (1.0 + WRAP);
     let sun = lit * (max(slope, 0.0) + THROUGH * max(-slope, 0.0));
     let sky = sky_irradiance(leaf.normal) + THROUGH * sky_irradiance(-leaf.normal);

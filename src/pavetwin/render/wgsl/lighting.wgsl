@@ -2,6 +2,10 @@
 
 const PI = 3.14159265;
 
+// For pictures that look down from nearby, known before they are drawn: no haze, no mirror seen at a slant. A processor
+// does both sides of an `if`, but only one of this.
+override looks_down: bool = false;
+
 @group(0) @binding(1) var shadow_map: texture_depth_2d;
 @group(0) @binding(2) var shadow_compare: sampler_comparison;
 @group(0) @binding(3) var sky_map: texture_2d<f32>;     // rows from the zenith to the horizon and on to the nadir
@@ -9,13 +13,27 @@ const PI = 3.14159265;
 @group(0) @binding(5) var sky_sampler: sampler;     // wraps around the horizon
 @group(0) @binding(6) var nearest_sampler: sampler;
 
+// What of the frame light is worked out from. lavapipe (Mesa 22.3) reads a buffer's numbers once for each pixel of eight:
+// where pixels are many, corners hand these on.
+struct Lamp {
+    to_sun: vec4f,
+    sun: vec4f,
+    sky: array<vec4f, 7>,
+}
+
+var<private> lamp: Lamp;
+
+fn lamp_of_frame() -> Lamp {
+    return Lamp(frame.to_sun, frame.sun, frame.sky);
+}
+
 fn sky_irradiance(n: vec3f) -> vec3f {
-    let s = &frame.sky;
-    var e = (*s)[0].rgb * 0.282095;
-    e += (*s)[1].rgb * (0.488603 * n.y) + (*s)[2].rgb * (0.488603 * n.z) + (*s)[3].rgb * (0.488603 * n.x);
-    e += (*s)[4].rgb * (1.092548 * n.x * n.y) + (*s)[5].rgb * (1.092548 * n.y * n.z);
-    e += (*s)[6].rgb * (0.315392 * (3.0 * n.z * n.z - 1.0)) + (*s)[7].rgb * (1.092548 * n.x * n.z);
-    e += (*s)[8].rgb * (0.546274 * (n.x * n.x - n.y * n.y));
+    let first = vec4f(1.0, n.y, n.z, n.x);
+    let second = vec4f(n.x * n.y, n.y * n.z, 3.0 * n.z * n.z - 1.0, n.x * n.z);
+    var e = lamp.sky[6].rgb * (n.x * n.x - n.y * n.y);
+    e.r += dot(lamp.sky[0], first) + dot(lamp.sky[1], second);
+    e.g += dot(lamp.sky[2], first) + dot(lamp.sky[3], second);
+    e.b += dot(lamp.sky[4], first) + dot(lamp.sky[5], second);
     return max(e, vec3f(0.0));
 }
 
@@ -27,24 +45,22 @@ fn surroundings(direction: vec3f, roughness: f32) -> vec3f {
 }
 
 // Where a point is looked up, a little before its surface, so that this does not shade itself.
-fn in_shadow_map(relative: vec3f, normal: vec3f, slope: f32) -> vec3f {
+fn in_shadow_map(relative: vec3f, normal: vec3f) -> vec3f {
+    let slope = max(dot(normal, frame.to_sun.xyz), 0.0);
     let lifted = relative + normal * (frame.sun.w * (1.0 + 1.5 * (1.0 - slope)));
     return (frame.to_shadow * vec4f(lifted, 1.0)).xyz;
 }
 
 // How much of the sun reaches a point, with a single, filtered look: for what is too faint to show the edge of a shadow.
-fn sun_tap(relative: vec3f, normal: vec3f) -> f32 {
-    let at = in_shadow_map(relative, normal, max(dot(normal, frame.to_sun.xyz), 0.0));
+fn sun_tap(at: vec3f) -> f32 {
     let inside = all(at.xy > vec2f(0.002)) && all(at.xy < vec2f(0.998));
     return select(1.0, textureSampleCompareLevel(shadow_map, shadow_compare, at.xy, at.z), inside);
 }
 
 // The same with soft edges: the half shadow widens with the distance of what casts it (Fernando 2005,
-// Percentage-Closer Soft Shadows), `jitter` turns the samples from pixel to pixel.
-fn sunlight(relative: vec3f, normal: vec3f, jitter: f32) -> f32 {
-    let slope = dot(normal, frame.to_sun.xyz);
-    if (slope <= 0.0) { return 0.0; }
-    let at = in_shadow_map(relative, normal, slope);
+// Percentage-Closer Soft Shadows), `jitter` turns the samples from pixel to pixel. `pixel`: its side there [m].
+fn sunlight(at: vec3f, normal: vec3f, pixel: f32, jitter: f32) -> f32 {
+    if (dot(normal, lamp.to_sun.xyz) <= 0.0) { return 0.0; }
     if (any(at.xy < vec2f(0.002)) || any(at.xy > vec2f(0.998))) { return 1.0; }
     let texel = 1.0 / f32(textureDimensions(shadow_map).x);
     let turn = vec2f(cos(jitter), sin(jitter));
@@ -58,13 +74,18 @@ fn sunlight(relative: vec3f, normal: vec3f, jitter: f32) -> f32 {
     // In the open the loop does not run: a processor skips loops, but does both sides of an `if`.
     let taps = select(0, 6, blockers > 0.0);
     // Where a texel covers many pixels its corners would be the teeth of a saw; wider, level ground would shade itself.
-    let least = clamp(0.3 * frame.sun.w / (length(relative) * frame.camera.w), 0.6, 1.4);
-    let radius = clamp(nearer / max(blockers, 1.0) * frame.to_sun.w, least, 12.0) * texel;
+    let least = clamp(0.3 * lamp.sun.w / pixel, 0.6, 1.4);
+    let radius = clamp(nearer / max(blockers, 1.0) * lamp.to_sun.w, least, 12.0) * texel;
     var dark = 0.0;
     for (var k = 0; k < taps; k++) {
         dark += 1.0 - textureSampleCompareLevel(shadow_map, shadow_compare, at.xy + disc(k, 6.0, turn) * radius, at.z);
     }
     return 1.0 - dark / 6.0;
+}
+
+// The same for what is lit by what the frame says.
+fn sun_on(relative: vec3f, normal: vec3f, jitter: f32) -> f32 {
+    return sunlight(in_shadow_map(relative, normal), normal, pixel_at(relative), jitter);
 }
 
 // Vogel's disc: k-th of n points, turned.
@@ -81,7 +102,7 @@ fn pixel_jitter(pixel: vec2f) -> f32 {
 
 // GGX with Smith's visibility in Hammon's approximation, for the sun's mirror image: its share of the sun's illuminance.
 fn glint(n: vec3f, v: vec3f, roughness: f32, f0: vec3f) -> vec3f {
-    let l = frame.to_sun.xyz;
+    let l = lamp.to_sun.xyz;
     let h = normalize(l + v + 1e-5 * n);
     let nl = max(dot(n, l), 0.0);
     let nv = max(dot(n, v), 0.05);
@@ -90,7 +111,8 @@ fn glint(n: vec3f, v: vec3f, roughness: f32, f0: vec3f) -> vec3f {
     let d = nh * nh * (a * a - 1.0) + 1.0;
     let spread = a * a / (PI * d * d);
     let visible = 0.5 / mix(2.0 * nl * nv, nl + nv, a);
-    let fresnel = f0 + (1.0 - f0) * pow(clamp(1.0 - dot(v, h), 0.0, 1.0), 5.0);
+    let away = clamp(1.0 - dot(v, h), 0.0, 1.0);
+    let fresnel = f0 + (1.0 - f0) * (away * away * (away * away) * away);
     return fresnel * (spread * visible * nl);
 }
 
@@ -102,15 +124,18 @@ fn mirrored(nv: f32, roughness: f32, f0: vec3f) -> vec3f {
     return max(f0 * ab.x + ab.y, vec3f(0.0));
 }
 
+// What is left of a colour behind so much air. The nearest is as good as clear.
+fn through(distance: f32) -> f32 {
+    return exp(min(CLEAR_SHARE - distance / frame.axis.w, 0.0));
+}
+
 // Haze between the camera and a point; no more light than half floats hold.
 fn through_air(radiance: vec3f, relative: vec3f) -> vec3f {
-    let distance = length(relative);
     var seen = radiance;
-    // A loop for the same reason: near things have no haze before them.
-    for (var k = 0; k < select(0, 1, distance > 0.003 * frame.axis.w); k++) {
+    if (!looks_down) {
         let azimuth = atan2(relative.y, relative.x) / (2.0 * PI) + 0.5;
         let air = textureSampleLevel(sky_map, sky_sampler, vec2f(azimuth, 0.49), 2.0).rgb;
-        seen = mix(air, radiance, exp(-distance / frame.axis.w));
+        seen = mix(air, radiance, through(length(relative)));
     }
     return clamp(seen, vec3f(0.0), vec3f(60000.0));
 }

@@ -38,14 +38,15 @@ fn model_vertex(at: Instance, in: Vertex) -> Model {
 
 // Seen from both sides with the normals as they are: leaves are single sheets.
 fn model_radiance(model: Model, jitter: f32) -> vec3f {
+    lamp = lamp_of_frame();
     let v = normalize(-model.relative);
     let n = model.normal;
-    let lit = sunlight(model.relative, n, jitter);
+    let lit = sun_on(model.relative, n, jitter);
     let nv = max(dot(n, v), 0.02);
-    let sun = frame.sun.rgb * (lit * max(dot(n, frame.to_sun.xyz), 0.0));
+    let sun = lamp.sun.rgb * (lit * max(dot(n, lamp.to_sun.xyz), 0.0));
     var radiance = model.colour * (1.0 - model.metal) / PI * (sun + sky_irradiance(n)) + model.glow;
     let f0 = mix(vec3f(0.04), model.colour, model.metal);
     radiance += mirrored(nv, model.roughness, f0) * surroundings(reflect(-v, n), model.roughness);
-    radiance += glint(n, v, model.roughness, f0) * frame.sun.rgb * lit;
+    radiance += glint(n, v, model.roughness, f0) * lamp.sun.rgb * lit;
     return through_air(radiance, model.relative);
 }

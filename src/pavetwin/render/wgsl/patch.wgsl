@@ -17,6 +17,18 @@ struct Seen {
     @location(1) uv: vec2f,
     @location(2) local: vec2f,
     @location(3) along: vec2f,
+    @location(4) world: vec4f,      // east, north, up, and the side of a pixel there [m]
+    @location(5) shadow: vec3f,     // where it is in the shadow map
+    @location(6) @interpolate(flat) size: f32,          // of the asphalt's detail [m]
+    @location(7) @interpolate(flat) to_sun: vec4f,      // the lamp
+    @location(8) @interpolate(flat) sun: vec4f,
+    @location(9) @interpolate(flat) sky0: vec4f,
+    @location(10) @interpolate(flat) sky1: vec4f,
+    @location(11) @interpolate(flat) sky2: vec4f,
+    @location(12) @interpolate(flat) sky3: vec4f,
+    @location(13) @interpolate(flat) sky4: vec4f,
+    @location(14) @interpolate(flat) sky5: vec4f,
+    @location(15) @interpolate(flat) sky6: vec4f,
 }
 
 @vertex fn vertex(at: Instance, in: Vertex) -> Seen {
@@ -25,27 +37,41 @@ struct Seen {
     out.clip = project(out.relative, vec3f(0.0));
     out.uv = in.uv;
     out.local = in.position.xy;
+    out.world = vec4f(out.relative + frame.camera.xyz, pixel_at(out.relative));
+    out.shadow = in_shadow_map(out.relative, vec3f(0.0, 0.0, 1.0));
+    out.size = detail_size(0u);
+    out.to_sun = frame.to_sun;
+    out.sun = frame.sun;
+    out.sky0 = frame.sky[0];
+    out.sky1 = frame.sky[1];
+    out.sky2 = frame.sky[2];
+    out.sky3 = frame.sky[3];
+    out.sky4 = frame.sky[4];
+    out.sky5 = frame.sky[5];
+    out.sky6 = frame.sky[6];
     out.along = in.along;
     return out;
 }
 
 @fragment fn fragment(in: Seen) -> @location(0) vec4f {
+    lamp = Lamp(in.to_sun, in.sun, array<vec4f, 7>(in.sky0, in.sky1, in.sky2, in.sky3, in.sky4, in.sky5, in.sky6));
     let up = vec3f(0.0, 0.0, 1.0);
-    let footprint = footprint_of(in.relative, up);
-    let world = in.relative.xy + frame.camera.xy;
+    let footprint = footprint_of(in.relative, up, in.world.w);
+    let world = in.world.xy;
     let relief = textureSample(relief_map, smooth_sampler, in.uv);
     let across = vec2f(-in.along.y, in.along.x);
     // Grain lies on walls as on floors: it is laid on from the side where the surface is steep over a few centimetres.
     let mean = (textureSampleLevel(relief_map, smooth_sampler, in.uv, WALL_LEVEL).xy * 255.0 - 128.0) / 127.0;
     let facing = abs(in.along * mean.x + across * mean.y);
     let beside = select(world.x, world.y, facing.x > facing.y);
-    let grain = select(world, vec2f(beside, in.relative.z + frame.camera.z), length(facing) > 0.55);
-    var surface = ground_surface(0u, grain, in.local, world, footprint);
+    let grain = select(world, vec2f(beside, in.world.z), length(facing) > 0.55);
+    var surface = ground_surface(0u, in.size, grain, in.local, world, footprint);
     let bent = (relief.xy * 255.0 - 128.0) / 127.0;
     // Back from a unit normal to a slope, which adds.
     let slope = bent / sqrt(max(1.0 - dot(bent, bent), 0.02));
     let total = surface.slope + in.along * slope.x + across * slope.y;
     let n = normalize(vec3f(total, 1.0));
     surface.albedo = clamp(surface.albedo * (relief.z * (255.0 / 128.0)), vec3f(0.0), vec3f(1.0));
-    return vec4f(ground_radiance(surface, n, up, in.relative, relief.w, in.clip.xy), 1.0);
+    let lit = sunlight(in.shadow, up, in.world.w, pixel_jitter(in.clip.xy));
+    return vec4f(ground_radiance(surface, n, in.relative, lit, relief.w), 1.0);
 }

@@ -13,6 +13,11 @@ struct Seen {
     @location(1) local: vec2f,                        // metres from the middle of the footprint, along its axes
     @location(2) @interpolate(flat) half: vec2f,      // of the footprint [m]
     @location(3) @interpolate(flat) body: vec4f,      // height of its top, of its underside [m], 1 for a crown, margin [m]
+    @location(4) shadow: vec3f,                       // where it is in the shadow map
+    @location(5) @interpolate(flat) east: vec3f,      // what a step between looks is there, 0 for a single look
+    @location(6) @interpolate(flat) north: vec3f,
+    @location(7) @interpolate(flat) sky: vec3f,       // what level ground has of it
+    @location(8) @interpolate(flat) sun: vec3f,
 }
 
 // Tints carry, in the model's own units: middle and half size of the footprint; top, underside, 1 for a crown, margin.
@@ -32,6 +37,15 @@ struct Seen {
     out.local = corner * reach * stretch.xy;
     out.half = at.tint1.zw * stretch.xy;
     out.body = vec4f(at.tint2.xy * stretch.z, at.tint2.zw);
+    lamp = lamp_of_frame();
+    let up = vec3f(0.0, 0.0, 1.0);
+    out.sky = sky_irradiance(up);
+    out.sun = lamp.sun.rgb * lamp.to_sun.z;
+    out.shadow = in_shadow_map(out.relative, up);
+    // Looks a texel apart where texels are coarse: what lies in shadow right beside a car is so dark that the edge shows.
+    let step = select(0.0, 1.4 * lamp.sun.w, lamp.sun.w > COARSE_M);
+    out.east = frame.to_shadow[0].xyz * step;
+    out.north = frame.to_shadow[1].xyz * step;
     return out;
 }
 
@@ -62,15 +76,12 @@ fn below_disc(d: f32, r: f32, h: f32) -> f32 {
     let crown = below_disc(length(in.local), max(in.half.x, in.half.y), 0.5 * (in.body.x + in.body.y));
     let fade = 1.0 - smoothstep(0.5, 1.0, away / in.body.w);
     open = select(open, 1.0 - 0.5 * fade * (1.0 - crown), in.body.z > 0.5);
-    let up = vec3f(0.0, 0.0, 1.0);
-    let sky = sky_irradiance(up);
-    // Looks a texel apart where texels are coarse: what lies in shadow right beside a car is so dark that the edge shows.
-    let looks = select(1, 4, frame.sun.w > COARSE_M);
+    let looks = select(1, 4, any(in.east != vec3f(0.0)));
     var lit = 0.0;
     for (var k = 0; k < looks; k++) {
-        let aside = select(vec2f(0.0), vec2f(f32(k & 1), f32(k >> 1)) - 0.5, looks > 1) * (1.4 * frame.sun.w);
-        lit += sun_tap(in.relative + vec3f(aside, 0.0), up) / f32(looks);
+        let aside = vec2f(f32(k & 1), f32(k >> 1)) - 0.5;
+        lit += sun_tap(in.shadow + in.east * aside.x + in.north * aside.y) / f32(looks);
     }
-    let sun = frame.sun.rgb * (lit * frame.to_sun.z);
-    return vec4f((sun + sky * open) / (sun + sky), 1.0);
+    let sun = in.sun * lit;
+    return vec4f((sun + in.sky * open) / (sun + in.sky), 1.0);
 }

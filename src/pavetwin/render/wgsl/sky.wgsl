@@ -17,6 +17,7 @@ struct Seen {
 }
 
 @fragment fn fragment(in: Seen) -> @location(0) vec4f {
+    lamp = lamp_of_frame();
     let ray = normalize(in.ray);
     // Not so near to the horizon that the map mixes in what lies below it.
     let sky = surroundings(vec3f(ray.xy, max(ray.z, 0.025)), 0.0);
@@ -24,7 +25,7 @@ struct Seen {
     let distance = frame.camera.z / max(-ray.z, 1e-4);
     let up = vec3f(0.0, 0.0, 1.0);
     let mirror = mirrored(max(-ray.z, 0.02), 0.9, vec3f(0.04)) * surroundings(reflect(ray, up), 0.9);
-    let lawn = BEYOND / PI * (frame.sun.rgb * max(frame.to_sun.z, 0.0) + sky_irradiance(up)) + mirror;
-    let ground = mix(sky, lawn, exp(-distance / frame.axis.w));
+    let lawn = BEYOND / PI * (lamp.sun.rgb * max(lamp.to_sun.z, 0.0) + sky_irradiance(up)) + mirror;
+    let ground = mix(sky, lawn, through(distance));
     return vec4f(select(sky, ground, ray.z < 0.0), 1.0);
 }
