@@ -17,7 +17,7 @@ from pavetwin.render.tiles import Layouts, texture_layout
 from pavetwin.scene.buildings import FACADE_REPEAT_M
 from pavetwin.scene.foliage import CUT
 from pavetwin.scene.ground import compose
-from pavetwin.scene.ground.sampling import linear_of_srgb
+from pavetwin.scene.ground.sampling import LEVEL_SLOPE, linear_of_srgb
 from pavetwin.scene.model import MAP_MARGIN_M, SIGNED_DISTANCE_M, TILE_M, Detail, GroundKind
 
 LIGHT_FORMAT: Final = "rgba16float"
@@ -163,6 +163,7 @@ def _ground_numbers(details: dict[GroundKind, Detail]) -> str:
         "SECOND_SIN": math.sin(compose.SECOND_TURN_RAD),
         "SECOND_SCALE": compose.SECOND_SCALE,
         "GRAIN_M": compose.GRAIN_M,
+        "LEVEL_SLOPE": LEVEL_SLOPE,
         "MAP_MARGIN_M": MAP_MARGIN_M,
         "MAP_SIDE_M": TILE_M + 2 * MAP_MARGIN_M,
     }

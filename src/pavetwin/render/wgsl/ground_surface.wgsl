@@ -17,9 +17,16 @@ struct Detail {
     relief: vec4f,
 }
 
+// Two levels of detail are mixed only near the middle between them: lavapipe samples one alone in half the time.
+fn level_of(footprint: f32) -> f32 {
+    let level = log2(max(footprint, 1.0));
+    let whole = floor(level);
+    return whole + clamp((level - whole - 0.5) * LEVEL_SLOPE + 0.5, 0.0, 1.0);
+}
+
 fn detail_at(kind: u32, uv: vec2f, footprint: f32) -> Detail {
     let layer = i32(kind);
-    let lod = log2(max(footprint * f32(textureDimensions(detail_colour).x), 1.0));
+    let lod = level_of(footprint * f32(textureDimensions(detail_colour).x));
     var found: Detail;
     found.colour = textureSampleLevel(detail_colour, repeat_sampler, uv, layer, lod);
     found.colour = vec4f(found.colour.rgb * found.colour.rgb, found.colour.a);
@@ -60,7 +67,7 @@ fn ground_surface(kind: u32, size: f32, uv: vec2f, local: vec2f, world: vec2f, f
     let n = detail.relief.xy;
     detail.relief = vec4f(turn.x * n.x + turn.y * n.y, -turn.y * n.x + turn.x * n.y, detail.relief.zw);
     let at = (local + MAP_MARGIN_M) / MAP_SIDE_M;
-    let lod = log2(max(footprint / MAP_SIDE_M * f32(textureDimensions(weathering_map).x), 1.0));
+    let lod = level_of(footprint / MAP_SIDE_M * f32(textureDimensions(weathering_map).x));
     let weathering = textureSampleLevel(weathering_map, smooth_sampler, at, lod);
     let drawn = textureSampleLevel(drawn_map, smooth_sampler, at, lod);
     let tone = weathering.x * (255.0 / 128.0);

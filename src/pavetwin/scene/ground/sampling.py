@@ -1,11 +1,15 @@
 """Textures as a graphics card samples them: pyramids of halved levels, wrapped or clamped, filtered trilinearly."""
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from pavetwin._core import texture_sample
+
+LEVEL_SLOPE: Final = 4.0
+"""Two levels of detail are mixed over this part of the way from one to the next (1/4), about its middle."""
 
 Float32 = npt.NDArray[np.float32]
 Floats = npt.NDArray[np.floating]
@@ -57,6 +61,8 @@ class Pyramid:
         """
         size = len(self.levels[0])
         level = np.log2(np.maximum(np.asarray(footprint, dtype=np.float32) * np.float32(size), np.float32(1)))
+        whole = np.floor(level)
+        level = whole + np.clip((level - whole - 0.5) * LEVEL_SLOPE + 0.5, 0, 1)
         level = np.ascontiguousarray(np.broadcast_to(level, uv.shape[:-1]), dtype=np.float32).reshape(-1)
         places = np.ascontiguousarray(uv, dtype=np.float64).reshape(-1, 2)
         found = texture_sample(list(self.levels), places, level, self.wraps)
