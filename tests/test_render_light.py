@@ -9,6 +9,7 @@ import pytest
 import shapely
 
 from pavetwin.render.exposure import Exposure
+from pavetwin.render.nearby import looks_down
 from pavetwin.render.renderer import Renderer
 from pavetwin.render.sensor import Style
 from pavetwin.scene.light import LUMINANCE, Light, harmonics
@@ -185,3 +186,32 @@ def test_things_of_a_town_cover_no_more_than_they_do_alone(town_renderer: Render
             shown += 1
             assert (seen.labels == label).sum() <= seen.alone_px[label]
     assert shown > 20
+
+
+def test_views_from_above_look_the_same_without_what_they_have_none_of(
+    town_renderer: Renderer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They have pipelines of their own, without haze and what mirrors at a slant."""
+    light = SUNS[1]
+    street = max(town().world.segments, key=lambda segment: segment.area_m2)
+    (place,) = street.centre_line.interpolate(0.5, normalized=True).coords
+    view = look((*place[:2], 12), yaw_rad=0.3, pitch_rad=-pi / 2, size_px=(320, 320), vertical_fov_rad=0.9)
+
+    def seen(*, down: bool) -> np.ndarray:
+        monkeypatch.setattr("pavetwin.render.renderer.looks_down", lambda *_: down)
+        drawn = town_renderer.frame(view, light=light, camera=CAMERA, exposure=Exposure(1 / 1000, 5.6, 100.0))
+        return drawn.rgb.astype(int)
+
+    assert looks_down(view, light)
+    off = np.abs(seen(down=True) - seen(down=False))
+    assert np.quantile(off, 0.99) <= 2
+
+
+@pytest.mark.parametrize(
+    ("altitude_m", "pitch_deg", "visibility_m"), [(60.0, -90, 12_000), (10.0, -55, 12_000), (10.0, -90, 2_000)]
+)
+def test_haze_and_slants_are_drawn_where_they_may_be_seen(
+    altitude_m: float, pitch_deg: float, visibility_m: float
+) -> None:
+    view = look((0, 0, altitude_m), yaw_rad=0, pitch_rad=radians(pitch_deg), size_px=(320, 320), vertical_fov_rad=0.9)
+    assert not looks_down(view, Light(40.0, 150.0, visibility_m=visibility_m))

@@ -89,14 +89,12 @@ impl Sensor {
     /// Tones that the picture will have, to find edges in: before noise and white balance.
     fn tones(&self, plane: &[f32], width: usize, height: usize) -> Tones {
         let scale = self.electrons_per_light / self.full_electrons;
-        let mut values = vec![0.0_f32; width * height];
-        in_bands(height, width, &mut values, |row, line| {
+        Tones::of(width, height, |row, line| {
             for (tone, rgb) in line.iter_mut().zip(plane[row * width * 3..].chunks_exact(3)) {
                 // The square root stands in for the tone curve.
                 *tone = (scale * (0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2])).clamp(0.0, 1.0).sqrt();
             }
-        });
-        Tones { width, height, values }
+        })
     }
 
     /// One row of light as tones, 0 … 1, with its noise.

@@ -11,18 +11,34 @@ const LEAST_SHARE: f32 = 0.18;
 /// Pixels that an edge is followed.
 const LONGEST: i32 = 12;
 
-/// A picture's tones, (height × width), to find edges in.
+/// How far beyond the picture tones are looked up.
+const RIM: usize = LONGEST as usize + 1;
+
+/// A picture's tones to find edges in. Those at its border go on outwards for a rim, so that looking there needs no care.
 pub struct Tones {
-    pub width: usize,
-    pub height: usize,
-    pub values: Vec<f32>,
+    width: usize,
+    height: usize,
+    /// (height + 2 · rim) × (width + 2 · rim).
+    values: Vec<f32>,
 }
 
 impl Tones {
+    /// `tone` fills one row of the picture.
+    pub fn of(width: usize, height: usize, tone: impl Fn(usize, &mut [f32]) + Sync) -> Self {
+        let mut values = vec![0.0_f32; (width + 2 * RIM) * (height + 2 * RIM)];
+        super::in_bands(height + 2 * RIM, width + 2 * RIM, &mut values, |row, line| {
+            let (left, rest) = line.split_at_mut(RIM);
+            let (middle, right) = rest.split_at_mut(width);
+            tone(row.saturating_sub(RIM).min(height - 1), middle);
+            left.fill(middle[0]);
+            right.fill(middle[width - 1]);
+        });
+        Self { width, height, values }
+    }
+
     fn at(&self, column: i32, row: i32) -> f32 {
-        let column = column.clamp(0, self.width as i32 - 1) as usize;
-        let row = row.clamp(0, self.height as i32 - 1) as usize;
-        self.values[row * self.width + column]
+        let (column, row) = (column + RIM as i32, row + RIM as i32);
+        self.values[row as usize * (self.width + 2 * RIM) + column as usize]
     }
 
     /// Where a pixel at an edge takes from, as a step to a neighbour, and how much.
@@ -60,12 +76,10 @@ impl Tones {
 
     /// Whether each pixel of a row differs enough from one beside it to lie at an edge.
     fn edges(&self, row: usize) -> Vec<bool> {
-        let line = |row: usize| &self.values[row * self.width..][..self.width];
-        let (up, down) = (line(row.saturating_sub(1)), line((row + 1).min(self.height - 1)));
-        // With the first and the last once more beyond the ends.
-        let mut here = line(row).to_vec();
-        here.insert(0, here[0]);
-        here.push(here[self.width]);
+        let stride = self.width + 2 * RIM;
+        let line = |row: usize| &self.values[row * stride + RIM..][..self.width];
+        let (up, down) = (line(row + RIM - 1), line(row + RIM + 1));
+        let here = &self.values[(row + RIM) * stride + RIM - 1..][..self.width + 2];
         (here.windows(3).zip(up.iter().zip(down)))
             .map(|(three, (up, down))| {
                 let low = three[0].min(three[1]).min(three[2]).min(*up).min(*down);
@@ -96,6 +110,10 @@ impl Tones {
 mod tests {
     use super::Tones;
 
+    fn square(size: usize, values: &[f32]) -> Tones {
+        Tones::of(size, size, |row, line| line.copy_from_slice(&values[row * size..][..size]))
+    }
+
     /// A half plane under y = slope · x, drawn with one sample a pixel.
     fn stairs(slope: f32, size: usize) -> (Tones, Vec<f32>) {
         let values: Vec<f32> = (0..size * size)
@@ -105,7 +123,7 @@ mod tests {
             })
             .collect();
         let plane = values.iter().flat_map(|tone| [*tone; 3]).collect();
-        (Tones { width: size, height: size, values }, plane)
+        (square(size, &values), plane)
     }
 
     /// Mean distance of an edge from where it should be, in each column.
@@ -137,7 +155,7 @@ mod tests {
         assert_eq!(plane, smooth);
         let grain: Vec<f32> = (0..32 * 32).map(|pixel| 0.4 + 0.02 * ((pixel * 7919 % 13) as f32 / 12.0)).collect();
         let plane: Vec<f32> = grain.iter().flat_map(|tone| [*tone; 3]).collect();
-        let tones = Tones { width: 32, height: 32, values: grain };
+        let tones = square(32, &grain);
         let mut smooth = vec![0.0; plane.len()];
         smooth.chunks_mut(32 * 3).enumerate().for_each(|(row, line)| tones.smooth(&plane, row, line));
         assert_eq!(plane, smooth);

@@ -13,8 +13,8 @@ override looks_down: bool = false;
 @group(0) @binding(5) var sky_sampler: sampler;     // wraps around the horizon
 @group(0) @binding(6) var nearest_sampler: sampler;
 
-// What of the frame light is worked out from. lavapipe (Mesa 22.3) reads a buffer's numbers once for each pixel of eight:
-// where pixels are many, corners hand these on.
+// What of the frame light is worked out from. lavapipe (Mesa 22.3) loads a number of a buffer anew for every pixel:
+// where pixels are many, corners hand them on.
 struct Lamp {
     to_sun: vec4f,
     sun: vec4f,
