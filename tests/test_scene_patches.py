@@ -1,5 +1,6 @@
 """Patches of defects: their holes never meet, they fill them, and they meet the road level."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -8,7 +9,7 @@ import shapely
 
 from pavetwin.defects import DefectOptions, heightfield_of, place
 from pavetwin.scene.model import DefectPatch, labelled_defect
-from pavetwin.scene.patches import BESIDE_M, hole_of, holes_of, part_on, patch_of
+from pavetwin.scene.patches import BAY_M, BESIDE_M, COARSE_M, TOLERANCE_M, hole_of, holes_of, part_on, patch_of
 from pavetwin.world.model import Defect
 from scenes import tiny
 
@@ -56,7 +57,7 @@ def test_holes_hold_their_defects_and_never_meet() -> None:
     for defect, hole in zip(crowded(), holes, strict=True):
         assert hole.is_valid
         assert hole.contains(defect.polygon)
-        assert hole.exterior.hausdorff_distance(defect.polygon.exterior) < 2 * BESIDE_M
+        assert shapely.distance(shapely.points(hole.exterior.coords), defect.polygon).max() < BESIDE_M + BAY_M
     total = shapely.union_all(holes).area
     assert total == pytest.approx(sum(hole.area for hole in holes), rel=1e-9)
 
@@ -66,9 +67,11 @@ def test_holes_stay_on_the_carriageway() -> None:
     assert all(road.contains(hole) for hole in holes_of(crowded()))
 
 
+@pytest.mark.parametrize("coarse", [False, True])
 @pytest.mark.parametrize("index", some())
-def test_a_patch_fills_its_hole_exactly(index: int) -> None:
-    corners = world_corners(patch(index))
+def test_a_patch_fills_its_hole_exactly(index: int, coarse: bool) -> None:
+    made = patch(index)
+    corners = world_corners(replace(made, mesh=made.coarse) if coarse else made)
     hole = hole_of(crowded()[index])
     assert plan_area(corners) == pytest.approx(hole.area, rel=1e-4)
     triangles = shapely.polygons(corners[:, :, :2])
@@ -105,6 +108,16 @@ def test_a_patch_is_as_deep_as_its_defect_and_labelled_where_it_is(index: int) -
     slope = np.gradient(field.height_m, field.cell_m, axis=1)
     steep = np.abs(slope) > 0.5 * np.abs(slope).max()
     assert (np.sign(made.relief[..., 0][steep].astype(int) - 128) == -np.sign(slope[steep])).mean() > 0.98
+
+
+def test_a_coarse_mesh_has_fewer_triangles_and_the_same_depth_but_for_its_tolerance() -> None:
+    finer = coarser = 0
+    for index in some():
+        made = patch(index)
+        finer, coarser = finer + len(made.mesh.indices), coarser + len(made.coarse.indices)
+        off = made.mesh.positions[:, 2].min() - made.coarse.positions[:, 2].min()
+        assert abs(off) <= TOLERANCE_M + COARSE_M
+    assert coarser < 0.5 * finer
 
 
 def test_the_parts_on_tiles_are_the_whole() -> None:

@@ -39,9 +39,7 @@ class Gpu:
         made = self.device.create_texture(size=(*size_px, 1), format=format, usage=_TEXTURE.RENDER_ATTACHMENT | usage)
         return self._hold(made, size_px[0] * size_px[1] * (8 if format == "rgba16float" else 4))
 
-    def texture(
-        self, layers: Sequence[UInt8], *, srgb: bool = False, rooted: bool = False, levels: bool = True
-    ) -> Any:
+    def texture(self, layers: Sequence[UInt8], *, srgb: bool = False, rooted: bool = False, levels: bool = True) -> Any:
         """A texture, or an array of them, to sample.
 
         Args:
@@ -107,7 +105,8 @@ class Gpu:
 
 def halved(texels: UInt8, *, srgb: bool = False, rooted: bool = False) -> list[UInt8]:
     """A texture (rows, columns, channels) and its levels, each half as wide and high, down to one texel."""
-    if not (srgb or rooted) and all(side & (side - 1) == 0 for side in texels.shape[:2]) and texels.shape[0] == texels.shape[1]:
+    rows, columns = texels.shape[:2]
+    if not (srgb or rooted) and rows == columns and rows & (rows - 1) == 0:
         return _quartered(texels)
     values = texels.astype(np.float32)
     colours = min(texels.shape[2], 3) if srgb or rooted else 0

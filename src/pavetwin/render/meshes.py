@@ -132,16 +132,16 @@ def upload_facades(gpu: Gpu, pieces: tuple[FacadePiece, ...]) -> GpuMesh | None:
     return _joined(gpu, [piece.mesh for piece in full], rows)
 
 
-def upload_patch(gpu: Gpu, patch: DefectPatch, origin: tuple[float, float]) -> GpuMesh:
+def upload_patch(gpu: Gpu, patch: DefectPatch, mesh: Mesh, origin: tuple[float, float]) -> GpuMesh:
     """The pavement around a defect, moved into the frame of the tile whose corner is `origin`."""
-    moved = patch.mesh.positions @ patch.transform[:3, :3].T + patch.transform[:3, 3] - (*origin, 0.0)
+    moved = mesh.positions @ patch.transform[:3, :3].T + patch.transform[:3, 3] - (*origin, 0.0)
     along = patch.transform[:2, 0] / np.linalg.norm(patch.transform[:2, 0])
     rows = np.zeros(len(moved), dtype=_PATCH)
-    rows["normal"][:, :3] = _packed(patch.mesh.normals @ patch.transform[:3, :3].T)
+    rows["normal"][:, :3] = _packed(mesh.normals @ patch.transform[:3, :3].T)
     rows["along"] = along
-    if patch.mesh.uv is not None:
-        rows["uv"] = patch.mesh.uv
-    return _upload(gpu, moved.astype(np.float32), rows, patch.mesh.indices)
+    if mesh.uv is not None:
+        rows["uv"] = mesh.uv
+    return _upload(gpu, moved.astype(np.float32), rows, mesh.indices)
 
 
 def _joined(gpu: Gpu, meshes: list[Mesh], rows: list[npt.NDArray[Any]]) -> GpuMesh:

@@ -28,6 +28,8 @@ class PatchDraw:
     """A defect's pavement in the frame of the tile that it lies on."""
 
     patch: GpuPatch
+    mesh: GpuMesh
+    """Which of the patch's."""
     around: GpuPavement
     origin: tuple[float, float]
     """The tile's, metres."""
@@ -163,7 +165,7 @@ def draw_light(
     for each in draws.patches:
         render_pass.set_bind_group(2, each.around.shading)
         render_pass.set_bind_group(3, each.patch.shading)
-        each.patch.mesh.draw(render_pass, 1, each.record, attributes=True)
+        each.mesh.draw(render_pass, 1, each.record, attributes=True)
     count, first = draws.shades
     if count:
         render_pass.set_pipeline(pipelines.shade)
@@ -199,7 +201,7 @@ def draw_truth(
     render_pass.set_pipeline(pipelines.truth_patch)
     for each in draws.patches:
         render_pass.set_bind_group(1, each.patch.truth)
-        each.patch.mesh.draw(render_pass, 1, each.record, attributes=True)
+        each.mesh.draw(render_pass, 1, each.record, attributes=True)
     render_pass.end()
 
 

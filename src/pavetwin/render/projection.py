@@ -21,8 +21,8 @@ SHADOW_STEP_PX: Final = 256
 """Sides are multiples of this, so that few maps serve all views."""
 
 SHADOW_TEXEL_PX: Final = 1.25
-"""Texel of the shadow map that is fine enough, in pixels of the picture where the ground is nearest: 2 cm from 10 m, half
-of what the sun's disc blurs of a leaf 5 m up."""
+"""Texel of the shadow map that is fine enough, in pixels of the picture where the ground is nearest: 2 cm from 10 m,
+half of what the sun's disc blurs of a leaf 5 m up."""
 
 SHADOW_REACH_M: Final = 60.0
 """Level views have shadows up to this distance [m]."""

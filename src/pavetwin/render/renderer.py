@@ -45,6 +45,7 @@ from pavetwin.render.tiles import Drawable, TileCache, group
 from pavetwin.scene.foliage import leaf_levels
 from pavetwin.scene.light import Light
 from pavetwin.scene.model import TILE_M, Float64, GroundKind, Instance
+from pavetwin.scene.patches import COARSE_PIXEL_M
 from pavetwin.scene.view import View
 from pavetwin.uav.cameras import Camera
 
@@ -270,8 +271,8 @@ class Renderer:
         for each in draws.patches:
             patch, records = each.patch, Records(camera)
             records.add_place(each.origin, label=patch.label)
-            placed = corners(patch.mesh.low, patch.mesh.high) + (*each.origin, 0.0)
-            things.append(Lone(patch.label, patch.mesh, records.data, placed, patch.truth))
+            placed = corners(each.mesh.low, each.mesh.high) + (*each.origin, 0.0)
+            things.append(Lone(patch.label, each.mesh, records.data, placed, patch.truth))
         return things
 
     def _write_records(self, records: Records) -> None:
@@ -297,14 +298,20 @@ class Renderer:
             if ground_seen((*tile.origin, tile.origin[0] + TILE_M, tile.origin[1] + TILE_M), view, bounds)
         ]
         filled = [
-            (tile, pavement, self._tiles.patch(tile, number))
+            (tile, pavement, self._tiles.patch(tile, number), _pixel_m(box, view))
             for tile, pavement, _ in grounds
             for number, box in self.scene.holes_on(tile.key).items()
             if ground_seen(box, view, bounds)
         ]
         patches = [
-            PatchDraw(patch, pavement, tile.origin, records.add_place(tile.origin, label=patch.label))
-            for tile, pavement, patch in filled
+            PatchDraw(
+                patch,
+                patch.coarse if pixel_m >= COARSE_PIXEL_M else patch.mesh,
+                pavement,
+                tile.origin,
+                records.add_place(tile.origin, label=patch.label),
+            )
+            for tile, pavement, patch, pixel_m in filled
             if patch is not None
         ]
         relative = crowd.centre - view.position
@@ -344,6 +351,13 @@ class Renderer:
         levels = np.where(inside, level, -1)[:shown]
         down = looks_down(view, light)
         return Draws(seen, grounds, patches, near, far, casters, shades, levels, looks_beyond(view), down)
+
+
+def _pixel_m(box: tuple[float, float, float, float], view: View) -> float:
+    """Side of a pixel at the nearest place of a box on the ground."""
+    west, south, east, north = box
+    nearest = np.clip(view.position, (west, south, 0.0), (east, north, 0.0))
+    return float(np.linalg.norm(nearest - view.position)) / view.focal_px
 
 
 def _moves(

@@ -48,6 +48,7 @@ class GpuPatch:
 
     label: int
     mesh: GpuMesh
+    coarse: GpuMesh
     textures: tuple[Any, Any]
     """Relief and mask."""
     shading: Any
@@ -140,9 +141,11 @@ class TileCache:
     def _fill(self, patch: DefectPatch, origin: tuple[float, float]) -> GpuPatch:
         relief = self._gpu.texture([patch.relief])
         mask = self._gpu.texture([patch.mask[..., None]], levels=False)
+        mesh = upload_patch(self._gpu, patch, patch.mesh, origin)
         return GpuPatch(
             patch.label,
-            upload_patch(self._gpu, patch, origin),
+            mesh,
+            mesh if patch.coarse is patch.mesh else upload_patch(self._gpu, patch, patch.coarse, origin),
             (relief, mask),
             group(self._gpu, self._layouts.patch, [relief.create_view()]),
             group(self._gpu, self._layouts.mask, [mask.create_view()]),
@@ -158,6 +161,8 @@ class TileCache:
         for patch in pavement.patches.values():
             if patch is not None:
                 self._gpu.free(*patch.mesh.buffers, *patch.textures)
+                if patch.coarse is not patch.mesh:
+                    self._gpu.free(*patch.coarse.buffers)
 
 
 def _latest(held: OrderedDict[Key, Held], key: Key, make: Callable[[], Held]) -> Held:

@@ -164,6 +164,8 @@ class DefectPatch:
     label: int
     mesh: Mesh
     """In the defect's frame, with `uv` over the maps."""
+    coarse: Mesh
+    """Likewise, for pixels of `patches.COARSE_PIXEL_M` and more."""
     transform: Float64
     """(4, 4) from the defect's frame to the world's."""
     relief: UInt8

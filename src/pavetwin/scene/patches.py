@@ -1,7 +1,8 @@
 """The pavement around each defect: a hole in the ground, and the mesh and maps of its heightfield that fill it.
 
-A hole is the defect's outline widened by `BESIDE_M`. Outlines lie at least 10 cm from each other and 5 cm from the
-carriageway's edge, so holes never meet and never leave the road, whatever the rectangles of their heightfields do.
+A hole is the defect's outline widened by `BESIDE_M`, its narrow bays closed: triangles along a ragged ring cost more
+than what they cover. Outlines lie at least 10 cm from each other and 5 cm from the carriageway's edge, so holes never
+meet and never leave the road, whatever the rectangles of their heightfields do.
 Beyond its outline a heightfield is level and only dusty or stained; both fade out within the strip, so that the patch
 meets the road with the road's own height, slope and reflectance.
 """
@@ -23,12 +24,29 @@ BESIDE_M: Final = 0.04
 """How far a hole reaches beyond its defect's outline; less than half the least distance between two defects."""
 
 SMOOTHED_M: Final = 0.004
-"""The outline is simplified within this, and the hole's ring again."""
+"""The outline is simplified within this."""
+
+RING_M: Final = 0.006
+"""And the hole's ring within this: together with `BESIDE_M` half the least distance between two defects."""
+
+BAY_M: Final = 0.05
+"""Radius of a disc: where none reaches from outside is hole. One around a point of another defect reaches all of that
+one's hole without touching this one."""
 
 TOLERANCE_M: Final = 0.005
 """The mesh is nowhere farther from the heightfield; what is finer shows in the normal map."""
 
 MOST_VERTICES: Final = 1_500
+
+COARSE_M: Final = 0.012
+"""The same of the coarse mesh, whose triangles cover more of the picture than what the device shades for each."""
+
+COARSE_VERTICES: Final = 300
+
+COARSE_PIXEL_M: Final = 0.008
+"""Pixels of this side on the ground and larger show no difference: 35° off the vertical 12 mm of height lie 8 mm
+aside."""
+
 MOST_TEXELS: Final = 1_500_000
 """Larger maps are averaged down by whole factors: 6 × 4 m at 4 mm."""
 
@@ -44,8 +62,10 @@ def holes_of(defects: tuple[Defect, ...]) -> list[Polygon]:
     """The holes of many defects, all at once."""
     outlines = np.array([defect.polygon for defect in defects], dtype=object)
     coarse = shapely.simplify(outlines, SMOOTHED_M)
-    widened = shapely.simplify(shapely.buffer(coarse, BESIDE_M, quad_segs=2), SMOOTHED_M)
-    return [Polygon(shape.exterior) for shape in widened]
+    closed = shapely.buffer(shapely.buffer(coarse, BESIDE_M + BAY_M, quad_segs=4), -BAY_M, quad_segs=4)
+    widened = shapely.simplify(closed, RING_M)
+    # Where a bay just closes, a speck of no area may be left beside the hole.
+    return [Polygon(max(shapely.get_parts(shape), key=shapely.area).exterior) for shape in widened]
 
 
 def patch_of(defect: Defect) -> DefectPatch:
@@ -61,16 +81,11 @@ def patch_of(defect: Defect) -> DefectPatch:
     if shapely.LinearRing(ring).is_ccw is False:
         ring = ring[::-1]
     ring = np.ascontiguousarray(ring @ transform[:2, :2])
-    made = relief_mesh(field.lattice, field.height_m, ring, TOLERANCE_M, MOST_VERTICES)
-    if made is None:
-        raise ValueError(f"the outline of defect {defect.id} crosses itself")
-    positions, indices, _ = made
-    uv = field.uv(positions[:, :2].astype(np.float64))
     relief, mask = _maps(field)
-    upright = np.tile(np.array([0, 0, 1], dtype=np.float32), (len(positions), 1))  # the map holds the whole slope
     return DefectPatch(
         label=defect_label(defect.id),
-        mesh=Mesh(positions, upright, indices, uv=uv),
+        mesh=_mesh(defect, field, ring, TOLERANCE_M, MOST_VERTICES),
+        coarse=_mesh(defect, field, ring, COARSE_M, COARSE_VERTICES),
         transform=transform,
         relief=relief,
         mask=mask,
@@ -80,7 +95,8 @@ def patch_of(defect: Defect) -> DefectPatch:
 def part_on(patch: DefectPatch, key: tuple[int, int]) -> DefectPatch | None:
     """The triangles of a patch whose middles lie on a tile, with the maps of the whole; None when there are none.
 
-    Triangles are not cut: those at the border reach over it by less than the tiles' maps do.
+    Triangles are not cut: those at the border reach over it by less than the tiles' maps do. Coarse ones would reach
+    further, so that such patches have none.
     """
     mesh = patch.mesh
     middles = mesh.positions[mesh.indices].mean(axis=1)[:, :2] @ patch.transform[:2, :2].T + patch.transform[:2, 3]
@@ -92,7 +108,17 @@ def part_on(patch: DefectPatch, key: tuple[int, int]) -> DefectPatch | None:
     used, indices = np.unique(mesh.indices[mine], return_inverse=True)
     uv = None if mesh.uv is None else mesh.uv[used]
     triangles = indices.reshape(-1, 3).astype(np.uint32)
-    return replace(patch, mesh=Mesh(mesh.positions[used], mesh.normals[used], triangles, uv=uv))
+    part = Mesh(mesh.positions[used], mesh.normals[used], triangles, uv=uv)
+    return replace(patch, mesh=part, coarse=part)
+
+
+def _mesh(defect: Defect, field: Heightfield, ring: Float64, tolerance_m: float, most_vertices: int) -> Mesh:
+    made = relief_mesh(field.lattice, field.height_m, ring, tolerance_m, most_vertices)
+    if made is None:
+        raise ValueError(f"the outline of defect {defect.id} crosses itself")
+    positions, indices, _ = made
+    upright = np.tile(np.array([0, 0, 1], dtype=np.float32), (len(positions), 1))  # the map holds the whole slope
+    return Mesh(positions, upright, indices, uv=field.uv(positions[:, :2].astype(np.float64)))
 
 
 def _transform(defect: Defect) -> Float64:
@@ -126,7 +152,7 @@ def _maps(field: Heightfield) -> tuple[UInt8, UInt8]:
 def _inward(field: Heightfield) -> Float32:
     """(rows, cols): 1 on the outline and inside, falling to 0 before the hole's ring."""
     away = distance_transform_edt(~field.mask) * field.cell_m
-    ramp = np.clip(1 - away / (BESIDE_M - 2 * SMOOTHED_M), 0, 1)
+    ramp = np.clip(1 - away / (BESIDE_M - SMOOTHED_M - RING_M), 0, 1)
     return np.asarray(ramp * ramp * (3 - 2 * ramp), dtype=np.float32)
 
 
