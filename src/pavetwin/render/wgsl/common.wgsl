@@ -39,10 +39,11 @@ fn turn(at: Instance, normal: vec3f) -> vec3f {
     return vec3f(dot(cross(s, t), normal), dot(cross(t, r), normal), dot(cross(r, s), normal));
 }
 
-// Clip position of a point: where a rolling shutter's rows see it, each row at its own moment.
+// Clip position of a point: where a rolling shutter's rows see it, each row at its own moment. Not to be left early where
+// all rows are exposed at once: lavapipe (Mesa 22.3) compiles vertices that branch on a uniform anew for every frame, and
+// never frees what it made.
 fn project(relative: vec3f, velocity: vec3f) -> vec4f {
     let still = frame.to_clip * vec4f(relative, 1.0);
-    if (frame.shutter.x == 0.0) { return still; }
     let drift = frame.drift + frame.to_clip * vec4f(velocity, 0.0);
     var at = still;
     for (var round = 0; round < 3; round++) {
