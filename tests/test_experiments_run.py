@@ -30,7 +30,8 @@ from pavetwin.experiments.store import Store, query
 from pavetwin.mission.fly import fly
 from pavetwin.mission.ground import prepare
 from pavetwin.mission.replay import replay_of
-from pavetwin.traffic.record import record
+from pavetwin.traffic.inputs import Inputs
+from pavetwin.traffic.record import Recorder
 from pavetwin.world.store import load_world, save_world
 from scenes import built
 
@@ -227,12 +228,12 @@ def test_a_mission_that_fails_is_a_row_with_its_reason_and_stops_nothing(
 def test_traffic_that_cannot_be_recorded_fails_its_missions_only(
     reference: Path, world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def badly(world, density, *more, **how):
-        if density == "medium":
+    def badly(inputs: Inputs) -> Recorder:
+        if inputs.asked is not None and inputs.asked.name == "medium":
             raise PaveTwinError("SUMO had a bad day.")
-        return record(world, density, *more, **how)
+        return Recorder(inputs)
 
-    monkeypatch.setattr(fly_unit, "record", badly)
+    monkeypatch.setattr(fly_unit, "Recorder", badly)
     ran = run(small(world), tmp_path / "study", Single())
     assert dict(ran.failures) == {"SUMO had a bad day.": 12}
     assert_frame_equal(ran.table.filter(traffic="low"), Store(reference).table().filter(traffic="low"))

@@ -14,7 +14,8 @@ import pytest
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.traffic.demand import density_of
-from pavetwin.traffic.record import prolong, record, recording_path
+from pavetwin.traffic.inputs import recording_path
+from pavetwin.traffic.record import Recorder, record
 from pavetwin.traffic.recording import load_recording
 from pavetwin.world.model import World
 from scenes.traffic import bytes_of, scene_world
@@ -66,7 +67,8 @@ def test_what_was_recorded_is_used_again(cross: World) -> None:
 
 def test_what_comes_back_does_not_depend_on_how_long_the_file_is(cross: World) -> None:
     short = record(cross, "medium", 5, 15.0)
-    long = prolong(short, cross, 40.0)
+    with Recorder.of(short, cross) as recorder:
+        long = recorder.until(40.0)
     assert long.duration_s == 40.0
     assert long.until(15.0).same_traffic(short)
     assert not long.until(15.0).same_traffic(long)
@@ -79,7 +81,7 @@ def test_what_comes_back_does_not_depend_on_how_long_the_file_is(cross: World) -
 def test_a_recording_of_another_world_is_not_prolonged(cross: World) -> None:
     recording = record(cross, "low", 1, 10.0)
     with pytest.raises(PaveTwinError, match="cannot be prolonged"):
-        prolong(recording, replace(cross, content_hash="rebuilt"), 20.0)
+        Recorder.of(recording, replace(cross, content_hash="rebuilt"))
 
 
 def test_a_damaged_file_is_recorded_anew(cross: World) -> None:

@@ -48,7 +48,7 @@ def demo(
         f"in {replay.recording.duration_s / 60:.0f} min, {DENSITY} density."
     )
     settings = load_settings(altitude_m=ALTITUDE_M)
-    with progress("[3/4] Flying the four policies") as tell:
+    with replay, progress("[3/4] Flying the four policies") as tell:
         stage = prepare(world, settings)
         targets = choose_targets(stage, count=SEGMENTS, seed=FLIGHT_SEED)
         replay.on_prolong = lambda share: tell(share, "[3/4] Recording more traffic")

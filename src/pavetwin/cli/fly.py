@@ -138,8 +138,11 @@ def fly(
         },
     )
     check_mission_folder(folder)
-    missions = (_fly_one(stage, replay, chosen, targets, name, seed) for name in names)
-    flown = report.save(missions, replay, folder, several=policy == ALL, animated=lambda _: animate, frames=save_frames)
+    with replay:
+        missions = (_fly_one(stage, replay, chosen, targets, name, seed) for name in names)
+        flown = report.save(
+            missions, replay, folder, several=policy == ALL, animated=lambda _: animate, frames=save_frames
+        )
     for remark in replay.recording.remarks:
         out.print(f"[yellow]Note:[/] {remark}")
     out.print(report.segments_table(flown[0]) if len(flown) == 1 else report.comparison_table(flown))

@@ -2,7 +2,7 @@
 
 import io
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from importlib.metadata import version
@@ -23,7 +23,8 @@ from pavetwin.mission.fly import fly
 from pavetwin.mission.ground import Stage, prepare
 from pavetwin.mission.ledger import SegmentRow
 from pavetwin.mission.replay import Replay
-from pavetwin.traffic.record import record
+from pavetwin.traffic.inputs import Inputs
+from pavetwin.traffic.record import Recorder
 from pavetwin.world.model import Defect, World
 from pavetwin.world.store import load_record
 
@@ -47,9 +48,11 @@ def fly_unit(plan: Plan, unit: Unit) -> bytes:
     """
     try:
         ground = _Ground.of(plan, unit)
+        with ground.replay:
+            rows = [row for cell in plan.cells for row in _flown(plan, unit, cell, ground)]
     except Exception as error:
         return failed_unit(plan, unit, _words(error))
-    return _part(plan, (row for cell in plan.cells for row in _flown(plan, unit, cell, ground)))
+    return _part(plan, rows)
 
 
 def failed_unit(plan: Plan, unit: Unit, reason: str) -> bytes:
@@ -95,7 +98,7 @@ def _type_of(values: Sequence[Any]) -> Any:
     return pl.Float64 if kinds <= {int, float} else pl.String
 
 
-def _part(plan: Plan, rows: Iterator[Row]) -> bytes:
+def _part(plan: Plan, rows: Iterable[Row]) -> bytes:
     table, buffer = pl.DataFrame(list(rows), schema=schema(plan.design)), io.BytesIO()
     pyarrow.parquet.write_table(table.to_arrow(), buffer, compression="zstd")
     return buffer.getvalue()
@@ -212,9 +215,10 @@ def _replay(plan: Plan, unit: Unit, world: World, entry: WorldEntry) -> Replay:
     routes = [Path(route) for route in entry.routes]
     density = None if unit.traffic == OWN_ROUTES else unit.traffic
     seed, take_off_s = plan.luck(unit.replicate).traffic, plan.take_off_s(unit)
-    recording = record(world, density, seed, take_off_s + RECORDED_S * plan.design.segments, routes=routes)
+    recorder = Recorder(Inputs.of(world, density, seed, routes))
+    recording = recorder.until(take_off_s + RECORDED_S * plan.design.segments)
     if routes and not len(recording.after(take_off_s).agent):
         raise PaveTwinError(
             f"Nothing moves {take_off_s:.0f} s after the first departure: its demand has ended; mend take_off_s."
         )
-    return Replay(world, recording, routes, start_s=take_off_s)
+    return Replay(world, recording, routes, start_s=take_off_s, recorder=recorder)

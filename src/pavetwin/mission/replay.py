@@ -3,11 +3,13 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, Self
 
 from pavetwin._core import Trace
 from pavetwin.mission.airspace import Aircraft, with_aircraft
 from pavetwin.traffic.demand import Density
-from pavetwin.traffic.record import prolong, record
+from pavetwin.traffic.inputs import Inputs
+from pavetwin.traffic.record import Recorder
 from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.trace import trace_arguments
 from pavetwin.world.model import World
@@ -37,7 +39,10 @@ class Replay:
     """When in the recording missions take off."""
     on_prolong: Callable[[float], None] = lambda _: None
     """Told the share done of a prolongation."""
+    recorder: Recorder | None = field(default=None, repr=False)
+    """Prolongs the recording; made when it is first needed."""
     _trace: Trace | None = field(default=None, init=False, repr=False)
+    _entered: bool = field(default=False, init=False, repr=False)
 
     def trace(self) -> Trace:
         if self._trace is None:
@@ -52,11 +57,24 @@ class Replay:
         """
         if self.recording.duration_s - self.start_s <= needed_s + self.recording.step_s:
             longer_s = max(self.recording.duration_s, self.start_s + needed_s) * GROWTH
-            self.recording = prolong(
-                self.recording, self.world, longer_s, routes=self.routes, on_progress=self.on_prolong
-            )
+            if self.recorder is None:
+                self.recorder = Recorder.of(self.recording, self.world, self.routes)
+                if self._entered:
+                    self.recorder.__enter__()
+            self.recording = self.recorder.beyond(longer_s, self.on_prolong)
             self._trace = None
         return self.trace()
+
+    def __enter__(self) -> Self:
+        self._entered = True
+        if self.recorder is not None:
+            self.recorder.__enter__()
+        return self
+
+    def __exit__(self, *raised: Any) -> None:
+        self._entered = False
+        if self.recorder is not None:
+            self.recorder.__exit__(*raised)
 
 
 def replay_of(
@@ -69,8 +87,11 @@ def replay_of(
 ) -> Replay:
     """The traffic of a world at a density, recorded by SUMO now if it was not before.
 
+    SUMO stays alive to go on from there, until the replay is left as a context manager or nobody holds it any more.
+
     Raises:
         PaveTwinError: as `pavetwin.traffic.record.record`.
     """
-    recording = record(world, density, seed, FIRST_DURATION_S, routes=routes, on_progress=on_progress)
-    return Replay(world, recording, routes)
+    recorder = Recorder(Inputs.of(world, density, seed, routes))
+    recording = recorder.until(FIRST_DURATION_S, on_progress)
+    return Replay(world, recording, routes, recorder=recorder)

@@ -1,31 +1,25 @@
-"""From SUMO's floating-car data to a recording.
+"""From the frames that SUMO's process hands over to a recording.
 
 SUMO gives a vehicle's front bumper and a heading in degrees clockwise from north; a recording holds the body's centre
 on the ground and a yaw in radians counter-clockwise from east.
 """
 
-from pathlib import Path
+from collections.abc import Sequence
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
-import polars as pl
 
-from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
+from pavetwin.traffic.job import STEP_S, Body, Part
 from pavetwin.traffic.kinds import KINDS
 from pavetwin.traffic.recording import Agents, Origin, Recording
-from pavetwin.traffic.sumo_run import STEP_S, Outcome
 
 Floats = npt.NDArray[np.float64]
+Singles = npt.NDArray[np.float32]
 
-_SCHEMA = {
-    "time": pl.Float64,
-    "id": pl.String,
-    "x": pl.Float64,
-    "y": pl.Float64,
-    "angle": pl.Float64,
-    "speed": pl.Float64,
-}
+_NONE: Final = np.zeros(0, dtype=np.float32)
+NOBODY: Final = Agents((), (), _NONE, _NONE, _NONE, np.zeros(0, dtype=np.bool_))
 
 
 def yaw_of_heading(heading_deg: npt.ArrayLike) -> Floats:
@@ -42,77 +36,58 @@ def centre_of_front(front: npt.ArrayLike, yaw_rad: npt.ArrayLike, length_m: npt.
     return centre
 
 
-def to_recording(folder: Path, outcome: Outcome, origin: Origin, frames: int) -> Recording:
-    """The recording of a finished run, whose files lie in `folder`.
+def to_recording(part: Part, origin: Origin, before: Recording | None = None) -> Recording:
+    """The recording that begins with `before`, as far as the same simulation got until then, and goes on with `part`.
 
-    Only what is on the streets is in it: SUMO writes no vehicle that is teleported or waits to depart, and a person who
-    rides in a vehicle (a user's own demand) is left out.
-
-    Raises:
-        PaveTwinError: SUMO's files are not whole.
+    However a simulation is divided into parts, the recording is the same: each row is worked out by itself.
     """
-    try:
-        vehicles = _read(folder / "vehicles.parquet", "vehicle", outcome.start_s, frames)
-        persons = _read(folder / "persons.parquet", "person", outcome.start_s, frames)
-    except (pl.exceptions.PolarsError, OSError) as error:
-        raise PaveTwinError(
-            f"SUMO's output in '{folder.parent}' is not whole; the disk may be full. Free some space, or name another "
-            "place by TMPDIR."
-        ) from error
-    persons = persons.join(vehicles.select("step", "x", "y"), on=["step", "x", "y"], how="anti")
-    rows = pl.concat([vehicles.with_columns(walks=False), persons.with_columns(walks=True)])
-    order = rows.group_by("walks", "id").agg(pl.col("step").min()).sort("step", "walks", "id")
-    agents = _agents(order, outcome, origin.seed)
-    rows = rows.join(order.select("walks", "id").with_row_index("agent"), on=["walks", "id"]).sort("step", "agent")
-    agent = rows["agent"].to_numpy()
-    yaw = yaw_of_heading(rows["angle"].to_numpy())
-    centre = centre_of_front(rows.select("x", "y").to_numpy(), yaw, agents.length_m[agent])
+    known = before.agents if before is not None else NOBODY
+    agents = _agents(known, part.bodies, origin.seed)
+    yaw = yaw_of_heading(part.heading_deg)
+    centre = centre_of_front(np.stack([part.x, part.y], axis=-1), yaw, agents.length_m[part.agent])
+    columns: dict[str, Any] = {
+        "agent": part.agent,
+        "x": centre[:, 0].astype(np.float32),
+        "y": centre[:, 1].astype(np.float32),
+        "yaw_rad": yaw.astype(np.float32),
+        "speed_mps": part.speed_mps.astype(np.float32),
+    }
+    offsets = np.cumsum(np.concatenate([[0], part.rows])).astype(np.uint32)
+    removals, signals = tuple(part.removals), {name: tuple(states) for name, states in part.signals.items()}
+    if before is not None:
+        columns = {name: np.concatenate([getattr(before, name), column]) for name, column in columns.items()}
+        offsets = np.concatenate([before.step_offsets, before.step_offsets[-1] + offsets[1:]])
+        removals = before.removals + removals
+        signals = {name: before.signals[name] + states for name, states in signals.items()}
     return Recording(
         origin=origin,
         step_s=STEP_S,
         agents=agents,
-        step_offsets=np.searchsorted(rows["step"].to_numpy(), np.arange(frames + 1)).astype(np.uint32),
-        agent=agent,
-        x=centre[:, 0].astype(np.float32),
-        y=centre[:, 1].astype(np.float32),
-        yaw_rad=yaw.astype(np.float32),
-        speed_mps=rows["speed"].to_numpy().astype(np.float32),
-        removals=tuple((step, count) for step, count in outcome.removals),
-        signals={name: tuple((step, state) for step, state in states) for name, states in outcome.signals.items()},
+        step_offsets=offsets,
+        removals=removals,
+        signals=signals,
+        **columns,
     )
 
 
-def _read(path: Path, what: str, start_s: float, frames: int) -> pl.DataFrame:
-    """Rows of the recorded frames: step, id, x, y, angle, speed."""
-    step = ((pl.col("time") - start_s) / STEP_S).round().cast(pl.Int32).alias("step")
-    if not pl.read_parquet_schema(path):  # nobody of this class was on the streets: SUMO writes no columns
-        return pl.DataFrame(schema=_SCHEMA).with_columns(step)
-    return (
-        pl.scan_parquet(path)
-        .select(
-            pl.col("timestep_time").alias("time"),
-            *(pl.col(f"{what}_{name}").alias(name) for name in list(_SCHEMA)[1:]),
-        )
-        .filter(pl.col("id").is_not_null())
-        .with_columns(step)
-        .filter((pl.col("step") >= 0) & (pl.col("step") < frames))
-        .collect()
-    )
-
-
-def _agents(order: pl.DataFrame, outcome: Outcome, seed: int) -> Agents:
-    """The agents of the table `order` (walks, id), in its order."""
+def _agents(known: Agents, bodies: Sequence[Body], seed: int) -> Agents:
+    """Those that are known and, after them, new ones."""
     rng = child(seed, Stream.TRAFFIC, 1)
-    walks = order["walks"].to_numpy()
-    bodies = {False: outcome.vehicles, True: outcome.persons}
-    rows = [bodies[bool(walk)][name] for name, walk in zip(order["id"], walks, strict=True)]
+    kind = (*known.kind, *(body.kind for body in bodies))
+    given = [0.0] * len(known) + [body.height_m for body in bodies]
     # Drawn in the order of first appearance, so that a longer recording begins with the same bodies.
-    heights = [KINDS[kind].height_of_one(rng) if kind in KINDS else height for kind, _, _, height in rows]
+    heights = [
+        KINDS[name].height_of_one(rng) if name in KINDS else height for name, height in zip(kind, given, strict=True)
+    ]
     return Agents(
-        id=tuple(order["id"].to_list()),
-        kind=tuple(row[0] for row in rows),
-        length_m=np.array([row[1] for row in rows], dtype=np.float32),
-        width_m=np.array([row[2] for row in rows], dtype=np.float32),
-        height_m=np.round(heights, 3).astype(np.float32),
-        is_pedestrian=walks.astype(np.bool_),
+        id=(*known.id, *(body.id for body in bodies)),
+        kind=kind,
+        length_m=_and(known.length_m, [body.length_m for body in bodies]),
+        width_m=_and(known.width_m, [body.width_m for body in bodies]),
+        height_m=_and(known.height_m, np.round(heights[len(known) :], 3)),
+        is_pedestrian=np.append(known.is_pedestrian, np.array([body.is_pedestrian for body in bodies], dtype=np.bool_)),
     )
+
+
+def _and(known: Singles, new: npt.ArrayLike) -> Singles:
+    return np.concatenate([known, np.asarray(new, dtype=np.float32)])

@@ -1,34 +1,24 @@
-"""Record traffic once, and find it again by the hash of what it was made from."""
+"""Record traffic as far as it is needed, nothing twice, and find it again by the hash of what it was made from."""
 
-import hashlib
-import json
 import math
 import os
 import tempfile
 from collections.abc import Sequence
-from contextlib import suppress
-from dataclasses import asdict
-from importlib.metadata import PackageNotFoundError, version
+from contextlib import ExitStack, suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import Final
-from xml.etree import ElementTree
+from typing import Final, Self
+from weakref import finalize
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import unwritable
-from pavetwin.seeds import Stream, child
-from pavetwin.traffic import closed_loop, sumo_run
 from pavetwin.traffic.convert import to_recording
-from pavetwin.traffic.demand import USER, Capacity, Density, density_named
-from pavetwin.traffic.kinds import sumo_types
-from pavetwin.traffic.recording import Origin, Recording, frames_of, load_recording, save_recording
-from pavetwin.traffic.runner import OnProgress, require_sumo, run_job, termination_as_exit, workplace
+from pavetwin.traffic.demand import Density
+from pavetwin.traffic.inputs import Inputs
+from pavetwin.traffic.job import STEP_S
+from pavetwin.traffic.recording import Recording, frames_of, load_recording, save_recording
+from pavetwin.traffic.runner import OnProgress, Simulation, require_sumo, simulating, termination_as_exit, workplace
 from pavetwin.world.model import World
-
-BEHAVIOUR: Final = 1
-"""Counted up when the demand or the conversion changes what is recorded: an older file is then recorded anew."""
-
-WARM_UP_S: Final = (120.0, 300.0)
-"""The shortest and the longest time before a recording begins: queues before signals need a few of their cycles."""
 
 LONGEST_S: Final = 86400.0
 
@@ -52,155 +42,135 @@ def record(
     Raises:
         PaveTwinError: SUMO is missing or refuses its input, or the file cannot be written.
     """
-    files = [Path(route) for route in routes]
-    asked = None if files else density_named(density) if isinstance(density, str) else density
-    if asked is None and not files:
-        raise PaveTwinError("Say how much traffic: a density, or your own routes.")
-    _check(seed, duration_s, files)
-    inputs = _inputs(world, asked, seed, files)
-    path = recording_path(world, asked, seed, files)
-    kept = None if force else _kept(path, inputs)
-    if kept is not None and kept.frames >= frames_of(duration_s, kept.step_s):
-        return kept.until(duration_s)
-    with termination_as_exit():
-        fresh = _record(world, asked, seed, duration_s, files, inputs, path, on_progress)
-        if kept is not None and not fresh.until(kept.duration_s).same_traffic(kept):
-            raise PaveTwinError(
-                f"SUMO did not repeat the traffic of '{path}', so it cannot be prolonged; record it again with --force."
-            )
-        return save_recording(fresh, path)
+    with Recorder(Inputs.of(world, density, seed, routes), force=force) as recorder:
+        return recorder.until(duration_s, on_progress)
 
 
-def prolong(
-    recording: Recording,
-    world: World,
-    duration_s: float,
-    *,
-    routes: Sequence[str | Path] = (),
-    on_progress: OnProgress | None = None,
-) -> Recording:
-    """The same traffic for longer: its first `recording.duration_s` are the same to the last bit.
+class Recorder:
+    """One traffic over one world, for longer whenever that is needed.
 
-    Raises:
-        PaveTwinError: as `record`; or the recording is of another world or of other routes than these.
+    SUMO's process stays alive, and goes on from where it stopped, until the recorder is left or nobody holds it any
+    more. What was recorded is written at once; where the recorder is a context manager, when it is left. Where the
+    traffic was recorded before and is too short now, SUMO begins anew and must repeat it.
     """
-    files = [Path(route) for route in routes]
-    origin, shared_s = recording.origin, min(recording.duration_s, duration_s)
-    if origin.world != world.content_hash or origin.inputs != _inputs(world, origin.asked, origin.seed, files):
-        raise PaveTwinError(
-            "This recording cannot be prolonged: its world, its routes or SUMO's version is another now; record again."
-        )
-    longer = record(world, origin.asked, origin.seed, duration_s, routes=files, on_progress=on_progress)
-    if not longer.until(shared_s).same_traffic(recording.until(shared_s)):
-        raise PaveTwinError("SUMO did not repeat this recording's traffic, so it cannot be prolonged; record it again.")
-    return longer
+
+    def __init__(self, inputs: Inputs, *, force: bool = False) -> None:
+        self._inputs = inputs
+        self._longest = None if force else _kept(inputs)
+        """All that is known of this traffic."""
+        self._written = self._longest
+        self._entered = False
+        self._simulation: Simulation | None = None
+        """Where it is alive, it stands at the end of `_longest`."""
+        self._alive = ExitStack()
+        finalize(self, self._alive.close)
+
+    @classmethod
+    def of(cls, recording: Recording, world: World, routes: Sequence[str | Path] = ()) -> Self:
+        """For traffic that begins with `recording`.
+
+        Raises:
+            PaveTwinError: the recording is of another world or of other routes than these.
+        """
+        origin, inputs = recording.origin, Inputs.of(world, recording.origin.asked, recording.origin.seed, routes)
+        if origin.world != world.content_hash or origin.inputs != inputs.hash:
+            raise PaveTwinError(
+                "This recording cannot be prolonged: its world, its routes or SUMO's version is another now; "
+                "record again."
+            )
+        recorder = cls(inputs)
+        recorder._take(recording)
+        return recorder
+
+    def until(self, duration_s: float, on_progress: OnProgress | None = None) -> Recording:
+        """The first `duration_s` seconds.
+
+        Raises:
+            PaveTwinError: as `beyond`.
+        """
+        return self.beyond(duration_s, on_progress).until(duration_s)
+
+    def beyond(self, duration_s: float, on_progress: OnProgress | None = None) -> Recording:
+        """All that is known of this traffic, `duration_s` seconds at least.
+
+        Raises:
+            PaveTwinError: SUMO is missing, refuses its input, crashes or does not repeat what it recorded before, or
+                the file cannot be written.
+        """
+        if not math.isfinite(duration_s) or not 0 < duration_s <= LONGEST_S:
+            raise PaveTwinError(
+                f"The duration must be above 0 and at most {LONGEST_S:.0f} s (a day), not {duration_s:g} s."
+            )
+        frames = frames_of(duration_s, STEP_S)
+        if self._longest is None or self._longest.frames < frames:
+            with termination_as_exit():
+                self._take(self._simulate(frames, on_progress))
+                if not self._entered:
+                    self._write()
+        assert self._longest is not None
+        return self._longest
+
+    def __enter__(self) -> Self:
+        self._entered = True
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self._end()
+        self._entered = False
+        if kind is None:
+            self._write()
+
+    def _write(self) -> None:
+        if self._longest is not None and self._longest is not self._written:
+            save_recording(self._longest, self._inputs.path)
+            self._written = self._longest
+
+    def _take(self, recording: Recording) -> None:
+        """Know as much as `recording` holds; what was known before must be in it."""
+        known = self._longest
+        if known is not None:
+            shared_s = min(known.duration_s, recording.duration_s)
+            if not recording.until(shared_s).same_traffic(known.until(shared_s)):
+                raise PaveTwinError(
+                    f"SUMO did not repeat the traffic of '{self._inputs.path}', so it cannot be prolonged; record it "
+                    "again with --force."
+                )
+        if known is None or known.frames < recording.frames:
+            self._longest = recording
+
+    def _simulate(self, frames: int, on_progress: OnProgress | None) -> Recording:
+        """The first `frames` frames, by the simulation that is alive or by a new one."""
+        before = self._longest if self._simulation is not None else None
+        try:
+            simulation = self._simulation or self._begin()
+            part = simulation.record(frames - (before.frames if before is not None else 0), on_progress)
+        except BaseException:
+            self._end()  # it may stand anywhere
+            raise
+        self._simulation = simulation
+        return replace(to_recording(part, self._inputs.origin(part), before), path=self._inputs.path)
+
+    def _begin(self) -> Simulation:
+        require_sumo()
+        inputs = self._inputs
+        _check_writable(inputs.path)
+        folder = self._alive.enter_context(workplace())
+        return self._alive.enter_context(simulating(inputs.job(folder)))
+
+    def _end(self) -> None:
+        self._simulation = None
+        self._alive.close()
 
 
-def recording_path(world: World, density: Density | None, seed: int, routes: Sequence[Path] = ()) -> Path:
-    """Where this traffic is kept: `NAME/traffic/<density>-<seed>.parquet`."""
-    name = density.name if density is not None else "-".join([USER, *(_stem(path) for path in routes)])
-    return world.network_file.parent / "traffic" / f"{name}-{seed}.parquet"
-
-
-def _check(seed: int, duration_s: float, routes: Sequence[Path]) -> None:
-    if not math.isfinite(duration_s) or not 0 < duration_s <= LONGEST_S:
-        raise PaveTwinError(
-            f"The duration must be above 0 and at most {LONGEST_S:.0f} s (a day), not {duration_s:g} s."
-        )
-    if seed < 0:
-        raise PaveTwinError(f"The seed must be a whole number from 0 up, not {seed}.")
-    for path in routes:
-        if not path.is_file():
-            raise PaveTwinError(f"There is no routes file '{path}'.")
-        if "," in str(path):
-            raise PaveTwinError(f"SUMO cannot read a file with a comma in its name: '{path}'. Rename it.")
-
-
-def _record(
-    world: World,
-    asked: Density | None,
-    seed: int,
-    duration_s: float,
-    routes: Sequence[Path],
-    inputs: str,
-    path: Path,
-    on_progress: OnProgress | None,
-) -> Recording:
-    require_sumo()
-    capacity, frames = Capacity.of(world), frames_of(duration_s, sumo_run.STEP_S)
-    begin_s = _first_departure_s(routes)
-    _check_writable(path)
-    with workplace() as folder:
-        types = folder / "types.add.xml"
-        types.write_text(sumo_types(), encoding="utf-8")
-        job = sumo_run.Job(
-            folder=str(folder),
-            network=str(world.network_file.resolve()),
-            additional=str(types),
-            routes=[str(route.resolve()) for route in routes],
-            seed=seed,
-            sumo_seed=int(child(seed, Stream.TRAFFIC).integers(1, 2**31 - 1)),
-            frames=frames,
-            begin_s=begin_s,
-            warm_up_s=(0.0, 0.0) if asked is None else WARM_UP_S,
-            vehicles=capacity.vehicles(asked) if asked else 0,
-            pedestrians=capacity.pedestrians(asked) if asked else 0,
-        )
-        outcome = run_job(job, on_progress)
-        origin = Origin(
-            world=world.content_hash,
-            inputs=inputs,
-            seed=seed,
-            asked=asked,
-            capacity=capacity,
-            sumo_version=outcome.sumo_version,
-            warm_up_s=outcome.start_s - begin_s,
-        )
-        return to_recording(folder, outcome, origin, frames)
-
-
-def _kept(path: Path, inputs: str) -> Recording | None:
-    """The recording at `path`, if it was made from the same inputs. A broken file is as good as none."""
-    if not path.exists():
+def _kept(inputs: Inputs) -> Recording | None:
+    """The recording on disk, if it was made from the same inputs. A broken file is as good as none."""
+    if not inputs.path.exists():
         return None
     try:
-        recording = load_recording(path)
+        recording = load_recording(inputs.path)
     except PaveTwinError:
         return None
-    return recording if recording.origin.inputs == inputs else None
-
-
-def _inputs(world: World, asked: Density | None, seed: int, routes: Sequence[Path]) -> str:
-    """A hash of everything that shapes the traffic, but for its duration."""
-    try:
-        sumo = version("libsumo")
-    except PackageNotFoundError:
-        sumo = ""
-    parts = {
-        "behaviour": BEHAVIOUR,
-        "world": world.content_hash,
-        "network": _digest(world.network_file),
-        "density": asdict(asked) if asked else None,
-        "seed": seed,
-        "routes": [_digest(path) for path in routes],
-        "types": sumo_types(),
-        "options": [sumo_run.STEP_S, *sumo_run.OPTIONS, *sumo_run.CLOSED_LOOP_OPTIONS, *WARM_UP_S],
-        "loop": [closed_loop.TRIP_M, *closed_loop.WALK_M, closed_loop.GOALS, closed_loop.PATIENCE, closed_loop.FULL],
-        "sumo": sumo,
-    }
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
-
-
-def _digest(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise PaveTwinError(f"Cannot read '{path}': {error.strerror}.") from error
-
-
-def _stem(path: Path) -> str:
-    return path.name.removesuffix(".gz").removesuffix(".xml").removesuffix(".rou")
+    return recording if recording.origin.inputs == inputs.hash else None
 
 
 def _check_writable(path: Path) -> None:
@@ -218,28 +188,3 @@ def _check_writable(path: Path) -> None:
         if made:
             with suppress(OSError):
                 folder.rmdir()
-
-
-def _first_departure_s(routes: Sequence[Path]) -> float:
-    """When a user's demand begins, in whole seconds: SUMO starts there and not at midnight."""
-    times = []
-    for path in routes:
-        if path.suffix == ".gz":
-            continue
-        try:
-            for _, element in ElementTree.iterparse(path):
-                time = element.get("depart") or element.get("begin") or ""
-                with suppress(ValueError):
-                    times.append(_seconds(time))
-                element.clear()
-        except (ElementTree.ParseError, OSError) as error:
-            raise PaveTwinError(f"The routes file '{path}' is not whole XML: {error}.") from error
-    return float(math.floor(max(0.0, min(times, default=0.0))))
-
-
-def _seconds(time: str) -> float:
-    """SUMO's times: seconds, or [days:]hours:minutes:seconds."""
-    total = 0.0
-    for part, worth in zip(reversed(time.split(":")), (1, 60, 3600, 86400), strict=False):
-        total += float(part) * worth
-    return total

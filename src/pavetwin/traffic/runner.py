@@ -1,6 +1,5 @@
 """Runs the simulation in a process of its own, and ends it with the caller, however the caller ends."""
 
-import json
 import os
 import signal
 import subprocess
@@ -9,15 +8,15 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from importlib.util import find_spec
+from multiprocessing import Pipe
 from pathlib import Path
 from types import FrameType
 from typing import Final
 from xml.etree import ElementTree
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.traffic.sumo_run import Job, Outcome
+from pavetwin.traffic.job import Job, Part
 from pavetwin.world.sumo import environment, first_error
 
 GRACE_S: Final = 5.0
@@ -40,7 +39,7 @@ def require_sumo() -> None:
 
 @contextmanager
 def workplace() -> Iterator[Path]:
-    """A folder for one run; gone afterwards, however the caller leaves.
+    """A folder for one simulation; gone afterwards, however the caller leaves.
 
     Raises:
         PaveTwinError: there is no room for it.
@@ -53,69 +52,71 @@ def workplace() -> Iterator[Path]:
         raise PaveTwinError(f"Cannot record in '{place}': {error.strerror}. TMPDIR names another place.") from error
 
 
-def run_job(job: Job, on_progress: OnProgress | None = None) -> Outcome:
-    """Run `job` to its end; its folder then holds what SUMO wrote.
+class Simulation:
+    """SUMO in a process of its own. It stands still between two calls of `record`, and ends with its owner."""
 
-    Raises:
-        PaveTwinError: SUMO refused its input or crashed; the message holds SUMO's own words.
-    """
-    folder = Path(job.folder)
-    file, words = folder / "job.json", folder / "stderr.txt"
-    file.write_text(json.dumps(asdict(job)))
-    with words.open("wb") as sink:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "pavetwin.traffic.sumo_run", str(file)],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=sink,
-            text=True,
-            errors="replace",
-            env=_environment(),
-            start_new_session=True,  # Ctrl-C is for the caller, who then ends this process
-        )
+    def __init__(self, job: Job) -> None:
+        self._job, self._words = job, Path(job.folder) / "words.txt"
+        self._owner, its_end = Pipe()
+        with its_end, self._words.open("wb") as sink:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "pavetwin.traffic.sumo_run"],
+                stdin=its_end.fileno(),
+                stdout=sink,
+                stderr=sink,
+                env=_environment(),
+                start_new_session=True,  # Ctrl-C is for the caller, who then ends this process
+            )
+        self._owner.send(job)
+
+    def record(self, frames: int, on_progress: OnProgress | None = None) -> Part:
+        """The next `frames` frames; the first time the warm-up comes before them.
+
+        Raises:
+            PaveTwinError: SUMO refused its input or crashed; the message holds SUMO's own words.
+        """
         try:
-            said = _follow(process, on_progress)
-            code = process.wait()
-        finally:
-            _end(process)
-    stderr = words.read_text(errors="replace")
-    if code != 0:
-        raise PaveTwinError(_failure(job, code, stderr, said))
-    if job.routes and UNSORTED in stderr:
-        raise PaveTwinError(
-            f"The routes {_names(job)} are not sorted by departure time, and SUMO would drop what comes too late; sort "
-            "them (SUMO's tools/route/sort_routes.py does)."
-        )
-    return Outcome(**json.loads((folder / "run.json").read_text()))
+            self._owner.send(frames)
+            while not isinstance(answer := self._owner.recv(), Part):
+                if on_progress is not None:
+                    on_progress(answer)
+        except (EOFError, ConnectionError):
+            code = self._process.wait()
+            raise PaveTwinError(_failure(self._job, code, self._said())) from None
+        if self._job.routes and UNSORTED in self._said():
+            raise PaveTwinError(
+                f"The routes {_names(self._job)} are not sorted by departure time, and SUMO would drop what comes too "
+                "late; sort them (SUMO's tools/route/sort_routes.py does)."
+            )
+        return answer
+
+    def end(self) -> None:
+        """End the process, at once where it can be."""
+        if self._process.poll() is None:
+            self._process.terminate()
+            try:
+                self._process.wait(GRACE_S)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+        self._owner.close()
+
+    def _said(self) -> str:
+        return self._words.read_text(errors="replace")
 
 
-def _follow(process: "subprocess.Popen[str]", on_progress: OnProgress | None) -> str:
-    """Pass on the shares reported until the output ends; returns what else was said."""
-    assert process.stdout is not None
-    said = []
-    for line in process.stdout:
-        if line.startswith("@"):
-            if on_progress is not None:
-                on_progress(float(line[1:]))
-        else:
-            said.append(line)
-    return "".join(said)
+@contextmanager
+def simulating(job: Job) -> Iterator[Simulation]:
+    """A simulation that ends when it is left."""
+    simulation = Simulation(job)
+    try:
+        yield simulation
+    finally:
+        simulation.end()
 
 
-def _end(process: "subprocess.Popen[str]") -> None:
-    if process.poll() is None:
-        process.terminate()
-        try:
-            process.wait(GRACE_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-    if process.stdout is not None:
-        process.stdout.close()
-
-
-def _failure(job: Job, code: int, stderr: str, stdout: str) -> str:
-    words = " ".join(first_error(stderr, stdout).split())
+def _failure(job: Job, code: int, said: str) -> str:
+    words = " ".join(first_error(said).split())
     if damage := _damage(Path(job.network)):
         return (
             f"The world's network '{job.network}' is damaged ({damage}); build the world again with "

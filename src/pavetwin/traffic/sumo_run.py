@@ -1,25 +1,22 @@
-"""The simulation's own process: `python -m pavetwin.traffic.sumo_run JOB.json`.
+"""The simulation's own process: `python -m pavetwin.traffic.sumo_run`.
 
-SUMO runs here and nowhere else, so that a crash of SUMO ends this process and not the caller's. The job names the
-inputs; this process leaves `vehicles.parquet` and `persons.parquet` (written by SUMO itself) and `run.json` in the
-job's folder, and reports on its standard output one line `@SHARE` now and then. When nobody reads these lines any more,
-the caller was killed: then the job's folder is removed and the process ends.
+SUMO runs here and nowhere else, so that a crash of SUMO ends this process and not the caller's. Its standard input is
+one end of a connection. The owner sends a `Job`, and then, as often as it likes, how many frames it wants: back come
+shares done, now and then, and at last a `Part`. In between SUMO stands still. When the other end is closed, the owner
+is done or was killed: then the job's folder is removed and the process ends.
 """
 
-import json
 import shutil
 import sys
-from dataclasses import asdict, dataclass, field
-from pathlib import Path
+from collections.abc import Callable
+from multiprocessing.connection import Connection
 from typing import Any, Final
 
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.closed_loop import ClosedLoop
-from pavetwin.traffic.kinds import kind_of_type
+from pavetwin.traffic.job import STEP_S, Job, Part
 from pavetwin.traffic.network import read_roads, read_sidewalks
-
-STEP_S: Final = 0.5
-"""SUMO's step and the recording's."""
+from pavetwin.traffic.readout import Readout
 
 SETTLING_S: Final = 20.0
 """The numbers of agents are judged over this long."""
@@ -39,7 +36,8 @@ OPTIONS: Final[tuple[str, ...]] = (
     "--time-to-impatience=60",
     "--random-depart-offset=0",
 )
-"""The same for every recording."""
+"""The same for every recording. Those of outputs have no effect, since positions are read from the running simulation:
+they stay because recordings are found again by the hash of these."""
 
 CLOSED_LOOP_OPTIONS: Final[tuple[str, ...]] = (
     "--no-warnings=true",
@@ -51,73 +49,29 @@ CLOSED_LOOP_OPTIONS: Final[tuple[str, ...]] = (
 """With our own demand only; a user's routes are driven as they are written."""
 
 
-@dataclass(frozen=True)
-class Job:
-    """What one run needs. Paths are absolute."""
+class Simulation:
+    """SUMO at work on a job, in this process."""
 
-    folder: str
-    network: str
-    additional: str
-    routes: list[str]
-    """A user's own demand; empty for the closed loop."""
-    seed: int
-    sumo_seed: int
-    frames: int
-    """How many steps to record, the first at the end of the warm-up."""
-    warm_up_s: tuple[float, float]
-    """The shortest and the longest warm-up."""
-    begin_s: float = 0.0
-    """SUMO's clock at its first step."""
-    vehicles: int = 0
-    pedestrians: int = 0
-
-
-@dataclass
-class Outcome:
-    """What SUMO's own output does not hold."""
-
-    start_s: float = 0.0
-    """Simulated time of the recording's first step."""
-    vehicles: dict[str, tuple[str, float, float, float]] = field(default_factory=dict)
-    """By SUMO's id: kind, length, width, height in metres."""
-    persons: dict[str, tuple[str, float, float, float]] = field(default_factory=dict)
-    """The same; a user's person may have a vehicle's id."""
-    removals: list[tuple[int, int]] = field(default_factory=list)
-    """(step, number of vehicles that SUMO took out of gridlock) from the recording's start on."""
-    signals: dict[str, list[tuple[int, str]]] = field(default_factory=dict)
-    """Per traffic light, (step, state of its links) at step 0 and at each change."""
-    sumo_version: str = ""
-
-
-def run(sumo: Any, job: Job) -> Outcome:
-    """Run SUMO to the end of the job."""
-    folder = Path(job.folder)
-    options = [
-        "sumo",
-        f"--net-file={job.network}",
-        f"--additional-files={job.additional}",
-        f"--step-length={STEP_S}",
-        f"--seed={job.sumo_seed}",
-        f"--fcd-output={folder / 'vehicles.parquet'}",
-        f"--person-fcd-output={folder / 'persons.parquet'}",
-        f"--begin={job.begin_s}",
-        f"--device.fcd.begin={job.begin_s + job.warm_up_s[0]}",
-        *OPTIONS,
-        *([f"--route-files={','.join(job.routes)}"] if job.routes else CLOSED_LOOP_OPTIONS),
-    ]
-    sumo.start(options)
-    try:
-        return _Run(sumo, job).to_the_end()
-    finally:
-        sumo.close()
-
-
-class _Run:
-    def __init__(self, sumo: Any, job: Job) -> None:
-        self._sumo, self._job = sumo, job
-        self._outcome = Outcome(sumo_version=sumo.getVersion()[1])
-        self._bodies: dict[str, tuple[str, float, float, float]] = {}
+    def __init__(self, sumo: Any, job: Job, report: Callable[[float], None]) -> None:
+        self._sumo, self._job, self._report = sumo, job, report
+        sumo.start(
+            [
+                "sumo",
+                f"--net-file={job.network}",
+                f"--additional-files={job.additional}",
+                f"--step-length={STEP_S}",
+                f"--seed={job.sumo_seed}",
+                f"--begin={job.begin_s}",
+                *OPTIONS,
+                *([f"--route-files={','.join(job.routes)}"] if job.routes else CLOSED_LOOP_OPTIONS),
+            ]
+        )
+        self._readout = Readout(sumo, riders=bool(job.routes))
+        self._warm_up: int | None = None
+        self._frames = 0
         self._removed = 0
+        self._removals: list[tuple[int, int]] = []
+        self._states = dict.fromkeys(sumo.trafficlight.getIDList(), "")
         self._loop: ClosedLoop | None = None
         if not job.routes:
             rng = child(job.seed, Stream.DEMAND)
@@ -125,25 +79,41 @@ class _Run:
                 sumo, read_roads(sumo), read_sidewalks(sumo), job.vehicles, job.pedestrians, rng
             )  # fmt: skip
 
-    def to_the_end(self) -> Outcome:
-        warm_up = self._warm_up()
-        self._outcome.start_s = self._job.begin_s + warm_up * STEP_S
-        states = dict.fromkeys(self._sumo.trafficlight.getIDList(), "")
-        signals: dict[str, list[tuple[int, str]]] = {name: [] for name in states}
-        for step in range(self._job.frames):
-            self._step(step, warming=False)
-            for name, before in states.items():
+    def record(self, frames: int) -> Part:
+        """The next `frames` frames; the first time the warm-up comes before them."""
+        before = 0
+        if self._warm_up is None:
+            before = self._warm_up = self._warm(frames)
+        self._removals = []
+        signals: dict[str, list[tuple[int, str]]] = {name: [] for name in self._states}
+        for done in range(1, frames + 1):
+            self._step(self._frames, warming=False)
+            self._readout.read()
+            for name, last in self._states.items():
                 state = self._sumo.trafficlight.getRedYellowGreenState(name)
-                if state != before:
-                    states[name] = state
-                    signals[name].append((step, state))
-            if step % 50 == 0:
-                _report((warm_up + step + 1) / (warm_up + self._job.frames))
-        self._outcome.signals = signals
-        self._outcome.removals = [(step, count) for step, count in self._outcome.removals if step >= 0]
-        return self._outcome
+                if state != last:
+                    self._states[name] = state
+                    signals[name].append((self._frames, state))
+            self._frames += 1
+            if done % 50 == 0 or done == frames:
+                self._report((before + done) / (before + frames))
+        read = self._readout.take()
+        rows, agent, x, y, heading_deg, speed_mps = read.columns()
+        return Part(
+            start_s=self._job.begin_s + self._warm_up * STEP_S,
+            sumo_version=self._sumo.getVersion()[1],
+            bodies=read.bodies,
+            rows=rows,
+            agent=agent,
+            x=x,
+            y=y,
+            heading_deg=heading_deg,
+            speed_mps=speed_mps,
+            removals=self._removals,
+            signals=signals,
+        )
 
-    def _warm_up(self) -> int:
+    def _warm(self, frames: int) -> int:
         """Run until the numbers are held or the longest warm-up is over; returns its steps."""
         shortest, longest = (round(seconds / STEP_S) for seconds in self._job.warm_up_s)
         window = round(SETTLING_S / STEP_S)
@@ -154,7 +124,7 @@ class _Run:
             steps += 1
             counts.append(self._sumo.vehicle.getIDCount())
             if steps % 50 == 0:
-                _report(steps / (longest + self._job.frames))
+                self._report(steps / (longest + frames))
             if (
                 steps >= shortest
                 and abs(sum(counts[-window:]) / window - self._job.vehicles) <= 0.05 * self._job.vehicles
@@ -163,53 +133,31 @@ class _Run:
         return steps
 
     def _step(self, step: int, *, warming: bool) -> None:
-        sumo = self._sumo
         if self._loop is not None and step % 2 == 0:
             self._loop.fill(warming=warming)
-        sumo.simulationStep()
-        for name in sumo.simulation.getDepartedIDList():
-            self._outcome.vehicles[name] = self._body(sumo.vehicle.getTypeID(name))
-        for name in sumo.simulation.getDepartedPersonIDList():
-            self._outcome.persons[name] = self._body(sumo.person.getTypeID(name))
-        removed = int(sumo.simulation.getParameter("", "stats.teleports.total")) - self._removed
+        self._sumo.simulationStep()
+        removed = int(self._sumo.simulation.getParameter("", "stats.teleports.total")) - self._removed
         if removed:
             self._removed += removed
-            self._outcome.removals.append((step, removed))
-
-    def _body(self, type_id: str) -> tuple[str, float, float, float]:
-        if type_id not in self._bodies:
-            types = self._sumo.vehicletype
-            kind = kind_of_type(type_id, types.getVehicleClass(type_id))
-            size = (types.getLength(type_id), types.getWidth(type_id), types.getHeight(type_id))
-            self._bodies[type_id] = (kind, *size)
-        return self._bodies[type_id]
+            self._removals.append((step, removed))
 
 
-def _report(share: float) -> None:
-    print(f"@{share:.4f}", flush=True)
-
-
-def main(path: str) -> int:
-    """Run the job in the file `path`. Returns the exit code: 0 done, 1 SUMO refused, 3 the caller is gone."""
+def serve(owner: Connection) -> int:
+    """Simulate what the owner asks for. Returns the exit code: 0 the owner is done or gone, 1 SUMO refused."""
     import libsumo
 
-    job = Job(**json.loads(Path(path).read_text()))
+    job: Job = owner.recv()
     try:
-        outcome = run(libsumo, job)
-        text = json.dumps(asdict(outcome))
-        (Path(job.folder) / "run.json").write_text(text)
-        _report(1.0)
-    except BrokenPipeError:
+        simulation = Simulation(libsumo, job, owner.send)
+        while True:
+            owner.send(simulation.record(owner.recv()))
+    except (EOFError, ConnectionError):
         shutil.rmtree(job.folder, ignore_errors=True)
-        return 3
+        return 0
     except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
         print("Error:", " ".join(str(error).split()), file=sys.stderr)
         return 1
-    except OSError as error:
-        print(f"Error: cannot write in '{job.folder}': {error.strerror}", file=sys.stderr)
-        return 1
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1]))
+    sys.exit(serve(Connection(sys.stdin.fileno())))

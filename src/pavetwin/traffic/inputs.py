@@ -1,0 +1,171 @@
+"""What a recording is made from: all that shapes it but its duration, and the hash by which it is found again."""
+
+import hashlib
+import json
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Final
+from xml.etree import ElementTree
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.seeds import Stream, child
+from pavetwin.traffic import closed_loop, sumo_run
+from pavetwin.traffic.demand import USER, Capacity, Density, density_named
+from pavetwin.traffic.job import STEP_S, Job, Part
+from pavetwin.traffic.kinds import sumo_types
+from pavetwin.traffic.recording import Origin
+from pavetwin.world.model import World
+
+BEHAVIOUR: Final = 1
+"""Counted up when the demand or the conversion changes what is recorded: an older file is then recorded anew."""
+
+WARM_UP_S: Final = (120.0, 300.0)
+"""The shortest and the longest time before a recording begins: queues before signals need a few of their cycles."""
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """A world, and the traffic that is wanted over it."""
+
+    world: World
+    asked: Density | None
+    """None for a user's own routes."""
+    seed: int
+    routes: tuple[Path, ...] = ()
+
+    @classmethod
+    def of(cls, world: World, density: Density | str | None, seed: int, routes: Sequence[str | Path] = ()) -> "Inputs":
+        """`density` is ignored where `routes` are given.
+
+        Raises:
+            PaveTwinError: there is neither, or no such density or file, or the seed is none.
+        """
+        files = tuple(Path(route) for route in routes)
+        asked = None if files else density_named(density) if isinstance(density, str) else density
+        if asked is None and not files:
+            raise PaveTwinError("Say how much traffic: a density, or your own routes.")
+        if seed < 0:
+            raise PaveTwinError(f"The seed must be a whole number from 0 up, not {seed}.")
+        for path in files:
+            if not path.is_file():
+                raise PaveTwinError(f"There is no routes file '{path}'.")
+            if "," in str(path):
+                raise PaveTwinError(f"SUMO cannot read a file with a comma in its name: '{path}'. Rename it.")
+        return cls(world, asked, seed, files)
+
+    @property
+    def path(self) -> Path:
+        """Where this traffic is kept."""
+        return recording_path(self.world, self.asked, self.seed, self.routes)
+
+    @cached_property
+    def hash(self) -> str:
+        try:
+            sumo = version("libsumo")
+        except PackageNotFoundError:
+            sumo = ""
+        parts = {
+            "behaviour": BEHAVIOUR,
+            "world": self.world.content_hash,
+            "network": _digest(self.world.network_file),
+            "density": asdict(self.asked) if self.asked else None,
+            "seed": self.seed,
+            "routes": [_digest(path) for path in self.routes],
+            "types": sumo_types(),
+            "options": [STEP_S, *sumo_run.OPTIONS, *sumo_run.CLOSED_LOOP_OPTIONS, *WARM_UP_S],
+            "loop": [
+                closed_loop.TRIP_M,
+                *closed_loop.WALK_M,
+                closed_loop.GOALS,
+                closed_loop.PATIENCE,
+                closed_loop.FULL,
+            ],
+            "sumo": sumo,
+        }
+        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+    @cached_property
+    def capacity(self) -> Capacity:
+        return Capacity.of(self.world)
+
+    @cached_property
+    def begin_s(self) -> float:
+        """SUMO's clock at its first step."""
+        return _first_departure_s(self.routes)
+
+    def job(self, folder: Path) -> Job:
+        """For a simulation that has `folder` to itself."""
+        types = folder / "types.add.xml"
+        types.write_text(sumo_types(), encoding="utf-8")
+        return Job(
+            folder=str(folder),
+            network=str(self.world.network_file.resolve()),
+            additional=str(types),
+            routes=[str(route.resolve()) for route in self.routes],
+            seed=self.seed,
+            sumo_seed=int(child(self.seed, Stream.TRAFFIC).integers(1, 2**31 - 1)),
+            begin_s=self.begin_s,
+            warm_up_s=(0.0, 0.0) if self.asked is None else WARM_UP_S,
+            vehicles=self.capacity.vehicles(self.asked) if self.asked else 0,
+            pedestrians=self.capacity.pedestrians(self.asked) if self.asked else 0,
+        )
+
+    def origin(self, part: Part) -> Origin:
+        """Of a recording that `part` belongs to."""
+        return Origin(
+            world=self.world.content_hash,
+            inputs=self.hash,
+            seed=self.seed,
+            asked=self.asked,
+            capacity=self.capacity,
+            sumo_version=part.sumo_version,
+            warm_up_s=part.start_s - self.begin_s,
+        )
+
+
+def recording_path(world: World, density: Density | None, seed: int, routes: Sequence[Path] = ()) -> Path:
+    """Where this traffic is kept: `NAME/traffic/<density>-<seed>.parquet`."""
+    name = density.name if density is not None else "-".join([USER, *(_stem(path) for path in routes)])
+    return world.network_file.parent / "traffic" / f"{name}-{seed}.parquet"
+
+
+def _digest(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise PaveTwinError(f"Cannot read '{path}': {error.strerror}.") from error
+
+
+def _stem(path: Path) -> str:
+    return path.name.removesuffix(".gz").removesuffix(".xml").removesuffix(".rou")
+
+
+def _first_departure_s(routes: Sequence[Path]) -> float:
+    """When a user's demand begins, in whole seconds: SUMO starts there and not at midnight."""
+    times = []
+    for path in routes:
+        if path.suffix == ".gz":
+            continue
+        try:
+            for _, element in ElementTree.iterparse(path):
+                time = element.get("depart") or element.get("begin") or ""
+                with suppress(ValueError):
+                    times.append(_seconds(time))
+                element.clear()
+        except (ElementTree.ParseError, OSError) as error:
+            raise PaveTwinError(f"The routes file '{path}' is not whole XML: {error}.") from error
+    return float(math.floor(max(0.0, min(times, default=0.0))))
+
+
+def _seconds(time: str) -> float:
+    """SUMO's times: seconds, or [days:]hours:minutes:seconds."""
+    total = 0.0
+    for part, worth in zip(reversed(time.split(":")), (1, 60, 3600, 86400), strict=False):
+        total += float(part) * worth
+    return total

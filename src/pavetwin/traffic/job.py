@@ -1,0 +1,73 @@
+"""What the simulation's process and its owner tell each other: a job, and the frames that come back in parts."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+STEP_S: Final = 0.5
+"""SUMO's step and the recording's."""
+
+Floats = npt.NDArray[np.float64]
+UInt32 = npt.NDArray[np.uint32]
+
+
+@dataclass(frozen=True)
+class Job:
+    """What one simulation needs. Paths are absolute."""
+
+    folder: str
+    """Of this simulation alone; removed by its process where the owner was killed."""
+    network: str
+    additional: str
+    routes: list[str]
+    """A user's own demand; empty for the closed loop."""
+    seed: int
+    sumo_seed: int
+    warm_up_s: tuple[float, float]
+    """The shortest and the longest warm-up."""
+    begin_s: float = 0.0
+    """SUMO's clock at its first step."""
+    vehicles: int = 0
+    pedestrians: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """One agent as SUMO knows it. A user's person may have a vehicle's id."""
+
+    id: str
+    is_pedestrian: bool
+    kind: str
+    length_m: float
+    width_m: float
+    height_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Frames that were simulated in one go. Rows are sorted by (frame, agent)."""
+
+    start_s: float
+    """Simulated time of the recording's first frame, in every part."""
+    sumo_version: str
+    bodies: Sequence[Body]
+    """Who appears for the first time in this part; agents are numbered in this order, from the first part on."""
+    rows: UInt32
+    """(frames,) how many each frame has"""
+    agent: UInt32
+    """(rows,)"""
+    x: Floats
+    """(rows,) of a vehicle's front bumper, of a person's centre, metres east"""
+    y: Floats
+    """(rows,) metres north"""
+    heading_deg: Floats
+    """(rows,) clockwise from north"""
+    speed_mps: Floats
+    """(rows,)"""
+    removals: Sequence[tuple[int, int]]
+    """(step of the recording, number of vehicles that SUMO took out of gridlock)"""
+    signals: Mapping[str, Sequence[tuple[int, str]]]
+    """Per traffic light, (step of the recording, state of its links) at step 0 and at each change."""
