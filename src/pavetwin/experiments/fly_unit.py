@@ -28,9 +28,12 @@ from pavetwin.traffic.record import Recorder
 from pavetwin.world.model import Defect, World
 from pavetwin.world.store import load_record
 
-RECORDED_S: Final = 300.0
-"""Of traffic before the first mission of one segment; missions that need more prolong it. Most need less, waiting
-included."""
+RECORDED_S: Final = 100.0
+"""Of traffic before the first mission of one segment: half of the units in light traffic need no more. Missions that do
+prolong it."""
+
+QUIET_S: Final = 300.0
+"""Where a user's demand shows nobody for so long after the take-off, it has ended."""
 
 _LEFT_OUT: Final = ("start_s", "end_s")
 """Of a segment's row: they tell of the mission's clock alone."""
@@ -216,7 +219,7 @@ def _replay(plan: Plan, unit: Unit, world: World, entry: WorldEntry) -> Replay:
     density = None if unit.traffic == OWN_ROUTES else unit.traffic
     seed, take_off_s = plan.luck(unit.replicate).traffic, plan.take_off_s(unit)
     recorder = Recorder(Inputs.of(world, density, seed, routes))
-    recording = recorder.until(take_off_s + RECORDED_S * plan.design.segments)
+    recording = recorder.until(take_off_s + (QUIET_S if routes else RECORDED_S) * plan.design.segments)
     if routes and not len(recording.after(take_off_s).agent):
         raise PaveTwinError(
             f"Nothing moves {take_off_s:.0f} s after the first departure: its demand has ended; mend take_off_s."

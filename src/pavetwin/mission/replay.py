@@ -17,8 +17,9 @@ from pavetwin.world.model import World
 FIRST_DURATION_S = 1200.0
 """Recorded before the first flight; a mission of some ten segments fits."""
 
-GROWTH = 2.0
-"""A recording that proves too short is made this much longer."""
+GROWTH = 1.25
+"""A recording that proves too short is made this much longer. SUMO goes on from where it stopped, and what is simulated
+in vain costs more than making a trace anew."""
 
 
 def to_trace(recording: Recording, aircraft: Sequence[Aircraft] = ()) -> Trace:
