@@ -32,6 +32,7 @@ from pavetwin.mission.ground import prepare
 from pavetwin.mission.replay import replay_of
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder
+from pavetwin.traffic.recording import load_recording, save_recording
 from pavetwin.world.store import load_world, save_world
 from scenes import built
 
@@ -275,6 +276,25 @@ def test_killed_at_twenty_moments_and_gone_on_it_is_the_same_study(
     run(read_design(path), folder, Single())
     assert digests(folder) == digests(reference)
     assert [each.name for each in tmp_path.iterdir() if each.name.startswith(".")] == []
+
+
+def test_what_is_kept_of_the_traffic_does_not_depend_on_kills(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fly_unit, "RECORDED_S", 10.0)
+    traffic, design = world / "traffic", small(world, replicates=1)
+    for file in traffic.glob("*.parquet"):
+        file.unlink()
+    run(design, tmp_path / "whole", Single())
+    kept = digests(traffic)
+    for left_s in (10.0, 12.5):  # by a kill before and after a recording was prolonged
+        for file in traffic.glob("*.parquet"):
+            recording = load_recording(file)
+            assert recording.duration_s > left_s
+            save_recording(recording.until(left_s), file)
+        run(design, tmp_path / f"killed at {left_s}", Single())
+        assert digests(traffic) == kept
+        assert digests(tmp_path / f"killed at {left_s}") == digests(tmp_path / "whole")
 
 
 def _parts(folder: Path) -> list[Path]:
