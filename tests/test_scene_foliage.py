@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pavetwin.render.levels import coarser
+from pavetwin.render.levels import casting, coarser
 from pavetwin.scene.foliage import CUT, SIDE_PX, SPRAY, cells, leaf_levels, leaf_sheet
 from pavetwin.scene.model import Mesh
 from pavetwin.scene.models import library
@@ -79,6 +79,19 @@ def test_a_crown_far_away_has_fewer_and_larger_cards_of_the_same_area(level: int
     assert len(far.indices) == pytest.approx(len(crown.indices) / 2**level, abs=2)
     assert np.ptp(card_uv(far), axis=1) == pytest.approx(0.5)
     assert area_m2(far) == pytest.approx(area_m2(crown), rel=0.12)
+
+
+@pytest.mark.parametrize("level", [0, 2])
+def test_every_other_card_of_a_crown_throws_its_shadow(level: int) -> None:
+    crown = library()["tree_round"].parts["crown"]
+    thrown = casting(crown, level)
+    assert len(thrown.indices) == pytest.approx(len(crown.indices) / 2 ** (level + 1), abs=2)
+    assert area_m2(thrown) == pytest.approx(area_m2(crown) / 2, rel=0.12)
+
+
+def test_what_has_no_leaves_throws_the_shadow_of_what_is_seen() -> None:
+    trunk = library()["tree_round"].parts["trunk"]
+    assert casting(trunk, 0) is trunk
 
 
 def area_m2(mesh: Mesh) -> float:

@@ -76,10 +76,19 @@ def coarser(mesh: Mesh, level: int) -> Mesh:
     return _thinned(mesh, level) if foliage_px2(mesh) else _clustered(mesh, FINEST_M * 2 ** (level - 1))
 
 
-def _thinned(mesh: Mesh, level: int) -> Mesh:
-    """One card or triangle of 2^level, so much larger."""
+def casting(mesh: Mesh, level: int) -> Mesh:
+    """What throws a mesh's shadow at a level: of cards with leaves every other one.
+
+    All of them let half a percent of the sun through a crown's middle; measured crowns in leaf let 1.3 to 5.3 % through
+    (Konarska et al. 2014, Theoretical and Applied Climatology 117). What a shadow map costs is the area of its cards.
+    """
+    return _thinned(mesh, level, sparser=2) if mesh.uv is not None else coarser(mesh, level)
+
+
+def _thinned(mesh: Mesh, level: int, sparser: int = 1) -> Mesh:
+    """One card or triangle of 2^level, so much larger; and of those again one of `sparser`, as large as it is."""
     together = 1 if mesh.uv is None else 2
-    kept = mesh.indices.reshape(-1, 3 * together)[:: 2**level]
+    kept = mesh.indices.reshape(-1, 3 * together)[:: sparser * 2**level]
     corners = mesh.positions[kept]
     middle = corners.mean(axis=1, keepdims=True)
     grown = (middle + (corners - middle) * np.float32(2 ** (level / 2))).reshape(-1, 3)

@@ -15,7 +15,7 @@ from pavetwin.render.exposure import Exposure, meter, programme
 from pavetwin.render.frame import Frame
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.instances import Crowd, Parts, Records
-from pavetwin.render.levels import coarser, level_of, skin_of
+from pavetwin.render.levels import casting, coarser, level_of, skin_of
 from pavetwin.render.meshes import GpuMesh, upload_model
 from pavetwin.render.nearby import FAR_M, ground_seen, looks_beyond, looks_down, tile_seen, wanted_keys
 from pavetwin.render.passes import (
@@ -85,7 +85,8 @@ class Renderer:
         self.scene = scene
         self.gpu = Gpu(open_device())
         self._parts = Parts({**scene.models, **solids()})
-        self._meshes: dict[tuple[int, int], GpuMesh] = {}
+        self._meshes: dict[tuple[int, int, bool], GpuMesh] = {}
+        """By part, level, and whether it is of those that only throw shadows."""
         details = dict(scene.details)
         self._pipelines = compile_pipelines(self.gpu, details)
         self._tiles = TileCache(self.gpu, scene, self._parts, self._pipelines.tiles)
@@ -181,11 +182,13 @@ class Renderer:
             ),
         )
 
-    def _mesh(self, part: int, level: int = 0) -> GpuMesh:
-        if (part, level) not in self._meshes:
-            mesh = self._parts.meshes[part]
-            self._meshes[part, level] = upload_model(self.gpu, coarser(mesh, level), skin_of(mesh))
-        return self._meshes[part, level]
+    def _mesh(self, part: int, level: int = 0, *, casts: bool = False) -> GpuMesh:
+        mesh = self._parts.meshes[part]
+        key = part, level, casts and mesh.uv is not None
+        if key not in self._meshes:
+            made = casting(mesh, level) if casts else coarser(mesh, level)
+            self._meshes[key] = upload_model(self.gpu, made, skin_of(mesh))
+        return self._meshes[key]
 
     def _sized(self, size_px: tuple[int, int]) -> Targets:
         if self._targets is None or self._targets.size_px != size_px:
@@ -320,7 +323,7 @@ class Renderer:
         inside = np.asarray(inside & (crowd.radius * view.focal_px > np.maximum(ahead, 0.1)))
         inside[shown:moving] = False
         across = np.abs(relative @ shadow.across.T - shadow.middle)
-        casting = np.flatnonzero((across < shadow.half_m + crowd.radius[:, None]).all(axis=1))
+        throwing = np.flatnonzero((across < shadow.half_m + crowd.radius[:, None]).all(axis=1))
         pixel = np.maximum(np.linalg.norm(relative, axis=1) - crowd.radius, 0.5) / view.focal_px
         stretch = np.linalg.norm(crowd.transform[:, :, :3], axis=1).mean(axis=1)
         area = self._parts.area_m2[crowd.part] * stretch**2
@@ -340,8 +343,8 @@ class Renderer:
         coarse[shown:moving] = pixel[shown:moving]
         shade_level = level_of(self._parts.least_px2[crowd.part], area, coarse)
         casters = [
-            (self._mesh(*kind), count, first)
-            for kind, count, first in records.add_crowd(crowd.only(casting), shade_level[casting])
+            (self._mesh(*kind, casts=True), count, first)
+            for kind, count, first in records.add_crowd(crowd.only(throwing), shade_level[throwing])
         ]
         for tile, record in placed:
             casters += [(mesh, 1, record) for mesh in (tile.facades, tile.kerbs) if mesh is not None]
