@@ -26,12 +26,14 @@ impl Tones {
     /// `tone` fills one row of the picture.
     pub fn of(width: usize, height: usize, tone: impl Fn(usize, &mut [f32]) + Sync) -> Self {
         let mut values = vec![0.0_f32; (width + 2 * RIM) * (height + 2 * RIM)];
-        super::in_bands(height + 2 * RIM, width + 2 * RIM, &mut values, |row, line| {
-            let (left, rest) = line.split_at_mut(RIM);
-            let (middle, right) = rest.split_at_mut(width);
-            tone(row.saturating_sub(RIM).min(height - 1), middle);
-            left.fill(middle[0]);
-            right.fill(middle[width - 1]);
+        super::in_bands(width + 2 * RIM, &mut values, |first, band| {
+            for (row, line) in (first..).zip(band.chunks_exact_mut(width + 2 * RIM)) {
+                let (left, rest) = line.split_at_mut(RIM);
+                let (middle, right) = rest.split_at_mut(width);
+                tone(row.saturating_sub(RIM).min(height - 1), middle);
+                left.fill(middle[0]);
+                right.fill(middle[width - 1]);
+            }
         });
         Self { width, height, values }
     }
@@ -89,17 +91,14 @@ impl Tones {
             .collect()
     }
 
-    /// One row of the picture with its edges smooth.
-    pub fn smooth(&self, plane: &[f32], row: usize, out: &mut [f32]) {
-        let width = self.width;
-        out.copy_from_slice(&plane[row * width * 3..][..width * 3]);
+    /// Make one row's edges smooth. `line`: its reds, greens and blues; `pixel`: what the picture holds at (column, row).
+    pub fn smooth(&self, row: usize, line: &mut [f32], pixel: impl Fn(usize, usize) -> [f32; 3]) {
         for (column, _) in self.edges(row).into_iter().enumerate().filter(|(_, edge)| *edge) {
             if let Some(((dx, dy), share)) = self.share(column as i32, row as i32) {
-                let x = (column as i32 + dx).clamp(0, width as i32 - 1) as usize;
+                let x = (column as i32 + dx).clamp(0, self.width as i32 - 1) as usize;
                 let y = (row as i32 + dy).clamp(0, self.height as i32 - 1) as usize;
-                for channel in 0..3 {
-                    let other = plane[(y * width + x) * 3 + channel];
-                    out[column * 3 + channel] += share * (other - out[column * 3 + channel]);
+                for (channel, other) in super::channels_mut(line).into_iter().zip(pixel(x, y)) {
+                    channel[column] += share * (other - channel[column]);
                 }
             }
         }
@@ -114,6 +113,11 @@ mod tests {
         Tones::of(size, size, |row, line| line.copy_from_slice(&values[row * size..][..size]))
     }
 
+    /// Rows of reds, greens and blues.
+    fn grey(size: usize, values: &[f32]) -> Vec<f32> {
+        values.chunks(size).flat_map(|row| row.repeat(3)).collect()
+    }
+
     /// A half plane under y = slope · x, drawn with one sample a pixel.
     fn stairs(slope: f32, size: usize) -> (Tones, Vec<f32>) {
         let values: Vec<f32> = (0..size * size)
@@ -122,14 +126,20 @@ mod tests {
                 if y - 0.5 * size as f32 > slope * (x - 0.5 * size as f32) { 0.8 } else { 0.2 }
             })
             .collect();
-        let plane = values.iter().flat_map(|tone| [*tone; 3]).collect();
-        (square(size, &values), plane)
+        (square(size, &values), grey(size, &values))
+    }
+
+    fn smoothen(tones: &Tones, plane: &mut [f32], size: usize) {
+        let before = plane.to_vec();
+        for (row, line) in plane.chunks_mut(size * 3).enumerate() {
+            tones.smooth(row, line, |column, row| std::array::from_fn(|it| before[(row * 3 + it) * size + column]));
+        }
     }
 
     /// Mean distance of an edge from where it should be, in each column.
     fn error(plane: &[f32], slope: f32, size: usize) -> f32 {
         let column_error = |column: usize| {
-            let bright: f32 = (0..size).map(|row| (plane[(row * size + column) * 3] - 0.2) / 0.6).sum();
+            let bright: f32 = (0..size).map(|row| (plane[row * 3 * size + column] - 0.2) / 0.6).sum();
             let edge = 0.5 * size as f32 + slope * (column as f32 + 0.5 - 0.5 * size as f32);
             (bright - (size as f32 - edge)).abs()
         };
@@ -140,8 +150,8 @@ mod tests {
     fn stairs_become_slopes() {
         for slope in [0.1, 0.2, 0.35] {
             let (tones, plane) = stairs(slope, 64);
-            let mut smooth = vec![0.0; plane.len()];
-            smooth.chunks_mut(64 * 3).enumerate().for_each(|(row, line)| tones.smooth(&plane, row, line));
+            let mut smooth = plane.clone();
+            smoothen(&tones, &mut smooth, 64);
             let (before, after) = (error(&plane, slope, 64), error(&smooth, slope, 64));
             assert!(after < 0.55 * before, "slope {slope}: {before} → {after}");
         }
@@ -150,14 +160,13 @@ mod tests {
     #[test]
     fn straight_edges_and_grain_stay() {
         let (tones, plane) = stairs(0.0, 32);
-        let mut smooth = vec![0.0; plane.len()];
-        smooth.chunks_mut(32 * 3).enumerate().for_each(|(row, line)| tones.smooth(&plane, row, line));
+        let mut smooth = plane.clone();
+        smoothen(&tones, &mut smooth, 32);
         assert_eq!(plane, smooth);
         let grain: Vec<f32> = (0..32 * 32).map(|pixel| 0.4 + 0.02 * ((pixel * 7919 % 13) as f32 / 12.0)).collect();
-        let plane: Vec<f32> = grain.iter().flat_map(|tone| [*tone; 3]).collect();
-        let tones = square(32, &grain);
-        let mut smooth = vec![0.0; plane.len()];
-        smooth.chunks_mut(32 * 3).enumerate().for_each(|(row, line)| tones.smooth(&plane, row, line));
+        let (tones, plane) = (square(32, &grain), grey(32, &grain));
+        let mut smooth = plane.clone();
+        smoothen(&tones, &mut smooth, 32);
         assert_eq!(plane, smooth);
     }
 }

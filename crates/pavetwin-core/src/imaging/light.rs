@@ -8,13 +8,23 @@ pub struct Light<'a> {
 }
 
 impl Light<'_> {
-    pub(super) fn line(&self, row: usize, out: &mut [f32]) {
+    /// One row's pixels, red green blue.
+    pub(super) fn pixels(&self, row: usize) -> impl Iterator<Item = [f32; 3]> {
         let halves = &self.halves[row * self.width * 4..][..self.width * 4];
-        for (pixel, out) in halves.chunks_exact(4).zip(out.chunks_exact_mut(3)) {
-            for channel in 0..3 {
-                out[channel] = single(pixel[channel]);
-            }
+        halves.chunks_exact(4).map(|pixel| [single(pixel[0]), single(pixel[1]), single(pixel[2])])
+    }
+
+    /// One row's reds, then its greens, then its blues.
+    pub(super) fn line(&self, row: usize, out: &mut [f32]) {
+        let [reds, greens, blues] = super::channels_mut(out);
+        for (pixel, ((red, green), blue)) in self.pixels(row).zip(reds.iter_mut().zip(greens).zip(blues)) {
+            [*red, *green, *blue] = pixel;
         }
+    }
+
+    pub(super) fn pixel(&self, column: usize, row: usize) -> [f32; 3] {
+        let at = (row * self.width + column) * 4;
+        std::array::from_fn(|channel| single(self.halves[at + channel]))
     }
 }
 

@@ -1,6 +1,7 @@
 //! What moves while the shutter is open, smeared along its way.
 
 use std::collections::HashMap;
+use wide::f32x4;
 
 /// Motion of every pixel over the exposure, from its depth and from who is seen there.
 pub struct Motion<'a> {
@@ -49,54 +50,83 @@ impl Motion<'_> {
         ((way[0] - x * way[2]) * scale, (way[1] - y * way[2]) * scale)
     }
 
-    pub(super) fn gather(&self, plane: &[f32], (width, height): (usize, usize), row: usize, out: &mut [f32]) {
-        out.copy_from_slice(&plane[row * width * 3..][..width * 3]);
-        let depths = &self.depth[row * width..][..width];
+    /// One row's reds, greens and blues, each pixel smeared along its way.
+    pub(super) fn gather(&self, plane: &Plane, row: usize, out: &mut [f32]) {
+        let here = row * plane.width..(row + 1) * plane.width;
         // Neighbours mostly show the same thing: its way is looked up where another one begins.
         let (mut shown, mut way) = (None, &self.still);
-        for (column, (out, depth)) in out.chunks_exact_mut(3).zip(depths).enumerate() {
-            if !depth.is_finite() {
-                continue;
-            }
-            let label = self.labels.get(row * width + column);
+        let [reds, greens, blues] = super::channels_mut(out);
+        for (column, (at, ((red, green), blue))) in here.zip(reds.iter_mut().zip(greens).zip(blues)).enumerate() {
+            let label = self.labels.get(at);
             if label != shown {
                 shown = label;
                 way = label.and_then(|label| self.moving.get(label)).unwrap_or(&self.still);
             }
-            let (dx, dy) = self.along(way, *depth, (width, height), column, row);
-            let length = (dx * dx + dy * dy).sqrt();
-            if length < SHARP_PX {
-                continue;
-            }
-            // Points half a pixel apart, evenly over the way, the pixel's own middle in their middle.
-            let shorten = (LONGEST_PX / length).min(1.0);
-            let count = (2.0 * length * shorten).ceil() as usize + 1;
-            let mut sum = [0.0_f32; 3];
-            for point in 0..count {
-                let share = ((point as f32 + 0.5) / count as f32 - 0.5) * shorten;
-                let seen = between(plane, (width, height), column as f32 + dx * share, row as f32 + dy * share);
-                for channel in 0..3 {
-                    sum[channel] += seen[channel];
-                }
-            }
-            for channel in 0..3 {
-                out[channel] = sum[channel] / count as f32;
-            }
+            [*red, *green, *blue, _] = self.smeared(plane, way, column, row).to_array();
         }
+    }
+
+    /// What a pixel takes up from all that passes it, where it moves so far.
+    fn smeared(&self, plane: &Plane, way: &[f32; 3], column: usize, row: usize) -> f32x4 {
+        let depth = self.depth[row * plane.width + column];
+        if !depth.is_finite() {
+            return plane.at(column, row);
+        }
+        let (dx, dy) = self.along(way, depth, (plane.width, plane.height), column, row);
+        let length = (dx * dx + dy * dy).sqrt();
+        if length < SHARP_PX {
+            return plane.at(column, row);
+        }
+        // Points half a pixel apart, evenly over the way, the pixel's own middle in their middle.
+        let shorten = (LONGEST_PX / length).min(1.0);
+        let count = 2 + (2.0 * length * shorten) as i32;
+        let here = f32x4::from([column as f32, row as f32, 0.0, 0.0]);
+        let (way, step) = (f32x4::from([dx, dy, 0.0, 0.0]) * shorten, 1.0 / count as f32);
+        let seen = |point: i32| plane.between(here + way * ((point as f32 + 0.5) * step - 0.5));
+        (0..count).fold(f32x4::ZERO, |sum, point| sum + seen(point)) * step
     }
 }
 
-/// Linear between the middles of pixels; edges go on outwards.
-fn between(plane: &[f32], (width, height): (usize, usize), x: f32, y: f32) -> [f32; 3] {
-    let (x, y) = (x.clamp(0.0, (width - 1) as f32), y.clamp(0.0, (height - 1) as f32));
-    let (left, top) = (x as usize, y as usize);
-    let (right, bottom) = ((left + 1).min(width - 1), (top + 1).min(height - 1));
-    let (along, down) = (x - left as f32, y - top as f32);
-    let pixel = |column: usize, row: usize| &plane[(row * width + column) * 3..][..3];
-    let (a, b, c, d) = (pixel(left, top), pixel(right, top), pixel(left, bottom), pixel(right, bottom));
-    std::array::from_fn(|channel| {
-        let upper = a[channel] * (1.0 - along) + b[channel] * along;
-        let lower = c[channel] * (1.0 - along) + d[channel] * along;
-        upper * (1.0 - down) + lower * down
-    })
+/// A whole picture's light, for pixels that take from anywhere around them.
+pub struct Plane {
+    width: usize,
+    height: usize,
+    /// Red, green, blue and nothing, which a processor reads in one go; (height + 1) × (width + 1), the last row and
+    /// column twice, so that every pixel has one beside and one below it.
+    pixels: Vec<f32x4>,
+}
+
+impl Plane {
+    /// `fill` makes one row's reds, greens and blues.
+    pub fn of((width, height): (usize, usize), fill: impl Fn(usize, &mut [f32]) + Sync) -> Self {
+        let mut pixels = vec![f32x4::ZERO; (width + 1) * (height + 1)];
+        super::in_bands(width + 1, &mut pixels, |first, band| {
+            let mut line = vec![0.0_f32; width * 3];
+            for (row, pixels) in (first..).zip(band.chunks_exact_mut(width + 1)) {
+                fill(row.min(height - 1), &mut line);
+                let [reds, greens, blues] = super::channels(&line);
+                for (pixel, ((red, green), blue)) in pixels.iter_mut().zip(reds.iter().zip(greens).zip(blues)) {
+                    *pixel = f32x4::from([*red, *green, *blue, 0.0]);
+                }
+                pixels[width] = pixels[width - 1];
+            }
+        });
+        Self { width, height, pixels }
+    }
+
+    fn at(&self, column: usize, row: usize) -> f32x4 {
+        self.pixels[row * (self.width + 1) + column]
+    }
+
+    /// At (x, y), linear between the middles of pixels; edges go on outwards.
+    fn between(&self, place: f32x4) -> f32x4 {
+        let last = f32x4::from([(self.width - 1) as f32, (self.height - 1) as f32, 0.0, 0.0]);
+        let place = place.fast_max(f32x4::ZERO).fast_min(last);
+        let whole = place.fast_trunc_int();
+        let ([along, down, ..], [left, top, ..]) = ((place - whole.round_float()).to_array(), whole.to_array());
+        let start = top as usize * (self.width + 1) + left as usize;
+        let (upper, lower) = (&self.pixels[start..][..2], &self.pixels[start + self.width + 1..][..2]);
+        let (above, below) = (upper[0] + (upper[1] - upper[0]) * along, lower[0] + (lower[1] - lower[0]) * along);
+        above + (below - above) * down
+    }
 }

@@ -19,8 +19,14 @@ impl Normal {
         &TABLE
     }
 
-    /// Three numbers for a place.
-    pub fn three(&self, seed: u64, place: u64) -> [f32; 3] {
+    /// Numbers for the places from `first` on, three for each.
+    pub fn fill(&self, seed: u64, first: usize, [ones, others, lasts]: [&mut [f32]; 3]) {
+        for (place, ((one, other), last)) in (first as u64..).zip(ones.iter_mut().zip(others).zip(lasts)) {
+            [*one, *other, *last] = self.three(seed, place);
+        }
+    }
+
+    fn three(&self, seed: u64, place: u64) -> [f32; 3] {
         let bits = mixed(seed ^ place.wrapping_mul(0x9e37_79b9_7f4a_7c15));
         [bits, bits >> 20, bits >> 40].map(|bits| self.quantiles[bits as usize % STEPS])
     }
