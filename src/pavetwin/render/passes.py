@@ -98,11 +98,13 @@ def draw_shadows(
     leaves: Any,
     records: Any,
     target: Any,
+    used_px: tuple[int, int],
     casters: Iterable[tuple[GpuMesh, int, int]],
 ) -> None:
-    """Depths from the sun. `leaves`: bind group of their sheet."""
+    """Depths from the sun, in so many columns and rows of a map. `leaves`: bind group of their sheet."""
     depth = _cleared(target, "store") | {"depth_clear_value": 1.0}
     render_pass = encoder.begin_render_pass(color_attachments=[], depth_stencil_attachment=depth)
+    render_pass.set_scissor_rect(0, 0, *used_px)
     render_pass.set_bind_group(0, frame)
     render_pass.set_bind_group(1, leaves)
     render_pass.set_vertex_buffer(0, records)

@@ -24,6 +24,11 @@ SHADOW_TEXEL_PX: Final = 1.25
 """Texel of the shadow map that is fine enough, in pixels of the picture where the ground is nearest: 2 cm from 10 m,
 half of what the sun's disc blurs of a leaf 5 m up."""
 
+_TEXELS_AN_OCTAVE: Final = 8
+_TURN_DEG: Final = 7.5
+_MARGIN_M: Final = 0.25
+"""Seen beside what is seen by a lens that moves while the picture is taken [m]."""
+
 SHADOW_REACH_M: Final = 60.0
 """Level views have shadows up to this distance [m]."""
 
@@ -64,22 +69,25 @@ def to_clip(view: View) -> Float64:
 
 @dataclass(frozen=True)
 class ShadowFit:
-    """Where the shadow map lies: a square across the sun's rays that holds all that is seen and near."""
+    """Where the shadow map lies: a rectangle across the sun's rays that holds all that is seen and near."""
 
     matrix: Float64
     """(4, 4) from positions relative to the camera to u, v (v down) and depth from the sun, 0 … 1."""
     size_px: int
     """Side of the map [texels]."""
+    used_px: tuple[int, int]
+    """Columns and rows of it, from its upper left corner on, that the rectangle takes; nothing is drawn beyond."""
+    texel_m: float
+    """Side of a texel, across the sun's rays."""
     across: Float64
-    """(2, 3) axes of the square, world frame."""
+    """(2, 3) axes of the rectangle, world frame."""
     middle: Float64
-    """(2,) of the square along these axes, relative to the camera [m]."""
-    half_m: float
+    """(2,) of the rectangle along these axes, relative to the camera [m]."""
 
     @property
-    def texel_m(self) -> float:
-        """Side of a texel, across the sun's rays."""
-        return 2 * self.half_m / self.size_px
+    def half_m(self) -> Float64:
+        """(2,) half of the rectangle's sides."""
+        return np.array(self.used_px) * (self.texel_m / 2)
 
 
 def seen_points(view: View, reach_m: float) -> Float64:
@@ -105,24 +113,39 @@ def fit_shadow(view: View, light: Light) -> ShadowFit:
     """The shadow map for a view: its texels stay where they are in the world when the camera moves a little."""
     points = seen_points(view, SHADOW_REACH_M) - view.position
     sun = light.to_sun
-    flat = math.hypot(sun[0], sun[1])
-    first = np.array([-sun[1], sun[0], 0.0]) / flat if flat > 1e-6 else np.array([1.0, 0.0, 0.0])
-    across = np.stack([first, np.cross(sun, first)])
+    across = _tightest(sun, points)
     placed = points @ across.T
-    low, high = placed.min(axis=0), placed.max(axis=0)
-    side = math.ceil(float((high - low).max()) + 0.5)
+    low, high = placed.min(axis=0) - _MARGIN_M, placed.max(axis=0) + _MARGIN_M
     ground = points[points[:, 2] < NEAR_M - view.position[2]] @ view.rotation[:, 2]
     fine = SHADOW_TEXEL_PX * float(ground.min(initial=SHADOW_REACH_M)) / view.focal_px
-    size = int(np.clip(SHADOW_STEP_PX * math.ceil(side / max(fine, 1e-6) / SHADOW_STEP_PX), *SHADOW_PX))
-    texel = side / size
+    # In steps, so that a camera that climbs a little leaves shadows as they are.
+    texel = 2.0 ** (math.floor(math.log2(max(fine, 1e-6)) * _TEXELS_AN_OCTAVE) / _TEXELS_AN_OCTAVE)
+    least, most = SHADOW_PX
+    texel = float(np.clip(texel, (high - low).max() / (most - 2), (high - low).max() / least))
+    columns, rows = (np.ceil((high - low) / texel) + 1).astype(int).tolist()
+    size = SHADOW_STEP_PX * math.ceil(max(columns, rows) / SHADOW_STEP_PX)
     home = across @ view.position
-    corner = np.floor(((low + high) / 2 - side / 2 + home) / texel) * texel - home
+    corner = np.floor((low + home) / texel) * texel - home
+    side = size * texel
     matrix = np.zeros((4, 4))
     matrix[0, :3], matrix[0, 3] = across[0] / side, -corner[0] / side
-    matrix[1, :3], matrix[1, 3] = -across[1] / side, 1 + corner[1] / side
+    matrix[1, :3], matrix[1, 3] = -across[1] / side, (corner[1] + rows * texel) / side
     matrix[2, :3], matrix[2, 3] = -sun / _SHADOW_DEPTH_M, 0.5
     matrix[3, 3] = 1
-    return ShadowFit(matrix, size, across, corner + side / 2, side / 2)
+    middle = corner + np.array([columns, rows]) * (texel / 2)
+    return ShadowFit(matrix, size, (columns, rows), texel, across, middle)
+
+
+def _tightest(sun: Float64, points: Float64) -> Float64:
+    """(2, 3) axes across the sun's rays, turned so that the rectangle along them around some points is small."""
+    flat = math.hypot(sun[0], sun[1])
+    first = np.array([-sun[1], sun[0], 0.0]) / flat if flat > 1e-6 else np.array([1.0, 0.0, 0.0])
+    plain = np.stack([first, np.cross(sun, first)])
+    angles = np.radians(np.arange(0.0, 90.0, _TURN_DEG))
+    cos, sin = np.cos(angles), np.sin(angles)
+    turned = np.array([[cos, sin], [-sin, cos]]).transpose(2, 0, 1) @ plain
+    extent = np.ptp(points @ turned.transpose(0, 2, 1), axis=1)
+    return np.asarray(turned[int(extent.prod(axis=1).argmin())])
 
 
 def frame_info(view: View, light: Light, shadow: ShadowFit, *, readout_s: float) -> npt.NDArray[np.void]:

@@ -241,7 +241,8 @@ class Renderer:
         self._write_records(records)
         shaded, lit = self._lit(light, shadow.size_px)
         encoder, leaves = self.gpu.device.create_command_encoder(), self._materials.leaves
-        draw_shadows(encoder, self._pipelines, self._frame, leaves, self._records, shaded, draws.casters)
+        used, casters = shadow.used_px, draws.casters
+        draw_shadows(encoder, self._pipelines, self._frame, leaves, self._records, shaded, used, casters)
         draw_light(encoder, self._pipelines, lit, self._materials, self._records, targets, draws)
         if truth:
             draw_truth(encoder, self._pipelines, self._frame, leaves, self._records, targets, draws)
