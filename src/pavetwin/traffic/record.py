@@ -4,7 +4,7 @@ import math
 import os
 import tempfile
 from collections.abc import Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, Self
@@ -174,17 +174,11 @@ def _kept(inputs: Inputs) -> Recording | None:
 
 
 def _check_writable(path: Path) -> None:
-    """Find out before minutes of simulation, not after."""
-    folder = path.parent
-    made = not folder.exists()
+    """Find out before minutes of simulation, not after. No folder is made: two who made and removed it would clash."""
+    place = next(folder for folder in path.parents if folder.exists())
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=folder, prefix=".writable-")
+        handle, name = tempfile.mkstemp(dir=place, prefix=".writable-")
         os.close(handle)
         Path(name).unlink()
     except OSError as error:
         raise unwritable(path, error) from error
-    finally:
-        if made:
-            with suppress(OSError):
-                folder.rmdir()
