@@ -4,8 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +14,7 @@ from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder, record
 from pavetwin.traffic.recording import save_recording
 from pavetwin.world.model import World
+from scenes.processes import is_gone, is_over, simulations, templates
 from scenes.traffic import bytes_of, scene_world
 from test_traffic_record import ROUTES, SOURCES
 
@@ -35,19 +34,6 @@ def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder.mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(folder))
     return folder
-
-
-def simulations(owner: int) -> list[int]:
-    """The processes that an owner has."""
-    children = Path(f"/proc/{owner}/task/{owner}/children").read_text().split()
-    return [int(child) for child in children if b"sumo_run" in Path(f"/proc/{child}/cmdline").read_bytes()]
-
-
-def is_over(what: Callable[[], bool]) -> bool:
-    patience = time.monotonic() + 20
-    while not what() and time.monotonic() < patience:
-        time.sleep(0.05)
-    return what()
 
 
 @pytest.mark.parametrize("traffic", ["low", "high", "own routes"])
@@ -138,12 +124,11 @@ def test_a_simulation_that_waits_ends_with_its_owner(cross: World, places: Path,
     )
     assert owner.stdout is not None
     assert owner.stdout.readline() == "recorded\n"
-    (process,) = simulations(owner.pid)
+    processes = simulations(owner.pid) + templates(owner.pid)
+    assert len(processes) == 2
     assert list(places.iterdir())
     owner.send_signal(number)
     owner.wait(20)
     owner.stdout.close()
     assert is_over(lambda: not list(places.iterdir()))
-    assert is_over(
-        lambda: not Path(f"/proc/{process}/cmdline").exists() or not Path(f"/proc/{process}/cmdline").read_bytes()
-    )
+    assert is_over(lambda: all(is_gone(process) for process in processes))

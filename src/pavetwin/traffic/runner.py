@@ -2,12 +2,10 @@
 
 import os
 import signal
-import subprocess
-import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from multiprocessing import Pipe
 from pathlib import Path
@@ -16,6 +14,7 @@ from typing import Final
 from xml.etree import ElementTree
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.traffic.forks import fork
 from pavetwin.traffic.job import Job, Part
 from pavetwin.world.sumo import environment, first_error
 
@@ -56,18 +55,19 @@ class Simulation:
     """SUMO in a process of its own. It stands still between two calls of `record`, and ends with its owner."""
 
     def __init__(self, job: Job) -> None:
+        """Raises:
+        PaveTwinError: no process can be started.
+        """
         self._job, self._words = job, Path(job.folder) / "words.txt"
         self._owner, its_end = Pipe()
         with its_end, self._words.open("wb") as sink:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", "pavetwin.traffic.sumo_run"],
-                stdin=its_end.fileno(),
-                stdout=sink,
-                stderr=sink,
-                env=_environment(),
-                start_new_session=True,  # Ctrl-C is for the caller, who then ends this process
-            )
-        self._owner.send(job)
+            try:
+                self._process = fork(its_end.fileno(), sink.fileno(), _environment())
+            except BaseException:
+                self._owner.close()
+                raise
+        with suppress(ConnectionError):  # `record` says what became of it
+            self._owner.send(job)
 
     def record(self, frames: int, on_progress: OnProgress | None = None) -> Part:
         """The next `frames` frames; the first time the warm-up comes before them.
@@ -92,13 +92,7 @@ class Simulation:
 
     def end(self) -> None:
         """End the process, at once where it can be."""
-        if self._process.poll() is None:
-            self._process.terminate()
-            try:
-                self._process.wait(GRACE_S)
-            except subprocess.TimeoutExpired:
-                self._process.kill()
-                self._process.wait()
+        self._process.end(GRACE_S)
         self._owner.close()
 
     def _said(self) -> str:
@@ -115,13 +109,15 @@ def simulating(job: Job) -> Iterator[Simulation]:
         simulation.end()
 
 
-def _failure(job: Job, code: int, said: str) -> str:
+def _failure(job: Job, code: int | None, said: str) -> str:
     words = " ".join(first_error(said).split())
     if damage := _damage(Path(job.network)):
         return (
             f"The world's network '{job.network}' is damaged ({damage}); build the world again with "
             "`pavetwin world build … --force`."
         )
+    if code is None:
+        return f"SUMO's process was lost while recording; its last words: {words}"
     if code < 0:
         return f"SUMO crashed while recording (signal {-code}); its last words: {words}"
     if job.routes:

@@ -1,9 +1,9 @@
-"""The simulation's own process: `python -m pavetwin.traffic.sumo_run`.
+"""The simulation's own process, forked off a template (see `template`).
 
-SUMO runs here and nowhere else, so that a crash of SUMO ends this process and not the caller's. Its standard input is
-one end of a connection. The owner sends a `Job`, and then, as often as it likes, how many frames it wants: back come
-shares done, now and then, and at last a `Part`. In between SUMO stands still. When the other end is closed, the owner
-is done or was killed: then the job's folder is removed and the process ends.
+SUMO runs here and nowhere else, so that a crash of SUMO ends this process and not the caller's. It holds one end of a
+connection. The owner sends a `Job`, and then, as often as it likes, how many frames it wants: back come shares done,
+now and then, and at last a `Part`. In between SUMO stands still. When the other end is closed, the owner is done or was
+killed: then the job's folder is removed and the process ends.
 """
 
 import shutil
@@ -146,7 +146,10 @@ def serve(owner: Connection) -> int:
     """Simulate what the owner asks for. Returns the exit code: 0 the owner is done or gone, 1 SUMO refused."""
     import libsumo
 
-    job: Job = owner.recv()
+    try:
+        job: Job = owner.recv()
+    except (EOFError, ConnectionError):
+        return 0
     try:
         simulation = Simulation(libsumo, job, owner.send)
         while True:
@@ -157,7 +160,3 @@ def serve(owner: Connection) -> int:
     except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
         print("Error:", " ".join(str(error).split()), file=sys.stderr)
         return 1
-
-
-if __name__ == "__main__":
-    sys.exit(serve(Connection(sys.stdin.fileno())))
