@@ -1,6 +1,7 @@
 """Everything that decides how a mission is flown, and the presets `default` and `paper`."""
 
 from collections.abc import Iterable, Mapping
+from functools import cache
 from importlib.resources import files
 from typing import Annotated, Any, Literal, Self
 
@@ -146,6 +147,12 @@ def load_settings(preset: str = "default", overrides: Iterable[str] = (), **give
     if preset not in names:
         near = nearest_name(preset, names) or f"; known are {', '.join(names)}"
         raise PaveTwinError(f"No preset '{preset}'{near}.")
-    text = (files("pavetwin.config") / "presets" / f"{preset}.yaml").read_text(encoding="utf-8")
-    values = overlay(yaml.safe_load(text) or {}, given)
+    values = overlay(_values(preset), given)
     return MissionSettings.parse(with_overrides(values, overrides), where=f"settings (preset '{preset}')")
+
+
+@cache
+def _values(preset: str) -> Mapping[str, Any]:
+    """What a preset's file says: read once, since a study asks hundreds of times. Nobody may change it."""
+    text = (files("pavetwin.config") / "presets" / f"{preset}.yaml").read_text(encoding="utf-8")
+    return yaml.safe_load(text) or {}

@@ -20,7 +20,7 @@ from pavetwin.experiments.design import OWN_ROUTES, Design, WorldEntry
 from pavetwin.experiments.metrics import FAILED, FLOWN, REASON, REPLICATE, STATUS
 from pavetwin.experiments.plan import Cell, Plan, Unit, world_of_study
 from pavetwin.mission.fly import fly
-from pavetwin.mission.ground import Stage, prepare
+from pavetwin.mission.ground import Stage, Surroundings, prepare
 from pavetwin.mission.ledger import SegmentRow
 from pavetwin.mission.replay import Replay
 from pavetwin.traffic.inputs import Inputs
@@ -211,7 +211,15 @@ def _defects(place: _Place) -> tuple[Defect, ...]:
 @lru_cache(maxsize=16)
 def _stage(place: _Place, altitude_m: float, radius_m: float, cell_m: float) -> Stage:
     settings = load_settings(altitude_m=altitude_m, uav={"radius_m": radius_m}, visibility={"cell_m": cell_m})
-    return prepare(place.world, settings, _defects(place))
+    return prepare(
+        place.world, settings, _defects(place), _surroundings(place.path, place.content_hash, altitude_m, radius_m)
+    )
+
+
+@lru_cache(maxsize=16)
+def _surroundings(path: str, content_hash: str, altitude_m: float, radius_m: float) -> Surroundings:
+    """The same in all replicates."""
+    return Surroundings.of(world_of_study(path, content_hash), altitude_m, radius_m)
 
 
 def _replay(plan: Plan, unit: Unit, world: World, entry: WorldEntry) -> Replay:

@@ -3,19 +3,20 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, radians, sin
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 import shapely
 
-from pavetwin._core import Flight, Ground, Trace
+from pavetwin._core import Flight, Ground, NavMesh, Trace
 from pavetwin.config import MissionSettings
 from pavetwin.defects import sample_points
 from pavetwin.navigation.navmesh import navmesh
 from pavetwin.uav import energy_curve, find_camera
 from pavetwin.uav.energy import CURVE_STEP_MPS
 from pavetwin.world.model import Defect, Surface, World
-from pavetwin.world.solids import solids
+from pavetwin.world.solids import Solids, solids
 
 
 @dataclass(frozen=True)
@@ -35,22 +36,54 @@ class Stage:
         return self.components[index] is not None and self.components[index] == self.base_component
 
 
-def prepare(world: World, settings: MissionSettings, defects: Sequence[Defect] | None = None) -> Stage:
-    """Bake or read the NavMesh, grid the surfaces, and hand all of it to the kernel.
+@dataclass(frozen=True)
+class Surroundings:
+    """What stands still around the flights at one altitude, whatever the defects and the cells."""
+
+    solids: Solids
+    mesh: NavMesh
+    components: tuple[int | None, ...]
+    base_component: int | None
+
+    @classmethod
+    def of(cls, world: World, altitude_m: float, radius_m: float) -> Self:
+        """Bake or read the NavMesh.
+
+        Raises:
+            PaveTwinError: nothing is left to fly in at this altitude.
+        """
+        standing = solids(world)
+        mesh = navmesh(world, altitude_m, radius_m, standing)
+        components = []
+        for segment in world.segments:
+            middle = segment.centre_line.interpolate(0.5, normalized=True)
+            components.append(mesh.component_of(*mesh.nearest(middle.x, middle.y)))
+        base = mesh.component_of(*mesh.nearest(world.base.x, world.base.y))
+        return cls(standing, mesh, tuple(components), base)
+
+
+def prepare(
+    world: World,
+    settings: MissionSettings,
+    defects: Sequence[Defect] | None = None,
+    surroundings: Surroundings | None = None,
+) -> Stage:
+    """Grid the surfaces, and hand all that stands still to the kernel.
 
     Args:
         defects: the defects to look for, ids 0 … n−1 in order; those of the world when not given.
+        surroundings: of this world at this altitude, where they are known.
 
     Raises:
         PaveTwinError: nothing is left to fly in at this altitude.
     """
     chosen = tuple(world.defects if defects is None else defects)
-    standing = solids(world)
-    mesh = navmesh(world, settings.altitude_m, settings.uav.radius_m, standing)
+    around = surroundings or Surroundings.of(world, settings.altitude_m, settings.uav.radius_m)
+    standing = around.solids
     index = {segment.id: number for number, segment in enumerate(world.segments)}
     samples = [sample_points(defect) for defect in chosen]
     ground = Ground(
-        mesh,
+        around.mesh,
         cell_m=settings.visibility.cell_m,
         surface_rings=[_rings(segment.polygon) for segment in world.segments],
         solid_offsets=standing.offsets.astype(np.uint32),
@@ -62,12 +95,7 @@ def prepare(world: World, settings: MissionSettings, defects: Sequence[Defect] |
         defect_points=np.concatenate(samples) if samples else np.empty((0, 2)),
         defect_segments=np.array([index[defect.segment] for defect in chosen], dtype=np.uint32),
     )
-    components = []
-    for segment in world.segments:
-        middle = segment.centre_line.interpolate(0.5, normalized=True)
-        components.append(mesh.component_of(*mesh.nearest(middle.x, middle.y)))
-    base = mesh.component_of(*mesh.nearest(world.base.x, world.base.y))
-    return Stage(world, chosen, settings.altitude_m, ground, tuple(components), base)
+    return Stage(world, chosen, settings.altitude_m, ground, around.components, around.base_component)
 
 
 def new_flight(stage: Stage, trace: Trace, settings: MissionSettings) -> Flight:

@@ -311,7 +311,12 @@ def save_recording(recording: Recording, path: str | Path) -> Recording:
     table = pa.table({**columns, **{name: getattr(recording, name) for name in _COLUMNS}})
     text = json.dumps(_metadata(recording), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
     with writing(path) as temporary:
-        pq.write_table(table.replace_schema_metadata({_KEY: text.encode()}), temporary, compression="zstd")
+        pq.write_table(
+            table.replace_schema_metadata({_KEY: text.encode()}),
+            temporary,
+            compression="zstd",
+            use_dictionary=list(columns),  # the others hardly repeat: a dictionary of them takes time and room
+        )
     return replace(recording, path=path)
 
 
