@@ -1,7 +1,7 @@
 """Where everyone is, frame by frame, read from the running simulation. Runs only in the simulation's process."""
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 from typing import Any, Final
@@ -64,14 +64,14 @@ class Readout:
         return rows
 
     def _read(self, domain: Any, names: Sequence[str], numbers: dict[str, int]) -> None:
-        for name in sorted(name for name in names if name not in numbers):
+        for name in sorted(set(names).difference(numbers)):
             numbers[name] = len(self._vehicles) + len(self._persons)
             self._rows.bodies.append(self._body(domain, name))
         rows = self._rows
         rows.agent.extend(map(numbers.__getitem__, names))
-        rows.xy.extend(chain.from_iterable(map(domain.getPosition, names)))
-        rows.heading_deg.extend(map(domain.getAngle, names))
-        rows.speed_mps.extend(map(domain.getSpeed, names))
+        rows.xy.extend(chain.from_iterable(map(_plain(self._sumo, domain, "getPosition"), names)))
+        rows.heading_deg.extend(map(_plain(self._sumo, domain, "getAngle"), names))
+        rows.speed_mps.extend(map(_plain(self._sumo, domain, "getSpeed"), names))
 
     def _on_foot(self, names: Sequence[str]) -> list[str]:
         person = self._sumo.person
@@ -84,3 +84,9 @@ class Readout:
             kind = kind_of_type(type_id, types.getVehicleClass(type_id))
             self._sizes[type_id] = (kind, types.getLength(type_id), types.getWidth(type_id), types.getHeight(type_id))
         return Body(name, domain is self._sumo.person, *self._sizes[type_id])
+
+
+def _plain(sumo: Any, domain: Any, question: str) -> Callable[[str], Any]:
+    """A domain's function without its wrapper in Python, where this libsumo has it: it is asked millions of times."""
+    own: Callable[[str], Any] = getattr(domain, question)
+    return getattr(getattr(sumo, "_libsumo", None), f"{domain.__name__}_{question}", own)
