@@ -118,7 +118,9 @@ class Trace:
         height_m: Singles,
         base_m: Singles,
         is_pedestrian: Flags,
-    ) -> None: ...
+        known: Trace | None = None,
+    ) -> None:
+        """`known`: a trace whose rows are the first of these, so that only what follows is worked out."""
     @property
     def duration_s(self) -> float: ...
     @property

@@ -14,7 +14,7 @@ pub struct Trace(pub Arc<core::Trace>);
 #[pymethods]
 impl Trace {
     #[new]
-    #[pyo3(signature = (*, step_s, step_offsets, agent, x_m, y_m, yaw_rad, speed_mps, length_m, width_m, height_m, base_m, is_pedestrian))]
+    #[pyo3(signature = (*, step_s, step_offsets, agent, x_m, y_m, yaw_rad, speed_mps, length_m, width_m, height_m, base_m, is_pedestrian, known=None))]
     #[allow(clippy::too_many_arguments)] // the columns of a recording, each by name
     fn new(
         py: Python<'_>,
@@ -30,6 +30,7 @@ impl Trace {
         height_m: PyReadonlyArray1<'_, f32>,
         base_m: PyReadonlyArray1<'_, f32>,
         is_pedestrian: PyReadonlyArray1<'_, bool>,
+        known: Option<&Self>,
     ) -> PyResult<Self> {
         let wide = |array: &PyReadonlyArray1<'_, f32>| -> PyResult<Vec<f64>> {
             Ok(array.as_slice()?.iter().map(|value| f64::from(*value)).collect())
@@ -54,7 +55,11 @@ impl Trace {
             speed_mps: speed_mps.as_slice()?.to_vec(),
             bodies: bodies.collect(),
         };
-        py.detach(|| core::Trace::new(columns)).map(|trace| Self(Arc::new(trace))).map_err(plain)
+        let made = || match known {
+            Some(known) => core::Trace::beginning_with(&known.0, columns),
+            None => core::Trace::new(columns),
+        };
+        py.detach(made).map(|trace| Self(Arc::new(trace))).map_err(plain)
     }
 
     #[getter]

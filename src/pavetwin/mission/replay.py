@@ -17,14 +17,17 @@ from pavetwin.world.model import World
 FIRST_DURATION_S = 1200.0
 """Recorded before the first flight; a mission of some ten segments fits."""
 
-GROWTH = 1.25
-"""A recording that proves too short is made this much longer. SUMO goes on from where it stopped, and what is simulated
-in vain costs more than making a trace anew."""
+GROWTH = 1.15
+"""A recording that proves too short is made this much longer. SUMO goes on from where it stopped: less would copy what
+is known too often, more would simulate too much in vain."""
 
 
-def to_trace(recording: Recording, aircraft: Sequence[Aircraft] = ()) -> Trace:
-    """A recording in the kernel's hands, and other aircraft with it, which come first among the agents."""
-    return Trace(**with_aircraft(trace_arguments(recording), aircraft))
+def to_trace(recording: Recording, aircraft: Sequence[Aircraft] = (), known: Trace | None = None) -> Trace:
+    """A recording in the kernel's hands, and other aircraft with it, which come first among the agents.
+
+    `known` is the trace of its beginning, with the same aircraft, where there is one.
+    """
+    return Trace(**with_aircraft(trace_arguments(recording), aircraft), known=known)
 
 
 @dataclass
@@ -63,7 +66,7 @@ class Replay:
                 if self._entered:
                     self.recorder.__enter__()
             self.recording = self.recorder.beyond(longer_s, self.on_prolong)
-            self._trace = None
+            self._trace = to_trace(self.recording.after(self.start_s), self.aircraft, self._trace)
         return self.trace()
 
     def __enter__(self) -> Self:

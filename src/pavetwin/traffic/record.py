@@ -104,7 +104,7 @@ class Recorder:
         frames = frames_of(duration_s, STEP_S)
         if self._longest is None or self._longest.frames < frames:
             with termination_as_exit():
-                self._take(self._simulate(frames, on_progress))
+                self._simulate(frames, on_progress)
                 if not self._entered:
                     self._write()
         assert self._longest is not None
@@ -138,8 +138,8 @@ class Recorder:
         if known is None or known.frames < recording.frames:
             self._longest = recording
 
-    def _simulate(self, frames: int, on_progress: OnProgress | None) -> Recording:
-        """The first `frames` frames, by the simulation that is alive or by a new one."""
+    def _simulate(self, frames: int, on_progress: OnProgress | None) -> None:
+        """Know the first `frames` frames, by the simulation that is alive or by a new one."""
         before = self._longest if self._simulation is not None else None
         try:
             simulation = self._simulation or self._begin()
@@ -148,7 +148,11 @@ class Recorder:
             self._end()  # it may stand anywhere
             raise
         self._simulation = simulation
-        return replace(to_recording(part, self._inputs.origin(part), before), path=self._inputs.path)
+        recording = replace(to_recording(part, self._inputs.origin(part), before), path=self._inputs.path)
+        if before is None:
+            self._take(recording)
+        else:
+            self._longest = recording
 
     def _begin(self) -> Simulation:
         require_sumo()

@@ -47,7 +47,7 @@ impl AgentPose {
 /// absent from the next step, or that is farther away there than [`TELEPORT_MPS`] allows, stands at its last pose
 /// until the next step begins. Velocity is the difference of the two positions over the step, or where there is no
 /// second one, speed along the heading.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Trace {
     step_s: f64,
     step_offsets: Vec<u32>,
@@ -70,21 +70,39 @@ impl Trace {
     /// The first flaw found in the columns.
     pub fn new(columns: TraceColumns) -> Result<Self, TraceError> {
         columns.check()?;
-        let mut rows = rows_of(&columns);
-        link_steps(&mut rows, &columns.step_offsets, TELEPORT_MPS * columns.step_s);
+        Ok(Self::going_on(Self::default(), columns))
+    }
+
+    /// As `new`, where the rows of `known` are the first of the columns and so need no work again. Where its steps or
+    /// bodies are not the columns' first, all is made anew.
+    ///
+    /// # Errors
+    /// The first flaw found in the columns.
+    pub fn beginning_with(known: &Self, columns: TraceColumns) -> Result<Self, TraceError> {
+        columns.check()?;
+        let begins = known.step_s == columns.step_s
+            && columns.step_offsets.starts_with(&known.step_offsets)
+            && columns.bodies.starts_with(&known.bodies);
+        Ok(Self::going_on(if begins { known.clone() } else { Self::default() }, columns))
+    }
+
+    /// `known` with the rows of the columns that it does not have yet.
+    fn going_on(known: Self, columns: TraceColumns) -> Self {
+        let mut rows = known.rows;
+        rows.extend(rows_of(&columns, rows.len()));
+        // The last step that was known had no next one.
+        let first = known.longest_move_m.len().saturating_sub(1);
+        link_steps(&mut rows, &columns.step_offsets[first..], TELEPORT_MPS * columns.step_s);
         let mut trace = Self {
             step_s: columns.step_s,
             step_offsets: columns.step_offsets,
             max_half_diagonal_m: columns.bodies.iter().map(Body::half_diagonal_m).fold(0.0, f64::max),
             bodies: columns.bodies,
-            cell_keys: Vec::with_capacity(rows.len()),
-            cell_rows: Vec::with_capacity(rows.len()),
-            longest_move_m: Vec::new(),
-            max_speed_mps: 0.0,
             rows,
+            ..known
         };
-        trace.build_index();
-        Ok(trace)
+        trace.build_index(first);
+        trace
     }
 
     /// Time of the last step, seconds.
@@ -213,9 +231,16 @@ impl Trace {
         AgentPose { agent: row.agent, body, position, yaw_rad: wrapped(yaw_rad), velocity }
     }
 
-    fn build_index(&mut self) {
+    /// From step `first` on; what comes before is indexed.
+    fn build_index(&mut self, first: usize) {
+        let indexed = self.step_offsets[first] as usize;
+        self.cell_keys.truncate(indexed);
+        self.cell_rows.truncate(indexed);
+        self.cell_keys.reserve(self.rows.len() - indexed);
+        self.cell_rows.reserve(self.rows.len() - indexed);
+        self.longest_move_m.truncate(first);
         let mut entries: Vec<(u32, u32)> = Vec::new();
-        for step in 0..self.step_count() {
+        for step in first..self.step_count() {
             let mut longest_m = 0.0f64;
             entries.clear();
             for index in self.rows_of_step(step) {
@@ -240,16 +265,15 @@ fn wrapped(angle_rad: f64) -> f64 {
     if is_inside { angle_rad } else { wrap_angle(angle_rad) }
 }
 
-fn rows_of(columns: &TraceColumns) -> Vec<Row> {
-    (0..columns.agent.len())
-        .map(|row| Row {
-            position: Vec2::new(columns.x_m[row], columns.y_m[row]),
-            yaw_rad: columns.yaw_rad[row],
-            speed_mps: columns.speed_mps[row],
-            agent: columns.agent[row],
-            next: NONE,
-        })
-        .collect()
+/// The rows from `first` on.
+fn rows_of(columns: &TraceColumns, first: usize) -> impl Iterator<Item = Row> {
+    (first..columns.agent.len()).map(|row| Row {
+        position: Vec2::new(columns.x_m[row], columns.y_m[row]),
+        yaw_rad: columns.yaw_rad[row],
+        speed_mps: columns.speed_mps[row],
+        agent: columns.agent[row],
+        next: NONE,
+    })
 }
 
 /// Points every row at the same agent's row in the next step, unless the way there is longer than `longest_m`.

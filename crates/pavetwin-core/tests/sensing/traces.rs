@@ -141,6 +141,20 @@ proptest! {
     }
 
     #[test]
+    fn a_trace_that_goes_on_is_the_one_made_at_once(steps in any_steps(), others in any_steps(), kept in 1usize..=5) {
+        let whole = trace(&steps);
+        let all = columns(&steps, whole.bodies().to_vec());
+        for known in [trace(&steps[..kept].to_vec()), trace(&others)] {
+            // Another recording with the same numbers of rows is the caller's mistake; it is not what is tried here.
+            let is_beginning = known.is_prefix_of(&whole);
+            let same_layout = known.row_count() == whole.row_count();
+            prop_assume!(is_beginning || !same_layout);
+            let longer = Trace::beginning_with(&known, all.clone()).unwrap();
+            prop_assert_eq!(format!("{longer:?}"), format!("{whole:?}"));
+        }
+    }
+
+    #[test]
     fn a_shortened_recording_is_a_prefix(steps in any_steps(), kept in 1usize..5) {
         let whole = trace(&steps);
         let short = Trace::new(columns(&steps[..kept].to_vec(), whole.bodies().to_vec())).unwrap();
