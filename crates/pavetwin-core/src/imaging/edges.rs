@@ -9,10 +9,15 @@ const LEAST: f32 = 0.06;
 const LEAST_SHARE: f32 = 0.18;
 
 /// Pixels that an edge is followed.
-const LONGEST: i32 = 12;
+const LONGEST: usize = 12;
 
 /// How far beyond the picture tones are looked up.
-const RIM: usize = LONGEST as usize + 1;
+const RIM: usize = LONGEST + 1;
+
+/// The smaller of two numbers: unlike `f32::min` without care for what is none, which a processor has no word for.
+fn less(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
 
 /// A picture's tones to find edges in. Those at its border go on outwards for a rim, so that looking there needs no care.
 pub struct Tones {
@@ -38,42 +43,43 @@ impl Tones {
         Self { width, height, values }
     }
 
-    fn at(&self, column: i32, row: i32) -> f32 {
-        let (column, row) = (column + RIM as i32, row + RIM as i32);
-        self.values[row as usize * (self.width + 2 * RIM) + column as usize]
-    }
-
     /// Where a pixel at an edge takes from, as a step to a neighbour, and how much.
-    fn share(&self, column: i32, row: i32) -> Option<((i32, i32), f32)> {
-        let at = |dx: i32, dy: i32| self.at(column + dx, row + dy);
-        let (here, up, down, left, right) = (at(0, 0), at(0, -1), at(0, 1), at(-1, 0), at(1, 0));
+    fn share(&self, column: usize, row: usize) -> Option<((isize, isize), f32)> {
+        let stride = self.width + 2 * RIM;
+        let place = (row + RIM) * stride + column + RIM;
+        // The three rows of nine, and so the neighbours, in one look each.
+        let [above, level, below] = [place - stride, place, place + stride].map(|at| &self.values[at - 1..][..3]);
+        let (here, up, down, left, right) = (level[1], above[1], below[1], level[0], level[2]);
         let bend = |a: f32, b: f32, c: f32| (a + c - 2.0 * b).abs();
-        let (a, b, c, d) = (at(-1, -1), at(1, -1), at(-1, 1), at(1, 1));
-        let level = 2.0 * bend(up, here, down) + bend(a, left, c) + bend(b, right, d);
+        let (a, b, c, d) = (above[0], above[2], below[0], below[2]);
+        let flat = 2.0 * bend(up, here, down) + bend(a, left, c) + bend(b, right, d);
         let upright = 2.0 * bend(left, here, right) + bend(a, up, b) + bend(c, down, d);
-        // The edge runs along `along`; its other side lies across.
-        let is_level = level >= upright;
-        let (before, after) = if is_level { (up, down) } else { (left, right) };
+        // The edge runs along one axis; its other side lies across.
+        let is_flat = flat >= upright;
+        let (before, after) = if is_flat { (up, down) } else { (left, right) };
         let sign = if (before - here).abs() >= (after - here).abs() { -1 } else { 1 };
         let other = if sign < 0 { before } else { after };
-        let (across, along) = if is_level { ((0, sign), (1, 0)) } else { ((sign, 0), (0, 1)) };
-        let (middle, step) = (0.5 * (here + other), 0.25 * (other - here).abs());
-        let between = |way: i32| {
-            let (x, y) = (along.0 * way, along.1 * way);
-            0.5 * (at(x, y) + at(x + across.0, y + across.1)) - middle
+        let (beside, step) = if is_flat { (stride, 1) } else { (1, stride) };
+        let across = place.wrapping_add_signed(sign * beside as isize);
+        let (middle, least) = (0.5 * (here + other), 0.25 * (other - here).abs());
+        let end = |sense: isize| {
+            let (mut own, mut their) = (place, across);
+            for way in 1..=LONGEST {
+                (own, their) = (own.wrapping_add_signed(sense), their.wrapping_add_signed(sense));
+                let away = 0.5 * (self.values[own] + self.values[their]) - middle;
+                if away.abs() >= least {
+                    return (way, away);
+                }
+            }
+            (LONGEST, 0.0)
         };
-        let end = |sense: i32| {
-            (1..=LONGEST)
-                .map(|way| (way, between(sense * way)))
-                .find(|(_, away)| away.abs() >= step)
-                .unwrap_or((LONGEST, 0.0))
-        };
-        let ((back, back_tone), (ahead, ahead_tone)) = (end(-1), end(1));
+        let ((back, back_tone), (ahead, ahead_tone)) = (end(-(step as isize)), end(step as isize));
         let (nearest, tone) = if back < ahead { (back, back_tone) } else { (ahead, ahead_tone) };
         // Only where the edge ends towards this pixel's side does it cut into the pixel.
         let cuts = (tone < 0.0) != (here < middle) && tone != 0.0;
         let share = 0.5 - nearest as f32 / (back + ahead) as f32;
-        (cuts && share > 0.0).then_some((across, share))
+        let to = if is_flat { (0, sign) } else { (sign, 0) };
+        (cuts && share > 0.0).then_some((to, share))
     }
 
     /// Whether each pixel of a row differs enough from one beside it to lie at an edge.
@@ -84,8 +90,8 @@ impl Tones {
         let here = &self.values[(row + RIM) * stride + RIM - 1..][..self.width + 2];
         (here.windows(3).zip(up.iter().zip(down)))
             .map(|(three, (up, down))| {
-                let low = three[0].min(three[1]).min(three[2]).min(*up).min(*down);
-                let high = three[0].max(three[1]).max(three[2]).max(*up).max(*down);
+                let low = less(less(less(three[0], three[1]), three[2]), less(*up, *down));
+                let high = -less(less(less(-three[0], -three[1]), -three[2]), less(-up, -down));
                 high - low >= LEAST.max(LEAST_SHARE * high)
             })
             .collect()
@@ -94,9 +100,9 @@ impl Tones {
     /// Make one row's edges smooth. `line`: its reds, greens and blues; `pixel`: what the picture holds at (column, row).
     pub fn smooth(&self, row: usize, line: &mut [f32], pixel: impl Fn(usize, usize) -> [f32; 3]) {
         for (column, _) in self.edges(row).into_iter().enumerate().filter(|(_, edge)| *edge) {
-            if let Some(((dx, dy), share)) = self.share(column as i32, row as i32) {
-                let x = (column as i32 + dx).clamp(0, self.width as i32 - 1) as usize;
-                let y = (row as i32 + dy).clamp(0, self.height as i32 - 1) as usize;
+            if let Some(((dx, dy), share)) = self.share(column, row) {
+                let x = column.saturating_add_signed(dx).min(self.width - 1);
+                let y = row.saturating_add_signed(dy).min(self.height - 1);
                 for (channel, other) in super::channels_mut(line).into_iter().zip(pixel(x, y)) {
                     channel[column] += share * (other - channel[column]);
                 }

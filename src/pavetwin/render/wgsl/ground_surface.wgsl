@@ -36,8 +36,13 @@ fn detail_at(kind: u32, uv: vec2f, footprint: f32) -> Detail {
 }
 
 fn second_share(p: vec2f) -> f32 {
-    let waves = sin(0.43 * p.x + 0.31 * p.y) + sin(-0.59 * p.x + 0.77 * p.y + 1.3) + sin(1.13 * p.x - 0.37 * p.y + 4.1);
-    return smoothstep(0.4, 0.6, 0.5 + 0.17 * waves);
+    let turns = vec3f(
+        0.068 * p.x + 0.049 * p.y,
+        -0.094 * p.x + 0.123 * p.y + 0.207,
+        0.180 * p.x - 0.059 * p.y + 0.653,
+    );
+    let ahead = 1.0 - 2.0 * fract(turns);
+    return smoothstep(0.4, 0.6, 0.5 + 0.68 * dot(ahead, 1.0 - abs(ahead)));
 }
 
 fn grain_luck(local: vec2f) -> f32 {

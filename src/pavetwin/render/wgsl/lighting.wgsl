@@ -58,18 +58,20 @@ fn sun_tap(at: vec3f) -> f32 {
 }
 
 // The same with soft edges: the half shadow widens with the distance of what casts it (Fernando 2005,
-// Percentage-Closer Soft Shadows), `jitter` turns the samples from pixel to pixel. `pixel`: its side there [m].
+// Percentage-Closer Soft Shadows), `jitter` turns the samples from pixel to pixel, 0 … 1. `pixel`: its side there [m].
 fn sunlight(at: vec3f, normal: vec3f, pixel: f32, jitter: f32) -> f32 {
     if (dot(normal, lamp.to_sun.xyz) <= 0.0) { return 0.0; }
     if (any(at.xy < vec2f(0.002)) || any(at.xy > vec2f(0.998))) { return 1.0; }
     let texel = 1.0 / f32(textureDimensions(shadow_map).x);
-    let turn = vec2f(cos(jitter), sin(jitter));
+    // Points of Vogel's disc.
+    var way = circle(jitter);
     var nearer = 0.0;
     var blockers = 0.0;
     for (var k = 0; k < 5; k++) {
-        let tap = disc(k, 5.0, turn) * (6.0 * texel);
+        let tap = way * (6.0 * sqrt((f32(k) + 0.5) / 5.0) * texel);
         let depth = textureSampleLevel(shadow_map, nearest_sampler, at.xy + tap, 0);
         if (depth < at.z) { nearer += at.z - depth; blockers += 1.0; }
+        way = goldenly(way);
     }
     // In the open the loop does not run: a processor skips loops, but does both sides of an `if`.
     let taps = select(0, 6, blockers > 0.0);
@@ -78,7 +80,9 @@ fn sunlight(at: vec3f, normal: vec3f, pixel: f32, jitter: f32) -> f32 {
     let radius = clamp(nearer / max(blockers, 1.0) * lamp.to_sun.w, least, 12.0) * texel;
     var dark = 0.0;
     for (var k = 0; k < taps; k++) {
-        dark += 1.0 - textureSampleCompareLevel(shadow_map, shadow_compare, at.xy + disc(k, 6.0, turn) * radius, at.z);
+        let tap = way * (sqrt((f32(k) + 0.5) / 6.0) * radius);
+        dark += 1.0 - textureSampleCompareLevel(shadow_map, shadow_compare, at.xy + tap, at.z);
+        way = goldenly(way);
     }
     return 1.0 - dark / 6.0;
 }
@@ -88,16 +92,20 @@ fn sun_on(relative: vec3f, normal: vec3f, jitter: f32) -> f32 {
     return sunlight(in_shadow_map(relative, normal), normal, pixel_at(relative), jitter);
 }
 
-// Vogel's disc: k-th of n points, turned.
-fn disc(k: i32, n: f32, turn: vec2f) -> vec2f {
-    let angle = f32(k) * 2.399963;
-    let p = vec2f(cos(angle), sin(angle)) * sqrt((f32(k) + 0.5) / n);
-    return vec2f(p.x * turn.x - p.y * turn.y, p.x * turn.y + p.y * turn.x);
+// A way turned by the golden angle.
+fn goldenly(way: vec2f) -> vec2f {
+    return vec2f(-0.737369 * way.x - 0.675490 * way.y, 0.675490 * way.x - 0.737369 * way.y);
 }
 
-// Interleaved gradient noise (Jimenez 2014) as an angle.
+// A way after so many turns, on a circle made of parabolas: up to 6 % too far, and cheaper than sines.
+fn circle(turns: f32) -> vec2f {
+    let ahead = 1.0 - 2.0 * fract(vec2f(turns + 0.25, turns));
+    return 4.0 * ahead * (1.0 - abs(ahead));
+}
+
+// Interleaved gradient noise (Jimenez 2014) as turns.
 fn pixel_jitter(pixel: vec2f) -> f32 {
-    return 2.0 * PI * fract(52.9829189 * fract(dot(pixel, vec2f(0.06711056, 0.00583715))));
+    return fract(52.9829189 * fract(dot(pixel, vec2f(0.06711056, 0.00583715))));
 }
 
 // GGX with Smith's visibility in Hammon's approximation, for the sun's mirror image: its share of the sun's illuminance.

@@ -141,10 +141,16 @@ def surface(
 
 
 def second_share(xy: Floats) -> Float32:
-    """w(p) = smoothstep(0.4, 0.6, ½ + 0.17 Σ sin(…)): where the second sample of a detail shows, (...)."""
+    """w(p) = smoothstep(0.4, 0.6, ½ + 0.17 Σ wave(…)): where the second sample of a detail shows, (...)."""
     x, y = xy[..., 0], xy[..., 1]
-    waves = np.sin(0.43 * x + 0.31 * y) + np.sin(-0.59 * x + 0.77 * y + 1.3) + np.sin(1.13 * x - 0.37 * y + 4.1)
+    waves = wave(0.068 * x + 0.049 * y) + wave(-0.094 * x + 0.123 * y + 0.207) + wave(0.180 * x - 0.059 * y + 0.653)
     return smoothstep(0.4, 0.6, 0.5 + 0.17 * waves)
+
+
+def wave(turns: Floats) -> Float32:
+    """Nearly the sine of so many turns, of parabolas: cheaper, at every pixel of a picture, than sines."""
+    ahead = 1 - 2 * (turns - np.floor(turns))
+    return np.asarray(4 * ahead * (1 - np.abs(ahead)), dtype=np.float32)
 
 
 def grain_luck(local_xy: Floats) -> Float32:
