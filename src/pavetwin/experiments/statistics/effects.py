@@ -8,8 +8,9 @@ replicates (Kirk, Experimental Design, 4th ed., chapters 10 and 12).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, product
+from math import prod
 
 import numpy as np
 import polars as pl
@@ -34,6 +35,8 @@ class _Term:
     """What the term is tested against; none for replicates and the residual."""
     epsilon: float = 1.0
     """Greenhouse and Geisser's correction of both degrees of freedom."""
+    observed: int = 0
+    """Means of a replicate in a cell of the term, over all else: so many there are."""
 
 
 def effects(table: pl.DataFrame, factors: Sequence[str], metrics: Sequence[Metric] = METRICS) -> pl.DataFrame:
@@ -46,9 +49,10 @@ def effects(table: pl.DataFrame, factors: Sequence[str], metrics: Sequence[Metri
     Columns: `metric`, `term` ("traffic", "traffic × policy"; then "replicate" and "residual", which is all that is
     left: higher interactions, and how the factors work differently from replicate to replicate), `df`, `ss`, `f`, `p`
     (by the degrees of freedom that Greenhouse and Geisser 1959 correct for unequal variances), `eta2` (share of the
-    total sum of squares; these sum to 1), `omega2` (partial: df (F − 1) / (df (F − 1) + missions), at least 0),
-    `replicates` (used). `f`, `p`, `omega2` are null for the last two terms, and where too few replicates leave nothing
-    to test against.
+    total sum of squares; these sum to 1), `omega2` (partial, at least 0: the variance that the term makes among the
+    means of its cells, over that and their error: df (F − 1) / (df (F − 1) + replicates × cells of the term), Keren and
+    Lewis 1979), `replicates` (used). `f`, `p`, `omega2` are null for the last two terms, and where too few replicates
+    leave nothing to test against.
     """
     rows = [row for metric in metrics for row in _of_metric(table, list(factors), metric)]
     return pl.DataFrame(rows, schema=_SCHEMA, orient="row")
@@ -82,7 +86,7 @@ def _of_metric(table: pl.DataFrame, factors: Sequence[str], metric: Metric) -> l
     total = float(((values - values.mean()) ** 2).sum())
     left = max(total - sum(term.ss for term in terms), 0.0)
     terms.append(_Term(RESIDUAL, values.size - 1 - sum(term.df for term in terms), left))
-    return [(metric.name, term.name, *_row(term, total, values.size), len(values)) for term in terms]
+    return [(metric.name, term.name, *_row(term, total), len(values)) for term in terms]
 
 
 def _complete(table: pl.DataFrame, metric: Metric, levels: dict[str, list[object]]) -> tuple[FloatArray, IntArray]:
@@ -102,7 +106,8 @@ def _terms(values: FloatArray, worlds: IntArray, within: dict[str, int], factors
     varied = [factor for factor in factors if factor in within or (factor == "world" and len(np.unique(worlds)) > 1)]
     split: dict[frozenset[str], _Term] = {}
     for names in [(), *((factor,) for factor in within), *combinations(within, 2)]:
-        between, inside = _split(values @ _contrasts(within, names), worlds)
+        observed = len(values) * prod(within[name] for name in names)
+        between, inside = _split(values @ _contrasts(within, names), worlds, observed)
         split[frozenset(names)] = inside
         if between is not None and len(names) < 2:
             split[frozenset((*names, "world"))] = between
@@ -113,7 +118,7 @@ def _terms(values: FloatArray, worlds: IntArray, within: dict[str, int], factors
 
 
 def _named(term: _Term, name: str) -> _Term:
-    return _Term(name, term.df, term.ss, term.error_df, term.error_ss, term.epsilon)
+    return replace(term, name=name)
 
 
 def _contrasts(within: dict[str, int], names: Sequence[str]) -> FloatArray:
@@ -125,7 +130,7 @@ def _contrasts(within: dict[str, int], names: Sequence[str]) -> FloatArray:
     return columns
 
 
-def _split(scores: FloatArray, worlds: IntArray) -> tuple[_Term | None, _Term]:
+def _split(scores: FloatArray, worlds: IntArray, observed: int) -> tuple[_Term | None, _Term]:
     """Sums of squares of (replicates, df) contrast scores: between worlds, and of their mean against the rest.
 
     Between worlds is None when there is one.
@@ -137,11 +142,11 @@ def _split(scores: FloatArray, worlds: IntArray) -> tuple[_Term | None, _Term]:
     rest = scores - means[world]
     error_df, error_ss = df * (len(scores) - len(known)), float((rest**2).sum())
     epsilon = _epsilon(rest)
-    inside = _Term("", df, len(scores) * float((mean**2).sum()), error_df, error_ss, epsilon)
+    inside = _Term("", df, len(scores) * float((mean**2).sum()), error_df, error_ss, epsilon, observed)
     if len(known) == 1:
         return None, inside
     between_ss = float((sizes @ (means - mean) ** 2).sum())
-    return _Term("", df * (len(known) - 1), between_ss, error_df, error_ss, epsilon), inside
+    return _Term("", df * (len(known) - 1), between_ss, error_df, error_ss, epsilon, observed), inside
 
 
 def _epsilon(rest: FloatArray) -> float:
@@ -151,7 +156,7 @@ def _epsilon(rest: FloatArray) -> float:
     return float(np.trace(covariance)) ** 2 / (rest.shape[1] * squares) if squares > 0 else 1.0
 
 
-def _row(term: _Term, total: float, missions: int) -> tuple[object, ...]:
+def _row(term: _Term, total: float) -> tuple[object, ...]:
     """df, ss, f, p, eta2, omega2."""
     eta2 = term.ss / total if total > 0 else None
     # An error that is nothing but rounding is no measure of chance.
@@ -160,4 +165,4 @@ def _row(term: _Term, total: float, missions: int) -> tuple[object, ...]:
     f = term.ss / term.df / (term.error_ss / term.error_df)
     p = float(fdtrc(term.epsilon * term.df, term.epsilon * term.error_df, f))
     gain = term.df * (f - 1)
-    return term.df, term.ss, f, p, eta2, max(gain / (gain + missions), 0.0)
+    return term.df, term.ss, f, p, eta2, max(gain / (gain + term.observed), 0.0)
