@@ -124,6 +124,15 @@ def test_the_exact_test_agrees_with_scipy(n: int) -> None:
         assert p == pytest.approx(own.pvalue, abs=1e-12)
 
 
+def test_differences_of_nothing_leave_the_test_exact() -> None:
+    gaps = np.random.default_rng(2).normal(0.4, 1, (2, 12)).round(1)
+    among_zeros = np.concatenate([gaps, np.zeros((2, 10))], axis=1)
+    assert among_zeros.shape[1] > EXACT_PAIRS
+    assert sign_flip_p(among_zeros).tolist() == sign_flip_p(gaps).tolist()
+    assert sign_flip_p(np.zeros((1, 5))).tolist() == [1.0]
+    assert np.isnan(sign_flip_p(np.array([[0.3, np.nan, np.nan]]))).all()
+
+
 def test_the_drawn_test_agrees_with_the_exact_one_and_with_scipy() -> None:
     gaps = np.random.default_rng(0).normal(0.35, 1, (4, 20))
     for row, p in zip(gaps, sign_flip_p(gaps), strict=True):

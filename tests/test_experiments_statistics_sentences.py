@@ -195,6 +195,22 @@ def test_pairs_make_a_small_difference_sure() -> None:
     best = recommend(table, Limits(), ("policy",)).options.to_dicts()
     assert best[0]["coverage_low"] < best[1]["coverage_high"]
     assert best[0]["certainty"] > 0.95
+    assert best[1]["p"] < 0.05
+
+
+def test_a_choice_that_three_replicates_make_is_not_called_sure() -> None:
+    """Nearly every resample draws one of the three that differ, but three coins show nothing."""
+    table = study(replicates=10, truth=lambda cell: {"time_s": 30.0 * (cell["policy"] == "hover")})
+    ahead = (pl.col("policy") == "hover") & pl.col("replicate").is_in([1, 4, 7])
+    table = table.with_columns(coverage=pl.lit(0.8) + 0.1 * ahead.cast(pl.Float64)).filter(pl.col("policy") != "micro")
+    made = recommend(table, Limits(), ("policy",))
+    assert made.best is not None
+    assert made.best["policy"] == "hover"
+    assert made.best["certainty"] > 0.95
+    assert made.sentences[1].startswith("This is not sure")
+    assert made.sentences[2] == (
+        "Compared in pairs its coverage is not shown to be more than that of baseline (p = 0.25)."
+    )
 
 
 def test_when_no_option_keeps_the_limits_the_nearest_is_named() -> None:

@@ -22,7 +22,7 @@ from pavetwin.experiments.statistics.cells import (
 from pavetwin.experiments.statistics.summary import interleaved
 
 EXACT_PAIRS: Final = 16
-"""Up to so many pairs every assignment of signs is tried."""
+"""Up to so many pairs that differ every assignment of signs is tried."""
 FLIPS: Final = 2**15 - 1
 """Assignments drawn for more pairs; with the one observed, p is a multiple of 2⁻¹⁵."""
 
@@ -129,8 +129,9 @@ def _dz(gaps: FloatArray) -> float:
 def sign_flip_p(units: FloatArray, seed: int = 0) -> FloatArray:
     """Two-sided p of "the differences are as likely positive as negative", by the permutation test of their mean.
 
-    The share of all assignments of signs whose mean is at least as far from 0 as the one observed. Exact up to
-    `EXACT_PAIRS` pairs; beyond, by `FLIPS` drawn ones and the observed (Phipson and Smyth 2010: p is never 0).
+    The share of all assignments of signs whose mean is at least as far from 0 as the one observed. Differences of 0
+    have no sign. Exact up to `EXACT_PAIRS` others; beyond, by `FLIPS` drawn ones and the observed (Phipson and Smyth
+    2010: p is never 0).
 
     Args:
         units: (comparisons, pairs) differences, NaN where there is none.
@@ -138,13 +139,15 @@ def sign_flip_p(units: FloatArray, seed: int = 0) -> FloatArray:
     Returns:
         (comparisons,) NaN for fewer than two pairs.
     """
-    p = np.full(len(units), np.nan)
-    defined = ~np.isnan(units)
-    for n in np.unique(defined.sum(axis=1)):
-        rows = np.flatnonzero(defined.sum(axis=1) == n)
-        for start in range(0, len(rows) if n >= 2 else 0, _COLUMNS):
+    tested = (~np.isnan(units)).sum(axis=1) >= 2
+    p = np.where(tested, 1.0, np.nan)
+    differ = ~np.isnan(units) & (units != 0)
+    number = differ.sum(axis=1)
+    for n in np.unique(number[tested & (number > 0)]):
+        rows = np.flatnonzero(tested & (number == n))
+        for start in range(0, len(rows), _COLUMNS):
             part = rows[start : start + _COLUMNS]
-            p[part] = _flip_p(np.stack([units[row, defined[row]] for row in part], axis=1), seed)
+            p[part] = _flip_p(np.stack([units[row, differ[row]] for row in part], axis=1), seed)
     return p
 
 

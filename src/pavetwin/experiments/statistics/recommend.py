@@ -11,7 +11,16 @@ import polars as pl
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.metrics import metric_named
 from pavetwin.experiments.statistics.bootstrap import RESAMPLES, resamples, strata
-from pavetwin.experiments.statistics.cells import BoolArray, FloatArray, IntArray, layout, values_of, varied_columns
+from pavetwin.experiments.statistics.cells import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    layout,
+    nullable,
+    values_of,
+    varied_columns,
+)
+from pavetwin.experiments.statistics.paired import sign_flip_p
 from pavetwin.experiments.statistics.summary import summarise
 from pavetwin.experiments.statistics.wording import (
     amount,
@@ -28,6 +37,8 @@ _COVERAGE, _TIME, _ENERGY = _MEASURED = ("coverage", "time_s", "energy")
 _SPOKEN = ("coverage", "time", "energy")
 _FEW: Final = 5
 """With fewer missions resamples say nothing of how sure a choice is."""
+_SHOWN: Final = 0.05
+"""Below this p a difference counts as shown."""
 _SAME: Final = 1e-9
 """Coverages closer than this are equal: sums of the same shares in another order."""
 
@@ -92,9 +103,11 @@ def recommend(
     means = np.stack([summary.filter(metric=name)["mean"].fill_null(float("nan")).to_numpy() for name in _MEASURED])
     kept, certainty = _resampled(units, cells.worlds, limits, seed)
     feasible = _feasible(means[:, np.newaxis], limits)[0]
-    options = _options(summary, by).with_columns(feasible=feasible, kept=kept, certainty=certainty)
+    options = _options(summary, by).with_columns(feasible=feasible, kept=kept, certainty=certainty).with_row_index("at")
     order = ["feasible", _COVERAGE, _TIME, _ENERGY]
     options = options.sort(order, descending=[True, True, False, False], nulls_last=True, maintain_order=True)
+    coverage = units[0, options["at"].to_numpy()]
+    options = options.drop("at").with_columns(p=nullable(sign_flip_p(coverage[:1] - coverage, seed)))
     best = options.row(0, named=True) if feasible.any() else None
     nearest, broken = (None, None) if best else _nearest(options, limits)
     sentences = _sentences(table, options, by, limits) if best else _refusal(by, nearest, broken, limits)
@@ -169,7 +182,7 @@ def _sentences(table: pl.DataFrame, options: pl.DataFrame, by: Sequence[str], li
     best, *others = options.to_dicts()
     expected = [f"{name} {_expected(best, column)}" for name, column in zip(_SPOKEN, _MEASURED, strict=True)]
     fly = f"fly {_option(best, by)}: expected {listed(expected)} a segment, the way there from the base included"
-    sentences = [fly, _how_sure(best, others, by), *_same(best, others, by)]
+    sentences = [fly, _how_sure(best, others, by), *_unshown(best, others, by), *_same(best, others, by)]
     return [opened(sentence) for sentence in [*sentences, *_warnings(best, limits), *_averaged(table, by)]]
 
 
@@ -219,11 +232,35 @@ def _how_sure(best: dict[str, Any], others: Sequence[dict[str, Any]], by: Sequen
     if best["n"] < _FEW:
         return f"{best['n']} missions an option are too few to say how sure this is: fly at least {_FEW} replicates"
     certainty = best["certainty"]
-    word = "very sure" if certainty >= 0.95 else "fairly sure" if certainty >= 0.8 else "not sure"
+    shown = not _doubtful(best, others)
+    word = "very sure" if certainty >= 0.95 and shown else "fairly sure" if certainty >= 0.8 and shown else "not sure"
     text = f"this is {word}: of all that keep the limits it is the best in {percent(certainty)} of the resamples"
     rivals = sorted((other for other in others if other["certainty"] >= 0.05), key=lambda other: -other["certainty"])
     named = [f"{_option(other, by)} in {percent(other['certainty'])}" for other in rivals[:3]]
     return f"{text}, {listed(named)}" if named else text
+
+
+def _unshown(best: dict[str, Any], others: Sequence[dict[str, Any]], by: Sequence[str]) -> list[str]:
+    """The options whose coverage pairs do not show to be less, though a resample seldom says so where few differ."""
+    if best["n"] < _FEW:
+        return []
+    doubtful = _doubtful(best, others)
+    named = [f"{_option(other, by)} (p = {other['p']:.2g})" for other in doubtful[:3]]
+    more = f" and {len(doubtful) - 3} more" if len(doubtful) > 3 else ""
+    return (
+        [f"compared in pairs its coverage is not shown to be more than that of {listed(named)}{more}"] if named else []
+    )
+
+
+def _doubtful(best: dict[str, Any], others: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [
+        other
+        for other in others
+        if other["feasible"]
+        and other["p"] is not None
+        and other["p"] >= _SHOWN
+        and not _equal(best[_COVERAGE], other[_COVERAGE])
+    ]
 
 
 def _same(best: dict[str, Any], others: Sequence[dict[str, Any]], by: Sequence[str]) -> list[str]:

@@ -232,9 +232,9 @@ def _tail(summary: pl.DataFrame, name: str, what: str) -> list[str]:
     longest = amount(metric, worst["maximum"])
     # The 95th percentile of fewer than twenty missions is close to their maximum.
     if worst["n"] < 20:
-        return [opened(f"{text} the longest of {worst['n']} missions took {longest}")]
+        return [opened(f"{text} the longest of {worst['n']} missions had {longest}")]
     rare = amount(metric, worst["p95"])
-    return [opened(f"{text} one mission in twenty took over {rare} and the longest of {worst['n']} took {longest}")]
+    return [opened(f"{text} one mission in twenty had over {rare} and the longest of {worst['n']} had {longest}")]
 
 
 def _explained(effects: pl.DataFrame) -> list[str]:
