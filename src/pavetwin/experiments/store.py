@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import polars as pl
-import pyarrow.parquet
 import yaml
 
 from pavetwin.errors import PaveTwinError
@@ -158,10 +157,10 @@ def query(folder: Path, sql: str) -> pl.DataFrame:
 
 
 def _is_whole(part: Path) -> bool:
-    """Whether a Parquet file is there, with its footer."""
+    """Whether a Parquet file is there and can be read to its end: a footer may outlive what it speaks of."""
     try:
-        pyarrow.parquet.read_metadata(part)
-    except (OSError, pyarrow.ArrowException):
+        pl.read_parquet(part)
+    except (OSError, pl.exceptions.PolarsError):
         return False
     return True
 
