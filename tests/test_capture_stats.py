@@ -60,3 +60,14 @@ def test_people_and_cars_have_no_severity(monkeypatch: pytest.MonkeyPatch) -> No
     rows = [line.split()[1:] for line in said.getvalue().splitlines() if line.startswith("Car ")]
     assert rows[0][-1] == "–"
     assert rows[1] == ["–"] * 3 + ["1234567"] * 3
+
+
+def test_images_that_are_not_as_wished_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    said = StringIO()
+    monkeypatch.setattr(capture, "out", Console(file=said, width=80, highlight=False))
+    made = large()
+    capture._print(made)
+    assert "Note:" not in said.getvalue()
+    made.missed_wishes = 3
+    capture._print(made)
+    assert f"Note: 3 of {3 * 123_456} images do not show" in said.getvalue()

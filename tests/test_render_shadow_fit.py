@@ -24,7 +24,8 @@ def from_above(height_m: float, yaw_rad: float) -> View:
 def texels(fit: ShadowFit, points: Float64) -> Float64:
     """Columns and rows at which points, relative to the camera, lie."""
     placed = np.column_stack([points, np.ones(len(points))]) @ fit.matrix.T
-    assert placed[:, 2].min() > 0 and placed[:, 2].max() < 1
+    assert placed[:, 2].min() > 0
+    assert placed[:, 2].max() < 1
     return np.asarray(placed[:, :2] * fit.size_px)
 
 
@@ -33,12 +34,17 @@ def test_all_that_is_seen_lies_in_the_rectangle(light: Light, yaw_rad: float, he
     for view in (
         from_above(height_m, yaw_rad),
         look(
-            (0.0, 0.0, 1.3), yaw_rad=yaw_rad, pitch_rad=-0.2, size_px=(SIDE_PX, SIDE_PX), vertical_fov_rad=math.radians(50)
+            (0.0, 0.0, 1.3),
+            yaw_rad=yaw_rad,
+            pitch_rad=-0.2,
+            size_px=(SIDE_PX, SIDE_PX),
+            vertical_fov_rad=math.radians(50),
         ),
     ):
         fit = fit_shadow(view, light)
         at = texels(fit, seen_points(view, SHADOW_REACH_M) - view.position)
-        assert at.min() > 0 and (at < fit.used_px).all()
+        assert at.min() > 0
+        assert (at < fit.used_px).all()
         assert max(fit.used_px) <= fit.size_px <= SHADOW_PX[1]
 
 
@@ -59,7 +65,8 @@ def test_texels_stay_where_they_are_when_the_camera_moves(
     view = from_above(height_m, yaw_rad)
     there = View(view.position + np.array([way_m, 0.4 * way_m, 0.0]), view.rotation, view.size_px, view.focal_px)
     first, second = fit_shadow(view, light), fit_shadow(there, light)
-    assert first.used_px == second.used_px and first.texel_m == second.texel_m
+    assert first.used_px == second.used_px
+    assert first.texel_m == second.texel_m
     point = np.array([[15.0, -44.0, 0.0]])
     step = texels(first, point - view.position) - texels(second, point - there.position)
     assert np.abs(step - np.round(step)).max() < 1e-3

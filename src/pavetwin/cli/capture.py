@@ -162,6 +162,12 @@ def _print(statistics: "Statistics") -> None:
     if statistics.ignored:
         out.print()
         out.print(_ignored(statistics))
+    if statistics.missed_wishes:
+        of = f"{statistics.missed_wishes} of {sum(statistics.images.values())} images"
+        out.print(
+            f"\n[yellow]Note:[/] {of} do not show what was asked of them (a class, or no defect at all): nowhere that "
+            "was tried could. In a world with fewer defects more places have none, also for pictures from high up."
+        )
 
 
 def _labels(statistics: "Statistics") -> "Table":
