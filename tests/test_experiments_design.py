@@ -107,6 +107,8 @@ def test_replicates_inspect_segments_independently() -> None:
         ({"polices": ["hover"]}, r"unknown key 'polices' \(did you mean 'policies'\?\)"),
         ({"sweep": {"tau_o": []}}, "sweep.tau_o"),
         ({"sweep": {"tau_o": [0.5, 0.5]}}, "given twice"),
+        ({"sweep": {"tauo": [0.5, 0.7]}}, r"sweep: unknown setting 'tauo' \(did you mean 'tau_o'\?\)"),
+        ({"sweep": {"zzz": [1, 2]}}, "short names are tau_o, "),
         ({"sweep": {"altitude_m": [6]}}, "list its values under 'altitudes_m'"),
         ({"sweep": {"tau_o": [0.5]}, "set": {"visibility.threshold": 0.6}}, "given twice, under sweep or set"),
         ({"worlds": ["a", "a"]}, "one of them is given twice"),

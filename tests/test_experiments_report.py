@@ -236,12 +236,15 @@ def test_a_map_shows_the_segments_that_were_flown() -> None:
 
 
 def test_gathered_statistics_fit_the_report() -> None:
-    study = gather("Gathered", {"seed": 3, "version": "0.0.0"}, table_of(SMALL, 5), {})
+    made_with = {"SUMO": "1.2.3", "world tiny": "0123abcd"}
+    study = gather("Gathered", {"seed": 3, "version": "0.0.0", "made_with": made_with}, table_of(SMALL, 5), {})
     assert study.factors == ("traffic", "altitude_m", "policy")
     assert study.others == ()
     text = page(study)
     assert {"means", "differences", "effects", "findings"} <= sections(text)
     assert "version:" not in text, "it is no key of a design"
+    assert "made_with" not in text
+    assert "PaveTwin\n0.0.0, SUMO 1.2.3, world tiny 0123abcd" in text
 
 
 def test_figures_are_files_too_when_they_are_asked_for(tmp_path: Path) -> None:

@@ -257,6 +257,7 @@ def _plain(said: dict[str, Any]) -> dict[str, Any]:
     return {
         **said["design"],
         "version": said["pavetwin"],
+        "made_with": {"SUMO": said["sumo"], **{f"world {name}": content for name, content in said["worlds"].items()}},
         "worlds": [_entry(world) for world in said["design"]["worlds"]],
     }
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Final, Literal, Self
 import yaml
 from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
-from pavetwin.config import Settings
+from pavetwin.config import MissionSettings, Settings
 from pavetwin.defects import DefectOptions
 from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.experiments.metrics import FACTORS, METRICS
@@ -110,6 +110,12 @@ class Design(Settings):
         for key, values in self.sweep.items():
             if key in taken - set(ALIASES):
                 raise ValueError(f"sweep: '{key}' is not a setting to sweep{_instead(key)}")
+            if "." not in key and key not in {*ALIASES, *MissionSettings.model_fields}:
+                near = (
+                    nearest_name(key, ALIASES)
+                    or f"; short names are {', '.join(ALIASES)}, others go by their full name"
+                )
+                raise ValueError(f"sweep: unknown setting '{key}'{near}")
             if len(set(values)) < len(values):
                 raise ValueError(f"sweep: a value of {key} is given twice")
         if factors := [setting for setting in settings if setting in FACTOR_OF]:

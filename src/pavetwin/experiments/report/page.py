@@ -84,8 +84,8 @@ def facts(study: Study) -> list[tuple[str, str]]:
 
 
 def design_text(design: Mapping[str, Any]) -> str:
-    """The design as YAML, without the version, which is no part of the file."""
-    values = {key: value for key, value in design.items() if key != "version"}
+    """The design as YAML, without what it was flown with, which is no part of the file."""
+    values = {key: value for key, value in design.items() if key not in {"version", "made_with"}}
     return yaml.safe_dump(
         _plain(values), sort_keys=False, default_flow_style=None, allow_unicode=True, width=100
     ).rstrip()
