@@ -14,7 +14,8 @@ from pavetwin.render.renderer import Renderer
 from pavetwin.render.sensor import Style
 from pavetwin.scene.light import LUMINANCE, Light, harmonics
 from pavetwin.scene.scene import Scene
-from pavetwin.scene.view import View, look
+from pavetwin.scene.view import View, look, nadir
+from pavetwin.uav import find_camera
 from pavetwin.uav.cameras import cameras
 from scenes import built
 from scenes.stage import GREY, Box, plane_renderer
@@ -95,6 +96,27 @@ def test_a_posts_shadow_lies_where_the_sun_says(azimuth_deg: float, elevation_de
     assert np.linalg.norm(tip) == pytest.approx(length + 0.15, abs=0.3)
     towards = -np.array([sin(radians(azimuth_deg)), cos(radians(azimuth_deg))])
     assert tip @ towards / np.linalg.norm(tip) > 0.99
+
+
+@pytest.mark.parametrize("azimuth_deg", [0.0, 20.0, 135.0])
+def test_a_thin_arms_shadow_is_not_broken(azimuth_deg: float) -> None:
+    """As of a street light's arm: two or three texels of the shadow map wide, far above the ground."""
+    light = Light(62.0, azimuth_deg)
+    view = nadir(find_camera("phantom4pro"), (0.0, 0.0, 15.0), yaw_rad=0.3, size_px=(640, 640))
+    arm = Box(0.0, 0.0, 3.0, 0.06, 0.06, yaw_rad=0.9, z=7.0)
+    renderer = plane_renderer()
+    bare, seen = (
+        renderer.light(view, light=light, instances=each, truth=False).radiance[..., 1].astype(float)
+        for each in ((), (arm.instance,))
+    )
+    along = np.linspace(-1.3, 1.3, 200)[:, None] * [cos(arm.yaw_rad), sin(arm.yaw_rad)]
+    ground = along - light.to_sun[:2] / light.to_sun[2] * 7.0
+    at = view.project(np.column_stack([ground, np.zeros(200)]))
+    columns, rows = np.floor(at).astype(int).T
+    inside = (columns >= 0) & (columns < 640) & (rows >= 0) & (rows < 640)
+    assert inside.sum() > 100
+    share = (seen / bare)[rows[inside], columns[inside]]
+    assert (share > 0.85).mean() < 0.02
 
 
 def test_an_overcast_sky_throws_no_shadows() -> None:

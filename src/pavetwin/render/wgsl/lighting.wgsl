@@ -63,12 +63,12 @@ fn sunlight(at: vec3f, normal: vec3f, pixel: f32, jitter: f32) -> f32 {
     if (dot(normal, lamp.to_sun.xyz) <= 0.0) { return 0.0; }
     if (any(at.xy < vec2f(0.002)) || any(at.xy > vec2f(0.998))) { return 1.0; }
     let texel = 1.0 / f32(textureDimensions(shadow_map).x);
-    // Points of Vogel's disc.
+    // Points of Vogel's disc, the first in its middle: what is thinner than their distances is not missed there.
     var way = circle(jitter);
     var nearer = 0.0;
     var blockers = 0.0;
     for (var k = 0; k < 5; k++) {
-        let tap = way * (6.0 * sqrt((f32(k) + 0.5) / 5.0) * texel);
+        let tap = way * (6.0 * sqrt(f32(k) / 5.0) * texel);
         let depth = textureSampleLevel(shadow_map, nearest_sampler, at.xy + tap, 0);
         if (depth < at.z) { nearer += at.z - depth; blockers += 1.0; }
         way = goldenly(way);
