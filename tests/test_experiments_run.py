@@ -29,7 +29,7 @@ from pavetwin.experiments.run import run
 from pavetwin.experiments.store import Store, query
 from pavetwin.mission.fly import fly
 from pavetwin.mission.ground import prepare
-from pavetwin.mission.replay import replay_of
+from pavetwin.mission.replay import GROWTH, replay_of
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder
 from pavetwin.traffic.recording import load_recording, save_recording
@@ -287,7 +287,7 @@ def test_what_is_kept_of_the_traffic_does_not_depend_on_kills(
         file.unlink()
     run(design, tmp_path / "whole", Single())
     kept = digests(traffic)
-    for left_s in (10.0, 12.5):  # by a kill before and after a recording was prolonged
+    for left_s in (10.0, 10.0 * GROWTH):  # by a kill before and after a recording was prolonged
         for file in traffic.glob("*.parquet"):
             recording = load_recording(file)
             assert recording.duration_s > left_s
