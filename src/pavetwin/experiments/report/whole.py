@@ -63,7 +63,7 @@ def effects_section(study: Study) -> Section:
                 shares.effect_bars(study.effects, metrics),
                 f"Share of the variation of {words} that each term explains (analysis of variance with replicates as "
                 f"blocks{_used(study.effects)}): η² of the whole as bars and numbers, "
-                "partial ω² as diamonds.",
+                "partial ω² as diamonds and in brackets.",
                 f"Bar charts of η² and ω² by term for {words}.",
             ),
         ]

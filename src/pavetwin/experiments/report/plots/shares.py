@@ -27,7 +27,7 @@ def effect_bars(effects: pl.DataFrame, metrics: Sequence[Metric], most: int = 16
         figure = style.new_figure(WIDTH_IN, 0.85 + 0.2 * len(terms))
         figure.set_layout_engine("constrained", w_pad=0.03)
         panels = figure.subplots(1, len(metrics), squeeze=False, sharey=True)[0]
-        widest = 1.22 * _widest(effects, terms)
+        widest = 1.32 * _widest(effects, terms)
         for axes, metric in zip(panels, metrics, strict=True):
             rows = effects.filter(pl.col(METRIC) == metric.name).iter_rows(named=True)
             _panel(axes, metric, terms, {row["term"]: row for row in rows})
@@ -49,8 +49,9 @@ def _panel(axes: Axes, metric: Metric, terms: Sequence[str], rows: dict[str, Row
         omega = 100 * max(row["omega2"], 0.0) if row["omega2"] is not None else None
         if omega is not None:
             axes.plot(omega, y, "D", markersize=3.2, markerfacecolor=style.PAPER, markeredgecolor=style.INK, zorder=4)
+        told = number(share, 1) if omega is None else f"{number(share, 1)} ({number(omega, 0)})"
         axes.annotate(
-            number(share, 1), (max(share, omega or 0.0), y), xytext=(4, 0), textcoords="offset points",
+            told, (max(share, omega or 0.0), y), xytext=(4, 0), textcoords="offset points",
             va="center_baseline", fontsize=6,
         )  # fmt: skip
     axes.set(ylim=(len(terms) - 0.4, -0.6), xlabel="share of variation, %")
@@ -76,7 +77,7 @@ _UNSURE: Final = "#B8C6D9"
 def _key() -> list[Patch | Line2D]:
     diamond = Line2D(
         [], [], linestyle="none", marker="D", markersize=3.4, markerfacecolor=style.PAPER,
-        markeredgecolor=style.INK, label="ω² (partial)",
+        markeredgecolor=style.INK, label="partial ω², in brackets",
     )  # fmt: skip
     return [
         Patch(color=style.BASE, label=f"η², p < {LEVEL:g} uncorrected"),
