@@ -16,7 +16,7 @@ from pavetwin.traffic import forks
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder, record
 from pavetwin.world.model import World
-from scenes.processes import is_gone, is_over, simulations, templates
+from scenes.processes import is_gone, is_over, parent, simulations, templates
 from scenes.traffic import bytes_of, scene_world
 from test_traffic_record import SOURCES
 
@@ -146,7 +146,8 @@ def test_a_forked_owner_has_a_template_of_its_own(cross: World) -> None:
         (parents,) = map(int, process.stdout.readline().split())
         (forks_own,) = map(int, process.stdout.readline().split())
         assert forks_own != parents
-        fork = int(Path(f"/proc/{forks_own}/stat").read_text().rpartition(")")[2].split()[1])
+        fork = parent(forks_own)
+        assert fork is not None
         process.kill()
         process.wait()
         # The fork holds its parent's simulation, as any fork holds open files, but not the template.

@@ -5,13 +5,33 @@ from collections.abc import Callable
 from pathlib import Path
 
 
+def parent(process: int) -> int | None:
+    """None for one that is gone."""
+    try:
+        state = Path(f"/proc/{process}/stat").read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return None
+    return int(state.rpartition(")")[2].split()[1])
+
+
 def children(process: int) -> list[int]:
-    return [int(child) for child in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
+    """Whichever of its threads began them: the list that the system keeps of a thread's own lacks those of another
+    until that one has ended altogether, which is after it was joined."""
+    listed = [int(folder.name) for folder in Path("/proc").iterdir() if folder.name.isdecimal()]
+    return sorted(child for child in listed if parent(child) == process)
 
 
 def templates(owner: int) -> list[int]:
     """What an owner's simulations are forked off; they stay."""
-    return [child for child in children(owner) if b"traffic.template" in Path(f"/proc/{child}/cmdline").read_bytes()]
+    return [child for child in children(owner) if b"traffic.template" in command_line(child)]
+
+
+def command_line(process: int) -> bytes:
+    """Nothing for one that has ended."""
+    try:
+        return Path(f"/proc/{process}/cmdline").read_bytes()
+    except (FileNotFoundError, ProcessLookupError):
+        return b""
 
 
 def simulations(owner: int) -> list[int]:
@@ -21,14 +41,11 @@ def simulations(owner: int) -> list[int]:
 
 def is_gone(process: int) -> bool:
     """One that has ended stays listed until its parent has asked after it."""
-    try:
-        return not Path(f"/proc/{process}/cmdline").read_bytes()
-    except (FileNotFoundError, ProcessLookupError):
-        return True
+    return not command_line(process)
 
 
 def is_over(what: Callable[[], bool]) -> bool:
-    patience = time.monotonic() + 20
+    patience = time.monotonic() + 60
     while not what() and time.monotonic() < patience:
         time.sleep(0.05)
     return what()
