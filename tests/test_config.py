@@ -97,6 +97,8 @@ def test_a_mistyped_section_is_refused_with_the_nearest() -> None:
     [
         ("altitude_m=0", "altitude_m"),
         ("altitude_m=-3", "altitude_m"),
+        ("altitude_m=4.9", "altitude_m: the UAV flies at 5 m or higher"),
+        ("altitude_m=121", "altitude_m: the UAV flies at 120 m or lower"),
         ("altitude_m=high", "altitude_m"),
         ("altitude_m=.nan", "altitude_m"),
         ("altitude_m=.inf", "altitude_m"),

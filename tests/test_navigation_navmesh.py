@@ -163,15 +163,15 @@ def test_a_building_is_in_the_way_up_to_a_metre_above_its_roof(altitude_m: float
 
 
 @pytest.mark.parametrize(
-    ("altitude_m", "is_free"), [(1.5, False), (2.9, True), (3.1, False), (6.0, False), (8.9, False), (9.1, True)]
+    ("altitude_m", "is_free"), [(5.5, True), (6.9, True), (7.1, False), (10.0, False), (12.9, False), (13.1, True)]
 )
 def test_a_tree_is_in_the_way_where_its_crown_is(altitude_m: float, is_free: bool) -> None:
-    """Its crown is 3 m wide from 4 to 8 m; below there is but the trunk, 0.2 m from its middle."""
-    tree = Furniture("t", FurnitureKind.TREE, shapely.Point(30, 0), 8.0, 1.5, clear_height_m=4.0)
+    """Its crown is 3 m wide from 8 to 12 m; below there is but the trunk, 0.2 m from its middle."""
+    tree = Furniture("t", FurnitureKind.TREE, shapely.Point(30, 0), 12.0, 1.5, clear_height_m=8.0)
     surface = surface_at(replace(straight(), furniture=(tree,)), altitude_m)
     beside = shapely.Point(31.0, 0)
-    assert surface.covers(beside) == (is_free or altitude_m < 3)
-    assert surface.covers(shapely.Point(30.0, 0.0)) == (altitude_m > 9)
+    assert surface.covers(beside) == is_free
+    assert surface.covers(shapely.Point(30.0, 0.0)) == (altitude_m > 13)
     assert surface.covers(shapely.Point(32.0, 0))
 
 
@@ -186,9 +186,9 @@ def test_a_lamps_arm_is_in_the_way_at_its_own_height_only() -> None:
     assert not surface_at(town, 6.0).covers(shapely.Point(30, 6))
 
 
-@pytest.mark.parametrize("altitude_m", [0.0, -5.0, 1.0, float("nan")])
-def test_an_altitude_at_the_ground_is_one_plain_error(altitude_m: float) -> None:
-    with pytest.raises(PaveTwinError, match=r"--altitude .*must be above 1 m") as caught:
+@pytest.mark.parametrize("altitude_m", [0.0, -5.0, 4.9, 120.1, float("nan"), inf])
+def test_an_altitude_where_the_uav_may_not_fly_is_one_plain_error(altitude_m: float) -> None:
+    with pytest.raises(PaveTwinError, match=r"--altitude .*: the UAV flies at \d+ m or (higher|lower)") as caught:
         flight_domain(straight(), altitude_m)
     assert "\n" not in str(caught.value)
 

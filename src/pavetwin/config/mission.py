@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self
 import yaml
 from pydantic import Field, model_validator
 
+from pavetwin.config.altitude import Altitude
 from pavetwin.config.base import Settings, overlay, with_overrides
 from pavetwin.errors import PaveTwinError, nearest_name
 
@@ -106,7 +107,7 @@ class EnergySettings(Settings):
 class MissionSettings(Settings):
     """One mission, complete."""
 
-    altitude_m: Positive = 10.0
+    altitude_m: Altitude = 10.0
     time_step_s: Annotated[float, Field(gt=0, le=0.1)] = 0.05
     uav: UavSettings = UavSettings()
     camera: CameraSettings = CameraSettings()

@@ -7,15 +7,13 @@ import numpy.typing as npt
 import shapely
 from shapely import Geometry, Polygon
 
+from pavetwin.config.altitude import VERTICAL_CLEARANCE_M, check_altitude
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.model import World
 from pavetwin.world.solids import Solids, solids
 
 CORRIDOR_MARGIN_M = 4.0
 """How far the corridor reaches beyond the carriageway and the junctions."""
-
-VERTICAL_CLEARANCE_M = 1.0
-"""Whatever reaches into altitude ± this is an obstacle."""
 
 
 @dataclass(frozen=True)
@@ -50,12 +48,9 @@ def flight_domain(world: World, altitude_m: float, standing: Solids | None = Non
     """The flight domain of a world at an altitude.
 
     Raises:
-        PaveTwinError: the altitude is not positive, or nothing is left to fly in.
+        PaveTwinError: the UAV may not fly so low or so high, or nothing is left to fly in.
     """
-    if not altitude_m > VERTICAL_CLEARANCE_M:
-        raise PaveTwinError(
-            f"--altitude {altitude_m:g}: it must be above {VERTICAL_CLEARANCE_M:g} m, the clearance kept to the ground."
-        )
+    check_altitude(altitude_m)
     blocked = obstacles(standing if standing is not None else solids(world), altitude_m)
     surface = shapely.difference(corridors(world), shapely.union_all(blocked)) if blocked else corridors(world)
     polygons = [part for part in shapely.get_parts(surface) if isinstance(part, Polygon) and part.area > 1.0]

@@ -9,9 +9,10 @@ import numpy as np
 import shapely
 
 from pavetwin._core import NavMesh
+from pavetwin.config.altitude import VERTICAL_CLEARANCE_M
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
-from pavetwin.navigation.domain import CORRIDOR_MARGIN_M, VERTICAL_CLEARANCE_M, flight_domain
+from pavetwin.navigation.domain import CORRIDOR_MARGIN_M, flight_domain
 from pavetwin.world.model import World
 from pavetwin.world.solids import Solids
 
