@@ -64,9 +64,10 @@ def test_what_draws_is_refused_in_one_line_and_leaves_nothing(
     done = pavetwin(arguments[0], world, "-o", tmp_path / "made", *arguments[1:])
     assert done.returncode == 2
     assert done.stdout == ""
-    assert done.stderr.startswith("Error: ")
-    assert done.stderr.count("\n") == 1
-    assert "mesa-vulkan-drivers" in done.stderr
+    # On a slow machine it is said first what is being done.
+    (line,) = [line for line in done.stderr.splitlines() if not line.endswith(" …")]
+    assert line.startswith("Error: ")
+    assert "mesa-vulkan-drivers" in line
     assert not (tmp_path / "made").exists()
     assert sorted(world.rglob("*")) == before
 

@@ -124,7 +124,9 @@ def test_a_frame_tells_only_what_it_is_asked() -> None:
     assert bare.labels is None
     assert bare.depth_m is None
     assert bare.alone_px == {}
+    assert bare.sound is None
     assert np.array_equal(bare.rgb, asked.rgb)
+    assert np.array_equal(frame(view, boxes, sound=True).sound, asked.rgb)
 
 
 def test_the_same_shot_gives_the_same_bytes_in_any_order_and_in_any_size_between() -> None:

@@ -9,7 +9,7 @@ from scipy.ndimage import map_coordinates, maximum_filter, uniform_filter
 from pavetwin.defects import heightfield_of
 from pavetwin.render.renderer import Renderer, Seen
 from pavetwin.scene.ground.compose import surface
-from pavetwin.scene.light import Light, harmonics
+from pavetwin.scene.light import LUMINANCE, Light, harmonics
 from pavetwin.scene.model import TILE_M, GroundKind, defect_label
 from pavetwin.scene.patches import patch_of
 from pavetwin.scene.view import View, look
@@ -151,3 +151,12 @@ def test_a_defect_looks_as_its_heightfield_says(hole: Renderer, light: Light) ->
     assert gentle.sum() > 3000
     wanted = expected(GroundKind.ASPHALT, view, light, at[gentle], there[gentle])
     assert_alike(seen.radiance[shown][gentle], wanted)
+    # What is left when the defect's own share is taken out is the pavement that was there before.
+    changed = seen.radiance[shown][gentle, 3].astype(np.float64)
+    assert np.quantile(changed, 0.05) < 0.8
+    before = expected(GroundKind.ASPHALT, view, light, at[gentle])
+    level, wanted_level = (
+        values[:, :3].astype(np.float64) @ LUMINANCE for values in (seen.radiance[shown][gentle], before)
+    )
+    assert_alike((level / changed)[:, None], wanted_level[:, None])
+    assert (seen.radiance[~shown & (seen.labels == 0)][:, 3] > 0.9).all()

@@ -220,7 +220,7 @@ def test_views_from_above_look_the_same_without_what_they_have_none_of(
     view = look((*place[:2], 12), yaw_rad=0.3, pitch_rad=-pi / 2, size_px=(320, 320), vertical_fov_rad=0.9)
 
     def seen(*, down: bool) -> np.ndarray:
-        monkeypatch.setattr("pavetwin.render.renderer.looks_down", lambda *_: down)
+        monkeypatch.setattr("pavetwin.render.stock.looks_down", lambda *_: down)
         drawn = town_renderer.frame(view, light=light, camera=CAMERA, exposure=Exposure(1 / 1000, 5.6, 100.0))
         return drawn.rgb.astype(int)
 

@@ -199,9 +199,9 @@ def test_memory_stays_what_it_is_over_a_hundred_places(monkeypatch: pytest.Monke
         renderer.frame(view, light=LIGHTS[step // 10 % 2], camera=CAMERA, instances=boxes)
         if step in (30, 99):
             gc.collect()
-            taken.append((renderer.gpu.held_bytes, len(renderer._tiles), _textures_alive()))
+            taken.append((renderer.gpu.held_bytes, len(renderer._stock.tiles), _textures_alive()))
     (bytes_then, _, textures_then), (bytes_now, tiles_now, textures_now) = taken
-    assert isinstance(renderer._tiles, TileCache)
+    assert isinstance(renderer._stock.tiles, TileCache)
     assert tiles_now <= 12
     assert bytes_now <= 1.1 * bytes_then
     assert textures_now <= textures_then + 8

@@ -45,11 +45,11 @@ def test_it_stands_beside_what_is_seen() -> None:
 
 @pytest.mark.parametrize("azimuth_deg", [55.6, 124.4])
 def test_before_the_lens_the_own_shadow_has_an_even_edge(azimuth_deg: float) -> None:
-    """The front camera sees 60 m far: what is too coarse to be seen there would be teeth and holes here."""
+    """A lens behind the windscreen sees 60 m far: what is too coarse to be seen there would be teeth and holes here."""
     renderer = Renderer(Plane(models={"hatchback": library()["hatchback"]}))
     car = replace(Box(0, 0, 1, 1, 1, label=4).instance, model="hatchback")
     view = look(
-        (FRONT.x_m, 0, FRONT.z_m),
+        (0.55, 0, FRONT.z_m),
         yaw_rad=0.0,
         pitch_rad=FRONT.pitch_rad,
         size_px=(480, 360),

@@ -46,7 +46,9 @@ class Painter:
             # Defects are darker than the road, agents of any colour.
             shade = 0.25 if labelled_defect(label) is not None else 1.0
             rgb[labels == label] = [int(shade * ((label * factor) % 256)) for factor in (37, 91, 53)]
-        return Frame(view, rgb, None, labels, alone, Exposure(0.001, 2.8, 100.0))
+        sound = rgb.copy()
+        sound[np.isin(labels, [label for label in alone if labelled_defect(label) is not None])] = GREY
+        return Frame(view, rgb, None, labels, alone, Exposure(0.001, 2.8, 100.0), sound)
 
 
 def slow_painter(setting: Setting) -> Painter:

@@ -57,9 +57,11 @@ impl Sensor {
     pub fn expose(&self, light: &Light<'_>, motion: Option<&Motion<'_>>, seed: u64) -> Vec<u8> {
         let size = (light.width, light.height);
         let tones = self.tones(light);
+        // Light that is stored as white: what is brighter would widen an edge by whole steps of its stairs.
+        let white = self.white_balance.map(|gain| self.full_electrons / self.electrons_per_light / gain);
         let smooth = |row: usize, line: &mut [f32]| {
             light.line(row, line);
-            tones.smooth(row, line, |column, row| light.pixel(column, row));
+            tones.smooth(row, line, white, |column, row| light.pixel(column, row));
         };
         match motion {
             None => self.picture(size, seed, smooth),
@@ -108,8 +110,10 @@ impl Sensor {
         let scale = self.electrons_per_light / self.full_electrons;
         Tones::of(light.width, light.height, |row, line| {
             for (tone, [red, green, blue]) in line.iter_mut().zip(light.pixels(row)) {
-                // The square root stands in for the tone curve.
-                *tone = (scale * (0.2126 * red + 0.7152 * green + 0.0722 * blue)).clamp(0.0, 1.0).sqrt();
+                // The square root stands in for the tone curve. Each colour is full by itself: a lamp that shines red
+                // before white paint is an edge, though either is brighter than white.
+                let [red, green, blue] = [red, green, blue].map(|it| edges::less(scale * it, 1.0));
+                *tone = (0.2126 * red + 0.7152 * green + 0.0722 * blue).max(0.0).sqrt();
             }
         })
     }

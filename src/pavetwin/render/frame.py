@@ -24,6 +24,8 @@ class Frame:
     """Label → pixels of this image that it would cover if nothing that moves or stands hid it; empty without labels."""
     exposure: Exposure | None = None
     """How the camera was set."""
+    sound: npt.NDArray[np.uint8] | None = None
+    """(height, width, 3): `rgb` as it would be had the pavement no defects; None when not asked for."""
 
     def __post_init__(self) -> None:
         width, height = self.view.size_px

@@ -62,6 +62,7 @@ def picture(
     depth: Singles | None = None,
     labels: npt.NDArray[np.uint32] | None = None,
     velocities: Mapping[int, npt.ArrayLike] | None = None,
+    white: tuple[float, float, float] | None = None,
 ) -> UInt8:
     """What a camera stores, (height, width, 3) sRGB.
 
@@ -76,6 +77,7 @@ def picture(
         depth: (height, width) metres along the axis, for motion blur; None for none.
         labels: (height, width), whose velocities are told.
         velocities: label → (3,) m/s, world frame.
+        white: gains of the white balance; None for what it finds by itself.
     """
     pitch_um = camera.focal_mm / view.focal_px * 1000
     wells = pitch_um**2 * FULL_WELL_PER_UM2 * camera.iso[0] / exposure.iso
@@ -92,7 +94,7 @@ def picture(
         read_electrons=READ_NOISE * pitch_um / _READ_PITCH_UM,
         vignetting=style.vignetting,
         blur_px=style.blur_px,
-        white_balance=white_balance(light, radiance, style.adaptation),
+        white_balance=white or white_balance(light, radiance, style.adaptation),
         saturation=style.saturation,
         sharpening=style.sharpening,
         curve=tone_curve(style.contrast),

@@ -46,6 +46,21 @@ fn a_full_pixel_is_white() {
 }
 
 #[test]
+fn the_edge_of_a_red_lamp_before_glaring_white_is_smooth() {
+    let mut halves = even(64, 64, 0x5400);
+    for (pixel, values) in halves.chunks_mut(4).enumerate() {
+        let (column, row) = (pixel % 64, pixel / 64);
+        if 5 * row < column + 130 {
+            values[1..3].fill(ONE);
+        }
+    }
+    let picture = sensor().expose(&Light { width: 64, height: 64, halves: &halves }, None, 0);
+    let greens = picture.chunks(3).map(|pixel| pixel[1]);
+    // Of a stair of five pixels about four are neither red nor white.
+    assert!(greens.filter(|green| (60..220).contains(green)).count() > 40);
+}
+
+#[test]
 fn the_seed_alone_decides_the_noise() {
     let halves = even(16, 16, ONE);
     let light = Light { width: 16, height: 16, halves: &halves };

@@ -2,6 +2,7 @@
 
 @group(3) @binding(0) var relief_map: texture_2d<f32>;    // normal x, y, reflectance, openness
 
+const LUMINANCE = vec3f(0.2126, 0.7152, 0.0722);
 const WALL_LEVEL = 2.0;    // of the relief's texels of 5 mm: 2 cm
 
 struct Vertex {
@@ -66,12 +67,14 @@ struct Seen {
     let beside = select(world.x, world.y, facing.x > facing.y);
     let grain = select(world, vec2f(beside, in.world.z), length(facing) > 0.55);
     var surface = ground_surface(0u, in.size, grain, in.local, world, footprint);
+    let lit = sunlight(in.shadow, up, in.world.w, pixel_jitter(in.clip.xy));
+    let sound = ground_radiance(surface, normalize(vec3f(surface.slope, 1.0)), in.relative, lit, 1.0);
     let bent = (relief.xy * 255.0 - 128.0) / 127.0;
     // Back from a unit normal to a slope, which adds.
     let slope = bent / sqrt(max(1.0 - dot(bent, bent), 0.02));
     let total = surface.slope + in.along * slope.x + across * slope.y;
     let n = normalize(vec3f(total, 1.0));
     surface.albedo = clamp(surface.albedo * (relief.z * (255.0 / 128.0)), vec3f(0.0), vec3f(1.0));
-    let lit = sunlight(in.shadow, up, in.world.w, pixel_jitter(in.clip.xy));
-    return vec4f(ground_radiance(surface, n, in.relative, lit, relief.w), 1.0);
+    let damaged = ground_radiance(surface, n, in.relative, lit, relief.w);
+    return vec4f(damaged, dot(damaged, LUMINANCE) / dot(sound, LUMINANCE));
 }
