@@ -20,7 +20,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.scene.export import Exported, Moment, estimate, export_scene, tiles_of, usual_texel_m
 from pavetwin.scene.foliage import leaf_sheet
 from pavetwin.scene.glb import Glb, read_glb
-from pavetwin.scene.model import TILE_M, Instance
+from pavetwin.scene.model import TILE_M, Instance, defect_label
 from pavetwin.scene.scene import Scene
 from pavetwin.traffic.recording import Recording
 from pavetwin.world.model import Furniture, FurnitureKind, World
@@ -236,8 +236,13 @@ def test_normal_maps_have_their_tangents(written: Written) -> None:
 
 
 def test_every_defect_is_a_node_with_its_label(written: Written) -> None:
-    names = {node["name"] for node in written.glb.document["nodes"] if node["name"].startswith("defect")}
-    assert names == {f"defect {defect.id}" for defect in world().defects}
+    nodes = [node for node in written.glb.document["nodes"] if node["name"].startswith("defect")]
+    assert {node["name"] for node in nodes} == {f"defect {defect.id}" for defect in world().defects}
+    for node in nodes:
+        defect, told = world().defects[int(node["name"].split()[1])], node["extras"]
+        assert told["label"] == defect_label(defect.id)
+        assert (told["class"], told["severity"], told["segment"]) == (defect.kind, defect.severity, defect.segment)
+        assert told["width_m"] == pytest.approx(defect.width_m, abs=1e-4)
     assert written.made.defects == len(world().defects)
 
 
@@ -294,6 +299,8 @@ def test_a_file_that_would_be_too_large_is_refused(tmp_path: Path, monkeypatch: 
         (["--bounds", "0,0,9,9", "--segment", "s0001"], "not both"),
         (["--segment", "nowhere"], "No segment 'nowhere'"),
         (["--traffic", "missing.parquet"], "no recording"),
+        (["--at", "60"], "of which recording"),
+        (["--texel", "0"], "not within 0.005"),
     ],
 )
 def test_the_command_refuses_what_makes_no_sense(tmp_path: Path, arguments: list[str], words: str) -> None:

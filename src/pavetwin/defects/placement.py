@@ -15,11 +15,11 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 import shapely
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 from shapely import Point, Polygon
 
 from pavetwin.config.base import Settings
@@ -56,6 +56,14 @@ class DefectOptions(Settings):
         if self.per_100_m2 is not None and "per_segment" in self.model_fields_set:
             raise ValueError("give either per_segment or per_100_m2")
         return self
+
+    @model_serializer(mode="wrap")
+    def _as_given(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Without what `per_100_m2` stands in for: both would be refused when read again."""
+        values: dict[str, Any] = dump(self)
+        if self.per_100_m2 is not None:
+            values.pop("per_segment", None)
+        return values
 
     def count_on(self, segment: Segment, rng: np.random.Generator) -> int:
         """How many defects to try on a segment."""

@@ -195,6 +195,18 @@ class Defect:
     def area_m2(self) -> float:
         return float(self.polygon.area)
 
+    @property
+    def facts(self) -> dict[str, str | float]:
+        """What labels and exported scenes tell of it; lengths to 0.1 mm."""
+        return {
+            "class": self.kind.value,
+            "severity": self.severity.value,
+            "width_m": round(self.width_m, 4),
+            "depth_m": round(self.depth_m, 4),
+            "area_m2": round(self.area_m2, 4),
+            "segment": self.segment,
+        }
+
 
 @dataclass(frozen=True)
 class World:

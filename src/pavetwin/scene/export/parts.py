@@ -16,6 +16,7 @@ from pavetwin.scene.glb import TO_FILE, GlbWriter
 from pavetwin.scene.ground.compose import MapPyramids
 from pavetwin.scene.model import TILE_M, DefectPatch, GroundMaps, Instance, Mesh, Model, Tile, UInt8, labelled_defect
 from pavetwin.scene.models import merged
+from pavetwin.world.model import Defect
 
 PATCH_FINER: Final = 0.25
 """Texels of defects are this share of the ground's, down to those of their maps."""
@@ -33,6 +34,8 @@ class Parts:
     facade_textures: UInt8
     centre: tuple[float, float]
     """World coordinates of the file's origin, which keeps its numbers small."""
+    defects: Sequence[Defect]
+    """The world's, by number."""
     _shared: SharedModels = field(init=False)
     _layers: dict[int, int] = field(default_factory=dict)
 
@@ -53,10 +56,12 @@ class Parts:
         """The node of a defect's patch, or of the part of it that lies on one tile."""
         if patch.mesh.uv is None:
             raise ValueError(f"the patch of defect {patch.label} has no uv")
-        name = f"defect {labelled_defect(patch.label)}"
+        number = labelled_defect(patch.label)
+        assert number is not None
+        name = f"defect {number}"
         attributes = attributes_of(self.writer, patch.mesh, uv=patch.mesh.uv * (1, -1) + (0, 1), seen_from_above=True)
         mesh = self._mesh(name, attributes, patch.mesh.indices, self._pictured(picture, name))
-        extras = {"label": patch.label}
+        extras = {"label": patch.label} | self.defects[number].facts
         return self.writer.node(name=name, mesh=mesh, matrix=self._matrix(patch.transform), extras=extras)
 
     def instance(self, instance: Instance) -> int:

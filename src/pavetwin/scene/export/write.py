@@ -90,7 +90,13 @@ def usual_texel_m(tiles: int) -> float:
 
 
 def estimate(scene: Scene, keys: Sequence[Key], texel_m: float) -> int:
-    """About how many bytes an export will have."""
+    """About how many bytes an export will have.
+
+    Raises:
+        PaveTwinError: the texel has no sensible size.
+    """
+    if not FINEST_TEXEL_M <= texel_m <= COARSEST_TEXEL_M:
+        raise PaveTwinError(f"A texel of {texel_m:g} m is not within {FINEST_TEXEL_M} … {COARSEST_TEXEL_M} m.")
     defects = len({number for key in keys for number in scene.holes_on(key)})
     texels = len(keys) * (TILE_M / texel_m) ** 2 + defects * DEFECT_M2 / (texel_m * PATCH_FINER) ** 2
     meshes = defects * BYTES_A_DEFECT + len(keys) * BYTES_A_TILE + BYTES_OF_MODELS
@@ -127,8 +133,6 @@ def export_scene(
         raise PaveTwinError(f"'{target}' should end in .glb: the scene is written as one binary glTF file.")
     keys = tiles_of(scene, bounds)
     texel_m = usual_texel_m(len(keys)) if texel_m is None else texel_m
-    if not FINEST_TEXEL_M <= texel_m <= COARSEST_TEXEL_M:
-        raise PaveTwinError(f"A texel of {texel_m:g} m is not within {FINEST_TEXEL_M} … {COARSEST_TEXEL_M} m.")
     if (size := estimate(scene, keys, texel_m)) > LARGEST:
         raise PaveTwinError(
             f"The file would have about {size / 1e9:.1f} GB, and binary glTF ends at 4.3 GB; take a coarser --texel "
@@ -138,7 +142,7 @@ def export_scene(
         writer = GlbWriter(spool)
         columns, rows = zip(*keys, strict=True)
         middle = ((min(columns) + max(columns) + 1) * TILE_M / 2, (min(rows) + max(rows) + 1) * TILE_M / 2)
-        parts = Parts(writer, scene.models, scene.facade_textures, middle)
+        parts = Parts(writer, scene.models, scene.facade_textures, middle, scene.world.defects)
         roots = []
         defects: set[int] = set()
         for number, key in enumerate(keys):
