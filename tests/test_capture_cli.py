@@ -4,11 +4,13 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from PIL import ExifTags, Image
 
 from pavetwin.capture.mission_frames import frame_size, save_frames
@@ -21,9 +23,12 @@ from pavetwin.mission.results import findings_geojson, save_mission
 from pavetwin.render.adapter import find_adapter
 from pavetwin.render.exposure import Exposure
 from pavetwin.render.frame import Frame
+from pavetwin.scene.model import defect_label
 from pavetwin.scene.view import View
+from pavetwin.world.model import Defect
 from pavetwin.world.store import save_world
 from scenes import built
+from scenes.recordings import recording
 from scenes.tiny import empty_street
 
 
@@ -36,9 +41,9 @@ def pavetwin(*arguments: object, columns: int = 200, **environment: str) -> subp
 def plain_refusal(done: subprocess.CompletedProcess[str]) -> str:
     """The one line of an error; asserts that it is one, with exit code 2."""
     assert done.returncode == 2, done.stdout + done.stderr
-    assert "Traceback" not in done.stderr
-    assert done.stderr.count("\n") == 1, done.stderr
-    return done.stderr
+    # On a slow machine it is said first what is being done.
+    (line,) = [line for line in done.stderr.splitlines() if not line.endswith(" …")]
+    return line
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +57,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ("options", "words"),
     [
         ({"images": 0}, "--images 0: it must be greater than or equal to 1."),
-        ({"altitude": [6.0, -3.0]}, "--altitude -3: it must be greater than 0."),
+        ({"altitude": [6.0, -3.0]}, "--altitude -3: the UAV flies at 5 m or higher"),
         ({"seed": -1}, "--seed -1: it must be greater than or equal to 0."),
         ({"quality": 30}, "--quality 30: it must be greater than or equal to 50."),
         ({"size": "640"}, "--size 640: expected WIDTHxHEIGHT"),
@@ -68,7 +73,9 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ({"camera": "phantom5"}, "no camera 'phantom5'"),
         ({"formats": "yolo,cocoo"}, "--formats: no format 'cocoo' (did you mean 'coco'?)"),
         ({"jobs": 0}, "--jobs 0: at least one"),
-        ({"altitude": [0.4], "images": 1}, "--altitude 0.4: it must be above 1 m"),
+        ({"altitude": [2.0]}, "--altitude 2: the UAV flies at 5 m or higher, 1 m clear of vehicles of up to 4 m"),
+        ({"altitude": [10.0, 3000.0]}, "--altitude 3000: the UAV flies at 120 m or lower, the legal ceiling"),
+        ({"altitude": [10.0, 20.0]}, "--altitude 20: images are to show defects, which must be nearer than 20 m"),
     ],
 )
 def test_what_is_wrong_is_said_plainly_and_leaves_nothing(
@@ -98,7 +105,8 @@ def test_a_dataset_by_the_real_renderer(world: Path, tmp_path: Path, capsys: pyt
     done = pavetwin("capture", world, "-o", tmp_path / "d", *options)
     assert done.returncode == 0, done.stderr
     assert "4 images taken" in done.stdout
-    assert [line for line in done.stderr.splitlines() if line.startswith("Taking")] == [
+    # On a slow machine a line is said again.
+    assert [line for line in dict.fromkeys(done.stderr.splitlines()) if line.startswith("Taking")] == [
         f"Taking images {n}/4 ({25 * n}%)" for n in (1, 2, 3, 4)
     ]
     records = list(read_records(tmp_path / "d"))
@@ -143,30 +151,52 @@ def test_a_group_without_a_command_prints_its_help_and_asks_for_one() -> None:
 # --- Frames of a mission --------------------------------------------------------------------------------------------
 
 
-class Polaroid:
-    """A theatre that paints nothing, and notes what it was asked."""
+FAR_OFF = recording(("suv",), lambda *_: (500.0, 500.0, 0.0, 0.0), frames=600)
+"""Traffic that no frame shows."""
 
-    def __init__(self) -> None:
+
+class Polaroid:
+    """A theatre whose pictures show a box a defect and nothing else, and that notes what it was asked."""
+
+    def __init__(self, defects: Sequence[Defect]) -> None:
+        self.defects = defects
         self.views: list[tuple[View, float]] = []
 
     def picture(self, view: View, *asked: object, **_: object) -> Frame:
         time_s = asked[-1]
         assert isinstance(time_s, float)
         self.views.append((view, time_s))
-        return Frame(
-            view, np.full((view.size_px[1], view.size_px[0], 3), 90, np.uint8), None, None, {}, Exposure(1e-3, 2.8, 100)
+        size = (view.size_px[1], view.size_px[0])
+        labels = np.zeros(size, np.uint32)
+        rgb = np.random.default_rng(0).integers(88, 93, (*size, 3), np.uint8)
+        sound = rgb.copy()
+        for defect in self.defects:
+            left, top, right, bottom = self.box(view, defect)
+            labels[top:bottom, left:right] = defect_label(defect.id)
+            rgb[top:bottom, left:right] = 20
+        alone = {int(label): int((labels == label).sum()) for label in np.unique(labels) if label}
+        return Frame(view, rgb, None, labels, alone, Exposure(1e-3, 2.8, 100), sound)
+
+    @staticmethod
+    def box(view: View, defect: Defect) -> tuple[int, int, int, int]:
+        """40 pixels around the middle, as far as they are in the picture."""
+        column, row = np.round(view.project((defect.centre.x, defect.centre.y, 0.0))).astype(int).tolist()
+        (left, right), (top, bottom) = (
+            np.clip([middle - 20, middle + 20], 0, size).tolist()
+            for middle, size in zip((column, row), view.size_px, strict=True)
         )
+        return left, top, right, bottom
 
 
 def test_the_frames_of_a_mission_show_where_each_defect_was_confirmed(tmp_path: Path) -> None:
     flown = empty_street((20, 1), (20.4, -1), (45, 1)).fly("baseline")
     assert len(flown.findings) == 3
-    theatre = Polaroid()
+    theatre = Polaroid(flown.stage.defects)
     save_mission(flown, tmp_path / "m")
-    taken = save_frames(flown, None, tmp_path / "m", theatre)
+    taken = save_frames(flown, FAR_OFF, tmp_path / "m", theatre)
     content = json.loads((tmp_path / "m" / "captures.geojson").read_text())
     named = {feature["properties"]["frame"] for feature in content["features"]}
-    assert {f"frames/{path.name}" for path in (tmp_path / "m" / "frames").iterdir()} == named
+    assert {str(path.relative_to(tmp_path / "m")) for path in (tmp_path / "m").rglob("images/test/*.jpg")} == named
     assert taken == len(named) == len(theatre.views) == len({finding.time_s for finding in flown.findings})
     for view, time_s in theatre.views:
         here = [finding for finding in flown.findings if finding.time_s == time_s]
@@ -180,6 +210,40 @@ def test_the_frames_of_a_mission_show_where_each_defect_was_confirmed(tmp_path: 
     lat, lon = (sum(float(part) / 60**k for k, part in enumerate(gps[tag])) for tag in (2, 4))
     first = content["features"][0]["properties"]
     assert (lon, lat) == pytest.approx((first["camera_longitude"], first["camera_latitude"]), abs=1e-7)
+
+
+def test_the_frames_of_a_mission_are_labelled_as_a_dataset_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flown = empty_street((20, 1), (20.4, -1), (45, 1)).fly("baseline")
+    theatre = Polaroid(flown.stage.defects)
+    save_mission(flown, tmp_path / "m")
+    taken = save_frames(flown, FAR_OFF, tmp_path / "m", theatre)
+    frames = tmp_path / "m" / "frames"
+    confirmed = []
+    for record, (view, _) in zip(read_records(frames), theatre.views, strict=True):
+        seen = {thing.id: thing for thing in record.labelled}
+        for name in record.aim["confirmed"]:
+            defect = flown.stage.defects[int(name.removeprefix("defect "))]
+            assert seen[name].box == Polaroid.box(view, defect)
+            confirmed.append(name)
+        assert len((frames / "labels" / "test" / f"{record.name}.txt").read_text().splitlines()) == len(seen)
+        assert (frames / "voc" / "JPEGImages" / f"{record.name}.jpg").is_file()
+    assert sorted(confirmed) == sorted(f"defect {finding.defect}" for finding in flown.findings)
+    coco = json.loads((frames / "annotations" / "instances_test.json").read_text())
+    assert len(coco["images"]) == taken
+    keys = yaml.safe_load((frames / "data.yaml").read_text())
+    assert (keys["train"], keys["val"], keys["test"]) == (None, None, "images/test")  # Ultralytics asks for all of them
+    show(frames)
+    stats(frames)
+    assert f"{taken} images on {frames}/contact-sheet.png" in capsys.readouterr().out.replace("\n", "")
+
+
+def test_a_mission_that_found_nothing_has_no_frames(tmp_path: Path) -> None:
+    flown = empty_street().fly("baseline")
+    save_mission(flown, tmp_path / "m")
+    assert save_frames(flown, FAR_OFF, tmp_path / "m", Polaroid(())) == 0
+    assert not list((tmp_path / "m" / "frames").iterdir())
 
 
 def test_without_frames_a_mission_names_none(tmp_path: Path) -> None:

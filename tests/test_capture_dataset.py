@@ -133,6 +133,22 @@ def test_the_uav_stays_where_it_may_fly(world: Path, records: list[Record]) -> N
     assert all(meshes[r.camera["altitude_m"]].contains(*r.camera["position_m"][:2]) for r in records)
 
 
+def test_every_part_of_the_work_is_told(world: Path, tmp_path: Path) -> None:
+    told: list[str] = []
+    settings = UAV.model_copy(update={"images": 2, "altitudes_m": (6.0,)})
+    capture(world, settings, tmp_path / "d", hire=Painter, on_progress=lambda _, what: told.append(what))
+    assert [what for what in dict.fromkeys(told) if "Recording" not in what] == [
+        "Loading the world",
+        "Baking the NavMesh at 6 m",
+        "Preparing the scene",
+        "Finding places 1/2",
+        "Finding places 2/2",
+        "Taking images 1/2",
+        "Taking images 2/2",
+        "Writing label files",
+    ]
+
+
 def test_a_smaller_dataset_is_the_beginning_of_a_larger_one(world: Path, dataset: Path, tmp_path: Path) -> None:
     small = capture(world, UAV.model_copy(update={"images": 12}), tmp_path / "grown", hire=Painter)
     assert small.taken == 12
@@ -253,17 +269,21 @@ def test_a_car_drives_in_the_recorded_traffic_and_does_not_see_itself(world: Pat
     from pavetwin.traffic.trace import trace_of
 
     recording = record_traffic(load_world(world), "high", 3, 600.0)
-    trace = trace_of(recording)
+    trace, asides = trace_of(recording), []
     for record in taken:
         ego = int(record.traffic["ego"].removeprefix("agent "))
         assert recording.agents.kind[ego] == "hatchback"
         assert f"agent {ego}" not in {thing.id for thing in record.things}
         poses = trace.agents_at(record.traffic["time_s"])
         row = poses["agent"].tolist().index(ego)
-        reach = {"front": 0.55, "rear": -3.30}[record.camera["mount"]]
         yaw = poses["yaw_rad"][row]
-        place = (poses["x_m"][row] + reach * np.cos(yaw), poses["y_m"][row] + reach * np.sin(yaw))
-        assert tuple(record.camera["position_m"][:2]) == pytest.approx(place, abs=0.05)
+        away = np.array(record.camera["position_m"][:2]) - (poses["x_m"][row], poses["y_m"][row])
+        along, aside = away @ [np.cos(yaw), np.sin(yaw)], away @ [-np.sin(yaw), np.cos(yaw)]
+        assert along == pytest.approx({"front": 1.80, "rear": -3.30}[record.camera["mount"]], abs=0.05)
+        assert abs(aside) < 0.7
+        asides.append(aside)
+    # Drivers do not keep to the middle of their lanes as SUMO's do.
+    assert 0.05 < np.std(asides) < 0.4
 
 
 def test_where_no_hatchback_drives_another_car_gives_way(world: Path, tmp_path: Path) -> None:
@@ -406,10 +426,14 @@ def test_a_run_that_came_to_no_image_is_no_obstacle(
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"seed": 4}, "--seed 3, not 4"),
-        ({"altitudes_m": (6.0,)}, r"--altitude 5\.0 6\.0 8\.0, not 6\.0"),
-        ({"densities": ("low",)}, "--density medium, not low"),
-        ({"size_px": (320, 256)}, "--size 320 320, not 320 256"),
+        ({"seed": 4}, "begun with --seed 3, not with --seed 4; give the same, or choose another folder"),
+        ({"altitudes_m": (6.0,)}, "with --altitude 5 --altitude 6 --altitude 8, not with --altitude 6;"),
+        ({"densities": ("low",)}, "with --density medium, not with --density low;"),
+        ({"size_px": (320, 256)}, "with --size 320x320, not with --size 320x256;"),
+        ({"split": (0.8, 0.1, 0.1)}, "with --split 70/15/15, not with --split 80/10/10;"),
+        ({"formats": ("yolo",)}, "with --formats yolo,voc,coco, not with --formats yolo;"),
+        ({"empty": 0.0}, r"with --empty 0\.15, not with --empty 0;"),
+        ({"picture": "png"}, "begun without --png, not with --png;"),
         ({"images": 59}, "--images 60, more than 59"),
     ],
 )

@@ -14,7 +14,6 @@ from pavetwin.capture.classes import CAR, PERSON, categories, category_of_agent,
 from pavetwin.capture.contrast import Picture
 from pavetwin.capture.pieces import pieces
 from pavetwin.capture.rle import decode, encode
-from pavetwin.capture.sight import opening_px
 from pavetwin.capture.truth import Moment, Reason, Thing, ground_share, inside_share, things
 from pavetwin.render.frame import Frame
 from pavetwin.scene.model import agent_label, defect_label
@@ -95,7 +94,7 @@ def seen(moment: Moment, painted: dict[int, tuple[slice, slice]], alone: dict[in
     labels = np.zeros((SIZE, SIZE), dtype=np.uint32)
     for label, where in painted.items():
         labels[where] = label
-    frame = Frame(from_above(height_m), shaded(labels), None, labels, alone)
+    frame = Frame(from_above(height_m), shaded(labels), None, labels, alone, sound=shaded(labels, 0.0))
     return {thing.id: thing for thing in things(frame, moment)}
 
 
@@ -150,62 +149,61 @@ def test_what_is_hardly_seen_is_ignored_and_kept(moment: Moment, label: int, whe
 def test_what_the_picture_hardly_shows_is_ignored_and_its_contrast_kept(moment: Moment, label: int, where) -> None:
     labels = np.zeros((SIZE, SIZE), dtype=np.uint32)
     labels[where] = label
-    contrasts = []
+    alone, contrasts = {label: int((labels > 0).sum())}, []
     for darker in (0.0, 5.0, 20.0, 60.0):
-        (thing,) = things(
-            Frame(from_above(), shaded(labels, darker), None, labels, {label: int((labels > 0).sum())}), moment
-        )
+        pictures = shaded(labels, darker), shaded(labels, 0.0)
+        frame = Frame(from_above(), pictures[0], None, labels, alone, sound=pictures[1])
+        (thing,) = things(frame, moment)
         contrasts.append(thing.details["contrast"])
         if darker in (0.0, 60.0):
             assert thing.ignored == (None if darker else Reason.FAINT.value)
+    assert contrasts[0] == 0.0
     assert contrasts == sorted(contrasts)
 
 
-def test_the_contrast_is_measured_in_shadow_and_on_markings_too() -> None:
-    """The shade of a wall over all or a white line across changes little, and a car beside it is no pavement."""
+def test_a_contrast_is_that_of_the_defect_alone() -> None:
+    """A white line or the edge of a shadow across it, a dark joint or a car beside it are no part of it."""
     labels = np.zeros((SIZE, SIZE), dtype=np.uint32)
     labels[96:98, 60:120] = CRACK
-    plain = shaded(labels, 20.0)
-    marked, shady = plain.copy(), (plain * 0.4).astype(np.uint8)
-    marked[:, 80:84] += 100
     (crack,) = pieces(labels)
-    style = category_of_defect(DefectClass.SINGLE_CRACK).look
-    assert style is not None
-    wanted = Picture(plain, labels).contrast(crack, style)
-    assert wanted is not None
-    assert wanted > style.least
-    assert Picture(shady, labels).contrast(crack, style) == pytest.approx(wanted, rel=0.15)
-    assert Picture(marked, labels).contrast(crack, style) == pytest.approx(wanted, rel=0.4)
-    labels[99:130] = AGENT
-    hidden = plain.copy()
-    hidden[99:130] = 255
-    assert Picture(hidden, labels).contrast(crack, style) == pytest.approx(wanted, rel=0.25)
-    labels[labels == 0] = AGENT
-    assert Picture(plain, labels).contrast(crack, style) is None
+
+    def contrast(change, labels: np.ndarray = labels) -> float:
+        with_it, without = (change(shaded(labels == CRACK, darker).astype(float)) for darker in (20.0, 0.0))
+        return Picture(np.uint8(with_it), np.uint8(without), labels).contrast(crack)
+
+    def marked(grey: np.ndarray) -> np.ndarray:
+        grey[:, 80:84] += 60
+        return grey
+
+    def jointed(grey: np.ndarray) -> np.ndarray:
+        grey[94:96] -= 60
+        return grey
+
+    wanted = contrast(lambda grey: grey)
+    assert contrast(lambda grey: grey * 0.4) == pytest.approx(wanted, rel=0.15)
+    assert contrast(marked) == pytest.approx(wanted, rel=0.3)
+    assert contrast(jointed) < wanted
+    beside = np.where((labels == 0) & (np.arange(SIZE)[:, None] > 98), AGENT, labels)
+    assert contrast(lambda grey: grey, beside) == pytest.approx(wanted, rel=0.1)
 
 
-def test_an_opening_across_the_view_is_foreshortened(moment: Moment) -> None:
-    ahead = look(
-        (0, 0, 1.3), yaw_rad=0.0, pitch_rad=np.radians(-10), size_px=(SIZE, SIZE), vertical_fov_rad=np.radians(58)
-    )
-    crack = replace(moment.world.defects[1], centre=shapely.Point(13, 0), width_m=0.01)
-    along = replace(crack, polygon=shapely.box(12, -0.1, 14, 0.1))
-    across = replace(crack, polygon=shapely.box(12.9, -1, 13.1, 1))
-    away = np.hypot(13, 1.3)
-    full = 0.01 * ahead.focal_px / away
-    assert opening_px(ahead, along, is_line=True) == pytest.approx(full)
-    assert opening_px(ahead, across, is_line=True) == pytest.approx(full * 1.3 / away)
-    assert opening_px(ahead, across, is_line=False) == pytest.approx(full * (1 + 1.3 / away) / 2)
-    down = replace(across, centre=shapely.Point(30, 0))
-    assert opening_px(from_above(), down, is_line=True) == pytest.approx(0.01 * from_above().focal_px / 10)
+def test_more_of_the_same_crack_is_seen_better_and_rougher_pavement_hides_it() -> None:
+    def contrast(length_px: int, darker: float = 20.0, rougher: float = 1.0) -> float:
+        labels = np.zeros((SIZE, SIZE), dtype=np.uint32)
+        labels[96:98, 20 : 20 + length_px] = CRACK
+        with_it, without = shaded(labels, darker).astype(float), shaded(labels, 0.0).astype(float)
+        rough = (without - 130.0) * (rougher - 1.0)
+        (crack,) = pieces(labels)
+        return Picture(np.uint8(with_it + rough), np.uint8(without + rough), labels).contrast(crack)
+
+    assert contrast(160) / contrast(20) == pytest.approx(8 ** (1 / 3), rel=0.15)
+    assert contrast(80, rougher=3.0) == pytest.approx(contrast(80) / 3.0, rel=0.1)
 
 
-def test_a_crack_too_fine_for_its_pixels_is_ignored_though_they_are_dark(moment: Moment) -> None:
-    painted, alone = {CRACK: np.s_[96:98, 100:120]}, {CRACK: 40}
-    fine = replace(moment.world.defects[1], width_m=0.01)
-    finer = replace(moment, world=replace(moment.world, defects=(moment.world.defects[0], fine)))
-    assert seen(finer, painted, alone)["defect 1"].ignored == Reason.FAINT.value
-    assert seen(moment, painted, alone)["defect 1"].ignored is None
+def test_things_are_not_told_without_the_picture_of_sound_pavement(moment: Moment) -> None:
+    labels = np.zeros((SIZE, SIZE), dtype=np.uint32)
+    with pytest.raises(ValueError, match="sound pavement"):
+        things(Frame(from_above(), shaded(labels), None, labels, {}), moment)
 
 
 def test_what_lies_far_away_is_ignored(moment: Moment) -> None:

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from typing import Final
 
-from pavetwin.capture.contrast import Look
 from pavetwin.defects.registry import kinds
 from pavetwin.world.model import DefectClass
 
@@ -25,18 +24,9 @@ class Category:
     farthest_m: float
     least_short_side_px: int = 1
     """Of the shorter side of its box: what is flatter is a line at the horizon."""
-    look: Look | None = None
-    """How its contrast is measured; None where it is not."""
-    is_crack: bool = False
+    least_contrast: float = 0.0
+    """Of a defect (`capture.contrast`): a fainter one is not asked for."""
 
-
-LEAST_OPENING_PX: Final = 0.15
-"""Of a crack's widest opening, as wide as it appears: one that is finer is not what darkens its pixels."""
-
-_CRACK: Final = Look(ground_px=11, share=0.10, bright_too=False, least=2.7)
-_NETWORK: Final = Look(ground_px=11, share=0.02, bright_too=False, least=2.7)
-"""Its mask holds the blocks between the cracks too."""
-_HOLE: Final = Look(ground_px=27, share=0.10, bright_too=True, least=1.5)
 
 _NEAR_M, _FAR_M = 30.0, 80.0
 """Defects are looked for on the road ahead; people and vehicles must be noticed sooner."""
@@ -82,13 +72,13 @@ def category_of_agent(*, is_pedestrian: bool) -> Category:
 
 def _defect(number: int, kind: DefectClass) -> Category:
     colour = _COLOURS.get(kind, _MORE_COLOURS[number % len(_MORE_COLOURS)])
-    # A crack is a line: long enough to be one, though it covers little. A network has room for a block or two.
-    side, short, area, look = {
-        DefectClass.SINGLE_CRACK: (16, 2, 8, _CRACK),
-        DefectClass.CROCODILE_CRACK: (8, 8, 20, _NETWORK),
-    }.get(kind, (8, 4, 20, _HOLE))
-    is_crack = kind in (DefectClass.SINGLE_CRACK, DefectClass.CROCODILE_CRACK)
-    return Category(number, _name(kind), "defect", colour, side, area, _NEAR_M, short, look, is_crack)
+    # A crack is a line: long enough to be one, though it covers little, and a line is made out sooner than a patch.
+    # A network has room for a block or two.
+    side, short, area, contrast = {
+        DefectClass.SINGLE_CRACK: (16, 2, 8, 10.0),
+        DefectClass.CROCODILE_CRACK: (8, 8, 20, 17.0),
+    }.get(kind, (8, 4, 20, 15.0))
+    return Category(number, _name(kind), "defect", colour, side, area, _NEAR_M, short, contrast)
 
 
 def _name(kind: DefectClass) -> str:

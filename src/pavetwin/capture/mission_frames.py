@@ -1,4 +1,5 @@
-"""The frames in which a mission confirmed its defects, taken after the flight from what it wrote down.
+"""The frames in which a mission confirmed its defects, taken after the flight from what it wrote down: a dataset of its
+own, with the labels that datasets have.
 
 The mission itself draws nothing. Its camera, poses, times and traffic are in its findings; only the light is not, for
 missions have no hour of the day: every frame has that of ten o'clock by the sun on the day of the equinox, few clouds.
@@ -6,13 +7,24 @@ missions have no hour of the day: every frame has that of ten o'clock by the sun
 
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
+from functools import cached_property
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from pavetwin.capture.classes import category_of_defect
+from pavetwin.capture.daylight import Daylight
 from pavetwin.capture.exif import Taken, encoded
+from pavetwin.capture.formats import find_formats
+from pavetwin.capture.record import Record
+from pavetwin.capture.setting import defects_hash
+from pavetwin.capture.settings import FILE, CaptureSettings, description
+from pavetwin.capture.store import link_image, write_image, write_over_all, write_yaml
+from pavetwin.capture.truth import Moment, things
 from pavetwin.files import writing, writing_folder
 from pavetwin.mission.fly import Finding, Flown
 from pavetwin.mission.results import findings_geojson
@@ -20,19 +32,24 @@ from pavetwin.scene.light import Light
 from pavetwin.scene.view import nadir
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.recording import Recording
-from pavetwin.uav.cameras import find_camera
+from pavetwin.traffic.trace import trace_of
+from pavetwin.uav.cameras import Camera, find_camera
+from pavetwin.world.model import World
 
 if TYPE_CHECKING:
+    from pavetwin._core import Trace
     from pavetwin.capture.studio import Theatre
 
 FOLDER: Final = "frames"
+
+SPLIT: Final = "test"
+"""A detector is tried on what a mission saw; what it was trained on may be the same streets."""
 
 LARGEST_PX: Final = 2048
 """Of a frame's longer side; a camera with more pixels is drawn with fewer, its view unchanged."""
 
 _EQUINOX: Final = datetime(2025, 3, 20, 10, tzinfo=UTC)
 _CLOUDS: Final = 0.1
-_QUALITY: Final = 92
 
 
 def save_frames(
@@ -40,6 +57,8 @@ def save_frames(
     recording: Recording,
     folder: Path,
     theatre: "Theatre",
+    *,
+    adapter: str = "",
     on_progress: Callable[[float], None] | None = None,
 ) -> int:
     """Take the frame of every capture that confirmed a defect, into `frames/` of a mission's folder, and name it in
@@ -47,26 +66,34 @@ def save_frames(
 
     Args:
         recording: the traffic that the mission was flown against, as long as it needed.
+        adapter: names what draws.
 
     Raises:
         PaveTwinError: the frames cannot be written.
     """
-    names = [frame_name(finding) for finding in flown.findings]
-    moments = dict(zip(names, flown.findings, strict=True))
+    captures = [tuple(group) for _, group in groupby(flown.findings, key=lambda finding: finding.time_s)]
+    names = []
     with writing_folder(folder / FOLDER, replace=True) as place:
-        for number, (name, finding) in enumerate(moments.items()):
-            (place / name).write_bytes(_frame(flown, recording, finding, theatre, number))
-            if on_progress is not None:
-                on_progress((number + 1) / len(moments))
-    content = findings_geojson(flown, [f"{FOLDER}/{name}" for name in names])
+        if captures:
+            film = _Film(flown, recording, theatre)
+            settings = film.settings(len(captures))
+            formats = find_formats(settings.formats)
+            for number, findings in enumerate(captures):
+                record, picture = film.frame(findings, number, settings)
+                write_image(place, record, picture, formats)
+                link_image(place, record, formats)
+                names += [f"{FOLDER}/{record.image}"] * len(findings)
+                if on_progress is not None:
+                    on_progress((number + 1) / len(captures))
+            write_over_all(place, formats, (SPLIT,))
+            world = film.world
+            write_yaml(
+                place / FILE, description(settings, world.name, world.content_hash, defects_hash(world), adapter)
+            )
+    content = findings_geojson(flown, names)
     with writing(folder / "captures.geojson") as path:
         path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    return len(moments)
-
-
-def frame_name(finding: Finding) -> str:
-    """By its time; one capture may confirm several defects."""
-    return f"t{finding.time_s:08.2f}.jpg"
+    return len(captures)
 
 
 def frame_size(image_px: Sequence[int]) -> tuple[int, int]:
@@ -75,31 +102,94 @@ def frame_size(image_px: Sequence[int]) -> tuple[int, int]:
     return round(image_px[0] * scale), round(image_px[1] * scale)
 
 
-def _frame(flown: Flown, recording: Recording, finding: Finding, theatre: "Theatre", number: int) -> bytes:
-    camera, world = find_camera(flown.settings.camera.model), flown.stage.world
-    view = nadir(
-        camera,
-        (*finding.position, flown.settings.altitude_m),
-        yaw_rad=finding.yaw_rad,
-        size_px=frame_size(camera.image_px),
-        velocity_mps=_velocity(flown, finding),
-    )
-    longitude, latitude = (float(value) for value in world.georeference.to_wgs84((world.base.x, world.base.y)))
-    start = _EQUINOX - timedelta(hours=longitude / 15)
-    light = Light.at(start, latitude_deg=latitude, longitude_deg=longitude, cloud_cover=_CLOUDS)
-    noise = int(child(flown.seed, Stream.FRAME, number).integers(1 << 62))
-    frame = theatre.picture(view, camera, light, recording, finding.time_s, noise=noise, labels=False)
-    taken = Taken(
-        view=view,
-        camera=camera,
-        heading_rad=finding.yaw_rad,
-        pitch_rad=-np.pi / 2,
-        place=world.georeference,
-        when=start + timedelta(seconds=finding.time_s),
-        exposure=frame.exposure,
-        is_airborne=True,
-    )
-    return encoded(frame.rgb, taken, picture="jpg", quality=_QUALITY)
+@dataclass(frozen=True)
+class _Film:
+    """A mission, to be photographed once more."""
+
+    flown: Flown
+    recording: Recording
+    theatre: "Theatre"
+
+    @cached_property
+    def world(self) -> World:
+        """With the defects that the mission looked for."""
+        return replace(self.flown.stage.world, defects=self.flown.stage.defects)
+
+    @cached_property
+    def camera(self) -> Camera:
+        return find_camera(self.flown.settings.camera.model)
+
+    @cached_property
+    def trace(self) -> "Trace":
+        return trace_of(self.recording)
+
+    def settings(self, images: int) -> CaptureSettings:
+        """What a dataset of such pictures is asked for with."""
+        return CaptureSettings(
+            platform="uav",
+            images=images,
+            seed=self.flown.seed,
+            altitudes_m=(self.flown.settings.altitude_m,),
+            densities=(self.recording.name,),
+            size_px=frame_size(self.camera.image_px),
+            camera=self.flown.settings.camera.model,
+            split=(0.0, 0.0, 1.0),
+            empty=0.0,
+        )
+
+    def frame(self, findings: Sequence[Finding], number: int, settings: CaptureSettings) -> tuple[Record, bytes]:
+        """The frame of one capture, which may have confirmed several defects: its record, and its picture as a file."""
+        at = findings[0]
+        view = nadir(
+            self.camera,
+            (*at.position, self.flown.settings.altitude_m),
+            yaw_rad=at.yaw_rad,
+            size_px=settings.size_px,
+            velocity_mps=_velocity(self.flown, at),
+        )
+        start, light = self._daylight
+        noise = int(child(self.flown.seed, Stream.FRAME, number).integers(1 << 62))
+        frame = self.theatre.picture(view, self.camera, light, self.recording, at.time_s, noise=noise)
+        daylight = Daylight(start + timedelta(seconds=at.time_s), light)
+        taken = Taken(
+            view=view,
+            camera=self.camera,
+            heading_rad=at.yaw_rad,
+            pitch_rad=-np.pi / 2,
+            place=self.world.georeference,
+            when=daylight.when,
+            exposure=frame.exposure,
+            is_airborne=True,
+        )
+        aims = sorted({category_of_defect(self.world.defects[each.defect].kind).name for each in findings})
+        origin = {"density": self.recording.name, "seed": self.recording.origin.seed}
+        record = Record(
+            index=number,
+            split=SPLIT,
+            suffix=f".{settings.picture}",
+            size_px=view.size_px,
+            camera={"platform": settings.platform, "mount": "gimbal", **taken.as_dict()},
+            light=daylight.as_dict(),
+            traffic={**origin, "time_s": round(at.time_s, 4)},
+            aim={
+                "wished": aims,
+                "met": aims,
+                "attempt": 0,
+                "confirmed": [f"defect {each.defect}" for each in findings],
+            },
+            things=tuple(
+                things(frame, Moment(self.world, self.trace.agents_at(at.time_s), self.recording.agents.kind))
+            ),
+        )
+        return record, encoded(frame.rgb, taken, picture=settings.picture, quality=settings.quality)
+
+    @cached_property
+    def _daylight(self) -> tuple[datetime, Light]:
+        """When the mission began, and the light of all of it."""
+        base, place = self.world.base, self.world.georeference
+        longitude, latitude = (float(value) for value in place.to_wgs84((base.x, base.y)))
+        start = _EQUINOX - timedelta(hours=longitude / 15)
+        return start, Light.at(start, latitude_deg=latitude, longitude_deg=longitude, cloud_cover=_CLOUDS)
 
 
 def _velocity(flown: Flown, finding: Finding) -> tuple[float, float, float]:

@@ -1,25 +1,24 @@
 """A dataset from a world: planned, taken in shards, gone on with where it stopped, and finished by the formats."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
-
-import yaml
 
 from pavetwin.capture.crew import Hire, Job, crew
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.plan import Wish, wishes
 from pavetwin.capture.platforms import Platform, Setting, find_platform
 from pavetwin.capture.room import check_room
-from pavetwin.capture.setting import check, defects_hash, prepare
+from pavetwin.capture.setting import OnProgress, check, defects_hash, prepare
 from pavetwin.capture.settings import FILE, SPLITS, CaptureSettings, check_same, description
 from pavetwin.capture.shards import Order, dealt, done, in_shards
 from pavetwin.capture.shots import draw_shot
 from pavetwin.capture.statistics import Statistics, count
+from pavetwin.capture.store import write_over_all, write_yaml
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import working_in, writing
+from pavetwin.files import working_in
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world
 
@@ -27,9 +26,6 @@ BLOCK: Final = 8192
 """Images whose places are known before the first of them is taken, so that neighbours are taken together."""
 
 MANIFEST: Final = "manifest.yaml"
-
-OnProgress = Callable[[float, str], None]
-"""Told the share done and what is being done."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +63,7 @@ def capture(
         raise PaveTwinError(f"--jobs {jobs}: at least one process must take the images.")
     tell = on_progress or (lambda _share, _what: None)
     check(settings)
+    tell(0.0, "Loading the world")
     world = load_world(world_folder)
     wanted = description(settings, world.name, world.content_hash, defects_hash(world), adapter)
     with working_in(folder):
@@ -74,13 +71,14 @@ def capture(
         there = done(folder)
         missing = [index for index in range(settings.images) if index not in there]
         check_room(settings, len(missing), folder)
-        setting = prepare(world, settings, lambda share: tell(share, "Recording traffic"))
+        setting = prepare(world, settings, tell)
 
         def begin() -> None:
-            _write_yaml(folder / FILE, wanted)
+            write_yaml(folder / FILE, wanted)
 
         if missing:
             _take(Job(world_folder, settings, folder, hire), setting, missing, jobs, begin, tell)
+        tell(1.0, "Writing label files")
         statistics = _finish(world, settings, setting, folder)
     return Captured(folder, statistics, len(missing))
 
@@ -98,12 +96,15 @@ def _take(
         tell(ready / total, f"Taking images {ready}/{total}")
 
     hands = min(jobs, -(-len(missing) // 2))
+    begins = "Preparing the scene" + (f" in {hands} processes" if hands > 1 else "")
+    tell(ready / total, begins)
     with crew(job, setting, hands, on_image) as work:
         for block in _blocks(job.settings, setting.world, missing):
             orders = [
                 _planned(platform, wish, number, len(block), tell, ready / total) for number, wish in enumerate(block)
             ]
             begin()
+            tell(ready / total, begins)
             work(dealt(in_shards(orders, hands), hands))
 
 
@@ -122,16 +123,10 @@ def _blocks(settings: CaptureSettings, world: World, missing: list[int]) -> Iter
 
 
 def _finish(world: World, settings: CaptureSettings, setting: Setting, folder: Path) -> Statistics:
-    formats = find_formats(settings.formats)
     splits = tuple(split for split, share in zip(SPLITS, settings.split, strict=True) if share > 0)
-    for each in formats:
-        for split in splits:
-            for path, pieces in each.of_split(folder, split):
-                _write(folder / path, pieces)
-        for path, content in each.of_all(splits).items():
-            _write(folder / path, [content])
+    write_over_all(folder, find_formats(settings.formats), splits)
     statistics = count(folder)
-    _write_yaml(folder / MANIFEST, _manifest(world, setting, statistics))
+    write_yaml(folder / MANIFEST, _manifest(world, setting, statistics))
     return statistics
 
 
@@ -146,13 +141,3 @@ def _manifest(world: World, setting: Setting, statistics: Statistics) -> dict[st
         "streets": {split: streets[split] for split in SPLITS if split in streets},
         **statistics.as_dict(),
     }
-
-
-def _write(path: Path, pieces: Iterable[bytes]) -> None:
-    with writing(path) as temporary, temporary.open("wb") as stream:
-        for piece in pieces:
-            stream.write(piece)
-
-
-def _write_yaml(path: Path, content: dict[str, Any]) -> None:
-    _write(path, [yaml.safe_dump(content, sort_keys=False, allow_unicode=True).encode()])

@@ -9,7 +9,7 @@ from pavetwin.capture.formats import find_formats
 from pavetwin.capture.plan import STREETS
 from pavetwin.capture.platforms import Setting, find_platform
 from pavetwin.capture.settings import CaptureSettings
-from pavetwin.capture.sight import Sight
+from pavetwin.capture.sight import AIMED_WITHIN_M, Sight
 from pavetwin.capture.splits import split_streets
 from pavetwin.config.mission import UavSettings
 from pavetwin.errors import PaveTwinError
@@ -25,7 +25,8 @@ from pavetwin.world.model import World
 RECORDED_S: Final = 600.0
 """How much traffic images are taken from."""
 
-OnProgress = Callable[[float], None]
+OnProgress = Callable[[float, str], None]
+"""Told the share done and what is being done."""
 
 
 def check(settings: CaptureSettings) -> None:
@@ -43,6 +44,12 @@ def check(settings: CaptureSettings) -> None:
         raise PaveTwinError(f"--altitude: say how high the {settings.platform} flies, for example --altitude 10.")
     if settings.altitudes_m and not platform.uses_altitude:
         raise PaveTwinError(f"--altitude: a {settings.platform} does not fly; leave it out.")
+    for altitude in settings.altitudes_m:
+        if altitude >= AIMED_WITHIN_M:
+            raise PaveTwinError(
+                f"--altitude {altitude:g}: images are to show defects, which must be nearer than {AIMED_WITHIN_M:g} m; "
+                "choose a lower altitude."
+            )
 
 
 def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | None = None) -> Setting:
@@ -55,13 +62,16 @@ def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | N
     check(settings)
     if not world.defects:
         raise PaveTwinError(f"The world '{world.name}' has no defects to take images of; build it with some.")
-    meshes = {altitude: navmesh(world, altitude, UavSettings().radius_m) for altitude in settings.altitudes_m}
+    tell = on_progress or (lambda _share, _what: None)
+    meshes = {}
+    for number, altitude in enumerate(settings.altitudes_m):
+        tell(number / len(settings.altitudes_m), f"Baking the NavMesh at {altitude:g} m")
+        meshes[altitude] = navmesh(world, altitude, UavSettings().radius_m)
     recordings: dict[str, Recording] = {}
-    tell = on_progress or (lambda _: None)
     for number, name in enumerate(dict.fromkeys(settings.densities)):
 
         def part(share: float, done: int = number) -> None:
-            tell((done + share) / len(settings.densities))
+            tell((done + share) / len(settings.densities), "Recording traffic")
 
         recordings[name] = record(world, name, settings.seed, RECORDED_S, on_progress=part)
     reached = find_platform(settings.platform).reaches(world, recordings)

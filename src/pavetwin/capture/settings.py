@@ -8,11 +8,11 @@ from typing import Annotated, Any, Final, Literal, Self
 import yaml
 from pydantic import Field, ValidationError, model_validator
 
+from pavetwin.config.altitude import Altitude
 from pavetwin.config.base import Settings
 from pavetwin.errors import PaveTwinError
 
 Share = Annotated[float, Field(ge=0, le=1)]
-Positive = Annotated[float, Field(gt=0)]
 Pixels = Annotated[int, Field(ge=64, le=8192)]
 
 FORMAT: Final = 2
@@ -30,7 +30,7 @@ class CaptureSettings(Settings):
     """A name of the registry in pavetwin.capture.platforms: uav or car."""
     images: Annotated[int, Field(ge=1, le=10_000_000)]
     seed: Annotated[int, Field(ge=0)] = 0
-    altitudes_m: tuple[Positive, ...] = ()
+    altitudes_m: tuple[Altitude, ...] = ()
     """Of the UAV, one drawn for each image."""
     densities: Annotated[tuple[str, ...], Field(min_length=1)] = ("medium",)
     """Of the traffic, one drawn for each image."""
@@ -61,6 +61,9 @@ ASKED_BY: Final = {
     "picture": "--png",
 }
 """Options whose names differ from their settings'."""
+
+JOINED_BY: Final = {"size_px": "x", "split": "/", "formats": ","}
+"""What stands between the values of options that take several at once; other options are given several times."""
 
 
 def settings_of(values: Mapping[str, Any], typed: Mapping[str, str]) -> CaptureSettings:
@@ -133,8 +136,8 @@ def check_same(folder: Path, wanted: dict[str, Any]) -> bool:
     for key, value in asked.items():
         if key != "images" and there.get(key) != value:
             raise PaveTwinError(
-                f"'{folder}' was begun with {ASKED_BY.get(key, f'--{key}')} {_said(there.get(key))}, not "
-                f"{_said(value)}; choose another folder or the same settings."
+                f"'{folder}' was begun {_asked(key, there.get(key))}, not {_asked(key, value)}; give the "
+                "same, or choose another folder."
             )
     if asked["images"] < there["images"]:
         raise PaveTwinError(
@@ -160,5 +163,17 @@ def read_description(folder: Path) -> dict[str, Any]:
     return dict(found)
 
 
-def _said(value: Any) -> str:
-    return " ".join(str(part) for part in value) if isinstance(value, list) else str(value)
+def _asked(key: str, value: Any) -> str:
+    """How a setting is asked for, as it can be typed."""
+    if key == "picture":
+        return "with --png" if value == "png" else "without --png"
+    option = ASKED_BY.get(key, f"--{key}")
+    values = value if isinstance(value, list) else [value]
+    texts = [_plain(100 * each if key == "split" else each) for each in values]
+    if key in JOINED_BY:
+        texts = [JOINED_BY[key].join(texts)]
+    return "with " + " ".join(f"{option} {text}" for text in texts)
+
+
+def _plain(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)

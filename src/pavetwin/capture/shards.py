@@ -3,8 +3,6 @@
 So an image whose record is there is whole, and a killed run costs at most the images in work.
 """
 
-import os
-import shutil
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Final
@@ -14,6 +12,7 @@ from pavetwin.capture.plan import Wish
 from pavetwin.capture.platforms import Platform
 from pavetwin.capture.record import Record, record_paths, truth_path
 from pavetwin.capture.shots import Shot
+from pavetwin.capture.store import files_of, link_image, write_image
 from pavetwin.capture.taking import Photographer, take
 from pavetwin.files import staging_folder
 
@@ -46,7 +45,7 @@ def write_shard(
     with staging_folder(folder / _ASIDE) as aside:
         for wish, first in orders:
             record, picture = take(platform, photographer, wish, first)
-            _stage(aside, record, picture, formats)
+            write_image(aside, record, picture, formats)
             _move(aside, folder, record, formats)
             on_image()
 
@@ -70,40 +69,17 @@ def dealt(shards: Sequence[list[Order]], hands: int) -> list[list[Order]]:
     return [pile[turn] for turn in range(length) for pile in piles if turn < len(pile)]
 
 
-def _files(record: Record, formats: Sequence[Format]) -> dict[str, bytes]:
-    return {path: content for each in formats for path, content in each.of_image(record).items()}
-
-
-def _stage(aside: Path, record: Record, picture: bytes, formats: Sequence[Format]) -> None:
-    last = {record.image: picture, truth_path(record.split, record.index): record.as_bytes()}
-    for path, content in (_files(record, formats) | last).items():
-        (aside / path).parent.mkdir(parents=True, exist_ok=True)
-        (aside / path).write_bytes(content)
-
-
 def _move(aside: Path, folder: Path, record: Record, formats: Sequence[Format]) -> None:
     truth = truth_path(record.split, record.index)
-    for path in (*_files(record, formats), record.image):
+    for path in (*files_of(record, formats), record.image):
         _into(aside / path, folder / path)
-    for each in formats:
-        for path in each.links(record):
-            _link(folder / record.image, folder / path)
+    link_image(folder, record, formats)
     _into(aside / truth, folder / truth)
 
 
 def _into(source: Path, target: Path) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     source.replace(target)
-
-
-def _link(source: Path, target: Path) -> None:
-    """The same file under a second name; a copy on disks that have no such thing."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.unlink(missing_ok=True)
-    try:
-        os.link(source, target)
-    except (OSError, NotImplementedError):
-        shutil.copyfile(source, target)
 
 
 def _place(shot: Shot | None) -> int:

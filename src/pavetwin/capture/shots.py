@@ -12,8 +12,9 @@ from pavetwin.seeds import Stream, child
 PROPOSALS: Final = 300
 """Poses that are looked at, by geometry, for one image."""
 
-STRICT, ANY_CLASS, ANYWHERE = 8, 8, 24
-"""Attempts at a wish as it is, then at any class of defects, then also from any of the altitudes."""
+STRICT, EASIER, ANYWHERE = 8, 8, 24
+"""Attempts at a wish as it is; then at any class of defects, or at none from any of the altitudes; then at any class
+from any of them."""
 
 
 @dataclass(frozen=True)
@@ -41,30 +42,37 @@ def draw_shot(platform: Platform, wish: Wish, attempt: int) -> Shot | None:
 
 
 def relaxed(platform: Platform, wish: Wish, attempt: int) -> Wish:
-    """What is wished at the n-th attempt: after some any class of defects will do, also where none was to be seen, and
-    at last any altitude.
+    """What is wished at the n-th attempt: after some any class of defects will do, or any altitude where none is to be
+    seen, and at last both.
 
     Raises:
         PaveTwinError: there have been enough attempts.
     """
-    if attempt >= STRICT + ANY_CLASS + ANYWHERE:
+    if attempt >= STRICT + EASIER + ANYWHERE:
         raise PaveTwinError(
             f"Image {wish.index}: no place was found on the streets of {wish.split} where a defect can be seen; "
             "choose another altitude, a larger --size, other --split shares, or a world with more defects."
         )
     if attempt < STRICT:
         return wish
-    easier = replace(wish, aims=tuple(aims_of(platform.setting.world)))
+    anything = replace(wish, aims=tuple(aims_of(platform.setting.world)))
     heights = platform.setting.settings.altitudes_m
-    if attempt < STRICT + ANY_CLASS or not heights:
-        return easier
-    return replace(easier, altitude_m=heights[attempt % len(heights)])
+    if not heights:
+        return anything
+    height = heights[(attempt - STRICT) % len(heights)]
+    if attempt >= STRICT + EASIER:
+        return replace(anything, altitude_m=height)
+    return anything if wish.aims else replace(wish, altitude_m=height)
 
 
-def next_attempt(attempt: int, shot: Shot | None) -> int:
+def next_attempt(wish: Wish, attempt: int, shot: Shot | None) -> int:
     """The attempt after one that came to nothing. Where no place was found for it, none is looked for again until what
-    is wished becomes easier."""
-    stages = (STRICT, STRICT + ANY_CLASS)
+    is wished becomes easier.
+
+    Args:
+        wish: as it was at first.
+    """
+    stages = (STRICT, STRICT + EASIER) if wish.aims else (STRICT,)
     return attempt + 1 if shot is not None else next((stage for stage in stages if attempt < stage), attempt + 1)
 
 

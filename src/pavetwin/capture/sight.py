@@ -12,7 +12,7 @@ from shapely import Polygon
 from pavetwin.capture.classes import category_of_defect
 from pavetwin.capture.plan import Wish
 from pavetwin.scene.view import View
-from pavetwin.world.model import Defect, World
+from pavetwin.world.model import World
 
 HORIZON_M = 45.0
 """Beyond it a defect is below a pixel high for a camera on a car; what is seen of one all the same, the instance image
@@ -44,28 +44,6 @@ def footprint(view: View, horizon_m: float = HORIZON_M) -> Polygon:
     return Polygon(shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(hits))))
 
 
-def opening_px(view: View, defect: Defect, *, is_line: bool) -> float:
-    """How wide the widest opening of a crack in the ground appears, in pixels.
-
-    Args:
-        is_line: whether it runs one way, as its outline does, so that only what lies across is foreshortened; the
-            cracks of a network run every way, and the mean is taken.
-    """
-    ray = np.array([defect.centre.x, defect.centre.y, 0.0]) - view.position
-    distance = float(np.linalg.norm(ray))
-    sine = abs(float(ray[2])) / distance
-    full = defect.width_m * view.focal_px / distance
-    if not is_line:
-        return full * (1.0 + sine) / 2
-    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(defect.polygon))
-    sides = corners[1:3] - corners[:2]
-    along = sides[int(np.argmax(np.hypot(sides[:, 0], sides[:, 1])))]
-    level = ray[:2] / max(float(np.hypot(ray[0], ray[1])), 1e-9)
-    # The opening lies across: its part in the direction of view is what shrinks.
-    cosine = float(along[0] * level[1] - along[1] * level[0]) / float(np.hypot(along[0], along[1]))
-    return full * float(np.sqrt(1.0 - cosine**2 * (1.0 - sine**2)))
-
-
 @dataclass(frozen=True)
 class Sight:
     """A world's defects, found by place, each with the split that its street belongs to."""
@@ -75,7 +53,8 @@ class Sight:
     """Street → split."""
 
     @cached_property
-    def _tree(self) -> shapely.STRtree:
+    def outlines(self) -> shapely.STRtree:
+        """(defects,) on the ground."""
         return shapely.STRtree([defect.polygon for defect in self.world.defects])
 
     @cached_property
@@ -109,7 +88,7 @@ class Sight:
     def suits(self, view: View, wish: Wish) -> bool:
         """Whether a view may be what is wished: no defect of another split, and one of its own wide enough to be seen;
         or none at all."""
-        near = self._tree.query(footprint(view), predicate="intersects")
+        near = self.outlines.query(footprint(view), predicate="intersects")
         if not wish.aims:
             return not len(near)
         if not (self.split_of[near] == wish.split).all():

@@ -54,7 +54,6 @@ class Theatre:
         *,
         noise: int,
         without: int | None = None,
-        labels: bool = True,
         compensation_ev: float = 0.0,
     ) -> Frame:
         """What a camera sees at a time of the recording.
@@ -62,7 +61,6 @@ class Theatre:
         Args:
             noise: names the sensor's.
             without: the agent of which only the shadow is drawn, for it carries the camera.
-            labels: whether the frame tells what its pixels show.
             compensation_ev: how much brighter than metered, in stops.
         """
         near = (float(view.position[0]), float(view.position[1]), self._radius_m(view))
@@ -77,8 +75,8 @@ class Theatre:
             unseen=[each for each in agents if ego and each.label == ego],
             compensation_ev=compensation_ev,
             seed=noise,
-            labels=labels,
             depth=False,
+            sound=True,
             velocities=self._velocities(recording, time_s, near),
         )
 

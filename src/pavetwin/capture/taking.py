@@ -36,7 +36,7 @@ def take(platform: Platform, photographer: Photographer, wish: Wish, first: Shot
             seen = things(frame, _moment(shot, setting))
             if shows(shot.wish, seen, setting):
                 return _record(shot, wish, setting, frame, seen)
-        attempt = next_attempt(attempt, shot)
+        attempt = next_attempt(wish, attempt, shot)
         shot = draw_shot(platform, relaxed(platform, wish, attempt), attempt)
 
 

@@ -11,15 +11,15 @@ import numpy.typing as npt
 import shapely
 from shapely import Polygon
 
-from pavetwin.capture.classes import LEAST_OPENING_PX, Category, category_of_agent, category_of_defect
+from pavetwin.capture.classes import Category, category_of_agent, category_of_defect
 from pavetwin.capture.contrast import Picture
 from pavetwin.capture.pieces import Box, Piece, pieces
 from pavetwin.capture.rle import encode
-from pavetwin.capture.sight import footprint, opening_px
+from pavetwin.capture.sight import footprint
 from pavetwin.render.frame import Frame
 from pavetwin.scene.model import labelled_agent, labelled_defect
 from pavetwin.scene.view import View
-from pavetwin.world.model import Defect, DefectClass, World
+from pavetwin.world.model import Defect, World
 
 if TYPE_CHECKING:
     from pavetwin._core import PoseColumns
@@ -41,7 +41,7 @@ class Reason(StrEnum):
     SMALL = "small"
     """A side of its box or its mask is below the class's least."""
     FAINT = "faint"
-    """A defect that the picture hardly shows: its contrast, or a crack's opening as it appears, is below the least."""
+    """A defect that the picture hardly shows: its contrast is below the least."""
 
 
 @dataclass(frozen=True)
@@ -97,11 +97,11 @@ def things(frame: Frame, moment: Moment) -> list[Thing]:
     """Everything that a frame's instance image shows, by rising label.
 
     Raises:
-        ValueError: the frame has no labels, or they name a thing that is not there.
+        ValueError: the frame has no labels or does not tell of sound pavement, or it names a thing that is not there.
     """
-    if frame.labels is None:
-        raise ValueError("a frame without labels shows no things")
-    picture = Picture(frame.rgb, frame.labels)
+    if frame.labels is None or frame.sound is None:
+        raise ValueError("things are told from a frame with labels and with its picture of sound pavement")
+    picture = Picture(frame.rgb, frame.sound, frame.labels)
     return [_thing(piece, frame, picture, moment) for piece in pieces(frame.labels)]
 
 
@@ -113,9 +113,9 @@ def _thing(piece: Piece, frame: Frame, picture: Picture, moment: Moment) -> Thin
         defect = moment.defect(number)
         category, middle, details = _defect(moment, defect)
         name, inside = f"defect {number}", ground_share(frame.view, defect.polygon)
-        contrast = None if category.look is None else picture.contrast(piece, category.look)
-        details["contrast"] = None if contrast is None else round(contrast, 3)
-        is_faint = _is_faint(frame.view, defect, category, contrast)
+        contrast = picture.contrast(piece)
+        details["contrast"] = round(contrast, 3)
+        is_faint = contrast < category.least_contrast
     else:
         agent = labelled_agent(piece.label)
         assert agent is not None
@@ -158,24 +158,9 @@ def _reason(
     return Reason.FAINT.value if is_faint else None
 
 
-def _is_faint(view: View, defect: Defect, category: Category, contrast: float | None) -> bool:
-    is_line = defect.kind is DefectClass.SINGLE_CRACK
-    if category.is_crack and opening_px(view, defect, is_line=is_line) < LEAST_OPENING_PX:
-        return True
-    return category.look is not None and contrast is not None and contrast < category.look.least
-
-
 def _defect(moment: Moment, defect: Defect) -> tuple[Category, npt.NDArray[np.float64], dict[str, Any]]:
     """Category, middle (3,), details."""
-    details = {
-        "class": defect.kind.value,
-        "severity": defect.severity.value,
-        "width_m": round(defect.width_m, 4),
-        "depth_m": round(defect.depth_m, 4),
-        "area_m2": round(defect.area_m2, 4),
-        "segment": defect.segment,
-        "street": moment.world.segment(defect.segment).street,
-    }
+    details = defect.facts | {"street": moment.world.segment(defect.segment).street}
     return category_of_defect(defect.kind), np.array([defect.centre.x, defect.centre.y, 0.0]), details
 
 

@@ -74,11 +74,6 @@ def make(
 
     Traffic is recorded where it was not before. Labels are Single Crack, Crocodile Crack, Pothole, Person and Car.
     """
-    from pavetwin.capture.run import capture
-    from pavetwin.capture.setting import check
-    from pavetwin.capture.settings import settings_of
-    from pavetwin.render.adapter import find_adapter
-
     if output is None:
         raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/town.")
     if camera is not None and platform != "uav":
@@ -97,12 +92,17 @@ def make(
         "picture": "png" if png else "jpg",
         "quality": quality,
     }
-    settings = settings_of(values, typed={"size_px": size, "split": split})
-    check(settings)
-    adapter = str(find_adapter())
-    from pavetwin.capture.studio import Studio
+    with progress("Starting", lines=True) as tell:
+        # Inside, since these take seconds to import.
+        from pavetwin.capture.run import capture
+        from pavetwin.capture.setting import check
+        from pavetwin.capture.settings import settings_of
+        from pavetwin.capture.studio import Studio
+        from pavetwin.render.adapter import find_adapter
 
-    with progress("Capturing", lines=True) as tell:
+        settings = settings_of(values, typed={"size_px": size, "split": split})
+        check(settings)
+        adapter = str(find_adapter())
         captured = capture(world, settings, output, hire=Studio, adapter=adapter, jobs=jobs, on_progress=tell)
     _print(captured.statistics)
     there = settings.images - captured.taken

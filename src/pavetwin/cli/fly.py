@@ -1,7 +1,6 @@
 """`pavetwin fly`: fly missions and write what they leave."""
 
 import json
-import math
 from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
@@ -62,7 +61,7 @@ def fly(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the results.")] = None,
     animate: Annotated[bool, typer.Option("--animate", help="Also draw an animation, mission.gif.")] = False,
     save_frames: Annotated[
-        bool, typer.Option("--save-frames", help="Also take the frames of confirmed defects, into frames/.")
+        bool, typer.Option("--save-frames", help="Also take the frames of confirmed defects, labelled, into frames/.")
     ] = False,
     settings: Annotated[bool, typer.Option("--settings", help="Show all settings as they would be, and stop.")] = False,
 ) -> None:
@@ -76,6 +75,7 @@ def fly(
     """
     from pavetwin.cli import report
     from pavetwin.config import load_settings
+    from pavetwin.config.altitude import check_altitude
     from pavetwin.mission.again import read_mission
     from pavetwin.mission.airspace import load_airspace
     from pavetwin.mission.ground import prepare
@@ -86,8 +86,8 @@ def fly(
     from pavetwin.uav import energy_curve, find_camera
     from pavetwin.world.store import load_world
 
-    if altitude is not None and not 0 < altitude < math.inf:
-        raise PaveTwinError(f"--altitude {altitude:g}: the UAV flies at a number of metres above 0.")
+    if altitude is not None:
+        check_altitude(altitude)
     given = {} if altitude is None else {"altitude_m": altitude}
     chosen = load_settings(preset, set_ or (), **given)
     loaded, former, traffic_seed = None, None, seed

@@ -32,7 +32,8 @@ class Yolo(Format):
         yield from ()
 
     def of_all(self, splits: tuple[str, ...]) -> Mapping[str, bytes]:
-        # Without `path` Ultralytics looks beside this file, wherever the dataset is moved to.
-        content = {split: f"images/{split}" for split in splits}
+        # Without `path` Ultralytics looks beside this file, wherever the dataset is moved to. It asks for train and
+        # val, which may be null.
+        content = {split: f"images/{split}" if split in splits else None for split in ("train", "val", *splits)}
         names = {category.number: category.name for category in categories()}
         return {"data.yaml": yaml.safe_dump(content | {"names": names}, sort_keys=False).encode()}

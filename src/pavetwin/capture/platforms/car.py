@@ -1,4 +1,4 @@
-"""A hatchback in the recorded traffic with two cameras: one behind the windscreen, and one down, behind the car.
+"""A hatchback in the recorded traffic with two cameras: one ahead, over the bumper, and one down, behind the car.
 
 On streets where no hatchback drives while traffic is recorded it takes the place of another car, or of another vehicle
 where there is no car either: in a small town a street can be without hatchbacks for ten minutes.
@@ -32,6 +32,12 @@ _LEAST_SPEED_MPS: Final = 0.5
 _PITCHING_RAD: Final = radians(0.7)
 """Standard deviation of the body's pitch on its springs."""
 
+_WANDER_M: Final = 0.15
+"""Standard deviation of how far beside SUMO's path, which is the middle of the lane, a driver keeps. By judgement."""
+
+_YAWING_RAD, _HEAVING_M = radians(0.6), 0.015
+"""Standard deviations of the body's heading about its path, and of its height on its springs."""
+
 _STREET_M: Final = 2.0
 """A car this far off every carriageway of a split is on a junction."""
 
@@ -50,8 +56,9 @@ class Mount:
         return self.x_m + copysign(1.0, self.x_m) * (length_m - KINDS[KIND].length_m) / 2
 
 
-FRONT: Final = Mount("front", x_m=0.55, z_m=1.30, pitch_deg=-22.0, vertical_fov_deg=58.0)
-"""At the upper edge of the windscreen, pitched to the road: the horizon is in the upper tenth of its image."""
+FRONT: Final = Mount("front", x_m=1.80, z_m=1.30, pitch_deg=-22.0, vertical_fov_deg=58.0)
+"""On a bracket over the front bumper, as survey vehicles carry theirs, so that no bonnet hides the road; pitched to it:
+the horizon is in the upper tenth of its image, the lower edge a metre before the car."""
 
 REAR: Final = Mount("rear", x_m=-3.30, z_m=2.00, pitch_deg=-90.0, vertical_fov_deg=74.0)
 """On an arm behind the tailgate, 2 m high as the line scanners of survey vehicles are. It sees a lane, 3 m, that begins
@@ -81,16 +88,22 @@ class Car(Platform):
             float(poses[name][there[0]]) for name in ("x_m", "y_m", "yaw_rad", "east_mps", "north_mps")
         )
         ahead_m = mount.ahead_m(float(recording.agents.length_m[agent]))
-        pitch = mount.pitch_rad + _PITCHING_RAD * float(rng.standard_normal())
+        pitching, aside, yawing, heaving = rng.standard_normal(4).tolist()
+        pitch, aside_m = mount.pitch_rad + _PITCHING_RAD * pitching, _WANDER_M * aside
+        heading = yaw + _YAWING_RAD * yawing
         view = look(
-            (x + ahead_m * cos(yaw), y + ahead_m * sin(yaw), mount.z_m),
-            yaw_rad=yaw,
+            (
+                x + ahead_m * cos(yaw) - aside_m * sin(yaw),
+                y + ahead_m * sin(yaw) + aside_m * cos(yaw),
+                mount.z_m + _HEAVING_M * heaving,
+            ),
+            yaw_rad=heading,
             pitch_rad=pitch,
             size_px=self.setting.settings.size_px,
             vertical_fov_rad=mount.camera.fov_rad,
             velocity_mps=(east, north, 0.0),
         )
-        return Pose(view, time_s, atan2(sin(yaw), cos(yaw)), pitch, mount.camera, mount.name, ego=agent)
+        return Pose(view, time_s, atan2(sin(heading), cos(heading)), pitch, mount.camera, mount.name, ego=agent)
 
     def _rows(self, wish: Wish) -> npt.NDArray[np.intp]:
         """Rows of the recording whose vehicle it may be, on the split's streets; `reaches` sees that there are."""

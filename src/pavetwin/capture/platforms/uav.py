@@ -1,20 +1,21 @@
 """The UAV's camera over a street: mostly straight down and along the street, as it is flown, and some of all else."""
 
 from functools import cached_property
-from math import atan2, pi, radians
+from math import atan2, pi, radians, tan
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 import shapely
 
+from pavetwin.capture.clearings import Clearings
 from pavetwin.capture.plan import Wish
 from pavetwin.capture.platforms.base import Platform, Pose, Setting, platform
 from pavetwin.capture.sight import INNER
 from pavetwin.scene.view import View, look
 from pavetwin.uav.cameras import find_camera
 from pavetwin.world.model import Segment
-from pavetwin.world.segments import direction_at, point_at
+from pavetwin.world.segments import direction_at
 
 _ALONG, _ACROSS = 0.75, 0.15
 """Shares of images headed along the street, either way, and across it; the rest are headed anywhere."""
@@ -40,15 +41,19 @@ class Uav(Platform):
     def __init__(self, setting: Setting) -> None:
         super().__init__(setting)
         self._camera = find_camera(setting.settings.camera)
+        self._clearings: dict[tuple[str, float], Clearings] = {}
 
     def propose(self, wish: Wish, rng: np.random.Generator) -> Pose | None:
         assert wish.altitude_m is not None
-        aim, along_rad = self._aim(wish, rng)
+        drawn = self._aimed_at(wish, rng) if wish.aims else self._clear_place(wish.split, wish.altitude_m, rng)
+        if drawn is None:
+            return None
+        aim, along_rad = drawn
         heading = self._heading(along_rad, rng)
         tilt = _GIMBAL_RAD * rng.standard_normal() if rng.random() < _NADIR else rng.uniform(*_TILT_RAD)
         pitch = -pi / 2 + float(tilt)
         speed = 0.0 if rng.random() < _HOVERING else float(rng.uniform(*_SPEED_MPS))
-        place = rng.uniform(0.5 - INNER / 2, 0.5 + INNER / 2, size=2)
+        place = rng.uniform(0.5 - INNER / 2, 0.5 + INNER / 2, size=2) if wish.aims else np.full(2, 0.5)
         size = self.setting.settings.size_px
         forward = np.array([np.cos(heading), np.sin(heading), 0.0])
 
@@ -72,23 +77,25 @@ class Uav(Platform):
         time_s = float(rng.uniform(0.0, self.setting.recordings[wish.density].duration_s))
         return Pose(view, time_s, heading, pitch, self._camera, mount="gimbal")
 
-    def _aim(self, wish: Wish, rng: np.random.Generator) -> tuple[npt.NDArray[np.float64], float]:
-        """A point on the ground (2,) and the direction of its street."""
-        sight = self.setting.sight
-        if wish.aims:
-            defect = self.setting.world.defects[int(rng.choice(sight.wanted(wish)))]
-            segment = self._segments[defect.segment]
-            dx, dy = direction_at(segment.centre_line, segment.centre_line.project(defect.centre))
-            return np.array([defect.centre.x, defect.centre.y]), atan2(dy, dx)
-        segments = self._of_split[wish.split]
-        lengths = np.array([segment.length_m for segment in segments])
-        segment = segments[int(rng.choice(len(segments), p=lengths / lengths.sum()))]
-        station = float(rng.uniform(0.0, segment.length_m))
-        half = segment.width_m / 2
-        dx, dy = direction_at(segment.centre_line, station)
-        offset = float(rng.uniform(-half, half))
-        x, y = point_at(segment.centre_line, station)
-        return np.array([x - dy * offset, y + dx * offset]), atan2(dy, dx)
+    def _aimed_at(self, wish: Wish, rng: np.random.Generator) -> tuple[npt.NDArray[np.float64], float]:
+        """The middle of a defect (2,) that the picture is to show, and the direction of its street."""
+        defect = self.setting.world.defects[int(rng.choice(self.setting.sight.wanted(wish)))]
+        segment = self._segments[defect.segment]
+        return np.array([defect.centre.x, defect.centre.y]), _direction(segment, defect.centre)
+
+    def _clear_place(
+        self, split: str, altitude_m: float, rng: np.random.Generator
+    ) -> tuple[npt.NDArray[np.float64], float] | None:
+        """The middle of a picture (2,) that may show no defect, and the direction of its street."""
+        if (split, altitude_m) not in self._clearings:
+            width, height = self.setting.settings.size_px
+            # Within every picture straight down, and nearly within every tilted one.
+            radius_m = altitude_m * tan(self._camera.fov_rad / 2) * min(1.0, width / height)
+            self._clearings[split, altitude_m] = Clearings.of(
+                self._of_split[split], self.setting.sight.outlines, radius_m
+            )
+        drawn = self._clearings[split, altitude_m].draw(rng)
+        return None if drawn is None else (drawn[0], _direction(drawn[1], shapely.Point(drawn[0])))
 
     def _heading(self, along_rad: float, rng: np.random.Generator) -> float:
         how = rng.random()
@@ -119,3 +126,9 @@ class Uav(Platform):
             if segment.street in splits:
                 found.setdefault(splits[segment.street], []).append(segment)
         return found
+
+
+def _direction(segment: Segment, place: shapely.Point) -> float:
+    """Of a segment, beside a place [rad]."""
+    dx, dy = direction_at(segment.centre_line, segment.centre_line.project(place))
+    return atan2(dy, dx)

@@ -1,0 +1,49 @@
+"""Where pictures without a defect can be taken from: the parts of the road that lie far from every defect."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from pavetwin.world.model import Segment
+
+Float64 = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Clearings:
+    """The carriageway of some segments less what is near a defect, as triangles to draw points from."""
+
+    corners: Float64
+    """(n, 3, 2) metres, world frame."""
+    owners: tuple[Segment, ...]
+    """(n,) the segment of each."""
+
+    @classmethod
+    def of(cls, segments: Sequence[Segment], defects: shapely.STRtree, radius_m: float) -> Self:
+        """The middles of all pictures that hold a disc of that radius around their middle and no defect."""
+        parts, owners = [], []
+        for segment in segments:
+            near = defects.geometries[defects.query(segment.polygon, predicate="dwithin", distance=radius_m)]
+            # Hulls are hardly more than outlines, and fifty times as quick to widen.
+            around = shapely.buffer(shapely.convex_hull(near), radius_m, quad_segs=4)
+            clear = shapely.difference(segment.polygon, shapely.union_all(around))
+            triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(clear))
+            parts.append(shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3])
+            owners += [segment] * len(triangles)
+        return cls(np.concatenate([np.empty((0, 3, 2)), *parts]), tuple(owners))
+
+    def draw(self, rng: np.random.Generator) -> tuple[Float64, Segment] | None:
+        """A point (2,), every place as likely as any other, and its segment; None where no place is clear."""
+        sides = self.corners[:, 1:] - self.corners[:, :1]
+        areas = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
+        if not areas.sum() > 0:
+            return None
+        index = int(rng.choice(len(areas), p=areas / areas.sum()))
+        shares = rng.random(2)
+        # The half of the parallelogram beyond the triangle is folded back onto it (Turk 1990).
+        shares = shares if shares.sum() <= 1 else 1 - shares
+        return self.corners[index, 0] + shares @ sides[index], self.owners[index]

@@ -1,0 +1,63 @@
+"""Images and their label files as they are written into a dataset's folder."""
+
+import os
+import shutil
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from pavetwin.capture.formats import Format
+from pavetwin.capture.record import Record, truth_path
+from pavetwin.files import writing
+
+
+def files_of(record: Record, formats: Sequence[Format]) -> dict[str, bytes]:
+    """An image's files in each format: path in the dataset → content."""
+    return {path: content for each in formats for path, content in each.of_image(record).items()}
+
+
+def write_image(folder: Path, record: Record, picture: bytes, formats: Sequence[Format]) -> None:
+    """An image's files, the picture once."""
+    last = {record.image: picture, truth_path(record.split, record.index): record.as_bytes()}
+    for path, content in (files_of(record, formats) | last).items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_bytes(content)
+
+
+def link_image(folder: Path, record: Record, formats: Sequence[Format]) -> None:
+    """The picture where else formats want it."""
+    for each in formats:
+        for path in each.links(record):
+            _link(folder / record.image, folder / path)
+
+
+def write_over_all(folder: Path, formats: Sequence[Format], splits: tuple[str, ...]) -> None:
+    """What the formats have over all images, which are there."""
+    for each in formats:
+        for split in splits:
+            for path, pieces in each.of_split(folder, split):
+                _write(folder / path, pieces)
+        for path, content in each.of_all(splits).items():
+            _write(folder / path, [content])
+
+
+def write_yaml(path: Path, content: Mapping[str, Any]) -> None:
+    _write(path, [yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True).encode()])
+
+
+def _write(path: Path, pieces: Iterable[bytes]) -> None:
+    with writing(path) as temporary, temporary.open("wb") as stream:
+        for piece in pieces:
+            stream.write(piece)
+
+
+def _link(source: Path, target: Path) -> None:
+    """The same file under a second name; a copy on disks that have no such thing."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.unlink(missing_ok=True)
+    try:
+        os.link(source, target)
+    except (OSError, NotImplementedError):
+        shutil.copyfile(source, target)

@@ -1,0 +1,58 @@
+"""Where pictures without a defect are taken from."""
+
+import numpy as np
+import pytest
+import shapely
+
+from pavetwin.capture.clearings import Clearings
+from pavetwin.capture.plan import wishes
+from pavetwin.capture.platforms import Setting, Uav
+from pavetwin.capture.setting import prepare
+from pavetwin.capture.settings import CaptureSettings
+from pavetwin.capture.shots import draw_shot, next_attempt, relaxed
+from pavetwin.capture.sight import footprint
+from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.world.store import save_world
+from scenes import built
+from scenes.tiny import straight
+
+
+@pytest.fixture(scope="module")
+def setting(tmp_path_factory: pytest.TempPathFactory) -> Setting:
+    world = save_world(
+        add_defects(built("cross"), DefectOptions(per_segment=24)), tmp_path_factory.mktemp("clear") / "w"
+    )
+    return prepare(world, CaptureSettings(platform="uav", images=100, altitudes_m=(8.0, 19.0), seed=5, empty=0.5))
+
+
+def test_points_are_drawn_from_all_of_the_road_that_is_clear_and_from_nothing_else() -> None:
+    road = straight((20, 0), (45, 1))
+    outlines = [defect.polygon for defect in road.defects]
+    clearings = Clearings.of(road.segments, shapely.STRtree(outlines), 4.0)
+    rng = np.random.default_rng(1)
+    points = np.array([clearings.draw(rng)[0] for _ in range(2000)])
+    clear = shapely.difference(road.segments[0].polygon, shapely.union_all(shapely.buffer(outlines, 4.0)))
+    assert (shapely.distance(clear, shapely.points(points)) < 0.2).all()
+    left, bottom, right, top = clear.bounds
+    for box in (shapely.box(x, bottom, x + 5, top) for x in np.arange(left, right, 5.0)):
+        share = shapely.intersection(box, clear).area / clear.area
+        assert np.mean(shapely.contains_xy(box, points)) == pytest.approx(share, abs=0.04)
+    assert Clearings.of(road.segments, shapely.STRtree(outlines), 60.0).draw(rng) is None
+
+
+def test_no_defect_is_shown_wherever_none_is_asked_for(setting: Setting) -> None:
+    """24 defects a street leave little room for pictures from 19 m, and in some splits none: they are taken lower."""
+    platform = Uav(setting)
+    defects = shapely.STRtree([defect.polygon for defect in setting.world.defects])
+    empty = [wish for wish in wishes(setting.settings, setting.world, 100) if not wish.aims]
+    assert len(empty) > 45
+    lower = 0
+    for wish in empty:
+        attempt, shot = 0, draw_shot(platform, wish, 0)
+        while shot is None:
+            attempt = next_attempt(wish, attempt, shot)
+            shot = draw_shot(platform, relaxed(platform, wish, attempt), attempt)
+        assert shot.wish.aims == ()
+        assert not len(defects.query(footprint(shot.pose.view), predicate="intersects"))
+        lower += shot.wish.altitude_m != wish.altitude_m
+    assert 0 < lower < 10
