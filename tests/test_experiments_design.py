@@ -104,6 +104,8 @@ def test_replicates_inspect_segments_independently() -> None:
         ({"replicates": 0}, "replicates"),
         ({"altitudes_m": [6, 6]}, "given twice"),
         ({"altitudes_m": [-3]}, "altitudes_m"),
+        ({"altitudes_m": [6, 2]}, "altitudes_m.1: the UAV flies at 5 m or higher"),
+        ({"altitudes_m": [6, 3000]}, "altitudes_m.1: the UAV flies at 120 m or lower"),
         ({"polices": ["hover"]}, r"unknown key 'polices' \(did you mean 'policies'\?\)"),
         ({"sweep": {"tau_o": []}}, "sweep.tau_o"),
         ({"sweep": {"tau_o": [0.5, 0.5]}}, "given twice"),
@@ -164,8 +166,19 @@ def test_what_is_no_design_is_said(tmp_path: Path, text: str, words: str) -> Non
         read_design(tmp_path / "none.yaml")
 
 
-def test_the_design_of_a_study_s_folder_is_a_design(tmp_path: Path) -> None:
-    made = design(seed=9)
+@pytest.mark.parametrize(
+    "values",
+    [
+        pytest.param({"seed": 9}, id="a seed"),
+        pytest.param({"defects": {"per_100_m2": 4}}, id="defects by area"),
+        pytest.param({"defects": {"per_segment": 4}}, id="defects by segment"),
+        pytest.param({"worlds": [{"path": "a", "routes": ["a.rou.xml"]}]}, id="no word on densities"),
+    ],
+)
+def test_the_design_of_a_study_s_folder_is_a_design(tmp_path: Path, values: dict[str, object]) -> None:
+    made = design(**values)
     written = {"format": 1, "pavetwin": "0", "design": made.model_dump(mode="json")}
     (tmp_path / "design.yaml").write_text(yaml.safe_dump(written), encoding="utf-8")
-    assert read_design(tmp_path / "design.yaml") == placed_at(made, tmp_path)
+    read = read_design(tmp_path / "design.yaml")
+    assert units_of(read) == units_of(made)
+    assert read.model_dump() == placed_at(made, tmp_path).model_dump()

@@ -2,6 +2,7 @@
 
 import re
 from html.parser import HTMLParser
+from itertools import pairwise, product
 from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree
@@ -9,14 +10,21 @@ from xml.etree import ElementTree
 import polars as pl
 import pytest
 
+from pavetwin.draw.style import POLICY_COLOURS
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.metrics import metric_named
 from pavetwin.experiments.report import Study, gather, write_report
 from pavetwin.experiments.report import page as pages
+from pavetwin.experiments.report.canvas import looks
+from pavetwin.experiments.report.headline import headline_table
 from pavetwin.experiments.report.maps import street_map, street_means
-from pavetwin.experiments.report.plots.tradeoff import options
+from pavetwin.experiments.report.plots.intervals import by_altitude
+from pavetwin.experiments.report.plots.spread import spread
+from pavetwin.experiments.report.plots.tradeoff import options, tradeoff
+from pavetwin.experiments.statistics.summary import summarise
 from scenes import tiny
-from scenes.report_studies import SMALL, study_of, table_of, with_failures
+from scenes.report_studies import PAPER, SMALL, study_of, table_of, with_failures
+from scenes.studies import without
 
 
 class Outline(HTMLParser):
@@ -114,7 +122,7 @@ def test_vector_figures_are_well_formed(small: str) -> None:
 def test_the_same_study_gives_the_same_bytes(tmp_path: Path) -> None:
     first = write_report(small_study(), tmp_path / "a")
     second = write_report(small_study(), tmp_path / "b")
-    assert [path.name for path in first] == ["report.html", "table.csv", "table.md", "table.tex"]
+    assert [path.name for path in first] == ["report.html", "table.csv", "table.md", "table.tex", "differences.csv"]
     assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
     assert sorted(path.name for path in (tmp_path / "a").iterdir()) == sorted(path.name for path in first)
 
@@ -124,6 +132,7 @@ def test_progress_grows_to_one(tmp_path: Path) -> None:
     write_report(study_of(table_of({}, 2)), tmp_path, told.append)
     assert told == sorted(told)
     assert told[-1] == 1.0
+    assert max(after - before for before, after in pairwise([0.0, *told])) <= 0.2, "a section at a time"
 
 
 def test_a_folder_that_cannot_be_made_is_said_plainly(tmp_path: Path) -> None:
@@ -142,11 +151,44 @@ def test_names_are_escaped() -> None:
     assert "<script>alert(1)</script>" in "".join(outline.words)
 
 
-def test_without_a_reference_nothing_is_compared() -> None:
-    text = page(study_of(table_of({"policy": ("hover", "skip"), "altitude_m": (6.0, 10.0)}, 3)))
-    assert "differences" not in sections(text)
-    assert "permutation" not in text
-    assert "tradeoffs" in sections(text)
+def test_without_baseline_policies_are_compared_with_the_first() -> None:
+    table = table_of({"policy": ("skip", "hover"), "altitude_m": (6.0, 10.0)}, 8)
+    study = gather("No baseline", {}, table, {})
+    (comparison,) = study.comparisons
+    assert (comparison.factor, comparison.reference) == ("policy", "skip")
+    text = page(study)
+    assert {"differences", "tradeoffs"} <= sections(text)
+    assert "Paired differences to skip" in text
+    assert "baseline is not among them" in study.conclusions[0]
+
+
+def test_swept_values_are_compared_with_the_preset_s_own_or_the_first() -> None:
+    factors = {"policy": ("baseline", "hover"), "tau_o": (0.5, 0.7, 0.9), "recall": (0.5, 0.6)}
+    design = {"presets": ["paper"], "sweep": {"tau_o": [0.5, 0.7, 0.9], "recall": [0.5, 0.6]}}
+    study = gather("Swept", design, table_of(factors, 8), {})
+    assert [(found.factor, found.reference) for found in study.comparisons] == [
+        ("policy", "baseline"), ("tau_o", 0.7), ("recall", 0.5),
+    ]  # fmt: skip
+    assert study.usual == {"tau_o": 0.7, "recall": 0.5}
+    assert any("with tau_o = 0.7, as the preset has it" in sentence for sentence in study.conclusions)
+    assert "Over tau_o" in page(study)
+
+
+def test_sentences_figures_and_files_tell_the_same_differences(tmp_path: Path) -> None:
+    """Some are told by a test of theirs alone and not by one of all together: nowhere are both heard."""
+    table = table_of({**SMALL, "policy": ("baseline", "hover", "micro", "skip")}, 12)
+    study = gather("One source", {}, table, {})
+    told = study.comparisons[0].differences.with_columns(
+        told=pl.col("p_corrected") < 0.05, off=(pl.col("low") > 0) | (pl.col("high") < 0)
+    )
+    assert told["told"].to_list() == told["off"].to_list()
+    assert 0 < told["told"].sum() < (told["p"] < 0.05).sum()
+    write_report(study, tmp_path)
+    written = pl.read_csv(tmp_path / "differences.csv").filter(factor="policy")
+    assert written["low"].to_list() == pytest.approx(told["low"].to_list())
+    silent = told.filter(~pl.col("told"), metric="time_s")
+    span = f"differences of {silent['low'].min():.1f} to {silent['high'].max():.1f} s are not".replace("-", "−")
+    assert any(span in sentence for sentence in study.conclusions)
 
 
 @pytest.mark.parametrize("varied", ["traffic", "altitude_m", "policy"])
@@ -181,16 +223,43 @@ def test_all_missions_failed() -> None:
 
 
 def test_other_factors_have_a_section_for_each_combination() -> None:
-    study = study_of(table_of({"policy": ("baseline", "own"), "world": ("a", "b"), "tau_o": (0.5, 0.9)}, 2))
+    study = study_of(table_of({"policy": ("baseline", "own"), "world": ("a", "b"), "sensor": ("ideal", "recall")}, 2))
     text = page(study)
     found = sections(text)
     assert {"across", *(f"results-{at}" for at in range(1, 5)), "results-4-means"} <= found
-    assert "Results: world a, tau_o 0.5" in text
+    assert "Results: world a, sensor ideal" in text
     assert len(list(study.groups())) == 4
 
 
+def test_a_sweep_is_one_section_and_rows_of_the_same_tables() -> None:
+    """Plots have its values from left to right; all else is drawn at the one that the others are compared with."""
+    study = study_of(table_of({"policy": ("baseline", "own"), "tau_o": (0.5, 0.7, 0.9), "altitude_m": (6.0, 10.0)}, 6))
+    text = page(study)
+    results = {"means", "over-1", "intervals", "differences", "tradeoffs", "spread"}
+    assert results <= sections(text)
+    assert not any(anchor.startswith("results") for anchor in sections(text))
+    (group,) = study.groups()
+    table = headline_table(group, metric_named("coverage"))
+    assert table.heads == ("Traffic", "Altitude", "tau_o", "baseline", "own")
+    assert [row[2].text for row in table.rows] == ["0.5", "0.7", "0.9"] * 2
+    for row in table.rows:
+        cell = group.at({"tau_o": float(row[2].text)}).cell("coverage", "low", float(row[1].text[:-2]), "own")
+        assert cell is not None
+        assert row[4].text.startswith(f"{100 * cell['mean']:.1f} ±")
+    assert "Coverage over tau_o: means" in text
+    assert "Mean paired difference to tau_o = 0.5" in text
+    assert "(tau_o 0.5)" in text
+    assert "(tau_o 0.7)" not in text
+
+
+def test_a_study_of_nothing_but_a_sweep() -> None:
+    text = page(study_of(table_of({"tau_o": (0.5, 0.7)}, 3)))
+    assert {"means", "over-1", "spread"} <= sections(text)
+    assert "differences" not in sections(text)
+
+
 def test_many_combinations_are_cut_short_and_said_to_be() -> None:
-    text = page(study_of(table_of({"tau_o": tuple(round(0.05 * at, 2) for at in range(1, 19))}, 2)))
+    text = page(study_of(table_of({"world": tuple(f"town {at}" for at in range(1, 19))}, 2)))
     found = sections(text)
     assert "results-4-intervals" in found
     assert "results-5-intervals" not in found
@@ -201,7 +270,8 @@ def test_many_combinations_are_cut_short_and_said_to_be() -> None:
 
 def test_a_swept_truth_value_is_read_in_words() -> None:
     text = page(study_of(table_of({"policy": ("baseline", "hover"), "slow": (False, True)}, 2)))
-    assert "slow yes" in text
+    assert ">slow</th>" in text
+    assert ">yes</th>" in text
 
 
 def test_the_front_is_taken_in_each_density() -> None:
@@ -213,6 +283,112 @@ def test_the_front_is_taken_in_each_density() -> None:
         cheapest = min(cells, key=lambda option: float(option.cost["mean"]))
         assert best.on_front
         assert cheapest.on_front
+
+
+@pytest.mark.parametrize(("replicates", "warned"), [(10, True), (20, False)])
+def test_few_replicates_warn_of_differences_that_rest_on_waiting(replicates: int, warned: bool) -> None:
+    text = page(study_of(table_of({**SMALL, "altitude_m": (6.0,)}, replicates)))
+    assert ("differences in time and energy that rest on waiting (hover)" in text) is warned
+    dry = table_of({"policy": ("baseline", "skip")}, replicates)
+    assert "rest on waiting" not in page(study_of(dry))
+
+
+def test_energy_that_is_time_in_another_unit_is_said_to_be() -> None:
+    table = table_of(SMALL, 4)
+    (other,) = study_of(table).groups()
+    (group,) = study_of(table.with_columns(energy=pl.col("time_s") / 1800)).groups()
+    said = "The battery falls evenly with time here: energy in % is time in s over 18."
+    assert said in headline_table(group, metric_named("energy")).notes
+    assert said not in headline_table(group, metric_named("time_s")).notes
+    assert said not in headline_table(other, metric_named("energy")).notes
+
+
+def test_the_words_on_method_promise_no_more_than_simulations_showed(small: str) -> None:
+    words = " ".join(" ".join(Outline(small).words).split())
+    assert "in 77 with 20 replicates and in 25 with 10" in words
+    assert "stays below 5 %" not in words
+    assert "the 5 % are for each" in words
+    assert "an interval may end at exactly 0 although p is large" in words
+    assert "Interactions of three and more factors are in the residual" in words
+
+
+def test_what_failed_alone_is_not_on_the_front() -> None:
+    """Its means leave out what the others flew; what failed for all alike leaves the means comparable."""
+    table = table_of(SMALL, 4)
+    (group,) = study_of(table).groups()
+    metrics = metric_named("coverage"), metric_named("time_s")
+    cheapest = min(options(group, "high", *metrics), key=lambda option: float(option.cost["mean"]))
+    assert cheapest.on_front
+    high = (pl.col("traffic") == "high") & (pl.col("replicate") == 0)
+    alone = high & (pl.col("policy") == cheapest.policy) & (pl.col("altitude_m") == cheapest.altitude_m)
+    study = study_of(without(table, alone, failed=True))
+    (group,) = study.groups()
+    fronts = {
+        traffic: {(o.altitude_m, o.policy) for o in options(group, traffic, *metrics) if o.on_front}
+        for traffic in group.traffics
+    }
+    option = (cheapest.altitude_m, cheapest.policy)
+    assert option not in fronts["high"]
+    assert option in fronts["low"]
+    said = f"leave them out: {cheapest.policy} at {cheapest.altitude_m:g}\u00a0m (1 failed)."
+    assert said in page(study)
+    assert "leave them out" not in page(study_of(without(table, high, failed=True)))
+
+
+@pytest.mark.parametrize("policies", [4, 14])
+def test_words_of_logarithmic_axes_stand_clear_of_each_other(policies: int) -> None:
+    """Of time and energy with heavy tails in three narrow panels."""
+    own = tuple(f"own {number}" for number in range(policies - 4))
+    (group,) = study_of(table_of({**PAPER, "policy": ("baseline", "hover", "micro", "skip", *own)}, 20)).groups()
+    coverage, time, energy = (metric_named(name) for name in ("coverage", "time_s", "energy"))
+    figures = [tradeoff(group, coverage, cost, group.traffics) for cost in (time, energy)]
+    figures += [spread(group, metric, group.traffics) for metric in (time, energy)]
+    for figure, dpi in product(figures, (72, 200)):
+        figure.set_dpi(dpi)  # an SVG is laid out in points
+        figure.draw_without_rendering()
+        for axes in figure.axes:
+            low, high = axes.get_xlim()
+            found = [axis for axis in axes.get_xticklabels() if low <= axis.get_position()[0] <= high]
+            boxes = sorted((label.get_window_extent() for label in found), key=lambda box: box.x0)
+            assert len(boxes) >= 3
+            assert all(one.x1 < other.x0 for one, other in pairwise(boxes))
+
+
+def test_every_logarithmic_axis_says_so() -> None:
+    (group,) = study_of(table_of(PAPER, 20)).groups()
+    coverage, time, wait = (metric_named(name) for name in ("coverage", "time_s", "wait_s"))
+    figures = [tradeoff(group, coverage, time, group.traffics), spread(group, time, group.traffics)]
+    figures += [spread(group, coverage, group.traffics), by_altitude(group, [coverage, time, wait], group.traffics)]
+    scales = {
+        (getattr(axes, f"get_{axis.axis_name}scale")(), "(log scale)" in axis.get_label_text())
+        for figure in figures
+        for axes in figure.axes
+        for axis in (axes.xaxis, axes.yaxis)
+        if axis.get_label_text()
+    }
+    assert scales == {("log", True), ("linear", False)}
+
+
+def test_whiskers_end_at_the_percentiles_of_the_tables() -> None:
+    """Not at the last mission within them."""
+    table = table_of(PAPER, 20)
+    (group,) = study_of(table).groups()
+    time = metric_named("time_s")
+    numbers = summarise(table, ["traffic", "altitude_m", "policy"], [time])
+    figure = spread(group, time, group.traffics)
+    for traffic, axes in zip(group.traffics, figure.axes, strict=True):
+        whiskers = [line for line in axes.lines if len(line.get_xdata()) == 2 and len(set(line.get_ydata())) == 1]
+        drawn = sorted(line.get_xdata()[1] for line in whiskers)
+        cells = table.filter(traffic=traffic).group_by("altitude_m", "policy")
+        low = cells.agg(pl.col("time_s").quantile(0.05, "linear"))["time_s"]
+        assert drawn == pytest.approx(sorted([*low, *numbers.filter(traffic=traffic)["p95"]]))
+
+
+def test_fourteen_policies_can_be_told_apart() -> None:
+    chosen = looks([*POLICY_COLOURS, *(f"own {number}" for number in range(10))])
+    assert len({look.colour for look in chosen.values()}) == len({look.marker for look in chosen.values()}) == 14
+    assert len({look.dash for look in chosen.values()}) == 3
+    assert chosen["hover"] == looks(["own", "hover"])["hover"]
 
 
 def test_streets_are_means_over_their_missions() -> None:

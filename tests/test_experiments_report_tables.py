@@ -1,8 +1,11 @@
 """The tables of a study's report: which cell is bold, what a dash is, and that the files say what the summary says."""
 
 import re
+import shutil
+import subprocess
 from dataclasses import replace
 from io import StringIO
+from pathlib import Path
 
 import polars as pl
 import pytest
@@ -86,6 +89,18 @@ def test_missions_that_lack_a_value_are_counted() -> None:
     assert sum(4 - n for n in defined) == 4
 
 
+def test_cells_with_too_few_values_are_marked() -> None:
+    table = table_of({"policy": ("baseline", "hover")}, 8)
+    gone = (pl.col("replicate") > 3) & (pl.col("policy") == "hover")
+    table = table.with_columns(pl.when(gone).then(None).otherwise("coverage").alias("coverage"))
+    grid = headline_table(only_group(study_of(table)), metric_named("coverage"))
+    assert [cell.aside for cell in grid.rows[0][2:]] == ["", " (4†)"]
+    assert "†: too few to say how sure the mean is." in grid.notes
+    assert r"(4\dag{})" in latex_table(grid, "tab:x")
+    every = headline_table(only_group(study_of(table_of({}, 3))), metric_named("coverage"))
+    assert "These are too few to say how sure a mean is." in every.notes
+
+
 def test_one_replicate_has_no_spread() -> None:
     grid = headline_table(only_group(study_of(table_of(SMALL, 1))), metric_named("time_s"))
     assert not any("±" in cell.text for row in grid.rows for cell in row)
@@ -132,8 +147,20 @@ def test_latex_compiles_by_its_structure() -> None:
     assert all(line.startswith("%") for line in text.splitlines()[:2])
 
 
+@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="needs pdflatex")
+def test_latex_is_set_by_latex(tmp_path: Path) -> None:
+    factors = {**SMALL, "policy": ("baseline", "my_own 100%", "a&b{c}\\d", '~^<|>"'), "tau_o": (0.5, 0.7)}
+    (tmp_path / "table.tex").write_text(latex(study_of(with_failures(table_of(factors, 6), 7), title="α ± × 5 %")))
+    packages = r"\usepackage[T1]{fontenc}\usepackage{booktabs}"
+    text = rf"\documentclass{{article}}{packages}\begin{{document}}\input{{table}}\end{{document}}"
+    (tmp_path / "page.tex").write_text(text)
+    command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "-draftmode", "page.tex"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, errors="replace")
+    assert done.returncode == 0, done.stdout[-2000:]
+
+
 def test_latex_labels_are_distinct() -> None:
-    labels = re.findall(r"\\label\{(.*?)\}", latex(study_of(table_of({**SMALL, "tau_o": (0.5, 0.7, 0.9)}, 2))))
+    labels = re.findall(r"\\label\{(.*?)\}", latex(study_of(table_of({**SMALL, "world": ("a", "b", "c")}, 2))))
     assert len(labels) == len(set(labels)) == 15
 
 

@@ -6,14 +6,17 @@ import os
 import random
 import shutil
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import polars as pl
 import pytest
 import yaml
+from distributed import LocalCluster
 from polars.testing import assert_frame_equal
 
 from pavetwin.config import load_settings
@@ -25,6 +28,7 @@ from pavetwin.experiments.engines import Engine, Pool, Single
 from pavetwin.experiments.engines.base import DIED, in_batches
 from pavetwin.experiments.engines.cluster import Cluster
 from pavetwin.experiments.plan import Plan, Unit, units_of
+from pavetwin.experiments.report import gather, write_report
 from pavetwin.experiments.run import run
 from pavetwin.experiments.store import Store, query
 from pavetwin.mission.fly import fly
@@ -48,6 +52,17 @@ class Deadly(Policy):
     def decide(self, snapshot):
         if multiprocessing.parent_process() is not None:
             os._exit(9)
+        return GoOn()
+"""
+
+
+MINE = """
+from pavetwin.policies import GoOn, Policy
+
+class Mine(Policy):
+    name = "mine"  # {}
+
+    def decide(self, snapshot):
         return GoOn()
 """
 
@@ -127,14 +142,14 @@ class Disturbed(Engine):
         self._engine = engine
         self.killed = 0
 
-    def fly(self, plan: Plan, units: list[Unit], on_unit) -> None:
+    def fly(self, plan: Plan, units: list[Unit], on_stand, on_unit, tell) -> None:
         def kill_one(unit: Unit, part: bytes) -> None:
             on_unit(unit, part)
             if not self.killed:
                 os.kill(multiprocessing.active_children()[0].pid, signal.SIGKILL)
                 self.killed += 1
 
-        self._engine.fly(plan, units, kill_one)
+        self._engine.fly(plan, units, on_stand, kill_one, tell)
 
 
 @pytest.mark.parametrize(
@@ -164,6 +179,19 @@ def test_a_unit_that_kills_whoever_flies_it_is_given_up(world: Path, tmp_path: P
     assert set(ran.table["policy"]) == {"baseline", "deadly"}
 
 
+@pytest.mark.parametrize("defects", [{"per_100_m2": 4}, "placed"], ids=["by the design", "as the world has them"])
+def test_a_study_of_defects_by_area_is_read_and_gone_on_with(tmp_path: Path, defects: object) -> None:
+    place, folder = tmp_path / "cross", tmp_path / "study"
+    save_world(add_defects(built("cross"), DefectOptions(per_100_m2=4)), place)
+    usual = {"densities": ["low"], "altitudes_m": [10], "defects": defects}
+    ran = run(small(place, **usual, replicates=1), folder, Single())
+    assert not ran.failures
+    assert ran.table["defects"].min() > 0
+    assert Store(folder).table().height == 2
+    assert run(small(place, **usual, replicates=2), folder, Single()).flown == 2
+    write_report(gather("study", {}, Store(folder).table(), {}, seed=1), tmp_path / "report")
+
+
 def test_more_replicates_are_added_to_a_study(reference: Path, world: Path, tmp_path: Path) -> None:
     run(small(world, replicates=2), tmp_path / "study", Single())
     ran = run(small(world), tmp_path / "study", Single())
@@ -183,6 +211,7 @@ def test_a_complete_study_is_left_as_it_is(reference: Path, world: Path) -> None
         ({"seed": 5}, "its seed is 4, not 5"),
         ({"altitudes_m": [6, 15]}, "its altitudes_m is"),
         ({"sweep": {"tau_o": [0.5]}}, "its sweep is"),
+        ({"defects": {"per_100_m2": 2}}, r"its defects is placed, not {per_100_m2: 2\.0, mix: {}}; choose"),
         ({"replicates": 2}, "begun with 3 replicates, more than 2"),
     ],
 )
@@ -224,6 +253,79 @@ def test_a_mission_that_fails_is_a_row_with_its_reason_and_stops_nothing(
     monkeypatch.undo()
     assert run(small(world), tmp_path / "study", Single()).flown == 0
     assert not run(small(world), tmp_path / "study", Single(), retry=True).failures
+
+
+def test_a_mended_policy_replaces_one_of_which_all_missions_failed(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, folder = tmp_path / "mine.py", tmp_path / "study"
+
+    def badly(stage, replay, settings, targets, policy, **how):
+        if policy.endswith("Mine") and "broken" in file.read_text():
+            raise ZeroDivisionError("of all things")
+        return fly(stage, replay, settings, targets, policy, **how)
+
+    monkeypatch.setattr(fly_unit, "fly", badly)
+    file.write_text(MINE.format("broken"))
+    design = small(world, policies=["baseline", f"{file}:Mine"], replicates=1)
+    assert sum(run(design, folder, Single()).failures.values()) == 4
+    before = digests(folder)
+    file.write_text(MINE.format("mended"))
+    with pytest.raises(PaveTwinError, match="--retry-failed flies them anew"):
+        run(design, folder, Single())
+    assert digests(folder) == before
+    assert not run(design, folder, Single(), retry=True).failures
+    assert run(design, folder, Single()).flown == 0
+    file.write_text(MINE.format("thought over"))
+    with pytest.raises(PaveTwinError, match="only where every mission flown with it failed: 0 of 4 did"):
+        run(design, folder, Single(), retry=True)
+
+
+def test_what_a_policy_imports_is_part_of_it(world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    file, helper = tmp_path / "mine.py", tmp_path / "helper_of_mine.py"
+    file.write_text("import helper_of_mine\n" + MINE)
+    helper.write_text("LIMIT = 1")
+    design = small(world, policies=["baseline", f"{file}:Mine"], replicates=1, densities=["low"])
+    run(design, tmp_path / "study", Single())
+    assert set(Store(tmp_path / "study").description()["files"]) == {str(file), str(helper)}
+    assert run(design, tmp_path / "study", Single()).flown == 0
+    helper.write_text("LIMIT = 2")
+    with pytest.raises(PaveTwinError, match=r"another file than '.*helper_of_mine.py' is now; choose another folder"):
+        run(design, tmp_path / "study", Single(), retry=True)
+
+
+def test_mended_routes_replace_those_of_which_all_missions_failed(world: Path, tmp_path: Path) -> None:
+    edge = next(lane.edge for lane in load_world(world).lanes if lane.kind == "driving")
+    route, folder = tmp_path / "own.rou.xml", tmp_path / "study"
+
+    def departing(*times_s: int) -> str:
+        trips = (f'<trip id="t{time_s}" depart="{time_s}" from="{edge}" to="{edge}"/>' for time_s in times_s)
+        return f"<routes>{''.join(trips)}</routes>"
+
+    entry = {"path": str(world), "routes": [str(route)], "take_off_s": [500, 500]}
+    design = small(world, worlds=[entry], densities=[], replicates=1, altitudes_m=[10])
+    route.write_text(departing(0))
+    assert sum(run(design, folder, Single()).failures.values()) == 2
+    route.write_text(departing(0, *range(400, 900, 20)))
+    with pytest.raises(PaveTwinError, match="every mission flown with it failed, --retry-failed flies them anew"):
+        run(design, folder, Single())
+    assert not run(design, folder, Single(), retry=True).failures
+    route.write_text(departing(0, *range(400, 900, 30)))
+    with pytest.raises(PaveTwinError, match="only where every mission flown with it failed: 0 of 2 did"):
+        run(design, folder, Single(), retry=True)
+
+
+def test_progress_says_what_is_done_before_the_first_mission(world: Path, tmp_path: Path) -> None:
+    told: list[str] = []
+    run(small(world, replicates=1), tmp_path / "study", Pool(2), on_progress=lambda _share, what: told.append(what))
+    assert [what for what in told if not what.startswith("Flying")] == [
+        "Planning: where to fly over cross at 6 m",
+        "Planning: where to fly over cross at 10 m",
+        "Starting 2 processes",
+    ]
+    assert told[3] == "Flying missions 0/8"
+    assert told[-1] == "Flying missions 8/8"
 
 
 def test_traffic_that_cannot_be_recorded_fails_its_missions_only(
@@ -376,6 +478,40 @@ def test_no_scheduler_is_said_in_a_line(world: Path, tmp_path: Path, monkeypatch
     monkeypatch.setattr("pavetwin.experiments.engines.cluster.ANSWER_S", 1.0)
     with pytest.raises(PaveTwinError, match=r"--scheduler tcp://127.0.0.1:9: no Dask scheduler answers there"):
         run(small(world), tmp_path / "study", Cluster(scheduler="tcp://127.0.0.1:9"))
+    assert list(tmp_path.iterdir()) == [], "another design may be flown there"
+
+
+@pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" * 9], ids=["nothing", "of the web"])
+def test_what_answers_and_is_no_scheduler_is_said_in_a_line(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: bytes
+) -> None:
+    monkeypatch.setattr("pavetwin.experiments.engines.cluster.ANSWER_S", 1.0)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+
+        def serve() -> None:
+            caller, _ = server.accept()
+            caller.sendall(answer)
+            with caller:
+                while caller.recv(4096):
+                    pass
+
+        threading.Thread(target=serve, daemon=True).start()
+        with pytest.raises(PaveTwinError, match=f"--scheduler {address}: no Dask scheduler answers there"):
+            run(small(world), tmp_path / "study", Cluster(scheduler=address))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_scheduler_without_workers_is_said_at_once(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[str] = []
+    with LocalCluster(n_workers=0, processes=False, protocol="tcp://", dashboard_address=None) as cluster:
+        monkeypatch.setattr("pavetwin.experiments.engines.cluster.ANSWER_S", 1.0)
+        engine = Cluster(scheduler=cluster.scheduler_address)
+        with pytest.raises(PaveTwinError, match="has no workers"):
+            run(small(world), tmp_path / "study", engine, on_progress=lambda _share, what: told.append(what))
+    assert told[-1] == f"Waiting for workers of the Dask scheduler {cluster.scheduler_address}"
 
 
 def test_a_replicate_stays_with_one_process_while_there_are_enough_of_them() -> None:

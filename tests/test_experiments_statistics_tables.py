@@ -77,7 +77,7 @@ def test_a_single_replicate_has_means_and_nothing_else() -> None:
     assert summarise(table, BY).select("sd", "low", "high").null_count().row(0) == (54, 54, 54)
     compared = differences(table, BY)
     assert compared["mean"].null_count() == 0
-    assert compared.select("low", "high", "p", "p_corrected", "dz").null_count().row(0) == (36,) * 5
+    assert compared.select("low", "high", "p", "p_corrected", "dz").null_count().row(0) == (12,) * 5
 
 
 def test_nan_is_undefined_too() -> None:
@@ -95,6 +95,23 @@ def test_intervals_stay_within_what_a_metric_can_be() -> None:
     assert summary.filter(metric="wait_s")["low"].min() >= 0.0
 
 
+@pytest.mark.parametrize("replicates", [2, 3, 4, 8])
+def test_small_samples_stay_within_what_a_metric_can_be(replicates: int) -> None:
+    """Coverage from 0 to 1, and no time, waiting or energy below 0; differences of coverage from −1 to 1."""
+    table = study(replicates=replicates)
+    hidden = (pl.col("replicate") == 0) & (pl.col("policy") == "hover")
+    table = table.with_columns(
+        coverage=pl.when(hidden).then(0.0).otherwise(1.0), time_s=pl.when(hidden).then(900.0).otherwise(5.0)
+    )
+    summary, compared = summarise(table, BY), differences(table, BY)
+    shares = summary.filter(pl.col("metric") == "coverage")
+    assert shares.select((pl.col("low") >= 0).all(), (pl.col("high") <= 1).all()).row(0) == (True, True)
+    assert summary["low"].min() >= 0
+    gaps = compared.filter(metric="coverage").drop_nulls("low")
+    assert (gaps.height > 0) == (replicates > 5)
+    assert gaps.select((pl.col("low") >= -1).all(), (pl.col("high") <= 1).all()).row(0) == (True, True)
+
+
 def test_differences_are_of_pairs() -> None:
     table = study(truth=lambda cell: {"time_s": 2.0 * (cell["policy"] == "hover")})
     wide = table.filter(traffic="high").pivot("policy", index="replicate", values="time_s")
@@ -103,7 +120,10 @@ def test_differences_are_of_pairs() -> None:
     assert pair["mean"] == pytest.approx(gaps.mean())
     assert pair["dz"] == pytest.approx(gaps.mean() / gaps.std(ddof=1))
     assert pair["p"] == pytest.approx(stats.ttest_1samp(gaps, 0).pvalue, abs=0.02)
-    assert pair["high"] - pair["low"] == pytest.approx(2 * 2.093 * stats.sem(gaps), rel=0.15)
+    alone = differences(table.filter(pl.col("policy") != "micro", traffic="high"), BY, MAIN[1:]).row(0, named=True)
+    assert alone["high"] - alone["low"] == pytest.approx(2 * 2.093 * stats.sem(gaps), rel=0.15)
+    assert (pair["low"], pair["high"]) < (alone["low"], alone["high"] + 10)
+    assert pair["high"] - pair["low"] > alone["high"] - alone["low"]
 
 
 def test_real_differences_are_found_and_others_are_not() -> None:

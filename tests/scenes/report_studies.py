@@ -9,6 +9,7 @@ import polars as pl
 
 from pavetwin.experiments.metrics import FAILED, FLOWN, METRICS
 from pavetwin.experiments.report import Study
+from pavetwin.experiments.statistics import Comparison
 from pavetwin.world.model import World
 
 Factors = Mapping[str, Sequence[Any]]
@@ -109,18 +110,28 @@ def summary_of(table: pl.DataFrame, by: Sequence[str]) -> pl.DataFrame:
     return pl.concat(parts)
 
 
-def differences_of(table: pl.DataFrame, by: Sequence[str]) -> pl.DataFrame:
+def comparisons_of(table: pl.DataFrame, by: Sequence[str]) -> list[Comparison]:
+    """Policies with baseline, and every swept setting with its first value."""
+    swept = [(name, table[name][0]) for name in by if name not in _USUAL and table[name].n_unique() > 1]
+    found = [
+        Comparison(factor, reference, "", differences_of(table, by, factor, reference))
+        for factor, reference in [("policy", "baseline"), *swept]
+        if factor in by
+    ]
+    return [comparison for comparison in found if comparison.differences.height]
+
+
+def differences_of(table: pl.DataFrame, by: Sequence[str], factor: str, reference: Any) -> pl.DataFrame:
     """Columns as `statistics.differences` has them; p is 0.01 where the interval excludes 0, else 0.4."""
     schema = {name: table.schema[name] for name in by} | {"metric": pl.String, "pairs": pl.Int64, "undefined": pl.Int64}
     rows = []
-    if "policy" in by:
-        pairing = [name for name in by if name != "policy"] + ["replicate"]
-        base = table.filter(pl.col("policy") == "baseline")
-        for cell, part in table.filter(pl.col("policy") != "baseline").group_by(by, maintain_order=True):
-            both = part.join(base, on=list(dict.fromkeys([*pairing, "world"])), suffix="_base")
-            for metric in METRICS if both.height else ():
-                d = (both[metric.name] - both[f"{metric.name}_base"]).drop_nulls().cast(pl.Float64)
-                rows.append(dict(zip(by, cell, strict=True)) | _difference(metric.name, d, both.height))
+    pairing = [name for name in by if name != factor] + ["replicate"]
+    base = table.filter(pl.col(factor) == reference)
+    for cell, part in table.filter(pl.col(factor) != reference).group_by(by, maintain_order=True):
+        both = part.join(base, on=list(dict.fromkeys([*pairing, "world"])), suffix="_base")
+        for metric in METRICS if both.height else ():
+            d = (both[metric.name] - both[f"{metric.name}_base"]).drop_nulls().cast(pl.Float64)
+            rows.append(dict(zip(by, cell, strict=True)) | _difference(metric.name, d, both.height))
     return pl.DataFrame(rows, schema=schema | dict.fromkeys(_COMPARED, pl.Float64))
 
 
@@ -165,7 +176,7 @@ def study_of(
         factors=factors,
         table=table,
         summary=summary_of(table, by),
-        differences=differences_of(table, by),
+        comparisons=comparisons_of(table, by),
         effects=effects_of(factors) if factors else pl.DataFrame(),
         conclusions=["Hover sees more than baseline in high traffic.", "Nothing can be said of micro."],
         worlds=worlds or {},

@@ -27,6 +27,8 @@ Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a study."
 
 FAILED_CODE = 1
 MOST_REASONS, MOST_COLUMNS = 5, 14
+ASSUMED = ("sensor", "preset")
+"""Factors that no one chooses."""
 
 
 @app.command()
@@ -90,7 +92,7 @@ def run(
             output,
             works,
             retry=retry_failed,
-            on_progress=lambda done, total: tell(done / total, f"Flying missions {done}/{total}"),
+            on_progress=tell,
         )
     _say(ran, output)
     if ran.failures:
@@ -149,7 +151,7 @@ def report(
     with progress("Statistics", lines=True) as tell:
         study = gather(design.name, _plain(said), table, _worlds(design), seed=design.seed)
         place = output or folder
-        written = write_report(study, place, lambda share: tell(share, "Writing the report"), figures=figures)
+        written = write_report(study, place, lambda share: tell(share, "Drawing the report"), figures=figures)
     _note_unfinished(design, table)
     out.print("\n".join(study.conclusions), markup=False, soft_wrap=True)
     names = [str(path) for path in written if path.parent == place]
@@ -174,6 +176,8 @@ def recommend(
 ) -> None:
     """Name the altitude and policy with the best expected coverage under limits, and how sure that is.
 
+    What a design assumes, sensor and preset, cannot be chosen: several have an advice each.
+
     \b
     pavetwin experiment recommend studies/first --traffic high --max-time 120
     pavetwin experiment recommend studies/first --max-energy 5 --min-coverage 80
@@ -182,6 +186,7 @@ def recommend(
     from pavetwin.experiments.metrics import REPLICATE
     from pavetwin.experiments.statistics import Limits
     from pavetwin.experiments.statistics import recommend as choose
+    from pavetwin.experiments.statistics.wording import opened, setting
     from pavetwin.experiments.store import Store
 
     store = Store(folder)
@@ -199,18 +204,23 @@ def recommend(
     by = [
         name
         for name in varied
-        if name in ("altitude_m", "policy") or (name not in given and table[name].n_unique() > 1)
+        if name in ("altitude_m", "policy") or (name not in (*ASSUMED, *given) and table[name].n_unique() > 1)
     ]
     limits = Limits(
         max_time_s=max_time,
         max_energy=None if max_energy is None else max_energy / 100,
         min_coverage=None if min_coverage is None else min_coverage / 100,
     )
-    chosen = choose(table, limits, by, seed=design.seed)
-    out.print(_options_table(chosen))
+    assumed = [name for name in ASSUMED if table[name].n_unique() > 1]
+    parts = table.partition_by(assumed, maintain_order=True) if assumed else [table]
+    advice = [choose(part, limits, by, seed=design.seed) for part in parts]
+    for part, chosen in zip(parts, advice, strict=True):
+        if assumed:
+            out.print(f"\n[bold]{opened(setting(part.row(0, named=True), assumed))}[/]")
+        out.print(_options_table(chosen))
+        out.print("\n".join(chosen.sentences), markup=False, soft_wrap=True)
     _note_unfinished(design, table)
-    out.print("\n".join(chosen.sentences), markup=False, soft_wrap=True)
-    if chosen.best is None:
+    if any(chosen.best is None for chosen in advice):
         raise typer.Exit(FAILED_CODE)
 
 
@@ -226,7 +236,8 @@ def _options_table(chosen: "Recommendation") -> "Table":
     from rich.table import Table
 
     table = Table(box=None, header_style="bold", pad_edge=False)
-    for name in (*chosen.by, "coverage %", "time s", "95th perc.", "battery %", "within limits", "best in"):
+    kept = "within limits" if chosen.limits.named else "all flown"
+    for name in (*chosen.by, "coverage %", "time s", "95th perc.", "battery %", kept, "best in"):
         table.add_column(name.removesuffix("_m"), justify="left" if name in chosen.by else "right")
     for row in chosen.options.iter_rows(named=True):
         factors = [f"{row[name]:g} m" if name == "altitude_m" else str(row[name]) for name in chosen.by]
@@ -236,8 +247,8 @@ def _options_table(chosen: "Recommendation") -> "Table":
             _span(row, "time_s", 1),
             "–" if row["time_s_p95"] is None else f"{row['time_s_p95']:.0f}",
             _span(row, "energy", 100),
-            "yes" if row["feasible"] else "no",
-            f"{row['certainty']:.0%}",
+            f"{row['failed_alone']} failed" if row["failed_alone"] else "yes" if row["feasible"] else "no",
+            "–" if row["certainty"] is None else f"{row['certainty']:.0%}",
             style="" if row["feasible"] else "dim",
         )
     return table
@@ -309,8 +320,9 @@ def _say(ran: "Ran", folder: Path) -> None:
         for reason, count in list(ran.failures.items())[:MOST_REASONS]:
             out.print(f"  {count} × {reason}", markup=False, soft_wrap=True)
         out.print(
-            "Mend the cause and give the same command with --retry-failed. A design, policy or routes file that was "
-            "changed makes another study: choose another folder; its recordings are kept.",
+            "Mend the cause and give the same command with --retry-failed. A policy's file may be changed where all "
+            "missions of that policy failed, a routes file where all over its world did; a study with any other "
+            "changed file, or a changed design, is refused there and needs another folder; recordings are kept.",
             soft_wrap=True,
         )
     out.print(f"Next: pavetwin experiment report {folder}", markup=False, soft_wrap=True)

@@ -78,14 +78,14 @@ def _frames_of(replay: "Replay") -> Drawing:
     from pavetwin.capture.studio import Theatre
     from pavetwin.render.adapter import find_adapter
 
-    find_adapter()
+    adapter = str(find_adapter())
     theatres: list[Theatre] = []
 
     def take(mission: "Flown", path: Path) -> None:
         with progress(f"Taking frames: {mission.policy}") as tell:
             if not theatres:
                 theatres.append(Theatre(mission.stage.world, mission.stage.defects))
-            save_frames(mission, replay.recording, path.parent, theatres[0], tell)
+            save_frames(mission, replay.recording, path.parent, theatres[0], adapter=adapter, on_progress=tell)
 
     return take
 

@@ -6,9 +6,18 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Self
 
 import yaml
-from pydantic import Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import (
+    Discriminator,
+    Field,
+    SerializerFunctionWrapHandler,
+    Tag,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
 
 from pavetwin.config import MissionSettings, Settings
+from pavetwin.config.altitude import Altitude
 from pavetwin.defects import DefectOptions
 from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.experiments.metrics import FACTORS, METRICS
@@ -67,7 +76,7 @@ class Design(Settings):
     name: Annotated[str, Field(min_length=1)] = "study"
     worlds: Annotated[tuple[WorldEntry, ...], Field(min_length=1)]
     densities: tuple[str, ...] = ("low", "medium", "high")
-    altitudes_m: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(min_length=1)] = (6.0, 10.0, 15.0)
+    altitudes_m: Annotated[tuple[Altitude, ...], Field(min_length=1)] = (6.0, 10.0, 15.0)
     policies: Annotated[tuple[str, ...], Field(min_length=1)] = ("baseline", "hover", "micro", "skip")
     sensors: Annotated[tuple[str, ...], Field(min_length=1)] = ("recall",)
     presets: Annotated[tuple[str, ...], Field(min_length=1)] = ("paper",)
@@ -123,6 +132,14 @@ class Design(Settings):
         if twice := [setting for setting in settings if settings.count(setting) > 1]:
             raise ValueError(f"{twice[0]} is given twice, under sweep or set")
         return self
+
+    @model_serializer(mode="wrap")
+    def _as_flown(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Without densities that no world has a use for: given in words they are refused."""
+        values: dict[str, Any] = dump(self)
+        if "densities" in values and all(world.routes for world in self.worlds):
+            values["densities"] = []
+        return values
 
     @property
     def sweep_columns(self) -> tuple[str, ...]:

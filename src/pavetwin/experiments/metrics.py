@@ -48,6 +48,9 @@ METRICS: Final = (
 )
 """The first is what a study is about; `time_s` and `energy` have heavy tails, since waiting has."""
 
+COMPARED: Final = ("coverage", "time_s", "energy")
+"""What options are compared by: all tests of these together are one family."""
+
 
 def metric_named(name: str) -> Metric:
     """The metric of a column; KeyError when it is none."""

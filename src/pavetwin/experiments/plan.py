@@ -5,7 +5,7 @@ cell. All luck of a replicate comes from (seed, replicate) alone, so replicates 
 others.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import product
@@ -148,8 +148,11 @@ def cells_of(design: Design) -> tuple[Cell, ...]:
     )
 
 
-def plan(design: Design, worlds: Sequence[World]) -> Plan:
+def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = lambda _: None) -> Plan:
     """Check a design against its worlds, and see which segments can be reached.
+
+    Args:
+        tell: told what takes a while.
 
     Raises:
         PaveTwinError: a factor's level does not exist, or the worlds leave nothing to inspect.
@@ -160,7 +163,7 @@ def plan(design: Design, worlds: Sequence[World]) -> Plan:
         raise PaveTwinError(
             f"the design: two of its worlds are called '{names[0]}'; the table could not tell them apart."
         )
-    targets = tuple(_reachable(design, world) for world in worlds)
+    targets = tuple(_reachable(design, world, tell) for world in worlds)
     for world, found in zip(worlds, targets, strict=True):
         if len(found) < design.segments:
             raise PaveTwinError(
@@ -221,11 +224,14 @@ def _check_levels(design: Design) -> dict[str, str]:
     return called
 
 
-def _reachable(design: Design, world: World) -> tuple[int, ...]:
+def _reachable(design: Design, world: World, tell: Callable[[str], None]) -> tuple[int, ...]:
     """Segments that can be reached in every cell; bakes and keeps the NavMeshes on the way."""
     ways: Mapping[tuple[float, float], MissionSettings] = {
         (settings.altitude_m, settings.uav.radius_m): settings
         for settings in (cell.settings(design) for cell in cells_of(design))
     }
-    stages = [prepare(world, settings, ()) for settings in ways.values()]
+    stages = []
+    for settings in ways.values():
+        tell(f"Planning: where to fly over {world.name} at {settings.altitude_m:g} m")
+        stages.append(prepare(world, settings, ()))
     return tuple(index for index in range(len(world.segments)) if all(stage.reachable(index) for stage in stages))

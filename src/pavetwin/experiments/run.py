@@ -14,8 +14,8 @@ from pavetwin.experiments.plan import Plan, Unit, load_worlds, plan
 from pavetwin.experiments.store import Store
 from pavetwin.files import working_in
 
-OnProgress = Callable[[int, int], None]
-"""Told how many missions are flown, and of how many."""
+OnProgress = Callable[[float, str], None]
+"""Told the share done, and what is being done."""
 
 
 @dataclass(frozen=True)
@@ -52,23 +52,30 @@ def run(
         PaveTwinError: the design does not fit its worlds, the folder holds another, or it cannot be written. What was
             flown stays, and the same call goes on from there.
     """
-    tell = on_progress or (lambda _done, _total: None)
-    made = plan(design, load_worlds(design))
+    tell = on_progress or (lambda _share, _what: None)
     store = Store(folder)
+    store.check_design(design)
+    made = plan(design, load_worlds(design), lambda what: tell(0.0, what))
     with working_in(folder):
-        store.begin(made)
-        if retry:
-            store.forget_failed()
-        missing = store.missing(made.units)
+        store.check(made, retry=retry)
+        missing = store.missing(made.units, failed=retry)
         cells, done = len(made.cells), made.missions - len(missing) * len(made.cells)
+
+        def on_stand() -> None:
+            store.begin(made, retry=retry)
+            flown()
 
         def on_unit(unit: Unit, part: bytes) -> None:
             nonlocal done
             store.write(unit, part)
             done += cells
-            tell(done, made.missions)
+            flown()
+
+        def flown() -> None:
+            tell(done / made.missions, f"Flying missions {done}/{made.missions}")
 
         if missing:
-            tell(done, made.missions)
-            engine.fly(made, missing, on_unit)
+            engine.fly(made, missing, on_stand, on_unit, lambda what: tell(0.0, what))
+        else:
+            store.begin(made)
         return Ran(made, store.table(), len(missing) * cells)

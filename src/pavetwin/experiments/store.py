@@ -1,5 +1,6 @@
 """A study's folder: `design.yaml`, and its table `segments.parquet` in parts, one for each unit that was flown."""
 
+import math
 from collections.abc import Iterable, Mapping
 from hashlib import sha256
 from importlib.metadata import version
@@ -14,6 +15,7 @@ from pavetwin.experiments.design import Design
 from pavetwin.experiments.metrics import FAILED, STATUS
 from pavetwin.experiments.plan import Plan, Unit, units_of
 from pavetwin.files import writing
+from pavetwin.policies import helpers_of
 
 DESIGN, PARTS, FORMAT = "design.yaml", "segments.parquet", 1
 
@@ -27,25 +29,68 @@ class Store:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
-    def begin(self, plan: Plan) -> None:
-        """Make the folder ready for a design: a new one, or one that was begun with the same.
+    def check_design(self, design: Design) -> None:
+        """Whether the folder is a new one, or was begun with the same design and versions; nothing is written.
 
-        More replicates than before may be asked for; they are added.
+        More replicates than before may be asked for.
 
         Raises:
             PaveTwinError: the folder holds something else; the message names the first difference.
         """
-        wanted = _description(plan)
         if self._holds_anything():
             there = self.description()
-            _check_same(self.folder, there, wanted)
-            if there["design"]["replicates"] > plan.design.replicates:
+            _check_same(self.folder, there, _heading(design))
+            if there["design"]["replicates"] > design.replicates:
                 raise PaveTwinError(
                     f"'{self.folder}' was begun with {there['design']['replicates']} replicates, more than "
-                    f"{plan.design.replicates}; choose another folder."
+                    f"{design.replicates}; choose another folder."
                 )
+
+    def check(self, plan: Plan, *, retry: bool = False) -> None:
+        """As `check_design`, and whether it was begun over the same worlds and with the same files.
+
+        Args:
+            retry: a policy's file, or one that it imports, may be another where every mission of the policy failed; a
+                routes file where every mission over its world did.
+
+        Raises:
+            PaveTwinError: it holds something else; the message names the first difference.
+        """
+        self.check_design(plan.design)
+        if not self._holds_anything():
+            return
+        there, wanted = self.description(), _description(plan)
+        for key, what in (("worlds", "another world"), ("files", "another file")):
+            before = there.get(key, {})
+            for name in (name for name, content in wanted[key].items() if before.get(name) != content):
+                refused = f"'{self.folder}' was begun with {what} than '{name}' is now"
+                if key == "worlds":
+                    raise PaveTwinError(f"{refused}; choose another folder.")
+                self._check_mended(_flown_with(plan, name), refused, retry=retry)
+
+    def _check_mended(self, concerned: pl.Expr, refused: str, *, retry: bool) -> None:
+        """Whether a file may be another: nothing that was flown with it is kept."""
+        flown = [pl.read_parquet(self._part(unit), columns=["world", "policy", STATUS]) for unit in self._flown()]
+        missions = pl.concat(flown).filter(concerned)
+        failed = missions.filter(pl.col(STATUS) == FAILED).height
+        if failed < missions.height or not missions.height:
+            raise PaveTwinError(
+                f"{refused}; choose another folder. It may be another only where every mission flown with it failed: "
+                f"{failed} of {missions.height} did."
+            )
+        if not retry:
+            raise PaveTwinError(f"{refused}. As every mission flown with it failed, --retry-failed flies them anew.")
+
+    def begin(self, plan: Plan, *, retry: bool = False) -> None:
+        """Make the folder ready for a design that was checked.
+
+        Args:
+            retry: forget what failed.
+        """
         with writing(self.folder / DESIGN) as path:
-            path.write_text(yaml.safe_dump(wanted, sort_keys=False, allow_unicode=True), encoding="utf-8")
+            path.write_text(yaml.safe_dump(_description(plan), sort_keys=False, allow_unicode=True), encoding="utf-8")
+        if retry:
+            self.forget_failed()
 
     def description(self) -> dict[str, Any]:
         """What `design.yaml` holds.
@@ -70,9 +115,10 @@ class Store:
         """The design that the study was begun with."""
         return Design.parse(self.description()["design"], where=str(self.folder / DESIGN))
 
-    def missing(self, units: Iterable[Unit]) -> list[Unit]:
-        """Those that have no part yet, or a damaged one."""
-        return [unit for unit in units if not _is_whole(self._part(unit))]
+    def missing(self, units: Iterable[Unit], *, failed: bool = False) -> list[Unit]:
+        """Those that have no part yet, or a damaged one; with `failed` also those of which a mission failed."""
+        parts = {unit: self._part(unit) for unit in units}
+        return [unit for unit, part in parts.items() if not _is_whole(part) or (failed and _has_failed(part))]
 
     def write(self, unit: Unit, part: bytes) -> None:
         """Put a unit's part into the table."""
@@ -108,7 +154,7 @@ class Store:
     def forget_failed(self) -> None:
         """Remove the parts in which a mission failed, so that they are flown again."""
         for part in (self.folder / PARTS).glob("*.parquet"):
-            if _is_whole(part) and (pl.read_parquet(part, columns=[STATUS])[STATUS] == FAILED).any():
+            if _is_whole(part) and _has_failed(part):
                 part.unlink()
 
     def _flown(self) -> list[Unit]:
@@ -165,18 +211,50 @@ def _is_whole(part: Path) -> bool:
     return True
 
 
-def _description(plan: Plan) -> dict[str, Any]:
-    design = plan.design
-    scripts = [policy.rpartition(":")[0] for policy in design.policies if ":" in policy]
-    routes = [route for world in design.worlds for route in world.routes]
+def _has_failed(part: Path) -> bool:
+    return bool((pl.read_parquet(part, columns=[STATUS])[STATUS] == FAILED).any())
+
+
+def _heading(design: Design) -> dict[str, Any]:
+    """What a study's description says before its worlds were read."""
     return {
         "format": FORMAT,
         "pavetwin": version("pavetwin"),
         "sumo": version("libsumo"),
-        "worlds": dict(zip(plan.names, (content[:SHOWN] for content in plan.hashes), strict=True)),
-        "files": {path: sha256(Path(path).read_bytes()).hexdigest()[:SHOWN] for path in (*scripts, *routes)},
         "design": design.model_dump(mode="json"),
     }
+
+
+def _description(plan: Plan) -> dict[str, Any]:
+    design = plan.design
+    scripts = [script for policy in design.policies for script in _scripts(policy)]
+    routes = [route for world in design.worlds for route in world.routes]
+    heading = _heading(design)
+    return {
+        **{key: heading[key] for key in ("format", "pavetwin", "sumo")},
+        "worlds": dict(zip(plan.names, (content[:SHOWN] for content in plan.hashes), strict=True)),
+        "files": {path: sha256(Path(path).read_bytes()).hexdigest()[:SHOWN] for path in (*scripts, *routes)},
+        "design": heading["design"],
+    }
+
+
+def _scripts(policy: str) -> list[str]:
+    """The files that a policy of the user's own is made of; it has been loaded."""
+    path, colon, _ = policy.rpartition(":")
+    return [path, *map(str, helpers_of(Path(path)))] if colon else []
+
+
+def _flown_with(plan: Plan, file: str) -> pl.Expr:
+    """Which rows of the table a file had a part in."""
+    policies = [called for policy, called in plan.policies.items() if file in _scripts(policy)]
+    worlds = [name for name, entry in zip(plan.names, plan.design.worlds, strict=True) if file in entry.routes]
+    return pl.col("policy").is_in(policies) | pl.col("world").is_in(worlds)
+
+
+def _as_written(value: Any) -> str:
+    """A value as a design may hold it, on one line."""
+    text: str = yaml.safe_dump(value, default_flow_style=True, sort_keys=False, allow_unicode=True, width=math.inf)
+    return text.removesuffix("\n...\n").strip()
 
 
 def _check_same(folder: Path, there: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
@@ -189,11 +267,6 @@ def _check_same(folder: Path, there: Mapping[str, Any], wanted: Mapping[str, Any
         before = there["design"].get(key)
         if key not in ("replicates", "name") and before != value:
             raise PaveTwinError(
-                f"'{folder}' holds another design: its {key} is {before}, not {value}; choose another folder."
-            )
-    for key, what in (("worlds", "another world"), ("files", "another file")):
-        if there.get(key) != wanted[key]:
-            changed = [name for name, content in wanted[key].items() if there.get(key, {}).get(name) != content]
-            raise PaveTwinError(
-                f"'{folder}' was begun with {what} than '{', '.join(changed)}' is now; choose another folder."
+                f"'{folder}' holds another design: its {key} is {_as_written(before)}, not "
+                f"{_as_written(value)}; choose another folder."
             )

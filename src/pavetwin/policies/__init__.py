@@ -13,7 +13,7 @@ from pavetwin.policies.base import (
 from pavetwin.policies.baseline import Baseline
 from pavetwin.policies.conformance import check_policy
 from pavetwin.policies.hover import Hover
-from pavetwin.policies.loading import load_policy
+from pavetwin.policies.loading import helpers_of, load_policy
 from pavetwin.policies.micro import Micro
 from pavetwin.policies.skip import Skip
 
@@ -29,6 +29,7 @@ __all__ = [
     "Skip",
     "Wait",
     "check_policy",
+    "helpers_of",
     "load_policy",
     "policy",
     "policy_names",

@@ -5,12 +5,17 @@ import sys
 from hashlib import sha256
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
+from sysconfig import get_paths
 from types import CodeType
+from typing import Final
 
 from pavetwin.config.mission import PolicySettings
 from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.policies.base import Policy, policy_names, registered
 from pavetwin.policies.conformance import check_policy
+
+_OWN: Final = "pavetwin_user_policy_"
+"""How modules read from a user's policy file are called."""
 
 
 def load_policy(name: str, settings: PolicySettings) -> Policy:
@@ -35,6 +40,22 @@ def load_policy(name: str, settings: PolicySettings) -> Policy:
     return known(settings)
 
 
+def helpers_of(path: Path) -> list[Path]:
+    """The files beside or below a user's policy that this process has imported once it was loaded, sorted: what it
+    does may depend on them. Installed packages are none of them, nor are other policies loaded from their file.
+    """
+    folder, installed = path.resolve().parent, [Path(place).resolve() for place in set(get_paths().values())]
+    found = set()
+    for name, module in list(sys.modules.items()):
+        source = getattr(module, "__file__", None)
+        if not source or name.partition(".")[0] in ("__main__", "pavetwin") or name.startswith(_OWN):
+            continue
+        file = Path(source).resolve()
+        if folder in file.parents and not any(place in file.parents for place in installed):
+            found.add(file)
+    return sorted(found)
+
+
 class _Uncached(SourceFileLoader):
     """Always compiles the source: leaves no `__pycache__` in the user's folder, and reads none that is stale."""
 
@@ -46,7 +67,7 @@ def _from_file(path: Path, class_name: str) -> type[Policy]:
     if not path.is_file():
         raise PaveTwinError(f"--policy: there is no file '{path}'.")
     # Two files of the same name in different folders are two modules.
-    module_name = f"pavetwin_user_policy_{path.stem}_{sha256(str(path.resolve()).encode()).hexdigest()[:8]}"
+    module_name = f"{_OWN}{path.stem}_{sha256(str(path.resolve()).encode()).hexdigest()[:8]}"
     loader = _Uncached(module_name, str(path))
     spec = importlib.util.spec_from_file_location(module_name, path, loader=loader)
     if spec is None:

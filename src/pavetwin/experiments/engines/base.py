@@ -12,8 +12,14 @@ ATTEMPTS: Final = 3
 
 DIED: Final = f"The process that flew it died {ATTEMPTS} times, perhaps for want of memory."
 
+OnStand = Callable[[], None]
+"""Called once whoever flies is there; until then nothing is written."""
+
 OnUnit = Callable[[Unit, bytes], None]
 """Given each unit's part as soon as it is there, in any order."""
+
+Tell = Callable[[str], None]
+"""Told what is waited for before that."""
 
 
 def in_batches(units: Sequence[Unit], hands: int) -> list[list[Unit]]:
@@ -26,8 +32,8 @@ class Engine(ABC):
     """Flies units, each once, in any order."""
 
     @abstractmethod
-    def fly(self, plan: Plan, units: Sequence[Unit], on_unit: OnUnit) -> None:
-        """Fly all units. An exception from `on_unit` ends it.
+    def fly(self, plan: Plan, units: Sequence[Unit], on_stand: OnStand, on_unit: OnUnit, tell: Tell) -> None:
+        """Fly all units. An exception from `on_stand` or `on_unit` ends it.
 
         Raises:
             PaveTwinError: the workers cannot be had.

@@ -3,15 +3,18 @@
 A worker needs PaveTwin in the same version and the worlds' folders under the same paths, where recordings are kept too.
 """
 
+import asyncio
+import logging
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import version
 from typing import Any, Final
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments.engines.base import ATTEMPTS, DIED, Engine, OnUnit, in_batches
+from pavetwin.experiments.engines.base import ATTEMPTS, DIED, Engine, OnStand, OnUnit, Tell, in_batches
 from pavetwin.experiments.fly_unit import failed_unit, fly_unit
 from pavetwin.experiments.plan import Plan, Unit, check_worlds
 
@@ -26,10 +29,15 @@ class Cluster(Engine):
         """`scheduler`: the address of one that runs (tcp://10.0.0.1:8786); else `jobs` workers are started here."""
         self._scheduler, self._jobs = scheduler, jobs
 
-    def fly(self, plan: Plan, units: Sequence[Unit], on_unit: OnUnit) -> None:
+    def fly(self, plan: Plan, units: Sequence[Unit], on_stand: OnStand, on_unit: OnUnit, tell: Tell) -> None:
         dask: Any = import_module("distributed")
-        with self._client() as client:
+        scheduler = f"the Dask scheduler {self._scheduler}"
+        tell(f"Waiting for {scheduler}" if self._scheduler else f"Starting {self._jobs} Dask workers")
+        with _silence(), self._client() as client:
+            if not client.nthreads():
+                tell(f"Waiting for workers of {scheduler}")
             _check_workers(client, plan)
+            on_stand()
             hands = sum(client.nthreads().values())
             deaths = Counter[Unit]()
 
@@ -65,14 +73,47 @@ class Cluster(Engine):
                 yield client
             return
         try:
+            asyncio.run(_shake_hands(self._scheduler))
             client = dask.Client(self._scheduler, timeout=ANSWER_S)
-        except (OSError, TimeoutError, ValueError) as error:
+        except Exception as error:  # what answers may be anything, and its answer is read as if it were Dask's
             raise PaveTwinError(
                 f"--scheduler {self._scheduler}: no Dask scheduler answers there; start one with `dask scheduler` and "
                 "workers with `dask worker tcp://…`."
             ) from error
         with client:
-            yield client
+            try:
+                yield client
+            except (CancelledError, OSError, dask.client.ClosedClientError) as error:
+                if client.status == "running":
+                    raise
+                raise PaveTwinError(
+                    f"The Dask scheduler {self._scheduler} is gone; what was flown is kept. Once one runs again, the "
+                    "same command goes on."
+                ) from error
+
+
+async def _shake_hands(address: str) -> None:
+    """Whether anything that speaks Dask's language answers: a client would wait for ever for its first word."""
+    comm: Any = import_module("distributed.comm")
+    security = import_module("distributed").Security().get_connection_args("client")
+    connection = await asyncio.wait_for(comm.connect(address, timeout=ANSWER_S, **security), ANSWER_S)
+    await connection.close()
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """No words of Dask's on the screen: what matters of them is said in ours."""
+    import_module("distributed")
+    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] in ("distributed", "tornado")]
+    loggers = [logging.getLogger(name) for name in names]
+    levels = [logger.level for logger in loggers]
+    try:
+        for logger in loggers:
+            logger.setLevel(logging.CRITICAL + 1)
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
 
 
 def _fly_batch(plan: Plan, batch: Sequence[Unit]) -> list[bytes]:

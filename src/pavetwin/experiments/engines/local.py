@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 
-from pavetwin.experiments.engines.base import ATTEMPTS, DIED, Engine, OnUnit, in_batches
+from pavetwin.experiments.engines.base import ATTEMPTS, DIED, Engine, OnStand, OnUnit, Tell, in_batches
 from pavetwin.experiments.fly_unit import failed_unit, fly_unit
 from pavetwin.experiments.plan import Plan, Unit
 from pavetwin.processes import serve_parent
@@ -15,7 +15,15 @@ from pavetwin.processes import serve_parent
 class Single(Engine):
     """One unit after the other in this process."""
 
-    def fly(self, plan: Plan, units: Sequence[Unit], on_unit: OnUnit) -> None:
+    def fly(
+        self,
+        plan: Plan,
+        units: Sequence[Unit],
+        on_stand: OnStand,
+        on_unit: OnUnit,
+        tell: Tell,  # noqa: ARG002 - it is there at once
+    ) -> None:
+        on_stand()
         for unit in units:
             on_unit(unit, fly_unit(plan, unit))
 
@@ -26,7 +34,9 @@ class Pool(Engine):
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
 
-    def fly(self, plan: Plan, units: Sequence[Unit], on_unit: OnUnit) -> None:
+    def fly(self, plan: Plan, units: Sequence[Unit], on_stand: OnStand, on_unit: OnUnit, tell: Tell) -> None:
+        tell(f"Starting {self._jobs} processes")
+        on_stand()
         waiting, deaths = deque(in_batches(units, self._jobs)), Counter[Unit]()
         while waiting:
             lost = self._fly(plan, waiting, on_unit)

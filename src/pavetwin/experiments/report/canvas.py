@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 from io import StringIO
+from itertools import pairwise
+from math import ceil, floor, log10
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final, Literal
@@ -13,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from matplotlib.ticker import FuncFormatter, Locator, NullLocator
 
 from pavetwin.draw import style
 from pavetwin.experiments.report.parts import Picture
@@ -21,8 +23,8 @@ from pavetwin.experiments.report.slim import slim
 from pavetwin.experiments.report.words import level_text
 
 Floats = npt.NDArray[np.float64]
-Looks = Mapping[Any, tuple[str, str]]
-"""Colour and marker of each policy."""
+Looks = Mapping[Any, style.Look]
+"""Of each policy."""
 
 WIDTH_IN: Final = 7.0
 """The text width of a page of A4."""
@@ -54,7 +56,7 @@ def _picture(figure: Figure, caption: str, alt: str, content: bytes, suffix: str
 
 
 def looks(policies: Sequence[Any]) -> Looks:
-    """The house colours and markers; policies of the user's take the spare ones in turn."""
+    """Those of the house; policies of the user's take the spare ones in turn."""
     own = [policy for policy in policies if policy not in style.POLICY_COLOURS]
     return {policy: style.policy_style(policy, own.index(policy) if policy in own else 0) for policy in policies}
 
@@ -76,8 +78,17 @@ def lattice(
 def policy_legend(figure: Figure, chosen: Looks, more: Sequence[Line2D] = ()) -> None:
     """One line above the panels. Nothing when there is nothing to tell apart."""
     marks = [
-        Line2D([], [], color=colour, marker=marker, markersize=4.5, linewidth=1.0, label=level_text("policy", policy))
-        for policy, (colour, marker) in chosen.items()
+        Line2D(
+            [],
+            [],
+            color=look.colour,
+            marker=look.marker,
+            linestyle=look.dash,
+            markersize=4.5,
+            linewidth=1.0,
+            label=level_text("policy", policy),
+        )
+        for policy, look in chosen.items()
     ]
     handles = [*(marks if len(marks) > 1 else []), *more]
     if handles:
@@ -96,11 +107,51 @@ def spans_wide(values: Sequence[float], ratio: float = 8.0) -> bool:
     return bool(values) and min(values) > 0 and max(values) / min(values) > ratio
 
 
-def logarithmic(axis: Axis) -> None:
-    """A logarithmic axis whose ticks read 10, 20, 50, 100 …, and some between where it is short."""
-    low, high = axis.get_data_interval()
-    subs = (1.0, 2.0, 5.0) if high > 8 * low else (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
+def logarithmic(axis: Axis, *alike: Axis) -> None:
+    """A logarithmic axis whose ticks read 10, 20, 50, 100 …: as many of them as there is room for.
+
+    Its label says so, and so do those of the axes `alike` that share it; labels come before.
+    """
+    for labelled in (axis, *alike):
+        labelled.set_label_text(f"{labelled.get_label_text()}\n(log scale)".strip())
     getattr(axis.axes, f"set_{axis.axis_name}scale")("log")  # type: ignore[attr-defined]
-    axis.set_major_locator(LogLocator(base=10, subs=subs, numticks=20))
+    axis.set_major_locator(_Roomy(axis))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+
+
+class _Roomy(Locator):
+    """Round numbers on a logarithmic axis, the most whose words stand clear of each other."""
+
+    _STEPS: Final = ((1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8), (1, 1.5, 2, 3, 5, 7), (1, 2, 5), (1, 3), (1,))
+    """Within a decade."""
+    _TICK_PT: Final = 7.5
+    _BETWEEN_PT: Final = 6.0
+
+    def __init__(self, axis: Axis) -> None:
+        self._of = axis
+
+    def __call__(self) -> list[float]:
+        low, high = sorted(self._of.get_view_interval())
+        return self.tick_values(low, high)
+
+    def tick_values(self, vmin: float, vmax: float) -> list[float]:
+        found: list[float] = []
+        for steps in self._STEPS:
+            found = self._numbers(vmin, vmax, steps)
+            if self._clear(found, vmin, vmax):
+                break
+        return found
+
+    def _numbers(self, low: float, high: float, steps: Sequence[float]) -> list[float]:
+        decades = range(floor(log10(low)), ceil(log10(high)) + 1)
+        values = [step * 10.0**decade for decade in decades for step in steps]
+        return [value for value in values if low * (1 - 1e-9) <= value <= high * (1 + 1e-9)]
+
+    def _clear(self, values: Sequence[float], low: float, high: float) -> bool:
+        """Whether the words of all ticks have room beside or above each other."""
+        flat, box = self._of is self._of.axes.xaxis, self._of.axes.get_window_extent()
+        per_decade = (box.width if flat else box.height) * 72 / self._of.axes.figure.dpi / log10(high / low)
+        sizes = [style.text_width_pt(f"{value:g}", self._TICK_PT) if flat else self._TICK_PT for value in values]
+        gaps = [per_decade * log10(other / one) for one, other in pairwise(values)]
+        return all(gap >= (a + b) / 2 + self._BETWEEN_PT for gap, (a, b) in zip(gaps, pairwise(sizes), strict=True))

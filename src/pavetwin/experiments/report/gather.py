@@ -5,9 +5,10 @@ from typing import Any
 
 import polars as pl
 
-from pavetwin.experiments.metrics import REFERENCE, REPLICATE
+from pavetwin.experiments.metrics import REPLICATE
+from pavetwin.experiments.references import references
 from pavetwin.experiments.report.study import Study
-from pavetwin.experiments.statistics import conclusions, differences, effects, summarise
+from pavetwin.experiments.statistics import Comparison, conclusions, differences, effects, summarise
 from pavetwin.world.model import World
 
 
@@ -24,7 +25,11 @@ def gather(
     by = table.columns[: table.columns.index(REPLICATE)]
     factors = tuple(name for name in by if table[name].n_unique() > 1)
     summary = summarise(table, by, seed=seed)
-    compared = differences(table, by, reference=REFERENCE, seed=seed)
+    levels = {name: table[name].unique(maintain_order=True).to_list() for name in by}
+    compared = [
+        Comparison(factor, reference, reason, differences(table, by, factor=factor, reference=reference, seed=seed))
+        for factor, (reference, reason) in references(levels, design).items()
+    ]
     explained = effects(table, factors)
     sentences = conclusions(summary, compared, explained)
     return Study(title, design, factors, table, summary, compared, explained, sentences, worlds)

@@ -1,14 +1,20 @@
 """The tables of a paper: density and altitude down the side, policies across, mean ± SD, the best of a row in bold."""
 
 from collections.abc import Iterator
-from typing import Any, Final
+from typing import Final
+
+import numpy as np
+import polars as pl
 
 from pavetwin.experiments.metrics import Metric, metric_named
 from pavetwin.experiments.report.parts import Cell, Table
 from pavetwin.experiments.report.study import Group, Row
 from pavetwin.experiments.report.words import MISSING, counted, factor_text, heading, level_text, shown
+from pavetwin.experiments.statistics.summary import FEW
 
 HEADLINE: Final = ("coverage", "swath_coverage", "recovery", "time_s", "energy")
+FEW_MARK: Final = "†"
+"""Of cells with too few values."""
 TAILS: Final = ("time_s", "energy")
 """Metrics whose rare large values matter."""
 
@@ -25,48 +31,61 @@ def headline_table(group: Group, metric: Metric) -> Table:
     """Mean ± SD of every cell, and in brackets the number of defined values where that is not the usual one."""
     rows = [row for row in _rows(group, metric.name) if row is not None]
     usual = max((row["n"] for row in rows), default=0)
-    body = tuple(
-        (*_lead(traffic, altitude), *_cells(metric, cells, usual))
-        for traffic, altitude, cells in _lines(group, metric.name)
-    )
+    body = tuple((*lead, *_cells(metric, cells, usual)) for lead, cells in _lines(group, metric.name))
     return Table(
         caption=_caption(f"{heading(metric)}: mean ± standard deviation", group),
         heads=_heads(group),
         rows=body,
-        notes=_notes(rows, usual, bold=any(cell.strong for line in body for cell in line)),
+        lead=len(_leading(group)),
+        notes=[
+            *_notes(rows, usual, bold=any(cell.strong for line in body for cell in line)),
+            *(_by_time(group) if metric.name == "energy" else []),
+        ],
         span=factor_text("policy"),
     )
 
 
 def tail_table(group: Group, metric: Metric) -> Table:
     """Median, 95th percentile and maximum of every cell."""
-    body = tuple(
-        (*_lead(traffic, altitude), *(Cell(_tail(metric, cell)) for cell in cells))
-        for traffic, altitude, cells in _lines(group, metric.name)
-    )
+    body = tuple((*lead, *(Cell(_tail(metric, cell)) for cell in cells)) for lead, cells in _lines(group, metric.name))
     caption = f"{heading(metric)}: median / 95th percentile / maximum"
-    return Table(_caption(caption, group), _heads(group), body, span=factor_text("policy"))
+    lead = len(_leading(group))
+    notes = _by_time(group) if metric.name == "energy" else []
+    return Table(_caption(caption, group), _heads(group), body, lead=lead, notes=notes, span=factor_text("policy"))
 
 
-def _lines(group: Group, metric: str) -> Iterator[tuple[Any, Any, list[Row | None]]]:
+def _by_time(group: Group) -> list[str]:
+    """That energy tells nothing beyond time, where every mission spent it at one rate: the linear model of battery."""
+    rates = group.flown.filter(pl.col("time_s") > 0).select(rate=100 * pl.col("energy") / pl.col("time_s"))["rate"]
+    known = rates.drop_nulls().to_numpy()
+    if not len(known) or np.ptp(known) > 1e-6 * known.max():
+        return []
+    return [f"The battery falls evenly with time here: energy in % is time in s over {1 / known.mean():.4g}."]
+
+
+def _lines(group: Group, metric: str) -> Iterator[tuple[list[Cell], list[Row | None]]]:
+    """What each row is about, and its cells, a policy each."""
     for traffic in group.traffics:
         for altitude in group.altitudes:
-            cells = [group.cell(metric, traffic, altitude, policy) for policy in group.policies]
-            if any(cell is not None for cell in cells):
-                yield traffic, altitude, cells
+            for part in group.parts:
+                cells = [part.cell(metric, traffic, altitude, policy) for policy in group.policies]
+                levels = {"traffic": traffic, "altitude_m": altitude, **part.key}
+                if any(cell is not None for cell in cells):
+                    yield [Cell(level_text(name, levels[name])) for name in _leading(group)], cells
 
 
 def _rows(group: Group, metric: str) -> list[Row | None]:
-    return [cell for _, _, cells in _lines(group, metric) for cell in cells]
+    return [cell for _, cells in _lines(group, metric) for cell in cells]
 
 
-def _lead(traffic: Any, altitude: Any) -> tuple[Cell, Cell]:
-    return Cell(level_text("traffic", traffic)), Cell(level_text("altitude_m", altitude))
+def _leading(group: Group) -> tuple[str, ...]:
+    """The factors whose levels begin a row."""
+    return ("traffic", "altitude_m", *group.swept)
 
 
 def _heads(group: Group) -> tuple[str, ...]:
     policies = (level_text("policy", policy) for policy in group.policies)
-    return factor_text("traffic"), factor_text("altitude_m"), *policies
+    return *(factor_text(name) for name in _leading(group)), *policies
 
 
 def _caption(words: str, group: Group) -> str:
@@ -86,7 +105,9 @@ def _cell(metric: Metric, cell: Row | None, best: bool, usual: int) -> Cell:
     if cell is None or cell["mean"] is None:
         return Cell(MISSING)
     spread = f" ± {shown(metric, cell['sd'])}" if cell["sd"] is not None else ""
-    return Cell(shown(metric, cell["mean"]) + spread, best, f" ({cell['n']})" if cell["n"] != usual else "")
+    mark = FEW_MARK if cell["n"] < FEW <= usual else ""
+    number = f" ({cell['n']}{mark})" if cell["n"] != usual else ""
+    return Cell(shown(metric, cell["mean"]) + spread, best, number)
 
 
 def _value(text: str) -> float:
@@ -102,6 +123,10 @@ def _tail(metric: Metric, cell: Row | None) -> str:
 def _notes(rows: list[Row], usual: int, *, bold: bool) -> list[str]:
     differing = any(row["n"] != usual for row in rows)
     notes = [f"n = {usual} in each cell" + (" but where a number in brackets says otherwise." if differing else ".")]
+    if usual < FEW:
+        notes.append("These are too few to say how sure a mean is.")
+    elif any(0 < row["n"] < FEW for row in rows):
+        notes.append(f"{FEW_MARK}: too few to say how sure the mean is.")
     undefined, failed = (sum(row[name] or 0 for row in rows) for name in ("undefined", "failed"))
     if undefined:
         notes.append(f"{counted(undefined, 'mission')} without a defined value (see the definitions) left out.")

@@ -12,8 +12,8 @@ from pavetwin.draw import style
 from pavetwin.experiments.metrics import FACTORS, FAILED, STATUS
 from pavetwin.experiments.report import whole
 from pavetwin.experiments.report.parts import Block, Bullets, Fold, Picture, Section, Table
-from pavetwin.experiments.report.results import group_sections
-from pavetwin.experiments.report.study import AXES, Group, Study, constants, replicates, shown_groups
+from pavetwin.experiments.report.results import group_builders
+from pavetwin.experiments.report.study import AXES, Study, constants, replicates, shown_groups
 from pavetwin.experiments.report.words import counted, factor_text, factors_text, level_text, listed
 
 MOST_WHOLE, MOST_GROUPS = 4, 16
@@ -42,7 +42,7 @@ def page(study: Study, sections: Sequence[Section]) -> str:
         numbers=_numbers(sections),
         design=design_text(study.design),
         metrics={metric.name for metric in study.metrics},
-        compared=bool(study.differences.height),
+        compared=bool(study.comparisons),
         explained=bool(study.effects.height),
         accent=style.BASE,
         ink=style.INK,
@@ -99,33 +99,24 @@ def sections_of(study: Study, on_progress: Callable[[float], None] = lambda _: N
     """
     groups, count = shown_groups(study, MOST_GROUPS)
     builders = (whole.effects_section, whole.streets_section, whole.failures_section)
-    steps: list[Callable[[], Sequence[Section]]] = [
-        lambda: [whole.across_section(study)],
-        *(partial(_group, group, at) for at, group in enumerate(groups, start=1)),
-        lambda: [_left_out(count)] if count > len(groups) else [],
-        *(partial(_one, build, study) for build in builders),
-    ]
-    sections: list[Section] = []
-    for at, step in enumerate(steps, start=1):
-        sections += [section for section in step() if not section.empty]
-        on_progress(at / (len(steps) + 1))
-    return sections
+    parts = [group_builders(group, brief=at > MOST_WHOLE) for at, group in enumerate(groups, start=1)]
+    # Of the table's files and the page, which take as long as a section.
+    total, done = len(builders) + sum(map(len, parts)) + 2, 0
 
+    def made(build: Callable[[], Section]) -> list[Section]:
+        nonlocal done
+        section, done = build(), done + 1
+        on_progress(done / total)
+        return [] if section.empty else [section]
 
-def _one(build: Callable[[Study], Section], study: Study) -> list[Section]:
-    return [build(study)]
-
-
-def _group(group: Group, at: int) -> list[Section]:
-    """The group's sections themselves where there is one group, else one section that holds them.
-
-    Args:
-        at: the group's number, from 1.
-    """
-    if not group.key:
-        return list(group_sections(group, ""))
-    title = f"Results: {group.title}"
-    return [Section(f"results-{at}", title, (), list(group_sections(group, f"results-{at}-", brief=at > MOST_WHOLE)))]
+    sections = made(partial(whole.across_section, study))
+    for at, (group, part) in enumerate(zip(groups, parts, strict=True), start=1):
+        prefix = f"results-{at}-" if group.key else ""
+        inner = [section for build in part for section in made(partial(build, prefix))]
+        whole_group = Section(f"results-{at}", f"Results: {group.title}", (), inner)
+        sections += inner if not group.key else [] if whole_group.empty else [whole_group]
+    sections += [_left_out(count)] if count > len(groups) else []
+    return sections + [section for build in builders for section in made(partial(build, study))]
 
 
 def figures(sections: Sequence[Section]) -> list[Picture]:

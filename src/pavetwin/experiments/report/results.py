@@ -1,51 +1,88 @@
 """The results of one group of cells: its tables and figures, each with a caption that can stand alone."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from itertools import product
 from typing import Any, Final
 
-from pavetwin.experiments.metrics import Metric, metric_named
+import polars as pl
+
+from pavetwin.experiments.metrics import COMPARED, Metric, metric_named
 from pavetwin.experiments.report import headline
 from pavetwin.experiments.report.canvas import vector
+from pavetwin.experiments.report.headline import FEW_MARK
 from pavetwin.experiments.report.parts import Block, Cell, Fold, Section, Table, Text
 from pavetwin.experiments.report.plots import forest, intervals, spread, tradeoff
-from pavetwin.experiments.report.study import METRIC, Group
-from pavetwin.experiments.report.words import MISSING, factor_text, heading, level_text, listed, p_text, shown
+from pavetwin.experiments.report.study import AXES, METRIC, Group, replicates
+from pavetwin.experiments.report.words import MISSING, counted, factor_text, heading, level_text, listed, p_text, shown
+from pavetwin.experiments.statistics.paired import told
+from pavetwin.experiments.statistics.simultaneous import ALPHA
+from pavetwin.experiments.statistics.summary import FEW
+from pavetwin.experiments.statistics.wording import subject
 
 SEEN: Final = ("coverage", "swath_coverage", "recovery")
 SPENT: Final = ("time_s", "energy", "wait_s")
-COMPARED: Final = ("coverage", "time_s", "energy")
-"""Headline metrics of figures that have room for three."""
 
+_ENOUGH_OF_WAITING: Final = 20
+"""With fewer replicates, simultaneous intervals of what rests on waiting are far from what they promise."""
 _MOST_COLUMNS: Final = 4
 _MOST_ROWS: Final = 44
 """Of a forest plot: what fits a page."""
 
 
-def group_sections(group: Group, prefix: str, *, brief: bool = False) -> Iterator[Section]:
-    """The sections of a group in the order of the page; what has nothing to show is left out.
+def group_builders(group: Group, *, brief: bool = False) -> list[Callable[[str], Section]]:
+    """What makes the sections of a group in the order of the page, given what their anchors begin with.
 
     Args:
-        prefix: what anchors of this group begin with.
         brief: only the tables of means.
     """
-    builders = (
+    against = group.study.comparison("policy")
+    builders: tuple[tuple[str, str, Callable[[Group], Iterator[Block]]], ...] = (
         ("means", "Mean values", _means),
+        *(
+            (f"over-{at}", f"Over {factor_text(name)}", partial(_over, factor=name))
+            for at, name in enumerate(group.swept, start=1)
+        ),
         ("intervals", "Intervals by density and altitude", _intervals),
-        ("differences", "Paired differences to baseline", _differences),
+        (
+            "differences",
+            f"Paired differences to {level_text('policy', against.reference)}" if against else "",
+            _policies,
+        ),
         ("tradeoffs", "What coverage costs", _tradeoffs),
         ("spread", "Spread and tails", _spread),
     )
-    for name, title, build in builders[:1] if brief else builders:
-        section = Section(f"{prefix}{name}", title, list(build(group)))
-        if not section.empty:
-            yield section
+
+    def builder(name: str, title: str, build: Callable[[Group], Iterator[Block]]) -> Callable[[str], Section]:
+        return lambda prefix: Section(f"{prefix}{name}", title, list(build(group)))
+
+    return [builder(*parts) for parts in (builders[:1] if brief else builders)]
 
 
 def _means(group: Group) -> Iterator[Block]:
     yield from (table for _, table in headline.headline_tables(group))
 
 
+def _over(group: Group, factor: str) -> Iterator[Block]:
+    """What a swept setting changes: every metric over its values, and their differences."""
+    usual = group.at(
+        {name: level for name, level in group.study.usual.items() if name in group.swept and name != factor}
+    )
+    for metric in _known(group, COMPARED):
+        for traffics in _parts(group.traffics, _MOST_COLUMNS):
+            yield vector(
+                intervals.across(usual, factor, metric, traffics),
+                f"{metric.label} over {factor_text(factor)}{_of(usual)}: means with 95 % bootstrap intervals over "
+                "replicates, a row for each altitude and a column for each traffic density. "
+                f"{_side_by_side(factor)}",
+                f"Line plots of {metric.label.lower()} over {factor_text(factor)}, by altitude, policies "
+                f"{_names('policy', group.policies)}.",
+            )
+    yield from _differences(group, factor)
+
+
 def _intervals(group: Group) -> Iterator[Block]:
+    group = group.usual
     for what, names in (("what is seen", SEEN), ("what it costs", SPENT)):
         metrics = _known(group, names)
         for traffics in _parts(group.traffics, _MOST_COLUMNS) if metrics else ():
@@ -53,62 +90,96 @@ def _intervals(group: Group) -> Iterator[Block]:
             yield vector(
                 intervals.by_altitude(group, metrics, traffics),
                 f"{words.capitalize()} by traffic density and altitude{_of(group)} ({what}): means with 95 % "
-                "bootstrap intervals over replicates. Marks at one altitude stand side by side only to be told apart.",
+                f"bootstrap intervals over replicates. {_side_by_side('altitude_m')}",
                 f"Interval plots of {words}, a column for each traffic density ({_names('traffic', traffics)}), "
                 f"altitude from left to right, policies {_names('policy', group.policies)}.",
             )
 
 
-def _differences(group: Group) -> Iterator[Block]:
-    policies = forest.compared(group)
-    metrics = [metric for metric in _known(group, COMPARED) if metric.name in set(group.differences[METRIC])]
-    if not policies or not metrics:
+def _side_by_side(factor: str) -> str:
+    where = "altitude" if factor == "altitude_m" else f"value of {factor_text(factor)}"
+    return f"Marks at one {where} stand side by side only to be told apart."
+
+
+def _policies(group: Group) -> Iterator[Block]:
+    yield from _differences(group, "policy")
+
+
+def _differences(group: Group, factor: str) -> Iterator[Block]:
+    """Each level of a factor against its reference: the figure, and its numbers in a table."""
+    comparison, rows = group.study.comparison(factor), group.differences(factor)
+    known = set(rows[METRIC]) if rows is not None else set()
+    metrics = [metric for metric in _known(group, COMPARED) if metric.name in known]
+    if comparison is None or rows is None or not metrics:
         return
+    other = subject(factor, comparison.reference)
+    why = f" ({comparison.reason})" if comparison.reason else ""
     yield Text(
-        "Policies of one replicate flew the same segment with the same traffic, defects and luck, so each is compared "
-        "with baseline mission by mission. An interval that includes 0 leaves open which of the two is better."
+        "Missions of one replicate flew the same segment with the same traffic, defects and luck, so each is compared "
+        f"with {other}{why} mission by mission. An interval that includes 0 leaves open which of the two is better."
     )
-    for traffics in _fitting(group):
+    if narrow := _narrow(group, metrics):
+        yield Text(narrow)
+    together = (
+        f"Intervals and p are corrected for all {counted(comparison.number, 'comparison')} with {other} in {_COMPARED} "
+        f"together: an interval excludes 0 just where p < {ALPHA:g}"
+    )
+    for traffics in _fitting(group, rows):
         yield vector(
-            forest.forest(group, metrics, forest.places(group, traffics)),
-            f"Mean paired difference to baseline{_of(group)}: "
-            f"{listed([metric.label.lower() for metric in metrics])}, with 95 % bootstrap intervals. p: sign-flip "
-            "permutation test after Holm's correction over all comparisons of the metric; filled marks have "
-            f"p < {forest.LEVEL:g}.",
-            f"Forest plot of the differences of {_names('policy', policies)} to baseline, a row for each traffic "
-            "density, altitude and policy.",
+            forest.forest(group, rows, metrics, forest.places(group, rows, traffics)),
+            f"Mean paired difference to {other}{_of(group)}: {listed([metric.label.lower() for metric in metrics])}, "
+            f"with simultaneous 95 % intervals. {together}; such marks are filled.{_unbounded(rows)}",
+            f"Forest plot of the differences to {other}, a row for each traffic density, altitude and policy.",
         )
-    yield Fold("The differences as numbers", _difference_table(group, metrics))
+    yield Fold("The differences as numbers", _difference_table(group, rows, other, metrics, together))
 
 
-def _difference_table(group: Group, metrics: Sequence[Metric]) -> Table:
-    found = {
-        (row[METRIC], row["traffic"], row["altitude_m"], row["policy"]): row
-        for row in group.differences.iter_rows(named=True)
-    }
-    rows = []
-    for place in forest.places(group, group.traffics):
-        lead = [Cell(level_text(axis, level)) for axis, level in zip(_AXES, place, strict=True)]
+def _narrow(group: Group, metrics: Sequence[Metric]) -> str:
+    """A warning where few replicates say little of how long a policy waits."""
+    flown, count = group.flown, replicates(group.study)
+    waits = set(flown.filter(pl.col("wait_s") > 0)["policy"].to_list())
+    costs = [metric.label.lower() for metric in metrics if metric.name in SPENT]
+    if not waits or not costs or count >= _ENOUGH_OF_WAITING:
+        return ""
+    named = listed([level_text("policy", policy) for policy in group.policies if policy in waits])
+    return (
+        f"Be careful with the differences in {listed(costs)} that rest on waiting ({named}): it is lopsided, and "
+        f"{counted(count, 'replicate')} show too little of its tail. Their intervals are too short: in simulations all "
+        f"of a family held in 25 of 100 cases with 10 replicates, in 77 with {_ENOUGH_OF_WAITING}, instead of in 95."
+    )
+
+
+_COMPARED: Final = listed([metric_named(name).label.lower() for name in COMPARED])
+
+
+def _unbounded(rows: pl.DataFrame) -> str:
+    bare = rows.filter(pl.col("p").is_not_null() & pl.col("low").is_null()).height
+    return " Marks without an interval have too few pairs to exclude anything." if bare else ""
+
+
+def _difference_table(group: Group, rows: pl.DataFrame, other: str, metrics: Sequence[Metric], together: str) -> Table:
+    axes = forest.axes_of(group)
+    found = {(row[METRIC], *(row[name] for name in axes)): row for row in rows.iter_rows(named=True)}
+    body = []
+    for place in forest.places(group, rows, group.traffics):
+        lead = [Cell(level_text(axis, level)) for axis, level in zip(axes, place, strict=True)]
         cells = [cell for m in metrics for cell in _difference_cells(m, found.get((m.name, *place)))]
-        rows.append((*lead, *cells))
+        body.append((*lead, *cells))
     heads = [head for metric in metrics for head in (heading(metric), "p")]
-    caption = f"Mean paired difference to baseline{_of(group)} with its 95 % interval, and corrected p"
-    notes = (f"Bold: p < {forest.LEVEL:g} after correction.",)
-    return Table(caption, (*(factor_text(axis) for axis in _AXES), *heads), tuple(rows), lead=3, notes=notes)
-
-
-_AXES: Final = ("traffic", "altitude_m", "policy")
+    caption = f"Mean paired difference to {other}{_of(group)} with its simultaneous 95 % interval, and corrected p"
+    notes = (f"{together}; such are bold.",)
+    return Table(caption, (*(factor_text(axis) for axis in axes), *heads), tuple(body), lead=len(axes), notes=notes)
 
 
 def _difference_cells(metric: Metric, row: Any) -> tuple[Cell, Cell]:
     if row is None or row["mean"] is None:
         return Cell(MISSING), Cell(MISSING)
     ends = f" [{shown(metric, row['low'])}, {shown(metric, row['high'])}]" if row["low"] is not None else ""
-    differs = row["p_corrected"] is not None and row["p_corrected"] < forest.LEVEL
-    return Cell(shown(metric, row["mean"]) + ends, differs), Cell(p_text(row["p_corrected"]), differs)
+    return Cell(shown(metric, row["mean"]) + ends, told(row)), Cell(p_text(row["p_corrected"]), told(row))
 
 
 def _tradeoffs(group: Group) -> Iterator[Block]:
+    group = group.usual
     gain = metric_named("coverage")
     known = _known(group, COMPARED)
     if gain not in known or len(group.altitudes) * len(group.policies) < 2:
@@ -116,7 +187,7 @@ def _tradeoffs(group: Group) -> Iterator[Block]:
     yield Text(
         "Of the options in one traffic density, those on the front are worth considering: no other has at least their "
         "mean coverage at no more of their mean cost. The front is one of means: where intervals overlap, another "
-        "sample may order two neighbours the other way round."
+        "sample may order two neighbours the other way round." + _kept_off(group)
     )
     for cost in known[1:]:
         for traffics in _parts(group.traffics, _MOST_COLUMNS):
@@ -131,6 +202,25 @@ def _tradeoffs(group: Group) -> Iterator[Block]:
         yield _front_table(group, gain, cost)
 
 
+def _kept_off(group: Group) -> str:
+    """The options that cannot be on the front."""
+    failed = {
+        option: sum(group.failed_alone(traffic, *option) for traffic in group.traffics)
+        for option in product(group.altitudes, group.policies)
+    }
+    named = [
+        f"{level_text('policy', policy)} at {level_text('altitude_m', altitude_m)} ({count} failed)"
+        for (altitude_m, policy), count in failed.items()
+        if count
+    ]
+    if not named:
+        return ""
+    return (
+        " In a density in which an option failed in missions that others flew it is not on the front, since its means "
+        f"leave them out: {listed(named)}."
+    )
+
+
 def _front_table(group: Group, gain: Metric, cost: Metric) -> Table:
     rows = []
     for traffic in group.traffics:
@@ -139,17 +229,20 @@ def _front_table(group: Group, gain: Metric, cost: Metric) -> Table:
             lead = (("traffic", traffic), ("altitude_m", option.altitude_m), ("policy", option.policy))
             numbers = (_mean_interval(gain, option.gain), _mean_interval(cost, option.cost))
             rows.append((*(Cell(level_text(*words)) for words in lead), *(Cell(number) for number in numbers)))
-    heads = (*(factor_text(axis) for axis in _AXES), heading(gain), heading(cost))
+    heads = (*(factor_text(axis) for axis in AXES), heading(gain), heading(cost))
     caption = f"On the front of mean coverage and mean {cost.label.lower()}{_of(group)}, the cheapest first"
-    return Table(caption, heads, tuple(rows), lead=3, notes=("In brackets: 95 % intervals.",))
+    few = any(row["n"] < FEW for row in group.summary.filter(pl.col("n") > 0).iter_rows(named=True))
+    notes = ("In brackets: 95 % intervals.", *([f"{FEW_MARK}: too few values to say."] if few else []))
+    return Table(caption, heads, tuple(rows), lead=3, notes=notes)
 
 
 def _mean_interval(metric: Metric, row: Any) -> str:
     ends = f" [{shown(metric, row['low'])}, {shown(metric, row['high'])}]" if row["low"] is not None else ""
-    return shown(metric, row["mean"]) + ends
+    return shown(metric, row["mean"]) + ends + (FEW_MARK if row["n"] < FEW else "")
 
 
 def _spread(group: Group) -> Iterator[Block]:
+    group = group.usual
     for metric in _known(group, ("time_s", "energy", "coverage")):
         for traffics in _parts(group.traffics, _MOST_COLUMNS):
             yield vector(
@@ -169,11 +262,11 @@ def _known(group: Group, names: Sequence[str]) -> list[Metric]:
     return [metric_named(name) for name in names if name in defined]
 
 
-def _fitting(group: Group) -> Iterator[list[Any]]:
+def _fitting(group: Group, rows: pl.DataFrame) -> Iterator[list[Any]]:
     """Densities together as far as their comparisons fit a page."""
     part: list[Any] = []
     for traffic in group.traffics:
-        if part and len(forest.places(group, [*part, traffic])) > _MOST_ROWS:
+        if part and len(forest.places(group, rows, [*part, traffic])) > _MOST_ROWS:
             yield part
             part = []
         part.append(traffic)

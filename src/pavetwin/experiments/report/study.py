@@ -1,5 +1,6 @@
 """What a report is made of: a study with its table and statistics, and the parts that it is told in."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,6 +11,8 @@ import polars as pl
 
 from pavetwin.experiments.metrics import FACTORS, FLOWN, METRICS, REFERENCE, REPLICATE, STATUS, Metric
 from pavetwin.experiments.report.words import factor_text, level_text
+from pavetwin.experiments.statistics import Comparison
+from pavetwin.experiments.statistics.cells import failed_alone
 from pavetwin.world.model import World
 
 AXES: Final = ("traffic", "altitude_m", "policy")
@@ -44,8 +47,8 @@ class Study:
     """One row a segment mission; see `pavetwin.experiments.metrics`."""
     summary: pl.DataFrame
     """One row a cell and metric."""
-    differences: pl.DataFrame
-    """Paired differences of each policy to the reference; empty where nothing was compared."""
+    comparisons: Sequence[Comparison]
+    """Paired differences of policies, then of each swept setting; those with nothing to compare are left out."""
     effects: pl.DataFrame
     """Which factor explains how much; empty where nothing varies."""
     conclusions: Sequence[str]
@@ -54,9 +57,28 @@ class Study:
 
     @cached_property
     def others(self) -> tuple[str, ...]:
-        """The factors that vary and are not among `AXES`: each of their combinations has a section of its own."""
+        """The factors that vary and are not among `AXES`."""
         known = self.summary.columns
         return tuple(name for name in self.factors if name in known and name not in AXES and self._varies(name))
+
+    @property
+    def apart(self) -> tuple[str, ...]:
+        """Those of the others of which each combination has a section of its own."""
+        return tuple(name for name in self.others if name in FACTORS)
+
+    @property
+    def swept(self) -> tuple[str, ...]:
+        """Those of the others that are settings: shown together, as further rows of tables and along an axis."""
+        return tuple(name for name in self.others if name not in FACTORS)
+
+    def comparison(self, factor: str) -> Comparison | None:
+        return next((found for found in self.comparisons if found.factor == factor), None)
+
+    @cached_property
+    def usual(self) -> Mapping[str, Any]:
+        """For each swept setting the level at which everything else is drawn: what the others are compared with."""
+        compared = {found.factor: found.reference for found in self.comparisons}
+        return {name: compared.get(name, self.levels(name)[0]) for name in self.swept}
 
     @cached_property
     def metrics(self) -> tuple[Metric, ...]:
@@ -79,12 +101,16 @@ class Study:
         return [*dict.fromkeys(named), *sorted((level for level in found if level not in named), key=_order)]
 
     def groups(self) -> Iterator["Group"]:
-        """One for each combination of the other factors, in the order of their levels."""
-        cells = self.summary.select(self.others).unique() if self.others else pl.DataFrame({"": [0]})
-        keys = [{name: row[name] for name in self.others} for row in cells.iter_rows(named=True)]
-        places = {name: {level: at for at, level in enumerate(self.levels(name))} for name in self.others}
-        for key in sorted(keys, key=lambda key: [places[name][level] for name, level in key.items()]):
+        """One for each combination of the factors that stand apart, in the order of their levels."""
+        for key in self.combinations(self.apart):
             yield Group(self, key)
+
+    def combinations(self, names: Sequence[str]) -> list[dict[str, Any]]:
+        """Those of the levels of some other factors that were flown, in their order; an empty one of no factors."""
+        cells = self.summary.select(names).unique() if names else pl.DataFrame({"": [0]})
+        keys = [{name: row[name] for name in names} for row in cells.iter_rows(named=True)]
+        places = {name: {level: at for at, level in enumerate(self.levels(name))} for name in names}
+        return sorted(keys, key=lambda key: [places[name][level] for name, level in key.items()])
 
     def _varies(self, factor: str) -> bool:
         return self.table[factor].n_unique() > 1
@@ -92,24 +118,45 @@ class Study:
 
 @dataclass(frozen=True)
 class Group:
-    """The cells of one combination of the other factors: densities by altitudes by policies."""
+    """The cells of one combination of some other factors: densities by altitudes by policies, by what is swept."""
 
     study: Study
     key: Mapping[str, Any]
-    """The levels of the other factors; empty where there are none."""
+    """The levels of those factors; empty where there are none."""
 
     @property
     def title(self) -> str:
-        """`world town, tau_o 0.5`; empty where nothing else varies."""
+        """`world town, tau_o 0.5`; empty where the key is."""
         return ", ".join(f"{factor_text(name).lower()} {level_text(name, level)}" for name, level in self.key.items())
 
     @cached_property
     def summary(self) -> pl.DataFrame:
         return self._placed(self.study.summary)
 
+    @property
+    def swept(self) -> tuple[str, ...]:
+        """The settings that vary within the group."""
+        return tuple(name for name in self.study.swept if name not in self.key)
+
+    def at(self, levels: Mapping[str, Any]) -> "Group":
+        """Those of its cells that have these levels of other factors."""
+        return Group(self.study, {**self.key, **levels})
+
     @cached_property
-    def differences(self) -> pl.DataFrame:
-        return self._placed(self.study.differences)
+    def parts(self) -> list["Group"]:
+        """One for each combination of what is swept."""
+        return [self.at(levels) for levels in self.study.combinations(self.swept)] if self.swept else [self]
+
+    @property
+    def usual(self) -> "Group":
+        """Its part at the usual level of all that is swept."""
+        return self.at({name: self.study.usual[name] for name in self.swept})
+
+    def differences(self, factor: str) -> pl.DataFrame | None:
+        """The comparisons of a factor's levels in this group; None where there are none."""
+        comparison = self.study.comparison(factor)
+        found = self._placed(comparison.differences) if comparison else None
+        return found if found is not None and found.height else None
 
     @cached_property
     def flown(self) -> pl.DataFrame:
@@ -134,6 +181,15 @@ class Group:
     @cached_property
     def _cells(self) -> dict[tuple[Any, ...], Row]:
         return {(row[METRIC], *(row[axis] for axis in AXES)): row for row in self.summary.iter_rows(named=True)}
+
+    def failed_alone(self, traffic: Any, altitude_m: Any, policy: Any) -> int:
+        """How many missions of a cell failed that another option in the same traffic flew."""
+        return self._failed_alone.get((traffic, altitude_m, policy), 0)
+
+    @cached_property
+    def _failed_alone(self) -> Counter[tuple[Any, ...]]:
+        table = self._chosen(self.study.table)
+        return Counter(table.filter(failed_alone(table, AXES[1:])).select(AXES).rows())
 
     def _levels(self, axis: str) -> list[Any]:
         found = set(self.summary[axis].to_list())

@@ -24,14 +24,30 @@ _LATEX: Final = {
     "−": r"$-$",
     "—": "---",
     "–": "--",
+    "†": r"\dag{}",
     "\u00a0": "~",
     "\u2009": r"\,",
 }
 
 
+_AIRY: Final = 5
+"""With more columns they stand closer, so that the page of an article holds them."""
+
+
 def csv(summary: pl.DataFrame) -> str:
     """One row a cell and metric with all columns of the summary, in the units of the study's table."""
     return summary.write_csv()
+
+
+def differences_csv(study: Study) -> str:
+    """One row a comparison and metric, of every factor whose levels are compared."""
+    frames = [
+        found.differences.select(
+            pl.lit(found.factor).alias("factor"), pl.lit(str(found.reference)).alias("reference"), pl.all()
+        )
+        for found in study.comparisons
+    ]
+    return pl.concat(frames).write_csv()
 
 
 def markdown(study: Study) -> str:
@@ -71,7 +87,9 @@ def latex_table(table: Table, label: str) -> str:
             r"\centering",
             rf"\caption{{{escape(table.caption)}}}",
             rf"\label{{{label}}}",
+            r"\smallskip",
             r"\small",
+            *([r"\setlength{\tabcolsep}{3.5pt}"] if len(table.heads) > _AIRY else []),
             rf"\begin{{tabular}}{{@{{}}{'l' * table.lead}{'r' * numbers}@{{}}}}",
             r"\toprule",
             *(span if table.span and numbers > 1 else []),

@@ -6,17 +6,17 @@ from typing import Any, Final
 
 import polars as pl
 
-from pavetwin.experiments.metrics import FAILED, REASON, STATUS, metric_named
+from pavetwin.experiments.metrics import COMPARED, FAILED, REASON, STATUS, metric_named
 from pavetwin.experiments.report import maps
 from pavetwin.experiments.report.canvas import vector
 from pavetwin.experiments.report.parts import Block, Cell, Section, Table, Text
 from pavetwin.experiments.report.plots import intervals, shares
-from pavetwin.experiments.report.results import COMPARED
 from pavetwin.experiments.report.study import AXES, METRIC, Group, Study
 from pavetwin.experiments.report.words import counted, factor_text, heading, level_text, listed, number, shown
+from pavetwin.experiments.statistics.sentences import EFFECT_ALPHA
 
-_MOST_SWEEPS: Final = 3
-"""Combinations of the rest that one other factor is drawn for."""
+_MOST_RESTS: Final = 3
+"""Combinations of the rest that one factor is drawn for."""
 _MOST_MAPS: Final = 4
 _WORST: Final = 10
 """Segments in the table of the least covered."""
@@ -25,23 +25,22 @@ _MOST_PLACES: Final = 4
 
 
 def across_section(study: Study) -> Section:
-    """Every other factor from left to right: the first levels of the rest, and as many more as there is room for."""
-    blocks = [block for factor in study.others for block in _across(study, factor)]
-    return Section("across", f"Across {listed([factor_text(name).lower() for name in study.others])}", blocks)
+    """Every factor that stands apart from left to right: the first levels of the rest, and as many more as there is
+    room for."""
+    blocks = [block for factor in study.apart for block in _across(study, factor)]
+    return Section("across", f"Across {listed([factor_text(name).lower() for name in study.apart])}", blocks)
 
 
 def _across(study: Study, factor: str) -> Iterator[Block]:
-    sweeps: dict[tuple[Any, ...], list[Group]] = {}
-    for group in study.groups():
-        sweeps.setdefault(tuple(level for name, level in group.key.items() if name != factor), []).append(group)
-    for rest, groups in list(sweeps.items())[:_MOST_SWEEPS]:
-        names = [name for name in study.others if name != factor]
-        words = ", ".join(f"{factor_text(n).lower()} {level_text(n, v)}" for n, v in zip(names, rest, strict=True))
+    names = [name for name in study.apart if name != factor]
+    for rest in study.combinations(names)[:_MOST_RESTS]:
+        group = Group(study, {**rest, **study.usual})
+        words = ", ".join(f"{factor_text(n).lower()} {level_text(n, v)}" for n, v in group.key.items())
         for metric in (metric_named(name) for name in COMPARED):
-            if metric not in study.metrics or len(groups) < 2:
+            if metric not in study.metrics:
                 continue
             yield vector(
-                intervals.across(groups, factor, metric),
+                intervals.across(group, factor, metric, group.traffics),
                 f"{metric.label} over {factor_text(factor).lower()}{f' ({words})' if words else ''}: means with 95 % "
                 "bootstrap intervals, a row for each altitude and a column for each traffic density.",
                 f"Interval plots of {metric.label.lower()} over {factor_text(factor).lower()}, by altitude.",
@@ -57,7 +56,9 @@ def effects_section(study: Study) -> Section:
         blocks = [
             Text(
                 "Replicates differ in street, traffic and defects; what they explain is what no altitude and no policy "
-                "changes. An interaction (×) says that a factor matters differently at the levels of the other."
+                "changes. An interaction (×) says that a factor matters differently at the levels of the other; those "
+                "of three and more factors are in the residual. Here p is not corrected for being many: of what is "
+                f"dark the findings name only what holds at {100 * EFFECT_ALPHA:g} % after Holm's correction for all."
             ),
             vector(
                 shares.effect_bars(study.effects, metrics),

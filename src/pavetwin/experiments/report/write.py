@@ -11,7 +11,8 @@ from pavetwin.files import writing
 def write_report(
     study: Study, folder: Path, on_progress: Callable[[float], None] | None = None, *, figures: bool = False
 ) -> list[Path]:
-    """Write `report.html`, `table.csv`, `table.md` and `table.tex` into `folder`. The same study gives the same bytes.
+    """Write `report.html`, `table.csv`, `table.md`, `table.tex` and, where something is compared in pairs,
+    `differences.csv` into `folder`. The same study gives the same bytes.
 
     Args:
         on_progress: told the share done.
@@ -33,6 +34,8 @@ def write_report(
         "table.md": tables.markdown(study).encode(),
         "table.tex": tables.latex(study).encode(),
     }
+    if study.comparisons:
+        files["differences.csv"] = tables.differences_csv(study).encode()
     if figures:
         drawn = enumerate(page.figures(sections), start=1)
         files |= {f"figures/figure-{number}.{picture.suffix}": picture.content for number, picture in drawn}

@@ -1,9 +1,9 @@
 """What a study shows and what it does not: summaries, paired differences, effects, sentences, a recommendation."""
 
 from pavetwin.experiments.statistics.effects import effects
-from pavetwin.experiments.statistics.paired import differences
+from pavetwin.experiments.statistics.paired import Comparison, differences
 from pavetwin.experiments.statistics.recommend import Limits, Recommendation, recommend
 from pavetwin.experiments.statistics.sentences import conclusions
 from pavetwin.experiments.statistics.summary import summarise
 
-__all__ = ["Limits", "Recommendation", "conclusions", "differences", "effects", "recommend", "summarise"]
+__all__ = ["Comparison", "Limits", "Recommendation", "conclusions", "differences", "effects", "recommend", "summarise"]

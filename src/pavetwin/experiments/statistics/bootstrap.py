@@ -31,6 +31,7 @@ What no method mends: five replicates say little of a tail that they do not show
 has the same value has an interval of that one value.
 """
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -89,15 +90,27 @@ def strata(worlds: IntArray) -> Sizes:
     return (len(worlds),) if min(sizes) < 2 else sizes
 
 
-def resamples(sizes: Sizes, seed: int) -> FloatArray:
-    """(RESAMPLES, replicates) how often each replicate is drawn: in every stratum as often as it has replicates."""
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_BOOTSTRAP, *sizes)))
+def resamples(sizes: Sizes, seed: int, of: Sequence[int] = ()) -> FloatArray:
+    """(RESAMPLES, replicates) how often each replicate is drawn: in every stratum as often as it has replicates.
+
+    Args:
+        of: numbers of the replicates, where others have draws of their own.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_BOOTSTRAP, *sizes, *of)))
     drawn = [rng.multinomial(size, np.full(size, 1 / size), size=RESAMPLES) for size in sizes]
     return np.concatenate(drawn, axis=1).astype(np.float64)
 
 
 def _studentised(values: FloatArray, sizes: Sizes, counts: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Limits of (replicates, cells) values; `counts` are the resamples of those `sizes`."""
+    t, error = t_of_resamples(values, sizes, counts)
+    t.partition((_TAIL, RESAMPLES - 1 - _TAIL), axis=0)
+    mean = centre(values)
+    return mean - np.maximum(t[-1 - _TAIL], 0.0) * error, mean - np.minimum(t[_TAIL], 0.0) * error
+
+
+def t_of_resamples(values: FloatArray, sizes: Sizes, counts: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(resamples, cells) t* of (replicates, cells) values, 0 where nothing varies, and (cells,) standard errors."""
     n = len(values)
     variance, variances = np.zeros(values.shape[1]), np.zeros((len(counts), values.shape[1]))
     shifts = np.zeros_like(variances)
@@ -112,10 +125,7 @@ def _studentised(values: FloatArray, sizes: Sizes, counts: FloatArray) -> tuple[
         variance += share * (part**2).sum(axis=0)
         variances += share * np.maximum(counts[:, rows] @ part**2 - drawn**2 / size, 0.0)
     blended = np.sqrt((variances + variance / n) / (1 + 1 / n))
-    t = np.divide(shifts, blended, out=np.zeros_like(shifts), where=blended > 0)
-    t.partition((_TAIL, RESAMPLES - 1 - _TAIL), axis=0)
-    mean, error = centre(values), np.sqrt(variance)
-    return mean - np.maximum(t[-1 - _TAIL], 0.0) * error, mean - np.minimum(t[_TAIL], 0.0) * error
+    return np.divide(shifts, blended, out=np.zeros_like(shifts), where=blended > 0), np.sqrt(variance)
 
 
 def _rows(sizes: Sizes) -> list[slice]:

@@ -100,6 +100,13 @@ def failures(table: pl.DataFrame) -> BoolArray:
     return np.asarray((table[STATUS] == FAILED).to_numpy(), dtype=np.bool_)
 
 
+def failed_alone(table: pl.DataFrame, by: Sequence[str]) -> BoolArray:
+    """(rows,) where a mission failed that another cell of `by` flew: only such make the cells' means unequal."""
+    rest = [name for name in (*varied_columns(table), REPLICATE) if name not in by]
+    failed = pl.col(STATUS) == FAILED
+    return np.asarray(table.select(failed & ~failed.all().over(rest)).to_series().to_numpy(), dtype=np.bool_)
+
+
 def varied_columns(table: pl.DataFrame) -> list[str]:
     """What tells the cells of a design apart: its factors and what it sweeps, the columns before `replicate`."""
     return table.columns[: table.columns.index(REPLICATE)]

@@ -1,17 +1,17 @@
 """Differences between the levels of a factor, compared in pairs: same traffic, defects and segment, another policy."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 import polars as pl
 
-from pavetwin.experiments.metrics import METRICS, REFERENCE, Metric
-from pavetwin.experiments.statistics.bootstrap import centres, intervals
+from pavetwin.experiments.metrics import COMPARED, REFERENCE, Metric, metric_named
+from pavetwin.experiments.statistics.bootstrap import centres
 from pavetwin.experiments.statistics.cells import (
     BoolArray,
     FloatArray,
-    IntArray,
     Key,
     key_columns,
     layout,
@@ -19,23 +19,39 @@ from pavetwin.experiments.statistics.cells import (
     values_of,
     varied_columns,
 )
+from pavetwin.experiments.statistics.simultaneous import ALPHA, Verdicts, simultaneous
 from pavetwin.experiments.statistics.summary import interleaved
 
-EXACT_PAIRS: Final = 16
-"""Up to so many pairs that differ every assignment of signs is tried."""
-FLIPS: Final = 2**15 - 1
-"""Assignments drawn for more pairs; with the one observed, p is a multiple of 2⁻¹⁵."""
+_COMPARED: Final = tuple(metric_named(name) for name in COMPARED)
 
-_CHUNK: Final = 4096
-_COLUMNS: Final = 64
-_SIGNS: Final = 2
-"""Keeps these draws apart from those of the intervals under the same seed."""
+
+@dataclass(frozen=True)
+class Comparison:
+    """The levels of a factor, each compared with one of them."""
+
+    factor: str
+    reference: Any
+    reason: str
+    """Why it is this one that the others are compared with; empty where everyone expects it."""
+    differences: pl.DataFrame
+    """As the function of this name makes them."""
+
+    @property
+    def number(self) -> int:
+        """How many tests were made together."""
+        return self.differences["p"].count()
+
+
+def told(difference: Mapping[str, Any]) -> bool:
+    """Whether a row of `differences` shows one: its corrected p is below 0.05, so that its interval excludes 0."""
+    p = difference["p_corrected"]
+    return p is not None and p < ALPHA
 
 
 def differences(
     table: pl.DataFrame,
     by: Sequence[str],
-    metrics: Sequence[Metric] = METRICS,
+    metrics: Sequence[Metric] = _COMPARED,
     *,
     factor: str = "policy",
     reference: Any = REFERENCE,
@@ -48,10 +64,11 @@ def differences(
     undefined or failed, is left out and counted.
 
     Columns: `*by` (that of the factor holds the level compared), `metric`, `pairs` (replicates with a difference),
-    `undefined` (replicates without), `mean`, `low`, `high` (95 % interval, see `bootstrap`), `p` (see `sign_flip_p`),
-    `p_corrected` (Holm, over all comparisons of the same metric), `dz` (mean / SD of the differences). Null is what
-    fewer than two pairs do not define, and `dz` where all differences are equal. Empty when the reference is not in
-    the table.
+    `undefined` (replicates without), `mean`, `low`, `high` (simultaneous 95 % interval), `p` (of this comparison by
+    itself), `p_corrected` (both over all rows of the frame together, see `simultaneous`: below 0.05 just where the
+    interval excludes 0), `dz` (mean / SD of the differences). Null is what fewer than two pairs do not define, ends of
+    an interval that are nowhere, and `dz` where all differences are equal. Empty where the reference is not in the
+    table.
 
     Raises:
         ValueError: `by` lacks the factor.
@@ -59,7 +76,13 @@ def differences(
     if factor not in by:
         raise ValueError(f"by: {list(by)} lacks the factor '{factor}' whose levels are compared.")
     pairing = _Pairing(table, by, factor, reference)
-    frames = [_of_metric(pairing, metric, seed) for metric in metrics]
+    made = [pairing.differences(values_of(table, metric.name)) for metric in metrics]
+    tests = simultaneous(np.concatenate([units for units, _ in made]), pairing.cells.worlds, seed)
+    size = len(pairing.keys)
+    frames = [
+        _frame(metric, *parts, tests.rows(slice(at * size, (at + 1) * size)))
+        for at, (metric, parts) in enumerate(zip(metrics, made, strict=True))
+    ]
     keys = pl.DataFrame(key_columns(table, by, pairing.keys))
     return interleaved([pl.concat([keys, part], how="horizontal") for part in frames])
 
@@ -98,21 +121,21 @@ class _Pairing:
         return np.divide(sums, counts, out=np.full(shape, np.nan), where=counts > 0), wanted
 
 
-def _of_metric(pairing: _Pairing, metric: Metric, seed: int) -> pl.DataFrame:
-    units, wanted = pairing.differences(values_of(pairing.table, metric.name))
+def _frame(metric: Metric, units: FloatArray, wanted: BoolArray, tested: Verdicts) -> pl.DataFrame:
     defined = ~np.isnan(units)
-    low, high = intervals(units, pairing.cells.worlds, seed)
-    mean, p = centres(units), sign_flip_p(units, seed)
+    # Two shares differ by 1 at most.
+    widest = 1.0 if metric.unit == "%" else np.inf
+    low, high = (np.where(np.isinf(end), np.nan, np.clip(end, -widest, widest)) for end in (tested.low, tested.high))
     return pl.DataFrame(
         {
             "metric": pl.Series([metric.name] * len(units), dtype=pl.String),
             "pairs": pl.Series(defined.sum(axis=1), dtype=pl.Int64),
             "undefined": pl.Series((wanted & ~defined).sum(axis=1), dtype=pl.Int64),
-            "mean": nullable(mean),
+            "mean": nullable(centres(units)),
             "low": nullable(low),
             "high": nullable(high),
-            "p": nullable(p),
-            "p_corrected": nullable(holm(p)),
+            "p": nullable(tested.p),
+            "p_corrected": nullable(tested.p_corrected),
             "dz": nullable([_dz(row[here]) for row, here in zip(units, defined, strict=True)]),
         }
     )
@@ -124,58 +147,6 @@ def _dz(gaps: FloatArray) -> float:
         return np.nan
     sd = float(gaps.std(ddof=1))
     return float(gaps.mean()) / sd if sd > 1e-12 * np.abs(gaps).max() else np.nan
-
-
-def sign_flip_p(units: FloatArray, seed: int = 0) -> FloatArray:
-    """Two-sided p of "the differences are as likely positive as negative", by the permutation test of their mean.
-
-    The share of all assignments of signs whose mean is at least as far from 0 as the one observed. Differences of 0
-    have no sign. Exact up to `EXACT_PAIRS` others; beyond, by `FLIPS` drawn ones and the observed (Phipson and Smyth
-    2010: p is never 0).
-
-    Args:
-        units: (comparisons, pairs) differences, NaN where there is none.
-
-    Returns:
-        (comparisons,) NaN for fewer than two pairs.
-    """
-    tested = (~np.isnan(units)).sum(axis=1) >= 2
-    p = np.where(tested, 1.0, np.nan)
-    differ = ~np.isnan(units) & (units != 0)
-    number = differ.sum(axis=1)
-    for n in np.unique(number[tested & (number > 0)]):
-        rows = np.flatnonzero(tested & (number == n))
-        for start in range(0, len(rows), _COLUMNS):
-            part = rows[start : start + _COLUMNS]
-            p[part] = _flip_p(np.stack([units[row, differ[row]] for row in part], axis=1), seed)
-    return p
-
-
-def _flip_p(gaps: FloatArray, seed: int) -> FloatArray:
-    """(comparisons,) p of (pairs, comparisons) differences."""
-    # Sums of decimal fractions that are equal on paper differ in their last bits.
-    observed = np.abs(gaps.sum(axis=0)) - 1e-9 * np.abs(gaps).sum(axis=0)
-    tried, reached = 0, np.zeros(gaps.shape[1])
-    for signs in _signs(len(gaps), seed):
-        tried += len(signs)
-        reached += (np.abs(signs @ gaps) >= observed).sum(axis=0)
-    return np.asarray(reached / tried if len(gaps) <= EXACT_PAIRS else (reached + 1) / (tried + 1))
-
-
-def _signs(n: int, seed: int) -> Iterator[FloatArray]:
-    """Chunks of (assignments, n) signs. The last is held, since turning all signs around turns only the mean's."""
-    if n <= EXACT_PAIRS:
-        for start in range(0, 2 ** (n - 1), _CHUNK):
-            numbers = np.arange(start, min(start + _CHUNK, 2 ** (n - 1)))
-            yield _as_signs(numbers[:, np.newaxis] >> np.arange(n) & 1)
-        return
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_SIGNS, n)))
-    for start in range(0, FLIPS, _CHUNK):
-        yield _as_signs(rng.integers(0, 2, size=(min(_CHUNK, FLIPS - start), n)))
-
-
-def _as_signs(bits: IntArray) -> FloatArray:
-    return np.where(bits, -1.0, 1.0)
 
 
 def holm(p: FloatArray) -> FloatArray:

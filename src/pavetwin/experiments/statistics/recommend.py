@@ -15,13 +15,14 @@ from pavetwin.experiments.statistics.cells import (
     BoolArray,
     FloatArray,
     IntArray,
+    failed_alone,
     layout,
     nullable,
     values_of,
     varied_columns,
 )
-from pavetwin.experiments.statistics.paired import sign_flip_p
-from pavetwin.experiments.statistics.summary import summarise
+from pavetwin.experiments.statistics.flips import sign_flip_p
+from pavetwin.experiments.statistics.summary import FEW, summarise
 from pavetwin.experiments.statistics.wording import (
     amount,
     factor_name,
@@ -35,12 +36,12 @@ from pavetwin.experiments.statistics.wording import (
 
 _COVERAGE, _TIME, _ENERGY = _MEASURED = ("coverage", "time_s", "energy")
 _SPOKEN = ("coverage", "time", "energy")
-_FEW: Final = 5
-"""With fewer missions resamples say nothing of how sure a choice is."""
 _SHOWN: Final = 0.05
 """Below this p a difference counts as shown."""
 _SAME: Final = 1e-9
 """Coverages closer than this are equal: sums of the same shares in another order."""
+_NEAR: Final = 0.01
+"""Options that break their limits by this share more than the nearest are as near."""
 
 
 @dataclass(frozen=True)
@@ -74,14 +75,17 @@ class Recommendation:
     limits: Limits
     by: tuple[str, ...]
     options: pl.DataFrame
-    """Best first, those that break a limit last. Columns: `*by`, `n` (missions with a coverage), `undefined`, `failed`;
-    of coverage, time_s and energy each the mean and `…_low`, `…_high` (95 % interval); `time_s_p95`; `feasible` (its
-    means keep the limits), `kept` (share of the resamples in which they do) and `certainty` (in which it also is the
-    best of all that do)."""
+    """Best first, then those that break a limit, then those that failed alone. Columns: `*by`, `n` (missions with a
+    coverage), `undefined`, `failed`; of coverage, time_s and energy each the mean and `…_low`, `…_high` (95 %
+    interval); `time_s_p95`; `failed_alone` (missions that failed and that another option flew: its means leave out
+    what it failed on); `replicates` (with a coverage); `feasible` (it failed in none alone and its means keep the
+    limits), `kept` (share of the resamples in which they do) and `certainty` (in which it also is the best of all that
+    do), both null where there are fewer than five replicates; `p` (of its coverage against that of the first)."""
     best: dict[str, Any] | None
     """The first row of `options`; None when no option is feasible."""
     nearest: dict[str, Any] | None
-    """When none is feasible: the option whose worst breach is the smallest, as a share of the limit."""
+    """When none is feasible: of the options whose worst breach, as a share of the limit, is at most 1 % above the
+    smallest, the one with the best coverage."""
     broken: str | None
     """The metric of that worst breach."""
     sentences: tuple[str, ...]
@@ -92,7 +96,8 @@ def recommend(
 ) -> Recommendation:
     """The option with the best expected coverage of all whose expected time, energy and coverage keep the limits.
 
-    Equal coverages are told apart by time, then by energy. How sure: replicates are resampled for all options at once,
+    Equal coverages are told apart by time, then by energy. An option that failed in a mission which another flew is not
+    recommended: the two means are over different missions. How sure: replicates are resampled for all options at once,
     which share their traffic, defects and segments, within each world, and the choice is made anew; `certainty` is the
     share of resamples that chose the option (options equal in everything share it).
     """
@@ -101,16 +106,28 @@ def recommend(
     cells = layout(table, by)
     units = np.stack([cells.means(values_of(table, name)) for name in _MEASURED])
     means = np.stack([summary.filter(metric=name)["mean"].fill_null(float("nan")).to_numpy() for name in _MEASURED])
+    alone = np.bincount(cells.cell[failed_alone(table, by)], minlength=len(cells.keys))
+    units[:, alone > 0] = means[:, alone > 0] = np.nan
+    replicates = np.isfinite(cells.means(values_of(table, _COVERAGE))).sum(axis=1)
     kept, certainty = _resampled(units, cells.worlds, limits, seed)
-    feasible = _feasible(means[:, np.newaxis], limits)[0]
-    options = _options(summary, by).with_columns(feasible=feasible, kept=kept, certainty=certainty).with_row_index("at")
-    order = ["feasible", _COVERAGE, _TIME, _ENERGY]
-    options = options.sort(order, descending=[True, True, False, False], nulls_last=True, maintain_order=True)
+    if replicates.max() < FEW:
+        kept[:] = certainty[:] = np.nan
+    options = _options(summary, by).with_columns(
+        failed_alone=alone,
+        replicates=replicates,
+        feasible=_feasible(means[:, np.newaxis], limits)[0],
+        kept=nullable(kept),
+        certainty=nullable(certainty),
+    )
+    order = ["feasible", pl.col("failed_alone") > 0, _COVERAGE, _TIME, _ENERGY]
+    options = options.with_row_index("at").sort(
+        order, descending=[True, False, True, False, False], nulls_last=True, maintain_order=True
+    )
     coverage = units[0, options["at"].to_numpy()]
     options = options.drop("at").with_columns(p=nullable(sign_flip_p(coverage[:1] - coverage, seed)))
-    best = options.row(0, named=True) if feasible.any() else None
+    best = options.row(0, named=True) if options["feasible"].any() else None
     nearest, broken = (None, None) if best else _nearest(options, limits)
-    sentences = _sentences(table, options, by, limits) if best else _refusal(by, nearest, broken, limits)
+    sentences = _sentences(table, options, by, limits) if best else _refusal(options, by, nearest, broken, limits)
     return Recommendation(limits, tuple(by), options, best, nearest, broken, tuple(sentences))
 
 
@@ -161,14 +178,15 @@ def _feasible(means: FloatArray, limits: Limits) -> BoolArray:
 
 def _nearest(options: pl.DataFrame, limits: Limits) -> tuple[dict[str, Any] | None, str | None]:
     breaches = [
-        (max((_breach(option[name], limit, name), name) for name, limit in limits.named.items()), at)
-        for at, option in enumerate(options.iter_rows(named=True))
-        if limits.named and None not in (option[name] for name in _MEASURED)
+        (max((_breach(option[name], limit, name), name) for name, limit in limits.named.items()), option)
+        for option in options.iter_rows(named=True)
+        if limits.named and not option["failed_alone"] and None not in (option[name] for name in _MEASURED)
     ]
     if not breaches:
         return None, None
-    (_, name), at = min(breaches)
-    return options.row(at, named=True), name
+    least = min(breach for (breach, _), _ in breaches)
+    # The options stand in the order of their coverage.
+    return next((option, name) for (breach, name), option in breaches if breach <= least + _NEAR)
 
 
 def _breach(value: float, limit: float, name: str) -> float:
@@ -182,23 +200,32 @@ def _sentences(table: pl.DataFrame, options: pl.DataFrame, by: Sequence[str], li
     best, *others = options.to_dicts()
     expected = [f"{name} {_expected(best, column)}" for name, column in zip(_SPOKEN, _MEASURED, strict=True)]
     fly = f"fly {_option(best, by)}: expected {listed(expected)} a segment, the way there from the base included"
-    sentences = [fly, _how_sure(best, others, by), *_unshown(best, others, by), *_same(best, others, by)]
-    return [opened(sentence) for sentence in [*sentences, *_warnings(best, limits), *_averaged(table, by)]]
+    sure = _how_sure(best, others, by, limited=bool(limits.named))
+    sentences = [fly, sure, *_unshown(best, others, by), *_same(best, others, by), *_warnings(best, limits)]
+    return [opened(sentence) for sentence in [*sentences, *_left_out(others, by), *_averaged(table, by)]]
 
 
 def _warnings(best: dict[str, Any], limits: Limits) -> list[str]:
     warnings = []
-    if limits.named and best["kept"] < 0.95:
+    if limits.named and best["kept"] is not None and best["kept"] < 0.95:
         broken = percent(1 - best["kept"])
         warnings.append(f"that it keeps the limits on average is not sure: in {broken} of the resamples it does not")
     if limits.max_time_s is not None and best["time_s_p95"] > limits.max_time_s:
         over = amount(metric_named(_TIME), best["time_s_p95"])
         warnings.append(f"the limit of time holds on average only: the 95th percentile is {over}")
     if best["failed"]:
-        warnings.append(f"{best['failed']} of its missions failed and are in no mean")
+        warnings.append(f"{best['failed']} of its missions failed, as with every option, and are in no mean")
     if best["undefined"]:
         warnings.append(f"in {best['undefined']} of its missions coverage is undefined")
     return warnings
+
+
+def _left_out(options: Sequence[dict[str, Any]], by: Sequence[str]) -> list[str]:
+    """The options that failed where others did not."""
+    left = [option for option in options if option["failed_alone"]]
+    named = [f"{_option(option, by)} ({option['failed_alone']} failed)" for option in left[:3]]
+    more = f" and {len(left) - 3} more" if len(left) > 3 else ""
+    return [f"left out, since their means lack missions that others flew: {listed(named)}{more}"] if left else []
 
 
 def _averaged(table: pl.DataFrame, by: Sequence[str]) -> list[str]:
@@ -224,17 +251,18 @@ def _expected(option: dict[str, Any], name: str) -> str:
     return amount(metric, option[name]) + interval
 
 
-def _how_sure(best: dict[str, Any], others: Sequence[dict[str, Any]], by: Sequence[str]) -> str:
+def _how_sure(best: dict[str, Any], others: Sequence[dict[str, Any]], by: Sequence[str], *, limited: bool) -> str:
     if best["coverage_low"] is None:
         return "one replicate says nothing of how sure this is"
-    if not any(other["kept"] > 0 for other in others):
-        return "no other option keeps the limits" if others else "there is no other option"
-    if best["n"] < _FEW:
-        return f"{best['n']} missions an option are too few to say how sure this is: fly at least {_FEW} replicates"
     certainty = best["certainty"]
+    if certainty is None:
+        return f"{best['replicates']} replicates are too few to say how sure this is: fly at least {FEW}"
+    if not any(other["kept"] > 0 for other in others):
+        return "no other option keeps the limits" if limited and others else "there is no other option to choose from"
     shown = not _doubtful(best, others)
     word = "very sure" if certainty >= 0.95 and shown else "fairly sure" if certainty >= 0.8 and shown else "not sure"
-    text = f"this is {word}: of all that keep the limits it is the best in {percent(certainty)} of the resamples"
+    whole = "all that keep the limits" if limited else "all options"
+    text = f"this is {word}: of {whole} it is the best in {percent(certainty)} of the resamples"
     rivals = sorted((other for other in others if other["certainty"] >= 0.05), key=lambda other: -other["certainty"])
     named = [f"{_option(other, by)} in {percent(other['certainty'])}" for other in rivals[:3]]
     return f"{text}, {listed(named)}" if named else text
@@ -242,7 +270,7 @@ def _how_sure(best: dict[str, Any], others: Sequence[dict[str, Any]], by: Sequen
 
 def _unshown(best: dict[str, Any], others: Sequence[dict[str, Any]], by: Sequence[str]) -> list[str]:
     """The options whose coverage pairs do not show to be less, though a resample seldom says so where few differ."""
-    if best["n"] < _FEW:
+    if best["certainty"] is None:
         return []
     doubtful = _doubtful(best, others)
     named = [f"{_option(other, by)} (p = {other['p']:.2g})" for other in doubtful[:3]]
@@ -274,13 +302,18 @@ def _equal(one: float, other: float | None) -> bool:
     return other is not None and round(one, 3) == round(other, 3)
 
 
-def _refusal(by: Sequence[str], nearest: dict[str, Any] | None, broken: str | None, limits: Limits) -> list[str]:
+def _refusal(
+    options: pl.DataFrame, by: Sequence[str], nearest: dict[str, Any] | None, broken: str | None, limits: Limits
+) -> list[str]:
+    left = [opened(sentence) for sentence in _left_out(options.to_dicts(), by)]
     if nearest is None or broken is None:
-        return ["No option has a coverage, a time and an energy to judge by."]
+        return ["No option has a coverage, a time and an energy to judge by.", *left]
     metric, limit = metric_named(broken), limits.named[broken]
     side = "below" if broken == _COVERAGE else "above"
+    found = f", its coverage {amount(metric_named(_COVERAGE), nearest[_COVERAGE])}" if broken != _COVERAGE else ""
     return [
         "No option keeps the limits on average.",
-        opened(f"the nearest is {_option(nearest, by)}; what it breaks most is the limit of {metric.label.lower()}: "
-               f"{_expected(nearest, broken)} is {side} {amount(metric, limit)}"),
+        opened(f"the nearest is {_option(nearest, by)}{found}; what it breaks most is the limit of "
+               f"{metric.label.lower()}: {_expected(nearest, broken)} is {side} {amount(metric, limit)}"),
+        *left,
     ]  # fmt: skip

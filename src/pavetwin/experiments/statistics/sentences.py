@@ -1,14 +1,15 @@
 """What a study shows, in sentences that say no more than their intervals and tests do."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 import polars as pl
 
-from pavetwin.experiments.metrics import METRICS, REFERENCE, REPLICATE, metric_named
+from pavetwin.experiments.metrics import COMPARED, METRICS, REPLICATE, metric_named
 from pavetwin.experiments.statistics.effects import RESIDUAL, TIMES
-from pavetwin.experiments.statistics.paired import FLIPS, holm
+from pavetwin.experiments.statistics.paired import Comparison, holm, told
+from pavetwin.experiments.statistics.summary import FEW
 from pavetwin.experiments.statistics.wording import (
     amount,
     compared,
@@ -24,48 +25,39 @@ from pavetwin.experiments.statistics.wording import (
     subject,
 )
 
-ALPHA: Final = 0.05
-"""Family-wise error of all differences that are spoken of."""
 EFFECT_ALPHA: Final = 0.01
-"""The same of the factors that are named: small, since it adds to the other."""
+"""Family-wise error of the factors that are named: small, since it adds to that of the differences."""
 
 ENOUGH: Final = 10
 """Replicates from which on intervals hold about what they promise."""
 
+_TAIL_OF, _TAIL_TIMES, _TAIL_S = 10, 3.0, 60.0
+"""A heavy tail: so many missions with a 95th percentile so many times, and so many seconds above, their median."""
+
 _MAIN: Final = METRICS[0].name
-_SPOKEN: Final = (_MAIN, "time_s", "energy")
 _MOST = {_MAIN: 3, "time_s": 3, "energy": 1}
 """Sentences on shown differences of each metric."""
+_MOST_OF_OTHERS = {_MAIN: 1, "time_s": 1}
+"""The same where something else than policies is compared."""
 
 Row = dict[str, Any]
 
 
-def conclusions(
-    summary: pl.DataFrame,
-    differences: pl.DataFrame,
-    effects: pl.DataFrame,
-    *,
-    factor: str = "policy",
-    reference: Any = REFERENCE,
-) -> list[str]:
-    """At most a dozen sentences: coverage first, then time and energy, tails, what explains most, what is missing.
+def conclusions(summary: pl.DataFrame, comparisons: Sequence[Comparison], effects: pl.DataFrame) -> list[str]:
+    """At most a dozen sentences, and four for each comparison after the first: coverage first, then time and energy,
+    tails, what explains most, what is missing.
 
-    A difference is claimed where its interval excludes 0 and its p is below 0.05 after Holm's correction over *all*
-    comparisons of coverage, time and energy together; `p_corrected` is each metric's own and may be smaller. Of every
-    other comparison the text says that no difference could be shown, and what the intervals leave possible.
+    A difference is claimed where its corrected p is below 0.05, that is where its interval excludes 0, and with the
+    numbers of the table of differences. Of every other comparison the text says that no difference could be shown, and
+    what the same intervals leave possible.
 
     Args:
-        summary, differences, effects: of the same table, as the functions of these names make them.
-        factor, reference: what `differences` compares.
+        summary, effects: of the same table, as the functions of these names make them.
+        comparisons: the first is what the study is about.
     """
-    claims = _Claims(differences, factor, reference)
+    claims = [_Claims(comparison, _MOST_OF_OTHERS if at else _MOST) for at, comparison in enumerate(comparisons)]
     return [
-        *claims.shown(_MAIN),
-        *claims.not_shown(_MAIN),
-        *claims.shown("time_s"),
-        *claims.shown("energy", unless="time_s"),
-        *claims.not_shown("time_s"),
-        *claims.hopeless(),
+        *(sentence for claim in claims for sentence in claim.sentences()),
         *_few(summary),
         *_tail(summary, "wait_s", "waiting"),
         *(_tail(summary, "time_s", "time") if "wait_s" not in summary["metric"] else []),
@@ -75,18 +67,35 @@ def conclusions(
 
 
 class _Claims:
-    """The comparisons that may be spoken of, corrected together."""
+    """What may be said of the comparisons of one family."""
 
-    def __init__(self, differences: pl.DataFrame, factor: str, reference: Any) -> None:
-        self.factor, self.reference = factor, subject(factor, reference)
+    def __init__(self, comparison: Comparison, most: Mapping[str, int]) -> None:
+        self.factor, self.reference = comparison.factor, subject(comparison.factor, comparison.reference)
+        self.reason, self.number, self.most = comparison.reason, comparison.number, most
+        differences = comparison.differences
         columns = differences.columns[: differences.columns.index("metric")]
-        self.others = _varied(differences, [column for column in columns if column != factor])
-        spoken = differences.filter(pl.col("metric").is_in(_SPOKEN))
-        p = holm(np.array(spoken["p"].fill_null(float("nan")).to_numpy(), dtype=np.float64))
-        rows = spoken.to_dicts()
-        self.family = int((~np.isnan(p)).sum())
-        self.rows = [row | {"family_p": value} for row, value in zip(rows, p, strict=True) if not np.isnan(value)]
+        self.others = _varied(differences, [column for column in columns if column != self.factor])
+        self.rows = differences.drop_nulls("p").filter(pl.col("metric").is_in(COMPARED)).to_dicts()
         self.noted = False
+
+    def sentences(self) -> list[str]:
+        return [
+            *self.against(),
+            *self.shown(_MAIN),
+            *self.not_shown(_MAIN),
+            *self.shown("time_s"),
+            *(self.shown("energy", unless="time_s") if "energy" in self.most else []),
+            *self.not_shown("time_s"),
+            *self.hopeless(),
+        ]
+
+    def against(self) -> list[str]:
+        """What is compared with what, where that was not to be expected."""
+        if not self.rows or not self.reason:
+            return []
+        levels = [subject(self.factor, rows[0][self.factor]) for rows in _grouped(self.rows, self._level)]
+        verb = "is" if len(levels) == 1 else "are"
+        return [opened(f"compared with {self.reference}, {self.reason}, {verb} {listed(levels)}")]
 
     def shown(self, name: str, unless: str | None = None) -> list[str]:
         """A sentence for each level and direction, the largest difference in full.
@@ -98,21 +107,21 @@ class _Claims:
         def aim(row: Row) -> tuple[Any, bool]:
             return row[self.factor], row["mean"] > 0
 
-        claimed = [row for row in self.rows if _claimed(row)]
+        claimed = [row for row in self.rows if told(row)]
         known = {aim(row) for row in claimed if row["metric"] == unless}
         groups = _grouped([row for row in claimed if row["metric"] == name and aim(row) not in known], aim)
         groups.sort(key=lambda group: -max(abs(row["mean"]) for row in group))
-        sentences = [self._difference(name, group) for group in groups[: _MOST[name]]]
-        if more := len(groups) - len(sentences):
+        sentences = [self._difference(name, group) for group in groups[: self.most[name]]]
+        if sentences and (more := len(groups) - len(sentences)):
             sentences[-1] += f" The table of differences has {more} more."
         return sentences
 
     def _difference(self, name: str, group: Sequence[Row]) -> str:
         largest = max(group, key=lambda row: abs(row["mean"]))
         what = [compared(name, largest["mean"], self.reference) + self._evidence(largest)]
-        for also in _SPOKEN[_SPOKEN.index(name) + 1 :]:
+        for also in COMPARED[COMPARED.index(name) + 1 :]:
             same = self._in_cell_of(largest, also)
-            if same is not None and _claimed(same):
+            if same is not None and told(same):
                 what.append(compared(also, same["mean"], "").removesuffix(" than") + self._evidence(same))
         text = f"{setting(largest, self.others)}, {subject(self.factor, largest[self.factor])} {listed(what)}"
         return opened(text + self._elsewhere(name, group, largest))
@@ -130,10 +139,10 @@ class _Claims:
 
     def _evidence(self, row: Row) -> str:
         low, high = sorted((abs(row["low"]), abs(row["high"])))
-        note = "" if self.noted else f" after Holm's correction over {_comparisons(self.family)}"
+        note = "" if self.noted else f", both corrected for {_comparisons(self.number)}"
         self.noted = True
         interval = span(metric_named(row["metric"]), low, high)
-        return f" (95 % interval {interval}, {probability(row['family_p'])}{note})"
+        return f" (95 % interval {interval}, {probability(row['p_corrected'])}{note})"
 
     def _in_cell_of(self, row: Row, name: str) -> Row | None:
         found = (
@@ -144,7 +153,7 @@ class _Claims:
     def not_shown(self, name: str) -> list[str]:
         """One sentence on all comparisons of a metric that showed nothing, with what their intervals leave possible."""
         every = [row for row in self.rows if row["metric"] == name]
-        silent = [row for row in every if not _claimed(row)]
+        silent = [row for row in every if not told(row)]
         if not silent:
             return []
         whom = [
@@ -158,11 +167,14 @@ class _Claims:
     def _silent_levels(self, every: Sequence[Row], silent: Sequence[Row]) -> dict[str, list[Any]]:
         """The levels by how many of their settings showed nothing."""
         levels: dict[str, list[Any]] = {}
-        for group in _grouped(silent, lambda row: row[self.factor]):
-            level = group[0][self.factor]
-            settings = sum(row[self.factor] == level for row in every)
+        for group in _grouped(silent, self._level):
+            level = self._level(group[0])
+            settings = sum(self._level(row) == level for row in every)
             levels.setdefault(_out_of(len(group), settings), []).append(level)
         return levels
+
+    def _level(self, row: Row) -> Any:
+        return row[self.factor]
 
     def hopeless(self) -> list[str]:
         """That even the clearest differences of so few replicates could pass no test after correction."""
@@ -171,17 +183,20 @@ class _Claims:
                 f"Nothing could be compared with {self.reference}: that takes missions of it and of another in the "
                 "same two replicates."
             ]
-        pairs = max(row["pairs"] for row in self.rows)
-        if max(2.0 ** (1 - pairs), 1 / (FLIPS + 1)) * self.family < ALPHA:
+        if any(row["low"] is not None for row in self.rows):
             return []
+        pairs = max(row["pairs"] for row in self.rows)
         return [
-            f"With {pairs} replicates no difference, however large, could pass a test corrected for "
-            f"{_comparisons(self.family)}: fly more replicates, or compare fewer settings."
+            f"With {pairs} replicates no difference from {self.reference}, however large, could be told from chance: "
+            "fly at least 6, better 20."
         ]
 
 
 def _not_excluded(name: str, rows: Sequence[Row]) -> str:
+    """What the intervals of these comparisons leave possible."""
     metric = metric_named(name)
+    if any(row["low"] is None for row in rows):
+        return "so few pairs exclude none there"
     low, high = min(row["low"] for row in rows), max(row["high"] for row in rows)
     if low == high == 0:
         return "all pairs are equal there"
@@ -191,10 +206,6 @@ def _not_excluded(name: str, rows: Sequence[Row]) -> str:
 
 def _comparisons(number: int) -> str:
     return f"{number} comparison" + ("s" if number > 1 else "")
-
-
-def _claimed(row: Row) -> bool:
-    return bool(row["family_p"] < ALPHA and (row["low"] > 0 or row["high"] < 0))
 
 
 def _same(row: Row, other: Row, columns: Sequence[str]) -> bool:
@@ -221,10 +232,10 @@ def _out_of(found: int, settings: int) -> str:
 
 
 def _tail(summary: pl.DataFrame, name: str, what: str) -> list[str]:
-    """The cell whose rare missions take longest against its usual one, where that is at least twice as long."""
+    """The cell whose rare missions take longest against its usual one, where that is far longer."""
     columns = _varied(summary, summary.columns[: summary.columns.index("metric")])
     rows = summary.filter(metric=name).drop_nulls(["median", "p95"]).to_dicts()
-    heavy = [row for row in rows if row["n"] >= 5 and row["p95"] > 2 * row["median"] and row["p95"] >= 1.0]
+    heavy = [row for row in rows if _heavy(row)]
     if not heavy:
         return []
     worst, metric = max(heavy, key=lambda row: row["p95"] - row["median"]), metric_named(name)
@@ -235,6 +246,12 @@ def _tail(summary: pl.DataFrame, name: str, what: str) -> list[str]:
         return [opened(f"{text} the longest of {worst['n']} missions had {longest}")]
     rare = amount(metric, worst["p95"])
     return [opened(f"{text} one mission in twenty had over {rare} and the longest of {worst['n']} had {longest}")]
+
+
+def _heavy(row: Row) -> bool:
+    """Whether enough missions show a tail that a planner would have to reckon with, of a metric in seconds."""
+    least = max(_TAIL_TIMES * row["median"], row["median"] + _TAIL_S)
+    return bool(row["n"] >= _TAIL_OF and row["p95"] >= least)
 
 
 def _explained(effects: pl.DataFrame) -> list[str]:
@@ -251,7 +268,10 @@ def _explained(effects: pl.DataFrame) -> list[str]:
     if not named:
         parts.append("none could be shown to be explained by a factor")
     rest = f" ({percent(share[RESIDUAL])} by nothing in this analysis)" if share.get(RESIDUAL, 0) >= 0.005 else ""
-    return [opened(f"of the variance in {metric_named(_MAIN).label.lower()}, {listed(parts)}{rest}")]
+    tested = int((~np.isnan(p)).sum())
+    terms = f"Holm's correction for {tested} term{'s' if tested > 1 else ''}"
+    rule = f"; a factor is named where it holds at {100 * EFFECT_ALPHA:g} % after {terms}" if tested else ""
+    return [opened(f"of the variance in {metric_named(_MAIN).label.lower()}, {listed(parts)}{rest}{rule}")]
 
 
 def _term(name: str) -> str:
@@ -265,8 +285,8 @@ def _few(summary: pl.DataFrame) -> list[str]:
     if not isinstance(most, int) or not 2 <= most < ENOUGH:
         return []
     return [
-        f"Intervals of {most} replicates are rough: they may miss the truth more often than they say, or reach where "
-        "no value can be."
+        f"Intervals of {most} replicates are rough: they miss the truth more often than they say"
+        + (", and so few do not say how sure a mean is." if most < FEW else ".")
     ]
 
 

@@ -1,6 +1,7 @@
 """Every cell of a study in numbers: centre, spread, interval and tail of each metric."""
 
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 import polars as pl
@@ -16,6 +17,9 @@ from pavetwin.experiments.statistics.cells import (
     nullable,
     values_of,
 )
+
+FEW: Final = 5
+"""Fewer values in a cell are too few to say how sure its mean is."""
 
 
 def summarise(

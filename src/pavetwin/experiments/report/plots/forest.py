@@ -1,4 +1,4 @@
-"""Paired differences of each policy to the reference: a row a comparison, its interval, and its corrected p."""
+"""Paired differences to a reference: a row a comparison, its interval, and its corrected p."""
 
 from collections.abc import Mapping, Sequence
 from itertools import groupby
@@ -11,61 +11,61 @@ from matplotlib.figure import Figure
 from pavetwin.draw import style
 from pavetwin.experiments.metrics import Metric
 from pavetwin.experiments.report.canvas import WIDTH_IN, Looks, looks, panel_title, policy_legend
-from pavetwin.experiments.report.study import METRIC, Group, Row
-from pavetwin.experiments.report.words import level_text, p_text
-
-LEVEL: Final = 0.05
-"""A comparison counts as different when its corrected p is below this."""
+from pavetwin.experiments.report.study import AXES, METRIC, Group, Row
+from pavetwin.experiments.report.words import factor_text, level_text, p_text
+from pavetwin.experiments.statistics.paired import told
 
 _ROW_IN: Final = 0.15
-Places = list[tuple[Any, Any, Any]]
-"""Density, altitude, policy of each row, from the top."""
+Place = tuple[Any, ...]
+"""Density, altitude, levels of what is swept, and policy of a row."""
 
 
-def compared(group: Group) -> list[Any]:
-    """The policies that are compared with the reference."""
-    found = set(group.differences["policy"].to_list()) if group.differences.height else set()
-    return [policy for policy in group.policies if policy in found]
+def axes_of(group: Group) -> tuple[str, ...]:
+    """The columns whose levels make a place."""
+    return ("traffic", "altitude_m", *group.swept, "policy")
 
 
-def places(group: Group, traffics: Sequence[Any]) -> Places:
-    """The comparisons of these densities in the order of the table."""
-    found = set(group.differences.select("traffic", "altitude_m", "policy").iter_rows())
-    grid = [(t, h, p) for t in traffics for h in group.altitudes for p in compared(group)]
+def places(group: Group, differences: pl.DataFrame, traffics: Sequence[Any]) -> list[Place]:
+    """The comparisons of these densities in the order of the table, from the top."""
+    found = set(differences.select(axes_of(group)).iter_rows())
+    grid = [
+        (traffic, altitude, *(part.key[name] for name in group.swept), policy)
+        for traffic in traffics
+        for altitude in group.altitudes
+        for part in group.parts
+        for policy in group.policies
+    ]
     return [place for place in grid if place in found]
 
 
-def forest(group: Group, metrics: Sequence[Metric], shown: Places) -> Figure:
-    """A panel a metric over the same rows. Filled marks are different after the correction."""
+def forest(group: Group, differences: pl.DataFrame, metrics: Sequence[Metric], shown: Sequence[Place]) -> Figure:
+    """A panel a metric over the same rows. Filled marks are told as differences."""
     with style.styled():
         chosen = looks(group.policies)
         figure = style.new_figure(WIDTH_IN, 0.75 + _ROW_IN * len(shown))
         figure.set_layout_engine("constrained", w_pad=0.03)
         panels = figure.subplots(1, len(metrics), squeeze=False, sharey=True)[0]
         for axes, metric in zip(panels, metrics, strict=True):
-            _panel(axes, metric, shown, _of_metric(group, metric), chosen)
-        _name_rows(panels[0], shown)
-        policy_legend(figure, {policy: chosen[policy] for policy in compared(group)})
+            rows = differences.filter(pl.col(METRIC) == metric.name).iter_rows(named=True)
+            _panel(axes, metric, shown, {tuple(row[name] for name in axes_of(group)): row for row in rows}, chosen)
+        _name_rows(panels[0], axes_of(group), shown)
+        there = {place[-1] for place in shown}
+        policy_legend(figure, {policy: look for policy, look in chosen.items() if policy in there})
     return figure
 
 
-def _of_metric(group: Group, metric: Metric) -> Mapping[tuple[Any, Any, Any], Row]:
-    rows = group.differences.filter(pl.col(METRIC) == metric.name).iter_rows(named=True)
-    return {(row["traffic"], row["altitude_m"], row["policy"]): row for row in rows}
-
-
-def _panel(axes: Axes, metric: Metric, shown: Places, rows: Mapping[tuple[Any, Any, Any], Row], chosen: Looks) -> None:
+def _panel(axes: Axes, metric: Metric, shown: Sequence[Place], rows: Mapping[Place, Row], chosen: Looks) -> None:
     axes.axvline(0.0, color=style.INK_SOFT, linewidth=0.8, zorder=1)
     axes.grid(axis="y", visible=False)
     for y, place in enumerate(shown):
         row = rows.get(place)
         if row is None or row["mean"] is None:
             continue
-        _mark(axes, y, row, metric.scale, chosen[place[2]])
+        _mark(axes, y, row, metric.scale, chosen[place[-1]])
         axes.annotate(
             p_text(row["p_corrected"]), (1.0, y), xycoords=("axes fraction", "data"), xytext=(3, 0),
             textcoords="offset points", va="center_baseline", fontsize=5.4,
-            color=style.INK if _differs(row) else style.INK_SOFT,
+            color=style.INK if told(row) else style.INK_SOFT,
         )  # fmt: skip
     axes.set_ylim(len(shown) - 0.4, -0.6)
     unit = {"%": "percentage points", "% of a battery": "points of battery %"}.get(metric.unit, metric.unit)
@@ -77,33 +77,35 @@ def _panel(axes: Axes, metric: Metric, shown: Places, rows: Mapping[tuple[Any, A
     )  # fmt: skip
 
 
-def _mark(axes: Axes, y: int, row: Row, scale: float, look: tuple[str, str]) -> None:
-    colour, marker = look
+def _mark(axes: Axes, y: int, row: Row, scale: float, look: style.Look) -> None:
+    colour = look.colour
     if row["low"] is not None:
-        axes.plot([row["low"] * scale, row["high"] * scale], [y, y], color=colour, linewidth=1.3)
-    face = colour if _differs(row) else style.PAPER
-    axes.plot(row["mean"] * scale, y, marker, color=colour, markerfacecolor=face, markersize=4.2, markeredgewidth=0.9)
+        axes.plot([row["low"] * scale, row["high"] * scale], [y, y], color=colour, linewidth=1.3, linestyle=look.dash)
+    face = colour if told(row) else style.PAPER
+    axes.plot(
+        row["mean"] * scale, y, look.marker, color=colour, markerfacecolor=face, markersize=4.2, markeredgewidth=0.9
+    )
 
 
-def _differs(row: Row) -> bool:
-    return row["p_corrected"] is not None and row["p_corrected"] < LEVEL
-
-
-def _name_rows(axes: Axes, shown: Places) -> None:
-    """Density and altitude beside each block, with every second block shaded in all panels."""
-    blocks = [
-        (traffic, altitude, [y for y, _ in rows])
-        for (traffic, altitude), rows in groupby(enumerate(shown), key=lambda item: item[1][:2])
-    ]
+def _name_rows(axes: Axes, factors: Sequence[str], shown: Sequence[Place]) -> None:
+    """What a block of policies has in common beside it, with every second block shaded in all panels."""
+    blocks = [(place, [y for y, _ in rows]) for place, rows in groupby(enumerate(shown), key=lambda item: item[1][:-1])]
     figure = axes.get_figure(root=True)
     assert figure is not None
     for panel in figure.axes:
-        for at, (_, _, ys) in enumerate(blocks):
+        for at, (_, ys) in enumerate(blocks):
             if at % 2 == 0:
                 panel.axhspan(ys[0] - 0.5, ys[-1] + 0.5, color=style.GROUND, zorder=0, linewidth=0)
         panel.tick_params(axis="y", length=0)
     words = [
-        f"{level_text('traffic', traffic)}  {level_text('altitude_m', altitude)}" for traffic, altitude, _ in blocks
+        "  ".join(_level(factor, level) for factor, level in zip(factors[:-1], place, strict=True))
+        for place, _ in blocks
     ]
-    axes.set_yticks([(ys[0] + ys[-1]) / 2 for _, _, ys in blocks], words)
+    axes.set_yticks([(ys[0] + ys[-1]) / 2 for _, ys in blocks], words)
     axes.tick_params(axis="y", labelcolor=style.INK)
+
+
+def _level(factor: str, level: Any) -> str:
+    """`high`, `6 m`, `tau_o 0.5`."""
+    text = level_text(factor, level)
+    return text if factor in AXES else f"{factor_text(factor)} {text}"

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from pavetwin.draw import style
 from pavetwin.experiments.metrics import Metric
 from pavetwin.experiments.report.canvas import (
+    Floats,
     Looks,
     lattice,
     logarithmic,
@@ -25,6 +26,8 @@ from pavetwin.experiments.report.words import factor_text, heading, level_text
 
 _SPREAD: Final = 0.5
 """Of the distance between two ticks, what the policies at one tick take."""
+_WIDEST: Final = 2.5
+"""Numbers on the axis are to scale where that makes it at most so many times as long."""
 _FROM_ZERO: Final = 0.35
 """An axis begins at 0 when the smallest value is below this share of the largest."""
 
@@ -60,20 +63,21 @@ def by_altitude(group: Group, metrics: Sequence[Metric], traffics: Sequence[Any]
     return draw(frame, [strip(metric) for metric in metrics])
 
 
-def across(groups: Sequence[Group], factor: str, metric: Metric) -> Figure:
+def across(group: Group, factor: str, metric: Metric, traffics: Sequence[Any]) -> Figure:
     """One metric over the levels of another factor: a row of panels an altitude, a column a density.
 
     Args:
-        groups: those that differ in `factor` alone, one a level.
+        group: its cells differ in `factor` as well.
     """
-    first, by_level = groups[0], {group.key[factor]: group for group in groups}
+    ticks = [levels[factor] for levels in group.study.combinations([factor])]
+    by_level = {level: group.at({factor: level}) for level in ticks}
 
     def strip(altitude: Any) -> Strip:
         words = f"{level_text('altitude_m', altitude)}\n{heading(metric)}"
         return Strip(metric, words, lambda t, level, policy: by_level[level].cell(metric.name, t, altitude, policy))
 
-    frame = Frame(first.traffics, traffic_title, list(by_level), factor, first.policies)
-    return draw(frame, [strip(altitude) for altitude in first.altitudes])
+    frame = Frame(traffics, traffic_title, ticks, factor, group.policies)
+    return draw(frame, [strip(altitude) for altitude in group.altitudes])
 
 
 def traffic_title(traffic: Any) -> str:
@@ -88,13 +92,13 @@ def draw(frame: Frame, strips: Sequence[Strip]) -> Figure:
         for strip, row in zip(strips, axes, strict=True):
             for column, cell_axes in zip(frame.columns, row, strict=True):
                 _panel(cell_axes, frame, strip, column, chosen)
-            _scale(row[0], frame, strips if one_metric else [strip])
             row[0].set_ylabel(strip.label)
+            _scale(row[0], frame, strips if one_metric else [strip])
         for column, top, bottom in zip(frame.columns, axes[0], axes[-1], strict=True):
             panel_title(top, frame.column_title(column))
-            bottom.set_xticks(range(len(frame.ticks)), [level_text(frame.tick_factor, tick) for tick in frame.ticks])
+            bottom.set_xticks(_places(frame.ticks), [level_text(frame.tick_factor, tick) for tick in frame.ticks])
             bottom.set_xlabel(factor_text(frame.tick_factor))
-            bottom.set_xlim(-0.55, len(frame.ticks) - 0.45)
+            bottom.set_xlim(-0.55, _places(frame.ticks)[-1] + 0.55)
         policy_legend(figure, chosen)
     return figure
 
@@ -105,19 +109,29 @@ def _panel(axes: Axes, frame: Frame, strip: Strip, column: Any, chosen: Looks) -
         rows = [strip.cell(column, tick, policy) for tick in frame.ticks]
         shift = _SPREAD * ((at + 0.5) / len(frame.policies) - 0.5)
         mean, low, high = (_values(strip.metric, rows, name) for name in ("mean", "low", "high"))
-        colour, marker = chosen[policy]
+        look = chosen[policy]
         axes.errorbar(
-            np.arange(len(rows)) + shift,
+            _places(frame.ticks) + shift,
             mean,
             yerr=np.nan_to_num(np.stack([mean - low, high - mean])).clip(min=0.0),
-            color=colour,
-            marker=marker,
+            color=look.colour,
+            marker=look.marker,
             markersize=4,
-            linestyle="solid" if _in_order(frame.ticks) else "none",
+            linestyle=look.dash if _in_order(frame.ticks) else "none",
             linewidth=0.6,
             elinewidth=1.2,
             alpha=0.95,
         )
+
+
+def _places(ticks: Sequence[Any]) -> Floats:
+    """(n,) where ticks stand, 1 apart where they are closest: to scale between numbers, if none would be far away."""
+    even = np.arange(len(ticks), dtype=np.float64)
+    if len(ticks) < 3 or not _in_order(ticks) or list(ticks) != sorted(ticks):
+        return even
+    values = np.array(ticks, dtype=np.float64)
+    scaled = (values - values[0]) / np.diff(values).min()
+    return scaled if scaled[-1] <= _WIDEST * even[-1] else even
 
 
 def _in_order(ticks: Sequence[Any]) -> bool:

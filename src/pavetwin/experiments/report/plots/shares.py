@@ -12,9 +12,9 @@ from matplotlib.patches import Patch
 from pavetwin.draw import style
 from pavetwin.experiments.metrics import Metric
 from pavetwin.experiments.report.canvas import WIDTH_IN, panel_title
-from pavetwin.experiments.report.plots.forest import LEVEL
 from pavetwin.experiments.report.study import METRIC, Row
 from pavetwin.experiments.report.words import number, term_text
+from pavetwin.experiments.statistics.simultaneous import ALPHA
 
 _BLOCKS: Final = ("replicate", "residual")
 """Terms that are no factor of the design."""
@@ -68,7 +68,7 @@ def _widest(effects: pl.DataFrame, terms: Sequence[str]) -> float:
 def _colour(term: str, p: float | None) -> str:
     if term in _BLOCKS:
         return style.INK_FAINT
-    return style.BASE if p is not None and p < LEVEL else _UNSURE
+    return style.BASE if p is not None and p < ALPHA else _UNSURE
 
 
 _UNSURE: Final = "#B8C6D9"
@@ -80,8 +80,8 @@ def _key() -> list[Patch | Line2D]:
         markeredgecolor=style.INK, label="partial ω², in brackets",
     )  # fmt: skip
     return [
-        Patch(color=style.BASE, label=f"η², p < {LEVEL:g} uncorrected"),
-        Patch(color=_UNSURE, label=f"η², p ≥ {LEVEL:g}"),
+        Patch(color=style.BASE, label=f"η², p < {ALPHA:g} uncorrected"),
+        Patch(color=_UNSURE, label=f"η², p ≥ {ALPHA:g}"),
         Patch(color=style.INK_FAINT, label="η², not a factor of the design"),
         diamond,
     ]

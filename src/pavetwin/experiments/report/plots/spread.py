@@ -34,7 +34,7 @@ def spread(group: Group, metric: Metric, traffics: Sequence[Any]) -> Figure:
             panel_title(panel, traffic_title(traffic))
             panel.set_xlabel(heading(metric))
         if positive and metric.more_is_better is False:
-            logarithmic(axes[0][0].xaxis)
+            logarithmic(*(panel.xaxis for panel in axes[0]))
         policy_legend(figure, chosen)
     return figure
 
@@ -54,15 +54,18 @@ def _panel(axes: Axes, group: Group, metric: Metric, known: pl.DataFrame, chosen
     axes.grid(axis="y", visible=False)
 
 
-def _row(axes: Axes, values: Floats, y: float, look: tuple[str, str], *, as_picture: bool) -> None:
-    colour, _ = look
+def _row(axes: Axes, values: Floats, y: float, look: style.Look, *, as_picture: bool) -> None:
+    colour = look.colour
     jitter = ((np.arange(len(values)) + 1) * _GOLDEN % 1.0 - 0.5) * 0.62
     axes.plot(
         values, y + jitter, ".", color=colour, markersize=3.6, markeredgewidth=0, alpha=0.6, rasterized=as_picture
     )
     box = {"color": style.INK, "linewidth": 0.6}
-    axes.boxplot(
-        [values], positions=[y], orientation="horizontal", widths=0.62, whis=(5, 95), showfliers=False,
+    # The percentiles of the tables: matplotlib's own whiskers end at the last value within them.
+    names = ("whislo", "q1", "med", "q3", "whishi")
+    ends = dict(zip(names, np.quantile(values, (0.05, 0.25, 0.5, 0.75, 0.95)).tolist(), strict=True))
+    axes.bxp(
+        [ends], positions=[y], orientation="horizontal", widths=0.62, showfliers=False,
         manage_ticks=False, boxprops=box, whiskerprops=box, capprops=box,
         medianprops={"color": colour, "linewidth": 2.0}, zorder=4,
     )  # fmt: skip

@@ -42,15 +42,20 @@ class Option:
 
 
 def options(group: Group, traffic: Any, gain: Metric, cost: Metric) -> list[Option]:
-    """The cells of a density in which both means are defined."""
+    """The cells of a density in which both means are defined.
+
+    One that failed in a mission which another flew is not on the front: their means are over different missions.
+    """
     pairs = [
         (h, policy, group.cell(gain.name, traffic, h, policy), group.cell(cost.name, traffic, h, policy))
         for h in group.altitudes
         for policy in group.policies
     ]
     known = [(h, p, a, b) for h, p, a, b in pairs if a and b and a["mean"] is not None and b["mean"] is not None]
-    front = on_front([(a["mean"], b["mean"]) for _, _, a, b in known])
-    return [Option(h, p, a, b, best) for (h, p, a, b), best in zip(known, front, strict=True)]
+    whole = [cell for cell in known if not group.failed_alone(traffic, *cell[:2])]
+    front = on_front([(a["mean"], b["mean"]) for _, _, a, b in whole])
+    best = {cell[:2] for cell, chosen in zip(whole, front, strict=True) if chosen}
+    return [Option(h, p, a, b, (h, p) in best) for h, p, a, b in known]
 
 
 def tradeoff(group: Group, gain: Metric, cost: Metric, traffics: Sequence[Any]) -> Figure:
@@ -65,7 +70,7 @@ def tradeoff(group: Group, gain: Metric, cost: Metric, traffics: Sequence[Any]) 
             panel_title(panel, traffic_title(traffic))
             panel.set_xlabel(f"Mean {heading(cost)[:1].lower()}{heading(cost)[1:]}")
         if wide:
-            logarithmic(axes[0][0].xaxis)
+            logarithmic(*(panel.xaxis for panel in axes[0]))
         axes[0][0].set_ylabel(f"Mean {heading(gain)[:1].lower()}{heading(gain)[1:]}")
         policy_legend(figure, chosen, [*_sizes(group), Line2D([], [], color=style.INK, linewidth=0.9, label="front")])
     return figure
@@ -74,15 +79,15 @@ def tradeoff(group: Group, gain: Metric, cost: Metric, traffics: Sequence[Any]) 
 def _panel(axes: Axes, group: Group, cells: Sequence[Option], metrics: tuple[Metric, Metric], chosen: Looks) -> None:
     gain, cost = metrics
     for option in cells:
-        (colour, marker), strong = chosen[option.policy], 1.0 if option.on_front else 0.4
+        look, strong = chosen[option.policy], 1.0 if option.on_front else 0.4
         x, y = option.cost["mean"] * cost.scale, option.gain["mean"] * gain.scale
         for row, scale, place in ((option.cost, cost.scale, 0), (option.gain, gain.scale, 1)):
             if row["low"] is not None:
                 ends = [row["low"] * scale, row["high"] * scale]
                 line = (ends, [y, y]) if place == 0 else ([x, x], ends)
-                axes.plot(*line, color=colour, linewidth=0.7, alpha=0.45 * strong, zorder=2)
+                axes.plot(*line, color=look.colour, linestyle=look.dash, linewidth=0.7, alpha=0.45 * strong, zorder=2)
         axes.plot(
-            x, y, marker, color=colour, markersize=_size(group, option.altitude_m), alpha=strong,
+            x, y, look.marker, color=look.colour, markersize=_size(group, option.altitude_m), alpha=strong,
             markeredgecolor=style.INK if option.on_front else style.PAPER, markeredgewidth=0.7, zorder=4,
         )  # fmt: skip
     _front_line(axes, [o for o in cells if o.on_front], gain, cost)

@@ -1,0 +1,153 @@
+"""Tests and intervals of many paired differences at once, the intervals being exactly what the tests leave possible.
+
+All comparisons of a family share their replicates. Two ways tell how far off chance may take the most striking of them:
+
+- Flipped signs (see `flips`): flipping those of what is left of the differences when their means are taken away shows
+  how small the smallest of all p falls by chance (Westfall and Young, Resampling-Based Multiple Testing, 1993,
+  single-step minimum p). Few replicates have few assignments of signs, so that many p are equal; |t| ranks those.
+- Resampled replicates (see `bootstrap`): the same of the smallest tail of all their t* (Beran, Balanced simultaneous
+  confidence sets, JASA 83, 1988). It knows that the mean of a heavy tail may lie far up.
+
+The first is right for few replicates and symmetric differences, the second where waiting makes them lopsided. A
+difference is told where both tell it: its corrected p is the larger of theirs, and its interval reaches as far as
+either's, so that it excludes 0 just where that p is below 0.05. Five pairs or fewer exclude nothing.
+
+How many of a hundred families of 36 comparisons (correlated, ρ = 0.5) held all their true means, and how many of a
+hundred of their intervals held their own:
+
+    replicates, distribution                               families   intervals
+    20, normal                                                 96       99.9
+    20, Student's t with 3 degrees                             97       99.9
+    20, differences of shares of 6 defects around 0.95         99      100
+    20, lognormal (σ = 1)                                      65       98
+    20, waiting: six in ten 0, else lognormal                  77       99
+    10, normal                                                 98       99.9
+    10, differences of shares                                 100      100
+    10, lognormal                                              65       98
+    10, waiting                                                25       96
+    8, normal                                                  97       99.9
+    8, lognormal                                               55       96
+    8, waiting                                                  9       92
+
+The chance of a false find, where there is no difference, is that of the symmetric ones: the difference of two policies
+that do the same is as likely up as down, whatever their distribution.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, inf
+from typing import Final
+
+import numpy as np
+
+from pavetwin.experiments.statistics.bootstrap import RESAMPLES, centre, resamples, strata, t_of_resamples
+from pavetwin.experiments.statistics.cells import FloatArray, IntArray
+from pavetwin.experiments.statistics.flips import Pairs, flips
+
+ALPHA: Final = 0.05
+"""Family-wise error: of all differences that are told, and of all intervals together."""
+
+
+@dataclass(frozen=True)
+class Verdicts:
+    """(comparisons,) each; NaN where fewer than two pairs leave nothing to test."""
+
+    p: FloatArray
+    """Of "the mean difference is 0" by flipped signs, two-sided, each comparison by itself."""
+    p_corrected: FloatArray
+    low: FloatArray
+    high: FloatArray
+    """Simultaneous 95 % intervals; infinite where so few pairs exclude nothing."""
+
+    def rows(self, which: slice) -> "Verdicts":
+        return Verdicts(self.p[which], self.p_corrected[which], self.low[which], self.high[which])
+
+
+def simultaneous(units: FloatArray, worlds: IntArray, seed: int = 0) -> Verdicts:
+    """Test all comparisons of a family together.
+
+    Args:
+        units: (comparisons, blocks) paired differences, NaN where there is none.
+        worlds: (blocks,) number of each block's world, ascending.
+    """
+    columns = np.full((4, len(units)), np.nan)
+    tested = np.flatnonzero((~np.isnan(units)).sum(axis=1) >= 2)
+    if len(tested):
+        p, flipped, *ends = _by_flips(units[tested], seed)
+        resampled, *others = _by_resamples(units[tested], worlds, seed)
+        low, high = np.minimum(ends[0], others[0]), np.maximum(ends[1], others[1])
+        columns[:, tested] = p, np.maximum(flipped, resampled), low, high
+    return Verdicts(*columns)
+
+
+def _by_flips(units: FloatArray, seed: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """(comparisons,) p, corrected p, and limits."""
+    assigned = flips(units.shape[1], seed)
+    pairs = [Pairs(row, assigned) for row in units]
+    chance = _Rarest.of(pairs, len(assigned))
+    reached = np.array([pair.reached for pair in pairs])
+    corrected = [chance.p(count, pair.t) for count, pair in zip(reached.tolist(), pairs, strict=True)]
+    limits = np.array([pair.interval(*chance.limit) for pair in pairs])
+    return reached / len(assigned), np.array(corrected), limits[:, 0], limits[:, 1]
+
+
+@dataclass(frozen=True)
+class _Rarest:
+    """What each assignment makes of the comparison in which it is rarest, sorted from the rarest assignment on."""
+
+    reached: IntArray
+    """(assignments,) how many reach it."""
+    t: FloatArray
+    """(assignments,) |t|: where as many reach it, a larger one is rarer."""
+
+    @classmethod
+    def of(cls, pairs: Sequence[Pairs], assignments: int) -> "_Rarest":
+        least, t = np.full(assignments, assignments), np.zeros(assignments)
+        for pair in pairs:
+            reached, own = pair.by_chance()
+            rarer = (reached < least) | ((reached == least) & (own > t))
+            least, t = np.where(rarer, reached, least), np.where(rarer, own, t)
+        order = np.lexsort((-t, least))
+        return cls(least[order], t[order])
+
+    def p(self, reached: int, t: float) -> float:
+        """The share of the assignments that are as rare as this, the one observed among them."""
+        as_rare = (self.reached < reached) | ((self.reached == reached) & (self.t >= t))
+        return min(max(int(as_rare.sum()) + 1, reached) / len(self.t), 1.0)
+
+    @property
+    def limit(self) -> tuple[int, float]:
+        """A p below `ALPHA` is for fewer reaching it than this, or for as many where |t| is larger; 0 where none is."""
+        rank = ceil(ALPHA * len(self.t)) - 1
+        if rank < 1:
+            return 0, inf
+        reached = int(self.reached[rank - 1])
+        return (reached, float(self.t[rank - 1])) if reached <= rank else (rank + 1, inf)
+
+
+def _by_resamples(units: FloatArray, worlds: IntArray, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(comparisons,) corrected p and limits. Comparisons of the same blocks share their resamples."""
+    defined = ~np.isnan(units)
+    masks, number = np.unique(defined, axis=0, return_inverse=True)
+    rarest = np.full(RESAMPLES, RESAMPLES)
+    parts = []
+    for at, mask in enumerate(masks):
+        sizes = strata(worlds[mask])
+        values = units[np.ix_(number == at, mask)].T
+        t, error = t_of_resamples(values, sizes, resamples(sizes, seed, np.flatnonzero(mask).tolist()))
+        ranks = t.argsort(axis=0, kind="stable").argsort(axis=0, kind="stable")
+        rarest = np.minimum(rarest, np.minimum(ranks, RESAMPLES - 1 - ranks).min(axis=1) + 1)
+        t.sort(axis=0)
+        parts.append((number == at, t, centre(values), error))
+    chance = np.sort(rarest)
+    # The count from which on the corrected p is no longer below the level.
+    limit = int(chance[ceil(ALPHA * (RESAMPLES + 1)) - 2])
+    columns = np.empty((3, len(units)))
+    for which, t, mean, error in parts:
+        own = np.divide(mean, error, out=np.where(mean == 0, 0.0, np.copysign(inf, mean)), where=error > 0)
+        beyond = np.where(own > 0, (t >= own).sum(axis=0), (t <= own).sum(axis=0))
+        beyond[own == 0] = RESAMPLES
+        columns[0, which] = (np.searchsorted(chance, beyond, side="right") + 1) / (RESAMPLES + 1)
+        columns[1, which] = mean - np.maximum(t[-limit], 0.0) * error
+        columns[2, which] = mean - np.minimum(t[limit - 1], 0.0) * error
+    return columns[0], columns[1], columns[2]
