@@ -105,7 +105,7 @@ def test_names_from_a_map_stay_text(cross: Path) -> None:
         (["show", "WORLD", "-o", "map.bmp"], ".png, .svg or .pdf"),
         (["show", "WORLD", "-o", "/proc/nothing/map.png"], "Cannot write"),
         (["show", "WORLD", "--html", "-o", "/proc/nothing/map.png"], "Cannot write"),
-        (["navmesh", "WORLD", "--altitude", "0"], "--altitude 0"),
+        (["navmesh", "WORLD", "--altitude", "0"], "--altitude 0: the UAV flies at 5 m or higher"),
         (["navmesh", "WORLD", "--altitude", "-6"], "--altitude -6"),
         (["navmesh", "WORLD", "--altitude", "nan"], "--altitude nan"),
         (["navmesh", "WORLD", "--altitude", "inf"], "--altitude inf"),

@@ -2,9 +2,12 @@
 
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from types import TracebackType
+from typing import Self
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
@@ -15,36 +18,67 @@ PIPE_COLUMNS = 120
 LINE_S = 10.0
 """Between two lines of progress where there is no terminal."""
 
+STAGE_S = 2.0
+"""What takes no longer is not said there to have begun."""
+
 out = Console(highlight=False, width=None if sys.stdout.isatty() or os.environ.get("COLUMNS") else PIPE_COLUMNS)
 err = Console(stderr=True, highlight=False)
 
 
 class Bar:
-    """A progress bar: call it with the share done, 0 … 1, and now and then with what is being done."""
+    """A progress bar: call it with the share done, 0 … 1, and now and then with what is being done. A share that falls
+    is the beginning of something else."""
 
     def __init__(self, bar: Progress, what: str) -> None:
-        self._bar, self._what = bar, what
+        self._bar, self._what, self._share = bar, what, 0.0
         self._task = bar.add_task(what, total=1.0)
 
     def __call__(self, share: float, what: str | None = None) -> None:
+        if share < self._share:
+            # What came before says nothing about the time that is left.
+            self._bar.reset(self._task)
+        self._share = share
         self._bar.update(self._task, completed=share, description=what or self._what)
 
 
 class Lines:
-    """A progress bar's place where the error stream is a file: a plain line every tenth of the way and every 10 s."""
+    """A progress bar's place where the error stream is a file: a plain line when something has begun, every tenth of
+    its way and every 10 s, also while nobody calls."""
 
     def __init__(self, what: str) -> None:
-        self._what, self._stage, self._tenth, self._told_s = what, "", 0, time.monotonic()
+        self._what, self._text, self._share, self._stage, self._tenth = what, what, 0.0, "", 0
+        self._due_s = time.monotonic() + STAGE_S
+        self._lock, self._ended = threading.Lock(), threading.Event()
+        self._clock = threading.Thread(target=self._remind, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._clock.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._ended.set()
+        self._clock.join()
 
     def __call__(self, share: float, what: str | None = None) -> None:
-        text = what or self._what
-        stage, tenth = text.rstrip("0123456789/ "), int(10 * share + 1e-9)
-        if stage != self._stage:
-            self._stage, self._tenth = stage, 0
-        if tenth > self._tenth or time.monotonic() - self._told_s > LINE_S:
-            self._tenth, self._told_s = tenth, time.monotonic()
-            sys.stderr.write(f"{text} ({share:.0%})\n")
-            sys.stderr.flush()
+        with self._lock:
+            self._text, self._share = what or self._what, share
+            stage, tenth = self._text.rstrip("0123456789/ "), int(10 * share + 1e-9)
+            if stage != self._stage:
+                self._stage, self._tenth, self._due_s = stage, 0, time.monotonic() + STAGE_S
+            if tenth > self._tenth:
+                self._tenth = tenth
+                self._tell()
+
+    def _remind(self) -> None:
+        while not self._ended.wait(STAGE_S / 8):
+            with self._lock:
+                if time.monotonic() > self._due_s:
+                    self._tell()
+
+    def _tell(self) -> None:
+        self._due_s = time.monotonic() + LINE_S
+        sys.stderr.write(f"{self._text} ({self._share:.0%})\n" if self._share else f"{self._text} …\n")
+        sys.stderr.flush()
 
 
 @contextmanager
@@ -52,7 +86,8 @@ def progress(what: str, *, lines: bool = False) -> Iterator[Bar | Lines]:
     """A progress bar on the error stream, so that results can be piped. When that is no terminal, plain silence, or
     `lines` for what takes long."""
     if lines and not err.is_terminal:
-        yield Lines(what)
+        with Lines(what) as told:
+            yield told
         return
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
     with Progress(*columns, TimeRemainingColumn(), console=err, transient=True, disable=not err.is_terminal) as bar:

@@ -29,7 +29,9 @@ def export(
     traffic: Annotated[
         Path | None, typer.Option(metavar="FILE.parquet", help="A recording, to show its traffic at a moment.")
     ] = None,
-    at: Annotated[float, typer.Option(help="That moment, in seconds of the recording.")] = 0.0,
+    at: Annotated[
+        float | None, typer.Option(help="That moment, in seconds of the recording; its beginning otherwise.")
+    ] = None,
     seed: Annotated[int, typer.Option(help="Names the luck of what is only seen: colours, wear, leaves.")] = 0,
 ) -> None:
     """Write the scene as one binary glTF file: ground, defects, buildings, furniture, and traffic at a moment.
@@ -81,12 +83,15 @@ def _segment_bounds(world: "World", segment: str) -> tuple[float, float, float, 
     return west, south, east, north
 
 
-def _moment(world: "World", traffic: Path | None, at_s: float) -> "Moment | None":
+def _moment(world: "World", traffic: Path | None, at: float | None) -> "Moment | None":
     from pavetwin.scene.export import Moment
     from pavetwin.traffic.recording import load_recording
 
     if traffic is None:
+        if at is not None:
+            raise PaveTwinError(f"--at {at:g}: say with --traffic of which recording.")
         return None
+    at_s = at or 0.0
     recording = load_recording(traffic, world)
     if not 0 <= at_s <= recording.duration_s:
         raise PaveTwinError(f"--at {at_s:g}: the recording lasts from 0 to {recording.duration_s:g} s.")

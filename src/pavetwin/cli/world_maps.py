@@ -1,6 +1,5 @@
 """`pavetwin world show` and `pavetwin world navmesh`: maps of what stands still and of where can be flown."""
 
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -69,12 +68,12 @@ def navmesh(
     pavetwin world navmesh worlds/berlin --altitude 15 -o mesh.png --geopackage mesh.gpkg
     """
     from pavetwin.config import load_settings
+    from pavetwin.config.altitude import check_altitude
     from pavetwin.draw.navmesh_map import bake, save_navmesh_map
     from pavetwin.navigation.navmesh import save_geopackage
     from pavetwin.world.store import load_world
 
-    if not isfinite(altitude):
-        raise PaveTwinError(f"--altitude {altitude}: it must be a number of metres.")
+    check_altitude(altitude)
     if geopackage is not None and geopackage.suffix.lower() != ".gpkg":
         raise PaveTwinError(f"--geopackage {geopackage}: end its name in .gpkg.")
     settings = load_settings("default")

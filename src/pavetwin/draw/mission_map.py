@@ -137,7 +137,9 @@ def _comparison_figure(flowns: Sequence[Flown], segment: str) -> Figure:
     y = height - HEAD_IN
     for number, flown in enumerate(flowns):
         y -= strip.caption_in
-        _caption(figure, (MARGIN_IN, y), flown, strip, flown.policy, colour=style.policy_style(flown.policy, number)[0])
+        _caption(
+            figure, (MARGIN_IN, y), flown, strip, flown.policy, colour=style.policy_style(flown.policy, number).colour
+        )
         y -= strip.height_in
         draw_strip(figure, strip, flown, (MARGIN_IN, y), scale=number == 0)
         y -= GAP_IN

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 from math import floor, log10
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, NamedTuple
 
 import matplotlib
 from matplotlib import patheffects
@@ -46,8 +46,13 @@ POLICY_COLOURS: Mapping[str, str] = {
     "skip": "#009E73",
 }
 POLICY_MARKERS: Mapping[str, str] = {"baseline": "o", "hover": "s", "micro": "^", "skip": "D"}
-_MORE_COLOURS = ("#CC79A7", "#56B4E9", "#8C510A", "#B22222")
-_MORE_MARKERS = ("v", "P", "X", "h")
+_MORE_COLOURS = (
+    "#CC79A7", "#56B4E9", "#8C510A", "#332288", "#B22222", "#7FBF3F", "#D58BFF", "#00D0C0", "#C7A500", "#FF6F91",
+)  # fmt: skip
+"""Okabe and Ito's first, then those that stay apart longest in the common forms of colour blindness."""
+_MORE_MARKERS = ("v", "P", "X", "h", "*", "<", ">", "p", "d", "8")
+_DASHES: Final = ((0, ()), (0, (4, 1.4)), (0, (1.2, 1.2)))
+"""Of lines of the built-in policies and the first four others, of the next three, and of the rest."""
 
 DEFECT_COLOURS: Mapping[DefectClass, str] = {
     DefectClass.SINGLE_CRACK: "#3B6FB6",
@@ -126,10 +131,21 @@ def new_figure(width_in: float, height_in: float) -> Figure:
     return figure
 
 
-def policy_style(name: str, order: int = 0) -> tuple[str, str]:
-    """Colour and marker of a policy; one that is not built in takes the `order`-th of the spare ones."""
+class Look(NamedTuple):
+    """How a policy is drawn."""
+
+    colour: str
+    marker: str
+    dash: tuple[int, tuple[float, ...]]
+    """Of its lines, as Matplotlib has it."""
+
+
+def policy_style(name: str, order: int = 0) -> Look:
+    """How a policy is drawn; one that is not built in takes the `order`-th of ten spare looks."""
+    if name in POLICY_COLOURS:
+        return Look(POLICY_COLOURS[name], POLICY_MARKERS[name], _DASHES[0])
     spare = order % len(_MORE_COLOURS)
-    return POLICY_COLOURS.get(name, _MORE_COLOURS[spare]), POLICY_MARKERS.get(name, _MORE_MARKERS[spare])
+    return Look(_MORE_COLOURS[spare], _MORE_MARKERS[spare], _DASHES[(spare >= 4) + (spare >= 7)])
 
 
 def halo(width_pt: float = 1.6, colour: str = PAPER) -> list[patheffects.AbstractPathEffect]:

@@ -1,0 +1,51 @@
+"""What a terminal and a file are told while something takes long."""
+
+import time
+from importlib.metadata import version
+
+import pytest
+from rich.progress import Progress, TimeRemainingColumn
+
+from pavetwin.cli import app, console
+from pavetwin.cli.console import Bar, Lines
+
+
+def test_a_bar_that_begins_something_else_does_not_stay_finished() -> None:
+    """After the first part it would show 0:00:00 left until the end."""
+    with Progress(TimeRemainingColumn(), disable=True) as bars:
+        tell = Bar(bars, "Recording")
+        tell(1.0)
+        assert bars.finished
+        tell(0.0, "Taking images")
+        assert not bars.finished
+        tell(0.5)
+        assert bars.tasks[0].completed == 0.5
+
+
+def test_a_file_is_told_what_begins_and_that_it_takes_long_while_nobody_calls(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(console, "STAGE_S", 0.02)
+    monkeypatch.setattr(console, "LINE_S", 0.05)
+    said = ""
+    with Lines("Starting") as tell:
+        tell(0.0, "Preparing the scene")
+        while said.count("Preparing the scene …\n") < 2:
+            time.sleep(0.01)
+            said += capsys.readouterr().err
+    capsys.readouterr()
+    time.sleep(0.2)
+    assert capsys.readouterr().err == ""
+
+
+def test_a_file_is_told_every_tenth_of_the_way(capsys: pytest.CaptureFixture[str]) -> None:
+    with Lines("Flying") as tell:
+        for step in range(1, 41):
+            tell(step / 40, f"Flying {step}/40")
+    said = capsys.readouterr().err.splitlines()
+    assert said == [f"Flying {4 * tenth}/40 ({10 * tenth}%)" for tenth in range(1, 11)]
+
+
+def test_the_version_is_said_without_a_command(capsys: pytest.CaptureFixture[str]) -> None:
+    app(["--version"], standalone_mode=False)
+    assert capsys.readouterr().out == f"PaveTwin {version('pavetwin')}\n"
