@@ -113,7 +113,7 @@ def car(studio: Studio) -> Picture:
         )
         return studio.take(view, MORNING, time_s=moment.time_s, without=moment.agent)
 
-    level = Mount("level", FRONT.x_m, FRONT.z_m, -8.0, 48.0)
+    level = Mount("level", 0.55, FRONT.z_m, -8.0, 48.0)
     ahead = captioned(picture(level, (1290, 726)), "through the windscreen", height_px=726)
     below = [
         captioned(picture(FRONT, (960, 640)), "front camera, 1.3 m high, pitched to the road", height_px=500),
