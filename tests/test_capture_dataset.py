@@ -6,7 +6,6 @@ import shutil
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +20,6 @@ from pavetwin.capture.room import bytes_of
 from pavetwin.capture.run import capture
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.sheet import save_sheet
-from pavetwin.capture.splits import split_streets
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.store import load_world, save_world
@@ -302,19 +300,6 @@ def test_where_no_hatchback_drives_another_car_gives_way(world: Path, tmp_path: 
     assert driven["val"] <= {"compact", "saloon", "suv", "van"}
 
 
-def test_every_split_gets_a_street_that_is_driven(world: Path) -> None:
-    loaded = load_world(world)
-    streets = sorted({loaded.segment(defect.segment).street for defect in loaded.defects})
-    assert len(streets) > 3
-    driven = set(streets[:3])
-    for seed in range(8):
-        splits = split_streets(loaded, (0.7, 0.15, 0.15), np.random.default_rng(seed), driven)
-        assert set(splits) == set(streets)
-        assert {splits[street] for street in driven} == set(SPLITS)
-    with pytest.raises(PaveTwinError, match="2 streets with defects that are driven"):
-        split_streets(loaded, (0.7, 0.15, 0.15), np.random.default_rng(0), set(streets[:2]))
-
-
 # --- Interruptions and refusals -------------------------------------------------------------------------------------
 
 
@@ -467,15 +452,6 @@ def test_a_complete_dataset_is_left_as_it_is(world: Path, dataset: Path) -> None
     before = files(dataset)
     assert capture(world, UAV, dataset, hire=slow_painter).taken == 0
     assert files(dataset) == before
-
-
-def test_a_world_with_one_street_can_not_be_split(world: Path) -> None:
-    loaded = load_world(world)
-    street = loaded.segments[0].street
-    lone = replace(loaded, defects=tuple(d for d in loaded.defects if loaded.segment(d.segment).street == street))
-    with pytest.raises(PaveTwinError, match=r"1 street with defects.*--split 100/0/0"):
-        split_streets(lone, (0.7, 0.15, 0.15), np.random.default_rng(0))
-    assert set(split_streets(lone, (1, 0, 0), np.random.default_rng(0)).values()) == {"train"}
 
 
 def test_an_altitude_inside_what_stands_everywhere_is_refused(world: Path, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from typing import Final
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.plan import STREETS
 from pavetwin.capture.platforms import Setting, find_platform
+from pavetwin.capture.presence import presence
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.sight import AIMED_WITHIN_M, Sight
 from pavetwin.capture.splits import split_streets
@@ -75,7 +76,8 @@ def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | N
 
         recordings[name] = record(world, name, settings.seed, RECORDED_S, on_progress=part)
     reached = find_platform(settings.platform).reaches(world, recordings)
-    splits = split_streets(world, settings.split, child(settings.seed, Stream.CAPTURE, STREETS), reached)
+    rng, agents = child(settings.seed, Stream.CAPTURE, STREETS), presence(world, recordings.values())
+    splits = split_streets(world, settings.split, rng, reached, agents=agents)
     return Setting(
         world=world,
         settings=settings,

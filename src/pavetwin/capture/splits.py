@@ -1,7 +1,7 @@
 """Whole streets for train, val and test, so that no defect is seen in two of them.
 
-Of many assignments the one is taken that comes nearest to the wanted shares of each class's defects and parts the
-fewest streets that meet: where streets of two splits meet no image can be taken.
+Of many assignments the one is taken that comes nearest to the wanted shares of each class's defects and of the traffic,
+and parts the fewest streets that meet: where streets of two splits meet no image can be taken.
 """
 
 from collections.abc import Mapping, Sequence, Set
@@ -16,7 +16,7 @@ from pavetwin.capture.settings import SPLITS
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.model import DefectClass, World
 
-STARTS: Final = 24
+STARTS: Final = 96
 """Assignments that are improved until none of a street's moves helps; the best is taken."""
 
 MEETING_M: Final = 30.0
@@ -31,7 +31,7 @@ Floats = npt.NDArray[np.float64]
 @dataclass(frozen=True)
 class _Town:
     counts: Floats
-    """(streets, classes) of defects, as shares of each class."""
+    """(streets, classes) of defects and of agents, as shares of each class."""
     meets: Floats
     """(streets, streets) 1 where two meet, scaled to sum to 1."""
     reached: npt.NDArray[np.bool_]
@@ -45,12 +45,15 @@ def split_streets(
     shares: Sequence[float],
     rng: np.random.Generator,
     reached: Set[str] | None = None,
+    *,
+    agents: Mapping[str, Floats] | None = None,
     meeting_m: float = MEETING_M,
 ) -> Mapping[str, str]:
     """The split of every street that has defects.
 
     Args:
         shares: of train, val and test; one of 0 gets no street.
+        agents: street → (classes,) how many of each class are on it; none unless given.
         reached: the streets that images can be taken of; all unless given. The others go where they meet most.
 
     Raises:
@@ -67,7 +70,10 @@ def split_streets(
             f"The world '{world.name}' has {streets} with defects{driven}, and train, val and test each need streets "
             "of their own; use a larger world, or --split 100/0/0."
         )
-    town = _Town(_counts(world, names, within, street_of), _meetings(world, names, meeting_m), within, wanted)
+    counts = np.hstack([_defects(world, names, street_of), _agents(names, agents or {})])
+    counts[~within] = 0.0
+    counts /= np.maximum(counts.sum(axis=0), np.finfo(np.float64).tiny)
+    town = _Town(counts, _meetings(world, names, meeting_m), within, wanted)
     best, least = None, np.inf
     for _ in range(STARTS):
         chosen = _improved(town, _started(town, rng))
@@ -78,13 +84,17 @@ def split_streets(
     return {name: SPLITS[split] for name, split in zip(names, best.tolist(), strict=True)}
 
 
-def _counts(world: World, names: Sequence[str], within: npt.NDArray[np.bool_], street_of: Mapping[str, str]) -> Floats:
+def _defects(world: World, names: Sequence[str], street_of: Mapping[str, str]) -> Floats:
     row, column = {name: i for i, name in enumerate(names)}, {kind: i for i, kind in enumerate(_kinds(world))}
     counts = np.zeros((len(names), len(column)))
     for defect in world.defects:
         counts[row[street_of[defect.segment]], column[defect.kind]] += 1
-    counts[~within] = 0.0
-    return np.asarray(counts / np.maximum(1, counts.sum(axis=0)))
+    return counts
+
+
+def _agents(names: Sequence[str], agents: Mapping[str, Floats]) -> Floats:
+    none = np.zeros(len(next(iter(agents.values()), ())))
+    return np.array([agents.get(name, none) for name in names], dtype=np.float64)
 
 
 def _kinds(world: World) -> list[DefectClass]:

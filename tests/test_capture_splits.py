@@ -1,0 +1,87 @@
+"""Which streets go to train, val and test."""
+
+from collections import Counter
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from pavetwin.capture.presence import SAMPLED_S, presence
+from pavetwin.capture.settings import SPLITS
+from pavetwin.capture.splits import split_streets
+from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.errors import PaveTwinError
+from pavetwin.traffic.record import record
+from pavetwin.world.model import World
+from pavetwin.world.store import load_world, save_world
+from scenes import built
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> World:
+    folder = tmp_path_factory.mktemp("splits") / "cross"
+    save_world(add_defects(built("cross"), DefectOptions(per_segment=12)), folder)
+    return load_world(folder)
+
+
+def test_every_split_gets_a_street_that_is_driven(world: World) -> None:
+    streets = sorted({world.segment(defect.segment).street for defect in world.defects})
+    assert len(streets) > 3
+    driven = set(streets[:3])
+    for seed in range(8):
+        splits = split_streets(world, (0.7, 0.15, 0.15), np.random.default_rng(seed), driven)
+        assert set(splits) == set(streets)
+        assert {splits[street] for street in driven} == set(SPLITS)
+    with pytest.raises(PaveTwinError, match="2 streets with defects that are driven"):
+        split_streets(world, (0.7, 0.15, 0.15), np.random.default_rng(0), set(streets[:2]))
+
+
+def test_a_world_with_one_street_can_not_be_split(world: World) -> None:
+    street = world.segments[0].street
+    lone = replace(world, defects=tuple(d for d in world.defects if world.segment(d.segment).street == street))
+    with pytest.raises(PaveTwinError, match=r"1 street with defects.*--split 100/0/0"):
+        split_streets(lone, (0.7, 0.15, 0.15), np.random.default_rng(0))
+    assert set(split_streets(lone, (1, 0, 0), np.random.default_rng(0)).values()) == {"train"}
+
+
+def test_splits_share_out_the_traffic_too(world: World) -> None:
+    """Of streets with equally many defects two have half of the vehicles each, and may not both fall to train."""
+    street_of = {segment.id: segment.street for segment in world.segments}
+    least = min(Counter(street_of[defect.segment] for defect in world.defects).values())
+    taken, left = Counter[str](), []
+    for defect in world.defects:
+        taken[street_of[defect.segment]] += 1
+        left += [defect] if taken[street_of[defect.segment]] <= least else []
+    even = replace(world, defects=tuple(left))
+    for busy in combinations(sorted(taken), 2):
+        agents = {street: np.array([50.0 if street in busy else 0.0, 10.0]) for street in taken}
+        splits = split_streets(even, (0.5, 0.0, 0.5), np.random.default_rng(0), agents=agents)
+        assert {splits[street] for street in busy} == {"train", "test"}
+
+
+def test_an_agent_is_present_on_the_street_it_is_on(world: World) -> None:
+    recording = record(world, "high", 1, 60.0)
+    found = presence(world, [recording, recording])
+    vehicles, people = recording.counts
+    assert set(found) == {segment.street for segment in world.segments}
+    sampled = slice(None, None, round(SAMPLED_S / recording.step_s))
+    total = sum(found.values(), np.zeros(2))
+    # Some are in the middle of a junction, or on its far corners.
+    assert 0.5 * 2 * vehicles[sampled].mean() < total[0] <= 2 * vehicles[sampled].mean() + 1e-9
+    assert 0.5 * 2 * people[sampled].mean() < total[1] <= 2 * people[sampled].mean() + 1e-9
+    middle = world.segments[0].centre_line.interpolate(0.5, normalized=True)
+    lone = replace(
+        recording,
+        agents=recording.agents.first(1),
+        step_offsets=np.array([0, 1], dtype=np.uint32),
+        agent=np.zeros(1, dtype=np.uint32),
+        x=np.array([middle.x], dtype=np.float32),
+        y=np.array([middle.y], dtype=np.float32),
+        yaw_rad=np.zeros(1, dtype=np.float32),
+        speed_mps=np.zeros(1, dtype=np.float32),
+    )
+    alone = presence(world, [lone])
+    walks = int(recording.agents.is_pedestrian[0])
+    for street, there in alone.items():
+        assert there.tolist() == ([1 - walks, walks] if street == world.segments[0].street else [0, 0])
