@@ -1,16 +1,18 @@
 """Where pictures without a defect are taken from."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import shapely
 
 from pavetwin.capture.clearings import Clearings
 from pavetwin.capture.plan import wishes
-from pavetwin.capture.platforms import Setting, Uav
+from pavetwin.capture.platforms import Car, Setting, Uav
 from pavetwin.capture.setting import prepare
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.shots import draw_shot, next_attempt, relaxed
-from pavetwin.capture.sight import footprint
+from pavetwin.capture.sight import ROAD_SHARE, footprint
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.world.store import save_world
 from scenes import built
@@ -56,3 +58,26 @@ def test_no_defect_is_shown_wherever_none_is_asked_for(setting: Setting) -> None
         assert not len(defects.query(footprint(shot.pose.view), predicate="intersects"))
         lower += shot.wish.altitude_m != wish.altitude_m
     assert 0 < lower < 10
+
+
+@pytest.mark.parametrize(("per_segment", "ahead"), [(24, (0.0, 0.1)), (1, (0.4, 0.9))])
+def test_a_car_s_pictures_without_a_defect_show_road(
+    tmp_path: Path, per_segment: int, ahead: tuple[float, float]
+) -> None:
+    """Where defects lie close, all that is free of them ahead is the meadow beyond a street's end."""
+    world = save_world(add_defects(built("cross"), DefectOptions(per_segment=per_segment)), tmp_path / "w")
+    settings = CaptureSettings(platform="car", images=60, densities=("high",), seed=5, empty=0.5, size_px=(320, 320))
+    platform = Car(prepare(world, settings))
+    sight = platform.setting.sight
+    taken = []
+    for wish in wishes(settings, world, 60):
+        shot = None if wish.aims else draw_shot(platform, wish, 0)
+        if shot is not None:
+            assert sight.road_share(shot.pose.view) >= ROAD_SHARE
+            assert not sight.outlines.query(footprint(shot.pose.view), predicate="intersects").size
+            heading = shot.pose.heading_rad
+            further = shot.pose.view.position[:2] + 12 * np.array([np.cos(heading), np.sin(heading)])
+            assert shot.pose.mount == "rear" or shapely.contains_xy(sight.road, *further)
+            taken.append(shot.pose.mount)
+    assert len(taken) > 20
+    assert ahead[0] <= taken.count("front") / len(taken) <= ahead[1]

@@ -27,7 +27,11 @@ AIMED_WITHIN_M = 20.0
 AIMED_WIDTH_PX = 0.4
 """Of the widest opening, seen from straight above: finer cracks are seldom found in a picture."""
 
+ROAD_SHARE = 0.2
+"""Of a picture without defects must be road: a meadow teaches nothing of sound pavement."""
+
 _BORDER = np.linspace(0.0, 1.0, 5)
+_EVERYWHERE = (np.stack(np.meshgrid(np.arange(12), np.arange(12)), axis=-1).reshape(-1, 2) + 0.5) / 12
 
 
 def footprint(view: View, horizon_m: float = HORIZON_M) -> Polygon:
@@ -80,6 +84,19 @@ class Sight:
         """(defects,)"""
         return np.array([defect.width_m for defect in self.world.defects], dtype=np.float64)
 
+    @cached_property
+    def road(self) -> shapely.Geometry:
+        """All carriageways and junctions."""
+        parts = [part.polygon for part in (*self.world.segments, *self.world.junctions)]
+        road = shapely.union_all(parts)
+        shapely.prepare(road)
+        return road
+
+    def road_share(self, view: View) -> float:
+        """Of a view's pixels, were nothing in the way."""
+        hits = view.ground(_EVERYWHERE * view.size_px)
+        return float(shapely.contains_xy(self.road, hits[np.isfinite(hits).all(axis=1)]).sum() / len(hits))
+
     def wanted(self, wish: Wish) -> npt.NDArray[np.intp]:
         """The defects that a wish may aim at."""
         ours = self.split_of == wish.split
@@ -87,10 +104,10 @@ class Sight:
 
     def suits(self, view: View, wish: Wish) -> bool:
         """Whether a view may be what is wished: no defect of another split, and one of its own wide enough to be seen;
-        or none at all."""
+        or none at all, and road."""
         near = self.outlines.query(footprint(view), predicate="intersects")
         if not wish.aims:
-            return not len(near)
+            return not len(near) and self.road_share(view) >= ROAD_SHARE
         if not (self.split_of[near] == wish.split).all():
             return False
         aims = np.intersect1d(near, self.wanted(wish))

@@ -38,6 +38,10 @@ _WANDER_M: Final = 0.15
 _YAWING_RAD, _HEAVING_M = radians(0.6), 0.015
 """Standard deviations of the body's heading about its path, and of its height on its springs."""
 
+_AHEAD_M: Final = 12.0
+"""So far before the camera there is road in a picture ahead without defects: none of a car that turns about where the
+map ends."""
+
 _STREET_M: Final = 2.0
 """A car this far off every carriageway of a split is on a junction."""
 
@@ -73,7 +77,8 @@ class Car(Platform):
         return set.intersection(*driven)
 
     def propose(self, wish: Wish, rng: np.random.Generator) -> Pose | None:
-        mount = FRONT if wish.share < FRONT_SHARE else REAR
+        # Ahead there is seldom a road without a defect in sight; then the rear camera, which sees a lane, finds one.
+        mount = FRONT if (wish.share if wish.aims else rng.random()) < FRONT_SHARE else REAR
         recording, rows = self.setting.recordings[wish.density], self._rows(wish)
         row = int(rows[int(rng.integers(len(rows)))])
         # Between two steps the trace interpolates; where the car is gone by then, another is proposed.
@@ -103,6 +108,9 @@ class Car(Platform):
             vertical_fov_rad=mount.camera.fov_rad,
             velocity_mps=(east, north, 0.0),
         )
+        ahead = view.position[:2] + _AHEAD_M * np.array([cos(heading), sin(heading)])
+        if mount is FRONT and not wish.aims and not shapely.contains_xy(self.setting.sight.road, *ahead):
+            return None
         return Pose(view, time_s, atan2(sin(heading), cos(heading)), pitch, mount.camera, mount.name, ego=agent)
 
     def _rows(self, wish: Wish) -> npt.NDArray[np.intp]:

@@ -72,7 +72,7 @@ class Uav(Platform):
         if not np.isfinite(xy).all() or not self.setting.meshes[wish.altitude_m].contains(float(xy[0]), float(xy[1])):
             return None
         view = view_from(xy)
-        if not shapely.dwithin(self._road, shapely.Point(view.ground(np.array(size) / 2)), _ROAD_M):
+        if not shapely.dwithin(self.setting.sight.road, shapely.Point(view.ground(np.array(size) / 2)), _ROAD_M):
             return None
         time_s = float(rng.uniform(0.0, self.setting.recordings[wish.density].duration_s))
         return Pose(view, time_s, heading, pitch, self._camera, mount="gimbal")
@@ -103,15 +103,6 @@ class Uav(Platform):
         if how >= _ALONG:
             turn += pi / 2 if how < _ALONG + _ACROSS else float(rng.uniform(-pi, pi))
         return along_rad + turn + _SCATTER_RAD * float(rng.standard_normal())
-
-    @cached_property
-    def _road(self) -> shapely.Geometry:
-        """All carriageways and junctions."""
-        world = self.setting.world
-        parts = [segment.polygon for segment in world.segments] + [junction.polygon for junction in world.junctions]
-        road = shapely.union_all(parts)
-        shapely.prepare(road)
-        return road
 
     @cached_property
     def _segments(self) -> dict[str, Segment]:
