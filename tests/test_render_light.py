@@ -13,12 +13,14 @@ from pavetwin.render.nearby import looks_down
 from pavetwin.render.renderer import Renderer
 from pavetwin.render.sensor import Style
 from pavetwin.scene.light import LUMINANCE, Light, harmonics
+from pavetwin.scene.model import TINTS, Instance
+from pavetwin.scene.models import library
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.view import View, look, nadir
 from pavetwin.uav import find_camera
 from pavetwin.uav.cameras import cameras
 from scenes import built
-from scenes.stage import GREY, Box, plane_renderer
+from scenes.stage import GREY, Box, Plane, plane_renderer
 
 CAMERA = cameras()["phantom4pro"]
 UP = np.array([0.0, 0.0, 1.0])
@@ -237,3 +239,20 @@ def test_haze_and_slants_are_drawn_where_they_may_be_seen(
 ) -> None:
     view = look((0, 0, altitude_m), yaw_rad=0, pitch_rad=radians(pitch_deg), size_px=(320, 320), vertical_fov_rad=0.9)
     assert not looks_down(view, Light(40.0, 150.0, visibility_m=visibility_m))
+
+
+@pytest.mark.parametrize("tree", ["tree_oval", "tree_round", "tree_spreading", "tree_young"])
+def test_boughs_high_up_hide_little_sky_from_the_ground_below(tree: str) -> None:
+    """They are no car whose underside is near the ground: only the trunk's foot shades what is right beside it."""
+    overcast = Light(40.0, 0.0, cloud_cover=1.0)
+    renderer = Renderer(Plane(models={tree: library()[tree]}))
+    trunk = Instance(tree, "trunk", np.eye(4), np.tile(np.float32([1, 1, 1, 0]), (TINTS, 1)))
+    view = look((0, -6, 3.0), yaw_rad=pi / 2, pitch_rad=-0.45, size_px=(320, 240), vertical_fov_rad=0.6)
+    bare, seen = (renderer.light(view, light=overcast, instances=instances, truth=True) for instances in ((), (trunk,)))
+    share = seen.radiance[..., 1].astype(np.float64) / bare.radiance[..., 1]
+    ground = view.ground(np.stack(np.meshgrid(np.arange(320) + 0.5, np.arange(240) + 0.5), axis=-1).reshape(-1, 2))
+    away = np.hypot(*ground.T).reshape(240, 320)
+    beside = np.isclose(seen.depth_m, bare.depth_m, rtol=1e-4) & (away < 2.0)
+    assert beside.sum() > 2000
+    assert np.quantile(share[beside], 0.01) > 0.45
+    assert np.median(share[beside]) > 0.9

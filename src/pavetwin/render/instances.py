@@ -8,10 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from pavetwin.render.levels import foliage_px2, mean_area_m2
-from pavetwin.scene.model import Float64, Instance, Model
+from pavetwin.scene.model import Float32, Float64, Instance, Mesh, Model
 
 _LOWEST_SHADE_M: Final = 0.35
 """Lower things hide no sky that is worth drawing; higher undersides belong to what hangs [m]."""
+
+_FOOT_M: Final = 1.0
+"""What of a thing is lower than this is its footprint: of a tree the trunk without its boughs."""
 
 _WIDE_M: Final = 1.2
 _SHADE_REACH_M: Final = 1.8
@@ -54,6 +57,16 @@ class Parts:
         self.area_m2 = np.array([mean_area_m2(mesh) for mesh in self.meshes], dtype=np.float64)
         self.low = np.array([low for low, _ in boxes], dtype=np.float64).reshape(-1, 3)
         self.high = np.array([high for _, high in boxes], dtype=np.float64).reshape(-1, 3)
+        feet = [_footprint(mesh) for mesh in self.meshes]
+        self.foot_low = np.array([low for low, _ in feet], dtype=np.float64).reshape(-1, 2)
+        self.foot_high = np.array([high for _, high in feet], dtype=np.float64).reshape(-1, 2)
+
+
+def _footprint(mesh: Mesh) -> tuple[Float32, Float32]:
+    """Bounds of what touches the ground, or of all where nothing does."""
+    low = mesh.positions[:, 2] < _FOOT_M
+    points = mesh.positions[low if low.any() else slice(None), :2]
+    return points.min(axis=0), points.max(axis=0)
 
 
 @dataclass(frozen=True)
@@ -161,6 +174,8 @@ class Records:
         """Records of the sky that a crowd hides from the ground: how many, the first one's number."""
         low, high = parts.low[crowd.part], parts.high[crowd.part]
         loose = parts.least_px2[crowd.part] > 0
+        low[:, :2] = np.where(loose[:, None], low[:, :2], parts.foot_low[crowd.part])
+        high[:, :2] = np.where(loose[:, None], high[:, :2], parts.foot_high[crowd.part])
         stands = (high[:, 2] > _LOWEST_SHADE_M) & ((low[:, 2] < _LOWEST_SHADE_M) | loose)
         crowd, low, high, loose = crowd.only(np.flatnonzero(stands)), low[stands], high[stands], loose[stands]
         wide = np.minimum(high[:, 0] - low[:, 0], high[:, 1] - low[:, 1]) > _WIDE_M
