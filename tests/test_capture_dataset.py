@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from pavetwin.capture.room import bytes_of
 from pavetwin.capture.run import capture
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.sheet import save_sheet
+from pavetwin.capture.statistics import counted
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.store import load_world, save_world
@@ -94,6 +96,7 @@ def test_streets_belong_to_one_split_and_every_split_has_images(dataset: Path, r
         streets = {thing.details["street"] for thing in record.things if "street" in thing.details}
         assert {street_of[street] for street in streets} <= {record.split}
     assert set(manifest["images"]) == set(SPLITS)
+    assert manifest["credit"] == "© OpenStreetMap contributors"
     assert manifest["images"]["train"] == pytest.approx(42, abs=3)
 
 
@@ -243,6 +246,21 @@ def test_a_picture_says_where_and_when_it_was_taken(world: Path, dataset: Path, 
     pose = xmp["xmpmeta"]["RDF"]["Description"]
     assert float(pose["GimbalPitchDegree"]) == pytest.approx(record.camera["pitch_deg"], abs=0.01)
     assert float(pose["GimbalYawDegree"]) % 360 == pytest.approx(record.camera["heading_deg"], abs=0.01)
+
+
+def test_a_class_that_a_split_lacks_is_named(records: list[Record]) -> None:
+    lacking = counted(records).unseen()
+    assert "val" not in lacking
+    without = [
+        replace(record, things=tuple(thing for thing in record.things if thing.category != "Pothole"))
+        if record.split == "val"
+        else record
+        for record in records
+    ]
+    assert counted(without).unseen() == {**lacking, "val": ["Pothole"]}
+    labels = counted(without).as_dict()["labels"]["Pothole"]
+    assert labels["val"] == 0
+    assert labels["train"] > 0
 
 
 def test_a_contact_sheet_shows_the_labels(dataset: Path, tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from pavetwin.draw.world_map import ABOVE_WORLD, draw_world
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.carriageway import carriageway
 from pavetwin.world.model import World
-from pavetwin.world.store import load_world, save_world
+from pavetwin.world.store import attribution, load_world, save_world
 from scenes import built
 
 
@@ -222,8 +222,8 @@ def test_a_user_style_is_left_aside_and_comes_back(cross: Path, tmp_path: Path) 
 
 
 def test_who_is_named_and_scales_are_round() -> None:
-    assert style.attribution("berlin.osm.pbf") == "© OpenStreetMap contributors"
-    assert style.attribution("generated town") is None
+    assert attribution("berlin.osm.pbf") == "© OpenStreetMap contributors"
+    assert attribution("generated town") is None
     assert [style.nice_length_m(length) for length in (0.7, 1, 9, 123, 999)] == [0.5, 1, 5, 100, 500]
     with pytest.raises(PaveTwinError, match="png"):
         style.save_figure(style.new_figure(1, 1), Path("x.gif"))

@@ -20,7 +20,7 @@ from pavetwin.capture.store import write_over_all, write_yaml
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import working_in
 from pavetwin.world.model import World
-from pavetwin.world.store import load_world
+from pavetwin.world.store import attribution, load_record, load_world
 
 BLOCK: Final = 8192
 """Images whose places are known before the first of them is taken, so that neighbours are taken together."""
@@ -135,9 +135,11 @@ def _manifest(world: World, setting: Setting, statistics: Statistics) -> dict[st
     streets: dict[str, list[str]] = {}
     for street, split in sorted(setting.sight.splits.items()):
         streets.setdefault(split, []).append(street)
+    credit = attribution(load_record(world.folder).source) if world.folder is not None else None
     return {
         "pavetwin": version("pavetwin"),
         "world": world.name,
+        **({"credit": credit} if credit else {}),
         "streets": {split: streets[split] for split in SPLITS if split in streets},
         **statistics.as_dict(),
     }

@@ -49,6 +49,13 @@ class Statistics:
                 self.severities[thing.category, thing.details["severity"]] += 1
                 self.distinct.setdefault((thing.category, record.split), set()).add(thing.id)
 
+    def unseen(self) -> dict[str, list[str]]:
+        """Split → the classes that it has no label of, though another split has."""
+        names = [category.name for category in categories()]
+        labelled = [name for name in names if any(self.labelled[name, split] for split in SPLITS)]
+        lacking = {split: [name for name in labelled if not self.labelled[name, split]] for split in self.images}
+        return {split: lacking[split] for split in SPLITS if lacking.get(split)}
+
     def as_dict(self) -> dict[str, Any]:
         """As the manifest holds it: only what is there."""
         names = [category.name for category in categories()]
@@ -56,7 +63,9 @@ class Statistics:
             "images": {split: self.images[split] for split in SPLITS if self.images[split]},
             "images_without_defects": {split: self.empty[split] for split in SPLITS if self.images[split]},
             "images_not_as_wished": self.missed_wishes,
-            "labels": {name: _row(self.labelled, name) for name in names},
+            "labels": {
+                name: {split: self.labelled[name, split] for split in SPLITS if self.images[split]} for name in names
+            },
             "distinct_defects": {
                 name: {split: len(self.distinct[name, split]) for split in SPLITS if (name, split) in self.distinct}
                 for name in names

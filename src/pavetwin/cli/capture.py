@@ -168,6 +168,12 @@ def _print(statistics: "Statistics") -> None:
             f"\n[yellow]Note:[/] {of} do not show what was asked of them (a class, or no defect at all): nowhere that "
             "was tried could. In a world with fewer defects more places have none, also for pictures from high up."
         )
+    for split, names in statistics.unseen().items():
+        out.print(
+            f"\n[yellow]Note:[/] {split} has no {' and no '.join(names)}. More images may bring some; a world with "
+            "more streets, or another --seed, gives more ways to split it.",
+            soft_wrap=True,
+        )
 
 
 def _labels(statistics: "Statistics") -> "Table":

@@ -153,11 +153,6 @@ def halo(width_pt: float = 1.6, colour: str = PAPER) -> list[patheffects.Abstrac
     return [patheffects.withStroke(linewidth=width_pt, foreground=colour)]
 
 
-def attribution(source: str) -> str | None:
-    """Who must be named under a map made from `source` (see `world.store.load_record(folder).source`)."""
-    return "© OpenStreetMap contributors" if source.endswith((".osm", ".osm.gz", ".osm.pbf")) else None
-
-
 @dataclass(frozen=True, slots=True)
 class LegendEntry:
     """One line of a legend: a patch, a line, or any of Matplotlib's markers, and what it means."""
@@ -193,7 +188,7 @@ def map_sheet(
 
     Args:
         bounds: what the map shows, in metres; the frame takes its proportions.
-        credit: who is named in the lower right corner (see `attribution`).
+        credit: who is named in the lower right corner (see `world.store.attribution`).
         longest_in: the longer side of the frame, in inches; 9 to 13 by its proportions when not given.
     """
     west, south, east, north = bounds

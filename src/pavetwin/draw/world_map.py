@@ -17,7 +17,7 @@ from pavetwin.draw.carriageway import lane_lines
 from pavetwin.draw.style import Bounds, LegendEntry
 from pavetwin.world.carriageway import carriageway
 from pavetwin.world.model import DefectClass, Furniture, FurnitureKind, LaneKind, World
-from pavetwin.world.store import load_record
+from pavetwin.world.store import attribution, load_record
 
 ABOVE_WORLD = 50
 """The lowest zorder above everything that `draw_world` draws."""
@@ -259,7 +259,7 @@ def subtitle(world: World) -> str:
 
 def credit(world: World) -> str | None:
     """Who must be named under a map of this world."""
-    return style.attribution(load_record(world.folder).source) if world.folder is not None else None
+    return attribution(load_record(world.folder).source) if world.folder is not None else None
 
 
 def legend(world: World, *, defects: bool = True) -> list[LegendEntry]:

@@ -98,6 +98,11 @@ def load_world(folder: str | Path) -> World:
     return replace(world, content_hash=content_hash(world, network))
 
 
+def attribution(source: str) -> str | None:
+    """Who must be named under whatever is made from a world of that `source` (see `load_record`)."""
+    return "© OpenStreetMap contributors" if source.endswith((".osm", ".osm.gz", ".osm.pbf")) else None
+
+
 def load_record(folder: str | Path) -> BuildRecord:
     """What a saved world was made from.
 
