@@ -16,6 +16,7 @@ from pavetwin.experiments.report.parts import Table
 from pavetwin.experiments.report.study import Group, Study
 from pavetwin.experiments.report.tables import csv, escape, latex, latex_table, markdown
 from scenes.report_studies import PAPER, SMALL, study_of, table_of, with_failures
+from scenes.studies import without
 
 
 def only_group(study: Study) -> Group:
@@ -51,6 +52,23 @@ def bold(table: Table) -> set[str]:
 )
 def test_the_best_of_a_row_is_bold(metric: str, means: dict[str, float | None], best: set[str]) -> None:
     assert bold(with_means(means, metric)) == best
+
+
+def test_the_mean_of_what_failed_alone_is_never_bold() -> None:
+    """It leaves out what the others flew; what failed for all alike leaves the means comparable."""
+    table = table_of({"policy": ("baseline", "hover", "skip"), "tau_o": (0.5, 0.7)}, 4)
+    shares = {"baseline": 0.5, "hover": 0.9, "skip": 0.7}
+    table = table.with_columns(coverage=pl.col("policy").replace_strict(shares))
+    hard = (pl.col("replicate") == 0) & (pl.col("tau_o") == 0.5)
+
+    def drawn(failed: pl.Expr) -> tuple[list[set[str]], bool]:
+        grid = headline_table(only_group(study_of(without(table, failed, failed=True))), metric_named("coverage"))
+        strong = [{head for head, cell in zip(grid.heads, row, strict=True) if cell.strong} for row in grid.rows]
+        return strong, any("another option flew is never bold" in note for note in grid.notes)
+
+    assert drawn(hard & (pl.col("policy") == "hover")) == ([{"skip"}, {"hover"}], True)
+    assert drawn(hard & (pl.col("policy") != "skip")) == ([set(), {"hover"}], True)
+    assert drawn(hard) == ([{"hover"}, {"hover"}], False)
 
 
 def test_undefined_is_a_dash_and_never_a_number() -> None:

@@ -1,6 +1,6 @@
 """The tables of a paper: density and altitude down the side, policies across, mean ± SD, the best of a row in bold."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -31,14 +31,16 @@ def headline_table(group: Group, metric: Metric) -> Table:
     """Mean ± SD of every cell, and in brackets the number of defined values where that is not the usual one."""
     rows = [row for row in _rows(group, metric.name) if row is not None]
     usual = max((row["n"] for row in rows), default=0)
-    body = tuple((*lead, *_cells(metric, cells, usual)) for lead, cells in _lines(group, metric.name))
+    lines = list(_lines(group, metric.name))
+    body = tuple((*lead, *_cells(metric, cells, whole, usual)) for lead, cells, whole in lines)
     return Table(
         caption=_caption(f"{heading(metric)}: mean ± standard deviation", group),
         heads=_heads(group),
         rows=body,
         lead=len(_leading(group)),
         notes=[
-            *_notes(rows, usual, bold=any(cell.strong for line in body for cell in line)),
+            *_notes(rows, usual),
+            *_of_bold(body, partial=not all(each for _, _, whole in lines for each in whole)),
             *(_by_time(group) if metric.name == "energy" else []),
         ],
         span=factor_text("policy"),
@@ -47,7 +49,9 @@ def headline_table(group: Group, metric: Metric) -> Table:
 
 def tail_table(group: Group, metric: Metric) -> Table:
     """Median, 95th percentile and maximum of every cell."""
-    body = tuple((*lead, *(Cell(_tail(metric, cell)) for cell in cells)) for lead, cells in _lines(group, metric.name))
+    body = tuple(
+        (*lead, *(Cell(_tail(metric, cell)) for cell in cells)) for lead, cells, _ in _lines(group, metric.name)
+    )
     caption = f"{heading(metric)}: median / 95th percentile / maximum"
     lead = len(_leading(group))
     notes = _by_time(group) if metric.name == "energy" else []
@@ -63,19 +67,20 @@ def _by_time(group: Group) -> list[str]:
     return [f"The battery falls evenly with time here: energy in % is time in s over {1 / known.mean():.4g}."]
 
 
-def _lines(group: Group, metric: str) -> Iterator[tuple[list[Cell], list[Row | None]]]:
-    """What each row is about, and its cells, a policy each."""
+def _lines(group: Group, metric: str) -> Iterator[tuple[list[Cell], list[Row | None], list[bool]]]:
+    """What each row is about, its cells, a policy each, and which of these lack no mission that another option flew."""
     for traffic in group.traffics:
         for altitude in group.altitudes:
             for part in group.parts:
                 cells = [part.cell(metric, traffic, altitude, policy) for policy in group.policies]
+                whole = [not part.failed_alone(traffic, altitude, policy) for policy in group.policies]
                 levels = {"traffic": traffic, "altitude_m": altitude, **part.key}
                 if any(cell is not None for cell in cells):
-                    yield [Cell(level_text(name, levels[name])) for name in _leading(group)], cells
+                    yield [Cell(level_text(name, levels[name])) for name in _leading(group)], cells, whole
 
 
 def _rows(group: Group, metric: str) -> list[Row | None]:
-    return [cell for _, cells in _lines(group, metric) for cell in cells]
+    return [cell for _, cells, _ in _lines(group, metric) for cell in cells]
 
 
 def _leading(group: Group) -> tuple[str, ...]:
@@ -92,13 +97,18 @@ def _caption(words: str, group: Group) -> str:
     return f"{words} ({group.title})" if group.title else words
 
 
-def _cells(metric: Metric, cells: list[Row | None], usual: int) -> list[Cell]:
-    """The best of a row in bold, shared by ties as printed; none where all read the same or neither is better."""
+def _cells(metric: Metric, cells: list[Row | None], whole: list[bool], usual: int) -> list[Cell]:
+    """The best of a row in bold, shared by ties as printed; none where all read the same or neither is better.
+
+    Only those that are whole: the mean of one that failed where another flew leaves out what it failed on.
+    """
     means = [shown(metric, cell["mean"] if cell is not None else None) for cell in cells]
-    known = [mean for mean in means if mean != MISSING]
+    known = [mean for mean, fair in zip(means, whole, strict=True) if fair and mean != MISSING]
     rank = min if metric.more_is_better is False else max
     best = rank(known, key=_value) if metric.more_is_better is not None and len(set(known)) > 1 else None
-    return [_cell(metric, cell, mean == best, usual) for cell, mean in zip(cells, means, strict=True)]
+    return [
+        _cell(metric, cell, fair and mean == best, usual) for cell, mean, fair in zip(cells, means, whole, strict=True)
+    ]
 
 
 def _cell(metric: Metric, cell: Row | None, best: bool, usual: int) -> Cell:
@@ -120,7 +130,19 @@ def _tail(metric: Metric, cell: Row | None) -> str:
     return " / ".join(shown(metric, cell[name]) for name in ("median", "p95", "maximum"))
 
 
-def _notes(rows: list[Row], usual: int, *, bold: bool) -> list[str]:
+def _of_bold(body: Sequence[Sequence[Cell]], *, partial: bool) -> list[str]:
+    """What bold means, where any is.
+
+    Args:
+        partial: an option failed in missions that another flew.
+    """
+    if not any(cell.strong for line in body for cell in line):
+        return []
+    left = " A mean that leaves out missions which failed and another option flew is never bold." if partial else ""
+    return [f"Bold: the best mean of a row as printed, shared by ties; that alone makes no difference certain.{left}"]
+
+
+def _notes(rows: list[Row], usual: int) -> list[str]:
     differing = any(row["n"] != usual for row in rows)
     notes = [f"n = {usual} in each cell" + (" but where a number in brackets says otherwise." if differing else ".")]
     if usual < FEW:
@@ -134,6 +156,4 @@ def _notes(rows: list[Row], usual: int, *, bold: bool) -> list[str]:
         notes.append(f"{counted(failed, 'mission')} failed and left out.")
     if any(row["mean"] is None for row in rows):
         notes.append(f"{MISSING}: no defined value.")
-    if bold:
-        notes.append("Bold: the best mean of a row as printed, shared by ties; that alone makes no difference certain.")
     return notes
