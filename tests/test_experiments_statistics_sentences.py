@@ -256,11 +256,30 @@ def test_when_no_option_keeps_the_limits_the_nearest_is_named() -> None:
     assert "limit of time" in made.sentences[1]
 
 
-def test_options_that_are_equal_share_their_certainty() -> None:
-    table = study(replicates=6).filter(policy="baseline")
-    twin = table.with_columns(policy=pl.lit("twin"))
-    made = recommend(pl.concat([table, twin]), Limits(), ("policy",))
-    assert made.options["certainty"].to_list() == [0.5, 0.5]
+@pytest.mark.parametrize(
+    ("twins", "said"),
+    [
+        (["twin"], "Twin is the same in everything."),
+        (["one", "two"], "One and two are the same in everything."),
+        (["one", "two", "three", "four", "five"], "One, two and three and 2 more are the same in everything."),
+    ],
+)
+def test_how_sure_a_choice_is_does_not_depend_on_how_many_do_the_same(twins: list[str], said: str) -> None:
+    """A setting that cannot matter to a policy makes options of it that differ in name alone."""
+    table = study(truth=lambda cell: {"coverage": 0.004 * (cell["policy"] == "hover")})
+    alone = recommend(table, Limits(), ("policy",))
+    hover = table.filter(policy="hover")
+    made = recommend(
+        pl.concat([table, *(hover.with_columns(policy=pl.lit(twin)) for twin in twins)]), Limits(), ("policy",)
+    )
+    share = alone.options["certainty"][0]
+    assert 0.3 < share < 0.95
+    assert made.options["policy"].to_list()[: 1 + len(twins)] == ["hover", *twins]
+    assert made.options["same"].to_list() == [True] * (1 + len(twins)) + [False, False]
+    assert made.options["certainty"].to_list()[: 1 + len(twins)] == [share] * (1 + len(twins))
+    assert made.sentences[1] == alone.sentences[1], "they are no rivals"
+    assert said in made.sentences
+    assert not any("the choice is by time" in sentence for sentence in made.sentences)
 
 
 def test_of_equal_coverages_the_faster_is_recommended() -> None:
@@ -268,6 +287,8 @@ def test_of_equal_coverages_the_faster_is_recommended() -> None:
     made = recommend(table.with_columns(coverage=pl.lit(1.0)), Limits(), ("policy",))
     assert made.options["policy"][0] == "micro"
     assert made.options["certainty"][0] > 0.99
+    assert any("found as much; the choice is by time, then by energy" in sentence for sentence in made.sentences)
+    assert not any("the same in everything" in sentence for sentence in made.sentences)
 
 
 def test_an_option_without_coverage_is_never_recommended() -> None:

@@ -10,7 +10,7 @@ import polars as pl
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.metrics import metric_named
-from pavetwin.experiments.statistics.bootstrap import RESAMPLES, resamples, strata
+from pavetwin.experiments.statistics.bootstrap import resamples, strata
 from pavetwin.experiments.statistics.cells import (
     BoolArray,
     FloatArray,
@@ -80,7 +80,9 @@ class Recommendation:
     interval); `time_s_p95`; `failed_alone` (missions that failed and that another option flew: its means leave out
     what it failed on); `replicates` (with a coverage); `feasible` (it failed in none alone and its means keep the
     limits), `kept` (share of the resamples in which they do) and `certainty` (in which it also is the best of all that
-    do), both null where there are fewer than five replicates; `p` (of its coverage against that of the first)."""
+    do, or level with the best: these shares may add up to more than 1), both null where there are fewer than five
+    replicates; `p` (of its coverage against that of the first); `same` (as the first in coverage, time and energy of
+    every replicate)."""
     best: dict[str, Any] | None
     """The first row of `options`; None when no option is feasible."""
     nearest: dict[str, Any] | None
@@ -99,7 +101,8 @@ def recommend(
     Equal coverages are told apart by time, then by energy. An option that failed in a mission which another flew is not
     recommended: the two means are over different missions. How sure: replicates are resampled for all options at once,
     which share their traffic, defects and segments, within each world, and the choice is made anew; `certainty` is the
-    share of resamples that chose the option (options equal in everything share it).
+    share of resamples in which the option is the best or level with the best, so that it does not depend on how many
+    others do the same.
     """
     metrics = [metric_named(name) for name in _MEASURED]
     summary = summarise(table, by, metrics, seed=seed)
@@ -123,8 +126,11 @@ def recommend(
     options = options.with_row_index("at").sort(
         order, descending=[True, False, True, False, False], nulls_last=True, maintain_order=True
     )
-    coverage = units[0, options["at"].to_numpy()]
-    options = options.drop("at").with_columns(p=nullable(sign_flip_p(coverage[:1] - coverage, seed)))
+    units = units[:, options["at"].to_numpy()]
+    options = options.drop("at").with_columns(
+        p=nullable(sign_flip_p(units[0, :1] - units[0], seed)),
+        same=np.asarray(np.isclose(units, units[:, :1], rtol=_SAME, atol=_SAME, equal_nan=True).all(axis=(0, 2))),
+    )
     best = options.row(0, named=True) if options["feasible"].any() else None
     nearest, broken = (None, None) if best else _nearest(options, limits)
     sentences = _sentences(table, options, by, limits) if best else _refusal(options, by, nearest, broken, limits)
@@ -143,7 +149,8 @@ def _options(summary: pl.DataFrame, by: Sequence[str]) -> pl.DataFrame:
 
 
 def _resampled(units: FloatArray, worlds: IntArray, limits: Limits, seed: int) -> tuple[FloatArray, FloatArray]:
-    """(options,) shares of the resamples in which an option keeps the limits, and in which it is chosen.
+    """(options,) shares of the resamples in which an option keeps the limits, and in which it also is the best of all
+    that do, or level with the best.
 
     Args:
         units: (3, options, blocks) coverage, time and energy of each replicate, NaN where undefined.
@@ -158,9 +165,7 @@ def _resampled(units: FloatArray, worlds: IntArray, limits: Limits, seed: int) -
         value = np.where(chosen, sign * means[_MEASURED.index(name)], np.inf)
         least = value.min(axis=1, keepdims=True)
         chosen &= value <= least + _SAME * np.maximum(np.abs(np.where(np.isfinite(least), least, 0.0)), 1.0)
-    number = chosen.sum(axis=1, keepdims=True)
-    shares = np.divide(chosen, number, out=np.zeros(chosen.shape), where=number > 0)
-    return feasible.mean(axis=0), shares.sum(axis=0) / RESAMPLES
+    return feasible.mean(axis=0), chosen.mean(axis=0)
 
 
 def _feasible(means: FloatArray, limits: Limits) -> BoolArray:
@@ -263,7 +268,8 @@ def _how_sure(best: dict[str, Any], others: Sequence[dict[str, Any]], by: Sequen
     word = "very sure" if certainty >= 0.95 and shown else "fairly sure" if certainty >= 0.8 and shown else "not sure"
     whole = "all that keep the limits" if limited else "all options"
     text = f"this is {word}: of {whole} it is the best in {percent(certainty)} of the resamples"
-    rivals = sorted((other for other in others if other["certainty"] >= 0.05), key=lambda other: -other["certainty"])
+    rivals = [other for other in others if other["certainty"] >= 0.05 and not other["same"]]
+    rivals.sort(key=lambda other: -other["certainty"])
     named = [f"{_option(other, by)} in {percent(other['certainty'])}" for other in rivals[:3]]
     return f"{text}, {listed(named)}" if named else text
 
@@ -292,9 +298,16 @@ def _doubtful(best: dict[str, Any], others: Sequence[dict[str, Any]]) -> list[di
 
 
 def _same(best: dict[str, Any], others: Sequence[dict[str, Any]], by: Sequence[str]) -> list[str]:
-    """That options with the same coverage were told apart by what they cost."""
-    same = [_option(other, by) for other in others if other["feasible"] and _equal(best[_COVERAGE], other[_COVERAGE])]
-    return [f"{listed(same[:3])} found as much; the choice is by time, then by energy"] if same else []
+    """That options with the same coverage were told apart by what they cost, if they could be."""
+    level = [other for other in others if other["feasible"] and _equal(best[_COVERAGE], other[_COVERAGE])]
+    same = [_option(other, by) for other in level if other["same"]]
+    dearer = [_option(other, by) for other in level if not other["same"]]
+    more = f" and {len(same) - 3} more" if len(same) > 3 else ""
+    are = "are" if len(same) > 1 else "is"
+    return [
+        *([f"{listed(same[:3])}{more} {are} the same in everything"] if same else []),
+        *([f"{listed(dearer[:3])} found as much; the choice is by time, then by energy"] if dearer else []),
+    ]
 
 
 def _equal(one: float, other: float | None) -> bool:
