@@ -213,6 +213,29 @@ def test_certainty_agrees_with_a_bootstrap_of_its_own() -> None:
     assert found["kept"].to_list() == pytest.approx(kept.mean(axis=1).tolist(), abs=0.02)
 
 
+def test_limits_are_judged_in_each_resample_and_told_so() -> None:
+    """An option that breaks a limit on average is the best in the resamples that let it pass."""
+    times = {"baseline": 60.0, "hover": 61.5, "micro": 70.0}
+    shares = {"baseline": 0.8, "hover": 0.9, "micro": 0.95}
+    policy, swing = pl.col("policy"), pl.when(pl.col("replicate") % 2 == 0).then(6.0).otherwise(-6.0)
+    table = study().with_columns(coverage=policy.replace_strict(shares), time_s=policy.replace_strict(times) + swing)
+    made = recommend(table, Limits(max_time_s=60.5), ("policy",))
+    by = {row["policy"]: row for row in made.options.to_dicts()}
+    assert (made.options["policy"][0], by["hover"]["feasible"]) == ("baseline", False)
+    assert made.none_keeps is not None
+    assert by["baseline"]["certainty"] + by["hover"]["certainty"] + made.none_keeps == pytest.approx(1.0)
+    assert made.none_keeps == pytest.approx(stats.binom.sf(10, 20, 0.5), abs=0.03), "more of the slow half are drawn"
+    assert made.sentences[1] == (
+        f"This is not sure: in {by['baseline']['certainty']:.0%} of the resamples it keeps the limits and is the best "
+        f"of all that do, hover in {by['hover']['certainty']:.0%}; in {made.none_keeps:.0%} nothing keeps them."
+    ).replace("%", " %")
+    easy = recommend(table, Limits(max_time_s=90.0), ("policy",))
+    assert easy.none_keeps == 0
+    assert easy.sentences[1] == (
+        "This is very sure: in 100 % of the resamples it keeps the limits and is the best of all that do."
+    )
+
+
 def test_what_lies_between_worlds_is_no_chance() -> None:
     """A segment takes a minute in one town and three in the other: half of each was flown, and will be."""
     levels = {**SMALL, "world": ("north", "south")}

@@ -40,6 +40,8 @@ _SHOWN: Final = 0.05
 """Below this p a difference counts as shown."""
 _SAME: Final = 1e-9
 """Coverages closer than this are equal: sums of the same shares in another order."""
+_WORTH_SAYING: Final = 0.01
+"""Nothing keeps the limits in fewer of the resamples than this: not told."""
 _NEAR: Final = 0.01
 """Options that break their limits by this share more than the nearest are as near."""
 
@@ -90,6 +92,8 @@ class Recommendation:
     smallest, the one with the best coverage."""
     broken: str | None
     """The metric of that worst breach."""
+    none_keeps: float | None
+    """Share of the resamples in which no option keeps the limits; null where there are fewer than five replicates."""
     sentences: tuple[str, ...]
 
 
@@ -112,8 +116,9 @@ def recommend(
     alone = np.bincount(cells.cell[failed_alone(table, by)], minlength=len(cells.keys))
     units[:, alone > 0] = means[:, alone > 0] = np.nan
     replicates = np.isfinite(cells.means(values_of(table, _COVERAGE))).sum(axis=1)
-    kept, certainty = _resampled(units, cells.worlds, limits, seed)
-    if replicates.max() < FEW:
+    kept, certainty, none = _resampled(units, cells.worlds, limits, seed)
+    none_keeps = none if replicates.max() >= FEW else None
+    if none_keeps is None:
         kept[:] = certainty[:] = np.nan
     options = _options(summary, by).with_columns(
         failed_alone=alone,
@@ -133,8 +138,12 @@ def recommend(
     )
     best = options.row(0, named=True) if options["feasible"].any() else None
     nearest, broken = (None, None) if best else _nearest(options, limits)
-    sentences = _sentences(table, options, by, limits) if best else _refusal(options, by, nearest, broken, limits)
-    return Recommendation(limits, tuple(by), options, best, nearest, broken, tuple(sentences))
+    sentences = (
+        _sentences(table, options, by, limits, none_keeps or 0.0)
+        if best
+        else _refusal(options, by, nearest, broken, limits)
+    )
+    return Recommendation(limits, tuple(by), options, best, nearest, broken, none_keeps, tuple(sentences))
 
 
 def _options(summary: pl.DataFrame, by: Sequence[str]) -> pl.DataFrame:
@@ -148,9 +157,9 @@ def _options(summary: pl.DataFrame, by: Sequence[str]) -> pl.DataFrame:
     return frame.with_columns(parts[_TIME]["p95"].alias("time_s_p95"))
 
 
-def _resampled(units: FloatArray, worlds: IntArray, limits: Limits, seed: int) -> tuple[FloatArray, FloatArray]:
+def _resampled(units: FloatArray, worlds: IntArray, limits: Limits, seed: int) -> tuple[FloatArray, FloatArray, float]:
     """(options,) shares of the resamples in which an option keeps the limits, and in which it also is the best of all
-    that do, or level with the best.
+    that do, or level with the best; and the share in which none keeps them.
 
     Args:
         units: (3, options, blocks) coverage, time and energy of each replicate, NaN where undefined.
@@ -165,7 +174,7 @@ def _resampled(units: FloatArray, worlds: IntArray, limits: Limits, seed: int) -
         value = np.where(chosen, sign * means[_MEASURED.index(name)], np.inf)
         least = value.min(axis=1, keepdims=True)
         chosen &= value <= least + _SAME * np.maximum(np.abs(np.where(np.isfinite(least), least, 0.0)), 1.0)
-    return feasible.mean(axis=0), chosen.mean(axis=0)
+    return feasible.mean(axis=0), chosen.mean(axis=0), float(1 - feasible.any(axis=1).mean())
 
 
 def _feasible(means: FloatArray, limits: Limits) -> BoolArray:
@@ -201,11 +210,13 @@ def _breach(value: float, limit: float, name: str) -> float:
     return value / limit - 1
 
 
-def _sentences(table: pl.DataFrame, options: pl.DataFrame, by: Sequence[str], limits: Limits) -> list[str]:
+def _sentences(
+    table: pl.DataFrame, options: pl.DataFrame, by: Sequence[str], limits: Limits, none_keeps: float
+) -> list[str]:
     best, *others = options.to_dicts()
     expected = [f"{name} {_expected(best, column)}" for name, column in zip(_SPOKEN, _MEASURED, strict=True)]
     fly = f"fly {_option(best, by)}: expected {listed(expected)} a segment, the way there from the base included"
-    sure = _how_sure(best, others, by, limited=bool(limits.named))
+    sure = _how_sure(best, others, by, none_keeps=none_keeps if limits.named else None)
     sentences = [fly, sure, *_unshown(best, others, by), *_same(best, others, by), *_warnings(best, limits)]
     return [opened(sentence) for sentence in [*sentences, *_left_out(others, by), *_averaged(table, by)]]
 
@@ -256,22 +267,33 @@ def _expected(option: dict[str, Any], name: str) -> str:
     return amount(metric, option[name]) + interval
 
 
-def _how_sure(best: dict[str, Any], others: Sequence[dict[str, Any]], by: Sequence[str], *, limited: bool) -> str:
+def _how_sure(
+    best: dict[str, Any], others: Sequence[dict[str, Any]], by: Sequence[str], *, none_keeps: float | None
+) -> str:
+    """Args:
+    none_keeps: share of the resamples in which no option keeps the limits; None where there are no limits.
+    """
     if best["coverage_low"] is None:
         return "one replicate says nothing of how sure this is"
     certainty = best["certainty"]
     if certainty is None:
         return f"{best['replicates']} replicates are too few to say how sure this is: fly at least {FEW}"
     if not any(other["kept"] > 0 for other in others):
-        return "no other option keeps the limits" if limited and others else "there is no other option to choose from"
+        limited = none_keeps is not None and others
+        return "no other option keeps the limits" if limited else "there is no other option to choose from"
     shown = not _doubtful(best, others)
     word = "very sure" if certainty >= 0.95 and shown else "fairly sure" if certainty >= 0.8 and shown else "not sure"
-    whole = "all that keep the limits" if limited else "all options"
-    text = f"this is {word}: of {whole} it is the best in {percent(certainty)} of the resamples"
     rivals = [other for other in others if other["certainty"] >= 0.05 and not other["same"]]
     rivals.sort(key=lambda other: -other["certainty"])
     named = [f"{_option(other, by)} in {percent(other['certainty'])}" for other in rivals[:3]]
-    return f"{text}, {listed(named)}" if named else text
+    # The limits are judged anew in each resample: what breaks them on average may keep them in some.
+    best_in = (
+        f"of all options it is the best in {percent(certainty)} of the resamples"
+        if none_keeps is None
+        else f"in {percent(certainty)} of the resamples it keeps the limits and is the best of all that do"
+    )
+    nothing = f"; in {percent(none_keeps)} nothing keeps them" if none_keeps and none_keeps >= _WORTH_SAYING else ""
+    return f"this is {word}: {', '.join([best_in, *([listed(named)] if named else [])])}{nothing}"
 
 
 def _unshown(best: dict[str, Any], others: Sequence[dict[str, Any]], by: Sequence[str]) -> list[str]:
