@@ -149,6 +149,30 @@ def test_levels_that_do_not_exist_are_refused_before_anything_is_flown(values: d
         plan(design(**values), [tiny.straight()])
 
 
+@pytest.mark.parametrize(
+    ("policy", "words"),
+    [
+        ("mine.py:Bad", r"'.*mine\.py:Bad' breaks a rule of policies: "),
+        ("mine.py:Gone", r"'.*mine\.py' has no policy class 'Gone'"),
+        ("gone.py:Bad", r"there is no file '.*gone\.py'"),
+        ("mine.py", r"mine\.py: name the class too"),
+        ("hoover", r"No policy 'hoover' \(did you mean 'hover'\?\)"),
+    ],
+)
+def test_a_policy_that_cannot_fly_refuses_the_design(tmp_path: Path, policy: str, words: str) -> None:
+    """In the words of a design: `experiment run` has no option `--policy`."""
+    own = [
+        "from pavetwin.policies import Policy",
+        "class Bad(Policy):",
+        "    def decide(self, situation):",
+        "        return 3",
+    ]
+    (tmp_path / "mine.py").write_text("\n".join(own), encoding="utf-8")
+    (tmp_path / "d.yaml").write_text(f"worlds: [town]\npolicies: [baseline, '{policy}']\n", encoding="utf-8")
+    with pytest.raises(PaveTwinError, match=f"^the design: policies: {words}"):
+        plan(read_design(tmp_path / "d.yaml"), [tiny.straight()])
+
+
 def test_paths_are_relative_to_the_design_s_file(tmp_path: Path) -> None:
     (tmp_path / "d.yaml").write_text("worlds: [towns/a]\npolicies: [baseline, mine.py:Careful]\n", encoding="utf-8")
     made = read_design(tmp_path / "d.yaml")

@@ -214,7 +214,7 @@ def _check_levels(design: Design) -> dict[str, str]:
     called: dict[str, str] = {}
     for cell in cells_of(design):
         settings = cell.settings(design)
-        name = load_policy(cell.policy, settings.policy).name
+        name = _name_of(cell.policy, settings)
         if name in (other for policy, other in called.items() if policy != cell.policy):
             raise PaveTwinError(f"the design: two policies call themselves '{name}'; rename one of them.")
         called[cell.policy] = name
@@ -222,6 +222,20 @@ def _check_levels(design: Design) -> dict[str, str]:
         find_camera(settings.camera.model)
         energy_curve(settings.energy)
     return called
+
+
+def _name_of(policy: str, settings: MissionSettings) -> str:
+    """What a policy calls itself.
+
+    Raises:
+        PaveTwinError: there is none, its file does not give one, or it breaks a rule.
+    """
+    try:
+        return load_policy(policy, settings.policy).name
+    except PaveTwinError as error:
+        # `--policy` is an option of `fly`; a design has a key instead.
+        told = str(error).removeprefix("--policy").lstrip(": ")
+        raise PaveTwinError(f"the design: policies: {told}") from error
 
 
 def _reachable(design: Design, world: World, tell: Callable[[str], None]) -> tuple[int, ...]:
