@@ -309,6 +309,9 @@ def test_the_words_on_method_promise_no_more_than_simulations_showed(small: str)
     assert "stays below 5 %" not in words
     assert "the 5 % are for each" in words
     assert "an interval may end at exactly 0 although p is large" in words
+    assert "the signs of what is left (the residuals) are turned" in words
+    assert "have p = 0.002 by themselves and need not be told among 144 comparisons" in words
+    assert "an interval may end at the smallest or the largest of the differences" in words
     assert "Interactions of three and more factors are in the residual" in words
 
 
