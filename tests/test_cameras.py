@@ -91,6 +91,7 @@ def test_a_users_own_camera_is_found_by_its_file(tmp_path: Path) -> None:
         ("- a\n- b", "expected a mapping"),
         ("a: 3", "expected a mapping"),
         ("a: {", "not valid YAML"),
+        ("a: {}\nb: {}\na: {}", "line 3: 'a' is given twice"),
         ("a: {title: x, image_px: [1, 1], vertical_fov_deg: 2020-99-99}", "not valid YAML"),
         ("a: {title: x, image_px: [10, 10]}", "give either vertical_fov_deg or both"),
         ("a: {title: x, image_px: [10, 10], vertical_fov_deg: 60, sensor_mm: [8, 6], focal_length_mm: 4}", "either"),

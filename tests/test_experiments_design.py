@@ -123,6 +123,10 @@ def test_replicates_inspect_segments_independently() -> None:
         ({"worlds": [{"path": "a", "take_off_s": [0, 60]}]}, "take_off_s: only with routes"),
         ({"worlds": [{"path": "a", "routes": ["r"], "take_off_s": [60, 0]}]}, "the earliest comes first"),
         ({"defects": {"per_segmnt": 3}}, "per_segmnt"),
+        ({"sensors": "ideal"}, r"sensors: give a list, like \[ideal\]"),
+        ({"altitudes_m": 10}, r"altitudes_m: give a list, like \[10\]"),
+        ({"worlds": "town"}, r"worlds: give a list, like \[town\]"),
+        ({"sweep": {"tau_o": 0.5}}, r"sweep: tau_o: give a list, like \[0.5\]"),
     ],
 )
 def test_what_does_not_fit_is_refused_by_name(values: dict[str, object], words: str) -> None:
@@ -179,6 +183,28 @@ def test_paths_are_relative_to_the_design_s_file(tmp_path: Path) -> None:
     assert made.worlds[0].path == str(tmp_path / "towns" / "a")
     assert made.policies == ("baseline", f"{tmp_path / 'mine.py'}:Careful")
     assert placed_at(made, Path("/elsewhere")) == made
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("worlds: [a]\nseed: 1\nreplicates: 3\nseed: 2\n", "line 4: 'seed' is given twice, first in line 2"),
+        ("worlds: [a]\nsweep:\n  tau_o: [0.5]\n  'tau_o': [0.7]\n", "line 4: 'tau_o' is given twice, first in line 3"),
+        ("worlds: [{path: a, path: b}]\n", "line 1: 'path' is given twice"),
+    ],
+)
+def test_a_key_given_twice_is_refused_with_its_line(tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "d.yaml").write_text(text, encoding="utf-8")
+    with pytest.raises(PaveTwinError, match=rf"^the design '.*d\.yaml', {words}\.?"):
+        read_design(tmp_path / "d.yaml")
+
+
+def test_a_value_that_is_merged_may_be_given_again(tmp_path: Path) -> None:
+    text = "worlds:\n  - &one {path: a, routes: [r.rou.xml]}\n  - &two {<<: *one, path: b}\n  - {<<: *two, path: c}\n"
+    (tmp_path / "d.yaml").write_text(text, encoding="utf-8")
+    made = read_design(tmp_path / "d.yaml")
+    assert [Path(world.path).name for world in made.worlds] == ["a", "b", "c"]
+    assert len({world.routes for world in made.worlds}) == 1
 
 
 @pytest.mark.parametrize(("text", "words"), [("a: [", "is no YAML"), ("- 1", "holds no keys"), ("", "holds no keys")])

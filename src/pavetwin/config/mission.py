@@ -5,11 +5,11 @@ from functools import cache
 from importlib.resources import files
 from typing import Annotated, Any, Literal, Self
 
-import yaml
 from pydantic import Field, model_validator
 
 from pavetwin.config.altitude import Altitude
 from pavetwin.config.base import Settings, overlay, with_overrides
+from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError, nearest_name
 
 Positive = Annotated[float, Field(gt=0)]
@@ -156,4 +156,4 @@ def load_settings(preset: str = "default", overrides: Iterable[str] = (), **give
 def _values(preset: str) -> Mapping[str, Any]:
     """What a preset's file says: read once, since a study asks hundreds of times. Nobody may change it."""
     text = (files("pavetwin.config") / "presets" / f"{preset}.yaml").read_text(encoding="utf-8")
-    return yaml.safe_load(text) or {}
+    return parse_yaml(text, where=f"preset '{preset}'") or {}

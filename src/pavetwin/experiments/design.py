@@ -18,6 +18,7 @@ from pydantic import (
 
 from pavetwin.config import MissionSettings, Settings
 from pavetwin.config.altitude import Altitude
+from pavetwin.config.text import parse_yaml
 from pavetwin.defects import DefectOptions
 from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.experiments.metrics import FACTORS, METRICS
@@ -91,6 +92,21 @@ class Design(Settings):
     defects: Placing = "placed"
     """`placed` anew in each replicate as densely as the world was built, or by these options; `world` keeps its own."""
 
+    @field_validator("worlds", "densities", "altitudes_m", "policies", "sensors", "presets", mode="before")
+    @classmethod
+    def _listed(cls, value: Any) -> Any:
+        if isinstance(value, Value):
+            raise ValueError(f"give a list, like [{value}]")
+        return value
+
+    @field_validator("sweep", mode="before")
+    @classmethod
+    def _listed_each(cls, value: Any) -> Any:
+        for key, values in value.items() if isinstance(value, Mapping) else ():
+            if isinstance(values, Value):
+                raise ValueError(f"{key}: give a list, like [{values}]")
+        return value
+
     @field_validator("worlds", mode="before")
     @classmethod
     def _entries(cls, value: Any) -> Any:
@@ -156,10 +172,10 @@ def read_design(path: Path) -> Design:
     """A design from its file, its paths made absolute.
 
     Raises:
-        PaveTwinError: there is none, it is no YAML, or a key or value does not fit.
+        PaveTwinError: there is none, it is no YAML, a key is given twice, or a key or value does not fit.
     """
     try:
-        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+        values = parse_yaml(path.read_text(encoding="utf-8"), where=f"the design '{path}'")
     except OSError as error:
         raise PaveTwinError(
             f"Cannot read the design '{path}': {error.strerror}. `pavetwin experiment init` writes one."

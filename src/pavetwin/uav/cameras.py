@@ -12,6 +12,7 @@ import yaml
 from pydantic import Field, model_validator
 
 from pavetwin.config.base import Settings
+from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError, nearest_name
 
 Positive = Annotated[float, Field(gt=0)]
@@ -75,7 +76,7 @@ class Camera(Settings):
 
 def _parse(text: str, where: str) -> dict[str, Camera]:
     try:
-        entries: Any = yaml.safe_load(text)
+        entries: Any = parse_yaml(text, where)
     except (yaml.YAMLError, ValueError) as error:  # a ValueError comes from what looks like a date and is none
         raise PaveTwinError(f"{where} is not valid YAML: {' '.join(str(error).split())}.") from error
     if not isinstance(entries, dict) or not all(isinstance(entry, dict) for entry in entries.values()):

@@ -1,0 +1,49 @@
+"""Settings files as text: YAML in which no key is given twice."""
+
+from typing import Any, Final
+
+import yaml
+
+from pavetwin.errors import PaveTwinError
+
+_MERGE: Final = "tag:yaml.org,2002:merge"
+"""Of `<<`: what it brings may be given again, and so may it."""
+
+
+class _Loader(yaml.SafeLoader):
+    """PyYAML takes the last of two equal keys, and tells nobody."""
+
+    def __init__(self, text: str, where: str) -> None:
+        super().__init__(text)
+        self._where = where
+
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
+        node = super().compose_mapping_node(anchor)
+        lines: dict[tuple[str, str], int] = {}
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode) or key.tag == _MERGE:
+                continue
+            line, name = key.start_mark.line + 1, (key.tag, key.value)
+            if name in lines:
+                first = f", first in line {lines[name]}" if lines[name] != line else ""
+                raise PaveTwinError(f"{self._where}, line {line}: '{key.value}' is given twice{first}.")
+            lines[name] = line
+        return node
+
+
+def parse_yaml(text: str, where: str) -> Any:
+    """What a settings file says, in plain values.
+
+    Args:
+        where: names the file in the message.
+
+    Raises:
+        PaveTwinError: a key is given twice.
+        yaml.YAMLError: it is no YAML.
+        ValueError: something looks like a date and is none.
+    """
+    loader = _Loader(text, where)
+    try:
+        return loader.get_single_data()
+    finally:
+        loader.dispose()
