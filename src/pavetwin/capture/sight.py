@@ -87,8 +87,8 @@ class Sight:
     @cached_property
     def road(self) -> shapely.Geometry:
         """All carriageways and junctions."""
-        parts = [part.polygon for part in (*self.world.segments, *self.world.junctions)]
-        road = shapely.union_all(parts)
+        segments, junctions = self.world.segments, self.world.junctions
+        road = shapely.union_all([each.polygon for each in segments] + [each.polygon for each in junctions])
         shapely.prepare(road)
         return road
 
