@@ -41,8 +41,10 @@ def lines(world: World, replay: Replay, runs: int) -> Iterator[Line]:
         (*behind, CAR_CAMERA_M), yaw_rad=yaw, pitch_rad=-0.12, size_px=SIZE_PX, vertical_fov_rad=math.radians(50)
     )
 
-    def shoot(view: View, seen: tuple[Instance, ...], *, labels: bool, sound: bool = False) -> None:
-        renderer.frame(view, light=light, camera=camera, instances=seen, labels=labels, depth=labels, sound=sound)
+    def shoot(view: View, seen: tuple[Instance, ...], *, labels: bool, defect_free: bool = False) -> None:
+        renderer.frame(
+            view, light=light, camera=camera, instances=seen, labels=labels, depth=labels, defect_free=defect_free
+        )
 
     begun = time.perf_counter()
     shoot(above, instances, labels=True)
@@ -54,7 +56,7 @@ def lines(world: World, replay: Replay, runs: int) -> Iterator[Line]:
         shoot(view, near, labels=True)
         plain.append(median_s(lambda: shoot(_still(view), near, labels=False), runs))  # noqa: B023
         labelled.append(median_s(lambda: shoot(view, near, labels=True), runs))  # noqa: B023
-        doubled.append(median_s(lambda: shoot(view, near, labels=True, sound=True), runs))  # noqa: B023
+        doubled.append(median_s(lambda: shoot(view, near, labels=True, defect_free=True), runs))  # noqa: B023
     note = f"{SIZE_PX[0]} × {SIZE_PX[1]} px, {ALTITUDE_M:g} m, shadows, median of {PLACES} places; {adapter}"
     yield Line("a UAV's frame over a street", float(np.median(plain)), Kind.SECONDS, PICTURE_TARGET_S, note=note)
     note = "with labels, depth, what each thing would cover alone, and 5 m/s"

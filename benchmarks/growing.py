@@ -14,7 +14,7 @@ from benchmarks.measure import Kind, Line
 from benchmarks.missions import Course
 from pavetwin._core import Arrived, Ground, NavMesh, RecordingEnds, Trace
 from pavetwin.defects import sample_points
-from pavetwin.mission.ground import Stage, new_flight
+from pavetwin.mission.environment import MissionEnvironment, new_flight
 from pavetwin.navigation.navmesh import navmesh
 from pavetwin.navigation.patterns import passes
 from pavetwin.world.model import Surface
@@ -43,10 +43,10 @@ def line(course: Course, runs: int) -> Line:
     )
 
 
-def _fly(course: Course, stage: Stage, trace: Trace) -> float:
+def _fly(course: Course, environment: MissionEnvironment, trace: Trace) -> float:
     """Climbs, flies to the first segment and inspects it until the recording ends; seconds a time step."""
-    flight = new_flight(stage, trace, course.settings)
-    segment = stage.world.segments[course.targets[0]]
+    flight = new_flight(environment, trace, course.settings)
+    segment = environment.world.segments[course.targets[0]]
     lane = passes(segment, 8.0, course.settings.pattern)[0]
     start = (float(lane[0, 0]), float(lane[0, 1]))
     commands: tuple[Callable[[], None], ...] = (
@@ -63,9 +63,9 @@ def _fly(course: Course, stage: Stage, trace: Trace) -> float:
     return (time.perf_counter() - begun) / max(flight.time_s / course.settings.time_step_s, 1)
 
 
-def _copied(course: Course, side: int) -> tuple[Stage, Trace]:
+def _copied(course: Course, side: int) -> tuple[MissionEnvironment, Trace]:
     """`side` × `side` copies of everything the kernel knows, the town itself in the middle and first in every list."""
-    world, settings = course.stage.world, course.settings
+    world, settings = course.environment.world, course.settings
     standing = solids(world)
     mesh = navmesh(world, settings.altitude_m, settings.uav.radius_m, standing)
     columns = course.replay.recording.until(TRAFFIC_S).columns()
@@ -77,7 +77,7 @@ def _copied(course: Course, side: int) -> tuple[Stage, Trace]:
     )
     shifts = (np.array(steps) - steps[0]) * pitch
     rings = [_rings(segment.polygon) for segment in world.segments]
-    points = [sample_points(defect) for defect in course.stage.defects]
+    points = [sample_points(defect) for defect in course.environment.defects]
     index = {segment.id: number for number, segment in enumerate(world.segments)}
     count = len(shifts)
     ground = Ground(
@@ -93,14 +93,14 @@ def _copied(course: Course, side: int) -> tuple[Stage, Trace]:
         solid_z0=np.tile(standing.z0, count),
         solid_z1=np.tile(standing.z1, count),
         # Defects are looked up by segment: those of the other copies would be copies of the list, nothing more.
-        defect_centres=np.array([(d.centre.x, d.centre.y) for d in course.stage.defects], dtype=np.float64).reshape(
-            -1, 2
-        ),
+        defect_centres=np.array(
+            [(d.centre.x, d.centre.y) for d in course.environment.defects], dtype=np.float64
+        ).reshape(-1, 2),
         defect_offsets=np.concatenate([[0], np.cumsum([len(some) for some in points])]).astype(np.uint32),
         defect_points=np.concatenate(points) if points else np.empty((0, 2)),
-        defect_segments=np.array([index[defect.segment] for defect in course.stage.defects], dtype=np.uint32),
+        defect_segments=np.array([index[defect.segment] for defect in course.environment.defects], dtype=np.uint32),
     )
-    return replace(course.stage, ground=ground), _crowd(course, shifts)
+    return replace(course.environment, ground=ground), _crowd(course, shifts)
 
 
 def _crowd(course: Course, shifts: npt.NDArray[np.float64]) -> Trace:

@@ -17,8 +17,8 @@ import pavetwin.mission.mission as loop
 from benchmarks.measure import Kind, Line
 from pavetwin._core import Flight, Trace
 from pavetwin.config import MissionSettings, load_settings
-from pavetwin.mission.fly import Flown, fly
-from pavetwin.mission.ground import Stage, new_flight, prepare
+from pavetwin.mission.environment import MissionEnvironment, new_flight, prepare
+from pavetwin.mission.fly import MissionResult, fly
 from pavetwin.mission.replay import Replay
 from pavetwin.mission.targets import choose_targets
 from pavetwin.policies import policy_names
@@ -34,7 +34,7 @@ REAL_TIME_TARGET = 3000.0
 class Course:
     """A world, its traffic, and the segments to fly over."""
 
-    stage: Stage
+    environment: MissionEnvironment
     replay: Replay
     targets: list[int]
     settings: MissionSettings = field(default_factory=lambda: load_settings(altitude_m=ALTITUDE_M))
@@ -42,11 +42,11 @@ class Course:
     @classmethod
     def over(cls, world: World, replay: Replay, segments: int) -> "Course":
         settings = load_settings(altitude_m=ALTITUDE_M)
-        stage = prepare(world, settings)
-        return cls(stage, replay, choose_targets(stage, count=segments, seed=SEED), settings)
+        environment = prepare(world, settings)
+        return cls(environment, replay, choose_targets(environment, count=segments, seed=SEED), settings)
 
-    def fly(self, policy: str, settings: MissionSettings | None = None) -> Flown:
-        return fly(self.stage, self.replay, settings or self.settings, self.targets, policy, seed=SEED)
+    def fly(self, policy: str, settings: MissionSettings | None = None) -> MissionResult:
+        return fly(self.environment, self.replay, settings or self.settings, self.targets, policy, seed=SEED)
 
 
 class _Clocked:
@@ -69,7 +69,7 @@ class _Clocked:
 def lines(course: Course, runs: int) -> Iterator[Line]:
     """Each policy."""
     for policy in policy_names():
-        flown = course.fly(policy)  # warm-up; it prolongs the recording where that is needed
+        result = course.fly(policy)  # warm-up; it prolongs the recording where that is needed
         times = []
         for _ in range(runs):
             begun = time.perf_counter()
@@ -78,11 +78,11 @@ def lines(course: Course, runs: int) -> Iterator[Line]:
         took_s = statistics.median(times)
         yield Line(
             f"mission, {policy}, high traffic",
-            flown.duration_s / took_s,
+            result.duration_s / took_s,
             Kind.REAL_TIME,
             REAL_TIME_TARGET,
             took_s=took_s,
-            note=f"{flown.duration_s:.0f} s flown; {_kernel_share(course, policy):.0%} of the time in the kernel",
+            note=f"{result.duration_s:.0f} s flown; {_kernel_share(course, policy):.0%} of the time in the kernel",
         )
 
 
@@ -90,8 +90,8 @@ def _kernel_share(course: Course, policy: str) -> float:
     """Of one mission's time, what passes between asking the kernel for the next event and getting it."""
     clocked: list[_Clocked] = []
 
-    def made(stage: Stage, trace: Trace, settings: MissionSettings) -> _Clocked:
-        clocked.append(_Clocked(new_flight(stage, trace, settings)))
+    def made(environment: MissionEnvironment, trace: Trace, settings: MissionSettings) -> _Clocked:
+        clocked.append(_Clocked(new_flight(environment, trace, settings)))
         return clocked[-1]
 
     with patch.object(loop, "new_flight", made):
@@ -109,7 +109,7 @@ def look_line(course: Course, runs: int) -> Line:
     unanswered = "visibility.threshold=0"  # no look falls below it, so that none becomes an event
     usual = load_settings(altitude_m=15.0, overrides=[unanswered])
     often = load_settings(altitude_m=15.0, overrides=[unanswered, f"visibility.interval_s={usual.time_step_s}"])
-    high = Course(prepare(course.stage.world, usual), course.replay, course.targets, usual)
+    high = Course(prepare(course.environment.world, usual), course.replay, course.targets, usual)
     extra = _looks(high.fly("baseline", often)) - _looks(high.fly("baseline"))
     differences = []
     for _ in range(runs):
@@ -128,8 +128,8 @@ def look_line(course: Course, runs: int) -> Line:
     )
 
 
-def _looks(flown: Flown) -> int:
-    return int(np.isfinite(flown.track["visibility"]).sum())
+def _looks(result: MissionResult) -> int:
+    return int(np.isfinite(result.track["visibility"]).sum())
 
 
 def memory_line(folder: Path, segments: int) -> Line:

@@ -42,10 +42,10 @@ def on_segments(world: World, recording: Recording) -> npt.NDArray[np.float64]:
 def missions(study: Path, altitude_m: float) -> pl.DataFrame:
     """A row for each hovering mission in high traffic, with `standing`; prints how full each world's streets are."""
     sql = f"select * from segments where policy = 'hover' and traffic = 'high' and altitude_m = {altitude_m}"
-    flown, parts = query(study, sql), []
+    result, parts = query(study, sql), []
     described = yaml.safe_load((study / "design.yaml").read_text(encoding="utf-8"))
     for name, entry in zip(described["worlds"], described["design"]["worlds"], strict=True):
-        world, mine = load_world(Path(entry["path"])), flown.filter(pl.col("world") == name)
+        world, mine = load_world(Path(entry["path"])), result.filter(pl.col("world") == name)
         row = {segment.id: number for number, segment in enumerate(world.segments)}
         counts = [on_segments(world, record(world, "high", seed, SECONDS)) for seed in mine["traffic_seed"]]
         standing = [count[1, row[target]] for count, target in zip(counts, mine["segment"], strict=True)]

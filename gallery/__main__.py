@@ -6,8 +6,8 @@ import time
 from pathlib import Path
 
 from gallery.pictures import PICTURES
+from gallery.renderer import GalleryRenderer
 from gallery.sheet import save
-from gallery.studio import Studio
 from pavetwin.cli.console import fail, out
 from pavetwin.errors import PaveTwinError, nearest_name
 
@@ -25,11 +25,11 @@ def main() -> int:
                 raise PaveTwinError(
                     f"No picture '{name}'{nearest_name(name, PICTURES)}; there are {', '.join(PICTURES)}."
                 )
-        studio = Studio(options.work)
+        renderer = GalleryRenderer(options.work)
         options.output.mkdir(parents=True, exist_ok=True)
         for name in options.names or PICTURES:
             begun = time.perf_counter()
-            size = save(PICTURES[name](studio), options.output / f"{name}.jpg")
+            size = save(PICTURES[name](renderer), options.output / f"{name}.jpg")
             out.print(f"{options.output / name}.jpg   {size / 1000:.0f} kB, {time.perf_counter() - begun:.1f} s")
     except PaveTwinError as error:
         fail(str(error))

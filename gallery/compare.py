@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageFilter
 
-from gallery.studio import LOW_SUN, MORNING, OVERCAST, Picture, Studio
+from gallery.renderer import LOW_SUN, MORNING, OVERCAST, GalleryRenderer, Picture
 from pavetwin.cli.console import fail, out
 from pavetwin.scene.view import nadir
 
@@ -46,12 +46,12 @@ def _band(lightness: Float, scale_px: float) -> float:
     return float((fine - coarse).std() / 2.55)
 
 
-def frames(studio: Studio, take: Callable[..., Picture]) -> Iterable[Image.Image]:
+def frames(renderer: GalleryRenderer, take: Callable[..., Picture]) -> Iterable[Image.Image]:
     """Frames of empty streets over evenly chosen defects, from two altitudes, under three skies."""
-    defects = studio.world.defects[:: max(1, len(studio.world.defects) // FRAMES)][:FRAMES]
+    defects = renderer.world.defects[:: max(1, len(renderer.world.defects) // FRAMES)][:FRAMES]
     for index, defect in enumerate(defects):
         place = (defect.centre.x, defect.centre.y, ALTITUDES_M[index % 2])
-        view = nadir(studio.camera, place, yaw_rad=0.7 * index, size_px=(SIDE_PX, SIDE_PX))
+        view = nadir(renderer.camera, place, yaw_rad=0.7 * index, size_px=(SIDE_PX, SIDE_PX))
         yield Image.fromarray(take(view, (MORNING, LOW_SUN, OVERCAST)[index % 3]))
 
 
@@ -67,8 +67,8 @@ def main() -> int:
         return 2
     chosen = found[:: max(1, len(found) // (4 * FRAMES))]
     real = np.array([readings(Image.open(path).convert("RGB")) for path in chosen])
-    studio = Studio(options.work)
-    ours = np.array([readings(frame) for frame in frames(studio, studio.take)])
+    renderer = GalleryRenderer(options.work)
+    ours = np.array([readings(frame) for frame in frames(renderer, renderer.take)])
     names = ["lightness L*", "spread of L*", "chroma", *(f"detail at {scale:g} px" for scale in SCALES_PX)]
     out.print(f"{len(real)} photographs, {len(ours)} frames: median (10 % … 90 %)")
     for index, name in enumerate(names):

@@ -10,8 +10,8 @@ import numpy as np
 from shapely import Polygon
 
 from gallery.places import busy_street, drive, shown_best
+from gallery.renderer import LOW_SUN, MORNING, OVERCAST, GalleryRenderer, Picture
 from gallery.sheet import captioned, grid
-from gallery.studio import LOW_SUN, MORNING, OVERCAST, Picture, Studio
 from pavetwin.capture.platforms.car import FRONT, REAR, Mount
 from pavetwin.draw.frame import DefectMark, Scene
 from pavetwin.draw.frame import View as MapView
@@ -35,7 +35,7 @@ _CELL: Final = (640, 640)
 _NARROW_FOV: Final = math.radians(30.0)
 
 
-def defects_above(studio: Studio) -> Picture:
+def defects_above(renderer: GalleryRenderer) -> Picture:
     """The three classes at three severities, straight from above."""
 
     def view(defect: Defect) -> View:
@@ -49,10 +49,10 @@ def defects_above(studio: Studio) -> Picture:
             vertical_fov_rad=_NARROW_FOV,
         )
 
-    return _defects(studio, view)
+    return _defects(renderer, view)
 
 
-def defects_side(studio: Studio) -> Picture:
+def defects_side(renderer: GalleryRenderer) -> Picture:
     """The same defects, as who stands at the kerb sees them."""
 
     def view(defect: Defect) -> View:
@@ -67,36 +67,36 @@ def defects_side(studio: Studio) -> Picture:
             vertical_fov_rad=math.radians(48.0),
         )
 
-    return _defects(studio, view)
+    return _defects(renderer, view)
 
 
-def uav(studio: Studio) -> Picture:
+def uav(renderer: GalleryRenderer) -> Picture:
     """What the UAV sees from 6, 10 and 15 m, without and with traffic."""
-    moment = busy_street(studio)
+    moment = busy_street(renderer)
     rows = []
     for time_s, what in ((None, "empty street"), (moment.time_s, "high traffic")):
         for altitude_m in ALTITUDES_M:
             view = nadir(
-                studio.camera, (moment.x_m, moment.y_m, altitude_m), yaw_rad=moment.yaw_rad, size_px=(640, 480)
+                renderer.camera, (moment.x_m, moment.y_m, altitude_m), yaw_rad=moment.yaw_rad, size_px=(640, 480)
             )
-            resolution = studio.camera.footprint_m(altitude_m)[1] / 480 * 1000
+            resolution = renderer.camera.footprint_m(altitude_m)[1] / 480 * 1000
             caption = f"{altitude_m:g} m   {resolution:.0f} mm a pixel   {what}"
-            rows.append(captioned(studio.take(view, MORNING, time_s=time_s), caption, height_px=320))
+            rows.append(captioned(renderer.take(view, MORNING, time_s=time_s), caption, height_px=320))
     return grid(rows, columns=3)
 
 
-def light(studio: Studio) -> Picture:
+def light(renderer: GalleryRenderer) -> Picture:
     """One street under three skies."""
-    moment = busy_street(studio)
-    view = nadir(studio.camera, (moment.x_m, moment.y_m, 12.0), yaw_rad=moment.yaw_rad, size_px=(640, 640))
+    moment = busy_street(renderer)
+    view = nadir(renderer.camera, (moment.x_m, moment.y_m, 12.0), yaw_rad=moment.yaw_rad, size_px=(640, 640))
     skies = (("morning sun", MORNING), ("low sun", LOW_SUN), ("overcast", OVERCAST))
-    taken = [(name, studio.take(view, sky, time_s=moment.time_s)) for name, sky in skies]
+    taken = [(name, renderer.take(view, sky, time_s=moment.time_s)) for name, sky in skies]
     return grid([captioned(picture, name, height_px=426) for name, picture in taken], columns=3)
 
 
-def car(studio: Studio) -> Picture:
+def car(renderer: GalleryRenderer) -> Picture:
     """What a hatchback's front and rear cameras see in the recorded traffic."""
-    moment = drive(studio)
+    moment = drive(renderer)
 
     def picture(mount: Mount, size_px: tuple[int, int]) -> Picture:
         place = (
@@ -111,7 +111,7 @@ def car(studio: Studio) -> Picture:
             size_px=size_px,
             vertical_fov_rad=mount.camera.fov_rad,
         )
-        return studio.take(view, MORNING, time_s=moment.time_s, without=moment.agent)
+        return renderer.take(view, MORNING, time_s=moment.time_s, without=moment.agent)
 
     level = Mount("level", 0.55, FRONT.z_m, -8.0, 48.0)
     ahead = captioned(picture(level, (1290, 726)), "through the windscreen", height_px=726)
@@ -122,9 +122,9 @@ def car(studio: Studio) -> Picture:
     return grid([ahead, grid(below, columns=2)], columns=1)
 
 
-def quadrotor_over_street(studio: Studio) -> Picture:
+def quadrotor_over_street(renderer: GalleryRenderer) -> Picture:
     """The UAV at work, seen from another one behind it."""
-    moment = busy_street(studio)
+    moment = busy_street(renderer)
     along = np.array([math.cos(moment.yaw_rad), math.sin(moment.yaw_rad)])
     place = np.array([moment.x_m, moment.y_m])
     flier = quadrotor((*place.tolist(), 9.0), moment.yaw_rad)
@@ -137,12 +137,12 @@ def quadrotor_over_street(studio: Studio) -> Picture:
         vertical_fov_rad=math.radians(52.0),
     )
     light = replace(MORNING, sun_elevation_deg=42.0)
-    return studio.take(view, light, time_s=moment.time_s, more=[flier])
+    return renderer.take(view, light, time_s=moment.time_s, more=[flier])
 
 
-def street(studio: Studio) -> Picture:
+def street(renderer: GalleryRenderer) -> Picture:
     """The town from above its roofs."""
-    moment = busy_street(studio)
+    moment = busy_street(renderer)
     x = moment.x_m - 34.0 * math.cos(moment.yaw_rad)
     y = moment.y_m - 34.0 * math.sin(moment.yaw_rad)
     view = look(
@@ -152,12 +152,12 @@ def street(studio: Studio) -> Picture:
         size_px=(1280, 720),
         vertical_fov_rad=math.radians(50.0),
     )
-    return studio.take(view, MORNING, time_s=moment.time_s)
+    return renderer.take(view, MORNING, time_s=moment.time_s)
 
 
-def map_view(studio: Studio) -> Picture:
+def map_view(renderer: GalleryRenderer) -> Picture:
     """The same moment as seen from high above the street, and on the map that the twin's animation draws."""
-    moment = busy_street(studio)
+    moment = busy_street(renderer)
     across_m = 2 * HIGH_M * math.tan(_HIGH_FOV / 2)
     view = look(
         (moment.x_m, moment.y_m, HIGH_M),
@@ -166,10 +166,10 @@ def map_view(studio: Studio) -> Picture:
         size_px=_CELL,
         vertical_fov_rad=_HIGH_FOV,
     )
-    agents = studio.trace.agents_near(moment.x_m, moment.y_m, across_m, moment.time_s)
+    agents = renderer.trace.agents_near(moment.x_m, moment.y_m, across_m, moment.time_s)
     marks = [
         DefectMark((defect.centre.x, defect.centre.y), None)
-        for defect in studio.world.defects
+        for defect in renderer.world.defects
         if math.dist((defect.centre.x, defect.centre.y), (moment.x_m, moment.y_m)) < across_m
     ]
     scene = Scene(
@@ -193,9 +193,9 @@ def map_view(studio: Studio) -> Picture:
         defects=marks,
         trail=np.array([[moment.x_m, moment.y_m]] * 2),
     )
-    raster = GroundRaster(studio.world, _CELL[0] / across_m)
+    raster = GroundRaster(renderer.world, _CELL[0] / across_m)
     drawn = MapView(raster, _CELL, window_m=(1.0, 1.0), footprint_m=(1.0, 1.0)).draw(scene, scene.position)
-    seen = studio.take(view, MORNING, time_s=moment.time_s)
+    seen = renderer.take(view, MORNING, time_s=moment.time_s)
     return grid(
         [
             captioned(seen, f"seen from {HIGH_M:.0f} m", height_px=_CELL[1]),
@@ -207,18 +207,18 @@ def map_view(studio: Studio) -> Picture:
     )
 
 
-def _defects(studio: Studio, view: Callable[[Defect], View]) -> Picture:
+def _defects(renderer: GalleryRenderer, view: Callable[[Defect], View]) -> Picture:
     cells = []
     for kind in DefectClass:
         for severity in SEVERITIES:
-            defect = shown_best(studio, kind, severity)
+            defect = shown_best(renderer, kind, severity)
             name = kind.value.replace("_", " ")
             size = f"{defect.width_m * 1000:.0f} mm wide, {defect.depth_m * 1000:.0f} mm deep"
-            cells.append(captioned(studio.take(view(defect), MORNING), f"{name}, {severity}   {size}", height_px=426))
+            cells.append(captioned(renderer.take(view(defect), MORNING), f"{name}, {severity}   {size}", height_px=426))
     return grid(cells, columns=3)
 
 
-PICTURES: Final[Mapping[str, Callable[[Studio], Picture]]] = MappingProxyType(
+PICTURES: Final[Mapping[str, Callable[[GalleryRenderer], Picture]]] = MappingProxyType(
     {
         "defects_above": defects_above,
         "defects_side": defects_side,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from shapely import LineString, Polygon
 
-from gallery.studio import MORNING, Studio
+from gallery.renderer import MORNING, GalleryRenderer
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.model import Defect, DefectClass
 from pavetwin.world.segments import direction_at
@@ -28,42 +28,42 @@ class Moment:
     """Who drives there, where the picture is one driver's."""
 
 
-def shown_best(studio: Studio, kind: DefectClass, severity: str) -> Defect:
+def shown_best(renderer: GalleryRenderer, kind: DefectClass, severity: str) -> Defect:
     """The widest and deepest defect of a class and severity among those in the morning's sun."""
-    found = [defect for defect in studio.world.defects if (defect.kind, defect.severity) == (kind, severity)]
+    found = [defect for defect in renderer.world.defects if (defect.kind, defect.severity) == (kind, severity)]
     if not found:
         raise PaveTwinError(f"The town has no {kind.value} of {severity} severity; build it with another seed.")
-    found = [defect for defect in found if _is_sunny(studio, defect)] or found
+    found = [defect for defect in found if _is_sunny(renderer, defect)] or found
     return max(found, key=lambda defect: (round(defect.width_m * defect.depth_m, 6), -defect.id))
 
 
-def busy_street(studio: Studio) -> Moment:
+def busy_street(renderer: GalleryRenderer) -> Moment:
     """Where most vehicles and people are within sight of a camera 15 m above broken pavement in the morning's sun."""
-    ranked = sorted(_moments(studio), key=lambda found: -found[0])
-    return next((moment for _, moment, defect in ranked if _is_sunny(studio, defect)), ranked[0][1])
+    ranked = sorted(_moments(renderer), key=lambda found: -found[0])
+    return next((moment for _, moment, defect in ranked if _is_sunny(renderer, defect)), ranked[0][1])
 
 
-def drive(studio: Studio) -> Moment:
+def drive(renderer: GalleryRenderer) -> Moment:
     """A moving hatchback with traffic before it and a damaged road right ahead."""
-    best = max(_drives(studio), key=lambda found: found[0])
+    best = max(_drives(renderer), key=lambda found: found[0])
     return best[1]
 
 
-def _times(studio: Studio) -> list[float]:
-    return [round(time_s, 1) for time_s in np.linspace(20.0, studio.recording.duration_s - 20.0, TIMES).tolist()]
+def _times(renderer: GalleryRenderer) -> list[float]:
+    return [round(time_s, 1) for time_s in np.linspace(20.0, renderer.recording.duration_s - 20.0, TIMES).tolist()]
 
 
-def _moments(studio: Studio) -> Iterator[tuple[float, Moment, Defect]]:
-    defects = np.array([[defect.centre.x, defect.centre.y] for defect in studio.world.defects])
+def _moments(renderer: GalleryRenderer) -> Iterator[tuple[float, Moment, Defect]]:
+    defects = np.array([[defect.centre.x, defect.centre.y] for defect in renderer.world.defects])
     broken = [
         index
-        for index, defect in enumerate(studio.world.defects)
+        for index, defect in enumerate(renderer.world.defects)
         if defect.severity != "low" and defect.kind is not DefectClass.SINGLE_CRACK
     ]
     worth = np.zeros(len(defects))
-    worth[broken] = [studio.world.defects[index].area_m2 for index in broken]
-    for time_s in _times(studio):
-        poses = studio.trace.agents_at(time_s)
+    worth[broken] = [renderer.world.defects[index].area_m2 for index in broken]
+    for time_s in _times(renderer):
+        poses = renderer.trace.agents_at(time_s)
         agents = np.stack([poses["x_m"], poses["y_m"]], axis=1)
         value = np.where(poses["is_pedestrian"], _PEDESTRIAN_WORTH, 1.0)
         for index in broken[::2]:
@@ -71,22 +71,22 @@ def _moments(studio: Studio) -> Iterator[tuple[float, Moment, Defect]]:
             damage = float(worth[np.linalg.norm(defects - defects[index], axis=1) < 3.0].sum())
             score = float(value[near < 8.0].sum()) + min(damage, 6.0) - 6.0 * float((near < 2.5).sum())
             place = defects[index].tolist()
-            defect = studio.world.defects[index]
-            yield score, Moment(place[0], place[1], _street_yaw(studio, defect), time_s), defect
+            defect = renderer.world.defects[index]
+            yield score, Moment(place[0], place[1], _street_yaw(renderer, defect), time_s), defect
 
 
-def _street_yaw(studio: Studio, defect: Defect) -> float:
-    line = studio.world.segment(defect.segment).centre_line
+def _street_yaw(renderer: GalleryRenderer, defect: Defect) -> float:
+    line = renderer.world.segment(defect.segment).centre_line
     dx, dy = direction_at(line, line.project(defect.centre))
     return math.atan2(dy, dx)
 
 
-def _drives(studio: Studio) -> Iterator[tuple[float, Moment]]:
-    is_ours = np.array([kind == "hatchback" for kind in studio.recording.agents.kind])
-    defects = np.array([[defect.centre.x, defect.centre.y] for defect in studio.world.defects])
-    area = np.array([defect.area_m2 for defect in studio.world.defects])
-    for time_s in _times(studio):
-        poses = studio.trace.agents_at(time_s)
+def _drives(renderer: GalleryRenderer) -> Iterator[tuple[float, Moment]]:
+    is_ours = np.array([kind == "hatchback" for kind in renderer.recording.agents.kind])
+    defects = np.array([[defect.centre.x, defect.centre.y] for defect in renderer.world.defects])
+    area = np.array([defect.area_m2 for defect in renderer.world.defects])
+    for time_s in _times(renderer):
+        poses = renderer.trace.agents_at(time_s)
         xy = np.stack([poses["x_m"], poses["y_m"]], axis=1)
         speed = np.hypot(poses["east_mps"], poses["north_mps"])
         for row in np.flatnonzero(is_ours[poses["agent"]] & (speed > 2.0)).tolist():
@@ -105,7 +105,7 @@ def _ahead(origin: np.ndarray, yaw_rad: float) -> Callable[[np.ndarray], np.ndar
     return lambda points: np.asarray((points - origin) @ turn)
 
 
-def _is_sunny(studio: Studio, defect: Defect) -> bool:
+def _is_sunny(renderer: GalleryRenderer, defect: Defect) -> bool:
     """Whether no house and no tree throws its morning shadow there, and no crown hangs over it."""
     steep = math.tan(math.radians(MORNING.sun_elevation_deg))
     east, north = MORNING.to_sun[:2] / float(np.linalg.norm(MORNING.to_sun[:2]))
@@ -115,6 +115,6 @@ def _is_sunny(studio: Studio, defect: Defect) -> bool:
         reach = height_m / steep
         return bool(shape.distance(LineString([(x, y), (x + east * reach, y + north * reach)])) < 2.0)
 
-    return not any(shades(building.polygon, building.height_m) for building in studio.world.buildings) and not any(
-        shades(thing.position.buffer(thing.radius_m), thing.height_m) for thing in studio.world.furniture
+    return not any(shades(building.polygon, building.height_m) for building in renderer.world.buildings) and not any(
+        shades(thing.position.buffer(thing.radius_m), thing.height_m) for thing in renderer.world.furniture
     )

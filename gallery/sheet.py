@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from gallery.studio import Picture
+from gallery.renderer import Picture
 from pavetwin.draw.style import INK, PAPER
 from pavetwin.files import writing
 

@@ -44,8 +44,8 @@ def shared_file(request: pytest.FixtureRequest) -> Callable[[str], Path]:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Tests that draw are skipped by name where nothing can draw."""
-    drawn = [item for item in items if item.path.name.startswith("test_render_") or "needs_adapter" in item.keywords]
-    drawn = [item for item in drawn if item.path.name != "test_render_adapter.py"]
+    drawn = [item for item in items if item.path.parent.name == "render" or "needs_adapter" in item.keywords]
+    drawn = [item for item in drawn if (item.path.parent.name, item.path.name) != ("render", "test_adapter.py")]
     if not drawn:
         return
     try:

@@ -196,7 +196,7 @@ def test_no_file_names_a_package_registry() -> None:
 def test_the_lock_covers_what_is_asked_for() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     asked = project["project"]["dependencies"] + project["dependency-groups"]["dev"]
-    names = {wish.partition(">")[0].partition("=")[0].partition("<")[0].strip().lower() for wish in asked}
+    names = {spec.partition(">")[0].partition("=")[0].partition("<")[0].strip().lower() for spec in asked}
     lock = (ROOT / "requirements.lock").read_text(encoding="utf-8").splitlines()
     locked = {line.partition("==")[0] for line in lock if "==" in line and not line.startswith((" ", "#"))}
     assert sorted(names - locked) == [], "run `make lock`"

@@ -240,7 +240,7 @@ class Flight:
         look_steps: int,
         capture_steps: int,
         threshold: float,
-        min_clear_share: float,
+        min_visible_fraction: float,
         drain_per_s: Floats,
         drain_step_mps: float,
         drain_per_m_climbed: float,
@@ -257,7 +257,7 @@ class Flight:
     def swap_battery(self, swap_s: float) -> None: ...
     def wait(self, seconds: float) -> None: ...
     def displace(self, east_m: float, north_m: float, stay_s: float) -> None: ...
-    def prolong(self, trace: Trace) -> None: ...
+    def extend(self, trace: Trace) -> None: ...
     def remaining(self) -> Floats:
         """(k, 2), what is left of the line under inspection."""
 

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 
 from pavetwin._core import Arrived, Captured, Trace
-from pavetwin.mission.ground import new_flight
+from pavetwin.mission.environment import new_flight
 from pavetwin.scene.view import View
 from pavetwin.world.model import Defect
 from scenes.tiny import Scene
@@ -19,10 +19,10 @@ def captures(scene: Scene, north_m: float) -> Iterator[tuple[Captured, Trace]]:
         "camera.window_columns=1.0",
         "camera.window_across_per_altitude=null",
         "camera.capture_interval_s=3.0",
-        "sensing.min_unoccluded_share=0.0",
+        "sensing.min_visible_fraction=0.0",
     )
     trace = scene.traffic(120).trace()
-    flight = new_flight(scene.stage(settings), trace, settings)
+    flight = new_flight(scene.environment(settings), trace, settings)
     flight.climb_to(scene.altitude_m)
     while not isinstance(flight.advance(), Arrived):
         pass

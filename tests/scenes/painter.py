@@ -8,7 +8,7 @@ import shapely
 from PIL import Image, ImageDraw
 
 from pavetwin.capture.platforms import Setting
-from pavetwin.capture.shots import Shot
+from pavetwin.capture.samples import CameraSample
 from pavetwin.render.exposure import Exposure
 from pavetwin.render.frame import Frame
 from pavetwin.scene.model import agent_label, defect_label, labelled_defect
@@ -26,16 +26,16 @@ class Painter:
     slow_s: float = 0.0
     tires_after: int | None = None
 
-    def frame(self, shot: Shot, setting: Setting) -> Frame:
+    def frame(self, sample: CameraSample, setting: Setting) -> Frame:
         time.sleep(self.slow_s)
         while self.tires_after == 0:
             time.sleep(1.0)
         if self.tires_after is not None:
             self.tires_after -= 1
-        view = shot.pose.view
+        view = sample.pose.view
         labels = np.zeros((view.size_px[1], view.size_px[0]), dtype=np.uint32)
         alone: dict[int, int] = {}
-        for label, corners in [*_defects(view, setting), *_agents(shot, setting)]:
+        for label, corners in [*_defects(view, setting), *_agents(sample, setting)]:
             mask = _filled(view, corners)
             if mask is not None and mask.any():
                 labels[mask] = label
@@ -46,9 +46,9 @@ class Painter:
             # Defects are darker than the road, agents of any colour.
             shade = 0.25 if labelled_defect(label) is not None else 1.0
             rgb[labels == label] = [int(shade * ((label * factor) % 256)) for factor in (37, 91, 53)]
-        sound = rgb.copy()
-        sound[np.isin(labels, [label for label in alone if labelled_defect(label) is not None])] = GREY
-        return Frame(view, rgb, None, labels, alone, Exposure(0.001, 2.8, 100.0), sound)
+        defect_free = rgb.copy()
+        defect_free[np.isin(labels, [label for label in alone if labelled_defect(label) is not None])] = GREY
+        return Frame(view, rgb, None, labels, alone, Exposure(0.001, 2.8, 100.0), defect_free)
 
 
 def slow_painter(setting: Setting) -> Painter:
@@ -71,11 +71,11 @@ def _defects(view: View, setting: Setting):
             yield defect_label(defect.id), corners
 
 
-def _agents(shot: Shot, setting: Setting):
-    poses = setting.traces[shot.wish.density].agents_at(shot.pose.time_s)
-    away = np.hypot(poses["x_m"] - shot.pose.view.position[0], poses["y_m"] - shot.pose.view.position[1])
+def _agents(sample: CameraSample, setting: Setting):
+    poses = setting.traces[sample.spec.density].agents_at(sample.pose.time_s)
+    away = np.hypot(poses["x_m"] - sample.pose.view.position[0], poses["y_m"] - sample.pose.view.position[1])
     for row in np.argsort(-away).tolist():
-        if int(poses["agent"][row]) == shot.pose.ego or away[row] > 60:
+        if int(poses["agent"][row]) == sample.pose.ego or away[row] > 60:
             continue
         yaw = poses["yaw_rad"][row]
         ahead = np.array([np.cos(yaw), np.sin(yaw), 0.0]) * poses["length_m"][row] / 2
@@ -83,7 +83,7 @@ def _agents(shot: Shot, setting: Setting):
         base = np.array([poses["x_m"][row], poses["y_m"][row], 0.0])
         up = np.array([0.0, 0.0, poses["height_m"][row]])
         corners = [base + a * ahead + b * left + c * up for a in (-1, 1) for b in (-1, 1) for c in (0, 1)]
-        pixels = shot.pose.view.project(np.array(corners))
+        pixels = sample.pose.view.project(np.array(corners))
         if np.isfinite(pixels).all():
             hull = shapely.convex_hull(shapely.multipoints(np.array(pixels)))
             yield agent_label(int(poses["agent"][row])), hull

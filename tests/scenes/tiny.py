@@ -14,8 +14,8 @@ from shapely import LineString, Point, Polygon
 
 from pavetwin._core import Trace
 from pavetwin.config import MissionSettings, load_settings
-from pavetwin.mission.fly import Flown, fly
-from pavetwin.mission.ground import Stage, prepare
+from pavetwin.mission.environment import MissionEnvironment, prepare
+from pavetwin.mission.fly import MissionResult, fly
 from pavetwin.policies import Policy
 from pavetwin.world.model import (
     Building,
@@ -75,7 +75,7 @@ class TinyTraffic:
 
     movers: Sequence[Mover] = ()
     duration_s: float = 600.0
-    prolonged: list[float] = field(default_factory=list)
+    extended: list[float] = field(default_factory=list)
     """What it was asked to outlast."""
     _trace: Trace | None = field(default=None, repr=False)
 
@@ -84,8 +84,8 @@ class TinyTraffic:
             self._trace = trace_of(self.movers, self.duration_s)
         return self._trace
 
-    def prolong(self, needed_s: float) -> Trace:
-        self.prolonged.append(needed_s)
+    def extend(self, needed_s: float) -> Trace:
+        self.extended.append(needed_s)
         self.duration_s = max(self.duration_s, needed_s) * 2
         self._trace = None
         return self.trace()
@@ -233,18 +233,18 @@ class Scene:
     def traffic(self, duration_s: float = 600.0) -> TinyTraffic:
         return TinyTraffic(self.movers, duration_s)
 
-    def stage(self, settings: MissionSettings | None = None) -> Stage:
+    def environment(self, settings: MissionSettings | None = None) -> MissionEnvironment:
         return prepare(self.world, settings or self.settings())
 
     def emptied(self) -> "Scene":
         """The same without traffic."""
         return replace(self, movers=())
 
-    def fly(self, policy: str | Policy, *overrides: str, preset: str = "default", seed: int = 0) -> Flown:
+    def fly(self, policy: str | Policy, *overrides: str, preset: str = "default", seed: int = 0) -> MissionResult:
         """Every segment in turn, under a policy."""
         settings = self.settings(*overrides, preset=preset)
         targets = range(len(self.world.segments))
-        return fly(self.stage(settings), self.traffic(), settings, list(targets), policy, seed=seed)
+        return fly(self.environment(settings), self.traffic(), settings, list(targets), policy, seed=seed)
 
 
 def empty_street(*places: tuple[float, float]) -> Scene:
@@ -296,6 +296,6 @@ SCENES: dict[str, Callable[[], Scene]] = {
 
 
 @cache
-def flown(scene: str, policy: str, *overrides: str, preset: str = "default", seed: int = 0) -> Flown:
+def result(scene: str, policy: str, *overrides: str, preset: str = "default", seed: int = 0) -> MissionResult:
     """The mission of a named scene, flown once a test run."""
     return SCENES[scene]().fly(policy, *overrides, preset=preset, seed=seed)

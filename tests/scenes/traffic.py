@@ -9,6 +9,20 @@ from pavetwin.world.model import GeoReference, World
 from pavetwin.world.roadnet import read_roadnet
 from pavetwin.world.sumo import run_tool
 
+SOURCES = Path(__file__).resolve().parents[2] / "src"
+
+ROUTES = """<routes>
+  <vType id="lorry" vClass="truck" length="8.5" width="2.4" height="3.2"/>
+  <vType id="plain"/>
+  <vehicle id="1" type="lorry" depart="3600"><route edges="wc ce"/></vehicle>
+  <person id="1" depart="3600"><walk edges="ce"/></person>
+  <vehicle id="2" type="plain" depart="3601"><route edges="wc ce"/></vehicle>
+  <person id="rider" depart="3602" departPos="5"><ride from="nc" to="cs" lines="taxi"/></person>
+  <vehicle id="taxi" type="plain" depart="3602" departPos="20">
+    <route edges="nc cs"/><stop lane="nc_1" startPos="0" endPos="40" duration="5" triggered="true"/>
+  </vehicle>
+</routes>"""
+
 _NODES = {
     "straight": [("a", 0, 0, "priority"), ("b", 600, 0, "priority")],
     "cross": [

@@ -122,7 +122,7 @@ fn settings() -> Settings {
         look_steps: 6,
         capture_steps: 12,
         threshold: 0.7,
-        min_clear_share: 0.35,
+        min_visible_fraction: 0.35,
         drain: DrainCurve { per_s: vec![1.0 / 1800.0], step_mps: 1.0, per_m_climbed: 0.0, wind: Vec2::ZERO },
         reserve: 0.15,
     }
@@ -204,7 +204,7 @@ fn a_flight_past_the_recording_asks_for_more_and_takes_no_other() {
     assert!(matches!(event, Ok(Event::RecordingEnds | Event::BatteryLow)));
     let short = TraceColumns { step_s: 0.5, step_offsets: vec![0; 3], ..TraceColumns::default() };
     let short = Arc::new(Trace::new(short).expect("a trace"));
-    assert_eq!(flight.prolong(short), Err(FlightError::OtherRecording));
+    assert_eq!(flight.extend(short), Err(FlightError::OtherRecording));
 }
 
 #[test]

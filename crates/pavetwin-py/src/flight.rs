@@ -30,7 +30,7 @@ pub struct Captured {
     position: (f64, f64),
     altitude_m: f64,
     yaw_rad: f64,
-    /// (defect, unoccluded share)
+    /// (defect, visible fraction)
     sightings: Vec<(u32, f64)>,
 }
 
@@ -53,7 +53,7 @@ fn event_object(py: Python<'_>, event: Event) -> PyResult<Py<PyAny>> {
         Event::RecordingEnds => Py::new(py, RecordingEnds {})?.into_any(),
         Event::Captured(capture) => {
             let viewpoint = capture.viewpoint;
-            let sightings = capture.sightings.iter().map(|sighting| (sighting.defect, sighting.clear_share)).collect();
+            let sightings = capture.sightings.iter().map(|sighting| (sighting.defect, sighting.visible_fraction)).collect();
             let position = (viewpoint.position.x, viewpoint.position.y);
             let (altitude_m, yaw_rad) = (viewpoint.altitude_m, viewpoint.yaw_rad);
             Py::new(py, Captured { time_s: capture.time_s, position, altitude_m, yaw_rad, sightings })?.into_any()
@@ -100,7 +100,7 @@ pub struct Flight(core::Flight);
 #[pymethods]
 impl Flight {
     #[new]
-    #[pyo3(signature = (ground, trace, *, base, altitude_m, time_step_s, radius_m, inspect_speed_mps, transit_speed_mps, acceleration_mps2, yaw_rate_rad_s, stopping_distance_m, climb_speed_mps, image_px, vertical_fov_rad, window_rows, window_columns, window_across_per_altitude, look_steps, capture_steps, threshold, min_clear_share, drain_per_s, drain_step_mps, drain_per_m_climbed, wind_mps, reserve))]
+    #[pyo3(signature = (ground, trace, *, base, altitude_m, time_step_s, radius_m, inspect_speed_mps, transit_speed_mps, acceleration_mps2, yaw_rate_rad_s, stopping_distance_m, climb_speed_mps, image_px, vertical_fov_rad, window_rows, window_columns, window_across_per_altitude, look_steps, capture_steps, threshold, min_visible_fraction, drain_per_s, drain_step_mps, drain_per_m_climbed, wind_mps, reserve))]
     #[allow(clippy::too_many_arguments)] // the kernel's settings, each by name
     fn new(
         ground: &Ground,
@@ -123,7 +123,7 @@ impl Flight {
         look_steps: u32,
         capture_steps: u32,
         threshold: f64,
-        min_clear_share: f64,
+        min_visible_fraction: f64,
         drain_per_s: PyReadonlyArray1<'_, f64>,
         drain_step_mps: f64,
         drain_per_m_climbed: f64,
@@ -144,7 +144,7 @@ impl Flight {
             look_steps,
             capture_steps,
             threshold,
-            min_clear_share,
+            min_visible_fraction,
             drain: DrainCurve {
                 per_s: drain_per_s.as_slice()?.to_vec(),
                 step_mps: drain_step_mps,
@@ -201,8 +201,8 @@ impl Flight {
         self.0.displace(Vec2::new(east_m, north_m), stay_s);
     }
 
-    fn prolong(&mut self, trace: &Trace) -> PyResult<()> {
-        self.0.prolong(trace.0.clone()).map_err(plain)
+    fn extend(&mut self, trace: &Trace) -> PyResult<()> {
+        self.0.extend(trace.0.clone()).map_err(plain)
     }
 
     fn remaining<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {

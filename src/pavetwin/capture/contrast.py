@@ -40,10 +40,10 @@ class Picture:
     """One picture with its instance image; measures the contrast of its defects."""
 
     def __init__(
-        self, rgb: npt.NDArray[np.uint8], sound: npt.NDArray[np.uint8], labels: npt.NDArray[np.uint32]
+        self, rgb: npt.NDArray[np.uint8], defect_free: npt.NDArray[np.uint8], labels: npt.NDArray[np.uint32]
     ) -> None:
-        """All of the same height and width; `sound` as `Frame.sound`."""
-        self._rgb, self._sound, self._labels = rgb, sound, labels
+        """All of the same height and width; `defect_free` as `Frame.defect_free`."""
+        self._rgb, self._sound, self._labels = rgb, defect_free, labels
 
     def contrast(self, piece: Piece) -> float:
         """Of the piece, in standard deviations of sound pavement."""

@@ -26,7 +26,7 @@ class Taken:
 
     view: View
     camera: Camera
-    heading_rad: float
+    yaw_rad: float
     """Of the platform, anticlockwise from east; of a nadir image its upper edge."""
     pitch_rad: float
     """Of the camera's axis: −π/2 straight down."""
@@ -45,7 +45,7 @@ class Taken:
     @property
     def heading_deg(self) -> float:
         """Clockwise from true north; the grid's convergence is taken off."""
-        ahead = self.view.position[:2] + 100.0 * np.array([cos(self.heading_rad), sin(self.heading_rad)])
+        ahead = self.view.position[:2] + 100.0 * np.array([cos(self.yaw_rad), sin(self.yaw_rad)])
         (lon0, lat0), (lon1, lat1) = self.place.to_wgs84(np.stack([self.view.position[:2], ahead]))
         east, north = (lon1 - lon0) * cos(radians(lat0)), lat1 - lat0
         return float(90.0 - degrees(np.arctan2(north, east))) % 360.0

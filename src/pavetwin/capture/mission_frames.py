@@ -26,8 +26,8 @@ from pavetwin.capture.settings import FILE, CaptureSettings, description
 from pavetwin.capture.store import link_image, write_image, write_over_all, write_yaml
 from pavetwin.capture.truth import Moment, things
 from pavetwin.files import writing, writing_folder
-from pavetwin.mission.fly import Finding, Flown
-from pavetwin.mission.results import findings_geojson
+from pavetwin.mission.fly import Detection, MissionResult
+from pavetwin.mission.results import detections_geojson
 from pavetwin.scene.light import Light
 from pavetwin.scene.view import nadir
 from pavetwin.seeds import Stream, child
@@ -38,7 +38,7 @@ from pavetwin.world.model import World
 
 if TYPE_CHECKING:
     from pavetwin._core import Trace
-    from pavetwin.capture.studio import Theatre
+    from pavetwin.capture.scene_renderer import SceneRenderer
 
 FOLDER: Final = "frames"
 
@@ -53,10 +53,10 @@ _CLOUDS: Final = 0.1
 
 
 def save_frames(
-    flown: Flown,
+    result: MissionResult,
     recording: Recording,
     folder: Path,
-    theatre: "Theatre",
+    scene_renderer: "SceneRenderer",
     *,
     adapter: str = "",
     on_progress: Callable[[float], None] | None = None,
@@ -71,18 +71,18 @@ def save_frames(
     Raises:
         PaveTwinError: the frames cannot be written.
     """
-    captures = [tuple(group) for _, group in groupby(flown.findings, key=lambda finding: finding.time_s)]
+    captures = [tuple(group) for _, group in groupby(result.detections, key=lambda detection: detection.time_s)]
     names = []
     with writing_folder(folder / FOLDER, replace=True) as place:
         if captures:
-            film = _Film(flown, recording, theatre)
+            film = _Film(result, recording, scene_renderer)
             settings = film.settings(len(captures))
             formats = find_formats(settings.formats)
-            for number, findings in enumerate(captures):
-                record, picture = film.frame(findings, number, settings)
+            for number, detections in enumerate(captures):
+                record, picture = film.frame(detections, number, settings)
                 write_image(place, record, picture, formats)
                 link_image(place, record, formats)
-                names += [f"{FOLDER}/{record.image}"] * len(findings)
+                names += [f"{FOLDER}/{record.image}"] * len(detections)
                 if on_progress is not None:
                     on_progress((number + 1) / len(captures))
             write_over_all(place, formats, (SPLIT,))
@@ -90,7 +90,7 @@ def save_frames(
             write_yaml(
                 place / FILE, description(settings, world.name, world.content_hash, defects_hash(world), adapter)
             )
-    content = findings_geojson(flown, names)
+    content = detections_geojson(result, names)
     with writing(folder / "captures.geojson") as path:
         path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     return len(captures)
@@ -106,18 +106,18 @@ def frame_size(image_px: Sequence[int]) -> tuple[int, int]:
 class _Film:
     """A mission, to be photographed once more."""
 
-    flown: Flown
+    result: MissionResult
     recording: Recording
-    theatre: "Theatre"
+    scene_renderer: "SceneRenderer"
 
     @cached_property
     def world(self) -> World:
         """With the defects that the mission looked for."""
-        return replace(self.flown.stage.world, defects=self.flown.stage.defects)
+        return replace(self.result.environment.world, defects=self.result.environment.defects)
 
     @cached_property
     def camera(self) -> Camera:
-        return find_camera(self.flown.settings.camera.model)
+        return find_camera(self.result.settings.camera.model)
 
     @cached_property
     def trace(self) -> "Trace":
@@ -128,40 +128,40 @@ class _Film:
         return CaptureSettings(
             platform="uav",
             images=images,
-            seed=self.flown.seed,
-            altitudes_m=(self.flown.settings.altitude_m,),
+            seed=self.result.seed,
+            altitudes_m=(self.result.settings.altitude_m,),
             densities=(self.recording.name,),
             size_px=frame_size(self.camera.image_px),
-            camera=self.flown.settings.camera.model,
+            camera=self.result.settings.camera.model,
             split=(0.0, 0.0, 1.0),
             empty=0.0,
         )
 
-    def frame(self, findings: Sequence[Finding], number: int, settings: CaptureSettings) -> tuple[Record, bytes]:
+    def frame(self, detections: Sequence[Detection], number: int, settings: CaptureSettings) -> tuple[Record, bytes]:
         """The frame of one capture, which may have confirmed several defects: its record, and its picture as a file."""
-        at = findings[0]
+        at = detections[0]
         view = nadir(
             self.camera,
-            (*at.position, self.flown.settings.altitude_m),
+            (*at.position, self.result.settings.altitude_m),
             yaw_rad=at.yaw_rad,
             size_px=settings.size_px,
-            velocity_mps=_velocity(self.flown, at),
+            velocity_mps=_velocity(self.result, at),
         )
         start, light = self._daylight
-        noise = int(child(self.flown.seed, Stream.FRAME, number).integers(1 << 62))
-        frame = self.theatre.picture(view, self.camera, light, self.recording, at.time_s, noise=noise)
+        noise = int(child(self.result.seed, Stream.FRAME, number).integers(1 << 62))
+        frame = self.scene_renderer.picture(view, self.camera, light, self.recording, at.time_s, noise=noise)
         daylight = Daylight(start + timedelta(seconds=at.time_s), light)
         taken = Taken(
             view=view,
             camera=self.camera,
-            heading_rad=at.yaw_rad,
+            yaw_rad=at.yaw_rad,
             pitch_rad=-np.pi / 2,
             place=self.world.georeference,
             when=daylight.when,
             exposure=frame.exposure,
             is_airborne=True,
         )
-        aims = sorted({category_of_defect(self.world.defects[each.defect].kind).name for each in findings})
+        aims = sorted({category_of_defect(self.world.defects[each.defect].kind).name for each in detections})
         origin = {"density": self.recording.name, "seed": self.recording.origin.seed}
         record = Record(
             index=number,
@@ -172,10 +172,10 @@ class _Film:
             light=daylight.as_dict(),
             traffic={**origin, "time_s": round(at.time_s, 4)},
             aim={
-                "wished": aims,
+                "requested": aims,
                 "met": aims,
                 "attempt": 0,
-                "confirmed": [f"defect {each.defect}" for each in findings],
+                "confirmed": [f"defect {each.defect}" for each in detections],
             },
             things=tuple(
                 things(frame, Moment(self.world, self.trace.agents_at(at.time_s), self.recording.agents.kind))
@@ -192,8 +192,8 @@ class _Film:
         return start, Light.at(start, latitude_deg=latitude, longitude_deg=longitude, cloud_cover=_CLOUDS)
 
 
-def _velocity(flown: Flown, finding: Finding) -> tuple[float, float, float]:
+def _velocity(result: MissionResult, detection: Detection) -> tuple[float, float, float]:
     """Of the UAV, along its heading: the last speed that its track noted."""
-    row = int(np.searchsorted(flown.track["t_s"], finding.time_s + 1e-6)) - 1
-    speed = float(flown.track["speed_mps"][max(0, row)])
-    return speed * float(np.cos(finding.yaw_rad)), speed * float(np.sin(finding.yaw_rad)), 0.0
+    row = int(np.searchsorted(result.track["t_s"], detection.time_s + 1e-6)) - 1
+    speed = float(result.track["speed_mps"][max(0, row)])
+    return speed * float(np.cos(detection.yaw_rad)), speed * float(np.sin(detection.yaw_rad)), 0.0

@@ -16,7 +16,7 @@ from pavetwin.capture.settings import SPLITS, CaptureSettings
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import World
 
-PLAN, STREETS, SHOT = 0, 1, 2
+PLAN, STREETS, SAMPLE = 0, 1, 2
 """Keys of the stream CAPTURE."""
 
 _PRIMES: Final = (2, 3, 5, 7, 11, 13)
@@ -25,7 +25,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Wish:
+class ImageSpec:
     """What one image is to show."""
 
     index: int
@@ -39,13 +39,13 @@ class Wish:
     """0 … 1, for what a platform chooses beside this."""
 
 
-def wishes(settings: CaptureSettings, world: World, count: int, start: int = 0) -> list[Wish]:
+def image_specs(settings: CaptureSettings, world: World, count: int, start: int = 0) -> list[ImageSpec]:
     """The wishes of images `start` … `start + count − 1`."""
     aims = aims_of(world)
     starts = child(settings.seed, Stream.CAPTURE, PLAN).random(len(_PRIMES))
     steps = np.array([sqrt(prime) for prime in _PRIMES])
     draws = (starts + np.arange(start, start + count)[:, None] * steps) % 1.0
-    return [_wish(settings, aims, start + row, draw.tolist()) for row, draw in enumerate(draws)]
+    return [_spec(settings, aims, start + row, draw.tolist()) for row, draw in enumerate(draws)]
 
 
 def aims_of(world: World) -> list[Category]:
@@ -53,11 +53,11 @@ def aims_of(world: World) -> list[Category]:
     return [category_of_defect(kind) for kind in sorted({defect.kind for defect in world.defects})]
 
 
-def _wish(settings: CaptureSettings, aims: list[Category], index: int, draw: list[float]) -> Wish:
+def _spec(settings: CaptureSettings, aims: list[Category], index: int, draw: list[float]) -> ImageSpec:
     open_splits = [split for split, share in enumerate(settings.split) if share > 0]
     reached = np.cumsum([settings.split[split] for split in open_splits])[:-1]
     is_empty = not aims or draw[1] < settings.empty
-    return Wish(
+    return ImageSpec(
         index=index,
         split=SPLITS[open_splits[int(np.searchsorted(reached, draw[0], side="right"))]],
         aims=() if is_empty else (_pick(aims, draw[2]),),

@@ -6,15 +6,15 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
-from pavetwin.capture.crew import Hire, Job, crew
+from pavetwin.capture.disk_space import check_disk_space
 from pavetwin.capture.formats import find_formats
-from pavetwin.capture.plan import Wish, wishes
+from pavetwin.capture.image_workers import FrameSourceFactory, Job, image_workers
+from pavetwin.capture.plan import ImageSpec, image_specs
 from pavetwin.capture.platforms import Platform, Setting, find_platform
-from pavetwin.capture.room import check_room
+from pavetwin.capture.samples import draw_sample
 from pavetwin.capture.setting import OnProgress, check, defects_hash, prepare
 from pavetwin.capture.settings import FILE, SPLITS, CaptureSettings, check_same, description
 from pavetwin.capture.shards import Order, dealt, done, in_shards
-from pavetwin.capture.shots import draw_shot
 from pavetwin.capture.statistics import Statistics, count
 from pavetwin.capture.store import write_over_all, write_yaml
 from pavetwin.errors import PaveTwinError
@@ -43,7 +43,7 @@ def capture(
     settings: CaptureSettings,
     folder: Path,
     *,
-    hire: Hire,
+    frame_source_factory: FrameSourceFactory,
     adapter: str = "",
     jobs: int = 1,
     on_progress: OnProgress | None = None,
@@ -70,14 +70,14 @@ def capture(
         check_same(folder, wanted)
         there = done(folder)
         missing = [index for index in range(settings.images) if index not in there]
-        check_room(settings, len(missing), folder)
+        check_disk_space(settings, len(missing), folder)
         setting = prepare(world, settings, tell)
 
         def begin() -> None:
             write_yaml(folder / FILE, wanted)
 
         if missing:
-            _take(Job(world_folder, settings, folder, hire), setting, missing, jobs, begin, tell)
+            _take(Job(world_folder, settings, folder, frame_source_factory), setting, missing, jobs, begin, tell)
         tell(1.0, "Writing label files")
         statistics = _finish(world, settings, setting, folder)
     return Captured(folder, statistics, len(missing))
@@ -95,31 +95,31 @@ def _take(
         ready += 1
         tell(ready / total, f"Taking images {ready}/{total}")
 
-    hands = min(jobs, -(-len(missing) // 2))
-    begins = "Preparing the scene" + (f" in {hands} processes" if hands > 1 else "")
+    workers = min(jobs, -(-len(missing) // 2))
+    begins = "Preparing the scene" + (f" in {workers} processes" if workers > 1 else "")
     tell(ready / total, begins)
-    with crew(job, setting, hands, on_image) as work:
+    with image_workers(job, setting, workers, on_image) as work:
         for block in _blocks(job.settings, setting.world, missing):
             orders = [
-                _planned(platform, wish, number, len(block), tell, ready / total) for number, wish in enumerate(block)
+                _planned(platform, spec, number, len(block), tell, ready / total) for number, spec in enumerate(block)
             ]
             begin()
             tell(ready / total, begins)
-            work(dealt(in_shards(orders, hands), hands))
+            work(dealt(in_shards(orders, workers), workers))
 
 
-def _planned(platform: Platform, wish: Wish, number: int, total: int, tell: OnProgress, share: float) -> Order:
+def _planned(platform: Platform, spec: ImageSpec, number: int, total: int, tell: OnProgress, share: float) -> Order:
     tell(share, f"Finding places {number + 1}/{total}")
-    return wish, draw_shot(platform, wish, 0)
+    return spec, draw_sample(platform, spec, 0)
 
 
-def _blocks(settings: CaptureSettings, world: World, missing: list[int]) -> Iterator[list[Wish]]:
+def _blocks(settings: CaptureSettings, world: World, missing: list[int]) -> Iterator[list[ImageSpec]]:
     """The wishes that are still open, a block at a time."""
     for start in range(0, settings.images, BLOCK):
         inside = set(range(start, min(start + BLOCK, settings.images))).intersection(missing)
         if inside:
-            every = wishes(settings, world, BLOCK, start)
-            yield [wish for wish in every if wish.index in inside]
+            every = image_specs(settings, world, BLOCK, start)
+            yield [spec for spec in every if spec.index in inside]
 
 
 def _finish(world: World, settings: CaptureSettings, setting: Setting, folder: Path) -> Statistics:

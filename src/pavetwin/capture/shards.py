@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Final
 
 from pavetwin.capture.formats import Format
-from pavetwin.capture.plan import Wish
+from pavetwin.capture.images import FrameSource, take
+from pavetwin.capture.plan import ImageSpec
 from pavetwin.capture.platforms import Platform
 from pavetwin.capture.record import Record, record_paths, truth_path
-from pavetwin.capture.shots import Shot
+from pavetwin.capture.samples import CameraSample
 from pavetwin.capture.store import files_of, link_image, write_image
-from pavetwin.capture.taking import Photographer, take
 from pavetwin.files import staging_folder
 
 SHARD: Final = 25
@@ -22,7 +22,7 @@ SHARD: Final = 25
 _ASIDE: Final = "shard"
 """What the folder aside is named after; it begins with a dot."""
 
-Order = tuple[Wish, Shot | None]
+Order = tuple[ImageSpec, CameraSample | None]
 """A wish, and its first attempt."""
 
 
@@ -30,7 +30,7 @@ def write_shard(
     folder: Path,
     orders: Sequence[Order],
     platform: Platform,
-    photographer: Photographer,
+    frame_source: FrameSource,
     formats: Sequence[Format],
     on_image: Callable[[], None],
 ) -> None:
@@ -43,8 +43,8 @@ def write_shard(
         PaveTwinError: an image cannot be taken, or the dataset cannot be written. Nothing half-written is left.
     """
     with staging_folder(folder / _ASIDE) as aside:
-        for wish, first in orders:
-            record, picture = take(platform, photographer, wish, first)
+        for spec, first in orders:
+            record, picture = take(platform, frame_source, spec, first)
             write_image(aside, record, picture, formats)
             _move(aside, folder, record, formats)
             on_image()
@@ -55,16 +55,16 @@ def done(folder: Path) -> set[int]:
     return {int(path.stem) for path in record_paths(folder)}
 
 
-def in_shards(orders: Iterable[Order], hands: int) -> list[list[Order]]:
+def in_shards(orders: Iterable[Order], workers: int) -> list[list[Order]]:
     """Neighbours in one shard, so that a process makes as few tiles of the scene as can be; enough shards for all."""
     along = sorted(orders, key=lambda order: (_place(order[1]), order[0].index))
-    size = max(1, min(SHARD, -(-len(along) // hands)))
+    size = max(1, min(SHARD, -(-len(along) // workers)))
     return [along[start : start + size] for start in range(0, len(along), size)]
 
 
-def dealt(shards: Sequence[list[Order]], hands: int) -> list[list[Order]]:
-    """The shards in the order in which `hands` processes should begin them: each goes on beside where it was."""
-    length = -(-len(shards) // hands)
+def dealt(shards: Sequence[list[Order]], workers: int) -> list[list[Order]]:
+    """The shards in the order in which `workers` processes should begin them: each goes on beside where it was."""
+    length = -(-len(shards) // workers)
     piles = [shards[start : start + length] for start in range(0, len(shards), max(1, length))]
     return [pile[turn] for turn in range(length) for pile in piles if turn < len(pile)]
 
@@ -82,9 +82,9 @@ def _into(source: Path, target: Path) -> None:
     source.replace(target)
 
 
-def _place(shot: Shot | None) -> int:
+def _place(sample: CameraSample | None) -> int:
     """Along a curve that keeps neighbours together (Morton 1966): the bits of column and row in turn."""
-    if shot is None:
+    if sample is None:
         return 1 << 62
-    column, row = (int(value // 32.0) + (1 << 20) for value in shot.pose.view.position[:2])
+    column, row = (int(value // 32.0) + (1 << 20) for value in sample.pose.view.position[:2])
     return sum(((column >> bit & 1) | (row >> bit & 1) << 1) << 2 * bit for bit in range(21))

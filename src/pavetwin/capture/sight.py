@@ -10,7 +10,7 @@ import shapely
 from shapely import Polygon
 
 from pavetwin.capture.classes import category_of_defect
-from pavetwin.capture.plan import Wish
+from pavetwin.capture.plan import ImageSpec
 from pavetwin.scene.view import View
 from pavetwin.world.model import World
 
@@ -97,20 +97,20 @@ class Sight:
         hits = view.ground(_EVERYWHERE * view.size_px)
         return float(shapely.contains_xy(self.road, hits[np.isfinite(hits).all(axis=1)]).sum() / len(hits))
 
-    def wanted(self, wish: Wish) -> npt.NDArray[np.intp]:
+    def wanted(self, spec: ImageSpec) -> npt.NDArray[np.intp]:
         """The defects that a wish may aim at."""
-        ours = self.split_of == wish.split
-        return np.flatnonzero(ours & np.isin(self.categories, [category.number for category in wish.aims]))
+        ours = self.split_of == spec.split
+        return np.flatnonzero(ours & np.isin(self.categories, [category.number for category in spec.aims]))
 
-    def suits(self, view: View, wish: Wish) -> bool:
+    def suits(self, view: View, spec: ImageSpec) -> bool:
         """Whether a view may be what is wished: no defect of another split, and one of its own wide enough to be seen;
         or none at all, and road."""
         near = self.outlines.query(footprint(view), predicate="intersects")
-        if not wish.aims:
+        if not spec.aims:
             return not len(near) and self.road_share(view) >= ROAD_SHARE
-        if not (self.split_of[near] == wish.split).all():
+        if not (self.split_of[near] == spec.split).all():
             return False
-        aims = np.intersect1d(near, self.wanted(wish))
+        aims = np.intersect1d(near, self.wanted(spec))
         within = view.project(self.centres[aims]) / view.size_px
         away = np.linalg.norm(self.centres[aims] - view.position, axis=1)
         clear = (away < AIMED_WITHIN_M) & (self.widths_m[aims] * view.focal_px > AIMED_WIDTH_PX * away)

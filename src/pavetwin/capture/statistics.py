@@ -22,7 +22,7 @@ class Statistics:
     """By split."""
     empty: Counter[str] = field(default_factory=Counter)
     """Images without a defect in sight, by split."""
-    missed_wishes: int = 0
+    missed_requests: int = 0
     """Images that were to show one class, or no defect, and show another: no place for it was found."""
     labelled: Counter[tuple[str, str]] = field(default_factory=Counter)
     """By class and split."""
@@ -38,7 +38,7 @@ class Statistics:
     def add(self, record: Record) -> None:
         self.images[record.split] += 1
         self.empty[record.split] += not any("severity" in thing.details for thing in record.things)
-        self.missed_wishes += record.aim["wished"] != record.aim["met"]
+        self.missed_requests += record.aim["requested"] != record.aim["met"]
         for thing in record.things:
             if thing.ignored is not None:
                 self.ignored[thing.category, thing.ignored] += 1
@@ -62,7 +62,7 @@ class Statistics:
         return {
             "images": {split: self.images[split] for split in SPLITS if self.images[split]},
             "images_without_defects": {split: self.empty[split] for split in SPLITS if self.images[split]},
-            "images_not_as_wished": self.missed_wishes,
+            "images_not_as_wished": self.missed_requests,
             "labels": {
                 name: {split: self.labelled[name, split] for split in SPLITS if self.images[split]} for name in names
             },

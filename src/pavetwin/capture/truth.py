@@ -55,10 +55,10 @@ class Thing:
     """Tight around its visible pixels: left, top, and the first column and row beyond it."""
     area_px: int
     """Of its visible pixels."""
-    alone_px: int
+    amodal_px: int
     """Of this image's pixels that it would cover if nothing hid it."""
     visible_share: float
-    """area_px / alone_px."""
+    """area_px / amodal_px."""
     inside_share: float | None
     """Of a defect the share of its area on the road that lies within the image; of an agent that of its outline in the
     image plane, None where a part of it is behind the camera."""
@@ -99,9 +99,9 @@ def things(frame: Frame, moment: Moment) -> list[Thing]:
     Raises:
         ValueError: the frame has no labels or does not tell of sound pavement, or it names a thing that is not there.
     """
-    if frame.labels is None or frame.sound is None:
+    if frame.labels is None or frame.defect_free is None:
         raise ValueError("things are told from a frame with labels and with its picture of sound pavement")
-    picture = Picture(frame.rgb, frame.sound, frame.labels)
+    picture = Picture(frame.rgb, frame.defect_free, frame.labels)
     return [_thing(piece, frame, picture, moment) for piece in pieces(frame.labels)]
 
 
@@ -121,7 +121,7 @@ def _thing(piece: Piece, frame: Frame, picture: Picture, moment: Moment) -> Thin
         assert agent is not None
         category, corners, middle, details = _agent(moment, agent)
         name, inside = f"agent {agent}", inside_share(frame.view, corners)
-    alone = frame.alone_px[piece.label]
+    alone = frame.amodal_px[piece.label]
     size = (frame.view.size_px[1], frame.view.size_px[0])
     distance = float(np.linalg.norm(middle - frame.view.position))
     visible = piece.area_px / alone
@@ -131,7 +131,7 @@ def _thing(piece: Piece, frame: Frame, picture: Picture, moment: Moment) -> Thin
         category=category.name,
         box=piece.box,
         area_px=piece.area_px,
-        alone_px=alone,
+        amodal_px=alone,
         visible_share=round(visible, 4),
         inside_share=None if inside is None else round(inside, 4),
         truncated=piece.touches_border(size),

@@ -95,15 +95,17 @@ def make(
     with progress("Starting", lines=True) as tell:
         # Inside, since these take seconds to import.
         from pavetwin.capture.run import capture
+        from pavetwin.capture.scene_renderer import SceneFrameSource
         from pavetwin.capture.setting import check
         from pavetwin.capture.settings import settings_of
-        from pavetwin.capture.studio import Studio
         from pavetwin.render.adapter import find_adapter
 
         settings = settings_of(values, typed={"size_px": size, "split": split})
         check(settings)
         adapter = str(find_adapter())
-        captured = capture(world, settings, output, hire=Studio, adapter=adapter, jobs=jobs, on_progress=tell)
+        captured = capture(
+            world, settings, output, frame_source_factory=SceneFrameSource, adapter=adapter, jobs=jobs, on_progress=tell
+        )
     _print(captured.statistics)
     there = settings.images - captured.taken
     out.print(
@@ -128,7 +130,7 @@ def show(
     pavetwin capture show datasets/town
     pavetwin capture show datasets/town --split val --count 12 -o val.png
     """
-    from pavetwin.capture.sheet import save_sheet
+    from pavetwin.capture.contact_sheet import save_sheet
 
     path = output or dataset / "contact-sheet.png"
     with progress("Drawing"):
@@ -162,8 +164,8 @@ def _print(statistics: "Statistics") -> None:
     if statistics.ignored:
         out.print()
         out.print(_ignored(statistics))
-    if statistics.missed_wishes:
-        of = f"{statistics.missed_wishes} of {sum(statistics.images.values())} images"
+    if statistics.missed_requests:
+        of = f"{statistics.missed_requests} of {sum(statistics.images.values())} images"
         out.print(
             f"\n[yellow]Note:[/] {of} do not show what was asked of them (a class, or no defect at all): nowhere that "
             "was tried could. In a world with fewer defects more places have none, also for pictures from high up."

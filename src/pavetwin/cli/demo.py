@@ -31,8 +31,8 @@ def demo(
     from pavetwin.cli import report
     from pavetwin.config import load_settings
     from pavetwin.draw.world_map import save_world_map
+    from pavetwin.mission.environment import prepare
     from pavetwin.mission.fly import fly
-    from pavetwin.mission.ground import prepare
     from pavetwin.mission.replay import replay_of
     from pavetwin.mission.targets import choose_targets
     from pavetwin.policies import policy_names
@@ -49,25 +49,25 @@ def demo(
     )
     settings = load_settings(altitude_m=ALTITUDE_M)
     with replay, progress("[3/4] Flying the four policies") as tell:
-        stage = prepare(world, settings)
-        targets = choose_targets(stage, count=SEGMENTS, seed=FLIGHT_SEED)
-        replay.on_prolong = lambda share: tell(share, "[3/4] Recording more traffic")
-        flown = []
+        environment = prepare(world, settings)
+        targets = choose_targets(environment, count=SEGMENTS, seed=FLIGHT_SEED)
+        replay.on_extend = lambda share: tell(share, "[3/4] Recording more traffic")
+        result = []
         for name in policy_names():
             traffic_name = f"{replay.recording.name}-{replay.recording.origin.seed}"
-            flown.append(fly(stage, replay, settings, targets, name, seed=FLIGHT_SEED, traffic_name=traffic_name))
-            tell(len(flown) / len(policy_names()), "[3/4] Flying the four policies")
-    minutes = sum(mission.duration_s for mission in flown) / 60
-    out.print(
-        f"[3/4] Flown: {len(flown)} missions over {SEGMENTS} segments at {ALTITUDE_M:g} m, {minutes:.0f} min of flight."
-    )
+            result.append(
+                fly(environment, replay, settings, targets, name, seed=FLIGHT_SEED, traffic_name=traffic_name)
+            )
+            tell(len(result) / len(policy_names()), "[3/4] Flying the four policies")
+    minutes = sum(mission.duration_s for mission in result) / 60
+    out.print(f"[3/4] Flown: {len(result)} missions over {SEGMENTS} segments at {ALTITUDE_M:g} m, {minutes:.0f} min.")
     folder = output / "missions"
     report.save(
-        flown, replay, folder, several=True, animated=lambda mission: mission.policy == "hover", title="[4/4] Drawing"
+        result, replay, folder, several=True, animated=lambda mission: mission.policy == "hover", title="[4/4] Drawing"
     )
     out.print()
-    out.print(report.comparison_table(flown))
-    out.print(report.sentence(flown), markup=False, soft_wrap=True)
+    out.print(report.comparison_table(result))
+    out.print(report.sentence(result), markup=False, soft_wrap=True)
     out.print(
         f"""
 [bold]Results[/] in {folder}/

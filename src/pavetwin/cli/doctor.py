@@ -13,7 +13,7 @@ from pavetwin.errors import PaveTwinError
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Check:
     """One thing looked at. `mend` is empty when all is well."""
 
     what: str
@@ -27,61 +27,61 @@ def doctor() -> None:
     \b
     pavetwin doctor
     """
-    findings = [check() for check in (_python, _kernels, _sumo, _libsumo, _geo, _adapter)]
-    for finding in findings:
-        mark = "[red]✗[/]" if finding.mend else "[green]✓[/]"
-        out.print(f"{mark} {finding.what}: {finding.found}", soft_wrap=True)
-        if finding.mend:
-            out.print(f"  mend it: {finding.mend}", markup=False)
-    if any(finding.mend for finding in findings):
+    checks = [check() for check in (_python, _kernels, _sumo, _libsumo, _geo, _adapter)]
+    for check in checks:
+        mark = "[red]✗[/]" if check.mend else "[green]✓[/]"
+        out.print(f"{mark} {check.what}: {check.found}", soft_wrap=True)
+        if check.mend:
+            out.print(f"  mend it: {check.mend}", markup=False)
+    if any(check.mend for check in checks):
         raise typer.Exit(1)
     out.print("All is there.")
 
 
-def _python() -> Finding:
+def _python() -> Check:
     found = f"{sys.version.split()[0]} on {system()} {machine()}"
-    return Finding("Python", found, "" if sys.version_info >= (3, 11) else "install Python 3.11 or newer")
+    return Check("Python", found, "" if sys.version_info >= (3, 11) else "install Python 3.11 or newer")
 
 
-def _kernels() -> Finding:
+def _kernels() -> Check:
     try:
         from pavetwin import _core
     except ImportError as error:
-        return Finding("Rust kernels", f"not built ({error})", "make setup")
-    return Finding("Rust kernels", f"pavetwin._core {_core.__version__}")
+        return Check("Rust kernels", f"not built ({error})", "make setup")
+    return Check("Rust kernels", f"pavetwin._core {_core.__version__}")
 
 
-def _sumo() -> Finding:
+def _sumo() -> Check:
     from pavetwin.world.sumo import run_tool
 
     try:
         words = run_tool("sumo", ["--version"], doing="asking SUMO for its version")
     except PaveTwinError as error:
-        return Finding("SUMO", str(error), "pip install eclipse-sumo")
-    return Finding("SUMO", words.splitlines()[0].removeprefix("Eclipse SUMO sumo ").strip())
+        return Check("SUMO", str(error), "pip install eclipse-sumo")
+    return Check("SUMO", words.splitlines()[0].removeprefix("Eclipse SUMO sumo ").strip())
 
 
-def _libsumo() -> Finding:
+def _libsumo() -> Check:
     return _package("libsumo", "libsumo")
 
 
-def _geo() -> Finding:
+def _geo() -> Check:
     return _package("GeoPackage files (pyogrio)", "pyogrio")
 
 
-def _adapter() -> Finding:
+def _adapter() -> Check:
     """Only frames need one."""
     from pavetwin.render.adapter import find_adapter
 
     try:
-        return Finding("Vulkan adapter for frames", str(find_adapter()))
+        return Check("Vulkan adapter for frames", str(find_adapter()))
     except PaveTwinError as error:
         _, _, command = str(error).partition(": ")
-        return Finding("Vulkan adapter for frames", "none; all but frames works without", command)
+        return Check("Vulkan adapter for frames", "none; all but frames works without", command)
 
 
-def _package(what: str, name: str) -> Finding:
+def _package(what: str, name: str) -> Check:
     """A package counts when Python finds its code: what pip noted of it may outlive it."""
     if find_spec(name) is None:
-        return Finding(what, "missing", f"pip install --force-reinstall {name}")
-    return Finding(what, version(name))
+        return Check(what, "missing", f"pip install --force-reinstall {name}")
+    return Check(what, version(name))

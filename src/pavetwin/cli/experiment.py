@@ -225,10 +225,10 @@ def recommend(
 
 
 def _note_unfinished(design: "Design", table: "pl.DataFrame") -> None:
-    flown = table["replicate"].n_unique()
-    if flown < design.replicates:
+    result = table["replicate"].n_unique()
+    if result < design.replicates:
         out.print(
-            f"[yellow]Note:[/] only {flown} of {design.replicates} replicates are flown; `experiment run` goes on."
+            f"[yellow]Note:[/] only {result} of {design.replicates} replicates are flown; `experiment run` goes on."
         )
 
 
@@ -295,22 +295,22 @@ def _worlds(design: "Design") -> "dict[str, World]":
 def _engine(name: str, scheduler: str | None, jobs: int | None, design: "Design") -> "Engine":
     from pavetwin.experiments.engines import Pool, Single
 
-    hands = jobs or os.cpu_count() or 1
+    workers = jobs or os.cpu_count() or 1
     if name == "dask":
         from pavetwin.experiments.engines.cluster import Cluster
 
-        return Cluster(scheduler=scheduler, jobs=hands)
+        return Cluster(scheduler=scheduler, jobs=workers)
     if name != "local":
         raise PaveTwinError(f"--engine {name}: known are local and dask.")
     if scheduler is not None:
         raise PaveTwinError("--scheduler: only with --engine dask.")
     units = len(design.worlds) * design.replicates
-    return Single() if min(hands, units) == 1 else Pool(hands)
+    return Single() if min(workers, units) == 1 else Pool(workers)
 
 
 def _say(ran: "Ran", folder: Path) -> None:
     total = ran.plan.missions
-    before = f", {total - ran.flown} of them before" if ran.flown < total else ""
+    before = f", {total - ran.result} of them before" if ran.result < total else ""
     out.print(
         f"{total} missions flown{before}: {len(ran.plan.units)} parts in {folder}/segments.parquet/", soft_wrap=True
     )

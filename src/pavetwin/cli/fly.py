@@ -13,9 +13,9 @@ from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
     from pavetwin.config import MissionSettings
-    from pavetwin.mission.again import Again
-    from pavetwin.mission.fly import Flown
-    from pavetwin.mission.ground import Stage
+    from pavetwin.mission.again import FormerMission
+    from pavetwin.mission.environment import MissionEnvironment
+    from pavetwin.mission.fly import MissionResult
     from pavetwin.mission.replay import Replay
     from pavetwin.traffic.demand import Density
     from pavetwin.world.model import Defect, World
@@ -78,7 +78,7 @@ def fly(
     from pavetwin.config.altitude import check_altitude
     from pavetwin.mission.again import read_mission
     from pavetwin.mission.airspace import load_airspace
-    from pavetwin.mission.ground import prepare
+    from pavetwin.mission.environment import prepare
     from pavetwin.mission.results import check_mission_folder
     from pavetwin.mission.targets import choose_targets
     from pavetwin.policies import load_policy, policy_names
@@ -119,9 +119,9 @@ def fly(
         find_adapter()
     loaded = loaded or load_world(world)
     with progress("Preparing the flight domain") as tell:
-        stage = prepare(loaded, chosen, _defects(loaded, defect_seed))
+        environment = prepare(loaded, chosen, _defects(loaded, defect_seed))
         tell(1.0)
-    targets = choose_targets(stage, count=_count(segments), names=segment or (), order=order, seed=seed)
+    targets = choose_targets(environment, count=_count(segments), names=segment or (), order=order, seed=seed)
     aircraft = load_airspace(airspace) if airspace is not None else ()
     replay = _replay(loaded, wanted, traffic_seed, traffic, routes or [])
     replay.aircraft = aircraft
@@ -139,33 +139,45 @@ def fly(
     )
     check_mission_folder(folder)
     with replay:
-        missions = (_fly_one(stage, replay, chosen, targets, name, seed) for name in names)
-        flown = report.save(
+        missions = (_fly_one(environment, replay, chosen, targets, name, seed) for name in names)
+        result = report.save(
             missions, replay, folder, several=policy == ALL, animated=lambda _: animate, frames=save_frames
         )
     for remark in replay.recording.remarks:
         out.print(f"[yellow]Note:[/] {remark}")
-    out.print(report.segments_table(flown[0]) if len(flown) == 1 else report.comparison_table(flown))
-    out.print(report.sentence(flown), markup=False, soft_wrap=True)
-    for mission in flown:
+    out.print(report.segments_table(result[0]) if len(result) == 1 else report.comparison_table(result))
+    out.print(report.sentence(result), markup=False, soft_wrap=True)
+    for mission in result:
         if former is not None and mission.policy == former.policy:
             out.print(_compared(former, mission), soft_wrap=True)
     out.print(
-        f"Results in {folder}/: {report.listing(flown, animate=animate, frames=save_frames)}",
+        f"Results in {folder}/: {report.listing(result, animate=animate, frames=save_frames)}",
         markup=False,
         soft_wrap=True,
     )
 
 
 def _fly_one(
-    stage: "Stage", replay: "Replay", settings: "MissionSettings", targets: Sequence[int], policy: str, seed: int
-) -> "Flown":
+    environment: "MissionEnvironment",
+    replay: "Replay",
+    settings: "MissionSettings",
+    targets: Sequence[int],
+    policy: str,
+    seed: int,
+) -> "MissionResult":
     from pavetwin.mission.fly import fly as fly_mission
 
     with progress(f"Flying {Path(policy).name}") as tell:
-        replay.on_prolong = lambda share: tell(share, "Recording more traffic")
+        replay.on_extend = lambda share: tell(share, "Recording more traffic")
         return fly_mission(
-            stage, replay, settings, targets, policy, seed=seed, traffic_name=_traffic_name(replay), on_progress=tell
+            environment,
+            replay,
+            settings,
+            targets,
+            policy,
+            seed=seed,
+            traffic_name=_traffic_name(replay),
+            on_progress=tell,
         )
 
 
@@ -218,15 +230,15 @@ def _refuse_answered(context: typer.Context) -> None:
             raise PaveTwinError(f"--again: the mission.yaml says --{option.rstrip('_')}; leave one of the two out.")
 
 
-def _compared(former: "Again", flown: "Flown") -> str:
+def _compared(former: "FormerMission", result: "MissionResult") -> str:
     """Whether a mission flown again came out as before: its mission.yaml does not hold every input."""
     from dataclasses import asdict
 
-    from pavetwin.mission.results import findings_geojson, totals
+    from pavetwin.mission.results import detections_geojson, totals
 
-    now = asdict(totals(flown))
+    now = asdict(totals(result))
     other = [name for name, value in former.totals.items() if now.get(name) != value]
-    if former.findings is not None and former.findings != findings_geojson(flown):
+    if former.detections is not None and former.detections != detections_geojson(result):
         other.append("captures")
     if not other:
         return "The same as the first time."

@@ -10,12 +10,12 @@ from rich.table import Table
 from rich.text import Text
 
 from pavetwin.cli.console import progress
-from pavetwin.mission.ledger import SegmentRow
+from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.results import Drawing, Totals, save_mission, save_missions, totals
 
 if TYPE_CHECKING:
     from pavetwin.config import MissionSettings
-    from pavetwin.mission.fly import Flown
+    from pavetwin.mission.fly import MissionResult
     from pavetwin.mission.replay import Replay
 
 
@@ -25,15 +25,15 @@ def settings_text(settings: "MissionSettings") -> str:
 
 
 def save(
-    missions: Iterable["Flown"],
+    missions: Iterable["MissionResult"],
     replay: "Replay",
     folder: Path,
     *,
     several: bool,
-    animated: Callable[["Flown"], bool],
+    animated: Callable[["MissionResult"], bool],
     frames: bool = False,
     title: str = "Drawing",
-) -> list["Flown"]:
+) -> list["MissionResult"]:
     """Write missions into `folder`, each as it comes: its numbers, then its pictures. Returns the missions.
 
     Args:
@@ -47,50 +47,50 @@ def save(
     from pavetwin.draw.animation import save_animation
     from pavetwin.draw.mission_map import save_comparison_map, save_mission_map
 
-    flown: list[Flown] = []
+    result: list[MissionResult] = []
     takes = [("frames", _frames_of(replay))] if frames else []
 
-    def draw_map(mission: "Flown", path: Path) -> None:
+    def draw_map(mission: "MissionResult", path: Path) -> None:
         with progress(f"{title}: {mission.policy}"):
             save_mission_map(mission, path)
 
-    def draw_animation(mission: "Flown", path: Path) -> None:
+    def draw_animation(mission: "MissionResult", path: Path) -> None:
         with progress(f"{title}: {mission.policy}, moving") as tell:
             save_animation(mission, replay, path, on_progress=tell)
 
-    def drawn() -> Iterator[tuple["Flown", list[tuple[str, Drawing]]]]:
+    def drawn() -> Iterator[tuple["MissionResult", list[tuple[str, Drawing]]]]:
         for mission in missions:
-            flown.append(mission)
+            result.append(mission)
             moving: list[tuple[str, Drawing]] = [("mission.gif", draw_animation)] if animated(mission) else []
             yield mission, [("map.png", draw_map), *moving, *takes]
 
     if several:
-        save_missions(drawn(), folder, [("comparison.png", lambda path: save_comparison_map(flown, path))])
+        save_missions(drawn(), folder, [("comparison.png", lambda path: save_comparison_map(result, path))])
     else:
         for mission, drawings in drawn():
             save_mission(mission, folder, drawings)
-    return flown
+    return result
 
 
 def _frames_of(replay: "Replay") -> Drawing:
     """Takes a mission's frames; the scene is made once for all missions over the same defects."""
     from pavetwin.capture.mission_frames import save_frames
-    from pavetwin.capture.studio import Theatre
+    from pavetwin.capture.scene_renderer import SceneRenderer
     from pavetwin.render.adapter import find_adapter
 
     adapter = str(find_adapter())
-    theatres: list[Theatre] = []
+    scene_renderers: list[SceneRenderer] = []
 
-    def take(mission: "Flown", path: Path) -> None:
+    def take(mission: "MissionResult", path: Path) -> None:
         with progress(f"Taking frames: {mission.policy}") as tell:
-            if not theatres:
-                theatres.append(Theatre(mission.stage.world, mission.stage.defects))
-            save_frames(mission, replay.recording, path.parent, theatres[0], adapter=adapter, on_progress=tell)
+            if not scene_renderers:
+                scene_renderers.append(SceneRenderer(mission.environment.world, mission.environment.defects))
+            save_frames(mission, replay.recording, path.parent, scene_renderers[0], adapter=adapter, on_progress=tell)
 
     return take
 
 
-def listing(flown: Sequence["Flown"], *, animate: bool, frames: bool = False) -> str:
+def listing(result: Sequence["MissionResult"], *, animate: bool, frames: bool = False) -> str:
     """Which files were written."""
     files = (
         "map.png, "
@@ -98,13 +98,13 @@ def listing(flown: Sequence["Flown"], *, animate: bool, frames: bool = False) ->
         + ("frames/, " if frames else "")
         + "mission.parquet, track.parquet, captures.geojson"
     )
-    return files if len(flown) == 1 else f"comparison.png, mission.parquet, and a folder for each policy with {files}"
+    return files if len(result) == 1 else f"comparison.png, mission.parquet, and a folder for each policy with {files}"
 
 
-def segments_table(flown: "Flown") -> Table:
+def segments_table(result: "MissionResult") -> Table:
     """One row a segment, and the sums."""
-    sums, rows = totals(flown), flown.rows
-    columns: list[tuple[str, str, Callable[[SegmentRow], str]]] = [
+    sums, rows = totals(result), result.rows
+    columns: list[tuple[str, str, Callable[[SegmentMetrics], str]]] = [
         ("segment", f"{sums.segments}", lambda row: row.segment),
         ("street", "", lambda row: row.street),
         ("length\nm", f"{sum(row.length_m for row in rows):.0f}", lambda row: f"{row.length_m:.0f}"),
@@ -131,9 +131,9 @@ def segments_table(flown: "Flown") -> Table:
     return table
 
 
-def comparison_table(flown: Sequence["Flown"]) -> Table:
+def comparison_table(result: Sequence["MissionResult"]) -> Table:
     """One row a policy, the best of each column in bold."""
-    sums = [totals(mission) for mission in flown]
+    sums = [totals(mission) for mission in result]
     table = _table()
     table.add_column("policy")
     measures: list[tuple[str, Callable[[Totals], float | None], str, int]] = [
@@ -150,7 +150,7 @@ def comparison_table(flown: Sequence["Flown"]) -> Table:
     columns = [_cells(value, form, better, sums) for _, value, form, better in measures]
     for (heading, *_), cells in zip(measures, columns, strict=True):
         _add_rigid(table, heading, [cell.plain for cell in cells])
-    for mission, *cells in zip(flown, *columns, strict=True):
+    for mission, *cells in zip(result, *columns, strict=True):
         table.add_row(_name(mission.policy), *cells)
     return table
 
@@ -181,10 +181,10 @@ def _cells(value: Callable[[Totals], float | None], form: str, better: int, sums
     return [Text(text, style="bold" if text == best else "") for text in texts]
 
 
-def sentence(flown: Sequence["Flown"]) -> str:
+def sentence(result: Sequence["MissionResult"]) -> str:
     """What came out, in words."""
-    if len(flown) == 1:
-        sums = totals(flown[0])
+    if len(result) == 1:
+        sums = totals(result[0])
         found = f"{sums.confirmed} of {sums.defects} defects confirmed" if sums.defects else "No defects to find"
         surface = f"{_percent(sums.surface_coverage)} % of the surface seen"
         swaps = f" and {sums.swaps} battery swap{'s' if sums.swaps != 1 else ''}" if sums.swaps else ""

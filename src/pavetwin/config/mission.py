@@ -81,7 +81,7 @@ class SensingSettings(Settings):
     sensor: str = "recall"
     recall: Share = 0.840
     """Of the paper's YOLOv8n."""
-    min_unoccluded_share: Share = 0.35
+    min_visible_fraction: Share = 0.35
     attempts: Literal["every_capture", "first_capture"] = "every_capture"
     """`first_capture`: a defect gets one attempt, and one more for each revisit."""
 

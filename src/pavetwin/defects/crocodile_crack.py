@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from pavetwin._core import relief_blocks, relief_largest_part, relief_noise
 from pavetwin.config.base import Settings
-from pavetwin.defects import laying
+from pavetwin.defects import poses
 from pavetwin.defects.heightfield import Field, Heightfield, Lattice, Stains
 from pavetwin.defects.marking import Marking
 from pavetwin.defects.registry import register
@@ -227,15 +227,15 @@ def _moved(
     return sunken, np.asarray(gone, dtype=np.float32)
 
 
-def lay_crocodile_crack(rng: np.random.Generator, road: laying.Road, count: int) -> laying.Poses:
+def lay_crocodile_crack(rng: np.random.Generator, road: poses.Road, count: int) -> poses.Poses:
     """In wheel paths, along them."""
-    return laying.poses(rng, laying.wheel_paths(rng, road, count), 0.0, 0.04)
+    return poses.poses(rng, poses.wheel_paths(rng, road, count), 0.0, 0.04)
 
 
 register(
     DefectClass.CROCODILE_CRACK,
     crocodile_crack,
-    lay=lay_crocodile_crack,
+    sample_poses=lay_crocodile_crack,
     rate=crocodile_severity,
     width=lambda measures: measures.width_m,
     weight=0.2,

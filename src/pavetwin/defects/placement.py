@@ -23,8 +23,8 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, mod
 from shapely import Point, Polygon
 
 from pavetwin.config.base import Settings
-from pavetwin.defects.laying import Poses, Road
 from pavetwin.defects.measures import measure
+from pavetwin.defects.poses import Poses, Road
 from pavetwin.defects.registry import DefectKind, kinds, unknown
 from pavetwin.defects.shapes import Points, turned
 from pavetwin.seeds import Stream, child
@@ -129,7 +129,7 @@ def _on_segment(
     for _ in range(options.count_on(segment, rng)):
         kind = known[int(rng.choice(len(known), p=weights))]
         for shape_seed in rng.integers(2**32, size=SHAPES).tolist():
-            poses = kind.lay(rng, road, PLACES)
+            poses = kind.sample_poses(rng, road, PLACES)
             shape = kind.generate(np.random.default_rng(shape_seed))
             if shape.outline.area > budget:
                 continue

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field as Limited
 
 from pavetwin.config.base import Settings
-from pavetwin.defects import laying
+from pavetwin.defects import poses
 from pavetwin.defects.heightfield import Field, Heightfield, Lattice, Stains
 from pavetwin.defects.marking import Marking
 from pavetwin.defects.pit import AGGREGATE_M, aggregate, dug, loose_stones, opened
@@ -206,22 +206,22 @@ def _float32(field: Field) -> Field:
     return np.asarray(field, dtype=np.float32)
 
 
-def lay_pothole(rng: np.random.Generator, road: laying.Road, count: int) -> laying.Poses:
+def lay_pothole(rng: np.random.Generator, road: poses.Road, count: int) -> poses.Poses:
     """Mostly in wheel paths, some near the edges, lying in any direction."""
     where = rng.random()
     if where < IN_WHEEL_PATH:
-        offsets = laying.wheel_paths(rng, road, count)
+        offsets = poses.wheel_paths(rng, road, count)
     elif where < IN_WHEEL_PATH + AT_EDGE:
-        offsets = laying.edges(rng, road, count)
+        offsets = poses.edges(rng, road, count)
     else:
-        offsets = laying.anywhere(rng, road, count)
-    return laying.poses(rng, offsets, 0.0, math.pi)
+        offsets = poses.anywhere(rng, road, count)
+    return poses.poses(rng, offsets, 0.0, math.pi)
 
 
 register(
     DefectClass.POTHOLE,
     pothole,
-    lay=lay_pothole,
+    sample_poses=lay_pothole,
     rate=pothole_severity,
     width=lambda measures: measures.diameter_m,
     weight=0.3,

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pavetwin.defects.heightfield import Heightfield
-from pavetwin.defects.laying import Lay
 from pavetwin.defects.measures import Measures
+from pavetwin.defects.poses import PoseSampler
 from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.world.model import Defect, DefectClass, Severity
 
@@ -21,7 +21,7 @@ class DefectKind:
 
     name: DefectClass
     generate: Generate
-    lay: Lay
+    sample_poses: PoseSampler
     """Where on a road it is found."""
     rate: Callable[[Measures], Severity]
     width: Callable[[Measures], float]
@@ -37,7 +37,7 @@ def register(
     name: str,
     generate: Generate,
     *,
-    lay: Lay,
+    sample_poses: PoseSampler,
     rate: Callable[[Measures], Severity],
     width: Callable[[Measures], float],
     weight: float,
@@ -47,7 +47,7 @@ def register(
     Raises:
         ValueError: the name is taken or no plain lower-case word, or the weight is negative.
     """
-    kind = DefectKind(DefectClass(name), generate, lay, rate, width, weight)
+    kind = DefectKind(DefectClass(name), generate, sample_poses, rate, width, weight)
     if kind.name in _KINDS:
         raise ValueError(f"the defect class '{name}' is registered already")
     if weight < 0:

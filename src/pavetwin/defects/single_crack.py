@@ -9,7 +9,7 @@ from pydantic import Field as Limited
 
 from pavetwin._core import relief_pebbles
 from pavetwin.config.base import Settings
-from pavetwin.defects import laying
+from pavetwin.defects import poses
 from pavetwin.defects.heightfield import Field, Heightfield, Lattice, Stains
 from pavetwin.defects.marking import Marking
 from pavetwin.defects.registry import register
@@ -233,28 +233,28 @@ def _filled(
     return filled, 0.5 * wide * fallen
 
 
-def lay_single_crack(rng: np.random.Generator, road: laying.Road, count: int) -> laying.Poses:
+def lay_single_crack(rng: np.random.Generator, road: poses.Road, count: int) -> poses.Poses:
     """Along the street in wheel paths, at joints and edges; across it; or obliquely."""
     manner = rng.random()
     if manner < ACROSS:
-        return laying.poses(rng, laying.anywhere(rng, road, count), math.pi / 2, 0.10)
+        return poses.poses(rng, poses.anywhere(rng, road, count), math.pi / 2, 0.10)
     if manner < ACROSS + OBLIQUE:
         turn = float(rng.choice([-1.0, 1.0])) * math.pi / 4
-        return laying.poses(rng, laying.anywhere(rng, road, count), turn, 0.22)
+        return poses.poses(rng, poses.anywhere(rng, road, count), turn, 0.22)
     where = rng.random()
     if where < ALONG_IN_WHEEL_PATH:
-        offsets = laying.wheel_paths(rng, road, count)
+        offsets = poses.wheel_paths(rng, road, count)
     elif where < ALONG_IN_WHEEL_PATH + ALONG_AT_JOINT:
-        offsets = laying.joints(rng, road, count)
+        offsets = poses.joints(rng, road, count)
     else:
-        offsets = laying.edges(rng, road, count)
-    return laying.poses(rng, offsets, 0.0, 0.035)
+        offsets = poses.edges(rng, road, count)
+    return poses.poses(rng, offsets, 0.0, 0.035)
 
 
 register(
     DefectClass.SINGLE_CRACK,
     single_crack,
-    lay=lay_single_crack,
+    sample_poses=lay_single_crack,
     rate=crack_severity,
     width=lambda measures: measures.width_m,
     weight=0.5,

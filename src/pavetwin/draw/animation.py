@@ -13,7 +13,7 @@ from pavetwin.draw.film import Film
 from pavetwin.draw.mission_style import AGENT_COLOURS, OPEN_DEFECT, UAV, rgb, visibility_rgb
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
-from pavetwin.mission.fly import Flown
+from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.mission import Traffic
 
 SAMPLES = 12
@@ -24,7 +24,7 @@ COLOURS = 128
 
 
 def save_animation(
-    flown: Flown,
+    result: MissionResult,
     traffic: Traffic,
     path: Path,
     *,
@@ -56,7 +56,7 @@ def save_animation(
         )
     if not (duration_s > 0 and speed > 0 and 1 <= fps <= 50):
         raise PaveTwinError("An animation needs a positive duration and speed, and 1 to 50 frames a second.")
-    film = Film(flown, traffic, start_s, duration_s, speed, fps)
+    film = Film(result, traffic, start_s, duration_s, speed, fps)
     save = _save_gif if kind == ".gif" else _save_mp4
     with writing(path) as temporary:
         save(temporary, film, on_progress or (lambda _: None))

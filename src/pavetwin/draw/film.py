@@ -14,8 +14,8 @@ from pavetwin.draw.mission_style import agent_group, font
 from pavetwin.draw.readings import HEIGHT_PX, Readings
 from pavetwin.draw.shadows import SeenSurface, shadows
 from pavetwin.errors import PaveTwinError
-from pavetwin.mission.fly import Flown
-from pavetwin.mission.ground import window_m
+from pavetwin.mission.environment import window_m
+from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.mission import Traffic
 from pavetwin.twin import Mode
 
@@ -37,25 +37,25 @@ class Film:
     """The frames of an animation, drawn on demand."""
 
     def __init__(
-        self, flown: Flown, traffic: Traffic, start_s: float | None, duration_s: float, speed: float, fps: int
+        self, result: MissionResult, traffic: Traffic, start_s: float | None, duration_s: float, speed: float, fps: int
     ) -> None:
-        self.flown, self.speed, self.fps = flown, speed, fps
-        start = telling_moment_s(flown) if start_s is None else start_s
-        if not 0 <= start < flown.duration_s:
+        self.result, self.speed, self.fps = result, speed, fps
+        start = telling_moment_s(result) if start_s is None else start_s
+        if not 0 <= start < result.duration_s:
             raise PaveTwinError(
-                f"The animation cannot start at {start:g} s: the mission lasts {flown.duration_s:.0f} s."
+                f"The animation cannot start at {start:g} s: the mission lasts {result.duration_s:.0f} s."
             )
-        shown = min(duration_s, flown.duration_s - start)
+        shown = min(duration_s, result.duration_s - start)
         self.times_s: Floats = start + np.arange(max(1, round(shown / speed * fps))) * speed / fps
-        self._track, self._trace = flown.track, traffic.trace()
-        footprint = footprint_m(flown)
+        self._track, self._trace = result.track, traffic.trace()
+        footprint = footprint_m(result)
         self.width_m = max(WIDTH_M, 2.2 * max(footprint))
         scale = SIZE_PX[0] / self.width_m
-        self.view = View(GroundRaster(flown.stage.world, scale), SIZE_PX, window_m(flown.settings), footprint)
-        self._readings = Readings(SIZE_PX[0], flown.policy, flown.settings.visibility.threshold)
-        self._confirmed = {finding.defect: finding for finding in reversed(flown.findings)}
-        self._places = np.array([(d.centre.x, d.centre.y) for d in flown.stage.defects]).reshape(-1, 2)
-        self._doing = doing(flown)
+        self.view = View(GroundRaster(result.environment.world, scale), SIZE_PX, window_m(result.settings), footprint)
+        self._readings = Readings(SIZE_PX[0], result.policy, result.settings.visibility.threshold)
+        self._confirmed = {detection.defect: detection for detection in reversed(result.detections)}
+        self._places = np.array([(d.centre.x, d.centre.y) for d in result.environment.defects]).reshape(-1, 2)
+        self._doing = doing(result)
         self._yaw = np.unwrap(self._track["yaw_rad"])
         centres = np.array([self.centre(time) for time in self.times_s])
         self._low, self._high = centres.min(axis=0) - self.width_m, centres.max(axis=0) + self.width_m
@@ -105,7 +105,7 @@ class Film:
             dark = shapely.union_all(shadows(agents, (*position, float(self._at(time_s, "altitude_m")))))
             hidden = shapely.intersection(window, dark)
         if self._seen is None:
-            self._seen = SeenSurface(self.flown, self._trace, self._concerns)
+            self._seen = SeenSurface(self.result, self._trace, self._concerns)
         past = (self._track["t_s"] > time_s - TRAIL_S) & (self._track["t_s"] <= time_s)
         trail = np.column_stack([self._track["x_m"][past], self._track["y_m"][past]])
         return Scene(
@@ -142,12 +142,12 @@ class Film:
         near = np.hypot(*(self._places - centre).T) < 0.6 * self.width_m
         for defect in np.flatnonzero(near):
             place = float(self._places[defect, 0]), float(self._places[defect, 1])
-            finding = self._confirmed.get(int(defect))
-            if finding is None or finding.time_s > time_s:
+            detection = self._confirmed.get(int(defect))
+            if detection is None or detection.time_s > time_s:
                 marks.append(DefectMark(place, None))
             else:
-                outcome = Outcome.RECOVERED if finding.on_revisit else Outcome.CONFIRMED
-                marks.append(DefectMark(place, outcome, (time_s - finding.time_s) / self.speed))
+                outcome = Outcome.RECOVERED if detection.on_revisit else Outcome.CONFIRMED
+                marks.append(DefectMark(place, outcome, (time_s - detection.time_s) / self.speed))
         return marks
 
     def _captions(self, image: Image.Image, time_s: float) -> None:
@@ -155,7 +155,7 @@ class Film:
         pen, face = ImageDraw.Draw(image), font(15, bold=True)
         row = max(0, int(np.searchsorted(self._track["t_s"], time_s + 1e-9)) - 1)
         segment = int(self._track["segment"][row])
-        world = self.flown.stage.world
+        world = self.result.environment.world
         name = f"{world.segments[segment].street} · {world.segments[segment].id}" if segment >= 0 else world.name
         pen.text((12, 24), name, fill=style.INK, font=face, anchor="ls", stroke_width=3, stroke_fill=style.PAPER)
         length_m = style.nice_length_m(self.width_m / 6)

@@ -11,8 +11,8 @@ from math import hypot
 import numpy as np
 import numpy.typing as npt
 
-from pavetwin.mission.fly import Flown
-from pavetwin.mission.ground import window_m
+from pavetwin.mission.environment import window_m
+from pavetwin.mission.fly import MissionResult
 from pavetwin.twin import Mode
 from pavetwin.uav import find_camera
 
@@ -59,45 +59,45 @@ class Step:
     end: Place
 
 
-def outcomes(flown: Flown) -> dict[int, Outcome]:
+def outcomes(result: MissionResult) -> dict[int, Outcome]:
     """Of every defect of the inspected segments, and of those confirmed elsewhere in passing."""
-    visited = {row.segment for row in flown.rows}
-    result = {}
-    for defect in flown.stage.defects:
-        confirmation = flown.memory.confirmed.get(defect.id)
+    visited = {row.segment for row in result.rows}
+    found = {}
+    for defect in result.environment.defects:
+        confirmation = result.memory.confirmed.get(defect.id)
         if confirmation is not None:
-            result[defect.id] = Outcome.RECOVERED if confirmation.on_revisit else Outcome.CONFIRMED
+            found[defect.id] = Outcome.RECOVERED if confirmation.on_revisit else Outcome.CONFIRMED
         elif defect.segment in visited:
-            result[defect.id] = Outcome.MISSED
-    return result
+            found[defect.id] = Outcome.MISSED
+    return found
 
 
-def doing(flown: Flown) -> npt.NDArray[np.uint8]:
+def doing(result: MissionResult) -> npt.NDArray[np.uint8]:
     """(n,) for each sample of the track, what the UAV did, by the number of its mode.
 
     While it stands and looks whether to wait on, the kernel has it inspect; here it waits.
     """
-    mode = np.array(flown.track["mode"], dtype=np.uint8)
-    looks = (mode == NUMBER[Mode.INSPECT]) & (flown.track["speed_mps"] < STILL_MPS)
+    mode = np.array(result.track["mode"], dtype=np.uint8)
+    looks = (mode == NUMBER[Mode.INSPECT]) & (result.track["speed_mps"] < STILL_MPS)
     looks[:-1] &= mode[1:] == NUMBER[Mode.WAIT]
     looks[-1:] = False
     mode[looks] = NUMBER[Mode.WAIT]
     return mode
 
 
-def waits(flown: Flown) -> list[Stay]:
+def waits(result: MissionResult) -> list[Stay]:
     """Where the policy waited, and for how long in all."""
-    return _stays(flown, doing(flown) == NUMBER[Mode.WAIT])
+    return _stays(result, doing(result) == NUMBER[Mode.WAIT])
 
 
-def revisits(flown: Flown) -> list[Stay]:
+def revisits(result: MissionResult) -> list[Stay]:
     """The places that were visited again, and how long the UAV stood and looked there."""
-    stands = flown.track["speed_mps"] < STILL_MPS
-    return _stays(flown, (flown.track["mode"] == NUMBER[Mode.REVISIT]) & stands & inspecting(flown))
+    stands = result.track["speed_mps"] < STILL_MPS
+    return _stays(result, (result.track["mode"] == NUMBER[Mode.REVISIT]) & stands & inspecting(result))
 
 
-def _stays(flown: Flown, chosen: npt.NDArray[np.bool_]) -> list[Stay]:
-    track = flown.track
+def _stays(result: MissionResult, chosen: npt.NDArray[np.bool_]) -> list[Stay]:
+    track = result.track
     lasts = np.diff(track["t_s"], append=track["t_s"][-1:])
     stays: list[Stay] = []
     for index in np.flatnonzero(chosen):
@@ -111,11 +111,11 @@ def _stays(flown: Flown, chosen: npt.NDArray[np.bool_]) -> list[Stay]:
     return [stay for stay in stays if stay.seconds > 0]
 
 
-def displacements(flown: Flown) -> list[Step]:
+def displacements(result: MissionResult) -> list[Step]:
     """Each displacement, from where it set out to the farthest place it came to."""
     steps = []
-    for rows in runs(flown.track["mode"] == NUMBER[Mode.DISPLACE]):
-        x, y = flown.track["x_m"][rows], flown.track["y_m"][rows]
+    for rows in runs(result.track["mode"] == NUMBER[Mode.DISPLACE]):
+        x, y = result.track["x_m"][rows], result.track["y_m"][rows]
         away = np.hypot(x - x[0], y - y[0])
         far = int(np.argmax(away))
         if away[far] > STILL_MPS:
@@ -129,14 +129,14 @@ def runs(chosen: npt.NDArray[np.bool_]) -> list[slice]:
     return [slice(int(start), int(end)) for start, end in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def inspecting(flown: Flown) -> npt.NDArray[np.bool_]:
+def inspecting(result: MissionResult) -> npt.NDArray[np.bool_]:
     """(n,) for each sample of the track, whether the camera was looking at a segment."""
-    return np.asarray(np.isfinite(flown.track["visibility"]), dtype=np.bool_)
+    return np.asarray(np.isfinite(result.track["visibility"]), dtype=np.bool_)
 
 
-def avoiding(flown: Flown) -> npt.NDArray[np.bool_]:
+def avoiding(result: MissionResult) -> npt.NDArray[np.bool_]:
     """(n,) for each sample of the track, whether the UAV gave way to another aircraft."""
-    return np.asarray(flown.track["mode"] == NUMBER[Mode.AVOID], dtype=np.bool_)
+    return np.asarray(result.track["mode"] == NUMBER[Mode.AVOID], dtype=np.bool_)
 
 
 def rectangles(x_m: Floats, y_m: Floats, yaw_rad: Floats, across_m: float, along_m: float) -> Floats:
@@ -149,7 +149,7 @@ def rectangles(x_m: Floats, y_m: Floats, yaw_rad: Floats, across_m: float, along
     return np.asarray(np.stack(corners, axis=1))
 
 
-def windows(flown: Flown, segment: int | None = None) -> tuple[Floats, Floats]:
+def windows(result: MissionResult, segment: int | None = None) -> tuple[Floats, Floats]:
     """The inspection windows that were captured: corners (n, 4, 2) and visibility (n,).
 
     Captures that repeat the one before them (the UAV stood) are left out, the one that saw most excepted.
@@ -157,7 +157,7 @@ def windows(flown: Flown, segment: int | None = None) -> tuple[Floats, Floats]:
     Args:
         segment: only those of this segment, by its index.
     """
-    captures = flown.captures
+    captures = result.captures
     chosen = np.arange(len(captures["t_s"]))
     if segment is not None:
         chosen = chosen[captures["segment"] == segment]
@@ -170,33 +170,33 @@ def windows(flown: Flown, segment: int | None = None) -> tuple[Floats, Floats]:
         else:
             kept.append(int(index))
     at = np.array(kept, dtype=np.intp)
-    across, along = window_m(flown.settings)
+    across, along = window_m(result.settings)
     corners = rectangles(captures["x_m"][at], captures["y_m"][at], captures["yaw_rad"][at], across, along)
     return corners, captures["visibility"][at]
 
 
-def footprint_m(flown: Flown) -> tuple[float, float]:
+def footprint_m(result: MissionResult) -> tuple[float, float]:
     """The camera's whole footprint (across the track, along it) in metres."""
-    return find_camera(flown.settings.camera.model).footprint_m(flown.settings.altitude_m)
+    return find_camera(result.settings.camera.model).footprint_m(result.settings.altitude_m)
 
 
-def telling_segments(flowns: Sequence[Flown]) -> list[str]:
+def telling_segments(results: Sequence[MissionResult]) -> list[str]:
     """The inspected segments, those most worth a closer look first: most occlusions, longest waits, longest."""
     scores: dict[str, tuple[float, float, float]] = {}
-    for row in (row for flown in flowns for row in flown.rows):
+    for row in (row for result in results for row in result.rows):
         occlusions, waited, length = scores.get(row.segment, (0.0, 0.0, row.length_m))
         scores[row.segment] = (occlusions + row.occlusions, waited + row.wait_s + 5 * row.revisits, length)
     return sorted(scores, key=lambda segment: scores[segment], reverse=True)
 
 
-def telling_moment_s(flown: Flown) -> float:
+def telling_moment_s(result: MissionResult) -> float:
     """When an animation should begin: shortly before the first reaction of the policy, else the first occlusion."""
-    track = flown.track
-    if flown.actions:
-        event_s = flown.actions[0].time_s
+    track = result.track
+    if result.actions:
+        event_s = result.actions[0].time_s
     else:
-        seen = inspecting(flown)
-        low = seen & (np.nan_to_num(track["visibility"], nan=1.0) < flown.settings.visibility.threshold)
+        seen = inspecting(result)
+        low = seen & (np.nan_to_num(track["visibility"], nan=1.0) < result.settings.visibility.threshold)
         which = np.flatnonzero(low) if low.any() else np.flatnonzero(seen)
         event_s = float(track["t_s"][which[0]]) if len(which) else 0.0
     return max(0.0, event_s - LEAD_S)

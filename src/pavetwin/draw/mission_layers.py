@@ -29,7 +29,7 @@ from pavetwin.draw.marks import (
 from pavetwin.draw.shapes import outline
 from pavetwin.draw.turned import Turn
 from pavetwin.draw.world_map import ABOVE_WORLD, base_symbol
-from pavetwin.mission.fly import Flown
+from pavetwin.mission.fly import MissionResult
 
 CAPTURED, GAP = "#CFE2EF", "#F3CDB4"
 """Pavement of an inspected segment inside and outside all captured windows."""
@@ -72,12 +72,12 @@ def wait_area(seconds: float, weights: Weights) -> float:
     return max(14.0, weights.wait_area_per_s * seconds)
 
 
-def draw_surfaces(axes: Axes, flown: Flown, turn: Turn) -> None:
+def draw_surfaces(axes: Axes, result: MissionResult, turn: Turn) -> None:
     """The inspected segments: what some captured window covered, and the gaps."""
-    index = {segment.id: number for number, segment in enumerate(flown.stage.world.segments)}
-    for name in dict.fromkeys(row.segment for row in flown.rows):
-        polygon = turn.shape(flown.stage.world.segment(name).polygon)
-        corners, _ = windows(flown, index[name])
+    index = {segment.id: number for number, segment in enumerate(result.environment.world.segments)}
+    for name in dict.fromkeys(row.segment for row in result.rows):
+        polygon = turn.shape(result.environment.world.segment(name).polygon)
+        corners, _ = windows(result, index[name])
         covered = shapely.union_all(shapely.polygons(turn.points(corners))) if len(corners) else shapely.Polygon()
         inside = shapely.intersection(polygon, covered)
         for shape, colour in ((polygon, GAP), (inside, CAPTURED)):
@@ -87,14 +87,14 @@ def draw_surfaces(axes: Axes, flown: Flown, turn: Turn) -> None:
                 )
 
 
-def draw_windows(axes: Axes, flown: Flown, turn: Turn, segment: int) -> None:
+def draw_windows(axes: Axes, result: MissionResult, turn: Turn, segment: int) -> None:
     """The pavement in each captured window of a segment, coloured by visibility, deeper where windows overlap."""
-    corners, visibility = windows(flown, segment)
+    corners, visibility = windows(result, segment)
     if not len(corners):
         return
     faces, edges = style.VISIBILITY(visibility), style.VISIBILITY(visibility)
     faces[:, 3], edges[:, 3] = 0.20, 0.45
-    polygon = turn.shape(flown.stage.world.segments[segment].polygon)
+    polygon = turn.shape(result.environment.world.segments[segment].polygon)
     inside = np.asarray(shapely.intersection(shapely.polygons(turn.points(corners)), polygon))
     touching = ~shapely.is_empty(inside)
     axes.add_collection(
@@ -109,10 +109,10 @@ def draw_windows(axes: Axes, flown: Flown, turn: Turn, segment: int) -> None:
     )
 
 
-def draw_route(axes: Axes, flown: Flown, turn: Turn, weights: Weights) -> None:
+def draw_route(axes: Axes, result: MissionResult, turn: Turn, weights: Weights) -> None:
     """The way flown: thin in transit, thick and coloured by visibility while inspecting, in a band while giving way."""
-    xy = turn.points(np.column_stack([flown.track["x_m"], flown.track["y_m"]]))
-    away = [xy[max(rows.start - 1, 0) : rows.stop + 1] for rows in runs(avoiding(flown))]
+    xy = turn.points(np.column_stack([result.track["x_m"], result.track["y_m"]]))
+    away = [xy[max(rows.start - 1, 0) : rows.stop + 1] for rows in runs(avoiding(result))]
     axes.add_collection(
         LineCollection(
             away, colors=AVOID, linewidths=weights.inspection + 4, alpha=0.4, capstyle="round", zorder=_ROUTE - 1,
@@ -120,7 +120,7 @@ def draw_route(axes: Axes, flown: Flown, turn: Turn, weights: Weights) -> None:
         ),
         autolim=False,
     )  # fmt: skip
-    seen = inspecting(flown)
+    seen = inspecting(result)
     others = [xy[rows.start : rows.stop + 1] for rows in runs(~seen)]
     axes.add_collection(
         LineCollection(others, colors=style.INK, linewidths=weights.transit, alpha=0.75, zorder=_ROUTE), autolim=False
@@ -136,7 +136,7 @@ def draw_route(axes: Axes, flown: Flown, turn: Turn, weights: Weights) -> None:
     axes.add_collection(
         LineCollection(
             list(steps),
-            colors=style.VISIBILITY(flown.track["visibility"][:-1][seen[:-1]]),
+            colors=style.VISIBILITY(result.track["visibility"][:-1][seen[:-1]]),
             linewidths=weights.inspection,
             capstyle="round",
             zorder=_ROUTE + 2,
@@ -145,10 +145,10 @@ def draw_route(axes: Axes, flown: Flown, turn: Turn, weights: Weights) -> None:
     )
 
 
-def draw_defects(axes: Axes, flown: Flown, turn: Turn, weights: Weights) -> None:
+def draw_defects(axes: Axes, result: MissionResult, turn: Turn, weights: Weights) -> None:
     """One mark a defect of the inspected segments: confirmed, recovered or missed."""
-    found = outcomes(flown)
-    places = np.array([(d.centre.x, d.centre.y) for d in flown.stage.defects]).reshape(-1, 2)
+    found = outcomes(result)
+    places = np.array([(d.centre.x, d.centre.y) for d in result.environment.defects]).reshape(-1, 2)
     for number, outcome in enumerate(Outcome):
         which = [defect for defect, is_ in found.items() if is_ is outcome]
         spots = turn.points(places[which])
@@ -160,18 +160,18 @@ def draw_defects(axes: Axes, flown: Flown, turn: Turn, weights: Weights) -> None
         marks.set_gid(f"defects-{outcome}")
 
 
-def draw_reactions(axes: Axes, flown: Flown, turn: Turn, weights: Weights) -> None:
+def draw_reactions(axes: Axes, result: MissionResult, turn: Turn, weights: Weights) -> None:
     """What the policy did: discs where it waited, arrows where it stepped aside, rings where it came back."""
-    stays = sorted(waits(flown), key=lambda stay: -stay.seconds)
+    stays = sorted(waits(result), key=lambda stay: -stay.seconds)
     _discs(axes, stays, turn, weights, WAIT, "waits")
-    again = revisits(flown)
+    again = revisits(result)
     if again:
         spots = turn.points([stay.position for stay in again])
         axes.scatter(
             spots[:, 0], spots[:, 1], s=5 * weights.defect**0.7 + 8, marker="s", facecolors="none",
             edgecolors=REVISIT, linewidths=0.9, zorder=_STAYS,
         ).set_gid("revisits")  # fmt: skip
-    for step in displacements(flown):
+    for step in displacements(result):
         start, end = turn.points([step.start, step.end])
         axes.add_patch(
             FancyArrowPatch(
@@ -190,16 +190,16 @@ def draw_reactions(axes: Axes, flown: Flown, turn: Turn, weights: Weights) -> No
     _label_waits(axes, stays, turn, weights)
 
 
-def draw_stations(axes: Axes, flown: Flown, turn: Turn) -> None:
+def draw_stations(axes: Axes, result: MissionResult, turn: Turn) -> None:
     """The base, and where the battery ran low."""
-    low = [place.position for place in flown.actions if place.action == "battery"]
+    low = [place.position for place in result.actions if place.action == "battery"]
     if low:
         spots = turn.points(low)
         axes.scatter(
             spots[:, 0], spots[:, 1], s=34, marker="P", color=BATTERY, edgecolors=style.PAPER, linewidths=0.7,
             zorder=_LABELS,
         )  # fmt: skip
-    base_symbol(axes, flown.stage.world, zorder=_LABELS)
+    base_symbol(axes, result.environment.world, zorder=_LABELS)
 
 
 def _discs(axes: Axes, stays: Sequence[Stay], turn: Turn, weights: Weights, colour: str, name: str) -> None:

@@ -11,17 +11,17 @@ from matplotlib.patches import Patch
 from pavetwin.draw import style
 from pavetwin.draw.marks import Outcome, avoiding, displacements, outcomes, revisits, waits
 from pavetwin.draw.mission_layers import AVOID, BATTERY, CAPTURED, GAP, REVISIT, STEP, WAIT
-from pavetwin.mission.fly import Flown
+from pavetwin.mission.fly import MissionResult
 
 Handle = Artist | tuple[Artist, ...]
 
 
-def main_numbers(flown: Flown) -> list[tuple[str, str]]:
+def main_numbers(result: MissionResult) -> list[tuple[str, str]]:
     """What the mission came to, as names and readable values."""
-    rows = flown.rows
+    rows = result.rows
     defects, confirmed = sum(row.defects for row in rows), sum(row.confirmed for row in rows)
     area = sum(row.area_m2 for row in rows)
-    minutes, seconds = divmod(round(flown.duration_s), 60)
+    minutes, seconds = divmod(round(result.duration_s), 60)
     numbers = [("Segments inspected", f"{sum(row.inspected for row in rows)} of {len(rows)}")]
     if defects:
         numbers.append(("Coverage", f"{confirmed} of {defects} ({100 * confirmed / defects:.0f} %)"))
@@ -35,15 +35,15 @@ def main_numbers(flown: Flown) -> list[tuple[str, str]]:
         ("Time", f"{minutes}:{seconds:02d} min"),
         ("Waiting", f"{sum(row.wait_s for row in rows):.0f} s"),
         ("Occlusions", f"{sum(row.occlusions for row in rows)}"),
-        ("Distance", f"{flown.distance_m / 1000:.2f} km"),
-        ("Energy", f"{100 * flown.energy:.0f} % of a battery"),
+        ("Distance", f"{result.distance_m / 1000:.2f} km"),
+        ("Energy", f"{100 * result.energy:.0f} % of a battery"),
     ]
-    if flown.swaps:
-        numbers.append(("Battery swaps", f"{flown.swaps}"))
+    if result.swaps:
+        numbers.append(("Battery swaps", f"{result.swaps}"))
     return numbers
 
 
-def legend_of(flowns: Sequence[Flown], *, town: bool) -> tuple[list[Handle], list[str]]:
+def legend_of(results: Sequence[MissionResult], *, town: bool) -> tuple[list[Handle], list[str]]:
     """Only what is on the map."""
     handles: list[Handle] = []
     labels: list[str] = []
@@ -57,24 +57,24 @@ def legend_of(flowns: Sequence[Flown], *, town: bool) -> tuple[list[Handle], lis
     add(ramp, "Inspection, by visibility o")
     add(Patch(facecolor=CAPTURED), "In a captured window")
     add(Patch(facecolor=GAP), "In no captured window")
-    found = {outcome for flown in flowns for outcome in outcomes(flown).values()}
+    found = {outcome for result in results for outcome in outcomes(result).values()}
     for outcome in Outcome:
         if outcome in found:
             marker, colour = style.OUTCOME_MARKERS[outcome], style.OUTCOME_COLOURS[outcome]
             mark = Line2D([], [], marker=marker, color=colour, linestyle="", markersize=5, mec=style.PAPER, mew=0.4)
             add(mark, {Outcome.RECOVERED: "Defect recovered on a revisit"}.get(outcome, f"Defect {outcome}"))
-    if any(waits(flown) for flown in flowns):
+    if any(waits(result) for result in results):
         disc = Line2D([], [], marker="o", color=WAIT, linestyle="", mfc=WAIT + "38", markersize=8, mew=0.9)
         add(disc, "Waiting; area by seconds")
-    if any(displacements(flown) for flown in flowns):
+    if any(displacements(result) for result in results):
         add(Line2D([], [], marker="^" if town else ">", color=STEP, linestyle="", markersize=5), "Displacement")
-    if any(revisits(flown) for flown in flowns):
+    if any(revisits(result) for result in results):
         square = Line2D([], [], marker="s", color=REVISIT, linestyle="", mfc="none", markersize=6, mew=0.9)
         add(square, "Place revisited")
-    if any(avoiding(flown).any() for flown in flowns):
+    if any(avoiding(result).any() for result in results):
         add(Line2D([], [], color=AVOID, linewidth=5, alpha=0.4), "Giving way to aircraft")
     if town:
-        if flowns[0].swaps:
+        if results[0].swaps:
             add(Line2D([], [], marker="P", color=BATTERY, linestyle="", markersize=6), "Battery low")
         add(Line2D([], [], marker="o", color=style.BASE, linestyle="", markersize=7), "Base")
     return handles, labels

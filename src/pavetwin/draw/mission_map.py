@@ -27,8 +27,8 @@ from pavetwin.draw.strip import CAPTION_IN, GAP_IN, TALLEST_IN, Strip, caption, 
 from pavetwin.draw.turned import Turn
 from pavetwin.draw.world_map import ABOVE_WORLD, EVERYTHING, Layer, credit, draw_world
 from pavetwin.errors import PaveTwinError
-from pavetwin.mission.fly import Flown
-from pavetwin.mission.ground import window_m
+from pavetwin.mission.environment import window_m
+from pavetwin.mission.fly import MissionResult
 
 WIDTH_IN = 10.0
 MARGIN_IN = 0.25
@@ -48,21 +48,21 @@ AROUND_M = 25.0
 _PLAIN = Turn((0.0, 0.0), 0.0)
 
 
-def save_mission_map(flown: Flown, path: Path) -> None:
+def save_mission_map(result: MissionResult, path: Path) -> None:
     """Write the picture of one mission (PNG, SVG or PDF by the suffix).
 
     Raises:
         PaveTwinError: the suffix is another, or the file cannot be written.
     """
     with style.styled():
-        figure = mission_figure(flown)
+        figure = mission_figure(result)
         style.save_figure(figure, path)
 
 
-def mission_figure(flown: Flown) -> Figure:
+def mission_figure(result: MissionResult) -> Figure:
     """The town, numbers and legend beside it, and close views below or, beside a narrow town, under the numbers."""
     inner = WIDTH_IN - 2 * MARGIN_IN
-    bounds = flown_bounds(flown)
+    bounds = flown_bounds(result)
     ratio = (bounds[2] - bounds[0]) / (bounds[3] - bounds[1])
     town_h = float(np.clip((inner - SIDE_IN) / ratio, 4.6, TALLEST_TOWN_IN))
     town_w = float(np.clip(town_h * ratio, 3.2, inner - SIDE_IN))
@@ -70,21 +70,21 @@ def mission_figure(flown: Flown) -> Figure:
     town_w = town_w if narrow else inner - SIDE_IN
     bounds = style.fitted(bounds, town_w / town_h)
     side_w = inner - town_w - GUTTER_IN
-    strips = [Strip.of(flown, name, side_w if narrow else inner) for name in telling_segments([flown])[:3]]
+    strips = [Strip.of(result, name, side_w if narrow else inner) for name in telling_segments([result])[:3]]
     room = town_h - NUMBERS_IN if narrow else 2 * TALLEST_IN + 1
     strips = [s for n, s in enumerate(strips) if sum(each.with_caption_in for each in strips[: n + 1]) <= room]
     strips = _heightened(strips, room) if narrow else strips[:2]
     below = 0.0 if narrow else sum(strip.with_caption_in for strip in strips)
     height = MARGIN_IN + below + GAP_IN + town_h + HEAD_IN
     figure = style.new_figure(WIDTH_IN, height)
-    _heading(figure, flown.stage.world.name, _subtitle(flown, f"policy {flown.policy}"), _credit(flown))
+    _heading(figure, result.environment.world.name, _subtitle(result, f"policy {result.policy}"), _credit(result))
     bottom = height - HEAD_IN - town_h
     town = figure.add_axes((MARGIN_IN / WIDTH_IN, bottom / height, town_w / WIDTH_IN, town_h / height))
-    _draw_town(town, flown, bounds, strips)
+    _draw_town(town, result, bounds, strips)
     left = MARGIN_IN + town_w + GUTTER_IN
     side = _panel(figure, (left, bottom, side_w, town_h))
     side.set(xlim=(0, side_w), ylim=(0, town_h))
-    _draw_side(side, flown, town_w / (bounds[2] - bounds[0]), narrow=narrow)
+    _draw_side(side, result, town_w / (bounds[2] - bounds[0]), narrow=narrow)
     x, y = (
         (left, bottom + sum(strip.with_caption_in for strip in strips) - GAP_IN)
         if narrow
@@ -92,9 +92,9 @@ def mission_figure(flown: Flown) -> Figure:
     )
     for number, strip in enumerate(strips):
         y -= strip.caption_in
-        _caption(figure, (x, y), flown, strip, "abc"[number])
+        _caption(figure, (x, y), result, strip, "abc"[number])
         y -= strip.height_in
-        draw_strip(figure, strip, flown, (x, y))
+        draw_strip(figure, strip, result, (x, y))
         y -= GAP_IN
     return figure
 
@@ -105,7 +105,7 @@ def _heightened(strips: Sequence[Strip], room_in: float) -> list[Strip]:
     return [strip.heightened(min(TALLEST_IN, strip.height_in + spare_in / len(strips))) for strip in strips]
 
 
-def save_comparison_map(flowns: Sequence[Flown], path: Path) -> None:
+def save_comparison_map(results: Sequence[MissionResult], path: Path) -> None:
     """Write one close view a mission, all over the segment that tells most about them together.
 
     Args:
@@ -114,58 +114,65 @@ def save_comparison_map(flowns: Sequence[Flown], path: Path) -> None:
     Raises:
         PaveTwinError: no segment was inspected by all, the suffix is unknown, or the file cannot be written.
     """
-    common = [name for name in telling_segments(flowns) if all(name in {row.segment for row in f.rows} for f in flowns)]
+    common = [
+        name for name in telling_segments(results) if all(name in {row.segment for row in f.rows} for f in results)
+    ]
     if not common:
         raise PaveTwinError("The missions have no segment in common, so that they cannot be compared on a map.")
     with style.styled():
-        style.save_figure(_comparison_figure(flowns, common[0]), path)
+        style.save_figure(_comparison_figure(results, common[0]), path)
 
 
-def _comparison_figure(flowns: Sequence[Flown], segment: str) -> Figure:
+def _comparison_figure(results: Sequence[MissionResult], segment: str) -> Figure:
     inner = WIDTH_IN - 2 * MARGIN_IN
-    strip = Strip.of(flowns[0], segment, inner, tallest_in=1.7)
+    strip = Strip.of(results[0], segment, inner, tallest_in=1.7)
     foot = 0.78
-    height = HEAD_IN + len(flowns) * strip.with_caption_in + foot
+    height = HEAD_IN + len(results) * strip.with_caption_in + foot
     figure = style.new_figure(WIDTH_IN, height)
-    street = flowns[0].stage.world.segment(segment).street
+    street = results[0].environment.world.segment(segment).street
     _heading(
         figure,
-        f"{flowns[0].stage.world.name}: {street}, {segment}",
-        _subtitle(flowns[0], "same traffic"),
-        _credit(flowns[0]),
+        f"{results[0].environment.world.name}: {street}, {segment}",
+        _subtitle(results[0], "same traffic"),
+        _credit(results[0]),
     )
     y = height - HEAD_IN
-    for number, flown in enumerate(flowns):
+    for number, result in enumerate(results):
         y -= strip.caption_in
         _caption(
-            figure, (MARGIN_IN, y), flown, strip, flown.policy, colour=style.policy_style(flown.policy, number).colour
+            figure,
+            (MARGIN_IN, y),
+            result,
+            strip,
+            result.policy,
+            colour=style.policy_style(result.policy, number).colour,
         )
         y -= strip.height_in
-        draw_strip(figure, strip, flown, (MARGIN_IN, y), scale=number == 0)
+        draw_strip(figure, strip, result, (MARGIN_IN, y), scale=number == 0)
         y -= GAP_IN
     foot_axes = _panel(figure, (MARGIN_IN, 0.08, inner, foot - 0.12))
-    handles, labels = legend_of(flowns, town=False)
+    handles, labels = legend_of(results, town=False)
     foot_axes.legend(
         handles, labels, loc="center left", ncols=4, handler_map={tuple: HandlerTuple(ndivide=None)}, borderpad=0,
         bbox_to_anchor=(0, 0.5), columnspacing=1.4, handlelength=1.8,
     )  # fmt: skip
-    visibility_ramp(foot_axes, (0.80, 0.45, 0.19, 0.15), flowns[0].settings.visibility.threshold)
+    visibility_ramp(foot_axes, (0.80, 0.45, 0.19, 0.15), results[0].settings.visibility.threshold)
     return figure
 
 
-def flown_bounds(flown: Flown) -> style.Bounds:
+def flown_bounds(result: MissionResult) -> style.Bounds:
     """What a map of the mission shows: the route, the inspected segments and some ground around them, in metres."""
-    world = flown.stage.world
-    route = np.column_stack([flown.track["x_m"], flown.track["y_m"]])
-    shapes: list[shapely.Geometry] = [world.segment(row.segment).polygon for row in flown.rows]
+    world = result.environment.world
+    route = np.column_stack([result.track["x_m"], result.track["y_m"]])
+    shapes: list[shapely.Geometry] = [world.segment(row.segment).polygon for row in result.rows]
     shapes += [world.base, shapely.MultiPoint(route)]
     west, south, east, north = (float(value) for value in shapely.total_bounds(shapes))
     return west - AROUND_M, south - AROUND_M, east + AROUND_M, north + AROUND_M
 
 
-def _draw_town(axes: Axes, flown: Flown, bounds: style.Bounds, strips: Sequence[Strip]) -> None:
+def _draw_town(axes: Axes, result: MissionResult, bounds: style.Bounds, strips: Sequence[Strip]) -> None:
     quiet = EVERYTHING - {Layer.BASE, Layer.TREES, Layer.FURNITURE, Layer.MARKINGS, Layer.CROSSINGS, Layer.STREET_NAMES}
-    draw_world(axes, flown.stage.world, bounds=bounds, layers=quiet, defects=False, muted=True)
+    draw_world(axes, result.environment.world, bounds=bounds, layers=quiet, defects=False, muted=True)
     weights = TOWN.times(float(np.clip(points_per_m(axes), 0.45, 1.0)))
     for strip, letter in zip(strips, "abc", strict=False):
         frame = clipped(strip.outline(), bounds)
@@ -177,19 +184,19 @@ def _draw_town(axes: Axes, flown: Flown, bounds: style.Bounds, strips: Sequence[
         disc = {"boxstyle": "circle,pad=0.18", "facecolor": style.PAPER, "edgecolor": style.INK, "linewidth": 0.8}
         text = axes.text(float(corner[0]), float(corner[1]), letter, fontsize=9, fontweight="bold", bbox=disc)
         text.set(ha="center", va="center", zorder=ABOVE_WORLD + 40)
-    _name_streets(axes, flown)
-    draw_surfaces(axes, flown, _PLAIN)
-    draw_route(axes, flown, _PLAIN, weights)
-    draw_defects(axes, flown, _PLAIN, weights)
-    draw_reactions(axes, flown, _PLAIN, weights)
-    draw_stations(axes, flown, _PLAIN)
+    _name_streets(axes, result)
+    draw_surfaces(axes, result, _PLAIN)
+    draw_route(axes, result, _PLAIN, weights)
+    draw_defects(axes, result, _PLAIN, weights)
+    draw_reactions(axes, result, _PLAIN, weights)
+    draw_stations(axes, result, _PLAIN)
 
 
-def _name_streets(axes: Axes, flown: Flown) -> None:
+def _name_streets(axes: Axes, result: MissionResult) -> None:
     """Beside what was inspected where the street goes on, else across it."""
-    segments = flown.stage.world.segments
-    inspected = {row.segment for row in flown.rows}
-    base = flown.stage.world.base.buffer(6.0 / points_per_m(axes))
+    segments = result.environment.world.segments
+    inspected = {row.segment for row in result.rows}
+    base = result.environment.world.base.buffer(6.0 / points_per_m(axes))
     clear, any_ = lettering.Room(), lettering.Room()
     for place in (base, *(segment.polygon for segment in segments if segment.id in inspected)):
         clear.take(place)
@@ -200,24 +207,24 @@ def _name_streets(axes: Axes, flown: Flown) -> None:
     lettering.street_names(axes, rest, any_, style.INK_SOFT, NAMES)
 
 
-def _draw_side(axes: Axes, flown: Flown, inches_per_m: float, *, narrow: bool) -> None:
+def _draw_side(axes: Axes, result: MissionResult, inches_per_m: float, *, narrow: bool) -> None:
     """Numbers and legend, beside each other where there is room, and the scale below; coordinates are inches."""
     (_, room), (_, height) = axes.get_xlim(), axes.get_ylim()
     width = SIDE_IN - 0.2
     y = height - 0.08
-    for name, value in main_numbers(flown):
+    for name, value in main_numbers(result):
         axes.text(0, y, name, fontsize=8, color=style.INK_SOFT, va="top")
         axes.text(width, y, value, fontsize=8, fontweight="bold", ha="right", va="top")
         axes.plot([0, width], [y - 0.165, y - 0.165], color="#E5E2DC", linewidth=0.5)
         y -= 0.205
     left, y = (width + 0.35, height - 0.06) if narrow else (0.0, y - 0.1)
-    handles, labels = legend_of([flown], town=True)
+    handles, labels = legend_of([result], town=True)
     axes.legend(
         handles, labels, loc="upper left", bbox_to_anchor=(left / room, y / height), borderpad=0, borderaxespad=0,
         handler_map={tuple: HandlerTuple(ndivide=None)}, labelspacing=0.62, handlelength=2.0, fontsize=8,
     )  # fmt: skip
     y -= LEGEND_ROW_IN * len(handles) + 0.36
-    visibility_ramp(axes, (left / room, y / height, width / room, 0.1 / height), flown.settings.visibility.threshold)
+    visibility_ramp(axes, (left / room, y / height, width / room, 0.1 / height), result.settings.visibility.threshold)
     style.scale_bar(axes, left + 1.7, y - 0.62, inches_per_m, longest=1.6)
     style.north_arrow(axes, left + 2.05, y - 0.53)
 
@@ -231,28 +238,33 @@ def _heading(figure: Figure, title: str, subtitle: str, named: str | None) -> No
         figure.text(right, 1 - 0.42 / height, named, fontsize=6.5, color=style.INK_SOFT, ha="right", va="top")
 
 
-def _credit(flown: Flown) -> str | None:
-    world = flown.stage.world
+def _credit(result: MissionResult) -> str | None:
+    world = result.environment.world
     return credit(world) if world.folder is not None and world.folder.is_dir() else None
 
 
-def _subtitle(flown: Flown, first: str) -> str:
-    parts = [first, f"altitude {flown.stage.altitude_m:g} m"]
-    parts += [f"traffic {flown.traffic}"] if flown.traffic else []
-    across, along = window_m(flown.settings)
-    parts += [flown.settings.pattern.kind.replace("_", " "), f"window {across:.1f} × {along:.1f} m"]
-    parts += [f"sensor {flown.sensor}", f"seed {flown.seed}"]
+def _subtitle(result: MissionResult, first: str) -> str:
+    parts = [first, f"altitude {result.environment.altitude_m:g} m"]
+    parts += [f"traffic {result.traffic}"] if result.traffic else []
+    across, along = window_m(result.settings)
+    parts += [result.settings.pattern.kind.replace("_", " "), f"window {across:.1f} × {along:.1f} m"]
+    parts += [f"sensor {result.sensor}", f"seed {result.seed}"]
     return "  ·  ".join(parts)
 
 
 def _caption(
-    figure: Figure, corner_in: tuple[float, float], flown: Flown, strip: Strip, head: str, colour: str = style.INK
+    figure: Figure,
+    corner_in: tuple[float, float],
+    result: MissionResult,
+    strip: Strip,
+    head: str,
+    colour: str = style.INK,
 ) -> None:
     """Above a strip whose upper left is `corner_in`: which segment, and what happened there."""
-    row = next(row for row in flown.rows if row.segment == strip.segment)
+    row = next(row for row in result.rows if row.segment == strip.segment)
     width, height = figure.get_size_inches()
     left, bottom = corner_in
-    words = [caption(row)] if head == flown.policy else [f"{row.street}, {row.segment}", caption(row)]
+    words = [caption(row)] if head == result.policy else [f"{row.street}, {row.segment}", caption(row)]
     two_lines = strip.caption_in > CAPTION_IN
     y = bottom + 0.07
     if two_lines and len(words) == 2:

@@ -85,24 +85,24 @@ def save_navmesh_map(baked: Baked, path: Path) -> None:
     words = f"{len(baked.polygons)} convex polygons, {baked.mesh.area_m2():.0f} m²"
     share = f"{sum(baked.reachable)} of {len(baked.reachable)} segments within reach of the base"
     with style.styled():
-        sheet = style.map_sheet(
+        figure_ = style.map_figure(
             bounds,
             title=f"{world.name}: NavMesh at {baked.altitude_m:g} m",
             subtitle=f"{words}  ·  {share}",
             credit=credit(world),
             legend=_legend(baked),
         )
-        draw_world(sheet.axes, world, bounds=bounds, layers=layers, defects=False, muted=True)
-        fine = min(0.5, max(0.12, 0.25 * shapes.points_per_m(sheet.axes)))
+        draw_world(figure_.axes, world, bounds=bounds, layers=layers, defects=False, muted=True)
+        fine = min(0.5, max(0.12, 0.25 * shapes.points_per_m(figure_.axes)))
         for connected, face, edge in ((True, FREE, FREE_EDGE), (False, CUT_OFF, CUT_OFF_EDGE)):
             cells = [cell for cell, joined in zip(baked.polygons, baked.connected, strict=True) if joined is connected]
-            shapes.fill(sheet.axes, cells, 20, face, alpha=0.62)
+            shapes.fill(figure_.axes, cells, 20, face, alpha=0.62)
             rings = [shapely.get_coordinates(cell.exterior) for cell in cells]
-            shapes.strokes(sheet.axes, rings, 21, edge, fine)
-        shapes.fill(sheet.axes, baked.obstacles, 22, BLOCKED, BLOCKED_EDGE, 0.3, alpha=0.8)
+            shapes.strokes(figure_.axes, rings, 21, edge, fine)
+        shapes.fill(figure_.axes, baked.obstacles, 22, BLOCKED, BLOCKED_EDGE, 0.3, alpha=0.8)
         lost = [s.centre_line for s, ok in zip(world.segments, baked.reachable, strict=True) if not ok]
-        shapes.strokes(sheet.axes, [shapely.get_coordinates(line) for line in lost], 23, UNREACHABLE, 1.6)
-        style.save_figure(sheet.figure, path)
+        shapes.strokes(figure_.axes, [shapely.get_coordinates(line) for line in lost], 23, UNREACHABLE, 1.6)
+        style.save_figure(figure_.figure, path)
 
 
 def _legend(baked: Baked) -> list[LegendEntry]:

@@ -15,8 +15,8 @@ import shapely
 from pavetwin._core import Trace
 from pavetwin.draw.marks import Floats, rectangles
 from pavetwin.draw.mission_style import SMALLEST_VEHICLE_M
-from pavetwin.mission.fly import Flown
-from pavetwin.mission.ground import window_m
+from pavetwin.mission.environment import window_m
+from pavetwin.mission.fly import MissionResult
 
 if TYPE_CHECKING:
     from pavetwin._core import PoseColumns
@@ -58,7 +58,7 @@ def shadows(agents: "PoseColumns", camera: tuple[float, float, float]) -> npt.ND
 class SeenSurface:
     """The pavement of the inspected segments that the captures have seen, up to a time that only moves on."""
 
-    flown: Flown
+    result: MissionResult
     trace: Trace
     concerns: Callable[[float, float], bool] = lambda _east, _north: True
     """Whether a capture at this place can come into the picture; the others are left out."""
@@ -67,7 +67,7 @@ class SeenSurface:
 
     def until(self, time_s: float) -> shapely.Geometry:
         """Everything seen by captures up to `time_s`."""
-        captures, news = self.flown.captures, []
+        captures, news = self.result.captures, []
         while self._done < len(captures["t_s"]) and captures["t_s"][self._done] <= time_s + 1e-9:
             if self.concerns(float(captures["x_m"][self._done]), float(captures["y_m"][self._done])):
                 news.append(self._seen_by(self._done))
@@ -77,14 +77,14 @@ class SeenSurface:
         return self._seen
 
     def _seen_by(self, capture: int) -> shapely.Geometry:
-        captures, one = self.flown.captures, slice(capture, capture + 1)
-        across, along = window_m(self.flown.settings)
+        captures, one = self.result.captures, slice(capture, capture + 1)
+        across, along = window_m(self.result.settings)
         corners = rectangles(captures["x_m"][one], captures["y_m"][one], captures["yaw_rad"][one], across, along)[0]
         window = shapely.Polygon(corners)
         east, north = float(captures["x_m"][capture]), float(captures["y_m"][capture])
         reach = hypot(across, along) / 2 + 1
         agents = self.trace.agents_near(east, north, reach, float(captures["t_s"][capture]))
-        segment = self.flown.stage.world.segments[int(captures["segment"][capture])]
+        segment = self.result.environment.world.segments[int(captures["segment"][capture])]
         seen = shapely.intersection(window, segment.polygon)
-        hidden = shadows(agents, (east, north, self.flown.settings.altitude_m))
+        hidden = shadows(agents, (east, north, self.result.settings.altitude_m))
         return shapely.difference(seen, shapely.union_all(hidden)) if len(hidden) else seen

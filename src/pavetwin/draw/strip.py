@@ -20,9 +20,9 @@ from pavetwin.draw.mission_layers import (
 )
 from pavetwin.draw.turned import Turn
 from pavetwin.draw.world_map import EVERYTHING, Layer, draw_world
-from pavetwin.mission.fly import Flown
-from pavetwin.mission.ground import window_m
-from pavetwin.mission.ledger import SegmentRow
+from pavetwin.mission.environment import window_m
+from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.metrics import SegmentMetrics
 
 TALLEST_IN = 2.0
 GAP_IN = 0.1
@@ -53,12 +53,12 @@ class Strip:
         return self.caption_in + self.height_in + GAP_IN
 
     @staticmethod
-    def of(flown: Flown, segment: str, width_in: float, tallest_in: float = TALLEST_IN) -> "Strip":
+    def of(result: MissionResult, segment: str, width_in: float, tallest_in: float = TALLEST_IN) -> "Strip":
         """The largest scale at which the whole segment and the windows beside it fit."""
-        place = flown.stage.world.segment(segment)
+        place = result.environment.world.segment(segment)
         turn = Turn.along(place)
         left, bottom, right, top = turn.shape(place.polygon).bounds
-        across, along = window_m(flown.settings)
+        across, along = window_m(result.settings)
         long_m = max(right - left, 30.0) + along + 2
         high_m = max(top - bottom, 6.0) + float(np.clip(across - place.width_m, 4.0, 9.0)) + 1
         per_m = min(width_in / long_m, tallest_in / high_m)
@@ -75,7 +75,7 @@ class Strip:
 
 
 def draw_strip(
-    figure: Figure, strip: Strip, flown: Flown, corner_in: tuple[float, float], *, scale: bool = True
+    figure: Figure, strip: Strip, result: MissionResult, corner_in: tuple[float, float], *, scale: bool = True
 ) -> Axes:
     """Draw a strip.
 
@@ -88,14 +88,14 @@ def draw_strip(
     frame = (left / page_w, bottom / page_h, width / page_w, strip.height_in / page_h)
     axes = figure.add_axes(frame)
     x, y = strip.width_m / 2, strip.height_m / 2
-    near = strip.turn.world(flown.stage.world, float(np.hypot(x, y)) + 5)
+    near = strip.turn.world(result.environment.world, float(np.hypot(x, y)) + 5)
     draw_world(axes, near, bounds=(-x, -y, x, y), layers=_QUIET, defects=False, muted=True)
-    index = next(i for i, segment in enumerate(flown.stage.world.segments) if segment.id == strip.segment)
-    draw_surfaces(axes, flown, strip.turn)
-    draw_windows(axes, flown, strip.turn, index)
-    draw_route(axes, flown, strip.turn, CLOSE)
-    draw_defects(axes, flown, strip.turn, CLOSE)
-    draw_reactions(axes, flown, strip.turn, CLOSE)
+    index = next(i for i, segment in enumerate(result.environment.world.segments) if segment.id == strip.segment)
+    draw_surfaces(axes, result, strip.turn)
+    draw_windows(axes, result, strip.turn, index)
+    draw_route(axes, result, strip.turn, CLOSE)
+    draw_defects(axes, result, strip.turn, CLOSE)
+    draw_reactions(axes, result, strip.turn, CLOSE)
     if scale:
         above = figure.add_axes(
             (left / page_w, (bottom + strip.height_in) / page_h, width / page_w, strip.caption_in / page_h)
@@ -108,7 +108,7 @@ def draw_strip(
     return axes
 
 
-def caption(row: SegmentRow) -> str:
+def caption(row: SegmentMetrics) -> str:
     """What happened on a segment, in one line."""
     parts = [f"{row.confirmed} of {row.defects} defects confirmed"]
     if row.recovered:

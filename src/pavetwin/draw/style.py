@@ -166,7 +166,7 @@ class LegendEntry:
 
 
 @dataclass(frozen=True)
-class Sheet:
+class MapFigure:
     """A map in its frame, a title above, and a strip below for legend, scale bar, north arrow and sources."""
 
     figure: Figure
@@ -175,7 +175,7 @@ class Sheet:
     """The strip below; its coordinates are inches from its lower left corner."""
 
 
-def map_sheet(
+def map_figure(
     bounds: Bounds,
     *,
     title: str,
@@ -183,7 +183,7 @@ def map_sheet(
     credit: str | None = None,
     legend: Sequence[LegendEntry] = (),
     longest_in: float | None = None,
-) -> Sheet:
+) -> MapFigure:
     """A figure for a map of `bounds`: draw the world into `axes`; whatever else fits below goes into `footer`.
 
     Args:
@@ -218,7 +218,7 @@ def map_sheet(
     for number, row in enumerate(rows):
         for x, entry in row:
             _legend_entry(footer, x, foot - drop - _ROW_IN * number, entry)
-    return Sheet(figure, axes, footer)
+    return MapFigure(figure, axes, footer)
 
 
 _NARROW_IN, _SCALE_BAR_IN = 6.0, 2.4

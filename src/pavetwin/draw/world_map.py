@@ -240,11 +240,11 @@ def save_world_map(world: World, path: Path, *, names: bool = False, bounds: Bou
     """
     with style.styled():
         shown = bounds if bounds is not None else world_bounds(world)
-        sheet = style.map_sheet(
+        figure_ = style.map_figure(
             shown, title=world.name, subtitle=subtitle(world), credit=credit(world), legend=legend(world)
         )
-        left_out = draw_world(sheet.axes, world, bounds=shown, names=names)
-        style.save_figure(sheet.figure, path)
+        left_out = draw_world(figure_.axes, world, bounds=shown, names=names)
+        style.save_figure(figure_.figure, path)
     return left_out
 
 

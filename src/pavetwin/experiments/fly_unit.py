@@ -19,9 +19,9 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import OWN_ROUTES, Design, WorldEntry
 from pavetwin.experiments.metrics import FAILED, FLOWN, REASON, REPLICATE, STATUS
 from pavetwin.experiments.plan import Cell, Plan, Unit, world_of_study
+from pavetwin.mission.environment import MissionEnvironment, Surroundings, prepare
 from pavetwin.mission.fly import fly
-from pavetwin.mission.ground import Stage, Surroundings, prepare
-from pavetwin.mission.ledger import SegmentRow
+from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.replay import Replay
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder
@@ -70,7 +70,7 @@ def schema(design: Design) -> dict[str, Any]:
     }
     measured = {
         name: next(_TYPES[kind] for kind in (hint, *get_args(hint)) if kind in _TYPES)
-        for name, hint in get_type_hints(SegmentRow).items()
+        for name, hint in get_type_hints(SegmentMetrics).items()
         if name not in _LEFT_OUT
     }
     return {
@@ -109,13 +109,13 @@ def _part(plan: Plan, rows: Iterable[Row]) -> bytes:
 
 def _flown(plan: Plan, unit: Unit, cell: Cell, ground: "_Ground") -> list[Row]:
     """The rows of one mission; it may fail."""
-    luck, targets = plan.luck(unit.replicate), plan.segments(unit)
+    seeds, targets = plan.seeds(unit.replicate), plan.segments(unit)
     try:
         settings = cell.settings(plan.design)
-        flown = fly(ground.stage(settings), ground.replay, settings, targets, cell.policy, seed=luck.sensing)
+        result = fly(ground.environment(settings), ground.replay, settings, targets, cell.policy, seed=seeds.sensing)
     except Exception as error:
         return _failed(plan, unit, cell, _words(error))
-    return [_factors(plan, unit, cell) | {STATUS: FLOWN} | _measured(row) for row in flown.rows]
+    return [_factors(plan, unit, cell) | {STATUS: FLOWN} | _measured(row) for row in result.rows]
 
 
 def _failed(plan: Plan, unit: Unit, cell: Cell, reason: str) -> list[Row]:
@@ -125,7 +125,7 @@ def _failed(plan: Plan, unit: Unit, cell: Cell, reason: str) -> list[Row]:
 
 
 def _factors(plan: Plan, unit: Unit, cell: Cell) -> Row:
-    design, luck = plan.design, plan.luck(unit.replicate)
+    design, seeds = plan.design, plan.seeds(unit.replicate)
     texts = {column: kind == pl.String for column, kind in schema(design).items()}
     swept = zip(design.sweep_columns, cell.swept, strict=True)
     return {
@@ -138,15 +138,15 @@ def _factors(plan: Plan, unit: Unit, cell: Cell) -> Row:
         **{column: str(value) if texts[column] else value for column, value in swept},
         REPLICATE: unit.replicate,
         "seed": design.seed,
-        "traffic_seed": luck.traffic,
-        "defect_seed": luck.defects,
-        "sensing_seed": luck.sensing,
+        "traffic_seed": seeds.traffic,
+        "defect_seed": seeds.defects,
+        "sensing_seed": seeds.sensing,
         "take_off_s": plan.take_off_s(unit),
         "version": version("pavetwin"),
     }
 
 
-def _measured(row: SegmentRow) -> Row:
+def _measured(row: SegmentMetrics) -> Row:
     return {name: value for name, value in asdict(row).items() if name not in _LEFT_OUT}
 
 
@@ -165,20 +165,20 @@ class _Ground:
 
     @classmethod
     def of(cls, plan: Plan, unit: Unit) -> "_Ground":
-        design, luck = plan.design, plan.luck(unit.replicate)
+        design, seeds = plan.design, plan.seeds(unit.replicate)
         entry = design.worlds[unit.world]
         place = _Place(
             entry.path,
             plan.hashes[unit.world],
             tuple(sorted(plan.segments(unit))),
-            luck.defects,
+            seeds.defects,
             design.defects if isinstance(design.defects, str) else design.defects.model_dump_json(),
         )
         _defects(place)
         return cls(place, _replay(plan, unit, place.world, entry))
 
-    def stage(self, settings: MissionSettings) -> Stage:
-        return _stage(self.place, settings.altitude_m, settings.uav.radius_m, settings.visibility.cell_m)
+    def environment(self, settings: MissionSettings) -> MissionEnvironment:
+        return _environment(self.place, settings.altitude_m, settings.uav.radius_m, settings.visibility.cell_m)
 
 
 @dataclass(frozen=True)
@@ -209,7 +209,7 @@ def _defects(place: _Place) -> tuple[Defect, ...]:
 
 
 @lru_cache(maxsize=16)
-def _stage(place: _Place, altitude_m: float, radius_m: float, cell_m: float) -> Stage:
+def _environment(place: _Place, altitude_m: float, radius_m: float, cell_m: float) -> MissionEnvironment:
     settings = load_settings(altitude_m=altitude_m, uav={"radius_m": radius_m}, visibility={"cell_m": cell_m})
     return prepare(
         place.world, settings, _defects(place), _surroundings(place.path, place.content_hash, altitude_m, radius_m)
@@ -225,7 +225,7 @@ def _surroundings(path: str, content_hash: str, altitude_m: float, radius_m: flo
 def _replay(plan: Plan, unit: Unit, world: World, entry: WorldEntry) -> Replay:
     routes = [Path(route) for route in entry.routes]
     density = None if unit.traffic == OWN_ROUTES else unit.traffic
-    seed, take_off_s = plan.luck(unit.replicate).traffic, plan.take_off_s(unit)
+    seed, take_off_s = plan.seeds(unit.replicate).traffic, plan.take_off_s(unit)
     recorder = Recorder(Inputs.of(world, density, seed, routes))
     recording = recorder.until(take_off_s + (QUIET_S if routes else RECORDED_S) * plan.design.segments)
     if routes and not len(recording.after(take_off_s).agent):

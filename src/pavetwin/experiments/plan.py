@@ -15,7 +15,7 @@ from typing import Any, Final
 from pavetwin.config import MissionSettings, load_settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import ALIASES, Design, Value
-from pavetwin.mission.ground import prepare
+from pavetwin.mission.environment import prepare
 from pavetwin.policies import load_policy
 from pavetwin.seeds import Stream, child
 from pavetwin.sensing import load_sensor
@@ -61,7 +61,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Luck:
+class ReplicateSeeds:
     """The seeds of one replicate, shared by all its missions."""
 
     traffic: int
@@ -111,15 +111,15 @@ class Plan:
     def missions(self) -> int:
         return len(self.units) * len(self.cells)
 
-    def luck(self, replicate: int) -> Luck:
+    def seeds(self, replicate: int) -> ReplicateSeeds:
         rng = child(self.design.seed, Stream.EXPERIMENT, _SEEDS, replicate)
         traffic, defects, sensing = rng.integers(_LARGEST_SEED, size=3).tolist()
-        return Luck(traffic, defects, sensing, moment=float(rng.random()))
+        return ReplicateSeeds(traffic, defects, sensing, moment=float(rng.random()))
 
     def take_off_s(self, unit: Unit) -> float:
         """When in its recording a unit's missions begin, on a whole step."""
         earliest, latest = self.design.worlds[unit.world].take_off_s
-        return float(round(earliest + self.luck(unit.replicate).moment * (latest - earliest)))
+        return float(round(earliest + self.seeds(unit.replicate).moment * (latest - earliest)))
 
     def segments(self, unit: Unit) -> list[int]:
         """What the missions of a unit inspect, in this order: drawn anew in each replicate."""
@@ -248,4 +248,6 @@ def _reachable(design: Design, world: World, tell: Callable[[str], None]) -> tup
     for settings in ways.values():
         tell(f"Planning: where to fly over {world.name} at {settings.altitude_m:g} m")
         stages.append(prepare(world, settings, ()))
-    return tuple(index for index in range(len(world.segments)) if all(stage.reachable(index) for stage in stages))
+    return tuple(
+        index for index in range(len(world.segments)) if all(environment.reachable(index) for environment in stages)
+    )

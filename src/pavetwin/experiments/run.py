@@ -24,7 +24,7 @@ class Ran:
 
     plan: Plan
     table: pl.DataFrame
-    flown: int
+    result: int
     """Missions flown now; the others were there."""
 
     @property
@@ -63,15 +63,15 @@ def run(
 
         def on_stand() -> None:
             store.begin(made, retry=retry)
-            flown()
+            result()
 
         def on_unit(unit: Unit, part: bytes) -> None:
             nonlocal done
             store.write(unit, part)
             done += cells
-            flown()
+            result()
 
-        def flown() -> None:
+        def result() -> None:
             tell(done / made.missions, f"Flying missions {done}/{made.missions}")
 
         if missing:

@@ -1,19 +1,19 @@
 """The loop that flies: plan, run, metrics, result files. Imports no renderer and no SUMO."""
 
-from pavetwin.mission.fly import Flown, fly
-from pavetwin.mission.ground import Stage, prepare
-from pavetwin.mission.ledger import SegmentRow
+from pavetwin.mission.environment import MissionEnvironment, prepare
+from pavetwin.mission.fly import MissionResult, fly
+from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.mission import Mission
 from pavetwin.mission.replay import Replay, replay_of
 from pavetwin.mission.results import Totals, save_mission, save_missions, totals
 from pavetwin.mission.targets import choose_targets
 
 __all__ = [
-    "Flown",
     "Mission",
+    "MissionEnvironment",
+    "MissionResult",
     "Replay",
-    "SegmentRow",
-    "Stage",
+    "SegmentMetrics",
     "Totals",
     "choose_targets",
     "fly",

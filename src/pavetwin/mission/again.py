@@ -19,7 +19,7 @@ OWN_NUMBERS: Final = re.compile(r"v(\d[\d.e+-]*)-p(\d[\d.e+-]*)")
 
 
 @dataclass(frozen=True, slots=True)
-class Again:
+class FormerMission:
     """What a `mission.yaml` says that decides how its mission is flown, and what came out."""
 
     settings: MissionSettings
@@ -31,11 +31,11 @@ class Again:
     """None for a user's own routes."""
     traffic_seed: int
     totals: Mapping[str, Any]
-    findings: Any
+    detections: Any
     """The `captures.geojson` beside it; None where it is not there any more."""
 
 
-def read_mission(path: str | Path, world: World) -> Again:
+def read_mission(path: str | Path, world: World) -> FormerMission:
     """The mission that `path`, a `mission.yaml`, describes.
 
     Raises:
@@ -51,7 +51,7 @@ def read_mission(path: str | Path, world: World) -> Again:
                 f"({str(flown_over)[:12]}), which '{world.name}' ({world.content_hash[:12]}) is not; give that world."
             )
         density, traffic_seed = _traffic(str(values["traffic"]))
-        return Again(
+        return FormerMission(
             settings=MissionSettings.parse(values["settings"], where=f"--again: '{path}'"),
             policy=str(values["policy"]),
             seed=int(values["seed"]),
@@ -59,7 +59,7 @@ def read_mission(path: str | Path, world: World) -> Again:
             density=density,
             traffic_seed=traffic_seed,
             totals=dict(values["totals"]),
-            findings=_findings(path.with_name("captures.geojson")),
+            detections=_detections(path.with_name("captures.geojson")),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise PaveTwinError(f"--again: '{path}' is not a whole mission.yaml ({error}).") from error
@@ -77,7 +77,7 @@ def _read(path: Path) -> Mapping[str, Any]:
     return values
 
 
-def _findings(path: Path) -> Any:
+def _detections(path: Path) -> Any:
     """What a mission found, without the frames that were taken of it afterwards."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from pavetwin._core import BatteryLow, Captured, Occluded
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
-from pavetwin.mission.ground import Stage
-from pavetwin.mission.ledger import SegmentRow
+from pavetwin.mission.environment import MissionEnvironment
+from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.mission import Mission, Traffic
 from pavetwin.policies import Action, Policy, load_policy
 from pavetwin.sensing import load_sensor
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Finding:
+class Detection:
     """A defect that was confirmed, and the capture that did."""
 
     defect: int
@@ -29,7 +29,7 @@ class Finding:
     on_revisit: bool
     attempt: int
     """1 for the first."""
-    unoccluded_share: float
+    visible_fraction: float
     position: tuple[float, float]
     """Of the UAV."""
     yaw_rad: float
@@ -45,18 +45,18 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Flown:
+class MissionResult:
     """A mission that was flown to its end."""
 
-    stage: Stage
+    environment: MissionEnvironment
     settings: MissionSettings
     policy: str
     sensor: str
     seed: int
     traffic: str
     """Name of the recording, such as `high-1`."""
-    rows: tuple[SegmentRow, ...]
-    findings: tuple[Finding, ...]
+    rows: tuple[SegmentMetrics, ...]
+    detections: tuple[Detection, ...]
     actions: tuple[Place, ...]
     memory: InspectionMemory
     track: "TrackColumns"
@@ -68,7 +68,7 @@ class Flown:
 
 
 def fly(
-    stage: Stage,
+    environment: MissionEnvironment,
     traffic: Traffic,
     settings: MissionSettings,
     targets: Sequence[int],
@@ -77,7 +77,7 @@ def fly(
     seed: int = 0,
     traffic_name: str = "",
     on_progress: Callable[[float], None] | None = None,
-) -> Flown:
+) -> MissionResult:
     """Fly one mission.
 
     Args:
@@ -91,9 +91,9 @@ def fly(
     decides = load_policy(policy, settings.policy) if isinstance(policy, str) else policy
     sensor = load_sensor(settings.sensing, seed)
     mission = Mission(
-        stage, traffic, settings, targets, policy=decides.name, on_progress=on_progress or (lambda _: None)
+        environment, traffic, settings, targets, policy=decides.name, on_progress=on_progress or (lambda _: None)
     )
-    findings: list[Finding] = []
+    detections: list[Detection] = []
     actions: list[Place] = []
     for event in mission:
         match event:
@@ -102,13 +102,13 @@ def fly(
                 confirmed = sensor.detect(frame)
                 mission.confirm(confirmed)
                 sightings = {sighting.defect: sighting for sighting in frame.sightings}
-                findings += [
-                    Finding(
+                detections += [
+                    Detection(
                         defect,
                         frame.time_s,
                         mission.memory.confirmed[defect].on_revisit,
                         sightings[defect].attempt + 1,
-                        sightings[defect].unoccluded_share,
+                        sightings[defect].visible_fraction,
                         frame.position,
                         frame.yaw_rad,
                     )
@@ -123,15 +123,15 @@ def fly(
             case BatteryLow():
                 actions.append(Place(mission.flight.time_s, mission.flight.position, "battery"))
     flight = mission.flight
-    return Flown(
-        stage=stage,
+    return MissionResult(
+        environment=environment,
         settings=settings,
         policy=decides.name,
         sensor=sensor.name,
         seed=seed,
         traffic=traffic_name,
         rows=tuple(mission.rows),
-        findings=tuple(findings),
+        detections=tuple(detections),
         actions=tuple(actions),
         memory=mission.memory,
         track=flight.track(),

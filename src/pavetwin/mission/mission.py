@@ -10,8 +10,8 @@ import numpy as np
 from pavetwin._core import Arrived, BatteryLow, Captured, Flight, Occluded, RecordingEnds, Trace
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
-from pavetwin.mission.ground import Stage, new_flight, window_m
-from pavetwin.mission.ledger import Ledger, SegmentRow
+from pavetwin.mission.environment import MissionEnvironment, new_flight, window_m
+from pavetwin.mission.metrics import SegmentMeter, SegmentMetrics
 from pavetwin.mission.moment import KernelMoment
 from pavetwin.navigation.patterns import Pass, from_nearest_end, passes
 from pavetwin.policies import Action, Displace, GoOn, Revisit, Wait
@@ -43,7 +43,7 @@ class Traffic(Protocol):
 
     def trace(self) -> Trace: ...
 
-    def prolong(self, needed_s: float) -> Trace:
+    def extend(self, needed_s: float) -> Trace:
         """A recording that begins with the present one and reaches beyond `needed_s`."""
         ...
 
@@ -62,7 +62,7 @@ class Mission:
     An event that is not answered is as if answered by doing nothing.
     """
 
-    stage: Stage
+    environment: MissionEnvironment
     traffic: Traffic
     settings: MissionSettings
     targets: Sequence[int]
@@ -70,13 +70,13 @@ class Mission:
     policy: str = ""
     on_progress: Callable[[float], None] = lambda _: None
     memory: InspectionMemory = field(default_factory=InspectionMemory)
-    rows: list[SegmentRow] = field(default_factory=list)
+    rows: list[SegmentMetrics] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.flight: Flight = new_flight(self.stage, self.traffic.trace(), self.settings)
+        self.flight: Flight = new_flight(self.environment, self.traffic.trace(), self.settings)
         self.window_across_m, self.window_along_m = window_m(self.settings)
         self.swaps = 0
-        self._ledger = Ledger(self.stage)
+        self._ledger = SegmentMeter(self.environment)
         self._attempts: dict[int, int] = {}
         self._tried: set[int] = set()
         self._left: Pass = np.empty((0, 2))
@@ -94,7 +94,7 @@ class Mission:
             occlusion = Occlusion(event.visibility, event.hidden_place, episode)
         if self._segment is not None:
             self._update_coverage(self._segment)
-        segments = self.stage.world.segments
+        segments = self.environment.world.segments
         return Snapshot(
             time_s=self.flight.time_s,
             segments=segments,
@@ -163,10 +163,10 @@ class Mission:
         yield from self._go_home()
 
     def _inspect_segment(self, target: int, done: int) -> Iterator[Event]:
-        segment = self.stage.world.segments[target]
-        if not self.stage.reachable(target):
+        segment = self.environment.world.segments[target]
+        if not self.environment.reachable(target):
             raise PaveTwinError(
-                f"No way leads from the base to segment '{segment.id}' at {self.stage.altitude_m:g} m; "
+                f"No way leads from the base to segment '{segment.id}' at {self.environment.altitude_m:g} m; "
                 "choose another altitude or segment."
             )
         self._segment = target
@@ -250,7 +250,7 @@ class Mission:
                 case Arrived():
                     return True
                 case RecordingEnds():
-                    self._prolong()
+                    self._extend()
                 case BatteryLow():
                     self._left = self.flight.remaining()
                     yield event
@@ -259,15 +259,15 @@ class Mission:
                 case _:
                     yield event
 
-    def _prolong(self) -> None:
-        longer = self.traffic.prolong(self.flight.time_s)
+    def _extend(self) -> None:
+        longer = self.traffic.extend(self.flight.time_s)
         if longer.duration_s <= self.flight.time_s + self.settings.time_step_s:
             raise PaveTwinError(f"The traffic ends after {longer.duration_s:g} s and cannot be prolonged.")
-        self.flight.prolong(longer)
+        self.flight.extend(longer)
 
     def _too_far(self, target: int) -> PaveTwinError:
         return PaveTwinError(
-            f"One battery is too small to inspect '{self.stage.world.segments[target].id}' and to come back; "
+            f"One battery is too small to inspect '{self.environment.world.segments[target].id}' and to come back; "
             "lower energy.reserve or policy.max_wait_s, raise the capacity, or choose a segment nearer to the base."
         )
 
@@ -291,7 +291,7 @@ class Mission:
 
     def _update_coverage(self, target: int) -> None:
         coverage = self.flight.surface_coverage(target)
-        name = self.stage.world.segments[target].id
+        name = self.environment.world.segments[target].id
         self.memory = self.memory.cover(name, coverage, self.settings.visibility.inspected_share)
 
 

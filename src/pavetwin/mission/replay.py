@@ -41,7 +41,7 @@ class Replay:
     """Others in the air, which the UAV keeps clear of at its own altitude."""
     start_s: float = 0.0
     """When in the recording missions take off."""
-    on_prolong: Callable[[float], None] = lambda _: None
+    on_extend: Callable[[float], None] = lambda _: None
     """Told the share done of a prolongation."""
     recorder: Recorder | None = field(default=None, repr=False)
     """Prolongs the recording; made when it is first needed."""
@@ -53,7 +53,7 @@ class Replay:
             self._trace = to_trace(self.recording.after(self.start_s), self.aircraft)
         return self._trace
 
-    def prolong(self, needed_s: float) -> Trace:
+    def extend(self, needed_s: float) -> Trace:
         """A trace that begins with the present one and lasts beyond `needed_s`.
 
         Raises:
@@ -65,7 +65,7 @@ class Replay:
                 self.recorder = Recorder.of(self.recording, self.world, self.routes)
                 if self._entered:
                     self.recorder.__enter__()
-            self.recording = self.recorder.beyond(longer_s, self.on_prolong)
+            self.recording = self.recorder.beyond(longer_s, self.on_extend)
             self._trace = to_trace(self.recording.after(self.start_s), self.aircraft, self._trace)
         return self.trace()
 

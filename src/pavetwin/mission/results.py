@@ -15,8 +15,8 @@ import yaml
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing, writing_folder
-from pavetwin.mission.fly import Flown
-from pavetwin.mission.ledger import SegmentRow
+from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.twin import Mode
 
 MODES = pl.Enum([mode.value for mode in Mode])
@@ -49,11 +49,11 @@ class Totals:
     swaps: int
 
 
-def totals(flown: Flown) -> Totals:
+def totals(result: MissionResult) -> Totals:
     """The sums over a mission's segments, and the whole flight's time, energy and distance."""
-    rows = flown.rows
+    rows = result.rows
 
-    def summed(value: Callable[[SegmentRow], float]) -> float:
+    def summed(value: Callable[[SegmentMetrics], float]) -> float:
         return sum(value(row) for row in rows)
 
     defects, swept = sum(row.defects for row in rows), sum(row.swept for row in rows)
@@ -70,34 +70,34 @@ def totals(flown: Flown) -> Totals:
         swath_coverage=confirmed / swept if swept else None,
         recovery=recovered / swept if swept else None,
         surface_coverage=summed(lambda row: row.surface_coverage * row.area_m2) / area_m2 if area_m2 else None,
-        time_s=flown.duration_s,
-        energy=flown.energy,
+        time_s=result.duration_s,
+        energy=result.energy,
         wait_s=summed(lambda row: row.wait_s),
-        distance_m=flown.distance_m,
+        distance_m=result.distance_m,
         occlusions=sum(row.occlusions for row in rows),
         revisits=sum(row.revisits for row in rows),
-        swaps=flown.swaps,
+        swaps=result.swaps,
     )
 
 
-def segment_table(flown: Flown) -> pl.DataFrame:
+def segment_table(result: MissionResult) -> pl.DataFrame:
     """One row a segment, with the factors of the mission before the metrics."""
     factors = {
-        "world": flown.stage.world.name,
-        "traffic": flown.traffic,
-        "policy": flown.policy,
-        "sensor": flown.sensor,
-        "altitude_m": flown.settings.altitude_m,
-        "seed": flown.seed,
+        "world": result.environment.world.name,
+        "traffic": result.traffic,
+        "policy": result.policy,
+        "sensor": result.sensor,
+        "altitude_m": result.settings.altitude_m,
+        "seed": result.seed,
     }
-    return pl.DataFrame([factors | asdict(row) for row in flown.rows], infer_schema_length=None)
+    return pl.DataFrame([factors | asdict(row) for row in result.rows], infer_schema_length=None)
 
 
-def track_table(flown: Flown) -> pl.DataFrame:
+def track_table(result: MissionResult) -> pl.DataFrame:
     """The time series of the UAV's state, a row every look interval, with its WGS 84 position."""
-    track = flown.track
-    names = np.array([segment.id for segment in flown.stage.world.segments] + [None], dtype=object)
-    lonlat = flown.stage.world.georeference.to_wgs84(np.column_stack([track["x_m"], track["y_m"]]))
+    track = result.track
+    names = np.array([segment.id for segment in result.environment.world.segments] + [None], dtype=object)
+    lonlat = result.environment.world.georeference.to_wgs84(np.column_stack([track["x_m"], track["y_m"]]))
     modes = [mode.value for mode in Mode]
     return pl.DataFrame(
         {
@@ -117,18 +117,18 @@ def track_table(flown: Flown) -> pl.DataFrame:
     )
 
 
-def findings_geojson(flown: Flown, frames: Sequence[str] = ()) -> dict[str, Any]:
+def detections_geojson(result: MissionResult, frames: Sequence[str] = ()) -> dict[str, Any]:
     """The confirmed defects as points in WGS 84 (RFC 7946), each with the capture that confirmed it.
 
     Args:
         frames: for each finding, the file of its frame, where frames were taken.
     """
-    world = flown.stage.world
+    world = result.environment.world
     features = []
-    for number, finding in enumerate(flown.findings):
-        defect = flown.stage.defects[finding.defect]
+    for number, detection in enumerate(result.detections):
+        defect = result.environment.defects[detection.defect]
         lon, lat = world.georeference.to_wgs84((defect.centre.x, defect.centre.y))
-        camera_lon, camera_lat = world.georeference.to_wgs84(finding.position)
+        camera_lon, camera_lat = world.georeference.to_wgs84(detection.position)
         features.append(
             {
                 "type": "Feature",
@@ -138,14 +138,14 @@ def findings_geojson(flown: Flown, frames: Sequence[str] = ()) -> dict[str, Any]
                     "class": defect.kind.value,
                     "segment": defect.segment,
                     "street": world.segment(defect.segment).street,
-                    "time_s": round(finding.time_s, 3),
-                    "on_revisit": finding.on_revisit,
-                    "attempt": finding.attempt,
-                    "unoccluded_share": round(finding.unoccluded_share, 4),
+                    "time_s": round(detection.time_s, 3),
+                    "on_revisit": detection.on_revisit,
+                    "attempt": detection.attempt,
+                    "visible_fraction": round(detection.visible_fraction, 4),
                     "camera_longitude": round(float(camera_lon), 8),
                     "camera_latitude": round(float(camera_lat), 8),
-                    "camera_altitude_m": flown.settings.altitude_m,
-                    "camera_yaw_rad": round(finding.yaw_rad, 6),
+                    "camera_altitude_m": result.settings.altitude_m,
+                    "camera_yaw_rad": round(detection.yaw_rad, 6),
                     **({"frame": frames[number]} if frames else {}),
                 },
             }
@@ -153,25 +153,25 @@ def findings_geojson(flown: Flown, frames: Sequence[str] = ()) -> dict[str, Any]
     return {"type": "FeatureCollection", "features": features}
 
 
-def description(flown: Flown) -> dict[str, Any]:
+def description(result: MissionResult) -> dict[str, Any]:
     """Everything needed to fly the same mission again, and its totals."""
     return {
         "pavetwin": version("pavetwin"),
-        "world": {"name": flown.stage.world.name, "content_hash": flown.stage.world.content_hash},
-        "traffic": flown.traffic,
-        "policy": flown.policy,
-        "seed": flown.seed,
-        "segments": [row.segment for row in flown.rows],
-        "settings": flown.settings.model_dump(mode="json"),
-        "totals": asdict(totals(flown)),
+        "world": {"name": result.environment.world.name, "content_hash": result.environment.world.content_hash},
+        "traffic": result.traffic,
+        "policy": result.policy,
+        "seed": result.seed,
+        "segments": [row.segment for row in result.rows],
+        "settings": result.settings.model_dump(mode="json"),
+        "totals": asdict(totals(result)),
     }
 
 
-Drawing = Callable[[Flown, Path], None]
+Drawing = Callable[[MissionResult, Path], None]
 """Draws a mission into a file, whole or not at all."""
 
 
-def save_mission(flown: Flown, folder: Path | str, drawings: Iterable[tuple[str, Drawing]] = ()) -> None:
+def save_mission(result: MissionResult, folder: Path | str, drawings: Iterable[tuple[str, Drawing]] = ()) -> None:
     """Write a mission's files into `folder`: the numbers first, all or none, then picture by picture.
 
     A mission that is there already is replaced.
@@ -185,12 +185,12 @@ def save_mission(flown: Flown, folder: Path | str, drawings: Iterable[tuple[str,
     folder = Path(folder)
     check_mission_folder(folder)
     with writing_folder(folder, replace=True) as temporary:
-        _write(flown, temporary)
-    _raise_first(_draw(flown, folder, drawings))
+        _write(result, temporary)
+    _raise_first(_draw(result, folder, drawings))
 
 
 def save_missions(
-    missions: Iterable[tuple[Flown, Iterable[tuple[str, Drawing]]]],
+    missions: Iterable[tuple[MissionResult, Iterable[tuple[str, Drawing]]]],
     folder: Path,
     extras: Iterable[tuple[str, Callable[[Path], None]]] = (),
 ) -> None:
@@ -207,19 +207,19 @@ def save_missions(
     check_mission_folder(folder)
     tables: list[pl.DataFrame] = []
     failures: list[PaveTwinError] = []
-    for flown, drawings in missions:
-        tables.append(segment_table(flown))
+    for result, drawings in missions:
+        tables.append(segment_table(result))
         if len(tables) == 1:
             with writing_folder(folder, replace=True) as temporary:
-                (temporary / flown.policy).mkdir()
-                _write(flown, temporary / flown.policy)
+                (temporary / result.policy).mkdir()
+                _write(result, temporary / result.policy)
                 _write_table(tables[0], temporary / "mission.parquet")
         else:
-            with writing_folder(folder / flown.policy, replace=True) as temporary:
-                _write(flown, temporary)
+            with writing_folder(folder / result.policy, replace=True) as temporary:
+                _write(result, temporary)
             with writing(folder / "mission.parquet") as path:
                 _write_table(pl.concat(tables), path)
-        failures += _draw(flown, folder / flown.policy, drawings)
+        failures += _draw(result, folder / result.policy, drawings)
     for name, draw in extras:
         failures += _failures(draw, folder / name)
     _raise_first(failures)
@@ -237,15 +237,15 @@ def check_mission_folder(folder: Path) -> None:
         raise PaveTwinError(f"--output: '{folder}' exists and holds no mission; choose another folder.")
 
 
-def _write(flown: Flown, folder: Path) -> None:
-    _write_table(segment_table(flown), folder / "mission.parquet")
-    _write_table(track_table(flown), folder / "track.parquet")
-    (folder / "captures.geojson").write_text(json.dumps(findings_geojson(flown), indent=1) + "\n", encoding="utf-8")
-    (folder / "mission.yaml").write_text(yaml.safe_dump(description(flown), sort_keys=False), encoding="utf-8")
+def _write(result: MissionResult, folder: Path) -> None:
+    _write_table(segment_table(result), folder / "mission.parquet")
+    _write_table(track_table(result), folder / "track.parquet")
+    (folder / "captures.geojson").write_text(json.dumps(detections_geojson(result), indent=1) + "\n", encoding="utf-8")
+    (folder / "mission.yaml").write_text(yaml.safe_dump(description(result), sort_keys=False), encoding="utf-8")
 
 
-def _draw(flown: Flown, folder: Path, drawings: Iterable[tuple[str, Drawing]]) -> list[PaveTwinError]:
-    return [failure for name, draw in drawings for failure in _failures(partial(draw, flown), folder / name)]
+def _draw(result: MissionResult, folder: Path, drawings: Iterable[tuple[str, Drawing]]) -> list[PaveTwinError]:
+    return [failure for name, draw in drawings for failure in _failures(partial(draw, result), folder / name)]
 
 
 def _failures(draw: Callable[[Path], None], path: Path) -> list[PaveTwinError]:

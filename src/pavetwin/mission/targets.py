@@ -6,14 +6,19 @@ import numpy as np
 import shapely
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.mission.ground import Stage
+from pavetwin.mission.environment import MissionEnvironment
 from pavetwin.seeds import Stream, child
 
 ORDERS = ("random", "near")
 
 
 def choose_targets(
-    stage: Stage, *, count: int | None = None, names: Sequence[str] = (), order: str = "random", seed: int = 0
+    environment: MissionEnvironment,
+    *,
+    count: int | None = None,
+    names: Sequence[str] = (),
+    order: str = "random",
+    seed: int = 0,
 ) -> list[int]:
     """Indices of the segments to inspect.
 
@@ -27,13 +32,13 @@ def choose_targets(
     """
     if order not in ORDERS:
         raise PaveTwinError(f"--order {order}: known are {', '.join(ORDERS)}.")
-    world = stage.world
+    world = environment.world
     if names:
-        return _named(stage, names) if order == "random" else _short_tour(stage, _named(stage, names))
-    reachable = [index for index in range(len(world.segments)) if stage.reachable(index)]
+        return _named(environment, names) if order == "random" else _short_tour(environment, _named(environment, names))
+    reachable = [index for index in range(len(world.segments)) if environment.reachable(index)]
     if not reachable:
         raise PaveTwinError(
-            f"No segment of '{world.name}' can be reached from the base at {stage.altitude_m:g} m; "
+            f"No segment of '{world.name}' can be reached from the base at {environment.altitude_m:g} m; "
             "choose another altitude or move the base in world.yaml."
         )
     if count is not None and count < 1:
@@ -41,22 +46,22 @@ def choose_targets(
     if count is not None and count > len(reachable):
         raise PaveTwinError(
             f"--segments {count}: only {len(reachable)} of the {len(world.segments)} segments of '{world.name}' "
-            f"can be reached at {stage.altitude_m:g} m; --segments all inspects these."
+            f"can be reached at {environment.altitude_m:g} m; --segments all inspects these."
         )
     if order == "near":
-        return _short_tour(stage, reachable)[:count]
+        return _short_tour(environment, reachable)[:count]
     drawn = child(seed, Stream.ORDER).permutation(len(reachable))
     return [reachable[index] for index in drawn[:count]]
 
 
-def _named(stage: Stage, names: Sequence[str]) -> list[int]:
-    index = {segment.id: number for number, segment in enumerate(stage.world.segments)}
+def _named(environment: MissionEnvironment, names: Sequence[str]) -> list[int]:
+    index = {segment.id: number for number, segment in enumerate(environment.world.segments)}
     chosen = []
     for name in names:
-        number = index[stage.world.segment(name).id]
-        if not stage.reachable(number):
+        number = index[environment.world.segment(name).id]
+        if not environment.reachable(number):
             raise PaveTwinError(
-                f"--segment {name}: no way leads there from the base at {stage.altitude_m:g} m; "
+                f"--segment {name}: no way leads there from the base at {environment.altitude_m:g} m; "
                 "`pavetwin world navmesh` shows where one can fly. Choose another altitude or segment."
             )
         if number in chosen:
@@ -65,10 +70,10 @@ def _named(stage: Stage, names: Sequence[str]) -> list[int]:
     return chosen
 
 
-def _short_tour(stage: Stage, chosen: Sequence[int]) -> list[int]:
+def _short_tour(environment: MissionEnvironment, chosen: Sequence[int]) -> list[int]:
     """Always the nearest next, then straightened by 2-opt: a short open tour from the base."""
-    middles = [stage.world.segments[index].centre_line.interpolate(0.5, normalized=True) for index in chosen]
-    places = np.vstack([[(stage.world.base.x, stage.world.base.y)], shapely.get_coordinates(middles)])
+    middles = [environment.world.segments[index].centre_line.interpolate(0.5, normalized=True) for index in chosen]
+    places = np.vstack([[(environment.world.base.x, environment.world.base.y)], shapely.get_coordinates(middles)])
     distance = np.hypot(*np.moveaxis(places[:, None] - places[None], -1, 0))
     tour, left = [0], set(range(1, len(places)))
     while left:

@@ -73,10 +73,10 @@ def passes(segment: Segment, window_across_m: float, settings: PatternSettings) 
     return [line[::-1] if number % 2 else line for number, line in enumerate(lines)]
 
 
-def from_nearest_end(flown: Sequence[Pass], start: tuple[float, float]) -> list[Pass]:
+def from_nearest_end(result: Sequence[Pass], start: tuple[float, float]) -> list[Pass]:
     """The same passes, begun at whichever end of the first or the last of them is nearest to `start`."""
-    reverse = [line[::-1] for line in flown]
-    variants = (list(flown), list(flown)[::-1], reverse, reverse[::-1])
+    reverse = [line[::-1] for line in result]
+    variants = (list(result), list(result)[::-1], reverse, reverse[::-1])
     return min(variants, key=lambda variant: float(np.hypot(*(variant[0][0] - start))))
 
 

@@ -20,11 +20,11 @@ class Frame:
     """(height, width) along the camera's axis; inf where nothing is. None when not asked for."""
     labels: npt.NDArray[np.uint32] | None
     """(height, width): the label of what is seen (`scene.model.agent_label`, `defect_label`), 0 for all else."""
-    alone_px: dict[int, int]
+    amodal_px: dict[int, int]
     """Label → pixels of this image that it would cover if nothing that moves or stands hid it; empty without labels."""
     exposure: Exposure | None = None
     """How the camera was set."""
-    sound: npt.NDArray[np.uint8] | None = None
+    defect_free: npt.NDArray[np.uint8] | None = None
     """(height, width, 3): `rgb` as it would be had the pavement no defects; None when not asked for."""
 
     def __post_init__(self) -> None:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import wgpu
 
 from pavetwin.render.adapter import open_device
-from pavetwin.render.alone import Atlas, Lone
+from pavetwin.render.amodal import AmodalObject, Atlas
 from pavetwin.render.exposure import Exposure, meter, programme
 from pavetwin.render.frame import Frame
 from pavetwin.render.gpu import Gpu
@@ -56,7 +56,7 @@ class Seen:
     """(height, width, 4) linear RGB, kcd/m²; and by what the defect there multiplies its luminance, 1 elsewhere."""
     depth_m: npt.NDArray[np.float32] | None
     labels: npt.NDArray[np.uint32] | None
-    alone_px: dict[int, int]
+    amodal_px: dict[int, int]
 
 
 class Renderer:
@@ -95,7 +95,7 @@ class Renderer:
         style: Style = STYLE,
         labels: bool = True,
         depth: bool = True,
-        sound: bool = False,
+        defect_free: bool = False,
         velocities: Mapping[int, npt.ArrayLike] | None = None,
     ) -> Frame:
         """One picture with its truth.
@@ -147,9 +147,9 @@ class Renderer:
             take(seen.radiance),
             seen.depth_m if depth else None,
             seen.labels if labels else None,
-            seen.alone_px,
+            seen.amodal_px,
             settings,
-            take(_mended(seen.radiance)) if sound else None,
+            take(_mended(seen.radiance)) if defect_free else None,
         )
 
     def _uniform_entry(self) -> dict[str, Any]:
@@ -244,7 +244,7 @@ class Renderer:
             counted,
         )
 
-    def _lone(self, camera: Float64, agents: Crowd, draws: Draws) -> list[Lone]:
+    def _lone(self, camera: Float64, agents: Crowd, draws: Draws) -> list[AmodalObject]:
         """Everything labelled that may be in the picture, by the meshes that it is drawn with."""
         things = []
         for row in np.flatnonzero((agents.label > 0) & (draws.levels >= 0)):
@@ -254,12 +254,12 @@ class Renderer:
             box = corners(self._stock.parts.low[part], self._stock.parts.high[part])
             placed = box @ one.transform[0, :, :3].T + one.transform[0, :, 3]
             mesh = self._stock.mesh(part, int(draws.levels[row]))
-            things.append(Lone(int(one.label[0]), mesh, records.data, placed))
+            things.append(AmodalObject(int(one.label[0]), mesh, records.data, placed))
         for each in draws.patches:
             patch, records = each.patch, Records(camera)
             records.add_place(each.origin, label=patch.label)
             placed = corners(each.mesh.low, each.mesh.high) + (*each.origin, 0.0)
-            things.append(Lone(patch.label, each.mesh, records.data, placed, patch.truth))
+            things.append(AmodalObject(patch.label, each.mesh, records.data, placed, patch.truth))
         return things
 
     def _write_records(self, records: Records) -> None:

@@ -14,7 +14,7 @@ class Sighting:
     """A defect that a frame could show: its centre is in the inspection window and enough of it unoccluded."""
 
     defect: int
-    unoccluded_share: float
+    visible_fraction: float
     attempt: int
     """0 for the first time that this defect is tried."""
 

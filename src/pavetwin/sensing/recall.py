@@ -15,16 +15,16 @@ class Recall(Sensor):
 
     def __init__(self, settings: SensingSettings, seed: int) -> None:
         super().__init__(settings, seed)
-        self._luck: dict[int, tuple[np.random.Generator, list[float]]] = {}
+        self._draws: dict[int, tuple[np.random.Generator, list[float]]] = {}
 
     def detect(self, frame: Frame) -> Sequence[int]:
         return [sighting.defect for sighting in frame.sightings if self._draw(sighting) < self.settings.recall]
 
     def _draw(self, sighting: Sighting) -> float:
         """The k-th number of the defect's own generator."""
-        if sighting.defect not in self._luck:
-            self._luck[sighting.defect] = (child(self.seed, Stream.SENSING, sighting.defect), [])
-        generator, draws = self._luck[sighting.defect]
+        if sighting.defect not in self._draws:
+            self._draws[sighting.defect] = (child(self.seed, Stream.SENSING, sighting.defect), [])
+        generator, draws = self._draws[sighting.defect]
         while len(draws) <= sighting.attempt:
             draws.append(float(generator.random()))
         return draws[sighting.attempt]

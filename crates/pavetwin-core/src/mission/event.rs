@@ -7,7 +7,7 @@ use crate::sensing::Viewpoint;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sighting {
     pub defect: u32,
-    pub clear_share: f64,
+    pub visible_fraction: f64,
 }
 
 /// One capture with something in it that is still wanted.
@@ -44,6 +44,6 @@ pub enum Event {
     Occluded(OcclusionReport),
     /// Going home now leaves just the reserve.
     BatteryLow,
-    /// The next step lies past the end of the recording, which must be prolonged.
+    /// The next step lies past the end of the recording, which must be extended.
     RecordingEnds,
 }

@@ -45,7 +45,7 @@ pub enum FlightError {
     UnknownSegment { segment: u32, segments: usize },
     #[error("the battery ran empty after {time_s:.0} s in the air; raise energy.reserve or shorten the way")]
     BatteryEmpty { time_s: f64 },
-    #[error("the prolonged recording does not begin with the present one")]
+    #[error("the extended recording does not begin with the present one")]
     OtherRecording,
 }
 
@@ -271,7 +271,7 @@ impl Flight {
     ///
     /// # Errors
     /// When it does not.
-    pub fn prolong(&mut self, trace: Arc<Trace>) -> Result<(), FlightError> {
+    pub fn extend(&mut self, trace: Arc<Trace>) -> Result<(), FlightError> {
         if !self.trace.is_prefix_of(&trace) {
             return Err(FlightError::OtherRecording);
         }

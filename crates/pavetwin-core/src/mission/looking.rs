@@ -84,10 +84,10 @@ impl Flight {
                 continue;
             }
             let (solids, trace) = (&self.ground.solids, &self.trace);
-            let share = self.observer.clear_share(solids, trace, &viewpoint, time_s, &target.points)?;
-            let clear_share = share.unwrap_or(0.0);
-            if clear_share >= self.settings.min_clear_share {
-                sightings.push(Sighting { defect, clear_share });
+            let share = self.observer.visible_fraction(solids, trace, &viewpoint, time_s, &target.points)?;
+            let visible_fraction = share.unwrap_or(0.0);
+            if visible_fraction >= self.settings.min_visible_fraction {
+                sightings.push(Sighting { defect, visible_fraction });
             }
         }
         if !sightings.is_empty() {

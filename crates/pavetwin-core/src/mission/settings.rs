@@ -31,7 +31,7 @@ pub struct Settings {
     /// τ_o.
     pub threshold: f64,
     /// A defect is sighted when at least this share of its area is unoccluded.
-    pub min_clear_share: f64,
+    pub min_visible_fraction: f64,
     pub drain: DrainCurve,
     /// Share of the battery that must be left after landing.
     pub reserve: f64,
@@ -62,7 +62,7 @@ impl Settings {
             }
         }
         let shares =
-            [("threshold", self.threshold), ("min_clear_share", self.min_clear_share), ("reserve", self.reserve)];
+            [("threshold", self.threshold), ("min_visible_fraction", self.min_visible_fraction), ("reserve", self.reserve)];
         for (name, found) in shares {
             if !(0.0..=1.0).contains(&found) {
                 return Err(SettingsError { name, expected: "a share between 0 and 1", found });

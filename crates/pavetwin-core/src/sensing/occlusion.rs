@@ -190,7 +190,7 @@ impl Observer {
     ///
     /// # Errors
     /// For a viewpoint at or below the ground, and a time outside the recording.
-    pub fn clear_share(
+    pub fn visible_fraction(
         &mut self,
         solids: &Solids,
         trace: &Trace,

@@ -62,7 +62,7 @@ proptest! {
     }
 
     #[test]
-    fn the_clear_share_of_points_is_the_brute_forces(
+    fn the_visible_fraction_of_points_is_the_brute_forces(
         agents in any_agents(),
         prisms in prop::collection::vec(any_prism(), 0..5),
         from in any_viewpoint(),
@@ -70,7 +70,7 @@ proptest! {
     ) {
         let trace = standing(&agents);
         let solids = Solids::new(prisms.clone());
-        let share = Observer::new().clear_share(&solids, &trace, &from, 0.0, &points).unwrap();
+        let share = Observer::new().visible_fraction(&solids, &trace, &from, 0.0, &points).unwrap();
         let poses = poses(&trace);
         let clear = |slack: f64| {
             let is_clear = |point: &&Vec2| !poses.iter().any(|pose| agent_hides(&from, **point, pose, slack))

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from pavetwin._core import NavMesh, Trace
-from pavetwin.capture.plan import Wish
+from pavetwin.capture.plan import ImageSpec
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.sight import Sight
 from pavetwin.errors import PaveTwinError, nearest_name
@@ -38,7 +38,7 @@ class Pose:
 
     view: View
     time_s: float
-    heading_rad: float
+    yaw_rad: float
     """Of the platform, anticlockwise from east."""
     pitch_rad: float
     """Of the camera's axis: −π/2 straight down."""
@@ -64,7 +64,7 @@ class Platform(ABC):
         return {segment.street for segment in world.segments}
 
     @abstractmethod
-    def propose(self, wish: Wish, rng: np.random.Generator) -> Pose | None:
+    def propose(self, spec: ImageSpec, rng: np.random.Generator) -> Pose | None:
         """A pose that may show what is wished, or None when the luck of `rng` led nowhere.
 
         Everything drawn is drawn from `rng`.

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from pavetwin.capture.plan import Wish
+from pavetwin.capture.plan import ImageSpec
 from pavetwin.capture.platforms.base import Platform, Pose, platform
 from pavetwin.scene.view import look
 from pavetwin.traffic.kinds import KINDS
@@ -76,16 +76,16 @@ class Car(Platform):
         driven = [set(_ways(world, recording, within_m=0.0)) for recording in recordings.values()]
         return set.intersection(*driven)
 
-    def propose(self, wish: Wish, rng: np.random.Generator) -> Pose | None:
+    def propose(self, spec: ImageSpec, rng: np.random.Generator) -> Pose | None:
         # Ahead there is seldom a road without a defect in sight; then the rear camera, which sees a lane, finds one.
-        mount = FRONT if (wish.share if wish.aims else rng.random()) < FRONT_SHARE else REAR
-        recording, rows = self.setting.recordings[wish.density], self._rows(wish)
+        mount = FRONT if (spec.share if spec.aims else rng.random()) < FRONT_SHARE else REAR
+        recording, rows = self.setting.recordings[spec.density], self._rows(spec)
         row = int(rows[int(rng.integers(len(rows)))])
         # Between two steps the trace interpolates; where the car is gone by then, another is proposed.
         step = int(np.searchsorted(recording.step_offsets, row, side="right")) - 1
         time_s = min((step + float(rng.random())) * recording.step_s, recording.duration_s)
         agent = int(recording.agent[row])
-        poses = self.setting.traces[wish.density].agents_at(time_s)
+        poses = self.setting.traces[spec.density].agents_at(time_s)
         there = np.flatnonzero(poses["agent"] == agent)
         if not len(there):
             return None
@@ -109,13 +109,13 @@ class Car(Platform):
             velocity_mps=(east, north, 0.0),
         )
         ahead = view.position[:2] + _AHEAD_M * np.array([cos(heading), sin(heading)])
-        if mount is FRONT and not wish.aims and not shapely.contains_xy(self.setting.sight.road, *ahead):
+        if mount is FRONT and not spec.aims and not shapely.contains_xy(self.setting.sight.road, *ahead):
             return None
         return Pose(view, time_s, atan2(sin(heading), cos(heading)), pitch, mount.camera, mount.name, ego=agent)
 
-    def _rows(self, wish: Wish) -> npt.NDArray[np.intp]:
+    def _rows(self, spec: ImageSpec) -> npt.NDArray[np.intp]:
         """Rows of the recording whose vehicle it may be, on the split's streets; `reaches` sees that there are."""
-        return self._by_density[wish.density][wish.split]
+        return self._by_density[spec.density][spec.split]
 
     @cached_property
     def _by_density(self) -> dict[str, dict[str, npt.NDArray[np.intp]]]:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 import shapely
 
 from pavetwin.capture.clearings import Clearings
-from pavetwin.capture.plan import Wish
+from pavetwin.capture.plan import ImageSpec
 from pavetwin.capture.platforms.base import Platform, Pose, Setting, platform
 from pavetwin.capture.sight import INNER
 from pavetwin.scene.view import View, look
@@ -43,9 +43,9 @@ class Uav(Platform):
         self._camera = find_camera(setting.settings.camera)
         self._clearings: dict[tuple[str, float], Clearings] = {}
 
-    def propose(self, wish: Wish, rng: np.random.Generator) -> Pose | None:
-        assert wish.altitude_m is not None
-        drawn = self._aimed_at(wish, rng) if wish.aims else self._clear_place(wish.split, wish.altitude_m, rng)
+    def propose(self, spec: ImageSpec, rng: np.random.Generator) -> Pose | None:
+        assert spec.altitude_m is not None
+        drawn = self._aimed_at(spec, rng) if spec.aims else self._clear_place(spec.split, spec.altitude_m, rng)
         if drawn is None:
             return None
         aim, along_rad = drawn
@@ -53,13 +53,13 @@ class Uav(Platform):
         tilt = _GIMBAL_RAD * rng.standard_normal() if rng.random() < _NADIR else rng.uniform(*_TILT_RAD)
         pitch = -pi / 2 + float(tilt)
         speed = 0.0 if rng.random() < _HOVERING else float(rng.uniform(*_SPEED_MPS))
-        place = rng.uniform(0.5 - INNER / 2, 0.5 + INNER / 2, size=2) if wish.aims else np.full(2, 0.5)
+        place = rng.uniform(0.5 - INNER / 2, 0.5 + INNER / 2, size=2) if spec.aims else np.full(2, 0.5)
         size = self.setting.settings.size_px
         forward = np.array([np.cos(heading), np.sin(heading), 0.0])
 
         def view_from(xy: npt.NDArray[np.float64]) -> View:
             return look(
-                np.array([*xy, wish.altitude_m]),
+                np.array([*xy, spec.altitude_m]),
                 yaw_rad=heading,
                 pitch_rad=pitch,
                 size_px=size,
@@ -69,17 +69,17 @@ class Uav(Platform):
 
         # Where the aim would be if the camera were above the origin says where it must be.
         xy = aim - view_from(np.zeros(2)).ground(place * size)
-        if not np.isfinite(xy).all() or not self.setting.meshes[wish.altitude_m].contains(float(xy[0]), float(xy[1])):
+        if not np.isfinite(xy).all() or not self.setting.meshes[spec.altitude_m].contains(float(xy[0]), float(xy[1])):
             return None
         view = view_from(xy)
         if not shapely.dwithin(self.setting.sight.road, shapely.Point(view.ground(np.array(size) / 2)), _ROAD_M):
             return None
-        time_s = float(rng.uniform(0.0, self.setting.recordings[wish.density].duration_s))
+        time_s = float(rng.uniform(0.0, self.setting.recordings[spec.density].duration_s))
         return Pose(view, time_s, heading, pitch, self._camera, mount="gimbal")
 
-    def _aimed_at(self, wish: Wish, rng: np.random.Generator) -> tuple[npt.NDArray[np.float64], float]:
+    def _aimed_at(self, spec: ImageSpec, rng: np.random.Generator) -> tuple[npt.NDArray[np.float64], float]:
         """The middle of a defect (2,) that the picture is to show, and the direction of its street."""
-        defect = self.setting.world.defects[int(rng.choice(self.setting.sight.wanted(wish)))]
+        defect = self.setting.world.defects[int(rng.choice(self.setting.sight.wanted(spec)))]
         segment = self._segments[defect.segment]
         return np.array([defect.centre.x, defect.centre.y]), _direction(segment, defect.centre)
 

@@ -22,10 +22,10 @@ Tell = Callable[[str], None]
 """Told what is waited for before that."""
 
 
-def in_batches(units: Sequence[Unit], hands: int) -> list[list[Unit]]:
+def in_batches(units: Sequence[Unit], workers: int) -> list[list[Unit]]:
     """Units for one process to fly in one go: a replicate's share their ground, where there are replicates for all."""
     together = [list(batch) for _, batch in groupby(units, key=lambda unit: (unit.world, unit.replicate))]
-    return together if len(together) >= 2 * hands else [[unit] for unit in units]
+    return together if len(together) >= 2 * workers else [[unit] for unit in units]
 
 
 class Engine(ABC):

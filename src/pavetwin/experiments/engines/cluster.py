@@ -38,13 +38,13 @@ class Cluster(Engine):
                 tell(f"Waiting for workers of {scheduler}")
             _check_workers(client, plan)
             on_stand()
-            hands = sum(client.nthreads().values())
+            workers = sum(client.nthreads().values())
             deaths = Counter[Unit]()
 
             def submit(batch: list[Unit]) -> Any:
                 return client.submit(_fly_batch, plan, batch, pure=False)
 
-            futures = {submit(batch): batch for batch in in_batches(units, hands)}
+            futures = {submit(batch): batch for batch in in_batches(units, workers)}
             running = dask.as_completed(list(futures))
             for future in running:
                 batch = futures.pop(future)

@@ -26,12 +26,12 @@ _THINNEST_PT, _RIM_PT, _NUMBER_PT = 2.6, 1.0, 4.6
 _LONGEST_IN = 6.9
 
 
-def street_means(flown: pl.DataFrame, world: str) -> pl.DataFrame:
+def street_means(result: pl.DataFrame, world: str) -> pl.DataFrame:
     """A row a segment: `street`, `segment`, `length_m`, `missions` with a defined coverage, `replicates`, `coverage`,
     `time_s` (means); the least covered first.
     """
     return (
-        flown.filter(pl.col("world") == world, pl.col("coverage").is_not_null())
+        result.filter(pl.col("world") == world, pl.col("coverage").is_not_null())
         .group_by("segment", maintain_order=True)
         .agg(
             pl.col("street", "length_m").first(),
@@ -52,7 +52,7 @@ def street_map(world: World, means: pl.DataFrame) -> Picture | None:
     values = [100 * float(found[segment.id]["coverage"]) for segment in segments]
     norm = _range(values)
     with style.styled():
-        sheet = style.map_sheet(
+        sheet = style.map_figure(
             world_bounds(world),
             title=world.name,
             subtitle="Mean coverage and number of missions of each segment",

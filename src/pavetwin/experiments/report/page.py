@@ -56,8 +56,8 @@ def design_words(study: Study) -> str:
     parts = [f"{counted(len(study.levels(name)), *_plural(name))} ({_levels(study, name)})" for name in varied]
     design = " × ".join([*parts, counted(replicates(study), "replicate")])
     planned = study.design.get("replicates")
-    flown = replicates(study)
-    so_far = f" Of {planned} replicates {flown} are flown so far." if planned and planned > flown else ""
+    result = replicates(study)
+    so_far = f" Of {planned} replicates {result} are flown so far." if planned and planned > result else ""
     fixed = [f"{factor_text(name).lower()} {level_text(name, level)}" for name, level in constants(study).items()]
     same = f" The same throughout: {', '.join(fixed)}." if fixed else ""
     return (

@@ -136,8 +136,8 @@ def _differences(group: Group, factor: str) -> Iterator[Block]:
 
 def _narrow(group: Group, metrics: Sequence[Metric]) -> str:
     """A warning where few replicates say little of how long a policy waits."""
-    flown, count = group.flown, replicates(group.study)
-    waits = set(flown.filter(pl.col("wait_s") > 0)["policy"].to_list())
+    result, count = group.result, replicates(group.study)
+    waits = set(result.filter(pl.col("wait_s") > 0)["policy"].to_list())
     costs = [metric.label.lower() for metric in metrics if metric.name in SPENT]
     if not waits or not costs or count >= _ENOUGH_OF_WAITING:
         return ""

@@ -87,7 +87,7 @@ class Study:
         return tuple(metric for metric in METRICS if metric.name in defined)
 
     @cached_property
-    def flown(self) -> pl.DataFrame:
+    def result(self) -> pl.DataFrame:
         """The table without the missions that failed."""
         return self.table.filter(pl.col(STATUS) == FLOWN)
 
@@ -96,8 +96,8 @@ class Study:
         found = self.table[factor].unique(maintain_order=True).to_list()
         swept = self.design.get("sweep") or {}
         known = _IN_DESIGN.get(factor)
-        wished = self.design.get(known) if known else swept.get(factor, swept.get(factor.removesuffix("_set")))
-        named = [level for level in wished if level in found] if isinstance(wished, list | tuple) else []
+        requested = self.design.get(known) if known else swept.get(factor, swept.get(factor.removesuffix("_set")))
+        named = [level for level in requested if level in found] if isinstance(requested, list | tuple) else []
         return [*dict.fromkeys(named), *sorted((level for level in found if level not in named), key=_order)]
 
     def groups(self) -> Iterator["Group"]:
@@ -159,8 +159,8 @@ class Group:
         return found if found is not None and found.height else None
 
     @cached_property
-    def flown(self) -> pl.DataFrame:
-        return self._chosen(self.study.flown)
+    def result(self) -> pl.DataFrame:
+        return self._chosen(self.study.result)
 
     @cached_property
     def traffics(self) -> list[Any]:

@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from pavetwin.scene.ground.luck import luck_of
+from pavetwin.scene.ground.noise_tables import noise_tables
 from pavetwin.scene.ground.plan import GroundPlan
-from pavetwin.scene.ground.raster import Float32, Sheet, bars, boxes_of, outlines, tracks, widened
+from pavetwin.scene.ground.raster import Float32, RasterGrid, bars, boxes_of, outlines, tracks, widened
 from pavetwin.scene.ground.sampling import smoothstep
 from pavetwin.scene.model import MAP_PX, SIGNED_DISTANCE_M
 
@@ -35,15 +35,15 @@ def drawn(plan: GroundPlan, key: tuple[int, int], worn: Float32) -> UInt8:
         key: the tile.
         worn: (MAP_PX, MAP_PX) × the markings' own wear: wheels, luck.
     """
-    sheet = Sheet(key)
-    distance, yellow, wear = sheet.full(-SIGNED_DISTANCE_M), sheet.full(0.0), sheet.full(0.0)
+    raster = RasterGrid(key)
+    distance, yellow, wear = raster.full(-SIGNED_DISTANCE_M), raster.full(0.0), raster.full(0.0)
     paint = plan.paint
     low, high = boxes_of(paint.outlines)
-    chosen = np.flatnonzero(sheet.meets(low - SIGNED_DISTANCE_M, high + SIGNED_DISTANCE_M))
+    chosen = np.flatnonzero(raster.meets(low - SIGNED_DISTANCE_M, high + SIGNED_DISTANCE_M))
     shapes = [paint.outlines[index] for index in chosen]
     reach = SIGNED_DISTANCE_M
-    found = [(paint.bar_looks[number], *where) for number, *where in bars(sheet, paint.bars, reach)]
-    found += [(paint.outline_looks[chosen[number]], *where) for number, *where in outlines(sheet, shapes, reach)]
+    found = [(paint.bar_looks[number], *where) for number, *where in bars(raster, paint.bars, reach)]
+    found += [(paint.outline_looks[chosen[number]], *where) for number, *where in outlines(raster, shapes, reach)]
     for look, window, inside in found:
         nearer = inside > distance[window.at]
         for field, value in ((distance, inside), (yellow, np.float32(look[0])), (wear, np.float32(look[1]))):
@@ -51,41 +51,41 @@ def drawn(plan: GroundPlan, key: tuple[int, int], worn: Float32) -> UInt8:
     if found:
         distance += _uneven(plan, key) * (distance > -SIGNED_DISTANCE_M)
     wear = np.clip(wear * worn, 0.0, 1.0)
-    layers = np.stack([_coded(distance), yellow * 255, wear * 255, _coded(_bitumen(plan, sheet))], axis=-1)
+    layers = np.stack([_coded(distance), yellow * 255, wear * 255, _coded(_bitumen(plan, raster))], axis=-1)
     return np.asarray(layers + np.float32(0.5), dtype=np.uint8)
 
 
 def _uneven(plan: GroundPlan, key: tuple[int, int]) -> Float32:
     """By how much edges of paint are out of place [m]."""
-    luck = luck_of(plan.seed)
-    field = luck.plane(luck.fine, *Sheet(key, MAP_PX // 2).world_axes(), turn=7)
+    tables = noise_tables(plan.seed)
+    field = tables.plane(tables.fine, *RasterGrid(key, MAP_PX // 2).world_axes(), turn=7)
     return widened(np.clip(PAINT_UNEVEN_M * field, -0.008, 0.008).astype(np.float32), MAP_PX)
 
 
-def _bitumen(plan: GroundPlan, sheet: Sheet) -> Float32:
+def _bitumen(plan: GroundPlan, raster: RasterGrid) -> Float32:
     """Signed distance to sealed cracks and seams: ragged, worn off in places, thin at their ends."""
     repairs = plan.repairs
     low, high = plan.seal_boxes
-    near = np.flatnonzero(sheet.meets(low - SIGNED_DISTANCE_M - 0.1, high + SIGNED_DISTANCE_M + 0.1))
+    near = np.flatnonzero(raster.meets(low - SIGNED_DISTANCE_M - 0.1, high + SIGNED_DISTANCE_M + 0.1))
     if not len(near):
-        return sheet.full(-SIGNED_DISTANCE_M)
+        return raster.full(-SIGNED_DISTANCE_M)
     lines = [repairs.seals[index] for index in near]
-    found = tracks(sheet, lines, [SIGNED_DISTANCE_M] * len(near))
+    found = tracks(raster, lines, [SIGNED_DISTANCE_M] * len(near))
     mine = found.index >= 0
     which, along = found.index[mine], found.along[mine]
     halves, gaps = (np.array(of, dtype=np.float32)[near][which] for of in (repairs.seal_halves_m, repairs.seal_gaps))
-    luck, name = luck_of(plan.seed), near[which].astype(np.int64)
-    half = halves + np.abs(halves) * RAGGED * luck.edge(along, 2 * name + (found.across[mine] > 0))
+    tables, name = noise_tables(plan.seed), near[which].astype(np.int64)
+    half = halves + np.abs(halves) * RAGGED * tables.edge(along, 2 * name + (found.across[mine] > 0))
     # Gaps lie where luck is below the quantile that their share asks for; a normal one, by the logistic function.
     least = 0.55 * np.log(gaps / (1 - gaps))
-    half -= GONE_M * smoothstep(0.0, 0.5, least + 0.25 - luck.kept(along, name))
+    half -= GONE_M * smoothstep(0.0, 0.5, least + 0.25 - tables.kept(along, name))
     lengths = np.array([float(shapely.LineString(line).length) for line in lines], dtype=np.float32)[which]
     closed = np.array([np.allclose(line[0], line[-1]) for line in lines])[which]
     to_end = np.where(closed, np.float32(9.0), np.minimum(along, lengths - along))
     half -= GONE_M / 2 * (1 - smoothstep(0.0, TAPER_M, to_end))
-    signed = sheet.full(-SIGNED_DISTANCE_M)
+    signed = raster.full(-SIGNED_DISTANCE_M)
     # Between the middles of texels the crest of a line's distance is cut off, by a quarter of a texel on average.
-    signed[mine] = half + np.float32(sheet.cell_m / 4) - found.distance[mine]
+    signed[mine] = half + np.float32(raster.cell_m / 4) - found.distance[mine]
     return signed
 
 

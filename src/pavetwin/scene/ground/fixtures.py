@@ -93,7 +93,7 @@ def _on_junction(layout: Layout, junction: Junction, covers: str) -> Iterator[Fi
     inner = surface.buffer(-1.0)
     if inner.is_empty:
         return
-    rng = child(layout.seed, Stream.SCENE, 7, layout.luck(f"junction {junction.id}"))
+    rng = child(layout.seed, Stream.SCENE, 7, layout.name_hash(f"junction {junction.id}"))
     low_x, low_y, high_x, high_y = inner.bounds
     for _ in range(rng.poisson(surface.area / 130.0)):
         x, y, turn = rng.uniform((low_x, low_y, 0.0), (high_x, high_y, 2 * np.pi))

@@ -10,7 +10,7 @@ from pavetwin.scene.model import TILE_M, TINTS, Instance
 def fixtures(plan: GroundPlan, key: tuple[int, int]) -> tuple[Instance, ...]:
     """Manhole covers, grates, valve caps and leaves whose middles lie in a tile."""
     found = []
-    for index in plan.fixture_shelf.near(tile_box(key)):
+    for index in plan.fixture_index.near(tile_box(key)):
         thing = plan.fixtures[index]
         if (np.floor(thing.x / TILE_M), np.floor(thing.y / TILE_M)) != key:
             continue

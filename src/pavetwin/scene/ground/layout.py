@@ -35,7 +35,7 @@ GUTTERED_NEAR_M: Final = 0.5
 """Kerbs this near to a sidewalk or to a corner with sidewalks may have a gutter."""
 
 
-class Shelf:
+class SpatialIndex:
     """Geometries by where they are."""
 
     def __init__(self, shapes: Sequence[BaseGeometry]) -> None:
@@ -65,18 +65,18 @@ class Layout:
 
     world: World
     seed: int
-    holes: Shelf
+    holes: SpatialIndex
     """Where patches of defects replace the carriageway."""
     road: BaseGeometry
     """Segments and junctions."""
     streets: tuple[Street, ...]
 
     @cached_property
-    def road_pieces(self) -> Shelf:
+    def road_pieces(self) -> SpatialIndex:
         """The carriageway cut along the tiles' lines, so that a tile looks at its own part only."""
         low_x, low_y, high_x, high_y = shapely.bounds(self.road)
         if np.isnan(low_x):
-            return Shelf([])
+            return SpatialIndex([])
         step = 4 * TILE_M
         pieces: list[BaseGeometry] = []
         for column in range(int(low_x // step), int(high_x // step) + 1):
@@ -86,7 +86,7 @@ class Layout:
             for row in range(int(low_y // step), int(high_y // step) + 1):
                 cell = shapely.box(column * step, row * step, (column + 1) * step, (row + 1) * step)
                 pieces.append(shapely.intersection(strip, cell))
-        return Shelf([piece for piece in pieces if not piece.is_empty])
+        return SpatialIndex([piece for piece in pieces if not piece.is_empty])
 
     @cached_property
     def edges(self) -> Edges:
@@ -98,9 +98,11 @@ class Layout:
         return shapely.intersection(shapely.union_all(self.road_pieces.at(box)), box)
 
     @cached_property
-    def sidewalks(self) -> Shelf:
+    def sidewalks(self) -> SpatialIndex:
         """Strips of sidewalk lanes, in the order of `sidewalk_lines`."""
-        return Shelf([lane.centre_line.buffer(lane.width_m / 2, cap_style="flat") for lane in self._sidewalk_lanes])
+        return SpatialIndex(
+            [lane.centre_line.buffer(lane.width_m / 2, cap_style="flat") for lane in self._sidewalk_lanes]
+        )
 
     @cached_property
     def sidewalk_lines(self) -> tuple[LineString, ...]:
@@ -111,41 +113,41 @@ class Layout:
         return tuple(self.world.lanes_of(LaneKind.SIDEWALK))
 
     @cached_property
-    def corners(self) -> Shelf:
+    def corners(self) -> SpatialIndex:
         """Junctions that sidewalks lead to: outside the carriageway they are paved."""
         shapes = [junction.polygon for junction in self.world.junctions]
-        return Shelf([shape for shape in shapes if self.sidewalks.near(shape, CORNERS_TOUCH_M)])
+        return SpatialIndex([shape for shape in shapes if self.sidewalks.near(shape, CORNERS_TOUCH_M)])
 
     @cached_property
-    def gutters(self) -> Shelf:
+    def gutters(self) -> SpatialIndex:
         """Concrete along the kerbs of some streets."""
         walks = [*self.sidewalks.shapes, *self.corners.shapes]
         kerbed = shapely.union_all(shapely.buffer(np.array(walks, dtype=object), GUTTERED_NEAR_M, quad_segs=2))
-        return Shelf(gutters_of(self.road, self.world.segments, kerbed) if walks else [])
+        return SpatialIndex(gutters_of(self.road, self.world.segments, kerbed) if walks else [])
 
     @cached_property
-    def crossings(self) -> Shelf:
-        return Shelf([crossing.polygon for crossing in self.world.crossings])
+    def crossings(self) -> SpatialIndex:
+        return SpatialIndex([crossing.polygon for crossing in self.world.crossings])
 
     @cached_property
-    def parks(self) -> Shelf:
-        return Shelf(list(self.world.parks))
+    def parks(self) -> SpatialIndex:
+        return SpatialIndex(list(self.world.parks))
 
     @cached_property
-    def buildings(self) -> Shelf:
-        return Shelf([building.polygon for building in self.world.buildings])
+    def buildings(self) -> SpatialIndex:
+        return SpatialIndex([building.polygon for building in self.world.buildings])
 
     @cached_property
-    def trees(self) -> Shelf:
+    def trees(self) -> SpatialIndex:
         furniture = self.world.furniture
-        return Shelf([thing.position for thing in furniture if thing.kind is FurnitureKind.TREE])
+        return SpatialIndex([thing.position for thing in furniture if thing.kind is FurnitureKind.TREE])
 
     @cached_property
-    def lots(self) -> tuple[Shelf, tuple[int, ...]]:
+    def lots(self) -> tuple[SpatialIndex, tuple[int, ...]]:
         """The land nearest to each building, and which building that is."""
         buildings = self.world.buildings
         if len(buildings) < 2:
-            return Shelf([]), ()
+            return SpatialIndex([]), ()
         middles = np.array([building.polygon.centroid for building in buildings], dtype=object)
         around = shapely.MultiPoint(middles)
         cells = shapely.get_parts(shapely.voronoi_polygons(around, extend_to=around.envelope.buffer(200.0)))
@@ -154,7 +156,7 @@ class Layout:
         kept = sorted(owner, key=lambda cell: owner[cell])
         reach = shapely.buffer(middles, (LARGEST_LOT_M2 / np.pi) ** 0.5 + 10.0, quad_segs=2)
         shapes: list[BaseGeometry] = [reach[owner[cell]] & cells[cell] for cell in kept]
-        return Shelf(shapes), tuple(owner[cell] for cell in kept)
+        return SpatialIndex(shapes), tuple(owner[cell] for cell in kept)
 
     @cached_property
     def rules(self) -> MarkingRules:
@@ -190,13 +192,13 @@ class Layout:
         fresh, age, tone, paint = (self.chance(f"{what} {street.name}") for what in ("fresh", "age", "tone", "paint"))
         return ageing((fresh, age, tone, paint))
 
-    def luck(self, what: str) -> int:
+    def name_hash(self, what: str) -> int:
         """A number of 32 bits that a place's choices follow from: of its name and the plan's seed alone."""
         return zlib.crc32(f"{self.seed} {what}".encode())
 
     def chance(self, what: str) -> float:
         """The same, 0 … 1."""
-        return self.luck(what) / 2**32
+        return self.name_hash(what) / 2**32
 
 
 def road_of(world: World) -> BaseGeometry:

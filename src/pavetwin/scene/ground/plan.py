@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
 from pavetwin.scene.ground.fixtures import Fixture, placed
-from pavetwin.scene.ground.layout import Layout, Shelf, road_of
+from pavetwin.scene.ground.layout import Layout, SpatialIndex, road_of
 from pavetwin.scene.ground.markings import markings
 from pavetwin.scene.ground.painter import Paint
 from pavetwin.scene.ground.raster import boxes_of
@@ -43,8 +43,8 @@ class GroundPlan(Layout):
         return placed(self)
 
     @cached_property
-    def fixture_shelf(self) -> Shelf:
-        return Shelf([shapely.Point(thing.x, thing.y) for thing in self.fixtures])
+    def fixture_index(self) -> SpatialIndex:
+        return SpatialIndex([shapely.Point(thing.x, thing.y) for thing in self.fixtures])
 
     @cached_property
     def seal_boxes(self) -> tuple[Float64, Float64]:
@@ -71,24 +71,24 @@ class GroundPlan(Layout):
         return tuple((segment, street) for street in self.streets for segment in street.segments)
 
     @cached_property
-    def segment_shelf(self) -> Shelf:
-        return Shelf([segment.polygon for segment, _ in self.segments])
+    def segment_index(self) -> SpatialIndex:
+        return SpatialIndex([segment.polygon for segment, _ in self.segments])
 
     @cached_property
     def lanes(self) -> tuple[tuple[Lane, Street], ...]:
         return tuple((lane, street) for street in self.streets for lane in street.lanes)
 
     @cached_property
-    def lane_shelf(self) -> Shelf:
-        return Shelf([lane.centre_line.buffer(lane.width_m / 2, cap_style="flat") for lane, _ in self.lanes])
+    def lane_index(self) -> SpatialIndex:
+        return SpatialIndex([lane.centre_line.buffer(lane.width_m / 2, cap_style="flat") for lane, _ in self.lanes])
 
     @cached_property
-    def path_shelf(self) -> Shelf:
+    def path_index(self) -> SpatialIndex:
         """The ways across junctions."""
-        return Shelf([shapely.LineString(path.line) for path in self.paths])
+        return SpatialIndex([shapely.LineString(path.line) for path in self.paths])
 
     @cached_property
-    def tones(self) -> tuple[Shelf, tuple[float, ...]]:
+    def tones(self) -> tuple[SpatialIndex, tuple[float, ...]]:
         """Surfaces of one age each, and × what reflectance; the later lie on the earlier."""
         streets = {street.key: self.ageing(street).tone for street in self.streets}
         laid = [(segment.polygon, streets[street.key]) for segment, street in self.segments]
@@ -105,7 +105,7 @@ class GroundPlan(Layout):
             for start, end, tone in self.repairs.stretches.get(segment.id, ()):
                 part = substring(segment.centre_line, start, end).buffer(segment.width_m, cap_style="flat")
                 shapes.append((shapely.intersection(part, segment.polygon), tone * streets[street.key]))
-        return Shelf([shape for shape, _ in shapes]), tuple(tone for _, tone in shapes)
+        return SpatialIndex([shape for shape, _ in shapes]), tuple(tone for _, tone in shapes)
 
     def _junction_tones(self, streets: dict[str, float]) -> list[float]:
         """Each junction is as old as the most important street that meets there."""
@@ -125,4 +125,6 @@ def plan_ground(world: World, seed: int, holes: Sequence[Polygon] = ()) -> Groun
         seed: names the luck of ageing, repairs and markings.
         holes: where patches of defects replace the carriageway, world frame; they must not overlap.
     """
-    return GroundPlan(world=world, seed=seed, holes=Shelf(list(holes)), road=road_of(world), streets=streets_of(world))
+    return GroundPlan(
+        world=world, seed=seed, holes=SpatialIndex(list(holes)), road=road_of(world), streets=streets_of(world)
+    )

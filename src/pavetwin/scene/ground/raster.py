@@ -31,7 +31,7 @@ class Window:
     """(rows, 1)"""
 
 
-class Sheet:
+class RasterGrid:
     """A square grid over a tile and its margin; row 0 is south."""
 
     def __init__(self, key: tuple[int, int], px: int = MAP_PX) -> None:
@@ -80,7 +80,7 @@ class Tracks:
 
 
 def tracks(
-    sheet: Sheet,
+    raster: RasterGrid,
     lines: Sequence[Float64],
     reach_m: Sequence[float],
     begins_m: Sequence[float] | None = None,
@@ -96,12 +96,12 @@ def tracks(
         begins_m: the way at which each begins, 0 without.
         flat: whether nothing beyond a line's ends belongs to it.
     """
-    index = np.full((sheet.px, sheet.px), -1, dtype=np.int32)
-    along, across, distance = sheet.full(0.0), sheet.full(0.0), sheet.full(np.inf)
+    index = np.full((raster.px, raster.px), -1, dtype=np.int32)
+    along, across, distance = raster.full(0.0), raster.full(0.0), raster.full(np.inf)
     for number, line in enumerate(lines):
         begin = 0.0 if begins_m is None else begins_m[number]
-        for leg in _legs(sheet.local(line), begin):
-            window = sheet.window(leg.low - reach_m[number], leg.high + reach_m[number])
+        for leg in _legs(raster.local(line), begin):
+            window = raster.window(leg.low - reach_m[number], leg.high + reach_m[number])
             if window is None:
                 continue
             ahead, left, away = leg.measure(window)
@@ -164,7 +164,7 @@ def _legs(line: Float64, begin: float) -> Iterator[_Leg]:
             begin += length
 
 
-def bars(sheet: Sheet, bars_xyahw: Float64, reach_m: float) -> Iterator[tuple[int, Window, Float32]]:
+def bars(raster: RasterGrid, bars_xyahw: Float64, reach_m: float) -> Iterator[tuple[int, Window, Float32]]:
     """Signed distances to oriented rectangles, positive inside, in the window where they exceed −reach.
 
     Args:
@@ -178,9 +178,9 @@ def bars(sheet: Sheet, bars_xyahw: Float64, reach_m: float) -> Iterator[tuple[in
     extent = (
         np.column_stack([np.abs(cos) * half + np.abs(sin) * wide, np.abs(sin) * half + np.abs(cos) * wide]) + reach_m
     )
-    for number in np.flatnonzero(sheet.meets(middle - extent, middle + extent)):
-        at = sheet.local(middle[number])
-        window = sheet.window(at - extent[number], at + extent[number])
+    for number in np.flatnonzero(raster.meets(middle - extent, middle + extent)):
+        at = raster.local(middle[number])
+        window = raster.window(at - extent[number], at + extent[number])
         if window is None:
             continue
         x, y = window.x - np.float32(at[0]), window.y - np.float32(at[1])
@@ -191,11 +191,11 @@ def bars(sheet: Sheet, bars_xyahw: Float64, reach_m: float) -> Iterator[tuple[in
         yield int(number), window, -(outside + np.minimum(np.maximum(u, v), 0))
 
 
-def outlines(sheet: Sheet, rings: Sequence[Float64], reach_m: float) -> Iterator[tuple[int, Window, Float32]]:
+def outlines(raster: RasterGrid, rings: Sequence[Float64], reach_m: float) -> Iterator[tuple[int, Window, Float32]]:
     """Signed distances to polygons (n, 2) in the world frame, positive inside, as `bars` gives them."""
     for number, ring in enumerate(rings):
-        points = sheet.local(ring)
-        window = sheet.window(points.min(axis=0) - reach_m, points.max(axis=0) + reach_m)
+        points = raster.local(ring)
+        window = raster.window(points.min(axis=0) - reach_m, points.max(axis=0) + reach_m)
         if window is None:
             continue
         shape = (len(window.y), window.x.shape[1])

@@ -13,8 +13,8 @@ import numpy.typing as npt
 import shapely
 
 from pavetwin.scene.ground.fixtures import Fixture
+from pavetwin.scene.ground.junction_repairs import mended
 from pavetwin.scene.ground.layout import Layout
-from pavetwin.scene.ground.mending import mended
 from pavetwin.scene.ground.seals import clear_of_defects, wander, wavering
 from pavetwin.scene.ground.streets import Street
 from pavetwin.seeds import Stream, child
@@ -85,7 +85,7 @@ def repairs(plan: Layout, fixtures: Sequence[Fixture]) -> Repairs:
 
 def _around(plan: Layout, fixture: Fixture, found: Repairs) -> None:
     """What was mended and sealed about a cover, and the damp about a grate."""
-    rng = child(plan.seed, Stream.SCENE, 6, plan.luck(f"{fixture.x:.2f} {fixture.y:.2f}"))
+    rng = child(plan.seed, Stream.SCENE, 6, plan.name_hash(f"{fixture.x:.2f} {fixture.y:.2f}"))
     at = np.array([fixture.x, fixture.y])
     if fixture.model == "grate":
         for _ in range(3):
@@ -269,7 +269,7 @@ def _seal(plan: Layout, found: Repairs, line: Float64, half_m: float, gaps: floa
 
 def _drips(plan: Layout, lane: Lane, found: Repairs) -> None:
     """Oil along the middle of a lane, thickest where vehicles wait, and the marks of tyres that locked."""
-    rng = child(plan.seed, Stream.SCENE, 3, plan.luck(lane.id))
+    rng = child(plan.seed, Stream.SCENE, 3, plan.name_hash(lane.id))
     length = lane.length_m
     stations = list(rng.uniform(0.0, length, rng.poisson(length / 5.0)))
     stations += list(length - rng.exponential(6.0, rng.poisson(9.0 if length > 15 else 2.0)))

@@ -16,9 +16,9 @@ from PIL import Image, ImageDraw
 from shapely.geometry.base import BaseGeometry
 
 from pavetwin.scene.ground.layout import tile_box
-from pavetwin.scene.ground.luck import Luck, luck_of
+from pavetwin.scene.ground.noise_tables import NoiseTables, noise_tables
 from pavetwin.scene.ground.plan import GroundPlan
-from pavetwin.scene.ground.raster import Float32, Sheet, Tracks, bars, tracks, widened
+from pavetwin.scene.ground.raster import Float32, RasterGrid, Tracks, bars, tracks, widened
 from pavetwin.scene.ground.relief import KERB_WIDTH_M
 from pavetwin.scene.ground.repairs import WHEELS_M
 from pavetwin.scene.model import MAP_MARGIN_M, MAP_PX
@@ -40,34 +40,34 @@ class _Ground:
     key: tuple[int, int]
 
     @cached_property
-    def sheet(self) -> Sheet:
-        return Sheet(self.key, MAP_PX // 2)
+    def raster(self) -> RasterGrid:
+        return RasterGrid(self.key, MAP_PX // 2)
 
     @cached_property
     def box(self) -> shapely.Polygon:
         return tile_box(self.key, MAP_MARGIN_M + 0.1)
 
     @cached_property
-    def luck(self) -> Luck:
-        return luck_of(self.plan.seed)
+    def tables(self) -> NoiseTables:
+        return noise_tables(self.plan.seed)
 
     def plane(self, table: Float32, turn: int = 0) -> Float32:
-        return self.luck.plane(table, *self.sheet.world_axes(), turn=turn)
+        return self.tables.plane(table, *self.raster.world_axes(), turn=turn)
 
     @cached_property
     def segments(self) -> Tracks:
-        near = self.plan.segment_shelf.near(self.box)
+        near = self.plan.segment_index.near(self.box)
         pieces = [self.plan.segments[index] for index in near]
         lines = [shapely.get_coordinates(segment.centre_line) for segment, _ in pieces]
-        found = tracks(self.sheet, lines, [segment.width_m / 2 + 1.2 for segment, _ in pieces], flat=True)
+        found = tracks(self.raster, lines, [segment.width_m / 2 + 1.2 for segment, _ in pieces], flat=True)
         return _renumbered(found, near)
 
     @cached_property
     def lanes(self) -> Tracks:
-        near = self.plan.lane_shelf.near(self.box)
+        near = self.plan.lane_index.near(self.box)
         lanes = [self.plan.lanes[index][0] for index in near]
         lines = [shapely.get_coordinates(lane.centre_line) for lane in lanes]
-        return _renumbered(tracks(self.sheet, lines, [lane.width_m * 0.62 for lane in lanes]), near)
+        return _renumbered(tracks(self.raster, lines, [lane.width_m * 0.62 for lane in lanes]), near)
 
     @cached_property
     def edge(self) -> Tracks:
@@ -75,7 +75,7 @@ class _Ground:
         edges = self.plan.edges
         near = sorted(int(index) for index in edges.tree.query(self.box, "dwithin", distance=EDGE_REACH_M))
         lines = [shapely.get_coordinates(edges.pieces[index]) for index in near]
-        return tracks(self.sheet, lines, [EDGE_REACH_M] * len(near), [float(edges.begins[index]) for index in near])
+        return tracks(self.raster, lines, [EDGE_REACH_M] * len(near), [float(edges.begins[index]) for index in near])
 
     @cached_property
     def wheels(self) -> Float32:
@@ -88,11 +88,11 @@ class _Ground:
     @cached_property
     def turns(self) -> Float32:
         """Wheels that cross junctions, added up over the ways across."""
-        passed = self.sheet.full(0.0)
+        passed = self.raster.full(0.0)
         reach = WHEELS_M + 0.5
-        for index in self.plan.path_shelf.near(self.box, reach):
+        for index in self.plan.path_index.near(self.box, reach):
             line = self.plan.paths[index].line
-            found = _ribbon(self.sheet, line, reach)
+            found = _ribbon(self.raster, line, reach)
             if found is None:
                 continue
             window, across = found
@@ -103,123 +103,123 @@ class _Ground:
 def weathering(plan: GroundPlan, key: tuple[int, int]) -> tuple[UInt8, Float32]:
     """The map of weathering, (MAP_PX, MAP_PX, 4), and × what paint is worn, (MAP_PX, MAP_PX)."""
     ground = _Ground(plan, key)
-    sheet = Sheet(key)
-    on_road = _road_share(plan, key, sheet)
-    mended = _laid(plan, key, sheet) * _mended(plan, sheet)
-    road, stain, dust = (widened(field, sheet.px) for field in (_road_tone(ground), _stain(ground), _dust(ground)))
-    land = widened(_land_tone(ground), sheet.px)
+    raster = RasterGrid(key)
+    on_road = _road_share(plan, key, raster)
+    mended = _laid(plan, key, raster) * _mended(plan, raster)
+    road, stain, dust = (widened(field, raster.px) for field in (_road_tone(ground), _stain(ground), _dust(ground)))
+    land = widened(_land_tone(ground), raster.px)
     tone = land + (road * mended - land) * on_road
-    stain = np.clip(stain + _spilled(plan, sheet), 0.0, 0.95)
-    polish = widened(ground.wheels, sheet.px) * on_road
+    stain = np.clip(stain + _spilled(plan, raster), 0.0, 0.95)
+    polish = widened(ground.wheels, raster.px) * on_road
     layers = np.stack([np.clip(tone, 0.2, 1.98) * 128, stain * 255, np.clip(dust, 0, 1) * 255, polish * 230], axis=-1)
-    worn = widened(_worn(ground), sheet.px)
+    worn = widened(_worn(ground), raster.px)
     return np.asarray(layers + np.float32(0.5), dtype=np.uint8), worn
 
 
 def _road_tone(ground: _Ground) -> Float32:
     """What wheels, rollers and the weather made of it, × its age's tone."""
-    plan, luck = ground.plan, ground.luck
+    plan, tables = ground.plan, ground.tables
     streets = ground.segments
-    parts = np.array([*(plan.luck(f"part {street.name}") % 4096 for _, street in plan.segments), 0])
+    parts = np.array([*(plan.name_hash(f"part {street.name}") % 4096 for _, street in plan.segments), 0])
     offset = parts[streets.index]
-    streak = luck.road(luck.streak, streets.along, streets.across + 8.0, offset)
-    scuff = luck.road(luck.scuff, streets.along, streets.across + 8.0, offset)
-    band = luck.road(luck.band, streets.along, streets.across + 8.0, offset)
+    streak = tables.road(tables.streak, streets.along, streets.across + 8.0, offset)
+    scuff = tables.road(tables.scuff, streets.along, streets.across + 8.0, offset)
+    band = tables.road(tables.band, streets.along, streets.across + 8.0, offset)
     on_street = (streets.index >= 0).astype(np.float32)
     lanes = ground.lanes
     passes = _table(0.97 + 0.06 * plan.chance(f"pass {lane.id}") for lane, _ in plan.lanes)
     worn = _table(0.14 * plan.chance(f"polish {street.key}") - 0.065 for _, street in plan.lanes)
     laid = np.where(lanes.index >= 0, passes[lanes.index], 1.0)
     wheel = np.where(lanes.index >= 0, worn[lanes.index], -0.05) * ground.wheels
-    slow = 0.030 * ground.plane(luck.broad) + 0.024 * ground.plane(luck.blotch) + 0.020 * ground.plane(luck.fine)
+    slow = 0.030 * ground.plane(tables.broad) + 0.024 * ground.plane(tables.blotch) + 0.020 * ground.plane(tables.fine)
     tone = laid * (1.0 + on_street * (0.042 * streak + 0.052 * band + 0.022 * scuff) + wheel + slow)
     return np.asarray(tone, dtype=np.float32)
 
 
-def _laid(plan: GroundPlan, key: tuple[int, int], sheet: Sheet) -> Float32:
+def _laid(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> Float32:
     """× the grain's reflectance by the age of what is laid."""
-    shelf, tones = plan.tones
-    image = Image.new("F", (sheet.px, sheet.px), 1.0)
+    spatial_index, tones = plan.tones
+    image = Image.new("F", (raster.px, raster.px), 1.0)
     pen = ImageDraw.Draw(image)
-    for index in shelf.near(tile_box(key, MAP_MARGIN_M + 0.1)):
-        for ring in _outer_rings(shelf.shapes[index]):
-            pen.polygon(_pixels(sheet, ring), fill=tones[index])
+    for index in spatial_index.near(tile_box(key, MAP_MARGIN_M + 0.1)):
+        for ring in _outer_rings(spatial_index.shapes[index]):
+            pen.polygon(_pixels(raster, ring), fill=tones[index])
     return np.asarray(image, dtype=np.float32)
 
 
 def _stain(ground: _Ground) -> Float32:
     """Oil along lanes, rubber across junctions, damp at kerbs, spots anywhere."""
-    luck, lanes, edge = ground.luck, ground.lanes, ground.edge
+    tables, lanes, edge = ground.tables, ground.lanes, ground.edge
     middle = np.where(lanes.index >= 0, np.exp(-0.5 * (lanes.across / 0.33) ** 2), 0.0)
     offset = lanes.index.astype(np.int64) * 131
-    oily = np.clip(0.55 + 0.5 * luck.road(luck.band, lanes.along, lanes.across + 8.0, offset), 0.1, 1.6)
+    oily = np.clip(0.55 + 0.5 * tables.road(tables.band, lanes.along, lanes.across + 8.0, offset), 0.1, 1.6)
     stain = 0.095 * middle * oily
-    stain = stain + 0.17 * np.minimum(ground.turns, 1.5) * np.clip(0.8 + 0.3 * ground.plane(luck.blotch, 1), 0.2, 1.6)
+    stain = stain + 0.17 * np.minimum(ground.turns, 1.5) * np.clip(0.8 + 0.3 * ground.plane(tables.blotch, 1), 0.2, 1.6)
     inside = np.where(np.isfinite(edge.distance) & (edge.across > 0), edge.distance, np.inf)
-    wet = np.clip(0.9 * ground.plane(luck.blotch, 2) + 0.7 * ground.plane(luck.broad, 1) - 0.75, 0.0, 1.0)
+    wet = np.clip(0.9 * ground.plane(tables.blotch, 2) + 0.7 * ground.plane(tables.broad, 1) - 0.75, 0.0, 1.0)
     stain = stain + 0.55 * wet * np.exp(-((inside / 0.28) ** 2)) + 0.30 * np.exp(-((inside / 0.06) ** 2))
     outside = np.where(np.isfinite(edge.distance) & (edge.across <= 0), edge.distance, np.inf)
     stain = stain + 0.14 * np.exp(-(((outside - KERB_WIDTH_M) / 0.03) ** 2))
-    spots = np.clip(1.6 * (ground.plane(luck.fine, 3) - 2.75), 0.0, 0.35)
-    faint = np.clip(0.10 * (ground.plane(luck.blotch, 3) + 0.4 * ground.plane(luck.fine, 5) - 1.9), 0.0, 0.14)
+    spots = np.clip(1.6 * (ground.plane(tables.fine, 3) - 2.75), 0.0, 0.35)
+    faint = np.clip(0.10 * (ground.plane(tables.blotch, 3) + 0.4 * ground.plane(tables.fine, 5) - 1.9), 0.0, 0.14)
     return np.asarray(stain + spots + faint, dtype=np.float32)
 
 
 def _dust(ground: _Ground) -> Float32:
     """What water and wind leave along the kerb, and litter under trees."""
-    luck, edge = ground.luck, ground.edge
-    noise = ground.plane(luck.blotch, 4)
+    tables, edge = ground.tables, ground.edge
+    noise = ground.plane(tables.blotch, 4)
     distance = np.where(np.isfinite(edge.distance), edge.distance, np.float32(99.0))
     inside = edge.across > 0
     silt = 0.7 * np.exp(-distance / 0.17) * np.clip(0.65 + 0.5 * noise, 0.05, 1.6)
-    film = 0.13 * np.exp(-((distance / 0.75) ** 2)) * np.clip(0.7 + 0.5 * ground.plane(luck.broad, 2), 0.0, 1.5)
+    film = 0.13 * np.exp(-((distance / 0.75) ** 2)) * np.clip(0.7 + 0.5 * ground.plane(tables.broad, 2), 0.0, 1.5)
     dust = np.where(inside, silt + film, 0.25 * np.exp(-distance / 0.2) * np.clip(0.6 + 0.5 * noise, 0.0, 1.5))
     unused = np.where(ground.lanes.index >= 0, 0.05 * (1.0 - ground.wheels), 0.04)
-    dust = dust + unused * np.clip(0.6 + 0.6 * ground.plane(luck.broad, 3) + 0.3 * noise, 0.0, 2.0)
+    dust = dust + unused * np.clip(0.6 + 0.6 * ground.plane(tables.broad, 3) + 0.3 * noise, 0.0, 2.0)
     return np.asarray(np.clip(dust, 0.0, 0.85), dtype=np.float32)
 
 
 def _land_tone(ground: _Ground) -> Float32:
-    luck = ground.luck
-    slow = 0.055 * ground.plane(luck.broad, 5) + 0.022 * ground.plane(luck.blotch, 5)
-    return np.asarray(1.0 + slow + 0.012 * ground.plane(luck.fine, 5), dtype=np.float32)
+    tables = ground.tables
+    slow = 0.055 * ground.plane(tables.broad, 5) + 0.022 * ground.plane(tables.blotch, 5)
+    return np.asarray(1.0 + slow + 0.012 * ground.plane(tables.fine, 5), dtype=np.float32)
 
 
 def _worn(ground: _Ground) -> Float32:
     """× the wear of paint: most where wheels run, and by luck."""
-    luck = ground.luck
-    patchy = 0.16 * ground.plane(luck.blotch, 6) + 0.20 * ground.plane(luck.broad, 6)
+    tables = ground.tables
+    patchy = 0.16 * ground.plane(tables.blotch, 6) + 0.20 * ground.plane(tables.broad, 6)
     return np.asarray(np.clip(0.55 + 1.45 * ground.wheels + patchy, 0.15, 2.4), dtype=np.float32)
 
 
-def _road_share(plan: GroundPlan, key: tuple[int, int], sheet: Sheet) -> Float32:
+def _road_share(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> Float32:
     """How much of each cell is carriageway, its edge worked out finely."""
     road = plan.road_near(tile_box(key, 2.0))
-    share = _inside(sheet, road).astype(np.float32)
+    share = _inside(raster, road).astype(np.float32)
     edges = plan.edges
     near = sorted(int(index) for index in edges.tree.query(tile_box(key, MAP_MARGIN_M + 0.2)))
-    found = tracks(sheet, [shapely.get_coordinates(edges.pieces[index]) for index in near], [0.06] * len(near))
+    found = tracks(raster, [shapely.get_coordinates(edges.pieces[index]) for index in near], [0.06] * len(near))
     band = found.index >= 0
-    share[band] = np.clip(0.5 + found.across[band] / sheet.cell_m, 0.0, 1.0)
+    share[band] = np.clip(0.5 + found.across[band] / raster.cell_m, 0.0, 1.0)
     return share
 
 
-def _mended(plan: GroundPlan, sheet: Sheet) -> Float32:
+def _mended(plan: GroundPlan, raster: RasterGrid) -> Float32:
     """× the tone: patches and trenches, the later over the earlier."""
-    tone = sheet.full(1.0)
-    for number, window, inside in bars(sheet, plan.patch_bars, 0.05):
-        share = np.clip(0.5 + inside / np.float32(sheet.cell_m), 0.0, 1.0)
+    tone = raster.full(1.0)
+    for number, window, inside in bars(raster, plan.patch_bars, 0.05):
+        share = np.clip(0.5 + inside / np.float32(raster.cell_m), 0.0, 1.0)
         tone[window.at] += (np.float32(plan.repairs.patch_tones[number]) - tone[window.at]) * share
     return tone
 
 
-def _spilled(plan: GroundPlan, sheet: Sheet) -> Float32:
+def _spilled(plan: GroundPlan, raster: RasterGrid) -> Float32:
     """Oil spots and the marks of locked wheels."""
-    stain = sheet.full(0.0)
+    stain = raster.full(0.0)
     spots = plan.spots
-    for number in np.flatnonzero(sheet.meets(spots[:, :2] - 0.4, spots[:, :2] + 0.4)):
-        at, radius = sheet.local(spots[number, :2]), spots[number, 2]
-        window = sheet.window(at - 2.2 * radius - 0.04, at + 2.2 * radius + 0.04)
+    for number in np.flatnonzero(raster.meets(spots[:, :2] - 0.4, spots[:, :2] + 0.4)):
+        at, radius = raster.local(spots[number, :2]), spots[number, 2]
+        window = raster.window(at - 2.2 * radius - 0.04, at + 2.2 * radius + 0.04)
         if window is None:
             continue
         x, y = window.x - np.float32(at[0]), window.y - np.float32(at[1])
@@ -229,19 +229,21 @@ def _spilled(plan: GroundPlan, sheet: Sheet) -> Float32:
         blot = np.clip((radius + 0.02 - away) / max(0.03, 0.5 * radius), 0.0, 1.0)
         stain[window.at] = np.maximum(stain[window.at], np.float32(spots[number, 3]) * blot)
     low, high = plan.skid_boxes
-    for number in np.flatnonzero(sheet.meets(low - 0.2, high + 0.2)):
+    for number in np.flatnonzero(raster.meets(low - 0.2, high + 0.2)):
         line, strength = plan.repairs.skids[number]
-        found = _ribbon(sheet, line, 0.2)
+        found = _ribbon(raster, line, 0.2)
         if found is not None:
             window_at, across = found
             stain[window_at] += np.float32(strength) * np.exp(-((across / 0.085) ** 4))
     return stain
 
 
-def _ribbon(sheet: Sheet, line: npt.NDArray[np.float64], reach_m: float) -> tuple[tuple[slice, slice], Float32] | None:
+def _ribbon(
+    raster: RasterGrid, line: npt.NDArray[np.float64], reach_m: float
+) -> tuple[tuple[slice, slice], Float32] | None:
     """Offset to the left of a line in the window about it, far away where none is near; None when off the sheet."""
-    points = sheet.local(line)
-    window = sheet.window(points.min(axis=0) - reach_m, points.max(axis=0) + reach_m)
+    points = raster.local(line)
+    window = raster.window(points.min(axis=0) - reach_m, points.max(axis=0) + reach_m)
     if window is None:
         return None
     best = np.full((len(window.y), window.x.shape[1]), np.float32(9.0))
@@ -249,7 +251,7 @@ def _ribbon(sheet: Sheet, line: npt.NDArray[np.float64], reach_m: float) -> tupl
     rows, columns = window.at
     for a, b in pairwise(points):
         length = float(np.hypot(*(b - a)))
-        near = sheet.window(np.minimum(a, b) - reach_m, np.maximum(a, b) + reach_m)
+        near = raster.window(np.minimum(a, b) - reach_m, np.maximum(a, b) + reach_m)
         if length < 1e-6 or near is None:
             continue
         dx, dy = ((b - a) / length).astype(np.float32)
@@ -266,14 +268,14 @@ def _ribbon(sheet: Sheet, line: npt.NDArray[np.float64], reach_m: float) -> tupl
     return window.at, across
 
 
-def _inside(sheet: Sheet, shape: BaseGeometry) -> npt.NDArray[np.bool_]:
+def _inside(raster: RasterGrid, shape: BaseGeometry) -> npt.NDArray[np.bool_]:
     """Which cells' middles lie inside a shape."""
-    mask = Image.new("L", (sheet.px, sheet.px))
+    mask = Image.new("L", (raster.px, raster.px))
     pen = ImageDraw.Draw(mask)
     for part in shapely.get_parts(shape):
         if isinstance(part, shapely.Polygon):
             for number, ring in enumerate(shapely.get_rings(part)):
-                pen.polygon(_pixels(sheet, ring), fill=int(number == 0))
+                pen.polygon(_pixels(raster, ring), fill=int(number == 0))
     return np.asarray(mask) > 0
 
 
@@ -281,9 +283,9 @@ def _outer_rings(shape: BaseGeometry) -> list[BaseGeometry]:
     return [part.exterior for part in shapely.get_parts(shape) if isinstance(part, shapely.Polygon)]
 
 
-def _pixels(sheet: Sheet, ring: BaseGeometry) -> list[tuple[float, ...]]:
+def _pixels(raster: RasterGrid, ring: BaseGeometry) -> list[tuple[float, ...]]:
     """A ring's corners as the drawing library counts: 0 in the middle of the first cell."""
-    return [tuple(point) for point in (sheet.local(shapely.get_coordinates(ring)) / sheet.cell_m - 0.5).tolist()]
+    return [tuple(point) for point in (raster.local(shapely.get_coordinates(ring)) / raster.cell_m - 0.5).tolist()]
 
 
 def _table(values: Iterable[float]) -> Float32:

@@ -27,7 +27,7 @@ def spread(group: Group, metric: Metric, traffics: Sequence[Any]) -> Figure:
         chosen = looks(group.policies)
         height = 0.3 + 0.155 * len(group.altitudes) * (len(group.policies) + 0.8)
         figure, axes = lattice(1, len(traffics), height)
-        known = group.flown.filter(pl.col(metric.name).is_not_null())
+        known = group.result.filter(pl.col(metric.name).is_not_null())
         positive = bool(known.height) and float(known[metric.name].min()) > 0.0  # type: ignore[arg-type]
         for traffic, panel in zip(traffics, axes[0], strict=True):
             _panel(panel, group, metric, _of(known, "traffic", traffic), chosen, as_picture=known.height > _MANY)

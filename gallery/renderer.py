@@ -1,0 +1,96 @@
+"""What every picture is taken with: the demo's town, its traffic, its scene, and one renderer."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from pavetwin._core import Trace
+from pavetwin.cli.demo import TOWN_SEED
+from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.mission.replay import to_trace
+from pavetwin.render.renderer import Renderer
+from pavetwin.scene.light import Light
+from pavetwin.scene.model import Instance, labelled_agent
+from pavetwin.scene.scene import Scene
+from pavetwin.scene.view import View
+from pavetwin.traffic.record import record
+from pavetwin.traffic.recording import Recording
+from pavetwin.uav.cameras import Camera, find_camera
+from pavetwin.world.build import BuildOptions, build_world
+from pavetwin.world.model import World
+from pavetwin.world.store import load_world, save_world
+
+Picture = npt.NDArray[np.uint8]
+
+RECORDED_S: Final = 600.0
+SEED: Final = 1
+DENSITY: Final = "high"
+
+MORNING: Final = Light(38.0, 118.0, cloud_cover=0.1)
+LOW_SUN: Final = Light(16.0, 255.0, cloud_cover=0.15, turbidity=4.0)
+OVERCAST: Final = Light(45.0, 190.0, cloud_cover=1.0)
+
+
+@dataclass
+class GalleryRenderer:
+    """Opens what it needs when it is needed."""
+
+    folder: Path
+
+    @cached_property
+    def world(self) -> World:
+        town = self.folder / "town"
+        if town.is_dir():
+            return load_world(town)
+        return save_world(add_defects(build_world("town", BuildOptions(seed=TOWN_SEED)), DefectOptions()), town)
+
+    @cached_property
+    def recording(self) -> Recording:
+        return record(self.world, DENSITY, SEED, RECORDED_S)
+
+    @cached_property
+    def trace(self) -> Trace:
+        return to_trace(self.recording)
+
+    @cached_property
+    def scene(self) -> Scene:
+        return Scene(self.world, seed=SEED)
+
+    @cached_property
+    def renderer(self) -> Renderer:
+        return Renderer(self.scene)
+
+    @cached_property
+    def camera(self) -> Camera:
+        return find_camera("phantom4pro")
+
+    def take(
+        self,
+        view: View,
+        light: Light,
+        *,
+        time_s: float | None = None,
+        without: int | None = None,
+        more: Sequence[Instance] = (),
+    ) -> Picture:
+        """A picture (height, width, 3).
+
+        Args:
+            view: from where.
+            light: sun and sky.
+            time_s: of the recording; None for empty streets.
+            without: an agent that is left out: the car that carries the camera.
+            more: what is drawn besides.
+        """
+        near = (float(view.position[0]), float(view.position[1]), 160.0)
+        agents = self.scene.agents(None if time_s is None else self.recording, time_s or 0.0, near)
+        shown = [agent for agent in agents if without is None or labelled_agent(agent.label) != without]
+        frame = self.renderer.frame(
+            view, light=light, camera=self.camera, instances=[*shown, *more], seed=SEED, labels=False, depth=False
+        )
+        return frame.rgb

@@ -1,0 +1,118 @@
+"""The photographer of real datasets: the world's scene, drawn by the renderer."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from pavetwin._core import Trace
+from pavetwin.capture.platforms import Setting
+from pavetwin.capture.samples import CameraSample
+from pavetwin.render.frame import Frame
+from pavetwin.render.nearby import FAR_M
+from pavetwin.render.renderer import Renderer
+from pavetwin.scene.light import Light
+from pavetwin.scene.model import agent_label
+from pavetwin.scene.scene import Scene
+from pavetwin.scene.view import View
+from pavetwin.seeds import Stream, child
+from pavetwin.traffic.recording import Recording
+from pavetwin.traffic.trace import trace_of
+from pavetwin.uav.cameras import Camera
+from pavetwin.world.model import Defect, World
+
+LOOK_SEED: Final = 0
+"""Of what a scene leaves open, colours of cars and stains of roads: a world looks the same in every dataset and
+mission."""
+
+_SHADOWS_M: Final = 40.0
+"""Beyond the picture, what may throw a shadow into it."""
+
+
+class SceneRenderer:
+    """A world that pictures can be taken of, in any of its recorded traffic.
+
+    Raises:
+        PaveTwinError: there is no adapter to draw with.
+    """
+
+    def __init__(self, world: World, defects: tuple[Defect, ...] | None = None) -> None:
+        """`defects` in place of the world's own."""
+        self._scene = Scene(world if defects is None else replace(world, defects=defects), seed=LOOK_SEED)
+        self._renderer = Renderer(self._scene)
+        self._trace: tuple[Recording, Trace] | None = None
+
+    def picture(
+        self,
+        view: View,
+        camera: Camera,
+        light: Light,
+        recording: Recording,
+        time_s: float,
+        *,
+        noise: int,
+        without: int | None = None,
+        compensation_ev: float = 0.0,
+    ) -> Frame:
+        """What a camera sees at a time of the recording.
+
+        Args:
+            noise: names the sensor's.
+            without: the agent of which only the shadow is drawn, for it carries the camera.
+            compensation_ev: how much brighter than metered, in stops.
+        """
+        near = (float(view.position[0]), float(view.position[1]), self._radius_m(view))
+        ego = None if without is None else agent_label(without)
+        agents = self._scene.agents(recording, time_s, near)
+        instances = [each for each in agents if each.label != ego or not ego]
+        return self._renderer.frame(
+            view,
+            light=light,
+            camera=camera,
+            instances=instances,
+            unseen=[each for each in agents if ego and each.label == ego],
+            compensation_ev=compensation_ev,
+            seed=noise,
+            depth=False,
+            defect_free=True,
+            velocities=self._velocities(recording, time_s, near),
+        )
+
+    def _radius_m(self, view: View) -> float:
+        """How far away agents matter."""
+        width, height = view.size_px
+        hits = view.ground([(0, 0), (width, 0), (width, height), (0, height)])
+        reach = float(np.max(np.linalg.norm(hits - view.position[:2], axis=1)))
+        return min(FAR_M, reach + _SHADOWS_M) if np.isfinite(reach) else FAR_M
+
+    def _velocities(
+        self, recording: Recording, time_s: float, near: tuple[float, float, float]
+    ) -> Mapping[int, npt.ArrayLike]:
+        if self._trace is None or self._trace[0] is not recording:
+            self._trace = recording, trace_of(recording)
+        poses = self._trace[1].agents_near(*near, time_s)
+        moves = np.column_stack([poses["east_mps"], poses["north_mps"], np.zeros(len(poses["agent"]))])
+        return {agent_label(int(agent)): move for agent, move in zip(poses["agent"], moves, strict=True)}
+
+
+class SceneFrameSource:
+    """Takes the shots of a dataset."""
+
+    def __init__(self, setting: Setting) -> None:
+        self._scene_renderer = SceneRenderer(setting.world)
+
+    def frame(self, sample: CameraSample, setting: Setting) -> Frame:
+        """The same shot gives the same frame, whatever was taken before."""
+        noise = child(setting.settings.seed, Stream.FRAME, sample.spec.index, sample.attempt).integers(1 << 62)
+        return self._scene_renderer.picture(
+            sample.pose.view,
+            sample.pose.camera,
+            sample.daylight.light,
+            setting.recordings[sample.spec.density],
+            sample.pose.time_s,
+            noise=int(noise),
+            without=sample.pose.ego,
+            compensation_ev=sample.daylight.compensation_ev,
+        )

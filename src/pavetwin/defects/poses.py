@@ -1,0 +1,80 @@
+"""Where on a road a class of defects is found: laws that classes share.
+
+A law proposes poses on a road: (n, 3) rows of the share of the road's length [0, 1), the offset from its centre line to
+the left [m], and the angle from the road's direction to the defect's own x axis, anticlockwise [rad].
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from pavetwin.world.model import Segment
+
+Poses = npt.NDArray[np.float64]
+
+WHEEL_PATH_M, WHEEL_PATH_SPREAD_M = 0.82, 0.10
+"""From a lane's centre to its wheel paths: half the track of cars and vans (1.5 to 1.8 m), and how drivers wander."""
+
+NARROW_LANE_M = 2.6
+"""In a narrower lane the wheel paths move inwards with its width."""
+
+EDGE_M = (0.25, 0.9)
+"""From the carriageway's edge to the strip that breaks for want of support beside it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Road:
+    """What a law knows of the piece of road that it proposes places on."""
+
+    length_m: float
+    width_m: float
+    lanes: int
+
+    @classmethod
+    def of(cls, segment: Segment) -> "Road":
+        return cls(segment.length_m, segment.width_m, max(1, segment.lanes))
+
+    @property
+    def lane_width_m(self) -> float:
+        return self.width_m / self.lanes
+
+
+PoseSampler = Callable[[np.random.Generator, Road, int], Poses]
+"""`sample_poses(rng, road, count)` proposes `count` poses for one defect."""
+
+
+def wheel_paths(rng: np.random.Generator, road: Road, count: int) -> npt.NDArray[np.float64]:
+    """(count,) offsets in the wheel paths of lanes."""
+    lane = rng.integers(road.lanes, size=count)
+    centre = (lane + 0.5) * road.lane_width_m - road.width_m / 2
+    narrow = min(1.0, road.lane_width_m / NARROW_LANE_M)
+    side = rng.choice([-1.0, 1.0], size=count)
+    return np.asarray(centre + side * narrow * rng.normal(WHEEL_PATH_M, WHEEL_PATH_SPREAD_M, count), dtype=np.float64)
+
+
+def edges(rng: np.random.Generator, road: Road, count: int) -> npt.NDArray[np.float64]:
+    """(count,) offsets near the carriageway's edges."""
+    side = rng.choice([-1.0, 1.0], size=count)
+    return np.asarray(side * (road.width_m / 2 - rng.uniform(*EDGE_M, count)), dtype=np.float64)
+
+
+def joints(rng: np.random.Generator, road: Road, count: int) -> npt.NDArray[np.float64]:
+    """(count,) offsets along the joints between paved lanes; a single lane is paved in two halves."""
+    lanes = max(2, road.lanes)
+    joint = rng.integers(1, lanes, size=count)
+    return np.asarray(joint * road.width_m / lanes - road.width_m / 2 + rng.normal(0, 0.06, count), dtype=np.float64)
+
+
+def anywhere(rng: np.random.Generator, road: Road, count: int) -> npt.NDArray[np.float64]:
+    """(count,) offsets over the whole width."""
+    return np.asarray(rng.uniform(-road.width_m / 2, road.width_m / 2, count), dtype=np.float64)
+
+
+def poses(rng: np.random.Generator, offsets: npt.NDArray[np.float64], angle_rad: float, spread_rad: float) -> Poses:
+    """Poses at the offsets, anywhere along the road, turned by about the angle, half of them the other way round."""
+    count = len(offsets)
+    turn = rng.normal(angle_rad, spread_rad, count) + math.pi * rng.integers(2, size=count)
+    return np.stack([rng.random(count), offsets, turn], axis=1)

@@ -1,0 +1,153 @@
+"""From a world and settings to what the kernel flies over."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, radians, sin
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from pavetwin._core import Flight, Ground, NavMesh, Trace
+from pavetwin.config import MissionSettings
+from pavetwin.defects import sample_points
+from pavetwin.navigation.navmesh import navmesh
+from pavetwin.uav import energy_curve, find_camera
+from pavetwin.uav.energy import CURVE_STEP_MPS
+from pavetwin.world.model import Defect, Surface, World
+from pavetwin.world.solids import Solids, solids
+
+
+@dataclass(frozen=True)
+class MissionEnvironment:
+    """A world at one altitude, ready to be flown over. Shared by every mission with the same altitude and cells."""
+
+    world: World
+    defects: tuple[Defect, ...]
+    altitude_m: float
+    ground: Ground
+    components: tuple[int | None, ...]
+    """For each segment, the part of the mesh that its middle lies in (or next to)."""
+    base_component: int | None
+
+    def reachable(self, index: int) -> bool:
+        """Whether a segment, by its index, can be reached from the base."""
+        return self.components[index] is not None and self.components[index] == self.base_component
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What stands still around the flights at one altitude, whatever the defects and the cells."""
+
+    solids: Solids
+    mesh: NavMesh
+    components: tuple[int | None, ...]
+    base_component: int | None
+
+    @classmethod
+    def of(cls, world: World, altitude_m: float, radius_m: float) -> Self:
+        """Bake or read the NavMesh.
+
+        Raises:
+            PaveTwinError: nothing is left to fly in at this altitude.
+        """
+        standing = solids(world)
+        mesh = navmesh(world, altitude_m, radius_m, standing)
+        components = []
+        for segment in world.segments:
+            middle = segment.centre_line.interpolate(0.5, normalized=True)
+            components.append(mesh.component_of(*mesh.nearest(middle.x, middle.y)))
+        base = mesh.component_of(*mesh.nearest(world.base.x, world.base.y))
+        return cls(standing, mesh, tuple(components), base)
+
+
+def prepare(
+    world: World,
+    settings: MissionSettings,
+    defects: Sequence[Defect] | None = None,
+    surroundings: Surroundings | None = None,
+) -> MissionEnvironment:
+    """Grid the surfaces, and hand all that stands still to the kernel.
+
+    Args:
+        defects: the defects to look for, ids 0 … n−1 in order; those of the world when not given.
+        surroundings: of this world at this altitude, where they are known.
+
+    Raises:
+        PaveTwinError: nothing is left to fly in at this altitude.
+    """
+    chosen = tuple(world.defects if defects is None else defects)
+    around = surroundings or Surroundings.of(world, settings.altitude_m, settings.uav.radius_m)
+    standing = around.solids
+    index = {segment.id: number for number, segment in enumerate(world.segments)}
+    samples = [sample_points(defect) for defect in chosen]
+    ground = Ground(
+        around.mesh,
+        cell_m=settings.visibility.cell_m,
+        surface_rings=[_rings(segment.polygon) for segment in world.segments],
+        solid_offsets=standing.offsets.astype(np.uint32),
+        solid_xy=standing.xy,
+        solid_z0=standing.z0,
+        solid_z1=standing.z1,
+        defect_centres=np.array([(d.centre.x, d.centre.y) for d in chosen], dtype=np.float64).reshape(-1, 2),
+        defect_offsets=np.concatenate([[0], np.cumsum([len(points) for points in samples])]).astype(np.uint32),
+        defect_points=np.concatenate(samples) if samples else np.empty((0, 2)),
+        defect_segments=np.array([index[defect.segment] for defect in chosen], dtype=np.uint32),
+    )
+    return MissionEnvironment(world, chosen, settings.altitude_m, ground, around.components, around.base_component)
+
+
+def new_flight(environment: MissionEnvironment, trace: Trace, settings: MissionSettings) -> Flight:
+    """A UAV on the ground at the base, at the beginning of the recording."""
+    camera = find_camera(settings.camera.model)
+    curve = energy_curve(settings.energy)
+    wind_to = radians(270 - settings.energy.wind_from_deg)
+    step = settings.time_step_s
+    return Flight(
+        environment.ground,
+        trace,
+        base=(environment.world.base.x, environment.world.base.y),
+        altitude_m=settings.altitude_m,
+        time_step_s=step,
+        radius_m=settings.uav.radius_m,
+        inspect_speed_mps=settings.uav.inspect_speed_mps,
+        transit_speed_mps=settings.uav.transit_speed_mps,
+        acceleration_mps2=settings.uav.acceleration_mps2,
+        yaw_rate_rad_s=radians(settings.uav.yaw_rate_deg_s),
+        stopping_distance_m=settings.uav.stopping_distance_m,
+        climb_speed_mps=settings.uav.climb_speed_mps,
+        image_px=camera.image_px,
+        vertical_fov_rad=camera.fov_rad,
+        window_rows=settings.camera.window_rows,
+        window_columns=settings.camera.window_columns,
+        window_across_per_altitude=settings.camera.window_across_per_altitude,
+        look_steps=round(settings.visibility.interval_s / step),
+        capture_steps=round(settings.camera.capture_interval_s / step),
+        threshold=settings.visibility.threshold,
+        min_visible_fraction=settings.sensing.min_visible_fraction,
+        drain_per_s=curve.drain_per_s,
+        drain_step_mps=CURVE_STEP_MPS,
+        drain_per_m_climbed=curve.drain_per_m_climbed,
+        wind_mps=(settings.energy.wind_mps * cos(wind_to), settings.energy.wind_mps * sin(wind_to)),
+        reserve=settings.energy.reserve,
+    )
+
+
+def window_m(settings: MissionSettings) -> tuple[float, float]:
+    """The inspection window (across the track, along it) at the mission's altitude, in metres."""
+    across, along = find_camera(settings.camera.model).footprint_m(settings.altitude_m)
+    if settings.camera.window_columns is not None:
+        width = across * settings.camera.window_columns
+    else:
+        assert settings.camera.window_across_per_altitude is not None
+        width = min(across, settings.camera.window_across_per_altitude * settings.altitude_m)
+    return width, along * settings.camera.window_rows
+
+
+def _rings(surface: Surface) -> list[npt.NDArray[np.float64]]:
+    return [
+        shapely.get_coordinates(ring)
+        for part in shapely.get_parts(surface)
+        for ring in (part.exterior, *part.interiors)
+    ]

@@ -1,0 +1,108 @@
+"""The metrics of a mission, segment by segment. Definitions: docs/definitions.md."""
+
+from dataclasses import dataclass
+
+from pavetwin._core import Flight
+from pavetwin.mission.environment import MissionEnvironment
+from pavetwin.twin import InspectionMemory
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentMetrics:
+    """One segment's mission. A metric that is undefined is None."""
+
+    order: int
+    segment: str
+    street: str
+    length_m: float
+    area_m2: float
+    defects: int
+    swept: int
+    """Defects whose centre the window passed over."""
+    confirmed: int
+    recovered: int
+    """Confirmed first during a revisit."""
+    coverage: float | None
+    swath_coverage: float | None
+    recovery: float | None
+    surface_coverage: float
+    inspected: bool
+    start_s: float
+    end_s: float
+    time_s: float
+    energy: float
+    wait_s: float
+    distance_m: float
+    occlusions: int
+    revisits: int
+    swaps: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Readings:
+    time_s: float
+    energy: float
+    wait_s: float
+    distance_m: float
+    occlusions: int
+    swaps: int
+
+
+class SegmentMeter:
+    """Reads the kernel's counters when a segment is opened and when it is closed.
+
+    A segment begins where the one before it ended, so that times and energies add up to the mission's.
+    """
+
+    def __init__(self, environment: MissionEnvironment) -> None:
+        self._environment = environment
+        self._last = _Readings(0.0, 0.0, 0.0, 0.0, 0, 0)
+        self._defects: dict[str, list[int]] = {}
+        for defect in environment.defects:
+            self._defects.setdefault(defect.segment, []).append(defect.id)
+
+    def close(
+        self,
+        order: int,
+        target: int,
+        flight: Flight,
+        memory: InspectionMemory,
+        revisits: int,
+        *,
+        inspected: bool,
+        swaps: int,
+    ) -> SegmentMetrics:
+        """The row of a segment that has just ended."""
+        segment = self._environment.world.segments[target]
+        now = _Readings(flight.time_s, flight.energy_used, flight.waited_s, flight.distance_m, flight.occlusions, swaps)
+        before, self._last = self._last, now
+        defects = self._defects.get(segment.id, [])
+        swept_flags = flight.swept()
+        swept = sum(bool(swept_flags[defect]) for defect in defects)
+        found = [memory.confirmed[defect] for defect in defects if defect in memory.confirmed]
+        recovered = sum(confirmation.on_revisit for confirmation in found)
+        return SegmentMetrics(
+            order=order,
+            segment=segment.id,
+            street=segment.street,
+            length_m=segment.length_m,
+            area_m2=segment.area_m2,
+            defects=len(defects),
+            swept=swept,
+            confirmed=len(found),
+            recovered=recovered,
+            coverage=len(found) / len(defects) if defects else None,
+            swath_coverage=len(found) / swept if swept else None,
+            recovery=recovered / swept if swept else None,
+            surface_coverage=flight.surface_coverage(target),
+            inspected=inspected,
+            start_s=before.time_s,
+            end_s=now.time_s,
+            time_s=now.time_s - before.time_s,
+            energy=now.energy - before.energy,
+            wait_s=now.wait_s - before.wait_s,
+            distance_m=now.distance_m - before.distance_m,
+            occlusions=now.occlusions - before.occlusions,
+            revisits=revisits,
+            swaps=now.swaps - before.swaps,
+        )

@@ -1,0 +1,100 @@
+"""Noise that is the same wherever it is looked at: periodic tables over the world's plane and along its streets."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from pavetwin.seeds import Stream, child
+
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+
+_PX: Final = 1024
+_PLANE_STEP_M: Final = 0.0625
+_ALONG_STEP_M: Final = 0.25
+_ACROSS_STEP_M: Final = 0.03125
+_ACROSS_PX: Final = 512
+_LINE_PX: Final = 8192
+_RAGGED_STEP_M: Final = 0.02
+_LASTING_STEP_M: Final = 0.10
+
+
+@dataclass(frozen=True)
+class NoiseTables:
+    """Tables of mean 0 and deviation 1."""
+
+    broad: Float32
+    """Over the plane, features of 1.5 to 6 m."""
+    blotch: Float32
+    """Over the plane, features of 0.25 to 1 m."""
+    fine: Float32
+    """Over the plane, features of a hand's breadth."""
+    streak: Float32
+    """(_PX along, _ACROSS_PX across) a street: long and narrow."""
+    band: Float32
+    """The same, broader: what the rollers and the wheels left."""
+    scuff: Float32
+    """The same, narrower and shorter: single tyres' marks."""
+    ragged: Float32
+    """(_LINE_PX,) along a line: edges of what is poured or brushed, features of a hand's breadth."""
+    lasting: Float32
+    """(_LINE_PX,) along a line: what of it has lasted, features of metres."""
+
+    def plane(self, table: Float32, x: Float64, y: Float64, *, turn: int = 0) -> Float32:
+        """A table over columns at world x and rows at world y, (rows, columns); `turn` takes another part of it."""
+        columns = (np.floor(x / _PLANE_STEP_M).astype(np.int64) + 389 * turn) % _PX
+        rows = (np.floor(y / _PLANE_STEP_M).astype(np.int64) + 613 * turn) % _PX
+        return np.asarray(table[rows].take(columns, axis=1))
+
+    def road(self, table: Float32, along: Float32, across: Float32, offset: npt.NDArray[np.int64]) -> Float32:
+        """A table along a street, (...); `offset` names the street."""
+        rows = (np.floor(along / _ALONG_STEP_M).astype(np.int64) + offset) % _PX
+        columns = (np.floor(across / _ACROSS_STEP_M).astype(np.int64) + offset // 7) % _ACROSS_PX
+        return np.asarray(table[rows, columns])
+
+    def edge(self, along: Float32, offset: npt.NDArray[np.int64]) -> Float32:
+        """How ragged an edge is at places along it, (...); `offset` names the edge."""
+        return np.asarray(self.ragged[(np.floor(along / _RAGGED_STEP_M).astype(np.int64) + 619 * offset) % _LINE_PX])
+
+    def kept(self, along: Float32, offset: npt.NDArray[np.int64]) -> Float32:
+        """How well a line has lasted at places along it, (...), straight between its steps; `offset` names the line."""
+        at = along / _LASTING_STEP_M
+        low = np.floor(at).astype(np.int64)
+        share = (at - low).astype(np.float32)
+        first, second = (self.lasting[(low + step + 911 * offset) % _LINE_PX] for step in (0, 1))
+        return np.asarray(first + (second - first) * share)
+
+
+@lru_cache(maxsize=4)
+def noise_tables(seed: int) -> NoiseTables:
+    """The tables of a seed."""
+    rng = child(seed, Stream.SCENE, 1)
+    step = _PLANE_STEP_M
+    return NoiseTables(
+        broad=_waves(rng, (_PX, _PX), (3.0 / step, 3.0 / step), 1.2),
+        blotch=_waves(rng, (_PX, _PX), (0.55 / step, 0.55 / step), 1.1),
+        fine=_waves(rng, (_PX, _PX), (0.16 / step, 0.16 / step), 0.7),
+        streak=_waves(rng, (_PX, _ACROSS_PX), (11.0 / _ALONG_STEP_M, 0.30 / _ACROSS_STEP_M), 1.0),
+        band=_waves(rng, (_PX, _ACROSS_PX), (28.0 / _ALONG_STEP_M, 0.95 / _ACROSS_STEP_M), 0.8),
+        scuff=_waves(rng, (_PX, _ACROSS_PX), (3.5 / _ALONG_STEP_M, 0.14 / _ACROSS_STEP_M), 0.8),
+        ragged=_waves(rng, (1, _LINE_PX), (1.0, 0.22 / _RAGGED_STEP_M), 1.5)[0],
+        lasting=_waves(rng, (1, _LINE_PX), (1.0, 5.0 / _LASTING_STEP_M), 1.1)[0],
+    )
+
+
+def _waves(
+    rng: np.random.Generator, shape: tuple[int, int], wavelength_px: tuple[float, float], octaves: float
+) -> Float32:
+    """Smooth periodic noise with its own wavelength along each axis."""
+    spectrum = np.fft.rfft2(rng.standard_normal(shape))
+    fy = np.fft.fftfreq(shape[0])[:, None] * wavelength_px[0]
+    fx = np.fft.rfftfreq(shape[1])[None, :] * wavelength_px[1]
+    frequency = np.hypot(fx, fy)
+    octave = np.log2(np.maximum(frequency, 1e-6))
+    spectrum *= np.exp(-0.5 * (octave / octaves) ** 2) / np.maximum(frequency, 1e-3)
+    spectrum[0, 0] = 0
+    waves = np.fft.irfft2(spectrum, s=shape)
+    return np.asarray(waves / waves.std(), dtype=np.float32)

@@ -1,0 +1,83 @@
+"""Where pictures without a defect are taken from."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from pavetwin.capture.clearings import Clearings
+from pavetwin.capture.plan import image_specs
+from pavetwin.capture.platforms import Car, Setting, Uav
+from pavetwin.capture.samples import draw_sample, next_attempt, relaxed
+from pavetwin.capture.setting import prepare
+from pavetwin.capture.settings import CaptureSettings
+from pavetwin.capture.sight import ROAD_SHARE, footprint
+from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.world.store import save_world
+from scenes import built
+from scenes.tiny import straight
+
+
+@pytest.fixture(scope="module")
+def setting(tmp_path_factory: pytest.TempPathFactory) -> Setting:
+    world = save_world(
+        add_defects(built("cross"), DefectOptions(per_segment=24)), tmp_path_factory.mktemp("clear") / "w"
+    )
+    return prepare(world, CaptureSettings(platform="uav", images=100, altitudes_m=(8.0, 19.0), seed=5, empty=0.5))
+
+
+def test_points_are_drawn_from_all_of_the_road_that_is_clear_and_from_nothing_else() -> None:
+    road = straight((20, 0), (45, 1))
+    outlines = [defect.polygon for defect in road.defects]
+    clearings = Clearings.of(road.segments, shapely.STRtree(outlines), 4.0)
+    rng = np.random.default_rng(1)
+    points = np.array([clearings.draw(rng)[0] for _ in range(2000)])
+    clear = shapely.difference(road.segments[0].polygon, shapely.union_all(shapely.buffer(outlines, 4.0)))
+    assert (shapely.distance(clear, shapely.points(points)) < 0.2).all()
+    left, bottom, right, top = clear.bounds
+    for box in (shapely.box(x, bottom, x + 5, top) for x in np.arange(left, right, 5.0)):
+        share = shapely.intersection(box, clear).area / clear.area
+        assert np.mean(shapely.contains_xy(box, points)) == pytest.approx(share, abs=0.04)
+    assert Clearings.of(road.segments, shapely.STRtree(outlines), 60.0).draw(rng) is None
+
+
+def test_no_defect_is_shown_wherever_none_is_asked_for(setting: Setting) -> None:
+    """24 defects a street leave little room for pictures from 19 m, and in some splits none: they are taken lower."""
+    platform = Uav(setting)
+    defects = shapely.STRtree([defect.polygon for defect in setting.world.defects])
+    empty = [spec for spec in image_specs(setting.settings, setting.world, 100) if not spec.aims]
+    assert len(empty) > 45
+    lower = 0
+    for spec in empty:
+        attempt, sample = 0, draw_sample(platform, spec, 0)
+        while sample is None:
+            attempt = next_attempt(spec, attempt, sample)
+            sample = draw_sample(platform, relaxed(platform, spec, attempt), attempt)
+        assert sample.spec.aims == ()
+        assert not len(defects.query(footprint(sample.pose.view), predicate="intersects"))
+        lower += sample.spec.altitude_m != spec.altitude_m
+    assert 0 < lower < 10
+
+
+@pytest.mark.parametrize(("per_segment", "ahead"), [(24, (0.0, 0.1)), (1, (0.4, 0.9))])
+def test_a_car_s_pictures_without_a_defect_show_road(
+    tmp_path: Path, per_segment: int, ahead: tuple[float, float]
+) -> None:
+    """Where defects lie close, all that is free of them ahead is the meadow beyond a street's end."""
+    world = save_world(add_defects(built("cross"), DefectOptions(per_segment=per_segment)), tmp_path / "w")
+    settings = CaptureSettings(platform="car", images=60, densities=("high",), seed=5, empty=0.5, size_px=(320, 320))
+    platform = Car(prepare(world, settings))
+    sight = platform.setting.sight
+    taken = []
+    for spec in image_specs(settings, world, 60):
+        sample = None if spec.aims else draw_sample(platform, spec, 0)
+        if sample is not None:
+            assert sight.road_share(sample.pose.view) >= ROAD_SHARE
+            assert not sight.outlines.query(footprint(sample.pose.view), predicate="intersects").size
+            heading = sample.pose.yaw_rad
+            further = sample.pose.view.position[:2] + 12 * np.array([np.cos(heading), np.sin(heading)])
+            assert sample.pose.mount == "rear" or shapely.contains_xy(sight.road, *further)
+            taken.append(sample.pose.mount)
+    assert len(taken) > 20
+    assert ahead[0] <= taken.count("front") / len(taken) <= ahead[1]

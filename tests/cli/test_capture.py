@@ -1,0 +1,267 @@
+"""`pavetwin capture` and `fly --save-frames` as a user types them, and one dataset by the real renderer."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from PIL import ExifTags, Image
+
+from pavetwin.capture.mission_frames import frame_size, save_frames
+from pavetwin.capture.record import read_records
+from pavetwin.capture.rle import decode
+from pavetwin.cli.capture import make, show, stats
+from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.errors import PaveTwinError
+from pavetwin.mission.results import detections_geojson, save_mission
+from pavetwin.render.adapter import find_adapter
+from pavetwin.render.exposure import Exposure
+from pavetwin.render.frame import Frame
+from pavetwin.scene.model import defect_label
+from pavetwin.scene.view import View
+from pavetwin.world.model import Defect
+from pavetwin.world.store import save_world
+from scenes import built
+from scenes.recordings import recording
+from scenes.tiny import empty_street
+
+
+def pavetwin(*arguments: object, columns: int = 200, **environment: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", "from pavetwin.cli import main; main()", *map(str, arguments)]
+    settings = {**os.environ, "COLUMNS": str(columns), **environment}
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=settings)
+
+
+def plain_refusal(done: subprocess.CompletedProcess[str]) -> str:
+    """The one line of an error; asserts that it is one, with exit code 2."""
+    assert done.returncode == 2, done.stdout + done.stderr
+    # On a slow machine it is said first what is being done.
+    (line,) = [line for line in done.stderr.splitlines() if not line.endswith(" …")]
+    return line
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("capture-cli") / "cross"
+    save_world(add_defects(built("cross"), DefectOptions(per_segment=6)), folder)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"images": 0}, "--images 0: it must be greater than or equal to 1."),
+        ({"altitude": [6.0, -3.0]}, "--altitude -3: the UAV flies at 5 m or higher"),
+        ({"seed": -1}, "--seed -1: it must be greater than or equal to 0."),
+        ({"quality": 30}, "--quality 30: it must be greater than or equal to 50."),
+        ({"size": "640"}, "--size 640: expected WIDTHxHEIGHT"),
+        ({"size": "20x20"}, "--size 20x20: it must be greater than or equal to 64 (got 20)."),
+        ({"split": "70/30"}, "--split 70/30: expected the percentages of train/val/test"),
+        ({"split": "70/20/20"}, "--split 70/20/20: the shares of train, val and test sum to 1.1, not to 1."),
+        ({"empty": 2.0}, "--empty 2: it must be less than or equal to 1."),
+        ({"platform": "boat"}, "--platform: no platform 'boat'"),
+        ({"platform": "car", "altitude": [6.0]}, "--altitude: a car does not fly"),
+        ({"platform": "car", "camera": "paper"}, "--camera: a car has cameras of its own"),
+        ({"density": ["heigh"]}, "No density 'heigh' (did you mean 'high'?)"),
+        ({"density": ["extreme"]}, "No density 'extreme'. There are low, medium, high."),
+        ({"camera": "phantom5"}, "no camera 'phantom5'"),
+        ({"formats": "yolo,cocoo"}, "--formats: no format 'cocoo' (did you mean 'coco'?)"),
+        ({"jobs": 0}, "--jobs 0: at least one"),
+        ({"altitude": [2.0]}, "--altitude 2: the UAV flies at 5 m or higher, 1 m clear of vehicles of up to 4 m"),
+        ({"altitude": [10.0, 3000.0]}, "--altitude 3000: the UAV flies at 120 m or lower, the legal ceiling"),
+        ({"altitude": [10.0, 20.0]}, "--altitude 20: images are to show defects, which must be nearer than 20 m"),
+    ],
+)
+def test_what_is_wrong_is_said_plainly_and_leaves_nothing(
+    world: Path, tmp_path: Path, options: dict[str, Any], words: str
+) -> None:
+    _needs_an_adapter()
+    with pytest.raises(PaveTwinError) as refusal:
+        make(world, tmp_path / "d", **options)
+    assert words in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+    assert not (tmp_path / "d").exists()
+
+
+@pytest.mark.needs_adapter
+def test_a_folder_that_holds_something_else_is_refused(world: Path, tmp_path: Path) -> None:
+    (tmp_path / "letter.txt").write_text("dear")
+    assert "exists and holds no dataset" in plain_refusal(pavetwin("capture", world, "-o", tmp_path))
+    assert "holds no dataset" in plain_refusal(pavetwin("capture", "show", tmp_path))
+    assert "--images 0: it must be" in plain_refusal(pavetwin("capture", world, "-o", tmp_path / "d", "--images", 0))
+    assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
+
+
+def test_a_dataset_by_the_real_renderer(world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its boxes are tight, its shares are shares, its pictures show something, and it can be shown and counted."""
+    _needs_an_adapter()
+    options = ("--images", 4, "--size", "160x160", "--altitude", 6, "--density", "high", "--seed", 2)
+    done = pavetwin("capture", world, "-o", tmp_path / "d", *options)
+    assert done.returncode == 0, done.stderr
+    assert "4 images taken" in done.stdout
+    # On a slow machine a line is said again.
+    assert [line for line in dict.fromkeys(done.stderr.splitlines()) if line.startswith("Taking")] == [
+        f"Taking images {n}/4 ({25 * n}%)" for n in (1, 2, 3, 4)
+    ]
+    records = list(read_records(tmp_path / "d"))
+    assert [record.index for record in records] == [0, 1, 2, 3]
+    things = [(record, thing) for record in records for thing in record.things]
+    assert things
+    for record, thing in things:
+        rows, columns = np.nonzero(decode(thing.mask, (160, 160)))
+        assert thing.box == (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
+        assert 0 < thing.visible_share <= 1
+        assert thing.area_px <= thing.amodal_px
+        with Image.open(tmp_path / "d" / record.image) as image:
+            assert np.asarray(image).std() > 5
+    stats(tmp_path / "d")
+    show(tmp_path / "d")
+    said = capsys.readouterr().out
+    labelled = {thing.category for _, thing in things if thing.ignored is None}
+    assert labelled
+    assert all(category in said for category in labelled)
+    assert "without defects" in said
+    assert "4 images on" in said
+    assert (tmp_path / "d" / "contact-sheet.png").is_file()
+
+
+def test_without_an_adapter_the_package_is_named(world: Path, tmp_path: Path) -> None:
+    done = pavetwin("capture", world, "-o", tmp_path / "d", "--images", 1, VK_DRIVER_FILES="/dev/null")
+    assert "mesa-vulkan-drivers" in plain_refusal(done)
+    assert not (tmp_path / "d").exists()
+    result = pavetwin("fly", world, "--segments", 1, "--save-frames", "-o", tmp_path / "m", VK_DRIVER_FILES="/dev/null")
+    assert "mesa-vulkan-drivers" in plain_refusal(result)
+    assert not (tmp_path / "m").exists()
+
+
+def test_a_group_without_a_command_prints_its_help_and_asks_for_one() -> None:
+    for group in ("capture", "world"):
+        done = pavetwin(group)
+        assert done.returncode == 2
+        assert "Usage:" in done.stdout
+        assert done.stderr == "Error: Say which of these commands.\n"
+
+
+# --- Frames of a mission --------------------------------------------------------------------------------------------
+
+
+FAR_OFF = recording(("suv",), lambda *_: (500.0, 500.0, 0.0, 0.0), frames=600)
+"""Traffic that no frame shows."""
+
+
+class Polaroid:
+    """A theatre whose pictures show a box a defect and nothing else, and that notes what it was asked."""
+
+    def __init__(self, defects: Sequence[Defect]) -> None:
+        self.defects = defects
+        self.views: list[tuple[View, float]] = []
+
+    def picture(self, view: View, *asked: object, **_: object) -> Frame:
+        time_s = asked[-1]
+        assert isinstance(time_s, float)
+        self.views.append((view, time_s))
+        size = (view.size_px[1], view.size_px[0])
+        labels = np.zeros(size, np.uint32)
+        rgb = np.random.default_rng(0).integers(88, 93, (*size, 3), np.uint8)
+        defect_free = rgb.copy()
+        for defect in self.defects:
+            left, top, right, bottom = self.box(view, defect)
+            labels[top:bottom, left:right] = defect_label(defect.id)
+            rgb[top:bottom, left:right] = 20
+        alone = {int(label): int((labels == label).sum()) for label in np.unique(labels) if label}
+        return Frame(view, rgb, None, labels, alone, Exposure(1e-3, 2.8, 100), defect_free)
+
+    @staticmethod
+    def box(view: View, defect: Defect) -> tuple[int, int, int, int]:
+        """40 pixels around the middle, as far as they are in the picture."""
+        column, row = np.round(view.project((defect.centre.x, defect.centre.y, 0.0))).astype(int).tolist()
+        (left, right), (top, bottom) = (
+            np.clip([middle - 20, middle + 20], 0, size).tolist()
+            for middle, size in zip((column, row), view.size_px, strict=True)
+        )
+        return left, top, right, bottom
+
+
+def test_the_frames_of_a_mission_show_where_each_defect_was_confirmed(tmp_path: Path) -> None:
+    result = empty_street((20, 1), (20.4, -1), (45, 1)).fly("baseline")
+    assert len(result.detections) == 3
+    scene_renderer = Polaroid(result.environment.defects)
+    save_mission(result, tmp_path / "m")
+    taken = save_frames(result, FAR_OFF, tmp_path / "m", scene_renderer)
+    content = json.loads((tmp_path / "m" / "captures.geojson").read_text())
+    named = {feature["properties"]["frame"] for feature in content["features"]}
+    assert {str(path.relative_to(tmp_path / "m")) for path in (tmp_path / "m").rglob("images/test/*.jpg")} == named
+    assert (
+        taken == len(named) == len(scene_renderer.views) == len({detection.time_s for detection in result.detections})
+    )
+    for view, time_s in scene_renderer.views:
+        here = [detection for detection in result.detections if detection.time_s == time_s]
+        assert tuple(view.position) == (*here[0].position, 6.0)
+        for detection in here:
+            centre = result.environment.defects[detection.defect].centre
+            pixel = view.project((centre.x, centre.y, 0.0))
+            assert ((pixel > 0) & (pixel < view.size_px)).all()
+    with Image.open(tmp_path / "m" / content["features"][0]["properties"]["frame"]) as image:
+        gps = image.getexif().get_ifd(ExifTags.IFD.GPSInfo)
+    lat, lon = (sum(float(part) / 60**k for k, part in enumerate(gps[tag])) for tag in (2, 4))
+    first = content["features"][0]["properties"]
+    assert (lon, lat) == pytest.approx((first["camera_longitude"], first["camera_latitude"]), abs=1e-7)
+
+
+def test_the_frames_of_a_mission_are_labelled_as_a_dataset_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    result = empty_street((20, 1), (20.4, -1), (45, 1)).fly("baseline")
+    scene_renderer = Polaroid(result.environment.defects)
+    save_mission(result, tmp_path / "m")
+    taken = save_frames(result, FAR_OFF, tmp_path / "m", scene_renderer)
+    frames = tmp_path / "m" / "frames"
+    confirmed = []
+    for record, (view, _) in zip(read_records(frames), scene_renderer.views, strict=True):
+        seen = {thing.id: thing for thing in record.labelled}
+        for name in record.aim["confirmed"]:
+            defect = result.environment.defects[int(name.removeprefix("defect "))]
+            assert seen[name].box == Polaroid.box(view, defect)
+            confirmed.append(name)
+        assert len((frames / "labels" / "test" / f"{record.name}.txt").read_text().splitlines()) == len(seen)
+        assert (frames / "voc" / "JPEGImages" / f"{record.name}.jpg").is_file()
+    assert sorted(confirmed) == sorted(f"defect {detection.defect}" for detection in result.detections)
+    coco = json.loads((frames / "annotations" / "instances_test.json").read_text())
+    assert len(coco["images"]) == taken
+    keys = yaml.safe_load((frames / "data.yaml").read_text())
+    assert (keys["train"], keys["val"], keys["test"]) == (None, None, "images/test")  # Ultralytics asks for all of them
+    show(frames)
+    stats(frames)
+    assert f"{taken} images on {frames}/contact-sheet.png" in capsys.readouterr().out.replace("\n", "")
+
+
+def test_a_mission_that_found_nothing_has_no_frames(tmp_path: Path) -> None:
+    result = empty_street().fly("baseline")
+    save_mission(result, tmp_path / "m")
+    assert save_frames(result, FAR_OFF, tmp_path / "m", Polaroid(())) == 0
+    assert not list((tmp_path / "m" / "frames").iterdir())
+
+
+def test_without_frames_a_mission_names_none(tmp_path: Path) -> None:
+    result = empty_street((20, 1)).fly("baseline")
+    assert all("frame" not in feature["properties"] for feature in detections_geojson(result)["features"])
+    save_mission(result, tmp_path / "m")
+    assert not (tmp_path / "m" / "frames").exists()
+
+
+def test_a_camera_of_many_pixels_is_drawn_with_fewer() -> None:
+    assert frame_size((1270, 950)) == (1270, 950)
+    assert frame_size((5472, 3648)) == (2048, 1365)
+
+
+def _needs_an_adapter() -> None:
+    try:
+        find_adapter()
+    except PaveTwinError as error:
+        pytest.skip(f"no adapter to draw with: {error}")

@@ -1,0 +1,299 @@
+"""`pavetwin fly` as a user types it: its files, their bytes, and one plain line with exit code 2 for what is wrong."""
+
+import hashlib
+import json
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import polars as pl
+import pytest
+import yaml
+
+from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.world.store import save_world
+from scenes import built
+from scenes.processes import is_over, simulations
+
+SHORT = ("--density", "low", "--segments", "2", "--seed", "1")
+
+
+def command(*arguments: object) -> list[str]:
+    return [sys.executable, "-c", "from pavetwin.cli import main; main()", *map(str, arguments)]
+
+
+def pavetwin(*arguments: object, **how: object) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "COLUMNS": "200"}
+    return subprocess.run(command(*arguments), capture_output=True, text=True, check=False, env=environment, **how)
+
+
+def plain_refusal(done: subprocess.CompletedProcess[str]) -> str:
+    """The one line of an error; asserts that it is one, with exit code 2."""
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stderr.startswith("Error: ")
+    assert done.stderr.count("\n") == 1, done.stderr
+    return done.stderr
+
+
+def digests(folder: Path) -> dict[str, str]:
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("fly") / "cross"
+    save_world(add_defects(built("cross"), DefectOptions(per_segment=8)), folder)
+    done = pavetwin("fly", folder, *SHORT, "-o", folder.parent / "warm")
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_a_mission_leaves_its_files_and_says_where(world: Path, tmp_path: Path) -> None:
+    done = pavetwin("fly", world, *SHORT, "--policy", "skip", "-o", tmp_path / "m")
+    assert done.returncode == 0, done.stderr
+    assert str(tmp_path / "m") in done.stdout
+    assert {path.name for path in (tmp_path / "m").iterdir()} == {
+        "mission.parquet",
+        "track.parquet",
+        "captures.geojson",
+        "mission.yaml",
+        "map.png",
+    }
+    rows = pl.read_parquet(tmp_path / "m" / "mission.parquet")
+    assert rows.height == 2
+    assert rows["policy"].unique().to_list() == ["skip"]
+    features = json.loads((tmp_path / "m" / "captures.geojson").read_text())["features"]
+    assert len(features) == rows["confirmed"].sum()
+    lon, lat = features[0]["geometry"]["coordinates"]
+    assert -180 <= lon <= 180
+    assert -90 <= lat <= 90
+    description = yaml.safe_load((tmp_path / "m" / "mission.yaml").read_text())
+    assert description["totals"]["confirmed"] == len(features)
+    assert description["settings"]["altitude_m"] == 10.0
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_the_same_command_twice_gives_the_same_bytes(world: Path, tmp_path: Path, seed: int) -> None:
+    arguments = ("--density", "low", "--segments", "2", "--seed", seed, "--policy", "hover")
+    for name in ("a", "b"):
+        assert pavetwin("fly", world, *arguments, "-o", tmp_path / name).returncode == 0
+    assert digests(tmp_path / "a") == digests(tmp_path / "b")
+
+
+def test_the_policy_changes_neither_traffic_nor_defects_nor_order(world: Path, tmp_path: Path) -> None:
+    before = digests(world / "traffic") | {"world": hashlib.sha256((world / "world.gpkg").read_bytes()).hexdigest()}
+    done = pavetwin("fly", world, *SHORT, "--policy", "all", "-o", tmp_path / "all")
+    assert done.returncode == 0, done.stderr
+    after = digests(world / "traffic") | {"world": hashlib.sha256((world / "world.gpkg").read_bytes()).hexdigest()}
+    assert before == after
+    rows = pl.read_parquet(tmp_path / "all" / "mission.parquet")
+    for name in ("segment", "defects", "length_m"):
+        by_policy = [part.sort("order")[name].to_list() for _, part in rows.group_by("policy")]
+        assert len(by_policy) == 4
+        assert all(values == by_policy[0] for values in by_policy)
+    assert (tmp_path / "all" / "comparison.png").is_file()
+    alone = pavetwin("fly", world, *SHORT, "--policy", "micro", "-o", tmp_path / "alone")
+    assert alone.returncode == 0
+    assert digests(tmp_path / "alone") == digests(tmp_path / "all" / "micro")
+
+
+def test_a_mission_is_replaced_but_nothing_else_is(world: Path, tmp_path: Path) -> None:
+    assert pavetwin("fly", world, *SHORT, "-o", tmp_path / "m").returncode == 0
+    assert pavetwin("fly", world, *SHORT, "-o", tmp_path / "m").returncode == 0
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.txt").write_text("precious")
+    assert "holds no mission" in plain_refusal(pavetwin("fly", world, *SHORT, "-o", tmp_path / "mine"))
+    assert (tmp_path / "mine" / "thesis.txt").read_text() == "precious"
+
+
+def test_ones_own_policy_from_a_file(world: Path, tmp_path: Path) -> None:
+    file = tmp_path / "restless.py"
+    file.write_text(
+        "from pavetwin.policies import GoOn, Policy\n"
+        "class Restless(Policy):\n"
+        "    def decide(self, snapshot):\n"
+        "        return GoOn()\n"
+    )
+    done = pavetwin("fly", world, *SHORT, "--policy", f"{file}:Restless", "-o", tmp_path / "m")
+    assert done.returncode == 0, done.stderr
+    baseline = pavetwin("fly", world, *SHORT, "--policy", "baseline", "-o", tmp_path / "b")
+    assert baseline.returncode == 0
+    same = ("track.parquet", "captures.geojson")
+    assert [digests(tmp_path / "m")[name] for name in same] == [digests(tmp_path / "b")[name] for name in same]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["b", "m", "restless.py"]  # no __pycache__
+
+
+def test_another_mission_gets_another_folder_and_the_same_one_the_same(world: Path, tmp_path: Path) -> None:
+    own = tmp_path / "cross"
+    shutil.copytree(world, own)
+    plain = "hover-low-1-10m-default-seed1"
+    short = ("--density", "low", "--seed", "1")
+    for options, count in (
+        ((), 1),
+        (("--set", "policy.max_wait_s=60"), 2),
+        (("--set", "policy.max_wait_s=90"), 3),
+        (("--set", "policy.max_wait_s=60"), 3),
+        (("--segments", "2"), 4),
+        (("--segment", "s0001"), 5),
+        (("--defect-seed", "5"), 6),
+        (("--segments", "8", "--altitude", "10"), 6),
+    ):
+        done = pavetwin("fly", own, *short, *options)
+        assert done.returncode == 0, done.stderr
+        names = {path.name for path in (own / "missions").iterdir()}
+        assert len(names) == count, options
+        assert plain in names
+        assert all(name.startswith(plain) for name in names)
+
+
+def test_a_mission_is_flown_again_from_its_description(world: Path, tmp_path: Path) -> None:
+    first = ("--density", "low", "--segments", "3", "--order", "near", "--policy", "micro", "--altitude", "9")
+    done = pavetwin("fly", world, *first, "--seed", "4", "--set", "policy.max_wait_s=33", "-o", tmp_path / "m")
+    assert done.returncode == 0, done.stderr
+    again = ("fly", world, "--again", tmp_path / "m" / "mission.yaml")
+    done = pavetwin(*again)
+    assert done.returncode == 0, done.stderr
+    assert "The same as the first time." in done.stdout
+    assert digests(tmp_path / "m-again") == digests(tmp_path / "m")
+    done = pavetwin(*again, "--defect-seed", "7", "-o", tmp_path / "other")
+    assert "not the same as the first time" in done.stdout
+    assert "--seed" in plain_refusal(pavetwin(*again, "--seed", "1"))
+    save_world(built("cross", seed=2), tmp_path / "elsewhere")
+    assert "flown over the world" in plain_refusal(pavetwin("fly", tmp_path / "elsewhere", *again[2:]))
+    text = (tmp_path / "m" / "mission.yaml").read_text()
+    for name, words, damage in (
+        ("torn", "not a whole mission.yaml", text.replace("seed: 4", "sead: 4")),
+        ("none", "not a mission.yaml", "- 1"),
+        ("odd", "max_wait_s", text.replace("max_wait_s: 33", "max_wait_s: soon")),
+        ("own", "--routes", text.replace("traffic: low-4", "traffic: user-rush-4")),
+    ):
+        (tmp_path / f"{name}.yaml").write_text(damage)
+        assert words in plain_refusal(pavetwin(*again[:3], tmp_path / f"{name}.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--policy", "hovr"), "did you mean 'hover'"),
+        (("--policy", "no/such/file.py:Mine"), "no file"),
+        (("--preset", "papper"), "did you mean 'paper'"),
+        (("--set", "policy.max_wiat_s=3"), "did you mean 'max_wait_s'"),
+        (("--set", "policy.max_wait_s=soon"), "max_wait_s"),
+        (("--set", "nonsense"), "key=value"),
+        (("--set", "sensing.sensor=idael"), "did you mean 'ideal'"),
+        (("--set", "camera.model=phantom5"), "did you mean 'phantom4'"),
+        (("--set", "pattern.kind=boustrofedon"), "did you mean 'boustrophedon'"),
+        (("--altitude", "0"), "--altitude 0: the UAV flies at 5 m or higher"),
+        (("--altitude", "-5"), "--altitude -5"),
+        (("--altitude", "nan"), "--altitude nan"),
+        (("--altitude", "inf"), "--altitude inf"),
+        (("--altitude", "2"), "1 m clear of vehicles"),
+        (("--altitude", "3000"), "120 m or lower"),
+        (("--density", "hihg"), "did you mean 'high'"),
+        (("--segments", "0"), "at least one"),
+        (("--segments", "99"), "--segments all inspects these"),
+        (("--segments", "few"), "'all'"),
+        (("--segment", "s9999"), "No segment 's9999'"),
+        (("--segment", "s1"), "did you mean 's0001'"),
+        (("--segment", "12"), "did you mean 's0012'"),
+        (("--segment", "s0001", "--segment", "s0002", "--segment", "s0001"), "--segment s0001: given more than once"),
+        (("--order", "nearest"), "near"),
+        (("--seed", "-1"), "seed"),
+        (("--sgements", "3"), "--segments"),
+        (("--traffic", "nowhere.parquet"), "nowhere.parquet"),
+        (("--airspace", "nowhere.csv"), "nowhere.csv"),
+        (("--policy", "hover", "--again", "nowhere.yaml"), "--density"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(world: Path, tmp_path: Path, arguments: tuple[str, ...], words: str) -> None:
+    missions = world / "missions"
+    line = plain_refusal(pavetwin("fly", world, "--density", "low", *arguments, cwd=tmp_path))
+    assert words in line
+    assert not missions.exists()
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_half_deleted_world_is_named(world: Path, tmp_path: Path) -> None:
+    for missing in ("world.gpkg", "world.yaml", "roads.net.xml"):
+        broken = tmp_path / missing.replace(".", "-")
+        shutil.copytree(world, broken)
+        (broken / missing).unlink()
+        assert missing in plain_refusal(pavetwin("fly", broken, *SHORT))
+    assert "nowhere" in plain_refusal(pavetwin("fly", tmp_path / "nowhere", *SHORT))
+
+
+def test_a_network_that_was_cut_short_is_named_with_its_mending(world: Path, tmp_path: Path) -> None:
+    broken = tmp_path / "broken"
+    shutil.copytree(world, broken)
+    whole = (broken / "roads.net.xml").read_bytes()
+    (broken / "roads.net.xml").write_bytes(whole[: len(whole) // 2])
+    line = plain_refusal(pavetwin("fly", broken, *SHORT))
+    assert str(broken / "roads.net.xml") in line
+    assert "pavetwin world build" in line
+
+
+def test_a_trace_of_another_world_is_refused(world: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    save_world(built("cross", seed=2), other)
+    trace = next((world / "traffic").glob("*.parquet"))
+    assert "world" in plain_refusal(pavetwin("fly", other, "--traffic", trace))
+
+
+def test_a_folder_that_cannot_be_written_is_named(world: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    line = plain_refusal(pavetwin("fly", world, *SHORT, "-o", tmp_path / "file" / "m"))
+    assert str(tmp_path / "file") in line
+    assert "space" not in line
+    line = plain_refusal(pavetwin("fly", world, *SHORT, "-o", "/proc/nothing/m"))
+    assert "Cannot write '/proc/nothing/m': nothing can be made there. Choose another folder." in line
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_full_disk_is_said_and_leaves_nothing(world: Path, tmp_path: Path) -> None:
+    def no_room() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # else the kernel ends the process, unlike on a full disk
+        resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+
+    line = plain_refusal(pavetwin("fly", world, *SHORT, "-o", tmp_path / "m", preexec_fn=no_room))
+    assert "Cannot write" in line
+    assert "Free some space" in line
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("number", "code", "said"), [(signal.SIGINT, 130, "Interrupted"), (signal.SIGTERM, 143, "Terminated")]
+)
+@pytest.mark.parametrize("moment", ["recording", "flying", "writing"])
+def test_an_interrupted_run_leaves_nothing_half_written(
+    world: Path, tmp_path: Path, number: signal.Signals, code: int, said: str, moment: str
+) -> None:
+    target = tmp_path / "cross"
+    shutil.copytree(world, target)
+    shutil.rmtree(target / "traffic")
+    before = set(digests(target))
+    arguments = command(
+        "fly", target, "--density", "high", "--segments", "all", "--policy", "all", "-o", tmp_path / "m"
+    )
+    process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    has_come = {
+        "recording": lambda: simulations(process.pid),
+        "flying": lambda: (target / "traffic" / "high-0.parquet").exists(),
+        "writing": lambda: (tmp_path / "m").exists(),
+    }[moment]
+    assert is_over(lambda: bool(has_come()))
+    process.send_signal(number)
+    _, words = process.communicate(timeout=60)
+    assert process.returncode == code, words
+    assert words == f"Error: {said}; nothing half-written was left behind.\n"
+    assert [path.name for path in tmp_path.iterdir() if path.name not in ("cross", "m")] == []
+    for result in (tmp_path / "m").glob("*/"):  # missions that were whole by then
+        assert {"mission.parquet", "track.parquet", "captures.geojson", "mission.yaml"} <= set(digests(result))
+    assert not [name for name in digests(tmp_path) if Path(name).name.startswith(".")]
+    left = set(digests(target)) - before
+    assert all(Path(name).parts[0] in ("traffic", "navmesh") and not Path(name).name.startswith(".") for name in left)

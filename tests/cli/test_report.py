@@ -1,0 +1,143 @@
+"""What a command writes and prints of missions: numbers before pictures, and tables that fit a page."""
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import polars as pl
+import pytest
+from rich.console import Console
+from rich.table import Table
+
+from pavetwin.cli import report
+from pavetwin.draw import mission_map
+from pavetwin.errors import PaveTwinError
+from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.results import save_mission, save_missions
+from scenes import tiny
+
+NUMBERS = {"mission.parquet", "track.parquet", "captures.geojson", "mission.yaml"}
+REPLAY: Any = SimpleNamespace()
+
+
+def names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def digests(folder: Path) -> dict[str, str]:
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir()}
+
+
+def save(
+    missions: Iterator[MissionResult] | list[MissionResult], folder: Path, *, several: bool
+) -> list[MissionResult]:
+    return report.save(missions, REPLAY, folder, several=several, animated=lambda _: False)
+
+
+@pytest.mark.parametrize("error", [ValueError("one point is no line"), PaveTwinError("No segment in common.")])
+def test_a_picture_that_fails_leaves_the_numbers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    def fail(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(mission_map, "save_mission_map", fail)
+    result = tiny.result("lively_street", "hover")
+    with pytest.raises(PaveTwinError, match=r"map\.png.*" + str(error)) as said:
+        save([result], tmp_path / "m", several=False)
+    assert "The numbers are in" in str(said.value) or "the numbers are in" in str(said.value)
+    assert "\n" not in str(said.value)
+    assert names(tmp_path / "m") == NUMBERS
+    with pytest.raises(PaveTwinError, match=r"hover/map\.png"):
+        save([result, tiny.result("lively_street", "skip")], tmp_path / "all", several=True)
+    assert names(tmp_path / "all") == {"hover", "skip", "mission.parquet", "comparison.png"}
+    assert names(tmp_path / "all" / "skip") == NUMBERS
+
+
+def test_an_interrupted_drawing_leaves_the_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(mission_map, "save_mission_map", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        save([tiny.result("lively_street", "hover")], tmp_path / "m", several=False)
+    assert names(tmp_path / "m") == NUMBERS
+
+
+def test_a_flight_that_ends_badly_costs_none_before_it(tmp_path: Path) -> None:
+    def missions() -> Iterator[MissionResult]:
+        yield tiny.result("lively_street", "baseline")
+        yield tiny.result("lively_street", "hover")
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        save(missions(), tmp_path / "all", several=True)
+    assert names(tmp_path / "all") == {"baseline", "hover", "mission.parquet"}
+    assert pl.read_parquet(tmp_path / "all" / "mission.parquet")["policy"].to_list() == ["baseline", "hover"]
+    assert names(tmp_path / "all" / "hover") == {*NUMBERS, "map.png"}
+
+
+def test_a_mission_has_the_same_bytes_alone_and_among_others(tmp_path: Path) -> None:
+    missions = [tiny.result("lively_street", policy) for policy in ("baseline", "micro")]
+    save(missions, tmp_path / "all", several=True)
+    save(missions[1:], tmp_path / "alone", several=False)
+    assert digests(tmp_path / "all" / "micro") == digests(tmp_path / "alone")
+
+
+def test_nothing_of_a_former_mission_stays(tmp_path: Path) -> None:
+    result = tiny.result("lively_street", "hover")
+
+    def moving(_: MissionResult, path: Path) -> None:
+        path.write_bytes(b"GIF89a")
+
+    save_mission(result, tmp_path / "m", [("mission.gif", moving)])
+    assert names(tmp_path / "m") == {*NUMBERS, "mission.gif"}
+    save_missions([(result, [])], tmp_path / "m")
+    assert names(tmp_path / "m") == {"hover", "mission.parquet"}
+    save_mission(result, tmp_path / "m")
+    assert names(tmp_path / "m") == NUMBERS
+
+
+def printed(table: Table, width: int = 80) -> list[str]:
+    console = Console(width=width, record=True, file=StringIO())
+    console.print(table)
+    return console.export_text().splitlines()
+
+
+def busy() -> MissionResult:
+    """A mission with all columns, long names and large numbers."""
+    result = tiny.result("queue_that_leaves", "skip")
+    (row,) = result.rows
+    large = replace(
+        row, street="Straße des 17. Juni [Ost]", length_m=1234.0, defects=700, confirmed=699, swept=700, recovered=5,
+        coverage=1.0, swath_coverage=1.0, recovery=1.0, surface_coverage=1.0, occlusions=12345, revisits=9,
+        wait_s=12345.0, time_s=23456.0, energy=1.234,
+    )  # fmt: skip
+    return replace(result, rows=(replace(large, segment="s0001"), replace(large, segment="s0002")), policy="hover")
+
+
+def test_only_the_street_gives_way_on_a_narrow_page() -> None:
+    lines = printed(report.segments_table(busy()))
+    assert all(len(line) <= 80 for line in lines)
+    assert [line.split()[-9:] for line in lines[-3:]] == [
+        ["1234", "699/700", "100.0", "100.0", "100.0", "12345", "12345", "23456", "123.4"],
+        ["1234", "699/700", "100.0", "100.0", "100.0", "12345", "12345", "23456", "123.4"],
+        ["2468", "1398/1400", "99.9", "0.7", "100.0", "24690", "24690", "46912", "246.8"],
+    ]
+    assert lines[-3].split()[1].startswith("Stra")
+    assert sum("…" in line for line in lines) == 2
+    assert len(lines) == 5
+    assert "Straße des 17. Juni [Ost]" in printed(report.segments_table(busy()), 120)[-3]
+
+
+def test_only_the_policy_gives_way_in_a_comparison() -> None:
+    missions = [replace(busy(), policy=f"a_very_long_name_of_a_policy_{number}") for number in "ab"]
+    lines = printed(report.comparison_table(missions))
+    assert all(len(line) <= 80 for line in lines)
+    assert len(lines) == 4
+    assert all(line.count("…") == 1 for line in lines[2:])
+    assert lines[2].split()[1:6] == ["1398", "99.9", "99.9", "0.7", "100.0"]

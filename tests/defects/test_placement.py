@@ -1,0 +1,233 @@
+"""Defects lie whole on their segment, apart from each other, and depend on their own segment alone."""
+
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from pavetwin.defects import (
+    DefectOptions,
+    Heightfield,
+    Marking,
+    Stains,
+    add_defects,
+    heightfield_of,
+    kind_of,
+    kinds,
+    measure,
+    place,
+    register,
+    sample_points,
+    unregister,
+)
+from pavetwin.defects.poses import Road, wheel_paths
+from pavetwin.defects.poses import poses as laid
+from pavetwin.defects.pothole import lay_pothole, pothole
+from pavetwin.defects.severity import pothole_severity
+from pavetwin.defects.shapes import turned
+from pavetwin.errors import PaveTwinError
+from pavetwin.world.model import DefectClass
+from pavetwin.world.store import load_world, save_world
+from scenes import built
+
+
+def rng(seed: int) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+@pytest.mark.parametrize("kind", kinds(), ids=lambda kind: kind.name.value)
+def test_every_class_draws_a_plain_outline_around_the_origin(kind) -> None:  # type: ignore[no-untyped-def]
+    for seed in range(12):
+        outline = kind.generate(rng(seed)).outline
+        assert outline.is_valid
+        assert not outline.interiors
+        assert outline.envelope.contains(shapely.Point(0, 0))
+        middle = outline.envelope.centroid
+        assert middle.distance(shapely.Point(0, 0)) < 0.5 * shapely.minimum_bounding_radius(outline)
+
+
+def test_thirty_on_every_segment_whole_and_apart() -> None:
+    segments = built("cross").world.segments[:4]
+    defects = place(segments, seed=3)
+    counts = Counter(defect.segment for defect in defects)
+    assert all(24 <= counts[segment.id] <= 30 for segment in segments)
+    assert [defect.id for defect in defects] == list(range(len(defects)))
+    for segment in segments:
+        own = [defect for defect in defects if defect.segment == segment.id]
+        assert all(segment.polygon.contains(defect.polygon) for defect in own)
+        assert all(defect.polygon.envelope.contains(defect.centre) for defect in own)
+        tree = shapely.STRtree([defect.polygon for defect in own])
+        pairs = tree.query([defect.polygon for defect in own], "dwithin", distance=0.09)
+        assert pairs.shape[1] == len(own)
+        assert sum(defect.polygon.area for defect in own) <= 0.15 * segment.area_m2 + 1e-9
+
+
+def test_a_segment_elsewhere_changes_nothing_here() -> None:
+    segments, few = built("cross").world.segments, DefectOptions(per_segment=4)
+    alone = [replaced.polygon for replaced in place(segments[4:5], 3, few)]
+    among = [defect.polygon for defect in place(segments[2:6], 3, few) if defect.segment == segments[4].id]
+    assert alone == among
+
+
+def test_the_number_of_threads_changes_nothing() -> None:
+    segments, few = built("cross").world.segments[:5], DefectOptions(per_segment=5)
+    shares: list[float] = []
+    alone = place(segments, 7, few, shares.append, threads=1)
+    assert shares == [0.2, 0.4, 0.6, 0.8, 1.0]
+    assert place(segments, 7, few, threads=3) == alone == place(segments, 7, few)
+
+
+def test_seeds_differ_and_zero_is_a_seed() -> None:
+    segments = built("cross").world.segments[:2]
+    few = DefectOptions(per_segment=4)
+    zero, one = place(segments, 0, few), place(segments, 1, few)
+    assert zero == place(segments, 0, few)
+    assert zero != one
+
+
+def test_density_and_mix_are_configurable() -> None:
+    segments = built("cross").world.segments
+    assert place(segments, 1, DefectOptions(per_segment=0)) == ()
+    potholes = place(segments, 1, DefectOptions(per_segment=5, mix={"pothole": 1.0}))
+    assert {defect.kind for defect in potholes} == {DefectClass.POTHOLE}
+    assert len(potholes) == 5 * len(segments)
+    with pytest.raises(PaveTwinError, match="did you mean 'pothole'"):
+        place(segments, 1, DefectOptions(mix={"pothol": 1.0}))
+    with pytest.raises(PaveTwinError, match="per_segment"):
+        DefectOptions.parse({"per_segment": -1}, where="test")
+    with pytest.raises(PaveTwinError, match="unknown key 'per_segmen'"):
+        DefectOptions.parse({"per_segmen": 1}, where="test")
+
+
+def test_density_by_area_holds_on_average() -> None:
+    segments = built("cross").world.segments
+    area = sum(segment.area_m2 for segment in segments)
+    counts = [len(place(segments, seed, DefectOptions(per_100_m2=0.7, mix={"pothole": 1}))) for seed in range(3)]
+    assert np.mean(counts) == pytest.approx(0.7 * area / 100, rel=0.15)
+    with pytest.raises(PaveTwinError, match="either per_segment or per_100_m2"):
+        DefectOptions.parse({"per_segment": 3, "per_100_m2": 1.0}, where="test")
+
+
+def test_a_placed_defect_is_its_heightfield_turned_and_moved() -> None:
+    for defect in place(built("cross").world.segments[:2], 8, DefectOptions(per_segment=8)):
+        shape = heightfield_of(defect)
+        ring = turned(np.asarray(shape.outline.exterior.coords)[:-1], defect.yaw_rad)
+        moved = shapely.Polygon(ring + np.array([defect.centre.x, defect.centre.y]))
+        assert moved.symmetric_difference(defect.polygon).area < 1e-4 * moved.area
+        sizes, kind = measure(shape), kind_of(defect.kind)
+        assert defect.severity is kind.rate(sizes)
+        assert defect.width_m == pytest.approx(kind.width(sizes), abs=1e-5)
+        assert defect.depth_m == pytest.approx(sizes.depth_m, abs=1e-5)
+        assert defect.area_m2 == pytest.approx(sizes.area_m2, rel=1e-4)
+
+
+STREET = Road(length_m=100.0, width_m=7.0, lanes=2)
+
+
+def poses(kind: str, count: int = 400) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    return np.concatenate([kind_of(kind).sample_poses(rng(seed), STREET, 5) for seed in range(count)])
+
+
+def test_crocodile_cracks_lie_along_wheel_paths_and_potholes_mostly_in_them() -> None:
+    paths = np.array([-2.57, -0.93, 0.93, 2.57])
+
+    def in_path(offsets: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
+        return float((np.abs(offsets[:, None] - paths).min(axis=1) < 0.3).mean())
+
+    crocodiles = poses("crocodile_crack")
+    assert in_path(crocodiles[:, 1]) > 0.98
+    assert np.abs(np.sin(crocodiles[:, 2])).max() < 0.25
+    assert 0.6 < in_path(poses("pothole")[:, 1]) < 0.95
+    assert (np.abs(poses("pothole")[:, 1]) < 3.5).all()
+
+
+def test_single_cracks_run_along_across_and_obliquely() -> None:
+    turns = np.abs(np.sin(poses("single_crack", 1500)[:, 2]))
+    assert np.mean(turns < 0.2) == pytest.approx(0.40, abs=0.06)
+    assert np.mean(turns > 0.93) == pytest.approx(0.35, abs=0.06)
+
+
+def test_wheel_paths_stay_on_narrow_roads() -> None:
+    offsets = wheel_paths(rng(1), Road(length_m=50.0, width_m=2.6, lanes=2), 500)
+    assert np.abs(offsets).max() < 1.3
+    assert set(np.sign(offsets)) == {-1.0, 1.0}
+
+
+def dent(generator: np.random.Generator) -> Heightfield:
+    """A class of one's own: a dish a hand wide."""
+    radius = float(generator.uniform(0.08, 0.12))
+    at = 0.005 * np.arange(-40, 41)
+    height = np.minimum(0.2 * (np.hypot(at, at[:, None]) - radius), 0).astype(np.float32)
+    whole = np.zeros_like(height)
+    origin = (float(at[0]), float(at[0]))
+    return Heightfield(height, whole, whole, 0.005, origin, Marking(), lambda: Stains.none((81, 81))).settled()
+
+
+@pytest.fixture
+def dents() -> Iterator[None]:
+    register(
+        "dent",
+        dent,
+        sample_poses=lambda luck, road, count: laid(luck, wheel_paths(luck, road, count), 0.0, 1.0),
+        rate=pothole_severity,
+        width=lambda sizes: sizes.diameter_m,
+        weight=1.0,
+    )
+    yield
+    unregister("dent")
+
+
+@pytest.mark.usefixtures("dents")
+def test_a_fourth_class_is_placed_stored_drawn_and_made_anew(tmp_path: Path) -> None:
+    from pavetwin.draw.world_html import save_world_html
+    from pavetwin.draw.world_map import legend
+
+    made = add_defects(built("cross"), DefectOptions(per_segment=3, mix={"dent": 1.0}))
+    assert {str(defect.kind) for defect in made.world.defects} == {"dent"}
+    saved = save_world(made, tmp_path / "dented")
+    read = load_world(tmp_path / "dented")
+    assert read.defects == saved.defects
+    first = read.defects[0]
+    assert first.kind is DefectClass("dent")
+    assert 0.15 < first.width_m < 0.25
+    assert measure(heightfield_of(first)).depth_m == pytest.approx(first.depth_m, abs=1e-5)
+    assert [entry.label for entry in legend(read)][-1] == "dent"
+    page = tmp_path / "page.html"
+    save_world_html(read, page)
+    assert "data-kind='dent'" in page.read_text(encoding="utf-8")
+
+
+def test_a_class_is_registered_once() -> None:
+    with pytest.raises(ValueError, match="registered already"):
+        register(
+            "pothole",
+            pothole,
+            sample_poses=lay_pothole,
+            rate=pothole_severity,
+            width=lambda sizes: sizes.diameter_m,
+            weight=1.0,
+        )
+    with pytest.raises(ValueError, match="Pot hole"):
+        register("Pot hole", pothole, sample_poses=lay_pothole, rate=pothole_severity, width=lambda _: 0.0, weight=1.0)
+    assert kind_of("pothole").generate is pothole
+    with pytest.raises(PaveTwinError, match="did you mean 'pothole'"):
+        kind_of("potholes")
+
+
+@pytest.mark.parametrize("kind", ["single_crack", "crocodile_crack", "pothole"])
+def test_sample_points_stand_for_equal_shares_of_the_area(kind: str) -> None:
+    segments = built("cross").world.segments[:3]
+    for defect in place(segments, 5, DefectOptions(per_segment=6, mix={kind: 1.0})):
+        points = sample_points(defect, 200)
+        assert points.shape == (200, 2)
+        assert shapely.contains_xy(defect.polygon.buffer(0.0051), points).all()
+        assert np.array_equal(points, sample_points(defect, 200))
+        low_x, low_y, high_x, high_y = defect.polygon.bounds
+        half = shapely.box(low_x, low_y, (low_x + high_x) / 2, high_y)
+        share = defect.polygon.intersection(half).area / defect.polygon.area
+        assert np.mean(points[:, 0] <= half.bounds[2]) == pytest.approx(share, abs=0.08)
+    with pytest.raises(ValueError, match="0 points"):
+        sample_points(defect, 0)

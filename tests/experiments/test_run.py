@@ -1,0 +1,522 @@
+"""Studies: the same table whoever flies it, however often it is killed; and what fails is written down."""
+
+import hashlib
+import multiprocessing
+import os
+import random
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import polars as pl
+import pytest
+import yaml
+from distributed import LocalCluster
+from polars.testing import assert_frame_equal
+
+from pavetwin.config import load_settings
+from pavetwin.defects import DefectOptions, add_defects, place
+from pavetwin.errors import PaveTwinError
+from pavetwin.experiments import fly_unit
+from pavetwin.experiments.design import Design, read_design
+from pavetwin.experiments.engines import Engine, Pool, Single
+from pavetwin.experiments.engines.base import DIED, in_batches
+from pavetwin.experiments.engines.cluster import Cluster
+from pavetwin.experiments.plan import Plan, Unit, units_of
+from pavetwin.experiments.report import gather, write_report
+from pavetwin.experiments.run import run
+from pavetwin.experiments.store import Store, query
+from pavetwin.mission.environment import prepare
+from pavetwin.mission.fly import fly
+from pavetwin.mission.replay import GROWTH, replay_of
+from pavetwin.traffic.inputs import Inputs
+from pavetwin.traffic.record import Recorder
+from pavetwin.traffic.recording import load_recording, save_recording
+from pavetwin.world.store import load_world, save_world
+from scenes import built
+
+KILLS = 20
+
+DEADLY = """
+import multiprocessing, os
+from pavetwin.policies import GoOn, Policy
+
+class Deadly(Policy):
+    name = "deadly"
+
+    def decide(self, snapshot):
+        if multiprocessing.parent_process() is not None:
+            os._exit(9)
+        return GoOn()
+"""
+
+
+MINE = """
+from pavetwin.policies import GoOn, Policy
+
+class Mine(Policy):
+    name = "mine"  # {}
+
+    def decide(self, snapshot):
+        return GoOn()
+"""
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("study") / "cross"
+    save_world(add_defects(built("cross"), DefectOptions(per_segment=6)), folder)
+    return folder
+
+
+def small(world: Path, **values: object) -> Design:
+    usual = {
+        "worlds": [str(world)],
+        "densities": ["low", "medium"],
+        "altitudes_m": [6, 10],
+        "policies": ["baseline", "hover"],
+        "replicates": 3,
+        "seed": 4,
+    }
+    return Design.parse(usual | values, where="the design")
+
+
+@pytest.fixture(scope="module")
+def reference(world: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A study that nothing disturbed, flown by one process."""
+    folder = tmp_path_factory.mktemp("reference") / "study"
+    run(small(world), folder, Single())
+    return folder
+
+
+def digests(folder: Path) -> dict[str, str]:
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def test_every_mission_is_a_row_with_its_factors_and_seeds(reference: Path) -> None:
+    table = Store(reference).table()
+    assert table.height == 2 * 2 * 2 * 3
+    assert table.select("traffic", "altitude_m", "policy", "replicate").n_unique() == table.height
+    assert (table["status"] == "flown").all()
+    assert table["traffic"].unique(maintain_order=True).to_list() == ["low", "medium"]
+    assert (table["coverage"] * table["defects"] - table["confirmed"]).abs().max() < 1e-9
+    assert table["time_s"].min() > 5
+
+
+def test_a_replicate_shares_its_luck_and_another_has_its_own(reference: Path) -> None:
+    table = Store(reference).table()
+    shared = table.group_by("replicate").agg(
+        pl.col("segment", "traffic_seed", "defect_seed", "sensing_seed", "defects").n_unique()
+    )
+    assert (shared.drop("replicate") == 1).to_numpy().all()
+    for name in ("traffic_seed", "defect_seed", "sensing_seed"):
+        assert table[name].n_unique() == 3
+
+
+def test_a_mission_of_a_study_is_the_one_that_fly_flies(reference: Path, world: Path) -> None:
+    """With the seeds of the table, along a longer recording."""
+    cell = {"policy": "hover", "altitude_m": 6.0, "traffic": "medium", "replicate": 1}
+    row = Store(reference).table().filter(**cell).row(0, named=True)
+    town = load_world(world)
+    settings = load_settings("paper", altitude_m=6.0)
+    target = next(index for index, segment in enumerate(town.segments) if segment.id == row["segment"])
+    defects = place([town.segments[target]], row["defect_seed"], DefectOptions(per_segment=6))
+    environment = prepare(town, settings, defects)
+    replay = replay_of(town, "medium", row["traffic_seed"])
+    result = fly(environment, replay, settings, [target], "hover", seed=row["sensing_seed"])
+    (expected,) = result.rows
+    for name in ("defects", "swept", "confirmed", "coverage", "time_s", "energy", "wait_s", "surface_coverage"):
+        assert row[name] == getattr(expected, name), name
+
+
+class Disturbed(Engine):
+    """Another engine, one of whose processes is killed after the first part has come."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self.killed = 0
+
+    def fly(self, plan: Plan, units: list[Unit], on_stand, on_unit, tell) -> None:
+        def kill_one(unit: Unit, part: bytes) -> None:
+            on_unit(unit, part)
+            if not self.killed:
+                os.kill(multiprocessing.active_children()[0].pid, signal.SIGKILL)
+                self.killed += 1
+
+        self._engine.fly(plan, units, on_stand, kill_one, tell)
+
+
+@pytest.mark.parametrize(
+    "engine",
+    [
+        pytest.param(Pool(2), id="pool"),
+        pytest.param(Cluster(jobs=2), id="dask"),
+        pytest.param(Disturbed(Pool(2)), id="pool, a process killed"),
+        pytest.param(Disturbed(Cluster(jobs=2)), id="dask, a worker killed"),
+        pytest.param(Disturbed(Cluster(jobs=1)), id="dask, its only worker killed"),
+    ],
+)
+def test_the_same_bytes_whoever_flies(reference: Path, world: Path, tmp_path: Path, engine: Engine) -> None:
+    ran = run(small(world), tmp_path / "study", engine)
+    assert not ran.failures
+    assert not isinstance(engine, Disturbed) or engine.killed == 1
+    assert digests(tmp_path / "study") == digests(reference)
+
+
+def test_a_unit_that_kills_whoever_flies_it_is_given_up(world: Path, tmp_path: Path) -> None:
+    """Killed by a policy of the user's own, which does no harm where the design is read."""
+    (tmp_path / "deadly.py").write_text(DEADLY)
+    deadly = f"{tmp_path / 'deadly.py'}:Deadly"
+    ran = run(small(world, policies=["baseline", deadly], replicates=1), tmp_path / "study", Pool(2))
+    assert ran.table.height == 2 * 2 * 2
+    assert list(ran.failures) == [DIED]
+    assert set(ran.table["policy"]) == {"baseline", "deadly"}
+
+
+@pytest.mark.parametrize("defects", [{"per_100_m2": 4}, "placed"], ids=["by the design", "as the world has them"])
+def test_a_study_of_defects_by_area_is_read_and_gone_on_with(tmp_path: Path, defects: object) -> None:
+    place, folder = tmp_path / "cross", tmp_path / "study"
+    save_world(add_defects(built("cross"), DefectOptions(per_100_m2=4)), place)
+    usual = {"densities": ["low"], "altitudes_m": [10], "defects": defects}
+    ran = run(small(place, **usual, replicates=1), folder, Single())
+    assert not ran.failures
+    assert ran.table["defects"].min() > 0
+    assert Store(folder).table().height == 2
+    assert run(small(place, **usual, replicates=2), folder, Single()).result == 2
+    write_report(gather("study", {}, Store(folder).table(), {}, seed=1), tmp_path / "report")
+
+
+def test_more_replicates_are_added_to_a_study(reference: Path, world: Path, tmp_path: Path) -> None:
+    run(small(world, replicates=2), tmp_path / "study", Single())
+    ran = run(small(world), tmp_path / "study", Single())
+    assert ran.result == 2 * 4
+    assert digests(tmp_path / "study") == digests(reference)
+
+
+def test_a_complete_study_is_left_as_it_is(reference: Path, world: Path) -> None:
+    before = {path: path.stat().st_mtime_ns for path in (reference / "segments.parquet").iterdir()}
+    assert run(small(world), reference, Single()).result == 0
+    assert {path: path.stat().st_mtime_ns for path in before} == before
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"seed": 5}, "its seed is 4, not 5"),
+        ({"altitudes_m": [6, 15]}, "its altitudes_m is"),
+        ({"sweep": {"tau_o": [0.5]}}, "its sweep is"),
+        ({"defects": {"per_100_m2": 2}}, r"its defects is placed, not {per_100_m2: 2\.0, mix: {}}; choose"),
+        ({"replicates": 2}, "begun with 3 replicates, more than 2"),
+    ],
+)
+def test_a_folder_of_another_design_is_refused(
+    reference: Path, world: Path, values: dict[str, object], words: str
+) -> None:
+    before = digests(reference)
+    with pytest.raises(PaveTwinError, match=words):
+        run(small(world, **values), reference, Single())
+    assert digests(reference) == before
+
+
+def test_a_folder_with_anything_else_is_refused(world: Path, tmp_path: Path) -> None:
+    (tmp_path / "thesis.txt").write_text("precious")
+    with pytest.raises(PaveTwinError, match="holds no study"):
+        run(small(world), tmp_path, Single())
+
+
+# --- Failures -------------------------------------------------------------------------------------------------------
+
+
+def test_a_mission_that_fails_is_a_row_with_its_reason_and_stops_nothing(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def badly(environment, replay, settings, targets, policy, **how):
+        if policy == "hover" and settings.altitude_m == 6.0:
+            raise ZeroDivisionError("of all things")
+        return fly(environment, replay, settings, targets, policy, **how)
+
+    monkeypatch.setattr(fly_unit, "fly", badly)
+    ran = run(small(world), tmp_path / "study", Single())
+    failed = ran.table.filter(status="failed")
+    assert failed.height == 6
+    assert failed.select("policy", "altitude_m").unique().rows() == [("hover", 6.0)]
+    assert failed["coverage"].is_null().all()
+    assert failed["time_s"].is_null().all()
+    assert dict(ran.failures) == {"ZeroDivisionError: of all things": 6}
+    assert ran.table.filter(status="flown")["time_s"].is_not_null().all()
+    monkeypatch.undo()
+    assert run(small(world), tmp_path / "study", Single()).result == 0
+    assert not run(small(world), tmp_path / "study", Single(), retry=True).failures
+
+
+def test_a_mended_policy_replaces_one_of_which_all_missions_failed(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, folder = tmp_path / "mine.py", tmp_path / "study"
+
+    def badly(environment, replay, settings, targets, policy, **how):
+        if policy.endswith("Mine") and "broken" in file.read_text():
+            raise ZeroDivisionError("of all things")
+        return fly(environment, replay, settings, targets, policy, **how)
+
+    monkeypatch.setattr(fly_unit, "fly", badly)
+    file.write_text(MINE.format("broken"))
+    design = small(world, policies=["baseline", f"{file}:Mine"], replicates=1)
+    assert sum(run(design, folder, Single()).failures.values()) == 4
+    before = digests(folder)
+    file.write_text(MINE.format("mended"))
+    with pytest.raises(PaveTwinError, match="--retry-failed flies them anew"):
+        run(design, folder, Single())
+    assert digests(folder) == before
+    assert not run(design, folder, Single(), retry=True).failures
+    assert run(design, folder, Single()).result == 0
+    file.write_text(MINE.format("thought over"))
+    with pytest.raises(PaveTwinError, match="only where every mission flown with it failed: 0 of 4 did"):
+        run(design, folder, Single(), retry=True)
+
+
+def test_what_a_policy_imports_is_part_of_it(world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    file, helper = tmp_path / "mine.py", tmp_path / "helper_of_mine.py"
+    file.write_text("import helper_of_mine\n" + MINE)
+    helper.write_text("LIMIT = 1")
+    design = small(world, policies=["baseline", f"{file}:Mine"], replicates=1, densities=["low"])
+    run(design, tmp_path / "study", Single())
+    assert set(Store(tmp_path / "study").description()["files"]) == {str(file), str(helper)}
+    assert run(design, tmp_path / "study", Single()).result == 0
+    helper.write_text("LIMIT = 2")
+    with pytest.raises(PaveTwinError, match=r"another file than '.*helper_of_mine.py' is now; choose another folder"):
+        run(design, tmp_path / "study", Single(), retry=True)
+
+
+def test_mended_routes_replace_those_of_which_all_missions_failed(world: Path, tmp_path: Path) -> None:
+    edge = next(lane.edge for lane in load_world(world).lanes if lane.kind == "driving")
+    route, folder = tmp_path / "own.rou.xml", tmp_path / "study"
+
+    def departing(*times_s: int) -> str:
+        trips = (f'<trip id="t{time_s}" depart="{time_s}" from="{edge}" to="{edge}"/>' for time_s in times_s)
+        return f"<routes>{''.join(trips)}</routes>"
+
+    entry = {"path": str(world), "routes": [str(route)], "take_off_s": [500, 500]}
+    design = small(world, worlds=[entry], densities=[], replicates=1, altitudes_m=[10])
+    route.write_text(departing(0))
+    assert sum(run(design, folder, Single()).failures.values()) == 2
+    route.write_text(departing(0, *range(400, 900, 20)))
+    with pytest.raises(PaveTwinError, match="every mission flown with it failed, --retry-failed flies them anew"):
+        run(design, folder, Single())
+    assert not run(design, folder, Single(), retry=True).failures
+    route.write_text(departing(0, *range(400, 900, 30)))
+    with pytest.raises(PaveTwinError, match="only where every mission flown with it failed: 0 of 2 did"):
+        run(design, folder, Single(), retry=True)
+
+
+def test_progress_says_what_is_done_before_the_first_mission(world: Path, tmp_path: Path) -> None:
+    told: list[str] = []
+    run(small(world, replicates=1), tmp_path / "study", Pool(2), on_progress=lambda _share, what: told.append(what))
+    assert [what for what in told if not what.startswith("Flying")] == [
+        "Planning: where to fly over cross at 6 m",
+        "Planning: where to fly over cross at 10 m",
+        "Starting 2 processes",
+    ]
+    assert told[3] == "Flying missions 0/8"
+    assert told[-1] == "Flying missions 8/8"
+
+
+def test_traffic_that_cannot_be_recorded_fails_its_missions_only(
+    reference: Path, world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def badly(inputs: Inputs) -> Recorder:
+        if inputs.asked is not None and inputs.asked.name == "medium":
+            raise PaveTwinError("SUMO had a bad day.")
+        return Recorder(inputs)
+
+    monkeypatch.setattr(fly_unit, "Recorder", badly)
+    ran = run(small(world), tmp_path / "study", Single())
+    assert dict(ran.failures) == {"SUMO had a bad day.": 12}
+    assert_frame_equal(ran.table.filter(traffic="low"), Store(reference).table().filter(traffic="low"))
+
+
+# --- Killed ---------------------------------------------------------------------------------------------------------
+
+
+def test_killed_at_twenty_moments_and_gone_on_it_is_the_same_study(
+    reference: Path, world: Path, tmp_path: Path
+) -> None:
+    """Half of them after some seconds, while it reads, records or flies its first; half some moments after another part
+    was written. Every third time its recordings are gone, so that it records again."""
+    folder, moments = tmp_path / "study", random.Random(1)
+    path = tmp_path / "design.yaml"
+    path.write_text(yaml.safe_dump(small(world).model_dump(mode="json")))
+    arguments = ["experiment", "run", str(path), "-o", str(folder), "--jobs", "2"]
+    killed = 0
+    while killed < KILLS:
+        if killed % 3 == 0:
+            for file in (world / "traffic").glob("*.parquet"):
+                file.unlink()
+        for part in _parts(folder)[2:]:  # so that there is always something left to be killed in
+            part.unlink()
+        before = len(_parts(folder))
+        command = [sys.executable, "-c", "from pavetwin.cli import main; main()", *arguments]
+        process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+        if killed % 2:
+            time.sleep(moments.uniform(0.3, 4.0))
+        else:
+            while len(_parts(folder)) == before and process.poll() is None:
+                time.sleep(0.01)
+            time.sleep(moments.uniform(0.0, 0.5))
+        process.kill()
+        killed += process.wait() == -signal.SIGKILL
+        for part in _parts(folder):
+            pl.read_parquet(part)
+    assert _parts(folder) != []
+    run(read_design(path), folder, Single())
+    assert digests(folder) == digests(reference)
+    assert [each.name for each in tmp_path.iterdir() if each.name.startswith(".")] == []
+
+
+def test_what_is_kept_of_the_traffic_does_not_depend_on_kills(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fly_unit, "RECORDED_S", 10.0)
+    traffic, design = world / "traffic", small(world, replicates=1)
+    for file in traffic.glob("*.parquet"):
+        file.unlink()
+    run(design, tmp_path / "whole", Single())
+    kept = digests(traffic)
+    for left_s in (10.0, 10.0 * GROWTH):  # by a kill before and after a recording was prolonged
+        for file in traffic.glob("*.parquet"):
+            recording = load_recording(file)
+            assert recording.duration_s > left_s
+            save_recording(recording.until(left_s), file)
+        run(design, tmp_path / f"killed at {left_s}", Single())
+        assert digests(traffic) == kept
+        assert digests(tmp_path / f"killed at {left_s}") == digests(tmp_path / "whole")
+
+
+def _parts(folder: Path) -> list[Path]:
+    return sorted((folder / "segments.parquet").glob("w*.parquet"))
+
+
+# --- The store and the rest -----------------------------------------------------------------------------------------
+
+
+def test_sql_over_the_table(reference: Path) -> None:
+    answer = query(reference, "select policy, count(*) n, avg(time_s) t from segments group by policy order by policy")
+    table = Store(reference).table()
+    assert answer["n"].to_list() == [12, 12]
+    assert answer["t"].to_list() == pytest.approx(
+        [table.filter(policy=name)["time_s"].mean() for name in ("baseline", "hover")]
+    )
+
+
+@pytest.mark.parametrize(
+    ("sql", "words"),
+    [
+        ("select foo from segments", "could not be answered.*foo"),
+        ("drop view segments", "no question"),
+        ("???", "answered"),
+        ("copy segments to 'x.csv'", "no question"),
+        ("from read_csv('/etc/passwd')", "could not be answered"),
+    ],
+)
+def test_a_question_that_is_none_is_said_in_a_line(reference: Path, sql: str, words: str) -> None:
+    with pytest.raises(PaveTwinError, match=words):
+        query(reference, sql)
+
+
+def test_a_folder_without_a_study_is_said(tmp_path: Path) -> None:
+    with pytest.raises(PaveTwinError, match="holds no study"):
+        query(tmp_path, "from segments")
+
+
+def test_a_damaged_part_is_flown_anew(world: Path, tmp_path: Path) -> None:
+    design = small(world, replicates=1, densities=["low"])
+    run(design, tmp_path / "study", Single())
+    (part,) = (tmp_path / "study" / "segments.parquet").iterdir()
+    whole = part.read_bytes()
+    for damaged in (whole[: len(whole) // 2], whole[:40] + bytes(2000) + whole[2040:]):
+        part.write_bytes(damaged)
+        with pytest.raises(PaveTwinError, match="is damaged; run the study again"):
+            Store(tmp_path / "study").table()
+        Store(tmp_path / "study").forget_failed()
+        assert run(design, tmp_path / "study", Single()).result == 4
+        assert part.read_bytes() == whole
+
+
+def test_a_part_in_another_s_place_is_not_counted_twice(reference: Path, tmp_path: Path) -> None:
+    shutil.copytree(reference, tmp_path / "study")
+    parts = Store(tmp_path / "study").parts()
+    shutil.copyfile(parts[0], parts[2])
+    with pytest.raises(PaveTwinError, match="holds another part of a study"):
+        Store(tmp_path / "study").table()
+
+
+def test_a_damaged_design_is_said(reference: Path, tmp_path: Path) -> None:
+    shutil.copytree(reference, tmp_path / "study")
+    (tmp_path / "study" / "design.yaml").write_text("design: 3")
+    with pytest.raises(PaveTwinError, match=r"design\.yaml"):
+        Store(tmp_path / "study").table()
+
+
+def test_taking_off_after_one_s_own_demand_has_ended_is_a_failure(world: Path, tmp_path: Path) -> None:
+    edges = [lane.edge for lane in load_world(world).lanes if lane.kind == "driving"]
+    route = tmp_path / "short.rou.xml"
+    route.write_text(f'<routes><trip id="a" depart="0" from="{edges[0]}" to="{edges[0]}"/></routes>')
+    entry = {"path": str(world), "routes": [str(route)], "take_off_s": [500, 600]}
+    ran = run(small(world, worlds=[entry], densities=[], replicates=1), tmp_path / "study", Single())
+    assert len(ran.failures) == 1
+    assert "its demand has ended; mend take_off_s" in next(iter(ran.failures))
+
+
+def test_no_scheduler_is_said_in_a_line(world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pavetwin.experiments.engines.cluster.ANSWER_S", 1.0)
+    with pytest.raises(PaveTwinError, match=r"--scheduler tcp://127.0.0.1:9: no Dask scheduler answers there"):
+        run(small(world), tmp_path / "study", Cluster(scheduler="tcp://127.0.0.1:9"))
+    assert list(tmp_path.iterdir()) == [], "another design may be flown there"
+
+
+@pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" * 9], ids=["nothing", "of the web"])
+def test_what_answers_and_is_no_scheduler_is_said_in_a_line(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: bytes
+) -> None:
+    monkeypatch.setattr("pavetwin.experiments.engines.cluster.ANSWER_S", 1.0)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+
+        def serve() -> None:
+            caller, _ = server.accept()
+            caller.sendall(answer)
+            with caller:
+                while caller.recv(4096):
+                    pass
+
+        threading.Thread(target=serve, daemon=True).start()
+        with pytest.raises(PaveTwinError, match=f"--scheduler {address}: no Dask scheduler answers there"):
+            run(small(world), tmp_path / "study", Cluster(scheduler=address))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_scheduler_without_workers_is_said_at_once(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[str] = []
+    with LocalCluster(n_workers=0, processes=False, protocol="tcp://", dashboard_address=None) as cluster:
+        monkeypatch.setattr("pavetwin.experiments.engines.cluster.ANSWER_S", 1.0)
+        engine = Cluster(scheduler=cluster.scheduler_address)
+        with pytest.raises(PaveTwinError, match="has no workers"):
+            run(small(world), tmp_path / "study", engine, on_progress=lambda _share, what: told.append(what))
+    assert told[-1] == f"Waiting for workers of the Dask scheduler {cluster.scheduler_address}"
+
+
+def test_a_replicate_stays_with_one_process_while_there_are_enough_of_them() -> None:
+    design = Design.parse({"worlds": ["a"], "replicates": 6}, where="the design")
+    units = units_of(design)
+    assert [len(batch) for batch in in_batches(units, 3)] == [3] * 6
+    assert [len(batch) for batch in in_batches(units, 4)] == [1] * 18
+    assert [unit for batch in in_batches(units, 3) for unit in batch] == list(units)
