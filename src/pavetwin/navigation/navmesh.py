@@ -4,7 +4,6 @@ import itertools
 from hashlib import sha256
 from pathlib import Path
 
-import geopandas
 import numpy as np
 import shapely
 
@@ -53,11 +52,21 @@ def save_geopackage(mesh: NavMesh, world: World, path: Path) -> None:
     Raises:
         PaveTwinError: it cannot be written.
     """
+    import pyogrio
+
     shapes = [shapely.transform(polygon, world.georeference.to_projected) for polygon in polygons(mesh)]
-    frame = geopandas.GeoDataFrame({"polygon": range(len(shapes))}, geometry=shapes, crs=world.georeference.epsg)
     with writing(path) as temporary:
         temporary.unlink()
-        frame.to_file(temporary, layer="navmesh", driver="GPKG", engine="pyogrio")
+        pyogrio.raw.write(
+            temporary,
+            geometry=shapely.to_wkb(np.array(shapes, dtype=object)),
+            field_data=[np.arange(len(shapes))],
+            fields=["polygon"],
+            layer="navmesh",
+            driver="GPKG",
+            geometry_type="Polygon",
+            crs=f"EPSG:{world.georeference.epsg}",
+        )
 
 
 def _kept(world: World, altitude_m: float, agent_radius_m: float) -> Path | None:
