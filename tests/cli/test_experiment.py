@@ -90,7 +90,7 @@ def test_a_recommendation_names_the_best_that_keeps_the_limits(place: Path) -> N
 def test_wind_is_no_option_and_an_unfinished_study_says_so(place: Path) -> None:
     values = yaml.safe_load((place / "study.yaml").read_text())
     values |= {
-        "sweep": {"energy.wind_mps": [0, 8], "tau_o": [0.5, 0.9]},
+        "sweep": {"conditions.wind_mps": [0, 8], "tau_o": [0.5, 0.9]},
         "set": {"sensing.recall": 0.7},
         "replicates": 2,
     }

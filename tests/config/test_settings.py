@@ -71,7 +71,7 @@ def test_every_key_can_be_given_in_all_three_ways(key: str, default: Any) -> Non
     nested: Any = default
     for part in reversed(key.split(".")):
         nested = {part: nested}
-    overridden = load_settings("default", [f"{key}={json.dumps(default)}"])
+    overridden = load_settings("default", [f"{key}={json.dumps(default, default=str)}"])
     assert overridden == load_settings("default", **nested) == MissionSettings.parse(nested, where="here")
 
 
@@ -110,7 +110,7 @@ def test_a_mistyped_section_is_refused_with_the_nearest() -> None:
         ("camera.window_rows=0", "camera.window_rows"),
         ("sensing.recall=84", "sensing.recall"),
         ("sensing.attempts=twice", "sensing.attempts"),
-        ("energy.wind_from_deg=360", "energy.wind_from_deg"),
+        ("conditions.wind_from_deg=360", "conditions.wind_from_deg"),
         ("energy.reserve=1", "energy.reserve"),
         ("uav=fast", "uav"),
         ("uav=5", "uav"),

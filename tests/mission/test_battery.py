@@ -94,7 +94,8 @@ def zigzag() -> Scene:
 def test_the_reserve_is_kept_around_corners_and_in_the_wind(
     reserve: float, wind_mps: float, wind_from_deg: float
 ) -> None:
-    wind = [f"energy.wind_mps={wind_mps}", f"energy.wind_from_deg={wind_from_deg}", f"energy.reserve={reserve}"]
+    wind = [f"conditions.wind_mps={wind_mps}", f"conditions.wind_from_deg={wind_from_deg}"]
+    wind.append(f"energy.reserve={reserve}")
     ours = zigzag().fly("baseline", *battery(6.5 if reserve < 0.1 else 8.0 if reserve < 0.3 else 12.0), *wind)
     assert ours.swaps >= 1
     assert min(landings(ours)) >= reserve

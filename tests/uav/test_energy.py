@@ -88,7 +88,7 @@ def test_a_climb_in_flight_costs_hovering_and_the_climb_and_sinking_hovering_alo
 )
 def test_wind_counts_as_airspeed(wind_from_deg: float, airspeed_mps: float) -> None:
     scene = Scene(straight((30, 0)), altitude_m=10.0)
-    track = scene.fly("baseline", "energy.wind_mps=3", f"energy.wind_from_deg={wind_from_deg}").track
+    track = scene.fly("baseline", "conditions.wind_mps=3", f"conditions.wind_from_deg={wind_from_deg}").track
     curve = energy_curve(EnergySettings())
     cruising = (track["mode"] == MODES.index(Mode.INSPECT)) & (track["speed_mps"] > 4.999)
     both = cruising[1:] & cruising[:-1]

@@ -1,11 +1,12 @@
 """Typed configuration: frozen, unknown keys refused with the nearest known one, overridden by `key=value`."""
 
 from collections.abc import Iterable, Mapping
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
-import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from yaml import YAMLError
 
+from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError, nearest_name
 
 
@@ -14,11 +15,16 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
+    MOVED: ClassVar[Mapping[str, str]] = {}
+    """Keys that this section once had, each with the full name of the setting that took its place."""
+
     @model_validator(mode="before")
     @classmethod
     def _refuse_unknown_keys(cls, values: Any) -> Any:
         if isinstance(values, Mapping):
             for key in values:
+                if key in cls.MOVED:
+                    raise ValueError(f"'{key}' has moved: give '{cls.MOVED[key]}'")
                 if key not in cls.model_fields:
                     known = ", ".join(cls.model_fields)
                     near = nearest_name(str(key), cls.model_fields)
@@ -60,8 +66,8 @@ def with_overrides(values: Mapping[str, Any], overrides: Iterable[str]) -> dict[
         if not equals or not key.strip():
             raise PaveTwinError(f"--set {override}: expected key=value, for example --set policy.max_wait_s=60.")
         try:
-            value = yaml.safe_load(text)
-        except (yaml.YAMLError, ValueError):  # a ValueError comes from what looks like a date and is none
+            value = parse_yaml(text, where=f"--set {override}")
+        except (YAMLError, ValueError):  # a ValueError comes from what looks like a date and is none
             value = text
         layer = merged
         *sections, leaf = key.strip().split(".")

@@ -3,12 +3,13 @@
 from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib.resources import files
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
 from pavetwin.config.altitude import Altitude
 from pavetwin.config.base import Settings, overlay, with_overrides
+from pavetwin.config.conditions import Conditions
 from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError, nearest_name
 
@@ -87,6 +88,11 @@ class SensingSettings(Settings):
 
 
 class EnergySettings(Settings):
+    MOVED: ClassVar[Mapping[str, str]] = {
+        "wind_mps": "conditions.wind_mps",
+        "wind_from_deg": "conditions.wind_from_deg",
+    }
+
     model: str = "rotor"
     """A name of the registry in pavetwin.uav.energy: rotor or linear."""
     endurance_s: Positive = 1800.0
@@ -96,8 +102,6 @@ class EnergySettings(Settings):
     mass_kg: Positive = 1.38
     climb_efficiency: Annotated[float, Field(gt=0, le=1)] = 0.7
     """Share of the battery's power that a climb turns into potential energy."""
-    wind_mps: NonNegative = 0.0
-    wind_from_deg: Annotated[float, Field(ge=0, lt=360)] = 270.0
     reserve: Annotated[float, Field(ge=0, lt=0.9)] = 0.15
     """Share of the battery that must be left after landing."""
     swap_s: NonNegative = 120.0
@@ -116,6 +120,7 @@ class MissionSettings(Settings):
     policy: PolicySettings = PolicySettings()
     sensing: SensingSettings = SensingSettings()
     energy: EnergySettings = EnergySettings()
+    conditions: Conditions = Conditions()
 
     @model_validator(mode="after")
     def _whole_steps(self) -> Self:

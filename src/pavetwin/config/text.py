@@ -1,5 +1,6 @@
-"""Settings files as text: YAML in which no key is given twice."""
+"""Settings files as text: YAML in which no key is given twice and 10:30 is a time, not a number."""
 
+import re
 from typing import Any, Final
 
 import yaml
@@ -10,8 +11,17 @@ _MERGE: Final = "tag:yaml.org,2002:merge"
 """Of `<<`: what it brings may be given again, and so may it."""
 
 
+_CLOCK: Final = re.compile(r"^[0-9]+(:[0-5]?[0-9])+(\.[0-9]*)?$")
+"""YAML 1.1 reads 10:30 as 630, a number of base 60; YAML 1.2 has no such numbers."""
+
+
 class _Loader(yaml.SafeLoader):
     """PyYAML takes the last of two equal keys, and tells nobody."""
+
+    yaml_implicit_resolvers = {  # noqa: RUF012, PyYAML declares it
+        first: [("tag:yaml.org,2002:str", _CLOCK), *resolvers] if first.isdigit() else resolvers
+        for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
 
     def __init__(self, text: str, where: str) -> None:
         super().__init__(text)

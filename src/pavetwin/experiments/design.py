@@ -16,7 +16,7 @@ from pydantic import (
     model_validator,
 )
 
-from pavetwin.config import MissionSettings, Settings
+from pavetwin.config import Conditions, MissionSettings, Settings
 from pavetwin.config.altitude import Altitude
 from pavetwin.config.text import parse_yaml
 from pavetwin.defects import DefectOptions
@@ -29,14 +29,14 @@ ALIASES: Final[Mapping[str, str]] = {
     "d_max": "policy.max_displacement_m",
     "wait_s": "policy.wait_s",
     "max_wait_s": "policy.max_wait_s",
-    "wind_mps": "energy.wind_mps",
+    "wind_mps": "conditions.wind_mps",
 }
 """Short names that a sweep understands, after the paper's notation; any other setting goes by its full name."""
 
 FACTOR_OF: Final[Mapping[str, str]] = {"altitude_m": "altitudes_m", "sensing.sensor": "sensors"}
 """Settings that are factors by themselves."""
 
-ENVIRONMENT: Final = ("energy.wind_mps", "energy.wind_from_deg")
+ENVIRONMENT: Final = tuple(f"conditions.{name}" for name in Conditions.model_fields)
 """Settings that no one chooses."""
 
 OWN_ROUTES: Final = "routes"

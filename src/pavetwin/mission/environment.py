@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, radians, sin
+from math import radians
 from typing import Self
 
 import numpy as np
@@ -102,7 +102,6 @@ def new_flight(environment: MissionEnvironment, trace: Trace, settings: MissionS
     """A UAV on the ground at the base, at the beginning of the recording."""
     camera = find_camera(settings.camera.model)
     curve = energy_curve(settings.energy)
-    wind_to = radians(270 - settings.energy.wind_from_deg)
     step = settings.time_step_s
     return Flight(
         environment.ground,
@@ -129,7 +128,7 @@ def new_flight(environment: MissionEnvironment, trace: Trace, settings: MissionS
         drain_per_s=curve.drain_per_s,
         drain_step_mps=CURVE_STEP_MPS,
         drain_per_m_climbed=curve.drain_per_m_climbed,
-        wind_mps=(settings.energy.wind_mps * cos(wind_to), settings.energy.wind_mps * sin(wind_to)),
+        wind_mps=settings.conditions.wind_velocity_mps,
         reserve=settings.energy.reserve,
     )
 

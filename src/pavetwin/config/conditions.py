@@ -1,0 +1,75 @@
+"""When and in what weather a mission is flown or an image is taken. The place is the world's own.
+
+Light (`pavetwin.scene.light`) and wind (the kernel's airspeed) are read from here. Further weather is a field here and
+the file that computes its effect.
+"""
+
+import datetime as dt
+from math import cos, radians, sin
+from typing import Annotated, Any, Final
+
+from pydantic import BeforeValidator, Field
+
+from pavetwin.config.base import Settings
+
+FIRST_YEAR: Final = 1950
+LAST_YEAR: Final = 2050
+"""Within these the sun's position is known to 0.02°, see `pavetwin.scene.sun`."""
+
+
+def _read_date(value: Any) -> dt.date:
+    day = value
+    if isinstance(value, str):
+        try:
+            day = dt.date.fromisoformat(value)
+        except ValueError:
+            day = None
+    if not isinstance(day, dt.date) or isinstance(day, dt.datetime):
+        raise ValueError("expected a date of the calendar, such as 2026-06-21")
+    if not FIRST_YEAR <= day.year <= LAST_YEAR:
+        raise ValueError(f"expected a date from {FIRST_YEAR} to {LAST_YEAR}")
+    return day
+
+
+def _read_time(value: Any) -> dt.time:
+    clock = value
+    if isinstance(value, str):
+        try:
+            clock = dt.time.fromisoformat(value) if ":" in value else None
+        except ValueError:
+            clock = None
+    if not isinstance(clock, dt.time) or clock.tzinfo is not None:
+        raise ValueError("expected a time of day without a time zone, such as 09:30")
+    return clock
+
+
+class Conditions(Settings):
+    """The outer conditions of a mission or an image. Flight, energy, frames and datasets read the same value."""
+
+    date: Annotated[dt.date, BeforeValidator(_read_date)] = dt.date(2025, 3, 20)
+    """By default an equinox: day and night are equally long everywhere."""
+    time: Annotated[dt.time, BeforeValidator(_read_time)] = dt.time(10)
+    """Mean solar time at the world's base when the mission begins or the image is taken: UTC plus one hour for every
+    15° of longitude to the east."""
+    clouds: Annotated[float, Field(ge=0, le=1)] = 0.1
+    """Cloud cover: 0 clear, 0.5 partly cloudy, 1 overcast."""
+    turbidity: Annotated[float, Field(ge=1.7, le=10)] = 3.0
+    """Of the air, after Preetham: 2 very clear, 3 clear, 6 hazy."""
+    wind_mps: Annotated[float, Field(ge=0)] = 0.0
+    wind_from_deg: Annotated[float, Field(ge=0, lt=360)] = 270.0
+    """Direction that the wind comes from, clockwise from north."""
+
+    def utc(self, longitude_deg: float) -> dt.datetime:
+        """The date and time in UTC at a longitude, east positive."""
+        return dt.datetime.combine(self.date, self.time, dt.UTC) - solar_offset(longitude_deg)
+
+    @property
+    def wind_velocity_mps(self) -> tuple[float, float]:
+        """Of the air over the ground: east and north."""
+        towards = radians(270 - self.wind_from_deg)
+        return self.wind_mps * cos(towards), self.wind_mps * sin(towards)
+
+
+def solar_offset(longitude_deg: float) -> dt.timedelta:
+    """By how much mean solar time at a longitude (east positive) is ahead of UTC."""
+    return dt.timedelta(hours=longitude_deg / 15)
