@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pavetwin.arrays import Float64Array
 from pavetwin.render.projection import SHADOW_PX, SHADOW_REACH_M, SHADOW_TEXEL_PX, ShadowFit, fit_shadow, seen_points
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import Float64
 from pavetwin.scene.view import View, look, nadir
 from pavetwin.uav import find_camera
 
@@ -21,7 +21,7 @@ def from_above(height_m: float, yaw_rad: float) -> View:
     return nadir(find_camera("phantom4pro"), (12.3, -45.6, height_m), yaw_rad=yaw_rad, size_px=(SIDE_PX, SIDE_PX))
 
 
-def texels(fit: ShadowFit, points: Float64) -> Float64:
+def texels(fit: ShadowFit, points: Float64Array) -> Float64Array:
     """Columns and rows at which points, relative to the camera, lie."""
     placed = np.column_stack([points, np.ones(len(points))]) @ fit.matrix.T
     assert placed[:, 2].min() > 0

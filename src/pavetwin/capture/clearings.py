@@ -5,19 +5,17 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from pavetwin.arrays import Float64Array
 from pavetwin.world.model import Segment
-
-Float64 = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Clearings:
     """The carriageway of some segments less what is near a defect, as triangles to draw points from."""
 
-    corners: Float64
+    corners: Float64Array
     """(n, 3, 2) metres, world frame."""
     owners: tuple[Segment, ...]
     """(n,) the segment of each."""
@@ -36,7 +34,7 @@ class Clearings:
             owners += [segment] * len(triangles)
         return cls(np.concatenate([np.empty((0, 3, 2)), *parts]), tuple(owners))
 
-    def draw(self, rng: np.random.Generator) -> tuple[Float64, Segment] | None:
+    def draw(self, rng: np.random.Generator) -> tuple[Float64Array, Segment] | None:
         """A point (2,), every place as likely as any other, and its segment; None where no place is clear."""
         sides = self.corners[:, 1:] - self.corners[:, :1]
         areas = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])

@@ -8,9 +8,9 @@ in units of how much the pavement varies where it lies, and pooled over all of i
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy import ndimage
 
+from pavetwin.arrays import Float32Array, UInt8Array, UInt32Array
 from pavetwin.capture.pieces import Piece
 from pavetwin.scene.light import LUMINANCE
 
@@ -33,15 +33,11 @@ _LEAST_SPREAD = 0.5
 
 _LUMA = LUMINANCE.astype(np.float32)
 
-Floats = npt.NDArray[np.float32]
-
 
 class Picture:
     """One picture with its instance image; measures the contrast of its defects."""
 
-    def __init__(
-        self, rgb: npt.NDArray[np.uint8], defect_free: npt.NDArray[np.uint8], labels: npt.NDArray[np.uint32]
-    ) -> None:
+    def __init__(self, rgb: UInt8Array, defect_free: UInt8Array, labels: UInt32Array) -> None:
         """All of the same height and width; `defect_free` as `Frame.defect_free`."""
         self._rgb, self._sound, self._labels = rgb, defect_free, labels
 
@@ -61,15 +57,15 @@ class Picture:
         return float(np.sum(done**POOLING) ** (1 / POOLING) / max((high - low) / _QUARTILES, _LEAST_SPREAD))
 
     @cached_property
-    def _even(self) -> Floats:
+    def _even(self) -> Float32Array:
         return np.asarray(self._sound.astype(np.float32) @ _LUMA, dtype=np.float32)
 
     @cached_property
-    def _done(self) -> Floats:
+    def _done(self) -> Float32Array:
         """By how much defects change each pixel."""
         return np.asarray(self._rgb.astype(np.float32) @ _LUMA - self._even, dtype=np.float32)
 
     @cached_property
-    def _grain(self) -> Floats:
+    def _grain(self) -> Float32Array:
         """What sound pavement is beyond its own mean around."""
         return np.asarray(self._even - ndimage.uniform_filter(self._even, _GROUND_PX, mode="nearest"), dtype=np.float32)

@@ -8,9 +8,9 @@ from math import cos, degrees, hypot, radians, sin, tan
 from typing import Any, Final, Literal
 
 import numpy as np
-import numpy.typing as npt
 from PIL import ExifTags, Image, PngImagePlugin
 
+from pavetwin.arrays import UInt8Array
 from pavetwin.render.exposure import Exposure
 from pavetwin.scene.view import View
 from pavetwin.uav.cameras import Camera
@@ -87,7 +87,7 @@ class Taken:
         }
 
 
-def encoded(rgb: npt.NDArray[np.uint8], taken: Taken, *, picture: Literal["jpg", "png"], quality: int) -> bytes:
+def encoded(rgb: UInt8Array, taken: Taken, *, picture: Literal["jpg", "png"], quality: int) -> bytes:
     """A picture (height, width, 3) as a file with its EXIF."""
     stream, image = io.BytesIO(), Image.fromarray(rgb)
     exif, xmp = _exif(taken), _xmp(taken) if taken.is_airborne else b""

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+
+from pavetwin.arrays import BoolArray, IndexArray, UInt32Array
 
 Box = tuple[int, int, int, int]
 """Left, top, right, bottom in pixels: the right column and the bottom row are the first ones outside."""
@@ -15,7 +16,7 @@ class Piece:
 
     label: int
     box: Box
-    bits: npt.NDArray[np.bool_]
+    bits: BoolArray
     """(bottom − top, right − left): which pixels of the box show it. Every edge of the box has one that does."""
 
     @property
@@ -30,7 +31,7 @@ class Piece:
     def shorter_side_px(self) -> int:
         return min(self.box[2] - self.box[0], self.box[3] - self.box[1])
 
-    def mask(self, size: tuple[int, int]) -> npt.NDArray[np.bool_]:
+    def mask(self, size: tuple[int, int]) -> BoolArray:
         """In the whole image (height, width)."""
         mask = np.zeros(size, dtype=np.bool_)
         left, top, right, bottom = self.box
@@ -43,7 +44,7 @@ class Piece:
         return left == 0 or top == 0 or right == size[1] or bottom == size[0]
 
 
-def pieces(labels: npt.NDArray[np.uint32]) -> list[Piece]:
+def pieces(labels: UInt32Array) -> list[Piece]:
     """Everything that an instance image (height, width) shows, by rising label; 0 is nothing."""
     where = np.flatnonzero(labels)
     if not len(where):
@@ -58,7 +59,7 @@ def pieces(labels: npt.NDArray[np.uint32]) -> list[Piece]:
     ]
 
 
-def _piece(label: int, places: npt.NDArray[np.intp], width: int) -> Piece:
+def _piece(label: int, places: IndexArray, width: int) -> Piece:
     rows, columns = np.divmod(places, width)
     top, bottom, left, right = rows.min(), rows.max() + 1, columns.min(), columns.max() + 1
     bits = np.zeros((bottom - top, right - left), dtype=np.bool_)

@@ -4,9 +4,9 @@ from collections.abc import Iterable, Mapping
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from pavetwin.arrays import Float64Array
 from pavetwin.traffic.recording import Recording
 from pavetwin.world.model import World
 
@@ -17,7 +17,7 @@ BESIDE_M: Final = 5.0
 """People on the sidewalks of a carriageway, and agents this near to it on a junction, are on its street."""
 
 
-def presence(world: World, recordings: Iterable[Recording]) -> Mapping[str, npt.NDArray[np.float64]]:
+def presence(world: World, recordings: Iterable[Recording]) -> Mapping[str, Float64Array]:
     """Street → (2,) vehicles and people that are on it at a time, on average, of all recordings together."""
     names, street = np.unique([segment.street for segment in world.segments], return_inverse=True)
     tree = shapely.STRtree([segment.polygon for segment in world.segments])

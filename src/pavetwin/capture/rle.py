@@ -5,12 +5,11 @@ five bits, the least first, 32 added where more follow, 48 added to all (cocoapi
 """
 
 import numpy as np
-import numpy.typing as npt
 
-Bits = npt.NDArray[np.bool_]
+from pavetwin.arrays import BoolArray
 
 
-def encode(mask: Bits) -> str:
+def encode(mask: BoolArray) -> str:
     """The run lengths of a mask (height, width)."""
     flat = np.concatenate([[False], mask.ravel(order="F")])
     changes = np.flatnonzero(flat[1:] != flat[:-1])
@@ -18,7 +17,7 @@ def encode(mask: Bits) -> str:
     return "".join(_text(int(run)) for run in np.concatenate([runs[:3], runs[3:] - runs[1:-2]]))
 
 
-def decode(text: str, size: tuple[int, int]) -> Bits:
+def decode(text: str, size: tuple[int, int]) -> BoolArray:
     """The mask (height, width) of run lengths.
 
     Raises:

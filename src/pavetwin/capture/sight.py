@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely import Polygon
 
+from pavetwin.arrays import Float64Array, IndexArray, StrArray
 from pavetwin.capture.classes import category_of_defect
 from pavetwin.capture.plan import ImageSpec
 from pavetwin.scene.view import View
@@ -62,25 +62,25 @@ class Sight:
         return shapely.STRtree([defect.polygon for defect in self.world.defects])
 
     @cached_property
-    def split_of(self) -> npt.NDArray[np.str_]:
+    def split_of(self) -> StrArray:
         """(defects,)"""
         street_of = {segment.id: segment.street for segment in self.world.segments}
         return np.array([self.splits[street_of[defect.segment]] for defect in self.world.defects], dtype=np.str_)
 
     @cached_property
-    def categories(self) -> npt.NDArray[np.intp]:
+    def categories(self) -> IndexArray:
         """(defects,) numbers of their categories."""
         numbers = {kind: category_of_defect(kind).number for kind in {defect.kind for defect in self.world.defects}}
         return np.array([numbers[defect.kind] for defect in self.world.defects], dtype=np.intp)
 
     @cached_property
-    def centres(self) -> npt.NDArray[np.float64]:
+    def centres(self) -> Float64Array:
         """(defects, 3) on the ground, metres."""
         xy = [(defect.centre.x, defect.centre.y, 0.0) for defect in self.world.defects]
         return np.array(xy, dtype=np.float64).reshape(-1, 3)
 
     @cached_property
-    def widths_m(self) -> npt.NDArray[np.float64]:
+    def widths_m(self) -> Float64Array:
         """(defects,)"""
         return np.array([defect.width_m for defect in self.world.defects], dtype=np.float64)
 
@@ -97,7 +97,7 @@ class Sight:
         hits = view.ground(_EVERYWHERE * view.size_px)
         return float(shapely.contains_xy(self.road, hits[np.isfinite(hits).all(axis=1)]).sum() / len(hits))
 
-    def wanted(self, spec: ImageSpec) -> npt.NDArray[np.intp]:
+    def wanted(self, spec: ImageSpec) -> IndexArray:
         """The defects that a wish may aim at."""
         ours = self.split_of == spec.split
         return np.flatnonzero(ours & np.isin(self.categories, [category.number for category in spec.aims]))

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 from pavetwin.capture.settings import SPLITS
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.model import DefectClass, World
@@ -25,18 +25,16 @@ MEETING_M: Final = 30.0
 PARTING_WEIGHT: Final = 0.25
 """What it costs to part all streets that meet, where 1 is to miss every share by all."""
 
-Floats = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class _Town:
-    counts: Floats
+    counts: Float64Array
     """(streets, classes) of defects and of agents, as shares of each class."""
-    meets: Floats
+    meets: Float64Array
     """(streets, streets) 1 where two meet, scaled to sum to 1."""
-    reached: npt.NDArray[np.bool_]
+    reached: BoolArray
     """(streets,) of which images can be taken; only these count for the shares."""
-    wanted: Floats
+    wanted: Float64Array
     """(splits,)"""
 
 
@@ -46,7 +44,7 @@ def split_streets(
     rng: np.random.Generator,
     reached: Set[str] | None = None,
     *,
-    agents: Mapping[str, Floats] | None = None,
+    agents: Mapping[str, Float64Array] | None = None,
     meeting_m: float = MEETING_M,
 ) -> Mapping[str, str]:
     """The split of every street that has defects.
@@ -84,7 +82,7 @@ def split_streets(
     return {name: SPLITS[split] for name, split in zip(names, best.tolist(), strict=True)}
 
 
-def _defects(world: World, names: Sequence[str], street_of: Mapping[str, str]) -> Floats:
+def _defects(world: World, names: Sequence[str], street_of: Mapping[str, str]) -> Float64Array:
     row, column = {name: i for i, name in enumerate(names)}, {kind: i for i, kind in enumerate(_kinds(world))}
     counts = np.zeros((len(names), len(column)))
     for defect in world.defects:
@@ -92,7 +90,7 @@ def _defects(world: World, names: Sequence[str], street_of: Mapping[str, str]) -
     return counts
 
 
-def _agents(names: Sequence[str], agents: Mapping[str, Floats]) -> Floats:
+def _agents(names: Sequence[str], agents: Mapping[str, Float64Array]) -> Float64Array:
     none = np.zeros(len(next(iter(agents.values()), ())))
     return np.array([agents.get(name, none) for name in names], dtype=np.float64)
 
@@ -101,7 +99,7 @@ def _kinds(world: World) -> list[DefectClass]:
     return sorted({defect.kind for defect in world.defects})
 
 
-def _meetings(world: World, names: Sequence[str], meeting_m: float) -> Floats:
+def _meetings(world: World, names: Sequence[str], meeting_m: float) -> Float64Array:
     row = {name: i for i, name in enumerate(names)}
     segments = [segment for segment in world.segments if segment.street in row]
     polygons = np.array([segment.polygon for segment in segments], dtype=object)
@@ -113,7 +111,7 @@ def _meetings(world: World, names: Sequence[str], meeting_m: float) -> Floats:
     return np.asarray(meets / max(1.0, float(meets.sum())))
 
 
-def _started(town: _Town, rng: np.random.Generator) -> npt.NDArray[np.intp]:
+def _started(town: _Town, rng: np.random.Generator) -> IndexArray:
     """Streets in random order, each to the split that lacks most."""
     chosen = np.zeros(len(town.counts), dtype=np.intp)
     lacking = np.where(town.wanted > 0, town.wanted, -np.inf)
@@ -124,7 +122,7 @@ def _started(town: _Town, rng: np.random.Generator) -> npt.NDArray[np.intp]:
     return chosen
 
 
-def _improved(town: _Town, chosen: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
+def _improved(town: _Town, chosen: IndexArray) -> IndexArray:
     """Move street by street to where it costs least, until no move helps."""
     chosen = chosen.copy()
     open_splits = np.flatnonzero(town.wanted > 0)
@@ -142,7 +140,7 @@ def _improved(town: _Town, chosen: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]
     return chosen
 
 
-def _cost(town: _Town, chosen: npt.NDArray[np.intp]) -> float:
+def _cost(town: _Town, chosen: IndexArray) -> float:
     inside = np.eye(len(town.wanted))[chosen]
     missed = np.abs(inside.T @ town.counts - town.wanted[:, None] * (town.counts.sum(axis=0) > 0))
     parted = 1.0 - float((inside * (town.meets @ inside)).sum()) if town.meets.any() else 0.0

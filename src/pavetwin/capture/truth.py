@@ -7,10 +7,10 @@ from math import hypot
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely import Polygon
 
+from pavetwin.arrays import Float64Array
 from pavetwin.capture.classes import Category, category_of_agent, category_of_defect
 from pavetwin.capture.contrast import Picture
 from pavetwin.capture.pieces import Box, Piece, pieces
@@ -158,15 +158,13 @@ def _reason(
     return Reason.FAINT.value if is_faint else None
 
 
-def _defect(moment: Moment, defect: Defect) -> tuple[Category, npt.NDArray[np.float64], dict[str, Any]]:
+def _defect(moment: Moment, defect: Defect) -> tuple[Category, Float64Array, dict[str, Any]]:
     """Category, middle (3,), details."""
     details = defect.facts | {"street": moment.world.segment(defect.segment).street}
     return category_of_defect(defect.kind), np.array([defect.centre.x, defect.centre.y, 0.0]), details
 
 
-def _agent(
-    moment: Moment, agent: int
-) -> tuple[Category, npt.NDArray[np.float64], npt.NDArray[np.float64], dict[str, Any]]:
+def _agent(moment: Moment, agent: int) -> tuple[Category, Float64Array, Float64Array, dict[str, Any]]:
     """Category, corners (8, 3), middle (3,), details."""
     poses = moment.agents
     there = np.flatnonzero(poses["agent"] == agent)
@@ -187,9 +185,7 @@ def _agent(
     return category, _box_corners(x, y, yaw, length, width, height), np.array([x, y, height / 2]), details
 
 
-def _box_corners(
-    x: float, y: float, yaw_rad: float, length_m: float, width_m: float, height_m: float
-) -> npt.NDArray[np.float64]:
+def _box_corners(x: float, y: float, yaw_rad: float, length_m: float, width_m: float, height_m: float) -> Float64Array:
     """The eight corners (8, 3) of a body that stands on the ground."""
     ahead = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0]) * length_m / 2
     left = np.array([-np.sin(yaw_rad), np.cos(yaw_rad), 0.0]) * width_m / 2
@@ -202,7 +198,7 @@ def ground_share(view: View, outline: Polygon) -> float:
     return float(outline.intersection(footprint(view)).area / outline.area)
 
 
-def inside_share(view: View, corners: npt.NDArray[np.float64]) -> float | None:
+def inside_share(view: View, corners: Float64Array) -> float | None:
     """Share of a thing's outline in the image plane that lies within the image.
 
     Args:

@@ -4,18 +4,16 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from pavetwin._core import relief_blocks, relief_largest_part, relief_noise
+from pavetwin.arrays import Float32Array, Float64Array, IndexArray, UInt16Array
 from pavetwin.config.base import Settings
 from pavetwin.defects import poses
-from pavetwin.defects.heightfield import Field, Heightfield, Lattice, Stains
+from pavetwin.defects.heightfield import Heightfield, Lattice, Stains
 from pavetwin.defects.marking import Marking
 from pavetwin.defects.registry import register
 from pavetwin.defects.severity import crocodile_severity
 from pavetwin.defects.shapes import (
-    Cells,
-    Points,
     Range,
     Share,
     between,
@@ -50,10 +48,10 @@ LOST_SHARE, LOST_M = 0.06, 0.025
 class Blocks:
     """The pattern of blocks: a cell's own one, the one beyond the nearest joint, the distance to that joint."""
 
-    own: npt.NDArray[np.uint16]
-    other: npt.NDArray[np.uint16]
-    distance_m: Field
-    sites: Points
+    own: UInt16Array
+    other: UInt16Array
+    distance_m: Float32Array
+    sites: Float64Array
 
 
 class CrocodileCrackParameters(Settings):
@@ -94,7 +92,7 @@ def crocodile_crack(rng: np.random.Generator, parameters: CrocodileCrackParamete
     return _painted(rng, lattice, blocks, near, width, region, wear, beside)
 
 
-def _region(rng: np.random.Generator, lattice: Lattice, half: Points) -> tuple[Field, float]:
+def _region(rng: np.random.Generator, lattice: Lattice, half: Float64Array) -> tuple[Float32Array, float]:
     """1 in the middle of the patch, falling to 0 at its ragged border and below outside it; and the area within [m²].
 
     The border is a superellipse frayed by noise. It is drawn coarsely first to see how far it reaches, and then so that
@@ -102,7 +100,7 @@ def _region(rng: np.random.Generator, lattice: Lattice, half: Points) -> tuple[F
     """
     seed = int(rng.integers(2**63))
 
-    def field(lattice: Lattice, scale: Points, middle: Points) -> Field:
+    def field(lattice: Lattice, scale: Float64Array, middle: Float64Array) -> Float32Array:
         shape, cell, (x0, y0) = lattice
         moved = shape, cell, (x0 - float(middle[0]), y0 - float(middle[1]))
         x, y = centres(moved)
@@ -124,7 +122,7 @@ def _region(rng: np.random.Generator, lattice: Lattice, half: Points) -> tuple[F
     return region, area
 
 
-def _sites(rng: np.random.Generator, half: Points, area_m2: float, count: int) -> tuple[Points, float]:
+def _sites(rng: np.random.Generator, half: Float64Array, area_m2: float, count: int) -> tuple[Float64Array, float]:
     """Sites of blocks on a jittered hexagonal lattice over the patch, `count` of them within it; the blocks' size."""
     stretch = np.array([float(rng.uniform(1.0, 1.25)), 1.0])
     size = math.sqrt(area_m2 / (0.87 * count * float(stretch.prod())))
@@ -139,10 +137,10 @@ def _widths(
     parameters: CrocodileCrackParameters,
     lattice: Lattice,
     blocks: Blocks,
-    near: Cells,
-    region: Field,
+    near: IndexArray,
+    region: Float32Array,
     wear: float,
-) -> Field:
+) -> Float32Array:
     """(near,) width of the crack that the joint beside each of the near cells is [m].
 
     Main cracks follow a smooth field that is longer along the wheel path; every joint has a rank of its own beside it;
@@ -165,9 +163,9 @@ def _painted(
     rng: np.random.Generator,
     lattice: Lattice,
     blocks: Blocks,
-    near: Cells,
-    width: Field,
-    region: Field,
+    near: IndexArray,
+    width: Float32Array,
+    region: Float32Array,
     wear: float,
     beside_m: float,
 ) -> Heightfield:
@@ -212,8 +210,8 @@ def _painted(
 
 
 def _moved(
-    rng: np.random.Generator, lattice: Lattice, blocks: Blocks, region: Field, grain: Field, wear: float
-) -> tuple[Field, Field]:
+    rng: np.random.Generator, lattice: Lattice, blocks: Blocks, region: Float32Array, grain: Float32Array, wear: float
+) -> tuple[Float32Array, Float32Array]:
     """(height of tilted and sunken blocks [m], share of lost ones)."""
     count, own = len(blocks.sites), blocks.own
     x, y = centres(lattice)

@@ -10,12 +10,11 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 from shapely import Polygon
 
+from pavetwin.arrays import BoolArray, Float32Array, Float64Array
 from pavetwin.defects.marking import Marking, mark, outline
 
-Field = npt.NDArray[np.float32]
 Lattice = tuple[tuple[int, int], float, tuple[float, float]]
 
 COARSEST_CELL_M = 0.005
@@ -29,13 +28,13 @@ class Stains:
         ValueError: shapes differ, or a value is out of its range.
     """
 
-    dirt: Field
+    dirt: Float32Array
     """Dark fill and stains, 0 … 1: soil, damp, old bitumen."""
-    dust: Field
+    dust: Float32Array
     """Pale fines, 0 … 1: ground off or pumped out."""
-    stone: Field
+    stone: Float32Array
     """Share of the cell covered by loose stones."""
-    tone: Field
+    tone: Float32Array
     """How bright the single stone is that shows, -1 … 1; 0 where the binder covers it."""
 
     def __post_init__(self) -> None:
@@ -59,11 +58,11 @@ class Heightfield:
         ValueError: shapes differ, a cell is coarser than 5 mm, or a share is not within 0 … 1.
     """
 
-    height_m: Field
+    height_m: Float32Array
     """Mean height above the sound road around it."""
-    opening: Field
+    opening: Float32Array
     """Share of the cell that lies in an open crack."""
-    exposed: Field
+    exposed: Float32Array
     """Share that is broken: bare aggregate, the binder gone."""
     cell_m: float
     origin_m: tuple[float, float]
@@ -98,7 +97,7 @@ class Heightfield:
         return x, y, x + cols * self.cell_m, y + rows * self.cell_m
 
     @cached_property
-    def mask(self) -> npt.NDArray[np.bool_]:
+    def mask(self) -> BoolArray:
         """(rows, cols) what an annotator would mark: one piece without holes; see `Marking` for the rule."""
         mask = mark(self.height_m, self.cell_m, self.marking)
         mask.flags.writeable = False
@@ -118,7 +117,7 @@ class Heightfield:
         kept = self.mask.astype(np.float32)
         return replace(stains, stone=stains.stone * kept, tone=stains.tone * kept)
 
-    def uv(self, xy: npt.NDArray[np.float64]) -> npt.NDArray[np.float32]:
+    def uv(self, xy: Float64Array) -> Float32Array:
         """Texture coordinates (n, 2) of points (n, 2): (0, 0) is the outer corner of cell [0, 0], v grows with y."""
         x0, y0, x1, y1 = self.bounds_m
         return np.asarray((xy - (x0, y0)) / (x1 - x0, y1 - y0), dtype=np.float32)
@@ -134,7 +133,7 @@ class Heightfield:
         return result
 
 
-def _check(name: str, layer: Field, shape: tuple[int, ...], low: float = 0.0, high: float = 1.0) -> None:
+def _check(name: str, layer: Float32Array, shape: tuple[int, ...], low: float = 0.0, high: float = 1.0) -> None:
     if layer.ndim != 2 or layer.shape != shape or layer.dtype != np.float32:
         raise ValueError(f"{name} is {layer.dtype} of shape {layer.shape}, not float32 {shape}")
     if layer.size and not (layer.min() >= low and layer.max() <= high):

@@ -1,10 +1,10 @@
 """A heightfield as textures: normals, albedo, occlusion. Row 0 holds the smallest y, as `Heightfield.uv` counts."""
 
 import numpy as np
-import numpy.typing as npt
 
 from pavetwin._core import relief_widths
-from pavetwin.defects.heightfield import Field, Heightfield
+from pavetwin.arrays import Float32Array, UInt8Array
+from pavetwin.defects.heightfield import Heightfield
 from pavetwin.defects.shapes import smooth
 
 CRACK = (0.22, 0.21, 0.20)
@@ -23,7 +23,7 @@ CAVITY_SCALES_M = (0.02, 0.08, 0.25)
 CAVITY_STRENGTH = 1.1
 
 
-def normal_map(heightfield: Heightfield) -> npt.NDArray[np.uint8]:
+def normal_map(heightfield: Heightfield) -> UInt8Array:
     """(rows, cols, 3) tangent-space normals: red along x, green along y, blue up, 0 … 255 for -1 … 1."""
     slope_y, slope_x = np.gradient(heightfield.height_m, np.float32(heightfield.cell_m))
     inverse = 1 / np.sqrt(slope_x * slope_x + slope_y * slope_y + 1)
@@ -31,7 +31,7 @@ def normal_map(heightfield: Heightfield) -> npt.NDArray[np.uint8]:
     return np.asarray(np.round(normals * 127.5 + 127.5), dtype=np.uint8)
 
 
-def albedo_factor(heightfield: Heightfield) -> Field:
+def albedo_factor(heightfield: Heightfield) -> Float32Array:
     """(rows, cols, 3) what the road's albedo (linear red, green, blue) is multiplied by; 1 where it is sound."""
     stains = heightfield.stains
     contrast = 1 + STONE_CONTRAST * stains.tone[..., None]
@@ -43,7 +43,7 @@ def albedo_factor(heightfield: Heightfield) -> Field:
     return _mixed(factor, contrast * np.array(STONE, dtype=np.float32), stains.stone)
 
 
-def occlusion_map(heightfield: Heightfield) -> npt.NDArray[np.uint8]:
+def occlusion_map(heightfield: Heightfield) -> UInt8Array:
     """(rows, cols) share of the sky's light that reaches a cell, 255 for all of it.
 
     At each of three scales r the mean height around a cell less its own, over r, stands for the tangent of the horizon;
@@ -59,12 +59,12 @@ def occlusion_map(heightfield: Heightfield) -> npt.NDArray[np.uint8]:
     return np.asarray(np.round(255 * np.exp(-CAVITY_STRENGTH * darkness)), dtype=np.uint8)
 
 
-def _within(heightfield: Heightfield) -> Field:
+def _within(heightfield: Heightfield) -> Float32Array:
     """(rows, cols, 3) the factor in openings."""
     dark, floor = np.array(CRACK, dtype=np.float32), np.array(CRACK_FLOOR, dtype=np.float32)
     width = relief_widths(heightfield.opening) * np.float32(heightfield.cell_m)
     return dark + (floor - dark) * smooth(width, *SEEN_M)[..., None]
 
 
-def _mixed(below: Field, above: Field, share: Field) -> Field:
+def _mixed(below: Float32Array, above: Float32Array, share: Float32Array) -> Float32Array:
     return np.asarray(below + (above - below) * share[..., None], dtype=np.float32)

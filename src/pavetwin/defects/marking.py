@@ -2,12 +2,11 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely import Polygon
 
 from pavetwin._core import relief_outline, relief_region
+from pavetwin.arrays import BoolArray, Float32Array
 
 SIMPLIFIED = 0.3
 """Farthest that an outline departs from its mask's boundary [cells]."""
@@ -26,12 +25,12 @@ class Marking:
     least_m: float = 0.0005
 
 
-def mark(height_m: npt.NDArray[np.float32], cell_m: float, marking: Marking) -> npt.NDArray[np.bool_]:
+def mark(height_m: Float32Array, cell_m: float, marking: Marking) -> BoolArray:
     """The mask (rows, cols) of a heightfield."""
     return relief_region(height_m <= -marking.least_m, marking.margin_m / cell_m, marking.closing_m / cell_m)
 
 
-def outline(mask: npt.NDArray[np.bool_], cell_m: float, origin_m: tuple[float, float]) -> Polygon:
+def outline(mask: BoolArray, cell_m: float, origin_m: tuple[float, float]) -> Polygon:
     """The boundary of a mask in one piece without holes, in metres.
 
     Raises:

@@ -4,12 +4,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from pavetwin._core import relief_widths
-from pavetwin.defects.heightfield import Field, Heightfield
-
-Floats = npt.NDArray[np.float64]
+from pavetwin.arrays import Float32Array, Float64Array
+from pavetwin.defects.heightfield import Heightfield
 
 WIDEST_SHARE = 0.98
 """The widest opening is the one that this share of the crack's length does not exceed: a chip is no width."""
@@ -71,14 +69,14 @@ def measure(heightfield: Heightfield) -> Measures:
     )
 
 
-def _quantile(values: Floats, weights: Floats, share: float) -> float:
+def _quantile(values: Float64Array, weights: Float64Array, share: float) -> float:
     """The value that a share of the weight does not exceed, to within a two-thousandth of the largest."""
     top = float(values.max())
     reached = np.cumsum(np.bincount((values * (BINS / top)).astype(np.int64), weights, minlength=BINS + 1))
     return min(top, (float(np.searchsorted(reached, share * reached[-1])) + 0.5) * top / BINS)
 
 
-def _low(heights: Field) -> float:
+def _low(heights: Float32Array) -> float:
     """The height that 5 % of the cells lie below."""
     if heights.size == 0:
         return 0.0

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from pavetwin._core import relief_mesh
+from pavetwin.arrays import Float32Array, UInt32Array
 from pavetwin.defects.heightfield import Heightfield
 
 TOLERANCE_M = 0.002
@@ -16,11 +16,11 @@ MOST_VERTICES = 20_000
 class Mesh:
     """Triangles over a defect's outline, anticlockwise from above, in the defect's own frame."""
 
-    positions: npt.NDArray[np.float32]
+    positions: Float32Array
     """(n, 3) metres. The first `border` of them are the outline's corners in its order, at z = 0."""
-    uv: npt.NDArray[np.float32]
+    uv: Float32Array
     """(n, 2) into the heightfield's maps; see `Heightfield.uv`."""
-    indices: npt.NDArray[np.uint32]
+    indices: UInt32Array
     """(m, 3)."""
     border: int
     error_m: float

@@ -9,8 +9,9 @@ from collections.abc import Callable
 import numpy as np
 
 from pavetwin._core import relief_pebbles, relief_region
-from pavetwin.defects.heightfield import Field, Lattice
-from pavetwin.defects.shapes import Cells, Flags, Points, between, centres, noise, smooth
+from pavetwin.arrays import BoolArray, Float32Array, Float64Array, IndexArray
+from pavetwin.defects.heightfield import Lattice
+from pavetwin.defects.shapes import between, centres, noise, smooth
 
 STEEPEST = 1.8
 """Of a wall, as a slope (61°): a course of 4 cm breaks over four cells. Fuller holes than that allows are steeper."""
@@ -50,7 +51,7 @@ SOLVED_CELLS = 4000
 """As many cells tell the volume to within a hundredth."""
 
 
-def opened(rim_m: Field, cell_m: float) -> tuple[Flags, Field]:
+def opened(rim_m: Float32Array, cell_m: float) -> tuple[BoolArray, Float32Array]:
     """(which cells are in the hole, distance from its rim [m], negative outside) of what a rim leaves.
 
     One hole without islands or fins: the course breaks off where little of it is left.
@@ -67,12 +68,12 @@ def opened(rim_m: Field, cell_m: float) -> tuple[Flags, Field]:
 def dug(
     rng: np.random.Generator,
     lattice: Lattice,
-    hole: Flags,
-    inside_m: Field,
-    bed_m: Field,
+    hole: BoolArray,
+    inside_m: Float32Array,
+    bed_m: Float32Array,
     depth_m: float,
     fullness: tuple[float, float],
-) -> Field:
+) -> Float32Array:
     """Height of the hole with its floor's bed on it, 0 outside: as deep and as full as asked [m].
 
     The fullness is drawn from its range, but not above what walls of the steepest slope leave, while the range allows.
@@ -88,7 +89,7 @@ def dug(
     reach = float(np.quantile(inner, 0.97))
     few = np.arange(0, len(cells), max(1, len(cells) // SOLVED_CELLS))
 
-    def level(width_m: float, some: Cells | slice) -> Field:
+    def level(width_m: float, some: IndexArray | slice) -> Float32Array:
         """Depth below the road where the bowl's slopes are so wide, 1 at the deepest."""
         wall = max(STEEPEST, 2 * depth_m / width_m)
         whole = min(1.0, reach / width_m)
@@ -114,7 +115,9 @@ def dug(
     return height
 
 
-def _solved(level: Callable[[float, Cells | slice], Field], few: Cells, reach_m: float, asked: float) -> Field:
+def _solved(
+    level: Callable[[float, IndexArray | slice], Float32Array], few: IndexArray, reach_m: float, asked: float
+) -> Float32Array:
     """The level whose mean is nearest to what is asked, by the width of its slopes."""
     low, high = math.log(reach_m / 100), math.log(reach_m * 20)
     middle = 0.5 * (low + high)
@@ -133,7 +136,7 @@ def _solved(level: Callable[[float, Cells | slice], Field], few: Cells, reach_m:
     return found
 
 
-def _layers(rng: np.random.Generator, depth_m: float) -> Points:
+def _layers(rng: np.random.Generator, depth_m: float) -> Float64Array:
     """Depths at which the courses end, 0 first; the last is the floor."""
     ends = [0.0, min(between(rng, LAYER_M), float(rng.uniform(0.4, 0.75)) * depth_m)]
     while depth_m - ends[-1] > 1.4 * LAYER_M[1]:
@@ -141,7 +144,7 @@ def _layers(rng: np.random.Generator, depth_m: float) -> Points:
     return np.array([*ends, depth_m])
 
 
-def _stepped(deep: Field, layers: Points) -> Field:
+def _stepped(deep: Float32Array, layers: Float64Array) -> Float32Array:
     """The same slopes in steps: each course falls steeply and is a ledge from there to where the next one ends."""
     total = np.zeros_like(deep)
     for top, end in zip(layers[:-1].tolist(), layers[1:].tolist(), strict=True):
@@ -150,7 +153,9 @@ def _stepped(deep: Field, layers: Points) -> Field:
     return total
 
 
-def aggregate(rng: np.random.Generator, lattice: Lattice, hole: Flags, size_m: float) -> tuple[Field, Field]:
+def aggregate(
+    rng: np.random.Generator, lattice: Lattice, hole: BoolArray, size_m: float
+) -> tuple[Float32Array, Float32Array]:
     """(tops of stones, tone of each) of a floor of coarse aggregate with finer stones between."""
     coarse, coarse_tone = relief_pebbles(lattice, hole, int(rng.integers(2**63)), size_m)
     fine, fine_tone = relief_pebbles(lattice, hole, int(rng.integers(2**63)), 0.55 * size_m)
@@ -159,7 +164,9 @@ def aggregate(rng: np.random.Generator, lattice: Lattice, hole: Flags, size_m: f
     return np.maximum(kept, lower), np.where(kept > lower, coarse_tone, fine_tone)
 
 
-def loose_stones(rng: np.random.Generator, lattice: Lattice, inside_m: Field, per_m2: float) -> tuple[Field, Field]:
+def loose_stones(
+    rng: np.random.Generator, lattice: Lattice, inside_m: Float32Array, per_m2: float
+) -> tuple[Float32Array, Float32Array]:
     """Stones of 1 to 4 cm that lie about on the floor, few by the rim: (height [m], share covered)."""
     (rows, cols), cell, _ = lattice
     height = np.zeros((rows, cols), dtype=np.float32)

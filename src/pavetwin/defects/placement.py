@@ -22,11 +22,12 @@ import shapely
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 from shapely import Point, Polygon
 
+from pavetwin.arrays import Float64Array
 from pavetwin.config.base import Settings
 from pavetwin.defects.measures import measure
 from pavetwin.defects.poses import Poses, Road
 from pavetwin.defects.registry import DefectKind, kinds, unknown
-from pavetwin.defects.shapes import Points, turned
+from pavetwin.defects.shapes import turned
 from pavetwin.seeds import Stream, child
 from pavetwin.world.build import Built
 from pavetwin.world.content import snapped
@@ -106,7 +107,7 @@ def place(
     return tuple(defects)
 
 
-def _weighted(options: DefectOptions) -> tuple[tuple[DefectKind, ...], Points]:
+def _weighted(options: DefectOptions) -> tuple[tuple[DefectKind, ...], Float64Array]:
     known = kinds()
     names = [kind.name.value for kind in known]
     for name in options.mix:
@@ -117,7 +118,7 @@ def _weighted(options: DefectOptions) -> tuple[tuple[DefectKind, ...], Points]:
 
 
 def _on_segment(
-    segment: Segment, seed: int, options: DefectOptions, weighted: tuple[tuple[DefectKind, ...], Points]
+    segment: Segment, seed: int, options: DefectOptions, weighted: tuple[tuple[DefectKind, ...], Float64Array]
 ) -> Iterator[Defect]:
     rng = child(seed, Stream.DEFECTS, segment_key(segment))
     room = segment.polygon.buffer(-EDGE_M - (GUTTER_M if has_gutter(segment.street) else 0.0))

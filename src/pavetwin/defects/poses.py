@@ -9,11 +9,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from pavetwin.arrays import Float64Array
 from pavetwin.world.model import Segment
 
-Poses = npt.NDArray[np.float64]
+Poses = Float64Array
+"""(n, 3): share of the way along the road, 0 … 1; metres to the left of its middle; angle to it [rad]."""
 
 WHEEL_PATH_M, WHEEL_PATH_SPREAD_M = 0.82, 0.10
 """From a lane's centre to its wheel paths: half the track of cars and vans (1.5 to 1.8 m), and how drivers wander."""
@@ -46,7 +47,7 @@ PoseSampler = Callable[[np.random.Generator, Road, int], Poses]
 """`sample_poses(rng, road, count)` proposes `count` poses for one defect."""
 
 
-def wheel_paths(rng: np.random.Generator, road: Road, count: int) -> npt.NDArray[np.float64]:
+def wheel_paths(rng: np.random.Generator, road: Road, count: int) -> Float64Array:
     """(count,) offsets in the wheel paths of lanes."""
     lane = rng.integers(road.lanes, size=count)
     centre = (lane + 0.5) * road.lane_width_m - road.width_m / 2
@@ -55,25 +56,25 @@ def wheel_paths(rng: np.random.Generator, road: Road, count: int) -> npt.NDArray
     return np.asarray(centre + side * narrow * rng.normal(WHEEL_PATH_M, WHEEL_PATH_SPREAD_M, count), dtype=np.float64)
 
 
-def edges(rng: np.random.Generator, road: Road, count: int) -> npt.NDArray[np.float64]:
+def edges(rng: np.random.Generator, road: Road, count: int) -> Float64Array:
     """(count,) offsets near the carriageway's edges."""
     side = rng.choice([-1.0, 1.0], size=count)
     return np.asarray(side * (road.width_m / 2 - rng.uniform(*EDGE_M, count)), dtype=np.float64)
 
 
-def joints(rng: np.random.Generator, road: Road, count: int) -> npt.NDArray[np.float64]:
+def joints(rng: np.random.Generator, road: Road, count: int) -> Float64Array:
     """(count,) offsets along the joints between paved lanes; a single lane is paved in two halves."""
     lanes = max(2, road.lanes)
     joint = rng.integers(1, lanes, size=count)
     return np.asarray(joint * road.width_m / lanes - road.width_m / 2 + rng.normal(0, 0.06, count), dtype=np.float64)
 
 
-def anywhere(rng: np.random.Generator, road: Road, count: int) -> npt.NDArray[np.float64]:
+def anywhere(rng: np.random.Generator, road: Road, count: int) -> Float64Array:
     """(count,) offsets over the whole width."""
     return np.asarray(rng.uniform(-road.width_m / 2, road.width_m / 2, count), dtype=np.float64)
 
 
-def poses(rng: np.random.Generator, offsets: npt.NDArray[np.float64], angle_rad: float, spread_rad: float) -> Poses:
+def poses(rng: np.random.Generator, offsets: Float64Array, angle_rad: float, spread_rad: float) -> Poses:
     """Poses at the offsets, anywhere along the road, turned by about the angle, half of them the other way round."""
     count = len(offsets)
     turn = rng.normal(angle_rad, spread_rad, count) + math.pi * rng.integers(2, size=count)

@@ -4,17 +4,17 @@ import math
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field as Limited
+from pydantic import Field
 
+from pavetwin.arrays import Float32Array, Float64Array
 from pavetwin.config.base import Settings
 from pavetwin.defects import poses
-from pavetwin.defects.heightfield import Field, Heightfield, Lattice, Stains
+from pavetwin.defects.heightfield import Heightfield, Lattice, Stains
 from pavetwin.defects.marking import Marking
 from pavetwin.defects.pit import AGGREGATE_M, aggregate, dug, loose_stones, opened
 from pavetwin.defects.registry import register
 from pavetwin.defects.severity import pothole_severity
 from pavetwin.defects.shapes import (
-    Points,
     Range,
     between,
     centres,
@@ -57,7 +57,7 @@ class PotholeParameters(Settings):
     """Sub-bowls that have merged."""
     stone_m: Range = (0.008, 0.02)
     """Size of the aggregate that shows on its floor."""
-    loose: Annotated[float, Limited(ge=0, le=400)] = 60.0
+    loose: Annotated[float, Field(ge=0, le=400)] = 60.0
     """Loose stones in a square metre of floor, on average."""
     cracks: tuple[int, int] = (1, 6)
     """Cracks that leave its rim."""
@@ -77,7 +77,7 @@ def pothole(rng: np.random.Generator, parameters: PotholeParameters | None = Non
     return _dug(rng, parameters, lattice, rim, depth, cracks)
 
 
-def _bowls(rng: np.random.Generator, parameters: PotholeParameters, diameter_m: float) -> Points:
+def _bowls(rng: np.random.Generator, parameters: PotholeParameters, diameter_m: float) -> Float64Array:
     """(n, 3) centres and radii of the sub-bowls, their union `diameter_m` long on x and around the origin."""
     count = int(rng.integers(parameters.bowls[0], parameters.bowls[1] + 1))
     bowls = np.zeros((count, 3))
@@ -93,7 +93,7 @@ def _bowls(rng: np.random.Generator, parameters: PotholeParameters, diameter_m: 
     return np.asarray(bowls * diameter_m / float((high - low).max()))
 
 
-def _inside(rng: np.random.Generator, lattice: Lattice, bowls: Points) -> Field:
+def _inside(rng: np.random.Generator, lattice: Lattice, bowls: Float64Array) -> Float32Array:
     """How far inside the rim each cell lies [m], negative outside: the bowls' union, its edge broken along stones.
 
     Pieces of the course break out whole: the edge jumps by steps, so that it has corners.
@@ -116,7 +116,7 @@ def _inside(rng: np.random.Generator, lattice: Lattice, bowls: Points) -> Field:
 
 
 def _cracks(
-    rng: np.random.Generator, parameters: PotholeParameters, bowls: Points, diameter_m: float, depth_m: float
+    rng: np.random.Generator, parameters: PotholeParameters, bowls: Float64Array, diameter_m: float, depth_m: float
 ) -> list[Stroke]:
     """Cracks from within the rim outwards, and some along it."""
     strokes = []
@@ -145,7 +145,7 @@ def _dug(
     rng: np.random.Generator,
     parameters: PotholeParameters,
     lattice: Lattice,
-    bowls: Points,
+    bowls: Float64Array,
     depth_m: float,
     cracks: list[Stroke],
 ) -> Heightfield:
@@ -202,7 +202,7 @@ def _dug(
     ).settled()
 
 
-def _float32(field: Field) -> Field:
+def _float32(field: Float32Array) -> Float32Array:
     return np.asarray(field, dtype=np.float32)
 
 

@@ -1,9 +1,9 @@
 """Points spread evenly over a defect, to tell which share of its area is hidden."""
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from pavetwin.arrays import Float64Array, Int64Array
 from pavetwin.world.model import Defect
 
 COARSENED_M = 0.005
@@ -14,7 +14,7 @@ ABOUT = 128
 of 100 cases; with 48 it was 0.08."""
 
 
-def sample_points(defect: Defect, about: int = ABOUT) -> npt.NDArray[np.float64]:
+def sample_points(defect: Defect, about: int = ABOUT) -> Float64Array:
     """(about, 2) points in the defect's polygon (world frame, metres; to within 5 mm), each for the same area.
 
     The polygon is triangulated, and the points are dealt to the triangles by area, neighbours after each other, so that
@@ -40,7 +40,7 @@ def sample_points(defect: Defect, about: int = ABOUT) -> npt.NDArray[np.float64]
     return np.asarray(np.einsum("kc,kcd->kd", weights, corners), dtype=np.float64)
 
 
-def _place_on_curve(xy: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
+def _place_on_curve(xy: Float64Array) -> Int64Array:
     """(n,) how far along Morton's curve points (n, 2) lie, which passes near ones soon after each other."""
     low = xy.min(axis=0)
     cells = ((xy - low) / max(float(np.ptp(xy, axis=0).max()), 1e-9) * 1023).astype(np.int64)
@@ -48,7 +48,7 @@ def _place_on_curve(xy: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
     return np.asarray(np.sum(bits, axis=0), dtype=np.int64)
 
 
-def _van_der_corput(count: int) -> npt.NDArray[np.float64]:
+def _van_der_corput(count: int) -> Float64Array:
     """(count,) evenly spread numbers in (0, 1): the bits of 1 … count read backwards."""
     values = np.zeros(count)
     number, scale = np.arange(1, count + 1), 0.5

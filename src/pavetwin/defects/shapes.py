@@ -4,16 +4,11 @@ import math
 from typing import Annotated
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import AfterValidator
 
 from pavetwin._core import relief_noise
-from pavetwin.defects.heightfield import Field, Lattice
-
-Points = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
-Cells = npt.NDArray[np.intp]
-"""Indices of cells in a flattened field."""
+from pavetwin.arrays import Float32Array, Float64Array, IndexArray
+from pavetwin.defects.heightfield import Lattice
 
 
 def _ordered(limits: tuple[float, float]) -> tuple[float, float]:
@@ -46,7 +41,7 @@ def log_between(limits: tuple[float, float], share: float) -> float:
     return min(high, max(low, low * math.exp(share * math.log(high / low))))
 
 
-def lattice_around(low: Points, high: Points, cell_m: float, pad_m: float) -> Lattice:
+def lattice_around(low: Float64Array, high: Float64Array, cell_m: float, pad_m: float) -> Lattice:
     """A lattice that covers a box (its corners (2,) in metres) and `pad_m` around it, a cell centred on the origin."""
     first = np.floor((low - pad_m) / cell_m)
     last = np.ceil((high + pad_m) / cell_m)
@@ -54,7 +49,7 @@ def lattice_around(low: Points, high: Points, cell_m: float, pad_m: float) -> La
     return (rows, cols), cell_m, (float(first[0] * cell_m), float(first[1] * cell_m))
 
 
-def centres(lattice: Lattice) -> tuple[Field, Field]:
+def centres(lattice: Lattice) -> tuple[Float32Array, Float32Array]:
     """The cells' centres: x (1, cols) and y (rows, 1) [m]."""
     (rows, cols), cell, (x0, y0) = lattice
     x = (x0 + cell * np.arange(cols)).astype(np.float32)[None, :]
@@ -64,24 +59,26 @@ def centres(lattice: Lattice) -> tuple[Field, Field]:
 
 def noise(
     rng: np.random.Generator, lattice: Lattice, wave_m: float | tuple[float, float], octaves: int, gain: float = 0.5
-) -> Field:
+) -> Float32Array:
     """Fractal noise (rows, cols) of mean 0 and standard deviation about 1."""
     waves = wave_m if isinstance(wave_m, tuple) else (wave_m, wave_m)
     return relief_noise(lattice, int(rng.integers(2**63)), waves, octaves, gain)
 
 
-def smooth(field: Field, low: float, high: float) -> Field:
+def smooth(field: Float32Array, low: float, high: float) -> Float32Array:
     """0 below `low`, 1 above `high`, an even rise between; the other way round if `low` is the larger."""
     return np.asarray(np.clip((field - np.float32(low)) / np.float32(high - low), 0, 1), dtype=np.float32)
 
 
-def turned(ring: Points, angle_rad: float) -> Points:
+def turned(ring: Float64Array, angle_rad: float) -> Float64Array:
     """Points (n, 2) turned anticlockwise about the origin."""
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     return np.asarray(ring @ np.array([[cos, sin], [-sin, cos]]), dtype=np.float64)
 
 
-def spread(shape: tuple[int, int], cells: Cells, values: Field, low: float = 0.0, high: float = 1.0) -> Field:
+def spread(
+    shape: tuple[int, int], cells: IndexArray, values: Float32Array, low: float = 0.0, high: float = 1.0
+) -> Float32Array:
     """A field that has values at some cells and is 0 elsewhere, each kept within its limits."""
     field = np.zeros(shape, dtype=np.float32)
     field.ravel()[cells] = np.clip(values, low, high)

@@ -5,18 +5,17 @@ from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field as Limited
+from pydantic import Field
 
 from pavetwin._core import relief_pebbles
+from pavetwin.arrays import Float32Array, Float64Array, IndexArray
 from pavetwin.config.base import Settings
 from pavetwin.defects import poses
-from pavetwin.defects.heightfield import Field, Heightfield, Lattice, Stains
+from pavetwin.defects.heightfield import Heightfield, Lattice, Stains
 from pavetwin.defects.marking import Marking
 from pavetwin.defects.registry import register
 from pavetwin.defects.severity import crack_severity
 from pavetwin.defects.shapes import (
-    Cells,
-    Points,
     Range,
     Share,
     between,
@@ -76,7 +75,7 @@ class SingleCrackParameters(Settings):
     """Times the usual departure from a straight line."""
     steps: tuple[int, int] = (0, 2)
     """Interruptions: it stops and goes on beside itself."""
-    branches: Annotated[float, Limited(ge=0, le=5)] = 0.7
+    branches: Annotated[float, Field(ge=0, le=5)] = 0.7
     """Branches a metre, on average."""
     spalled: Share = (0.0, 0.7)
     """Share of its length along which an edge has chipped."""
@@ -129,14 +128,14 @@ def _pieces(
     return [Stroke(piece.points, piece.half_m * scale, piece.depth_m) for piece in pieces]
 
 
-def _profile(rng: np.random.Generator, count: int) -> Points:
+def _profile(rng: np.random.Generator, count: int) -> Float64Array:
     """How open it is along its length, 1 where widest: it varies in long waves and short ones."""
     waves = wandering(rng, count, STEP_M, 1.2, 0.4)
     return np.asarray(np.clip(0.62 + 0.38 * waves / max(1e-6, float(np.abs(waves).max())), 0.22, 1.0))
 
 
 def _opened(
-    rng: np.random.Generator, line: Points, width_m: Points, depth_m: float, stepped: tuple[bool, bool]
+    rng: np.random.Generator, line: Float64Array, width_m: Float64Array, depth_m: float, stepped: tuple[bool, bool]
 ) -> Stroke:
     """A line opened to a width, closing towards its ends over a tenth of its length, or 8 cm where it steps aside."""
     count = len(line)
@@ -214,8 +213,8 @@ def _painted(
 
 
 def _filled(
-    rng: np.random.Generator, lattice: Lattice, distance_m: Field, cells: Cells, height_m: Field
-) -> tuple[Field, Field]:
+    rng: np.random.Generator, lattice: Lattice, distance_m: Float32Array, cells: IndexArray, height_m: Float32Array
+) -> tuple[Float32Array, Float32Array]:
     """(height of a wide crack with leaning sides and what has fallen in [m], share covered by crumbs) at the cells.
 
     The deepest point stays as deep as it was.

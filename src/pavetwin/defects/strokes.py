@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pavetwin._core import relief_trace
-from pavetwin.defects.heightfield import Field, Lattice
-from pavetwin.defects.shapes import Points
+from pavetwin.arrays import Float32Array, Float64Array
+from pavetwin.defects.heightfield import Lattice
 
 STEP_M = 0.006
 """Between the points of a line: about the size of the stones that a crack goes around."""
@@ -21,18 +21,18 @@ FRAYED = ((1.0, 0.7), (2.6, 0.75), (6.5, 0.6))
 class Stroke:
     """A line (n, 2) with half its opening to the left and right (n, 2) and its depth (n,) [m]."""
 
-    points: Points
-    half_m: Points
-    depth_m: Points
+    points: Float64Array
+    half_m: Float64Array
+    depth_m: Float64Array
 
 
 @dataclass(frozen=True, eq=False)
 class Traces:
     """What strokes leave: height [m], share open, distance from the nearest edge [m], each (rows, cols)."""
 
-    height_m: Field
-    opening: Field
-    distance_m: Field
+    height_m: Float32Array
+    opening: Float32Array
+    distance_m: Float32Array
 
 
 def traced(lattice: Lattice, strokes: Sequence[Stroke], reach_m: float, steepness: int = 2) -> Traces:
@@ -46,7 +46,7 @@ def traced(lattice: Lattice, strokes: Sequence[Stroke], reach_m: float, steepnes
     return Traces(*relief_trace(lattice, points, offsets, half, depth, reach_m, steepness))
 
 
-def wandering(rng: np.random.Generator, count: int, step_m: float, longest_m: float, hurst: float) -> Points:
+def wandering(rng: np.random.Generator, count: int, step_m: float, longest_m: float, hurst: float) -> Float64Array:
     """(count,) sideways departures along a line, of standard deviation about 1 at waves of one metre.
 
     Waves from `longest_m` halve down to three steps; the strength of a wave grows with its length to the power `hurst`
@@ -62,7 +62,7 @@ def wandering(rng: np.random.Generator, count: int, step_m: float, longest_m: fl
     return total
 
 
-def frayed(rng: np.random.Generator, count: int, step_m: float, grain_m: float) -> Points:
+def frayed(rng: np.random.Generator, count: int, step_m: float, grain_m: float) -> Float64Array:
     """(count, 2) departures of the two edges, standard deviation about 1: angular at the size of stones, and bites of
     several stones here and there."""
     sides = np.zeros((count, 2))

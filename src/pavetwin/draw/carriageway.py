@@ -4,14 +4,14 @@ import numpy as np
 import shapely
 from shapely import Geometry, LineString
 
-from pavetwin.draw.shapes import Floats
+from pavetwin.arrays import Float64Array
 from pavetwin.world.model import LaneKind, World
 
 _KERB_M = 0.7
 """Lines closer to the kerb than this are no lane lines."""
 
 
-def lane_lines(world: World) -> list[Floats]:
+def lane_lines(world: World) -> list[Float64Array]:
     """The lines between lanes: of every driving edge between its own lanes, and between the directions of a street."""
     driven = [lane for lane in world.lanes if lane.kind is LaneKind.DRIVING]
     lanes: dict[str, list[tuple[int, LineString, float]]] = {}

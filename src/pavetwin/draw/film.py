@@ -6,10 +6,11 @@ import numpy as np
 import shapely
 from PIL import Image, ImageDraw
 
+from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
 from pavetwin.draw.frame import DefectMark, Scene, View
 from pavetwin.draw.ground_raster import GroundRaster
-from pavetwin.draw.marks import Floats, Outcome, Place, doing, footprint_m, rectangles, telling_moment_s
+from pavetwin.draw.marks import Outcome, Place, doing, footprint_m, rectangles, telling_moment_s
 from pavetwin.draw.mission_style import agent_group, font
 from pavetwin.draw.readings import HEIGHT_PX, Readings
 from pavetwin.draw.shadows import SeenSurface, shadows
@@ -46,7 +47,7 @@ class Film:
                 f"The animation cannot start at {start:g} s: the mission lasts {result.duration_s:.0f} s."
             )
         shown = min(duration_s, result.duration_s - start)
-        self.times_s: Floats = start + np.arange(max(1, round(shown / speed * fps))) * speed / fps
+        self.times_s: Float64Array = start + np.arange(max(1, round(shown / speed * fps))) * speed / fps
         self._track, self._trace = result.track, traffic.trace()
         footprint = footprint_m(result)
         self.width_m = max(WIDTH_M, 2.2 * max(footprint))
@@ -130,7 +131,7 @@ class Film:
             trail=np.vstack([trail, position]),
         )
 
-    def _at(self, time_s: float | Floats, column: str) -> Floats:
+    def _at(self, time_s: float | Float64Array, column: str) -> Float64Array:
         return np.asarray(np.interp(time_s, self._track["t_s"], self._track[column]))  # type: ignore[literal-required]
 
     def _concerns(self, east_m: float, north_m: float) -> bool:

@@ -9,9 +9,10 @@ import numpy as np
 import shapely
 from PIL import Image
 
+from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
 from pavetwin.draw.ground_raster import GroundRaster
-from pavetwin.draw.marks import Floats, Outcome, Place, rectangles
+from pavetwin.draw.marks import Outcome, Place, rectangles
 from pavetwin.draw.mission_style import AGENT_COLOURS, HIDDEN, OPEN_DEFECT, SEEN, UAV, Rgb, rgb, visibility_rgb
 from pavetwin.draw.pen import SMOOTHING, Pen
 from pavetwin.draw.shadows import bodies
@@ -63,7 +64,7 @@ class Scene:
     seen: shapely.Geometry
     """Pavement that the captures so far have seen."""
     defects: Sequence[DefectMark]
-    trail: Floats
+    trail: Float64Array
     """(n, 2), where the UAV has just been."""
 
 
@@ -112,7 +113,7 @@ class View:
         return pen.finished()
 
 
-def _around(scene: Scene, size_m: tuple[float, float]) -> Floats:
+def _around(scene: Scene, size_m: tuple[float, float]) -> Float64Array:
     """(4, 2) corners of a rectangle under the UAV, given as (across, along)."""
     x, y = np.array([scene.position[0]]), np.array([scene.position[1]])
     return np.asarray(rectangles(x, y, np.array([scene.yaw_rad]), *size_m)[0])
@@ -146,13 +147,13 @@ def _draw_agents(pen: Pen, scene: Scene) -> None:
             _draw_vehicle(pen, outlines[index], colour, scene.groups[index])
 
 
-def _draw_vehicle(pen: Pen, corners: Floats, colour: Rgb, group: str) -> None:
+def _draw_vehicle(pen: Pen, corners: Float64Array, colour: Rgb, group: str) -> None:
     """A body with cut corners, a windscreen and, but for trucks and buses, a rear window. Front: corners 0 and 1."""
     front_left, front_right, _, back_left = corners
     right, back = front_right - front_left, back_left - front_left
     length, width = float(np.hypot(*back)), float(np.hypot(*right))
 
-    def at(along_m: float, across: float) -> Floats:
+    def at(along_m: float, across: float) -> Float64Array:
         return np.asarray(front_left + back * (along_m / length) + right * across)
 
     cut, side = 0.35, 0.35 / max(width, 0.5) * 0.6
@@ -174,7 +175,7 @@ def _draw_vehicle(pen: Pen, corners: Floats, colour: Rgb, group: str) -> None:
         pen.fill([at(rear - 0.4, 0.26), at(rear - 0.4, 0.74), at(rear, 0.8), at(rear, 0.2)], dark)
 
 
-def _draw_dashed(pen: Pen, corners: Floats, colour: tuple[int, ...], dash_m: float = 0.55) -> None:
+def _draw_dashed(pen: Pen, corners: Float64Array, colour: tuple[int, ...], dash_m: float = 0.55) -> None:
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         count = max(1, round(float(np.hypot(*(end - start))) / (2 * dash_m)))
         for number in range(count):
@@ -186,7 +187,7 @@ def _draw_uav(pen: Pen, scene: Scene) -> None:
     """Four rotors on arms, a body, and an arrowhead in the direction of the camera's top edge."""
     centre, ink = np.array(scene.position), rgb(UAV)
 
-    def at(ahead_m: float, left_m: float) -> Floats:
+    def at(ahead_m: float, left_m: float) -> Float64Array:
         c, s = cos(scene.yaw_rad), sin(scene.yaw_rad)
         return centre + (c * ahead_m - s * left_m, s * ahead_m + c * left_m)
 

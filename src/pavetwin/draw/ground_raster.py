@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from matplotlib.colors import LinearSegmentedColormap, to_hex
 from PIL import Image, ImageDraw
@@ -18,8 +17,6 @@ from shapely.ops import substring
 from pavetwin.draw import style
 from pavetwin.world.carriageway import carriageway
 from pavetwin.world.model import Crossing, FurnitureKind, Lane, LaneKind, World
-
-Floats = npt.NDArray[np.float64]
 
 TILE_PX = 512
 SMOOTHING = 3

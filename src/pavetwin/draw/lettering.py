@@ -8,7 +8,6 @@ from functools import cache
 from math import ceil, hypot
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.font_manager import FontProperties
@@ -17,11 +16,10 @@ from matplotlib.textpath import TextPath
 from matplotlib.transforms import Affine2D
 from shapely import Geometry, LineString, Polygon
 
+from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
 from pavetwin.draw.shapes import fill, fill_outlines, points_per_m
 from pavetwin.world.model import Segment
-
-Floats = npt.NDArray[np.float64]
 
 SMALLEST_PT, LARGEST_PT = 4.4, 8.0
 """Of a street's name."""
@@ -126,7 +124,7 @@ def chains(lines: Iterable[LineString], gap_m: float = _GAP_M) -> list[LineStrin
     return sorted(joined, key=lambda chain: -chain.length)
 
 
-def _continuation(line: Floats, others: Sequence[Floats], gap_m: float) -> tuple[int, bool, bool] | None:
+def _continuation(line: Float64Array, others: Sequence[Float64Array], gap_m: float) -> tuple[int, bool, bool] | None:
     best, nearest = None, gap_m
     for index, other in enumerate(others):
         for reverse_line in (False, True):
@@ -167,7 +165,7 @@ def _along(
 
 
 def _write(
-    axes: Axes, line: LineString, name: str, size_m: float, advances: Floats, start: float, room: Room
+    axes: Axes, line: LineString, name: str, size_m: float, advances: Float64Array, start: float, room: Room
 ) -> tuple[list[Outline], LineString] | None:
     """The name from `start` metres along the line, or nothing where that bends too much or is taken."""
     length = float(advances[-1])
@@ -207,7 +205,7 @@ def _pose(line: LineString, at_m: float, window_m: float = 6.0, *, upright: bool
     return float(x), float(y), angle
 
 
-def _turn(a: Floats, b: Floats) -> float:
+def _turn(a: Float64Array, b: Float64Array) -> float:
     return float(np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b))
 
 

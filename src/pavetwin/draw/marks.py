@@ -9,14 +9,13 @@ from enum import StrEnum
 from math import hypot
 
 import numpy as np
-import numpy.typing as npt
 
+from pavetwin.arrays import BoolArray, Float64Array, UInt8Array
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
 from pavetwin.twin import Mode
 from pavetwin.uav import find_camera
 
-Floats = npt.NDArray[np.float64]
 Place = tuple[float, float]
 
 SAME_PLACE_M = 1.5
@@ -72,7 +71,7 @@ def outcomes(result: MissionResult) -> dict[int, Outcome]:
     return found
 
 
-def doing(result: MissionResult) -> npt.NDArray[np.uint8]:
+def doing(result: MissionResult) -> UInt8Array:
     """(n,) for each sample of the track, what the UAV did, by the number of its mode.
 
     While it stands and looks whether to wait on, the kernel has it inspect; here it waits.
@@ -96,7 +95,7 @@ def revisits(result: MissionResult) -> list[Stay]:
     return _stays(result, (result.track["mode"] == NUMBER[Mode.REVISIT]) & stands & inspecting(result))
 
 
-def _stays(result: MissionResult, chosen: npt.NDArray[np.bool_]) -> list[Stay]:
+def _stays(result: MissionResult, chosen: BoolArray) -> list[Stay]:
     track = result.track
     lasts = np.diff(track["t_s"], append=track["t_s"][-1:])
     stays: list[Stay] = []
@@ -123,23 +122,25 @@ def displacements(result: MissionResult) -> list[Step]:
     return steps
 
 
-def runs(chosen: npt.NDArray[np.bool_]) -> list[slice]:
+def runs(chosen: BoolArray) -> list[slice]:
     """The unbroken stretches of true values, as slices."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(np.int8)))
     return [slice(int(start), int(end)) for start, end in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def inspecting(result: MissionResult) -> npt.NDArray[np.bool_]:
+def inspecting(result: MissionResult) -> BoolArray:
     """(n,) for each sample of the track, whether the camera was looking at a segment."""
     return np.asarray(np.isfinite(result.track["visibility"]), dtype=np.bool_)
 
 
-def avoiding(result: MissionResult) -> npt.NDArray[np.bool_]:
+def avoiding(result: MissionResult) -> BoolArray:
     """(n,) for each sample of the track, whether the UAV gave way to another aircraft."""
     return np.asarray(result.track["mode"] == NUMBER[Mode.AVOID], dtype=np.bool_)
 
 
-def rectangles(x_m: Floats, y_m: Floats, yaw_rad: Floats, across_m: float, along_m: float) -> Floats:
+def rectangles(
+    x_m: Float64Array, y_m: Float64Array, yaw_rad: Float64Array, across_m: float, along_m: float
+) -> Float64Array:
     """(n, 4, 2) corners of rectangles on the ground, `along_m` in the direction of the yaw and `across_m` beside it."""
     forward = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=-1)
     left = np.stack([-forward[:, 1], forward[:, 0]], axis=-1)
@@ -149,7 +150,7 @@ def rectangles(x_m: Floats, y_m: Floats, yaw_rad: Floats, across_m: float, along
     return np.asarray(np.stack(corners, axis=1))
 
 
-def windows(result: MissionResult, segment: int | None = None) -> tuple[Floats, Floats]:
+def windows(result: MissionResult, segment: int | None = None) -> tuple[Float64Array, Float64Array]:
     """The inspection windows that were captured: corners (n, 4, 2) and visibility (n,).
 
     Captures that repeat the one before them (the UAV stood) are left out, the one that saw most excepted.

@@ -8,7 +8,8 @@ import numpy.typing as npt
 import shapely
 from PIL import Image, ImageDraw
 
-Shape = npt.NDArray[np.float64]
+from pavetwin.arrays import Float64Array
+
 Colour = tuple[int, ...]
 """Red, green, blue and, where given, opacity; 0 … 255."""
 
@@ -26,7 +27,7 @@ class Pen:
         self.scale = scale * SMOOTHING
         self.corner = np.array(corner_px, dtype=np.float64) * SMOOTHING
 
-    def at(self, xy: npt.ArrayLike) -> Shape:
+    def at(self, xy: npt.ArrayLike) -> Float64Array:
         """World (..., 2) in metres to pixels (..., 2) of the enlarged image."""
         return np.asarray(xy, dtype=np.float64) * (self.scale, -self.scale) - self.corner
 
@@ -76,5 +77,5 @@ def _wide(width_px: float) -> int:
     return max(1, round(width_px * SMOOTHING))
 
 
-def _span(values: Sequence[float] | Shape, limit: int) -> tuple[int, int]:
+def _span(values: Sequence[float] | Float64Array, limit: int) -> tuple[int, int]:
     return max(0, floor(min(values))), min(limit, ceil(max(values)) + 1)

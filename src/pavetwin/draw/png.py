@@ -3,10 +3,11 @@
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from PIL import Image
 
-_Bytes = npt.NDArray[np.uint8]
+from pavetwin.arrays import IndexArray, UInt8Array
+
+_Bytes = UInt8Array
 
 _EXACT = 48
 """So many of the most frequent colours are kept as they are: grounds, roofs, inks."""
@@ -34,7 +35,7 @@ def shrink(path: Path) -> None:
     small.save(path, format="PNG", optimize=True)
 
 
-def _palette(rgb: _Bytes, counts: npt.NDArray[np.intp], order: npt.NDArray[np.intp]) -> _Bytes:
+def _palette(rgb: _Bytes, counts: IndexArray, order: IndexArray) -> _Bytes:
     """The most frequent colours, then always the one worst served so far, so that a rare mark keeps its colour."""
     known, weights = rgb.astype(np.int32), np.sqrt(counts)
     chosen = [int(index) for index in order[:_EXACT]]

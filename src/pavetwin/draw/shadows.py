@@ -9,11 +9,11 @@ from math import hypot
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
 from pavetwin._core import Trace
-from pavetwin.draw.marks import Floats, rectangles
+from pavetwin.arrays import Float64Array, GeometryArray
+from pavetwin.draw.marks import rectangles
 from pavetwin.draw.mission_style import SMALLEST_VEHICLE_M
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
@@ -28,7 +28,7 @@ TOLERANCE_M = 0.05
 """Outlines of the seen pavement are simplified by this much."""
 
 
-def bodies(agents: "PoseColumns") -> Floats:
+def bodies(agents: "PoseColumns") -> Float64Array:
     """(n, 4, 2) the agents' outlines on the ground."""
     count = len(agents["x_m"])
     shapes = np.empty((count, 4, 2))
@@ -44,7 +44,7 @@ def bodies(agents: "PoseColumns") -> Floats:
     return shapes
 
 
-def shadows(agents: "PoseColumns", camera: tuple[float, float, float]) -> npt.NDArray[np.object_]:
+def shadows(agents: "PoseColumns", camera: tuple[float, float, float]) -> GeometryArray:
     """Polygons of ground that the agents on it hide from a camera at (east, north, height above the ground)."""
     standing = agents["is_pedestrian"] | (agents["length_m"] >= SMALLEST_VEHICLE_M)
     base = bodies(agents)[standing]

@@ -15,7 +15,7 @@ from matplotlib.path import Path as Outline
 from matplotlib.typing import ColorType
 from shapely import Geometry, LineString, Polygon
 
-Floats = npt.NDArray[np.float64]
+from pavetwin.arrays import Float64Array, IndexArray
 
 
 def mix(colour: ColorType, other: ColorType, share: float) -> tuple[float, float, float]:
@@ -33,7 +33,7 @@ def points_per_m(axes: Axes) -> float:
     return float(axes.get_position().width * figure.get_size_inches()[0] * 72 / (east - west))
 
 
-def seen(axes: Axes, shapes: Sequence[Geometry], margin_m: float = 5.0) -> npt.NDArray[np.intp]:
+def seen(axes: Axes, shapes: Sequence[Geometry], margin_m: float = 5.0) -> IndexArray:
     """The indices of the shapes that the map shows, wholly or in part."""
     if not len(shapes):
         return np.empty(0, dtype=np.intp)
@@ -96,8 +96,8 @@ def fill_outlines(
 
 def discs(
     axes: Axes,
-    centres: Floats,
-    radii_m: Floats,
+    centres: Float64Array,
+    radii_m: Float64Array,
     zorder: float,
     face: ColorType,
     edge: ColorType = "none",
@@ -146,7 +146,7 @@ def strokes(
     )
 
 
-def shadow(bases: Sequence[Polygon], heights_m: Floats, east: float, south: float, longest_m: float) -> Outline:
+def shadow(bases: Sequence[Polygon], heights_m: Float64Array, east: float, south: float, longest_m: float) -> Outline:
     """The shadows of upright things on the ground, courtyards included, but for what their own bases cover.
 
     A base swept along a line is the base and each of its sides swept. The sides make parallelograms, all turned the
@@ -173,7 +173,7 @@ def shadow(bases: Sequence[Polygon], heights_m: Floats, east: float, south: floa
     return Outline(sides.reshape(-1, 2), codes)
 
 
-def stripes(rectangle: Polygon, width_m: float, gap_m: float, inset_m: float = 0.3) -> list[Floats]:
+def stripes(rectangle: Polygon, width_m: float, gap_m: float, inset_m: float = 0.3) -> list[Float64Array]:
     """Bars across the longer axis of a rectangle (a zebra crossing's): lines of two points."""
     ring = shapely.get_coordinates(rectangle.minimum_rotated_rectangle)
     if len(ring) < 5:
@@ -192,7 +192,7 @@ def stripes(rectangle: Polygon, width_m: float, gap_m: float, inset_m: float = 0
     return [np.stack([start + along * s + across * inner, start + along * s + across * (1 - inner)]) for s in offsets]
 
 
-def ticks(line: LineString, half_m: float) -> list[Floats]:
+def ticks(line: LineString, half_m: float) -> list[Float64Array]:
     """A short line across each end of `line`, reaching `half_m` to both sides."""
     points = shapely.get_coordinates(line)
     marks = []

@@ -8,8 +8,8 @@ import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
-from pavetwin.draw.marks import Floats
 from pavetwin.draw.mission_layers import (
     CLOSE,
     draw_defects,
@@ -68,7 +68,7 @@ class Strip:
         """The same view with more above and below."""
         return replace(self, height_in=height_in, height_m=self.height_m * height_in / self.height_in)
 
-    def outline(self) -> Floats:
+    def outline(self) -> Float64Array:
         """(5, 2) its frame in the world frame, closed."""
         x, y = self.width_m / 2, self.height_m / 2
         return self.turn.back([(-x, -y), (x, -y), (x, y), (-x, y), (-x, -y)])
@@ -123,7 +123,7 @@ def caption(row: SegmentMetrics) -> str:
     return " · ".join(parts)
 
 
-def clipped(shape: Floats, bounds: style.Bounds) -> Floats:
+def clipped(shape: Float64Array, bounds: style.Bounds) -> Float64Array:
     """The part of a closed line inside `bounds`, as one line; for frames that reach out of a map."""
     part = shapely.intersection(shapely.Polygon(shape), shapely.box(*bounds))
     return shapely.get_coordinates(part)

@@ -9,9 +9,9 @@ import numpy.typing as npt
 import shapely
 from shapely import Point
 
+from pavetwin.arrays import Float64Array
 from pavetwin.world.model import Segment, World
 
-Floats = npt.NDArray[np.float64]
 Shape = TypeVar("Shape", bound=shapely.Geometry)
 
 
@@ -40,14 +40,14 @@ class Turn:
         """The direction of north on the page, counter-clockwise from its right."""
         return np.pi / 2 - self.angle_rad
 
-    def points(self, xy: npt.ArrayLike) -> Floats:
+    def points(self, xy: npt.ArrayLike) -> Float64Array:
         """World (..., 2) to page (..., 2), metres both."""
         given = np.asarray(xy, dtype=np.float64)
         east, north = np.moveaxis((given if given.size else given.reshape(0, 2)) - self.origin, -1, 0)
         c, s = cos(self.angle_rad), sin(self.angle_rad)
         return np.stack([c * east + s * north, c * north - s * east], axis=-1)
 
-    def back(self, xy: npt.ArrayLike) -> Floats:
+    def back(self, xy: npt.ArrayLike) -> Float64Array:
         """Page (..., 2) to world (..., 2)."""
         right, up = np.moveaxis(np.asarray(xy, dtype=np.float64), -1, 0)
         c, s = cos(self.angle_rad), sin(self.angle_rad)

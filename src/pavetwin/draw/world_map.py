@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.typing import ColorType
 from shapely import Geometry
 
+from pavetwin.arrays import Float64Array
 from pavetwin.draw import lettering, shapes, style
 from pavetwin.draw.carriageway import lane_lines
 from pavetwin.draw.style import Bounds, LegendEntry
@@ -292,5 +293,5 @@ def defect_words(kind: DefectClass) -> str:
     return kind.value.replace("_", " ")
 
 
-def _centres(things: Sequence[Furniture]) -> shapes.Floats:
+def _centres(things: Sequence[Furniture]) -> Float64Array:
     return np.array([(thing.position.x, thing.position.y) for thing in things], dtype=np.float64).reshape(-1, 2)

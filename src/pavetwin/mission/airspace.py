@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import polars as pl
 
+from pavetwin.arrays import Float32Array, Float64Array
 from pavetwin.errors import PaveTwinError
-from pavetwin.traffic.trace import Singles, TraceArguments
+from pavetwin.traffic.trace import TraceArguments
 
 COLUMNS = ("aircraft", "t_s", "x_m", "y_m", "altitude_m")
 
@@ -24,8 +24,8 @@ class Aircraft:
     """One aircraft's track at one altitude: at least two points, times rising."""
 
     name: str
-    t_s: npt.NDArray[np.float64]
-    xy_m: npt.NDArray[np.float64]
+    t_s: Float64Array
+    xy_m: Float64Array
     """(n, 2), world frame."""
     altitude_m: float
 
@@ -72,10 +72,10 @@ def with_aircraft(columns: TraceArguments, aircraft: Sequence[Aircraft]) -> Trac
     agent = np.concatenate([*(rows["agent"] for rows in air), columns["agent"] + count])
     order = np.lexsort((agent, step))
 
-    def merged(name: str, values: Singles) -> Singles:
+    def merged(name: str, values: Float32Array) -> Float32Array:
         return np.concatenate([*(rows[name] for rows in air), values]).astype(np.float32)[order]
 
-    def sized(value: Sequence[float], values: Singles) -> Singles:
+    def sized(value: Sequence[float], values: Float32Array) -> Float32Array:
         return np.concatenate([np.asarray(value, dtype=np.float32), values])
 
     return TraceArguments(
@@ -94,7 +94,7 @@ def with_aircraft(columns: TraceArguments, aircraft: Sequence[Aircraft]) -> Trac
     )
 
 
-def _rows(number: int, craft: Aircraft, frames: int, step_s: float) -> dict[str, npt.NDArray[np.float64]]:
+def _rows(number: int, craft: Aircraft, frames: int, step_s: float) -> dict[str, Float64Array]:
     """The aircraft at every step of the recording that its track covers."""
     times = np.arange(frames) * step_s
     step = np.flatnonzero((times >= craft.t_s[0]) & (times <= craft.t_s[-1]))

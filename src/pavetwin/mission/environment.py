@@ -6,10 +6,10 @@ from math import radians
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
 from pavetwin._core import Flight, Ground, NavMesh, Trace
+from pavetwin.arrays import Float64Array
 from pavetwin.config import MissionSettings
 from pavetwin.defects import sample_points
 from pavetwin.navigation.navmesh import navmesh
@@ -144,7 +144,7 @@ def window_m(settings: MissionSettings) -> tuple[float, float]:
     return width, along * settings.camera.window_rows
 
 
-def _rings(surface: Surface) -> list[npt.NDArray[np.float64]]:
+def _rings(surface: Surface) -> list[Float64Array]:
     return [
         shapely.get_coordinates(ring)
         for part in shapely.get_parts(surface)

@@ -3,10 +3,10 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from pavetwin._core import Moment as CoreMoment
 from pavetwin._core import Trace
+from pavetwin.arrays import Float64Array
 from pavetwin.twin import Agent, AgentClass
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ class KernelMoment:
     def agents(self) -> tuple[Agent, ...]:
         return agents_of(self._trace.agents_at(self._time_s))
 
-    def predict(self, displacements: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def predict(self, displacements: Float64Array) -> Float64Array:
         if self._core is None:  # nothing is under inspection, so nothing is hidden
             return np.zeros(len(displacements))
         return self._core.predict(displacements)

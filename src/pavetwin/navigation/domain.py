@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely import Geometry, Polygon
 
+from pavetwin.arrays import Float64Array, UInt32Array
 from pavetwin.config.altitude import VERTICAL_CLEARANCE_M, check_altitude
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.model import World
@@ -24,7 +24,7 @@ class FlightDomain:
     surface: Geometry
     """Polygon or MultiPolygon, valid, not empty."""
 
-    def triangles(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint32]]:
+    def triangles(self) -> tuple[Float64Array, UInt32Array]:
         """The surface as a triangle list: vertices (n, 2) in metres, triangles (m, 3) into them."""
         parts = shapely.get_parts(shapely.constrained_delaunay_triangles(self.surface))
         corners = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3].reshape(-1, 2)

@@ -4,15 +4,15 @@ from collections.abc import Callable, Sequence
 from math import ceil
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely import LineString
 
+from pavetwin.arrays import Float64Array
 from pavetwin.config.mission import PatternSettings
 from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.world.model import Segment
 
-Pass = npt.NDArray[np.float64]
+Pass = Float64Array
 """The line flown, (n, 2) in the world frame."""
 
 Pattern = Callable[[float, float, float, PatternSettings], Sequence[float]]

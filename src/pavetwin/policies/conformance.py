@@ -11,9 +11,9 @@ from time import perf_counter
 from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 from shapely import LineString, Polygon
 
+from pavetwin.arrays import Float64Array
 from pavetwin.config.mission import PolicySettings
 from pavetwin.policies.base import Action, Displace, GoOn, Policy, Revisit, Wait
 from pavetwin.twin import (
@@ -152,7 +152,7 @@ class _MadeUp:
     def agents(self) -> Sequence[Agent]:
         return self.present
 
-    def predict(self, displacements: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def predict(self, displacements: Float64Array) -> Float64Array:
         shares = np.clip(displacements @ np.array(self.towards), 0.0, 1.0)
         return np.where(np.hypot(*displacements.T) <= self.reach_m, shares, -1.0)
 

@@ -9,19 +9,16 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 import wgpu
 
+from pavetwin.arrays import Float64Array, StructuredArray
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.meshes import GpuMesh
 from pavetwin.render.passes import read
 from pavetwin.render.pipelines import LABEL_FORMAT, Pipelines
-from pavetwin.scene.model import Float64
 from pavetwin.scene.view import View
 
 _SIDE_PX: Final = 1024
-
-Rows = npt.NDArray[np.void]
 
 
 @dataclass(frozen=True)
@@ -30,9 +27,9 @@ class AmodalObject:
 
     label: int
     mesh: GpuMesh
-    record: Rows
+    record: StructuredArray
     """(1,) its instance, as in the picture."""
-    corners: Float64
+    corners: Float64Array
     """(8, 3) of a box around it, world frame."""
     mask: Any = None
     """Bind group of a defect's mask; None for what is labelled all over."""

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from pavetwin.scene.model import TINTS, Float64, Instance, Mesh, Model, agent_label
+from pavetwin.arrays import Float64Array
+from pavetwin.scene.model import TINTS, Instance, Mesh, Model, agent_label
 
 if TYPE_CHECKING:
     from pavetwin._core import PoseColumns
@@ -46,19 +47,19 @@ def as_solids(poses: "PoseColumns") -> tuple[Instance, ...]:
     return tuple(found)
 
 
-def _circle() -> Float64:
+def _circle() -> Float64Array:
     turns = np.arange(_SIDES) / _SIDES * 2 * math.pi
     return np.stack([np.cos(turns), np.sin(turns)], axis=1) / 2
 
 
-def _prism(ring: Float64) -> Mesh:
+def _prism(ring: Float64Array) -> Mesh:
     """A convex ring (n, 2), anticlockwise, from 0 to 1 m."""
     count = len(ring)
     after = np.roll(ring, -1, axis=0)
     outward = np.stack([after[:, 1] - ring[:, 1], ring[:, 0] - after[:, 0]], axis=1)
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
 
-    def at(points: Float64, z: float) -> Float64:
+    def at(points: Float64Array, z: float) -> Float64Array:
         return np.column_stack([points, np.full(count, z)])
 
     walls = np.stack([at(ring, 0), at(after, 0), at(after, 1), at(ring, 1)], axis=1).reshape(-1, 3)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from pavetwin.arrays import Float16Array
 from pavetwin.scene.light import LUMINANCE
 from pavetwin.uav.cameras import Camera
 
@@ -49,7 +49,7 @@ class Exposure:
         return math.log2(self.f_number**2 / self.shutter_s) - math.log2(self.iso / 100)
 
 
-def meter(radiance: npt.NDArray[np.float16]) -> float:
+def meter(radiance: Float16Array) -> float:
     """The share of saturation for each kcd/m² that suits a picture (height, width, 4): its mean where a camera wants
     it, its highlights kept unless they are few."""
     seen = radiance[::8, ::8, :3].astype(np.float64) @ LUMINANCE

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from pavetwin.arrays import Float32Array, UInt8Array, UInt32Array
 from pavetwin.render.exposure import Exposure
 from pavetwin.scene.view import View
 
@@ -14,17 +14,17 @@ class Frame:
     """One picture with its truth. All arrays have the view's height and width; row 0 is the upper edge."""
 
     view: View
-    rgb: npt.NDArray[np.uint8]
+    rgb: UInt8Array
     """(height, width, 3) sRGB, as the sensor stored it."""
-    depth_m: npt.NDArray[np.float32] | None
+    depth_m: Float32Array | None
     """(height, width) along the camera's axis; inf where nothing is. None when not asked for."""
-    labels: npt.NDArray[np.uint32] | None
+    labels: UInt32Array | None
     """(height, width): the label of what is seen (`scene.model.agent_label`, `defect_label`), 0 for all else."""
     amodal_px: dict[int, int]
     """Label → pixels of this image that it would cover if nothing that moves or stands hid it; empty without labels."""
     exposure: Exposure | None = None
     """How the camera was set."""
-    defect_free: npt.NDArray[np.uint8] | None = None
+    defect_free: UInt8Array | None = None
     """(height, width, 3): `rgb` as it would be had the pavement no defects; None when not asked for."""
 
     def __post_init__(self) -> None:

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 import wgpu
 
-UInt8 = npt.NDArray[np.uint8]
+from pavetwin.arrays import AnyArray, Float16Array, Float32Array, UInt8Array
 
 _BUFFER: Final = wgpu.BufferUsage
 _TEXTURE: Final = wgpu.TextureUsage
@@ -25,7 +24,7 @@ class Gpu:
         """Of all buffers and textures made here and not yet freed."""
         self._sizes: dict[int, int] = {}
 
-    def buffer(self, data: npt.NDArray[Any], usage: int) -> Any:
+    def buffer(self, data: AnyArray, usage: int) -> Any:
         """A buffer with these contents."""
         made = self.device.create_buffer_with_data(data=np.ascontiguousarray(data), usage=usage | _BUFFER.COPY_DST)
         return self._hold(made, made.size)
@@ -39,7 +38,9 @@ class Gpu:
         made = self.device.create_texture(size=(*size_px, 1), format=format, usage=_TEXTURE.RENDER_ATTACHMENT | usage)
         return self._hold(made, size_px[0] * size_px[1] * (8 if format == "rgba16float" else 4))
 
-    def texture(self, layers: Sequence[UInt8], *, srgb: bool = False, rooted: bool = False, levels: bool = True) -> Any:
+    def texture(
+        self, layers: Sequence[UInt8Array], *, srgb: bool = False, rooted: bool = False, levels: bool = True
+    ) -> Any:
         """A texture, or an array of them, to sample.
 
         Args:
@@ -62,15 +63,15 @@ class Gpu:
                 self.write(made, texels, layer=index, level=level)
         return self._hold(made, sum(texels.size for pyramid in pyramids for texels in pyramid))
 
-    def half_floats(self, levels: Sequence[npt.NDArray[np.float16]]) -> Any:
+    def half_floats(self, levels: Sequence[Float16Array]) -> Any:
         """A texture of linear light, each level (rows, columns, 4)."""
         return self._levelled(levels, "rgba16float")
 
-    def levelled(self, levels: Sequence[UInt8]) -> Any:
+    def levelled(self, levels: Sequence[UInt8Array]) -> Any:
         """A texture of numbers whose levels are made already, each (rows, columns, 4)."""
         return self._levelled(levels, _CHANNELS[4])
 
-    def _levelled(self, levels: Sequence[npt.NDArray[Any]], format: str) -> Any:
+    def _levelled(self, levels: Sequence[AnyArray], format: str) -> Any:
         rows, columns, _ = levels[0].shape
         made = self.device.create_texture(
             size=(columns, rows, 1),
@@ -82,7 +83,7 @@ class Gpu:
             self.write(made, texels, level=level)
         return self._hold(made, sum(texels.nbytes for texels in levels))
 
-    def write(self, texture: Any, texels: npt.NDArray[Any], *, layer: int = 0, level: int = 0) -> None:
+    def write(self, texture: Any, texels: AnyArray, *, layer: int = 0, level: int = 0) -> None:
         rows, columns = texels.shape[:2]
         self.queue.write_texture(
             {"texture": texture, "origin": (0, 0, layer), "mip_level": level},
@@ -103,7 +104,7 @@ class Gpu:
         return resource
 
 
-def halved(texels: UInt8, *, srgb: bool = False, rooted: bool = False) -> list[UInt8]:
+def halved(texels: UInt8Array, *, srgb: bool = False, rooted: bool = False) -> list[UInt8Array]:
     """A texture (rows, columns, channels) and its levels, each half as wide and high, down to one texel."""
     rows, columns = texels.shape[:2]
     if not (srgb or rooted) and rows == columns and rows & (rows - 1) == 0:
@@ -112,7 +113,7 @@ def halved(texels: UInt8, *, srgb: bool = False, rooted: bool = False) -> list[U
     colours = min(texels.shape[2], 3) if srgb or rooted else 0
     values[..., :colours] = _LINEAR[texels[..., :colours]]
 
-    def stored() -> UInt8:
+    def stored() -> UInt8Array:
         coded = values.copy()
         linear = values[..., :colours]
         coded[..., :colours] = 255 * np.sqrt(linear) if rooted else _coded(linear)
@@ -129,7 +130,7 @@ def halved(texels: UInt8, *, srgb: bool = False, rooted: bool = False) -> list[U
     return levels
 
 
-def _quartered(texels: UInt8) -> list[UInt8]:
+def _quartered(texels: UInt8Array) -> list[UInt8Array]:
     """The same for numbers of a square of 2ⁿ texels, several times as fast: tiles wait for it."""
     levels = [texels]
     while len(levels[-1]) > 1:
@@ -139,13 +140,13 @@ def _quartered(texels: UInt8) -> list[UInt8]:
     return levels
 
 
-def _coded(linear: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def _coded(linear: Float32Array) -> Float32Array:
     """sRGB code 0 … 255 of linear 0 … 1 (IEC 61966-2-1)."""
     curve = 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
     return np.asarray(255 * np.where(linear <= 0.0031308, 12.92 * linear, curve), dtype=np.float32)
 
 
-def _linear() -> npt.NDArray[np.float32]:
+def _linear() -> Float32Array:
     code = np.arange(256) / 255
     return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4).astype(np.float32)
 

@@ -7,8 +7,18 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from pavetwin.arrays import (
+    BoolArray,
+    Float16Array,
+    Float32Array,
+    Float64Array,
+    Int32Array,
+    Int64Array,
+    StructuredArray,
+    UInt32Array,
+)
 from pavetwin.render.levels import foliage_px2, mean_area_m2
-from pavetwin.scene.model import Float32, Float64, Instance, Mesh, Model
+from pavetwin.scene.model import Instance, Mesh, Model
 
 _LOWEST_SHADE_M: Final = 0.35
 """Lower things hide no sky that is worth drawing; higher undersides belong to what hangs [m]."""
@@ -62,7 +72,7 @@ class Parts:
         self.foot_high = np.array([high for _, high in feet], dtype=np.float64).reshape(-1, 2)
 
 
-def _footprint(mesh: Mesh) -> tuple[Float32, Float32]:
+def _footprint(mesh: Mesh) -> tuple[Float32Array, Float32Array]:
     """Bounds of what touches the ground, or of all where nothing does."""
     low = mesh.positions[:, 2] < _FOOT_M
     points = mesh.positions[low if low.any() else slice(None), :2]
@@ -73,19 +83,19 @@ def _footprint(mesh: Mesh) -> tuple[Float32, Float32]:
 class Crowd:
     """n instances. Positions are in the world frame, metres."""
 
-    part: npt.NDArray[np.int32]
+    part: Int32Array
     """(n,)"""
-    transform: Float64
+    transform: Float64Array
     """(n, 3, 4)"""
-    tints: npt.NDArray[np.float16]
+    tints: Float16Array
     """(n, 4, 4)"""
-    label: npt.NDArray[np.uint32]
+    label: UInt32Array
     """(n,)"""
-    velocity: Float64
+    velocity: Float64Array
     """(n, 3)"""
-    centre: Float64
+    centre: Float64Array
     """(n, 3) of the sphere around it."""
-    radius: Float64
+    radius: Float64Array
     """(n,)"""
 
     @classmethod
@@ -118,7 +128,7 @@ class Crowd:
     def __len__(self) -> int:
         return len(self.part)
 
-    def only(self, which: npt.NDArray[np.bool_] | npt.NDArray[np.int64]) -> "Crowd":
+    def only(self, which: BoolArray | Int64Array) -> "Crowd":
         """Those rows alone."""
         return Crowd(
             self.part[which],
@@ -135,9 +145,9 @@ class Crowd:
 class Records:
     """The instance buffer of one frame while it is filled: positions relative to the camera."""
 
-    camera: Float64
+    camera: Float64Array
     """(3,) world frame, metres."""
-    filled: list[npt.NDArray[np.void]] = field(default_factory=list)
+    filled: list[StructuredArray] = field(default_factory=list)
     count: int = 0
 
     def add_place(self, origin: tuple[float, float], *, label: int = 0) -> int:
@@ -150,9 +160,7 @@ class Records:
         row["shift"] = (1, 1, 0, 0)
         return self._add(row)
 
-    def add_crowd(
-        self, crowd: Crowd, level: npt.NDArray[np.int64] | None = None
-    ) -> list[tuple[tuple[int, int], int, int]]:
+    def add_crowd(self, crowd: Crowd, level: Int64Array | None = None) -> list[tuple[tuple[int, int], int, int]]:
         """Records for a crowd, sorted by part and level; gives ((part, level), how many, the first one's number)."""
         if len(crowd) == 0:
             return []
@@ -192,11 +200,11 @@ class Records:
         rows["tints"][:, 1, 3] = np.where(loose, 0.5 * high[:, 0], reach)
         return len(rows), self._add(rows)
 
-    def _add(self, rows: npt.NDArray[np.void]) -> int:
+    def _add(self, rows: StructuredArray) -> int:
         self.filled.append(rows)
         first, self.count = self.count, self.count + len(rows)
         return first
 
     @property
-    def data(self) -> npt.NDArray[np.void]:
+    def data(self) -> StructuredArray:
         return np.concatenate(self.filled)

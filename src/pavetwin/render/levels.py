@@ -10,8 +10,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from pavetwin.arrays import Float32Array, Float64Array, Int64Array, UInt32Array
 from pavetwin.render.meshes import Skin
-from pavetwin.scene.model import Float64, Mesh
+from pavetwin.scene.model import Mesh
 
 FINEST_M: Final = 0.015
 """Cell of the first coarser level of solid things [m]; it doubles from level to level."""
@@ -56,7 +57,7 @@ def mean_area_m2(mesh: Mesh) -> float:
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).mean() / 2) if len(mesh.indices) else 0.0
 
 
-def level_of(least_px2: Float64, area_m2: Float64, pixel_m: Float64) -> npt.NDArray[np.int64]:
+def level_of(least_px2: Float64Array, area_m2: Float64Array, pixel_m: Float64Array) -> Int64Array:
     """The level at which things may be drawn without a difference that is seen, 0 … LEVELS.
 
     Args:
@@ -115,9 +116,7 @@ def _clustered(mesh: Mesh, cell_m: float) -> Mesh:
     return _with(mesh, chosen, mesh.positions[chosen], triangles.astype(np.uint32))
 
 
-def _with(
-    mesh: Mesh, vertices: npt.NDArray[np.integer], positions: npt.NDArray[np.float32], indices: npt.NDArray[np.uint32]
-) -> Mesh:
+def _with(mesh: Mesh, vertices: npt.NDArray[np.integer], positions: Float32Array, indices: UInt32Array) -> Mesh:
     """Some vertices of a mesh at new positions."""
     return replace(
         mesh,

@@ -5,11 +5,11 @@ from enum import IntEnum
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 import wgpu
 
+from pavetwin.arrays import AnyArray, Float32Array, Float64Array, UInt8Array, UInt32Array
 from pavetwin.render.gpu import Gpu
-from pavetwin.scene.model import DefectPatch, FacadePiece, Float64, GroundKind, GroundPiece, Mesh, UInt8
+from pavetwin.scene.model import DefectPatch, FacadePiece, GroundKind, GroundPiece, Mesh
 
 _VERTEX: Final = wgpu.BufferUsage.VERTEX
 _INDEX: Final = wgpu.BufferUsage.INDEX
@@ -68,8 +68,8 @@ class GpuMesh:
     indices: Any
     count: int
     """Of indices."""
-    low: Float64
-    high: Float64
+    low: Float64Array
+    high: Float64Array
     """(3,) corners of its box, in its own frame."""
     skin: Skin = Skin.SHEETS
 
@@ -144,16 +144,14 @@ def upload_patch(gpu: Gpu, patch: DefectPatch, mesh: Mesh, origin: tuple[float, 
     return _upload(gpu, moved.astype(np.float32), rows, mesh.indices)
 
 
-def _joined(gpu: Gpu, meshes: list[Mesh], rows: list[npt.NDArray[Any]]) -> GpuMesh:
+def _joined(gpu: Gpu, meshes: list[Mesh], rows: list[AnyArray]) -> GpuMesh:
     starts = np.cumsum([0, *(len(mesh.positions) for mesh in meshes[:-1])])
     indices = np.concatenate([mesh.indices + start for mesh, start in zip(meshes, starts, strict=True)])
     positions = np.concatenate([mesh.positions for mesh in meshes])
     return _upload(gpu, positions, np.concatenate(rows), indices.astype(np.uint32))
 
 
-def _upload(
-    gpu: Gpu, positions: npt.NDArray[np.float32], rows: npt.NDArray[Any], indices: npt.NDArray[np.uint32]
-) -> GpuMesh:
+def _upload(gpu: Gpu, positions: Float32Array, rows: AnyArray, indices: UInt32Array) -> GpuMesh:
     return GpuMesh(
         gpu.buffer(positions.astype(np.float32), _VERTEX),
         gpu.buffer(rows.view(np.uint8), _VERTEX),
@@ -164,15 +162,15 @@ def _upload(
     )
 
 
-def _packed(normals: npt.NDArray[Any]) -> UInt8:
+def _packed(normals: AnyArray) -> UInt8Array:
     return np.asarray(np.rint(normals * 127) + 128, dtype=np.uint8)
 
 
-def _colours(mesh: Mesh) -> npt.NDArray[np.float32]:
+def _colours(mesh: Mesh) -> Float32Array:
     return np.full((len(mesh.positions), 3), 0.5, np.float32) if mesh.colours is None else mesh.colours
 
 
-def _surface(mesh: Mesh) -> UInt8:
+def _surface(mesh: Mesh) -> UInt8Array:
     """Rough and plain where a mesh does not say."""
     plain = np.tile(np.array([230, 0, 0], dtype=np.uint8), (len(mesh.positions), 1))
     return plain if mesh.surface is None else mesh.surface

@@ -5,10 +5,11 @@ from typing import Final
 
 import numpy as np
 
+from pavetwin.arrays import Float64Array
 from pavetwin.render.projection import planes, seen_points
 from pavetwin.render.tiles import Drawable
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import TILE_M, Float64
+from pavetwin.scene.model import TILE_M
 from pavetwin.scene.view import View
 
 FAR_M: Final = 150.0
@@ -55,7 +56,7 @@ def wanted_keys(scene: Drawable, view: View, light: Light) -> tuple[Key, ...]:
     return tuple(found | dict.fromkeys(scene.keys_near(x, y, _STEP_M)))
 
 
-def tile_seen(origin: tuple[float, float], view: View, bounds: Float64) -> bool:
+def tile_seen(origin: tuple[float, float], view: View, bounds: Float64Array) -> bool:
     """Whether a tile with all that stands on it, 30 m high and 10 m beyond its edge, may be in the picture.
 
     Args:
@@ -66,7 +67,7 @@ def tile_seen(origin: tuple[float, float], view: View, bounds: Float64) -> bool:
     return _seen((origin[0], origin[1], origin[0] + TILE_M, origin[1] + TILE_M), 10.0, 30.0, view, bounds)
 
 
-def ground_seen(box: tuple[float, float, float, float], view: View, bounds: Float64) -> bool:
+def ground_seen(box: tuple[float, float, float, float], view: View, bounds: Float64Array) -> bool:
     """Whether ground may be in the picture, also where a rolling shutter shifts it by a little.
 
     Args:
@@ -78,7 +79,7 @@ def ground_seen(box: tuple[float, float, float, float], view: View, bounds: Floa
 
 
 def _seen(
-    box: tuple[float, float, float, float], beyond_m: float, height_m: float, view: View, bounds: Float64
+    box: tuple[float, float, float, float], beyond_m: float, height_m: float, view: View, bounds: Float64Array
 ) -> bool:
     west, south, east, north = box
     low = np.array([west - beyond_m, south - beyond_m, -1.0]) - view.position

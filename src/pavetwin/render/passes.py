@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 import wgpu
 
+from pavetwin.arrays import AnyArray, Int64Array
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.meshes import GpuMesh
 from pavetwin.render.pipelines import (
@@ -54,7 +54,7 @@ class Draws:
     """Likewise, of what the shadow map sees."""
     shades: tuple[int, int]
     """How many things take light from the ground around them, the first one's record."""
-    levels: npt.NDArray[np.int64]
+    levels: Int64Array
     """Of each agent, how coarse it is drawn; −1 where it is not."""
     sky: bool
     """Whether the picture reaches beyond the ground that is drawn."""
@@ -207,7 +207,7 @@ def draw_truth(
     render_pass.end()
 
 
-def read(gpu: Gpu, texture: Any, size_px: tuple[int, int], dtype: type[np.generic], channels: int) -> npt.NDArray[Any]:
+def read(gpu: Gpu, texture: Any, size_px: tuple[int, int], dtype: type[np.generic], channels: int) -> AnyArray:
     """A texture's texels: (height, width, channels), or (height, width) of one channel."""
     width, height = size_px
     row = width * channels * np.dtype(dtype).itemsize

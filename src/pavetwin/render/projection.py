@@ -5,10 +5,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from pavetwin.arrays import Float64Array, StructuredArray
 from pavetwin.scene.light import SUN_RADIUS_RAD, Light
-from pavetwin.scene.model import Float64
 from pavetwin.scene.view import View
 
 NEAR_M: Final = 0.1
@@ -55,7 +54,7 @@ FRAME_INFO: Final = np.dtype(
 """`FrameInfo` of the shaders; matrices are stored by columns there."""
 
 
-def to_clip(view: View) -> Float64:
+def to_clip(view: View) -> Float64Array:
     """(4, 4) from positions relative to the camera to clip space, depth 1 at `NEAR_M` falling to 0 at infinity."""
     width, height = view.size_px
     right, down, forward = view.rotation.T
@@ -71,7 +70,7 @@ def to_clip(view: View) -> Float64:
 class ShadowFit:
     """Where the shadow map lies: a rectangle across the sun's rays that holds all that is seen and near."""
 
-    matrix: Float64
+    matrix: Float64Array
     """(4, 4) from positions relative to the camera to u, v (v down) and depth from the sun, 0 … 1."""
     size_px: int
     """Side of the map [texels]."""
@@ -79,18 +78,18 @@ class ShadowFit:
     """Columns and rows of it, from its upper left corner on, that the rectangle takes; nothing is drawn beyond."""
     texel_m: float
     """Side of a texel, across the sun's rays."""
-    across: Float64
+    across: Float64Array
     """(2, 3) axes of the rectangle, world frame."""
-    middle: Float64
+    middle: Float64Array
     """(2,) of the rectangle along these axes, relative to the camera [m]."""
 
     @property
-    def half_m(self) -> Float64:
+    def half_m(self) -> Float64Array:
         """(2,) half of the rectangle's sides."""
         return np.array(self.used_px) * (self.texel_m / 2)
 
 
-def seen_points(view: View, reach_m: float) -> Float64:
+def seen_points(view: View, reach_m: float) -> Float64Array:
     """(n, 3) points on the rim and inside of what a view sees of the ground and of what stands on it, world frame."""
     width, height = view.size_px
     grid = np.stack(np.meshgrid(np.linspace(0, width, 7), np.linspace(0, height, 7)), axis=-1).reshape(-1, 2)
@@ -136,7 +135,7 @@ def fit_shadow(view: View, light: Light) -> ShadowFit:
     return ShadowFit(matrix, size, (columns, rows), texel, across, middle)
 
 
-def _tightest(sun: Float64, points: Float64) -> Float64:
+def _tightest(sun: Float64Array, points: Float64Array) -> Float64Array:
     """(2, 3) axes across the sun's rays, turned so that the rectangle along them around some points is small."""
     flat = math.hypot(sun[0], sun[1])
     first = np.array([-sun[1], sun[0], 0.0]) / flat if flat > 1e-6 else np.array([1.0, 0.0, 0.0])
@@ -148,7 +147,7 @@ def _tightest(sun: Float64, points: Float64) -> Float64:
     return np.asarray(turned[int(extent.prod(axis=1).argmin())])
 
 
-def frame_info(view: View, light: Light, shadow: ShadowFit, *, readout_s: float) -> npt.NDArray[np.void]:
+def frame_info(view: View, light: Light, shadow: ShadowFit, *, readout_s: float) -> StructuredArray:
     """One row of `FRAME_INFO`.
 
     Args:
@@ -174,7 +173,7 @@ def frame_info(view: View, light: Light, shadow: ShadowFit, *, readout_s: float)
     return info
 
 
-def planes(view: View) -> Float64:
+def planes(view: View) -> Float64Array:
     """(4, 3) inward normals of the planes through the camera that bound what it sees: left, right, top, bottom."""
     width, height = view.size_px
     x, y = width / 2 / view.focal_px, height / 2 / view.focal_px
@@ -182,7 +181,7 @@ def planes(view: View) -> Float64:
     return np.asarray(bounds / np.linalg.norm(bounds, axis=1, keepdims=True) @ view.rotation.T)
 
 
-def corners(low: Float64, high: Float64) -> Float64:
+def corners(low: Float64Array, high: Float64Array) -> Float64Array:
     """(8, 3) of a box."""
     choice = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), axis=-1).reshape(-1, 3)
     return np.where(choice == 1, high, low)

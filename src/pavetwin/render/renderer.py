@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import wgpu
 
+from pavetwin.arrays import Float16Array, Float32Array, Float64Array, UInt32Array
 from pavetwin.render.adapter import open_device
 from pavetwin.render.amodal import AmodalObject, Atlas
 from pavetwin.render.exposure import Exposure, meter, programme
@@ -39,7 +40,7 @@ from pavetwin.render.stock import Stock
 from pavetwin.render.tiles import Drawable, group
 from pavetwin.scene.foliage import leaf_levels
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import Float64, GroundKind, Instance
+from pavetwin.scene.model import GroundKind, Instance
 from pavetwin.scene.view import View
 from pavetwin.uav.cameras import Camera
 
@@ -52,10 +53,10 @@ _SMOOTH: Final = {"mag_filter": "linear", "min_filter": "linear", "mipmap_filter
 class Seen:
     """What the lens lets through and where it came from, before the sensor."""
 
-    radiance: npt.NDArray[np.float16]
+    radiance: Float16Array
     """(height, width, 4) linear RGB, kcd/m²; and by what the defect there multiplies its luminance, 1 elsewhere."""
-    depth_m: npt.NDArray[np.float32] | None
-    labels: npt.NDArray[np.uint32] | None
+    depth_m: Float32Array | None
+    labels: UInt32Array | None
     amodal_px: dict[int, int]
 
 
@@ -244,7 +245,7 @@ class Renderer:
             counted,
         )
 
-    def _lone(self, camera: Float64, agents: Crowd, draws: Draws) -> list[AmodalObject]:
+    def _lone(self, camera: Float64Array, agents: Crowd, draws: Draws) -> list[AmodalObject]:
         """Everything labelled that may be in the picture, by the meshes that it is drawn with."""
         things = []
         for row in np.flatnonzero((agents.label > 0) & (draws.levels >= 0)):
@@ -270,7 +271,7 @@ class Renderer:
         self.gpu.queue.write_buffer(self._records, 0, data.view(np.uint8))
 
 
-def _mended(radiance: npt.NDArray[np.float16]) -> npt.NDArray[np.float16]:
+def _mended(radiance: Float16Array) -> Float16Array:
     """The same without defects."""
     mended = radiance.copy()
     where = np.nonzero(radiance[..., 3] != 1)
@@ -278,9 +279,7 @@ def _mended(radiance: npt.NDArray[np.float16]) -> npt.NDArray[np.float16]:
     return mended
 
 
-def _moves(
-    view: View, exposure: Exposure, velocities: Mapping[int, npt.ArrayLike], depth: npt.NDArray[np.float32]
-) -> bool:
+def _moves(view: View, exposure: Exposure, velocities: Mapping[int, npt.ArrayLike], depth: Float32Array) -> bool:
     """Whether anything moves far enough over the exposure to be seen to."""
     nearest = max(float(depth.min()), NEAR_M)
     return farthest_motion_px(view, exposure, velocities, nearest) > SHARP_PX

@@ -10,13 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from pavetwin._core import expose
+from pavetwin.arrays import Float16Array, Float32Array, UInt8Array, UInt32Array
 from pavetwin.render.exposure import Exposure
 from pavetwin.scene.light import LUMINANCE, Light, harmonics
 from pavetwin.scene.view import View
 from pavetwin.uav.cameras import Camera
-
-Singles = npt.NDArray[np.float32]
-UInt8 = npt.NDArray[np.uint8]
 
 FULL_WELL_PER_UM2: Final = 2600.0
 """Electrons that a pixel holds for each µm² of its area: 15,000 on the 2.4 µm pixels of 1" sensors of the Phantom 4
@@ -51,7 +49,7 @@ class Style:
 
 
 def picture(
-    radiance: npt.NDArray[np.float16],
+    radiance: Float16Array,
     *,
     view: View,
     camera: Camera,
@@ -59,11 +57,11 @@ def picture(
     exposure: Exposure,
     seed: int,
     style: Style,
-    depth: Singles | None = None,
-    labels: npt.NDArray[np.uint32] | None = None,
+    depth: Float32Array | None = None,
+    labels: UInt32Array | None = None,
     velocities: Mapping[int, npt.ArrayLike] | None = None,
     white: tuple[float, float, float] | None = None,
-) -> UInt8:
+) -> UInt8Array:
     """What a camera stores, (height, width, 3) sRGB.
 
     Args:
@@ -115,7 +113,7 @@ def farthest_motion_px(
     return speed * exposure.shutter_s * view.focal_px / nearest_m
 
 
-def white_balance(light: Light, radiance: npt.NDArray[np.float16], adaptation: float) -> tuple[float, float, float]:
+def white_balance(light: Light, radiance: Float16Array, adaptation: float) -> tuple[float, float, float]:
     """Gains of red, green and blue, none below 1, that turn grey things in a picture towards neutral.
 
     The illuminant lies between that of level ground in the sun and in the shade, nearer to the one that the picture's
@@ -141,7 +139,7 @@ def white_balance(light: Light, radiance: npt.NDArray[np.float16], adaptation: f
 
 
 @cache
-def tone_curve(contrast: float) -> Singles:
+def tone_curve(contrast: float) -> Float32Array:
     """Output 0 … 1 at inputs (i / 1023)²: sRGB's curve after a gain of 1.5 with a shoulder for highlights, `contrast`
     times as steep about middle grey."""
     share = np.linspace(0, 1, 1024) ** 2

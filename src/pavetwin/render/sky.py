@@ -3,15 +3,15 @@
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from pavetwin.arrays import Float16Array
 from pavetwin.scene.light import Light
 
 ROWS: Final = 64
 COLUMNS: Final = 128
 
 
-def sky_levels(light: Light) -> list[npt.NDArray[np.float16]]:
+def sky_levels(light: Light) -> list[Float16Array]:
     """Luminances (rows, columns, 4) in kcd/m², from the zenith in row 0 to the nadir, columns anticlockwise from west;
     and smaller ones, blurred for rougher surfaces. Below the horizon lies what the ground around sends back."""
     down = (np.arange(ROWS) + 0.5) / ROWS * np.pi

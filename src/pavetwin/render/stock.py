@@ -5,6 +5,7 @@ from typing import Final
 
 import numpy as np
 
+from pavetwin.arrays import Float64Array
 from pavetwin.render.boxes import solids
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.instances import Crowd, Parts, Records
@@ -15,7 +16,7 @@ from pavetwin.render.passes import Draws, PatchDraw
 from pavetwin.render.projection import ShadowFit, planes
 from pavetwin.render.tiles import Drawable, GpuPavement, GpuTile, Layouts, TileCache
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import TILE_M, Float64
+from pavetwin.scene.model import TILE_M
 from pavetwin.scene.patches import COARSE_PIXEL_M
 from pavetwin.scene.view import View
 
@@ -103,7 +104,7 @@ class Stock:
         return Draws(seen, grounds, patches, near, far, casters, shades, levels, looks_beyond(view), down)
 
     def _patches(
-        self, grounds: Sequence[tuple[GpuTile, GpuPavement, int]], view: View, bounds: Float64, records: Records
+        self, grounds: Sequence[tuple[GpuTile, GpuPavement, int]], view: View, bounds: Float64Array, records: Records
     ) -> list[PatchDraw]:
         """The defects on these grounds that are in view."""
         found = []

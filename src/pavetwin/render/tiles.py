@@ -11,10 +11,11 @@ from typing import Any, Final, Protocol, TypeVar
 
 import wgpu
 
+from pavetwin.arrays import UInt8Array
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.instances import Crowd, Parts
 from pavetwin.render.meshes import GpuMesh, upload_facades, upload_ground, upload_kerbs, upload_patch
-from pavetwin.scene.model import DefectPatch, Detail, GroundKind, GroundMaps, Model, Tile, UInt8
+from pavetwin.scene.model import DefectPatch, Detail, GroundKind, GroundMaps, Model, Tile
 
 TILES_HELD: Final = 192
 """Tiles on the device, each of 1 MB at most."""
@@ -34,7 +35,7 @@ class Drawable(Protocol):
     @property
     def details(self) -> Mapping[GroundKind, Detail]: ...
     @property
-    def facade_textures(self) -> UInt8: ...
+    def facade_textures(self) -> UInt8Array: ...
     def tile(self, key: Key) -> Tile: ...
     def maps(self, key: Key) -> GroundMaps: ...
     def holes_on(self, key: Key) -> Mapping[int, tuple[float, float, float, float]]: ...

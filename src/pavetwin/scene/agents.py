@@ -11,8 +11,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from pavetwin.arrays import BoolArray, Float64Array, Int64Array
 from pavetwin.scene.looks import STAND, Look, look_of, tints
-from pavetwin.scene.model import Float64, Instance, Model, agent_label
+from pavetwin.scene.model import Instance, Model, agent_label
 from pavetwin.scene.models import BODY
 from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.trace import trace_of
@@ -29,14 +30,17 @@ BRAKE_GLOW: Final = 1.5
 _LAMP_REAR: Final = 2
 """Slot of the rear lamps."""
 
-Rows = npt.NDArray[np.int64]
-
 
 class Actors:
     """A recording's agents, ready to be drawn. Looks are made when an agent is first seen, and kept."""
 
     def __init__(
-        self, recording: Recording, *, seed: int, models: Mapping[str, Model], ground: Callable[[Float64], Float64]
+        self,
+        recording: Recording,
+        *,
+        seed: int,
+        models: Mapping[str, Model],
+        ground: Callable[[Float64Array], Float64Array],
     ) -> None:
         """`ground` gives the height of the ground [m] at points (n, 2), for the feet of people."""
         self.recording = recording
@@ -97,7 +101,7 @@ class Actors:
         frame = min(max(0, math.floor(time_s / recording.step_s + 1e-9)), recording.frames - 1)
         return frame, min(1.0, max(0.0, time_s / recording.step_s - frame))
 
-    def _rows(self, who: Rows, frame: int) -> Rows:
+    def _rows(self, who: Int64Array, frame: int) -> Int64Array:
         """The row of each agent in a frame, −1 for those that are not in it."""
         offsets, agents = self.recording.step_offsets, self.recording.agent
         if frame >= self.recording.frames:
@@ -108,7 +112,7 @@ class Actors:
         found = (at < len(there)) & (there[np.minimum(at, max(len(there) - 1, 0))] == who) if len(there) else at < 0
         return np.where(found, start + at, -1)
 
-    def _braking(self, who: Rows, time_s: float) -> npt.NDArray[np.bool_]:
+    def _braking(self, who: Int64Array, time_s: float) -> BoolArray:
         frame, _ = self._frame(time_s)
         now, then = self._rows(who, frame), self._rows(who, frame + 1)
         speed = self.recording.speed_mps
@@ -117,7 +121,7 @@ class Actors:
         change = np.where(now >= 0, after - before, 0.0) / self.recording.step_s
         return np.asarray((change < -BRAKING_MPS2) | ((before < STANDING_MPS) & (after < STANDING_MPS)))
 
-    def _way_walked(self, who: Rows, time_s: float) -> Float64:
+    def _way_walked(self, who: Int64Array, time_s: float) -> Float64Array:
         frame, share = self._frame(time_s)
         now, then = self._rows(who, frame), self._rows(who, frame + 1)
         before = np.where(now >= 0, self._walked[now], 0.0)
@@ -125,7 +129,7 @@ class Actors:
         return np.asarray(before + share * (after - before))
 
 
-def upright(x_m: float, y_m: float, yaw_rad: float, *, z_m: float = 0.0, scale: npt.ArrayLike = 1.0) -> Float64:
+def upright(x_m: float, y_m: float, yaw_rad: float, *, z_m: float = 0.0, scale: npt.ArrayLike = 1.0) -> Float64Array:
     """(4, 4): scaled in the model's own frame, turned about the vertical, put to a place."""
     factors = np.broadcast_to(np.asarray(scale, dtype=np.float64), (3,))
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
@@ -147,7 +151,7 @@ def quadrotor(position: npt.ArrayLike, yaw_rad: float, acceleration_mps2: npt.Ar
     return Instance("quadrotor", BODY, matrix, tints())
 
 
-def _way_so_far(recording: Recording) -> Float64:
+def _way_so_far(recording: Recording) -> Float64Array:
     """(rows,) metres that each agent has moved since it appeared."""
     order = np.lexsort((np.arange(len(recording.agent)), recording.agent))
     x, y = recording.x[order].astype(np.float64), recording.y[order].astype(np.float64)

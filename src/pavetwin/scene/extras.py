@@ -14,8 +14,8 @@ import numpy as np
 import shapely
 from shapely import Point, STRtree
 
+from pavetwin.arrays import Float64Array
 from pavetwin.scene.looks import tints
-from pavetwin.scene.model import Float64
 from pavetwin.scene.palettes import PAINTS, drawn
 from pavetwin.seeds import Stream, child
 from pavetwin.world.carriageway import carriageway
@@ -104,7 +104,7 @@ class Verge:
                 yield Extra(kind.model, at[0], at[1], turned, tints(colour) if kind.coloured else tints())
             station += float(rng.uniform(*SPACING_M))
 
-    def _behind(self, lane: Lane, station_m: float, behind_m: float) -> tuple[tuple[float, float], Float64]:
+    def _behind(self, lane: Lane, station_m: float, behind_m: float) -> tuple[tuple[float, float], Float64Array]:
         """A place behind the edge of a sidewalk that is away from the road, and the direction to there."""
         line = lane.centre_line
         a, b = line.interpolate(max(0.0, station_m - 0.5)), line.interpolate(station_m + 0.5)
@@ -125,7 +125,7 @@ class Verge:
             return False
         return _distance(self._standing, point) > APART_M and _distance(self._walks, point) > 0.0
 
-    def _road_distance(self, at: Float64 | tuple[float, float]) -> float:
+    def _road_distance(self, at: Float64Array | tuple[float, float]) -> float:
         return float(shapely.distance(self._road, Point(at)))
 
     @cached_property

@@ -12,12 +12,11 @@ bald or dense with distance; so alpha is scaled on every level until the cut lea
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-UInt8 = npt.NDArray[np.uint8]
+from pavetwin.arrays import AnyArray, Float64Array, UInt8Array
 
 SIDE_PX: Final = 512
 """Side of the sheet [texels]; it has 2 × 2 cells."""
@@ -37,14 +36,12 @@ _LEVELS: Final = 6
 
 _SEED: Final = 5
 
-Floats = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True, slots=True)
 class _Leaf:
     """One leaf in a cell, whose side is 1."""
 
-    foot: Floats
+    foot: Float64Array
     """(2,)"""
     angle_rad: float
     length: float
@@ -55,7 +52,7 @@ class _Leaf:
 
 
 @cache
-def leaf_sheet() -> UInt8:
+def leaf_sheet() -> UInt8Array:
     """(SIDE_PX, SIDE_PX, 4): linear factors of colour, 255 for 1, and alpha. Row 0 is v = 0; always the same bytes."""
     rng = np.random.default_rng(_SEED)
     drawn = [_cell(_twig(rng, leaves)) for leaves in (24, 21, 27)] + [_cell(_spray(rng))]
@@ -64,7 +61,7 @@ def leaf_sheet() -> UInt8:
 
 
 @cache
-def leaf_levels() -> tuple[UInt8, ...]:
+def leaf_levels() -> tuple[UInt8Array, ...]:
     """The sheet and its halved levels, cut alike at `CUT`: every cell keeps its share of leaves."""
     sheet = leaf_sheet()
     kept = [float((cell >= 255 * CUT).mean()) for cell in cells(sheet[..., 3])]
@@ -80,7 +77,7 @@ def leaf_levels() -> tuple[UInt8, ...]:
     return tuple(levels)
 
 
-def cells(texels: npt.NDArray[Any]) -> list[npt.NDArray[Any]]:
+def cells(texels: AnyArray) -> list[AnyArray]:
     """Views of the cells of a level, in their order."""
     return [cell for row in np.split(texels, 2, axis=0) for cell in np.split(row, 2, axis=1)]
 
@@ -116,7 +113,7 @@ def _spray(rng: np.random.Generator) -> list[_Leaf]:
     return [_leaf(rng, feet[index], float(turn[index]), rng.uniform(0.17, 0.24)) for index in range(count)][::-1]
 
 
-def _leaf(rng: np.random.Generator, foot: Floats, angle_rad: float, length: float) -> _Leaf:
+def _leaf(rng: np.random.Generator, foot: Float64Array, angle_rad: float, length: float) -> _Leaf:
     """A leaf that ends inside its cell."""
     heading = np.array([np.cos(angle_rad), np.sin(angle_rad)])
     room = np.where(heading > 0, 0.985 - foot, foot - 0.015) / np.maximum(np.abs(heading), 1e-6)
@@ -124,7 +121,7 @@ def _leaf(rng: np.random.Generator, foot: Floats, angle_rad: float, length: floa
     return _Leaf(foot, float(angle_rad), float(min(length, room.min())), slim, tone, float(rng.normal(0.0, 0.5)))
 
 
-def _cell(leaves: Sequence[_Leaf]) -> UInt8:
+def _cell(leaves: Sequence[_Leaf]) -> UInt8Array:
     """The picture of some leaves, one over the other, each shading those below it."""
     side = _CELL_PX * _FINE
     colour, alpha = np.zeros((side, side, 3)), np.zeros((side, side))
@@ -140,7 +137,9 @@ def _cell(leaves: Sequence[_Leaf]) -> UInt8:
     return _texels(colour, alpha)
 
 
-def _blade(leaf: _Leaf, x: Floats, y: Floats, sample: float) -> tuple[Floats, Floats, Floats]:
+def _blade(
+    leaf: _Leaf, x: Float64Array, y: Float64Array, sample: float
+) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Colours (m, n, 3) of one leaf at points (m, n), where it is (m, n), and where its shadow falls (m, n)."""
     cos, sin = np.cos(leaf.angle_rad), np.sin(leaf.angle_rad)
     dx, dy = x - leaf.foot[0], y - leaf.foot[1]
@@ -161,7 +160,7 @@ def _blade(leaf: _Leaf, x: Floats, y: Floats, sample: float) -> tuple[Floats, Fl
     return np.clip(light[..., None] * hue, 0.0, 1.0), inside, shade
 
 
-def _texels(colour: Floats, alpha: Floats) -> UInt8:
+def _texels(colour: Float64Array, alpha: Float64Array) -> UInt8Array:
     """Samples (n, n, 3) with their alpha multiplied in, and alpha, as texels; gaps have the leaves' mean colour."""
     whole = np.concatenate([colour, alpha[..., None]], axis=-1)
     size = len(whole) // _FINE
@@ -171,6 +170,6 @@ def _texels(colour: Floats, alpha: Floats) -> UInt8:
     return (255 * np.concatenate([shown, mean[..., 3:]], axis=-1) + 0.5).astype(np.uint8)
 
 
-def _ramp(value: Floats, width: float) -> Floats:
+def _ramp(value: Float64Array, width: float) -> Float64Array:
     """0 below nought, 1 a width above it, straight between."""
     return np.asarray(np.clip(value / width + 0.5, 0.0, 1.0))

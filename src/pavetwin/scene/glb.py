@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 import numpy as np
-import numpy.typing as npt
+
+from pavetwin.arrays import AnyArray, Float32Array
 
 MAGIC: Final = b"glTF"
 _JSON, _BIN = b"JSON", b"BIN\0"
@@ -27,15 +28,13 @@ LARGEST: Final = 2**32 - 1
 TO_FILE: Final = np.array([[0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0], [0, 0, 0, 1]], dtype=np.float64)
 """(4, 4) from our axes to the file's."""
 
-Array = npt.NDArray[Any]
 
-
-def to_file_axes(vectors: Array) -> npt.NDArray[np.float32]:
+def to_file_axes(vectors: AnyArray) -> Float32Array:
     """Ours (n, 3) to the file's."""
     return np.ascontiguousarray(vectors[:, [1, 2, 0]], dtype=np.float32)
 
 
-def from_file_axes(vectors: Array) -> npt.NDArray[np.float32]:
+def from_file_axes(vectors: AnyArray) -> Float32Array:
     """The file's (n, 3) to ours."""
     return np.ascontiguousarray(vectors[:, [2, 0, 1]], dtype=np.float32)
 
@@ -51,7 +50,7 @@ class Glb:
         self.document: dict[str, Any] = json.loads(data[20 : 20 + size])
         self._binary = memoryview(data)[28 + size :]
 
-    def array(self, index: int) -> Array:
+    def array(self, index: int) -> AnyArray:
         """An accessor as (count,) or (count, k); normalised integers as float32 in 0 … 1 or −1 … 1."""
         accessor = self.document["accessors"][index]
         view = self.document["bufferViews"][accessor["bufferView"]]
@@ -88,7 +87,7 @@ class GlbWriter:
         """Bytes of the binary part so far."""
         return self._size
 
-    def array(self, values: Array, *, target: int = VERTICES, normalized: bool = False) -> int:
+    def array(self, values: AnyArray, *, target: int = VERTICES, normalized: bool = False) -> int:
         """A new accessor over (n,) or (n, k) numbers; positions and normals are given in the file's axes."""
         width = 1 if values.ndim == 1 else values.shape[1]
         component = next(code for code, name in _COMPONENTS.items() if np.dtype(name) == values.dtype)

@@ -16,9 +16,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from pavetwin.arrays import Float64Array
 from pavetwin.scene.sun import sun_position
-
-Array = npt.NDArray[np.float64]
 
 LUMINANCE: Final = np.array([0.2126, 0.7152, 0.0722])
 """Of linear sRGB (IEC 61966-2-1)."""
@@ -118,14 +117,14 @@ class Light:
         return self.visibility_m / math.log(50)
 
     @cached_property
-    def to_sun(self) -> Array:
+    def to_sun(self) -> Float64Array:
         """(3,) unit vector towards the sun."""
         elevation, azimuth = math.radians(self.sun_elevation_deg), math.radians(self.sun_azimuth_deg)
         flat = math.cos(elevation)
         return np.array([flat * math.sin(azimuth), flat * math.cos(azimuth), math.sin(elevation)])
 
     @cached_property
-    def sun_klux(self) -> Array:
+    def sun_klux(self) -> Float64Array:
         """(3,) linear RGB: illuminance on a surface that faces the sun."""
         height = math.sin(math.radians(self.sun_elevation_deg))
         beams = [_SOLAR_KLUX * math.exp(-extinction / height) for extinction, *_ in _IES]
@@ -144,7 +143,7 @@ class Light:
         skies = [a + b * height**c for _, a, b, c in _IES]
         return float(np.interp(self.cloud_cover, _CLOUD_COVERS, skies))
 
-    def sky(self, directions: npt.ArrayLike) -> Array:
+    def sky(self, directions: npt.ArrayLike) -> Float64Array:
         """Luminance of the sky in directions (..., 3) of any length: (..., 3) linear RGB, the sun itself left out.
 
         Below the horizon it goes on as at the horizon.
@@ -152,7 +151,7 @@ class Light:
         both = self._two_skies(np.asarray(directions, dtype=np.float64))
         return np.asarray(np.einsum("k...c,k->...c", both, self._shares))
 
-    def _two_skies(self, directions: Array) -> Array:
+    def _two_skies(self, directions: Float64Array) -> Float64Array:
         """(2, ..., 3) the clear and the overcast sky, over their luminance in the zenith."""
         towards = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
         up = np.clip(towards[..., 2], 0.01, 1)
@@ -163,13 +162,13 @@ class Light:
         return np.stack([clear, overcast])
 
     @cached_property
-    def _shares(self) -> Array:
+    def _shares(self) -> Float64Array:
         """(2,) what the two skies are multiplied with, so that each gives level ground its share of `sky_klux`."""
         directions, weights = _upper_half()
         klux = np.einsum("knc,c,n->k", self._two_skies(directions), LUMINANCE, directions[:, 2] * weights)
         return np.asarray(np.array([1 - self.cloud_cover, self.cloud_cover]) * self.sky_klux / klux)
 
-    def _clear_colour(self, up: Array, apart: Array, sun_zenith: float) -> Array:
+    def _clear_colour(self, up: Float64Array, apart: Float64Array, sun_zenith: float) -> Float64Array:
         """Linear RGB of luminance 1."""
         xy = []
         for lines, zenith in ((_PEREZ_X, _ZENITH_X), (_PEREZ_Y, _ZENITH_Y)):
@@ -184,7 +183,7 @@ class Light:
         return np.asarray(1 + _CHROMA * (rgb - 1))
 
     @cached_property
-    def sky_irradiance(self) -> Array:
+    def sky_irradiance(self) -> Float64Array:
         """(9, 3): irradiance in klux of sky, houses and lit ground, without the sun, as spherical harmonics of order 2.
 
         Evaluated by Σ cᵢ Yᵢ(n) with the real, normalised harmonics of `harmonics` (Ramamoorthi and Hanrahan 2001).
@@ -199,7 +198,7 @@ class Light:
         return np.asarray(moments * bands[:, None])
 
     @cached_property
-    def wall_radiance(self) -> Array:
+    def wall_radiance(self) -> Float64Array:
         """(3,) luminance of façades and crowns around a street: 0.33 of what falls on them, half of them in the sun."""
         reflectance = np.array([0.36, 0.33, 0.28])
         flat = math.cos(math.radians(self.sun_elevation_deg))
@@ -209,7 +208,7 @@ class Light:
         return np.asarray(reflectance / math.pi * (sun / 2 + sky + math.pi / 2 * self.ground_radiance))
 
     @cached_property
-    def ground_radiance(self) -> Array:
+    def ground_radiance(self) -> Float64Array:
         """(3,) luminance of what lies around, as walls and car doors see it: pavement and some green, 0.16."""
         reflectance = np.array([0.165, 0.16, 0.145])
         directions, weights = _upper_half()
@@ -217,7 +216,7 @@ class Light:
         return np.asarray(reflectance / math.pi * (self.sun_klux * self.to_sun[2] + sky))
 
 
-def harmonics(directions: npt.ArrayLike) -> Array:
+def harmonics(directions: npt.ArrayLike) -> Float64Array:
     """The nine real spherical harmonics up to order 2 in unit directions (..., 3): (..., 9)."""
     x, y, z = np.moveaxis(np.asarray(directions, dtype=np.float64), -1, 0)
     flat = 0.282095 * np.ones_like(x)
@@ -227,13 +226,13 @@ def harmonics(directions: npt.ArrayLike) -> Array:
 
 
 def _relative(
-    up: Array,
-    apart: Array,
+    up: Float64Array,
+    apart: Float64Array,
     sun_zenith: float,
     terms: tuple[float, float, float, float, float],
     *,
     preetham: bool = False,
-) -> Array:
+) -> Float64Array:
     """Luminance over the zenith's: gradation (a, b) by the cosine from the zenith, indicatrix (c, d, e) by the angle
     from the sun. The CIE has exp(dχ) − exp(dπ/2) in its indicatrix where Perez has exp(dχ)."""
     a, b, c, d, e = terms
@@ -243,7 +242,7 @@ def _relative(
     return np.asarray(here / zenith)
 
 
-def _upper_half() -> tuple[Array, Array]:
+def _upper_half() -> tuple[Float64Array, Float64Array]:
     """Directions (n, 3) over the upper half sphere and the solid angle each stands for (n,)."""
     rows, columns = 24, 72
     up = (np.arange(rows) + 0.5) / rows

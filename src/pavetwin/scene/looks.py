@@ -6,7 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from pavetwin.scene.model import TINTS, Float32, Float64, Model
+from pavetwin.arrays import Float32Array, Float64Array
+from pavetwin.scene.model import TINTS, Model
 from pavetwin.scene.models import bounds
 from pavetwin.scene.palettes import BOTTOMS, BUS_PAINTS, HAIR, PAINTS, SKIN, TOPS, WORK_PAINTS, Colour, Tone, drawn
 from pavetwin.seeds import Stream, child
@@ -40,9 +41,9 @@ class Look:
     """How one agent is drawn."""
 
     model: str
-    scale: Float64
+    scale: Float64Array
     """(3,) of the model's length, width and height."""
-    tints: Float32
+    tints: Float32Array
     """(TINTS, 4)"""
     stride_m: float = 0.0
     """Way walked in one cycle of the gait; 0 for vehicles."""
@@ -59,7 +60,7 @@ def look_of(agents: Agents, agent: int, seed: int, models: Mapping[str, Model]) 
     return _vehicle(vehicle_model(agents.kind[agent], size), size, rng)
 
 
-def vehicle_model(kind: str, size_m: Float64) -> str:
+def vehicle_model(kind: str, size_m: Float64Array) -> str:
     """The model for a kind of ours, or for a SUMO vehicle class: the one of that class whose size is nearest."""
     if kind in KINDS:
         return kind
@@ -74,7 +75,7 @@ def people(models: Mapping[str, Model], kind: str) -> Sequence[str]:
     return [name for name in everyone if name.split("_")[1] == kind] or everyone
 
 
-def tints(*colours: Colour | None) -> Float32:
+def tints(*colours: Colour | None) -> Float32Array:
     """(TINTS, 4) for the first slots, None for the model's own colour; nothing glows."""
     values = np.zeros((TINTS, 4), dtype=np.float32)
     values[:, :3] = 1.0
@@ -84,7 +85,7 @@ def tints(*colours: Colour | None) -> Float32:
     return values
 
 
-def _vehicle(model: str, size_m: Float64, rng: np.random.Generator) -> Look:
+def _vehicle(model: str, size_m: Float64Array, rng: np.random.Generator) -> Look:
     kind = KINDS[model]
     return Look(
         model=model,

@@ -15,12 +15,8 @@ from enum import IntEnum
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
-UInt8 = npt.NDArray[np.uint8]
-UInt32 = npt.NDArray[np.uint32]
+from pavetwin.arrays import Float32Array, Float64Array, UInt8Array, UInt32Array
 
 TILE_M: Final = 32.0
 """Side of a tile [m]."""
@@ -56,17 +52,17 @@ class GroundKind(IntEnum):
 class Mesh:
     """Triangles, anticlockwise seen from outside, with what shading needs at each of the n vertices."""
 
-    positions: Float32
+    positions: Float32Array
     """(n, 3) metres."""
-    normals: Float32
+    normals: Float32Array
     """(n, 3) unit."""
-    indices: UInt32
+    indices: UInt32Array
     """(m, 3)"""
-    colours: Float32 | None = None
+    colours: Float32Array | None = None
     """(n, 3) linear RGB reflectance with ambient occlusion multiplied in; None on ground."""
-    surface: UInt8 | None = None
+    surface: UInt8Array | None = None
     """(n, 3): roughness and metallic, 255 for 1, and the slot, 0 for its own colour or 1 … TINTS for the instance's."""
-    uv: Float32 | None = None
+    uv: Float32Array | None = None
     """(n, 2): of ground in metres over its detail; of a façade in metres along and up its wall; of a defect's patch
     0 … 1 over its maps, row 0 at v = 0. A part of a model that has it is foliage, uv 0 … 1 over `foliage.leaf_sheet`,
     whose gaps are cut out of it; its triangles come in pairs, a card each."""
@@ -104,9 +100,9 @@ class Instance:
 
     model: str
     part: str
-    transform: Float64
+    transform: Float64Array
     """(4, 4) from the model's frame to the world's; column vectors."""
-    tints: Float32
+    tints: Float32Array
     """(TINTS, 4): linear RGB of each slot and how strongly it glows (0 for a surface that only reflects)."""
     label: int = 0
     """What it is in the instance image; 0 for nothing that is labelled."""
@@ -127,9 +123,9 @@ class GroundPiece:
 class GroundMaps:
     """What time and traffic did to a tile's ground. Row 0 is south; a texel is (TILE_M + 2·MARGIN) / MAP_PX."""
 
-    weathering: UInt8
+    weathering: UInt8Array
     """(MAP_PX, MAP_PX, 4): tone (reflectance × value / 128), stain (oil, rubber, damp), dust, polish (wheel paths)."""
-    drawn: UInt8
+    drawn: UInt8Array
     """(MAP_PX, MAP_PX, 4): signed distance to paint, its colour (0 white … 255 yellow), its wear, signed distance to
     bitumen (sealed cracks and seams)."""
 
@@ -139,10 +135,10 @@ class Detail:
     """The grain of one kind of ground: square textures that repeat every `size_m`."""
 
     size_m: float
-    reflectance: UInt8
+    reflectance: UInt8Array
     """(k, k, 4): sRGB-coded reflectance, and the hold of paint: its share of even spread is the wear at which paint has
     gone from here (0 first, 255 last). Row 0 is v = 0."""
-    relief: UInt8
+    relief: UInt8Array
     """(k, k, 4): normal x and y (128 for 0, 255 for 1), height (0 … 255 of its range), roughness."""
 
 
@@ -166,11 +162,11 @@ class DefectPatch:
     """In the defect's frame, with `uv` over the maps."""
     coarse: Mesh
     """Likewise, for pixels of `patches.COARSE_PIXEL_M` and more."""
-    transform: Float64
+    transform: Float64Array
     """(4, 4) from the defect's frame to the world's."""
-    relief: UInt8
+    relief: UInt8Array
     """(rows, columns, 4): normal x and y (128 for 0), reflectance × value / 128, ambient occlusion (255 open)."""
-    mask: UInt8
+    mask: UInt8Array
     """(rows, columns): 255 where the label is, else 0."""
 
 

@@ -14,8 +14,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from pavetwin.arrays import Float64Array
 from pavetwin.scene.glb import Glb, from_file_axes, read_glb
-from pavetwin.scene.model import Float64, Mesh, Model
+from pavetwin.scene.model import Mesh, Model
 
 SLOTS: Final[Mapping[str, int]] = MappingProxyType(
     {
@@ -60,7 +61,7 @@ def load_model(path: Path) -> Model:
     return Model(path.stem, MappingProxyType(parts), MappingProxyType(extras))
 
 
-def bounds(mesh: Mesh) -> tuple[Float64, Float64]:
+def bounds(mesh: Mesh) -> tuple[Float64Array, Float64Array]:
     """Lowest and highest corner (3,) of a mesh."""
     return mesh.positions.min(axis=0).astype(np.float64), mesh.positions.max(axis=0).astype(np.float64)
 

@@ -16,8 +16,9 @@ from scipy.ndimage import distance_transform_edt
 from shapely import Polygon
 
 from pavetwin._core import relief_mesh
+from pavetwin.arrays import Float32Array, Float64Array, UInt8Array
 from pavetwin.defects import Heightfield, albedo_factor, heightfield_of, normal_map, occlusion_map
-from pavetwin.scene.model import TILE_M, DefectPatch, Float32, Float64, Mesh, UInt8, defect_label
+from pavetwin.scene.model import TILE_M, DefectPatch, Mesh, defect_label
 from pavetwin.world.model import Defect
 
 BESIDE_M: Final = 0.04
@@ -112,7 +113,7 @@ def part_on(patch: DefectPatch, key: tuple[int, int]) -> DefectPatch | None:
     return replace(patch, mesh=part, coarse=part)
 
 
-def _mesh(defect: Defect, field: Heightfield, ring: Float64, tolerance_m: float, most_vertices: int) -> Mesh:
+def _mesh(defect: Defect, field: Heightfield, ring: Float64Array, tolerance_m: float, most_vertices: int) -> Mesh:
     made = relief_mesh(field.lattice, field.height_m, ring, tolerance_m, most_vertices)
     if made is None:
         raise ValueError(f"the outline of defect {defect.id} crosses itself")
@@ -121,7 +122,7 @@ def _mesh(defect: Defect, field: Heightfield, ring: Float64, tolerance_m: float,
     return Mesh(positions, upright, indices, uv=field.uv(positions[:, :2].astype(np.float64)))
 
 
-def _transform(defect: Defect) -> Float64:
+def _transform(defect: Defect) -> Float64Array:
     cos, sin = np.cos(defect.yaw_rad), np.sin(defect.yaw_rad)
     matrix = np.eye(4)
     matrix[:2, :2] = [[cos, -sin], [sin, cos]]
@@ -129,7 +130,7 @@ def _transform(defect: Defect) -> Float64:
     return matrix
 
 
-def _maps(field: Heightfield) -> tuple[UInt8, UInt8]:
+def _maps(field: Heightfield) -> tuple[UInt8Array, UInt8Array]:
     """(rows, cols, 4) normal x and y, reflectance, openness; and (rows, cols) the label's mask."""
     share = _inward(field)
     factor = 1 + (albedo_factor(field) @ LUMINANCE - 1) * share
@@ -149,14 +150,14 @@ def _maps(field: Heightfield) -> tuple[UInt8, UInt8]:
     return coarse, (255 * (averaged(mask[..., None], step)[..., 0] >= 127.5)).astype(np.uint8)
 
 
-def _inward(field: Heightfield) -> Float32:
+def _inward(field: Heightfield) -> Float32Array:
     """(rows, cols): 1 on the outline and inside, falling to 0 before the hole's ring."""
     away = distance_transform_edt(~field.mask) * field.cell_m
     ramp = np.clip(1 - away / (BESIDE_M - SMOOTHED_M - RING_M), 0, 1)
     return np.asarray(ramp * ramp * (3 - 2 * ramp), dtype=np.float32)
 
 
-def averaged(values: Float32, step: int) -> Float32:
+def averaged(values: Float32Array, step: int) -> Float32Array:
     """Means over step × step cells; the last row and column are repeated to fill them."""
     if step == 1:
         return values

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from shapely import Polygon
 
+from pavetwin.arrays import Float64Array, UInt8Array
 from pavetwin.memory import give_back
 from pavetwin.scene import furniture, signals
 from pavetwin.scene.agents import Actors, upright
@@ -29,13 +30,11 @@ from pavetwin.scene.model import (
     TILE_M,
     DefectPatch,
     Detail,
-    Float64,
     GroundKind,
     GroundMaps,
     Instance,
     Model,
     Tile,
-    UInt8,
 )
 from pavetwin.scene.models import BODY, library
 from pavetwin.scene.patches import holes_of, part_on, patch_of
@@ -121,7 +120,7 @@ class Scene:
         return details()
 
     @cached_property
-    def facade_textures(self) -> UInt8:
+    def facade_textures(self) -> UInt8Array:
         """(layers, k, k, 4): sRGB-coded reflectance, and roughness; repeats every `FACADE_REPEAT_M`. Row 0 is v = 0."""
         return facade_textures(self.seed)
 
@@ -145,7 +144,7 @@ class Scene:
             self._actors = Actors(recording, seed=self.seed, models=self.models, ground=self.heights)
         return (*self._actors.at(time_s, near), *shown)
 
-    def heights(self, xy: npt.ArrayLike) -> Float64:
+    def heights(self, xy: npt.ArrayLike) -> Float64Array:
         """Height of the ground [m] at points (n, 2) in the world frame."""
         return heights(self._plan, xy)
 

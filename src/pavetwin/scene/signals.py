@@ -15,8 +15,9 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from pavetwin.arrays import Float32Array, Float64Array
 from pavetwin.scene.agents import upright
-from pavetwin.scene.model import TINTS, Float32, Float64, Instance
+from pavetwin.scene.model import TINTS, Instance
 from pavetwin.scene.models import BODY
 from pavetwin.traffic.recording import Recording
 from pavetwin.world.model import Crossing, Furniture, FurnitureKind, Lane, LaneKind, World
@@ -58,7 +59,7 @@ class Head:
     """One signal head."""
 
     model: str
-    transform: Float64
+    transform: Float64Array
     """(4, 4); the model's x axis points at those who are to see it."""
     controller: str
     link: int | None
@@ -109,7 +110,7 @@ def instances(heads: Sequence[Head], recording: Recording | None, time_s: float)
         yield Instance(head.model, BODY, head.transform, lamps(head, recording, time_s))
 
 
-def lamps(head: Head, recording: Recording | None, time_s: float) -> Float32:
+def lamps(head: Head, recording: Recording | None, time_s: float) -> Float32Array:
     """(TINTS, 4) of a head at a time."""
     tints = np.full((TINTS, 4), DARK, dtype=np.float32)
     tints[:, 3] = 0.0

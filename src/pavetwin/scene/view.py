@@ -6,24 +6,23 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from pavetwin.arrays import Float64Array
 from pavetwin.uav.cameras import Camera
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class View:
     """A pinhole camera at one moment. Its own frame is x to the right, y down, z forward (as in OpenCV)."""
 
-    position: Array
+    position: Float64Array
     """(3,) of the centre of projection, world frame, metres."""
-    rotation: Array
+    rotation: Float64Array
     """(3, 3): its columns are the camera's x, y and z axes in the world frame."""
     size_px: tuple[int, int]
     """Width, height."""
     focal_px: float
     """Focal length in pixels; the principal point is the middle of the image."""
-    velocity_mps: Array = field(default_factory=lambda: np.zeros(3))
+    velocity_mps: Float64Array = field(default_factory=lambda: np.zeros(3))
     """(3,) of the camera, world frame."""
 
     def __post_init__(self) -> None:
@@ -32,24 +31,24 @@ class View:
         if not np.allclose(self.rotation.T @ self.rotation, np.eye(3), atol=1e-6):
             raise ValueError("the rotation of a view is not orthonormal")
 
-    def to_camera(self, points: npt.ArrayLike) -> Array:
+    def to_camera(self, points: npt.ArrayLike) -> Float64Array:
         """World points (..., 3) in the camera's frame (..., 3), metres."""
         return np.asarray((np.asarray(points, dtype=np.float64) - self.position) @ self.rotation)
 
-    def project(self, points: npt.ArrayLike) -> Array:
+    def project(self, points: npt.ArrayLike) -> Float64Array:
         """World points (..., 3) to pixels (..., 2): (0, 0) is the image's upper left corner. NaN behind the camera."""
         seen = self.to_camera(points)
         depth = np.where(seen[..., 2] > 1e-9, seen[..., 2], np.nan)
         middle = np.array(self.size_px) / 2
         return np.asarray(seen[..., :2] / depth[..., None] * self.focal_px + middle)
 
-    def rays(self, pixels: npt.ArrayLike) -> Array:
+    def rays(self, pixels: npt.ArrayLike) -> Float64Array:
         """Directions (..., 3) in the world frame through pixels (..., 2), their component along the axis 1."""
         middle = np.array(self.size_px) / 2
         plane = (np.asarray(pixels, dtype=np.float64) - middle) / self.focal_px
         return np.asarray(np.concatenate([plane, np.ones((*plane.shape[:-1], 1))], axis=-1) @ self.rotation.T)
 
-    def ground(self, pixels: npt.ArrayLike, height_m: float = 0.0) -> Array:
+    def ground(self, pixels: npt.ArrayLike, height_m: float = 0.0) -> Float64Array:
         """Where the rays through pixels (..., 2) meet the plane z = `height_m`: (..., 2), NaN where they do not."""
         rays = self.rays(pixels)
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -10,29 +10,27 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from pavetwin.arrays import Float32Array, Float64Array
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.job import STEP_S, Body, Part
 from pavetwin.traffic.kinds import KINDS
 from pavetwin.traffic.recording import Agents, Origin, Recording
 
-Floats = npt.NDArray[np.float64]
-Singles = npt.NDArray[np.float32]
-
 _NONE: Final = np.zeros(0, dtype=np.float32)
 NOBODY: Final = Agents((), (), _NONE, _NONE, _NONE, np.zeros(0, dtype=np.bool_))
 
 
-def yaw_of_heading(heading_deg: npt.ArrayLike) -> Floats:
+def yaw_of_heading(heading_deg: npt.ArrayLike) -> Float64Array:
     """Degrees clockwise from north to radians counter-clockwise from east, in −π … π."""
     turned = np.radians(90.0 - np.asarray(heading_deg, dtype=np.float64))
-    yaw: Floats = np.arctan2(np.sin(turned), np.cos(turned))
+    yaw: Float64Array = np.arctan2(np.sin(turned), np.cos(turned))
     return yaw
 
 
-def centre_of_front(front: npt.ArrayLike, yaw_rad: npt.ArrayLike, length_m: npt.ArrayLike) -> Floats:
+def centre_of_front(front: npt.ArrayLike, yaw_rad: npt.ArrayLike, length_m: npt.ArrayLike) -> Float64Array:
     """The centres (..., 2) of bodies whose front bumpers' middles are `front` (..., 2), in metres."""
     yaw, half = np.asarray(yaw_rad, dtype=np.float64), np.asarray(length_m, dtype=np.float64)[..., np.newaxis] / 2
-    centre: Floats = np.asarray(front, dtype=np.float64) - half * np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
+    centre: Float64Array = np.asarray(front, dtype=np.float64) - half * np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
     return centre
 
 
@@ -89,5 +87,5 @@ def _agents(known: Agents, bodies: Sequence[Body], seed: int) -> Agents:
     )
 
 
-def _and(known: Singles, new: npt.ArrayLike) -> Singles:
+def _and(known: Float32Array, new: npt.ArrayLike) -> Float32Array:
     return np.concatenate([known, np.asarray(new, dtype=np.float32)])

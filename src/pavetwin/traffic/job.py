@@ -4,14 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-import numpy.typing as npt
+from pavetwin.arrays import Float64Array, UInt32Array
 
 STEP_S: Final = 0.5
 """SUMO's step and the recording's."""
-
-Floats = npt.NDArray[np.float64]
-UInt32 = npt.NDArray[np.uint32]
 
 
 @dataclass(frozen=True)
@@ -55,17 +51,17 @@ class Part:
     sumo_version: str
     bodies: Sequence[Body]
     """Who appears for the first time in this part; agents are numbered in this order, from the first part on."""
-    rows: UInt32
+    rows: UInt32Array
     """(frames,) how many each frame has"""
-    agent: UInt32
+    agent: UInt32Array
     """(rows,)"""
-    x: Floats
+    x: Float64Array
     """(rows,) of a vehicle's front bumper, of a person's centre, metres east"""
-    y: Floats
+    y: Float64Array
     """(rows,) metres north"""
-    heading_deg: Floats
+    heading_deg: Float64Array
     """(rows,) clockwise from north"""
-    speed_mps: Floats
+    speed_mps: Float64Array
     """(rows,)"""
     removals: Sequence[tuple[int, int]]
     """(step of the recording, number of vehicles that SUMO took out of gridlock)"""

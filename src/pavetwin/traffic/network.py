@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from pavetwin.arrays import Float64Array, Int64Array
 
 SIDE_STREET_SPEED_MPS: Final = 14.0
 """Up to 50 km/h (13.89 m/s) and with one lane: a street where a car may pull out of a parking place."""
@@ -25,15 +24,15 @@ class Roads:
     """The edges that cars may use, in the network's order."""
 
     ids: tuple[str, ...]
-    length_m: Floats
+    length_m: Float64Array
     """(n,) length times driving lanes."""
-    lanes: npt.NDArray[np.int64]
+    lanes: Int64Array
     """(n,) driving lanes: how much traffic comes in or leaves over an entry or exit is in proportion to them."""
-    entries: npt.NDArray[np.int64]
+    entries: Int64Array
     """Indices of edges that begin at the map's border or in a dead end."""
-    exits: npt.NDArray[np.int64]
+    exits: Int64Array
     """Indices of edges that end there."""
-    kerbsides: npt.NDArray[np.int64]
+    kerbsides: Int64Array
     """Indices of side streets, where a vehicle may pull out of a parking place; all edges where there are none."""
 
 
@@ -42,7 +41,7 @@ class Sidewalks:
     """The edges with a sidewalk, and which ends meet over walking areas and crossings."""
 
     ids: tuple[str, ...]
-    length_m: Floats
+    length_m: Float64Array
     """(n,)"""
     ends: tuple[tuple[int, int], ...]
     """Per sidewalk, the meeting places at its beginning and end; −1 where there is none."""

@@ -8,7 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from pavetwin.traffic.job import Body, Floats, UInt32
+from pavetwin.arrays import Float64Array, UInt32Array
+from pavetwin.traffic.job import Body
 from pavetwin.traffic.kinds import kind_of_type
 
 ACCESS_STAGE: Final = 4
@@ -27,7 +28,7 @@ class Rows:
     speed_mps: "array[float]" = field(default_factory=lambda: array("d"))
     bodies: list[Body] = field(default_factory=list)
 
-    def columns(self) -> "tuple[UInt32, UInt32, Floats, Floats, Floats, Floats]":
+    def columns(self) -> tuple[UInt32Array, UInt32Array, Float64Array, Float64Array, Float64Array, Float64Array]:
         """Rows a frame, then agent, x, y, heading and speed of each row, sorted by (frame, agent)."""
         rows, agent = np.array(self.frame, dtype=np.uint32), np.array(self.agent, dtype=np.uint32)
         order = np.lexsort((agent, np.repeat(np.arange(len(rows)), rows)))

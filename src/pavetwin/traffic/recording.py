@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any, Final, TypedDict
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from pavetwin.arrays import BoolArray, Float32Array, Int64Array, UInt32Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.traffic.demand import TOLERANCE, USER, Capacity, Density
@@ -30,35 +30,30 @@ _COLUMNS: Final = ("x", "y", "yaw_rad", "speed_mps")
 REMOVED_REMARK: Final = 0.1
 """When more than this share of the vehicles that are there at a time were taken away, it is said to the user."""
 
-Float32 = npt.NDArray[np.float32]
-UInt32 = npt.NDArray[np.uint32]
-Bools = npt.NDArray[np.bool_]
-Counts = npt.NDArray[np.int64]
-
 
 class Columns(TypedDict):
     """The arrays the kernel replays. Rows are sorted by (step, agent); positions are in the world frame."""
 
     step_s: float
-    step_offsets: UInt32
+    step_offsets: UInt32Array
     """(steps + 1,) rows of step k are step_offsets[k] … step_offsets[k + 1]"""
-    agent: UInt32
+    agent: UInt32Array
     """(rows,)"""
-    x: Float32
+    x: Float32Array
     """(rows,) centre of the body on the ground, metres east"""
-    y: Float32
+    y: Float32Array
     """(rows,) metres north"""
-    yaw_rad: Float32
+    yaw_rad: Float32Array
     """(rows,) counter-clockwise from east, −π … π"""
-    speed_mps: Float32
+    speed_mps: Float32Array
     """(rows,)"""
-    length_m: Float32
+    length_m: Float32Array
     """(agents,)"""
-    width_m: Float32
+    width_m: Float32Array
     """(agents,)"""
-    height_m: Float32
+    height_m: Float32Array
     """(agents,)"""
-    is_pedestrian: Bools
+    is_pedestrian: BoolArray
     """(agents,)"""
 
 
@@ -70,10 +65,10 @@ class Agents:
     """SUMO's."""
     kind: tuple[str, ...]
     """Of `kinds.KINDS`, or the vehicle class of a user's own type."""
-    length_m: Float32
-    width_m: Float32
-    height_m: Float32
-    is_pedestrian: Bools
+    length_m: Float32Array
+    width_m: Float32Array
+    height_m: Float32Array
+    is_pedestrian: BoolArray
 
     def __post_init__(self) -> None:
         for name in ("kind", "length_m", "width_m", "height_m", "is_pedestrian"):
@@ -122,14 +117,14 @@ class Recording:
     origin: Origin
     step_s: float
     agents: Agents
-    step_offsets: UInt32
+    step_offsets: UInt32Array
     """(frames + 1,)"""
-    agent: UInt32
+    agent: UInt32Array
     """(rows,) and so the next four; see `Columns`"""
-    x: Float32
-    y: Float32
-    yaw_rad: Float32
-    speed_mps: Float32
+    x: Float32Array
+    y: Float32Array
+    yaw_rad: Float32Array
+    speed_mps: Float32Array
     removals: tuple[tuple[int, int], ...]
     """(step, how many): vehicles that SUMO took out of gridlock, where a driver would have found a way."""
     signals: Mapping[str, tuple[tuple[int, str], ...]]
@@ -160,12 +155,12 @@ class Recording:
         return self.origin.asked.name if self.origin.asked else USER
 
     @cached_property
-    def counts(self) -> tuple[Counts, Counts]:
+    def counts(self) -> tuple[Int64Array, Int64Array]:
         """Vehicles and pedestrians in each frame, two arrays (frames,)."""
         offsets = self.step_offsets.astype(np.int64)
         walkers = np.zeros(len(self.agent) + 1, dtype=np.int64)
         np.cumsum(self.agents.is_pedestrian[self.agent], out=walkers[1:])
-        pedestrians: Counts = walkers[offsets[1:]] - walkers[offsets[:-1]]
+        pedestrians: Int64Array = walkers[offsets[1:]] - walkers[offsets[:-1]]
         return offsets[1:] - offsets[:-1] - pedestrians, pedestrians
 
     @property

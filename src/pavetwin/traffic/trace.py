@@ -3,29 +3,27 @@
 from typing import TypedDict
 
 import numpy as np
-import numpy.typing as npt
 
 from pavetwin._core import Trace
+from pavetwin.arrays import BoolArray, Float32Array, UInt32Array
 from pavetwin.traffic.recording import Recording
-
-Singles = npt.NDArray[np.float32]
 
 
 class TraceArguments(TypedDict):
     """What the kernel's trace is made of."""
 
     step_s: float
-    step_offsets: npt.NDArray[np.uint32]
-    agent: npt.NDArray[np.uint32]
-    x_m: Singles
-    y_m: Singles
-    yaw_rad: Singles
-    speed_mps: Singles
-    length_m: Singles
-    width_m: Singles
-    height_m: Singles
-    base_m: Singles
-    is_pedestrian: npt.NDArray[np.bool_]
+    step_offsets: UInt32Array
+    agent: UInt32Array
+    x_m: Float32Array
+    y_m: Float32Array
+    yaw_rad: Float32Array
+    speed_mps: Float32Array
+    length_m: Float32Array
+    width_m: Float32Array
+    height_m: Float32Array
+    base_m: Float32Array
+    is_pedestrian: BoolArray
 
 
 def trace_arguments(recording: Recording) -> TraceArguments:

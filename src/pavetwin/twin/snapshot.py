@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from pavetwin.arrays import Float64Array
 from pavetwin.twin.memory import InspectionMemory
 from pavetwin.twin.state import Agent, Place, UavState
 from pavetwin.world.model import Segment
@@ -41,7 +42,7 @@ class Moment(Protocol):
 
     def agents(self) -> Sequence[Agent]: ...
 
-    def predict(self, displacements: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]: ...
+    def predict(self, displacements: Float64Array) -> Float64Array: ...
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ class Snapshot:
         """A_t: every agent in the world at this time."""
         return self.moment.agents()
 
-    def predict_visibility(self, displacements: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    def predict_visibility(self, displacements: npt.ArrayLike) -> Float64Array:
         """Predicted visible share of the cells now hidden, were the UAV displaced.
 
         The agents are moved on at their present velocities by the time the displacement takes.

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-import numpy.typing as npt
 
+from pavetwin.arrays import Float64Array
 from pavetwin.config.mission import EnergySettings
 from pavetwin.errors import PaveTwinError, nearest_name
 
@@ -20,7 +20,7 @@ GRAVITY_MPS2 = 9.81
 class EnergyCurve:
     """Battery drained, as the kernel reads it: linear between entries."""
 
-    drain_per_s: npt.NDArray[np.float64]
+    drain_per_s: Float64Array
     """Share of the battery a second at airspeeds 0, 0.1, 0.2 … m/s."""
     drain_per_m_climbed: float
     """Share of the battery a metre of climb, on top of the above. A descent gives nothing back."""
@@ -50,7 +50,7 @@ def energy_curve(settings: EnergySettings) -> EnergyCurve:
     return _MODELS[settings.model](settings)
 
 
-def _airspeeds() -> npt.NDArray[np.float64]:
+def _airspeeds() -> Float64Array:
     return np.arange(0, CURVE_TOP_MPS + CURVE_STEP_MPS, CURVE_STEP_MPS)
 
 

@@ -12,11 +12,11 @@ from dataclasses import fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from pavetwin.arrays import Float64Array
 from pavetwin.world.model import World
 
 STEPS_PER_METRE = 2**20
@@ -28,7 +28,7 @@ HASHED = ("segments", "lanes", "junctions", "crossings", "buildings", "furniture
 COLLECTIONS = (*HASHED, "defects")
 
 
-def round_to_grid(xy: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def round_to_grid(xy: Float64Array) -> Float64Array:
     """Coordinates on the grid nearest to these [m]; no −0, which is equal to 0 but hashes otherwise."""
     return np.asarray(np.round(xy * STEPS_PER_METRE) / STEPS_PER_METRE + 0.0, dtype=np.float64)
 

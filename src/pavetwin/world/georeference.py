@@ -7,6 +7,7 @@ import numpy.typing as npt
 from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError
 
+from pavetwin.arrays import Float64Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.model import GeoReference
 
@@ -77,7 +78,7 @@ def from_location(location: Mapping[str, str], where: str) -> GeoReference | Non
     return GeoReference(code, -east, -north)
 
 
-def from_wgs84(georeference: GeoReference, lonlat: npt.ArrayLike) -> npt.NDArray[np.float64]:
+def from_wgs84(georeference: GeoReference, lonlat: npt.ArrayLike) -> Float64Array:
     """(longitude, latitude) (..., 2) in degrees to world (..., 2) in metres."""
     degrees = np.asarray(lonlat, dtype=np.float64)
     transformer = Transformer.from_crs(WGS84, georeference.epsg, always_xy=True)

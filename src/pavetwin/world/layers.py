@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
+from pavetwin.arrays import Float64Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.content import round_to_grid
 from pavetwin.world.model import (
@@ -270,7 +270,7 @@ def _read(path: Path, layer: Layer, place: GeoReference, mending: str) -> Sequen
         if name not in columns:
             raise PaveTwinError(f"'{path}' has no column '{name}' in the layer '{layer.name}'; {mending}")
 
-    def to_world(xy: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def to_world(xy: Float64Array) -> Float64Array:
         return round_to_grid(xy - (place.offset_east_m, place.offset_north_m))
 
     shapes = shapely.transform(shapely.from_wkb(geometry), to_world)

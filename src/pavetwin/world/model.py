@@ -15,6 +15,7 @@ import numpy.typing as npt
 from pyproj import Transformer
 from shapely import LineString, MultiPolygon, Point, Polygon
 
+from pavetwin.arrays import Float64Array
 from pavetwin.errors import PaveTwinError, nearest_name
 
 Surface = Polygon | MultiPolygon
@@ -28,11 +29,11 @@ class GeoReference:
     offset_east_m: float
     offset_north_m: float
 
-    def to_projected(self, xy: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    def to_projected(self, xy: npt.ArrayLike) -> Float64Array:
         """World (..., 2) in metres to projected (..., 2) in metres."""
         return np.asarray(xy, dtype=np.float64) + (self.offset_east_m, self.offset_north_m)
 
-    def to_wgs84(self, xy: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    def to_wgs84(self, xy: npt.ArrayLike) -> Float64Array:
         """World (..., 2) in metres to (longitude, latitude) (..., 2) in degrees."""
         projected = self.to_projected(xy)
         transformer = Transformer.from_crs(self.epsg, 4326, always_xy=True)

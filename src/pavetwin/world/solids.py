@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely import Polygon
 
+from pavetwin.arrays import Float64Array, Int64Array, UInt8Array
 from pavetwin.world.model import Building, Furniture, FurnitureKind, World
 
 ARM_HALF_HEIGHT = 0.15
@@ -22,7 +22,8 @@ PLATE_WIDTH, PLATE_HALF_DEPTH, PLATE_BOTTOM = 0.75, 0.03, 0.7
 TRUNK_RADIUS = 0.2
 CROWN_SIDES, MAST_SIDES = 12, 8
 
-Ring = npt.NDArray[np.float64]
+Ring = Float64Array
+"""(n, 2) corners of a polygon, anticlockwise, each once, world frame."""
 Prism = tuple[Ring, float, float]
 
 
@@ -39,15 +40,15 @@ class SolidKind(IntEnum):
 class Solids:
     """n upright prisms. The base of prism i is `xy[offsets[i]:offsets[i + 1]]`: convex, anticlockwise, not closed."""
 
-    offsets: npt.NDArray[np.int64]
+    offsets: Int64Array
     """(n + 1,)"""
-    xy: npt.NDArray[np.float64]
+    xy: Float64Array
     """(offsets[n], 2), metres, world frame."""
-    z0: npt.NDArray[np.float64]
+    z0: Float64Array
     """(n,) bottom above ground, metres."""
-    z1: npt.NDArray[np.float64]
+    z1: Float64Array
     """(n,) top above ground, metres."""
-    kind: npt.NDArray[np.uint8]
+    kind: UInt8Array
     """(n,) values of `SolidKind`."""
 
     def __post_init__(self) -> None:
@@ -66,7 +67,7 @@ class Solids:
         """The base (k, 2) of one prism."""
         return self.xy[self.offsets[index] : self.offsets[index + 1]]
 
-    def between(self, low_m: float, high_m: float) -> npt.NDArray[np.int64]:
+    def between(self, low_m: float, high_m: float) -> Int64Array:
         """Indices of the prisms that reach into a range of heights."""
         return np.flatnonzero((self.z0 < high_m) & (self.z1 > low_m))
 

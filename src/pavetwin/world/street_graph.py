@@ -9,12 +9,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from shapely import LineString, Point, Polygon, polygonize
 from shapely.geometry.polygon import orient
 from shapely.ops import substring
 
-Vector = npt.NDArray[np.float64]
+from pavetwin.arrays import Float64Array
+
 Coordinate = tuple[float, float]
 
 CURVE_STEP = 7.0
@@ -168,17 +168,17 @@ def part_of(line: LineString, start_m: float, end_m: float) -> LineString:
     return LineString(substring(line, start_m, end_m).coords)
 
 
-def unit(vector: Vector) -> Vector:
+def unit(vector: Float64Array) -> Float64Array:
     return vector / float(np.hypot(*vector))
 
 
-def turned(vector: Vector, angle_deg: float) -> Vector:
+def turned(vector: Float64Array, angle_deg: float) -> Float64Array:
     """The vector turned counter-clockwise."""
     c, s = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
     return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
 
 
-def hermite(start: Vector, leave: Vector, end: Vector, arrive: Vector) -> LineString:
+def hermite(start: Float64Array, leave: Float64Array, end: Float64Array, arrive: Float64Array) -> LineString:
     """The cubic from `start` with velocity `leave` to `end` with velocity `arrive`, as a polyline."""
     count = max(3, round(float(np.hypot(*(end - start))) * 1.15 / CURVE_STEP) + 1)
     t = np.linspace(0, 1, count)[:, None]
@@ -191,7 +191,7 @@ def hermite(start: Vector, leave: Vector, end: Vector, arrive: Vector) -> LineSt
     return LineString(points)
 
 
-def through(points: Vector) -> LineString:
+def through(points: Float64Array) -> LineString:
     """A smooth curve through points of shape (n, 2): Catmull-Rom, the ends reflected."""
     padded = np.vstack([2 * points[0] - points[1], points, 2 * points[-1] - points[-2]])
     parts: list[Coordinate] = []
@@ -215,7 +215,7 @@ def rounded(arriving: LineString, leaving: LineString, radius_m: float) -> LineS
 # --- Where a new street may run --------------------------------------------------------------------------------------
 
 
-def tangent(line: LineString, along_m: float) -> Vector:
+def tangent(line: LineString, along_m: float) -> Float64Array:
     a, b = line.interpolate(max(along_m - 4, 0)), line.interpolate(min(along_m + 4, line.length))
     return unit(np.array([b.x - a.x, b.y - a.y]))
 
@@ -224,8 +224,8 @@ def tangent(line: LineString, along_m: float) -> Vector:
 class Door:
     """A place on a street where another may begin: its position and the direction away from the street."""
 
-    position: Vector
-    outward: Vector
+    position: Float64Array
+    outward: Float64Array
     junction: bool
     along_m: float = 0.0
     """Its place on the outline of the block that it opens into."""

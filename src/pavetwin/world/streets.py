@@ -9,14 +9,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely import LineString, MultiPolygon, Polygon, STRtree
 
+from pavetwin.arrays import Float64Array
 from pavetwin.world.model import Lane, LaneKind, Surface
 from pavetwin.world.roadnet import Edge, RoadNet
-
-Points = npt.NDArray[np.float64]
 
 MAX_MEDIAN = 3.0
 """Two directions further apart than this are two streets with a median between them [m]."""
@@ -156,7 +154,7 @@ def middle_line(edges: tuple[Edge, ...], left_hand: bool) -> LineString:
     return middle
 
 
-def left_normals(points: Points) -> Points:
+def left_normals(points: Float64Array) -> Float64Array:
     """Unit normals (n, 2) to the left of a line of points (n, 2)."""
     tangent = np.gradient(points, axis=0)
     length = np.hypot(tangent[:, 0], tangent[:, 1])
@@ -168,7 +166,7 @@ def _sample_count(lane: Lane) -> int:
     return max(2, math.ceil(lane.length_m) + 1)
 
 
-def _sample(lane: Lane, count: int) -> Points:
+def _sample(lane: Lane, count: int) -> Float64Array:
     shares = np.linspace(0.0, 1.0, count)
     points = shapely.line_interpolate_point(lane.centre_line, shares, normalized=True)
     return np.asarray(shapely.get_coordinates(points), dtype=np.float64)

@@ -15,9 +15,10 @@ from shapely import LineString, Point, Polygon, unary_union
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
+from pavetwin.arrays import Float64Array
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Building, Surface
-from pavetwin.world.street_graph import Vector, turned, unit
+from pavetwin.world.street_graph import turned, unit
 from pavetwin.world.streets import polygons_of, surface_of
 from pavetwin.world.town_plan import TownPlan
 from pavetwin.world.town_roads import Rank, RoadPlan
@@ -101,7 +102,7 @@ def _blocks(plan: TownPlan, paved: Surface, park: Polygon) -> list[Polygon]:
 
 def _church(site: _Site, central: Sequence[Polygon]) -> Polygon:
     """A church at the back of a small square, on the straightest front near the crossing; the plot it keeps free."""
-    best: tuple[float, Vector, Vector] | None = None
+    best: tuple[float, Float64Array, Float64Array] | None = None
     for block in central:
         ring = block.exterior
         for along in np.arange(0, ring.length, 6.0):
@@ -285,14 +286,16 @@ def _rings(land: Surface) -> list[LineString]:
     return [part.exterior for part in polygons_of(land)]
 
 
-def _on_ring(ring: LineString, along: float) -> tuple[Vector, Vector]:
+def _on_ring(ring: LineString, along: float) -> tuple[Float64Array, Float64Array]:
     """Position and unit tangent at a distance along a closed line."""
     length = float(ring.length)
     at, before, after = (ring.interpolate((along + d) % length) for d in (0.0, -2.0, 2.0))
     return np.array([at.x, at.y]), unit(np.array([after.x - before.x, after.y - before.y]))
 
 
-def _rectangle(middle: Vector, ahead: Vector, away: Vector, width: float, near: float, far: float) -> Polygon:
+def _rectangle(
+    middle: Float64Array, ahead: Float64Array, away: Float64Array, width: float, near: float, far: float
+) -> Polygon:
     """A rectangle astride `middle`, `width` along `ahead`, from `near` to `far` along `away`."""
     a, b = middle - ahead * width / 2, middle + ahead * width / 2
     return Polygon([a + near * away, b + near * away, b + far * away, a + far * away])

@@ -10,9 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from shapely import LineString, Point, Polygon, covers, linestrings, prepare
 
+from pavetwin.arrays import Float64Array, IndexArray
 from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
 from pavetwin.world.street_graph import (
@@ -24,7 +24,6 @@ from pavetwin.world.street_graph import (
     Coordinate,
     Door,
     StreetGraph,
-    Vector,
     add_street,
     fits,
     hermite,
@@ -36,8 +35,6 @@ from pavetwin.world.street_graph import (
     unit,
 )
 from pavetwin.world.town_edge import RADIUS, choose_park, closes, crescents, give_up_some
-
-Indices = npt.NDArray[np.intp]
 
 LEAST_ANGLE_DEG = 40.0
 
@@ -153,7 +150,7 @@ def _outer_street(graph: StreetGraph, arms: list[LineString], quarter: int, rng:
     return False
 
 
-def _settle(graph: StreetGraph, point: Vector, rng: np.random.Generator) -> Vector | None:
+def _settle(graph: StreetGraph, point: Float64Array, rng: np.random.Generator) -> Float64Array | None:
     """A point on a street moved onto a junction that is near, or none when it is too near to one to stand alone."""
     nearest = min((n for n in range(len(graph.nodes))), key=lambda n: math.dist(graph.nodes[n], point))
     gap = math.dist(graph.nodes[nearest], point)
@@ -243,7 +240,7 @@ def _splitting_street(graph: StreetGraph, block: Polygon, rng: np.random.Generat
     return None
 
 
-def _inequality(block: Polygon, along: Vector, first: Indices, second: Indices) -> Vector:
+def _inequality(block: Polygon, along: Float64Array, first: IndexArray, second: IndexArray) -> Float64Array:
     """How unequal the parts of a block are, cut between two places of its outline: 0 alike, 1 nothing on one side.
 
     By the shoelace formula: the area swept from the outline's start, at a place, is linear between vertices.
@@ -255,6 +252,6 @@ def _inequality(block: Polygon, along: Vector, first: Indices, second: Indices) 
     swept = np.interp(along, lengths, areas)
     x, y = (np.interp(along, lengths, ring[:, axis]) for axis in (0, 1))
     closing = (x[second] * y[first] - x[first] * y[second]) / 2
-    part: Vector = np.abs(swept[second] - swept[first] + closing)
-    unequal: Vector = np.abs(2 * part / float(block.area) - 1)
+    part: Float64Array = np.abs(swept[second] - swept[first] + closing)
+    unequal: Float64Array = np.abs(2 * part / float(block.area) - 1)
     return unequal

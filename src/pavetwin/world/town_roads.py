@@ -13,8 +13,9 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from shapely import LineString, Point
 
+from pavetwin.arrays import Float64Array
 from pavetwin.seeds import Stream, child
-from pavetwin.world.street_graph import MAIN, THROUGH, Coordinate, Piece, StreetGraph, Vector, reached
+from pavetwin.world.street_graph import MAIN, THROUGH, Coordinate, Piece, StreetGraph, reached
 from pavetwin.world.town_plan import TownPlan
 
 KMH = 1 / 3.6
@@ -98,7 +99,7 @@ def plan_roads(plan: TownPlan, seed: int) -> RoadPlan:
     return RoadPlan(dict(sorted(used.items())), tuple(roads), _signals(plan))
 
 
-def _road(plan: TownPlan, piece: Piece, slug: str, name: str, one_way: bool, taste: Vector) -> Road:
+def _road(plan: TownPlan, piece: Piece, slug: str, name: str, one_way: bool, taste: Float64Array) -> Road:
     graph = plan.graph
     dead_end = min(graph.degree(piece.start), graph.degree(piece.end)) == 1
     width, walk = (float(x) for x in taste)

@@ -10,9 +10,9 @@ from math import atan2, copysign, cos, radians, sin
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from pavetwin.arrays import IndexArray
 from pavetwin.capture.plan import ImageSpec
 from pavetwin.capture.platforms.base import Platform, Pose, platform
 from pavetwin.scene.view import look
@@ -113,24 +113,24 @@ class Car(Platform):
             return None
         return Pose(view, time_s, atan2(sin(heading), cos(heading)), pitch, mount.camera, mount.name, ego=agent)
 
-    def _rows(self, spec: ImageSpec) -> npt.NDArray[np.intp]:
+    def _rows(self, spec: ImageSpec) -> IndexArray:
         """Rows of the recording whose vehicle it may be, on the split's streets; `reaches` sees that there are."""
         return self._by_density[spec.density][spec.split]
 
     @cached_property
-    def _by_density(self) -> dict[str, dict[str, npt.NDArray[np.intp]]]:
+    def _by_density(self) -> dict[str, dict[str, IndexArray]]:
         return {name: self._of_splits(recording) for name, recording in self.setting.recordings.items()}
 
-    def _of_splits(self, recording: Recording) -> dict[str, npt.NDArray[np.intp]]:
+    def _of_splits(self, recording: Recording) -> dict[str, IndexArray]:
         splits = self.setting.sight.splits
-        found: dict[str, list[npt.NDArray[np.intp]]] = {}
+        found: dict[str, list[IndexArray]] = {}
         for street, rows in _ways(self.setting.world, recording, within_m=_STREET_M).items():
             if street in splits:
                 found.setdefault(splits[street], []).append(rows)
         return {split: np.sort(np.concatenate(rows)) for split, rows in found.items()}
 
 
-def _ways(world: World, recording: Recording, within_m: float) -> dict[str, npt.NDArray[np.intp]]:
+def _ways(world: World, recording: Recording, within_m: float) -> dict[str, IndexArray]:
     """Street → rows of the recording with a moving vehicle that the hatchback may be.
 
     Args:

@@ -5,9 +5,9 @@ from math import atan2, pi, radians, tan
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from pavetwin.arrays import Float64Array
 from pavetwin.capture.clearings import Clearings
 from pavetwin.capture.plan import ImageSpec
 from pavetwin.capture.platforms.base import Platform, Pose, Setting, platform
@@ -57,7 +57,7 @@ class Uav(Platform):
         size = self.setting.settings.size_px
         forward = np.array([np.cos(heading), np.sin(heading), 0.0])
 
-        def view_from(xy: npt.NDArray[np.float64]) -> View:
+        def view_from(xy: Float64Array) -> View:
             return look(
                 np.array([*xy, spec.altitude_m]),
                 yaw_rad=heading,
@@ -77,7 +77,7 @@ class Uav(Platform):
         time_s = float(rng.uniform(0.0, self.setting.recordings[spec.density].duration_s))
         return Pose(view, time_s, heading, pitch, self._camera, mount="gimbal")
 
-    def _aimed_at(self, spec: ImageSpec, rng: np.random.Generator) -> tuple[npt.NDArray[np.float64], float]:
+    def _aimed_at(self, spec: ImageSpec, rng: np.random.Generator) -> tuple[Float64Array, float]:
         """The middle of a defect (2,) that the picture is to show, and the direction of its street."""
         defect = self.setting.world.defects[int(rng.choice(self.setting.sight.wanted(spec)))]
         segment = self._segments[defect.segment]
@@ -85,7 +85,7 @@ class Uav(Platform):
 
     def _clear_place(
         self, split: str, altitude_m: float, rng: np.random.Generator
-    ) -> tuple[npt.NDArray[np.float64], float] | None:
+    ) -> tuple[Float64Array, float] | None:
         """The middle of a picture (2,) that may show no defect, and the direction of its street."""
         if (split, altitude_m) not in self._clearings:
             width, height = self.setting.settings.size_px

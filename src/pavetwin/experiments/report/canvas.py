@@ -9,8 +9,6 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final, Literal
 
 import matplotlib
-import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
@@ -22,7 +20,6 @@ from pavetwin.experiments.report.parts import Picture
 from pavetwin.experiments.report.slim import slim
 from pavetwin.experiments.report.words import level_text
 
-Floats = npt.NDArray[np.float64]
 Looks = Mapping[Any, style.Look]
 """Of each policy."""
 

@@ -10,11 +10,12 @@ import shapely
 from shapely import Polygon, STRtree
 from shapely.geometry.polygon import orient
 
+from pavetwin.arrays import Float64Array
 from pavetwin.scene.buildings.faces import Faces
 from pavetwin.scene.buildings.roofs import RoofPlan, build_roof, plan_roof
 from pavetwin.scene.buildings.styles import Situation, style_of
 from pavetwin.scene.buildings.walls import Wall, build_wall
-from pavetwin.scene.model import FacadePiece, Float64
+from pavetwin.scene.model import FacadePiece
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import World
 
@@ -56,7 +57,7 @@ class Buildings:
         build_roof(faces, local, style, rng)
         return tuple(FacadePiece(building.id, mesh, int(layer)) for layer, mesh in faces.meshes().items())
 
-    def _situation(self, footprint: Polygon, height_m: float, touching: Float64) -> Situation:
+    def _situation(self, footprint: Polygon, height_m: float, touching: Float64Array) -> Situation:
         near = self._roads.query_nearest(footprint, return_distance=True)[1] if len(self._roads) else np.empty(0)
         ring = np.asarray(footprint.exterior.coords)
         return Situation(
@@ -67,7 +68,7 @@ class Buildings:
             long_m=float(np.hypot(*np.diff(ring, axis=0).T).max()),
         )
 
-    def _touching(self, number: int, footprint: Polygon) -> Float64:
+    def _touching(self, number: int, footprint: Polygon) -> Float64Array:
         """(n, 2) points every half metre of the boundary that stand against another building."""
         others = [int(k) for k in self._houses.query(footprint.buffer(TOUCHES_M)) if k != number]
         if not others:
@@ -77,7 +78,7 @@ class Buildings:
         points = shapely.line_interpolate_point(footprint.exterior, ways)
         return shapely.get_coordinates(points[shapely.distance(points, near) < TOUCHES_M])
 
-    def _walls(self, plan: RoofPlan, touching: Float64, origin: tuple[float, float]) -> Sequence[Wall]:
+    def _walls(self, plan: RoofPlan, touching: Float64Array, origin: tuple[float, float]) -> Sequence[Wall]:
         walls = []
         for ring in (plan.footprint.exterior, *plan.footprint.interiors):
             corners = np.asarray(ring.coords)
@@ -94,7 +95,7 @@ class Buildings:
             for (start, end, top, party, way), front in zip(walls, fronts, strict=True)
         ]
 
-    def _fronts(self, walls: list[tuple[Float64, Float64, bool]]) -> list[bool]:
+    def _fronts(self, walls: list[tuple[Float64Array, Float64Array, bool]]) -> list[bool]:
         """The wall nearest to a carriageway, of those that look at it."""
         scores = []
         for start, end, party in walls:
@@ -116,12 +117,12 @@ def _tidied(polygon: Polygon) -> Polygon:
     return orient(usable, 1.0)
 
 
-def _outward(start: Float64, end: Float64) -> Float64:
+def _outward(start: Float64Array, end: Float64Array) -> Float64Array:
     x, y = (end - start) / max(float(np.hypot(*(end - start))), 1e-9)
     return np.array([y, -x])
 
 
-def _share_touching(start: Float64, end: Float64, touching: Float64) -> float:
+def _share_touching(start: Float64Array, end: Float64Array, touching: Float64Array) -> float:
     if not len(touching):
         return 0.0
     line = shapely.LineString([start, end])

@@ -7,8 +7,9 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from pavetwin.arrays import Float64Array, GeometryArray
 from pavetwin.scene.buildings.layers import Layer
-from pavetwin.scene.model import Float64, Mesh
+from pavetwin.scene.model import Mesh
 from pavetwin.scene.models import merged
 from pavetwin.world.model import Surface
 
@@ -20,12 +21,12 @@ ROUGH = 0.85
 class _Heap:
     """Polygons of one layer with k corners each."""
 
-    positions: list[Float64] = field(default_factory=list)
-    colours: list[Float64] = field(default_factory=list)
-    uv: list[Float64] = field(default_factory=list)
-    rough: list[Float64] = field(default_factory=list)
+    positions: list[Float64Array] = field(default_factory=list)
+    colours: list[Float64Array] = field(default_factory=list)
+    uv: list[Float64Array] = field(default_factory=list)
+    rough: list[Float64Array] = field(default_factory=list)
 
-    def add(self, positions: Float64, colour: npt.ArrayLike, uv: Float64, roughness: float) -> None:
+    def add(self, positions: Float64Array, colour: npt.ArrayLike, uv: Float64Array, roughness: float) -> None:
         self.positions.append(positions)
         self.colours.append(np.broadcast_to(np.asarray(colour, dtype=np.float64), positions.shape))
         self.uv.append(uv)
@@ -70,11 +71,11 @@ class Faces:
     def slopes(
         self,
         layer: Layer,
-        corners: Float64,
-        heights: Float64,
+        corners: Float64Array,
+        heights: Float64Array,
         colour: Colour,
         roughness: float = ROUGH,
-        uv: Float64 | None = None,
+        uv: Float64Array | None = None,
     ) -> None:
         """Add triangles (n, 3, 2) with heights (n, 3), turned to be seen from above."""
         points = np.concatenate([corners, heights[..., None]], axis=2)
@@ -89,14 +90,20 @@ class Faces:
             self._triangles[layer].add(points[solid], colour, uv[solid], roughness)
 
     def box(
-        self, layer: Layer, base: Float64, low_m: float, high_m: float, colour: Colour, roughness: float = ROUGH
+        self, layer: Layer, base: Float64Array, low_m: float, high_m: float, colour: Colour, roughness: float = ROUGH
     ) -> None:
         """Add the sides and the top of an upright prism over a ring (n, 2), anticlockwise, not closed."""
         self.walls(layer, base, low_m, high_m, colour, roughness)
         self.level(Layer.PLAIN, shapely.Polygon(base), high_m, colour, roughness)
 
     def walls(
-        self, layer: Layer, ring: Float64, low_m: float, high_m: float, colour: npt.ArrayLike, roughness: float = ROUGH
+        self,
+        layer: Layer,
+        ring: Float64Array,
+        low_m: float,
+        high_m: float,
+        colour: npt.ArrayLike,
+        roughness: float = ROUGH,
     ) -> None:
         """Add upright walls over a closed ring (n, 2), seen from its right side when walked along."""
         start, end = ring, np.roll(ring, -1, axis=0)
@@ -120,12 +127,12 @@ class Faces:
         return {layer: _mesh(self._quads.get(layer, _Heap()), self._triangles.get(layer, _Heap())) for layer in layers}
 
 
-def corners_of(triangles: shapely.Geometry | npt.NDArray[np.object_]) -> Float64:
+def corners_of(triangles: shapely.Geometry | GeometryArray) -> Float64Array:
     """(n, 3, 2) corners of all triangles in a collection, or in an array of them."""
     return shapely.get_coordinates(shapely.get_parts(triangles)).reshape(-1, 4, 2)[:, :3]
 
 
-def _at(points: Float64, height_m: float) -> Float64:
+def _at(points: Float64Array, height_m: float) -> Float64Array:
     return np.column_stack([points, np.full(len(points), height_m)])
 
 

@@ -8,8 +8,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from pavetwin.arrays import Float32Array
 from pavetwin.scene.buildings.layers import CELLS, FACADE_PX
-from pavetwin.scene.buildings.pixels import Cell, Colour, Float32
+from pavetwin.scene.buildings.pixels import Cell, Colour
 
 CELL_PX = FACADE_PX // CELLS
 WHITE: Colour = (0.66, 0.66, 0.64)
@@ -19,22 +20,22 @@ GLASS_ROUGH = 0.04
 Painter = Callable[[np.random.Generator, int], Cell]
 
 
-def windows(rng: np.random.Generator) -> Float32:
+def windows(rng: np.random.Generator) -> Float32Array:
     """(k, k, 4): cells 0 … 7 have white frames, 8 … 11 dark, 12 … 15 wooden ones."""
     return _sheet(rng, _window)
 
 
-def glazing(rng: np.random.Generator) -> Float32:
+def glazing(rng: np.random.Generator) -> Float32Array:
     """(k, k, 4): cells 0 … 7 are panes of offices, 8 … 15 shop windows."""
     return _sheet(rng, lambda own, number: _office(own) if number < 8 else _shop(own))
 
 
-def doors(rng: np.random.Generator) -> Float32:
+def doors(rng: np.random.Generator) -> Float32Array:
     """(k, k, 4): cells 0 … 7 are house doors, 8 … 11 garage doors, 12 … 15 roller shutters."""
     return _sheet(rng, _door)
 
 
-def _sheet(rng: np.random.Generator, paint: Painter) -> Float32:
+def _sheet(rng: np.random.Generator, paint: Painter) -> Float32Array:
     cells = [paint(own, number).pixels for number, own in enumerate(rng.spawn(CELLS * CELLS))]
     rows = [np.concatenate(cells[row * CELLS : (row + 1) * CELLS], axis=1) for row in range(CELLS)]
     return np.concatenate(rows, axis=0)

@@ -3,15 +3,14 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from pavetwin.arrays import Float32Array
 from pavetwin.scene.buildings.layers import FACADE_PX
 
-Float32 = npt.NDArray[np.float32]
 Colour = tuple[float, float, float]
 
 
-def noise(rng: np.random.Generator, wavelength_px: float, *, along: float = 1.0, size: int = FACADE_PX) -> Float32:
+def noise(rng: np.random.Generator, wavelength_px: float, *, along: float = 1.0, size: int = FACADE_PX) -> Float32Array:
     """Smooth periodic noise (size, size), mean 0 and deviation 1; `along` above 1 stretches it along rows."""
     spectrum = np.fft.rfft2(rng.standard_normal((size, size), dtype=np.float32))
     fx = np.fft.rfftfreq(size)[None, :] * along
@@ -22,19 +21,19 @@ def noise(rng: np.random.Generator, wavelength_px: float, *, along: float = 1.0,
     return np.asarray(waves / waves.std(), dtype=np.float32)
 
 
-def fractal(rng: np.random.Generator, coarsest_px: float, *, octaves: int = 5, along: float = 1.0) -> Float32:
+def fractal(rng: np.random.Generator, coarsest_px: float, *, octaves: int = 5, along: float = 1.0) -> Float32Array:
     """Noise over several octaves, each half as strong as the coarser one; deviation about 1."""
     parts = [0.5**k * noise(rng, coarsest_px / 2**k, along=along) for k in range(octaves)]
     return np.asarray(sum(parts) / np.sqrt(sum(0.25**k for k in range(octaves))), dtype=np.float32)
 
 
-def grid() -> tuple[Float32, Float32]:
+def grid() -> tuple[Float32Array, Float32Array]:
     """Columns and rows of the texels' middles, each (FACADE_PX, FACADE_PX)."""
     rows, columns = np.meshgrid(np.arange(FACADE_PX) + 0.5, np.arange(FACADE_PX) + 0.5, indexing="ij")
     return columns.astype(np.float32), rows.astype(np.float32)
 
 
-def layer_of(reflectance: Float32, roughness: Float32 | float) -> Float32:
+def layer_of(reflectance: Float32Array, roughness: Float32Array | float) -> Float32Array:
     """(k, k, 4) linear from (k, k) or (k, k, 3) reflectance and a roughness."""
     size = reflectance.shape[0]
     colours = reflectance if reflectance.ndim == 3 else np.repeat(reflectance[..., None], 3, axis=2)
@@ -47,7 +46,7 @@ class Cell:
     """A square that is painted on: x to the right and y up, both 0 … 1; row 0 is y = 0."""
 
     size: int
-    pixels: Float32 = field(init=False)
+    pixels: Float32Array = field(init=False)
     """(size, size, 4) linear RGB and roughness."""
 
     def __post_init__(self) -> None:
@@ -59,10 +58,10 @@ class Cell:
         self,
         x: tuple[float, float],
         y: tuple[float, float],
-        colour: Colour | Float32,
+        colour: Colour | Float32Array,
         roughness: float,
         *,
-        opacity: float | Float32 = 1.0,
+        opacity: float | Float32Array = 1.0,
     ) -> None:
         """Paint a rectangle whose edges are a texel soft. `colour` is one colour or (size, size, 3)."""
         soft = 1.0 / self.size

@@ -15,10 +15,10 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
+from pavetwin.arrays import Float64Array
 from pavetwin.scene.buildings.faces import Colour, Faces, corners_of
 from pavetwin.scene.buildings.layers import Layer
 from pavetwin.scene.buildings.styles import TOWER, Roof, Style
-from pavetwin.scene.model import Float64
 
 STEP_M: Final = 0.35
 """Hipped roofs are cut into contours this far apart in plan; their ridge is flat over at most twice this."""
@@ -55,14 +55,14 @@ class RoofPlan:
     ridge_m: float
     chimney_m: float
     """How far a chimney stands above the ridge; 0 for none."""
-    rectangle: Float64 | None
+    rectangle: Float64Array | None
     """(4, 2) corners for a gable, its ridge along the first side; None for a hip."""
     joined: Joined = NOT_JOINED
     """Of a gable: which sides touch another building, and have no eaves."""
 
 
 def plan_roof(
-    footprint: Polygon, height_m: float, style: Style, touching: Float64, rng: np.random.Generator
+    footprint: Polygon, height_m: float, style: Style, touching: Float64Array, rng: np.random.Generator
 ) -> RoofPlan:
     """Decide on a roof.
 
@@ -100,7 +100,7 @@ def build_roof(faces: Faces, plan: RoofPlan, style: Style, rng: np.random.Genera
         _chimney(faces, plan, rng)
 
 
-def _rectangle(footprint: Polygon, touching: Float64) -> tuple[Float64 | None, Joined]:
+def _rectangle(footprint: Polygon, touching: Float64Array) -> tuple[Float64Array | None, Joined]:
     """The corners of a footprint that is a rectangle, to within 6 % of its area, its ridge along the first side."""
     box = footprint.minimum_rotated_rectangle
     if not isinstance(box, Polygon) or footprint.area < 0.94 * box.area:
@@ -155,7 +155,7 @@ def _gable(faces: Faces, plan: RoofPlan, style: Style) -> None:
     _ridge(faces, ridge, plan.ridge_m, style)
 
 
-def _edge(faces: Faces, ring: Float64) -> None:
+def _edge(faces: Faces, ring: Float64Array) -> None:
     """Boards below a roof's edges, and its underside: what is seen of it from below."""
     low = ring - np.array([0, 0, FASCIA_M])
     following = np.roll(ring, -1, axis=0)
@@ -164,7 +164,7 @@ def _edge(faces: Faces, ring: Float64) -> None:
     faces.quads(Layer.PLAIN, low[None, ::-1], (0.20, 0.19, 0.175), roughness=0.9)
 
 
-def _ridge(faces: Faces, ends: list[Float64], height_m: float, style: Style) -> None:
+def _ridge(faces: Faces, ends: list[Float64Array], height_m: float, style: Style) -> None:
     """A row of ridge tiles."""
     along = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
     left = np.array([-along[1], along[0]])
@@ -194,7 +194,7 @@ def _hip(faces: Faces, plan: RoofPlan, style: Style) -> None:
     faces.walls(Layer.PLAIN, ring, plan.eaves_m - FASCIA_M, plan.eaves_m, (0.22, 0.215, 0.20), 0.8)
 
 
-def _slope_uv(footprint: Polygon, corners: Float64, inside: Float64, slope: float) -> Float64:
+def _slope_uv(footprint: Polygon, corners: Float64Array, inside: Float64Array, slope: float) -> Float64Array:
     """(n, 3, 2): along the eaves nearest to each triangle, and up the roof."""
     ring = np.asarray(footprint.exterior.coords)
     legs = np.array(shapely.linestrings(np.stack([ring[:-1], ring[1:]], axis=1)), dtype=object)
@@ -280,13 +280,13 @@ def _chimney(faces: Faces, plan: RoofPlan, rng: np.random.Generator) -> None:
     faces.box(Layer.PLAIN, _ring(at, along, 0.35, 0.3), top - 0.1, top, (0.10, 0.06, 0.045))
 
 
-def _direction(ring: Float64) -> Float64:
+def _direction(ring: Float64Array) -> Float64Array:
     """(2,) unit, of a ring's first side."""
     side = ring[1] - ring[0]
     return np.asarray(side / max(float(np.hypot(*side)), 1e-9))
 
 
-def _ring(at: Float64, along: Float64, length: float, width: float) -> Float64:
+def _ring(at: Float64Array, along: Float64Array, length: float, width: float) -> Float64Array:
     left = np.array([-along[1], along[0]]) * width / 2
     ahead = along * length / 2
     return np.stack([at - ahead - left, at + ahead - left, at + ahead + left, at - ahead + left])

@@ -6,20 +6,21 @@ colour multiplies them; brick and roof coverings carry their own colour.
 
 import numpy as np
 
+from pavetwin.arrays import Float32Array
 from pavetwin.scene.buildings.layers import FACADE_PX, FACADE_REPEAT_M
-from pavetwin.scene.buildings.pixels import Float32, fractal, grid, layer_of, noise
+from pavetwin.scene.buildings.pixels import fractal, grid, layer_of, noise
 
 PX_A_METRE = FACADE_PX / FACADE_REPEAT_M
 
 
-def render(rng: np.random.Generator) -> Float32:
+def render(rng: np.random.Generator) -> Float32Array:
     """Painted plaster: fine grain, clouds of dirt, streaks where rain runs."""
     grain, clouds = noise(rng, 2.0), fractal(rng, 160.0)
     streaks = np.clip(noise(rng, 90.0, along=0.07), 0, None) * np.clip(0.5 + 0.5 * noise(rng, 120.0), 0, 1)
     return layer_of(0.86 + 0.018 * grain + 0.022 * clouds - 0.030 * streaks, 0.93)
 
 
-def brick(rng: np.random.Generator) -> Float32:
+def brick(rng: np.random.Generator) -> Float32Array:
     """Stretcher bond, 25.6 × 8 cm with joints of a centimetre; every brick its own tone."""
     columns, rows = grid()
     across, courses = 25, 80
@@ -37,7 +38,7 @@ def brick(rng: np.random.Generator) -> Float32:
     return layer_of((colours * (1 - joint[..., None]) + mortar * joint[..., None]).astype(np.float32), 0.92)
 
 
-def concrete(rng: np.random.Generator) -> Float32:
+def concrete(rng: np.random.Generator) -> Float32Array:
     """Panels of 3.2 m with sealed joints and tie holes, stained downwards."""
     columns, rows = grid()
     x, y = columns / PX_A_METRE % 3.2, rows / PX_A_METRE % 3.2
@@ -51,7 +52,7 @@ def concrete(rng: np.random.Generator) -> Float32:
     return layer_of((face * panel).astype(np.float32), 0.9)
 
 
-def stone(rng: np.random.Generator) -> Float32:
+def stone(rng: np.random.Generator) -> Float32Array:
     """Ashlar: courses of 40 cm, blocks of 80 cm, thin joints."""
     columns, rows = grid()
     course = np.floor(rows / PX_A_METRE / 0.4).astype(int)
@@ -64,7 +65,7 @@ def stone(rng: np.random.Generator) -> Float32:
     return layer_of((face * (1 - 0.4 * np.clip(1 - joint / 0.012, 0, 1))).astype(np.float32), 0.9)
 
 
-def cladding(rng: np.random.Generator) -> Float32:
+def cladding(rng: np.random.Generator) -> Float32Array:
     """Trapezoidal steel sheet, ribs every 20 cm, upright."""
     columns, _ = grid()
     rib = columns / PX_A_METRE / 0.2 % 1.0
@@ -72,7 +73,7 @@ def cladding(rng: np.random.Generator) -> Float32:
     return layer_of((lit + 0.015 * fractal(rng, 160.0, along=0.3)).astype(np.float32), 0.5)
 
 
-def tiles(rng: np.random.Generator) -> Float32:
+def tiles(rng: np.random.Generator) -> Float32Array:
     """Clay pantiles 20 cm wide in rows of 32 cm: each course's lower edge casts a shadow. v runs up the roof."""
     columns, rows = grid()
     course = np.floor(rows / PX_A_METRE / 0.32).astype(int)
@@ -88,7 +89,7 @@ def tiles(rng: np.random.Generator) -> Float32:
     return layer_of((clay * face * (1 - moss[..., None] * np.array([0.55, 0.25, 0.3]))).astype(np.float32), 0.85)
 
 
-def slate(rng: np.random.Generator) -> Float32:
+def slate(rng: np.random.Generator) -> Float32Array:
     """Slates or concrete shingles 32 × 20 cm in broken bond, dark grey."""
     columns, rows = grid()
     course = np.floor(rows / PX_A_METRE / 0.2).astype(int)
@@ -101,7 +102,7 @@ def slate(rng: np.random.Generator) -> Float32:
     return layer_of((np.array([0.075, 0.078, 0.085]) * face).astype(np.float32), 0.65)
 
 
-def seams(rng: np.random.Generator) -> Float32:
+def seams(rng: np.random.Generator) -> Float32Array:
     """Standing seams every 53 cm, weathered zinc."""
     columns, _ = grid()
     at = columns / FACADE_PX * 12 % 1.0
@@ -111,7 +112,7 @@ def seams(rng: np.random.Generator) -> Float32:
     return layer_of(np.asarray(face, dtype=np.float32), 0.45)
 
 
-def gravel(rng: np.random.Generator) -> Float32:
+def gravel(rng: np.random.Generator) -> Float32Array:
     """Round gravel on a flat roof, with lichen and bare places."""
     grain = noise(rng, 2.2) * 0.6 + noise(rng, 4.0) * 0.4
     bare = np.clip(fractal(rng, 200.0) - 1.0, 0, 1)
@@ -119,7 +120,7 @@ def gravel(rng: np.random.Generator) -> Float32:
     return layer_of((face[..., None] * np.array([1.04, 1.0, 0.93])).astype(np.float32), 0.95)
 
 
-def felt(rng: np.random.Generator) -> Float32:
+def felt(rng: np.random.Generator) -> Float32Array:
     """Bitumen sheets a metre wide, lapped, with dried puddles."""
     columns, _ = grid()
     lap = np.clip(1 - np.abs(columns / FACADE_PX * 6 % 1.0 - 0.5) / 0.012, 0, 1)

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from pavetwin.arrays import UInt8Array
 from pavetwin.scene.buildings import openings, surfaces
 from pavetwin.scene.buildings.layers import Layer
 from pavetwin.scene.ground.sampling import srgb_of_linear
-from pavetwin.scene.model import UInt8
 from pavetwin.seeds import Stream, child
 
 KEY = 3
@@ -28,7 +28,7 @@ MAKERS = {
 }
 
 
-def facade_textures(seed: int) -> UInt8:
+def facade_textures(seed: int) -> UInt8Array:
     """(layers, k, k, 4): sRGB-coded reflectance and roughness; row 0 is v = 0."""
     layers = []
     for layer in Layer:

@@ -5,10 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
+from pavetwin.arrays import Float64Array
 from pavetwin.scene.buildings.faces import Faces
 from pavetwin.scene.buildings.layers import CELL_M, CELLS, FACADE_REPEAT_M, Layer
 from pavetwin.scene.buildings.styles import Ground, Style, Windows
-from pavetwin.scene.model import Float64
 
 SHORTEST_M = 1.3
 """A shorter wall has no openings."""
@@ -31,9 +31,9 @@ SHOP_M, LOBBY_M = 3.7, 3.5
 class Wall:
     """One side of a building, seen from outside with `start` on the left."""
 
-    start: Float64
+    start: Float64Array
     """(2,)"""
-    end: Float64
+    end: Float64Array
     """(2,)"""
     top_m: float
     """Where it ends below the roof."""
@@ -49,16 +49,16 @@ class Wall:
         return float(np.hypot(*(self.end - self.start)))
 
     @cached_property
-    def along(self) -> Float64:
+    def along(self) -> Float64Array:
         return np.asarray((self.end - self.start) / self.length_m)
 
     @cached_property
-    def outward(self) -> Float64:
+    def outward(self) -> Float64Array:
         """(2,) the wall's normal."""
         x, y = self.along
         return np.array([y, -x])
 
-    def points(self, u: Float64, z: Float64, depth: Float64 | float = 0.0) -> Float64:
+    def points(self, u: Float64Array, z: Float64Array, depth: Float64Array | float = 0.0) -> Float64Array:
         """(..., 3) for metres along the wall, up it, and into the building."""
         flat = self.start + u[..., None] * self.along - np.asarray(depth)[..., None] * self.outward
         return np.concatenate([flat, np.broadcast_to(z, u.shape)[..., None]], axis=-1)
@@ -99,7 +99,7 @@ def _floors(style: Style, top_m: float) -> list[tuple[float, float]]:
     return [(0.0, first), *((first + k * height, first + (k + 1) * height) for k in range(above))]
 
 
-def _bays(style: Style, wall: Wall) -> Float64:
+def _bays(style: Style, wall: Wall) -> Float64Array:
     """(n, 2) beginning and end of each bay; none where the wall is too short."""
     margin = min(MARGIN_M, MARGIN_SHARE * wall.length_m)
     room = wall.length_m - 2 * margin
@@ -111,7 +111,7 @@ def _bays(style: Style, wall: Wall) -> Float64:
 
 
 def _ground_floor(
-    faces: Faces, wall: Wall, style: Style, bays: Float64, low: float, high: float, rng: np.random.Generator
+    faces: Faces, wall: Wall, style: Style, bays: Float64Array, low: float, high: float, rng: np.random.Generator
 ) -> None:
     """The ground floor: on the front a door, shop windows or gates; windows elsewhere."""
     own = np.zeros(len(bays), dtype=bool)
@@ -152,7 +152,14 @@ def _ground_floor(
 
 
 def _shop(
-    faces: Faces, wall: Wall, style: Style, bays: Float64, low: float, high: float, door: int, rng: np.random.Generator
+    faces: Faces,
+    wall: Wall,
+    style: Style,
+    bays: Float64Array,
+    low: float,
+    high: float,
+    door: int,
+    rng: np.random.Generator,
 ) -> None:
     """Large panes between piers, a door among them, a board with the shop's name above."""
     height = high - low
@@ -175,7 +182,7 @@ def _storey(
     wall: Wall,
     style: Style,
     look: Windows | None,
-    bays: Float64,
+    bays: Float64Array,
     low: float,
     high: float,
     rng: np.random.Generator,
@@ -191,7 +198,7 @@ def _openings(
     faces: Faces,
     wall: Wall,
     style: Style,
-    bays: Float64,
+    bays: Float64Array,
     low: float,
     high: float,
     look: Windows,
@@ -223,7 +230,7 @@ def _openings(
             _slab(faces, wall, np.array([a - 0.05, b + 0.05]), np.array([z - thick, z]), out, np.array(style.trim), 0.7)
 
 
-def _cell_uv(cells: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Float64:
+def _cell_uv(cells: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Float64Array:
     """(n, 4, 2) corners of cells in metres of the texture, half a percent within them."""
     column, row = cells % CELLS, cells // CELLS
     inset = 0.005 * CELL_M
@@ -235,7 +242,14 @@ def _cell_uv(cells: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Float64:
 
 
 def _panels(
-    faces: Faces, wall: Wall, layer: Layer, left: Float64, right: Float64, low: Float64, high: Float64, colour: Float64
+    faces: Faces,
+    wall: Wall,
+    layer: Layer,
+    left: Float64Array,
+    right: Float64Array,
+    low: Float64Array,
+    high: Float64Array,
+    colour: Float64Array,
 ) -> None:
     """Rectangles of wall, one a row of the arguments; empty ones are left out."""
     keep = (right - left > 1e-6) & (high - low > 1e-6)
@@ -248,7 +262,7 @@ def _panels(
     faces.quads(layer, wall.points(u, z), colour * shade, uv=uv, roughness=0.9)
 
 
-def _shade(z: Float64, top_m: float) -> Float64:
+def _shade(z: Float64Array, top_m: float) -> Float64Array:
     """Darker towards the foot, where dirt splashes, and just below the roof."""
     foot = SHADE_AT_FOOT + (1 - SHADE_AT_FOOT) * np.clip(z / 1.5, 0, 1)
     eaves = SHADE_BELOW_EAVES + (1 - SHADE_BELOW_EAVES) * np.clip((top_m - z) / 0.8, 0, 1)
@@ -256,7 +270,7 @@ def _shade(z: Float64, top_m: float) -> Float64:
 
 
 def _plain(
-    faces: Faces, wall: Wall, style: Style, left: float, right: float, low: float, high: float, colour: Float64
+    faces: Faces, wall: Wall, style: Style, left: float, right: float, low: float, high: float, colour: Float64Array
 ) -> None:
     cuts = [low, *(cut for cut in (1.5, wall.top_m - 0.8) if low < cut < high), high]
     for bottom, top in zip(sorted(cuts)[:-1], sorted(cuts)[1:], strict=True):
@@ -265,7 +279,14 @@ def _plain(
 
 
 def _reveals(
-    faces: Faces, wall: Wall, style: Style, u0: Float64, u1: Float64, z0: Float64, z1: Float64, depth: float
+    faces: Faces,
+    wall: Wall,
+    style: Style,
+    u0: Float64Array,
+    u1: Float64Array,
+    z0: Float64Array,
+    z1: Float64Array,
+    depth: float,
 ) -> None:
     """The four sides between the wall's face and what fills the opening; the upper one lies in shade."""
     near, far = 0.0, depth
@@ -299,7 +320,9 @@ def _moulding(faces: Faces, wall: Wall, style: Style, z: float, out: float, high
     )
 
 
-def _slab(faces: Faces, wall: Wall, u: Float64, z: Float64, out: float, colour: Float64, roughness: float) -> None:
+def _slab(
+    faces: Faces, wall: Wall, u: Float64Array, z: Float64Array, out: float, colour: Float64Array, roughness: float
+) -> None:
     """A box on the wall's face: front, top, underside and ends."""
     (a, b), (low, high) = u, z
     front, back = -out, 0.0

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from io import BytesIO
 
 import numpy as np
-import numpy.typing as npt
 from PIL import Image, ImageDraw
 
+from pavetwin.arrays import Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
 from pavetwin.scene.ground.compose import MapPyramids, surface
-from pavetwin.scene.ground.sampling import Float32, srgb_of_linear
-from pavetwin.scene.model import TILE_M, DefectPatch, GroundKind, GroundPiece, Tile, UInt8
+from pavetwin.scene.ground.sampling import srgb_of_linear
+from pavetwin.scene.model import TILE_M, DefectPatch, GroundKind, GroundPiece, Tile
 from pavetwin.scene.patches import averaged
 
 QUALITY_COLOUR, QUALITY_NORMAL = 86, 88
@@ -24,13 +24,13 @@ MOST_POINTS = 1 << 19
 class Picture:
     """What a surface looks like from above; both (rows, cols, 3) uint8."""
 
-    colour: UInt8
+    colour: UInt8Array
     """sRGB"""
-    normal: UInt8
+    normal: UInt8Array
     """Tangent space: 128 for 0 and 255 for 1; red to the right, green up the picture."""
 
 
-def jpeg(pixels: UInt8, quality: int) -> bytes:
+def jpeg(pixels: UInt8Array, quality: int) -> bytes:
     """The bytes of a JPEG file of (rows, cols, 3)."""
     stream = BytesIO()
     Image.fromarray(pixels).save(stream, "JPEG", quality=quality, subsampling="4:4:4", optimize=True)
@@ -49,7 +49,7 @@ def bake_tile(tile: Tile, maps: MapPyramids, texel_m: float) -> Picture:
     return Picture(np.ascontiguousarray(colour[::-1]), np.ascontiguousarray(normal[::-1]))
 
 
-def _strip(tile: Tile, maps: MapPyramids, which: npt.NDArray[np.int32], first: int) -> tuple[UInt8, UInt8]:
+def _strip(tile: Tile, maps: MapPyramids, which: Int32Array, first: int) -> tuple[UInt8Array, UInt8Array]:
     """Some rows of a tile, from the row `first` on: colour and normals, each (rows, side, 3), row 0 south."""
     rows, side = which.shape
     texel_m = TILE_M / side
@@ -95,7 +95,7 @@ def bake_patch(patch: DefectPatch, origin: tuple[float, float], maps: MapPyramid
     return Picture(np.ascontiguousarray(colour[::-1]), np.ascontiguousarray(bent_normal[::-1]))
 
 
-def _extent(patch: DefectPatch) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def _extent(patch: DefectPatch) -> tuple[Float64Array, Float64Array]:
     """Corners of the maps in the defect's frame: uv grows in a straight line with the position, in every part alike."""
     if patch.mesh.uv is None:
         raise ValueError(f"the patch of defect {patch.label} has no uv")
@@ -107,7 +107,7 @@ def _extent(patch: DefectPatch) -> tuple[npt.NDArray[np.float64], npt.NDArray[np
     return np.array([x0, y0]), np.array([x1, y1])
 
 
-def _triangle_seen(ground: tuple[GroundPiece, ...], side: int) -> npt.NDArray[np.int32]:
+def _triangle_seen(ground: tuple[GroundPiece, ...], side: int) -> Int32Array:
     """(side, side) which triangle, counted over all pieces, covers a texel; −1 for none. Row 0 is south."""
     image = Image.new("I", (side, side), -1)
     pen = ImageDraw.Draw(image)
@@ -120,9 +120,7 @@ def _triangle_seen(ground: tuple[GroundPiece, ...], side: int) -> npt.NDArray[np
     return np.asarray(image, dtype=np.int32)
 
 
-def _kinds_and_uv(
-    tile: Tile, local: npt.NDArray[np.float64], which: npt.NDArray[np.int32]
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64], Float32]:
+def _kinds_and_uv(tile: Tile, local: Float64Array, which: Int32Array) -> tuple[Int64Array, Float64Array, Float32Array]:
     """Kind (n,) and detail coordinates (n, 2) at points of the tile, and the unit vectors along which those grow, the
     columns of (n, 2, 2); asphalt along the world's axes in holes."""
     kinds = [np.full(len(piece.mesh.indices), int(piece.kind)) for piece in tile.ground]
@@ -136,7 +134,7 @@ def _kinds_and_uv(
     return kind_of[which], uv, ways.astype(np.float32)[which]
 
 
-def _uv_maps(piece: GroundPiece) -> npt.NDArray[np.float64]:
+def _uv_maps(piece: GroundPiece) -> Float64Array:
     """(m, 3, 2) of each triangle: how uv grows with x, with y, and uv at the origin."""
     assert piece.mesh.uv is not None
     xy = piece.mesh.positions[piece.mesh.indices][..., :2].astype(np.float64)
@@ -149,7 +147,7 @@ def _uv_maps(piece: GroundPiece) -> npt.NDArray[np.float64]:
     return np.concatenate([slopes, offset[:, None]], axis=1)
 
 
-def _coded(albedo: Float32, normal: Float32) -> tuple[UInt8, UInt8]:
+def _coded(albedo: Float32Array, normal: Float32Array) -> tuple[UInt8Array, UInt8Array]:
     """Linear reflectance and unit normals as a `Picture` holds them."""
     colour = np.round(255 * srgb_of_linear(albedo)).astype(np.uint8)
     return colour, np.round(np.clip(normal, -1, 1) * 127 + 128).astype(np.uint8)

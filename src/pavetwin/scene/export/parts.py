@@ -6,15 +6,15 @@ from io import BytesIO
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 from PIL import Image
 
+from pavetwin.arrays import Float64Array, FloatArray, UInt8Array, UInt32Array
 from pavetwin.scene.buildings import FACADE_REPEAT_M, Layer
 from pavetwin.scene.export.baking import QUALITY_COLOUR, QUALITY_NORMAL, Picture, bake_patch, bake_tile, jpeg
 from pavetwin.scene.export.shared import SharedModels, attributes_of, indices_of
 from pavetwin.scene.glb import TO_FILE, GlbWriter
 from pavetwin.scene.ground.compose import MapPyramids
-from pavetwin.scene.model import TILE_M, DefectPatch, GroundMaps, Instance, Mesh, Model, Tile, UInt8, labelled_defect
+from pavetwin.scene.model import TILE_M, DefectPatch, GroundMaps, Instance, Mesh, Model, Tile, labelled_defect
 from pavetwin.scene.models import merged
 from pavetwin.world.model import Defect
 
@@ -31,7 +31,7 @@ class Parts:
 
     writer: GlbWriter
     models: Mapping[str, Model]
-    facade_textures: UInt8
+    facade_textures: UInt8Array
     centre: tuple[float, float]
     """World coordinates of the file's origin, which keeps its numbers small."""
     defects: Sequence[Defect]
@@ -125,17 +125,17 @@ class Parts:
             normalTexture={"index": normal},
         )
 
-    def _mesh(self, name: str, attributes: dict[str, int], indices: npt.NDArray[np.uint32], material: int) -> int:
+    def _mesh(self, name: str, attributes: dict[str, int], indices: UInt32Array, material: int) -> int:
         return self.writer.mesh(name, [self._primitive(attributes, indices, material)])
 
-    def _primitive(self, attributes: dict[str, int], indices: npt.NDArray[np.uint32], material: int) -> dict[str, Any]:
+    def _primitive(self, attributes: dict[str, int], indices: UInt32Array, material: int) -> dict[str, Any]:
         return {"attributes": attributes, "indices": indices_of(self.writer, indices), "material": material}
 
     def _place(self, x_m: float, y_m: float) -> list[float]:
         """A world position on the ground in the file's axes."""
         return [y_m - self.centre[1], 0.0, x_m - self.centre[0]]
 
-    def _matrix(self, transform: npt.NDArray[np.float64]) -> list[float]:
+    def _matrix(self, transform: Float64Array) -> list[float]:
         """A transform of ours as the file has it: in its axes, column by column."""
         moved = transform.copy()
         moved[:2, 3] -= self.centre
@@ -143,13 +143,13 @@ class Parts:
         return values
 
 
-def _facade_uv(mesh: Mesh) -> npt.NDArray[np.floating[Any]]:
+def _facade_uv(mesh: Mesh) -> FloatArray:
     if mesh.uv is None:
         raise ValueError("a façade has no uv")
     return mesh.uv * (1, -1) / FACADE_REPEAT_M + (0, 1)
 
 
-def _roughness(texture: UInt8) -> bytes:
+def _roughness(texture: UInt8Array) -> bytes:
     """A PNG whose green channel is the roughness, as glTF has it."""
     pixels = np.zeros_like(texture[..., :3])
     pixels[..., 1] = texture[..., 3]

@@ -6,13 +6,13 @@ from io import BytesIO
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from PIL import Image
 
+from pavetwin.arrays import BoolArray, Float32Array, FloatArray, UInt8Array, UInt32Array
 from pavetwin.scene.foliage import CUT, leaf_sheet
 from pavetwin.scene.glb import INDICES, GlbWriter, to_file_axes
 from pavetwin.scene.ground.sampling import srgb_of_linear
-from pavetwin.scene.model import Float32, Instance, Mesh, Model
+from pavetwin.scene.model import Instance, Mesh, Model
 
 TINT_STEPS: Final = 64
 """Colours of individuals are rounded to this many steps, so that many share a mesh."""
@@ -27,7 +27,7 @@ class _Group(NamedTuple):
     """Roughness, metallic, slot."""
     leafy: bool
     """Whether the sheet of leaves is cut out of it."""
-    colour: Float32
+    colour: Float32Array
     """(3,) the brightest of each channel; its vertices hold shares of it."""
 
 
@@ -72,9 +72,7 @@ class SharedModels:
             ]
         return self._groups[model, part]
 
-    def _group(
-        self, mesh: Mesh, colours: Float32, triangles: npt.NDArray[np.bool_], look: npt.NDArray[np.uint8]
-    ) -> _Group:
+    def _group(self, mesh: Mesh, colours: Float32Array, triangles: BoolArray, look: UInt8Array) -> _Group:
         used, indices = np.unique(mesh.indices[triangles], return_inverse=True)
         piece = Mesh(mesh.positions[used], mesh.normals[used], indices.reshape(-1, 3).astype(np.uint32))
         brightest = np.maximum(colours[used].max(axis=0), 1e-4)
@@ -84,7 +82,7 @@ class SharedModels:
         look_of = (rough, metallic, slot)
         return _Group(attributes, indices_of(self.writer, piece.indices), look_of, uv is not None, brightest)
 
-    def _material(self, group: _Group, tint: Float32 | None) -> int:
+    def _material(self, group: _Group, tint: Float32Array | None) -> int:
         colour = group.colour if tint is None else group.colour * tint[:3]
         factor = [*np.clip(colour, 0, 1).astype(float).tolist(), 1.0]
         glow = 0.0 if tint is None else float(tint[3])
@@ -121,8 +119,8 @@ def attributes_of(
     writer: GlbWriter,
     mesh: Mesh,
     *,
-    uv: npt.NDArray[np.floating[Any]] | None = None,
-    colours: Float32 | None = None,
+    uv: FloatArray | None = None,
+    colours: Float32Array | None = None,
     seen_from_above: bool = False,
 ) -> dict[str, int]:
     """Write a mesh's vertices.
@@ -149,13 +147,13 @@ def attributes_of(
     return attributes
 
 
-def indices_of(writer: GlbWriter, indices: npt.NDArray[np.uint32]) -> int:
+def indices_of(writer: GlbWriter, indices: UInt32Array) -> int:
     """Write triangles (m, 3), in 16 bits where they fit."""
     flat = indices.reshape(-1)
     return writer.array(flat.astype("<u2" if flat.max(initial=0) < 65_535 else "<u4"), target=INDICES)
 
 
-def _tangents(normals: Float32) -> Float32:
+def _tangents(normals: Float32Array) -> Float32Array:
     """(n, 4) in the file's axes: the part of x, else of y, in the surface; the picture's up is to its left."""
     x, y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
     steep = np.abs(normals[:, :1]) > 0.99
@@ -164,7 +162,7 @@ def _tangents(normals: Float32) -> Float32:
     return np.column_stack([_unit(to_file_axes(along)), np.ones(len(normals))]).astype(np.float32)
 
 
-def _unit(normals: Float32) -> Float32:
+def _unit(normals: Float32Array) -> Float32Array:
     """glTF wants normals of length 1 to within rounding."""
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     up = np.array([0, 1, 0], dtype=np.float32)

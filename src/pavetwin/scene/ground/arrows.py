@@ -3,20 +3,17 @@
 from functools import cache
 from typing import Final
 
-import numpy as np
-import numpy.typing as npt
 import shapely
 
+from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.turns import Turn
-
-Float64 = npt.NDArray[np.float64]
 
 LENGTH_M: Final = 5.0
 SHAFT_M: Final = 0.15
 
 
 @cache
-def arrow(turns: frozenset[Turn]) -> tuple[Float64, ...]:
+def arrow(turns: frozenset[Turn]) -> tuple[Float64Array, ...]:
     """The outline of an arrow for some turns, (n, 2): x ahead from the shaft's foot, y to the left, metres."""
     parts = []
     if Turn.STRAIGHT in turns:

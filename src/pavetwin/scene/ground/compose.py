@@ -31,8 +31,9 @@ from typing import Final
 
 import numpy as np
 
+from pavetwin.arrays import Float32Array, FloatArray
 from pavetwin.scene.ground.details import details
-from pavetwin.scene.ground.sampling import Float32, Floats, Pyramid, linear_of_srgb, smoothstep
+from pavetwin.scene.ground.sampling import Pyramid, linear_of_srgb, smoothstep
 from pavetwin.scene.model import MAP_MARGIN_M, SIGNED_DISTANCE_M, TILE_M, GroundKind, GroundMaps
 
 LOOSE: Final = frozenset({GroundKind.ASPHALT, GroundKind.GRASS, GroundKind.EARTH})
@@ -63,11 +64,11 @@ MEAN_HEIGHT: Final = 0.56
 class Surface:
     """What shading needs at every point, all float32."""
 
-    albedo: Float32
+    albedo: Float32Array
     """(..., 3) linear reflectance."""
-    normal: Float32
+    normal: Float32Array
     """(..., 3) unit, of ground that lies flat: x and y along the detail's u and v."""
-    roughness: Float32
+    roughness: Float32Array
     """(...)"""
 
 
@@ -89,11 +90,11 @@ class MapPyramids:
 
 def surface(
     kind: GroundKind,
-    uv: Floats,
-    local_xy: Floats,
+    uv: FloatArray,
+    local_xy: FloatArray,
     origin: tuple[float, float],
     maps: GroundMaps | MapPyramids,
-    footprint_m: float | Floats,
+    footprint_m: float | FloatArray,
 ) -> Surface:
     """The surface of ground of one kind at many points.
 
@@ -140,20 +141,20 @@ def surface(
     )
 
 
-def second_share(xy: Floats) -> Float32:
+def second_share(xy: FloatArray) -> Float32Array:
     """w(p) = smoothstep(0.4, 0.6, ½ + 0.17 Σ wave(…)): where the second sample of a detail shows, (...)."""
     x, y = xy[..., 0], xy[..., 1]
     waves = wave(0.068 * x + 0.049 * y) + wave(-0.094 * x + 0.123 * y + 0.207) + wave(0.180 * x - 0.059 * y + 0.653)
     return smoothstep(0.4, 0.6, 0.5 + 0.17 * waves)
 
 
-def wave(turns: Floats) -> Float32:
+def wave(turns: FloatArray) -> Float32Array:
     """Nearly the sine of so many turns, of parabolas: cheaper, at every pixel of a picture, than sines."""
     ahead = 1 - 2 * (turns - np.floor(turns))
     return np.asarray(4 * ahead * (1 - np.abs(ahead)), dtype=np.float32)
 
 
-def grain_luck(local_xy: Floats) -> Float32:
+def grain_luck(local_xy: FloatArray) -> Float32Array:
     """0 … 1 of each cell of GRAIN_M of a tile, (...): the cell's column and row hashed in 32 bits, alike everywhere."""
     cells = np.floor(np.asarray(local_xy, dtype=np.float32) / np.float32(GRAIN_M)).astype(np.int64).astype(np.uint32)
     mixed = (cells[..., 0] * np.uint32(1597334677)) ^ (cells[..., 1] * np.uint32(3812015801))
@@ -171,8 +172,8 @@ def _pyramids(kind: GroundKind) -> tuple[float, Pyramid]:
 
 
 def _detail(
-    kind: GroundKind, uv: Floats, local_xy: Floats, origin: tuple[float, float], footprint_m: float | Floats
-) -> tuple[Float32, Float32, Float32, Float32, Float32]:
+    kind: GroundKind, uv: FloatArray, local_xy: FloatArray, origin: tuple[float, float], footprint_m: float | FloatArray
+) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array, Float32Array]:
     size_m, pyramid = _pyramids(kind)
     scale, footprint = np.full(uv.shape[:-1], 1 / size_m), np.asarray(footprint_m)
     cos, sin = np.ones_like(scale), np.zeros_like(scale)
@@ -187,7 +188,9 @@ def _detail(
     return found[..., :3], found[..., 3], found[..., 4:6], found[..., 6], found[..., 7]
 
 
-def _maps(maps: GroundMaps | MapPyramids, local_xy: Floats, footprint_m: float | Floats) -> tuple[Float32, Float32]:
+def _maps(
+    maps: GroundMaps | MapPyramids, local_xy: FloatArray, footprint_m: float | FloatArray
+) -> tuple[Float32Array, Float32Array]:
     """Both maps at positions, (..., 4) each, 0 … 1."""
     pyramids = MapPyramids.of(maps) if isinstance(maps, GroundMaps) else maps
     side = TILE_M + 2 * MAP_MARGIN_M
@@ -195,18 +198,20 @@ def _maps(maps: GroundMaps | MapPyramids, local_xy: Floats, footprint_m: float |
     return pyramids.weathering.sample(uv, footprint), pyramids.drawn.sample(uv, footprint)
 
 
-def _metres(coded: Float32) -> Float32:
+def _metres(coded: Float32Array) -> Float32Array:
     """A signed distance from its value 0 … 1 in a map."""
     return np.asarray((coded * 255 - 128) / 127 * SIGNED_DISTANCE_M, dtype=np.float32)
 
 
-def _share(distance_m: Float32, height: Float32, edge_m: float, footprint_m: float | Floats) -> Float32:
+def _share(
+    distance_m: Float32Array, height: Float32Array, edge_m: float, footprint_m: float | FloatArray
+) -> Float32Array:
     """How much of a pixel lies inside an outline whose edge follows the grain."""
     edge = np.maximum(edge_m, np.asarray(footprint_m, dtype=np.float32) / 2)
     return smoothstep(-edge, edge, distance_m + RAGGED_M * (height - 0.5))
 
 
-def _kept(hold: Float32, wear: Float32, footprint_m: float | Floats) -> Float32:
+def _kept(hold: Float32Array, wear: Float32Array, footprint_m: float | FloatArray) -> Float32Array:
     """How much of the paint is still there."""
     threshold = wear * (1.0 + 2.0 * KEPT_SOFT) - KEPT_SOFT
     near = smoothstep(threshold - KEPT_SOFT, threshold + KEPT_SOFT, hold)
@@ -214,5 +219,5 @@ def _kept(hold: Float32, wear: Float32, footprint_m: float | Floats) -> Float32:
     return np.asarray(near + (far - near) * smoothstep(GRAINS_SEEN_M, GRAINS_MELTED_M, footprint_m), dtype=np.float32)
 
 
-def _mix(albedo: Float32, other: tuple[float, float, float] | Float32, share: Float32) -> Float32:
+def _mix(albedo: Float32Array, other: tuple[float, float, float] | Float32Array, share: Float32Array) -> Float32Array:
     return np.asarray(albedo + (np.asarray(other, dtype=np.float32) - albedo) * share[..., None], dtype=np.float32)

@@ -3,16 +3,14 @@
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from pavetwin.arrays import Float32Array, UInt8Array
 from pavetwin.scene.ground.noise_tables import noise_tables
 from pavetwin.scene.ground.plan import GroundPlan
-from pavetwin.scene.ground.raster import Float32, RasterGrid, bars, boxes_of, outlines, tracks, widened
+from pavetwin.scene.ground.raster import RasterGrid, bars, boxes_of, outlines, tracks, widened
 from pavetwin.scene.ground.sampling import smoothstep
 from pavetwin.scene.model import MAP_PX, SIGNED_DISTANCE_M
-
-UInt8 = npt.NDArray[np.uint8]
 
 PAINT_UNEVEN_M: Final = 0.0035
 """Deviation of the edges of paint: what spread under the shoe of the machine, and what broke off since."""
@@ -27,7 +25,7 @@ GONE_M: Final = 0.06
 """By how much less than nothing a seal is wide where it is gone: between there and where it is whole it tapers."""
 
 
-def drawn(plan: GroundPlan, key: tuple[int, int], worn: Float32) -> UInt8:
+def drawn(plan: GroundPlan, key: tuple[int, int], worn: Float32Array) -> UInt8Array:
     """The map of what is drawn, (MAP_PX, MAP_PX, 4).
 
     Args:
@@ -55,14 +53,14 @@ def drawn(plan: GroundPlan, key: tuple[int, int], worn: Float32) -> UInt8:
     return np.asarray(layers + np.float32(0.5), dtype=np.uint8)
 
 
-def _uneven(plan: GroundPlan, key: tuple[int, int]) -> Float32:
+def _uneven(plan: GroundPlan, key: tuple[int, int]) -> Float32Array:
     """By how much edges of paint are out of place [m]."""
     tables = noise_tables(plan.seed)
     field = tables.plane(tables.fine, *RasterGrid(key, MAP_PX // 2).world_axes(), turn=7)
     return widened(np.clip(PAINT_UNEVEN_M * field, -0.008, 0.008).astype(np.float32), MAP_PX)
 
 
-def _bitumen(plan: GroundPlan, raster: RasterGrid) -> Float32:
+def _bitumen(plan: GroundPlan, raster: RasterGrid) -> Float32Array:
     """Signed distance to sealed cracks and seams: ragged, worn off in places, thin at their ends."""
     repairs = plan.repairs
     low, high = plan.seal_boxes
@@ -89,6 +87,6 @@ def _bitumen(plan: GroundPlan, raster: RasterGrid) -> Float32:
     return signed
 
 
-def _coded(distance: Float32) -> Float32:
-    coded: Float32 = np.clip(distance * np.float32(127 / SIGNED_DISTANCE_M) + 128, 1, 255)
+def _coded(distance: Float32Array) -> Float32Array:
+    coded: Float32Array = np.clip(distance * np.float32(127 / SIGNED_DISTANCE_M) + 128, 1, 255)
     return coded

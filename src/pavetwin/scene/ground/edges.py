@@ -3,12 +3,11 @@
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely import LineString, STRtree
 from shapely.geometry.base import BaseGeometry
 
-Float64 = npt.NDArray[np.float64]
+from pavetwin.arrays import Float64Array
 
 _CHUNK: Final = 12
 """Legs of a piece of an edge that is looked up as one."""
@@ -36,7 +35,7 @@ class Edges:
         self._lengths = np.array(lengths)
         self.tree = STRtree(pieces)
 
-    def locate(self, xy: Float64) -> tuple[Float64, Float64, Float64]:
+    def locate(self, xy: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
         """For points (n, 2) the way along the nearest ring, that ring's length, and the distance from it [m]."""
         points = shapely.points(xy)
         piece = self.tree.nearest(points)

@@ -6,16 +6,15 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 import shapely.affinity
 from shapely import Point, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
+from pavetwin.arrays import Float64Array
 from pavetwin.scene.model import Mesh, Model
 from pavetwin.seeds import Stream, child
 
-Float64 = npt.NDArray[np.float64]
 Layer = tuple[BaseGeometry, float, tuple[float, float, float], float, float]
 """A shape, its height [m], its linear reflectance, roughness and metallic share."""
 
@@ -173,7 +172,7 @@ def _leaves() -> Mesh:
     return _mesh(points, np.concatenate(colours), np.tile([230, 0, 0], (len(points), 1)))
 
 
-def _mesh(positions: Float64, colours: Float64, surface: Float64) -> Mesh:
+def _mesh(positions: Float64Array, colours: Float64Array, surface: Float64Array) -> Mesh:
     """A mesh of loose triangles, corners shared where all agrees, normals up."""
     rows, indices = np.unique(np.column_stack([positions, colours, surface]), axis=0, return_inverse=True)
     normals = np.tile(np.array([0.0, 0.0, 1.0], dtype=np.float32), (len(rows), 1))

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
 from pavetwin.scene.ground.layout import Layout
@@ -15,8 +14,6 @@ from pavetwin.seeds import Stream, child
 from pavetwin.world.ground import Nearby, around
 from pavetwin.world.model import Junction, Segment
 from pavetwin.world.segments import segment_key
-
-Float64 = npt.NDArray[np.float64]
 
 REACH_M: Final = {"cover_iron": 0.40, "cover_filled": 0.40, "grate": 0.33, "valve": 0.13, "leaves": 0.9}
 """How far each model reaches from its middle."""

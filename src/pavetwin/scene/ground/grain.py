@@ -5,14 +5,15 @@ from typing import Final
 import numpy as np
 from scipy import fft
 
-from pavetwin.scene.ground.sampling import Float32, srgb_of_linear
+from pavetwin.arrays import Float32Array
+from pavetwin.scene.ground.sampling import srgb_of_linear
 from pavetwin.scene.model import Detail
 
 SIDE_PX: Final = 1024
 """Side of every detail texture [texels], so that they fit one array of a renderer."""
 
 
-def noise(rng: np.random.Generator, wavelength_px: float, *, along: float = 1.0, octaves: float = 1.0) -> Float32:
+def noise(rng: np.random.Generator, wavelength_px: float, *, along: float = 1.0, octaves: float = 1.0) -> Float32Array:
     """Smooth periodic noise, (SIDE_PX, SIDE_PX), mean 0 and standard deviation 1.
 
     White noise under a log-normal band around a wavelength.
@@ -34,12 +35,12 @@ def noise(rng: np.random.Generator, wavelength_px: float, *, along: float = 1.0,
     return np.asarray(waves / waves.std(), dtype=np.float32)
 
 
-def _frequencies() -> tuple[Float32, Float32]:
+def _frequencies() -> tuple[Float32Array, Float32Array]:
     """Cycles a texel along u (1, n) and v (n, 1), as the transform orders them."""
     return fft.rfftfreq(SIDE_PX)[None, :].astype(np.float32), fft.fftfreq(SIDE_PX)[:, None].astype(np.float32)
 
 
-def cells(rng: np.random.Generator, count: int, warp: Float32 | None = None) -> tuple[Float32, Float32]:
+def cells(rng: np.random.Generator, count: int, warp: Float32Array | None = None) -> tuple[Float32Array, Float32Array]:
     """Periodic Voronoi cells about a jittered grid of count² points.
 
     Args:
@@ -76,7 +77,9 @@ def cells(rng: np.random.Generator, count: int, warp: Float32 | None = None) -> 
     return (np.sqrt(second) - np.sqrt(first)) * np.float32(pitch / 2), value
 
 
-def stones(rng: np.random.Generator, radii_px: Float32, depth: float = 1.0) -> tuple[Float32, Float32, Float32]:
+def stones(
+    rng: np.random.Generator, radii_px: Float32Array, depth: float = 1.0
+) -> tuple[Float32Array, Float32Array, Float32Array]:
     """Angular stones strewn over the square; of overlapping ones the higher shows.
 
     Args:
@@ -121,7 +124,7 @@ def stones(rng: np.random.Generator, radii_px: Float32, depth: float = 1.0) -> t
     return height.astype(np.float32), number[code & ((1 << 30) - 1)], edge.astype(np.float32)
 
 
-def spread(field: Float32) -> Float32:
+def spread(field: Float32Array) -> Float32Array:
     """A field's ranks 0 … 1: the same order, evenly spread."""
     low, high = float(field.min()), float(field.max())
     level = ((field - low) * (65535 / max(high - low, 1e-9))).astype(np.int64)
@@ -129,7 +132,7 @@ def spread(field: Float32) -> Float32:
     return np.asarray(below[level] / field.size, dtype=np.float32)
 
 
-def blurred(field: Float32, sigma_px: float) -> Float32:
+def blurred(field: Float32Array, sigma_px: float) -> Float32Array:
     """A field under a periodic Gaussian."""
     fx, fy = _frequencies()
     steep = np.float32(-2 * (np.pi * sigma_px) ** 2)
@@ -138,7 +141,13 @@ def blurred(field: Float32, sigma_px: float) -> Float32:
 
 
 def detail(
-    size_m: float, albedo: Float32, height: Float32, roughness: Float32, hold: Float32, relief_m: float, mean: float
+    size_m: float,
+    albedo: Float32Array,
+    height: Float32Array,
+    roughness: Float32Array,
+    hold: Float32Array,
+    relief_m: float,
+    mean: float,
 ) -> Detail:
     """Textures from fields.
 

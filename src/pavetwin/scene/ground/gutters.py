@@ -4,16 +4,14 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
+from pavetwin.arrays import Float64Array
 from pavetwin.world.gutters import GUTTER_M, has_gutter
 from pavetwin.world.model import Segment
-
-Float64 = npt.NDArray[np.float64]
 
 LEAST_M2: Final = 0.9
 """A shorter piece of gutter is not built."""
@@ -77,7 +75,7 @@ def _taper(road: BaseGeometry, free: LineString, end: int) -> BaseGeometry:
     return shapely.make_valid(Polygon(np.concatenate([outer, inner[::-1]])))
 
 
-def _unit(step: Float64) -> Float64:
+def _unit(step: Float64Array) -> Float64Array:
     return np.asarray(step / max(float(np.hypot(*step)), 1e-9))
 
 

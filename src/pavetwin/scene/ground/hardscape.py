@@ -4,8 +4,8 @@ from typing import Final
 
 import numpy as np
 
+from pavetwin.arrays import Float32Array
 from pavetwin.scene.ground.grain import SIDE_PX, blurred, detail, noise, stones
-from pavetwin.scene.ground.sampling import Float32
 from pavetwin.scene.model import Detail
 
 CONCRETE_M: Final = 2.0
@@ -89,7 +89,7 @@ def kerb(rng: np.random.Generator) -> Detail:
     )
 
 
-def _cement(rng: np.random.Generator, size_m: float) -> tuple[Float32, Float32, Float32, Float32]:
+def _cement(rng: np.random.Generator, size_m: float) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array]:
     """Slow clouds, sand and broom ridges of unit deviation, and small voids 0 … 1."""
     texel_m = size_m / SIDE_PX
     clouds = noise(rng, 0.35 / texel_m, octaves=1.4)
@@ -99,14 +99,14 @@ def _cement(rng: np.random.Generator, size_m: float) -> tuple[Float32, Float32, 
     return clouds, sand, broom, np.clip(blurred(bubbles, 0.5), 0.0, 1.0)
 
 
-def _coloured(value: Float32, warmth: Float32) -> Float32:
+def _coloured(value: Float32Array, warmth: Float32Array) -> Float32Array:
     """Grey with a little more or less yellow, (..., 3)."""
     return _f32(np.stack([value * (1.03 + warmth), value, value * (0.93 - warmth)], axis=-1))
 
 
-def _rough(level: float, sand: Float32) -> Float32:
+def _rough(level: float, sand: Float32Array) -> Float32Array:
     return _f32(np.clip(level + 0.04 * sand, 0.4, 1.0))
 
 
-def _f32(field: np.ndarray[tuple[int, ...], np.dtype[np.floating]]) -> Float32:
+def _f32(field: np.ndarray[tuple[int, ...], np.dtype[np.floating]]) -> Float32Array:
     return np.asarray(field, dtype=np.float32)

@@ -3,14 +3,12 @@
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.layout import Layout
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Junction
-
-Float64 = npt.NDArray[np.float64]
 
 PATCH_M2: Final = 170.0
 """Of carriageway to one mended rectangle."""
@@ -19,14 +17,14 @@ SEALED_M2: Final = 110.0
 """Of carriageway to one sealed crack."""
 
 
-def mended(layout: Layout, junction: Junction) -> tuple[list[tuple[float, ...]], list[float], list[Float64]]:
+def mended(layout: Layout, junction: Junction) -> tuple[list[tuple[float, ...]], list[float], list[Float64Array]]:
     """Patches of a junction, as bars, their tones, and the lines of its sealed cracks, (n, 2) each, world frame."""
     area = shapely.intersection(layout.road_near(shapely.box(*junction.polygon.bounds)), junction.polygon)
     inner = area.buffer(-0.8)
     rng = child(layout.seed, Stream.SCENE, 8, layout.name_hash(f"junction {junction.id}"))
     bars: list[tuple[float, ...]] = []
     tones: list[float] = []
-    lines: list[Float64] = []
+    lines: list[Float64Array] = []
     if inner.is_empty:
         return bars, tones, lines
     shapely.prepare(inner)

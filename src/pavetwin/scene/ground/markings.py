@@ -7,12 +7,12 @@ from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 import shapely.ops
 from shapely import LineString, Polygon, STRtree
 from shapely.geometry.base import BaseGeometry
 
+from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.ageing import Ageing
 from pavetwin.scene.ground.arrows import arrow
 from pavetwin.scene.ground.layout import Layout
@@ -21,8 +21,6 @@ from pavetwin.scene.ground.rules import MarkingRules
 from pavetwin.scene.ground.streets import Street, direction
 from pavetwin.scene.ground.turns import Approach, Turn
 from pavetwin.world.model import Crossing, Lane, LaneKind
-
-Float64 = npt.NDArray[np.float64]
 
 ENDS_FREE_M: Final = 0.6
 """Lines end this far before a junction."""
@@ -226,7 +224,7 @@ class _Marker:
             self.painter.line(self._clear(border), self.rules.broad_m, 0.3)
 
 
-def _outline(crossing: Polygon) -> Float64:
+def _outline(crossing: Polygon) -> Float64Array:
     """(5, 2) of a crossing: SUMO draws it from one end of its middle line, so its first side is as wide as it is."""
     ring = shapely.get_coordinates(crossing)
     return ring if len(ring) == 5 else shapely.get_coordinates(crossing.minimum_rotated_rectangle)

@@ -5,12 +5,9 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from pavetwin.arrays import Float32Array, Float64Array, Int64Array
 from pavetwin.seeds import Stream, child
-
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
 
 _PX: Final = 1024
 _PLANE_STEP_M: Final = 0.0625
@@ -26,40 +23,40 @@ _LASTING_STEP_M: Final = 0.10
 class NoiseTables:
     """Tables of mean 0 and deviation 1."""
 
-    broad: Float32
+    broad: Float32Array
     """Over the plane, features of 1.5 to 6 m."""
-    blotch: Float32
+    blotch: Float32Array
     """Over the plane, features of 0.25 to 1 m."""
-    fine: Float32
+    fine: Float32Array
     """Over the plane, features of a hand's breadth."""
-    streak: Float32
+    streak: Float32Array
     """(_PX along, _ACROSS_PX across) a street: long and narrow."""
-    band: Float32
+    band: Float32Array
     """The same, broader: what the rollers and the wheels left."""
-    scuff: Float32
+    scuff: Float32Array
     """The same, narrower and shorter: single tyres' marks."""
-    ragged: Float32
+    ragged: Float32Array
     """(_LINE_PX,) along a line: edges of what is poured or brushed, features of a hand's breadth."""
-    lasting: Float32
+    lasting: Float32Array
     """(_LINE_PX,) along a line: what of it has lasted, features of metres."""
 
-    def plane(self, table: Float32, x: Float64, y: Float64, *, turn: int = 0) -> Float32:
+    def plane(self, table: Float32Array, x: Float64Array, y: Float64Array, *, turn: int = 0) -> Float32Array:
         """A table over columns at world x and rows at world y, (rows, columns); `turn` takes another part of it."""
         columns = (np.floor(x / _PLANE_STEP_M).astype(np.int64) + 389 * turn) % _PX
         rows = (np.floor(y / _PLANE_STEP_M).astype(np.int64) + 613 * turn) % _PX
         return np.asarray(table[rows].take(columns, axis=1))
 
-    def road(self, table: Float32, along: Float32, across: Float32, offset: npt.NDArray[np.int64]) -> Float32:
+    def road(self, table: Float32Array, along: Float32Array, across: Float32Array, offset: Int64Array) -> Float32Array:
         """A table along a street, (...); `offset` names the street."""
         rows = (np.floor(along / _ALONG_STEP_M).astype(np.int64) + offset) % _PX
         columns = (np.floor(across / _ACROSS_STEP_M).astype(np.int64) + offset // 7) % _ACROSS_PX
         return np.asarray(table[rows, columns])
 
-    def edge(self, along: Float32, offset: npt.NDArray[np.int64]) -> Float32:
+    def edge(self, along: Float32Array, offset: Int64Array) -> Float32Array:
         """How ragged an edge is at places along it, (...); `offset` names the edge."""
         return np.asarray(self.ragged[(np.floor(along / _RAGGED_STEP_M).astype(np.int64) + 619 * offset) % _LINE_PX])
 
-    def kept(self, along: Float32, offset: npt.NDArray[np.int64]) -> Float32:
+    def kept(self, along: Float32Array, offset: Int64Array) -> Float32Array:
         """How well a line has lasted at places along it, (...), straight between its steps; `offset` names the line."""
         at = along / _LASTING_STEP_M
         low = np.floor(at).astype(np.int64)
@@ -87,7 +84,7 @@ def noise_tables(seed: int) -> NoiseTables:
 
 def _waves(
     rng: np.random.Generator, shape: tuple[int, int], wavelength_px: tuple[float, float], octaves: float
-) -> Float32:
+) -> Float32Array:
     """Smooth periodic noise with its own wavelength along each axis."""
     spectrum = np.fft.rfft2(rng.standard_normal(shape))
     fy = np.fft.fftfreq(shape[0])[:, None] * wavelength_px[0]

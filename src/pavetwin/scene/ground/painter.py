@@ -10,7 +10,7 @@ import shapely
 from shapely import LineString
 from shapely.geometry.base import BaseGeometry
 
-Float64 = npt.NDArray[np.float64]
+from pavetwin.arrays import Float64Array
 
 _OVERLAP_M: Final = 0.3
 """Bars of one line overlap, so that no gap shows where they meet."""
@@ -20,13 +20,13 @@ _OVERLAP_M: Final = 0.3
 class Paint:
     """All paint of a world."""
 
-    bars: Float64
+    bars: Float64Array
     """(n, 5): middle x and y in the world frame, direction [rad], half length and half width [m]."""
-    bar_looks: Float64
+    bar_looks: Float64Array
     """(n, 2): share of yellow, wear 0 … 1."""
-    outlines: tuple[Float64, ...]
+    outlines: tuple[Float64Array, ...]
     """Polygons (n, 2) each, world frame."""
-    outline_looks: Float64
+    outline_looks: Float64Array
     """(n, 2) as of the bars."""
 
 
@@ -35,9 +35,9 @@ class Painter:
 
     def __init__(self) -> None:
         self._bars: list[tuple[float, ...]] = []
-        self._outlines: list[tuple[Float64, float, float]] = []
+        self._outlines: list[tuple[Float64Array, float, float]] = []
 
-    def bar(self, start: Float64, end: Float64, width_m: float, wear: float, *, yellow: bool = False) -> None:
+    def bar(self, start: Float64Array, end: Float64Array, width_m: float, wear: float, *, yellow: bool = False) -> None:
         """A straight bar with square ends."""
         dx, dy = end - start
         length = float(np.hypot(dx, dy))
@@ -92,7 +92,7 @@ def _dashes(length_m: float, dash_m: tuple[float, float] | None) -> Iterator[tup
         at += on + off
 
 
-def _between(path: LineString, start: float, end: float) -> Float64:
+def _between(path: LineString, start: float, end: float) -> Float64Array:
     """The points of a path between two stations."""
     coords = shapely.get_coordinates(path)
     ways = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(coords, axis=0).T))])

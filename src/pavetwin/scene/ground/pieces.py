@@ -3,16 +3,14 @@
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely import LineString
 
+from pavetwin.arrays import Float32Array, Float64Array, Int64Array, UInt32Array
 from pavetwin.scene.ground.layout import Layout, tile_box
 from pavetwin.scene.ground.regions import Face, faces_of
 from pavetwin.scene.ground.relief import PROFILE, Relief
 from pavetwin.scene.model import TILE_M, GroundKind, GroundPiece, Mesh
-
-Float64 = npt.NDArray[np.float64]
 
 
 def ground_pieces(plan: Layout, key: tuple[int, int]) -> tuple[GroundPiece, ...]:
@@ -45,7 +43,7 @@ def _mesh(plan: Layout, key: tuple[int, int], relief: Relief, kind: GroundKind, 
     )
 
 
-def _triangles(faces: Sequence[Face]) -> tuple[Float64, npt.NDArray[np.int64]]:
+def _triangles(faces: Sequence[Face]) -> tuple[Float64Array, Int64Array]:
     """Anticlockwise corners (n, 3, 2) of the faces' triangles, and the face of each."""
     parts = shapely.constrained_delaunay_triangles(np.array([face.polygon for face in faces], dtype=object))
     triangles, face = shapely.get_parts(parts, return_index=True)
@@ -57,8 +55,8 @@ def _triangles(faces: Sequence[Face]) -> tuple[Float64, npt.NDArray[np.int64]]:
 
 
 def _coordinates(
-    plan: Layout, kind: GroundKind, faces: Sequence[Face], corners: Float64, face: npt.NDArray[np.int64]
-) -> Float64:
+    plan: Layout, kind: GroundKind, faces: Sequence[Face], corners: Float64Array, face: Int64Array
+) -> Float64Array:
     """Where each corner (n, 3) lies in its detail, metres (n, 3, 2)."""
     if kind is GroundKind.KERB:
         return _on_kerb(plan, corners)
@@ -73,7 +71,7 @@ def _coordinates(
     return uv
 
 
-def _on_kerb(plan: Layout, corners: Float64) -> Float64:
+def _on_kerb(plan: Layout, corners: Float64Array) -> Float64Array:
     """Along the carriageway's edge, and up the section and over its top, for the corners (n, 3, 2) of triangles.
 
     In gutters the second is the way to the edge, below 0.
@@ -88,7 +86,7 @@ def _on_kerb(plan: Layout, corners: Float64) -> Float64:
     return np.stack([way, np.where(inside[:, None], -distance, over)], axis=-1)
 
 
-def _along(line: LineString, corners: Float64) -> Float64:
+def _along(line: LineString, corners: Float64Array) -> Float64Array:
     """Way along a line and offset to its left, for points (..., 2); straight on beyond its ends."""
     coords = shapely.get_coordinates(line)
     points = corners.reshape(-1, 2)
@@ -102,7 +100,7 @@ def _along(line: LineString, corners: Float64) -> Float64:
     return uv.reshape(corners.shape)
 
 
-def _normals(positions: Float64, triangles: npt.NDArray[np.uint32]) -> npt.NDArray[np.float32]:
+def _normals(positions: Float64Array, triangles: UInt32Array) -> Float32Array:
     """Normals weighted by area: large faces stay flat, a bevel between them turns from one to the other."""
     a, b, c = (positions[triangles[:, corner]] for corner in range(3))
     normal = np.cross(b - a, c - a)

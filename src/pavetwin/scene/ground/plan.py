@@ -5,12 +5,12 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
+from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.fixtures import Fixture, placed
 from pavetwin.scene.ground.layout import Layout, SpatialIndex, road_of
 from pavetwin.scene.ground.markings import markings
@@ -19,8 +19,6 @@ from pavetwin.scene.ground.raster import boxes_of
 from pavetwin.scene.ground.repairs import Repairs, repairs
 from pavetwin.scene.ground.streets import Street, streets_of
 from pavetwin.world.model import Lane, Segment, World
-
-Float64 = npt.NDArray[np.float64]
 
 WIDENED_M: Final = 3.0
 """How far from a street or junction the carriageway is still counted to it."""
@@ -47,22 +45,22 @@ class GroundPlan(Layout):
         return SpatialIndex([shapely.Point(thing.x, thing.y) for thing in self.fixtures])
 
     @cached_property
-    def seal_boxes(self) -> tuple[Float64, Float64]:
+    def seal_boxes(self) -> tuple[Float64Array, Float64Array]:
         """Lower and upper corners (n, 2) of the sealed lines."""
         return boxes_of(self.repairs.seals)
 
     @cached_property
-    def skid_boxes(self) -> tuple[Float64, Float64]:
+    def skid_boxes(self) -> tuple[Float64Array, Float64Array]:
         """Lower and upper corners (n, 2) of the tyre marks."""
         return boxes_of(line for line, _ in self.repairs.skids)
 
     @cached_property
-    def patch_bars(self) -> Float64:
+    def patch_bars(self) -> Float64Array:
         """(n, 5) as `raster.bars` takes them."""
         return np.array(self.repairs.patches, dtype=np.float64).reshape(-1, 5)
 
     @cached_property
-    def spots(self) -> Float64:
+    def spots(self) -> Float64Array:
         """(n, 4): x, y, radius, strength."""
         return np.array(self.repairs.spots, dtype=np.float64).reshape(-1, 4)
 

@@ -9,10 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from pavetwin.arrays import BoolArray, Float32Array, Float64Array, Int32Array
 from pavetwin.scene.model import MAP_MARGIN_M, MAP_PX, TILE_M
-
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
 
 SIDE_M: Final = TILE_M + 2 * MAP_MARGIN_M
 
@@ -25,9 +23,9 @@ class Window:
     """A part of a sheet, and where the middles of its cells lie, in metres from the sheet's south-west corner."""
 
     at: tuple[slice, slice]
-    x: Float32
+    x: Float32Array
     """(1, columns)"""
-    y: Float32
+    y: Float32Array
     """(rows, 1)"""
 
 
@@ -40,7 +38,7 @@ class RasterGrid:
         self.origin = np.array([key[0] * TILE_M - MAP_MARGIN_M, key[1] * TILE_M - MAP_MARGIN_M])
         self.middles = ((np.arange(px) + 0.5) * self.cell_m).astype(np.float32)
 
-    def full(self, value: float) -> Float32:
+    def full(self, value: float) -> Float32Array:
         return np.full((self.px, self.px), value, dtype=np.float32)
 
     def window(self, low: npt.ArrayLike, high: npt.ArrayLike) -> Window | None:
@@ -52,15 +50,15 @@ class RasterGrid:
         columns, rows = slice(first[0], last[0]), slice(first[1], last[1])
         return Window((rows, columns), self.middles[None, columns], self.middles[rows, None])
 
-    def local(self, xy: npt.ArrayLike) -> Float64:
+    def local(self, xy: npt.ArrayLike) -> Float64Array:
         """World points (..., 2) in metres from the sheet's corner."""
         return np.asarray(np.asarray(xy, dtype=np.float64) - self.origin)
 
-    def meets(self, low: Float64, high: Float64) -> npt.NDArray[np.bool_]:
+    def meets(self, low: Float64Array, high: Float64Array) -> BoolArray:
         """Which boxes (n, 2) to (n, 2), world frame, meet the sheet."""
         return np.asarray(np.all((low <= self.origin + SIDE_M) & (high >= self.origin), axis=-1))
 
-    def world_axes(self) -> tuple[Float64, Float64]:
+    def world_axes(self) -> tuple[Float64Array, Float64Array]:
         """World x of the columns and y of the rows."""
         return self.origin[0] + self.middles.astype(np.float64), self.origin[1] + self.middles.astype(np.float64)
 
@@ -69,19 +67,19 @@ class RasterGrid:
 class Tracks:
     """For every cell of a sheet the nearest of some lines."""
 
-    index: npt.NDArray[np.int32]
+    index: Int32Array
     """Which line; −1 where none is within its reach."""
-    along: Float32
+    along: Float32Array
     """Way along it to the foot [m]."""
-    across: Float32
+    across: Float32Array
     """Offset to its left [m]."""
-    distance: Float32
+    distance: Float32Array
     """From it [m]; inf where there is none."""
 
 
 def tracks(
     raster: RasterGrid,
-    lines: Sequence[Float64],
+    lines: Sequence[Float64Array],
     reach_m: Sequence[float],
     begins_m: Sequence[float] | None = None,
     *,
@@ -119,22 +117,22 @@ def tracks(
 
 @dataclass(frozen=True)
 class _Leg:
-    start: Float64
-    direction: Float64
+    start: Float64Array
+    direction: Float64Array
     length: float
     begin: float
     first: bool
     last: bool
 
     @property
-    def low(self) -> Float64:
+    def low(self) -> Float64Array:
         return np.minimum(self.start, self.start + self.direction * self.length)
 
     @property
-    def high(self) -> Float64:
+    def high(self) -> Float64Array:
         return np.maximum(self.start, self.start + self.direction * self.length)
 
-    def measure(self, window: Window) -> tuple[Float32, Float32, Float32]:
+    def measure(self, window: Window) -> tuple[Float32Array, Float32Array, Float32Array]:
         """Way ahead of the start, offset to the left, distance, for each cell."""
         dx, dy = (np.float32(value) for value in self.direction)
         x, y = window.x - np.float32(self.start[0]), window.y - np.float32(self.start[1])
@@ -143,7 +141,7 @@ class _Leg:
         return ahead, left, np.sqrt(left * left + beyond * beyond)
 
 
-def _legs(line: Float64, begin: float) -> Iterator[_Leg]:
+def _legs(line: Float64Array, begin: float) -> Iterator[_Leg]:
     """A line's straight parts, none longer than _LEG_M."""
     steps = np.diff(line, axis=0)
     lengths = np.hypot(steps[:, 0], steps[:, 1])
@@ -164,7 +162,7 @@ def _legs(line: Float64, begin: float) -> Iterator[_Leg]:
             begin += length
 
 
-def bars(raster: RasterGrid, bars_xyahw: Float64, reach_m: float) -> Iterator[tuple[int, Window, Float32]]:
+def bars(raster: RasterGrid, bars_xyahw: Float64Array, reach_m: float) -> Iterator[tuple[int, Window, Float32Array]]:
     """Signed distances to oriented rectangles, positive inside, in the window where they exceed −reach.
 
     Args:
@@ -191,7 +189,9 @@ def bars(raster: RasterGrid, bars_xyahw: Float64, reach_m: float) -> Iterator[tu
         yield int(number), window, -(outside + np.minimum(np.maximum(u, v), 0))
 
 
-def outlines(raster: RasterGrid, rings: Sequence[Float64], reach_m: float) -> Iterator[tuple[int, Window, Float32]]:
+def outlines(
+    raster: RasterGrid, rings: Sequence[Float64Array], reach_m: float
+) -> Iterator[tuple[int, Window, Float32Array]]:
     """Signed distances to polygons (n, 2) in the world frame, positive inside, as `bars` gives them."""
     for number, ring in enumerate(rings):
         points = raster.local(ring)
@@ -213,12 +213,12 @@ def outlines(raster: RasterGrid, rings: Sequence[Float64], reach_m: float) -> It
         yield number, window, np.where(inside, away, -away)
 
 
-def widened(field: Float32, px: int) -> Float32:
+def widened(field: Float32Array, px: int) -> Float32Array:
     """A coarser sheet's field on a finer one, bilinearly."""
     return np.asarray(Image.fromarray(field, mode="F").resize((px, px), Image.Resampling.BILINEAR), dtype=np.float32)
 
 
-def boxes_of(lines: Iterable[Float64]) -> tuple[Float64, Float64]:
+def boxes_of(lines: Iterable[Float64Array]) -> tuple[Float64Array, Float64Array]:
     """Lower and upper corners (n, 2) of lines."""
     listed = list(lines)
     if not listed:

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.layout import Layout, tile_box
 from pavetwin.scene.ground.relief import (
     DROP_FAR_M,
@@ -238,5 +238,5 @@ def _tree_pits(plan: Layout, wide: Polygon, paved: BaseGeometry) -> BaseGeometry
 
 def _square(x: float, y: float, half: float, turn_rad: float) -> Polygon:
     cos, sin = np.cos(turn_rad) * half, np.sin(turn_rad) * half
-    corners: npt.NDArray[np.float64] = np.array([[cos - sin, sin + cos], [-cos - sin, cos - sin]])
+    corners: Float64Array = np.array([[cos - sin, sin + cos], [-cos - sin, cos - sin]])
     return Polygon(np.concatenate([corners, -corners]) + (x, y))

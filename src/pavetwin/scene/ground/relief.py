@@ -7,9 +7,8 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from pavetwin.arrays import Float64Array, GeometryArray
 from pavetwin.scene.ground.layout import Layout
-
-Float64 = npt.NDArray[np.float64]
 
 KERB_M: Final = 0.12
 """Height of a kerb; 10 to 15 cm are usual (RASt 06: 12 cm)."""
@@ -48,22 +47,22 @@ class Relief:
         for shape in (self.road, self._walks, self._crossings):
             shapely.prepare(shape)
 
-    def heights(self, xy: Float64) -> Float64:
+    def heights(self, xy: Float64Array) -> Float64Array:
         """Height of the ground [m] at points (n, 2), world frame."""
         points = np.asarray(shapely.points(xy), dtype=object)
         section = np.array(PROFILE)
         rise = np.interp(_distance(points, self.road), section[:, 0], section[:, 1])
         return np.asarray(KERB_M * rise * self.kerbed(points) * self._dropped(points))
 
-    def kerbed(self, points: npt.NDArray[np.object_]) -> Float64:
+    def kerbed(self, points: GeometryArray) -> Float64Array:
         """1 where there is a kerb, 0 where the edge lies flush."""
         return _ramp(_distance(points, self._walks), KERBED_FAR_M, KERBED_NEAR_M)
 
-    def _dropped(self, points: npt.NDArray[np.object_]) -> Float64:
+    def _dropped(self, points: GeometryArray) -> Float64Array:
         return DROPPED + (1.0 - DROPPED) * _ramp(_distance(points, self._crossings), DROP_NEAR_M, DROP_FAR_M)
 
 
-def heights(plan: Layout, xy: npt.ArrayLike) -> Float64:
+def heights(plan: Layout, xy: npt.ArrayLike) -> Float64Array:
     """Height of the ground [m] at points (n, 2), world frame: what stands there stands on it."""
     points = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
     if not len(points):
@@ -71,12 +70,12 @@ def heights(plan: Layout, xy: npt.ArrayLike) -> Float64:
     return Relief(plan, shapely.box(*points.min(axis=0), *points.max(axis=0))).heights(points)
 
 
-def _distance(points: npt.NDArray[np.object_], shape: BaseGeometry) -> Float64:
+def _distance(points: GeometryArray, shape: BaseGeometry) -> Float64Array:
     """Distance [m], 0 inside, far where there is no shape."""
     away = np.nan_to_num(shapely.distance(points, shape), nan=1e3)
     return np.asarray(np.where(away < EXACT_M, 0.0, away), dtype=np.float64)
 
 
-def _ramp(value: Float64, low: float, high: float) -> Float64:
+def _ramp(value: Float64Array, low: float, high: float) -> Float64Array:
     """0 at `low`, 1 at `high`, straight between."""
     return np.asarray(np.clip((value - low) / (high - low), 0.0, 1.0))

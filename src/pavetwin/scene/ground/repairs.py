@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.fixtures import Fixture
 from pavetwin.scene.ground.junction_repairs import mended
 from pavetwin.scene.ground.layout import Layout
@@ -20,8 +21,6 @@ from pavetwin.scene.ground.streets import Street
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Lane, Segment
 from pavetwin.world.segments import segment_key
-
-Float64 = npt.NDArray[np.float64]
 
 SEAL_HALF_M: Final = (0.013, 0.034)
 """Half the width of a sealed crack: flush fillings of 2 to 3 cm up to overbands of 7 cm (FHWA-RD-99-147)."""
@@ -49,7 +48,7 @@ class Repairs:
     """Middle x and y, direction [rad], half length, half width."""
     patch_tones: list[float] = field(default_factory=list)
     """× the reflectance around them."""
-    seals: list[Float64] = field(default_factory=list)
+    seals: list[Float64Array] = field(default_factory=list)
     """Lines of bitumen, (n, 2)."""
     seal_halves_m: list[float] = field(default_factory=list)
     seal_gaps: list[float] = field(default_factory=list)
@@ -58,7 +57,7 @@ class Repairs:
     """Of a segment: from and to along its centre line, and × its reflectance."""
     spots: list[tuple[float, float, float, float]] = field(default_factory=list)
     """Oil: x, y, radius, strength."""
-    skids: list[tuple[Float64, float]] = field(default_factory=list)
+    skids: list[tuple[Float64Array, float]] = field(default_factory=list)
     """Tyre marks: line and strength."""
 
 
@@ -138,7 +137,7 @@ class _OnSegment:
     def _between(self, low: float, high: float) -> float:
         return float(self.rng.uniform(low, high))
 
-    def _world(self, along: npt.ArrayLike, left: npt.ArrayLike) -> Float64:
+    def _world(self, along: npt.ArrayLike, left: npt.ArrayLike) -> Float64Array:
         """World points of points on the street."""
         s, d = np.asarray(along, dtype=np.float64), np.asarray(left, dtype=np.float64)
         leg = np.clip(np.searchsorted(self.ways, s, side="right") - 1, 0, len(self.ways) - 2)
@@ -163,7 +162,7 @@ class _OnSegment:
                 if self.rng.random() < 0.85:
                     self._seal(wavering(self.rng, a, b, 0.008), self._between(*SEAM_HALF_M))
 
-    def _seal(self, line: Float64, half_m: float) -> None:
+    def _seal(self, line: Float64Array, half_m: float) -> None:
         _seal(self.plan, self.found, line, half_m, self._between(*SEALED_GAPS))
 
     def _tone(self) -> float:
@@ -259,7 +258,7 @@ class _OnSegment:
             self._seal(self._world(along[inside], left[inside]), self._between(*SEAL_HALF_M))
 
 
-def _seal(plan: Layout, found: Repairs, line: Float64, half_m: float, gaps: float) -> None:
+def _seal(plan: Layout, found: Repairs, line: Float64Array, half_m: float, gaps: float) -> None:
     """A line of bitumen, but not where a defect would vanish under it."""
     for part in clear_of_defects(plan, line):
         found.seals.append(part)
@@ -283,7 +282,7 @@ def _drips(plan: Layout, lane: Lane, found: Repairs) -> None:
         found.skids += list(_skid(rng, lane))
 
 
-def _skid(rng: np.random.Generator, lane: Lane) -> Iterator[tuple[Float64, float]]:
+def _skid(rng: np.random.Generator, lane: Lane) -> Iterator[tuple[Float64Array, float]]:
     """Both tyres' marks, one often fainter; most of them before the lane's end."""
     reach = float(rng.uniform(3.0, 11.0))
     end = lane.length_m - min(float(rng.exponential(12.0)), max(0.0, lane.length_m - reach - 0.1))

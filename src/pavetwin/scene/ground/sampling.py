@@ -7,27 +7,25 @@ import numpy as np
 import numpy.typing as npt
 
 from pavetwin._core import texture_sample
+from pavetwin.arrays import Float32Array, FloatArray
 
 LEVEL_SLOPE: Final = 4.0
 """Two levels of detail are mixed over this part of the way from one to the next (1/4), about its middle."""
 
-Float32 = npt.NDArray[np.float32]
-Floats = npt.NDArray[np.floating]
 
-
-def linear_of_srgb(coded: npt.ArrayLike) -> Float32:
+def linear_of_srgb(coded: npt.ArrayLike) -> Float32Array:
     """Linear values of sRGB-coded ones, both 0 … 1 (IEC 61966-2-1)."""
     value = np.asarray(coded, dtype=np.float32)
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
-def srgb_of_linear(linear: npt.ArrayLike) -> Float32:
+def srgb_of_linear(linear: npt.ArrayLike) -> Float32Array:
     """sRGB-coded values of linear ones, both 0 … 1 (IEC 61966-2-1)."""
     value = np.clip(np.asarray(linear, dtype=np.float32), 0.0, 1.0)
     return np.where(value <= 0.0031308, value * 12.92, 1.055 * value ** (1 / 2.4) - 0.055).astype(np.float32)
 
 
-def smoothstep(low: npt.ArrayLike, high: npt.ArrayLike, value: npt.ArrayLike) -> Float32:
+def smoothstep(low: npt.ArrayLike, high: npt.ArrayLike, value: npt.ArrayLike) -> Float32Array:
     """0 below `low`, 1 above `high`, smooth between (the shading languages' function of that name)."""
     low, high = np.asarray(low, dtype=np.float32), np.asarray(high, dtype=np.float32)
     share = np.clip((np.asarray(value, dtype=np.float32) - low) / (high - low), 0.0, 1.0)
@@ -38,12 +36,12 @@ def smoothstep(low: npt.ArrayLike, high: npt.ArrayLike, value: npt.ArrayLike) ->
 class Pyramid:
     """A texture and its halved levels, each (k, k, c) float32, row 0 at v = 0."""
 
-    levels: tuple[Float32, ...]
+    levels: tuple[Float32Array, ...]
     wraps: bool
     """Whether it repeats; else its edge texels go on outwards."""
 
     @classmethod
-    def of(cls, texture: Float32, *, wraps: bool) -> "Pyramid":
+    def of(cls, texture: Float32Array, *, wraps: bool) -> "Pyramid":
         """A square texture of 2ⁿ texels with all its levels."""
         levels = [np.ascontiguousarray(texture, dtype=np.float32)]
         while len(levels[-1]) > 1:
@@ -52,7 +50,7 @@ class Pyramid:
             levels.append(coarse.astype(np.float32))
         return cls(tuple(levels), wraps)
 
-    def sample(self, uv: Floats, footprint: float | Floats) -> Float32:
+    def sample(self, uv: FloatArray, footprint: float | FloatArray) -> Float32Array:
         """Values (..., c) at `uv` (..., 2), 0 … 1 over the texture.
 
         Args:

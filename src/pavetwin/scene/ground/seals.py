@@ -4,14 +4,12 @@ from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely import LineString
 from shapely.geometry.base import BaseGeometry
 
+from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.layout import Layout
-
-Float64 = npt.NDArray[np.float64]
 
 CLEAR_OF_DEFECTS_M: Final = 0.03
 """Nothing is sealed this near to the patch of a defect, or it would hide what is looked for."""
@@ -27,7 +25,7 @@ SHORTEST_M: Final = 0.4
 """Shorter remains are left out."""
 
 
-def clear_of_defects(plan: Layout, line: Float64) -> Iterator[Float64]:
+def clear_of_defects(plan: Layout, line: Float64Array) -> Iterator[Float64Array]:
     """The parts of a line (n, 2) that hide no defect, world frame."""
     path = LineString(line)
     near = [hole for hole in plan.holes.at(path, CLEAR_OF_DEFECTS_M) if not _runs_on(path, hole)]
@@ -42,7 +40,7 @@ def _runs_on(path: LineString, hole: BaseGeometry) -> bool:
     return bool(shapely.intersection(path, hole).length < RUNS_ON_M and hole.buffer(-SLENDER_M).is_empty)
 
 
-def wavering(rng: np.random.Generator, a: Float64, b: Float64, sway: float) -> Float64:
+def wavering(rng: np.random.Generator, a: Float64Array, b: Float64Array, sway: float) -> Float64Array:
     """A line from one point to another that does not quite keep straight."""
     length = float(np.hypot(*(b - a)))
     stations = np.linspace(0.0, length, max(3, int(length / 0.35)))
@@ -51,7 +49,7 @@ def wavering(rng: np.random.Generator, a: Float64, b: Float64, sway: float) -> F
     return np.asarray(a + along * stations[:, None] + left * wander(rng, stations, sway)[:, None])
 
 
-def wander(rng: np.random.Generator, stations: Float64, sway: float) -> Float64:
+def wander(rng: np.random.Generator, stations: Float64Array, sway: float) -> Float64Array:
     """Offsets of a line from the straight one, deviation `sway` [m]: who pours or saws it corrects it every metre."""
     waves = np.array([0.9, 2.3, 6.1])[:, None]
     phases = rng.uniform(0.0, 2 * np.pi, (3, 1))

@@ -4,8 +4,8 @@ from typing import Final
 
 import numpy as np
 
+from pavetwin.arrays import Float32Array
 from pavetwin.scene.ground.grain import SIDE_PX, blurred, detail, noise, stones
-from pavetwin.scene.ground.sampling import Float32
 from pavetwin.scene.model import Detail
 
 SIZE_M: Final = 2.0
@@ -49,5 +49,5 @@ def earth(rng: np.random.Generator) -> Detail:
     return detail(SIZE_M, _f32(albedo), _f32(height), _f32(rough), _f32(-height), 0.010, EARTH_REFLECTANCE)
 
 
-def _f32(field: np.ndarray[tuple[int, ...], np.dtype[np.floating]]) -> Float32:
+def _f32(field: np.ndarray[tuple[int, ...], np.dtype[np.floating]]) -> Float32Array:
     return np.asarray(field, dtype=np.float32)

@@ -7,14 +7,12 @@ from enum import StrEnum
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely import STRtree
 
+from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.streets import Street
 from pavetwin.world.model import Junction, Lane, World
-
-Float64 = npt.NDArray[np.float64]
 
 ENDS_NEAR_M: Final = 1.5
 """A lane ends at a junction that is this near to its end."""
@@ -49,7 +47,7 @@ class Path:
 
     approach: Approach
     turn: Turn
-    line: Float64
+    line: Float64Array
     """(n, 2), world frame."""
 
 
@@ -115,7 +113,7 @@ def _heading(lane: Lane, end: int) -> tuple[float, float]:
     return float(step[0]) / length, float(step[1]) / length
 
 
-def _curve(arriving: Lane, leaving: Lane, points: int = 14) -> Float64:
+def _curve(arriving: Lane, leaving: Lane, points: int = 14) -> Float64Array:
     """A cubic Bézier curve that leaves one lane and meets the other in their directions."""
     a, b = np.array(arriving.centre_line.coords[-1]), np.array(leaving.centre_line.coords[0])
     reach = 0.42 * float(np.hypot(*(b - a)))

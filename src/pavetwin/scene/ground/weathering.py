@@ -10,20 +10,18 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from PIL import Image, ImageDraw
 from shapely.geometry.base import BaseGeometry
 
+from pavetwin.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from pavetwin.scene.ground.layout import tile_box
 from pavetwin.scene.ground.noise_tables import NoiseTables, noise_tables
 from pavetwin.scene.ground.plan import GroundPlan
-from pavetwin.scene.ground.raster import Float32, RasterGrid, Tracks, bars, tracks, widened
+from pavetwin.scene.ground.raster import RasterGrid, Tracks, bars, tracks, widened
 from pavetwin.scene.ground.relief import KERB_WIDTH_M
 from pavetwin.scene.ground.repairs import WHEELS_M
 from pavetwin.scene.model import MAP_MARGIN_M, MAP_PX
-
-UInt8 = npt.NDArray[np.uint8]
 
 EDGE_REACH_M: Final = 1.4
 """How far from the kerb its dirt is looked for."""
@@ -51,7 +49,7 @@ class _Ground:
     def tables(self) -> NoiseTables:
         return noise_tables(self.plan.seed)
 
-    def plane(self, table: Float32, turn: int = 0) -> Float32:
+    def plane(self, table: Float32Array, turn: int = 0) -> Float32Array:
         return self.tables.plane(table, *self.raster.world_axes(), turn=turn)
 
     @cached_property
@@ -78,7 +76,7 @@ class _Ground:
         return tracks(self.raster, lines, [EDGE_REACH_M] * len(near), [float(edges.begins[index]) for index in near])
 
     @cached_property
-    def wheels(self) -> Float32:
+    def wheels(self) -> Float32Array:
         """How often wheels pass, 0 … 1: two paths a lane, and the ways across junctions."""
         lane = self.lanes
         away = np.abs(np.abs(lane.across) - WHEELS_M)
@@ -86,7 +84,7 @@ class _Ground:
         return np.maximum(paths, np.minimum(self.turns, 1.0))
 
     @cached_property
-    def turns(self) -> Float32:
+    def turns(self) -> Float32Array:
         """Wheels that cross junctions, added up over the ways across."""
         passed = self.raster.full(0.0)
         reach = WHEELS_M + 0.5
@@ -100,7 +98,7 @@ class _Ground:
         return passed
 
 
-def weathering(plan: GroundPlan, key: tuple[int, int]) -> tuple[UInt8, Float32]:
+def weathering(plan: GroundPlan, key: tuple[int, int]) -> tuple[UInt8Array, Float32Array]:
     """The map of weathering, (MAP_PX, MAP_PX, 4), and × what paint is worn, (MAP_PX, MAP_PX)."""
     ground = _Ground(plan, key)
     raster = RasterGrid(key)
@@ -116,7 +114,7 @@ def weathering(plan: GroundPlan, key: tuple[int, int]) -> tuple[UInt8, Float32]:
     return np.asarray(layers + np.float32(0.5), dtype=np.uint8), worn
 
 
-def _road_tone(ground: _Ground) -> Float32:
+def _road_tone(ground: _Ground) -> Float32Array:
     """What wheels, rollers and the weather made of it, × its age's tone."""
     plan, tables = ground.plan, ground.tables
     streets = ground.segments
@@ -136,7 +134,7 @@ def _road_tone(ground: _Ground) -> Float32:
     return np.asarray(tone, dtype=np.float32)
 
 
-def _laid(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> Float32:
+def _laid(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> Float32Array:
     """× the grain's reflectance by the age of what is laid."""
     spatial_index, tones = plan.tones
     image = Image.new("F", (raster.px, raster.px), 1.0)
@@ -147,7 +145,7 @@ def _laid(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> Float32
     return np.asarray(image, dtype=np.float32)
 
 
-def _stain(ground: _Ground) -> Float32:
+def _stain(ground: _Ground) -> Float32Array:
     """Oil along lanes, rubber across junctions, damp at kerbs, spots anywhere."""
     tables, lanes, edge = ground.tables, ground.lanes, ground.edge
     middle = np.where(lanes.index >= 0, np.exp(-0.5 * (lanes.across / 0.33) ** 2), 0.0)
@@ -165,7 +163,7 @@ def _stain(ground: _Ground) -> Float32:
     return np.asarray(stain + spots + faint, dtype=np.float32)
 
 
-def _dust(ground: _Ground) -> Float32:
+def _dust(ground: _Ground) -> Float32Array:
     """What water and wind leave along the kerb, and litter under trees."""
     tables, edge = ground.tables, ground.edge
     noise = ground.plane(tables.blotch, 4)
@@ -179,20 +177,20 @@ def _dust(ground: _Ground) -> Float32:
     return np.asarray(np.clip(dust, 0.0, 0.85), dtype=np.float32)
 
 
-def _land_tone(ground: _Ground) -> Float32:
+def _land_tone(ground: _Ground) -> Float32Array:
     tables = ground.tables
     slow = 0.055 * ground.plane(tables.broad, 5) + 0.022 * ground.plane(tables.blotch, 5)
     return np.asarray(1.0 + slow + 0.012 * ground.plane(tables.fine, 5), dtype=np.float32)
 
 
-def _worn(ground: _Ground) -> Float32:
+def _worn(ground: _Ground) -> Float32Array:
     """× the wear of paint: most where wheels run, and by luck."""
     tables = ground.tables
     patchy = 0.16 * ground.plane(tables.blotch, 6) + 0.20 * ground.plane(tables.broad, 6)
     return np.asarray(np.clip(0.55 + 1.45 * ground.wheels + patchy, 0.15, 2.4), dtype=np.float32)
 
 
-def _road_share(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> Float32:
+def _road_share(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> Float32Array:
     """How much of each cell is carriageway, its edge worked out finely."""
     road = plan.road_near(tile_box(key, 2.0))
     share = _inside(raster, road).astype(np.float32)
@@ -204,7 +202,7 @@ def _road_share(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> F
     return share
 
 
-def _mended(plan: GroundPlan, raster: RasterGrid) -> Float32:
+def _mended(plan: GroundPlan, raster: RasterGrid) -> Float32Array:
     """× the tone: patches and trenches, the later over the earlier."""
     tone = raster.full(1.0)
     for number, window, inside in bars(raster, plan.patch_bars, 0.05):
@@ -213,7 +211,7 @@ def _mended(plan: GroundPlan, raster: RasterGrid) -> Float32:
     return tone
 
 
-def _spilled(plan: GroundPlan, raster: RasterGrid) -> Float32:
+def _spilled(plan: GroundPlan, raster: RasterGrid) -> Float32Array:
     """Oil spots and the marks of locked wheels."""
     stain = raster.full(0.0)
     spots = plan.spots
@@ -238,9 +236,7 @@ def _spilled(plan: GroundPlan, raster: RasterGrid) -> Float32:
     return stain
 
 
-def _ribbon(
-    raster: RasterGrid, line: npt.NDArray[np.float64], reach_m: float
-) -> tuple[tuple[slice, slice], Float32] | None:
+def _ribbon(raster: RasterGrid, line: Float64Array, reach_m: float) -> tuple[tuple[slice, slice], Float32Array] | None:
     """Offset to the left of a line in the window about it, far away where none is near; None when off the sheet."""
     points = raster.local(line)
     window = raster.window(points.min(axis=0) - reach_m, points.max(axis=0) + reach_m)
@@ -268,7 +264,7 @@ def _ribbon(
     return window.at, across
 
 
-def _inside(raster: RasterGrid, shape: BaseGeometry) -> npt.NDArray[np.bool_]:
+def _inside(raster: RasterGrid, shape: BaseGeometry) -> BoolArray:
     """Which cells' middles lie inside a shape."""
     mask = Image.new("L", (raster.px, raster.px))
     pen = ImageDraw.Draw(mask)
@@ -288,7 +284,7 @@ def _pixels(raster: RasterGrid, ring: BaseGeometry) -> list[tuple[float, ...]]:
     return [tuple(point) for point in (raster.local(shapely.get_coordinates(ring)) / raster.cell_m - 0.5).tolist()]
 
 
-def _table(values: Iterable[float]) -> Float32:
+def _table(values: Iterable[float]) -> Float32Array:
     """Values by number; one in reserve, for nothing's number −1."""
     return np.array([*values, 1.0], dtype=np.float32)
 

@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
 from pavetwin.experiments.metrics import Metric
 from pavetwin.experiments.report.canvas import (
-    Floats,
     Looks,
     lattice,
     logarithmic,
@@ -124,7 +124,7 @@ def _panel(axes: Axes, frame: Frame, strip: Strip, column: Any, chosen: Looks) -
         )
 
 
-def _places(ticks: Sequence[Any]) -> Floats:
+def _places(ticks: Sequence[Any]) -> Float64Array:
     """(n,) where ticks stand, 1 apart where they are closest: to scale between numbers, if none would be far away."""
     even = np.arange(len(ticks), dtype=np.float64)
     if len(ticks) < 3 or not _in_order(ticks) or list(ticks) != sorted(ticks):

@@ -8,9 +8,10 @@ import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
 from pavetwin.experiments.metrics import Metric
-from pavetwin.experiments.report.canvas import Floats, Looks, lattice, logarithmic, looks, panel_title, policy_legend
+from pavetwin.experiments.report.canvas import Looks, lattice, logarithmic, looks, panel_title, policy_legend
 from pavetwin.experiments.report.plots.intervals import traffic_title
 from pavetwin.experiments.report.study import Group
 from pavetwin.experiments.report.words import heading, level_text
@@ -54,7 +55,7 @@ def _panel(axes: Axes, group: Group, metric: Metric, known: pl.DataFrame, chosen
     axes.grid(axis="y", visible=False)
 
 
-def _row(axes: Axes, values: Floats, y: float, look: style.Look, *, as_picture: bool) -> None:
+def _row(axes: Axes, values: Float64Array, y: float, look: style.Look, *, as_picture: bool) -> None:
     colour = look.colour
     jitter = ((np.arange(len(values)) + 1) * _GOLDEN % 1.0 - 0.5) * 0.62
     axes.plot(
