@@ -3,7 +3,7 @@
 Every error that a user can mend is raised as `pavetwin.errors.PaveTwinError` with the kernel's own words.
 """
 
-from typing import TypedDict
+from typing import TypedDict, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -174,8 +174,15 @@ class BatteryLow:
 class RecordingEnds:
     """The next step lies past the end of the recording."""
 
+class Paused:
+    """The moment given to `Flight.advance` is reached; nothing else has happened."""
+
 class Captured:
-    """A capture with a wanted defect in it: centre in the inspection window, enough of its area unoccluded."""
+    """A capture, and the wanted defects in it: centre in the inspection window, enough of the area visible."""
+
+    @property
+    def number(self) -> int:
+        """Its row in `Flight.captures()`."""
 
     @property
     def time_s(self) -> float: ...
@@ -186,8 +193,20 @@ class Captured:
     @property
     def yaw_rad(self) -> float: ...
     @property
+    def velocity_mps(self) -> Point:
+        """Of the UAV over the ground, (east, north)."""
+
+    @property
+    def segment(self) -> int: ...
+    @property
+    def on_revisit(self) -> bool: ...
+    @property
+    def visibility(self) -> float | None:
+        """o; None when C is empty."""
+
+    @property
     def sightings(self) -> list[tuple[int, float]]:
-        """(defect, unoccluded share)."""
+        """(defect, visible fraction); may be empty when the flight stops at every capture."""
 
 class Occluded:
     """A look below τ_o, and the episode of occlusion that it belongs to."""
@@ -246,8 +265,19 @@ class Flight:
         drain_per_m_climbed: float,
         wind_mps: Point,
         reserve: float,
-    ) -> None: ...
-    def advance(self) -> Arrived | Captured | Occluded | BatteryLow | RecordingEnds: ...
+        every_capture: bool = False,
+    ) -> None:
+        """`every_capture`: stop at every capture, not only at those that show a wanted defect."""
+
+    @overload
+    def advance(self, until_s: None = None) -> Arrived | Captured | Occluded | BatteryLow | RecordingEnds: ...
+    @overload
+    def advance(self, until_s: float | None) -> Arrived | Paused | Captured | Occluded | BatteryLow | RecordingEnds:
+        """Run to the next event, or to the first time step at or after `until_s` (`Paused`).
+
+        What happens afterwards does not depend on such pauses.
+        """
+
     def climb_to(self, altitude_m: float) -> None: ...
     def fly_to(self, goal: Point, *, revisit: bool = False, stop_short: bool = False) -> None: ...
     def fly_home(self) -> None: ...

@@ -106,6 +106,7 @@ fn settings(altitude_m: f64) -> Settings {
         camera: Camera::new(1270, 950, 60f64.to_radians(), WindowRule::DEFAULT).expect("a camera"),
         look_steps: 6,
         capture_steps: 12,
+        every_capture: false,
         threshold: 0.7,
         min_visible_fraction: 0.35,
         drain: DrainCurve { per_s: vec![1.0 / 1680.0; 32], step_mps: 0.5, per_m_climbed: 0.0, wind: Vec2::ZERO },

@@ -184,7 +184,9 @@ fn predict(criterion: &mut Criterion, city: &City, name: &str) {
     });
     let points: Vec<Vec2> = (0..40).map(|i| on_street(f64::from(i % 8) * 0.1, f64::from(i / 8) * 0.1)).collect();
     criterion.bench_function(&format!("visible_fraction_40_points/{name}"), |bench| {
-        bench.iter(|| observer.visible_fraction(&city.solids, &city.trace, black_box(&from), t_s, &points).expect("a look"));
+        bench.iter(|| {
+            observer.visible_fraction(&city.solids, &city.trace, black_box(&from), t_s, &points).expect("a look")
+        });
     });
 }
 

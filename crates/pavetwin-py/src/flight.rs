@@ -23,13 +23,22 @@ pub struct BatteryLow {}
 #[pyclass(frozen, module = "pavetwin._core")]
 pub struct RecordingEnds {}
 
-/// A capture with something wanted in it.
+/// The moment given to `advance` is reached; nothing else has happened.
+#[pyclass(frozen, module = "pavetwin._core")]
+pub struct Paused {}
+
+/// A capture, and the wanted defects that it shows.
 #[pyclass(frozen, get_all, module = "pavetwin._core")]
 pub struct Captured {
+    number: u32,
     time_s: f64,
     position: (f64, f64),
     altitude_m: f64,
     yaw_rad: f64,
+    velocity_mps: (f64, f64),
+    segment: u32,
+    on_revisit: bool,
+    visibility: Option<f64>,
     /// (defect, visible fraction)
     sightings: Vec<(u32, f64)>,
 }
@@ -49,14 +58,26 @@ pub struct Occluded {
 fn event_object(py: Python<'_>, event: Event) -> PyResult<Py<PyAny>> {
     let object = match event {
         Event::Arrived => Py::new(py, Arrived {})?.into_any(),
+        Event::Paused => Py::new(py, Paused {})?.into_any(),
         Event::BatteryLow => Py::new(py, BatteryLow {})?.into_any(),
         Event::RecordingEnds => Py::new(py, RecordingEnds {})?.into_any(),
         Event::Captured(capture) => {
             let viewpoint = capture.viewpoint;
-            let sightings = capture.sightings.iter().map(|sighting| (sighting.defect, sighting.visible_fraction)).collect();
-            let position = (viewpoint.position.x, viewpoint.position.y);
-            let (altitude_m, yaw_rad) = (viewpoint.altitude_m, viewpoint.yaw_rad);
-            Py::new(py, Captured { time_s: capture.time_s, position, altitude_m, yaw_rad, sightings })?.into_any()
+            let sightings =
+                capture.sightings.iter().map(|sighting| (sighting.defect, sighting.visible_fraction)).collect();
+            let captured = Captured {
+                number: capture.number,
+                time_s: capture.time_s,
+                position: (viewpoint.position.x, viewpoint.position.y),
+                altitude_m: viewpoint.altitude_m,
+                yaw_rad: viewpoint.yaw_rad,
+                velocity_mps: (capture.velocity_mps.x, capture.velocity_mps.y),
+                segment: capture.segment,
+                on_revisit: capture.on_revisit,
+                visibility: capture.visibility,
+                sightings,
+            };
+            Py::new(py, captured)?.into_any()
         }
         Event::Occluded(report) => Py::new(
             py,
@@ -100,7 +121,7 @@ pub struct Flight(core::Flight);
 #[pymethods]
 impl Flight {
     #[new]
-    #[pyo3(signature = (ground, trace, *, base, altitude_m, time_step_s, radius_m, inspect_speed_mps, transit_speed_mps, acceleration_mps2, yaw_rate_rad_s, stopping_distance_m, climb_speed_mps, image_px, vertical_fov_rad, window_rows, window_columns, window_across_per_altitude, look_steps, capture_steps, threshold, min_visible_fraction, drain_per_s, drain_step_mps, drain_per_m_climbed, wind_mps, reserve))]
+    #[pyo3(signature = (ground, trace, *, base, altitude_m, time_step_s, radius_m, inspect_speed_mps, transit_speed_mps, acceleration_mps2, yaw_rate_rad_s, stopping_distance_m, climb_speed_mps, image_px, vertical_fov_rad, window_rows, window_columns, window_across_per_altitude, look_steps, capture_steps, threshold, min_visible_fraction, drain_per_s, drain_step_mps, drain_per_m_climbed, wind_mps, reserve, every_capture = false))]
     #[allow(clippy::too_many_arguments)] // the kernel's settings, each by name
     fn new(
         ground: &Ground,
@@ -129,6 +150,7 @@ impl Flight {
         drain_per_m_climbed: f64,
         wind_mps: (f64, f64),
         reserve: f64,
+        every_capture: bool,
     ) -> PyResult<Self> {
         let camera = camera(image_px, vertical_fov_rad, window_rows, window_columns, window_across_per_altitude)?;
         let limits = |speed_mps| Limits { speed_mps, acceleration_mps2, yaw_rate_rad_s };
@@ -143,6 +165,7 @@ impl Flight {
             camera,
             look_steps,
             capture_steps,
+            every_capture,
             threshold,
             min_visible_fraction,
             drain: DrainCurve {
@@ -157,9 +180,10 @@ impl Flight {
         core::Flight::new(ground.0.clone(), trace.0.clone(), settings, base).map(Self).map_err(plain)
     }
 
-    fn advance(&mut self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+    #[pyo3(signature = (until_s = None))]
+    fn advance(&mut self, py: Python<'_>, until_s: Option<f64>) -> PyResult<Py<PyAny>> {
         py.check_signals()?;
-        let event = self.0.advance().map_err(plain)?;
+        let event = self.0.advance_until(until_s.unwrap_or(f64::INFINITY)).map_err(plain)?;
         event_object(py, event)
     }
 

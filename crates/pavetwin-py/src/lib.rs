@@ -27,6 +27,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<flight::Flight>()?;
     module.add_class::<flight::Moment>()?;
     module.add_class::<flight::Arrived>()?;
+    module.add_class::<flight::Paused>()?;
     module.add_class::<flight::Captured>()?;
     module.add_class::<flight::Occluded>()?;
     module.add_class::<flight::BatteryLow>()?;

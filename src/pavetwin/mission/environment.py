@@ -98,8 +98,14 @@ def prepare(
     return MissionEnvironment(world, chosen, settings.altitude_m, ground, around.components, around.base_component)
 
 
-def new_flight(environment: MissionEnvironment, trace: Trace, settings: MissionSettings) -> Flight:
-    """A UAV on the ground at the base, at the beginning of the recording."""
+def new_flight(
+    environment: MissionEnvironment, trace: Trace, settings: MissionSettings, *, every_capture: bool = False
+) -> Flight:
+    """A UAV on the ground at the base, at the beginning of the recording.
+
+    Args:
+        every_capture: stop at every capture, not only at those that show a wanted defect.
+    """
     camera = find_camera(settings.camera.model)
     curve = energy_curve(settings.energy)
     step = settings.time_step_s
@@ -130,6 +136,7 @@ def new_flight(environment: MissionEnvironment, trace: Trace, settings: MissionS
         drain_per_m_climbed=curve.drain_per_m_climbed,
         wind_mps=settings.conditions.wind_velocity_mps,
         reserve=settings.energy.reserve,
+        every_capture=every_capture,
     )
 
 

@@ -33,7 +33,7 @@ const STANDING_M: f64 = 0.05;
 /// In progress in place of the task's own movement.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Encounter {
-    velocity_mps: Vec2,
+    pub velocity_mps: Vec2,
     /// Where the UAV was to stay, when it was not under way.
     stay_at: Option<Vec2>,
     /// Nothing is in the way any more, or the battery is low, and the UAV comes to rest.

@@ -10,11 +10,19 @@ pub struct Sighting {
     pub visible_fraction: f64,
 }
 
-/// One capture with something in it that is still wanted.
+/// One capture, and the wanted defects that it shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Capture {
+    /// Its row in the log of captures.
+    pub number: u32,
     pub time_s: f64,
     pub viewpoint: Viewpoint,
+    /// Of the UAV over the ground, m/s.
+    pub velocity_mps: Vec2,
+    pub segment: u32,
+    pub on_revisit: bool,
+    /// o; `None` when C is empty.
+    pub visibility: Option<f64>,
     pub sightings: Vec<Sighting>,
 }
 
@@ -40,6 +48,8 @@ pub struct OcclusionReport {
 pub enum Event {
     /// The command has been carried out.
     Arrived,
+    /// The moment given to `advance` is reached; nothing else has happened.
+    Paused,
     Captured(Capture),
     Occluded(OcclusionReport),
     /// Going home now leaves just the reserve.

@@ -83,6 +83,13 @@ impl Moving {
             Self::Strafe(strafe) => strafe,
         }
     }
+
+    fn velocity_mps(&self) -> Vec2 {
+        match self {
+            Self::Rail(follower) => follower.velocity_mps(),
+            Self::Strafe(strafe) => strafe.velocity_mps(),
+        }
+    }
 }
 
 /// One UAV over one ground in one recorded traffic.
@@ -340,6 +347,19 @@ impl Flight {
 
     pub fn speed_mps(&self) -> f64 {
         self.speed_mps
+    }
+
+    /// Over the ground.
+    pub fn velocity_mps(&self) -> Vec2 {
+        if let Some(encounter) = &self.encounter {
+            return encounter.velocity_mps;
+        }
+        match (&self.reaction, &self.task) {
+            (Reaction::Out { strafe, .. } | Reaction::Back { strafe }, _) => strafe.velocity_mps(),
+            (_, Task::Rail(follower)) => follower.velocity_mps(),
+            (_, Task::Halt { moving, .. }) => moving.velocity_mps(),
+            _ => Vec2::ZERO,
+        }
     }
 
     pub fn battery(&self) -> f64 {

@@ -70,6 +70,7 @@ impl Flight {
         let seen = self.seen[segment].get_or_insert_with(|| CellSet::empty(grid));
         seen.insert(self.observer.visible()).expect("the observer looked at this segment's grid");
         let (viewpoint, time_s) = (self.viewpoint(), self.time_s());
+        let number = self.captures.time_s.len() as u32;
         self.captures.time_s.push(time_s);
         self.captures.x_m.push(viewpoint.position.x);
         self.captures.y_m.push(viewpoint.position.y);
@@ -90,8 +91,17 @@ impl Flight {
                 sightings.push(Sighting { defect, visible_fraction });
             }
         }
-        if !sightings.is_empty() {
-            self.queue.push_back(Event::Captured(Capture { time_s, viewpoint, sightings }));
+        if self.settings.every_capture || !sightings.is_empty() {
+            self.queue.push_back(Event::Captured(Capture {
+                number,
+                time_s,
+                viewpoint,
+                velocity_mps: self.velocity_mps(),
+                segment: inspection.segment,
+                on_revisit: inspection.on_revisit,
+                visibility: visibility.has_candidates.then_some(visibility.share),
+                sightings,
+            }));
         }
         Ok(())
     }

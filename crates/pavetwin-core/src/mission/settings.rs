@@ -28,6 +28,8 @@ pub struct Settings {
     pub camera: Camera,
     pub look_steps: u32,
     pub capture_steps: u32,
+    /// Stop at every capture, not only at those that show a wanted defect.
+    pub every_capture: bool,
     /// τ_o.
     pub threshold: f64,
     /// A defect is sighted when at least this share of its area is unoccluded.
@@ -61,8 +63,11 @@ impl Settings {
                 return Err(SettingsError { name, expected: "positive", found });
             }
         }
-        let shares =
-            [("threshold", self.threshold), ("min_visible_fraction", self.min_visible_fraction), ("reserve", self.reserve)];
+        let shares = [
+            ("threshold", self.threshold),
+            ("min_visible_fraction", self.min_visible_fraction),
+            ("reserve", self.reserve),
+        ];
         for (name, found) in shares {
             if !(0.0..=1.0).contains(&found) {
                 return Err(SettingsError { name, expected: "a share between 0 and 1", found });

@@ -16,12 +16,25 @@ const HOME_MANOEUVRES_S: f64 = 8.0;
 /// What turning costs on top of the turn itself: slowing down before it and speeding up after it.
 const TURN_ALLOWANCE: f64 = 2.0;
 
+/// A moment this little after a time step, in steps, is that step.
+const SAME_STEP: f64 = 1.0e-6;
+
 impl Flight {
     /// Runs to the next event.
     ///
     /// # Errors
     /// When the battery runs empty.
     pub fn advance(&mut self) -> Result<Event, FlightError> {
+        self.advance_until(f64::INFINITY)
+    }
+
+    /// Runs to the next event, or to the first time step at or after `until_s`. What happens afterwards does not depend
+    /// on such pauses.
+    ///
+    /// # Errors
+    /// When the battery runs empty.
+    pub fn advance_until(&mut self, until_s: f64) -> Result<Event, FlightError> {
+        let until_tick = (until_s / self.settings.time_step_s - SAME_STEP).ceil().max(0.0) as u64;
         if self.tick == 0 {
             self.log_if_due(None);
         }
@@ -33,6 +46,9 @@ impl Flight {
                 self.inspection = None;
                 self.task = Task::Idle;
                 return Ok(Event::Arrived);
+            }
+            if self.tick >= until_tick {
+                return Ok(Event::Paused);
             }
             let next_s = (self.tick + 1) as f64 * self.settings.time_step_s;
             if next_s > self.trace.duration_s() {

@@ -134,7 +134,8 @@ fn a_defect_half_below_a_car_is_half_clear() {
     let trace = standing(&[(CAR, Vec2::new(0.0, 0.0), 0.0, 0.0)]);
     let points: Vec<Vec2> =
         (0..10).map(|i| Vec2::new(-0.45 + 0.1 * f64::from(i), if i % 2 == 0 { 0.0 } else { -3.0 })).collect();
-    let share = Observer::new().visible_fraction(&Solids::default(), &trace, &viewpoint(0.0, 0.0, 15.0, 0.0), 0.0, &points);
+    let share =
+        Observer::new().visible_fraction(&Solids::default(), &trace, &viewpoint(0.0, 0.0, 15.0, 0.0), 0.0, &points);
     assert_eq!(share, Ok(Some(0.5)));
     let none = Observer::new().visible_fraction(&Solids::default(), &trace, &viewpoint(0.0, 0.0, 15.0, 0.0), 0.0, &[]);
     assert_eq!(none, Ok(None));
