@@ -15,7 +15,7 @@ PACKAGE = ROOT / "src" / "pavetwin"
 # From the ground up. A room imports from strictly lower layers, or from itself.
 LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"_core", "errors"}),
-    frozenset({"arrays", "seeds", "files", "memory", "processes"}),
+    frozenset({"arrays", "seeds", "files", "memory", "workers"}),
     frozenset({"config"}),
     frozenset({"world", "uav"}),
     frozenset({"traffic", "navigation", "defects"}),

@@ -1,8 +1,10 @@
 """Datasets as they stand on disk: their laws, the tools that read them, and what interruptions leave."""
 
 import json
+import multiprocessing
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -164,6 +166,21 @@ def test_a_smaller_dataset_is_the_beginning_of_a_larger_one(world: Path, dataset
 def test_more_processes_take_the_same_images(world: Path, dataset: Path, tmp_path: Path) -> None:
     capture(world, UAV, tmp_path / "two", frame_source_factory=Painter, jobs=2)
     assert files(tmp_path / "two") == files(dataset)
+
+
+def test_a_process_that_dies_is_replaced_and_costs_no_image(world: Path, dataset: Path, tmp_path: Path) -> None:
+    killed: list[int] = []
+
+    def kill_one(share: float, what: str) -> None:  # noqa: ARG001 - the signature of who is told of progress
+        if what.startswith("Taking images 5/") and not killed:
+            worker = multiprocessing.active_children()[0]
+            killed.append(worker.pid or 0)
+            os.kill(killed[0], signal.SIGKILL)
+
+    folder = tmp_path / "disturbed"
+    capture(world, UAV, folder, frame_source_factory=slow_painter, jobs=2, on_progress=kill_one)
+    assert killed
+    assert files(folder) == files(dataset)
 
 
 def test_another_seed_takes_other_images(world: Path, dataset: Path, tmp_path: Path) -> None:
@@ -347,7 +364,7 @@ def test_a_killed_run_leaves_whole_images_and_goes_on(world: Path, dataset: Path
         "from pavetwin.capture.settings import CaptureSettings\n"
         "if __name__ == '__main__':\n"
         f" settings = CaptureSettings.model_validate_json({UAV.model_dump_json()!r})\n"
-        f" capture(Path({str(world)!r}), settings, Path({str(folder)!r}), hire=tired_painter, jobs=2)\n"
+        f" capture(Path({str(world)!r}), settings, Path({str(folder)!r}), frame_source_factory=tired_painter, jobs=2)\n"
     )
     (tmp_path / "run.py").write_text(script)
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
@@ -397,7 +414,7 @@ def test_a_full_disk_is_said_plainly_and_leaves_nothing_half_written(
         "from pavetwin.errors import PaveTwinError\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (9000, 9000))\n"
         f"settings = CaptureSettings.model_validate_json({UAV.model_dump_json()!r})\n"
-        f"try: capture(Path({str(world)!r}), settings, Path({str(folder)!r}), hire=Painter)\n"
+        f"try: capture(Path({str(world)!r}), settings, Path({str(folder)!r}), frame_source_factory=Painter)\n"
         "except PaveTwinError as error: print(error)"
     )
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
@@ -438,7 +455,7 @@ def test_what_can_not_be_planned_leaves_nothing(world: Path, tmp_path: Path, mon
     def no_place(*_: object) -> None:
         raise PaveTwinError("nowhere")
 
-    monkeypatch.setattr("pavetwin.capture.run.draw_shot", no_place)
+    monkeypatch.setattr("pavetwin.capture.run.draw_sample", no_place)
     with pytest.raises(PaveTwinError, match="nowhere"):
         capture(world, UAV, tmp_path / "d", frame_source_factory=Painter)
     assert not (tmp_path / "d").exists()

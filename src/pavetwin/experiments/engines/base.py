@@ -6,9 +6,7 @@ from itertools import groupby
 from typing import Final
 
 from pavetwin.experiments.plan import Plan, Unit
-
-ATTEMPTS: Final = 3
-"""A unit whose worker dies this often is given up: it is the unit that kills them."""
+from pavetwin.workers import ATTEMPTS
 
 DIED: Final = f"The process that flew it died {ATTEMPTS} times, perhaps for want of memory."
 

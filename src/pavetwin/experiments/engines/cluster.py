@@ -5,7 +5,6 @@ A worker needs PaveTwin in the same version and the worlds' folders under the sa
 
 import asyncio
 import logging
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
@@ -14,7 +13,7 @@ from importlib.metadata import version
 from typing import Any, Final
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments.engines.base import ATTEMPTS, DIED, Engine, OnStand, OnUnit, Tell, in_batches
+from pavetwin.experiments.engines.base import DIED, Engine, OnStand, OnUnit, Tell, in_batches
 from pavetwin.experiments.fly_unit import failed_unit, fly_unit
 from pavetwin.experiments.plan import Plan, Unit, check_worlds
 
@@ -39,7 +38,6 @@ class Cluster(Engine):
             _check_workers(client, plan)
             on_stand()
             workers = sum(client.nthreads().values())
-            deaths = Counter[Unit]()
 
             def submit(batch: list[Unit]) -> Any:
                 return client.submit(_fly_batch, plan, batch, pure=False)
@@ -51,11 +49,10 @@ class Cluster(Engine):
                 try:
                     parts = future.result()
                 except dask.KilledWorker:
+                    if len(batch) == 1:
+                        on_unit(batch[0], failed_unit(plan, batch[0], DIED))
+                        continue
                     for unit in batch:
-                        deaths[unit] += 1
-                        if deaths[unit] >= ATTEMPTS:
-                            on_unit(unit, failed_unit(plan, unit, DIED))
-                            continue
                         futures[again := submit([unit])] = [unit]
                         running.add(again)
                     continue

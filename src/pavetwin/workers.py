@@ -1,0 +1,180 @@
+"""A pool of worker processes. A worker that dies is replaced, and its task is run again a bounded number of times.
+
+Each worker has a connection of its own, so it is known which task a death has cost; the other workers keep theirs.
+"""
+
+import multiprocessing
+import os
+import pickle
+import signal
+import threading
+import traceback
+from collections import deque
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from functools import partial
+from multiprocessing.connection import Connection, wait
+from types import FrameType
+from typing import Any, Final, Generic, NoReturn, Self, TypeVar
+
+ATTEMPTS: Final = 3
+"""A task whose worker dies this often is given up: the task itself may be what kills them."""
+
+GRACE_S: Final = 5.0
+"""A worker that is told to stop has this long to remove its temporary files before it is killed."""
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+OnTick = Callable[[], None]
+
+
+class WorkerPool(Generic[Task, Result]):
+    """Runs tasks in up to `workers` processes, which start when tasks need them and end with the `with` block."""
+
+    def __init__(
+        self,
+        workers: int,
+        start: Callable[[OnTick], Callable[[Task], Result]],
+        on_tick: OnTick = lambda: None,
+    ) -> None:
+        """Args:
+        start: called once in each worker, before its first task; returns what runs a task. It is given a function that
+            reports progress. It is pickled: a function at the top of a module, or a `partial` of one.
+        on_tick: called here for each report of progress.
+        """
+        self._workers, self._start, self._on_tick = workers, start, on_tick
+        self._context = multiprocessing.get_context("spawn")
+        self._pool: list[_Worker[Task]] = []
+
+    def run(
+        self,
+        tasks: Iterable[Task],
+        on_result: Callable[[Task, Result], None],
+        *,
+        give_up: Callable[[Task], None],
+        remaining: Callable[[Task], Iterable[Task]] = lambda task: [task],
+    ) -> None:
+        """Run all tasks; they begin in this order and end in any. The first exception that a task raises is raised.
+
+        Args:
+            remaining: what is left of a task whose worker died, in one or several tasks.
+            give_up: called with a task whose worker died for the last time.
+        """
+        waiting = deque((task, 0) for task in tasks)
+        while waiting or any(worker.busy for worker in self._pool):
+            while waiting and (idle := self._idle()):
+                idle.begin(*waiting.popleft())
+            connections = {worker.connection: worker for worker in self._pool if worker.busy}
+            for ready in wait(connections):
+                worker = connections[ready]  # type: ignore[index]  # only connections are waited for
+                try:
+                    answer = worker.connection.recv()
+                except (EOFError, ConnectionError):
+                    task, deaths = worker.task, worker.deaths + 1
+                    worker.stop()
+                    self._pool.remove(worker)
+                    if deaths < ATTEMPTS:
+                        waiting.extend((part, deaths) for part in remaining(task))
+                    else:
+                        give_up(task)
+                    continue
+                if answer is None:
+                    self._on_tick()
+                elif isinstance(answer, Exception):
+                    raise answer
+                else:
+                    worker.busy = False
+                    on_result(worker.task, answer[0])
+
+    def _idle(self) -> "_Worker[Task] | None":
+        for worker in self._pool:
+            if not worker.busy:
+                return worker
+        if len(self._pool) == self._workers:
+            return None
+        self._pool.append(_Worker(self._context, self._start))
+        return self._pool[-1]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for worker in self._pool:
+            worker.process.terminate()
+        for worker in self._pool:
+            worker.stop()
+
+
+class _Worker(Generic[Task]):
+    """A worker process as its parent sees it."""
+
+    def __init__(self, context: Any, start: Callable[[OnTick], Callable[[Task], Any]]) -> None:
+        self.connection, theirs = multiprocessing.Pipe()
+        with theirs:
+            self.process = context.Process(target=_serve, args=(start, theirs), daemon=True)
+            self.process.start()
+        self.busy = False
+        self.task: Task
+        self.deaths = 0
+        """How many workers this task has cost."""
+
+    def begin(self, task: Task, deaths: int) -> None:
+        self.task, self.deaths, self.busy = task, deaths, True
+        with suppress(ConnectionError):  # it died while idle; the end of the connection is read next
+            self.connection.send(task)
+
+    def stop(self) -> None:
+        """End the process, by force where it takes longer than `GRACE_S`."""
+        self.connection.close()
+        self.process.terminate()
+        self.process.join(GRACE_S)
+        if self.process.is_alive():
+            self.process.kill()
+            self.process.join()
+        self.process.close()
+
+
+# --- In the worker process ------------------------------------------------------------------------------------------
+
+
+def _serve(start: Callable[[OnTick], Callable[[Any], Any]], connection: Connection) -> None:
+    """Run tasks until the parent closes the connection. A result goes back in a tuple; None reports progress."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which then ends this process
+    signal.signal(signal.SIGTERM, _exit)
+    threading.Thread(target=_die_with_parent, daemon=True).start()
+    run: Callable[[Any], Any] | None = None
+    while True:
+        try:
+            task = connection.recv()
+        except (EOFError, ConnectionError):
+            return
+        try:
+            run = run or start(partial(connection.send, None))
+            answer: object = (run(task),)
+        except Exception as error:
+            answer = _picklable(error)
+        connection.send(answer)
+
+
+def _exit(number: int, frame: FrameType | None) -> NoReturn:  # noqa: ARG001 - the signature of a handler
+    """SIGTERM ends the process through its `finally` blocks, once: a second one must not interrupt these."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    raise SystemExit(128 + number)
+
+
+def _die_with_parent() -> None:
+    """End with a parent that was killed and so cannot end its workers."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _picklable(error: Exception) -> Exception:
+    """The error with its traceback in the worker as a note."""
+    error.add_note("In a worker process:\n" + "".join(traceback.format_exception(error)))
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return RuntimeError(f"{type(error).__name__}: {error}")
+    return error

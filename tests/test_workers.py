@@ -1,0 +1,159 @@
+"""Tasks in worker processes: all run once, whatever dies; errors keep their words; nothing outlives the pool."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.workers import ATTEMPTS, OnTick, WorkerPool
+from scenes.processes import is_gone, is_over
+
+OWNER = """
+import sys
+from functools import partial
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+from test_workers import sleeper
+from pavetwin.workers import WorkerPool
+
+if __name__ == "__main__":
+    with WorkerPool(2, partial(sleeper, Path({folder!r}))) as pool:
+        pool.run(range(2), print, give_up=print)
+"""
+
+
+def squares(on_tick: OnTick) -> Callable[[int], int]:
+    def work(task: int) -> int:
+        on_tick()
+        return task * task
+
+    return work
+
+
+def deadly(folder: Path, on_tick: OnTick) -> Callable[[str], str]:  # noqa: ARG001 - the signature of a start
+    """`once` kills its first worker, `always` each; the others take long enough to be in work meanwhile."""
+
+    def work(task: str) -> str:
+        if task == "always" or (task == "once" and not (folder / task).exists()):
+            (folder / task).touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        time.sleep(0.3)
+        return task.upper()
+
+    return work
+
+
+def broken(on_tick: OnTick) -> Callable[[int], int]:  # noqa: ARG001
+    raise PaveTwinError("The world is damaged.")
+
+
+class UnpicklableError(Exception):
+    def __init__(self, one: str, other: str) -> None:
+        super().__init__(f"{one} and {other}")
+
+
+def unpicklable(on_tick: OnTick) -> Callable[[int], int]:  # noqa: ARG001
+    raise UnpicklableError("this", "that")
+
+
+def sleeper(folder: Path, on_tick: OnTick) -> Callable[[int], None]:  # noqa: ARG001
+    """Leaves a file with its process's number, and a file `cleared-…` when it is ended through `finally`."""
+
+    def work(task: int) -> None:
+        if task == 1:
+            while not list(folder.glob("begun-0-*")):
+                time.sleep(0.01)
+        (folder / f"begun-{task}-{os.getpid()}").touch()
+        try:
+            time.sleep(600)
+        finally:
+            (folder / f"cleared-{task}").touch()
+
+    return work
+
+
+def ran(pool: WorkerPool, tasks: list, **options: object) -> tuple[dict, list]:
+    results: dict = {}
+    given_up: list = []
+    pool.run(tasks, results.__setitem__, give_up=given_up.append, **options)
+    return results, given_up
+
+
+def test_every_task_runs_once_and_progress_is_told() -> None:
+    ticks: list[int] = []
+    with WorkerPool(2, squares, lambda: ticks.append(1)) as pool:
+        assert ran(pool, list(range(7))) == ({task: task**2 for task in range(7)}, [])
+        assert len(ticks) == 7
+        assert ran(pool, [9]) == ({9: 81}, []), "the same workers take more"
+
+
+def test_a_worker_that_dies_is_replaced_and_costs_other_tasks_nothing(tmp_path: Path) -> None:
+    with WorkerPool(2, partial(deadly, tmp_path)) as pool:
+        results, given_up = ran(pool, ["always", "a", "once", "b", "c"])
+    assert results == {"a": "A", "once": "ONCE", "b": "B", "c": "C"}
+    assert given_up == ["always"]
+
+
+def test_what_remains_of_a_lost_task_is_asked_for(tmp_path: Path) -> None:
+    asked: list[str] = []
+
+    def remaining(task: str) -> list[str]:
+        asked.append(task)
+        return [] if len(asked) == ATTEMPTS - 1 else [task]
+
+    with WorkerPool(1, partial(deadly, tmp_path)) as pool:
+        assert ran(pool, ["always"], remaining=remaining) == ({}, [])
+    assert asked == ["always"] * (ATTEMPTS - 1)
+
+
+def test_an_error_keeps_its_words_and_says_where_it_was_raised() -> None:
+    with WorkerPool(2, broken) as pool, pytest.raises(PaveTwinError) as caught:
+        ran(pool, [1, 2])
+    assert str(caught.value) == "The world is damaged."
+    assert "in broken" in caught.value.__notes__[0]
+
+
+def test_an_error_that_cannot_be_sent_is_told_by_its_name() -> None:
+    with WorkerPool(1, unpicklable) as pool, pytest.raises(RuntimeError, match="UnpicklableError: this and that"):
+        ran(pool, [1])
+
+
+def test_workers_are_ended_through_their_finally_blocks(tmp_path: Path) -> None:
+    def fail() -> None:
+        raise KeyboardInterrupt
+
+    begun = time.monotonic()
+    with pytest.raises(KeyboardInterrupt), WorkerPool(3, partial(sleeper_and_ticker, tmp_path), fail) as pool:
+        ran(pool, [0, 1, 2])
+    assert time.monotonic() - begun < 30
+    assert {path.name for path in tmp_path.glob("cleared-*")} == {"cleared-0", "cleared-1"}
+    assert all(is_gone(int(path.name.rpartition("-")[2])) for path in tmp_path.glob("begun-*"))
+
+
+def sleeper_and_ticker(folder: Path, on_tick: OnTick) -> Callable[[int], None]:
+    def work(task: int) -> None:
+        if task < 2:
+            sleeper(folder, on_tick)(task)
+        while len(list(folder.glob("begun-*"))) < 2:
+            time.sleep(0.01)
+        on_tick()
+
+    return work
+
+
+def test_workers_of_a_killed_parent_end(tmp_path: Path) -> None:
+    script = tmp_path / "owner.py"
+    script.write_text(OWNER.format(tests=str(Path(__file__).parent), folder=str(tmp_path)))
+    with subprocess.Popen([sys.executable, script]) as owner:
+        assert is_over(lambda: len(list(tmp_path.glob("begun-*"))) == 2)
+        workers = [int(path.name.rpartition("-")[2]) for path in tmp_path.glob("begun-*")]
+        owner.kill()
+        owner.wait()
+        assert is_over(lambda: all(map(is_gone, workers)))
