@@ -1,13 +1,14 @@
 """Sun and sky: positions that almanacs give, light that adds up."""
 
 import math
-from datetime import UTC, datetime
+from datetime import UTC, date, datetime, time
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pavetwin.config import Conditions
 from pavetwin.errors import PaveTwinError
 from pavetwin.scene.light import LUMINANCE, Light, harmonics
 from pavetwin.scene.sun import sun_position
@@ -42,6 +43,16 @@ def test_the_morning_sun_is_in_the_east() -> None:
         sun_position(datetime(2024, 3, 20, hour, tzinfo=UTC), latitude_deg=50, longitude_deg=0) for hour in (8, 16)
     )
     assert 90 < morning[1] < 180 < evening[1] < 270
+
+
+def test_a_light_is_that_of_its_conditions() -> None:
+    """At 30° east mean solar time is two hours ahead of UTC."""
+    ours = Conditions(date=date(2024, 3, 20), time=time(10), clouds=0.4, turbidity=5.0)
+    light = Light.of(ours, latitude_deg=50, longitude_deg=30)
+    elevation, azimuth = sun_position(datetime(2024, 3, 20, 8, tzinfo=UTC), latitude_deg=50, longitude_deg=30)
+    assert light == Light(elevation, azimuth, cloud_cover=0.4, turbidity=5.0)
+    with pytest.raises(PaveTwinError, match="below the horizon"):
+        Light.of(ours.model_copy(update={"time": time(1)}), latitude_deg=50, longitude_deg=30)
 
 
 def test_a_moment_without_a_time_zone_is_refused() -> None:

@@ -1,13 +1,16 @@
-"""The light of one image: a day of the year, an hour with the sun up, and clouds."""
+"""The conditions of one image: a day of the year, a time with the sun up, and clouds; and the light that follows."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from typing import Any, Final
+from typing import Any, Final, Self
 
 import numpy as np
 
+from pavetwin.config import Conditions
+from pavetwin.config.conditions import solar_offset
 from pavetwin.scene.light import Light
 from pavetwin.scene.sun import sun_position
+from pavetwin.world.model import World
 
 LEAST_ELEVATION_DEG: Final = 12.0
 """Nobody inspects pavement when shadows are five times as long as what casts them."""
@@ -30,13 +33,24 @@ lightnesses L* of 49 to 72 in the middle 80 %, which is about one stop to either
 
 @dataclass(frozen=True)
 class Daylight:
-    """A moment, its light, and how bright the photographer likes it."""
+    """The conditions of an image at a place: their moment and light, and how the exposure follows them."""
 
     when: datetime
     """UTC."""
     light: Light
     compensation_ev: float = 0.0
-    """Of the camera's own exposure, in stops."""
+    """Added to the camera's own exposure, in stops."""
+
+    @classmethod
+    def of(cls, conditions: Conditions, world: World, compensation_ev: float = 0.0) -> Self:
+        """At a world's base: the sun is the same all over it.
+
+        Raises:
+            PaveTwinError: the sun is below the horizon.
+        """
+        longitude, latitude = base_lonlat(world)
+        light = Light.of(conditions, latitude_deg=latitude, longitude_deg=longitude)
+        return cls(conditions.utc(longitude), light, compensation_ev)
 
     def as_dict(self) -> dict[str, Any]:
         return {
@@ -49,23 +63,30 @@ class Daylight:
         }
 
 
-def draw_daylight(rng: np.random.Generator, longitude: float, latitude: float) -> Daylight:
-    """Any day of the year, any time of it with the sun at least 12° up, any of three kinds of sky, and an exposure.
+def base_lonlat(world: World) -> tuple[float, float]:
+    """Longitude and latitude of a world's base in degrees, east and north positive."""
+    longitude, latitude = world.georeference.to_wgs84((world.base.x, world.base.y))
+    return float(longitude), float(latitude)
 
-    Args:
-        longitude: east positive, degrees.
-        latitude: north positive, degrees.
-    """
-    noon = datetime(YEAR, 1, 1, 12, tzinfo=UTC) - timedelta(hours=longitude / 15)
+
+def draw_conditions(rng: np.random.Generator, longitude_deg: float, latitude_deg: float) -> Conditions:
+    """Any day of the year, any time of it with the sun at least 12° up, and any of three kinds of sky."""
+    offset = solar_offset(longitude_deg)
+    noon = datetime(YEAR, 1, 1, 12, tzinfo=UTC) - offset
     while True:
         hours = 24.0 * int(rng.integers(365)) + float(rng.uniform(-9.0, 9.0))
         when = (noon + timedelta(hours=hours)).replace(microsecond=0)
-        elevation, azimuth = sun_position(when, latitude_deg=latitude, longitude_deg=longitude)
+        elevation, _ = sun_position(when, latitude_deg=latitude_deg, longitude_deg=longitude_deg)
         if elevation >= LEAST_ELEVATION_DEG:
             break
     _, low, high = _SKIES[int(rng.choice(len(_SKIES), p=[share for share, _, _ in _SKIES]))]
-    cloud = round(float(rng.uniform(low, high)), 3)
+    clouds = round(float(rng.uniform(low, high)), 3)
     turbidity = round(float(rng.uniform(*_TURBIDITY)), 2)
+    solar = when + offset
+    return Conditions(date=solar.date(), time=solar.time(), clouds=clouds, turbidity=turbidity)
+
+
+def draw_compensation_ev(rng: np.random.Generator) -> float:
+    """How much brighter or darker than metered an image is exposed, in stops."""
     stops = COMPENSATION_SD_EV * float(rng.standard_normal())
-    compensation = round(min(max(stops, -MOST_COMPENSATION_EV), MOST_COMPENSATION_EV), 2)
-    return Daylight(when, Light(elevation, azimuth, cloud, turbidity), compensation)
+    return round(min(max(stops, -MOST_COMPENSATION_EV), MOST_COMPENSATION_EV), 2)

@@ -1,14 +1,14 @@
 """The frames in which a mission confirmed its defects, taken after the flight from what it wrote down: a dataset of its
 own, with the labels that datasets have.
 
-The mission itself draws nothing. Its camera, poses, times and traffic are in its findings; only the light is not, for
-missions have no hour of the day: every frame has that of ten o'clock by the sun on the day of the equinox, few clouds.
+The mission itself draws nothing. Its camera, poses, times and traffic are in its detections, date, time and clouds in
+its conditions. The light stays as it is when the mission begins.
 """
 
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from functools import cached_property
 from itertools import groupby
 from pathlib import Path
@@ -28,7 +28,6 @@ from pavetwin.capture.truth import Moment, things
 from pavetwin.files import writing, writing_folder
 from pavetwin.mission.fly import Detection, MissionResult
 from pavetwin.mission.results import detections_geojson
-from pavetwin.scene.light import Light
 from pavetwin.scene.view import nadir
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.recording import Recording
@@ -47,9 +46,6 @@ SPLIT: Final = "test"
 
 LARGEST_PX: Final = 2048
 """Of a frame's longer side; a camera with more pixels is drawn with fewer, its view unchanged."""
-
-_EQUINOX: Final = datetime(2025, 3, 20, 10, tzinfo=UTC)
-_CLOUDS: Final = 0.1
 
 
 def save_frames(
@@ -147,10 +143,9 @@ class _Film:
             size_px=settings.size_px,
             velocity_mps=_velocity(self.result, at),
         )
-        start, light = self._daylight
+        daylight = replace(self.begin, when=self.begin.when + timedelta(seconds=at.time_s))
         noise = int(child(self.result.seed, Stream.FRAME, number).integers(1 << 62))
-        frame = self.scene_renderer.picture(view, self.camera, light, self.recording, at.time_s, noise=noise)
-        daylight = Daylight(start + timedelta(seconds=at.time_s), light)
+        frame = self.scene_renderer.picture(view, self.camera, daylight.light, self.recording, at.time_s, noise=noise)
         taken = Taken(
             view=view,
             camera=self.camera,
@@ -184,12 +179,9 @@ class _Film:
         return record, encoded(frame.rgb, taken, picture=settings.picture, quality=settings.quality)
 
     @cached_property
-    def _daylight(self) -> tuple[datetime, Light]:
-        """When the mission began, and the light of all of it."""
-        base, place = self.world.base, self.world.georeference
-        longitude, latitude = (float(value) for value in place.to_wgs84((base.x, base.y)))
-        start = _EQUINOX - timedelta(hours=longitude / 15)
-        return start, Light.at(start, latitude_deg=latitude, longitude_deg=longitude, cloud_cover=_CLOUDS)
+    def begin(self) -> Daylight:
+        """When the mission begins."""
+        return Daylight.of(self.result.settings.conditions, self.world)
 
 
 def _velocity(result: MissionResult, detection: Detection) -> tuple[float, float, float]:

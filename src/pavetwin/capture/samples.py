@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Final
 
-from pavetwin.capture.daylight import Daylight, draw_daylight
+from pavetwin.capture.daylight import Daylight, base_lonlat, draw_compensation_ev, draw_conditions
 from pavetwin.capture.plan import SAMPLE, ImageSpec, aims_of
 from pavetwin.capture.platforms import Platform, Pose
 from pavetwin.errors import PaveTwinError
@@ -33,7 +33,8 @@ def draw_sample(platform: Platform, spec: ImageSpec, attempt: int) -> CameraSamp
     if spec.aims and not len(setting.sight.wanted(spec)):
         return None
     rng = child(setting.settings.seed, Stream.CAPTURE, SAMPLE, spec.index, attempt)
-    daylight = draw_daylight(rng, *_place(platform))
+    conditions = draw_conditions(rng, *base_lonlat(setting.world))
+    daylight = Daylight.of(conditions, setting.world, draw_compensation_ev(rng))
     for _ in range(PROPOSALS):
         pose = platform.propose(spec, rng)
         if pose is not None and setting.sight.suits(pose.view, spec):
@@ -74,10 +75,3 @@ def next_attempt(spec: ImageSpec, attempt: int, sample: CameraSample | None) -> 
     """
     stages = (STRICT, STRICT + EASIER) if spec.aims else (STRICT,)
     return attempt + 1 if sample is not None else next((stage for stage in stages if attempt < stage), attempt + 1)
-
-
-def _place(platform: Platform) -> tuple[float, float]:
-    """Longitude and latitude of the world's base, in degrees: the sun is the same all over it."""
-    world = platform.setting.world
-    longitude, latitude = world.georeference.to_wgs84((world.base.x, world.base.y))
-    return float(longitude), float(latitude)

@@ -9,14 +9,15 @@ Calculation of Daylight Availability, J. IES 13(4), 1984), how it spreads over t
 
 import math
 from dataclasses import dataclass
-from datetime import datetime
 from functools import cached_property
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from pavetwin.arrays import Float64Array
+from pavetwin.config import Conditions
+from pavetwin.errors import PaveTwinError
 from pavetwin.scene.sun import sun_position
 
 LUMINANCE: Final = np.array([0.2126, 0.7152, 0.0722])
@@ -93,23 +94,20 @@ class Light:
             raise ValueError("a visibility is a positive distance")
 
     @classmethod
-    def at(
-        cls,
-        when: datetime,
-        *,
-        latitude_deg: float,
-        longitude_deg: float,
-        cloud_cover: float = 0.0,
-        turbidity: float = 3.0,
-        visibility_m: float = 12_000.0,
-    ) -> "Light":
-        """The light at a moment (with its time zone) and place.
+    def of(cls, conditions: Conditions, *, latitude_deg: float, longitude_deg: float) -> Self:
+        """The light of a date, time and weather at a place.
 
         Raises:
-            ValueError: the sun has set there.
+            PaveTwinError: the sun is below the horizon.
         """
+        when = conditions.utc(longitude_deg)
         elevation, azimuth = sun_position(when, latitude_deg=latitude_deg, longitude_deg=longitude_deg)
-        return cls(elevation, azimuth, cloud_cover, turbidity, visibility_m)
+        if elevation <= 0:
+            raise PaveTwinError(
+                f"conditions.time: on {conditions.date} at {conditions.time:%H:%M} by the sun it is night at "
+                f"{latitude_deg:.2f}° latitude, the sun {-elevation:.1f}° below the horizon; choose another time."
+            )
+        return cls(elevation, azimuth, conditions.clouds, conditions.turbidity)
 
     @property
     def haze_m(self) -> float:
