@@ -15,7 +15,7 @@ PACKAGE = ROOT / "src" / "pavetwin"
 # From the ground up. A room imports from strictly lower layers, or from itself.
 LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"_core", "errors"}),
-    frozenset({"arrays", "seeds", "files", "memory", "workers"}),
+    frozenset({"arrays", "seeds", "files", "memory", "registry", "workers"}),
     frozenset({"config"}),
     frozenset({"world", "uav"}),
     frozenset({"traffic", "navigation", "defects"}),

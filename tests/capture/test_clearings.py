@@ -8,7 +8,9 @@ import shapely
 
 from pavetwin.capture.clearings import Clearings
 from pavetwin.capture.plan import image_specs
-from pavetwin.capture.platforms import Car, Setting, Uav
+from pavetwin.capture.platforms import Setting
+from pavetwin.capture.platforms.car import Car
+from pavetwin.capture.platforms.uav import Uav
 from pavetwin.capture.samples import draw_sample, next_attempt, relaxed
 from pavetwin.capture.setting import prepare
 from pavetwin.capture.settings import CaptureSettings

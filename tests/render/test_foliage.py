@@ -12,7 +12,7 @@ from pavetwin.scene.foliage import CUT, cells, leaf_sheet
 from pavetwin.scene.light import Light
 from pavetwin.scene.model import TINTS, Instance, Mesh, Model
 from pavetwin.scene.view import look
-from pavetwin.uav.cameras import cameras
+from pavetwin.uav.cameras import find_camera
 from scenes.stage import Box, Plane
 
 HIGH_SUN = Light(89.0, 180.0)
@@ -48,7 +48,7 @@ def shown(model: str, height_m: float = 12.0) -> Frame:
     slab = Box(0, 0, 8, 8, 0.1, label=7)
     view = look((0, 0, height_m), yaw_rad=0.0, pitch_rad=-pi / 2, size_px=(320, 320), vertical_fov_rad=0.6)
     instances = (placed(model, UP_M), slab.instance)
-    return renderer().frame(view, light=HIGH_SUN, camera=cameras()["paper"], instances=instances)
+    return renderer().frame(view, light=HIGH_SUN, camera=find_camera("paper"), instances=instances)
 
 
 def share_of_leaves() -> float:

@@ -10,11 +10,11 @@ import pytest
 from pavetwin.render.frame import Frame
 from pavetwin.scene.light import Light
 from pavetwin.scene.view import View, look
-from pavetwin.uav.cameras import cameras
+from pavetwin.uav.cameras import find_camera
 from scenes.stage import Box, cast, plane_renderer
 
 LIGHT = Light(40.0, 150.0)
-CAMERA = cameras()["paper"]
+CAMERA = find_camera("paper")
 SIZE = (320, 240)
 
 VIEWS = {

@@ -18,11 +18,10 @@ from pavetwin.scene.models import library
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.view import View, look, nadir
 from pavetwin.uav import find_camera
-from pavetwin.uav.cameras import cameras
 from scenes import built
 from scenes.stage import GREY, Box, Plane, plane_renderer
 
-CAMERA = cameras()["phantom4pro"]
+CAMERA = find_camera("phantom4pro")
 UP = np.array([0.0, 0.0, 1.0])
 ABOVE = look((0, 0, 14), yaw_rad=pi / 2, pitch_rad=-pi / 2, size_px=(320, 240), vertical_fov_rad=1.0)
 """North is up."""

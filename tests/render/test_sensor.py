@@ -13,12 +13,12 @@ from pavetwin.render.sensor import Style, picture
 from pavetwin.render.tiles import TileCache
 from pavetwin.scene.light import Light, harmonics
 from pavetwin.scene.view import View, look
-from pavetwin.uav.cameras import cameras
+from pavetwin.uav.cameras import find_camera
 from scenes.stage import Box, plane_renderer
 
 LIGHT = Light(45.0, 180.0)
-CAMERA = cameras()["phantom4pro"]
-ROLLING = cameras()["phantom4"]
+CAMERA = find_camera("phantom4pro")
+ROLLING = find_camera("phantom4")
 PLAIN = Style(contrast=1.0, saturation=1.0, adaptation=0.0, sharpening=0.0, blur_px=0.0, vignetting=0.0)
 """Nothing but light and electrons."""
 
@@ -160,7 +160,7 @@ def slant(view: View, camera: str, velocities: dict[int, tuple[float, float, flo
     """Columns that an upright bar in the image leans from its first row to its last."""
     bar = Box(0.0, 0.0, 0.3, 9.0, 0.01, label=5)
     seen = plane_renderer().frame(
-        view, light=LIGHT, camera=cameras()[camera], instances=[bar.instance], velocities=velocities
+        view, light=LIGHT, camera=find_camera(camera), instances=[bar.instance], velocities=velocities
     )
     assert seen.labels is not None
     rows, columns = np.nonzero(seen.labels == 5)

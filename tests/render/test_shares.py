@@ -15,13 +15,13 @@ from pavetwin.scene.light import Light
 from pavetwin.scene.model import defect_label
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.view import nadir
-from pavetwin.uav.cameras import cameras
+from pavetwin.uav.cameras import find_camera
 from pavetwin.world.model import World
 from scenes import tiny
 from scenes.captures import captures, is_whole, outline_px
 
 LIGHT = Light(45.0, 140.0)
-CAMERA = cameras()["paper"]
+CAMERA = find_camera("paper")
 LENGTH_M = 90.0
 SIZES = {"paper": (1270, 950), "square": (640, 640)}
 

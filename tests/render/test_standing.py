@@ -21,7 +21,7 @@ from pavetwin.scene.looks import tints
 from pavetwin.scene.model import Instance, Mesh, Model, defect_label
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.view import nadir
-from pavetwin.uav.cameras import cameras
+from pavetwin.uav.cameras import find_camera
 from pavetwin.world.model import Defect, Furniture, FurnitureKind, World
 from pavetwin.world.solids import furniture_prisms
 from scenes import tiny
@@ -108,7 +108,7 @@ def shares() -> np.ndarray:
     found = []
     for event, _ in captures(tiny.Scene(street(), altitude_m=ALTITUDE_M), north_m=1.0):
         place = (*event.position, event.altitude_m)
-        view = nadir(cameras()["paper"], place, yaw_rad=event.yaw_rad, size_px=(635, 475))
+        view = nadir(find_camera("paper"), place, yaw_rad=event.yaw_rad, size_px=(635, 475))
         seen = [renderer.light(view, instances=each, light=LIGHT, alone=True) for each in (as_prisms, as_models)]
         for number, by_kernel in event.sightings:
             defect = street().defects[number]

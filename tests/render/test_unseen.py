@@ -12,7 +12,7 @@ from pavetwin.scene.light import Light
 from pavetwin.scene.models import library
 from pavetwin.scene.view import look
 from pavetwin.traffic.kinds import VEHICLES, Kind
-from pavetwin.uav.cameras import cameras
+from pavetwin.uav.cameras import find_camera
 from scenes.stage import Box, Plane, plane_renderer
 
 VIEW = look((0, 0, 12), yaw_rad=pi / 2, pitch_rad=-pi / 2, size_px=(320, 240), vertical_fov_rad=1.0)
@@ -21,7 +21,7 @@ WEST, LOW = 270.0, 45.0
 
 
 def sample(**instances: object):
-    return plane_renderer().frame(VIEW, light=Light(LOW, WEST), camera=cameras()["paper"], **instances)  # type: ignore[arg-type]
+    return plane_renderer().frame(VIEW, light=Light(LOW, WEST), camera=find_camera("paper"), **instances)  # type: ignore[arg-type]
 
 
 def test_it_is_not_in_the_picture_but_its_shadow_is() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.uav import cameras, find_camera
+from pavetwin.uav import CAMERAS, find_camera
 
 
 def refused(model: str) -> str:
@@ -53,8 +53,8 @@ def test_the_data_sheets(
 
 
 def test_every_camera_names_itself_and_its_source() -> None:
-    assert {"paper", "phantom4", "phantom4pro", "mavic3e"} <= cameras().keys()
-    for camera in cameras().values():
+    assert {"paper", "phantom4", "phantom4pro", "mavic3e"} <= set(CAMERAS.names())
+    for camera in CAMERAS.values():
         assert camera.title
         assert camera.source
 

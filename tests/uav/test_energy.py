@@ -10,7 +10,8 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.mission.mission import MODES
 from pavetwin.twin import Mode
 from pavetwin.uav import energy_curve, energy_model
-from pavetwin.uav.energy import CURVE_STEP_MPS, rotor_power_w
+from pavetwin.uav.energy import CURVE_STEP_MPS
+from pavetwin.uav.energy.rotor import rotor_power_w
 from scenes.tiny import Scene, result, straight
 
 AIRSPEEDS = np.arange(601) * CURVE_STEP_MPS
@@ -59,7 +60,7 @@ def test_a_climb_costs_the_potential_energy_over_its_efficiency() -> None:
 
 
 def test_an_unknown_model_is_refused_with_the_nearest_name() -> None:
-    with pytest.raises(PaveTwinError, match=r"no model 'rotors'.*did you mean 'rotor'"):
+    with pytest.raises(PaveTwinError, match=r"energy\.model: no energy model 'rotors'.*did you mean 'rotor'"):
         energy_curve(EnergySettings(model="rotors"))
     with pytest.raises(ValueError, match="registered already"):
         energy_model("linear")(lambda settings: energy_curve(settings))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.images import FrameSource
-from pavetwin.capture.platforms import Setting, find_platform
+from pavetwin.capture.platforms import PLATFORMS, Setting
 from pavetwin.capture.setting import prepare
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.shards import Order, done, write_shard
@@ -76,6 +76,6 @@ def _start(job: Job, on_image: OnTick) -> Callable[[Shard], None]:
 
 
 def _worker(job: Job, setting: Setting, on_image: OnTick) -> Callable[[Shard], None]:
-    platform = find_platform(job.settings.platform)(setting)
+    platform = PLATFORMS.get(job.settings.platform)(setting)
     frame_source, formats = job.frame_source_factory(setting), find_formats(job.settings.formats)
     return lambda shard: write_shard(job.folder, shard, platform, frame_source, formats, on_image)

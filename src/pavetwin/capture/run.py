@@ -10,7 +10,7 @@ from pavetwin.capture.disk_space import check_disk_space
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.image_workers import FrameSourceFactory, Job, image_workers
 from pavetwin.capture.plan import ImageSpec, image_specs
-from pavetwin.capture.platforms import Platform, Setting, find_platform
+from pavetwin.capture.platforms import PLATFORMS, Platform, Setting
 from pavetwin.capture.samples import draw_sample
 from pavetwin.capture.setting import OnProgress, check, defects_hash, prepare
 from pavetwin.capture.settings import FILE, SPLITS, CaptureSettings, check_same, description
@@ -88,7 +88,7 @@ def _take(
 ) -> None:
     """`begin` is called when places have been found, before the first image is taken."""
     total, ready = job.settings.images, job.settings.images - len(missing)
-    platform = find_platform(job.settings.platform)(setting)
+    platform = PLATFORMS.get(job.settings.platform)(setting)
 
     def on_image() -> None:
         nonlocal ready

@@ -7,7 +7,7 @@ from typing import Final
 
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.plan import STREETS
-from pavetwin.capture.platforms import Setting, find_platform
+from pavetwin.capture.platforms import PLATFORMS, Setting
 from pavetwin.capture.presence import presence
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.sight import AIMED_WITHIN_M, Sight
@@ -36,7 +36,7 @@ def check(settings: CaptureSettings) -> None:
     Raises:
         PaveTwinError: a platform, density, camera or format is not known, or an option is missing or out of place.
     """
-    platform = find_platform(settings.platform)
+    platform = PLATFORMS.get(settings.platform)
     find_formats(settings.formats)
     find_camera(settings.camera)
     for name in settings.densities:
@@ -75,7 +75,7 @@ def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | N
             tell((done + share) / len(settings.densities), "Recording traffic")
 
         recordings[name] = record(world, name, settings.seed, RECORDED_S, on_progress=part)
-    reached = find_platform(settings.platform).reaches(world, recordings)
+    reached = PLATFORMS.get(settings.platform).reaches(world, recordings)
     rng, agents = child(settings.seed, Stream.CAPTURE, STREETS), presence(world, recordings.values())
     splits = split_streets(world, settings.split, rng, reached, agents=agents)
     return Setting(

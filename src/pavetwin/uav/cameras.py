@@ -1,11 +1,7 @@
 """The camera database: image size, field of view, shutter. The user's own file extends it."""
 
-from collections.abc import Mapping
-from functools import cache
-from importlib.resources import files
 from math import atan, degrees, radians, tan
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Any, Literal, Self
 
 import yaml
@@ -13,7 +9,8 @@ from pydantic import Field, model_validator
 
 from pavetwin.config.base import Settings
 from pavetwin.config.text import parse_yaml
-from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.errors import PaveTwinError
+from pavetwin.registry import Registry
 
 Positive = Annotated[float, Field(gt=0)]
 Pixels = Annotated[int, Field(gt=0)]
@@ -74,7 +71,15 @@ class Camera(Settings):
         return self.footprint_m(altitude_m)[1] / self.image_px[1]
 
 
-def _parse(text: str, where: str) -> dict[str, Camera]:
+def parse_cameras(text: str, where: str) -> dict[str, Camera]:
+    """The cameras of a YAML file's text, by name.
+
+    Args:
+        where: names the file in messages.
+
+    Raises:
+        PaveTwinError: it is not valid YAML, or does not hold cameras.
+    """
     try:
         entries: Any = parse_yaml(text, where)
     except (yaml.YAMLError, ValueError) as error:  # a ValueError comes from what looks like a date and is none
@@ -86,11 +91,10 @@ def _parse(text: str, where: str) -> dict[str, Camera]:
     return {str(name): Camera.parse(entry, where=f"{where}, camera '{name}'") for name, entry in entries.items()}
 
 
-@cache
-def cameras() -> Mapping[str, Camera]:
-    """The cameras that ship with the package, by name. Read once: every mission asks for one."""
-    text = (files("pavetwin.uav") / "cameras.yaml").read_text(encoding="utf-8")
-    return MappingProxyType(_parse(text, "cameras.yaml"))
+CAMERAS: Registry[Camera] = Registry(
+    "camera", key="camera.model", group="pavetwin.cameras", home="pavetwin.uav.camera_database"
+)
+"""The cameras of the database; a plugin adds one by `CAMERAS.add("name", Camera(...))`."""
 
 
 def find_camera(model: str) -> Camera:
@@ -101,13 +105,9 @@ def find_camera(model: str) -> Camera:
     """
     path, colon, name = model.partition(":")
     if not path.endswith((".yaml", ".yml")):
-        known = cameras()
-        if model not in known:
-            near = nearest_name(model, known) or f"; known are {', '.join(known)}"
-            raise PaveTwinError(f"camera.model: no camera '{model}'{near}, or give a path to a YAML file.")
-        return known[model]
+        return CAMERAS.get(model, instead=", or a path to a YAML file")
     try:
-        own = _parse(Path(path).read_text(encoding="utf-8"), path)
+        own = parse_cameras(Path(path).read_text(encoding="utf-8"), path)
     except OSError as error:
         raise PaveTwinError(f"camera.model: cannot read '{path}': {error.strerror}.") from error
     except UnicodeDecodeError as error:

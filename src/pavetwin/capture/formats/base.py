@@ -1,12 +1,11 @@
 """What a format of labels is, and where formats are registered."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Final
 
 from pavetwin.capture.record import Record
-from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.registry import Registry
 
 
 class Format(ABC):
@@ -37,20 +36,15 @@ class Format(ABC):
         return {}
 
 
-_FORMATS: Final[dict[str, type[Format]]] = {}
+def _named(name: str, kind: type[Format]) -> None:
+    kind.name = name
 
 
-def label_format(name: str) -> Callable[[type[Format]], type[Format]]:
-    """Register a format under `name`, which `--formats` then takes."""
-
-    def register(kind: type[Format]) -> type[Format]:
-        if name in _FORMATS:
-            raise ValueError(f"a format '{name}' is registered already")
-        kind.name = name
-        _FORMATS[name] = kind
-        return kind
-
-    return register
+FORMATS: Registry[type[Format]] = Registry(
+    "label format", key="formats", group="pavetwin.formats", home="pavetwin.capture.formats", on_add=_named
+)
+label_format = FORMATS.register
+"""Register a format under a name, which `formats` then takes."""
 
 
 def find_formats(names: tuple[str, ...]) -> list[Format]:
@@ -59,8 +53,4 @@ def find_formats(names: tuple[str, ...]) -> list[Format]:
     Raises:
         PaveTwinError: there is no such format; the message names the nearest.
     """
-    for name in names:
-        if name not in _FORMATS:
-            near = nearest_name(name, _FORMATS) or f"; there are {', '.join(_FORMATS)}"
-            raise PaveTwinError(f"--formats: no format '{name}'{near}.")
-    return [_FORMATS[name]() for name in dict.fromkeys(names)]
+    return [FORMATS.get(name)() for name in dict.fromkeys(names)]

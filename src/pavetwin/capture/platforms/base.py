@@ -1,9 +1,8 @@
 """What a platform is, and where platforms are registered."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from pavetwin._core import NavMesh, Trace
 from pavetwin.capture.plan import ImageSpec
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.sight import Sight
-from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.registry import Registry
 from pavetwin.scene.view import View
 from pavetwin.traffic.recording import Recording
 from pavetwin.uav.cameras import Camera
@@ -71,29 +70,12 @@ class Platform(ABC):
         """
 
 
-_PLATFORMS: Final[dict[str, type[Platform]]] = {}
+def _named(name: str, kind: type[Platform]) -> None:
+    kind.name = name
 
 
-def platform(name: str) -> Callable[[type[Platform]], type[Platform]]:
-    """Register a platform under `name`, which `--platform` then takes."""
-
-    def register(kind: type[Platform]) -> type[Platform]:
-        if name in _PLATFORMS:
-            raise ValueError(f"a platform '{name}' is registered already")
-        kind.name = name
-        _PLATFORMS[name] = kind
-        return kind
-
-    return register
-
-
-def find_platform(name: str) -> type[Platform]:
-    """The platform of that name.
-
-    Raises:
-        PaveTwinError: there is none; the message names the nearest.
-    """
-    if name not in _PLATFORMS:
-        near = nearest_name(name, _PLATFORMS) or f"; there are {', '.join(_PLATFORMS)}"
-        raise PaveTwinError(f"--platform: no platform '{name}'{near}.")
-    return _PLATFORMS[name]
+PLATFORMS: Registry[type[Platform]] = Registry(
+    "platform", key="platform", group="pavetwin.platforms", home="pavetwin.capture.platforms", on_add=_named
+)
+platform = PLATFORMS.register
+"""Register a platform under a name, which `platform` then takes."""

@@ -1,7 +1,6 @@
-"""How a segment is inspected: the passes flown along it. One function a pattern, one registry."""
+"""What a pattern is, where patterns are registered, and the passes that one gives along a segment."""
 
 from collections.abc import Callable, Sequence
-from math import ceil
 
 import numpy as np
 import shapely
@@ -9,7 +8,7 @@ from shapely import LineString
 
 from pavetwin.arrays import Float64Array
 from pavetwin.config.mission import PatternSettings
-from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.registry import Registry
 from pavetwin.world.model import Segment
 
 Pass = Float64Array
@@ -18,35 +17,11 @@ Pass = Float64Array
 Pattern = Callable[[float, float, float, PatternSettings], Sequence[float]]
 """(left half-width, right half-width, window's width, settings) → the passes' offsets, metres to the left."""
 
-_PATTERNS: dict[str, Pattern] = {}
-
-
-def pattern(name: str) -> Callable[[Pattern], Pattern]:
-    """Register a pattern under `name`, which `pattern.kind` then takes."""
-
-    def register(function: Pattern) -> Pattern:
-        if name in _PATTERNS:
-            raise ValueError(f"a pattern '{name}' is registered already")
-        _PATTERNS[name] = function
-        return function
-
-    return register
-
-
-@pattern("out_and_back")
-def out_and_back(left_m: float, right_m: float, window_m: float, settings: PatternSettings) -> Sequence[float]:  # noqa: ARG001
-    """One pass over the middle of each half of the carriageway (arXiv 2606.20742)."""
-    return [-right_m / 2, left_m / 2]
-
-
-@pattern("boustrophedon")
-def boustrophedon(left_m: float, right_m: float, window_m: float, settings: PatternSettings) -> Sequence[float]:
-    """As many parallel passes as the window's width and the side overlap need, at least one, evenly spaced."""
-    spare_m = left_m + right_m - window_m
-    if spare_m <= 0:
-        return [(left_m - right_m) / 2]
-    count = ceil(spare_m / (window_m * (1 - settings.side_overlap)) - 1e-9) + 1
-    return list(np.linspace(window_m / 2 - right_m, left_m - window_m / 2, count))
+PATTERNS: Registry[Pattern] = Registry(
+    "pattern", key="pattern.kind", group="pavetwin.patterns", home="pavetwin.navigation.patterns"
+)
+pattern = PATTERNS.register
+"""Register a pattern under a name, which `pattern.kind` then takes."""
 
 
 def half_widths(segment: Segment) -> tuple[float, float]:
@@ -64,11 +39,12 @@ def half_widths(segment: Segment) -> tuple[float, float]:
 
 
 def passes(segment: Segment, window_across_m: float, settings: PatternSettings) -> list[Pass]:
-    """The passes of a segment, in flying order, every other one backwards."""
-    if settings.kind not in _PATTERNS:
-        near = nearest_name(settings.kind, _PATTERNS) or f"; known are {', '.join(_PATTERNS)}"
-        raise PaveTwinError(f"pattern.kind: no pattern '{settings.kind}'{near}.")
-    offsets = _PATTERNS[settings.kind](*half_widths(segment), window_across_m, settings)
+    """The passes of a segment, in flying order, every other one backwards.
+
+    Raises:
+        PaveTwinError: there is no such pattern.
+    """
+    offsets = PATTERNS.get(settings.kind)(*half_widths(segment), window_across_m, settings)
     lines = [_parallel(segment.centre_line, offset) for offset in offsets]
     return [line[::-1] if number % 2 else line for number, line in enumerate(lines)]
 

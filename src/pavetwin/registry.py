@@ -1,0 +1,218 @@
+"""Things that go by a name, each in a registry of its kind: policies, sensors, patterns, cameras and the like.
+
+A new one is one file and one line: a decorator (`@policy("name")`) or a call (`CAMERAS.add("name", camera)`). Those
+that ship with the package are in no list: a registry imports every module of its `home` when it is first asked, so that
+a new file is all there is to add. A user's own come from plugin files (`pavetwin.plugins`) or from installed packages,
+whose entry points of the registry's group are loaded when names are listed or one is not known.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from importlib import import_module
+from importlib.metadata import entry_points
+from pkgutil import iter_modules
+from types import ModuleType
+from typing import Any, Generic, TypeVar
+
+from pavetwin.errors import PaveTwinError, nearest_name
+
+T = TypeVar("T")
+
+
+class DuplicateNameError(ValueError):
+    """A name is registered already."""
+
+
+@dataclass(eq=False)
+class Source:
+    """One reading of a plugin file or of an installed package, and what it registered."""
+
+    name: str
+    """As messages call it."""
+    added: list[tuple["Registry[Any]", str, Any]] = field(default_factory=list)
+    """Registry, name, and the entry that it replaced."""
+
+    def broken_rule(self) -> str:
+        """The first rule that something registered here breaks, as a sentence; empty when all keep theirs."""
+        for registry, name, _ in self.added:
+            if broken := registry.broken_rules(name):
+                more = f" (and {len(broken) - 1} more)" if len(broken) > 1 else ""
+                return f"the {registry.what} '{name}' breaks a rule: {broken[0]}{more}"
+        return ""
+
+    def undo(self) -> None:
+        """Take back what was registered, after a failure."""
+        for registry, name, before in reversed(self.added):
+            registry.restore(name, before)
+        self.added.clear()
+
+
+_reading: ContextVar[Source | None] = ContextVar("_reading", default=None)
+
+
+@contextmanager
+def reading(name: str) -> Iterator[Source]:
+    """While the block runs, what is registered comes from `name`; all of it is taken back when the block fails."""
+    source = Source(name)
+    token = _reading.set(source)
+    try:
+        yield source
+    except BaseException:
+        source.undo()
+        raise
+    finally:
+        _reading.reset(token)
+
+
+@dataclass(frozen=True)
+class _Entry(Generic[T]):
+    value: T
+    source: Source | None
+
+
+class Registry(Generic[T]):
+    """The known things of one kind, by name, in the order of registration."""
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        key: str,
+        group: str,
+        home: str,
+        on_add: Callable[[str, T], None] = lambda _name, _value: None,
+        rules: Callable[[T], list[str]] = lambda _: [],
+    ) -> None:
+        """Args:
+        what: one of them in words, such as `label format`.
+        key: the parameter that takes their names, such as `pattern.kind`; messages begin with it.
+        group: of entry points of installed packages, such as `pavetwin.patterns`.
+        home: the module, or the package of modules, that registers those that ship with PaveTwin.
+        on_add: told each name and value; may refuse with a ValueError.
+        rules: the rules that one of a user's own breaks, each as a sentence.
+        """
+        self.what, self.key, self.group = what, key, group
+        self._home, self._on_add, self._rules = home, on_add, rules
+        self._entries: dict[str, _Entry[T]] = {}
+        self._has_own = self._has_installed = False
+
+    def register(self, name: str) -> Callable[[T], T]:
+        """A decorator that adds what it decorates under `name`.
+
+        Raises:
+            DuplicateNameError: the name is taken. The same class or function, or the same file, read again may take its
+                own name again.
+        """
+        return lambda value: self.add(name, value)
+
+    def add(self, name: str, value: T) -> T:
+        """Make `value` known under `name`; see `register`."""
+        source = _reading.get()
+        if source is not None or not str(getattr(value, "__module__", "")).startswith("pavetwin."):
+            self._load_own()  # they keep their names
+        before = self._entries.get(name)
+        if before is not None and not _is_read_again(before, value, source):
+            by = f", by {before.source.name}" if before.source else ""
+            raise DuplicateNameError(f"a {self.what} '{name}' is registered already{by}")
+        self._on_add(name, value)
+        if source is not None:
+            source.added.append((self, name, before))
+        self._entries[name] = _Entry(value, source)
+        return value
+
+    def get(self, name: str, *, instead: str = "") -> T:
+        """What goes by `name`.
+
+        Args:
+            instead: what may be given in place of a name, for the message.
+
+        Raises:
+            PaveTwinError: there is none; the message names the nearest and all known. Or an installed package fails.
+        """
+        self._load_own()
+        if name not in self._entries:
+            self._load_installed()
+        if name not in self._entries:
+            known = ", ".join(self._entries)
+            raise PaveTwinError(
+                f"{self.key}: no {self.what} '{name}'{nearest_name(name, self._entries)}; known are {known}{instead}. "
+                "One of your own needs its file in plugins."
+            )
+        return self._entries[name].value
+
+    def names(self) -> list[str]:
+        """All names: those that ship with PaveTwin, then others in the order of registration.
+
+        Raises:
+            PaveTwinError: an installed package fails.
+        """
+        self._load_own()
+        self._load_installed()
+        return list(self._entries)
+
+    def values(self) -> list[T]:
+        """What goes by `names()`."""
+        return [self._entries[name].value for name in self.names()]
+
+    def broken_rules(self, name: str) -> list[str]:
+        """The rules that a known one breaks, each as a sentence."""
+        return self._rules(self._entries[name].value)
+
+    def remove(self, name: str) -> None:
+        """Forget a name again.
+
+        Raises:
+            PaveTwinError: it is not known.
+        """
+        self.get(name)
+        del self._entries[name]
+
+    def restore(self, name: str, before: _Entry[T] | None) -> None:
+        """Put back the entry that a failed reading replaced."""
+        if before is None:
+            self._entries.pop(name, None)
+        else:
+            self._entries[name] = before
+
+    def _load_own(self) -> None:
+        if self._has_own:
+            return
+        self._has_own = True
+        token = _reading.set(None)
+        try:
+            home = import_module(self._home)
+            for module in iter_modules(getattr(home, "__path__", ())):
+                import_module(f"{self._home}.{module.name}")
+        finally:
+            _reading.reset(token)
+
+    def _load_installed(self) -> None:
+        """Load the entry points of this group: a module that registers, or the thing itself, under its own name."""
+        if self._has_installed:
+            return
+        self._has_installed = True
+        for point in entry_points(group=self.group):
+            package = point.dist.name if point.dist is not None else point.value
+            with reading(f"the installed package '{package}'") as source:
+                try:
+                    value = point.load()
+                    is_known = any(entry.value is value for entry in self._entries.values())
+                    if not isinstance(value, ModuleType) and not is_known:
+                        self.add(point.name, value)
+                    fault = source.broken_rule()
+                except Exception as error:
+                    fault = f"{type(error).__name__}: {' '.join(str(error).split())}"
+                if fault:
+                    raise PaveTwinError(f"{source.name} cannot give its {self.what} '{point.name}': {fault}.")
+
+
+def _is_read_again(before: _Entry[T], value: T, source: Source | None) -> bool:
+    """Whether a value is a known one whose file was read again."""
+    if source is not None and before.source is not None:
+        return before.source is not source and before.source.name == source.name
+    old, new = (
+        (getattr(each, "__module__", None), getattr(each, "__qualname__", None)) for each in (before.value, value)
+    )
+    return new[1] is not None and old == new and before.source is source
