@@ -13,8 +13,8 @@ from gallery.places import busy_street, drive, shown_best
 from gallery.renderer import LOW_SUN, MORNING, OVERCAST, GalleryRenderer, Picture
 from gallery.sheet import captioned, grid
 from pavetwin.capture.platforms.car import FRONT, REAR, Mount
-from pavetwin.draw.frame import DefectMark, Scene
-from pavetwin.draw.frame import View as MapView
+from pavetwin.draw.frame import DefectMark, MissionState
+from pavetwin.draw.frame import MapView as MapView
 from pavetwin.draw.ground_raster import GroundRaster
 from pavetwin.draw.mission_style import agent_group
 from pavetwin.scene.agents import quadrotor
@@ -172,7 +172,7 @@ def map_view(renderer: GalleryRenderer) -> Picture:
         for defect in renderer.world.defects
         if math.dist((defect.centre.x, defect.centre.y), (moment.x_m, moment.y_m)) < across_m
     ]
-    scene = Scene(
+    scene = MissionState(
         time_s=moment.time_s,
         position=(moment.x_m, moment.y_m),
         altitude_m=10.0,

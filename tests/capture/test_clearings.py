@@ -8,7 +8,7 @@ import shapely
 
 from pavetwin.capture.clearings import Clearings
 from pavetwin.capture.plan import image_specs
-from pavetwin.capture.platforms import Setting
+from pavetwin.capture.platforms import CaptureContext
 from pavetwin.capture.platforms.car import Car
 from pavetwin.capture.platforms.uav import Uav
 from pavetwin.capture.samples import draw_sample, next_attempt, relaxed
@@ -22,7 +22,7 @@ from scenes.tiny import straight
 
 
 @pytest.fixture(scope="module")
-def setting(tmp_path_factory: pytest.TempPathFactory) -> Setting:
+def setting(tmp_path_factory: pytest.TempPathFactory) -> CaptureContext:
     world = save_world(
         add_defects(built("cross"), DefectOptions(per_segment=24)), tmp_path_factory.mktemp("clear") / "w"
     )
@@ -44,7 +44,7 @@ def test_points_are_drawn_from_all_of_the_road_that_is_clear_and_from_nothing_el
     assert Clearings.of(road.segments, shapely.STRtree(outlines), 60.0).draw(rng) is None
 
 
-def test_no_defect_is_shown_wherever_none_is_asked_for(setting: Setting) -> None:
+def test_no_defect_is_shown_wherever_none_is_asked_for(setting: CaptureContext) -> None:
     """24 defects a street leave little room for pictures from 19 m, and in some splits none: they are taken lower."""
     platform = Uav(setting)
     defects = shapely.STRtree([defect.polygon for defect in setting.world.defects])

@@ -11,11 +11,11 @@ from hypothesis.extra.numpy import arrays
 from pycocotools import mask as coco_mask
 
 from pavetwin.capture.classes import CAR, PERSON, categories, category_of_agent, category_of_defect
-from pavetwin.capture.contrast import Picture
-from pavetwin.capture.pieces import pieces
+from pavetwin.capture.contrast import ContrastMeter
+from pavetwin.capture.instance_masks import pieces
 from pavetwin.capture.rle import decode, encode
-from pavetwin.capture.truth import Moment, Reason, Thing, ground_share, inside_share, things
-from pavetwin.render.frame import Frame
+from pavetwin.capture.truth import LabelledObject, Reason, SceneState, ground_share, inside_share, things
+from pavetwin.render.frame import RenderedFrame
 from pavetwin.scene.model import agent_label, defect_label
 from pavetwin.scene.view import View, look
 from pavetwin.world.model import DefectClass
@@ -77,11 +77,11 @@ POTHOLE, CRACK, AGENT = defect_label(0), defect_label(1), agent_label(0)
 
 
 @pytest.fixture
-def moment() -> Moment:
+def moment() -> SceneState:
     hole = defect(0, 30.0, -2.0)
     crack = replace(defect(1, 33.0, -2.0), kind=DefectClass.SINGLE_CRACK, width_m=0.05)
     traffic = trace_of([passing(30.0, 2.0, 3.0, Size(3.77, 1.66, 1.52))], 10.0)
-    return Moment(replace(straight(), defects=(hole, crack)), traffic.agents_at(0.5), ("hatchback",))
+    return SceneState(replace(straight(), defects=(hole, crack)), traffic.agents_at(0.5), ("hatchback",))
 
 
 def from_above(height_m: float = 10.0) -> View:
@@ -90,11 +90,11 @@ def from_above(height_m: float = 10.0) -> View:
     )
 
 
-def seen(moment: Moment, painted: dict[int, tuple[slice, slice]], alone: dict[int, int], height_m: float = 10.0):
+def seen(moment: SceneState, painted: dict[int, tuple[slice, slice]], alone: dict[int, int], height_m: float = 10.0):
     labels = np.zeros((SIZE, SIZE), dtype=np.uint32)
     for label, where in painted.items():
         labels[where] = label
-    frame = Frame(from_above(height_m), shaded(labels), None, labels, alone, defect_free=shaded(labels, 0.0))
+    frame = RenderedFrame(from_above(height_m), shaded(labels), None, labels, alone, defect_free=shaded(labels, 0.0))
     return {thing.id: thing for thing in things(frame, moment)}
 
 
@@ -105,7 +105,7 @@ def shaded(labels: np.ndarray, darker: float = 60.0) -> np.ndarray:
     return np.repeat(grey.astype(np.uint8)[:, :, None], 3, axis=2)
 
 
-def test_a_thing_says_what_it_is_and_how_much_of_it_is_seen(moment: Moment) -> None:
+def test_a_thing_says_what_it_is_and_how_much_of_it_is_seen(moment: SceneState) -> None:
     found = seen(
         moment,
         {POTHOLE: np.s_[96:104, 116:124], AGENT: np.s_[80:118, 70:90]},
@@ -139,20 +139,20 @@ def test_a_thing_says_what_it_is_and_how_much_of_it_is_seen(moment: Moment) -> N
         (AGENT, np.s_[80:91, 70:80], 110, Reason.SMALL),
     ],
 )
-def test_what_is_hardly_seen_is_ignored_and_kept(moment: Moment, label: int, where, alone: int, reason) -> None:
+def test_what_is_hardly_seen_is_ignored_and_kept(moment: SceneState, label: int, where, alone: int, reason) -> None:
     (thing,) = seen(moment, {label: where}, {label: alone}).values()
     assert thing.ignored == (reason.value if reason else None)
     assert decode(thing.mask, (SIZE, SIZE)).sum() == thing.area_px
 
 
 @pytest.mark.parametrize(("label", "where"), [(POTHOLE, np.s_[80:120, 110:140]), (CRACK, np.s_[96:98, 60:120])])
-def test_what_the_picture_hardly_shows_is_ignored_and_its_contrast_kept(moment: Moment, label: int, where) -> None:
+def test_what_the_picture_hardly_shows_is_ignored_and_its_contrast_kept(moment: SceneState, label: int, where) -> None:
     labels = np.zeros((SIZE, SIZE), dtype=np.uint32)
     labels[where] = label
     alone, contrasts = {label: int((labels > 0).sum())}, []
     for darker in (0.0, 5.0, 20.0, 60.0):
         pictures = shaded(labels, darker), shaded(labels, 0.0)
-        frame = Frame(from_above(), pictures[0], None, labels, alone, defect_free=pictures[1])
+        frame = RenderedFrame(from_above(), pictures[0], None, labels, alone, defect_free=pictures[1])
         (thing,) = things(frame, moment)
         contrasts.append(thing.details["contrast"])
         if darker in (0.0, 60.0):
@@ -169,7 +169,7 @@ def test_a_contrast_is_that_of_the_defect_alone() -> None:
 
     def contrast(change, labels: np.ndarray = labels) -> float:
         with_it, without = (change(shaded(labels == CRACK, darker).astype(float)) for darker in (20.0, 0.0))
-        return Picture(np.uint8(with_it), np.uint8(without), labels).contrast(crack)
+        return ContrastMeter(np.uint8(with_it), np.uint8(without), labels).contrast(crack)
 
     def marked(grey: np.ndarray) -> np.ndarray:
         grey[:, 80:84] += 60
@@ -194,19 +194,19 @@ def test_more_of_the_same_crack_is_seen_better_and_rougher_pavement_hides_it() -
         with_it, without = shaded(labels, darker).astype(float), shaded(labels, 0.0).astype(float)
         rough = (without - 130.0) * (rougher - 1.0)
         (crack,) = pieces(labels)
-        return Picture(np.uint8(with_it + rough), np.uint8(without + rough), labels).contrast(crack)
+        return ContrastMeter(np.uint8(with_it + rough), np.uint8(without + rough), labels).contrast(crack)
 
     assert contrast(160) / contrast(20) == pytest.approx(8 ** (1 / 3), rel=0.15)
     assert contrast(80, rougher=3.0) == pytest.approx(contrast(80) / 3.0, rel=0.1)
 
 
-def test_things_are_not_told_without_the_picture_of_sound_pavement(moment: Moment) -> None:
+def test_things_are_not_told_without_the_picture_of_sound_pavement(moment: SceneState) -> None:
     labels = np.zeros((SIZE, SIZE), dtype=np.uint32)
     with pytest.raises(ValueError, match="sound pavement"):
-        things(Frame(from_above(), shaded(labels), None, labels, {}), moment)
+        things(RenderedFrame(from_above(), shaded(labels), None, labels, {}), moment)
 
 
-def test_what_lies_far_away_is_ignored(moment: Moment) -> None:
+def test_what_lies_far_away_is_ignored(moment: SceneState) -> None:
     painted, alone = {POTHOLE: np.s_[90:110, 100:120]}, {POTHOLE: 400}
     assert seen(moment, painted, alone, height_m=28.0)["defect 0"].ignored is None
     assert seen(moment, painted, alone, height_m=31.0)["defect 0"].ignored == Reason.FAR.value
@@ -221,15 +221,15 @@ def test_a_share_within_the_image_is_that_of_the_outline() -> None:
     assert inside_share(view, square + (0.0, 0.0, 11.0)) is None
 
 
-def test_a_thing_cut_off_by_the_border_is_ignored(moment: Moment) -> None:
+def test_a_thing_cut_off_by_the_border_is_ignored(moment: SceneState) -> None:
     far_aside = replace(moment.world.defects[0], polygon=shapely.box(39.9, -4.0, 41.9, 0.0))
     world = replace(moment.world, defects=(far_aside, *moment.world.defects[1:]))
     found = seen(replace(moment, world=world), {POTHOLE: np.s_[0:8, 100:140]}, {POTHOLE: 320})
-    thing: Thing = found["defect 0"]
+    thing: LabelledObject = found["defect 0"]
     assert (thing.truncated, thing.ignored) == (True, Reason.CUT.value)
 
 
-def test_what_fills_the_image_is_labelled_though_most_of_it_lies_outside(moment: Moment) -> None:
+def test_what_fills_the_image_is_labelled_though_most_of_it_lies_outside(moment: SceneState) -> None:
     far_aside = replace(moment.world.defects[0], polygon=shapely.box(39.9, -4.0, 41.9, 0.0))
     world = replace(moment.world, defects=(far_aside, *moment.world.defects[1:]))
     (thing,) = seen(replace(moment, world=world), {POTHOLE: np.s_[0:20, 100:140]}, {POTHOLE: 800}).values()
@@ -247,6 +247,6 @@ def test_the_share_of_a_defect_is_that_of_its_area_on_the_road() -> None:
     assert ground_share(ahead, shapely.box(5, -0.2, 6, 0.2)) == pytest.approx(1.0)
 
 
-def test_an_agent_who_is_not_there_is_refused(moment: Moment) -> None:
+def test_an_agent_who_is_not_there_is_refused(moment: SceneState) -> None:
     with pytest.raises(ValueError, match="agent 7"):
         seen(moment, {agent_label(7): np.s_[0:9, 0:9]}, {agent_label(7): 81})

@@ -22,7 +22,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.mission.results import detections_geojson, save_mission
 from pavetwin.render.adapter import find_adapter
 from pavetwin.render.exposure import Exposure
-from pavetwin.render.frame import Frame
+from pavetwin.render.frame import RenderedFrame
 from pavetwin.scene.model import defect_label
 from pavetwin.scene.view import View
 from pavetwin.world.model import Defect
@@ -162,7 +162,7 @@ class Polaroid:
         self.defects = defects
         self.views: list[tuple[View, float]] = []
 
-    def picture(self, view: View, *asked: object, **_: object) -> Frame:
+    def picture(self, view: View, *asked: object, **_: object) -> RenderedFrame:
         time_s = asked[-1]
         assert isinstance(time_s, float)
         self.views.append((view, time_s))
@@ -175,7 +175,7 @@ class Polaroid:
             labels[top:bottom, left:right] = defect_label(defect.id)
             rgb[top:bottom, left:right] = 20
         alone = {int(label): int((labels == label).sum()) for label in np.unique(labels) if label}
-        return Frame(view, rgb, None, labels, alone, Exposure(1e-3, 2.8, 100), defect_free)
+        return RenderedFrame(view, rgb, None, labels, alone, Exposure(1e-3, 2.8, 100), defect_free)
 
     @staticmethod
     def box(view: View, defect: Defect) -> tuple[int, int, int, int]:

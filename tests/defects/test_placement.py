@@ -23,7 +23,7 @@ from pavetwin.defects import (
     sample_points,
     unregister,
 )
-from pavetwin.defects.poses import Road, wheel_paths
+from pavetwin.defects.poses import RoadSection, wheel_paths
 from pavetwin.defects.poses import poses as laid
 from pavetwin.defects.pothole import lay_pothole, pothole
 from pavetwin.defects.severity import pothole_severity
@@ -124,7 +124,7 @@ def test_a_placed_defect_is_its_heightfield_turned_and_moved() -> None:
         assert defect.area_m2 == pytest.approx(sizes.area_m2, rel=1e-4)
 
 
-STREET = Road(length_m=100.0, width_m=7.0, lanes=2)
+STREET = RoadSection(length_m=100.0, width_m=7.0, lanes=2)
 
 
 def poses(kind: str, count: int = 400) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
@@ -151,7 +151,7 @@ def test_single_cracks_run_along_across_and_obliquely() -> None:
 
 
 def test_wheel_paths_stay_on_narrow_roads() -> None:
-    offsets = wheel_paths(rng(1), Road(length_m=50.0, width_m=2.6, lanes=2), 500)
+    offsets = wheel_paths(rng(1), RoadSection(length_m=50.0, width_m=2.6, lanes=2), 500)
     assert np.abs(offsets).max() < 1.3
     assert set(np.sign(offsets)) == {-1.0, 1.0}
 

@@ -24,7 +24,7 @@ from pavetwin.draw.marks import (
     windows,
 )
 from pavetwin.draw.mission_map import flown_bounds, mission_figure, save_comparison_map, save_mission_map
-from pavetwin.draw.turned import Turn
+from pavetwin.draw.turned import MapTransform
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
@@ -131,7 +131,7 @@ def test_rectangles_lie_along_the_yaw(yaw: float, across: float, along: float) -
 
 @given(st.floats(-7, 7), st.tuples(st.floats(-500, 500), st.floats(-500, 500)))
 def test_a_turn_keeps_lengths_and_has_a_way_back(angle: float, origin: tuple[float, float]) -> None:
-    turn = Turn(origin, angle)
+    turn = MapTransform(origin, angle)
     points = np.array([(0.0, 0.0), (30.0, -4.0), (100.0, 70.0)])
     page = turn.points(points)
     assert turn.back(page) == pytest.approx(points, abs=1e-6)
@@ -140,7 +140,7 @@ def test_a_turn_keeps_lengths_and_has_a_way_back(angle: float, origin: tuple[flo
 
 def test_a_segment_lies_along_the_page() -> None:
     for segment in tiny.bent().segments:
-        turn = Turn.along(segment)
+        turn = MapTransform.along(segment)
         ends = turn.points(shapely.get_coordinates(segment.centre_line)[[0, -1]])
         assert ends[0, 1] == pytest.approx(ends[1, 1], abs=1e-6)
         left, bottom, right, top = turn.shape(segment.polygon).bounds

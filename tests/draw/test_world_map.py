@@ -166,7 +166,7 @@ def test_letters_do_not_overlap(town: World) -> None:
     with style.styled():
         axes = style.new_figure(9, 9).add_subplot()
         draw_world(axes, town, layers=())
-        room = lettering.Room()
+        room = lettering.OccupiedSpace()
         lettering.segment_ids(axes, town.segments, room)
         lettering.street_names(axes, town.segments, room)
     taken = room.taken
@@ -179,7 +179,7 @@ def test_a_street_may_have_the_shortest_of_names(town: World, name: str) -> None
     with style.styled():
         axes = style.new_figure(9, 9).add_subplot()
         draw_world(axes, town, layers=())
-        room = lettering.Room()
+        room = lettering.OccupiedSpace()
         lettering.street_names(axes, [replace(segment, street=name) for segment in town.segments], room)
     assert room.taken
 

@@ -6,7 +6,7 @@ from math import atan, pi
 import numpy as np
 import pytest
 
-from pavetwin.render.frame import Frame
+from pavetwin.render.frame import RenderedFrame
 from pavetwin.render.renderer import Renderer
 from pavetwin.scene.foliage import CUT, cells, leaf_sheet
 from pavetwin.scene.light import Light
@@ -43,7 +43,7 @@ def placed(model: str, z_m: float) -> Instance:
     return Instance(model, "body", transform, np.tile(np.float32([1, 1, 1, 0]), (TINTS, 1)))
 
 
-def shown(model: str, height_m: float = 12.0) -> Frame:
+def shown(model: str, height_m: float = 12.0) -> RenderedFrame:
     """A card over a labelled slab, from above."""
     slab = Box(0, 0, 8, 8, 0.1, label=7)
     view = look((0, 0, height_m), yaw_rad=0.0, pitch_rad=-pi / 2, size_px=(320, 320), vertical_fov_rad=0.6)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pavetwin.render.frame import Frame
+from pavetwin.render.frame import RenderedFrame
 from pavetwin.scene.light import Light
 from pavetwin.scene.view import View, look
 from pavetwin.uav.cameras import find_camera
@@ -27,7 +27,7 @@ VIEWS = {
 }
 
 
-def frame(view: View, boxes: list[Box], **options: object) -> Frame:
+def frame(view: View, boxes: list[Box], **options: object) -> RenderedFrame:
     instances = tuple(box.instance for box in boxes)
     return plane_renderer().frame(view, light=LIGHT, camera=CAMERA, instances=instances, **options)  # type: ignore[arg-type]
 

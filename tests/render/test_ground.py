@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import map_coordinates, maximum_filter, uniform_filter
 
 from pavetwin.defects import heightfield_of
-from pavetwin.render.renderer import Renderer, Seen
+from pavetwin.render.renderer import Renderer, SceneRadiance
 from pavetwin.scene.ground.compose import surface
 from pavetwin.scene.light import LUMINANCE, Light, harmonics
 from pavetwin.scene.model import TILE_M, GroundKind, defect_label
@@ -34,7 +34,7 @@ def hole() -> Renderer:
     return Renderer(Strips(pothole()))
 
 
-def points(view: View, seen: Seen) -> np.ndarray:
+def points(view: View, seen: SceneRadiance) -> np.ndarray:
     """(height, width, 3) what every pixel shows, world frame; NaN for the sky."""
     assert seen.depth_m is not None
     width, height = view.size_px

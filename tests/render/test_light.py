@@ -11,7 +11,7 @@ import shapely
 from pavetwin.render.exposure import Exposure
 from pavetwin.render.nearby import looks_down
 from pavetwin.render.renderer import Renderer
-from pavetwin.render.sensor import Style
+from pavetwin.render.sensor import ImageProcessing
 from pavetwin.scene.light import LUMINANCE, Light, harmonics
 from pavetwin.scene.model import TINTS, Instance
 from pavetwin.scene.models import library
@@ -47,7 +47,7 @@ def test_a_grey_plane_sends_back_its_share_of_sun_and_sky(light: Light) -> None:
 def test_the_picture_is_as_bright_as_the_exposure_says() -> None:
     light = SUNS[0]
     exposure = Exposure(1 / 1000, 5.6, 100.0)
-    plain = Style(contrast=1.0, saturation=1.0, adaptation=0.0, sharpening=0.0, blur_px=0.0, vignetting=0.0)
+    plain = ImageProcessing(contrast=1.0, saturation=1.0, adaptation=0.0, sharpening=0.0, blur_px=0.0, vignetting=0.0)
     seen = plane_renderer().frame(ABOVE, light=light, camera=CAMERA, exposure=exposure, style=plain)
     share = radiance(light).mean(axis=(0, 1)) * exposure.share_per_light * 1.5
     assert 0.1 < share.max() < 0.5

@@ -9,7 +9,7 @@ import pytest
 import wgpu
 
 from pavetwin.render.exposure import Exposure, meter, programme
-from pavetwin.render.sensor import Style, picture
+from pavetwin.render.sensor import ImageProcessing, picture
 from pavetwin.render.tiles import TileCache
 from pavetwin.scene.light import Light, harmonics
 from pavetwin.scene.view import View, look
@@ -19,7 +19,7 @@ from scenes.stage import Box, plane_renderer
 LIGHT = Light(45.0, 180.0)
 CAMERA = find_camera("phantom4pro")
 ROLLING = find_camera("phantom4")
-PLAIN = Style(contrast=1.0, saturation=1.0, adaptation=0.0, sharpening=0.0, blur_px=0.0, vignetting=0.0)
+PLAIN = ImageProcessing(contrast=1.0, saturation=1.0, adaptation=0.0, sharpening=0.0, blur_px=0.0, vignetting=0.0)
 """Nothing but light and electrons."""
 
 LIGHTS = (LIGHT, Light(20.0, 90.0, cloud_cover=0.4))
@@ -31,7 +31,9 @@ CROP = look((0, 0, 10), yaw_rad=pi / 2, pitch_rad=-pi / 2, size_px=(240, 160), v
 """The middle of the sensor at its own resolution: pixels of 2.4 µm."""
 
 
-def of(luminance: float, *, iso: float = 100.0, seed: int = 0, style: Style = PLAIN, light_share: float = 0.2):
+def of(
+    luminance: float, *, iso: float = 100.0, seed: int = 0, style: ImageProcessing = PLAIN, light_share: float = 0.2
+):
     """The picture of an even luminance; the shutter is such that 1 kcd/m² fills the given share at every ISO."""
     shutter = light_share / Exposure(1.0, 4.0, iso).share_per_light
     radiance = np.full((160, 240, 4), luminance, dtype=np.float16)
@@ -74,9 +76,11 @@ def test_light_beyond_what_half_floats_hold_blackens_no_picture() -> None:
     radiance = np.full((160, 240, 4), 1.0, dtype=np.float16)
     radiance[5, 7], radiance[9, 9] = np.nan, np.inf
     settings = Exposure(1 / 1000, 4.0, 100.0)
-    seen = picture(radiance, view=ABOVE, camera=CAMERA, light=LIGHT, exposure=settings, seed=0, style=Style())
+    seen = picture(radiance, view=ABOVE, camera=CAMERA, light=LIGHT, exposure=settings, seed=0, style=ImageProcessing())
     radiance[5, 7] = radiance[9, 9] = 1.0
-    defect_free = picture(radiance, view=ABOVE, camera=CAMERA, light=LIGHT, exposure=settings, seed=0, style=Style())
+    defect_free = picture(
+        radiance, view=ABOVE, camera=CAMERA, light=LIGHT, exposure=settings, seed=0, style=ImageProcessing()
+    )
     assert np.array_equal(seen[20:], defect_free[20:])
     assert seen[20:].mean() > 20
 
@@ -99,7 +103,7 @@ def test_sunlit_grey_stays_grey_where_much_of_the_picture_is_in_shade(elevation_
     radiance[:, :edge, :3] = 0.2 / pi * (light.sun_klux * light.to_sun[2] + shade)
     radiance[:, edge:, :3] = 0.2 / pi * 0.7 * shade
     exposure = programme(CAMERA, meter(radiance))
-    seen = picture(radiance, view=ABOVE, camera=CAMERA, light=light, exposure=exposure, seed=0, style=Style())
+    seen = picture(radiance, view=ABOVE, camera=CAMERA, light=light, exposure=exposure, seed=0, style=ImageProcessing())
     assert chroma(seen[:, 10 : edge - 10]) < 8
     # The rest of the difference is the shade's, which is bluer but no paint.
     assert chroma(seen[:, edge + 10 : -10]) < 14

@@ -14,7 +14,7 @@ from shapely import Point
 from shapely.affinity import translate
 
 from pavetwin.defects import DefectOptions, place
-from pavetwin.render.renderer import Renderer, Seen
+from pavetwin.render.renderer import Renderer, SceneRadiance
 from pavetwin.scene.furniture import stand
 from pavetwin.scene.light import Light
 from pavetwin.scene.looks import tints
@@ -118,7 +118,7 @@ def shares() -> np.ndarray:
     return np.array(found)
 
 
-def visible(seen: Seen, label: int) -> float:
+def visible(seen: SceneRadiance, label: int) -> float:
     assert seen.labels is not None
     return float((seen.labels == label).sum()) / seen.amodal_px[label]
 

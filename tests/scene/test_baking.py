@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pavetwin.scene.export.baking import Picture, bake_tile
+from pavetwin.scene.export.baking import BakedTexture, bake_tile
 from pavetwin.scene.ground.compose import surface
 from pavetwin.scene.ground.sampling import srgb_of_linear
 from pavetwin.scene.model import TILE_M, GroundKind
@@ -15,7 +15,7 @@ TEXEL_M = 0.032
 
 
 @cache
-def baked() -> Picture:
+def baked() -> BakedTexture:
     return bake_tile(Strips().tile(KEY), pyramids(), TEXEL_M)
 
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import Polygon, affinity
 
-from pavetwin.scene.buildings import FACADE_PX, Buildings, Layer, facade_textures
+from pavetwin.scene.buildings import FACADE_PX, Buildings, FacadeTexture, facade_textures
 from pavetwin.scene.model import FacadePiece
 from pavetwin.world.model import Building, World
 from scenes import tiny
@@ -17,7 +17,7 @@ from scenes import tiny
 OUT_M = 0.45
 """Eaves, sills and mouldings reach this far out of a footprint at most."""
 
-SOLID_LAYERS = {Layer.TILES, Layer.SLATE, Layer.SEAMS, Layer.GRAVEL, Layer.FELT}
+SOLID_LAYERS = {FacadeTexture.TILES, FacadeTexture.SLATE, FacadeTexture.SEAMS, FacadeTexture.GRAVEL, FacadeTexture.FELT}
 
 
 def world_of(*houses: Building) -> World:
@@ -28,7 +28,7 @@ def pieces(world: World, number: int = 0, seed: int = 0) -> tuple[FacadePiece, .
     return Buildings(world, seed=seed).pieces(number, (0.0, 0.0))
 
 
-def triangles(parts: tuple[FacadePiece, ...], *layers: Layer) -> np.ndarray:
+def triangles(parts: tuple[FacadePiece, ...], *layers: FacadeTexture) -> np.ndarray:
     """(m, 3, 3) of pieces, of some layers or all."""
     chosen = [part for part in parts if not layers or part.layer in layers]
     return np.concatenate([part.mesh.positions[part.mesh.indices].astype(float) for part in chosen])
@@ -112,7 +112,7 @@ def highest(corners: np.ndarray, at: np.ndarray) -> tuple[float, float]:
 def test_windows_lie_in_the_wall_and_look_out() -> None:
     house = tiny.block("b", 20.0, 8.0, 34.0, 18.0, 9.0)
     made = pieces(world_of(house))
-    panes = triangles(made, Layer.WINDOWS, Layer.GLAZING)
+    panes = triangles(made, FacadeTexture.WINDOWS, FacadeTexture.GLAZING)
     assert len(panes) >= 2 * 12
     middles, normals = panes.mean(axis=1), facing(panes)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -141,13 +141,13 @@ def test_doors_and_shops_are_towards_the_street_and_party_walls_are_blind() -> N
     row = [tiny.block(f"b{k}", 10.0 + 9 * k, 5.0, 19.0 + 9 * k, 15.0, 11.0) for k in range(3)]
     world = world_of(*row)
     middle = pieces(world, 1)
-    openings = triangles(middle, Layer.WINDOWS, Layer.GLAZING, Layer.DOORS)
+    openings = triangles(middle, FacadeTexture.WINDOWS, FacadeTexture.GLAZING, FacadeTexture.DOORS)
     normal = facing(openings)
     assert (np.abs(normal[:, 0]) < 1e-6 * np.abs(normal[:, 1])).all(), "no opening in a party wall"
-    doors = triangles(middle, Layer.DOORS)
+    doors = triangles(middle, FacadeTexture.DOORS)
     assert len(doors)
     assert (facing(doors)[:, 1] < 0).all()
-    roof = triangles(middle, Layer.TILES, Layer.SLATE)
+    roof = triangles(middle, FacadeTexture.TILES, FacadeTexture.SLATE)
     assert (np.abs(facing(roof)[:, 0]) < 1e-6).all(), "the ridge runs from house to house"
 
 
@@ -173,11 +173,17 @@ def test_a_town_has_many_kinds_of_houses() -> None:
     ]
     builder = Buildings(world_of(*houses), seed=0)
     made = [builder.pieces(number, (0.0, 0.0)) for number in range(len(houses))]
-    walls = {Layer.RENDER, Layer.BRICK, Layer.CONCRETE, Layer.STONE, Layer.CLADDING}
+    walls = {
+        FacadeTexture.RENDER,
+        FacadeTexture.BRICK,
+        FacadeTexture.CONCRETE,
+        FacadeTexture.STONE,
+        FacadeTexture.CLADDING,
+    }
     layers = {part.layer for parts in made for part in parts}
     assert walls <= layers
     assert len(layers & SOLID_LAYERS) >= 4
-    assert layers >= {Layer.WINDOWS, Layer.GLAZING, Layer.DOORS}
+    assert layers >= {FacadeTexture.WINDOWS, FacadeTexture.GLAZING, FacadeTexture.DOORS}
     colours = {
         tuple(np.round(part.mesh.colours.max(axis=0), 2))
         for parts in made
@@ -189,19 +195,25 @@ def test_a_town_has_many_kinds_of_houses() -> None:
 
 def test_textures_repeat_are_pale_where_they_are_tinted_and_no_two_windows_are_alike() -> None:
     textures = facade_textures(0)
-    assert textures.shape == (len(Layer) - 1, FACADE_PX, FACADE_PX, 4)
-    for layer in (Layer.RENDER, Layer.CONCRETE, Layer.STONE, Layer.TILES, Layer.GRAVEL):
+    assert textures.shape == (len(FacadeTexture) - 1, FACADE_PX, FACADE_PX, 4)
+    for layer in (
+        FacadeTexture.RENDER,
+        FacadeTexture.CONCRETE,
+        FacadeTexture.STONE,
+        FacadeTexture.TILES,
+        FacadeTexture.GRAVEL,
+    ):
         image = textures[layer, ..., :3].astype(float)
         across = np.abs(image[:, 0] - image[:, -1]).mean()
         inside = np.abs(np.diff(image, axis=1)).mean()
         assert across < 2.5 * inside + 3, layer
-    assert textures[Layer.RENDER, ..., :3].mean() > 215
+    assert textures[FacadeTexture.RENDER, ..., :3].mean() > 215
     size = FACADE_PX // 4
-    cells = textures[Layer.WINDOWS].reshape(4, size, 4, size, 4).swapaxes(1, 2).reshape(16, -1)
+    cells = textures[FacadeTexture.WINDOWS].reshape(4, size, 4, size, 4).swapaxes(1, 2).reshape(16, -1)
     assert len({cell.tobytes() for cell in cells}) == 16
-    glass = textures[Layer.GLAZING, ..., 3]
+    glass = textures[FacadeTexture.GLAZING, ..., 3]
     assert np.median(glass) < 40
-    assert textures[Layer.BRICK, ..., 3].min() > 200
+    assert textures[FacadeTexture.BRICK, ..., 3].min() > 200
 
 
 def test_wide_and_narrow_walls_have_bays_of_the_same_kind() -> None:
@@ -210,7 +222,7 @@ def test_wide_and_narrow_walls_have_bays_of_the_same_kind() -> None:
     for length in (8.0, 12.0, 18.0):
         house = tiny.block("b", 20.0, 8.0, 20.0 + length, 17.0, 9.0)
         made = pieces(world_of(house), seed=5)
-        panes = triangles(made, Layer.WINDOWS)
+        panes = triangles(made, FacadeTexture.WINDOWS)
         north = facing(panes)[:, 1] > 1e-6
         boxes = panes[north]
         width = np.ptp(boxes[:, :, 0], axis=1)

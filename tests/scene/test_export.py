@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from pavetwin.cli.world import app
 from pavetwin.defects import DefectOptions, place
 from pavetwin.errors import PaveTwinError
-from pavetwin.scene.export import Exported, Moment, estimate, export_scene, tiles_of, usual_texel_m
+from pavetwin.scene.export import ExportSummary, TrafficSnapshot, estimate, export_scene, tiles_of, usual_texel_m
 from pavetwin.scene.foliage import leaf_sheet
 from pavetwin.scene.glb import Glb, read_glb
 from pavetwin.scene.model import TILE_M, Instance, defect_label
@@ -59,7 +59,7 @@ def traffic() -> Recording:
 @dataclass(frozen=True)
 class Written:
     path: Path
-    made: Exported
+    made: ExportSummary
 
     @property
     def glb(self) -> Glb:
@@ -71,7 +71,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
     path = tmp_path_factory.mktemp("export") / "street.glb"
     shares: list[float] = []
     made = export_scene(
-        scene(), path, bounds=BOUNDS, texel_m=TEXEL_M, moment=Moment(traffic(), 0.5), on_progress=shares.append
+        scene(), path, bounds=BOUNDS, texel_m=TEXEL_M, moment=TrafficSnapshot(traffic(), 0.5), on_progress=shares.append
     )
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
@@ -248,7 +248,7 @@ def test_every_defect_is_a_node_with_its_label(written: Written) -> None:
 
 def test_the_same_scene_gives_the_same_bytes(written: Written, tmp_path: Path) -> None:
     again = tmp_path / "again.glb"
-    export_scene(Scene(world(), seed=1), again, bounds=BOUNDS, texel_m=TEXEL_M, moment=Moment(traffic(), 0.5))
+    export_scene(Scene(world(), seed=1), again, bounds=BOUNDS, texel_m=TEXEL_M, moment=TrafficSnapshot(traffic(), 0.5))
     assert again.read_bytes() == written.path.read_bytes()
 
 

@@ -8,7 +8,7 @@ import shapely
 from shapely import Point
 
 from pavetwin.defects import DefectOptions, place
-from pavetwin.scene.extras import APART_M, FROM_ROAD_M, HIGHEST_M, Verge
+from pavetwin.scene.extras import APART_M, FROM_ROAD_M, HIGHEST_M, StreetObjects
 from pavetwin.scene.model import TILE_M, Instance, Mesh, Tile
 from pavetwin.scene.models import bounds
 from pavetwin.scene.scene import Scene
@@ -186,7 +186,7 @@ def test_masts_and_arms_agree_with_the_solids(name: str) -> None:
 
 def test_extras_stand_low_and_in_nobodys_way() -> None:
     town = built("town").world
-    extras = Verge(town, seed=0).extras()
+    extras = StreetObjects(town, seed=0).extras()
     assert len(extras) > 40
     assert {extra.model for extra in extras} >= {"bin", "bench", "bicycle", "bollard"}
     places = np.array([Point(extra.x_m, extra.y_m) for extra in extras], dtype=object)

@@ -7,10 +7,10 @@ import numpy as np
 import shapely
 from PIL import Image, ImageDraw
 
-from pavetwin.capture.platforms import Setting
+from pavetwin.capture.platforms import CaptureContext
 from pavetwin.capture.samples import CameraSample
 from pavetwin.render.exposure import Exposure
-from pavetwin.render.frame import Frame
+from pavetwin.render.frame import RenderedFrame
 from pavetwin.scene.model import agent_label, defect_label, labelled_defect
 from pavetwin.scene.view import View
 
@@ -22,11 +22,11 @@ class Painter:
     """Paints what stands on the ground, the farthest first. `slow_s` is what each picture takes at least; the one after
     `tires_after` pictures never comes."""
 
-    setting: Setting
+    setting: CaptureContext
     slow_s: float = 0.0
     tires_after: int | None = None
 
-    def frame(self, sample: CameraSample, setting: Setting) -> Frame:
+    def frame(self, sample: CameraSample, setting: CaptureContext) -> RenderedFrame:
         time.sleep(self.slow_s)
         while self.tires_after == 0:
             time.sleep(1.0)
@@ -48,22 +48,22 @@ class Painter:
             rgb[labels == label] = [int(shade * ((label * factor) % 256)) for factor in (37, 91, 53)]
         defect_free = rgb.copy()
         defect_free[np.isin(labels, [label for label in alone if labelled_defect(label) is not None])] = GREY
-        return Frame(view, rgb, None, labels, alone, Exposure(0.001, 2.8, 100.0), defect_free)
+        return RenderedFrame(view, rgb, None, labels, alone, Exposure(0.001, 2.8, 100.0), defect_free)
 
 
-def slow_painter(setting: Setting) -> Painter:
+def slow_painter(setting: CaptureContext) -> Painter:
     return Painter(setting, slow_s=0.05)
 
 
-def tired_painter(setting: Setting) -> Painter:
+def tired_painter(setting: CaptureContext) -> Painter:
     return Painter(setting, tires_after=6)
 
 
-def full_disk(setting: Setting) -> Painter:  # noqa: ARG001 - the signature of who makes photographers
+def full_disk(setting: CaptureContext) -> Painter:  # noqa: ARG001 - the signature of who makes photographers
     raise OSError(28, "No space left on device")
 
 
-def _defects(view: View, setting: Setting):
+def _defects(view: View, setting: CaptureContext):
     for defect in setting.world.defects:
         ring = shapely.get_coordinates(defect.polygon.exterior)
         corners = np.column_stack([ring, np.zeros(len(ring))])
@@ -71,7 +71,7 @@ def _defects(view: View, setting: Setting):
             yield defect_label(defect.id), corners
 
 
-def _agents(sample: CameraSample, setting: Setting):
+def _agents(sample: CameraSample, setting: CaptureContext):
     poses = setting.traces[sample.spec.density].agents_at(sample.pose.time_s)
     away = np.hypot(poses["x_m"] - sample.pose.view.position[0], poses["y_m"] - sample.pose.view.position[1])
     for row in np.argsort(-away).tolist():

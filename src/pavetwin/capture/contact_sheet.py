@@ -14,7 +14,7 @@ from pavetwin.capture.classes import categories
 from pavetwin.capture.record import Record, read_record, record_paths
 from pavetwin.capture.rle import decode
 from pavetwin.capture.settings import SPLITS, read_description
-from pavetwin.capture.truth import Thing
+from pavetwin.capture.truth import LabelledObject
 from pavetwin.draw.style import INK, INK_SOFT, PAPER
 from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.files import writing
@@ -81,7 +81,7 @@ def _columns(count: int) -> int:
     return min(min(choices, key=lambda columns: (-count % columns, abs(columns - wanted))), count)
 
 
-def annotated(picture: Image.Image, things: Iterable[Thing], scale: float = 1.0) -> Image.Image:
+def annotated(picture: Image.Image, things: Iterable[LabelledObject], scale: float = 1.0) -> Image.Image:
     """A picture, scaled, with the masks and boxes of its things; ignored ones are dashed and have no mask."""
     shown = sorted(things, key=lambda thing: (thing.ignored is None, -thing.area_px))
     small = picture.convert("RGB").resize(
@@ -143,7 +143,7 @@ def _header(sheet: Image.Image, title: str) -> None:
     pen.text((x + 26, _MARGIN_PX + 40), "ignored (hidden, cut, far, small or faint)", INK, _font(16))
 
 
-def _box(pen: ImageDraw.ImageDraw, thing: Thing, colour: str, scale: float) -> None:
+def _box(pen: ImageDraw.ImageDraw, thing: LabelledObject, colour: str, scale: float) -> None:
     left, top, right, bottom = (value * scale for value in thing.box)
     if thing.ignored is not None:
         _dashed(pen, (left, top, right, bottom), _IGNORED)
@@ -161,7 +161,7 @@ def _dashed(pen: ImageDraw.ImageDraw, box: tuple[float, float, float, float], co
                 pen.line((at, other, to, other) if is_flat else (other, at, other, to), fill=colour)
 
 
-def _tag(pen: ImageDraw.ImageDraw, thing: Thing, colour: str, scale: float, size: tuple[int, int]) -> None:
+def _tag(pen: ImageDraw.ImageDraw, thing: LabelledObject, colour: str, scale: float, size: tuple[int, int]) -> None:
     """Of a defect its severity, over the box; below its upper edge where there is no room above."""
     text = thing.details.get("severity")
     if text is None:

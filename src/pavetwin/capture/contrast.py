@@ -11,7 +11,7 @@ import numpy as np
 from scipy import ndimage
 
 from pavetwin.arrays import Float32Array, UInt8Array, UInt32Array
-from pavetwin.capture.pieces import Piece
+from pavetwin.capture.instance_masks import InstanceMask
 from pavetwin.scene.light import LUMINANCE
 
 REACH_PX = 2
@@ -34,14 +34,14 @@ _LEAST_SPREAD = 0.5
 _LUMA = LUMINANCE.astype(np.float32)
 
 
-class Picture:
+class ContrastMeter:
     """One picture with its instance image; measures the contrast of its defects."""
 
     def __init__(self, rgb: UInt8Array, defect_free: UInt8Array, labels: UInt32Array) -> None:
         """All of the same height and width; `defect_free` as `Frame.defect_free`."""
         self._rgb, self._sound, self._labels = rgb, defect_free, labels
 
-    def contrast(self, piece: Piece) -> float:
+    def contrast(self, piece: InstanceMask) -> float:
         """Of the piece, in standard deviations of sound pavement."""
         left, top, right, bottom = piece.box
         height, width = self._labels.shape

@@ -21,7 +21,7 @@ _FULL_FRAME_MM: Final = (36.0, 24.0)
 
 
 @dataclass(frozen=True)
-class Taken:
+class ShotMetadata:
     """How one picture was taken."""
 
     view: View
@@ -87,7 +87,7 @@ class Taken:
         }
 
 
-def encoded(rgb: UInt8Array, taken: Taken, *, picture: Literal["jpg", "png"], quality: int) -> bytes:
+def encoded(rgb: UInt8Array, taken: ShotMetadata, *, picture: Literal["jpg", "png"], quality: int) -> bytes:
     """A picture (height, width, 3) as a file with its EXIF."""
     stream, image = io.BytesIO(), Image.fromarray(rgb)
     exif, xmp = _exif(taken), _xmp(taken) if taken.is_airborne else b""
@@ -102,7 +102,7 @@ def encoded(rgb: UInt8Array, taken: Taken, *, picture: Literal["jpg", "png"], qu
     return stream.getvalue()
 
 
-def _exif(taken: Taken) -> Image.Exif:
+def _exif(taken: ShotMetadata) -> Image.Exif:
     exif, longitude, local = Image.Exif(), taken.lonlat[0], _local(taken)
     maker, model = _maker_and_model(taken.camera.title)
     exif.update(
@@ -139,7 +139,7 @@ def _maker_and_model(title: str) -> tuple[str, str]:
     return ("PaveTwin", title) if maker == "Virtual" else (maker, model)
 
 
-def _gps(taken: Taken) -> dict[int, Any]:
+def _gps(taken: ShotMetadata) -> dict[int, Any]:
     tag, (longitude, latitude), when = ExifTags.GPS, taken.lonlat, taken.when
     return {
         tag.GPSVersionID: b"\x02\x03\x00\x00",
@@ -163,12 +163,12 @@ def _sexagesimal(angle_deg: float) -> tuple[float, float, float]:
     return float(seconds // 3600), float(seconds // 60 % 60), round(seconds % 60, 4)
 
 
-def _local(taken: Taken) -> datetime:
+def _local(taken: ShotMetadata) -> datetime:
     """The place's time by its longitude, as no time zone is known."""
     return taken.when + timedelta(hours=round(taken.lonlat[0] / 15))
 
 
-def _xmp(taken: Taken) -> bytes:
+def _xmp(taken: ShotMetadata) -> bytes:
     """DJI's: angles in degrees, yaw clockwise from north, pitch −90 straight down."""
     longitude, latitude = taken.lonlat
     yaw = (taken.heading_deg + 180.0) % 360.0 - 180.0

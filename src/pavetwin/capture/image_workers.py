@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.images import FrameSource
-from pavetwin.capture.platforms import PLATFORMS, Setting
+from pavetwin.capture.platforms import PLATFORMS, CaptureContext
 from pavetwin.capture.setting import prepare
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.shards import Order, done, write_shard
@@ -16,7 +16,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.workers import OnTick, WorkerPool
 from pavetwin.world.store import load_world
 
-FrameSourceFactory = Callable[[Setting], FrameSource]
+FrameSourceFactory = Callable[[CaptureContext], FrameSource]
 """Makes the frame source of one process; named at the top of a module, so that another process finds it."""
 
 Shard = Sequence[Order]
@@ -34,7 +34,7 @@ class Job:
 
 @contextmanager
 def image_workers(
-    job: Job, setting: Setting, workers: int, on_image: OnTick
+    job: Job, setting: CaptureContext, workers: int, on_image: OnTick
 ) -> Iterator[Callable[[Sequence[Shard]], None]]:
     """Who takes the images: call it with shards, in the order in which they should begin.
 
@@ -75,7 +75,7 @@ def _start(job: Job, on_image: OnTick) -> Callable[[Shard], None]:
     return _worker(job, prepare(load_world(job.world), job.settings), on_image)
 
 
-def _worker(job: Job, setting: Setting, on_image: OnTick) -> Callable[[Shard], None]:
+def _worker(job: Job, setting: CaptureContext, on_image: OnTick) -> Callable[[Shard], None]:
     platform = PLATFORMS.get(job.settings.platform)(setting)
     frame_source, formats = job.frame_source_factory(setting), find_formats(job.settings.formats)
     return lambda shard: write_shard(job.folder, shard, platform, frame_source, formats, on_image)

@@ -2,19 +2,19 @@
 
 from typing import Any, Protocol
 
-from pavetwin.capture.exif import Taken, encoded
+from pavetwin.capture.exif import ShotMetadata, encoded
 from pavetwin.capture.plan import ImageSpec
-from pavetwin.capture.platforms import Platform, Setting
+from pavetwin.capture.platforms import CaptureContext, Platform
 from pavetwin.capture.record import Record
 from pavetwin.capture.samples import CameraSample, draw_sample, next_attempt, relaxed
-from pavetwin.capture.truth import Moment, Thing, things
-from pavetwin.render.frame import Frame
+from pavetwin.capture.truth import LabelledObject, SceneState, things
+from pavetwin.render.frame import RenderedFrame
 
 
 class FrameSource(Protocol):
     """Takes the picture of a shot, with its truth."""
 
-    def frame(self, sample: CameraSample, setting: Setting) -> Frame:
+    def frame(self, sample: CameraSample, setting: CaptureContext) -> RenderedFrame:
         """The same shot gives the same frame, whatever was taken before."""
         ...
 
@@ -42,7 +42,7 @@ def take(
         sample = draw_sample(platform, relaxed(platform, spec, attempt), attempt)
 
 
-def shows(spec: ImageSpec, seen: list[Thing], setting: Setting) -> bool:
+def shows(spec: ImageSpec, seen: list[LabelledObject], setting: CaptureContext) -> bool:
     """Whether what is seen is what was wished: no defect of another split, one that is aimed at, or none."""
     defects = [int(thing.id.removeprefix("defect ")) for thing in seen if thing.id.startswith("defect ")]
     if not spec.aims:
@@ -53,17 +53,17 @@ def shows(spec: ImageSpec, seen: list[Thing], setting: Setting) -> bool:
     return bool((setting.sight.split_of[defects] == spec.split).all())
 
 
-def _moment(sample: CameraSample, setting: Setting) -> Moment:
+def _moment(sample: CameraSample, setting: CaptureContext) -> SceneState:
     density = sample.spec.density
     agents = setting.traces[density].agents_at(sample.pose.time_s)
-    return Moment(setting.world, agents, setting.recordings[density].agents.kind)
+    return SceneState(setting.world, agents, setting.recordings[density].agents.kind)
 
 
 def _record(
-    sample: CameraSample, spec: ImageSpec, setting: Setting, frame: Frame, seen: list[Thing]
+    sample: CameraSample, spec: ImageSpec, setting: CaptureContext, frame: RenderedFrame, seen: list[LabelledObject]
 ) -> tuple[Record, bytes]:
     pose, settings = sample.pose, setting.settings
-    taken = Taken(
+    taken = ShotMetadata(
         view=pose.view,
         camera=pose.camera,
         yaw_rad=pose.yaw_rad,
@@ -87,7 +87,7 @@ def _record(
     return record, encoded(frame.rgb, taken, picture=settings.picture, quality=settings.quality)
 
 
-def _traffic(sample: CameraSample, setting: Setting) -> dict[str, Any]:
+def _traffic(sample: CameraSample, setting: CaptureContext) -> dict[str, Any]:
     recording = setting.recordings[sample.spec.density]
     ego = {} if sample.pose.ego is None else {"ego": f"agent {sample.pose.ego}"}
     return {

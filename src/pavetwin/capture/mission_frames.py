@@ -18,13 +18,13 @@ import numpy as np
 
 from pavetwin.capture.classes import category_of_defect
 from pavetwin.capture.daylight import Daylight
-from pavetwin.capture.exif import Taken, encoded
+from pavetwin.capture.exif import ShotMetadata, encoded
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.record import Record
 from pavetwin.capture.setting import defects_hash
 from pavetwin.capture.settings import FILE, CaptureSettings, description
 from pavetwin.capture.store import link_image, write_image, write_over_all, write_yaml
-from pavetwin.capture.truth import Moment, things
+from pavetwin.capture.truth import SceneState, things
 from pavetwin.files import writing, writing_folder
 from pavetwin.mission.fly import Detection, MissionResult
 from pavetwin.mission.results import detections_geojson
@@ -146,7 +146,7 @@ class _Film:
         daylight = replace(self.begin, when=self.begin.when + timedelta(seconds=at.time_s))
         noise = int(child(self.result.seed, Stream.FRAME, number).integers(1 << 62))
         frame = self.scene_renderer.picture(view, self.camera, daylight.light, self.recording, at.time_s, noise=noise)
-        taken = Taken(
+        taken = ShotMetadata(
             view=view,
             camera=self.camera,
             yaw_rad=at.yaw_rad,
@@ -173,7 +173,7 @@ class _Film:
                 "confirmed": [f"defect {each.defect}" for each in detections],
             },
             things=tuple(
-                things(frame, Moment(self.world, self.trace.agents_at(at.time_s), self.recording.agents.kind))
+                things(frame, SceneState(self.world, self.trace.agents_at(at.time_s), self.recording.agents.kind))
             ),
         )
         return record, encoded(frame.rgb, taken, picture=settings.picture, quality=settings.quality)

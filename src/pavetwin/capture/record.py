@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pavetwin.capture.truth import Thing
+from pavetwin.capture.truth import LabelledObject
 from pavetwin.errors import PaveTwinError
 
 TRUTH = "truth"
@@ -28,7 +28,7 @@ class Record:
     traffic: dict[str, Any]
     aim: dict[str, Any]
     """What the image was to show, and at which attempt it did."""
-    things: tuple[Thing, ...]
+    things: tuple[LabelledObject, ...]
 
     @property
     def name(self) -> str:
@@ -40,7 +40,7 @@ class Record:
         return f"images/{self.split}/{self.name}{self.suffix}"
 
     @property
-    def labelled(self) -> tuple[Thing, ...]:
+    def labelled(self) -> tuple[LabelledObject, ...]:
         return tuple(thing for thing in self.things if thing.ignored is None)
 
     def as_bytes(self) -> bytes:
@@ -93,8 +93,8 @@ def read_record(path: Path) -> Record:
         raise PaveTwinError(f"'{path}' is damaged or missing; capture into another folder.") from error
 
 
-def _thing(content: dict[str, Any]) -> Thing:
-    return Thing(**content | {"box": tuple(content["box"]), "position_m": tuple(content["position_m"])})
+def _thing(content: dict[str, Any]) -> LabelledObject:
+    return LabelledObject(**content | {"box": tuple(content["box"]), "position_m": tuple(content["position_m"])})
 
 
 def read_records(folder: Path, split: str | None = None) -> Iterator[Record]:

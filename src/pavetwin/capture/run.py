@@ -10,7 +10,7 @@ from pavetwin.capture.disk_space import check_disk_space
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.image_workers import FrameSourceFactory, Job, image_workers
 from pavetwin.capture.plan import ImageSpec, image_specs
-from pavetwin.capture.platforms import PLATFORMS, Platform, Setting
+from pavetwin.capture.platforms import PLATFORMS, CaptureContext, Platform
 from pavetwin.capture.samples import draw_sample
 from pavetwin.capture.setting import OnProgress, check, defects_hash, prepare
 from pavetwin.capture.settings import FILE, SPLITS, CaptureSettings, check_same, description
@@ -29,7 +29,7 @@ MANIFEST: Final = "manifest.yaml"
 
 
 @dataclass(frozen=True)
-class Captured:
+class DatasetSummary:
     """A dataset that is complete."""
 
     folder: Path
@@ -47,7 +47,7 @@ def capture(
     adapter: str = "",
     jobs: int = 1,
     on_progress: OnProgress | None = None,
-) -> Captured:
+) -> DatasetSummary:
     """Take a dataset's images, those that are not there yet, and write what its formats have over all of them.
 
     Args:
@@ -80,11 +80,11 @@ def capture(
             _take(Job(world_folder, settings, folder, frame_source_factory), setting, missing, jobs, begin, tell)
         tell(1.0, "Writing label files")
         statistics = _finish(world, settings, setting, folder)
-    return Captured(folder, statistics, len(missing))
+    return DatasetSummary(folder, statistics, len(missing))
 
 
 def _take(
-    job: Job, setting: Setting, missing: list[int], jobs: int, begin: Callable[[], None], tell: OnProgress
+    job: Job, setting: CaptureContext, missing: list[int], jobs: int, begin: Callable[[], None], tell: OnProgress
 ) -> None:
     """`begin` is called when places have been found, before the first image is taken."""
     total, ready = job.settings.images, job.settings.images - len(missing)
@@ -122,7 +122,7 @@ def _blocks(settings: CaptureSettings, world: World, missing: list[int]) -> Iter
             yield [spec for spec in every if spec.index in inside]
 
 
-def _finish(world: World, settings: CaptureSettings, setting: Setting, folder: Path) -> Statistics:
+def _finish(world: World, settings: CaptureSettings, setting: CaptureContext, folder: Path) -> Statistics:
     splits = tuple(split for split, share in zip(SPLITS, settings.split, strict=True) if share > 0)
     write_over_all(folder, find_formats(settings.formats), splits)
     statistics = count(folder)
@@ -130,7 +130,7 @@ def _finish(world: World, settings: CaptureSettings, setting: Setting, folder: P
     return statistics
 
 
-def _manifest(world: World, setting: Setting, statistics: Statistics) -> dict[str, Any]:
+def _manifest(world: World, setting: CaptureContext, statistics: Statistics) -> dict[str, Any]:
     """What is in the dataset, for people."""
     streets: dict[str, list[str]] = {}
     for street, split in sorted(setting.sight.splits.items()):

@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from pavetwin._core import Trace
-from pavetwin.capture.platforms import Setting
+from pavetwin.capture.platforms import CaptureContext
 from pavetwin.capture.samples import CameraSample
-from pavetwin.render.frame import Frame
+from pavetwin.render.frame import RenderedFrame
 from pavetwin.render.nearby import FAR_M
 from pavetwin.render.renderer import Renderer
 from pavetwin.scene.light import Light
@@ -55,7 +55,7 @@ class SceneRenderer:
         noise: int,
         without: int | None = None,
         compensation_ev: float = 0.0,
-    ) -> Frame:
+    ) -> RenderedFrame:
         """What a camera sees at a time of the recording.
 
         Args:
@@ -100,10 +100,10 @@ class SceneRenderer:
 class SceneFrameSource:
     """Takes the shots of a dataset."""
 
-    def __init__(self, setting: Setting) -> None:
+    def __init__(self, setting: CaptureContext) -> None:
         self._scene_renderer = SceneRenderer(setting.world)
 
-    def frame(self, sample: CameraSample, setting: Setting) -> Frame:
+    def frame(self, sample: CameraSample, setting: CaptureContext) -> RenderedFrame:
         """The same shot gives the same frame, whatever was taken before."""
         noise = child(setting.settings.seed, Stream.FRAME, sample.spec.index, sample.attempt).integers(1 << 62)
         return self._scene_renderer.picture(

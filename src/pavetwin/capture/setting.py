@@ -7,10 +7,10 @@ from typing import Final
 
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.plan import STREETS
-from pavetwin.capture.platforms import PLATFORMS, Setting
+from pavetwin.capture.platforms import PLATFORMS, CaptureContext
 from pavetwin.capture.presence import presence
 from pavetwin.capture.settings import CaptureSettings
-from pavetwin.capture.sight import AIMED_WITHIN_M, Sight
+from pavetwin.capture.sight import AIMED_WITHIN_M, DefectIndex
 from pavetwin.capture.splits import split_streets
 from pavetwin.config.mission import UavSettings
 from pavetwin.errors import PaveTwinError
@@ -53,7 +53,7 @@ def check(settings: CaptureSettings) -> None:
             )
 
 
-def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | None = None) -> Setting:
+def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | None = None) -> CaptureContext:
     """Everything that images are chosen from; traffic is recorded where it was not before.
 
     Raises:
@@ -78,10 +78,10 @@ def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | N
     reached = PLATFORMS.get(settings.platform).reaches(world, recordings)
     rng, agents = child(settings.seed, Stream.CAPTURE, STREETS), presence(world, recordings.values())
     splits = split_streets(world, settings.split, rng, reached, agents=agents)
-    return Setting(
+    return CaptureContext(
         world=world,
         settings=settings,
-        sight=Sight(world, splits),
+        sight=DefectIndex(world, splits),
         recordings=recordings,
         traces={name: trace_of(recording) for name, recording in recordings.items()},
         meshes=meshes,

@@ -49,7 +49,7 @@ def footprint(view: View, horizon_m: float = HORIZON_M) -> Polygon:
 
 
 @dataclass(frozen=True)
-class Sight:
+class DefectIndex:
     """A world's defects, found by place, each with the split that its street belongs to."""
 
     world: World

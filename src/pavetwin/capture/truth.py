@@ -12,11 +12,11 @@ from shapely import Polygon
 
 from pavetwin.arrays import Float64Array
 from pavetwin.capture.classes import Category, category_of_agent, category_of_defect
-from pavetwin.capture.contrast import Picture
-from pavetwin.capture.pieces import Box, Piece, pieces
+from pavetwin.capture.contrast import ContrastMeter
+from pavetwin.capture.instance_masks import Box, InstanceMask, pieces
 from pavetwin.capture.rle import encode
 from pavetwin.capture.sight import footprint
-from pavetwin.render.frame import Frame
+from pavetwin.render.frame import RenderedFrame
 from pavetwin.scene.model import labelled_agent, labelled_defect
 from pavetwin.scene.view import View
 from pavetwin.world.model import Defect, World
@@ -45,7 +45,7 @@ class Reason(StrEnum):
 
 
 @dataclass(frozen=True)
-class Thing:
+class LabelledObject:
     """One defect or agent in one image."""
 
     id: str
@@ -81,7 +81,7 @@ class Thing:
 
 
 @dataclass(frozen=True)
-class Moment:
+class SceneState:
     """What there is to be seen: a world, and the agents over it at one time."""
 
     world: World
@@ -93,7 +93,7 @@ class Moment:
         return self.world.defects[number]
 
 
-def things(frame: Frame, moment: Moment) -> list[Thing]:
+def things(frame: RenderedFrame, moment: SceneState) -> list[LabelledObject]:
     """Everything that a frame's instance image shows, by rising label.
 
     Raises:
@@ -101,11 +101,11 @@ def things(frame: Frame, moment: Moment) -> list[Thing]:
     """
     if frame.labels is None or frame.defect_free is None:
         raise ValueError("things are told from a frame with labels and with its picture of sound pavement")
-    picture = Picture(frame.rgb, frame.defect_free, frame.labels)
+    picture = ContrastMeter(frame.rgb, frame.defect_free, frame.labels)
     return [_thing(piece, frame, picture, moment) for piece in pieces(frame.labels)]
 
 
-def _thing(piece: Piece, frame: Frame, picture: Picture, moment: Moment) -> Thing:
+def _thing(piece: InstanceMask, frame: RenderedFrame, picture: ContrastMeter, moment: SceneState) -> LabelledObject:
     number = labelled_defect(piece.label)
     inside: float | None
     is_faint = False
@@ -126,7 +126,7 @@ def _thing(piece: Piece, frame: Frame, picture: Picture, moment: Moment) -> Thin
     distance = float(np.linalg.norm(middle - frame.view.position))
     visible = piece.area_px / alone
     is_cut = inside is not None and inside < LEAST_INSIDE_SHARE and piece.area_px < LARGE_PX_SHARE * size[0] * size[1]
-    return Thing(
+    return LabelledObject(
         id=name,
         category=category.name,
         box=piece.box,
@@ -144,7 +144,7 @@ def _thing(piece: Piece, frame: Frame, picture: Picture, moment: Moment) -> Thin
 
 
 def _reason(
-    piece: Piece, category: Category, visible: float, is_cut: bool, distance_m: float, is_faint: bool
+    piece: InstanceMask, category: Category, visible: float, is_cut: bool, distance_m: float, is_faint: bool
 ) -> str | None:
     if visible < LEAST_VISIBLE_SHARE:
         return Reason.HIDDEN.value
@@ -158,13 +158,13 @@ def _reason(
     return Reason.FAINT.value if is_faint else None
 
 
-def _defect(moment: Moment, defect: Defect) -> tuple[Category, Float64Array, dict[str, Any]]:
+def _defect(moment: SceneState, defect: Defect) -> tuple[Category, Float64Array, dict[str, Any]]:
     """Category, middle (3,), details."""
     details = defect.facts | {"street": moment.world.segment(defect.segment).street}
     return category_of_defect(defect.kind), np.array([defect.centre.x, defect.centre.y, 0.0]), details
 
 
-def _agent(moment: Moment, agent: int) -> tuple[Category, Float64Array, Float64Array, dict[str, Any]]:
+def _agent(moment: SceneState, agent: int) -> tuple[Category, Float64Array, Float64Array, dict[str, Any]]:
     """Category, corners (8, 3), middle (3,), details."""
     poses = moment.agents
     there = np.flatnonzero(poses["agent"] == agent)

@@ -9,7 +9,7 @@ from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
-    from pavetwin.scene.export import Moment
+    from pavetwin.scene.export import TrafficSnapshot
     from pavetwin.world.model import World
 
 SEGMENT_AROUND_M = 25.0
@@ -83,8 +83,8 @@ def _segment_bounds(world: "World", segment: str) -> tuple[float, float, float, 
     return west, south, east, north
 
 
-def _moment(world: "World", traffic: Path | None, at: float | None) -> "Moment | None":
-    from pavetwin.scene.export import Moment
+def _moment(world: "World", traffic: Path | None, at: float | None) -> "TrafficSnapshot | None":
+    from pavetwin.scene.export import TrafficSnapshot
     from pavetwin.traffic.recording import load_recording
 
     if traffic is None:
@@ -95,4 +95,4 @@ def _moment(world: "World", traffic: Path | None, at: float | None) -> "Moment |
     recording = load_recording(traffic, world)
     if not 0 <= at_s <= recording.duration_s:
         raise PaveTwinError(f"--at {at_s:g}: the recording lasts from 0 to {recording.duration_s:g} s.")
-    return Moment(recording, at_s)
+    return TrafficSnapshot(recording, at_s)

@@ -9,7 +9,7 @@ from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
-    from pavetwin.draw.navmesh_map import Baked
+    from pavetwin.draw.navmesh_map import NavMeshReport
 
 
 def show(
@@ -91,7 +91,7 @@ def navmesh(
     out.print(f"Drawn to {picture}{also}.", soft_wrap=True, markup=False)
 
 
-def _print(baked: "Baked", radius_m: float) -> None:
+def _print(baked: "NavMeshReport", radius_m: float) -> None:
     from rich.table import Table
 
     names = [segment.id for segment, ok in zip(baked.world.segments, baked.reachable, strict=True) if not ok]

@@ -5,18 +5,18 @@ from pavetwin.defects.heightfield import Heightfield, Stains
 from pavetwin.defects.maps import albedo_factor, normal_map, occlusion_map
 from pavetwin.defects.marking import Marking
 from pavetwin.defects.measures import Measures, measure
-from pavetwin.defects.mesh import Mesh, mesh_of
+from pavetwin.defects.mesh import DefectMesh, mesh_of
 from pavetwin.defects.placement import DefectOptions, add_defects, place
 from pavetwin.defects.registry import DefectKind, heightfield_of, kind_of, kinds, register, unregister
 from pavetwin.defects.sampling import sample_points
 
 __all__ = [
     "DefectKind",
+    "DefectMesh",
     "DefectOptions",
     "Heightfield",
     "Marking",
     "Measures",
-    "Mesh",
     "Stains",
     "add_defects",
     "albedo_factor",

@@ -45,7 +45,7 @@ LOST_SHARE, LOST_M = 0.06, 0.025
 
 
 @dataclass(frozen=True, eq=False)
-class Blocks:
+class BlockPattern:
     """The pattern of blocks: a cell's own one, the one beyond the nearest joint, the distance to that joint."""
 
     own: UInt16Array
@@ -86,7 +86,7 @@ def crocodile_crack(rng: np.random.Generator, parameters: CrocodileCrackParamete
     low, high = parameters.crack_m
     beside = BESIDE_M[0] + wear * (BESIDE_M[1] - BESIDE_M[0])
     reach = 0.5 * log_between((low, high), 0.3 + 0.7 * wear) + beside
-    blocks = Blocks(*relief_blocks(lattice, region > 0, sites, halves, warp_x, warp_y, reach), sites)
+    blocks = BlockPattern(*relief_blocks(lattice, region > 0, sites, halves, warp_x, warp_y, reach), sites)
     near = np.flatnonzero((blocks.distance_m < reach) & (region > 0))
     width = _widths(rng, parameters, lattice, blocks, near, region, wear)
     return _painted(rng, lattice, blocks, near, width, region, wear, beside)
@@ -136,7 +136,7 @@ def _widths(
     rng: np.random.Generator,
     parameters: CrocodileCrackParameters,
     lattice: Lattice,
-    blocks: Blocks,
+    blocks: BlockPattern,
     near: IndexArray,
     region: Float32Array,
     wear: float,
@@ -162,7 +162,7 @@ def _widths(
 def _painted(
     rng: np.random.Generator,
     lattice: Lattice,
-    blocks: Blocks,
+    blocks: BlockPattern,
     near: IndexArray,
     width: Float32Array,
     region: Float32Array,
@@ -210,7 +210,12 @@ def _painted(
 
 
 def _moved(
-    rng: np.random.Generator, lattice: Lattice, blocks: Blocks, region: Float32Array, grain: Float32Array, wear: float
+    rng: np.random.Generator,
+    lattice: Lattice,
+    blocks: BlockPattern,
+    region: Float32Array,
+    grain: Float32Array,
+    wear: float,
 ) -> tuple[Float32Array, Float32Array]:
     """(height of tilted and sunken blocks [m], share of lost ones)."""
     count, own = len(blocks.sites), blocks.own
@@ -225,7 +230,7 @@ def _moved(
     return sunken, np.asarray(gone, dtype=np.float32)
 
 
-def lay_crocodile_crack(rng: np.random.Generator, road: poses.Road, count: int) -> poses.Poses:
+def lay_crocodile_crack(rng: np.random.Generator, road: poses.RoadSection, count: int) -> poses.Poses:
     """In wheel paths, along them."""
     return poses.poses(rng, poses.wheel_paths(rng, road, count), 0.0, 0.04)
 

@@ -13,7 +13,7 @@ MOST_VERTICES = 20_000
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
+class DefectMesh:
     """Triangles over a defect's outline, anticlockwise from above, in the defect's own frame."""
 
     positions: Float32Array
@@ -27,7 +27,9 @@ class Mesh:
     """Largest vertical distance from a cell's mean height."""
 
 
-def mesh_of(heightfield: Heightfield, tolerance_m: float = TOLERANCE_M, most_vertices: int = MOST_VERTICES) -> Mesh:
+def mesh_of(
+    heightfield: Heightfield, tolerance_m: float = TOLERANCE_M, most_vertices: int = MOST_VERTICES
+) -> DefectMesh:
     """A mesh that is nowhere farther than `tolerance_m` from the heightfield, or has `most_vertices`.
 
     Its border is the defect's outline, so it fits a hole that is cut into the road along that polygon.
@@ -43,4 +45,4 @@ def mesh_of(heightfield: Heightfield, tolerance_m: float = TOLERANCE_M, most_ver
         raise ValueError("the outline crosses itself")
     positions, indices, error = made
     uv = heightfield.uv(positions[:, :2].astype(np.float64))
-    return Mesh(positions, uv, indices, len(ring), error)
+    return DefectMesh(positions, uv, indices, len(ring), error)

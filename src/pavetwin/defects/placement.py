@@ -25,7 +25,7 @@ from shapely import Point, Polygon
 from pavetwin.arrays import Float64Array
 from pavetwin.config.base import Settings
 from pavetwin.defects.measures import measure
-from pavetwin.defects.poses import Poses, Road
+from pavetwin.defects.poses import Poses, RoadSection
 from pavetwin.defects.registry import DefectKind, kinds, unknown
 from pavetwin.defects.shapes import turned
 from pavetwin.seeds import Stream, child
@@ -124,7 +124,7 @@ def _on_segment(
     room = segment.polygon.buffer(-EDGE_M - (GUTTER_M if has_gutter(segment.street) else 0.0))
     shapely.prepare(room)
     budget = LARGEST_SHARE * segment.area_m2
-    road = Road.of(segment)
+    road = RoadSection.of(segment)
     taken: list[Polygon] = []
     known, weights = weighted
     for _ in range(options.count_on(segment, rng)):

@@ -27,7 +27,7 @@ EDGE_M = (0.25, 0.9)
 
 
 @dataclass(frozen=True, slots=True)
-class Road:
+class RoadSection:
     """What a law knows of the piece of road that it proposes places on."""
 
     length_m: float
@@ -35,7 +35,7 @@ class Road:
     lanes: int
 
     @classmethod
-    def of(cls, segment: Segment) -> "Road":
+    def of(cls, segment: Segment) -> "RoadSection":
         return cls(segment.length_m, segment.width_m, max(1, segment.lanes))
 
     @property
@@ -43,11 +43,11 @@ class Road:
         return self.width_m / self.lanes
 
 
-PoseSampler = Callable[[np.random.Generator, Road, int], Poses]
+PoseSampler = Callable[[np.random.Generator, RoadSection, int], Poses]
 """`sample_poses(rng, road, count)` proposes `count` poses for one defect."""
 
 
-def wheel_paths(rng: np.random.Generator, road: Road, count: int) -> Float64Array:
+def wheel_paths(rng: np.random.Generator, road: RoadSection, count: int) -> Float64Array:
     """(count,) offsets in the wheel paths of lanes."""
     lane = rng.integers(road.lanes, size=count)
     centre = (lane + 0.5) * road.lane_width_m - road.width_m / 2
@@ -56,20 +56,20 @@ def wheel_paths(rng: np.random.Generator, road: Road, count: int) -> Float64Arra
     return np.asarray(centre + side * narrow * rng.normal(WHEEL_PATH_M, WHEEL_PATH_SPREAD_M, count), dtype=np.float64)
 
 
-def edges(rng: np.random.Generator, road: Road, count: int) -> Float64Array:
+def edges(rng: np.random.Generator, road: RoadSection, count: int) -> Float64Array:
     """(count,) offsets near the carriageway's edges."""
     side = rng.choice([-1.0, 1.0], size=count)
     return np.asarray(side * (road.width_m / 2 - rng.uniform(*EDGE_M, count)), dtype=np.float64)
 
 
-def joints(rng: np.random.Generator, road: Road, count: int) -> Float64Array:
+def joints(rng: np.random.Generator, road: RoadSection, count: int) -> Float64Array:
     """(count,) offsets along the joints between paved lanes; a single lane is paved in two halves."""
     lanes = max(2, road.lanes)
     joint = rng.integers(1, lanes, size=count)
     return np.asarray(joint * road.width_m / lanes - road.width_m / 2 + rng.normal(0, 0.06, count), dtype=np.float64)
 
 
-def anywhere(rng: np.random.Generator, road: Road, count: int) -> Float64Array:
+def anywhere(rng: np.random.Generator, road: RoadSection, count: int) -> Float64Array:
     """(count,) offsets over the whole width."""
     return np.asarray(rng.uniform(-road.width_m / 2, road.width_m / 2, count), dtype=np.float64)
 

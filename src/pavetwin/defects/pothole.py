@@ -206,7 +206,7 @@ def _float32(field: Float32Array) -> Float32Array:
     return np.asarray(field, dtype=np.float32)
 
 
-def lay_pothole(rng: np.random.Generator, road: poses.Road, count: int) -> poses.Poses:
+def lay_pothole(rng: np.random.Generator, road: poses.RoadSection, count: int) -> poses.Poses:
     """Mostly in wheel paths, some near the edges, lying in any direction."""
     where = rng.random()
     if where < IN_WHEEL_PATH:

@@ -232,7 +232,7 @@ def _filled(
     return filled, 0.5 * wide * fallen
 
 
-def lay_single_crack(rng: np.random.Generator, road: poses.Road, count: int) -> poses.Poses:
+def lay_single_crack(rng: np.random.Generator, road: poses.RoadSection, count: int) -> poses.Poses:
     """Along the street in wheel paths, at joints and edges; across it; or obliquely."""
     manner = rng.random()
     if manner < ACROSS:

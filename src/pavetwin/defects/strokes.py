@@ -27,7 +27,7 @@ class Stroke:
 
 
 @dataclass(frozen=True, eq=False)
-class Traces:
+class StrokeFields:
     """What strokes leave: height [m], share open, distance from the nearest edge [m], each (rows, cols)."""
 
     height_m: Float32Array
@@ -35,7 +35,7 @@ class Traces:
     distance_m: Float32Array
 
 
-def traced(lattice: Lattice, strokes: Sequence[Stroke], reach_m: float, steepness: int = 2) -> Traces:
+def traced(lattice: Lattice, strokes: Sequence[Stroke], reach_m: float, steepness: int = 2) -> StrokeFields:
     """Draw strokes on a lattice; `steepness` 1 makes a section V-shaped, large ones U-shaped."""
     lengths = [len(stroke.points) for stroke in strokes]
     offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.uint32)
@@ -43,7 +43,7 @@ def traced(lattice: Lattice, strokes: Sequence[Stroke], reach_m: float, steepnes
     points = np.concatenate([empty, *(stroke.points for stroke in strokes)])
     half = np.concatenate([empty, *(stroke.half_m for stroke in strokes)])
     depth = np.concatenate([np.empty(0), *(stroke.depth_m for stroke in strokes)])
-    return Traces(*relief_trace(lattice, points, offsets, half, depth, reach_m, steepness))
+    return StrokeFields(*relief_trace(lattice, points, offsets, half, depth, reach_m, steepness))
 
 
 def wandering(rng: np.random.Generator, count: int, step_m: float, longest_m: float, hurst: float) -> Float64Array:

@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw
 
 from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
-from pavetwin.draw.frame import DefectMark, Scene, View
+from pavetwin.draw.frame import DefectMark, MapView, MissionState
 from pavetwin.draw.ground_raster import GroundRaster
 from pavetwin.draw.marks import Outcome, Place, doing, footprint_m, rectangles, telling_moment_s
 from pavetwin.draw.mission_style import agent_group, font
@@ -52,7 +52,9 @@ class Film:
         footprint = footprint_m(result)
         self.width_m = max(WIDTH_M, 2.2 * max(footprint))
         scale = SIZE_PX[0] / self.width_m
-        self.view = View(GroundRaster(result.environment.world, scale), SIZE_PX, window_m(result.settings), footprint)
+        self.view = MapView(
+            GroundRaster(result.environment.world, scale), SIZE_PX, window_m(result.settings), footprint
+        )
         self._readings = Readings(SIZE_PX[0], result.policy, result.settings.visibility.threshold)
         self._confirmed = {detection.defect: detection for detection in reversed(result.detections)}
         self._places = np.array([(d.centre.x, d.centre.y) for d in result.environment.defects]).reshape(-1, 2)
@@ -91,7 +93,7 @@ class Film:
         around = time_s + np.linspace(-SOFTNESS_S, SOFTNESS_S, 17)
         return self._at(around, "x_m").mean(), self._at(around, "y_m").mean()
 
-    def scene(self, time_s: float) -> Scene:
+    def scene(self, time_s: float) -> MissionState:
         """D_t at a time of the mission, as far as it can be seen."""
         row = max(0, int(np.searchsorted(self._track["t_s"], time_s + 1e-9)) - 1)
         position = float(self._at(time_s, "x_m")), float(self._at(time_s, "y_m"))
@@ -109,7 +111,7 @@ class Film:
             self._seen = SeenSurface(self.result, self._trace, self._concerns)
         past = (self._track["t_s"] > time_s - TRAIL_S) & (self._track["t_s"] <= time_s)
         trail = np.column_stack([self._track["x_m"][past], self._track["y_m"][past]])
-        return Scene(
+        return MissionState(
             time_s=time_s,
             position=position,
             altitude_m=float(self._at(time_s, "altitude_m")),

@@ -44,7 +44,7 @@ class DefectMark:
 
 
 @dataclass(frozen=True)
-class Scene:
+class MissionState:
     """Everything that moves, at one moment of a mission. World frame, metres."""
 
     time_s: float
@@ -69,7 +69,7 @@ class Scene:
 
 
 @dataclass(frozen=True)
-class View:
+class MapView:
     """Draws scenes around a place."""
 
     ground: GroundRaster
@@ -88,7 +88,7 @@ class View:
         (x, y), (left, top) = self.ground.pixel(*place), self.corner_px(centre)
         return x - left, y - top
 
-    def draw(self, scene: Scene, centre: Place) -> Image.Image:
+    def draw(self, scene: MissionState, centre: Place) -> Image.Image:
         """The frame around `centre`."""
         corner = self.corner_px(centre)
         still = self.ground.crop(*corner, self.size_px)
@@ -113,7 +113,7 @@ class View:
         return pen.finished()
 
 
-def _around(scene: Scene, size_m: tuple[float, float]) -> Float64Array:
+def _around(scene: MissionState, size_m: tuple[float, float]) -> Float64Array:
     """(4, 2) corners of a rectangle under the UAV, given as (across, along)."""
     x, y = np.array([scene.position[0]]), np.array([scene.position[1]])
     return np.asarray(rectangles(x, y, np.array([scene.yaw_rad]), *size_m)[0])
@@ -134,7 +134,7 @@ def _draw_flash(pen: Pen, mark: DefectMark) -> None:
         pen.disc(mark.position, 4.6, colour, WHITE, 1.2)
 
 
-def _draw_agents(pen: Pen, scene: Scene) -> None:
+def _draw_agents(pen: Pen, scene: MissionState) -> None:
     outlines = bodies(scene.agents)
     for index in np.argsort(scene.agents["height_m"], kind="stable"):
         colour = rgb(AGENT_COLOURS[scene.groups[index]])
@@ -183,7 +183,7 @@ def _draw_dashed(pen: Pen, corners: Float64Array, colour: tuple[int, ...], dash_
             pen.line(start + share * (end - start), colour, 1.2)
 
 
-def _draw_uav(pen: Pen, scene: Scene) -> None:
+def _draw_uav(pen: Pen, scene: MissionState) -> None:
     """Four rotors on arms, a body, and an arrowhead in the direction of the camera's top edge."""
     centre, ink = np.array(scene.position), rgb(UAV)
 

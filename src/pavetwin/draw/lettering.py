@@ -36,7 +36,7 @@ _STEEP = np.radians(80)
 _REPEAT_PT = 420.0
 
 
-class Room:
+class OccupiedSpace:
     """What lettering has taken of the paper already."""
 
     def __init__(self) -> None:
@@ -49,7 +49,7 @@ class Room:
         self.taken.append(shape)
 
 
-def segment_ids(axes: Axes, segments: Iterable[Segment], room: Room) -> list[str]:
+def segment_ids(axes: Axes, segments: Iterable[Segment], room: OccupiedSpace) -> list[str]:
     """Write the id of each segment on it, in a small plate. Returns those for which there was no room."""
     per_m = points_per_m(axes)
     left_out = []
@@ -69,7 +69,7 @@ def segment_ids(axes: Axes, segments: Iterable[Segment], room: Room) -> list[str
 
 
 def street_names(
-    axes: Axes, segments: Sequence[Segment], room: Room, colour: str = style.INK, zorder: float = 40
+    axes: Axes, segments: Sequence[Segment], room: OccupiedSpace, colour: str = style.INK, zorder: float = 40
 ) -> list[str]:
     """Write each street's name along it, again and again on a long one, where there is room.
 
@@ -140,7 +140,7 @@ def _continuation(line: Float64Array, others: Sequence[Float64Array], gap_m: flo
 
 
 def _along(
-    axes: Axes, line: LineString, name: str, size: float, per_m: float, room: Room
+    axes: Axes, line: LineString, name: str, size: float, per_m: float, room: OccupiedSpace
 ) -> list[tuple[list[Outline], LineString]]:
     """A name along a line, as often as it is long: its glyphs and the line that they stand on."""
     spaced = size * 0.08
@@ -165,7 +165,7 @@ def _along(
 
 
 def _write(
-    axes: Axes, line: LineString, name: str, size_m: float, advances: Float64Array, start: float, room: Room
+    axes: Axes, line: LineString, name: str, size_m: float, advances: Float64Array, start: float, room: OccupiedSpace
 ) -> tuple[list[Outline], LineString] | None:
     """The name from `start` metres along the line, or nothing where that bends too much or is taken."""
     length = float(advances[-1])

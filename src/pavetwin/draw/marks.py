@@ -43,7 +43,7 @@ class Outcome(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Stay:
+class HoverStop:
     """A place where the UAV stood for a while."""
 
     position: Place
@@ -51,7 +51,7 @@ class Stay:
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class Displacement:
     """A displacement: from the route to the place aside."""
 
     start: Place
@@ -84,33 +84,33 @@ def doing(result: MissionResult) -> UInt8Array:
     return mode
 
 
-def waits(result: MissionResult) -> list[Stay]:
+def waits(result: MissionResult) -> list[HoverStop]:
     """Where the policy waited, and for how long in all."""
     return _stays(result, doing(result) == NUMBER[Mode.WAIT])
 
 
-def revisits(result: MissionResult) -> list[Stay]:
+def revisits(result: MissionResult) -> list[HoverStop]:
     """The places that were visited again, and how long the UAV stood and looked there."""
     stands = result.track["speed_mps"] < STILL_MPS
     return _stays(result, (result.track["mode"] == NUMBER[Mode.REVISIT]) & stands & inspecting(result))
 
 
-def _stays(result: MissionResult, chosen: BoolArray) -> list[Stay]:
+def _stays(result: MissionResult, chosen: BoolArray) -> list[HoverStop]:
     track = result.track
     lasts = np.diff(track["t_s"], append=track["t_s"][-1:])
-    stays: list[Stay] = []
+    stays: list[HoverStop] = []
     for index in np.flatnonzero(chosen):
         x, y, seconds = float(track["x_m"][index]), float(track["y_m"][index]), float(lasts[index])
         for number, stay in enumerate(stays):
             if hypot(stay.position[0] - x, stay.position[1] - y) < SAME_PLACE_M:
-                stays[number] = Stay(stay.position, stay.seconds + seconds)
+                stays[number] = HoverStop(stay.position, stay.seconds + seconds)
                 break
         else:
-            stays.append(Stay((x, y), seconds))
+            stays.append(HoverStop((x, y), seconds))
     return [stay for stay in stays if stay.seconds > 0]
 
 
-def displacements(result: MissionResult) -> list[Step]:
+def displacements(result: MissionResult) -> list[Displacement]:
     """Each displacement, from where it set out to the farthest place it came to."""
     steps = []
     for rows in runs(result.track["mode"] == NUMBER[Mode.DISPLACE]):
@@ -118,7 +118,7 @@ def displacements(result: MissionResult) -> list[Step]:
         away = np.hypot(x - x[0], y - y[0])
         far = int(np.argmax(away))
         if away[far] > STILL_MPS:
-            steps.append(Step((float(x[0]), float(y[0])), (float(x[far]), float(y[far]))))
+            steps.append(Displacement((float(x[0]), float(y[0])), (float(x[far]), float(y[far]))))
     return steps
 
 

@@ -15,8 +15,8 @@ from matplotlib.patches import FancyArrowPatch
 
 from pavetwin.draw import style
 from pavetwin.draw.marks import (
+    HoverStop,
     Outcome,
-    Stay,
     avoiding,
     displacements,
     inspecting,
@@ -27,7 +27,7 @@ from pavetwin.draw.marks import (
     windows,
 )
 from pavetwin.draw.shapes import outline
-from pavetwin.draw.turned import Turn
+from pavetwin.draw.turned import MapTransform
 from pavetwin.draw.world_map import ABOVE_WORLD, base_symbol
 from pavetwin.mission.fly import MissionResult
 
@@ -72,7 +72,7 @@ def wait_area(seconds: float, weights: Weights) -> float:
     return max(14.0, weights.wait_area_per_s * seconds)
 
 
-def draw_surfaces(axes: Axes, result: MissionResult, turn: Turn) -> None:
+def draw_surfaces(axes: Axes, result: MissionResult, turn: MapTransform) -> None:
     """The inspected segments: what some captured window covered, and the gaps."""
     index = {segment.id: number for number, segment in enumerate(result.environment.world.segments)}
     for name in dict.fromkeys(row.segment for row in result.rows):
@@ -87,7 +87,7 @@ def draw_surfaces(axes: Axes, result: MissionResult, turn: Turn) -> None:
                 )
 
 
-def draw_windows(axes: Axes, result: MissionResult, turn: Turn, segment: int) -> None:
+def draw_windows(axes: Axes, result: MissionResult, turn: MapTransform, segment: int) -> None:
     """The pavement in each captured window of a segment, coloured by visibility, deeper where windows overlap."""
     corners, visibility = windows(result, segment)
     if not len(corners):
@@ -109,7 +109,7 @@ def draw_windows(axes: Axes, result: MissionResult, turn: Turn, segment: int) ->
     )
 
 
-def draw_route(axes: Axes, result: MissionResult, turn: Turn, weights: Weights) -> None:
+def draw_route(axes: Axes, result: MissionResult, turn: MapTransform, weights: Weights) -> None:
     """The way flown: thin in transit, thick and coloured by visibility while inspecting, in a band while giving way."""
     xy = turn.points(np.column_stack([result.track["x_m"], result.track["y_m"]]))
     away = [xy[max(rows.start - 1, 0) : rows.stop + 1] for rows in runs(avoiding(result))]
@@ -145,7 +145,7 @@ def draw_route(axes: Axes, result: MissionResult, turn: Turn, weights: Weights) 
     )
 
 
-def draw_defects(axes: Axes, result: MissionResult, turn: Turn, weights: Weights) -> None:
+def draw_defects(axes: Axes, result: MissionResult, turn: MapTransform, weights: Weights) -> None:
     """One mark a defect of the inspected segments: confirmed, recovered or missed."""
     found = outcomes(result)
     places = np.array([(d.centre.x, d.centre.y) for d in result.environment.defects]).reshape(-1, 2)
@@ -160,7 +160,7 @@ def draw_defects(axes: Axes, result: MissionResult, turn: Turn, weights: Weights
         marks.set_gid(f"defects-{outcome}")
 
 
-def draw_reactions(axes: Axes, result: MissionResult, turn: Turn, weights: Weights) -> None:
+def draw_reactions(axes: Axes, result: MissionResult, turn: MapTransform, weights: Weights) -> None:
     """What the policy did: discs where it waited, arrows where it stepped aside, rings where it came back."""
     stays = sorted(waits(result), key=lambda stay: -stay.seconds)
     _discs(axes, stays, turn, weights, WAIT, "waits")
@@ -190,7 +190,7 @@ def draw_reactions(axes: Axes, result: MissionResult, turn: Turn, weights: Weigh
     _label_waits(axes, stays, turn, weights)
 
 
-def draw_stations(axes: Axes, result: MissionResult, turn: Turn) -> None:
+def draw_stations(axes: Axes, result: MissionResult, turn: MapTransform) -> None:
     """The base, and where the battery ran low."""
     low = [place.position for place in result.actions if place.action == "battery"]
     if low:
@@ -202,7 +202,9 @@ def draw_stations(axes: Axes, result: MissionResult, turn: Turn) -> None:
     base_symbol(axes, result.environment.world, zorder=_LABELS)
 
 
-def _discs(axes: Axes, stays: Sequence[Stay], turn: Turn, weights: Weights, colour: str, name: str) -> None:
+def _discs(
+    axes: Axes, stays: Sequence[HoverStop], turn: MapTransform, weights: Weights, colour: str, name: str
+) -> None:
     if not stays:
         return
     spots = turn.points([stay.position for stay in stays])
@@ -214,7 +216,9 @@ def _discs(axes: Axes, stays: Sequence[Stay], turn: Turn, weights: Weights, colo
     rims.set_gid(name)
 
 
-def _label_waits(axes: Axes, stays: Sequence[Stay], turn: Turn, weights: Weights, *, at_most: int = 8) -> None:
+def _label_waits(
+    axes: Axes, stays: Sequence[HoverStop], turn: MapTransform, weights: Weights, *, at_most: int = 8
+) -> None:
     """Seconds beside the longest waits, where there is room: no label lies on another or on another wait's middle."""
     per_point = axes.figure.dpi / 72
     spots = axes.transData.transform(turn.points([stay.position for stay in stays]).reshape(-1, 2))

@@ -23,9 +23,9 @@ from pavetwin.draw.mission_layers import (
 )
 from pavetwin.draw.mission_legend import legend_of, main_numbers, visibility_ramp
 from pavetwin.draw.shapes import points_per_m
-from pavetwin.draw.strip import CAPTION_IN, GAP_IN, TALLEST_IN, Strip, caption, clipped, draw_strip
-from pavetwin.draw.turned import Turn
-from pavetwin.draw.world_map import ABOVE_WORLD, EVERYTHING, Layer, credit, draw_world
+from pavetwin.draw.strip import CAPTION_IN, GAP_IN, TALLEST_IN, SegmentLayout, caption, clipped, draw_strip
+from pavetwin.draw.turned import MapTransform
+from pavetwin.draw.world_map import ABOVE_WORLD, EVERYTHING, MapLayer, credit, draw_world
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
@@ -45,7 +45,7 @@ LEGEND_ROW_IN = 0.182
 AROUND_M = 25.0
 """Shown around everything that was flown over."""
 
-_PLAIN = Turn((0.0, 0.0), 0.0)
+_PLAIN = MapTransform((0.0, 0.0), 0.0)
 
 
 def save_mission_map(result: MissionResult, path: Path) -> None:
@@ -70,7 +70,7 @@ def mission_figure(result: MissionResult) -> Figure:
     town_w = town_w if narrow else inner - SIDE_IN
     bounds = style.fitted(bounds, town_w / town_h)
     side_w = inner - town_w - GUTTER_IN
-    strips = [Strip.of(result, name, side_w if narrow else inner) for name in telling_segments([result])[:3]]
+    strips = [SegmentLayout.of(result, name, side_w if narrow else inner) for name in telling_segments([result])[:3]]
     room = town_h - NUMBERS_IN if narrow else 2 * TALLEST_IN + 1
     strips = [s for n, s in enumerate(strips) if sum(each.with_caption_in for each in strips[: n + 1]) <= room]
     strips = _heightened(strips, room) if narrow else strips[:2]
@@ -99,7 +99,7 @@ def mission_figure(result: MissionResult) -> Figure:
     return figure
 
 
-def _heightened(strips: Sequence[Strip], room_in: float) -> list[Strip]:
+def _heightened(strips: Sequence[SegmentLayout], room_in: float) -> list[SegmentLayout]:
     """Strips that show more beside their streets, as far as there is room."""
     spare_in = room_in - sum(strip.with_caption_in for strip in strips)
     return [strip.heightened(min(TALLEST_IN, strip.height_in + spare_in / len(strips))) for strip in strips]
@@ -125,7 +125,7 @@ def save_comparison_map(results: Sequence[MissionResult], path: Path) -> None:
 
 def _comparison_figure(results: Sequence[MissionResult], segment: str) -> Figure:
     inner = WIDTH_IN - 2 * MARGIN_IN
-    strip = Strip.of(results[0], segment, inner, tallest_in=1.7)
+    strip = SegmentLayout.of(results[0], segment, inner, tallest_in=1.7)
     foot = 0.78
     height = HEAD_IN + len(results) * strip.with_caption_in + foot
     figure = style.new_figure(WIDTH_IN, height)
@@ -170,8 +170,15 @@ def flown_bounds(result: MissionResult) -> style.Bounds:
     return west - AROUND_M, south - AROUND_M, east + AROUND_M, north + AROUND_M
 
 
-def _draw_town(axes: Axes, result: MissionResult, bounds: style.Bounds, strips: Sequence[Strip]) -> None:
-    quiet = EVERYTHING - {Layer.BASE, Layer.TREES, Layer.FURNITURE, Layer.MARKINGS, Layer.CROSSINGS, Layer.STREET_NAMES}
+def _draw_town(axes: Axes, result: MissionResult, bounds: style.Bounds, strips: Sequence[SegmentLayout]) -> None:
+    quiet = EVERYTHING - {
+        MapLayer.BASE,
+        MapLayer.TREES,
+        MapLayer.FURNITURE,
+        MapLayer.MARKINGS,
+        MapLayer.CROSSINGS,
+        MapLayer.STREET_NAMES,
+    }
     draw_world(axes, result.environment.world, bounds=bounds, layers=quiet, defects=False, muted=True)
     weights = TOWN.times(float(np.clip(points_per_m(axes), 0.45, 1.0)))
     for strip, letter in zip(strips, "abc", strict=False):
@@ -197,7 +204,7 @@ def _name_streets(axes: Axes, result: MissionResult) -> None:
     segments = result.environment.world.segments
     inspected = {row.segment for row in result.rows}
     base = result.environment.world.base.buffer(6.0 / points_per_m(axes))
-    clear, any_ = lettering.Room(), lettering.Room()
+    clear, any_ = lettering.OccupiedSpace(), lettering.OccupiedSpace()
     for place in (base, *(segment.polygon for segment in segments if segment.id in inspected)):
         clear.take(place)
     hidden = lettering.street_names(axes, segments, clear, style.INK_SOFT, NAMES)
@@ -256,7 +263,7 @@ def _caption(
     figure: Figure,
     corner_in: tuple[float, float],
     result: MissionResult,
-    strip: Strip,
+    strip: SegmentLayout,
     head: str,
     colour: str = style.INK,
 ) -> None:

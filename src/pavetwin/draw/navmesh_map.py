@@ -10,7 +10,7 @@ from shapely import Geometry, Polygon
 from pavetwin._core import NavMesh
 from pavetwin.draw import shapes, style
 from pavetwin.draw.style import LegendEntry
-from pavetwin.draw.world_map import EVERYTHING, Layer, credit, draw_world, world_bounds
+from pavetwin.draw.world_map import EVERYTHING, MapLayer, credit, draw_world, world_bounds
 from pavetwin.navigation.domain import obstacles
 from pavetwin.navigation.navmesh import navmesh, polygons
 from pavetwin.world.model import World
@@ -23,7 +23,7 @@ UNREACHABLE = "#B2182B"
 
 
 @dataclass(frozen=True)
-class Baked:
+class NavMeshReport:
     """A NavMesh with what is told of it."""
 
     world: World
@@ -44,7 +44,7 @@ class Baked:
         return sum(self.reachable) / len(self.reachable)
 
 
-def bake(world: World, altitude_m: float, agent_radius_m: float) -> Baked:
+def bake(world: World, altitude_m: float, agent_radius_m: float) -> NavMeshReport:
     """Bake the mesh anew (it is the same that missions keep beside the world) and judge what can be reached.
 
     Raises:
@@ -62,7 +62,7 @@ def bake(world: World, altitude_m: float, agent_radius_m: float) -> Baked:
     cells = tuple(polygons(mesh))
     centres = [cell.representative_point() for cell in cells]
     middles = [segment.centre_line.interpolate(0.5, normalized=True) for segment in world.segments]
-    return Baked(
+    return NavMeshReport(
         world=world,
         altitude_m=altitude_m,
         mesh=mesh,
@@ -74,13 +74,13 @@ def bake(world: World, altitude_m: float, agent_radius_m: float) -> Baked:
     )
 
 
-def save_navmesh_map(baked: Baked, path: Path) -> None:
+def save_navmesh_map(baked: NavMeshReport, path: Path) -> None:
     """Write the map of a NavMesh as a picture.
 
     Raises:
         PaveTwinError: it cannot be written.
     """
-    world, layers = baked.world, EVERYTHING - {Layer.FURNITURE, Layer.MARKINGS, Layer.TREES}
+    world, layers = baked.world, EVERYTHING - {MapLayer.FURNITURE, MapLayer.MARKINGS, MapLayer.TREES}
     bounds = world_bounds(world)
     words = f"{len(baked.polygons)} convex polygons, {baked.mesh.area_m2():.0f} m²"
     share = f"{sum(baked.reachable)} of {len(baked.reachable)} segments within reach of the base"
@@ -105,7 +105,7 @@ def save_navmesh_map(baked: Baked, path: Path) -> None:
         style.save_figure(figure_.figure, path)
 
 
-def _legend(baked: Baked) -> list[LegendEntry]:
+def _legend(baked: NavMeshReport) -> list[LegendEntry]:
     entries = [LegendEntry("polygon, joined with the base", "patch", FREE, FREE_EDGE)]
     if not all(baked.connected):
         entries.append(LegendEntry("polygon, cut off", "patch", CUT_OFF, CUT_OFF_EDGE))

@@ -7,7 +7,7 @@ from matplotlib.colors import to_hex
 from PIL import Image, ImageDraw
 
 from pavetwin.draw import style
-from pavetwin.draw.frame import HIDDEN_OPACITY, SEEN_OPACITY, Scene
+from pavetwin.draw.frame import HIDDEN_OPACITY, SEEN_OPACITY, MissionState
 from pavetwin.draw.ground_raster import ASPHALT
 from pavetwin.draw.marks import Outcome
 from pavetwin.draw.mission_style import AGENT_COLOURS, HIDDEN, OPEN_DEFECT, SEEN, font, rgb, visibility_rgb
@@ -40,7 +40,7 @@ class Readings:
     threshold: float
     """τ_o, a tick on the bar of visibility."""
 
-    def draw(self, image: Image.Image, top_px: int, scene: Scene) -> None:
+    def draw(self, image: Image.Image, top_px: int, scene: MissionState) -> None:
         """Into `image`, from `top_px` down."""
         pen = ImageDraw.Draw(image)
         image.paste(self._still, (0, top_px))

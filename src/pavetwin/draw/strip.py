@@ -18,8 +18,8 @@ from pavetwin.draw.mission_layers import (
     draw_surfaces,
     draw_windows,
 )
-from pavetwin.draw.turned import Turn
-from pavetwin.draw.world_map import EVERYTHING, Layer, draw_world
+from pavetwin.draw.turned import MapTransform
+from pavetwin.draw.world_map import EVERYTHING, MapLayer, draw_world
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.metrics import SegmentMetrics
@@ -29,15 +29,15 @@ GAP_IN = 0.1
 NARROW_IN = 8.0
 """On a narrower page the caption takes two lines."""
 CAPTION_IN = 0.28
-_QUIET = EVERYTHING - {Layer.BASE, Layer.STREET_NAMES}
+_QUIET = EVERYTHING - {MapLayer.BASE, MapLayer.STREET_NAMES}
 
 
 @dataclass(frozen=True)
-class Strip:
+class SegmentLayout:
     """How a segment is laid on a page of some width: its turn, and the metres that are shown."""
 
     segment: str
-    turn: Turn
+    turn: MapTransform
     width_m: float
     height_m: float
     height_in: float
@@ -53,18 +53,18 @@ class Strip:
         return self.caption_in + self.height_in + GAP_IN
 
     @staticmethod
-    def of(result: MissionResult, segment: str, width_in: float, tallest_in: float = TALLEST_IN) -> "Strip":
+    def of(result: MissionResult, segment: str, width_in: float, tallest_in: float = TALLEST_IN) -> "SegmentLayout":
         """The largest scale at which the whole segment and the windows beside it fit."""
         place = result.environment.world.segment(segment)
-        turn = Turn.along(place)
+        turn = MapTransform.along(place)
         left, bottom, right, top = turn.shape(place.polygon).bounds
         across, along = window_m(result.settings)
         long_m = max(right - left, 30.0) + along + 2
         high_m = max(top - bottom, 6.0) + float(np.clip(across - place.width_m, 4.0, 9.0)) + 1
         per_m = min(width_in / long_m, tallest_in / high_m)
-        return Strip(segment, turn, width_in / per_m, high_m, high_m * per_m, width_in)
+        return SegmentLayout(segment, turn, width_in / per_m, high_m, high_m * per_m, width_in)
 
-    def heightened(self, height_in: float) -> "Strip":
+    def heightened(self, height_in: float) -> "SegmentLayout":
         """The same view with more above and below."""
         return replace(self, height_in=height_in, height_m=self.height_m * height_in / self.height_in)
 
@@ -75,7 +75,7 @@ class Strip:
 
 
 def draw_strip(
-    figure: Figure, strip: Strip, result: MissionResult, corner_in: tuple[float, float], *, scale: bool = True
+    figure: Figure, strip: SegmentLayout, result: MissionResult, corner_in: tuple[float, float], *, scale: bool = True
 ) -> Axes:
     """Draw a strip.
 

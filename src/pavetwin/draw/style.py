@@ -131,7 +131,7 @@ def new_figure(width_in: float, height_in: float) -> Figure:
     return figure
 
 
-class Look(NamedTuple):
+class PolicyStyle(NamedTuple):
     """How a policy is drawn."""
 
     colour: str
@@ -140,12 +140,12 @@ class Look(NamedTuple):
     """Of its lines, as Matplotlib has it."""
 
 
-def policy_style(name: str, order: int = 0) -> Look:
+def policy_style(name: str, order: int = 0) -> PolicyStyle:
     """How a policy is drawn; one that is not built in takes the `order`-th of ten spare looks."""
     if name in POLICY_COLOURS:
-        return Look(POLICY_COLOURS[name], POLICY_MARKERS[name], _DASHES[0])
+        return PolicyStyle(POLICY_COLOURS[name], POLICY_MARKERS[name], _DASHES[0])
     spare = order % len(_MORE_COLOURS)
-    return Look(_MORE_COLOURS[spare], _MORE_MARKERS[spare], _DASHES[(spare >= 4) + (spare >= 7)])
+    return PolicyStyle(_MORE_COLOURS[spare], _MORE_MARKERS[spare], _DASHES[(spare >= 4) + (spare >= 7)])
 
 
 def halo(width_pt: float = 1.6, colour: str = PAPER) -> list[patheffects.AbstractPathEffect]:

@@ -16,24 +16,24 @@ Shape = TypeVar("Shape", bound=shapely.Geometry)
 
 
 @dataclass(frozen=True, slots=True)
-class Turn:
+class MapTransform:
     """From the world frame to the page: the place `origin` comes to (0, 0), the direction `angle_rad` to the right."""
 
     origin: tuple[float, float]
     angle_rad: float
 
     @staticmethod
-    def along(segment: Segment) -> "Turn":
+    def along(segment: Segment) -> "MapTransform":
         """The middle of a segment's box in the origin, its ends on one level, running to the right or upwards."""
         line = shapely.get_coordinates(segment.centre_line)
         chord = line[-1] - line[0]
         angle = atan2(float(chord[1]), float(chord[0]))
         if cos(angle) < -1e-9:
             angle += np.pi
-        plain = Turn((0.0, 0.0), angle)
+        plain = MapTransform((0.0, 0.0), angle)
         low, high = np.reshape(plain.shape(segment.polygon).bounds, (2, 2))
         middle = plain.back((low + high) / 2)
-        return Turn((float(middle[0]), float(middle[1])), angle)
+        return MapTransform((float(middle[0]), float(middle[1])), angle)
 
     @property
     def north_rad(self) -> float:

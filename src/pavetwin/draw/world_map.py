@@ -32,7 +32,7 @@ TALL_M = 30.0
 """Buildings of this height and above have the darkest colour."""
 
 
-class Layer(StrEnum):
+class MapLayer(StrEnum):
     PARKS = "parks"
     BUILDINGS = "buildings"
     SIDEWALKS = "sidewalks"
@@ -45,7 +45,7 @@ class Layer(StrEnum):
     STREET_NAMES = "street_names"
 
 
-EVERYTHING = frozenset(Layer)
+EVERYTHING = frozenset(MapLayer)
 
 
 def world_bounds(world: World, margin_m: float = MARGIN_M) -> Bounds:
@@ -60,7 +60,7 @@ def draw_world(
     world: World,
     *,
     bounds: Bounds | None = None,
-    layers: Collection[Layer] = EVERYTHING,
+    layers: Collection[MapLayer] = EVERYTHING,
     names: bool = False,
     defects: bool = True,
     muted: bool = False,
@@ -81,35 +81,35 @@ def draw_world(
     """
     style.frame_axes(axes, bounds if bounds is not None else world_bounds(world))
     plan = _Plan(axes, world, muted)
-    if Layer.PARKS in layers:
+    if MapLayer.PARKS in layers:
         green = [shapely.union_all(shapely.buffer(world.parks, 0.05))]
         shapes.fill(axes, green, 1, plan.shade(style.PARK), plan.shade(style.PARK_EDGE), 0.5)
-    if Layer.BUILDINGS in layers:
+    if MapLayer.BUILDINGS in layers:
         plan.buildings()
-    if Layer.SIDEWALKS in layers:
+    if MapLayer.SIDEWALKS in layers:
         plan.sidewalks()
-    if Layer.CARRIAGEWAYS in layers:
+    if MapLayer.CARRIAGEWAYS in layers:
         roads = carriageway(world)
         shapes.fill(axes, [roads], 4, plan.shade(style.CARRIAGEWAY), plan.shade(style.CASING), 0.55)
-    if Layer.CROSSINGS in layers:
+    if MapLayer.CROSSINGS in layers:
         plan.crossings()
-    if Layer.MARKINGS in layers:
+    if MapLayer.MARKINGS in layers:
         plan.markings()
-    if Layer.TREES in layers:
+    if MapLayer.TREES in layers:
         plan.trees()
-    if Layer.FURNITURE in layers:
+    if MapLayer.FURNITURE in layers:
         plan.furniture()
     if defects:
         plan.defects()
-    room, left_out = lettering.Room(), list[str]()
-    if Layer.BASE in layers:
+    room, left_out = lettering.OccupiedSpace(), list[str]()
+    if MapLayer.BASE in layers:
         base_symbol(axes, world)
         room.take(world.base.buffer(6.0 / plan.per_m))
     if names:
         boundaries = [tick for s in world.segments for tick in shapes.ticks(s.centre_line, s.width_m / 2 + 0.6)]
         shapes.strokes(axes, boundaries, 38, style.BASE, 0.7)
         left_out = lettering.segment_ids(axes, world.segments, room)
-    if Layer.STREET_NAMES in layers:
+    if MapLayer.STREET_NAMES in layers:
         if plan.per_m > 1.2:
             for crossing in world.crossings:
                 room.take(crossing.polygon)

@@ -36,7 +36,7 @@ class AmodalObject:
 
 
 @dataclass(frozen=True)
-class _Room:
+class _AtlasCell:
     """Where a thing lies in the picture and in the atlas [px]."""
 
     thing: AmodalObject
@@ -48,7 +48,7 @@ class _Room:
     top: int
 
 
-class Atlas:
+class AmodalAtlas:
     """Draws things alone and counts their pixels."""
 
     def __init__(self, gpu: Gpu, pipelines: Pipelines) -> None:
@@ -90,7 +90,7 @@ class Atlas:
                 self._gpu.free(self._records)
             self._records = self._gpu.empty_buffer(2 * needed, wgpu.BufferUsage.VERTEX)
 
-    def _draw(self, page: list[_Room], view: View, frame: Any) -> None:
+    def _draw(self, page: list[_AtlasCell], view: View, frame: Any) -> None:
         rows = np.concatenate([room.thing.record for room in page])
         rows["shift"] = [_shift(room, view.size_px, self._size) for room in page]
         self._gpu.queue.write_buffer(self._records, 0, rows.view(np.uint8))
@@ -116,7 +116,7 @@ class Atlas:
         self._gpu.queue.submit([encoder.finish()])
 
 
-def _room(thing: AmodalObject, view: View, margin_px: float) -> _Room | None:
+def _room(thing: AmodalObject, view: View, margin_px: float) -> _AtlasCell | None:
     """The part of the picture that a thing may cover."""
     width, height = view.size_px
     if (view.to_camera(thing.corners)[:, 2] < 0.2).any():
@@ -130,12 +130,12 @@ def _room(thing: AmodalObject, view: View, margin_px: float) -> _Room | None:
     right, bottom = np.clip(np.ceil(high), 0, (width, height)).astype(int)
     if right <= x or bottom <= y:
         return None
-    return _Room(thing, int(x), int(y), int(right - x), int(bottom - y), 0, 0)
+    return _AtlasCell(thing, int(x), int(y), int(right - x), int(bottom - y), 0, 0)
 
 
-def _pages(rooms: list[_Room], size: tuple[int, int]) -> list[list[_Room]]:
+def _pages(rooms: list[_AtlasCell], size: tuple[int, int]) -> list[list[_AtlasCell]]:
     """Rooms side by side on shelves, the tallest first; a new page where one is full."""
-    pages: list[list[_Room]] = []
+    pages: list[list[_AtlasCell]] = []
     left, top, spatial_index = size[0], size[1], 0
     for room in sorted(rooms, key=lambda room: -room.height):
         if left + room.width > size[0]:
@@ -144,12 +144,12 @@ def _pages(rooms: list[_Room], size: tuple[int, int]) -> list[list[_Room]]:
         if top + room.height > size[1]:
             pages.append([])
             left, top, spatial_index = 0, 0, room.height
-        pages[-1].append(_Room(room.thing, room.x, room.y, room.width, room.height, left, top))
+        pages[-1].append(_AtlasCell(room.thing, room.x, room.y, room.width, room.height, left, top))
         left += room.width
     return pages
 
 
-def _shift(room: _Room, picture: tuple[int, int], atlas: tuple[int, int]) -> tuple[float, float, float, float]:
+def _shift(room: _AtlasCell, picture: tuple[int, int], atlas: tuple[int, int]) -> tuple[float, float, float, float]:
     """Scale and offset of clip positions that move a thing by whole pixels from the picture into its room."""
     (width, height), (across, down) = picture, atlas
     return (

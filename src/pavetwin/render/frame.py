@@ -10,7 +10,7 @@ from pavetwin.scene.view import View
 
 
 @dataclass(frozen=True)
-class Frame:
+class RenderedFrame:
     """One picture with its truth. All arrays have the view's height and width; row 0 is the upper edge."""
 
     view: View

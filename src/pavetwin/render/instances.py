@@ -55,7 +55,7 @@ LAYOUT: Final = {
 }
 
 
-class Parts:
+class PartTable:
     """Numbers for all parts of all models, and how large each is."""
 
     def __init__(self, models: Mapping[str, Model]) -> None:
@@ -80,7 +80,7 @@ def _footprint(mesh: Mesh) -> tuple[Float32Array, Float32Array]:
 
 
 @dataclass(frozen=True)
-class Crowd:
+class InstanceBatch:
     """n instances. Positions are in the world frame, metres."""
 
     part: Int32Array
@@ -100,8 +100,8 @@ class Crowd:
 
     @classmethod
     def of(
-        cls, instances: Sequence[Instance], parts: Parts, velocities: Mapping[int, npt.ArrayLike] | None = None
-    ) -> "Crowd":
+        cls, instances: Sequence[Instance], parts: PartTable, velocities: Mapping[int, npt.ArrayLike] | None = None
+    ) -> "InstanceBatch":
         """The table of some instances."""
         count, moving = len(instances), velocities or {}
         part = np.array([parts.number[each.model, each.part] for each in instances], dtype=np.int32)
@@ -119,7 +119,7 @@ class Crowd:
         )
 
     @classmethod
-    def joined(cls, crowds: Iterable["Crowd"]) -> "Crowd":
+    def joined(cls, crowds: Iterable["InstanceBatch"]) -> "InstanceBatch":
         """Several as one."""
         every = list(crowds)
         names = ("part", "transform", "tints", "label", "velocity", "centre", "radius")
@@ -128,9 +128,9 @@ class Crowd:
     def __len__(self) -> int:
         return len(self.part)
 
-    def only(self, which: BoolArray | Int64Array) -> "Crowd":
+    def only(self, which: BoolArray | Int64Array) -> "InstanceBatch":
         """Those rows alone."""
-        return Crowd(
+        return InstanceBatch(
             self.part[which],
             self.transform[which],
             self.tints[which],
@@ -142,7 +142,7 @@ class Crowd:
 
 
 @dataclass
-class Records:
+class InstanceBuffer:
     """The instance buffer of one frame while it is filled: positions relative to the camera."""
 
     camera: Float64Array
@@ -160,7 +160,9 @@ class Records:
         row["shift"] = (1, 1, 0, 0)
         return self._add(row)
 
-    def add_crowd(self, crowd: Crowd, level: Int64Array | None = None) -> list[tuple[tuple[int, int], int, int]]:
+    def add_crowd(
+        self, crowd: InstanceBatch, level: Int64Array | None = None
+    ) -> list[tuple[tuple[int, int], int, int]]:
         """Records for a crowd, sorted by part and level; gives ((part, level), how many, the first one's number)."""
         if len(crowd) == 0:
             return []
@@ -178,7 +180,7 @@ class Records:
             for kind, start, count in zip(kinds, starts, counts, strict=True)
         ]
 
-    def add_shades(self, crowd: Crowd, parts: Parts) -> tuple[int, int]:
+    def add_shades(self, crowd: InstanceBatch, parts: PartTable) -> tuple[int, int]:
         """Records of the sky that a crowd hides from the ground: how many, the first one's number."""
         low, high = parts.low[crowd.part], parts.high[crowd.part]
         loose = parts.least_px2[crowd.part] > 0

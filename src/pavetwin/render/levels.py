@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pavetwin.arrays import Float32Array, Float64Array, Int64Array, UInt32Array
-from pavetwin.render.meshes import Skin
+from pavetwin.render.meshes import FaceCulling
 from pavetwin.scene.model import Mesh
 
 FINEST_M: Final = 0.015
@@ -34,11 +34,11 @@ def foliage_px2(mesh: Mesh) -> float:
     return _LEAF_PX2 if len(mesh.positions) > 2.2 * len(mesh.indices) else 0.0
 
 
-def skin_of(mesh: Mesh) -> Skin:
+def skin_of(mesh: Mesh) -> FaceCulling:
     """What is seen of a model's triangles."""
     if mesh.uv is not None:
-        return Skin.LEAVES
-    return Skin.CLOSED if is_closed(mesh) else Skin.SHEETS
+        return FaceCulling.LEAVES
+    return FaceCulling.CLOSED if is_closed(mesh) else FaceCulling.SHEETS
 
 
 def is_closed(mesh: Mesh) -> bool:

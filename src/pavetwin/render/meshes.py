@@ -48,7 +48,7 @@ LAYOUTS: Final = {
 """Layouts of the buffers with all else, by material."""
 
 
-class Skin(IntEnum):
+class FaceCulling(IntEnum):
     """What is seen of a mesh's triangles; pipelines of models stand in this order."""
 
     SHEETS = 0
@@ -71,7 +71,7 @@ class GpuMesh:
     low: Float64Array
     high: Float64Array
     """(3,) corners of its box, in its own frame."""
-    skin: Skin = Skin.SHEETS
+    skin: FaceCulling = FaceCulling.SHEETS
 
     @property
     def buffers(self) -> tuple[Any, Any, Any]:
@@ -80,19 +80,19 @@ class GpuMesh:
     def draw(self, render_pass: Any, instances: int, first: int, *, attributes: bool) -> None:
         """Draw it for `instances` records of the instance buffer from `first` on; leaves always need attributes."""
         render_pass.set_vertex_buffer(1, self.positions)
-        if attributes or self.skin is Skin.LEAVES:
+        if attributes or self.skin is FaceCulling.LEAVES:
             render_pass.set_vertex_buffer(2, self.attributes)
         render_pass.set_index_buffer(self.indices, "uint32")
         render_pass.draw_indexed(self.count, instances, 0, 0, first)
 
 
-def upload_model(gpu: Gpu, mesh: Mesh, skin: Skin) -> GpuMesh:
+def upload_model(gpu: Gpu, mesh: Mesh, skin: FaceCulling) -> GpuMesh:
     """A part of a model; leaves have uv."""
-    rows = np.zeros(len(mesh.positions), dtype=_LEAF if skin is Skin.LEAVES else _MODEL)
+    rows = np.zeros(len(mesh.positions), dtype=_LEAF if skin is FaceCulling.LEAVES else _MODEL)
     rows["normal"][:, :3] = _packed(mesh.normals)
     rows["colour"][:, :3], rows["colour"][:, 3] = _colours(mesh), 1
     rows["surface"][:, :3] = _surface(mesh)
-    if skin is Skin.LEAVES:
+    if skin is FaceCulling.LEAVES:
         rows["uv"] = mesh.uv
     return replace(_upload(gpu, mesh.positions, rows, mesh.indices), skin=skin)
 

@@ -38,7 +38,7 @@ class PatchDraw:
 
 
 @dataclass(frozen=True)
-class Draws:
+class DrawList:
     """What one frame draws. Numbers are records of the instance buffer."""
 
     tiles: list[tuple[GpuTile, int]]
@@ -71,7 +71,7 @@ class Materials:
     leaves: Any
 
 
-class Targets:
+class RenderTargets:
     """The textures of one picture size that the passes draw into."""
 
     def __init__(self, gpu: Gpu, size_px: tuple[int, int]) -> None:
@@ -120,8 +120,8 @@ def draw_light(
     frame: Any,
     materials: Materials,
     records: Any,
-    targets: Targets,
-    draws: Draws,
+    targets: RenderTargets,
+    draws: DrawList,
 ) -> None:
     """The picture as luminances.
 
@@ -179,7 +179,7 @@ def draw_light(
 
 
 def draw_truth(
-    encoder: Any, pipelines: Pipelines, frame: Any, leaves: Any, records: Any, targets: Targets, draws: Draws
+    encoder: Any, pipelines: Pipelines, frame: Any, leaves: Any, records: Any, targets: RenderTargets, draws: DrawList
 ) -> None:
     """Labels and distances. `leaves`: bind group of their sheet."""
     colours = [

@@ -13,7 +13,7 @@ from pavetwin.render.gpu import Gpu
 from pavetwin.render.instances import LAYOUT
 from pavetwin.render.meshes import LAYOUTS, POSITIONS
 from pavetwin.render.nearby import CLEAR_SHARE
-from pavetwin.render.tiles import Layouts, texture_layout
+from pavetwin.render.tiles import TileLayouts, texture_layout
 from pavetwin.scene.buildings import FACADE_REPEAT_M
 from pavetwin.scene.foliage import CUT
 from pavetwin.scene.ground import compose
@@ -28,18 +28,18 @@ DISTANCE_FORMAT: Final = "r32float"
 _SHADED: Final = wgpu.ShaderStage.VERTEX | wgpu.ShaderStage.FRAGMENT
 
 
-BySkin = tuple[Any, Any, Any]
+ByCulling = tuple[Any, Any, Any]
 """In the order of `Skin`."""
 
 
 @dataclass(frozen=True)
-class Lit:
+class LitPipelines:
     """What is drawn with light and air before it."""
 
     ground: Any
     patch: Any
-    near: BySkin
-    far: BySkin
+    near: ByCulling
+    far: ByCulling
     facade: Any
 
 
@@ -47,12 +47,12 @@ class Lit:
 class Pipelines:
     """Everything that is compiled."""
 
-    lit: tuple[Lit, Lit]
+    lit: tuple[LitPipelines, LitPipelines]
     """For any view, and for those that `nearby.looks_down` tells of."""
     shade: Any
     sky: Any
-    shadow: BySkin
-    truth: BySkin
+    shadow: ByCulling
+    truth: ByCulling
     truth_patch: Any
     alone: Any
     alone_patch: Any
@@ -63,13 +63,13 @@ class Pipelines:
     detail_layout: Any
     facade_layout: Any
     leaf_layout: Any
-    tiles: Layouts
+    tiles: TileLayouts
 
 
 def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
     """All pipelines. The ground's numbers come from its numpy formula, so that the two can not drift apart."""
     frame_layout, light_layout = _frame_layout(gpu), _light_layout(gpu)
-    tiles = Layouts(
+    tiles = TileLayouts(
         maps=texture_layout(gpu, "2d", "2d"),
         patch=texture_layout(gpu, "2d"),
         mask=texture_layout(gpu, "2d", filtered=False),
@@ -85,7 +85,7 @@ def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
     def shadow(parts: list[str], layouts: list[Any], buffers: list[Any], cull: str = "none") -> Any:
         return _shadow(gpu, _source(["common", *parts]), [frame_layout, *layouts], buffers, cull)
 
-    def lit_for(*, looks_down: bool) -> Lit:
+    def lit_for(*, looks_down: bool) -> LitPipelines:
         def shaded(
             parts: list[str], layouts: list[Any], buffers: list[Any], extra: str = "", cull: str = "none"
         ) -> Any:
@@ -95,7 +95,7 @@ def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
         numbers, repeat = _ground_numbers(details), f"const FACADE_REPEAT_M = {FACADE_REPEAT_M};\n"
         leaves = shaded(["model", "leaf", "leaf_light"], [leaf_layout], _buffers("leaf"))
         maps, holed = [detail_layout, tiles.maps], [detail_layout, tiles.maps, tiles.patch]
-        return Lit(
+        return LitPipelines(
             ground=shaded(["ground_surface", "ground"], maps, _buffers("ground"), numbers),
             patch=shaded(["ground_surface", "patch"], holed, patch_buffers, numbers),
             near=_by_skin(lambda cull: shaded(["model", "model_near"], [], _buffers("model"), cull=cull), leaves),
@@ -128,7 +128,7 @@ def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
     )
 
 
-def _by_skin(make: Callable[[str], Any], leaves: Any) -> BySkin:
+def _by_skin(make: Callable[[str], Any], leaves: Any) -> ByCulling:
     return make("none"), make("back"), leaves
 
 

@@ -11,15 +11,15 @@ import wgpu
 
 from pavetwin.arrays import Float16Array, Float32Array, Float64Array, UInt32Array
 from pavetwin.render.adapter import open_device
-from pavetwin.render.amodal import AmodalObject, Atlas
+from pavetwin.render.amodal import AmodalAtlas, AmodalObject
 from pavetwin.render.exposure import Exposure, meter, programme
-from pavetwin.render.frame import Frame
+from pavetwin.render.frame import RenderedFrame
 from pavetwin.render.gpu import Gpu
-from pavetwin.render.instances import Crowd, Records
+from pavetwin.render.instances import InstanceBatch, InstanceBuffer
 from pavetwin.render.passes import (
-    Draws,
+    DrawList,
     Materials,
-    Targets,
+    RenderTargets,
     draw_light,
     draw_shadows,
     draw_truth,
@@ -34,9 +34,9 @@ from pavetwin.render.projection import (
     fit_shadow,
     frame_info,
 )
-from pavetwin.render.sensor import SHARP_PX, Style, farthest_motion_px, picture, white_balance
+from pavetwin.render.sensor import SHARP_PX, ImageProcessing, farthest_motion_px, picture, white_balance
 from pavetwin.render.sky import sky_levels
-from pavetwin.render.stock import Stock
+from pavetwin.render.stock import GpuScene
 from pavetwin.render.tiles import Drawable, group
 from pavetwin.scene.foliage import leaf_levels
 from pavetwin.scene.light import Light
@@ -44,13 +44,13 @@ from pavetwin.scene.model import GroundKind, Instance
 from pavetwin.scene.view import View
 from pavetwin.uav.cameras import Camera
 
-STYLE: Final = Style()
+STYLE: Final = ImageProcessing()
 
 _SMOOTH: Final = {"mag_filter": "linear", "min_filter": "linear", "mipmap_filter": "linear"}
 
 
 @dataclass(frozen=True)
-class Seen:
+class SceneRadiance:
     """What the lens lets through and where it came from, before the sensor."""
 
     radiance: Float16Array
@@ -72,15 +72,15 @@ class Renderer:
         self.gpu = Gpu(open_device())
         details = dict(scene.details)
         self._pipelines = compile_pipelines(self.gpu, details)
-        self._stock = Stock(self.gpu, scene, self._pipelines.tiles)
-        self._targets: Targets | None = None
+        self._stock = GpuScene(self.gpu, scene, self._pipelines.tiles)
+        self._targets: RenderTargets | None = None
         self._shadows: dict[int, Any] = {}
         self._uniform = self.gpu.empty_buffer(FRAME_INFO.itemsize, wgpu.BufferUsage.UNIFORM)
         self._records = self.gpu.empty_buffer(1 << 16, wgpu.BufferUsage.VERTEX)
         self._frame = group(self.gpu, self._pipelines.frame_layout, [self._uniform_entry()])
         self._sky: tuple[Light, Any, dict[int, Any]] | None = None
         self._materials = self._upload_materials(details)
-        self._atlas = Atlas(self.gpu, self._pipelines)
+        self._atlas = AmodalAtlas(self.gpu, self._pipelines)
 
     def frame(
         self,
@@ -93,12 +93,12 @@ class Renderer:
         exposure: Exposure | None = None,
         compensation_ev: float = 0.0,
         seed: int = 0,
-        style: Style = STYLE,
+        style: ImageProcessing = STYLE,
         labels: bool = True,
         depth: bool = True,
         defect_free: bool = False,
         velocities: Mapping[int, npt.ArrayLike] | None = None,
-    ) -> Frame:
+    ) -> RenderedFrame:
         """One picture with its truth.
 
         Args:
@@ -143,7 +143,7 @@ class Renderer:
             velocities=moving,
             white=white_balance(light, seen.radiance, style.adaptation),
         )
-        return Frame(
+        return RenderedFrame(
             view,
             take(seen.radiance),
             seen.depth_m if depth else None,
@@ -174,11 +174,11 @@ class Renderer:
             ),
         )
 
-    def _sized(self, size_px: tuple[int, int]) -> Targets:
+    def _sized(self, size_px: tuple[int, int]) -> RenderTargets:
         if self._targets is None or self._targets.size_px != size_px:
             if self._targets is not None:
                 self.gpu.free(*self._targets.textures)
-            self._targets = Targets(self.gpu, size_px)
+            self._targets = RenderTargets(self.gpu, size_px)
         return self._targets
 
     def _lit(self, light: Light, shadow_px: int) -> tuple[Any, Any]:
@@ -215,12 +215,12 @@ class Renderer:
         readout_s: float = 0.0,
         truth: bool = True,
         alone: bool = False,
-    ) -> Seen:
+    ) -> SceneRadiance:
         """What reaches the sensor from all that is seen."""
         targets, shadow = self._sized(view.size_px), fit_shadow(view, light)
-        records = Records(view.position)
-        agents = Crowd.of(instances, self._stock.parts, velocities)
-        draws = self._stock.draws(view, light, shadow, (agents, Crowd.of(unseen, self._stock.parts)), records)
+        records = InstanceBuffer(view.position)
+        agents = InstanceBatch.of(instances, self._stock.parts, velocities)
+        draws = self._stock.draws(view, light, shadow, (agents, InstanceBatch.of(unseen, self._stock.parts)), records)
         self.gpu.queue.write_buffer(self._uniform, 0, frame_info(view, light, shadow, readout_s=readout_s))
         self._write_records(records)
         shaded, lit = self._lit(light, shadow.size_px)
@@ -238,18 +238,18 @@ class Renderer:
             counted = self._atlas.count(self._lone(view.position, agents, draws), view, self._frame, margin)
         self._stock.tiles.trim(len(draws.tiles), len(draws.grounds))
         size = view.size_px
-        return Seen(
+        return SceneRadiance(
             read(self.gpu, targets.light, size, np.float16, 4),
             read(self.gpu, targets.distances, size, np.float32, 1) if truth else None,
             read(self.gpu, targets.labels, size, np.uint32, 1) if truth else None,
             counted,
         )
 
-    def _lone(self, camera: Float64Array, agents: Crowd, draws: Draws) -> list[AmodalObject]:
+    def _lone(self, camera: Float64Array, agents: InstanceBatch, draws: DrawList) -> list[AmodalObject]:
         """Everything labelled that may be in the picture, by the meshes that it is drawn with."""
         things = []
         for row in np.flatnonzero((agents.label > 0) & (draws.levels >= 0)):
-            one, records = agents.only(np.array([row])), Records(camera)
+            one, records = agents.only(np.array([row])), InstanceBuffer(camera)
             records.add_crowd(one)
             part = int(one.part[0])
             box = corners(self._stock.parts.low[part], self._stock.parts.high[part])
@@ -257,13 +257,13 @@ class Renderer:
             mesh = self._stock.mesh(part, int(draws.levels[row]))
             things.append(AmodalObject(int(one.label[0]), mesh, records.data, placed))
         for each in draws.patches:
-            patch, records = each.patch, Records(camera)
+            patch, records = each.patch, InstanceBuffer(camera)
             records.add_place(each.origin, label=patch.label)
             placed = corners(each.mesh.low, each.mesh.high) + (*each.origin, 0.0)
             things.append(AmodalObject(patch.label, each.mesh, records.data, placed, patch.truth))
         return things
 
-    def _write_records(self, records: Records) -> None:
+    def _write_records(self, records: InstanceBuffer) -> None:
         data = records.data
         if data.nbytes > self._records.size:
             self.gpu.free(self._records)

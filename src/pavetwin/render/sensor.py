@@ -33,7 +33,7 @@ SHARP_PX: Final = 0.3
 
 
 @dataclass(frozen=True)
-class Style:
+class ImageProcessing:
     """What a camera's own processing does to taste; these are those of a consumer drone's pictures as they come."""
 
     contrast: float = 1.12
@@ -56,7 +56,7 @@ def picture(
     light: Light,
     exposure: Exposure,
     seed: int,
-    style: Style,
+    style: ImageProcessing,
     depth: Float32Array | None = None,
     labels: UInt32Array | None = None,
     velocities: Mapping[int, npt.ArrayLike] | None = None,

@@ -8,13 +8,13 @@ import numpy as np
 from pavetwin.arrays import Float64Array
 from pavetwin.render.boxes import solids
 from pavetwin.render.gpu import Gpu
-from pavetwin.render.instances import Crowd, Parts, Records
+from pavetwin.render.instances import InstanceBatch, InstanceBuffer, PartTable
 from pavetwin.render.levels import casting, coarser, level_of, skin_of
 from pavetwin.render.meshes import GpuMesh, upload_model
 from pavetwin.render.nearby import FAR_M, ground_seen, looks_beyond, looks_down, tile_seen, wanted_keys
-from pavetwin.render.passes import Draws, PatchDraw
+from pavetwin.render.passes import DrawList, PatchDraw
 from pavetwin.render.projection import ShadowFit, planes
-from pavetwin.render.tiles import Drawable, GpuPavement, GpuTile, Layouts, TileCache
+from pavetwin.render.tiles import Drawable, GpuPavement, GpuTile, TileCache, TileLayouts
 from pavetwin.scene.light import Light
 from pavetwin.scene.model import TILE_M
 from pavetwin.scene.patches import COARSE_PIXEL_M
@@ -30,12 +30,12 @@ NEAR_PX2: Final = 12.0
 """Models whose mean triangle covers more than this are lit at every pixel, others at every vertex."""
 
 
-class Stock:
+class GpuScene:
     """The models and tiles of one scene, kept on the device, and what of them a frame needs."""
 
-    def __init__(self, gpu: Gpu, scene: Drawable, layouts: Layouts) -> None:
+    def __init__(self, gpu: Gpu, scene: Drawable, layouts: TileLayouts) -> None:
         self._gpu, self._scene = gpu, scene
-        self.parts = Parts({**scene.models, **solids()})
+        self.parts = PartTable({**scene.models, **solids()})
         self.tiles = TileCache(gpu, scene, self.parts, layouts)
         self._meshes: dict[tuple[int, int, bool], GpuMesh] = {}
         """By part, level, and whether it is of those that only throw shadows."""
@@ -50,12 +50,17 @@ class Stock:
         return self._meshes[key]
 
     def draws(
-        self, view: View, light: Light, shadow: ShadowFit, agents: tuple[Crowd, Crowd], records: Records
-    ) -> Draws:
+        self,
+        view: View,
+        light: Light,
+        shadow: ShadowFit,
+        agents: tuple[InstanceBatch, InstanceBatch],
+        records: InstanceBuffer,
+    ) -> DrawList:
         """What is seen, and what throws shadows on it. Of the agents the second ones do nothing but that."""
         bounds = planes(view)
         tiles = [self.tiles.tile(key) for key in wanted_keys(self._scene, view, light)]
-        crowd = Crowd.joined([*agents, *(tile.crowd for tile in tiles)])
+        crowd = InstanceBatch.joined([*agents, *(tile.crowd for tile in tiles)])
         shown, moving = len(agents[0]), len(agents[0]) + len(agents[1])
         placed = [(tile, records.add_place(tile.origin)) for tile in tiles]
         seen = [(tile, record) for tile, record in placed if tile_seen(tile.origin, view, bounds)]
@@ -101,10 +106,14 @@ class Stock:
         shades = records.add_shades(crowd.only(np.flatnonzero(rimmed)), self.parts)
         levels = np.where(inside, level, -1)[:shown]
         down = looks_down(view, light)
-        return Draws(seen, grounds, patches, near, far, casters, shades, levels, looks_beyond(view), down)
+        return DrawList(seen, grounds, patches, near, far, casters, shades, levels, looks_beyond(view), down)
 
     def _patches(
-        self, grounds: Sequence[tuple[GpuTile, GpuPavement, int]], view: View, bounds: Float64Array, records: Records
+        self,
+        grounds: Sequence[tuple[GpuTile, GpuPavement, int]],
+        view: View,
+        bounds: Float64Array,
+        records: InstanceBuffer,
     ) -> list[PatchDraw]:
         """The defects on these grounds that are in view."""
         found = []

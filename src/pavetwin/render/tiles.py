@@ -13,7 +13,7 @@ import wgpu
 
 from pavetwin.arrays import UInt8Array
 from pavetwin.render.gpu import Gpu
-from pavetwin.render.instances import Crowd, Parts
+from pavetwin.render.instances import InstanceBatch, PartTable
 from pavetwin.render.meshes import GpuMesh, upload_facades, upload_ground, upload_kerbs, upload_patch
 from pavetwin.scene.model import DefectPatch, Detail, GroundKind, GroundMaps, Model, Tile
 
@@ -67,7 +67,7 @@ class GpuTile:
     ground: GpuMesh | None
     kerbs: GpuMesh | None
     facades: GpuMesh | None
-    crowd: Crowd
+    crowd: InstanceBatch
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class GpuPavement:
 
 
 @dataclass(frozen=True)
-class Layouts:
+class TileLayouts:
     """Bind group layouts that tiles need."""
 
     maps: Any
@@ -93,7 +93,7 @@ class Layouts:
 class TileCache:
     """Tiles and their pavements by key, the least recently used freed first."""
 
-    def __init__(self, gpu: Gpu, scene: Drawable, parts: Parts, layouts: Layouts) -> None:
+    def __init__(self, gpu: Gpu, scene: Drawable, parts: PartTable, layouts: TileLayouts) -> None:
         self._gpu, self._scene, self._parts, self._layouts = gpu, scene, parts, layouts
         self._tiles: OrderedDict[Key, GpuTile] = OrderedDict()
         self._pavements: OrderedDict[Key, GpuPavement] = OrderedDict()
@@ -132,7 +132,7 @@ class TileCache:
             upload_ground(self._gpu, tile.ground),
             upload_kerbs(self._gpu, tile.ground),
             upload_facades(self._gpu, tile.facades),
-            Crowd.of(tile.instances, self._parts),
+            InstanceBatch.of(tile.instances, self._parts),
         )
 
     def _pave(self, made: GroundMaps) -> GpuPavement:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pavetwin.arrays import BoolArray, Float64Array, Int64Array
-from pavetwin.scene.looks import STAND, Look, look_of, tints
+from pavetwin.scene.looks import STAND, AgentAppearance, look_of, tints
 from pavetwin.scene.model import Instance, Model, agent_label
 from pavetwin.scene.models import BODY
 from pavetwin.traffic.recording import Recording
@@ -49,9 +49,9 @@ class Actors:
         self._models = models
         self._trace = trace_of(recording)
         self._walked = _way_so_far(recording)
-        self._looks: dict[int, Look] = {}
+        self._looks: dict[int, AgentAppearance] = {}
 
-    def look(self, agent: int) -> Look:
+    def look(self, agent: int) -> AgentAppearance:
         """How an agent looks."""
         if agent not in self._looks:
             self._looks[agent] = look_of(self.recording.agents, agent, self._seed, self._models)
@@ -90,7 +90,7 @@ class Actors:
             colours[_LAMP_REAR - 1, 3] = BRAKE_GLOW
         return Instance(look.model, part, upright(*at, z_m=z_m, scale=look.scale), colours, agent_label(agent))
 
-    def _step(self, look: Look, walked_m: float) -> str:
+    def _step(self, look: AgentAppearance, walked_m: float) -> str:
         steps = sum(part != STAND for part in self._models[look.model].parts)
         phase = (look.first_phase + walked_m / look.stride_m) % 1.0
         return f"walk_{round(phase * steps) % steps}"

@@ -36,7 +36,7 @@ APART_M: Final = 1.4
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class StreetObjectKind:
     """One kind of thing, and how often it is what stands at a place."""
 
     model: str
@@ -51,19 +51,19 @@ class Kind:
 
 
 KINDS: Final = (
-    Kind("bin", 0.26, 0.3, 0.35, None),
-    Kind("bench", 0.20, 0.95, 0.55, None),
-    Kind("bicycle", 0.18, 0.9, 0.5, True, coloured=True),
-    Kind("bicycle_stand", 0.08, 0.5, 0.5, True),
-    Kind("bollard", 0.12, 0.12, 0.2, True),
-    Kind("hydrant", 0.06, 0.25, 0.35, None),
-    Kind("hedge", 0.10, 0.6, 0.7, False),
+    StreetObjectKind("bin", 0.26, 0.3, 0.35, None),
+    StreetObjectKind("bench", 0.20, 0.95, 0.55, None),
+    StreetObjectKind("bicycle", 0.18, 0.9, 0.5, True, coloured=True),
+    StreetObjectKind("bicycle_stand", 0.08, 0.5, 0.5, True),
+    StreetObjectKind("bollard", 0.12, 0.12, 0.2, True),
+    StreetObjectKind("hydrant", 0.06, 0.25, 0.35, None),
+    StreetObjectKind("hedge", 0.10, 0.6, 0.7, False),
 )
 """Shares: ours, after photographs of streets."""
 
 
 @dataclass(frozen=True, eq=False)
-class Extra:
+class StreetObject:
     """One thing beside a street."""
 
     model: str
@@ -74,17 +74,17 @@ class Extra:
     tints: np.ndarray[tuple[int, int], np.dtype[np.float32]]
 
 
-class Verge:
+class StreetObjects:
     """A world's sidewalks and what must be kept clear."""
 
     def __init__(self, world: World, *, seed: int) -> None:
         self._world = world
         self._seed = seed
 
-    def extras(self) -> Sequence[Extra]:
+    def extras(self) -> Sequence[StreetObject]:
         """All things of a world, in the order of its sidewalks."""
         taken: list[tuple[float, float]] = []
-        placed: list[Extra] = []
+        placed: list[StreetObject] = []
         for number, lane in enumerate(self._world.lanes_of(LaneKind.SIDEWALK)):
             for extra in self._along(lane, child(self._seed, Stream.SCENE, KEY, number)):
                 if all(math.dist((extra.x_m, extra.y_m), other) > APART_M for other in taken[-200:]):
@@ -92,7 +92,7 @@ class Verge:
                     placed.append(extra)
         return placed
 
-    def _along(self, lane: Lane, rng: np.random.Generator) -> Iterator[Extra]:
+    def _along(self, lane: Lane, rng: np.random.Generator) -> Iterator[StreetObject]:
         station = float(rng.uniform(2.0, SPACING_M[1]))
         while station < lane.length_m - 2.0:
             kind = KINDS[int(rng.choice(len(KINDS), p=[each.share for each in KINDS]))]
@@ -101,7 +101,7 @@ class Verge:
             if self._is_free(at, kind):
                 yaw = math.atan2(-out[1], -out[0])
                 turned = yaw + math.pi / 2 if kind.model in ("bicycle", "hedge") else yaw
-                yield Extra(kind.model, at[0], at[1], turned, tints(colour) if kind.coloured else tints())
+                yield StreetObject(kind.model, at[0], at[1], turned, tints(colour) if kind.coloured else tints())
             station += float(rng.uniform(*SPACING_M))
 
     def _behind(self, lane: Lane, station_m: float, behind_m: float) -> tuple[tuple[float, float], Float64Array]:
@@ -116,7 +116,7 @@ class Verge:
         at = middle + (lane.width_m / 2 + behind_m) * out
         return (float(at[0]), float(at[1])), out
 
-    def _is_free(self, at: tuple[float, float], kind: Kind) -> bool:
+    def _is_free(self, at: tuple[float, float], kind: StreetObjectKind) -> bool:
         point = Point(at)
         if self._road_distance(at) < max(FROM_ROAD_M, kind.half_m + 0.1):
             return False

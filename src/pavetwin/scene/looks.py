@@ -37,7 +37,7 @@ _CLASSES: Final[Mapping[str, tuple[str, ...]]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class AgentAppearance:
     """How one agent is drawn."""
 
     model: str
@@ -51,7 +51,7 @@ class Look:
     """Of the gait, 0 … 1, where the agent appears."""
 
 
-def look_of(agents: Agents, agent: int, seed: int, models: Mapping[str, Model]) -> Look:
+def look_of(agents: Agents, agent: int, seed: int, models: Mapping[str, Model]) -> AgentAppearance:
     """The look of one agent. `models` must hold those of `traffic.kinds` and people called `pedestrian_*`."""
     rng = child(seed, Stream.SCENE, KEY, agent)
     if agents.is_pedestrian[agent]:
@@ -85,9 +85,9 @@ def tints(*colours: Colour | None) -> Float32Array:
     return values
 
 
-def _vehicle(model: str, size_m: Float64Array, rng: np.random.Generator) -> Look:
+def _vehicle(model: str, size_m: Float64Array, rng: np.random.Generator) -> AgentAppearance:
     kind = KINDS[model]
-    return Look(
+    return AgentAppearance(
         model=model,
         scale=size_m / (kind.length_m, kind.width_m, kind.height_m),
         tints=tints(drawn(_paints(model, rng), rng)),
@@ -102,12 +102,12 @@ def _paints(model: str, rng: np.random.Generator) -> tuple[Tone, ...]:
     return PAINTS
 
 
-def _person(kind: str, height_m: float, rng: np.random.Generator, models: Mapping[str, Model]) -> Look:
+def _person(kind: str, height_m: float, rng: np.random.Generator, models: Mapping[str, Model]) -> AgentAppearance:
     names = people(models, kind)
     model = models[names[int(rng.integers(len(names)))]]
     low, high = bounds(model.parts[STAND])
     scale = height_m / (high[2] - low[2])
-    return Look(
+    return AgentAppearance(
         model=model.name,
         scale=np.full(3, scale),
         tints=tints(drawn(TOPS, rng), drawn(BOTTOMS, rng), drawn(HAIR, rng), drawn(SKIN, rng)),

@@ -15,7 +15,7 @@ from pavetwin.memory import give_back
 from pavetwin.scene import furniture, signals
 from pavetwin.scene.agents import Actors, upright
 from pavetwin.scene.buildings import Buildings, facade_textures
-from pavetwin.scene.extras import Extra, Verge
+from pavetwin.scene.extras import StreetObject, StreetObjects
 from pavetwin.scene.ground import (
     GroundPlan,
     details,
@@ -185,8 +185,8 @@ class Scene:
         return {key: [places[index] for index in indices] for key, indices in _by_tile(places).items()}
 
     @cached_property
-    def _extras(self) -> Mapping[Key, list[Extra]]:
-        extras = Verge(self.world, seed=self.seed).extras()
+    def _extras(self) -> Mapping[Key, list[StreetObject]]:
+        extras = StreetObjects(self.world, seed=self.seed).extras()
         places = [(extra.x_m, extra.y_m) for extra in extras]
         return {key: [extras[index] for index in indices] for key, indices in _by_tile(places).items()}
 

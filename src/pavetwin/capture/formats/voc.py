@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 from pavetwin.capture.formats.base import Format, label_format
 from pavetwin.capture.record import Record, record_paths
-from pavetwin.capture.truth import Thing
+from pavetwin.capture.truth import LabelledObject
 
 OCCLUDED = 0.95
 """A visible share below this is an occlusion in VOC's sense: more than about 5 % of the box is covered."""
@@ -39,7 +39,7 @@ class Voc(Format):
         yield f"voc/ImageSets/Main/{split}.txt", names
 
 
-def _add(root: ElementTree.Element, thing: Thing) -> None:
+def _add(root: ElementTree.Element, thing: LabelledObject) -> None:
     node = ElementTree.SubElement(root, "object")
     _texts(
         node,

@@ -1,5 +1,5 @@
 """What carries the camera. One file a platform, one registry."""
 
-from pavetwin.capture.platforms.base import PLATFORMS, Platform, Pose, Setting, platform
+from pavetwin.capture.platforms.base import PLATFORMS, CaptureContext, Platform, Pose, platform
 
-__all__ = ["PLATFORMS", "Platform", "Pose", "Setting", "platform"]
+__all__ = ["PLATFORMS", "CaptureContext", "Platform", "Pose", "platform"]

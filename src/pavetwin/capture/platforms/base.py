@@ -9,7 +9,7 @@ import numpy as np
 from pavetwin._core import NavMesh, Trace
 from pavetwin.capture.plan import ImageSpec
 from pavetwin.capture.settings import CaptureSettings
-from pavetwin.capture.sight import Sight
+from pavetwin.capture.sight import DefectIndex
 from pavetwin.registry import Registry
 from pavetwin.scene.view import View
 from pavetwin.traffic.recording import Recording
@@ -18,12 +18,12 @@ from pavetwin.world.model import World
 
 
 @dataclass(frozen=True)
-class Setting:
+class CaptureContext:
     """Where and when images can be taken."""
 
     world: World
     settings: CaptureSettings
-    sight: Sight
+    sight: DefectIndex
     recordings: Mapping[str, Recording]
     """By the name of their density."""
     traces: Mapping[str, Trace]
@@ -54,7 +54,7 @@ class Platform(ABC):
     name: str = ""
     uses_altitude: bool = False
 
-    def __init__(self, setting: Setting) -> None:
+    def __init__(self, setting: CaptureContext) -> None:
         self.setting = setting
 
     @classmethod

@@ -10,7 +10,7 @@ import shapely
 from pavetwin.arrays import Float64Array
 from pavetwin.capture.clearings import Clearings
 from pavetwin.capture.plan import ImageSpec
-from pavetwin.capture.platforms.base import Platform, Pose, Setting, platform
+from pavetwin.capture.platforms.base import CaptureContext, Platform, Pose, platform
 from pavetwin.capture.sight import INNER
 from pavetwin.scene.view import View, look
 from pavetwin.uav.cameras import find_camera
@@ -38,7 +38,7 @@ _ROAD_M: Final = 1.0
 class Uav(Platform):
     uses_altitude = True
 
-    def __init__(self, setting: Setting) -> None:
+    def __init__(self, setting: CaptureContext) -> None:
         super().__init__(setting)
         self._camera = find_camera(setting.settings.camera)
         self._clearings: dict[tuple[str, float], Clearings] = {}

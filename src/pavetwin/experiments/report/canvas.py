@@ -16,11 +16,11 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, Locator, NullLocator
 
 from pavetwin.draw import style
-from pavetwin.experiments.report.parts import Picture
+from pavetwin.experiments.report.parts import ReportFigure
 from pavetwin.experiments.report.slim import slim
 from pavetwin.experiments.report.words import level_text
 
-Looks = Mapping[Any, style.Look]
+Looks = Mapping[Any, style.PolicyStyle]
 """Of each policy."""
 
 WIDTH_IN: Final = 7.0
@@ -29,7 +29,7 @@ WIDTH_IN: Final = 7.0
 _CSS_PX_PER_IN: Final = 96
 
 
-def vector(figure: Figure, caption: str, alt: str) -> Picture:
+def vector(figure: Figure, caption: str, alt: str) -> ReportFigure:
     """The figure as SVG, its letters as outlines: it looks the same where DejaVu Sans is not installed."""
     text = StringIO()
     with style.styled():
@@ -38,7 +38,7 @@ def vector(figure: Figure, caption: str, alt: str) -> Picture:
     return _picture(figure, caption, alt, slim(text.getvalue()).encode(), "svg")
 
 
-def raster(figure: Figure, caption: str, alt: str) -> Picture:
+def raster(figure: Figure, caption: str, alt: str) -> ReportFigure:
     """The figure as PNG of few colours: for maps, which hold more shapes than a page should."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "figure.png"
@@ -47,9 +47,9 @@ def raster(figure: Figure, caption: str, alt: str) -> Picture:
     return _picture(figure, caption, alt, content, "png")
 
 
-def _picture(figure: Figure, caption: str, alt: str, content: bytes, suffix: str) -> Picture:
+def _picture(figure: Figure, caption: str, alt: str, content: bytes, suffix: str) -> ReportFigure:
     width, height = (round(float(side) * _CSS_PX_PER_IN) for side in figure.get_size_inches())
-    return Picture(caption, alt, content, suffix, width, height)
+    return ReportFigure(caption, alt, content, suffix, width, height)
 
 
 def looks(policies: Sequence[Any]) -> Looks:
@@ -112,12 +112,12 @@ def logarithmic(axis: Axis, *alike: Axis) -> None:
     for labelled in (axis, *alike):
         labelled.set_label_text(f"{labelled.get_label_text()}\n(log scale)".strip())
     getattr(axis.axes, f"set_{axis.axis_name}scale")("log")  # type: ignore[attr-defined]
-    axis.set_major_locator(_Roomy(axis))
+    axis.set_major_locator(_SpacedLogLocator(axis))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
-class _Roomy(Locator):
+class _SpacedLogLocator(Locator):
     """Round numbers on a logarithmic axis, the most whose words stand clear of each other."""
 
     _STEPS: Final = ((1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8), (1, 1.5, 2, 3, 5, 7), (1, 2, 5), (1, 3), (1,))

@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 
 from pavetwin.experiments.metrics import Metric, metric_named
-from pavetwin.experiments.report.parts import Cell, Table
+from pavetwin.experiments.report.parts import Table, TableCell
 from pavetwin.experiments.report.study import Group, Row
 from pavetwin.experiments.report.words import MISSING, counted, factor_text, heading, level_text, shown
 from pavetwin.experiments.statistics.summary import FEW
@@ -50,7 +50,7 @@ def headline_table(group: Group, metric: Metric) -> Table:
 def tail_table(group: Group, metric: Metric) -> Table:
     """Median, 95th percentile and maximum of every cell."""
     body = tuple(
-        (*lead, *(Cell(_tail(metric, cell)) for cell in cells)) for lead, cells, _ in _lines(group, metric.name)
+        (*lead, *(TableCell(_tail(metric, cell)) for cell in cells)) for lead, cells, _ in _lines(group, metric.name)
     )
     caption = f"{heading(metric)}: median / 95th percentile / maximum"
     lead = len(_leading(group))
@@ -67,7 +67,7 @@ def _by_time(group: Group) -> list[str]:
     return [f"The battery falls evenly with time here: energy in % is time in s over {1 / known.mean():.4g}."]
 
 
-def _lines(group: Group, metric: str) -> Iterator[tuple[list[Cell], list[Row | None], list[bool]]]:
+def _lines(group: Group, metric: str) -> Iterator[tuple[list[TableCell], list[Row | None], list[bool]]]:
     """What each row is about, its cells, a policy each, and which of these lack no mission that another option flew."""
     for traffic in group.traffics:
         for altitude in group.altitudes:
@@ -76,7 +76,7 @@ def _lines(group: Group, metric: str) -> Iterator[tuple[list[Cell], list[Row | N
                 whole = [not part.failed_alone(traffic, altitude, policy) for policy in group.policies]
                 levels = {"traffic": traffic, "altitude_m": altitude, **part.key}
                 if any(cell is not None for cell in cells):
-                    yield [Cell(level_text(name, levels[name])) for name in _leading(group)], cells, whole
+                    yield [TableCell(level_text(name, levels[name])) for name in _leading(group)], cells, whole
 
 
 def _rows(group: Group, metric: str) -> list[Row | None]:
@@ -97,7 +97,7 @@ def _caption(words: str, group: Group) -> str:
     return f"{words} ({group.title})" if group.title else words
 
 
-def _cells(metric: Metric, cells: list[Row | None], whole: list[bool], usual: int) -> list[Cell]:
+def _cells(metric: Metric, cells: list[Row | None], whole: list[bool], usual: int) -> list[TableCell]:
     """The best of a row in bold, shared by ties as printed; none where all read the same or neither is better.
 
     Only those that are whole: the mean of one that failed where another flew leaves out what it failed on.
@@ -111,13 +111,13 @@ def _cells(metric: Metric, cells: list[Row | None], whole: list[bool], usual: in
     ]
 
 
-def _cell(metric: Metric, cell: Row | None, best: bool, usual: int) -> Cell:
+def _cell(metric: Metric, cell: Row | None, best: bool, usual: int) -> TableCell:
     if cell is None or cell["mean"] is None:
-        return Cell(MISSING)
+        return TableCell(MISSING)
     spread = f" ± {shown(metric, cell['sd'])}" if cell["sd"] is not None else ""
     mark = FEW_MARK if cell["n"] < FEW <= usual else ""
     number = f" ({cell['n']}{mark})" if cell["n"] != usual else ""
-    return Cell(shown(metric, cell["mean"]) + spread, best, number)
+    return TableCell(shown(metric, cell["mean"]) + spread, best, number)
 
 
 def _value(text: str) -> float:
@@ -130,7 +130,7 @@ def _tail(metric: Metric, cell: Row | None) -> str:
     return " / ".join(shown(metric, cell[name]) for name in ("median", "p95", "maximum"))
 
 
-def _of_bold(body: Sequence[Sequence[Cell]], *, partial: bool) -> list[str]:
+def _of_bold(body: Sequence[Sequence[TableCell]], *, partial: bool) -> list[str]:
     """What bold means, where any is.
 
     Args:

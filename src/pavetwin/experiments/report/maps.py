@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize
 
 from pavetwin.draw import shapes, style
-from pavetwin.draw.lettering import Room
-from pavetwin.draw.world_map import ABOVE_WORLD, EVERYTHING, Layer, credit, draw_world, world_bounds
+from pavetwin.draw.lettering import OccupiedSpace
+from pavetwin.draw.world_map import ABOVE_WORLD, EVERYTHING, MapLayer, credit, draw_world, world_bounds
 from pavetwin.experiments.report.canvas import raster
-from pavetwin.experiments.report.parts import Picture
+from pavetwin.experiments.report.parts import ReportFigure
 from pavetwin.experiments.report.words import counted
 from pavetwin.world.model import Segment, World
 
@@ -43,7 +43,7 @@ def street_means(result: pl.DataFrame, world: str) -> pl.DataFrame:
     )
 
 
-def street_map(world: World, means: pl.DataFrame) -> Picture | None:
+def street_map(world: World, means: pl.DataFrame) -> ReportFigure | None:
     """The map of a world with its segments coloured; None when none of them is in it."""
     found = {row["segment"]: row for row in means.iter_rows(named=True)}
     segments = [segment for segment in world.segments if segment.id in found]
@@ -59,7 +59,9 @@ def street_map(world: World, means: pl.DataFrame) -> Picture | None:
             credit=credit(world),
             longest_in=_LONGEST_IN,
         )
-        draw_world(sheet.axes, world, layers=EVERYTHING - {Layer.FURNITURE, Layer.BASE}, defects=False, muted=True)
+        draw_world(
+            sheet.axes, world, layers=EVERYTHING - {MapLayer.FURNITURE, MapLayer.BASE}, defects=False, muted=True
+        )
         _segments(sheet.axes, segments, COVERAGE(norm(values)))
         _numbers(sheet.axes, segments, found)
         _colour_bar(sheet.footer, norm)
@@ -84,7 +86,7 @@ def _segments(axes: Axes, segments: Sequence[Segment], colours: Any) -> None:
 
 def _numbers(axes: Axes, segments: Sequence[Segment], found: Mapping[str, Any]) -> None:
     """How many missions, in the middle of each segment where there is room."""
-    per_m, room = shapes.points_per_m(axes), Room()
+    per_m, room = shapes.points_per_m(axes), OccupiedSpace()
     for segment in sorted(segments, key=lambda segment: (-segment.length_m, segment.id)):
         text = f"{found[segment.id]['missions']}"
         middle = segment.centre_line.interpolate(0.5, normalized=True)

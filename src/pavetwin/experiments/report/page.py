@@ -11,7 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from pavetwin.draw import style
 from pavetwin.experiments.metrics import FACTORS, FAILED, STATUS
 from pavetwin.experiments.report import whole
-from pavetwin.experiments.report.parts import Block, Bullets, Fold, Picture, Section, Table
+from pavetwin.experiments.report.parts import Block, Bullets, CollapsibleTable, ReportFigure, Section, Table
 from pavetwin.experiments.report.results import group_builders
 from pavetwin.experiments.report.study import AXES, Study, constants, replicates, shown_groups
 from pavetwin.experiments.report.words import counted, factor_text, factors_text, level_text, listed
@@ -30,9 +30,9 @@ def page(study: Study, sections: Sequence[Section]) -> str:
         undefined=StrictUndefined,
     )
     environment.filters["identity"] = id
-    environment.tests["figure"] = lambda block: isinstance(block, Picture)
+    environment.tests["figure"] = lambda block: isinstance(block, ReportFigure)
     environment.tests["grid"] = lambda block: isinstance(block, Table)
-    environment.tests["fold"] = lambda block: isinstance(block, Fold)
+    environment.tests["fold"] = lambda block: isinstance(block, CollapsibleTable)
     environment.tests["bullets"] = lambda block: isinstance(block, Bullets)
     return environment.get_template("page.html.jinja").render(
         study=study,
@@ -119,9 +119,9 @@ def sections_of(study: Study, on_progress: Callable[[float], None] = lambda _: N
     return sections + [section for build in builders for section in made(partial(build, study))]
 
 
-def figures(sections: Sequence[Section]) -> list[Picture]:
+def figures(sections: Sequence[Section]) -> list[ReportFigure]:
     """In the order of their numbers."""
-    return [block for block in _blocks(sections) if isinstance(block, Picture)]
+    return [block for block in _blocks(sections) if isinstance(block, ReportFigure)]
 
 
 def _left_out(count: int) -> Section:
@@ -135,10 +135,10 @@ def _numbers(sections: Sequence[Section]) -> dict[int, int]:
     numbers: dict[int, int] = {}
     figures = tables = 0
     for block in _blocks(sections):
-        if isinstance(block, Picture):
+        if isinstance(block, ReportFigure):
             figures += 1
             numbers[id(block)] = figures
-        elif isinstance(block, Table | Fold):
+        elif isinstance(block, Table | CollapsibleTable):
             tables += 1
             numbers[id(block)] = tables
     return numbers

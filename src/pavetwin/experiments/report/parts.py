@@ -9,7 +9,7 @@ Lines = Sequence[str]
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class TableCell:
     text: str
     strong: bool = False
     aside: str = ""
@@ -22,7 +22,7 @@ class Table:
 
     caption: str
     heads: tuple[str, ...]
-    rows: tuple[tuple[Cell, ...], ...]
+    rows: tuple[tuple[TableCell, ...], ...]
     lead: int = 2
     notes: Lines = ()
     span: str = ""
@@ -49,7 +49,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Picture:
+class ReportFigure:
     caption: str
     alt: str
     content: bytes
@@ -79,14 +79,14 @@ class Bullets:
 
 
 @dataclass(frozen=True)
-class Fold:
+class CollapsibleTable:
     """A table that is opened on demand."""
 
     title: str
     table: Table
 
 
-Block = Table | Picture | Text | Bullets | Fold
+Block = Table | ReportFigure | Text | Bullets | CollapsibleTable
 
 
 @dataclass(frozen=True)

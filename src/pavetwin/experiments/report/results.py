@@ -11,7 +11,7 @@ from pavetwin.experiments.metrics import COMPARED, Metric, metric_named
 from pavetwin.experiments.report import headline
 from pavetwin.experiments.report.canvas import vector
 from pavetwin.experiments.report.headline import FEW_MARK
-from pavetwin.experiments.report.parts import Block, Cell, Fold, Section, Table, Text
+from pavetwin.experiments.report.parts import Block, CollapsibleTable, Section, Table, TableCell, Text
 from pavetwin.experiments.report.plots import forest, intervals, spread, tradeoff
 from pavetwin.experiments.report.study import AXES, METRIC, Group, replicates
 from pavetwin.experiments.report.words import MISSING, counted, factor_text, heading, level_text, listed, p_text, shown
@@ -131,7 +131,7 @@ def _differences(group: Group, factor: str) -> Iterator[Block]:
             f"with simultaneous 95 % intervals. {together}; such marks are filled.{_unbounded(rows)}",
             f"Forest plot of the differences to {other}, a row for each traffic density, altitude and policy.",
         )
-    yield Fold("The differences as numbers", _difference_table(group, rows, other, metrics, together))
+    yield CollapsibleTable("The differences as numbers", _difference_table(group, rows, other, metrics, together))
 
 
 def _narrow(group: Group, metrics: Sequence[Metric]) -> str:
@@ -162,7 +162,7 @@ def _difference_table(group: Group, rows: pl.DataFrame, other: str, metrics: Seq
     found = {(row[METRIC], *(row[name] for name in axes)): row for row in rows.iter_rows(named=True)}
     body = []
     for place in forest.places(group, rows, group.traffics):
-        lead = [Cell(level_text(axis, level)) for axis, level in zip(axes, place, strict=True)]
+        lead = [TableCell(level_text(axis, level)) for axis, level in zip(axes, place, strict=True)]
         cells = [cell for m in metrics for cell in _difference_cells(m, found.get((m.name, *place)))]
         body.append((*lead, *cells))
     heads = [head for metric in metrics for head in (heading(metric), "p")]
@@ -171,11 +171,11 @@ def _difference_table(group: Group, rows: pl.DataFrame, other: str, metrics: Seq
     return Table(caption, (*(factor_text(axis) for axis in axes), *heads), tuple(body), lead=len(axes), notes=notes)
 
 
-def _difference_cells(metric: Metric, row: Any) -> tuple[Cell, Cell]:
+def _difference_cells(metric: Metric, row: Any) -> tuple[TableCell, TableCell]:
     if row is None or row["mean"] is None:
-        return Cell(MISSING), Cell(MISSING)
+        return TableCell(MISSING), TableCell(MISSING)
     ends = f" [{shown(metric, row['low'])}, {shown(metric, row['high'])}]" if row["low"] is not None else ""
-    return Cell(shown(metric, row["mean"]) + ends, told(row)), Cell(p_text(row["p_corrected"]), told(row))
+    return TableCell(shown(metric, row["mean"]) + ends, told(row)), TableCell(p_text(row["p_corrected"]), told(row))
 
 
 def _tradeoffs(group: Group) -> Iterator[Block]:
@@ -228,7 +228,9 @@ def _front_table(group: Group, gain: Metric, cost: Metric) -> Table:
         for option in sorted(best, key=lambda option: float(option.cost["mean"])):
             lead = (("traffic", traffic), ("altitude_m", option.altitude_m), ("policy", option.policy))
             numbers = (_mean_interval(gain, option.gain), _mean_interval(cost, option.cost))
-            rows.append((*(Cell(level_text(*words)) for words in lead), *(Cell(number) for number in numbers)))
+            rows.append(
+                (*(TableCell(level_text(*words)) for words in lead), *(TableCell(number) for number in numbers))
+            )
     heads = (*(factor_text(axis) for axis in AXES), heading(gain), heading(cost))
     caption = f"On the front of mean coverage and mean {cost.label.lower()}{_of(group)}, the cheapest first"
     few = any(row["n"] < FEW for row in group.summary.filter(pl.col("n") > 0).iter_rows(named=True))

@@ -7,7 +7,7 @@ from typing import Final
 import polars as pl
 
 from pavetwin.experiments.report.headline import headline_tables
-from pavetwin.experiments.report.parts import Cell, Table
+from pavetwin.experiments.report.parts import Table, TableCell
 from pavetwin.experiments.report.study import Study
 
 _LATEX: Final = {
@@ -118,11 +118,11 @@ def _latex_rows(table: Table) -> Iterable[str]:
         yield rf"{' & '.join([*lead, *(_strong_tex(cell) for cell in row[table.lead :])])} \\"
 
 
-def _strong_tex(cell: Cell) -> str:
+def _strong_tex(cell: TableCell) -> str:
     return (rf"\textbf{{{escape(cell.text)}}}" if cell.strong else escape(cell.text)) + escape(cell.aside)
 
 
-def _strong_md(cell: Cell) -> str:
+def _strong_md(cell: TableCell) -> str:
     return (f"**{_markdown(cell.text)}**" if cell.strong else _markdown(cell.text)) + cell.aside
 
 

@@ -9,7 +9,7 @@ import polars as pl
 from pavetwin.experiments.metrics import COMPARED, FAILED, REASON, STATUS, metric_named
 from pavetwin.experiments.report import maps
 from pavetwin.experiments.report.canvas import vector
-from pavetwin.experiments.report.parts import Block, Cell, Section, Table, Text
+from pavetwin.experiments.report.parts import Block, Section, Table, TableCell, Text
 from pavetwin.experiments.report.plots import intervals, shares
 from pavetwin.experiments.report.study import AXES, METRIC, Group, Study
 from pavetwin.experiments.report.words import counted, factor_text, heading, level_text, listed, number, shown
@@ -94,12 +94,12 @@ def _worst(world: str, means: pl.DataFrame) -> Table:
     coverage, time = metric_named("coverage"), metric_named("time_s")
     rows = tuple(
         (
-            Cell(row["street"]),
-            Cell(row["segment"]),
-            Cell(number(row["length_m"], 0)),
-            Cell(f"{row['missions']} ({row['replicates']})"),
-            Cell(shown(coverage, row["coverage"])),
-            Cell(shown(time, row["time_s"])),
+            TableCell(row["street"]),
+            TableCell(row["segment"]),
+            TableCell(number(row["length_m"], 0)),
+            TableCell(f"{row['missions']} ({row['replicates']})"),
+            TableCell(shown(coverage, row["coverage"])),
+            TableCell(shown(time, row["time_s"])),
         )
         for row in means.head(_WORST).iter_rows(named=True)
     )
@@ -115,7 +115,7 @@ def failures_section(study: Study) -> Section:
     blocks: list[Block] = []
     if reasons:
         rows = tuple(
-            (Cell(reason), Cell(_where(failed, reason)), Cell(f"{count}"))
+            (TableCell(reason), TableCell(_where(failed, reason)), TableCell(f"{count}"))
             for reason, count in reasons.most_common(_MOST_REASONS)
         )
         rest = len(reasons) - len(rows)

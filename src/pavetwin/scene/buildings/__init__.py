@@ -1,7 +1,7 @@
 """Buildings from footprint and height: façades with openings, roofs, and the textures of both."""
 
 from pavetwin.scene.buildings.build import Buildings
-from pavetwin.scene.buildings.layers import FACADE_PX, FACADE_REPEAT_M, Layer
+from pavetwin.scene.buildings.layers import FACADE_PX, FACADE_REPEAT_M, FacadeTexture
 from pavetwin.scene.buildings.textures import facade_textures
 
-__all__ = ["FACADE_PX", "FACADE_REPEAT_M", "Buildings", "Layer", "facade_textures"]
+__all__ = ["FACADE_PX", "FACADE_REPEAT_M", "Buildings", "FacadeTexture", "facade_textures"]

@@ -8,7 +8,7 @@ import numpy.typing as npt
 import shapely
 
 from pavetwin.arrays import Float64Array, GeometryArray
-from pavetwin.scene.buildings.layers import Layer
+from pavetwin.scene.buildings.layers import FacadeTexture
 from pavetwin.scene.model import Mesh
 from pavetwin.scene.models import merged
 from pavetwin.world.model import Surface
@@ -18,7 +18,7 @@ ROUGH = 0.85
 
 
 @dataclass
-class _Heap:
+class _PolygonBatch:
     """Polygons of one layer with k corners each."""
 
     positions: list[Float64Array] = field(default_factory=list)
@@ -37,12 +37,12 @@ class _Heap:
 class Faces:
     """Flat faces of one building. Points are metres in one frame, any; colours linear reflectances."""
 
-    _quads: defaultdict[Layer, _Heap] = field(default_factory=lambda: defaultdict(_Heap))
-    _triangles: defaultdict[Layer, _Heap] = field(default_factory=lambda: defaultdict(_Heap))
+    _quads: defaultdict[FacadeTexture, _PolygonBatch] = field(default_factory=lambda: defaultdict(_PolygonBatch))
+    _triangles: defaultdict[FacadeTexture, _PolygonBatch] = field(default_factory=lambda: defaultdict(_PolygonBatch))
 
     def quads(
         self,
-        layer: Layer,
+        layer: FacadeTexture,
         corners: npt.ArrayLike,
         colour: npt.ArrayLike,
         *,
@@ -63,14 +63,16 @@ class Faces:
             coordinates = np.zeros((len(points), 4, 2)) if uv is None else np.asarray(uv, dtype=np.float64)
             self._quads[layer].add(points, colour, coordinates.reshape(-1, 4, 2), roughness)
 
-    def level(self, layer: Layer, area: Surface, height_m: float, colour: Colour, roughness: float = ROUGH) -> None:
+    def level(
+        self, layer: FacadeTexture, area: Surface, height_m: float, colour: Colour, roughness: float = ROUGH
+    ) -> None:
         """Add a level area seen from above; its texture lies along x and y."""
         corners = corners_of(shapely.constrained_delaunay_triangles(area))
         self.slopes(layer, corners, np.full(corners.shape[:2], height_m), colour, roughness)
 
     def slopes(
         self,
-        layer: Layer,
+        layer: FacadeTexture,
         corners: Float64Array,
         heights: Float64Array,
         colour: Colour,
@@ -90,15 +92,21 @@ class Faces:
             self._triangles[layer].add(points[solid], colour, uv[solid], roughness)
 
     def box(
-        self, layer: Layer, base: Float64Array, low_m: float, high_m: float, colour: Colour, roughness: float = ROUGH
+        self,
+        layer: FacadeTexture,
+        base: Float64Array,
+        low_m: float,
+        high_m: float,
+        colour: Colour,
+        roughness: float = ROUGH,
     ) -> None:
         """Add the sides and the top of an upright prism over a ring (n, 2), anticlockwise, not closed."""
         self.walls(layer, base, low_m, high_m, colour, roughness)
-        self.level(Layer.PLAIN, shapely.Polygon(base), high_m, colour, roughness)
+        self.level(FacadeTexture.PLAIN, shapely.Polygon(base), high_m, colour, roughness)
 
     def walls(
         self,
-        layer: Layer,
+        layer: FacadeTexture,
         ring: Float64Array,
         low_m: float,
         high_m: float,
@@ -121,10 +129,13 @@ class Faces:
         )
         self.quads(layer, corners, colour, uv=uv, roughness=roughness)
 
-    def meshes(self) -> dict[Layer, Mesh]:
+    def meshes(self) -> dict[FacadeTexture, Mesh]:
         """What was added, one mesh a layer, in the layers' order."""
         layers = sorted({*self._quads, *self._triangles})
-        return {layer: _mesh(self._quads.get(layer, _Heap()), self._triangles.get(layer, _Heap())) for layer in layers}
+        return {
+            layer: _mesh(self._quads.get(layer, _PolygonBatch()), self._triangles.get(layer, _PolygonBatch()))
+            for layer in layers
+        }
 
 
 def corners_of(triangles: shapely.Geometry | GeometryArray) -> Float64Array:
@@ -136,12 +147,12 @@ def _at(points: Float64Array, height_m: float) -> Float64Array:
     return np.column_stack([points, np.full(len(points), height_m)])
 
 
-def _mesh(quads: _Heap, triangles: _Heap) -> Mesh:
+def _mesh(quads: _PolygonBatch, triangles: _PolygonBatch) -> Mesh:
     parts = [part for part in (_flattened(quads, 4), _flattened(triangles, 3)) if part is not None]
     return merged(parts)
 
 
-def _flattened(heap: _Heap, corners: int) -> Mesh | None:
+def _flattened(heap: _PolygonBatch, corners: int) -> Mesh | None:
     if not heap.positions:
         return None
     points = np.concatenate(heap.positions)

@@ -15,7 +15,7 @@ CELLS: Final = 4
 CELL_M: Final = FACADE_REPEAT_M / CELLS
 
 
-class Layer(IntEnum):
+class FacadeTexture(IntEnum):
     """Index of a façade texture. The building's own colour multiplies walls."""
 
     PLAIN = -1

@@ -10,14 +10,14 @@ import numpy as np
 
 from pavetwin.arrays import Float32Array
 from pavetwin.scene.buildings.layers import CELLS, FACADE_PX
-from pavetwin.scene.buildings.pixels import Cell, Colour
+from pavetwin.scene.buildings.pixels import Colour, TextureCanvas
 
 CELL_PX = FACADE_PX // CELLS
 WHITE: Colour = (0.66, 0.66, 0.64)
 ANTHRACITE: Colour = (0.035, 0.037, 0.040)
 WOOD: Colour = (0.13, 0.070, 0.035)
 GLASS_ROUGH = 0.04
-Painter = Callable[[np.random.Generator, int], Cell]
+Painter = Callable[[np.random.Generator, int], TextureCanvas]
 
 
 def windows(rng: np.random.Generator) -> Float32Array:
@@ -41,15 +41,15 @@ def _sheet(rng: np.random.Generator, paint: Painter) -> Float32Array:
     return np.concatenate(rows, axis=0)
 
 
-def _room(cell: Cell, rng: np.random.Generator) -> None:
+def _room(cell: TextureCanvas, rng: np.random.Generator) -> None:
     """The dark of a room, a little lighter towards the sill."""
     depth = 0.016 + 0.020 * (1 - cell.y) ** 2 * rng.uniform(0.3, 1.4)
     tint = np.array([1.0, 1.03, 1.08], dtype=np.float32) * depth[..., None]
     cell.rectangle((-1, 2), (-1, 2), tint.astype(np.float32), GLASS_ROUGH)
 
 
-def _window(rng: np.random.Generator, number: int) -> Cell:
-    cell = Cell(CELL_PX)
+def _window(rng: np.random.Generator, number: int) -> TextureCanvas:
+    cell = TextureCanvas(CELL_PX)
     _room(cell, rng)
     kind = rng.integers(6)
     if kind <= 1:
@@ -72,7 +72,7 @@ def _window(rng: np.random.Generator, number: int) -> Cell:
     return cell
 
 
-def _curtains(cell: Cell, rng: np.random.Generator, width: float) -> None:
+def _curtains(cell: TextureCanvas, rng: np.random.Generator, width: float) -> None:
     tone = float(rng.uniform(0.18, 0.5))
     tint = np.array([1.0, rng.uniform(0.85, 1.0), rng.uniform(0.65, 0.95)], dtype=np.float32)
     folds = tone * (0.8 + 0.2 * np.sin(cell.x * rng.uniform(90, 140) + 2 * np.sin(cell.y * 3)))
@@ -81,28 +81,28 @@ def _curtains(cell: Cell, rng: np.random.Generator, width: float) -> None:
     cell.rectangle((1 - width * float(rng.uniform(0.7, 1.2)), 1), (0, 1), cloth, 0.35)
 
 
-def _net_curtain(cell: Cell, rng: np.random.Generator) -> None:
+def _net_curtain(cell: TextureCanvas, rng: np.random.Generator) -> None:
     folds = 0.34 + 0.05 * np.sin(cell.x * rng.uniform(60, 110) + 1.5 * np.sin(cell.y * 5))
     lower = float(rng.choice([0.0, 0.0, 0.35]))
     cloth = np.repeat(folds[..., None], 3, axis=2).astype(np.float32)
     cell.rectangle((0, 1), (lower, 1), cloth, 0.3, opacity=0.75)
 
 
-def _blind(cell: Cell, rng: np.random.Generator, down: float) -> None:
+def _blind(cell: TextureCanvas, rng: np.random.Generator, down: float) -> None:
     slats = 0.38 + 0.07 * np.sign(np.sin(cell.y * 150))
     tint = np.array([1.0, 0.98, rng.uniform(0.82, 0.98)], dtype=np.float32)
     cell.rectangle((0, 1), (1 - down, 1), (slats[..., None] * tint).astype(np.float32), 0.4)
 
 
-def _pots(cell: Cell, rng: np.random.Generator) -> None:
+def _pots(cell: TextureCanvas, rng: np.random.Generator) -> None:
     for _ in range(int(rng.integers(2, 5))):
         x, high = float(rng.uniform(0.15, 0.8)), float(rng.uniform(0.12, 0.3))
         cell.rectangle((x - 0.03, x + 0.03), (0.05, 0.14), (0.2, 0.09, 0.05), 0.7)
         cell.rectangle((x - 0.07, x + 0.07), (0.14, 0.14 + high), (0.03, 0.07, 0.02), 0.7, opacity=0.8)
 
 
-def _office(rng: np.random.Generator) -> Cell:
-    cell = Cell(CELL_PX)
+def _office(rng: np.random.Generator) -> TextureCanvas:
+    cell = TextureCanvas(CELL_PX)
     base = np.array([0.018, 0.026, 0.032], dtype=np.float32) * float(rng.uniform(0.8, 1.5))
     cell.rectangle((-1, 2), (-1, 2), np.broadcast_to(base, (CELL_PX, CELL_PX, 3)), 0.03)
     if rng.random() < 0.5:
@@ -114,8 +114,8 @@ def _office(rng: np.random.Generator) -> Cell:
     return cell
 
 
-def _shop(rng: np.random.Generator) -> Cell:
-    cell = Cell(CELL_PX)
+def _shop(rng: np.random.Generator) -> TextureCanvas:
+    cell = TextureCanvas(CELL_PX)
     _room(cell, rng)
     warm = np.array([1.0, 0.85, 0.6], dtype=np.float32) * 0.055
     glow = np.exp(-((cell.y - 0.55) ** 2) / 0.06)[..., None] * warm
@@ -134,10 +134,10 @@ def _shop(rng: np.random.Generator) -> Cell:
     return cell
 
 
-def _door(rng: np.random.Generator, number: int) -> Cell:
+def _door(rng: np.random.Generator, number: int) -> TextureCanvas:
     if number >= 8:
         return _gate(rng, shutter=number >= 12)
-    cell = Cell(CELL_PX)
+    cell = TextureCanvas(CELL_PX)
     palette: tuple[Colour, ...] = (WOOD, (0.05, 0.09, 0.06), (0.18, 0.03, 0.025), ANTHRACITE, (0.5, 0.5, 0.48))
     colour = palette[int(rng.integers(len(palette)))]
     light: Colour = (min(1.0, colour[0] * 1.3), min(1.0, colour[1] * 1.3), min(1.0, colour[2] * 1.3))
@@ -155,8 +155,8 @@ def _door(rng: np.random.Generator, number: int) -> Cell:
     return cell
 
 
-def _gate(rng: np.random.Generator, *, shutter: bool) -> Cell:
-    cell = Cell(CELL_PX)
+def _gate(rng: np.random.Generator, *, shutter: bool) -> TextureCanvas:
+    cell = TextureCanvas(CELL_PX)
     tone = float(rng.choice([0.55, 0.35, 0.12]))
     lines = 24 if shutter else 4
     face = tone * (0.88 + 0.12 * np.clip(np.sin(cell.y * lines * 2 * np.pi) * 3, -1, 1))

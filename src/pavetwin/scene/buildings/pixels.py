@@ -42,7 +42,7 @@ def layer_of(reflectance: Float32Array, roughness: Float32Array | float) -> Floa
 
 
 @dataclass
-class Cell:
+class TextureCanvas:
     """A square that is painted on: x to the right and y up, both 0 … 1; row 0 is y = 0."""
 
     size: int

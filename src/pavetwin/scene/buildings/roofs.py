@@ -17,8 +17,8 @@ from shapely.geometry.polygon import orient
 
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.buildings.faces import Colour, Faces, corners_of
-from pavetwin.scene.buildings.layers import Layer
-from pavetwin.scene.buildings.styles import TOWER, Roof, Style
+from pavetwin.scene.buildings.layers import FacadeTexture
+from pavetwin.scene.buildings.styles import TOWER, FacadeStyle, Roof
 
 STEP_M: Final = 0.35
 """Hipped roofs are cut into contours this far apart in plan; their ridge is flat over at most twice this."""
@@ -62,7 +62,7 @@ class RoofPlan:
 
 
 def plan_roof(
-    footprint: Polygon, height_m: float, style: Style, touching: Float64Array, rng: np.random.Generator
+    footprint: Polygon, height_m: float, style: FacadeStyle, touching: Float64Array, rng: np.random.Generator
 ) -> RoofPlan:
     """Decide on a roof.
 
@@ -88,7 +88,7 @@ def plan_roof(
     return RoofPlan(Roof.PITCHED, footprint, ridge - rise, ridge, chimney, rectangle, joined)
 
 
-def build_roof(faces: Faces, plan: RoofPlan, style: Style, rng: np.random.Generator) -> None:
+def build_roof(faces: Faces, plan: RoofPlan, style: FacadeStyle, rng: np.random.Generator) -> None:
     """Add a roof, with chimneys and all."""
     if plan.kind is Roof.FLAT:
         _flat(faces, plan, style, rng)
@@ -125,7 +125,7 @@ def _inradius(footprint: Polygon) -> float:
     return float(shapely.maximum_inscribed_circle(footprint, tolerance=0.2).length)
 
 
-def _gable(faces: Faces, plan: RoofPlan, style: Style) -> None:
+def _gable(faces: Faces, plan: RoofPlan, style: FacadeStyle) -> None:
     assert plan.rectangle is not None
     a, b, c, d = plan.rectangle
     along, across = (b - a) / np.hypot(*(b - a)), (d - a) / np.hypot(*(d - a))
@@ -160,23 +160,23 @@ def _edge(faces: Faces, ring: Float64Array) -> None:
     low = ring - np.array([0, 0, FASCIA_M])
     following = np.roll(ring, -1, axis=0)
     sides = np.stack([low, np.roll(low, -1, axis=0), following, ring], axis=1)
-    faces.quads(Layer.PLAIN, sides, (0.22, 0.215, 0.20), roughness=0.8)
-    faces.quads(Layer.PLAIN, low[None, ::-1], (0.20, 0.19, 0.175), roughness=0.9)
+    faces.quads(FacadeTexture.PLAIN, sides, (0.22, 0.215, 0.20), roughness=0.8)
+    faces.quads(FacadeTexture.PLAIN, low[None, ::-1], (0.20, 0.19, 0.175), roughness=0.9)
 
 
-def _ridge(faces: Faces, ends: list[Float64Array], height_m: float, style: Style) -> None:
+def _ridge(faces: Faces, ends: list[Float64Array], height_m: float, style: FacadeStyle) -> None:
     """A row of ridge tiles."""
     along = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
     left = np.array([-along[1], along[0]])
-    colour = (0.20, 0.085, 0.055) if style.covering is Layer.TILES else (0.09, 0.09, 0.095)
+    colour = (0.20, 0.085, 0.055) if style.covering is FacadeTexture.TILES else (0.09, 0.09, 0.095)
     tops = [(*ends[0], height_m + 0.05), (*ends[1], height_m + 0.05)]
     for side in (-1.0, 1.0):
         feet = [(*(end + side * 0.16 * left), height_m - 0.08) for end in ends]
         quad = np.array([feet[0], feet[1], tops[1], tops[0]])
-        faces.quads(Layer.PLAIN, quad if side < 0 else quad[::-1], colour, roughness=0.85)
+        faces.quads(FacadeTexture.PLAIN, quad if side < 0 else quad[::-1], colour, roughness=0.85)
 
 
-def _hip(faces: Faces, plan: RoofPlan, style: Style) -> None:
+def _hip(faces: Faces, plan: RoofPlan, style: FacadeStyle) -> None:
     """Contours ever further inside the footprint, each higher by the slope; the strips between them are the roof."""
     inradius = max(_inradius(plan.footprint), 0.1)
     slope = (plan.ridge_m - plan.eaves_m) / inradius
@@ -191,7 +191,7 @@ def _hip(faces: Faces, plan: RoofPlan, style: Style) -> None:
     uv = _slope_uv(plan.footprint, corners, inside, slope)
     faces.slopes(style.covering, corners, plan.eaves_m + slope * inside, style.covering_colour, 0.85, uv)
     ring = np.asarray(plan.footprint.exterior.coords)[:-1]
-    faces.walls(Layer.PLAIN, ring, plan.eaves_m - FASCIA_M, plan.eaves_m, (0.22, 0.215, 0.20), 0.8)
+    faces.walls(FacadeTexture.PLAIN, ring, plan.eaves_m - FASCIA_M, plan.eaves_m, (0.22, 0.215, 0.20), 0.8)
 
 
 def _slope_uv(footprint: Polygon, corners: Float64Array, inside: Float64Array, slope: float) -> Float64Array:
@@ -206,7 +206,7 @@ def _slope_uv(footprint: Polygon, corners: Float64Array, inside: Float64Array, s
     return np.stack([along, inside * math.hypot(1.0, slope)], axis=-1)
 
 
-def _flat(faces: Faces, plan: RoofPlan, style: Style, rng: np.random.Generator) -> None:
+def _flat(faces: Faces, plan: RoofPlan, style: FacadeStyle, rng: np.random.Generator) -> None:
     large = plan.footprint.area > LARGE_M2
     parapet = PARAPET_M[1] if large else PARAPET_M[0]
     deck_m = plan.ridge_m - parapet
@@ -216,11 +216,11 @@ def _flat(faces: Faces, plan: RoofPlan, style: Style, rng: np.random.Generator) 
         return
     decks = _polygons(inner)
     rim = plan.footprint.difference(shapely.MultiPolygon(decks))
-    faces.level(Layer.PLAIN, shapely.MultiPolygon(_polygons(rim)), plan.ridge_m, METAL, 0.45)
+    faces.level(FacadeTexture.PLAIN, shapely.MultiPolygon(_polygons(rim)), plan.ridge_m, METAL, 0.45)
     for part in decks:
         faces.level(style.covering, part, deck_m, style.covering_colour)
         for ring in (part.exterior, *part.interiors):
-            faces.walls(Layer.PLAIN, np.asarray(ring.coords)[:0:-1], deck_m, plan.ridge_m, (0.33, 0.32, 0.30))
+            faces.walls(FacadeTexture.PLAIN, np.asarray(ring.coords)[:0:-1], deck_m, plan.ridge_m, (0.33, 0.32, 0.30))
         _equipment(faces, part, deck_m, large, rng)
 
 
@@ -240,7 +240,7 @@ def _equipment(faces: Faces, deck: Polygon, deck_m: float, large: bool, rng: np.
             shape = Polygon(base)
             if room.contains(shape) and not any(shape.distance(other) < 0.6 for other in taken):
                 taken.append(shape)
-                faces.box(Layer.PLAIN, base, deck_m, deck_m + height, colour, 0.5)
+                faces.box(FacadeTexture.PLAIN, base, deck_m, deck_m + height, colour, 0.5)
                 break
 
 
@@ -275,9 +275,13 @@ def _chimney(faces: Faces, plan: RoofPlan, rng: np.random.Generator) -> None:
     at = shapely.get_coordinates(shapely.shortest_line(part, wanted))[0]
     top = plan.ridge_m + plan.chimney_m
     faces.box(
-        Layer.BRICK, _ring(at, along, float(rng.uniform(0.5, 0.9)), 0.5), plan.eaves_m, top - 0.1, (0.9, 0.9, 0.9)
+        FacadeTexture.BRICK,
+        _ring(at, along, float(rng.uniform(0.5, 0.9)), 0.5),
+        plan.eaves_m,
+        top - 0.1,
+        (0.9, 0.9, 0.9),
     )
-    faces.box(Layer.PLAIN, _ring(at, along, 0.35, 0.3), top - 0.1, top, (0.10, 0.06, 0.045))
+    faces.box(FacadeTexture.PLAIN, _ring(at, along, 0.35, 0.3), top - 0.1, top, (0.10, 0.06, 0.045))
 
 
 def _direction(ring: Float64Array) -> Float64Array:

@@ -10,7 +10,7 @@ from enum import Enum, auto
 
 import numpy as np
 
-from pavetwin.scene.buildings.layers import Layer
+from pavetwin.scene.buildings.layers import FacadeTexture
 
 Colour = tuple[float, float, float]
 
@@ -20,7 +20,7 @@ class Roof(Enum):
     PITCHED = auto()
 
 
-class Ground(Enum):
+class GroundFloor(Enum):
     """What the ground floor's front holds."""
 
     HOME = auto()
@@ -34,7 +34,7 @@ class Ground(Enum):
 class Windows:
     """The opening of one bay on one storey."""
 
-    layer: Layer
+    layer: FacadeTexture
     cells: tuple[int, ...]
     """Of the layer, from which each window draws one."""
     width: float
@@ -49,8 +49,8 @@ class Windows:
 
 
 @dataclass(frozen=True, slots=True)
-class Style:
-    wall: Layer
+class FacadeStyle:
+    wall: FacadeTexture
     colour: Colour
     trim: Colour
     """Of sills, cornices and string courses."""
@@ -59,9 +59,9 @@ class Style:
     bay_m: float
     windows: Windows | None
     """None for walls without any."""
-    ground: Ground
+    ground: GroundFloor
     roof: Roof
-    covering: Layer
+    covering: FacadeTexture
     covering_colour: Colour
     pitch_rad: float
     cornice: bool
@@ -95,7 +95,7 @@ TILE_TONES: tuple[Colour, ...] = ((1.0, 1.0, 1.0), (0.75, 0.72, 0.75), (1.25, 1.
 WHITE: Colour = (0.68, 0.67, 0.64)
 
 
-def style_of(situation: Situation, rng: np.random.Generator) -> Style:
+def style_of(situation: Situation, rng: np.random.Generator) -> FacadeStyle:
     """The style of a building."""
     if situation.height_m > TOWER * np.sqrt(situation.area_m2):
         return _tower(rng)
@@ -118,7 +118,7 @@ def _dark(colour: Colour, share: float = 0.55) -> Colour:
     return colour[0] * share, colour[1] * share, colour[2] * share
 
 
-def _house(situation: Situation, rng: np.random.Generator) -> Style:
+def _house(situation: Situation, rng: np.random.Generator) -> FacadeStyle:
     town = situation.height_m > 8.8
     brick = rng.random() < 0.28
     colour = _pick(BRICKS, rng) if brick else _pick(RENDERS, rng)
@@ -127,79 +127,133 @@ def _house(situation: Situation, rng: np.random.Generator) -> Style:
     count = 8 if family == 0 else 4
     cells = tuple(family + int(n) for n in rng.choice(count, size=3 + int(rng.integers(3)), replace=True))
     tiles = rng.random() < 0.62
-    return Style(
-        wall=Layer.BRICK if brick else Layer.RENDER,
+    return FacadeStyle(
+        wall=FacadeTexture.BRICK if brick else FacadeTexture.RENDER,
         colour=colour,
         trim=WHITE if rng.random() < 0.6 else (0.45, 0.44, 0.41),
         plinth=(0.26, 0.25, 0.24) if brick else _dark(colour),
         storey_m=3.05 if town else 2.75,
         bay_m=float(rng.uniform(2.5, 3.3)),
         windows=Windows(
-            Layer.WINDOWS, cells, float(rng.uniform(0.38, 0.5)), float(rng.uniform(0.46, 0.58)), 0.30, 0.13, True
+            FacadeTexture.WINDOWS,
+            cells,
+            float(rng.uniform(0.38, 0.5)),
+            float(rng.uniform(0.46, 0.58)),
+            0.30,
+            0.13,
+            True,
         ),
-        ground=Ground.SHOP if shop else Ground.HOME,
+        ground=GroundFloor.SHOP if shop else GroundFloor.HOME,
         roof=Roof.PITCHED,
-        covering=Layer.TILES if tiles else Layer.SLATE,
+        covering=FacadeTexture.TILES if tiles else FacadeTexture.SLATE,
         covering_colour=_pick(TILE_TONES, rng, 0.12) if tiles else _pick(((1.0, 1.0, 1.0),), rng, 0.2),
         pitch_rad=float(np.radians(rng.uniform(32, 44))),
         cornice=town,
     )
 
 
-def _block(situation: Situation, rng: np.random.Generator) -> Style:
+def _block(situation: Situation, rng: np.random.Generator) -> FacadeStyle:
     """Offices, schools, blocks of flats."""
     kind = int(rng.integers(3))
-    wall = (Layer.RENDER, Layer.CONCRETE, Layer.STONE)[kind]
+    wall = (FacadeTexture.RENDER, FacadeTexture.CONCRETE, FacadeTexture.STONE)[kind]
     colour = _pick(RENDERS, rng) if kind == 0 else _pick(((0.50, 0.49, 0.46), (0.58, 0.54, 0.46)), rng)
     ribbon = kind > 0 and rng.random() < 0.6
     windows = (
-        Windows(Layer.GLAZING, tuple(range(8)), 0.97, 0.55, 0.30, 0.10, False)
+        Windows(FacadeTexture.GLAZING, tuple(range(8)), 0.97, 0.55, 0.30, 0.10, False)
         if ribbon
-        else Windows(Layer.WINDOWS, (8, 9, 10, 11, 8, 11), 0.55, 0.56, 0.28, 0.18, True)
+        else Windows(FacadeTexture.WINDOWS, (8, 9, 10, 11, 8, 11), 0.55, 0.56, 0.28, 0.18, True)
     )
     near = situation.street_m < 9.0
-    return Style(
-        wall=wall, colour=colour, trim=_dark(colour, 0.8), plinth=_dark(colour), storey_m=3.4,
-        bay_m=float(rng.uniform(2.2, 3.4)), windows=windows, ground=Ground.SHOP if near else Ground.LOBBY,
-        roof=Roof.FLAT, covering=Layer.GRAVEL if rng.random() < 0.6 else Layer.FELT, covering_colour=(1.0, 1.0, 1.0),
-        pitch_rad=0.0, cornice=False,
-    )  # fmt: skip
+    return FacadeStyle(
+        wall=wall,
+        colour=colour,
+        trim=_dark(colour, 0.8),
+        plinth=_dark(colour),
+        storey_m=3.4,
+        bay_m=float(rng.uniform(2.2, 3.4)),
+        windows=windows,
+        ground=GroundFloor.SHOP if near else GroundFloor.LOBBY,
+        roof=Roof.FLAT,
+        covering=FacadeTexture.GRAVEL if rng.random() < 0.6 else FacadeTexture.FELT,
+        covering_colour=(1.0, 1.0, 1.0),
+        pitch_rad=0.0,
+        cornice=False,
+    )
 
 
-def _hall(rng: np.random.Generator) -> Style:
+def _hall(rng: np.random.Generator) -> FacadeStyle:
     colour = _pick(CLADDINGS, rng)
-    return Style(
-        wall=Layer.CLADDING, colour=colour, trim=_dark(colour, 0.7), plinth=(0.30, 0.29, 0.28), storey_m=4.4, bay_m=4.5,
-        windows=Windows(Layer.GLAZING, (0, 1, 4, 5), 0.9, 0.22, 0.68, 0.05, False), ground=Ground.HALL,
-        roof=Roof.FLAT, covering=Layer.FELT if rng.random() < 0.5 else Layer.SEAMS, covering_colour=(1.0, 1.0, 1.0),
-        pitch_rad=0.0, cornice=False,
-    )  # fmt: skip
+    return FacadeStyle(
+        wall=FacadeTexture.CLADDING,
+        colour=colour,
+        trim=_dark(colour, 0.7),
+        plinth=(0.30, 0.29, 0.28),
+        storey_m=4.4,
+        bay_m=4.5,
+        windows=Windows(FacadeTexture.GLAZING, (0, 1, 4, 5), 0.9, 0.22, 0.68, 0.05, False),
+        ground=GroundFloor.HALL,
+        roof=Roof.FLAT,
+        covering=FacadeTexture.FELT if rng.random() < 0.5 else FacadeTexture.SEAMS,
+        covering_colour=(1.0, 1.0, 1.0),
+        pitch_rad=0.0,
+        cornice=False,
+    )
 
 
-def _shed(rng: np.random.Generator) -> Style:
+def _shed(rng: np.random.Generator) -> FacadeStyle:
     style = _hall(rng)
-    wall = Layer.BRICK if rng.random() < 0.4 else Layer.RENDER
-    colour = _pick(BRICKS, rng) if wall is Layer.BRICK else _pick(RENDERS, rng)
-    return Style(
-        wall=wall, colour=colour, trim=style.trim, plinth=_dark(colour), storey_m=6.0, bay_m=3.2,
-        windows=Windows(Layer.WINDOWS, (8, 9, 11), 0.42, 0.30, 0.42, 0.1, True), ground=Ground.HALL, roof=Roof.FLAT,
-        covering=Layer.FELT, covering_colour=(1.0, 1.0, 1.0), pitch_rad=0.0, cornice=False,
-    )  # fmt: skip
+    wall = FacadeTexture.BRICK if rng.random() < 0.4 else FacadeTexture.RENDER
+    colour = _pick(BRICKS, rng) if wall is FacadeTexture.BRICK else _pick(RENDERS, rng)
+    return FacadeStyle(
+        wall=wall,
+        colour=colour,
+        trim=style.trim,
+        plinth=_dark(colour),
+        storey_m=6.0,
+        bay_m=3.2,
+        windows=Windows(FacadeTexture.WINDOWS, (8, 9, 11), 0.42, 0.30, 0.42, 0.1, True),
+        ground=GroundFloor.HALL,
+        roof=Roof.FLAT,
+        covering=FacadeTexture.FELT,
+        covering_colour=(1.0, 1.0, 1.0),
+        pitch_rad=0.0,
+        cornice=False,
+    )
 
 
-def _garage(rng: np.random.Generator) -> Style:
+def _garage(rng: np.random.Generator) -> FacadeStyle:
     colour = _pick(RENDERS, rng)
-    return Style(
-        wall=Layer.RENDER, colour=colour, trim=(0.2, 0.2, 0.2), plinth=_dark(colour), storey_m=6.0, bay_m=3.0,
-        windows=None, ground=Ground.GARAGE, roof=Roof.FLAT, covering=Layer.FELT, covering_colour=(1.0, 1.0, 1.0),
-        pitch_rad=0.0, cornice=False,
-    )  # fmt: skip
+    return FacadeStyle(
+        wall=FacadeTexture.RENDER,
+        colour=colour,
+        trim=(0.2, 0.2, 0.2),
+        plinth=_dark(colour),
+        storey_m=6.0,
+        bay_m=3.0,
+        windows=None,
+        ground=GroundFloor.GARAGE,
+        roof=Roof.FLAT,
+        covering=FacadeTexture.FELT,
+        covering_colour=(1.0, 1.0, 1.0),
+        pitch_rad=0.0,
+        cornice=False,
+    )
 
 
-def _tower(rng: np.random.Generator) -> Style:
+def _tower(rng: np.random.Generator) -> FacadeStyle:
     colour = _pick(((0.52, 0.48, 0.40), (0.60, 0.57, 0.50)), rng)
-    return Style(
-        wall=Layer.STONE, colour=colour, trim=_dark(colour, 0.8), plinth=_dark(colour, 0.7), storey_m=9.0, bay_m=7.0,
-        windows=Windows(Layer.WINDOWS, (11,), 0.16, 0.3, 0.4, 0.25, True), ground=Ground.LOBBY, roof=Roof.PITCHED,
-        covering=Layer.SLATE, covering_colour=(1.0, 1.0, 1.0), pitch_rad=float(np.radians(58)), cornice=True,
-    )  # fmt: skip
+    return FacadeStyle(
+        wall=FacadeTexture.STONE,
+        colour=colour,
+        trim=_dark(colour, 0.8),
+        plinth=_dark(colour, 0.7),
+        storey_m=9.0,
+        bay_m=7.0,
+        windows=Windows(FacadeTexture.WINDOWS, (11,), 0.16, 0.3, 0.4, 0.25, True),
+        ground=GroundFloor.LOBBY,
+        roof=Roof.PITCHED,
+        covering=FacadeTexture.SLATE,
+        covering_colour=(1.0, 1.0, 1.0),
+        pitch_rad=float(np.radians(58)),
+        cornice=True,
+    )

@@ -7,8 +7,8 @@ import numpy as np
 
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.buildings.faces import Faces
-from pavetwin.scene.buildings.layers import CELL_M, CELLS, FACADE_REPEAT_M, Layer
-from pavetwin.scene.buildings.styles import Ground, Style, Windows
+from pavetwin.scene.buildings.layers import CELL_M, CELLS, FACADE_REPEAT_M, FacadeTexture
+from pavetwin.scene.buildings.styles import FacadeStyle, GroundFloor, Windows
 
 SHORTEST_M = 1.3
 """A shorter wall has no openings."""
@@ -64,12 +64,12 @@ class Wall:
         return np.concatenate([flat, np.broadcast_to(z, u.shape)[..., None]], axis=-1)
 
 
-def build_wall(faces: Faces, wall: Wall, style: Style, rng: np.random.Generator) -> None:
+def build_wall(faces: Faces, wall: Wall, style: FacadeStyle, rng: np.random.Generator) -> None:
     """Add one wall with all that is in it."""
     floors = _floors(style, wall.top_m)
     bays = _bays(style, wall)
     colour = np.array(style.colour)
-    plinth = 0.0 if style.ground is Ground.SHOP and wall.front else min(PLINTH_M, 0.2 * wall.top_m)
+    plinth = 0.0 if style.ground is GroundFloor.SHOP and wall.front else min(PLINTH_M, 0.2 * wall.top_m)
     if plinth and not wall.party:
         _plinth(faces, wall, style, plinth)
     if wall.party or not len(bays):
@@ -88,10 +88,10 @@ def build_wall(faces: Faces, wall: Wall, style: Style, rng: np.random.Generator)
         _moulding(faces, wall, style, floors[0][1], 0.10, 0.16)
 
 
-def _floors(style: Style, top_m: float) -> list[tuple[float, float]]:
+def _floors(style: FacadeStyle, top_m: float) -> list[tuple[float, float]]:
     """Bottom and top of each storey; what is left below the eaves is plain wall."""
     usable = top_m - (0.25 if style.windows else 0.0)
-    first = {Ground.SHOP: SHOP_M, Ground.LOBBY: LOBBY_M}.get(style.ground, style.storey_m)
+    first = {GroundFloor.SHOP: SHOP_M, GroundFloor.LOBBY: LOBBY_M}.get(style.ground, style.storey_m)
     if usable < 1.35 * first:
         return [(0.0, usable)]
     above = max(1, round((usable - first) / style.storey_m))
@@ -99,11 +99,13 @@ def _floors(style: Style, top_m: float) -> list[tuple[float, float]]:
     return [(0.0, first), *((first + k * height, first + (k + 1) * height) for k in range(above))]
 
 
-def _bays(style: Style, wall: Wall) -> Float64Array:
+def _bays(style: FacadeStyle, wall: Wall) -> Float64Array:
     """(n, 2) beginning and end of each bay; none where the wall is too short."""
     margin = min(MARGIN_M, MARGIN_SHARE * wall.length_m)
     room = wall.length_m - 2 * margin
-    if wall.length_m < SHORTEST_M or (style.windows is None and not (wall.front and style.ground is Ground.GARAGE)):
+    if wall.length_m < SHORTEST_M or (
+        style.windows is None and not (wall.front and style.ground is GroundFloor.GARAGE)
+    ):
         return np.empty((0, 2))
     count = max(1, round(room / style.bay_m))
     edges = margin + room / count * np.arange(count + 1)
@@ -111,7 +113,7 @@ def _bays(style: Style, wall: Wall) -> Float64Array:
 
 
 def _ground_floor(
-    faces: Faces, wall: Wall, style: Style, bays: Float64Array, low: float, high: float, rng: np.random.Generator
+    faces: Faces, wall: Wall, style: FacadeStyle, bays: Float64Array, low: float, high: float, rng: np.random.Generator
 ) -> None:
     """The ground floor: on the front a door, shop windows or gates; windows elsewhere."""
     own = np.zeros(len(bays), dtype=bool)
@@ -120,8 +122,8 @@ def _ground_floor(
         door = int(rng.integers(len(bays)))
         own[door] = True
         at = bays[door : door + 1]
-        if style.ground in (Ground.GARAGE, Ground.HALL):
-            cell = int(rng.integers(8, 12) if style.ground is Ground.GARAGE else rng.integers(12, 16))
+        if style.ground in (GroundFloor.GARAGE, GroundFloor.HALL):
+            cell = int(rng.integers(8, 12) if style.ground is GroundFloor.GARAGE else rng.integers(12, 16))
             wide = min(float(at[0, 1] - at[0, 0]) - 0.3, 3.6)
             _openings(
                 faces,
@@ -131,22 +133,24 @@ def _ground_floor(
                 low,
                 high,
                 Windows(
-                    Layer.DOORS,
+                    FacadeTexture.DOORS,
                     (cell,),
                     wide / float(at[0, 1] - at[0, 0]),
-                    min(0.88, (2.3 if style.ground is Ground.GARAGE else 3.2) / height),
+                    min(0.88, (2.3 if style.ground is GroundFloor.GARAGE else 3.2) / height),
                     0.0,
                     0.15,
                     False,
                 ),
                 rng,
             )
-        elif style.ground is Ground.SHOP:
+        elif style.ground is GroundFloor.SHOP:
             own[:] = True
             _shop(faces, wall, style, bays, low, high, door, rng)
         else:
-            wide = min(0.8, (1.1 if style.ground is Ground.HOME else 2.0) / float(at[0, 1] - at[0, 0]))
-            look = Windows(Layer.DOORS, (int(rng.integers(8)),), wide, min(0.85, 2.2 / height), 0.0, 0.25, False)
+            wide = min(0.8, (1.1 if style.ground is GroundFloor.HOME else 2.0) / float(at[0, 1] - at[0, 0]))
+            look = Windows(
+                FacadeTexture.DOORS, (int(rng.integers(8)),), wide, min(0.85, 2.2 / height), 0.0, 0.25, False
+            )
             _openings(faces, wall, style, at, low, high, look, rng)
     _storey(faces, wall, style, style.windows, bays[~own], low, high, rng)
 
@@ -154,7 +158,7 @@ def _ground_floor(
 def _shop(
     faces: Faces,
     wall: Wall,
-    style: Style,
+    style: FacadeStyle,
     bays: Float64Array,
     low: float,
     high: float,
@@ -167,10 +171,17 @@ def _shop(
     cells = tuple(int(n) for n in rng.integers(8, 16, 4))
     top = 2.75 / height
     _openings(
-        faces, wall, style, panes, low, high, Windows(Layer.GLAZING, cells, 0.9, top - 0.1, 0.1, 0.12, False), rng
+        faces,
+        wall,
+        style,
+        panes,
+        low,
+        high,
+        Windows(FacadeTexture.GLAZING, cells, 0.9, top - 0.1, 0.1, 0.12, False),
+        rng,
     )
     wide = min(0.7, 1.2 / float(bays[door, 1] - bays[door, 0]))
-    look = Windows(Layer.DOORS, (1, 3, 5, 7), wide, 2.4 / height, 0.0, 0.3, False)
+    look = Windows(FacadeTexture.DOORS, (1, 3, 5, 7), wide, 2.4 / height, 0.0, 0.3, False)
     _openings(faces, wall, style, bays[door : door + 1], low, high, look, rng)
     hue = rng.uniform(0.02, 0.35, 3) * float(rng.uniform(0.4, 1.0))
     u, z = np.array([bays[0, 0], bays[-1, 1]]), np.array([low + 2.85, low + 3.4])
@@ -180,7 +191,7 @@ def _shop(
 def _storey(
     faces: Faces,
     wall: Wall,
-    style: Style,
+    style: FacadeStyle,
     look: Windows | None,
     bays: Float64Array,
     low: float,
@@ -197,7 +208,7 @@ def _storey(
 def _openings(
     faces: Faces,
     wall: Wall,
-    style: Style,
+    style: FacadeStyle,
     bays: Float64Array,
     low: float,
     high: float,
@@ -244,7 +255,7 @@ def _cell_uv(cells: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Float64Array:
 def _panels(
     faces: Faces,
     wall: Wall,
-    layer: Layer,
+    layer: FacadeTexture,
     left: Float64Array,
     right: Float64Array,
     low: Float64Array,
@@ -270,7 +281,14 @@ def _shade(z: Float64Array, top_m: float) -> Float64Array:
 
 
 def _plain(
-    faces: Faces, wall: Wall, style: Style, left: float, right: float, low: float, high: float, colour: Float64Array
+    faces: Faces,
+    wall: Wall,
+    style: FacadeStyle,
+    left: float,
+    right: float,
+    low: float,
+    high: float,
+    colour: Float64Array,
 ) -> None:
     cuts = [low, *(cut for cut in (1.5, wall.top_m - 0.8) if low < cut < high), high]
     for bottom, top in zip(sorted(cuts)[:-1], sorted(cuts)[1:], strict=True):
@@ -281,7 +299,7 @@ def _plain(
 def _reveals(
     faces: Faces,
     wall: Wall,
-    style: Style,
+    style: FacadeStyle,
     u0: Float64Array,
     u1: Float64Array,
     z0: Float64Array,
@@ -290,8 +308,8 @@ def _reveals(
 ) -> None:
     """The four sides between the wall's face and what fills the opening; the upper one lies in shade."""
     near, far = 0.0, depth
-    plain = Layer.PLAIN
-    colour = np.array(style.colour if style.wall is not Layer.BRICK else (0.24, 0.12, 0.08)) * 0.85
+    plain = FacadeTexture.PLAIN
+    colour = np.array(style.colour if style.wall is not FacadeTexture.BRICK else (0.24, 0.12, 0.08)) * 0.85
     for (ua, za), (ub, zb), dark in (
         ((u0, z0), (u0, z1), 0.75),
         ((u1, z1), (u1, z0), 0.75),
@@ -303,12 +321,12 @@ def _reveals(
         faces.quads(plain, wall.points(u, z, depths), colour * dark, roughness=0.9)
 
 
-def _plinth(faces: Faces, wall: Wall, style: Style, height: float) -> None:
+def _plinth(faces: Faces, wall: Wall, style: FacadeStyle, height: float) -> None:
     """A darker band along the foot of the wall, two centimetres proud of it."""
     _slab(faces, wall, np.array([0.0, wall.length_m]), np.array([0.0, height]), 0.02, np.array(style.plinth), 0.9)
 
 
-def _moulding(faces: Faces, wall: Wall, style: Style, z: float, out: float, high: float) -> None:
+def _moulding(faces: Faces, wall: Wall, style: FacadeStyle, z: float, out: float, high: float) -> None:
     _slab(
         faces,
         wall,
@@ -335,4 +353,4 @@ def _slab(
     )
     corners = np.stack([wall.points(np.array(us), np.array(zs), np.array(ds)) for us, zs, ds, _ in sides])
     shades = np.array([shade for *_, shade in sides])[:, None, None]
-    faces.quads(Layer.PLAIN, corners, np.clip(colour * shades, 0, 0.9), roughness=roughness)
+    faces.quads(FacadeTexture.PLAIN, corners, np.clip(colour * shades, 0, 0.9), roughness=roughness)

@@ -1,5 +1,5 @@
 """A world as one file that Blender, game engines and web pages open."""
 
-from pavetwin.scene.export.write import Exported, Moment, estimate, export_scene, tiles_of, usual_texel_m
+from pavetwin.scene.export.write import ExportSummary, TrafficSnapshot, estimate, export_scene, tiles_of, usual_texel_m
 
-__all__ = ["Exported", "Moment", "estimate", "export_scene", "tiles_of", "usual_texel_m"]
+__all__ = ["ExportSummary", "TrafficSnapshot", "estimate", "export_scene", "tiles_of", "usual_texel_m"]

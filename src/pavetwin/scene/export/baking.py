@@ -21,7 +21,7 @@ MOST_POINTS = 1 << 19
 
 
 @dataclass(frozen=True)
-class Picture:
+class BakedTexture:
     """What a surface looks like from above; both (rows, cols, 3) uint8."""
 
     colour: UInt8Array
@@ -37,7 +37,7 @@ def jpeg(pixels: UInt8Array, quality: int) -> bytes:
     return stream.getvalue()
 
 
-def bake_tile(tile: Tile, maps: MapPyramids, texel_m: float) -> Picture:
+def bake_tile(tile: Tile, maps: MapPyramids, texel_m: float) -> BakedTexture:
     """The ground of a tile from above, `texel_m` metres a texel."""
     side = max(4, round(TILE_M / texel_m))
     which = _triangle_seen(tile.ground, side)
@@ -46,7 +46,7 @@ def bake_tile(tile: Tile, maps: MapPyramids, texel_m: float) -> Picture:
     for first in range(0, side, rows):
         strip = slice(first, min(first + rows, side))
         colour[strip], normal[strip] = _strip(tile, maps, which[strip], first)
-    return Picture(np.ascontiguousarray(colour[::-1]), np.ascontiguousarray(normal[::-1]))
+    return BakedTexture(np.ascontiguousarray(colour[::-1]), np.ascontiguousarray(normal[::-1]))
 
 
 def _strip(tile: Tile, maps: MapPyramids, which: Int32Array, first: int) -> tuple[UInt8Array, UInt8Array]:
@@ -66,7 +66,7 @@ def _strip(tile: Tile, maps: MapPyramids, which: Int32Array, first: int) -> tupl
     return _coded(colour.reshape(rows, side, 3), normal.reshape(rows, side, 3))
 
 
-def bake_patch(patch: DefectPatch, origin: tuple[float, float], maps: MapPyramids, texel_m: float) -> Picture:
+def bake_patch(patch: DefectPatch, origin: tuple[float, float], maps: MapPyramids, texel_m: float) -> BakedTexture:
     """The pavement over a patch's maps, with the defect's reflectance and normals.
 
     Args:
@@ -92,7 +92,7 @@ def bake_patch(patch: DefectPatch, origin: tuple[float, float], maps: MapPyramid
     normal = total / np.linalg.norm(total, axis=-1, keepdims=True)
     albedo = np.clip(seen.albedo * (relief[..., 2:3] / 128) * (relief[..., 3:4] / 255), 0, 1).astype(np.float32)
     colour, bent_normal = _coded(albedo, normal.astype(np.float32))
-    return Picture(np.ascontiguousarray(colour[::-1]), np.ascontiguousarray(bent_normal[::-1]))
+    return BakedTexture(np.ascontiguousarray(colour[::-1]), np.ascontiguousarray(bent_normal[::-1]))
 
 
 def _extent(patch: DefectPatch) -> tuple[Float64Array, Float64Array]:
@@ -148,6 +148,6 @@ def _uv_maps(piece: GroundPiece) -> Float64Array:
 
 
 def _coded(albedo: Float32Array, normal: Float32Array) -> tuple[UInt8Array, UInt8Array]:
-    """Linear reflectance and unit normals as a `Picture` holds them."""
+    """Linear reflectance and unit normals as a `BakedTexture` holds them."""
     colour = np.round(255 * srgb_of_linear(albedo)).astype(np.uint8)
     return colour, np.round(np.clip(normal, -1, 1) * 127 + 128).astype(np.uint8)

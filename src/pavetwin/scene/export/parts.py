@@ -9,8 +9,8 @@ import numpy as np
 from PIL import Image
 
 from pavetwin.arrays import Float64Array, FloatArray, UInt8Array, UInt32Array
-from pavetwin.scene.buildings import FACADE_REPEAT_M, Layer
-from pavetwin.scene.export.baking import QUALITY_COLOUR, QUALITY_NORMAL, Picture, bake_patch, bake_tile, jpeg
+from pavetwin.scene.buildings import FACADE_REPEAT_M, FacadeTexture
+from pavetwin.scene.export.baking import QUALITY_COLOUR, QUALITY_NORMAL, BakedTexture, bake_patch, bake_tile, jpeg
 from pavetwin.scene.export.shared import SharedModels, attributes_of, indices_of
 from pavetwin.scene.glb import TO_FILE, GlbWriter
 from pavetwin.scene.ground.compose import MapPyramids
@@ -22,11 +22,11 @@ PATCH_FINER: Final = 0.25
 """Texels of defects are this share of the ground's, down to those of their maps."""
 
 _ROUGH_GROUND: Final = 0.92
-_GLASSY: Final = frozenset({Layer.WINDOWS, Layer.GLAZING, Layer.DOORS})
+_GLASSY: Final = frozenset({FacadeTexture.WINDOWS, FacadeTexture.GLAZING, FacadeTexture.DOORS})
 
 
 @dataclass
-class Parts:
+class SceneWriter:
     """What was written already, so that it is written once."""
 
     writer: GlbWriter
@@ -52,7 +52,7 @@ class Parts:
         children += [self.instance(instance) for instance in tile.instances]
         return self.writer.node(name=f"tile {tile.key[0]} {tile.key[1]}", children=children)
 
-    def _patch(self, patch: DefectPatch, picture: Picture) -> int:
+    def _patch(self, patch: DefectPatch, picture: BakedTexture) -> int:
         """The node of a defect's patch, or of the part of it that lies on one tile."""
         if patch.mesh.uv is None:
             raise ValueError(f"the patch of defect {patch.label} has no uv")
@@ -72,7 +72,7 @@ class Parts:
         matrix = self._matrix(instance.transform)
         return self.writer.node(name=f"{instance.model} {instance.part}", mesh=mesh, matrix=matrix, **values)
 
-    def _ground(self, tile: Tile, picture: Picture) -> int:
+    def _ground(self, tile: Tile, picture: BakedTexture) -> int:
         mesh = merged([piece.mesh for piece in tile.ground])
         uv = np.stack([mesh.positions[:, 0] / TILE_M, 1 - mesh.positions[:, 1] / TILE_M], axis=1)
         name = f"ground {tile.key[0]} {tile.key[1]}"
@@ -107,11 +107,11 @@ class Parts:
                     values["metallicRoughnessTexture"] = {
                         "index": self.writer.texture(_roughness(texture), "image/png")
                     }
-            name = Layer(layer).name.lower()
+            name = FacadeTexture(layer).name.lower()
             self._layers[layer] = self.writer.material(name=f"facade {name}", pbrMetallicRoughness=values)
         return self._layers[layer]
 
-    def _pictured(self, picture: Picture, name: str) -> int:
+    def _pictured(self, picture: BakedTexture, name: str) -> int:
         """A material from a picture."""
         colour = self.writer.texture(jpeg(picture.colour, QUALITY_COLOUR), "image/jpeg", clamped=True)
         normal = self.writer.texture(jpeg(picture.normal, QUALITY_NORMAL), "image/jpeg", clamped=True)

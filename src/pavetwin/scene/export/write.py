@@ -12,7 +12,7 @@ import shapely
 from pavetwin import __version__
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
-from pavetwin.scene.export.parts import PATCH_FINER, Parts
+from pavetwin.scene.export.parts import PATCH_FINER, SceneWriter
 from pavetwin.scene.glb import LARGEST, GlbWriter
 from pavetwin.scene.model import TILE_M, Instance
 from pavetwin.scene.scene import Scene, keys_of, tile_bounds
@@ -40,7 +40,7 @@ BYTES_A_DEFECT, BYTES_A_TILE, BYTES_OF_MODELS = 40_000, 150_000, 2_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class TrafficSnapshot:
     """Traffic to be shown as it is at a time."""
 
     recording: Recording
@@ -48,7 +48,7 @@ class Moment:
 
 
 @dataclass(frozen=True, slots=True)
-class Exported:
+class ExportSummary:
     """What a file holds."""
 
     tiles: int
@@ -109,9 +109,9 @@ def export_scene(
     *,
     bounds: Bounds | None = None,
     texel_m: float | None = None,
-    moment: Moment | None = None,
+    moment: TrafficSnapshot | None = None,
     on_progress: Callable[[float], None] = lambda _: None,
-) -> Exported:
+) -> ExportSummary:
     """Write a scene to a .glb file, whole or not at all.
 
     The file's origin is the middle of what it holds, given to readers as `extras.origin_m` of the asset.
@@ -142,7 +142,7 @@ def export_scene(
         writer = GlbWriter(spool)
         columns, rows = zip(*keys, strict=True)
         middle = ((min(columns) + max(columns) + 1) * TILE_M / 2, (min(rows) + max(rows) + 1) * TILE_M / 2)
-        parts = Parts(writer, scene.models, scene.facade_textures, middle, scene.world.defects)
+        parts = SceneWriter(writer, scene.models, scene.facade_textures, middle, scene.world.defects)
         roots = []
         defects: set[int] = set()
         for number, key in enumerate(keys):
@@ -164,7 +164,7 @@ def export_scene(
             }
             writer.finish(file, spool, roots, asset)
         on_progress(1.0)
-    return Exported(
+    return ExportSummary(
         tiles=len(keys),
         defects=len(defects),
         buildings=sum(len(scene.buildings_on(key)) for key in keys),
@@ -175,7 +175,7 @@ def export_scene(
     )
 
 
-def _agents(scene: Scene, keys: Sequence[Key], moment: Moment | None) -> list[Instance]:
+def _agents(scene: Scene, keys: Sequence[Key], moment: TrafficSnapshot | None) -> list[Instance]:
     """Agents and signal heads on the tiles."""
     found = scene.agents(moment.recording if moment else None, moment.time_s if moment else 0.0)
     on = set(keys)

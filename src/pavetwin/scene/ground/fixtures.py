@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import shapely
 
-from pavetwin.scene.ground.layout import Layout
+from pavetwin.scene.ground.layout import SurfaceLayout
 from pavetwin.scene.ground.relief import heights
 from pavetwin.scene.ground.streets import direction
 from pavetwin.seeds import Stream, child
@@ -40,7 +40,7 @@ class Fixture:
     yaw_rad: float
 
 
-def placed(layout: Layout) -> tuple[Fixture, ...]:
+def placed(layout: SurfaceLayout) -> tuple[Fixture, ...]:
     """All flush things of a world; none touches the patch of a defect."""
     found: list[Fixture] = []
     covers = "cover_filled" if layout.chance("covers") < 0.5 else "cover_iron"
@@ -52,7 +52,7 @@ def placed(layout: Layout) -> tuple[Fixture, ...]:
     return tuple(_apart(layout, [*found, *_leaves(layout)]))
 
 
-def _apart(layout: Layout, wanted: Sequence[Fixture]) -> Iterator[Fixture]:
+def _apart(layout: SurfaceLayout, wanted: Sequence[Fixture]) -> Iterator[Fixture]:
     """Those that touch neither an earlier one nor the patch of a defect; leaves may lie on anything but those."""
     taken: Nearby[Fixture] = Nearby(2.0)
     for thing in wanted:
@@ -65,7 +65,7 @@ def _apart(layout: Layout, wanted: Sequence[Fixture]) -> Iterator[Fixture]:
             yield thing
 
 
-def _on_segment(layout: Layout, segment: Segment, covers: str) -> Iterator[Fixture]:
+def _on_segment(layout: SurfaceLayout, segment: Segment, covers: str) -> Iterator[Fixture]:
     rng = child(layout.seed, Stream.SCENE, 4, segment_key(segment))
     length, half = segment.length_m, segment.width_m / 2
     left = float(rng.choice([-0.5, 0.0, 0.5])) * half
@@ -84,7 +84,7 @@ def _on_segment(layout: Layout, segment: Segment, covers: str) -> Iterator[Fixtu
                 yield grate
 
 
-def _on_junction(layout: Layout, junction: Junction, covers: str) -> Iterator[Fixture]:
+def _on_junction(layout: SurfaceLayout, junction: Junction, covers: str) -> Iterator[Fixture]:
     """Where streets meet, so do their sewers and mains."""
     surface = shapely.intersection(layout.road_near(shapely.box(*junction.polygon.bounds)), junction.polygon)
     inner = surface.buffer(-1.0)
@@ -104,7 +104,7 @@ def _beside(segment: Segment, model: str, station: float, left: float, turn: flo
     return Fixture(model, point.x - dy * left, point.y + dx * left, 0.0, float(np.arctan2(dy, dx)) + turn)
 
 
-def _grate(layout: Layout, wanted: Fixture) -> Fixture | None:
+def _grate(layout: SurfaceLayout, wanted: Fixture) -> Fixture | None:
     """A grate beside the nearest kerb; None where there is no straight kerb near."""
     piece = int(layout.edges.tree.nearest(shapely.Point(wanted.x, wanted.y)))
     line = layout.edges.pieces[piece]
@@ -118,7 +118,7 @@ def _grate(layout: Layout, wanted: Fixture) -> Fixture | None:
     return Fixture("grate", x, y, 0.0, float(np.arctan2(dy, dx))) if kerbed else None
 
 
-def _leaves(layout: Layout) -> Iterator[Fixture]:
+def _leaves(layout: SurfaceLayout) -> Iterator[Fixture]:
     """Heaps of leaves on level ground about trees."""
     trees = layout.trees.shapes
     if not len(trees):

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 
 from pavetwin.arrays import Float64Array
-from pavetwin.scene.ground.layout import Layout
+from pavetwin.scene.ground.layout import SurfaceLayout
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Junction
 
@@ -17,7 +17,9 @@ SEALED_M2: Final = 110.0
 """Of carriageway to one sealed crack."""
 
 
-def mended(layout: Layout, junction: Junction) -> tuple[list[tuple[float, ...]], list[float], list[Float64Array]]:
+def mended(
+    layout: SurfaceLayout, junction: Junction
+) -> tuple[list[tuple[float, ...]], list[float], list[Float64Array]]:
     """Patches of a junction, as bars, their tones, and the lines of its sealed cracks, (n, 2) each, world frame."""
     area = shapely.intersection(layout.road_near(shapely.box(*junction.polygon.bounds)), junction.polygon)
     inner = area.buffer(-0.8)

@@ -60,7 +60,7 @@ class SpatialIndex:
 
 
 @dataclass(frozen=True)
-class Layout:
+class SurfaceLayout:
     """A world's surfaces. The shapes are in the world frame, in metres."""
 
     world: World

@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.ageing import Ageing
 from pavetwin.scene.ground.arrows import arrow
-from pavetwin.scene.ground.layout import Layout
+from pavetwin.scene.ground.layout import SurfaceLayout
 from pavetwin.scene.ground.painter import Paint, Painter
 from pavetwin.scene.ground.rules import MarkingRules
 from pavetwin.scene.ground.streets import Street, direction
@@ -41,13 +41,13 @@ CROSSING_KERB_M: Final = 4.5
 """Both ends of a crossing lie at most this far from the kerb, which is rounded away where two streets meet."""
 
 
-def markings(plan: Layout) -> Paint:
+def markings(plan: SurfaceLayout) -> Paint:
     """All paint of a world."""
     return _Marker(plan).paint()
 
 
 class _Marker:
-    def __init__(self, plan: Layout) -> None:
+    def __init__(self, plan: SurfaceLayout) -> None:
         self.plan = plan
         self.rules: MarkingRules = plan.rules
         self.painter = Painter()
@@ -235,7 +235,7 @@ def _side(street: Street) -> float:
     return -1.0 if street.left_hand else 1.0
 
 
-def _approaches(plan: Layout) -> dict[str, tuple[Approach, frozenset[Turn]]]:
+def _approaches(plan: SurfaceLayout) -> dict[str, tuple[Approach, frozenset[Turn]]]:
     """Every lane that ends at a junction, and which ways lead on from it."""
     found: dict[str, tuple[Approach, frozenset[Turn]]] = {}
     for path in plan.paths:

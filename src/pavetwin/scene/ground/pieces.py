@@ -7,13 +7,13 @@ import shapely
 from shapely import LineString
 
 from pavetwin.arrays import Float32Array, Float64Array, Int64Array, UInt32Array
-from pavetwin.scene.ground.layout import Layout, tile_box
+from pavetwin.scene.ground.layout import SurfaceLayout, tile_box
 from pavetwin.scene.ground.regions import Face, faces_of
 from pavetwin.scene.ground.relief import PROFILE, Relief
 from pavetwin.scene.model import TILE_M, GroundKind, GroundPiece, Mesh
 
 
-def ground_pieces(plan: Layout, key: tuple[int, int]) -> tuple[GroundPiece, ...]:
+def ground_pieces(plan: SurfaceLayout, key: tuple[int, int]) -> tuple[GroundPiece, ...]:
     """The meshes of a tile's ground, in the tile's frame, in the order of their kinds."""
     relief = Relief(plan, tile_box(key))
     faces = faces_of(plan, key, relief)
@@ -25,7 +25,7 @@ def ground_pieces(plan: Layout, key: tuple[int, int]) -> tuple[GroundPiece, ...]
     return tuple(pieces)
 
 
-def _mesh(plan: Layout, key: tuple[int, int], relief: Relief, kind: GroundKind, faces: Sequence[Face]) -> Mesh:
+def _mesh(plan: SurfaceLayout, key: tuple[int, int], relief: Relief, kind: GroundKind, faces: Sequence[Face]) -> Mesh:
     corners, face = _triangles(faces)
     flat = corners.reshape(-1, 2)
     unique, back = np.unique(flat, axis=0, return_inverse=True)
@@ -55,7 +55,7 @@ def _triangles(faces: Sequence[Face]) -> tuple[Float64Array, Int64Array]:
 
 
 def _coordinates(
-    plan: Layout, kind: GroundKind, faces: Sequence[Face], corners: Float64Array, face: Int64Array
+    plan: SurfaceLayout, kind: GroundKind, faces: Sequence[Face], corners: Float64Array, face: Int64Array
 ) -> Float64Array:
     """Where each corner (n, 3) lies in its detail, metres (n, 3, 2)."""
     if kind is GroundKind.KERB:
@@ -71,7 +71,7 @@ def _coordinates(
     return uv
 
 
-def _on_kerb(plan: Layout, corners: Float64Array) -> Float64Array:
+def _on_kerb(plan: SurfaceLayout, corners: Float64Array) -> Float64Array:
     """Along the carriageway's edge, and up the section and over its top, for the corners (n, 3, 2) of triangles.
 
     In gutters the second is the way to the edge, below 0.

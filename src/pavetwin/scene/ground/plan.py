@@ -12,7 +12,7 @@ from shapely.ops import substring
 
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.fixtures import Fixture, placed
-from pavetwin.scene.ground.layout import Layout, SpatialIndex, road_of
+from pavetwin.scene.ground.layout import SpatialIndex, SurfaceLayout, road_of
 from pavetwin.scene.ground.markings import markings
 from pavetwin.scene.ground.painter import Paint
 from pavetwin.scene.ground.raster import boxes_of
@@ -24,7 +24,7 @@ WIDENED_M: Final = 3.0
 """How far from a street or junction the carriageway is still counted to it."""
 
 
-class GroundPlan(Layout):
+class GroundPlan(SurfaceLayout):
     """A world's surfaces and all marks on them, each made when it is first asked for."""
 
     @cached_property

@@ -9,7 +9,7 @@ from shapely import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float64Array
-from pavetwin.scene.ground.layout import Layout, tile_box
+from pavetwin.scene.ground.layout import SurfaceLayout, tile_box
 from pavetwin.scene.ground.relief import (
     DROP_FAR_M,
     DROP_NEAR_M,
@@ -55,7 +55,7 @@ class Face:
     """Whether a tree stands in it."""
 
 
-def faces_of(plan: Layout, key: tuple[int, int], relief: Relief) -> list[Face]:
+def faces_of(plan: SurfaceLayout, key: tuple[int, int], relief: Relief) -> list[Face]:
     """The faces of a tile: together with the holes they cover it exactly."""
     box = tile_box(key)
     wide = tile_box(key, _PAD_M)
@@ -70,7 +70,7 @@ def faces_of(plan: Layout, key: tuple[int, int], relief: Relief) -> list[Face]:
 class _Cut:
     """The lines of a tile and the names of what lies between them."""
 
-    def __init__(self, plan: Layout, box: Polygon, wide: Polygon, relief: Relief) -> None:
+    def __init__(self, plan: SurfaceLayout, box: Polygon, wide: Polygon, relief: Relief) -> None:
         self.plan = plan
         self.box = box
         self.wide = wide
@@ -217,7 +217,7 @@ def _without_specks(faces: list[Face], box: Polygon) -> list[Face]:
     ]
 
 
-def _tree_pits(plan: Layout, wide: Polygon, paved: BaseGeometry) -> BaseGeometry:
+def _tree_pits(plan: SurfaceLayout, wide: Polygon, paved: BaseGeometry) -> BaseGeometry:
     """Squares of earth about trees in sidewalks, square to the walk."""
     pits: list[BaseGeometry] = []
     for tree in plan.trees.at(wide):

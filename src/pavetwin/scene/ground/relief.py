@@ -8,7 +8,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float64Array, GeometryArray
-from pavetwin.scene.ground.layout import Layout
+from pavetwin.scene.ground.layout import SurfaceLayout
 
 KERB_M: Final = 0.12
 """Height of a kerb; 10 to 15 cm are usual (RASt 06: 12 cm)."""
@@ -39,7 +39,7 @@ EXACT_M: Final = 1e-7
 class Relief:
     """The height of the ground in one neighbourhood."""
 
-    def __init__(self, plan: Layout, near: shapely.Polygon) -> None:
+    def __init__(self, plan: SurfaceLayout, near: shapely.Polygon) -> None:
         reach = near.buffer(2 * KERBED_FAR_M + 1.0, join_style="mitre")
         self.road: BaseGeometry = plan.road_near(reach)
         self._walks = shapely.union_all([*plan.sidewalks.at(reach), *plan.corners.at(reach)])
@@ -62,7 +62,7 @@ class Relief:
         return DROPPED + (1.0 - DROPPED) * _ramp(_distance(points, self._crossings), DROP_NEAR_M, DROP_FAR_M)
 
 
-def heights(plan: Layout, xy: npt.ArrayLike) -> Float64Array:
+def heights(plan: SurfaceLayout, xy: npt.ArrayLike) -> Float64Array:
     """Height of the ground [m] at points (n, 2), world frame: what stands there stands on it."""
     points = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
     if not len(points):

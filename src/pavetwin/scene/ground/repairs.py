@@ -15,7 +15,7 @@ import shapely
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.fixtures import Fixture
 from pavetwin.scene.ground.junction_repairs import mended
-from pavetwin.scene.ground.layout import Layout
+from pavetwin.scene.ground.layout import SurfaceLayout
 from pavetwin.scene.ground.seals import clear_of_defects, wander, wavering
 from pavetwin.scene.ground.streets import Street
 from pavetwin.seeds import Stream, child
@@ -61,7 +61,7 @@ class Repairs:
     """Tyre marks: line and strength."""
 
 
-def repairs(plan: Layout, fixtures: Sequence[Fixture]) -> Repairs:
+def repairs(plan: SurfaceLayout, fixtures: Sequence[Fixture]) -> Repairs:
     """The marks of all segments and lanes, and around manholes and gullies."""
     found = Repairs()
     for street in plan.streets:
@@ -82,7 +82,7 @@ def repairs(plan: Layout, fixtures: Sequence[Fixture]) -> Repairs:
     return found
 
 
-def _around(plan: Layout, fixture: Fixture, found: Repairs) -> None:
+def _around(plan: SurfaceLayout, fixture: Fixture, found: Repairs) -> None:
     """What was mended and sealed about a cover, and the damp about a grate."""
     rng = child(plan.seed, Stream.SCENE, 6, plan.name_hash(f"{fixture.x:.2f} {fixture.y:.2f}"))
     at = np.array([fixture.x, fixture.y])
@@ -105,7 +105,7 @@ def _around(plan: Layout, fixture: Fixture, found: Repairs) -> None:
 class _OnSegment:
     """The marks of one segment, drawn in coordinates along its centre line and to its left."""
 
-    def __init__(self, plan: Layout, street: Street, segment: Segment, found: Repairs) -> None:
+    def __init__(self, plan: SurfaceLayout, street: Street, segment: Segment, found: Repairs) -> None:
         self.plan = plan
         self.street = street
         self.found = found
@@ -258,7 +258,7 @@ class _OnSegment:
             self._seal(self._world(along[inside], left[inside]), self._between(*SEAL_HALF_M))
 
 
-def _seal(plan: Layout, found: Repairs, line: Float64Array, half_m: float, gaps: float) -> None:
+def _seal(plan: SurfaceLayout, found: Repairs, line: Float64Array, half_m: float, gaps: float) -> None:
     """A line of bitumen, but not where a defect would vanish under it."""
     for part in clear_of_defects(plan, line):
         found.seals.append(part)
@@ -266,7 +266,7 @@ def _seal(plan: Layout, found: Repairs, line: Float64Array, half_m: float, gaps:
         found.seal_gaps.append(gaps)
 
 
-def _drips(plan: Layout, lane: Lane, found: Repairs) -> None:
+def _drips(plan: SurfaceLayout, lane: Lane, found: Repairs) -> None:
     """Oil along the middle of a lane, thickest where vehicles wait, and the marks of tyres that locked."""
     rng = child(plan.seed, Stream.SCENE, 3, plan.name_hash(lane.id))
     length = lane.length_m

@@ -9,7 +9,7 @@ from shapely import LineString
 from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float64Array
-from pavetwin.scene.ground.layout import Layout
+from pavetwin.scene.ground.layout import SurfaceLayout
 
 CLEAR_OF_DEFECTS_M: Final = 0.03
 """Nothing is sealed this near to the patch of a defect, or it would hide what is looked for."""
@@ -25,7 +25,7 @@ SHORTEST_M: Final = 0.4
 """Shorter remains are left out."""
 
 
-def clear_of_defects(plan: Layout, line: Float64Array) -> Iterator[Float64Array]:
+def clear_of_defects(plan: SurfaceLayout, line: Float64Array) -> Iterator[Float64Array]:
     """The parts of a line (n, 2) that hide no defect, world frame."""
     path = LineString(line)
     near = [hole for hole in plan.holes.at(path, CLEAR_OF_DEFECTS_M) if not _runs_on(path, hole)]

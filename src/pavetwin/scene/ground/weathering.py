@@ -31,7 +31,7 @@ WHEEL_SPREAD_M: Final = 0.24
 
 
 @dataclass(frozen=True)
-class _Ground:
+class _CoarseFields:
     """The slow fields of a tile on half the grid."""
 
     plan: GroundPlan
@@ -100,7 +100,7 @@ class _Ground:
 
 def weathering(plan: GroundPlan, key: tuple[int, int]) -> tuple[UInt8Array, Float32Array]:
     """The map of weathering, (MAP_PX, MAP_PX, 4), and × what paint is worn, (MAP_PX, MAP_PX)."""
-    ground = _Ground(plan, key)
+    ground = _CoarseFields(plan, key)
     raster = RasterGrid(key)
     on_road = _road_share(plan, key, raster)
     mended = _laid(plan, key, raster) * _mended(plan, raster)
@@ -114,7 +114,7 @@ def weathering(plan: GroundPlan, key: tuple[int, int]) -> tuple[UInt8Array, Floa
     return np.asarray(layers + np.float32(0.5), dtype=np.uint8), worn
 
 
-def _road_tone(ground: _Ground) -> Float32Array:
+def _road_tone(ground: _CoarseFields) -> Float32Array:
     """What wheels, rollers and the weather made of it, × its age's tone."""
     plan, tables = ground.plan, ground.tables
     streets = ground.segments
@@ -145,7 +145,7 @@ def _laid(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> Float32
     return np.asarray(image, dtype=np.float32)
 
 
-def _stain(ground: _Ground) -> Float32Array:
+def _stain(ground: _CoarseFields) -> Float32Array:
     """Oil along lanes, rubber across junctions, damp at kerbs, spots anywhere."""
     tables, lanes, edge = ground.tables, ground.lanes, ground.edge
     middle = np.where(lanes.index >= 0, np.exp(-0.5 * (lanes.across / 0.33) ** 2), 0.0)
@@ -163,7 +163,7 @@ def _stain(ground: _Ground) -> Float32Array:
     return np.asarray(stain + spots + faint, dtype=np.float32)
 
 
-def _dust(ground: _Ground) -> Float32Array:
+def _dust(ground: _CoarseFields) -> Float32Array:
     """What water and wind leave along the kerb, and litter under trees."""
     tables, edge = ground.tables, ground.edge
     noise = ground.plane(tables.blotch, 4)
@@ -177,13 +177,13 @@ def _dust(ground: _Ground) -> Float32Array:
     return np.asarray(np.clip(dust, 0.0, 0.85), dtype=np.float32)
 
 
-def _land_tone(ground: _Ground) -> Float32Array:
+def _land_tone(ground: _CoarseFields) -> Float32Array:
     tables = ground.tables
     slow = 0.055 * ground.plane(tables.broad, 5) + 0.022 * ground.plane(tables.blotch, 5)
     return np.asarray(1.0 + slow + 0.012 * ground.plane(tables.fine, 5), dtype=np.float32)
 
 
-def _worn(ground: _Ground) -> Float32Array:
+def _worn(ground: _CoarseFields) -> Float32Array:
     """× the wear of paint: most where wheels run, and by luck."""
     tables = ground.tables
     patchy = 0.16 * ground.plane(tables.blotch, 6) + 0.20 * ground.plane(tables.broad, 6)

@@ -77,7 +77,7 @@ def _panel(axes: Axes, metric: Metric, shown: Sequence[Place], rows: Mapping[Pla
     )  # fmt: skip
 
 
-def _mark(axes: Axes, y: int, row: Row, scale: float, look: style.Look) -> None:
+def _mark(axes: Axes, y: int, row: Row, scale: float, look: style.PolicyStyle) -> None:
     colour = look.colour
     if row["low"] is not None:
         axes.plot([row["low"] * scale, row["high"] * scale], [y, y], color=colour, linewidth=1.3, linestyle=look.dash)

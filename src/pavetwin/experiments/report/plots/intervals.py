@@ -33,7 +33,7 @@ _FROM_ZERO: Final = 0.35
 
 
 @dataclass(frozen=True)
-class Strip:
+class PanelRow:
     """One row of panels: a metric, and where its cells are found."""
 
     metric: Metric
@@ -43,7 +43,7 @@ class Strip:
 
 
 @dataclass(frozen=True)
-class Frame:
+class PanelGrid:
     """What the panels have in common."""
 
     columns: Sequence[Any]
@@ -56,10 +56,10 @@ class Frame:
 def by_altitude(group: Group, metrics: Sequence[Metric], traffics: Sequence[Any]) -> Figure:
     """A row of panels a metric, a column a density, altitude from left to right."""
 
-    def strip(metric: Metric) -> Strip:
-        return Strip(metric, heading(metric), lambda traffic, h, policy: group.cell(metric.name, traffic, h, policy))
+    def strip(metric: Metric) -> PanelRow:
+        return PanelRow(metric, heading(metric), lambda traffic, h, policy: group.cell(metric.name, traffic, h, policy))
 
-    frame = Frame(traffics, traffic_title, group.altitudes, "altitude_m", group.policies)
+    frame = PanelGrid(traffics, traffic_title, group.altitudes, "altitude_m", group.policies)
     return draw(frame, [strip(metric) for metric in metrics])
 
 
@@ -72,11 +72,11 @@ def across(group: Group, factor: str, metric: Metric, traffics: Sequence[Any]) -
     ticks = [levels[factor] for levels in group.study.combinations([factor])]
     by_level = {level: group.at({factor: level}) for level in ticks}
 
-    def strip(altitude: Any) -> Strip:
+    def strip(altitude: Any) -> PanelRow:
         words = f"{level_text('altitude_m', altitude)}\n{heading(metric)}"
-        return Strip(metric, words, lambda t, level, policy: by_level[level].cell(metric.name, t, altitude, policy))
+        return PanelRow(metric, words, lambda t, level, policy: by_level[level].cell(metric.name, t, altitude, policy))
 
-    frame = Frame(traffics, traffic_title, ticks, factor, group.policies)
+    frame = PanelGrid(traffics, traffic_title, ticks, factor, group.policies)
     return draw(frame, [strip(altitude) for altitude in group.altitudes])
 
 
@@ -84,7 +84,7 @@ def traffic_title(traffic: Any) -> str:
     return f"{level_text('traffic', traffic)} traffic".capitalize()
 
 
-def draw(frame: Frame, strips: Sequence[Strip]) -> Figure:
+def draw(frame: PanelGrid, strips: Sequence[PanelRow]) -> Figure:
     with style.styled():
         chosen = looks(frame.policies)
         one_metric = len({strip.metric.name for strip in strips}) == 1
@@ -103,7 +103,7 @@ def draw(frame: Frame, strips: Sequence[Strip]) -> Figure:
     return figure
 
 
-def _panel(axes: Axes, frame: Frame, strip: Strip, column: Any, chosen: Looks) -> None:
+def _panel(axes: Axes, frame: PanelGrid, strip: PanelRow, column: Any, chosen: Looks) -> None:
     axes.grid(axis="x", visible=False)
     for at, policy in enumerate(frame.policies):
         rows = [strip.cell(column, tick, policy) for tick in frame.ticks]
@@ -139,7 +139,7 @@ def _in_order(ticks: Sequence[Any]) -> bool:
     return all(isinstance(tick, int | float) and not isinstance(tick, bool) for tick in ticks)
 
 
-def _scale(axes: Axes, frame: Frame, strips: Sequence[Strip]) -> None:
+def _scale(axes: Axes, frame: PanelGrid, strips: Sequence[PanelRow]) -> None:
     """Logarithmic where values span a wide range; else from 0 where that costs little room. A share ends at 100."""
     metric = strips[0].metric
     places = list(product(frame.columns, frame.ticks, frame.policies))

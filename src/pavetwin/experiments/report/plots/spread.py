@@ -55,7 +55,7 @@ def _panel(axes: Axes, group: Group, metric: Metric, known: pl.DataFrame, chosen
     axes.grid(axis="y", visible=False)
 
 
-def _row(axes: Axes, values: Float64Array, y: float, look: style.Look, *, as_picture: bool) -> None:
+def _row(axes: Axes, values: Float64Array, y: float, look: style.PolicyStyle, *, as_picture: bool) -> None:
     colour = look.colour
     jitter = ((np.arange(len(values)) + 1) * _GOLDEN % 1.0 - 0.5) * 0.62
     axes.plot(

@@ -11,7 +11,7 @@ Box = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True)
-class Piece:
+class InstanceMask:
     """What is seen of one thing in one image."""
 
     label: int
@@ -44,7 +44,7 @@ class Piece:
         return left == 0 or top == 0 or right == size[1] or bottom == size[0]
 
 
-def pieces(labels: UInt32Array) -> list[Piece]:
+def pieces(labels: UInt32Array) -> list[InstanceMask]:
     """Everything that an instance image (height, width) shows, by rising label; 0 is nothing."""
     where = np.flatnonzero(labels)
     if not len(where):
@@ -59,9 +59,9 @@ def pieces(labels: UInt32Array) -> list[Piece]:
     ]
 
 
-def _piece(label: int, places: IndexArray, width: int) -> Piece:
+def _piece(label: int, places: IndexArray, width: int) -> InstanceMask:
     rows, columns = np.divmod(places, width)
     top, bottom, left, right = rows.min(), rows.max() + 1, columns.min(), columns.max() + 1
     bits = np.zeros((bottom - top, right - left), dtype=np.bool_)
     bits[rows - top, columns - left] = True
-    return Piece(label, (int(left), int(top), int(right), int(bottom)), bits)
+    return InstanceMask(label, (int(left), int(top), int(right), int(bottom)), bits)
