@@ -21,11 +21,6 @@ def children(process: int) -> list[int]:
     return sorted(child for child in listed if parent(child) == process)
 
 
-def templates(owner: int) -> list[int]:
-    """What an owner's simulations are forked off; they stay."""
-    return [child for child in children(owner) if b"traffic.template" in command_line(child)]
-
-
 def command_line(process: int) -> bytes:
     """Nothing for one that has ended."""
     try:
@@ -36,7 +31,7 @@ def command_line(process: int) -> bytes:
 
 def simulations(owner: int) -> list[int]:
     """The processes that simulate for an owner."""
-    return [child for template in templates(owner) for child in children(template)]
+    return [child for child in children(owner) if b"traffic.sumo_run" in command_line(child)]
 
 
 def is_gone(process: int) -> bool:

@@ -14,7 +14,7 @@ from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder, record
 from pavetwin.traffic.recording import save_recording
 from pavetwin.world.model import World
-from scenes.processes import is_gone, is_over, simulations, templates
+from scenes.processes import is_gone, is_over, simulations
 from scenes.traffic import ROUTES, SOURCES, bytes_of, scene_world
 
 ENDS_S = (0.5, 7.0, 7.5, 30.0, 90.0)
@@ -101,6 +101,45 @@ def test_a_death_of_sumo_while_it_goes_on_is_one_plain_error(cross: World, place
     assert not list(places.iterdir())
 
 
+def test_simulations_at_the_same_time_share_nothing(cross: World) -> None:
+    with Recorder(Inputs.of(cross, "low", 1)) as first, Recorder(Inputs.of(cross, "low", 2)) as second:
+        first.until(5.0)
+        second.until(5.0)
+        processes = simulations(os.getpid())
+        assert [os.getsid(process) for process in processes] == processes, "each has a session of its own"
+        for process in processes:
+            held = [str(handle.readlink()) for handle in Path(f"/proc/{process}/fd").iterdir()]
+            assert sum(handle.startswith("socket:") for handle in held) == 1, "the connection with its owner"
+        longer = first.until(10.0), second.until(10.0)
+    assert len(processes) == 2
+    for seed, recording in enumerate(longer, start=1):
+        assert recording.same_traffic(record(cross, "low", seed, 10.0, force=True))
+
+
+def test_a_crash_is_told_by_its_signal_and_another_simulation_goes_on(cross: World) -> None:
+    with Recorder(Inputs.of(cross, "low", 1)) as crashing, Recorder(Inputs.of(cross, "low", 2)) as other:
+        other.until(5.0)
+        before = simulations(os.getpid())
+        crashing.until(5.0)
+        (process,) = set(simulations(os.getpid())) - set(before)
+        os.kill(process, signal.SIGSEGV)
+        with pytest.raises(PaveTwinError, match=r"signal 11.*without a word"):
+            crashing.until(10.0)
+        assert simulations(os.getpid()) == before
+        other.until(10.0)
+
+
+def test_a_fork_of_the_owner_leaves_its_simulation_alone(cross: World) -> None:
+    with Recorder(Inputs.of(cross, "low", 1)) as recorder:
+        recorder.until(5.0)
+        fork = os.fork()
+        if fork == 0:
+            recorder._end()
+            os._exit(0)
+        os.waitpid(fork, 0)
+        assert recorder.until(10.0).duration_s == 10.0
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_a_simulation_that_waits_ends_with_its_owner(cross: World, places: Path, number: signal.Signals) -> None:
     script = (
@@ -123,8 +162,8 @@ def test_a_simulation_that_waits_ends_with_its_owner(cross: World, places: Path,
     )
     assert owner.stdout is not None
     assert owner.stdout.readline() == "recorded\n"
-    processes = simulations(owner.pid) + templates(owner.pid)
-    assert len(processes) == 2
+    processes = simulations(owner.pid)
+    assert len(processes) == 1
     assert list(places.iterdir())
     owner.send_signal(number)
     owner.wait(20)

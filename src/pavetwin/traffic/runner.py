@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
@@ -14,7 +16,6 @@ from typing import Final
 from xml.etree import ElementTree
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.traffic.forks import fork
 from pavetwin.traffic.job import Job, Part
 from pavetwin.world.sumo import environment, first_error
 
@@ -55,17 +56,18 @@ class Simulation:
     """SUMO in a process of its own. It stands still between two calls of `record`, and ends with its owner."""
 
     def __init__(self, job: Job) -> None:
-        """Raises:
-        PaveTwinError: no process can be started.
-        """
         self._job, self._words = job, Path(job.folder) / "words.txt"
         self._owner, its_end = Pipe()
+        self._owner_process = os.getpid()
         with its_end, self._words.open("wb") as sink:
-            try:
-                self._process = fork(its_end.fileno(), sink.fileno(), _environment())
-            except BaseException:
-                self._owner.close()
-                raise
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "pavetwin.traffic.sumo_run"],
+                stdin=its_end.fileno(),
+                stdout=sink,
+                stderr=sink,
+                env=_environment(),
+                start_new_session=True,  # Ctrl-C is for the owner, who then ends this process
+            )
         with suppress(ConnectionError):  # `record` says what became of it
             self._owner.send(job)
 
@@ -91,9 +93,16 @@ class Simulation:
         return answer
 
     def end(self) -> None:
-        """End the process, at once where it can be."""
-        self._process.end(GRACE_S)
+        """End the process, at once where it can be. In a fork of its owner nothing happens to it."""
         self._owner.close()
+        if os.getpid() != self._owner_process:
+            return
+        self._process.terminate()
+        try:
+            self._process.wait(GRACE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
 
     def _said(self) -> str:
         return self._words.read_text(errors="replace")
@@ -109,15 +118,13 @@ def simulating(job: Job) -> Iterator[Simulation]:
         simulation.end()
 
 
-def _failure(job: Job, code: int | None, said: str) -> str:
+def _failure(job: Job, code: int, said: str) -> str:
     words = " ".join(first_error(said).split())
     if damage := _damage(Path(job.network)):
         return (
             f"The world's network '{job.network}' is damaged ({damage}); build the world again with "
             "`pavetwin world build … --force`."
         )
-    if code is None:
-        return f"SUMO's process was lost while recording; its last words: {words}"
     if code < 0:
         return f"SUMO crashed while recording (signal {-code}); its last words: {words}"
     if job.routes:

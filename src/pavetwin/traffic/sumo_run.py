@@ -1,14 +1,15 @@
-"""The simulation's own process, forked off a template (see `template`).
+"""The simulation's own process: `python -m pavetwin.traffic.sumo_run`.
 
-SUMO runs here and nowhere else, so that a crash of SUMO ends this process and not the caller's. It holds one end of a
-connection. The owner sends a `Job`, and then, as often as it likes, how many frames it wants: back come shares done,
-now and then, and at last a `Part`. In between SUMO stands still. When the other end is closed, the owner is done or was
-killed: then the job's folder is removed and the process ends.
+SUMO runs here and nowhere else, so that a crash of SUMO ends this process and not the caller's. Its standard input is
+one end of a connection. The owner sends a `Job`, and then, as often as it likes, how many frames it wants: back come
+shares done, now and then, and at last a `Part`. In between SUMO stands still. When the other end is closed, the owner
+is done or was killed: then the job's folder is removed and the process ends.
 """
 
 import shutil
 import sys
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from multiprocessing.connection import Connection
 from typing import Any, Final
 
@@ -144,8 +145,8 @@ class Simulation:
 
 def serve(owner: Connection) -> int:
     """Simulate what the owner asks for. Returns the exit code: 0 the owner is done or gone, 1 SUMO refused."""
-    import libsumo
-
+    with redirect_stdout(None):  # what the module prints when it is imported is not SUMO's
+        import libsumo
     try:
         job: Job = owner.recv()
     except (EOFError, ConnectionError):
@@ -160,3 +161,7 @@ def serve(owner: Connection) -> int:
     except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
         print("Error:", " ".join(str(error).split()), file=sys.stderr)
         return 1
+
+
+if __name__ == "__main__":
+    sys.exit(serve(Connection(sys.stdin.fileno())))
