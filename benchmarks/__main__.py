@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks import defects, frames, growing, machine, missions, streets, studies, worlds
+from benchmarks import defects, frames, growing, machine, missions, startup, streets, studies, worlds
 from benchmarks.measure import Line
 from benchmarks.table import as_json, notes, table
 from pavetwin.cli.console import counting, fail, out
@@ -41,6 +41,8 @@ def measure(world_folder: Path | None, size: Size, folder: Path, begin: Callable
         load_world(world_folder)  # refused now rather than after the first measurements
         # A copy: the user's own recordings are neither used nor replaced.
         world_folder = Path(shutil.copytree(world_folder, folder / "world", ignore=shutil.ignore_patterns("traffic")))
+    begin("starting")
+    yield from startup.lines(size.runs)
     begin("NavMesh")
     yield from streets.lines(quick)
     begin("world")
@@ -71,7 +73,7 @@ def measure(world_folder: Path | None, size: Size, folder: Path, begin: Callable
     yield from worlds.record_crowd(folder / "random", size.crowd_s)
 
 
-PARTS = 11
+PARTS = 12
 
 
 def main(arguments: list[str]) -> int:

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from benchmarks import machine, streets
+from benchmarks import machine, startup, streets
 from benchmarks.__main__ import main
 from benchmarks.measure import Kind, Line, median_s
 from benchmarks.table import as_json, notes, table
@@ -51,6 +51,13 @@ def test_streets_are_measured_and_tabled() -> None:
     assert shown.count(" yes ") == 3
     assert notes(lines)[0].startswith("[1] 20 streets")
     assert json.loads(json.dumps(as_json(machine.describe(), lines)))["lines"][0]["reached"] is True
+
+
+def test_starting_is_measured_in_processor_time() -> None:
+    lines = list(startup.lines(runs=1))
+    assert [line.what for line in lines] == ["pavetwin --version", "pavetwin fly, a misspelt world", "import pavetwin"]
+    assert all(line.value > 0 for line in lines)
+    assert [line.target for line in lines] == [0.2, 0.5, None]
 
 
 def test_a_world_that_is_not_there_is_one_plain_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

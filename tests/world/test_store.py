@@ -12,8 +12,9 @@ import yaml
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.build import BuildOptions, build_world
+from pavetwin.world.folder import FILES, check_target
 from pavetwin.world.model import Furniture, FurnitureKind, World
-from pavetwin.world.store import FILES, check_target, load_record, load_world, save_world
+from pavetwin.world.store import load_record, load_world, save_world
 from scenes import built, scene_file
 
 FEW = DefectOptions(per_segment=3)

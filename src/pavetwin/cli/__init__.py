@@ -3,12 +3,14 @@
 import os
 import signal
 import sys
-from importlib.metadata import version
+from importlib import import_module
 from types import FrameType
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
+from typer.main import get_group
 
 from pavetwin.cli.console import fail
 from pavetwin.errors import PaveTwinError
@@ -16,8 +18,32 @@ from pavetwin.errors import PaveTwinError
 INTERRUPTED = 130
 """The exit code after Ctrl-C: of shells, and what typer makes of a KeyboardInterrupt within a command."""
 
+COMMANDS = ("world", "traffic", "fly", "policy", "capture", "experiment", "demo", "doctor")
+"""Each a module of this package with a group `app`, or a function of its own name."""
+
+
+class LateGroup(TyperGroup):
+    """Commands whose modules are loaded when they are asked for; until then only their names are known."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self.commands = {name: TyperCommand(name) for name in COMMANDS}
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        if cmd_name in COMMANDS:
+            module = import_module(f"{__name__}.{cmd_name}")
+            held = typer.Typer(rich_markup_mode="rich")
+            if hasattr(module, "app"):
+                held.add_typer(module.app, name=cmd_name)
+            else:
+                held.command(cmd_name)(getattr(module, cmd_name))
+            self.commands[cmd_name] = get_group(held).commands[cmd_name]
+        return super().get_command(ctx, cmd_name)
+
+
 app = typer.Typer(
     name="pavetwin",
+    cls=LateGroup,
     help="A digital twin for planning UAV pavement inspection over open traffic.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -27,7 +53,9 @@ app = typer.Typer(
 
 def _say_version(asked: bool) -> None:
     if asked:
-        print(f"PaveTwin {version('pavetwin')}")
+        from pavetwin._core import __version__
+
+        print(f"PaveTwin {__version__}")
         raise typer.Exit
 
 
@@ -38,19 +66,6 @@ def _options(
     ] = False,
 ) -> None:
     """What may stand before a command."""
-
-
-def _register() -> None:
-    from pavetwin.cli import capture, demo, doctor, experiment, fly, policy, traffic, world
-
-    app.add_typer(world.app, name="world")
-    app.add_typer(traffic.app, name="traffic")
-    app.command("fly")(fly.fly)
-    app.add_typer(policy.app, name="policy")
-    app.add_typer(capture.app, name="capture")
-    app.add_typer(experiment.app, name="experiment")
-    app.command("demo")(demo.demo)
-    app.command("doctor")(doctor.doctor)
 
 
 class _Terminated(BaseException):
@@ -73,7 +88,6 @@ def main() -> None:
 def _run() -> int:
     try:
         signal.signal(signal.SIGTERM, _terminate)
-        _register()
         code = app(standalone_mode=False)
     except PaveTwinError as error:
         fail(str(error))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from pavetwin.cli.arguments import WorldFolder
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -43,7 +44,7 @@ _UAV_ALTITUDES = (6.0, 10.0, 15.0)
 
 @app.command()
 def make(
-    world: Annotated[Path, typer.Argument(help="Folder of the world.")],
+    world: WorldFolder,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the dataset.")] = None,
     platform: Annotated[str, typer.Option(help="What carries the camera: uav or car.")] = "uav",
     images: Annotated[int, typer.Option(help="How many; a dataset may be given more later.")] = 100,

@@ -6,11 +6,13 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cached_property
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Any, Self
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
 
 PIPE_COLUMNS = 120
 """Width of what goes into a file or a pipe, which has none of its own."""
@@ -21,15 +23,36 @@ LINE_S = 10.0
 STAGE_S = 2.0
 """What takes no longer is not said there to have begun."""
 
-out = Console(highlight=False, width=None if sys.stdout.isatty() or os.environ.get("COLUMNS") else PIPE_COLUMNS)
-err = Console(stderr=True, highlight=False)
+
+class LateConsole:
+    """A console of rich, which is loaded when something is first printed: most mistakes are found before."""
+
+    def __init__(self, *, stderr: bool) -> None:
+        self._stderr = stderr
+
+    @cached_property
+    def rich(self) -> "Console":
+        from rich.console import Console
+
+        if self._stderr:
+            return Console(stderr=True, highlight=False)
+        fixed = not sys.stdout.isatty() and not os.environ.get("COLUMNS")
+        return Console(highlight=False, width=PIPE_COLUMNS if fixed else None)
+
+    def print(self, *things: Any, **options: Any) -> None:
+        """As `rich.console.Console.print`."""
+        self.rich.print(*things, **options)
+
+
+out = LateConsole(stderr=False)
+err = LateConsole(stderr=True)
 
 
 class Bar:
     """A progress bar: call it with the share done, 0 … 1, and now and then with what is being done. A share that falls
     is the beginning of something else."""
 
-    def __init__(self, bar: Progress, what: str) -> None:
+    def __init__(self, bar: "Progress", what: str) -> None:
         self._bar, self._what, self._share = bar, what, 0.0
         self._task = bar.add_task(what, total=1.0)
 
@@ -85,20 +108,28 @@ class Lines:
 def progress(what: str, *, lines: bool = False) -> Iterator[Bar | Lines]:
     """A progress bar on the error stream, so that results can be piped. When that is no terminal, plain silence, or
     `lines` for what takes long."""
-    if lines and not err.is_terminal:
+    if lines and not err.rich.is_terminal:
         with Lines(what) as told:
             yield told
         return
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
+
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
-    with Progress(*columns, TimeRemainingColumn(), console=err, transient=True, disable=not err.is_terminal) as bar:
+    with Progress(
+        *columns, TimeRemainingColumn(), console=err.rich, transient=True, disable=not err.rich.is_terminal
+    ) as bar:
         yield Bar(bar, what)
 
 
 @contextmanager
 def counting(what: str, total: int) -> Iterator[Callable[[str], None]]:
     """A progress bar over `total` things; call it with the name of each as it is done."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
+
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, TimeRemainingColumn(), console=err, transient=True, disable=not err.is_terminal) as bar:
+    with Progress(
+        *columns, TimeRemainingColumn(), console=err.rich, transient=True, disable=not err.rich.is_terminal
+    ) as bar:
         task = bar.add_task(what, total=total)
         yield lambda name: bar.update(task, advance=1, description=f"{what} [dim]{name}[/]")
 
@@ -106,9 +137,8 @@ def counting(what: str, total: int) -> Iterator[Callable[[str], None]]:
 def fail(message: str) -> None:
     """One plain line on the error stream."""
     text = " ".join(message.split())
-    prefix = "[bold red]Error:[/] " if err.is_terminal and not os.environ.get("NO_COLOR") else "Error: "
-    if err.is_terminal:
-        err.print(prefix, end="")
+    if sys.stderr.isatty() and not os.environ.get("NO_COLOR"):
+        err.print("[bold red]Error:[/] ", end="")
     else:
-        sys.stderr.write(prefix)
+        sys.stderr.write("Error: ")
     sys.stderr.write(text + "\n")

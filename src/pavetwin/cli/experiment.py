@@ -117,12 +117,16 @@ def query(
 
     answer = ask(folder, sql)
     if csv:
-        out.file.write(answer.write_csv())
+        out.rich.file.write(answer.write_csv())
         return
     if answer.width > MOST_COLUMNS:
         out.print(f"{answer.width} columns, of which the first and last are shown; name those you want, or add --csv.")
     with pl.Config(
-        tbl_rows=60, tbl_cols=MOST_COLUMNS, tbl_width_chars=out.width, fmt_str_lengths=40, tbl_hide_dataframe_shape=True
+        tbl_rows=60,
+        tbl_cols=MOST_COLUMNS,
+        tbl_width_chars=out.rich.width,
+        fmt_str_lengths=40,
+        tbl_hide_dataframe_shape=True,
     ):
         out.print(str(answer), markup=False)
     out.print(f"{answer.height} rows", markup=False)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pavetwin.cli.arguments import WorldFolder
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -28,7 +29,7 @@ SAID_BY_AGAIN = ("density", "altitude", "segments", "segment", "order", "seed", 
 
 def fly(
     context: typer.Context,
-    world: Annotated[Path, typer.Argument(help="Folder of the world.")],
+    world: WorldFolder,
     density: Annotated[str, typer.Option(help="Traffic: low, medium or high.")] = "medium",
     altitude: Annotated[float | None, typer.Option(help="Metres above ground; 10 unless set otherwise.")] = None,
     policy: Annotated[

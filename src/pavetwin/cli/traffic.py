@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pavetwin.cli.arguments import WorldFolder
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -18,7 +19,7 @@ app = typer.Typer(help="Record traffic over a world with SUMO.", no_args_is_help
 
 @app.command()
 def record(
-    world: Annotated[Path, typer.Argument(help="Folder of the world.")],
+    world: WorldFolder,
     density: Annotated[str | None, typer.Option(help="low, medium or high.")] = None,
     vehicles_per_lane_km: Annotated[float | None, typer.Option(help="Your own density of vehicles.")] = None,
     pedestrians_per_sidewalk_km: Annotated[float | None, typer.Option(help="Your own density of pedestrians.")] = None,

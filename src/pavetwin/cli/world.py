@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pavetwin.cli import world_export, world_maps
+from pavetwin.cli.arguments import WorldFolder
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -47,9 +48,10 @@ def build(
     """
     from pavetwin.defects import DefectOptions, add_defects
     from pavetwin.world.build import BuildOptions, build_world
+    from pavetwin.world.folder import check_target
     from pavetwin.world.generate import network_kind
     from pavetwin.world.georeference import parse_anchor
-    from pavetwin.world.store import check_target, save_world
+    from pavetwin.world.store import save_world
 
     if (source is None) == (generate is None):
         raise PaveTwinError(
@@ -77,7 +79,7 @@ def build(
 
 
 @app.command()
-def info(world: Annotated[Path, typer.Argument(help="Folder of a world.")]) -> None:
+def info(world: WorldFolder) -> None:
     """Say what is in a world and what it was made from.
 
     \b

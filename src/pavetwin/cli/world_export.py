@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pavetwin.cli.arguments import WorldFolder
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -17,7 +18,7 @@ SEGMENT_AROUND_M = 25.0
 
 
 def export(
-    world: Annotated[Path, typer.Argument(help="Folder of a world.")],
+    world: WorldFolder,
     target: Annotated[Path, typer.Argument(help="The file to write, ending in .glb.")],
     bounds: Annotated[
         str | None, typer.Option(metavar="W,S,E,N", help="Only this part: west, south, east, north in metres.")

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pavetwin.cli.arguments import WorldFolder
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def show(
-    world: Annotated[Path, typer.Argument(help="Folder of a world.")],
+    world: WorldFolder,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="The picture: .png, .svg or .pdf; WORLD/map.png if not given.")
     ] = None,
@@ -51,7 +52,7 @@ def show(
 
 
 def navmesh(
-    world: Annotated[Path, typer.Argument(help="Folder of a world.")],
+    world: WorldFolder,
     altitude: Annotated[float, typer.Option(help="Metres above ground.")] = 10.0,
     output: Annotated[
         Path | None,

@@ -1,8 +1,21 @@
-"""What stands still: roads, segments, buildings, street furniture; from OSM, from SUMO, or generated."""
+"""What stands still: roads, segments, buildings, street furniture; from OSM, from SUMO, or generated.
 
-from pavetwin.world.build import BuildOptions, Built, build_world
-from pavetwin.world.model import Defect, DefectClass, GeoReference, Segment, Severity, World
-from pavetwin.world.store import load_world, save_world
+Each name is loaded when it is first used, so that a folder can be checked (`world.folder`) before geometry is loaded.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pavetwin.world.build import BuildOptions, Built, build_world
+    from pavetwin.world.model import Defect, DefectClass, GeoReference, Segment, Severity, World
+    from pavetwin.world.store import load_world, save_world
+
+_MODULES = {
+    **dict.fromkeys(("BuildOptions", "Built", "build_world"), "build"),
+    **dict.fromkeys(("Defect", "DefectClass", "GeoReference", "Segment", "Severity", "World"), "model"),
+    **dict.fromkeys(("load_world", "save_world"), "store"),
+}
 
 __all__ = [
     "BuildOptions",
@@ -17,3 +30,9 @@ __all__ = [
     "load_world",
     "save_world",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)

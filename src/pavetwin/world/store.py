@@ -14,28 +14,16 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing_folder
 from pavetwin.world.build import BuildRecord, Built
 from pavetwin.world.content import content_hash, sha256
+from pavetwin.world.folder import (
+    DESCRIPTION,
+    FORMAT,
+    GEOPACKAGE,
+    NETWORK,
+    check_target,
+    read_description,
+    rebuild_hint,
+)
 from pavetwin.world.model import GeoReference, World
-
-FORMAT = 2
-"""Of the folder; raised when a world written before cannot be read any more."""
-
-DESCRIPTION, GEOPACKAGE, NETWORK = "world.yaml", "world.gpkg", "roads.net.xml"
-FILES = (DESCRIPTION, GEOPACKAGE, NETWORK)
-
-
-def check_target(folder: str | Path, *, force: bool = False) -> None:
-    """Refuse early where `save_world` would.
-
-    Raises:
-        PaveTwinError: something is there that may not be replaced.
-    """
-    folder = Path(folder)
-    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
-        return
-    if not folder.is_dir() or not any((folder / name).exists() for name in FILES):
-        raise PaveTwinError(f"'{folder}' exists and is no world, so it is not replaced; choose another name.")
-    if not force:
-        raise PaveTwinError(f"The world '{folder}' exists already; choose another name or add --force to replace it.")
 
 
 def save_world(built: Built, folder: str | Path, *, force: bool = False) -> World:
@@ -84,14 +72,14 @@ def load_world(folder: str | Path) -> World:
     from pavetwin.world.layers import read_layers
 
     folder = Path(folder)
-    description = _read_description(folder)
+    description = read_description(folder)
     try:
         place = description["georeference"]
         georeference = GeoReference(int(place["epsg"]), float(place["offset_east_m"]), float(place["offset_north_m"]))
         base = Point(*(float(description["base"][key]) for key in ("east_m", "north_m")))
     except (KeyError, TypeError, ValueError) as error:
-        raise PaveTwinError(f"'{folder / DESCRIPTION}' is damaged (at {error}); {_mending(folder)}") from error
-    layers = read_layers(folder / GEOPACKAGE, georeference, _mending(folder))
+        raise PaveTwinError(f"'{folder / DESCRIPTION}' is damaged (at {error}); {rebuild_hint(folder)}") from error
+    layers = read_layers(folder / GEOPACKAGE, georeference, rebuild_hint(folder))
     world = World(name=folder.absolute().name, georeference=georeference, base=base, folder=folder.absolute(), **layers)
     with (folder / NETWORK).open("rb") as stream:
         network = sha256(iter(lambda: stream.read(1 << 20), b""))
@@ -110,34 +98,6 @@ def load_record(folder: str | Path) -> BuildRecord:
         PaveTwinError: as `load_world`.
     """
     folder = Path(folder)
-    description = _read_description(folder)
+    description = read_description(folder)
     fields = {name: description[name] for name in BuildRecord.model_fields if name in description}
     return BuildRecord.parse(fields, where=f"'{folder / DESCRIPTION}'")
-
-
-def _read_description(folder: Path) -> dict[str, Any]:
-    if not folder.is_dir():
-        what = "is no folder" if folder.exists() else "does not exist"
-        raise PaveTwinError(f"The world '{folder}' {what}; make one with `pavetwin world build SOURCE -o {folder}`.")
-    missing = [name for name in FILES if not (folder / name).is_file()]
-    if len(missing) == len(FILES):
-        raise PaveTwinError(f"'{folder}' is no world: it has no {DESCRIPTION}; {_mending(folder)}")
-    if missing:
-        raise PaveTwinError(
-            f"The world '{folder}' is not complete: {', '.join(missing)} is missing; {_mending(folder)}"
-        )
-    try:
-        description = yaml.safe_load((folder / DESCRIPTION).read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError, OSError) as error:
-        raise PaveTwinError(f"'{folder / DESCRIPTION}' cannot be read; {_mending(folder)}") from error
-    if not isinstance(description, dict) or "format" not in description:
-        raise PaveTwinError(f"'{folder / DESCRIPTION}' is damaged; {_mending(folder)}")
-    if description["format"] != FORMAT:
-        raise PaveTwinError(
-            f"The world '{folder}' has format {description['format']}, this version reads {FORMAT}; {_mending(folder)}"
-        )
-    return description
-
-
-def _mending(folder: Path) -> str:
-    return f"build it again with `pavetwin world build SOURCE -o {folder} --force`."

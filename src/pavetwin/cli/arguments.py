@@ -1,0 +1,18 @@
+"""Arguments that several commands share."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pavetwin.world.folder import check_world
+
+
+def _existing(context: typer.Context, folder: Path) -> Path:
+    if not context.resilient_parsing:  # a shell that completes a line asks for no errors
+        check_world(folder)
+    return folder
+
+
+WorldFolder = Annotated[Path, typer.Argument(help="Folder of the world.", callback=_existing)]
+"""Checked before a command loads anything that takes long."""

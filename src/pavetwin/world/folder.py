@@ -1,0 +1,73 @@
+"""The folder of a world: the names of its files, its description, and whether it may be written or read."""
+
+from pathlib import Path
+from typing import Any
+
+from pavetwin.errors import PaveTwinError
+
+FORMAT = 2
+"""Of the folder; raised when a world written before cannot be read any more."""
+
+DESCRIPTION, GEOPACKAGE, NETWORK = "world.yaml", "world.gpkg", "roads.net.xml"
+FILES = (DESCRIPTION, GEOPACKAGE, NETWORK)
+
+
+def check_target(folder: str | Path, *, force: bool = False) -> None:
+    """Refuse early where `save_world` would.
+
+    Raises:
+        PaveTwinError: something is there that may not be replaced.
+    """
+    folder = Path(folder)
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return
+    if not folder.is_dir() or not any((folder / name).exists() for name in FILES):
+        raise PaveTwinError(f"'{folder}' exists and is no world, so it is not replaced; choose another name.")
+    if not force:
+        raise PaveTwinError(f"The world '{folder}' exists already; choose another name or add --force to replace it.")
+
+
+def check_world(folder: Path) -> None:
+    """Refuse a folder that is no world, in a fraction of the time that reading one takes.
+
+    Raises:
+        PaveTwinError: it does not exist, or a file of a world is missing in it.
+    """
+    if not folder.is_dir():
+        what = "is no folder" if folder.exists() else "does not exist"
+        raise PaveTwinError(f"The world '{folder}' {what}; make one with `pavetwin world build SOURCE -o {folder}`.")
+    missing = [name for name in FILES if not (folder / name).is_file()]
+    if len(missing) == len(FILES):
+        raise PaveTwinError(f"'{folder}' is no world: it has no {DESCRIPTION}; {rebuild_hint(folder)}")
+    if missing:
+        raise PaveTwinError(
+            f"The world '{folder}' is not complete: {', '.join(missing)} is missing; {rebuild_hint(folder)}"
+        )
+
+
+def read_description(folder: Path) -> dict[str, Any]:
+    """What `world.yaml` says.
+
+    Raises:
+        PaveTwinError: as `check_world`; it cannot be read, or is of another version.
+    """
+    import yaml
+
+    check_world(folder)
+    try:
+        description = yaml.safe_load((folder / DESCRIPTION).read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError, OSError) as error:
+        raise PaveTwinError(f"'{folder / DESCRIPTION}' cannot be read; {rebuild_hint(folder)}") from error
+    if not isinstance(description, dict) or "format" not in description:
+        raise PaveTwinError(f"'{folder / DESCRIPTION}' is damaged; {rebuild_hint(folder)}")
+    if description["format"] != FORMAT:
+        raise PaveTwinError(
+            f"The world '{folder}' has format {description['format']}, this version reads {FORMAT}; "
+            f"{rebuild_hint(folder)}"
+        )
+    return description
+
+
+def rebuild_hint(folder: Path) -> str:
+    """How a world that cannot be read is made again: the end of a message."""
+    return f"build it again with `pavetwin world build SOURCE -o {folder} --force`."

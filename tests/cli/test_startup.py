@@ -1,0 +1,60 @@
+"""What a command loads before it can answer: a mistake, a version or a help text waits for nothing heavy."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SLOW_TO_LOAD = {
+    *("numpy", "scipy", "shapely", "pyproj", "pyogrio", "polars", "pyarrow", "duckdb", "pandas", "statsmodels"),
+    *("matplotlib", "PIL", "wgpu", "jinja2", "distributed", "libsumo", "traci", "sumolib", "osmium"),
+}
+PRINTING = {"rich"}
+
+RUN = """
+import sys
+from pavetwin.cli import main
+try:
+    main()
+except SystemExit as ended:
+    print(ended.code, *sorted({name.partition(".")[0] for name in sys.modules}), file=sys.stderr)
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "unwanted"),
+    [
+        (["--version"], 0, SLOW_TO_LOAD | PRINTING | {"pydantic"}),
+        (["fly", "nosuch"], 2, SLOW_TO_LOAD | PRINTING),
+        (["fly", "nosuch", "--policy", "all", "--save-frames"], 2, SLOW_TO_LOAD | PRINTING),
+        (["capture", "nosuch", "-o", "dataset"], 2, SLOW_TO_LOAD | PRINTING),
+        (["world", "info", "nosuch"], 2, SLOW_TO_LOAD | PRINTING),
+        (["world", "export", "nosuch", "-o", "town.glb"], 2, SLOW_TO_LOAD | PRINTING),
+        (["traffic", "record", "nosuch", "--density", "high"], 2, SLOW_TO_LOAD | PRINTING),
+        (["flyy"], 2, SLOW_TO_LOAD | PRINTING),
+        (["--help"], 0, SLOW_TO_LOAD),
+        (["fly", "--help"], 0, SLOW_TO_LOAD),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_a_quick_answer_loads_nothing_heavy(words: list[str], code: int, unwanted: set[str], tmp_path: Path) -> None:
+    ran = subprocess.run([sys.executable, "-c", RUN, *words], cwd=tmp_path, capture_output=True, text=True, check=False)
+    *told, last = ran.stderr.splitlines()
+    ended, *loaded = last.split()
+    assert int(ended) == code, ran.stderr
+    assert "pavetwin" in loaded
+    assert sorted(unwanted & set(loaded)) == []
+    assert told == [] if code == 0 else told[0].startswith("Error: ")
+
+
+@pytest.mark.parametrize(("word", "meant"), [("flyy", "'fly'"), ("experimnt", "'experiment'")])
+def test_a_misspelt_command_is_told_the_nearest(
+    word: str, meant: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from pavetwin.cli import main
+
+    monkeypatch.setattr(sys, "argv", ["pavetwin", word])
+    with pytest.raises(SystemExit):
+        main()
+    assert f"Did you mean {meant}?" in capsys.readouterr().err
