@@ -7,14 +7,14 @@ import pytest
 import shapely
 
 from pavetwin.capture.clearings import Clearings
+from pavetwin.capture.context import prepare
+from pavetwin.capture.defect_index import ROAD_SHARE, footprint
 from pavetwin.capture.plan import image_specs
 from pavetwin.capture.platforms import CaptureContext
 from pavetwin.capture.platforms.car import Car
 from pavetwin.capture.platforms.uav import Uav
 from pavetwin.capture.samples import draw_sample, next_attempt, relaxed
-from pavetwin.capture.setting import prepare
 from pavetwin.capture.settings import CaptureSettings
-from pavetwin.capture.sight import ROAD_SHARE, footprint
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.world.store import save_world
 from scenes import built
@@ -22,7 +22,7 @@ from scenes.tiny import straight
 
 
 @pytest.fixture(scope="module")
-def setting(tmp_path_factory: pytest.TempPathFactory) -> CaptureContext:
+def context(tmp_path_factory: pytest.TempPathFactory) -> CaptureContext:
     world = save_world(
         add_defects(built("cross"), DefectOptions(per_segment=24)), tmp_path_factory.mktemp("clear") / "w"
     )
@@ -44,11 +44,11 @@ def test_points_are_drawn_from_all_of_the_road_that_is_clear_and_from_nothing_el
     assert Clearings.of(road.segments, shapely.STRtree(outlines), 60.0).draw(rng) is None
 
 
-def test_no_defect_is_shown_wherever_none_is_asked_for(setting: CaptureContext) -> None:
+def test_no_defect_is_shown_wherever_none_is_asked_for(context: CaptureContext) -> None:
     """24 defects a street leave little room for pictures from 19 m, and in some splits none: they are taken lower."""
-    platform = Uav(setting)
-    defects = shapely.STRtree([defect.polygon for defect in setting.world.defects])
-    empty = [spec for spec in image_specs(setting.settings, setting.world, 100) if not spec.aims]
+    platform = Uav(context)
+    defects = shapely.STRtree([defect.polygon for defect in context.world.defects])
+    empty = [spec for spec in image_specs(context.settings, context.world, 100) if not spec.aims]
     assert len(empty) > 45
     lower = 0
     for spec in empty:
@@ -70,16 +70,16 @@ def test_a_car_s_pictures_without_a_defect_show_road(
     world = save_world(add_defects(built("cross"), DefectOptions(per_segment=per_segment)), tmp_path / "w")
     settings = CaptureSettings(platform="car", images=60, densities=("high",), seed=5, empty=0.5, size_px=(320, 320))
     platform = Car(prepare(world, settings))
-    sight = platform.setting.sight
+    defect_index = platform.context.defect_index
     taken = []
     for spec in image_specs(settings, world, 60):
         sample = None if spec.aims else draw_sample(platform, spec, 0)
         if sample is not None:
-            assert sight.road_share(sample.pose.view) >= ROAD_SHARE
-            assert not sight.outlines.query(footprint(sample.pose.view), predicate="intersects").size
+            assert defect_index.road_share(sample.pose.view) >= ROAD_SHARE
+            assert not defect_index.outlines.query(footprint(sample.pose.view), predicate="intersects").size
             heading = sample.pose.yaw_rad
             further = sample.pose.view.position[:2] + 12 * np.array([np.cos(heading), np.sin(heading)])
-            assert sample.pose.mount == "rear" or shapely.contains_xy(sight.road, *further)
+            assert sample.pose.mount == "rear" or shapely.contains_xy(defect_index.road, *further)
             taken.append(sample.pose.mount)
     assert len(taken) > 20
     assert ahead[0] <= taken.count("front") / len(taken) <= ahead[1]

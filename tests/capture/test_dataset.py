@@ -84,9 +84,9 @@ def test_no_defect_is_seen_in_two_splits(records: list[Record]) -> None:
     """Also none that is ignored."""
     seen: dict[str, set[str]] = {}
     for record in records:
-        for thing in record.things:
-            if thing.id.startswith("defect"):
-                seen.setdefault(thing.id, set()).add(record.split)
+        for obj in record.objects:
+            if obj.id.startswith("defect"):
+                seen.setdefault(obj.id, set()).add(record.split)
     assert len(seen) > 20
     assert {name: splits for name, splits in seen.items() if len(splits) > 1} == {}
 
@@ -95,7 +95,7 @@ def test_streets_belong_to_one_split_and_every_split_has_images(dataset: Path, r
     manifest = yaml.safe_load((dataset / "manifest.yaml").read_text())
     street_of = {street: split for split, streets in manifest["streets"].items() for street in streets}
     for record in records:
-        streets = {thing.details["street"] for thing in record.things if "street" in thing.details}
+        streets = {obj.details["street"] for obj in record.objects if "street" in obj.details}
         assert {street_of[street] for street in streets} <= {record.split}
     assert set(manifest["images"]) == set(SPLITS)
     assert manifest["credit"] == "© OpenStreetMap contributors"
@@ -104,11 +104,11 @@ def test_streets_belong_to_one_split_and_every_split_has_images(dataset: Path, r
 
 def test_an_image_is_empty_by_design_or_shows_what_it_aims_at(records: list[Record]) -> None:
     for record in records:
-        defects = [thing for thing in record.things if thing.id.startswith("defect")]
+        defects = [obj for obj in record.objects if obj.id.startswith("defect")]
         if not record.aim["met"]:
             assert defects == []
         else:
-            assert {thing.category for thing in defects if thing.ignored is None} & set(record.aim["met"])
+            assert {obj.category for obj in defects if obj.ignored is None} & set(record.aim["met"])
     empty = sum(not record.aim["met"] for record in records)
     assert 3 <= empty <= 12
     kinds = [record.aim["requested"][0] for record in records if record.aim["requested"]]
@@ -147,8 +147,8 @@ def test_every_part_of_the_work_is_told(world: Path, tmp_path: Path) -> None:
         "Loading the world",
         "Baking the NavMesh at 6 m",
         "Preparing the scene",
-        "Finding places 1/2",
-        "Finding places 2/2",
+        "Drawing poses 1/2",
+        "Drawing poses 2/2",
         "Taking images 1/2",
         "Taking images 2/2",
         "Writing label files",
@@ -199,7 +199,7 @@ def test_the_formats_agree(dataset: Path, records: list[Record], cocos: dict[str
     by_name = {Path(path).stem: found for path, found in voc.annotations.items()}
     assert len(by_name) == len(records)
     for record in records:
-        wanted = sorted((thing.category, *thing.box) for thing in record.things)
+        wanted = sorted((obj.category, *obj.box) for obj in record.objects)
         found = by_name[record.name]
         classes = [voc.classes[number] for number in found.class_id]
         assert sorted((name, *box) for name, box in zip(classes, found.xyxy.tolist(), strict=True)) == wanted
@@ -208,7 +208,7 @@ def test_the_formats_agree(dataset: Path, records: list[Record], cocos: dict[str
         annotations = coco.loadAnns(coco.getAnnIds(imgIds=[record.index]))
         boxes = [(names[a["category_id"]], *a["bbox"][:2], *np.add(a["bbox"][:2], a["bbox"][2:])) for a in annotations]
         assert sorted(boxes) == wanted
-        assert [a["iscrowd"] for a in annotations] == [int(t.ignored is not None) for t in record.things]
+        assert [a["iscrowd"] for a in annotations] == [int(t.ignored is not None) for t in record.objects]
 
 
 def test_yolo_labels_are_those_that_are_not_ignored(dataset: Path, records: list[Record]) -> None:
@@ -222,7 +222,7 @@ def test_yolo_labels_are_those_that_are_not_ignored(dataset: Path, records: list
         for record in ours:
             found = by_name[record.name]
             boxes = sorted(map(tuple, np.round(found.xyxy).astype(int).tolist()))
-            assert boxes == sorted(thing.box for thing in record.labelled)
+            assert boxes == sorted(obj.box for obj in record.labelled)
             assert sorted(yolo.classes[k] for k in found.class_id) == sorted(t.category for t in record.labelled)
 
 
@@ -268,15 +268,15 @@ def test_a_picture_says_where_and_when_it_was_taken(world: Path, dataset: Path, 
 
 
 def test_a_class_that_a_split_lacks_is_named(records: list[Record]) -> None:
-    lacking = counted(records).unseen()
+    lacking = counted(records).missing_classes()
     assert "val" not in lacking
     without = [
-        replace(record, things=tuple(thing for thing in record.things if thing.category != "Pothole"))
+        replace(record, objects=tuple(obj for obj in record.objects if obj.category != "Pothole"))
         if record.split == "val"
         else record
         for record in records
     ]
-    assert counted(without).unseen() == {**lacking, "val": ["Pothole"]}
+    assert counted(without).missing_classes() == {**lacking, "val": ["Pothole"]}
     labels = counted(without).as_dict()["labels"]["Pothole"]
     assert labels["val"] == 0
     assert labels["train"] > 0
@@ -309,7 +309,7 @@ def test_a_car_drives_in_the_recorded_traffic_and_does_not_see_itself(world: Pat
     for record in taken:
         ego = int(record.traffic["ego"].removeprefix("agent "))
         assert recording.agents.kind[ego] == "hatchback"
-        assert f"agent {ego}" not in {thing.id for thing in record.things}
+        assert f"agent {ego}" not in {obj.id for obj in record.objects}
         poses = trace.agents_at(record.traffic["time_s"])
         row = poses["agent"].tolist().index(ego)
         yaw = poses["yaw_rad"][row]

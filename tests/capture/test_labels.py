@@ -12,9 +12,16 @@ from pycocotools import mask as coco_mask
 
 from pavetwin.capture.classes import CAR, PERSON, categories, category_of_agent, category_of_defect
 from pavetwin.capture.contrast import ContrastMeter
-from pavetwin.capture.instance_masks import pieces
+from pavetwin.capture.instance_masks import instance_masks
 from pavetwin.capture.rle import decode, encode
-from pavetwin.capture.truth import LabelledObject, Reason, SceneState, ground_share, inside_share, things
+from pavetwin.capture.truth import (
+    LabelledObject,
+    Reason,
+    SceneState,
+    ground_fraction,
+    inside_fraction,
+    labelled_objects,
+)
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.scene.model import agent_label, defect_label
 from pavetwin.scene.view import View, look
@@ -31,21 +38,21 @@ label_images = shapes.flatmap(lambda shape: arrays(np.uint32, shape, elements=st
 
 @given(label_images)
 def test_boxes_are_tight_and_masks_are_the_instance_images(labels: np.ndarray) -> None:
-    found = pieces(labels)
-    assert [piece.label for piece in found] == sorted(set(labels[labels > 0].tolist()))
-    for piece in found:
-        mask = piece.mask(labels.shape)
-        assert (mask == (labels == piece.label)).all()
+    found = instance_masks(labels)
+    assert [instance.label for instance in found] == sorted(set(labels[labels > 0].tolist()))
+    for instance in found:
+        mask = instance.mask(labels.shape)
+        assert (mask == (labels == instance.label)).all()
         rows, columns = np.nonzero(mask)
-        assert piece.box == (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
-        assert piece.area_px == mask.sum()
+        assert instance.box == (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
+        assert instance.area_px == mask.sum()
 
 
 @given(label_images)
 def test_what_touches_the_border_has_a_pixel_on_it(labels: np.ndarray) -> None:
-    for piece in pieces(labels):
-        mask = labels == piece.label
-        assert piece.touches_border(labels.shape) == bool(
+    for instance in instance_masks(labels):
+        mask = labels == instance.label
+        assert instance.touches_border(labels.shape) == bool(
             mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any()
         )
 
@@ -95,7 +102,7 @@ def seen(moment: SceneState, painted: dict[int, tuple[slice, slice]], alone: dic
     for label, where in painted.items():
         labels[where] = label
     frame = RenderedFrame(from_above(height_m), shaded(labels), None, labels, alone, defect_free=shaded(labels, 0.0))
-    return {thing.id: thing for thing in things(frame, moment)}
+    return {obj.id: obj for obj in labelled_objects(frame, moment)}
 
 
 def shaded(labels: np.ndarray, darker: float = 60.0) -> np.ndarray:
@@ -112,14 +119,14 @@ def test_a_thing_says_what_it_is_and_how_much_of_it_is_seen(moment: SceneState) 
         {POTHOLE: 128, AGENT: 38 * 20},
     )
     hole, car = found["defect 0"], found["agent 0"]
-    assert (hole.category, hole.box, hole.visible_share, hole.truncated, hole.ignored) == (
+    assert (hole.category, hole.box, hole.visible_fraction, hole.truncated, hole.ignored) == (
         "Pothole", (116, 96, 124, 104), 0.5, False, None,
     )  # fmt: skip
     assert hole.position_m == (30.0, -2.0, 0.0)
     assert hole.distance_m == pytest.approx(np.hypot(10.0, 2.0), abs=1e-3)
     assert hole.details["severity"] == moment.world.defects[0].severity.value
     assert hole.details["street"] == moment.world.segments[0].street
-    assert (car.category, car.visible_share, car.details["kind"]) == ("Car", 1.0, "hatchback")
+    assert (car.category, car.visible_fraction, car.details["kind"]) == ("Car", 1.0, "hatchback")
     assert car.details["speed_mps"] == pytest.approx(3.0)
     assert car.details["length_m"] == pytest.approx(3.77, abs=1e-3)
 
@@ -140,9 +147,9 @@ def test_a_thing_says_what_it_is_and_how_much_of_it_is_seen(moment: SceneState) 
     ],
 )
 def test_what_is_hardly_seen_is_ignored_and_kept(moment: SceneState, label: int, where, alone: int, reason) -> None:
-    (thing,) = seen(moment, {label: where}, {label: alone}).values()
-    assert thing.ignored == (reason.value if reason else None)
-    assert decode(thing.mask, (SIZE, SIZE)).sum() == thing.area_px
+    (obj,) = seen(moment, {label: where}, {label: alone}).values()
+    assert obj.ignored == (reason.value if reason else None)
+    assert decode(obj.mask, (SIZE, SIZE)).sum() == obj.area_px
 
 
 @pytest.mark.parametrize(("label", "where"), [(POTHOLE, np.s_[80:120, 110:140]), (CRACK, np.s_[96:98, 60:120])])
@@ -153,10 +160,10 @@ def test_what_the_picture_hardly_shows_is_ignored_and_its_contrast_kept(moment: 
     for darker in (0.0, 5.0, 20.0, 60.0):
         pictures = shaded(labels, darker), shaded(labels, 0.0)
         frame = RenderedFrame(from_above(), pictures[0], None, labels, alone, defect_free=pictures[1])
-        (thing,) = things(frame, moment)
-        contrasts.append(thing.details["contrast"])
+        (obj,) = labelled_objects(frame, moment)
+        contrasts.append(obj.details["contrast"])
         if darker in (0.0, 60.0):
-            assert thing.ignored == (None if darker else Reason.FAINT.value)
+            assert obj.ignored == (None if darker else Reason.FAINT.value)
     assert contrasts[0] == 0.0
     assert contrasts == sorted(contrasts)
 
@@ -165,7 +172,7 @@ def test_a_contrast_is_that_of_the_defect_alone() -> None:
     """A white line or the edge of a shadow across it, a dark joint or a car beside it are no part of it."""
     labels = np.zeros((SIZE, SIZE), dtype=np.uint32)
     labels[96:98, 60:120] = CRACK
-    (crack,) = pieces(labels)
+    (crack,) = instance_masks(labels)
 
     def contrast(change, labels: np.ndarray = labels) -> float:
         with_it, without = (change(shaded(labels == CRACK, darker).astype(float)) for darker in (20.0, 0.0))
@@ -193,17 +200,17 @@ def test_more_of_the_same_crack_is_seen_better_and_rougher_pavement_hides_it() -
         labels[96:98, 20 : 20 + length_px] = CRACK
         with_it, without = shaded(labels, darker).astype(float), shaded(labels, 0.0).astype(float)
         rough = (without - 130.0) * (rougher - 1.0)
-        (crack,) = pieces(labels)
+        (crack,) = instance_masks(labels)
         return ContrastMeter(np.uint8(with_it + rough), np.uint8(without + rough), labels).contrast(crack)
 
     assert contrast(160) / contrast(20) == pytest.approx(8 ** (1 / 3), rel=0.15)
     assert contrast(80, rougher=3.0) == pytest.approx(contrast(80) / 3.0, rel=0.1)
 
 
-def test_things_are_not_told_without_the_picture_of_sound_pavement(moment: SceneState) -> None:
+def test_labels_need_the_defect_free_image(moment: SceneState) -> None:
     labels = np.zeros((SIZE, SIZE), dtype=np.uint32)
-    with pytest.raises(ValueError, match="sound pavement"):
-        things(RenderedFrame(from_above(), shaded(labels), None, labels, {}), moment)
+    with pytest.raises(ValueError, match="defect-free image"):
+        labelled_objects(RenderedFrame(from_above(), shaded(labels), None, labels, {}), moment)
 
 
 def test_what_lies_far_away_is_ignored(moment: SceneState) -> None:
@@ -215,26 +222,26 @@ def test_what_lies_far_away_is_ignored(moment: SceneState) -> None:
 def test_a_share_within_the_image_is_that_of_the_outline() -> None:
     view = from_above()
     square = np.array([(x, y, 0.0) for x, y in [(38, -1), (42, -1), (42, 1), (38, 1)]])
-    assert inside_share(view, square) == pytest.approx(0.5)
-    assert inside_share(view, square + (10.0, 0.0, 0.0)) == 0.0
-    assert inside_share(view, square - (5.0, 0.0, 0.0)) == pytest.approx(1.0)
-    assert inside_share(view, square + (0.0, 0.0, 11.0)) is None
+    assert inside_fraction(view, square) == pytest.approx(0.5)
+    assert inside_fraction(view, square + (10.0, 0.0, 0.0)) == 0.0
+    assert inside_fraction(view, square - (5.0, 0.0, 0.0)) == pytest.approx(1.0)
+    assert inside_fraction(view, square + (0.0, 0.0, 11.0)) is None
 
 
 def test_a_thing_cut_off_by_the_border_is_ignored(moment: SceneState) -> None:
     far_aside = replace(moment.world.defects[0], polygon=shapely.box(39.9, -4.0, 41.9, 0.0))
     world = replace(moment.world, defects=(far_aside, *moment.world.defects[1:]))
     found = seen(replace(moment, world=world), {POTHOLE: np.s_[0:8, 100:140]}, {POTHOLE: 320})
-    thing: LabelledObject = found["defect 0"]
-    assert (thing.truncated, thing.ignored) == (True, Reason.CUT.value)
+    obj: LabelledObject = found["defect 0"]
+    assert (obj.truncated, obj.ignored) == (True, Reason.CUT.value)
 
 
 def test_what_fills_the_image_is_labelled_though_most_of_it_lies_outside(moment: SceneState) -> None:
     far_aside = replace(moment.world.defects[0], polygon=shapely.box(39.9, -4.0, 41.9, 0.0))
     world = replace(moment.world, defects=(far_aside, *moment.world.defects[1:]))
-    (thing,) = seen(replace(moment, world=world), {POTHOLE: np.s_[0:20, 100:140]}, {POTHOLE: 800}).values()
-    assert thing.inside_share == pytest.approx(0.05)
-    assert (thing.truncated, thing.ignored) == (True, None)
+    (obj,) = seen(replace(moment, world=world), {POTHOLE: np.s_[0:20, 100:140]}, {POTHOLE: 800}).values()
+    assert obj.inside_fraction == pytest.approx(0.05)
+    assert (obj.truncated, obj.ignored) == (True, None)
 
 
 def test_the_share_of_a_defect_is_that_of_its_area_on_the_road() -> None:
@@ -243,8 +250,8 @@ def test_the_share_of_a_defect_is_that_of_its_area_on_the_road() -> None:
         (0, 0, 1.3), yaw_rad=0.0, pitch_rad=np.radians(-22), size_px=(SIZE, SIZE), vertical_fov_rad=np.radians(58)
     )
     first_m = 1.3 / np.tan(np.radians(22 + 29))
-    assert ground_share(ahead, shapely.box(first_m - 1, -0.2, first_m + 1, 0.2)) == pytest.approx(0.5, abs=0.01)
-    assert ground_share(ahead, shapely.box(5, -0.2, 6, 0.2)) == pytest.approx(1.0)
+    assert ground_fraction(ahead, shapely.box(first_m - 1, -0.2, first_m + 1, 0.2)) == pytest.approx(0.5, abs=0.01)
+    assert ground_fraction(ahead, shapely.box(5, -0.2, 6, 0.2)) == pytest.approx(1.0)
 
 
 def test_an_agent_who_is_not_there_is_refused(moment: SceneState) -> None:

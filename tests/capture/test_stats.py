@@ -62,7 +62,7 @@ def test_people_and_cars_have_no_severity(monkeypatch: pytest.MonkeyPatch) -> No
     assert rows[1] == ["–"] * 3 + ["1234567"] * 3
 
 
-def test_images_that_are_not_as_wished_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_images_that_are_not_as_requested_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     said = StringIO()
     monkeypatch.setattr(capture, "out", Console(file=said, width=80, highlight=False))
     made = large()

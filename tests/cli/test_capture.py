@@ -111,19 +111,19 @@ def test_a_dataset_by_the_real_renderer(world: Path, tmp_path: Path, capsys: pyt
     ]
     records = list(read_records(tmp_path / "d"))
     assert [record.index for record in records] == [0, 1, 2, 3]
-    things = [(record, thing) for record in records for thing in record.things]
-    assert things
-    for record, thing in things:
-        rows, columns = np.nonzero(decode(thing.mask, (160, 160)))
-        assert thing.box == (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
-        assert 0 < thing.visible_share <= 1
-        assert thing.area_px <= thing.amodal_px
+    objects = [(record, obj) for record in records for obj in record.objects]
+    assert objects
+    for record, obj in objects:
+        rows, columns = np.nonzero(decode(obj.mask, (160, 160)))
+        assert obj.box == (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
+        assert 0 < obj.visible_fraction <= 1
+        assert obj.area_px <= obj.amodal_px
         with Image.open(tmp_path / "d" / record.image) as image:
             assert np.asarray(image).std() > 5
     stats(tmp_path / "d")
     show(tmp_path / "d")
     said = capsys.readouterr().out
-    labelled = {thing.category for _, thing in things if thing.ignored is None}
+    labelled = {obj.category for _, obj in objects if obj.ignored is None}
     assert labelled
     assert all(category in said for category in labelled)
     assert "without defects" in said
@@ -224,7 +224,7 @@ def test_the_frames_of_a_mission_are_labelled_as_a_dataset_is(
     frames = tmp_path / "m" / "frames"
     confirmed = []
     for record, (view, _) in zip(read_records(frames), scene_renderer.views, strict=True):
-        seen = {thing.id: thing for thing in record.labelled}
+        seen = {obj.id: obj for obj in record.labelled}
         for name in record.aim["confirmed"]:
             defect = result.environment.defects[int(name.removeprefix("defect "))]
             assert seen[name].box == Polaroid.box(view, defect)

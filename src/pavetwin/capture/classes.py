@@ -1,4 +1,4 @@
-"""What a detector learns to tell apart, and from which size on it is asked to."""
+"""The classes a detector learns, and the size from which each is labelled."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -9,7 +9,7 @@ from pavetwin.world.model import DefectClass
 
 @dataclass(frozen=True, slots=True)
 class Category:
-    """One class of labels, with the least that must be seen of a thing for it to be labelled."""
+    """One class of labels, with the least that must be visible of an object for it to be labelled."""
 
     number: int
     """From 0, as YOLO counts; COCO's `category_id` is one more."""
@@ -25,11 +25,11 @@ class Category:
     least_short_side_px: int = 1
     """Of the shorter side of its box: what is flatter is a line at the horizon."""
     least_contrast: float = 0.0
-    """Of a defect (`capture.contrast`): a fainter one is not asked for."""
+    """Of a defect (`capture.contrast`): a fainter one is ignored."""
 
 
 _NEAR_M, _FAR_M = 30.0, 80.0
-"""Defects are looked for on the road ahead; people and vehicles must be noticed sooner."""
+"""Defects are detected on the road ahead; people and vehicles must be detected from farther away."""
 
 _COLOURS: Final = {
     DefectClass.SINGLE_CRACK: "#56B4E9",
@@ -46,7 +46,7 @@ CAR: Final = Category(4, "Car", "traffic", "#3DDC97", 12, 60, _FAR_M)
 
 
 def categories() -> tuple[Category, ...]:
-    """All of them, by number: the three defects, Person and Car, and then what other defects are registered, by name,
+    """All of them, by number: the three defects, Person and Car, then other registered defects, by name,
     so that numbers in files do not change their meaning when a class is added."""
     later = sorted(kind.name for kind in kinds() if kind.name not in _FIRST)
     first = tuple(_defect(number, kind) for number, kind in enumerate(_FIRST))
@@ -72,8 +72,8 @@ def category_of_agent(*, is_pedestrian: bool) -> Category:
 
 def _defect(number: int, kind: DefectClass) -> Category:
     colour = _COLOURS.get(kind, _MORE_COLOURS[number % len(_MORE_COLOURS)])
-    # A crack is a line: long enough to be one, though it covers little, and a line is made out sooner than a patch.
-    # A network has room for a block or two.
+    # A crack is a line: it must be long enough, though it covers few pixels. A line is detected sooner than a patch.
+    # A crack network must show at least a block or two.
     side, short, area, contrast = {
         DefectClass.SINGLE_CRACK: (16, 2, 8, 10.0),
         DefectClass.CROCODILE_CRACK: (8, 8, 20, 17.0),

@@ -13,7 +13,7 @@ from pavetwin.world.model import Segment
 
 @dataclass(frozen=True)
 class Clearings:
-    """The carriageway of some segments less what is near a defect, as triangles to draw points from."""
+    """The carriageway of some segments without what is near a defect, as triangles to sample points from."""
 
     corners: Float64Array
     """(n, 3, 2) metres, world frame."""
@@ -22,11 +22,11 @@ class Clearings:
 
     @classmethod
     def of(cls, segments: Sequence[Segment], defects: shapely.STRtree, radius_m: float) -> Self:
-        """The middles of all pictures that hold a disc of that radius around their middle and no defect."""
+        """The points from which a disc of that radius holds no defect: centres of images without defects."""
         parts, owners = [], []
         for segment in segments:
             near = defects.geometries[defects.query(segment.polygon, predicate="dwithin", distance=radius_m)]
-            # Hulls are hardly more than outlines, and fifty times as quick to widen.
+            # Convex hulls are hardly larger than the outlines, and fifty times as fast to buffer.
             around = shapely.buffer(shapely.convex_hull(near), radius_m, quad_segs=4)
             clear = shapely.difference(segment.polygon, shapely.union_all(around))
             triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(clear))
@@ -35,7 +35,7 @@ class Clearings:
         return cls(np.concatenate([np.empty((0, 3, 2)), *parts]), tuple(owners))
 
     def draw(self, rng: np.random.Generator) -> tuple[Float64Array, Segment] | None:
-        """A point (2,), every place as likely as any other, and its segment; None where no place is clear."""
+        """A point (2,) drawn uniformly over the area, and its segment; None if there is no such area."""
         sides = self.corners[:, 1:] - self.corners[:, :1]
         areas = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
         if not areas.sum() > 0:

@@ -1,4 +1,4 @@
-"""A contact sheet: images of a dataset side by side, with what their labels say drawn over them."""
+"""A contact sheet: images of a dataset side by side, with their labels drawn over them."""
 
 from collections.abc import Iterable, Sequence
 from functools import cache
@@ -81,26 +81,26 @@ def _columns(count: int) -> int:
     return min(min(choices, key=lambda columns: (-count % columns, abs(columns - wanted))), count)
 
 
-def annotated(picture: Image.Image, things: Iterable[LabelledObject], scale: float = 1.0) -> Image.Image:
-    """A picture, scaled, with the masks and boxes of its things; ignored ones are dashed and have no mask."""
-    shown = sorted(things, key=lambda thing: (thing.ignored is None, -thing.area_px))
+def annotated(picture: Image.Image, objects: Iterable[LabelledObject], scale: float = 1.0) -> Image.Image:
+    """A picture, scaled, with the masks and boxes of its objects; ignored ones are dashed and have no mask."""
+    shown = sorted(objects, key=lambda obj: (obj.ignored is None, -obj.area_px))
     small = picture.convert("RGB").resize(
         (round(picture.width * scale), round(picture.height * scale)), Image.Resampling.LANCZOS
     )
     colours = {category.name: category.colour for category in categories()}
-    for thing in shown:
-        if thing.ignored is None:
-            mask = decode(thing.mask, (picture.height, picture.width))
+    for obj in shown:
+        if obj.ignored is None:
+            mask = decode(obj.mask, (picture.height, picture.width))
             soft = Image.fromarray(mask.astype(np.uint8) * round(255 * _MASK_ALPHA)).resize(
                 small.size, Image.Resampling.BOX
             )
-            small.paste(Image.new("RGB", small.size, colours[thing.category]), mask=soft)
+            small.paste(Image.new("RGB", small.size, colours[obj.category]), mask=soft)
     pen = ImageDraw.Draw(small)
-    for thing in shown:
-        _box(pen, thing, colours[thing.category], scale)
-    for thing in shown:
-        if thing.ignored is None:
-            _tag(pen, thing, colours[thing.category], scale, small.size)
+    for obj in shown:
+        _box(pen, obj, colours[obj.category], scale)
+    for obj in shown:
+        if obj.ignored is None:
+            _tag(pen, obj, colours[obj.category], scale, small.size)
     return small
 
 
@@ -111,7 +111,7 @@ def _cell(folder: Path, record: Record) -> Image.Image:
             picture = file.convert("RGB")
     except OSError as error:
         raise PaveTwinError(f"'{path}' is damaged or missing; capture into another folder.") from error
-    drawn = annotated(picture, record.things, CELL_PX / picture.width)
+    drawn = annotated(picture, record.objects, CELL_PX / picture.width)
     cell = Image.new("RGB", (CELL_PX, drawn.height + _CAPTION_PX), PAPER)
     cell.paste(drawn, (0, 0))
     pen = ImageDraw.Draw(cell)
@@ -123,7 +123,7 @@ def _cell(folder: Path, record: Record) -> Image.Image:
     sky = f"sun {light['sun_elevation_deg']:.0f}°, cloud {100 * light['cloud_cover']:.0f} %"
     text = f"{height}{tilt} · {record.traffic['density']} traffic · {sky}"
     pen.text((0, drawn.height + 25), text, INK_SOFT, _font(13))
-    ignored = sum(thing.ignored is not None for thing in record.things)
+    ignored = sum(obj.ignored is not None for obj in record.objects)
     right = f"{len(record.labelled)} labels" + (f", {ignored} ignored" if ignored else "")
     pen.text((CELL_PX, drawn.height + 5), right, INK_SOFT, _font(13), anchor="ra")
     return cell
@@ -143,9 +143,9 @@ def _header(sheet: Image.Image, title: str) -> None:
     pen.text((x + 26, _MARGIN_PX + 40), "ignored (hidden, cut, far, small or faint)", INK, _font(16))
 
 
-def _box(pen: ImageDraw.ImageDraw, thing: LabelledObject, colour: str, scale: float) -> None:
-    left, top, right, bottom = (value * scale for value in thing.box)
-    if thing.ignored is not None:
+def _box(pen: ImageDraw.ImageDraw, obj: LabelledObject, colour: str, scale: float) -> None:
+    left, top, right, bottom = (value * scale for value in obj.box)
+    if obj.ignored is not None:
         _dashed(pen, (left, top, right, bottom), _IGNORED)
         return
     pen.rectangle((left - 2, top - 2, right + 1, bottom + 1), outline=_HALO)
@@ -161,16 +161,16 @@ def _dashed(pen: ImageDraw.ImageDraw, box: tuple[float, float, float, float], co
                 pen.line((at, other, to, other) if is_flat else (other, at, other, to), fill=colour)
 
 
-def _tag(pen: ImageDraw.ImageDraw, thing: LabelledObject, colour: str, scale: float, size: tuple[int, int]) -> None:
-    """Of a defect its severity, over the box; below its upper edge where there is no room above."""
-    text = thing.details.get("severity")
+def _tag(pen: ImageDraw.ImageDraw, obj: LabelledObject, colour: str, scale: float, size: tuple[int, int]) -> None:
+    """Of a defect its severity, over the box; below its upper edge where there is no space above."""
+    text = obj.details.get("severity")
     if text is None:
         return
     font = _font(10, bold=True)
     width, height = pen.textlength(text, font) + 6, 13
-    left = min(max(0.0, thing.box[0] * scale - 1), size[0] - width)
-    top = thing.box[1] * scale - height - 1
-    top = top if top >= 0 else thing.box[1] * scale + 1
+    left = min(max(0.0, obj.box[0] * scale - 1), size[0] - width)
+    top = obj.box[1] * scale - height - 1
+    top = top if top >= 0 else obj.box[1] * scale + 1
     pen.rectangle((left, top, left + width, top + height), fill=colour)
     pen.text((left + 3, top + 1), text, _on(colour), font)
 

@@ -1,4 +1,4 @@
-"""How much room a dataset takes, so that a disk too small is noticed before the first image and not after an hour."""
+"""How much disk space a dataset takes, so that a full disk is reported before the first image is taken."""
 
 import shutil
 from pathlib import Path
@@ -10,7 +10,7 @@ from pavetwin.capture.settings import CaptureSettings
 from pavetwin.errors import PaveTwinError
 
 _JPEG: Final = ((50, 75, 92, 100), (0.09, 0.14, 0.28, 1.2))
-"""Qualities of JPEG, and the bytes a pixel takes at each: means over 24 images of both platforms."""
+"""JPEG qualities, and the bytes per pixel at each: means over 24 images of both platforms."""
 
 _PNG: Final = 1.5
 _TEXT_BYTES: Final = 15_000
@@ -18,14 +18,14 @@ _TEXT_BYTES: Final = 15_000
 
 
 def bytes_of(settings: CaptureSettings, images: int) -> float:
-    """About how many bytes that many images take with their labels."""
+    """Estimated bytes of that many images with their labels."""
     width, height = settings.size_px
     per_px = _PNG if settings.picture == "png" else float(np.interp(settings.quality, *_JPEG))
     return images * (width * height * per_px + _TEXT_BYTES)
 
 
 def check_disk_space(settings: CaptureSettings, images: int, folder: Path) -> None:
-    """Look whether that many images fit beside what is there.
+    """Check that that many images fit on the disk.
 
     Raises:
         PaveTwinError: they do not.
@@ -35,7 +35,7 @@ def check_disk_space(settings: CaptureSettings, images: int, folder: Path) -> No
     if needed > free:
         raise PaveTwinError(
             f"{images} images take about {_said(needed)}, and {_said(free)} are free where '{folder}' would be; "
-            "free some space, choose another folder, or ask for fewer --images."
+            "free some space, choose another folder, or request fewer --images."
         )
 
 

@@ -17,12 +17,12 @@ from pavetwin.uav.cameras import Camera
 from pavetwin.world.model import GeoReference
 
 _FULL_FRAME_MM: Final = (36.0, 24.0)
-"""Of the film that 35 mm equivalents are told by."""
+"""Frame of the film that 35 mm equivalent focal lengths refer to."""
 
 
 @dataclass(frozen=True)
 class ShotMetadata:
-    """How one picture was taken."""
+    """Camera, pose, time and exposure of one image."""
 
     view: View
     camera: Camera
@@ -44,7 +44,7 @@ class ShotMetadata:
 
     @property
     def heading_deg(self) -> float:
-        """Clockwise from true north; the grid's convergence is taken off."""
+        """Clockwise from true north; corrected for the grid's meridian convergence."""
         ahead = self.view.position[:2] + 100.0 * np.array([cos(self.yaw_rad), sin(self.yaw_rad)])
         (lon0, lat0), (lon1, lat1) = self.place.to_wgs84(np.stack([self.view.position[:2], ahead]))
         east, north = (lon1 - lon0) * cos(radians(lat0)), lat1 - lat0
@@ -134,7 +134,7 @@ def _exif(taken: ShotMetadata) -> Image.Exif:
 
 
 def _maker_and_model(title: str) -> tuple[str, str]:
-    """A camera's title begins with its maker's name; that of a camera that nobody made does not."""
+    """A camera's title begins with its maker's name; that of a fictitious camera does not."""
     maker, _, model = title.partition(" ")
     return ("PaveTwin", title) if maker == "Virtual" else (maker, model)
 
@@ -164,7 +164,7 @@ def _sexagesimal(angle_deg: float) -> tuple[float, float, float]:
 
 
 def _local(taken: ShotMetadata) -> datetime:
-    """The place's time by its longitude, as no time zone is known."""
+    """Local mean time by longitude, as no time zone is known."""
     return taken.when + timedelta(hours=round(taken.lonlat[0] / 15))
 
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from pavetwin.capture.context import prepare
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.images import FrameSource
 from pavetwin.capture.platforms import PLATFORMS, CaptureContext
-from pavetwin.capture.setting import prepare
 from pavetwin.capture.settings import CaptureSettings
-from pavetwin.capture.shards import Order, done, write_shard
+from pavetwin.capture.shards import Order, finished_images, write_shard
 from pavetwin.errors import PaveTwinError
 from pavetwin.workers import OnTick, WorkerPool
 from pavetwin.world.store import load_world
@@ -34,7 +34,7 @@ class Job:
 
 @contextmanager
 def image_workers(
-    job: Job, setting: CaptureContext, workers: int, on_image: OnTick
+    job: Job, context: CaptureContext, workers: int, on_image: OnTick
 ) -> Iterator[Callable[[Sequence[Shard]], None]]:
     """Who takes the images: call it with shards, in the order in which they should begin.
 
@@ -42,7 +42,7 @@ def image_workers(
         PaveTwinError: what any of them says; those that are at work stop at once.
     """
     if workers == 1:
-        work = _worker(job, setting, on_image)
+        work = _worker(job, context, on_image)
 
         def alone(shards: Sequence[Shard]) -> None:
             for shard in shards:
@@ -58,7 +58,7 @@ def image_workers(
 
 def _remaining(folder: Path, shard: Shard) -> list[Shard]:
     """What a process that died has not taken of its shard."""
-    there = done(folder)
+    there = finished_images(folder)
     left = [order for order in shard if order[0].index not in there]
     return [left] if left else []
 
@@ -75,7 +75,7 @@ def _start(job: Job, on_image: OnTick) -> Callable[[Shard], None]:
     return _worker(job, prepare(load_world(job.world), job.settings), on_image)
 
 
-def _worker(job: Job, setting: CaptureContext, on_image: OnTick) -> Callable[[Shard], None]:
-    platform = PLATFORMS.get(job.settings.platform)(setting)
-    frame_source, formats = job.frame_source_factory(setting), find_formats(job.settings.formats)
+def _worker(job: Job, context: CaptureContext, on_image: OnTick) -> Callable[[Shard], None]:
+    platform = PLATFORMS.get(job.settings.platform)(context)
+    frame_source, formats = job.frame_source_factory(context), find_formats(job.settings.formats)
     return lambda shard: write_shard(job.folder, shard, platform, frame_source, formats, on_image)

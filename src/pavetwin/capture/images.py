@@ -1,4 +1,4 @@
-"""One image: shots of a wish until one shows what it must, and what there is to write about it."""
+"""One image: camera samples of a spec are rendered until one shows what it must; then its record is made."""
 
 from typing import Any, Protocol
 
@@ -7,68 +7,68 @@ from pavetwin.capture.plan import ImageSpec
 from pavetwin.capture.platforms import CaptureContext, Platform
 from pavetwin.capture.record import Record
 from pavetwin.capture.samples import CameraSample, draw_sample, next_attempt, relaxed
-from pavetwin.capture.truth import LabelledObject, SceneState, things
+from pavetwin.capture.truth import LabelledObject, SceneState, labelled_objects
 from pavetwin.render.frame import RenderedFrame
 
 
 class FrameSource(Protocol):
-    """Takes the picture of a shot, with its truth."""
+    """Renders the image of a camera sample, with its ground truth."""
 
-    def frame(self, sample: CameraSample, setting: CaptureContext) -> RenderedFrame:
-        """The same shot gives the same frame, whatever was taken before."""
+    def frame(self, sample: CameraSample, context: CaptureContext) -> RenderedFrame:
+        """The same sample gives the same frame, whatever was rendered before."""
         ...
 
 
-def take(
+def take_image(
     platform: Platform, frame_source: FrameSource, spec: ImageSpec, first: CameraSample | None
 ) -> tuple[Record, bytes]:
-    """An image of a wish: its record, and its picture as a file.
+    """Take the image of a spec: its record, and the image file's content.
 
     Args:
-        first: the wish's first attempt, as `draw_sample` gives it.
+        first: the spec's first attempt, as `draw_sample` gives it.
 
     Raises:
         PaveTwinError: no attempt shows what it must.
     """
-    setting = platform.setting
+    context = platform.context
     attempt, sample = 0, first
     while True:
         if sample is not None:
-            frame = frame_source.frame(sample, setting)
-            seen = things(frame, _moment(sample, setting))
-            if shows(sample.spec, seen, setting):
-                return _record(sample, spec, setting, frame, seen)
+            frame = frame_source.frame(sample, context)
+            seen = labelled_objects(frame, _scene_state(sample, context))
+            if meets_spec(sample.spec, seen, context):
+                return _record(sample, spec, context, frame, seen)
         attempt = next_attempt(spec, attempt, sample)
         sample = draw_sample(platform, relaxed(platform, spec, attempt), attempt)
 
 
-def shows(spec: ImageSpec, seen: list[LabelledObject], setting: CaptureContext) -> bool:
-    """Whether what is seen is what was wished: no defect of another split, one that is aimed at, or none."""
-    defects = [int(thing.id.removeprefix("defect ")) for thing in seen if thing.id.startswith("defect ")]
+def meets_spec(spec: ImageSpec, seen: list[LabelledObject], context: CaptureContext) -> bool:
+    """Whether the visible objects meet the spec: no defect of another split, and one of the aimed classes, or none."""
+    defects = [int(obj.id.removeprefix("defect ")) for obj in seen if obj.id.startswith("defect ")]
     if not spec.aims:
         return not defects
     aims = {category.name for category in spec.aims}
-    if not any(thing.category in aims and thing.ignored is None for thing in seen):
+    if not any(obj.category in aims and obj.ignored is None for obj in seen):
         return False
-    return bool((setting.sight.split_of[defects] == spec.split).all())
+    return bool((context.defect_index.split_of[defects] == spec.split).all())
 
 
-def _moment(sample: CameraSample, setting: CaptureContext) -> SceneState:
+def _scene_state(sample: CameraSample, context: CaptureContext) -> SceneState:
     density = sample.spec.density
-    agents = setting.traces[density].agents_at(sample.pose.time_s)
-    return SceneState(setting.world, agents, setting.recordings[density].agents.kind)
+    agents = context.traces[density].agents_at(sample.pose.time_s)
+    return SceneState(context.world, agents, context.recordings[density].agents.kind)
 
 
 def _record(
-    sample: CameraSample, spec: ImageSpec, setting: CaptureContext, frame: RenderedFrame, seen: list[LabelledObject]
+    sample: CameraSample, spec: ImageSpec, context: CaptureContext, frame: RenderedFrame, seen: list[LabelledObject]
 ) -> tuple[Record, bytes]:
-    pose, settings = sample.pose, setting.settings
+    pose, settings = sample.pose, context.settings
     taken = ShotMetadata(
         view=pose.view,
         camera=pose.camera,
         yaw_rad=pose.yaw_rad,
         pitch_rad=pose.pitch_rad,
-        place=setting.world.georeference,
+        place=context.world.georeference,
         when=sample.daylight.when,
         exposure=frame.exposure,
         is_airborne=spec.altitude_m is not None,
@@ -80,15 +80,15 @@ def _record(
         size_px=pose.view.size_px,
         camera={"platform": settings.platform, "mount": pose.mount, **taken.as_dict()},
         light=sample.daylight.as_dict(),
-        traffic=_traffic(sample, setting),
+        traffic=_traffic(sample, context),
         aim=_aim(sample, spec),
-        things=tuple(seen),
+        objects=tuple(seen),
     )
     return record, encoded(frame.rgb, taken, picture=settings.picture, quality=settings.quality)
 
 
-def _traffic(sample: CameraSample, setting: CaptureContext) -> dict[str, Any]:
-    recording = setting.recordings[sample.spec.density]
+def _traffic(sample: CameraSample, context: CaptureContext) -> dict[str, Any]:
+    recording = context.recordings[sample.spec.density]
     ego = {} if sample.pose.ego is None else {"ego": f"agent {sample.pose.ego}"}
     return {
         "density": sample.spec.density,
@@ -99,6 +99,6 @@ def _traffic(sample: CameraSample, setting: CaptureContext) -> dict[str, Any]:
 
 
 def _aim(sample: CameraSample, spec: ImageSpec) -> dict[str, Any]:
-    """What was wished, and what the image that was kept had to show."""
+    """What was requested, and what the image that was kept had to show."""
     requested, met = ([category.name for category in each.aims] for each in (spec, sample.spec))
     return {"requested": requested, "met": met, "attempt": sample.attempt}

@@ -1,4 +1,4 @@
-"""The instance image taken apart: for every label the pixels that show it and their tight box."""
+"""The instance image as one mask per label: the pixels that show it and their tight bounding box."""
 
 from dataclasses import dataclass
 
@@ -7,17 +7,17 @@ import numpy as np
 from pavetwin.arrays import BoolArray, IndexArray, UInt32Array
 
 Box = tuple[int, int, int, int]
-"""Left, top, right, bottom in pixels: the right column and the bottom row are the first ones outside."""
+"""Left, top, right, bottom in pixels; right and bottom are exclusive."""
 
 
 @dataclass(frozen=True)
 class InstanceMask:
-    """What is seen of one thing in one image."""
+    """The visible pixels of one object in one image."""
 
     label: int
     box: Box
     bits: BoolArray
-    """(bottom − top, right − left): which pixels of the box show it. Every edge of the box has one that does."""
+    """(bottom − top, right − left): which pixels of the box show it. Each edge of the box has at least one."""
 
     @property
     def area_px(self) -> int:
@@ -32,20 +32,20 @@ class InstanceMask:
         return min(self.box[2] - self.box[0], self.box[3] - self.box[1])
 
     def mask(self, size: tuple[int, int]) -> BoolArray:
-        """In the whole image (height, width)."""
+        """The mask in the whole image (height, width)."""
         mask = np.zeros(size, dtype=np.bool_)
         left, top, right, bottom = self.box
         mask[top:bottom, left:right] = self.bits
         return mask
 
     def touches_border(self, size: tuple[int, int]) -> bool:
-        """Whether it reaches the edge of an image (height, width), so that there may be more of it beyond."""
+        """Whether it reaches the border of an image (height, width), so that it may be cut off."""
         left, top, right, bottom = self.box
         return left == 0 or top == 0 or right == size[1] or bottom == size[0]
 
 
-def pieces(labels: UInt32Array) -> list[InstanceMask]:
-    """Everything that an instance image (height, width) shows, by rising label; 0 is nothing."""
+def instance_masks(labels: UInt32Array) -> list[InstanceMask]:
+    """One mask for each label of an instance image (height, width), in ascending order; 0 is background."""
     where = np.flatnonzero(labels)
     if not len(where):
         return []
@@ -54,12 +54,12 @@ def pieces(labels: UInt32Array) -> list[InstanceMask]:
     values, where = values[order], where[order]
     starts = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]]))
     return [
-        _piece(int(values[start]), places, labels.shape[1])
+        _instance_mask(int(values[start]), places, labels.shape[1])
         for start, places in zip(starts, np.split(where, starts[1:]), strict=True)
     ]
 
 
-def _piece(label: int, places: IndexArray, width: int) -> InstanceMask:
+def _instance_mask(label: int, places: IndexArray, width: int) -> InstanceMask:
     rows, columns = np.divmod(places, width)
     top, bottom, left, right = rows.min(), rows.max() + 1, columns.min(), columns.max() + 1
     bits = np.zeros((bottom - top, right - left), dtype=np.bool_)

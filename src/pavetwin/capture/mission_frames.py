@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from pavetwin.capture.classes import category_of_defect
+from pavetwin.capture.context import defects_hash
 from pavetwin.capture.daylight import Daylight
 from pavetwin.capture.exif import ShotMetadata, encoded
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.record import Record
-from pavetwin.capture.setting import defects_hash
 from pavetwin.capture.settings import FILE, CaptureSettings, description
 from pavetwin.capture.store import link_image, write_image, write_over_all, write_yaml
-from pavetwin.capture.truth import SceneState, things
+from pavetwin.capture.truth import SceneState, labelled_objects
 from pavetwin.files import writing, writing_folder
 from pavetwin.mission.fly import Detection, MissionResult
 from pavetwin.mission.results import detections_geojson
@@ -172,8 +172,10 @@ class _Film:
                 "attempt": 0,
                 "confirmed": [f"defect {each.defect}" for each in detections],
             },
-            things=tuple(
-                things(frame, SceneState(self.world, self.trace.agents_at(at.time_s), self.recording.agents.kind))
+            objects=tuple(
+                labelled_objects(
+                    frame, SceneState(self.world, self.trace.agents_at(at.time_s), self.recording.agents.kind)
+                )
             ),
         )
         return record, encoded(frame.rgb, taken, picture=settings.picture, quality=settings.quality)

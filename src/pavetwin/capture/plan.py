@@ -1,7 +1,7 @@
-"""What image i of a dataset is to show, from the seed and i alone.
+"""What image i of a dataset must show, computed from the seed and i only.
 
-Every factor runs through its own sequence frac(start + i·√p), p a prime of its own: each share is kept in any stretch
-of images, and in any combination of factors (Kronecker, Weyl). So the first 100 images of a dataset of 200 are the
+Each factor follows its own low-discrepancy sequence frac(start + i·√p) with its own prime p: each share holds in any
+run of images, and for any combination of factors (Kronecker, Weyl). So the first 100 images of a dataset of 200 are the
 dataset of 100.
 """
 
@@ -26,21 +26,21 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class ImageSpec:
-    """What one image is to show."""
+    """What one image must show, and in which conditions it is taken."""
 
     index: int
     split: str
     aims: tuple[Category, ...]
-    """What it must show one of; none for no defect in sight."""
+    """It must show one of these classes; empty: it must show no defect."""
     density: str
     altitude_m: float | None
     """Of the UAV."""
     share: float
-    """0 … 1, for what a platform chooses beside this."""
+    """0 … 1, from which the platform derives its own choices."""
 
 
 def image_specs(settings: CaptureSettings, world: World, count: int, start: int = 0) -> list[ImageSpec]:
-    """The wishes of images `start` … `start + count − 1`."""
+    """The specs of images `start` … `start + count − 1`."""
     aims = aims_of(world)
     starts = child(settings.seed, Stream.CAPTURE, PLAN).random(len(_PRIMES))
     steps = np.array([sqrt(prime) for prime in _PRIMES])
@@ -49,7 +49,7 @@ def image_specs(settings: CaptureSettings, world: World, count: int, start: int 
 
 
 def aims_of(world: World) -> list[Category]:
-    """The classes of the defects that there are."""
+    """The classes of the world's defects."""
     return [category_of_defect(kind) for kind in sorted({defect.kind for defect in world.defects})]
 
 

@@ -1,4 +1,4 @@
-"""Which streets the recorded traffic is on: pictures of an empty one hold no vehicle to learn from or be tested on."""
+"""Which streets the recorded traffic is on: images of an empty street hold no vehicle to train or test on."""
 
 from collections.abc import Iterable, Mapping
 from typing import Final
@@ -11,14 +11,14 @@ from pavetwin.traffic.recording import Recording
 from pavetwin.world.model import World
 
 SAMPLED_S: Final = 10.0
-"""Agents are counted this often."""
+"""Interval at which agents are counted."""
 
 BESIDE_M: Final = 5.0
-"""People on the sidewalks of a carriageway, and agents this near to it on a junction, are on its street."""
+"""People on sidewalks, and agents on a junction, count as on the street whose carriageway is this near."""
 
 
 def presence(world: World, recordings: Iterable[Recording]) -> Mapping[str, Float64Array]:
-    """Street → (2,) vehicles and people that are on it at a time, on average, of all recordings together."""
+    """Street → (2,) mean number of vehicles and people on it at a time, over all recordings."""
     names, street = np.unique([segment.street for segment in world.segments], return_inverse=True)
     tree = shapely.STRtree([segment.polygon for segment in world.segments])
     counts = np.zeros((len(names), 2))

@@ -1,4 +1,4 @@
-"""One image of a dataset as it stands on disk: the file beside the image that every format is made from."""
+"""The record of one image on disk: the file beside the image from which every label format is made."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -15,7 +15,7 @@ TRUTH = "truth"
 
 @dataclass(frozen=True)
 class Record:
-    """All that is known about one image."""
+    """Everything recorded about one image."""
 
     index: int
     split: str
@@ -27,8 +27,8 @@ class Record:
     light: dict[str, Any]
     traffic: dict[str, Any]
     aim: dict[str, Any]
-    """What the image was to show, and at which attempt it did."""
-    things: tuple[LabelledObject, ...]
+    """What the image had to show, and at which attempt it did."""
+    objects: tuple[LabelledObject, ...]
 
     @property
     def name(self) -> str:
@@ -41,7 +41,7 @@ class Record:
 
     @property
     def labelled(self) -> tuple[LabelledObject, ...]:
-        return tuple(thing for thing in self.things if thing.ignored is None)
+        return tuple(obj for obj in self.objects if obj.ignored is None)
 
     def as_bytes(self) -> bytes:
         content = {
@@ -56,8 +56,8 @@ class Record:
             "aim": self.aim,
         }
         rows = [f" {json.dumps(key)}: {_text(value)},\n" for key, value in content.items()]
-        things = ",\n  ".join(_text(thing.as_dict()) for thing in self.things)
-        return ("{\n" + "".join(rows) + ' "things": [\n  ' + things + "\n ]\n}\n").encode()
+        objects = ",\n  ".join(_text(obj.as_dict()) for obj in self.objects)
+        return ("{\n" + "".join(rows) + ' "objects": [\n  ' + objects + "\n ]\n}\n").encode()
 
 
 def _text(value: object) -> str:
@@ -86,23 +86,23 @@ def read_record(path: Path) -> Record:
             split=content["split"],
             suffix=content["suffix"],
             size_px=(content["size_px"][0], content["size_px"][1]),
-            things=tuple(_thing(each) for each in content["things"]),
+            objects=tuple(_labelled_object(each) for each in content["objects"]),
             **{name: content[name] for name in ("camera", "light", "traffic", "aim")},
         )
     except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
         raise PaveTwinError(f"'{path}' is damaged or missing; capture into another folder.") from error
 
 
-def _thing(content: dict[str, Any]) -> LabelledObject:
+def _labelled_object(content: dict[str, Any]) -> LabelledObject:
     return LabelledObject(**content | {"box": tuple(content["box"]), "position_m": tuple(content["position_m"])})
 
 
 def read_records(folder: Path, split: str | None = None) -> Iterator[Record]:
-    """The images of a dataset by their index, one in memory at a time; all splits unless one is named."""
+    """The records of a dataset by index, one in memory at a time; all splits unless one is named."""
     for path in record_paths(folder, split):
         yield read_record(path)
 
 
 def record_paths(folder: Path, split: str | None = None) -> Sequence[Path]:
-    """Where they are, by index."""
+    """Their paths, by index."""
     return sorted((folder / TRUTH).glob(f"{split or '*'}/*.json"), key=lambda path: path.name)

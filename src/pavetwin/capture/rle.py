@@ -1,7 +1,8 @@
-"""Masks as COCO's compressed run lengths: columns from the left, each from above, runs of 0 and 1 in turn.
+"""Masks as COCO's compressed run lengths: column-major order, runs of 0 and 1 in turn.
 
-The text is what `pycocotools` reads and writes: each run, from the fourth on less the one two before it, in groups of
-five bits, the least first, 32 added where more follow, 48 added to all (cocoapi, `maskApi.c`, `rleToString`).
+The text is what `pycocotools` reads and writes: each run, from the fourth on as its difference to the run two before
+it, in groups of five bits, least significant first, 32 added where more follow, 48 added to all (cocoapi, `maskApi.c`,
+`rleToString`).
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""From a wish to an image's pose and light: drawn anew until the place suits, or given up."""
+"""From an image spec to a camera pose and light: drawn until one can meet the spec, or until it is relaxed."""
 
 from dataclasses import dataclass, replace
 from typing import Final
@@ -10,11 +10,11 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
 
 PROPOSALS: Final = 300
-"""Poses that are looked at, by geometry, for one image."""
+"""Poses that are checked by geometry for one attempt at an image."""
 
 STRICT, EASIER, ANYWHERE = 8, 8, 24
-"""Attempts at a wish as it is; then at any class of defects, or at none from any of the altitudes; then at any class
-from any of them."""
+"""Attempts at a spec as it is; then for any class of defects (or for no defect, from any altitude); then for any class
+from any altitude."""
 
 
 @dataclass(frozen=True)
@@ -28,26 +28,26 @@ class CameraSample:
 
 
 def draw_sample(platform: Platform, spec: ImageSpec, attempt: int) -> CameraSample | None:
-    """The n-th attempt at a wish, from the seed, the image's index and n alone; None when no place suits."""
-    setting = platform.setting
-    if spec.aims and not len(setting.sight.wanted(spec)):
+    """The n-th attempt at a spec, from the seed, the image's index and n only; None if no pose can meet it."""
+    context = platform.context
+    if spec.aims and not len(context.defect_index.candidates(spec)):
         return None
-    rng = child(setting.settings.seed, Stream.CAPTURE, SAMPLE, spec.index, attempt)
-    conditions = draw_conditions(rng, *base_lonlat(setting.world))
-    daylight = Daylight.of(conditions, setting.world, draw_compensation_ev(rng))
+    rng = child(context.settings.seed, Stream.CAPTURE, SAMPLE, spec.index, attempt)
+    conditions = draw_conditions(rng, *base_lonlat(context.world))
+    daylight = Daylight.of(conditions, context.world, draw_compensation_ev(rng))
     for _ in range(PROPOSALS):
         pose = platform.propose(spec, rng)
-        if pose is not None and setting.sight.suits(pose.view, spec):
+        if pose is not None and context.defect_index.may_show(pose.view, spec):
             return CameraSample(spec, attempt, pose, daylight)
     return None
 
 
 def relaxed(platform: Platform, spec: ImageSpec, attempt: int) -> ImageSpec:
-    """What is wished at the n-th attempt: after some any class of defects will do, or any altitude where none is to be
-    seen, and at last both.
+    """The spec of the n-th attempt: first as requested, then relaxed to any class of defects (or to any altitude where
+    no defect may be seen), at last to both.
 
     Raises:
-        PaveTwinError: there have been enough attempts.
+        PaveTwinError: no attempts are left.
     """
     if attempt >= STRICT + EASIER + ANYWHERE:
         raise PaveTwinError(
@@ -56,8 +56,8 @@ def relaxed(platform: Platform, spec: ImageSpec, attempt: int) -> ImageSpec:
         )
     if attempt < STRICT:
         return spec
-    anything = replace(spec, aims=tuple(aims_of(platform.setting.world)))
-    heights = platform.setting.settings.altitudes_m
+    anything = replace(spec, aims=tuple(aims_of(platform.context.world)))
+    heights = platform.context.settings.altitudes_m
     if not heights:
         return anything
     height = heights[(attempt - STRICT) % len(heights)]
@@ -67,11 +67,10 @@ def relaxed(platform: Platform, spec: ImageSpec, attempt: int) -> ImageSpec:
 
 
 def next_attempt(spec: ImageSpec, attempt: int, sample: CameraSample | None) -> int:
-    """The attempt after one that came to nothing. Where no place was found for it, none is looked for again until what
-    is wished becomes easier.
+    """The attempt after a failed one. If no pose was found for it, the next stage of relaxation follows at once.
 
     Args:
-        wish: as it was at first.
+        spec: as requested at first.
     """
     stages = (STRICT, STRICT + EASIER) if spec.aims else (STRICT,)
     return attempt + 1 if sample is not None else next((stage for stage in stages if attempt < stage), attempt + 1)

@@ -1,4 +1,4 @@
-"""The photographer of real datasets: the world's scene, drawn by the renderer."""
+"""The frame source of datasets and missions: the world's scene, drawn by the renderer."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -24,15 +24,15 @@ from pavetwin.uav.cameras import Camera
 from pavetwin.world.model import Defect, World
 
 LOOK_SEED: Final = 0
-"""Of what a scene leaves open, colours of cars and stains of roads: a world looks the same in every dataset and
-mission."""
+"""Seed of what a world leaves open, such as colours of cars and stains of roads: a world looks the same in every
+dataset and mission."""
 
 _SHADOWS_M: Final = 40.0
-"""Beyond the picture, what may throw a shadow into it."""
+"""Distance beyond the image from which objects may cast a shadow into it."""
 
 
 class SceneRenderer:
-    """A world that pictures can be taken of, in any of its recorded traffic.
+    """Renders images of a world with any of its recorded traffic.
 
     Raises:
         PaveTwinError: there is no adapter to draw with.
@@ -56,11 +56,11 @@ class SceneRenderer:
         without: int | None = None,
         compensation_ev: float = 0.0,
     ) -> RenderedFrame:
-        """What a camera sees at a time of the recording.
+        """The image of a camera at a time of the recording.
 
         Args:
-            noise: names the sensor's.
-            without: the agent of which only the shadow is drawn, for it carries the camera.
+            noise: seed of the sensor's noise.
+            without: the agent that carries the camera; only its shadow is drawn.
             compensation_ev: how much brighter than metered, in stops.
         """
         near = (float(view.position[0]), float(view.position[1]), self._radius_m(view))
@@ -81,7 +81,7 @@ class SceneRenderer:
         )
 
     def _radius_m(self, view: View) -> float:
-        """How far away agents matter."""
+        """Distance within which agents can be seen or cast a shadow into the image."""
         width, height = view.size_px
         hits = view.ground([(0, 0), (width, 0), (width, height), (0, height)])
         reach = float(np.max(np.linalg.norm(hits - view.position[:2], axis=1)))
@@ -98,19 +98,19 @@ class SceneRenderer:
 
 
 class SceneFrameSource:
-    """Takes the shots of a dataset."""
+    """Renders the camera samples of a dataset."""
 
-    def __init__(self, setting: CaptureContext) -> None:
-        self._scene_renderer = SceneRenderer(setting.world)
+    def __init__(self, context: CaptureContext) -> None:
+        self._scene_renderer = SceneRenderer(context.world)
 
-    def frame(self, sample: CameraSample, setting: CaptureContext) -> RenderedFrame:
+    def frame(self, sample: CameraSample, context: CaptureContext) -> RenderedFrame:
         """The same shot gives the same frame, whatever was taken before."""
-        noise = child(setting.settings.seed, Stream.FRAME, sample.spec.index, sample.attempt).integers(1 << 62)
+        noise = child(context.settings.seed, Stream.FRAME, sample.spec.index, sample.attempt).integers(1 << 62)
         return self._scene_renderer.picture(
             sample.pose.view,
             sample.pose.camera,
             sample.daylight.light,
-            setting.recordings[sample.spec.density],
+            context.recordings[sample.spec.density],
             sample.pose.time_s,
             noise=int(noise),
             without=sample.pose.ego,

@@ -1,4 +1,4 @@
-"""What decides every byte of a dataset, beside the world itself."""
+"""The settings that determine a dataset, together with the world."""
 
 from collections.abc import Mapping
 from importlib.metadata import version
@@ -15,8 +15,8 @@ from pavetwin.errors import PaveTwinError
 Share = Annotated[float, Field(ge=0, le=1)]
 Pixels = Annotated[int, Field(ge=64, le=8192)]
 
-FORMAT: Final = 2
-"""Of the folder; raised when a dataset begun before could not be gone on with."""
+FORMAT: Final = 3
+"""Version of the dataset's format; raised when older datasets cannot be resumed."""
 
 FILE: Final = "capture.yaml"
 
@@ -24,7 +24,7 @@ SPLITS: Final = ("train", "val", "test")
 
 
 class CaptureSettings(Settings):
-    """One dataset, complete."""
+    """Everything that one dataset is made from."""
 
     platform: str
     """A name of the registry in pavetwin.capture.platforms: uav or car."""
@@ -60,17 +60,17 @@ ASKED_BY: Final = {
     "size_px": "--size",
     "picture": "--png",
 }
-"""Options whose names differ from their settings'."""
+"""Options whose names differ from their settings."""
 
 JOINED_BY: Final = {"size_px": "x", "split": "/", "formats": ","}
-"""What stands between the values of options that take several at once; other options are given several times."""
+"""Separator of options that take several values at once; other options are given several times."""
 
 
 def settings_of(values: Mapping[str, Any], typed: Mapping[str, str]) -> CaptureSettings:
-    """Settings from what the options of the command line say.
+    """Settings from the command line's options.
 
     Args:
-        typed: by setting, as the user wrote what became something else on the way.
+        typed: by setting, the value as the user typed it, where parsing changed it.
 
     Raises:
         PaveTwinError: a value does not fit; the message names its option.
@@ -79,7 +79,7 @@ def settings_of(values: Mapping[str, Any], typed: Mapping[str, str]) -> CaptureS
         return CaptureSettings.model_validate(values)
     except ValidationError as error:
         first = error.errors()[0]
-        name = str(first["loc"][0]) if first["loc"] else "split"  # only the shares are checked together
+        name = str(first["loc"][0]) if first["loc"] else "split"  # only the shares of the splits are validated together
         given = first["input"]
         shown = f"{given:g}" if isinstance(given, int | float) else str(given)
         what = first["msg"].removeprefix("Value error, ").replace("Input should be", "it must be")
@@ -92,9 +92,9 @@ def description(settings: CaptureSettings, world: str, content: str, defects: st
 
     Args:
         world: name of the world.
-        content: hash of what stands still.
+        content: hash of the static world.
         defects: hash of its defects.
-        adapter: what draws.
+        adapter: name of the graphics adapter.
     """
     return {
         "format": FORMAT,
@@ -104,9 +104,9 @@ def description(settings: CaptureSettings, world: str, content: str, defects: st
     }
 
 
-def check_same(folder: Path, wanted: dict[str, Any]) -> bool:
-    """Whether a dataset with these settings was begun in `folder`; more images may be asked for than before. A
-    `capture.yaml` with nothing else beside it is of a run that came to no image, and no obstacle.
+def check_same(folder: Path, expected: dict[str, Any]) -> bool:
+    """Whether a dataset with these settings was begun in `folder`; more images may be requested than before. A
+    `capture.yaml` with nothing else beside it is of a run without images, and is ignored.
 
     Raises:
         PaveTwinError: something else is there, or a dataset with other settings; the message names the first.
@@ -121,27 +121,28 @@ def check_same(folder: Path, wanted: dict[str, Any]) -> bool:
     if found["format"] != FORMAT:
         raise PaveTwinError(f"'{folder}' is of format {found['format']}, this version writes {FORMAT}; choose another.")
     for key, what, other in (("pavetwin", "version", "the same version"), ("adapter", "adapter", "the same adapter")):
-        before, now = (each["made_by"].get(key) for each in (found, wanted))
+        before, now = (each["made_by"].get(key) for each in (found, expected))
         if before != now:
             raise PaveTwinError(
                 f"'{folder}' was begun with the {what} {before}, not {now}, whose pictures may differ; choose another "
                 f"folder or {other}."
             )
     for key, what in (("content_hash", "another world"), ("defects_hash", "other defects")):
-        if found["world"].get(key) != wanted["world"][key]:
+        if found["world"].get(key) != expected["world"][key]:
             raise PaveTwinError(
-                f"'{folder}' holds images of {what} than '{wanted['world']['name']}' has now; choose another folder."
+                f"'{folder}' holds images of {what} than '{expected['world']['name']}' has now; choose another folder."
             )
-    there, asked = found["settings"], wanted["settings"]
-    for key, value in asked.items():
-        if key != "images" and there.get(key) != value:
+    existing, requested = found["settings"], expected["settings"]
+    for key, value in requested.items():
+        if key != "images" and existing.get(key) != value:
             raise PaveTwinError(
-                f"'{folder}' was begun {_asked(key, there.get(key))}, not {_asked(key, value)}; give the "
+                f"'{folder}' was begun {_as_option(key, existing.get(key))}, not {_as_option(key, value)}; give the "
                 "same, or choose another folder."
             )
-    if asked["images"] < there["images"]:
+    if requested["images"] < existing["images"]:
         raise PaveTwinError(
-            f"'{folder}' was begun with --images {there['images']}, more than {asked['images']}; choose another folder."
+            f"'{folder}' was begun with --images {existing['images']}, more than {requested['images']}; "
+            "choose another folder."
         )
     return True
 
@@ -163,8 +164,8 @@ def read_description(folder: Path) -> dict[str, Any]:
     return dict(found)
 
 
-def _asked(key: str, value: Any) -> str:
-    """How a setting is asked for, as it can be typed."""
+def _as_option(key: str, value: Any) -> str:
+    """A setting as its command-line option."""
     if key == "picture":
         return "with --png" if value == "png" else "without --png"
     option = ASKED_BY.get(key, f"--{key}")

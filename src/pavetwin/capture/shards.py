@@ -1,6 +1,6 @@
-"""Images taken a shard at a time: made in a folder aside, then each file moved to its place, an image's record last.
+"""Images taken one shard at a time: written to a staging folder, then moved to the dataset, each image's record last.
 
-So an image whose record is there is whole, and a killed run costs at most the images in work.
+So an image whose record exists is complete, and a killed run loses at most the images in progress.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from pavetwin.capture.formats import Format
-from pavetwin.capture.images import FrameSource, take
+from pavetwin.capture.images import FrameSource, take_image
 from pavetwin.capture.plan import ImageSpec
 from pavetwin.capture.platforms import Platform
 from pavetwin.capture.record import Record, record_paths, truth_path
@@ -17,13 +17,13 @@ from pavetwin.capture.store import files_of, link_image, write_image
 from pavetwin.files import staging_folder
 
 SHARD: Final = 25
-"""Images that a process takes in one go, beside each other; fewer where that leaves a process without work."""
+"""Neighbouring images that a process takes in one unit of work; fewer where processes would be left idle."""
 
-_ASIDE: Final = "shard"
-"""What the folder aside is named after; it begins with a dot."""
+_STAGING: Final = "shard"
+"""Name of the staging folder; a dot is put before it."""
 
 Order = tuple[ImageSpec, CameraSample | None]
-"""A wish, and its first attempt."""
+"""An image spec and its first attempt."""
 
 
 def write_shard(
@@ -40,50 +40,51 @@ def write_shard(
         on_image: called after each; an exception from it ends the shard.
 
     Raises:
-        PaveTwinError: an image cannot be taken, or the dataset cannot be written. Nothing half-written is left.
+        PaveTwinError: an image cannot be taken, or the dataset cannot be written. No partial file is left.
     """
-    with staging_folder(folder / _ASIDE) as aside:
+    with staging_folder(folder / _STAGING) as staging:
         for spec, first in orders:
-            record, picture = take(platform, frame_source, spec, first)
-            write_image(aside, record, picture, formats)
-            _move(aside, folder, record, formats)
+            record, picture = take_image(platform, frame_source, spec, first)
+            write_image(staging, record, picture, formats)
+            _move(staging, folder, record, formats)
             on_image()
 
 
-def done(folder: Path) -> set[int]:
-    """The images that are in a dataset."""
+def finished_images(folder: Path) -> set[int]:
+    """The indices of a dataset's finished images."""
     return {int(path.stem) for path in record_paths(folder)}
 
 
-def in_shards(orders: Iterable[Order], workers: int) -> list[list[Order]]:
-    """Neighbours in one shard, so that a process makes as few tiles of the scene as can be; enough shards for all."""
-    along = sorted(orders, key=lambda order: (_place(order[1]), order[0].index))
+def split_into_shards(orders: Iterable[Order], workers: int) -> list[list[Order]]:
+    """Shards of neighbouring images, so that a process makes few tiles of the scene; at least one shard per worker."""
+    along = sorted(orders, key=lambda order: (_morton_code(order[1]), order[0].index))
     size = max(1, min(SHARD, -(-len(along) // workers)))
     return [along[start : start + size] for start in range(0, len(along), size)]
 
 
-def dealt(shards: Sequence[list[Order]], workers: int) -> list[list[Order]]:
-    """The shards in the order in which `workers` processes should begin them: each goes on beside where it was."""
+def schedule(shards: Sequence[list[Order]], workers: int) -> list[list[Order]]:
+    """The order in which `workers` processes should start the shards: each worker continues next to its last shard."""
     length = -(-len(shards) // workers)
     piles = [shards[start : start + length] for start in range(0, len(shards), max(1, length))]
     return [pile[turn] for turn in range(length) for pile in piles if turn < len(pile)]
 
 
-def _move(aside: Path, folder: Path, record: Record, formats: Sequence[Format]) -> None:
+def _move(staging: Path, folder: Path, record: Record, formats: Sequence[Format]) -> None:
     truth = truth_path(record.split, record.index)
     for path in (*files_of(record, formats), record.image):
-        _into(aside / path, folder / path)
+        _move_file(staging / path, folder / path)
     link_image(folder, record, formats)
-    _into(aside / truth, folder / truth)
+    _move_file(staging / truth, folder / truth)
 
 
-def _into(source: Path, target: Path) -> None:
+def _move_file(source: Path, target: Path) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     source.replace(target)
 
 
-def _place(sample: CameraSample | None) -> int:
-    """Along a curve that keeps neighbours together (Morton 1966): the bits of column and row in turn."""
+def _morton_code(sample: CameraSample | None) -> int:
+    """Position along a Z-order curve, which keeps neighbours together (Morton 1966): interleaved bits of column and
+    row."""
     if sample is None:
         return 1 << 62
     column, row = (int(value // 32.0) + (1 << 20) for value in sample.pose.view.position[:2])

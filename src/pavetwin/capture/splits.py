@@ -1,7 +1,7 @@
-"""Whole streets for train, val and test, so that no defect is seen in two of them.
+"""Assignment of whole streets to train, val and test, so that no defect is seen in two of them.
 
-Of many assignments the one is taken that comes nearest to the wanted shares of each class's defects and of the traffic,
-and parts the fewest streets that meet: where streets of two splits meet no image can be taken.
+Of many assignments the one is taken that is nearest to the target shares of each class's defects and of the traffic,
+and that separates the fewest streets that meet: no image can be taken where streets of two splits meet.
 """
 
 from collections.abc import Mapping, Sequence, Set
@@ -17,13 +17,13 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.world.model import DefectClass, World
 
 STARTS: Final = 96
-"""Assignments that are improved until none of a street's moves helps; the best is taken."""
+"""Number of random starts of the local search; the best result is taken."""
 
 MEETING_M: Final = 30.0
-"""Streets nearer to each other than this are seen in one image."""
+"""Streets nearer to each other than this can be in one image."""
 
 PARTING_WEIGHT: Final = 0.25
-"""What it costs to part all streets that meet, where 1 is to miss every share by all."""
+"""Cost of separating all streets that meet; 1 is the cost of missing every share completely."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,8 @@ def split_streets(
     Args:
         shares: of train, val and test; one of 0 gets no street.
         agents: street → (classes,) how many of each class are on it; none unless given.
-        reached: the streets that images can be taken of; all unless given. The others go where they meet most.
+        reached: the streets that images can be taken of; all unless given. The others join the split that they meet
+            most.
 
     Raises:
         PaveTwinError: there are fewer streets with defects than splits.
@@ -112,7 +113,7 @@ def _meetings(world: World, names: Sequence[str], meeting_m: float) -> Float64Ar
 
 
 def _started(town: _Town, rng: np.random.Generator) -> IndexArray:
-    """Streets in random order, each to the split that lacks most."""
+    """Assign streets in random order, each to the split that lacks most."""
     chosen = np.zeros(len(town.counts), dtype=np.intp)
     lacking = np.where(town.wanted > 0, town.wanted, -np.inf)
     sizes = town.counts.sum(axis=1) / town.counts.sum()
@@ -123,7 +124,7 @@ def _started(town: _Town, rng: np.random.Generator) -> IndexArray:
 
 
 def _improved(town: _Town, chosen: IndexArray) -> IndexArray:
-    """Move street by street to where it costs least, until no move helps."""
+    """Local search: move each street to the split of least cost, until no move helps."""
     chosen = chosen.copy()
     open_splits = np.flatnonzero(town.wanted > 0)
     cost, moved = _cost(town, chosen), True

@@ -11,58 +11,58 @@ from pavetwin.capture.record import Record, read_records
 from pavetwin.capture.settings import SPLITS
 
 SIZES: Final = (("small", 32.0), ("medium", 96.0), ("large", float("inf")))
-"""COCO's: a thing is small where its mask has fewer than 32² pixels, medium where fewer than 96²."""
+"""COCO's size classes: small below a mask of 32² pixels, medium below 96²."""
 
 
 @dataclass
 class Statistics:
-    """Counts over a dataset. All by names, so that they print as they are."""
+    """Counts over a dataset, by name."""
 
     images: Counter[str] = field(default_factory=Counter)
     """By split."""
     empty: Counter[str] = field(default_factory=Counter)
-    """Images without a defect in sight, by split."""
+    """Images that show no defect, by split."""
     missed_requests: int = 0
-    """Images that were to show one class, or no defect, and show another: no place for it was found."""
+    """Images that show another class than requested (or a defect where none was): no pose for the request was found."""
     labelled: Counter[tuple[str, str]] = field(default_factory=Counter)
     """By class and split."""
     distinct: dict[tuple[str, str], set[str]] = field(default_factory=dict)
-    """The defects behind the labels, by class and split."""
+    """Ids of the labelled defects, by class and split."""
     severities: Counter[tuple[str, str]] = field(default_factory=Counter)
     """Labelled defects by class and severity."""
     sizes: Counter[tuple[str, str]] = field(default_factory=Counter)
-    """Labelled things by class and COCO's size."""
+    """Labelled objects by class and COCO's size class."""
     ignored: Counter[tuple[str, str]] = field(default_factory=Counter)
     """By class and reason."""
 
     def add(self, record: Record) -> None:
         self.images[record.split] += 1
-        self.empty[record.split] += not any("severity" in thing.details for thing in record.things)
+        self.empty[record.split] += not any("severity" in obj.details for obj in record.objects)
         self.missed_requests += record.aim["requested"] != record.aim["met"]
-        for thing in record.things:
-            if thing.ignored is not None:
-                self.ignored[thing.category, thing.ignored] += 1
+        for obj in record.objects:
+            if obj.ignored is not None:
+                self.ignored[obj.category, obj.ignored] += 1
                 continue
-            self.labelled[thing.category, record.split] += 1
-            self.sizes[thing.category, _size(thing.area_px)] += 1
-            if "severity" in thing.details:
-                self.severities[thing.category, thing.details["severity"]] += 1
-                self.distinct.setdefault((thing.category, record.split), set()).add(thing.id)
+            self.labelled[obj.category, record.split] += 1
+            self.sizes[obj.category, _size(obj.area_px)] += 1
+            if "severity" in obj.details:
+                self.severities[obj.category, obj.details["severity"]] += 1
+                self.distinct.setdefault((obj.category, record.split), set()).add(obj.id)
 
-    def unseen(self) -> dict[str, list[str]]:
-        """Split → the classes that it has no label of, though another split has."""
+    def missing_classes(self) -> dict[str, list[str]]:
+        """Split → the classes without a label in it that another split has labels of."""
         names = [category.name for category in categories()]
         labelled = [name for name in names if any(self.labelled[name, split] for split in SPLITS)]
         lacking = {split: [name for name in labelled if not self.labelled[name, split]] for split in self.images}
         return {split: lacking[split] for split in SPLITS if lacking.get(split)}
 
     def as_dict(self) -> dict[str, Any]:
-        """As the manifest holds it: only what is there."""
+        """As the manifest holds it, without empty entries."""
         names = [category.name for category in categories()]
         return {
             "images": {split: self.images[split] for split in SPLITS if self.images[split]},
             "images_without_defects": {split: self.empty[split] for split in SPLITS if self.images[split]},
-            "images_not_as_wished": self.missed_requests,
+            "images_not_as_requested": self.missed_requests,
             "labels": {
                 name: {split: self.labelled[name, split] for split in SPLITS if self.images[split]} for name in names
             },

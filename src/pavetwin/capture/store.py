@@ -27,14 +27,14 @@ def write_image(folder: Path, record: Record, picture: bytes, formats: Sequence[
 
 
 def link_image(folder: Path, record: Record, formats: Sequence[Format]) -> None:
-    """The picture where else formats want it."""
+    """Link the image into the other folders that formats need it in."""
     for each in formats:
         for path in each.links(record):
             _link(folder / record.image, folder / path)
 
 
 def write_over_all(folder: Path, formats: Sequence[Format], splits: tuple[str, ...]) -> None:
-    """What the formats have over all images, which are there."""
+    """Write the files that formats have for all images, which must exist."""
     for each in formats:
         for split in splits:
             for path, pieces in each.of_split(folder, split):
@@ -49,12 +49,12 @@ def write_yaml(path: Path, content: Mapping[str, Any]) -> None:
 
 def _write(path: Path, pieces: Iterable[bytes]) -> None:
     with writing(path) as temporary, temporary.open("wb") as stream:
-        for piece in pieces:
-            stream.write(piece)
+        for instance in pieces:
+            stream.write(instance)
 
 
 def _link(source: Path, target: Path) -> None:
-    """The same file under a second name; a copy on disks that have no such thing."""
+    """A hard link to a file; a copy on file systems without hard links."""
     target.parent.mkdir(parents=True, exist_ok=True)
     target.unlink(missing_ok=True)
     try:

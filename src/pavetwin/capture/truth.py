@@ -1,4 +1,4 @@
-"""What one image shows, thing by thing, from its instance image; and what of it is not asked of a detector, and why."""
+"""The labelled objects of one image, from its instance image; and which of them are ignored, and why."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -13,9 +13,9 @@ from shapely import Polygon
 from pavetwin.arrays import Float64Array
 from pavetwin.capture.classes import Category, category_of_agent, category_of_defect
 from pavetwin.capture.contrast import ContrastMeter
-from pavetwin.capture.instance_masks import Box, InstanceMask, pieces
+from pavetwin.capture.defect_index import footprint
+from pavetwin.capture.instance_masks import Box, InstanceMask, instance_masks
 from pavetwin.capture.rle import encode
-from pavetwin.capture.sight import footprint
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.scene.model import labelled_agent, labelled_defect
 from pavetwin.scene.view import View
@@ -27,21 +27,21 @@ if TYPE_CHECKING:
 LEAST_VISIBLE_SHARE: Final = 0.15
 LEAST_INSIDE_SHARE: Final = 0.15
 LARGE_PX_SHARE: Final = 0.01
-"""Of the picture: what is seen of a thing and is larger than this is labelled, however much of it lies outside."""
+"""Share of the image: an object whose visible part is larger is labelled, however much of it lies outside."""
 
 
 class Reason(StrEnum):
-    """Why something that can be seen is not labelled. The first that holds is given."""
+    """Why a visible object is not labelled. The first reason that holds is given."""
 
     HIDDEN = "hidden"
-    """Less than 15 % of what the image would show of it is visible."""
+    """Less than 15 % of what the image would show of it without occlusion is visible."""
     CUT = "cut"
-    """Less than 15 % of it lies within the image, and that is less than 1 % of the image."""
+    """Less than 15 % of it lies within the image, and its visible part is less than 1 % of the image."""
     FAR = "far"
     SMALL = "small"
-    """A side of its box or its mask is below the class's least."""
+    """A side of its box, or its mask, is below the class's least size."""
     FAINT = "faint"
-    """A defect that the picture hardly shows: its contrast is below the least."""
+    """A defect that is hardly visible: its contrast is below the class's least."""
 
 
 @dataclass(frozen=True)
@@ -54,20 +54,20 @@ class LabelledObject:
     box: Box
     """Tight around its visible pixels: left, top, and the first column and row beyond it."""
     area_px: int
-    """Of its visible pixels."""
+    """Its visible pixels."""
     amodal_px: int
-    """Of this image's pixels that it would cover if nothing hid it."""
-    visible_share: float
+    """Pixels of this image that it would cover without occlusion."""
+    visible_fraction: float
     """area_px / amodal_px."""
-    inside_share: float | None
-    """Of a defect the share of its area on the road that lies within the image; of an agent that of its outline in the
-    image plane, None where a part of it is behind the camera."""
+    inside_fraction: float | None
+    """Share within the image: of a defect's area on the road; of an agent's outline in the image plane, None where a
+    part of it is behind the camera."""
     truncated: bool
     """It reaches the image's border."""
     distance_m: float
-    """From the camera to its middle."""
+    """From the camera to its centre."""
     position_m: tuple[float, float, float]
-    """Its middle, in the world frame."""
+    """Its centre, in the world frame."""
     details: dict[str, Any]
     """Of defects: class, severity, width_m, depth_m, area_m2, segment, street, contrast. Of agents: kind, sizes, yaw,
     speed."""
@@ -82,69 +82,73 @@ class LabelledObject:
 
 @dataclass(frozen=True)
 class SceneState:
-    """What there is to be seen: a world, and the agents over it at one time."""
+    """A world, and the agents in it at one time."""
 
     world: World
     agents: "PoseColumns"
     kinds: Sequence[str]
-    """Of all agents of the recording, by their number."""
+    """Kind of each agent of the recording, by number."""
 
     def defect(self, number: int) -> Defect:
         return self.world.defects[number]
 
 
-def things(frame: RenderedFrame, moment: SceneState) -> list[LabelledObject]:
-    """Everything that a frame's instance image shows, by rising label.
+def labelled_objects(frame: RenderedFrame, state: SceneState) -> list[LabelledObject]:
+    """The objects that a frame's instance image shows, by ascending label.
 
     Raises:
-        ValueError: the frame has no labels or does not tell of sound pavement, or it names a thing that is not there.
+        ValueError: the frame has no labels or no defect-free image, or a label that matches no object.
     """
     if frame.labels is None or frame.defect_free is None:
-        raise ValueError("things are told from a frame with labels and with its picture of sound pavement")
-    picture = ContrastMeter(frame.rgb, frame.defect_free, frame.labels)
-    return [_thing(piece, frame, picture, moment) for piece in pieces(frame.labels)]
+        raise ValueError("labelled objects need a frame with labels and with its defect-free image")
+    contrast_meter = ContrastMeter(frame.rgb, frame.defect_free, frame.labels)
+    return [_labelled_object(instance, frame, contrast_meter, state) for instance in instance_masks(frame.labels)]
 
 
-def _thing(piece: InstanceMask, frame: RenderedFrame, picture: ContrastMeter, moment: SceneState) -> LabelledObject:
-    number = labelled_defect(piece.label)
+def _labelled_object(
+    instance: InstanceMask, frame: RenderedFrame, contrast_meter: ContrastMeter, state: SceneState
+) -> LabelledObject:
+    number = labelled_defect(instance.label)
     inside: float | None
     is_faint = False
     if number is not None:
-        defect = moment.defect(number)
-        category, middle, details = _defect(moment, defect)
-        name, inside = f"defect {number}", ground_share(frame.view, defect.polygon)
-        contrast = picture.contrast(piece)
+        defect = state.defect(number)
+        category, middle, details = _defect(state, defect)
+        name, inside = f"defect {number}", ground_fraction(frame.view, defect.polygon)
+        contrast = contrast_meter.contrast(instance)
         details["contrast"] = round(contrast, 3)
         is_faint = contrast < category.least_contrast
     else:
-        agent = labelled_agent(piece.label)
+        agent = labelled_agent(instance.label)
         assert agent is not None
-        category, corners, middle, details = _agent(moment, agent)
-        name, inside = f"agent {agent}", inside_share(frame.view, corners)
-    alone = frame.amodal_px[piece.label]
+        category, corners, middle, details = _agent(state, agent)
+        name, inside = f"agent {agent}", inside_fraction(frame.view, corners)
+    amodal_px = frame.amodal_px[instance.label]
     size = (frame.view.size_px[1], frame.view.size_px[0])
     distance = float(np.linalg.norm(middle - frame.view.position))
-    visible = piece.area_px / alone
-    is_cut = inside is not None and inside < LEAST_INSIDE_SHARE and piece.area_px < LARGE_PX_SHARE * size[0] * size[1]
+    visible = instance.area_px / amodal_px
+    is_cut = (
+        inside is not None and inside < LEAST_INSIDE_SHARE and instance.area_px < LARGE_PX_SHARE * size[0] * size[1]
+    )
     return LabelledObject(
         id=name,
         category=category.name,
-        box=piece.box,
-        area_px=piece.area_px,
-        amodal_px=alone,
-        visible_share=round(visible, 4),
-        inside_share=None if inside is None else round(inside, 4),
-        truncated=piece.touches_border(size),
+        box=instance.box,
+        area_px=instance.area_px,
+        amodal_px=amodal_px,
+        visible_fraction=round(visible, 4),
+        inside_fraction=None if inside is None else round(inside, 4),
+        truncated=instance.touches_border(size),
         distance_m=round(distance, 3),
         position_m=(round(float(middle[0]), 3), round(float(middle[1]), 3), round(float(middle[2]), 3)),
         details=details,
-        ignored=_reason(piece, category, visible, is_cut, distance, is_faint),
-        mask=encode(piece.mask(size)),
+        ignored=_reason(instance, category, visible, is_cut, distance, is_faint),
+        mask=encode(instance.mask(size)),
     )
 
 
 def _reason(
-    piece: InstanceMask, category: Category, visible: float, is_cut: bool, distance_m: float, is_faint: bool
+    instance: InstanceMask, category: Category, visible: float, is_cut: bool, distance_m: float, is_faint: bool
 ) -> str | None:
     if visible < LEAST_VISIBLE_SHARE:
         return Reason.HIDDEN.value
@@ -152,21 +156,23 @@ def _reason(
         return Reason.CUT.value
     if distance_m > category.farthest_m:
         return Reason.FAR.value
-    is_short = piece.longer_side_px < category.least_side_px or piece.shorter_side_px < category.least_short_side_px
-    if is_short or piece.area_px < category.least_area_px:
+    is_short = (
+        instance.longer_side_px < category.least_side_px or instance.shorter_side_px < category.least_short_side_px
+    )
+    if is_short or instance.area_px < category.least_area_px:
         return Reason.SMALL.value
     return Reason.FAINT.value if is_faint else None
 
 
-def _defect(moment: SceneState, defect: Defect) -> tuple[Category, Float64Array, dict[str, Any]]:
+def _defect(state: SceneState, defect: Defect) -> tuple[Category, Float64Array, dict[str, Any]]:
     """Category, middle (3,), details."""
-    details = defect.facts | {"street": moment.world.segment(defect.segment).street}
+    details = defect.facts | {"street": state.world.segment(defect.segment).street}
     return category_of_defect(defect.kind), np.array([defect.centre.x, defect.centre.y, 0.0]), details
 
 
-def _agent(moment: SceneState, agent: int) -> tuple[Category, Float64Array, Float64Array, dict[str, Any]]:
+def _agent(state: SceneState, agent: int) -> tuple[Category, Float64Array, Float64Array, dict[str, Any]]:
     """Category, corners (8, 3), middle (3,), details."""
-    poses = moment.agents
+    poses = state.agents
     there = np.flatnonzero(poses["agent"] == agent)
     if not len(there):
         raise ValueError(f"the instance image shows agent {agent}, who is not there at this time")
@@ -174,7 +180,7 @@ def _agent(moment: SceneState, agent: int) -> tuple[Category, Float64Array, Floa
     x, y, yaw = float(poses["x_m"][row]), float(poses["y_m"][row]), float(poses["yaw_rad"][row])
     length, width, height = (float(poses[name][row]) for name in ("length_m", "width_m", "height_m"))
     details = {
-        "kind": moment.kinds[agent],
+        "kind": state.kinds[agent],
         "length_m": round(length, 3),
         "width_m": round(width, 3),
         "height_m": round(height, 3),
@@ -186,26 +192,26 @@ def _agent(moment: SceneState, agent: int) -> tuple[Category, Float64Array, Floa
 
 
 def _box_corners(x: float, y: float, yaw_rad: float, length_m: float, width_m: float, height_m: float) -> Float64Array:
-    """The eight corners (8, 3) of a body that stands on the ground."""
+    """The corners (8, 3) of an agent's bounding box on the ground."""
     ahead = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0]) * length_m / 2
     left = np.array([-np.sin(yaw_rad), np.cos(yaw_rad), 0.0]) * width_m / 2
     base = [a * ahead + b * left for a in (-1, 1) for b in (-1, 1)]
     return np.array([np.array([x, y, z]) + corner for corner in base for z in (0.0, height_m)])
 
 
-def ground_share(view: View, outline: Polygon) -> float:
-    """Share of an area on the ground that lies within the image."""
+def ground_fraction(view: View, outline: Polygon) -> float:
+    """Fraction of an area on the ground that lies within the image."""
     return float(outline.intersection(footprint(view)).area / outline.area)
 
 
-def inside_share(view: View, corners: Float64Array) -> float | None:
-    """Share of a thing's outline in the image plane that lies within the image.
+def inside_fraction(view: View, corners: Float64Array) -> float | None:
+    """Fraction of an object's outline in the image plane that lies within the image.
 
     Args:
         corners: (n, 3) in the world frame; the outline is their hull's.
 
     Returns:
-        None where a corner is behind the camera, or all fall onto a line.
+        None if a corner is behind the camera, or if all lie on a line.
     """
     pixels = view.project(corners)
     if not np.isfinite(pixels).all():

@@ -95,9 +95,9 @@ def make(
     }
     with progress("Starting", lines=True) as tell:
         # Inside, since these take seconds to import.
+        from pavetwin.capture.context import check
         from pavetwin.capture.run import capture
         from pavetwin.capture.scene_renderer import SceneFrameSource
-        from pavetwin.capture.setting import check
         from pavetwin.capture.settings import settings_of
         from pavetwin.render.adapter import find_adapter
 
@@ -168,10 +168,10 @@ def _print(statistics: "Statistics") -> None:
     if statistics.missed_requests:
         of = f"{statistics.missed_requests} of {sum(statistics.images.values())} images"
         out.print(
-            f"\n[yellow]Note:[/] {of} do not show what was asked of them (a class, or no defect at all): nowhere that "
-            "was tried could. In a world with fewer defects more places have none, also for pictures from high up."
+            f"\n[yellow]Note:[/] {of} do not show what was requested (a class, or no defect at all): no tried pose "
+            "could. In a world with fewer defects more of the road has none, also for images from high altitudes."
         )
-    for split, names in statistics.unseen().items():
+    for split, names in statistics.missing_classes().items():
         out.print(
             f"\n[yellow]Note:[/] {split} has no {' and no '.join(names)}. More images may bring some; a world with "
             "more streets, or another --seed, gives more ways to split it.",

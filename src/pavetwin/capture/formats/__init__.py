@@ -1,4 +1,4 @@
-"""Label files for the tools that train on them. One file a format, one registry."""
+"""Label files for the tools that train on them. One file per format, one registry."""
 
 from pavetwin.capture.formats.base import FORMATS, Format, find_formats, label_format
 

@@ -9,7 +9,8 @@ from pavetwin.registry import Registry
 
 
 class Format(ABC):
-    """Label files of one kind: some an image, written with it, and some over all, written at the end."""
+    """One format of labels: files for each image, written with it, and files for a whole split or dataset, written
+    last."""
 
     name: str = ""
 
@@ -24,14 +25,14 @@ class Format(ABC):
 
     @abstractmethod
     def of_split(self, folder: Path, split: str) -> Iterator[tuple[str, Iterator[bytes]]]:
-        """The files over one split's images: path in the dataset, content piece by piece.
+        """The files for one split's images: path in the dataset, content in pieces.
 
         Args:
             folder: the dataset, whose images are all there.
         """
 
     def of_all(self, splits: tuple[str, ...]) -> Mapping[str, bytes]:
-        """The files over the whole dataset."""
+        """The files for the whole dataset."""
         del splits
         return {}
 

@@ -1,7 +1,7 @@
 """COCO: `annotations/instances_SPLIT.json`, its `file_name`s in `images/SPLIT/`.
 
-Masks are run lengths, which are exact also for a network of cracks. What is ignored has `iscrowd` 1, which COCO's own
-evaluation neither rewards nor punishes and trainers leave out, and says why in `ignored`.
+Masks are run-length encoded, which is exact also for crack networks. Ignored objects have `iscrowd` 1, which COCO's own
+evaluation neither rewards nor penalises and trainers leave out; `ignored` gives the reason.
 """
 
 import json
@@ -64,23 +64,23 @@ def _image(record: Record) -> dict[str, Any]:
 def _annotations(record: Record) -> Iterator[dict[str, Any]]:
     numbers = {category.name: category.number + 1 for category in categories()}
     width, height = record.size_px
-    for place, thing in enumerate(record.things):
-        left, top, right, bottom = thing.box
+    for place, obj in enumerate(record.objects):
+        left, top, right, bottom = obj.box
         yield {
             # Unique over all splits, and the same whatever else was captured.
             "id": record.index * 10_000 + place + 1,
             "image_id": record.index,
-            "category_id": numbers[thing.category],
+            "category_id": numbers[obj.category],
             "bbox": [left, top, right - left, bottom - top],
-            "area": thing.area_px,
-            "segmentation": {"size": [height, width], "counts": thing.mask},
-            "iscrowd": int(thing.ignored is not None),
-            "ignored": thing.ignored,
-            "thing": thing.id,
-            "visible_share": thing.visible_share,
-            "inside_share": thing.inside_share,
-            "truncated": thing.truncated,
-            "distance_m": thing.distance_m,
-            "position_m": list(thing.position_m),
-            **thing.details,
+            "area": obj.area_px,
+            "segmentation": {"size": [height, width], "counts": obj.mask},
+            "iscrowd": int(obj.ignored is not None),
+            "ignored": obj.ignored,
+            "object_id": obj.id,
+            "visible_fraction": obj.visible_fraction,
+            "inside_fraction": obj.inside_fraction,
+            "truncated": obj.truncated,
+            "distance_m": obj.distance_m,
+            "position_m": list(obj.position_m),
+            **obj.details,
         }

@@ -1,6 +1,6 @@
 """Pascal VOC: `voc/Annotations/NAME.xml`, `voc/JPEGImages` with the pictures, `voc/ImageSets/Main/SPLIT.txt`.
 
-Boxes count pixels from 1 and include their last, as in the VOC development kit. What is ignored is there as
+Boxes count pixels from 1 and include their last, as in the VOC development kit. Ignored objects are marked
 `difficult`, which VOC's own evaluation leaves out.
 """
 
@@ -13,7 +13,7 @@ from pavetwin.capture.record import Record, record_paths
 from pavetwin.capture.truth import LabelledObject
 
 OCCLUDED = 0.95
-"""A visible share below this is an occlusion in VOC's sense: more than about 5 % of the box is covered."""
+"""A visible fraction below this is an occlusion in VOC's sense: more than about 5 % of the box is covered."""
 
 
 @label_format("voc")
@@ -25,8 +25,8 @@ class Voc(Format):
         width, height = record.size_px
         _texts(ElementTree.SubElement(root, "size"), width=width, height=height, depth=3)
         _texts(root, segmented=0)
-        for thing in record.things:
-            _add(root, thing)
+        for obj in record.objects:
+            _add(root, obj)
         ElementTree.indent(root)
         text = ElementTree.tostring(root, encoding="unicode") + "\n"
         return {f"voc/Annotations/{record.name}.xml": text.encode()}
@@ -39,20 +39,20 @@ class Voc(Format):
         yield f"voc/ImageSets/Main/{split}.txt", names
 
 
-def _add(root: ElementTree.Element, thing: LabelledObject) -> None:
+def _add(root: ElementTree.Element, obj: LabelledObject) -> None:
     node = ElementTree.SubElement(root, "object")
     _texts(
         node,
-        name=thing.category,
+        name=obj.category,
         pose="Unspecified",
-        truncated=int(thing.truncated),
-        occluded=int(thing.visible_share < OCCLUDED),
-        difficult=int(thing.ignored is not None),
+        truncated=int(obj.truncated),
+        occluded=int(obj.visible_fraction < OCCLUDED),
+        difficult=int(obj.ignored is not None),
     )
-    left, top, right, bottom = thing.box
+    left, top, right, bottom = obj.box
     _texts(ElementTree.SubElement(node, "bndbox"), xmin=left + 1, ymin=top + 1, xmax=right, ymax=bottom)
-    extras = {"id": thing.id, "visible_share": thing.visible_share, "distance_m": thing.distance_m, **thing.details}
-    _texts(ElementTree.SubElement(node, "pavetwin"), **extras | ({"ignored": thing.ignored} if thing.ignored else {}))
+    extras = {"id": obj.id, "visible_fraction": obj.visible_fraction, "distance_m": obj.distance_m, **obj.details}
+    _texts(ElementTree.SubElement(node, "pavetwin"), **extras | ({"ignored": obj.ignored} if obj.ignored else {}))
 
 
 def _texts(node: ElementTree.Element, **values: object) -> None:

@@ -1,7 +1,7 @@
 """Ultralytics YOLO: `labels/SPLIT/NAME.txt` beside `images/SPLIT/NAME.jpg`, and `data.yaml`.
 
 A line is the class and the box's middle, width and height as shares of the image. An image without labels has an empty
-file. What is ignored is not in it: the format has no place for that.
+file. Ignored objects are left out: the format cannot mark them.
 """
 
 from collections.abc import Iterator, Mapping
@@ -20,11 +20,11 @@ class Yolo(Format):
         numbers = {category.name: category.number for category in categories()}
         width, height = record.size_px
         lines = []
-        for thing in record.labelled:
-            left, top, right, bottom = thing.box
+        for obj in record.labelled:
+            left, top, right, bottom = obj.box
             middle = ((left + right) / 2 / width, (top + bottom) / 2 / height)
             shares = (*middle, (right - left) / width, (bottom - top) / height)
-            lines.append(f"{numbers[thing.category]} " + " ".join(f"{share:.6f}" for share in shares) + "\n")
+            lines.append(f"{numbers[obj.category]} " + " ".join(f"{share:.6f}" for share in shares) + "\n")
         return {f"labels/{record.split}/{record.name}.txt": "".join(lines).encode()}
 
     def of_split(self, folder: Path, split: str) -> Iterator[tuple[str, Iterator[bytes]]]:
@@ -32,7 +32,7 @@ class Yolo(Format):
         yield from ()
 
     def of_all(self, splits: tuple[str, ...]) -> Mapping[str, bytes]:
-        # Without `path` Ultralytics looks beside this file, wherever the dataset is moved to. It asks for train and
+        # Without `path` Ultralytics looks beside this file, wherever the dataset is moved to. It requires train and
         # val, which may be null.
         content = {split: f"images/{split}" if split in splits else None for split in ("train", "val", *splits)}
         names = {category.number: category.name for category in categories()}

@@ -1,4 +1,4 @@
-"""What carries the camera. One file a platform, one registry."""
+"""What carries the camera. One file per platform, one registry."""
 
 from pavetwin.capture.platforms.base import PLATFORMS, CaptureContext, Platform, Pose, platform
 

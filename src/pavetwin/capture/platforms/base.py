@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pavetwin._core import NavMesh, Trace
+from pavetwin.capture.defect_index import DefectIndex
 from pavetwin.capture.plan import ImageSpec
 from pavetwin.capture.settings import CaptureSettings
-from pavetwin.capture.sight import DefectIndex
 from pavetwin.registry import Registry
 from pavetwin.scene.view import View
 from pavetwin.traffic.recording import Recording
@@ -19,21 +19,21 @@ from pavetwin.world.model import World
 
 @dataclass(frozen=True)
 class CaptureContext:
-    """Where and when images can be taken."""
+    """What platforms draw camera poses from: the world, its splits, the recorded traffic and the free airspace."""
 
     world: World
     settings: CaptureSettings
-    sight: DefectIndex
+    defect_index: DefectIndex
     recordings: Mapping[str, Recording]
-    """By the name of their density."""
+    """By density name."""
     traces: Mapping[str, Trace]
     meshes: Mapping[float, NavMesh]
-    """Where the UAV may be, by altitude in metres; empty for what drives."""
+    """Where the UAV may be, by altitude in metres; empty for ground vehicles."""
 
 
 @dataclass(frozen=True)
 class Pose:
-    """A camera somewhere at some time in the traffic."""
+    """A camera pose at a time of the recorded traffic."""
 
     view: View
     time_s: float
@@ -45,28 +45,28 @@ class Pose:
     mount: str
     """Which of the platform's cameras."""
     ego: int | None = None
-    """The agent that carries it and is not drawn."""
+    """The agent that carries the camera; it is not drawn."""
 
 
 class Platform(ABC):
-    """Proposes poses; whoever asked looks whether one suits, and asks again."""
+    """Proposes camera poses. The caller checks each against the image spec and requests another if it does not fit."""
 
     name: str = ""
     uses_altitude: bool = False
 
-    def __init__(self, setting: CaptureContext) -> None:
-        self.setting = setting
+    def __init__(self, context: CaptureContext) -> None:
+        self.context = context
 
     @classmethod
     def reaches(cls, world: World, recordings: Mapping[str, Recording]) -> set[str]:  # noqa: ARG003 - for others
-        """The streets that it can take images of in every one of the recordings."""
+        """The streets of which it can take images in every one of the recordings."""
         return {segment.street for segment in world.segments}
 
     @abstractmethod
     def propose(self, spec: ImageSpec, rng: np.random.Generator) -> Pose | None:
-        """A pose that may show what is wished, or None when the luck of `rng` led nowhere.
+        """A pose that may meet the spec, or None if this draw gives none.
 
-        Everything drawn is drawn from `rng`.
+        All randomness comes from `rng`.
         """
 
 

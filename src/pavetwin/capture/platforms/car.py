@@ -24,26 +24,26 @@ from pavetwin.world.model import World
 KIND: Final = "hatchback"
 
 FRONT_SHARE: Final = 0.7
-"""Of all images; the others are the rear camera's."""
+"""Share of images from the front camera; the others are from the rear camera."""
 
 _LEAST_SPEED_MPS: Final = 0.5
-"""A car that waits would take the same image again and again."""
+"""Below this speed the car counts as waiting: its images would repeat."""
 
 _PITCHING_RAD: Final = radians(0.7)
 """Standard deviation of the body's pitch on its springs."""
 
 _WANDER_M: Final = 0.15
-"""Standard deviation of how far beside SUMO's path, which is the middle of the lane, a driver keeps. By judgement."""
+"""Standard deviation of the lateral offset from SUMO's path, the lane's centre line. By judgement."""
 
 _YAWING_RAD, _HEAVING_M = radians(0.6), 0.015
-"""Standard deviations of the body's heading about its path, and of its height on its springs."""
+"""Standard deviations of the body's yaw relative to its path, and of its height on its springs."""
 
 _AHEAD_M: Final = 12.0
-"""So far before the camera there is road in a picture ahead without defects: none of a car that turns about where the
-map ends."""
+"""An image without defects from the front camera must have road at this distance ahead; this excludes cars that turn
+around where the map ends."""
 
 _STREET_M: Final = 2.0
-"""A car this far off every carriageway of a split is on a junction."""
+"""A car within this distance of a carriageway of a split is on one of its junctions."""
 
 
 class Mount:
@@ -56,13 +56,14 @@ class Mount:
         )
 
     def ahead_m(self, length_m: float) -> float:
-        """How far before the middle of a vehicle of that length it is: as far from its end as on the hatchback [m]."""
+        """Its distance ahead of the middle of a vehicle of that length, with the hatchback's distance from the end
+        [m]."""
         return self.x_m + copysign(1.0, self.x_m) * (length_m - KINDS[KIND].length_m) / 2
 
 
 FRONT: Final = Mount("front", x_m=1.80, z_m=1.30, pitch_deg=-22.0, vertical_fov_deg=58.0)
-"""On a bracket over the front bumper, as survey vehicles carry theirs, so that no bonnet hides the road; pitched to it:
-the horizon is in the upper tenth of its image, the lower edge a metre before the car."""
+"""On a bracket over the front bumper, as survey vehicles carry theirs, so that no bonnet hides the road. Pitched down:
+the horizon is in the upper tenth of its image, the lower edge a metre ahead of the car."""
 
 REAR: Final = Mount("rear", x_m=-3.30, z_m=2.00, pitch_deg=-90.0, vertical_fov_deg=74.0)
 """On an arm behind the tailgate, 2 m high as the line scanners of survey vehicles are. It sees a lane, 3 m, that begins
@@ -77,15 +78,15 @@ class Car(Platform):
         return set.intersection(*driven)
 
     def propose(self, spec: ImageSpec, rng: np.random.Generator) -> Pose | None:
-        # Ahead there is seldom a road without a defect in sight; then the rear camera, which sees a lane, finds one.
+        # The front camera seldom sees a road without defects; images without defects may come from either camera.
         mount = FRONT if (spec.share if spec.aims else rng.random()) < FRONT_SHARE else REAR
-        recording, rows = self.setting.recordings[spec.density], self._rows(spec)
+        recording, rows = self.context.recordings[spec.density], self._rows(spec)
         row = int(rows[int(rng.integers(len(rows)))])
-        # Between two steps the trace interpolates; where the car is gone by then, another is proposed.
+        # The trace interpolates between two steps; if the car has left by then, another pose is drawn.
         step = int(np.searchsorted(recording.step_offsets, row, side="right")) - 1
         time_s = min((step + float(rng.random())) * recording.step_s, recording.duration_s)
         agent = int(recording.agent[row])
-        poses = self.setting.traces[spec.density].agents_at(time_s)
+        poses = self.context.traces[spec.density].agents_at(time_s)
         there = np.flatnonzero(poses["agent"] == agent)
         if not len(there):
             return None
@@ -104,34 +105,35 @@ class Car(Platform):
             ),
             yaw_rad=heading,
             pitch_rad=pitch,
-            size_px=self.setting.settings.size_px,
+            size_px=self.context.settings.size_px,
             vertical_fov_rad=mount.camera.fov_rad,
             velocity_mps=(east, north, 0.0),
         )
         ahead = view.position[:2] + _AHEAD_M * np.array([cos(heading), sin(heading)])
-        if mount is FRONT and not spec.aims and not shapely.contains_xy(self.setting.sight.road, *ahead):
+        if mount is FRONT and not spec.aims and not shapely.contains_xy(self.context.defect_index.road, *ahead):
             return None
         return Pose(view, time_s, atan2(sin(heading), cos(heading)), pitch, mount.camera, mount.name, ego=agent)
 
     def _rows(self, spec: ImageSpec) -> IndexArray:
-        """Rows of the recording whose vehicle it may be, on the split's streets; `reaches` sees that there are."""
+        """Rows of the recording whose vehicle may carry the camera, on the split's streets; `reaches` ensures there are
+        any."""
         return self._by_density[spec.density][spec.split]
 
     @cached_property
     def _by_density(self) -> dict[str, dict[str, IndexArray]]:
-        return {name: self._of_splits(recording) for name, recording in self.setting.recordings.items()}
+        return {name: self._of_splits(recording) for name, recording in self.context.recordings.items()}
 
     def _of_splits(self, recording: Recording) -> dict[str, IndexArray]:
-        splits = self.setting.sight.splits
+        splits = self.context.defect_index.splits
         found: dict[str, list[IndexArray]] = {}
-        for street, rows in _ways(self.setting.world, recording, within_m=_STREET_M).items():
+        for street, rows in _ways(self.context.world, recording, within_m=_STREET_M).items():
             if street in splits:
                 found.setdefault(splits[street], []).append(rows)
         return {split: np.sort(np.concatenate(rows)) for split, rows in found.items()}
 
 
 def _ways(world: World, recording: Recording, within_m: float) -> dict[str, IndexArray]:
-    """Street → rows of the recording with a moving vehicle that the hatchback may be.
+    """Street → rows of the recording with a moving vehicle that the hatchback may replace.
 
     Args:
         within_m: how far off the carriageway, on a junction, counts as on the street.
@@ -153,7 +155,7 @@ def _ways(world: World, recording: Recording, within_m: float) -> dict[str, Inde
 
 
 def _rank(kind: str) -> int:
-    """Whose way it drives on a street: that of the lowest rank there."""
+    """Preference for a vehicle kind to carry the camera: on each street the lowest rank present is taken."""
     if kind == KIND:
         return 0
     return 1 if kind in KINDS and KINDS[kind].sumo_class == "passenger" else 2

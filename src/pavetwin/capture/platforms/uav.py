@@ -1,4 +1,4 @@
-"""The UAV's camera over a street: mostly straight down and along the street, as it is flown, and some of all else."""
+"""The UAV's camera over a street: mostly nadir and along the street, as inspections are flown, with some variation."""
 
 from functools import cached_property
 from math import atan2, pi, radians, tan
@@ -9,26 +9,26 @@ import shapely
 
 from pavetwin.arrays import Float64Array
 from pavetwin.capture.clearings import Clearings
+from pavetwin.capture.defect_index import INNER
 from pavetwin.capture.plan import ImageSpec
 from pavetwin.capture.platforms.base import CaptureContext, Platform, Pose, platform
-from pavetwin.capture.sight import INNER
 from pavetwin.scene.view import View, look
 from pavetwin.uav.cameras import find_camera
 from pavetwin.world.model import Segment
 from pavetwin.world.segments import direction_at
 
 _ALONG, _ACROSS = 0.75, 0.15
-"""Shares of images headed along the street, either way, and across it; the rest are headed anywhere."""
+"""Shares of images headed along the street, either way, and across it; the rest have a random heading."""
 
 _SCATTER_RAD: Final = radians(8.0)
 _NADIR: Final = 0.75
-"""Share of images that look straight down, but for the gimbal's error; the others look ahead of it."""
+"""Share of nadir images, with the gimbal's error; the others are tilted forward."""
 
 _GIMBAL_RAD: Final = radians(0.5)
 _TILT_RAD: Final = (radians(3.0), radians(20.0))
 _HOVERING: Final = 0.25
 _SPEED_MPS: Final = (2.0, 6.0)
-"""Of the images that are not taken hovering: around the 5 m/s of an inspection."""
+"""Range of the images that are not taken while hovering: around the 5 m/s of an inspection."""
 
 _ROAD_M: Final = 1.0
 """The middle of every image lies on the road, or at most this far beside it."""
@@ -38,9 +38,9 @@ _ROAD_M: Final = 1.0
 class Uav(Platform):
     uses_altitude = True
 
-    def __init__(self, setting: CaptureContext) -> None:
-        super().__init__(setting)
-        self._camera = find_camera(setting.settings.camera)
+    def __init__(self, context: CaptureContext) -> None:
+        super().__init__(context)
+        self._camera = find_camera(context.settings.camera)
         self._clearings: dict[tuple[str, float], Clearings] = {}
 
     def propose(self, spec: ImageSpec, rng: np.random.Generator) -> Pose | None:
@@ -54,7 +54,7 @@ class Uav(Platform):
         pitch = -pi / 2 + float(tilt)
         speed = 0.0 if rng.random() < _HOVERING else float(rng.uniform(*_SPEED_MPS))
         place = rng.uniform(0.5 - INNER / 2, 0.5 + INNER / 2, size=2) if spec.aims else np.full(2, 0.5)
-        size = self.setting.settings.size_px
+        size = self.context.settings.size_px
         forward = np.array([np.cos(heading), np.sin(heading), 0.0])
 
         def view_from(xy: Float64Array) -> View:
@@ -67,32 +67,32 @@ class Uav(Platform):
                 velocity_mps=speed * forward,
             )
 
-        # Where the aim would be if the camera were above the origin says where it must be.
+        # The aim's ground position seen from above the origin gives the camera's position.
         xy = aim - view_from(np.zeros(2)).ground(place * size)
-        if not np.isfinite(xy).all() or not self.setting.meshes[spec.altitude_m].contains(float(xy[0]), float(xy[1])):
+        if not np.isfinite(xy).all() or not self.context.meshes[spec.altitude_m].contains(float(xy[0]), float(xy[1])):
             return None
         view = view_from(xy)
-        if not shapely.dwithin(self.setting.sight.road, shapely.Point(view.ground(np.array(size) / 2)), _ROAD_M):
+        if not shapely.dwithin(self.context.defect_index.road, shapely.Point(view.ground(np.array(size) / 2)), _ROAD_M):
             return None
-        time_s = float(rng.uniform(0.0, self.setting.recordings[spec.density].duration_s))
+        time_s = float(rng.uniform(0.0, self.context.recordings[spec.density].duration_s))
         return Pose(view, time_s, heading, pitch, self._camera, mount="gimbal")
 
     def _aimed_at(self, spec: ImageSpec, rng: np.random.Generator) -> tuple[Float64Array, float]:
-        """The middle of a defect (2,) that the picture is to show, and the direction of its street."""
-        defect = self.setting.world.defects[int(rng.choice(self.setting.sight.wanted(spec)))]
+        """The centre (2,) of a defect that the image must show, and the direction of its street."""
+        defect = self.context.world.defects[int(rng.choice(self.context.defect_index.candidates(spec)))]
         segment = self._segments[defect.segment]
         return np.array([defect.centre.x, defect.centre.y]), _direction(segment, defect.centre)
 
     def _clear_place(
         self, split: str, altitude_m: float, rng: np.random.Generator
     ) -> tuple[Float64Array, float] | None:
-        """The middle of a picture (2,) that may show no defect, and the direction of its street."""
+        """The centre (2,) of an image that must show no defect, and the direction of its street."""
         if (split, altitude_m) not in self._clearings:
-            width, height = self.setting.settings.size_px
-            # Within every picture straight down, and nearly within every tilted one.
+            width, height = self.context.settings.size_px
+            # This disc lies within every nadir image, and nearly within every tilted one.
             radius_m = altitude_m * tan(self._camera.fov_rad / 2) * min(1.0, width / height)
             self._clearings[split, altitude_m] = Clearings.of(
-                self._of_split[split], self.setting.sight.outlines, radius_m
+                self._of_split[split], self.context.defect_index.outlines, radius_m
             )
         drawn = self._clearings[split, altitude_m].draw(rng)
         return None if drawn is None else (drawn[0], _direction(drawn[1], shapely.Point(drawn[0])))
@@ -106,20 +106,20 @@ class Uav(Platform):
 
     @cached_property
     def _segments(self) -> dict[str, Segment]:
-        return {segment.id: segment for segment in self.setting.world.segments}
+        return {segment.id: segment for segment in self.context.world.segments}
 
     @cached_property
     def _of_split(self) -> dict[str, list[Segment]]:
         """The segments of each split's streets."""
-        splits = self.setting.sight.splits
+        splits = self.context.defect_index.splits
         found: dict[str, list[Segment]] = {}
-        for segment in self.setting.world.segments:
+        for segment in self.context.world.segments:
             if segment.street in splits:
                 found.setdefault(splits[segment.street], []).append(segment)
         return found
 
 
 def _direction(segment: Segment, place: shapely.Point) -> float:
-    """Of a segment, beside a place [rad]."""
+    """Direction of a segment next to a point [rad]."""
     dx, dy = direction_at(segment.centre_line, segment.centre_line.project(place))
     return atan2(dy, dx)

@@ -1,16 +1,16 @@
-"""From a world and settings to where and when images can be taken; every process makes its own, the same."""
+"""The context that images are drawn from, made from a world and settings; each process makes the same one."""
 
 from collections.abc import Callable
 from dataclasses import asdict
 from hashlib import sha256
 from typing import Final
 
+from pavetwin.capture.defect_index import AIMED_WITHIN_M, DefectIndex
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.plan import STREETS
 from pavetwin.capture.platforms import PLATFORMS, CaptureContext
 from pavetwin.capture.presence import presence
 from pavetwin.capture.settings import CaptureSettings
-from pavetwin.capture.sight import AIMED_WITHIN_M, DefectIndex
 from pavetwin.capture.splits import split_streets
 from pavetwin.config.mission import UavSettings
 from pavetwin.errors import PaveTwinError
@@ -24,14 +24,14 @@ from pavetwin.uav.cameras import find_camera
 from pavetwin.world.model import World
 
 RECORDED_S: Final = 600.0
-"""How much traffic images are taken from."""
+"""Duration of the recorded traffic that images are taken from."""
 
 OnProgress = Callable[[float, str], None]
-"""Told the share done and what is being done."""
+"""Called with the share done and the current step."""
 
 
 def check(settings: CaptureSettings) -> None:
-    """Find out what is wrong before anything costs time.
+    """Check the settings before anything takes time.
 
     Raises:
         PaveTwinError: a platform, density, camera or format is not known, or an option is missing or out of place.
@@ -54,7 +54,7 @@ def check(settings: CaptureSettings) -> None:
 
 
 def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | None = None) -> CaptureContext:
-    """Everything that images are chosen from; traffic is recorded where it was not before.
+    """The context for a world and settings; traffic is recorded where no recording exists.
 
     Raises:
         PaveTwinError: the world has no defects or too few streets, an altitude leaves nothing to fly in, or the
@@ -63,16 +63,16 @@ def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | N
     check(settings)
     if not world.defects:
         raise PaveTwinError(f"The world '{world.name}' has no defects to take images of; build it with some.")
-    tell = on_progress or (lambda _share, _what: None)
+    report = on_progress or (lambda _share, _what: None)
     meshes = {}
     for number, altitude in enumerate(settings.altitudes_m):
-        tell(number / len(settings.altitudes_m), f"Baking the NavMesh at {altitude:g} m")
+        report(number / len(settings.altitudes_m), f"Baking the NavMesh at {altitude:g} m")
         meshes[altitude] = navmesh(world, altitude, UavSettings().radius_m)
     recordings: dict[str, Recording] = {}
     for number, name in enumerate(dict.fromkeys(settings.densities)):
 
         def part(share: float, done: int = number) -> None:
-            tell((done + share) / len(settings.densities), "Recording traffic")
+            report((done + share) / len(settings.densities), "Recording traffic")
 
         recordings[name] = record(world, name, settings.seed, RECORDED_S, on_progress=part)
     reached = PLATFORMS.get(settings.platform).reaches(world, recordings)
@@ -81,7 +81,7 @@ def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | N
     return CaptureContext(
         world=world,
         settings=settings,
-        sight=DefectIndex(world, splits),
+        defect_index=DefectIndex(world, splits),
         recordings=recordings,
         traces={name: trace_of(recording) for name, recording in recordings.items()},
         meshes=meshes,
@@ -89,7 +89,7 @@ def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | N
 
 
 def defects_hash(world: World) -> str:
-    """Names a world's defects, which its content hash leaves out."""
+    """Hash of a world's defects, which its content hash leaves out."""
     digest = sha256()
     for defect in world.defects:
         values = {name: str(value) for name, value in asdict(defect).items() if name not in ("polygon", "centre")}

@@ -1,4 +1,4 @@
-"""Which defects a camera may see, by geometry alone: decides about a place before an image of it costs anything."""
+"""Which defects a camera may see, by geometry only: a pose is checked before its image is rendered."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,27 +15,27 @@ from pavetwin.scene.view import View
 from pavetwin.world.model import World
 
 HORIZON_M = 45.0
-"""Beyond it a defect is below a pixel high for a camera on a car; what is seen of one all the same, the instance image
-tells."""
+"""Beyond it a defect is less than a pixel high for a camera on a car. The instance image still shows what is
+visible."""
 
 INNER = 0.8
-"""The middle of a defect that an image aims at lies in this part of its width and height."""
+"""The centre of a defect that an image aims at lies in this central share of its width and height."""
 
 AIMED_WITHIN_M = 20.0
 """Of the camera."""
 
 AIMED_WIDTH_PX = 0.4
-"""Of the widest opening, seen from straight above: finer cracks are seldom found in a picture."""
+"""Least width of the widest opening, seen from straight above: finer cracks are seldom visible."""
 
 ROAD_SHARE = 0.2
-"""Of a picture without defects must be road: a meadow teaches nothing of sound pavement."""
+"""Least share of road in an image without defects: a meadow is no example of defect-free pavement."""
 
 _BORDER = np.linspace(0.0, 1.0, 5)
 _EVERYWHERE = (np.stack(np.meshgrid(np.arange(12), np.arange(12)), axis=-1).reshape(-1, 2) + 0.5) / 12
 
 
 def footprint(view: View, horizon_m: float = HORIZON_M) -> Polygon:
-    """The ground that a view may show, out to a distance; convex, and never less than is seen."""
+    """The ground that a view may show, out to a distance; convex, and never smaller than what is visible."""
     width, height = view.size_px
     edges = [(u, v) for u in _BORDER for v in _BORDER if u in (0.0, 1.0) or v in (0.0, 1.0)]
     pixels = np.array(edges) * (width, height)
@@ -50,7 +50,7 @@ def footprint(view: View, horizon_m: float = HORIZON_M) -> Polygon:
 
 @dataclass(frozen=True)
 class DefectIndex:
-    """A world's defects, found by place, each with the split that its street belongs to."""
+    """Spatial index of a world's defects, each with the split of its street."""
 
     world: World
     splits: Mapping[str, str]
@@ -93,24 +93,24 @@ class DefectIndex:
         return road
 
     def road_share(self, view: View) -> float:
-        """Of a view's pixels, were nothing in the way."""
+        """Share of a view's pixels that show road, without occlusion."""
         hits = view.ground(_EVERYWHERE * view.size_px)
         return float(shapely.contains_xy(self.road, hits[np.isfinite(hits).all(axis=1)]).sum() / len(hits))
 
-    def wanted(self, spec: ImageSpec) -> IndexArray:
-        """The defects that a wish may aim at."""
+    def candidates(self, spec: ImageSpec) -> IndexArray:
+        """The defects that a spec may aim at."""
         ours = self.split_of == spec.split
         return np.flatnonzero(ours & np.isin(self.categories, [category.number for category in spec.aims]))
 
-    def suits(self, view: View, spec: ImageSpec) -> bool:
-        """Whether a view may be what is wished: no defect of another split, and one of its own wide enough to be seen;
-        or none at all, and road."""
+    def may_show(self, view: View, spec: ImageSpec) -> bool:
+        """Whether a view may meet a spec: no defect of another split, and one of its own that is wide enough to be
+        seen; or no defect, and enough road."""
         near = self.outlines.query(footprint(view), predicate="intersects")
         if not spec.aims:
             return not len(near) and self.road_share(view) >= ROAD_SHARE
         if not (self.split_of[near] == spec.split).all():
             return False
-        aims = np.intersect1d(near, self.wanted(spec))
+        aims = np.intersect1d(near, self.candidates(spec))
         within = view.project(self.centres[aims]) / view.size_px
         away = np.linalg.norm(self.centres[aims] - view.position, axis=1)
         clear = (away < AIMED_WITHIN_M) & (self.widths_m[aims] * view.focal_px > AIMED_WIDTH_PX * away)
