@@ -10,6 +10,7 @@ from pavetwin._core import BatteryLow, Captured, Occluded
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import MissionEnvironment
+from pavetwin.mission.events import MissionEvent, MissionObserver, ProgressMade
 from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.mission import Mission, Traffic
 from pavetwin.policies import Action, Policy, load_policy
@@ -65,6 +66,8 @@ class MissionResult:
     energy: float
     distance_m: float
     swaps: int
+    events: tuple[MissionEvent, ...]
+    """Everything that happened, in order."""
 
 
 def fly(
@@ -77,6 +80,7 @@ def fly(
     seed: int = 0,
     traffic_name: str = "",
     on_progress: Callable[[float], None] | None = None,
+    observer: MissionObserver | None = None,
 ) -> MissionResult:
     """Fly one mission.
 
@@ -84,15 +88,22 @@ def fly(
         targets: indices of the segments to inspect, in order; see `choose_targets`.
         policy: a registered name, `path/to/file.py:ClassName`, or a policy.
         seed: names the sensor's luck.
+        on_progress: told the share done, about.
+        observer: told everything that happens, see `pavetwin.mission.events`.
 
     Raises:
         PaveTwinError: the policy or the sensor is not known, or the mission cannot be flown.
     """
     decides = load_policy(policy, settings.policy) if isinstance(policy, str) else policy
     sensor = load_sensor(settings.sensing, seed)
-    mission = Mission(
-        environment, traffic, settings, targets, policy=decides.name, on_progress=on_progress or (lambda _: None)
-    )
+
+    def tell(event: MissionEvent) -> None:
+        if on_progress is not None and isinstance(event, ProgressMade):
+            on_progress(event.share)
+        if observer is not None:
+            observer(event)
+
+    mission = Mission(environment, traffic, settings, targets, policy=decides.name, observer=tell)
     detections: list[Detection] = []
     actions: list[Place] = []
     for event in mission:
@@ -140,6 +151,7 @@ def fly(
         energy=flight.energy_used,
         distance_m=flight.distance_m,
         swaps=mission.swaps,
+        events=tuple(mission.events),
     )
 
 

@@ -2,15 +2,28 @@
 
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field
-from math import atan2
+from math import atan2, inf
 from typing import Protocol
 
 import numpy as np
 
-from pavetwin._core import Arrived, BatteryLow, Captured, Flight, Occluded, RecordingEnds, Trace
+from pavetwin._core import Arrived, BatteryLow, Captured, Flight, Occluded, Paused, RecordingEnds, Trace
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import MissionEnvironment, new_flight, window_m
+from pavetwin.mission.events import (
+    ActionTaken,
+    BatteryRanLow,
+    BatterySwapped,
+    DefectsConfirmed,
+    MissionEvent,
+    MissionObserver,
+    NoteVisited,
+    OcclusionStarted,
+    ProgressMade,
+    SegmentFinished,
+    SegmentStarted,
+)
 from pavetwin.mission.metrics import SegmentMeter, SegmentMetrics
 from pavetwin.mission.moment import KernelMoment
 from pavetwin.navigation.patterns import Pass, from_nearest_end, passes
@@ -59,7 +72,7 @@ class Mission:
             case Occluded(): mission.act(policy.decide(mission.snapshot(event)))
     ```
 
-    An event that is not answered is as if answered by doing nothing.
+    An event that is not answered is as if answered by doing nothing. `advance_until` flies a part of the mission.
     """
 
     environment: MissionEnvironment
@@ -68,7 +81,8 @@ class Mission:
     targets: Sequence[int]
     """Indices of the segments to inspect, in order."""
     policy: str = ""
-    on_progress: Callable[[float], None] = lambda _: None
+    observer: MissionObserver = lambda _: None
+    """Told everything that happens."""
     memory: InspectionMemory = field(default_factory=InspectionMemory)
     rows: list[SegmentMetrics] = field(default_factory=list)
 
@@ -76,6 +90,9 @@ class Mission:
         self.flight: Flight = new_flight(self.environment, self.traffic.trace(), self.settings)
         self.window_across_m, self.window_along_m = window_m(self.settings)
         self.swaps = 0
+        self.events: list[MissionEvent] = []
+        self.is_over = False
+        """Whether the UAV has landed after its last segment."""
         self._ledger = SegmentMeter(self.environment)
         self._attempts: dict[int, int] = {}
         self._tried: set[int] = set()
@@ -83,6 +100,8 @@ class Mission:
         self._segment: int | None = None
         self._on_revisit = False
         self._swapped_at_m = -1.0
+        self._until_s = inf
+        self._flying = self._fly()
 
     # What those who fly it may ask and say.
 
@@ -123,7 +142,7 @@ class Mission:
         """Do what a policy decided."""
         match action:
             case GoOn():
-                pass
+                return
             case Wait(seconds):
                 self.flight.wait(seconds)
             case Displace(east_m, north_m, stay_s):
@@ -134,6 +153,7 @@ class Mission:
                 raise PaveTwinError(
                     f"The policy '{self.policy}' answered {action!r}; it must be GoOn, Wait, Displace or Revisit."
                 )
+        self._tell(ActionTaken(self.flight.time_s, self.flight.position, action))
 
     def frame(self, event: Captured) -> Frame:
         """The capture as a sensor sees it; each sighting in it is an attempt."""
@@ -149,20 +169,43 @@ class Mission:
 
     def confirm(self, defects: Sequence[int]) -> None:
         """Note defects as confirmed, now and from here."""
+        news = tuple(defect for defect in defects if defect not in self.memory.confirmed)
         for defect in defects:
             self.memory = self.memory.confirm(defect, Confirmation(self.flight.time_s, self._on_revisit))
             self.flight.set_wanted(defect, False)
+        if news:
+            self._tell(DefectsConfirmed(self.flight.time_s, news, self._on_revisit))
+
+    def __iter__(self) -> Iterator[Event]:
+        """Fly on to the end."""
+        return self.advance_until(inf)
+
+    def advance_until(self, time_s: float) -> Iterator[Event]:
+        """Fly on to the first time step at or after a moment, or to the end; the events on the way are to be answered.
+
+        In how many parts a mission is flown changes nothing of it.
+        """
+        self._until_s = time_s
+        for event in self._flying:
+            if isinstance(event, Paused):
+                return
+            yield event
+        self.is_over = True
 
     # The plan.
 
-    def __iter__(self) -> Iterator[Event]:
+    def _fly(self) -> Iterator[Event | Paused]:
         yield from self._take_off()
         for done, target in enumerate(self.targets):
             yield from self._inspect_segment(target, done)
-            self.on_progress((done + 1) / len(self.targets))
+            self._tell(ProgressMade(self.flight.time_s, (done + 1) / len(self.targets)))
         yield from self._go_home()
 
-    def _inspect_segment(self, target: int, done: int) -> Iterator[Event]:
+    def _tell(self, event: MissionEvent) -> None:
+        self.events.append(event)
+        self.observer(event)
+
+    def _inspect_segment(self, target: int, done: int) -> Iterator[Event | Paused]:
         segment = self.environment.world.segments[target]
         if not self.environment.reachable(target):
             raise PaveTwinError(
@@ -170,11 +213,12 @@ class Mission:
                 "choose another altitude or segment."
             )
         self._segment = target
+        self._tell(SegmentStarted(self.flight.time_s, target))
         revisits = 0
         plan = from_nearest_end(passes(segment, self.window_across_m, self.settings.pattern), self.flight.position)
         for number, line in enumerate(plan):
             yield from self._fly_pass(target, line)
-            self.on_progress((done + (number + 1) / (len(plan) + 1)) / len(self.targets))
+            self._tell(ProgressMade(self.flight.time_s, (done + (number + 1) / (len(plan) + 1)) / len(self.targets)))
             revisits += len(self.memory.notes)
             yield from self._revisit_notes(target, line)
         self._update_coverage(target)
@@ -185,8 +229,9 @@ class Mission:
                 len(self.rows), target, self.flight, self.memory, revisits, inspected=inspected, swaps=self.swaps
             )
         )
+        self._tell(SegmentFinished(self.flight.time_s, target))
 
-    def _fly_pass(self, target: int, line: Pass) -> Iterator[Event]:
+    def _fly_pass(self, target: int, line: Pass) -> Iterator[Event | Paused]:
         """Fly a pass, with as many batteries as it takes; each but the first is full and must bring it further."""
         left, is_full = line, False
         while not (yield from self._fly_line(target, left)):
@@ -197,7 +242,7 @@ class Mission:
                 raise self._too_far(target)
             left, is_full = rest, True
 
-    def _fly_line(self, target: int, line: Pass) -> Generator[Event, None, bool]:
+    def _fly_line(self, target: int, line: Pass) -> Generator[Event | Paused, None, bool]:
         """Fly to a line, turn and inspect along it; false when a battery was swapped before its end."""
         commands = (
             lambda: self.flight.fly_to(_place(line[0])),
@@ -209,7 +254,7 @@ class Mission:
                 return False
         return True
 
-    def _revisit_notes(self, target: int, line: Pass) -> Iterator[Event]:
+    def _revisit_notes(self, target: int, line: Pass) -> Iterator[Event | Paused]:
         """Visit the places noted on this pass, in path order, each with a new attempt at what was tried before."""
         notes = sorted(self.memory.notes, key=lambda note: _along(line, note.place))
         self.memory = self.memory.forget_notes()
@@ -218,18 +263,19 @@ class Mission:
             for defect in again:
                 self.flight.set_wanted(defect, True)
             self._on_revisit = True
+            self._tell(NoteVisited(self.flight.time_s, note))
             yield from self._visit(target, note)
             self._on_revisit = False
             for defect in again:
                 self.flight.set_wanted(defect, False)
 
-    def _visit(self, target: int, note: Note) -> Iterator[Event]:
+    def _visit(self, target: int, note: Note) -> Iterator[Event | Paused]:
         """Stay over a noted place; with a second, full battery when the first was low."""
         if (yield from self._stay_over(target, note)) or (yield from self._stay_over(target, note)):
             return
         raise self._too_far(target)
 
-    def _stay_over(self, target: int, note: Note) -> Generator[Event, None, bool]:
+    def _stay_over(self, target: int, note: Note) -> Generator[Event | Paused, None, bool]:
         commands = (
             lambda: self.flight.fly_to(note.place, revisit=True, stop_short=True),
             lambda: self.flight.revisit(target, note.stay_s),
@@ -239,23 +285,28 @@ class Mission:
                 return False
         return True
 
-    def _carry_out(self, command: Callable[[], None]) -> Generator[Event, None, bool]:
+    def _carry_out(self, command: Callable[[], None]) -> Generator[Event | Paused, None, bool]:
         """Fly until the command is carried out; false when a battery was swapped instead, and the UAV is over its base.
 
         What was then left of the line under inspection is in `_left`. The recording is prolonged on the way.
         """
         command()
         while True:
-            match event := self.flight.advance():
+            match event := self.flight.advance(self._until_s):
                 case Arrived():
                     return True
                 case RecordingEnds():
                     self._extend()
                 case BatteryLow():
                     self._left = self.flight.remaining()
+                    self._tell(BatteryRanLow(self.flight.time_s, self.flight.position))
                     yield event
                     yield from self._swap_battery()
                     return False
+                case Occluded(since_s=since_s, visibility=visibility) if since_s == event.time_s:
+                    assert self._segment is not None
+                    self._tell(OcclusionStarted(event.time_s, self._segment, visibility))
+                    yield event
                 case _:
                     yield event
 
@@ -271,7 +322,7 @@ class Mission:
             "lower energy.reserve or policy.max_wait_s, raise the capacity, or choose a segment nearer to the base."
         )
 
-    def _swap_battery(self) -> Iterator[Event]:
+    def _swap_battery(self) -> Iterator[Event | Paused]:
         if self.flight.distance_m - self._swapped_at_m < LEAST_PROGRESS_M:
             raise PaveTwinError(
                 "One battery is too small to get anywhere and back; lower energy.reserve or raise the capacity."
@@ -280,12 +331,13 @@ class Mission:
         yield from self._carry_out(lambda: self.flight.swap_battery(self.settings.energy.swap_s))
         self.swaps += 1
         self._swapped_at_m = self.flight.distance_m
+        self._tell(BatterySwapped(self.flight.time_s))
         yield from self._take_off()
 
-    def _take_off(self) -> Iterator[Event]:
+    def _take_off(self) -> Iterator[Event | Paused]:
         yield from self._carry_out(lambda: self.flight.climb_to(self.settings.altitude_m))
 
-    def _go_home(self) -> Iterator[Event]:
+    def _go_home(self) -> Iterator[Event | Paused]:
         yield from self._carry_out(self.flight.fly_home)
         yield from self._carry_out(lambda: self.flight.climb_to(0.0))
 

@@ -1,0 +1,147 @@
+"""What happens in a mission is told as it happens; a mission flown in parts is the mission flown in one."""
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+import pytest
+
+from pavetwin._core import BatteryLow, Captured, Occluded
+from pavetwin.mission.events import (
+    ActionTaken,
+    BatteryRanLow,
+    BatterySwapped,
+    DefectsConfirmed,
+    MissionEvent,
+    NoteVisited,
+    OcclusionStarted,
+    ProgressMade,
+    SegmentFinished,
+    SegmentStarted,
+)
+from pavetwin.mission.fly import fly
+from pavetwin.mission.mission import Mission
+from pavetwin.policies import Displace, Revisit, Wait, load_policy
+from pavetwin.sensing import load_sensor
+from scenes.tiny import SCENES, Scene, result, straight
+
+
+@dataclass
+class Pilot:
+    """Answers the events of a mission, as `fly` does."""
+
+    scene: Scene
+    policy: str
+
+    def __post_init__(self) -> None:
+        settings = self.scene.settings()
+        self.told: list[MissionEvent] = []
+        self.mission = Mission(
+            self.scene.environment(settings),
+            self.scene.traffic(),
+            settings,
+            list(range(len(self.scene.world.segments))),
+            policy=self.policy,
+            observer=self.told.append,
+        )
+        self._policy = load_policy(self.policy, settings.policy)
+        self._sensor = load_sensor(settings.sensing, 0)
+
+    def advance(self, until_s: float = inf) -> Mission:
+        mission = self.mission
+        for event in mission.advance_until(until_s):
+            match event:
+                case Captured():
+                    mission.confirm(self._sensor.detect(mission.frame(event)))
+                case Occluded():
+                    mission.act(self._policy.decide(mission.snapshot(event)))
+                case BatteryLow():
+                    pass
+        return mission
+
+
+@pytest.mark.parametrize("pause_s", [0.05, 1.7, 40.0])
+@pytest.mark.parametrize(("scene", "policy"), [("lively_street", "hover"), ("queue_at_light", "skip")])
+def test_a_mission_in_parts_is_the_mission_in_one(scene: str, policy: str, pause_s: float) -> None:
+    whole, pilot = result(scene, policy), Pilot(SCENES[scene](), policy)
+    pauses = 0
+    while not pilot.mission.is_over:
+        until_s = pilot.mission.flight.time_s + pause_s
+        mission = pilot.advance(until_s)
+        assert mission.is_over or until_s - 1e-9 <= mission.flight.time_s < until_s + 0.05
+        pauses += 1
+    assert pauses > 1
+    mission = pilot.advance()
+    for ours, theirs in ((mission.flight.track(), whole.track), (mission.flight.captures(), whole.captures)):
+        for name in ours:
+            np.testing.assert_array_equal(ours[name], theirs[name], err_msg=name)  # type: ignore[literal-required]
+    assert (tuple(mission.rows), mission.memory, mission.swaps) == (whole.rows, whole.memory, whole.swaps)
+    assert mission.flight.energy_used == whole.energy
+    assert tuple(mission.events) == tuple(pilot.told) == whole.events
+
+
+def test_nothing_is_flown_beyond_the_moment() -> None:
+    pilot = Pilot(SCENES["lively_street"](), "hover")
+    mission = pilot.advance(7.0)
+    assert mission.flight.time_s == pytest.approx(7.0)
+    assert not mission.is_over
+    assert all(event.time_s <= 7.0 for event in pilot.told)
+    assert pilot.advance(3.0).flight.time_s == pytest.approx(7.0)
+
+
+def test_events_are_in_order_and_agree_with_the_tables() -> None:
+    for scene, policy in (("lively_street", "hover"), ("queue_at_light", "skip"), ("truck_beside_defects", "micro")):
+        ours = result(scene, policy)
+        times = [event.time_s for event in ours.events]
+        assert times == sorted(times)
+        started = [event for event in ours.events if isinstance(event, OcclusionStarted)]
+        assert len(started) == sum(row.occlusions for row in ours.rows) > 0
+        assert all(event.visibility < ours.settings.visibility.threshold for event in started)
+        confirmed = [defect for event in ours.events if isinstance(event, DefectsConfirmed) for defect in event.defects]
+        assert sorted(confirmed) == sorted(ours.memory.confirmed)
+        acted = [event for event in ours.events if isinstance(event, ActionTaken)]
+        assert [(event.time_s, event.position) for event in acted] == [(a.time_s, a.position) for a in ours.actions]
+        assert {type(event.action) for event in acted} == {{"hover": Wait, "skip": Revisit, "micro": Displace}[policy]}
+        visits = [event.note.place for event in ours.events if isinstance(event, NoteVisited)]
+        noted = [event.action.place for event in acted if isinstance(event.action, Revisit)]
+        assert sorted(visits) == sorted(noted)
+        assert len(visits) == sum(row.revisits for row in ours.rows)
+        ends = [(event.time_s, event.segment) for event in ours.events if isinstance(event, SegmentFinished)]
+        assert ends == [(row.end_s, 0) for row in ours.rows]
+        assert [event.segment for event in ours.events if isinstance(event, SegmentStarted)] == [0]
+        shares = [event.share for event in ours.events if isinstance(event, ProgressMade)]
+        assert shares == sorted(shares)
+        assert shares[-1] == 1.0
+
+
+def test_battery_swaps_are_told() -> None:
+    scene = Scene(straight(length_m=300.0), altitude_m=10.0)
+    ours = scene.fly("baseline", "energy.capacity_wh=4", "energy.hover_endurance_s=83")
+    low = [event for event in ours.events if isinstance(event, BatteryRanLow)]
+    swapped = [event for event in ours.events if isinstance(event, BatterySwapped)]
+    assert len(low) == len(swapped) == ours.swaps > 0
+    for before, after in zip(low, swapped, strict=True):
+        assert after.time_s - before.time_s > ours.settings.energy.swap_s
+
+
+def test_fly_tells_its_observer_and_the_progress() -> None:
+    scene = SCENES["lively_street"]()
+    settings = scene.settings()
+    told: list[MissionEvent] = []
+    shares: list[float] = []
+    environment, traffic = scene.environment(settings), scene.traffic()
+    ours = fly(environment, traffic, settings, [0], "hover", on_progress=shares.append, observer=told.append)
+    assert tuple(told) == ours.events
+    assert shares == [event.share for event in told if isinstance(event, ProgressMade)]
+
+
+def test_an_observers_error_ends_the_mission() -> None:
+    scene = SCENES["lively_street"]()
+    settings = scene.settings()
+
+    def stop(event: MissionEvent) -> None:
+        if isinstance(event, OcclusionStarted):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fly(scene.environment(settings), scene.traffic(), settings, [0], "hover", observer=stop)
