@@ -16,6 +16,7 @@ PACKAGE = ROOT / "src" / "pavetwin"
 LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"_core", "errors"}),
     frozenset({"arrays", "seeds", "files", "memory", "registry", "workers"}),
+    frozenset({"plugins"}),
     frozenset({"config"}),
     frozenset({"world", "uav"}),
     frozenset({"traffic", "navigation", "defects"}),

@@ -37,7 +37,7 @@ class Source:
     def broken_rule(self) -> str:
         """The first rule that something registered here breaks, as a sentence; empty when all keep theirs."""
         for registry, name, _ in self.added:
-            if broken := registry.broken_rules(name):
+            if broken := registry.rules(registry.get(name)):
                 more = f" (and {len(broken) - 1} more)" if len(broken) > 1 else ""
                 return f"the {registry.what} '{name}' breaks a rule: {broken[0]}{more}"
         return ""
@@ -94,7 +94,7 @@ class Registry(Generic[T]):
         rules: the rules that one of a user's own breaks, each as a sentence.
         """
         self.what, self.key, self.group = what, key, group
-        self._home, self._on_add, self._rules = home, on_add, rules
+        self.rules, self._home, self._on_add = rules, home, on_add
         self._entries: dict[str, _Entry[T]] = {}
         self._has_own = self._has_installed = False
 
@@ -155,10 +155,6 @@ class Registry(Generic[T]):
     def values(self) -> list[T]:
         """What goes by `names()`."""
         return [self._entries[name].value for name in self.names()]
-
-    def broken_rules(self, name: str) -> list[str]:
-        """The rules that a known one breaks, each as a sentence."""
-        return self._rules(self._entries[name].value)
 
     def remove(self, name: str) -> None:
         """Forget a name again.

@@ -156,11 +156,11 @@ def test_levels_that_do_not_exist_are_refused_before_anything_is_flown(values: d
 @pytest.mark.parametrize(
     ("policy", "words"),
     [
-        ("mine.py:Bad", r"'.*mine\.py:Bad' breaks a rule of policies: "),
+        ("mine.py:Bad", r"'.*mine\.py:Bad' breaks a rule: "),
         ("mine.py:Gone", r"'.*mine\.py' has no policy class 'Gone'"),
         ("gone.py:Bad", r"there is no file '.*gone\.py'"),
-        ("mine.py", r"mine\.py: name the class too"),
-        ("hoover", r"No policy 'hoover' \(did you mean 'hover'\?\)"),
+        ("mine.py", r"'mine\.py' lacks the name of the class"),
+        ("hoover", r"no policy 'hoover' \(did you mean 'hover'\?\)"),
     ],
 )
 def test_a_policy_that_cannot_fly_refuses_the_design(tmp_path: Path, policy: str, words: str) -> None:

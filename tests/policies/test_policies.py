@@ -11,6 +11,7 @@ import pytest
 from pavetwin.config.mission import PolicySettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.policies import (
+    POLICIES,
     Displace,
     GoOn,
     Policy,
@@ -130,7 +131,7 @@ def test_a_bad_policy_is_caught_when_it_is_loaded(flaw: str, tmp_path: Path, mon
     assert complaint in told
     assert "\n" not in told
     assert "Bad" in told
-    assert told.startswith("--policy: ")
+    assert told.startswith("policy: ")
 
 
 def test_a_policy_that_cannot_be_made_is_caught(tmp_path: Path) -> None:
@@ -195,7 +196,7 @@ def test_registered_names_are_known_and_cannot_be_taken() -> None:
         (OWN, "own.py:Carefull", "did you mean 'Careful'"),
         (OWN, "own.py:Policy", "breaks a rule|no policy class"),
         (OWN, "own.py:Wait", "no policy class 'Wait'"),
-        (OWN, "own.py", "name the class too"),
+        (OWN, "own.py", "lacks the name of the class"),
         (OWN, "other.py:Careful", "there is no file"),
         ("def broken(:", "own.py:X", "fails when read: SyntaxError"),
         ("import no_such_module", "own.py:X", "fails when read: ModuleNotFoundError"),
@@ -221,9 +222,7 @@ def test_a_file_can_be_read_twice_even_when_it_registers_its_policy(tmp_path: Pa
     name = f"{own_file(tmp_path, text)}:Gentle"
     assert load_policy(name, SETTINGS).name == load_policy(name, SETTINGS).name == "gentle-for-the-test"
     assert load_policy("gentle-for-the-test", SETTINGS).decide(HALF_HIDDEN) == GoOn()
-    from pavetwin.policies import base
-
-    del base._POLICIES["gentle-for-the-test"]
+    POLICIES.remove("gentle-for-the-test")
 
 
 def test_two_files_of_one_name_are_two_policies(tmp_path: Path) -> None:

@@ -233,8 +233,7 @@ def _name_of(policy: str, settings: MissionSettings) -> str:
     try:
         return load_policy(policy, settings.policy).name
     except PaveTwinError as error:
-        # `--policy` is an option of `fly`; a design has a key instead.
-        told = str(error).removeprefix("--policy").lstrip(": ")
+        told = str(error).removeprefix("policy: ")
         raise PaveTwinError(f"the design: policies: {told}") from error
 
 

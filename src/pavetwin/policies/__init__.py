@@ -1,23 +1,26 @@
 """Π: what to do when traffic hides the road. One file a policy, one registry."""
 
+from pavetwin.plugins import helpers_of
 from pavetwin.policies.base import (
+    POLICIES,
     Action,
     Displace,
     GoOn,
     Policy,
     Revisit,
     Wait,
+    load_policy,
     policy,
     policy_names,
 )
 from pavetwin.policies.baseline import Baseline
 from pavetwin.policies.conformance import check_policy
 from pavetwin.policies.hover import Hover
-from pavetwin.policies.loading import helpers_of, load_policy
 from pavetwin.policies.micro import Micro
 from pavetwin.policies.skip import Skip
 
 __all__ = [
+    "POLICIES",
     "Action",
     "Baseline",
     "Displace",

@@ -1,11 +1,12 @@
 """What a recovery policy is, what it may answer, and where it is registered."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import hypot, isfinite
 
 from pavetwin.config.mission import PolicySettings
+from pavetwin.plugins import find_class
+from pavetwin.registry import Registry
 from pavetwin.twin import Place, Snapshot
 
 
@@ -70,31 +71,35 @@ class Policy(ABC):
         """What to do now. Must depend on nothing but the snapshot and the settings."""
 
 
-_POLICIES: dict[str, type[Policy]] = {}
+def _named(name: str, kind: type[Policy]) -> None:
+    kind.name = name
 
 
-def policy(name: str) -> Callable[[type[Policy]], type[Policy]]:
-    """Register a policy under `name`, which `--policy` then takes.
+def _broken_rules(kind: type[Policy]) -> list[str]:
+    from pavetwin.policies.conformance import check_policy  # which knows what a policy is from here
 
-    A name may be taken once; the same class read again from its file takes its own name anew.
-    """
+    return check_policy(kind)
 
-    def register(kind: type[Policy]) -> type[Policy]:
-        known = _POLICIES.get(name)
-        if known is not None and (known.__module__, known.__qualname__) != (kind.__module__, kind.__qualname__):
-            raise ValueError(f"a policy '{name}' is registered already")
-        kind.name = name
-        _POLICIES[name] = kind
-        return kind
 
-    return register
+POLICIES: Registry[type[Policy]] = Registry(
+    "policy", key="policy", group="pavetwin.policies", home="pavetwin.policies", on_add=_named, rules=_broken_rules
+)
+policy = POLICIES.register
+"""Register a policy under a name, which `policy` then takes."""
 
 
 def policy_names() -> list[str]:
     """The registered policies, in the order of registration."""
-    return list(_POLICIES)
+    return POLICIES.names()
 
 
-def registered(name: str) -> type[Policy] | None:
-    """The policy of a name, if there is one."""
-    return _POLICIES.get(name)
+def load_policy(name: str, settings: PolicySettings) -> Policy:
+    """A registered policy by name, or a user's own as `path/to/file.py:ClassName`, once it has passed `check_policy`.
+
+    Raises:
+        PaveTwinError: there is none, its file does not give a policy, or the policy breaks a rule.
+    """
+    kind = find_class(POLICIES, Policy, name)
+    if "name" not in vars(kind):
+        kind.name = kind.__name__  # not its base's: a changed hover is not hover
+    return kind(settings)

@@ -1,4 +1,4 @@
-"""The rules of policies, tried on many made-up moments: what `load_policy` asks of a user's own, and tests of all.
+"""The rules of policies, tried on many made-up moments: what is asked of a user's own, and tests of all.
 
 A policy is compared with others on the same traffic. That is fair only when its answer depends on the snapshot and its
 settings alone, and a mission comes to an end only when it does not wait for ever.

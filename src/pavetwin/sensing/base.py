@@ -1,11 +1,12 @@
 """What a captured frame is to a sensor, and where sensors are registered."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pavetwin.config.mission import SensingSettings
-from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.plugins import find_class
+from pavetwin.registry import Registry
 from pavetwin.twin import Place
 
 
@@ -48,33 +49,40 @@ class Sensor(ABC):
         """
 
 
-_SENSORS: dict[str, type[Sensor]] = {}
+def _named(name: str, kind: type[Sensor]) -> None:
+    kind.name = name
 
 
-def sensor(name: str) -> Callable[[type[Sensor]], type[Sensor]]:
-    """Register a sensor under `name`, which `sensing.sensor` then takes."""
+def _broken_rules(kind: type[Sensor]) -> list[str]:
+    from pavetwin.sensing.conformance import check_sensor  # which knows what a sensor is from here
 
-    def register(kind: type[Sensor]) -> type[Sensor]:
-        if name in _SENSORS:
-            raise ValueError(f"a sensor '{name}' is registered already")
-        kind.name = name
-        _SENSORS[name] = kind
-        return kind
+    return check_sensor(kind)
 
-    return register
+
+SENSORS: Registry[type[Sensor]] = Registry(
+    "sensor",
+    key="sensing.sensor",
+    group="pavetwin.sensors",
+    home="pavetwin.sensing",
+    on_add=_named,
+    rules=_broken_rules,
+)
+sensor = SENSORS.register
+"""Register a sensor under a name, which `sensing.sensor` then takes."""
 
 
 def sensor_names() -> list[str]:
-    return list(_SENSORS)
+    """The registered sensors, in the order of registration."""
+    return SENSORS.names()
 
 
 def load_sensor(settings: SensingSettings, seed: int) -> Sensor:
-    """The sensor that the settings name.
+    """The sensor that the settings name, or a user's own as `path/to/file.py:ClassName`.
 
     Raises:
-        PaveTwinError: there is none; the message names the nearest.
+        PaveTwinError: there is none, its file does not give a sensor, or the sensor breaks a rule.
     """
-    if settings.sensor not in _SENSORS:
-        near = nearest_name(settings.sensor, _SENSORS) or f"; known are {', '.join(_SENSORS)}"
-        raise PaveTwinError(f"sensing.sensor: no sensor '{settings.sensor}'{near}.")
-    return _SENSORS[settings.sensor](settings, seed)
+    kind = find_class(SENSORS, Sensor, settings.sensor)
+    if "name" not in vars(kind):
+        kind.name = kind.__name__
+    return kind(settings, seed)

@@ -1,0 +1,144 @@
+"""A user's own things from Python files: whatever a file registers, or a class that it holds, named `file.py:Class`.
+
+A plugin file registers as the package's own modules do: `@policy("careful")`, `@defect_class("rutting", …)`. It is read
+once in every process that works with it. Its content, and that of files it imports from beside it, is part of what
+names a study or a dataset.
+"""
+
+import importlib.util
+import sys
+from collections.abc import Iterable
+from functools import lru_cache
+from hashlib import sha256
+from importlib.machinery import SourceFileLoader
+from pathlib import Path
+from sysconfig import get_paths
+from types import CodeType, ModuleType
+from typing import Any, Final, TypeVar
+
+from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.registry import DuplicateNameError, Registry, reading
+
+T = TypeVar("T")
+
+KEY: Final = "plugins"
+"""The parameter that takes plugin files, as messages name it."""
+
+_OWN: Final = "pavetwin_user_"
+"""How the names of modules read from a user's file begin."""
+
+_loaded: dict[Path, str] = {}
+"""Plugin files that this process has read, with the hash of their content then."""
+
+
+def load_plugins(paths: Iterable[str | Path]) -> None:
+    """Read plugin files that this process has not read yet, or that have changed since.
+
+    Raises:
+        PaveTwinError: one is not there, fails when read, takes a name that is taken, or registers what breaks a rule of
+            its kind. Nothing of it is registered then.
+    """
+    for path in (Path(each).absolute() for each in paths):
+        content = _hash(path, KEY)
+        if _loaded.get(path) != content:
+            _read(path, KEY, check=True)
+            _loaded[path] = content
+
+
+def plugin_hashes(paths: Iterable[str | Path]) -> dict[str, str]:
+    """SHA-256 by path of plugin files, which have been loaded, and of what they import from beside them."""
+    files = dict.fromkeys(file for path in paths for file in (Path(path).absolute(), *helpers_of(Path(path))))
+    return {str(file): _hash(file, KEY) for file in files}
+
+
+def find_class(registry: Registry[type[T]], base: Any, name: str) -> type[T]:
+    """A registered class by its name, or a user's own as `path/to/file.py:ClassName`, a subclass of `base`.
+
+    Raises:
+        PaveTwinError: there is none, its file does not give one, or it breaks a rule of its kind.
+    """
+    path, colon, class_name = name.rpartition(":")
+    if colon and path.endswith(".py"):
+        file = Path(path)
+        return _class_in(registry, base, file, class_name, _hash(file, registry.key))
+    if name.endswith(".py"):
+        raise PaveTwinError(f"{registry.key}: '{name}' lacks the name of the class; write {name}:ClassName.")
+    return registry.get(name, instead=", or path/to/file.py:ClassName")
+
+
+def helpers_of(path: Path) -> list[Path]:
+    """The files beside or below a user's file that this process has imported once it was loaded, sorted: what it does
+    may depend on them. Installed packages are none of them, nor are other files of a user's own that were loaded.
+    """
+    folder, installed = path.resolve().parent, [Path(place).resolve() for place in set(get_paths().values())]
+    found = set()
+    for name, module in list(sys.modules.items()):
+        source = getattr(module, "__file__", None)
+        if not source or name.partition(".")[0] in ("__main__", "pavetwin") or name.startswith(_OWN):
+            continue
+        file = Path(source).resolve()
+        if folder in file.parents and not any(place in file.parents for place in installed):
+            found.add(file)
+    return sorted(found)
+
+
+@lru_cache(maxsize=64)
+def _class_in(registry: Registry[type[T]], base: Any, path: Path, class_name: str, _content: str) -> type[T]:
+    """Read again when the file's content has changed, which is its last argument."""
+    module = _read(path, registry.key)
+    kind: Any = getattr(module, class_name, None)
+    if not (isinstance(kind, type) and issubclass(kind, base)):
+        own = [value for value in vars(module).values() if getattr(value, "__module__", "") == module.__name__]
+        near = nearest_name(class_name, [it.__name__ for it in own if isinstance(it, type) and issubclass(it, base)])
+        raise PaveTwinError(
+            f"{registry.key}: '{path}' has no {registry.what} class '{class_name}'{near}. "
+            f"It must be a subclass of {base.__module__.removesuffix('.base')}.{base.__name__}."
+        )
+    if broken := registry.rules(kind):
+        more = f" (and {len(broken) - 1} more)" if len(broken) > 1 else ""
+        raise PaveTwinError(f"{registry.key}: '{path}:{class_name}' breaks a rule: {broken[0]}{more}.")
+    found: type[T] = kind
+    return found
+
+
+class _Uncached(SourceFileLoader):
+    """Always compiles the source: leaves no `__pycache__` in the user's folder, and reads none that is stale."""
+
+    def get_code(self, fullname: str) -> CodeType:  # noqa: ARG002 - the signature of a loader
+        return self.source_to_code(self.get_data(self.path), self.path)
+
+
+def _read(path: Path, key: str, *, check: bool = False) -> ModuleType:
+    """The module of a user's file; with `check`, what it registers must keep the rules of its kind."""
+    # Two files of the same name in different folders are two modules.
+    name = f"{_OWN}{path.stem}_{sha256(str(path.resolve()).encode()).hexdigest()[:8]}"
+    loader = _Uncached(name, str(path))
+    spec = importlib.util.spec_from_file_location(name, path, loader=loader)
+    if spec is None:
+        raise PaveTwinError(f"{key}: '{path}' cannot be read as Python.")
+    module = importlib.util.module_from_spec(spec)
+    before = sys.modules.get(name)
+    sys.modules[name] = module
+    try:
+        with reading(f"'{path.resolve()}'") as source:
+            loader.exec_module(module)
+            if fault := source.broken_rule() if check else "":
+                raise PaveTwinError(f"{key}: '{path}': {fault}.")
+    except BaseException as error:
+        del sys.modules[name]
+        if before is not None:
+            sys.modules[name] = before
+        if isinstance(error, DuplicateNameError):
+            raise PaveTwinError(f"{key}: '{path}' cannot be used: {error}.") from error
+        if isinstance(error, PaveTwinError) or not isinstance(error, Exception | SystemExit):
+            raise
+        told = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        raise PaveTwinError(f"{key}: '{path}' fails when read: {told}.") from error
+    return module
+
+
+def _hash(path: Path, key: str) -> str:
+    try:
+        return sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise PaveTwinError(f"{key}: there is no file '{path}' that can be read: {error.strerror}.") from error
