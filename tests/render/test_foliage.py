@@ -8,7 +8,7 @@ import pytest
 
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.render.renderer import Renderer
-from pavetwin.scene.foliage import CUT, cells, leaf_sheet
+from pavetwin.scene.foliage import CUT, cells, leaf_atlas
 from pavetwin.scene.light import Light
 from pavetwin.scene.model import TINTS, Instance, Mesh, Model
 from pavetwin.scene.view import look
@@ -52,7 +52,7 @@ def shown(model: str, height_m: float = 12.0) -> RenderedFrame:
 
 
 def share_of_leaves() -> float:
-    return float((cells(leaf_sheet())[0][..., 3] >= 255 * CUT).mean())
+    return float((cells(leaf_atlas())[0][..., 3] >= 255 * CUT).mean())
 
 
 @pytest.mark.parametrize("height_m", [12.0, 30.0, 90.0])

@@ -70,7 +70,7 @@ def test_a_small_thing_lands_where_the_view_projects_it(name: str) -> None:
 
 @pytest.mark.parametrize("name", VIEWS)
 @pytest.mark.parametrize("seed", [0, 1])
-def test_labels_depths_and_what_would_be_seen_alone_are_those_of_rays(name: str, seed: int) -> None:
+def test_labels_depths_and_amodal_pixels_are_those_of_rays(name: str, seed: int) -> None:
     view, boxes = VIEWS[name], scattered(VIEWS[name], 24, seed=seed)
     seen, expected = frame(view, boxes), cast(VIEWS[name], boxes)
     assert seen.labels is not None
@@ -83,12 +83,12 @@ def test_labels_depths_and_what_would_be_seen_alone_are_those_of_rays(name: str,
     near = (expected.depth_m < 100) & ~off
     error = np.abs(seen.depth_m[near] - expected.depth_m[near]) / expected.depth_m[near]
     assert (error < 1e-4).mean() > 0.9995
-    for label, count in expected.alone.items():
+    for label, count in expected.amodal.items():
         assert seen.amodal_px.get(label, 0) == pytest.approx(count, rel=0.002, abs=3)
         assert seen.amodal_px.get(label, 0) >= (seen.labels == label).sum()
 
 
-def test_what_nothing_hides_covers_what_it_covers_alone() -> None:
+def test_without_occlusion_visible_and_amodal_pixels_agree() -> None:
     view = VIEWS["nadir, turned"]
     boxes = [Box(-2 + 2.4 * k, 4 + 0.7 * k, 1.6, 0.8, 0.5, yaw_rad=k, label=7 + k) for k in range(-1, 2)]
     seen = frame(view, boxes)

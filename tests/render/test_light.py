@@ -186,7 +186,7 @@ def test_every_radiance_of_a_town_is_a_number(town_renderer: Renderer) -> None:
         assert np.median(seen[..., 1]) > 0.005 * float(light.sky_klux) / pi
 
 
-def test_things_of_a_town_cover_no_more_than_they_do_alone(town_renderer: Renderer) -> None:
+def test_visible_pixels_are_at_most_amodal_pixels(town_renderer: Renderer) -> None:
     """Whatever is far away is drawn coarser: both ways alike."""
     rng = np.random.default_rng(2)
     street = max(town().world.segments, key=lambda segment: segment.area_m2)
@@ -203,7 +203,7 @@ def test_things_of_a_town_cover_no_more_than_they_do_alone(town_renderer: Render
     shown = 0
     for height, pitch in ((1.4, -0.1), (12.0, -0.5), (25.0, -1.2)):
         view = look((start.x, start.y, height), yaw_rad=yaw, pitch_rad=pitch, size_px=(480, 320), vertical_fov_rad=0.9)
-        seen = town_renderer.light(view, light=SUNS[0], instances=cars, alone=True)
+        seen = town_renderer.light(view, light=SUNS[0], instances=cars, amodal=True)
         assert seen.labels is not None
         for label in np.unique(seen.labels[seen.labels > 0]).tolist():
             shown += 1
@@ -221,7 +221,7 @@ def test_views_from_above_look_the_same_without_what_they_have_none_of(
     view = look((*place[:2], 12), yaw_rad=0.3, pitch_rad=-pi / 2, size_px=(320, 320), vertical_fov_rad=0.9)
 
     def seen(*, down: bool) -> np.ndarray:
-        monkeypatch.setattr("pavetwin.render.stock.looks_down", lambda *_: down)
+        monkeypatch.setattr("pavetwin.render.gpu_scene.looks_down", lambda *_: down)
         drawn = town_renderer.frame(view, light=light, camera=CAMERA, exposure=Exposure(1 / 1000, 5.6, 100.0))
         return drawn.rgb.astype(int)
 

@@ -184,7 +184,7 @@ def test_a_rolling_shutter_shears_what_moves(velocity: float) -> None:
     assert abs(slant(ABOVE, "phantom4", {})) < 0.5
 
 
-def test_what_shears_covers_alone_what_it_covers() -> None:
+def test_visible_and_amodal_pixels_agree_under_a_rolling_shutter() -> None:
     bar = Box(0.0, 0.0, 1.0, 1.0, 0.5, label=5)
     moves = {5: (12.0, 3.0, 0.0)}
     seen = plane_renderer().frame(ABOVE, light=LIGHT, camera=ROLLING, instances=[bar.instance], velocities=moves)
@@ -203,9 +203,9 @@ def test_memory_stays_what_it_is_over_a_hundred_places(monkeypatch: pytest.Monke
         renderer.frame(view, light=LIGHTS[step // 10 % 2], camera=CAMERA, instances=boxes)
         if step in (30, 99):
             gc.collect()
-            taken.append((renderer.gpu.held_bytes, len(renderer._stock.tiles), _textures_alive()))
+            taken.append((renderer.gpu.held_bytes, len(renderer._gpu_scene.tiles), _textures_alive()))
     (bytes_then, _, textures_then), (bytes_now, tiles_now, textures_now) = taken
-    assert isinstance(renderer._stock.tiles, TileCache)
+    assert isinstance(renderer._gpu_scene.tiles, TileCache)
     assert tiles_now <= 12
     assert bytes_now <= 1.1 * bytes_then
     assert textures_now <= textures_then + 8

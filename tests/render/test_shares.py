@@ -63,7 +63,7 @@ def shares(renderer: Renderer, altitude_m: float, seed: int) -> Iterator[Share]:
     for event, trace in captures(scene, north_m=float(rng.uniform(-2, 2))):
         view = nadir(CAMERA, (*event.position, event.altitude_m), yaw_rad=event.yaw_rad)
         agents = as_solids(trace.agents_at(event.time_s))
-        seen = renderer.light(view, instances=agents, light=LIGHT, alone=True)
+        seen = renderer.light(view, instances=agents, light=LIGHT, amodal=True)
         assert seen.labels is not None
         for number, share in event.sightings:
             if is_whole(view, street().defects[number]):

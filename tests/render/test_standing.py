@@ -109,7 +109,7 @@ def shares() -> np.ndarray:
     for event, _ in captures(tiny.Scene(street(), altitude_m=ALTITUDE_M), north_m=1.0):
         place = (*event.position, event.altitude_m)
         view = nadir(find_camera("paper"), place, yaw_rad=event.yaw_rad, size_px=(635, 475))
-        seen = [renderer.light(view, instances=each, light=LIGHT, alone=True) for each in (as_prisms, as_models)]
+        seen = [renderer.light(view, instances=each, light=LIGHT, amodal=True) for each in (as_prisms, as_models)]
         for number, by_kernel in event.sightings:
             defect = street().defects[number]
             if is_whole(view, defect) and seen[0].amodal_px[defect_label(number)] >= LEAST_PX:

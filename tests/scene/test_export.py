@@ -18,7 +18,7 @@ from pavetwin.cli.world import app
 from pavetwin.defects import DefectOptions, place
 from pavetwin.errors import PaveTwinError
 from pavetwin.scene.export import ExportSummary, TrafficSnapshot, estimate, export_scene, tiles_of, usual_texel_m
-from pavetwin.scene.foliage import leaf_sheet
+from pavetwin.scene.foliage import leaf_atlas
 from pavetwin.scene.glb import Glb, read_glb
 from pavetwin.scene.model import TILE_M, Instance, defect_label
 from pavetwin.scene.scene import Scene
@@ -143,7 +143,7 @@ def test_crowns_are_cut_by_a_picture_of_leaves(written: Written) -> None:
     assert len(textures) == 1
     image = document["images"][document["textures"][textures.pop()]["source"]]
     sheet = np.asarray(Image.open(BytesIO(view_bytes(written, image["bufferView"]))))
-    assert (sheet[..., 3] == leaf_sheet()[..., 3]).all()
+    assert (sheet[..., 3] == leaf_atlas()[..., 3]).all()
 
 
 def view_bytes(written: Written, index: int) -> bytes:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pavetwin.render.levels import casting, coarser
-from pavetwin.scene.foliage import CUT, SIDE_PX, SPRAY, cells, leaf_levels, leaf_sheet
+from pavetwin.scene.foliage import CUT, SIDE_PX, SPRAY, cells, leaf_atlas, leaf_levels
 from pavetwin.scene.model import Mesh
 from pavetwin.scene.models import library
 
@@ -27,10 +27,10 @@ def card_uv(mesh: Mesh) -> np.ndarray:
 
 
 def test_the_sheet_is_the_same_whenever_it_is_drawn() -> None:
-    first = leaf_sheet().copy()
-    leaf_sheet.cache_clear()
-    assert leaf_sheet() is not first
-    assert leaf_sheet().tobytes() == first.tobytes()
+    first = leaf_atlas().copy()
+    leaf_atlas.cache_clear()
+    assert leaf_atlas() is not first
+    assert leaf_atlas().tobytes() == first.tobytes()
     assert first.shape == (SIDE_PX, SIDE_PX, 4)
 
 
@@ -43,13 +43,13 @@ def test_every_level_leaves_as_much_of_every_cell() -> None:
 
 
 def test_no_leaf_is_cut_by_the_edge_of_its_cell() -> None:
-    for cell in cells(leaf_sheet()):
+    for cell in cells(leaf_atlas()):
         rim = np.concatenate([cell[0], cell[-1], cell[:, 0], cell[:, -1]])
         assert not is_leaf(rim).any()
 
 
 def test_leaves_differ_in_tone_and_gaps_do_not_stain_their_edges() -> None:
-    sheet = leaf_sheet()
+    sheet = leaf_atlas()
     tones = sheet[is_leaf(sheet)][:, :3].mean(axis=1)
     gaps = sheet[sheet[..., 3] == 0][:, :3].mean(axis=1)
     assert tones.std() > 15

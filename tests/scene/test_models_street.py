@@ -5,7 +5,7 @@ import pytest
 from assets.models.materials import MATERIALS
 
 from model_files import FOLDER, Surface, points, read_model
-from pavetwin.scene.foliage import CUT, SIDE_PX, leaf_sheet
+from pavetwin.scene.foliage import CUT, SIDE_PX, leaf_atlas
 from pavetwin.scene.models import library
 
 TREES = sorted(path.stem for path in FOLDER.glob("tree_*.glb"))
@@ -72,7 +72,7 @@ def _covered(triangles: np.ndarray, uv: np.ndarray, spot: np.ndarray) -> bool:
     weights = np.column_stack([1 - share.sum(axis=1), share])[inside]
     at = np.einsum("nk,nkc->nc", weights, uv[inside])
     column, row = np.clip((at * SIDE_PX).astype(int), 0, SIDE_PX - 1).T
-    return bool((leaf_sheet()[row, column, 3] >= 255 * CUT).any())
+    return bool((leaf_atlas()[row, column, 3] >= 255 * CUT).any())
 
 
 @pytest.mark.parametrize("name", TREES)

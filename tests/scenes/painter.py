@@ -34,21 +34,21 @@ class Painter:
             self.tires_after -= 1
         view = sample.pose.view
         labels = np.zeros((view.size_px[1], view.size_px[0]), dtype=np.uint32)
-        alone: dict[int, int] = {}
+        amodal: dict[int, int] = {}
         for label, corners in [*_defects(view, setting), *_agents(sample, setting)]:
             mask = _filled(view, corners)
             if mask is not None and mask.any():
                 labels[mask] = label
-                alone[label] = int(mask.sum())
+                amodal[label] = int(mask.sum())
         rgb = np.empty((*labels.shape, 3), dtype=np.uint8)
         rgb[:] = GREY
-        for label in alone:
+        for label in amodal:
             # Defects are darker than the road, agents of any colour.
             shade = 0.25 if labelled_defect(label) is not None else 1.0
             rgb[labels == label] = [int(shade * ((label * factor) % 256)) for factor in (37, 91, 53)]
         defect_free = rgb.copy()
-        defect_free[np.isin(labels, [label for label in alone if labelled_defect(label) is not None])] = GREY
-        return RenderedFrame(view, rgb, None, labels, alone, Exposure(0.001, 2.8, 100.0), defect_free)
+        defect_free[np.isin(labels, [label for label in amodal if labelled_defect(label) is not None])] = GREY
+        return RenderedFrame(view, rgb, None, labels, amodal, Exposure(0.001, 2.8, 100.0), defect_free)
 
 
 def slow_painter(setting: CaptureContext) -> Painter:

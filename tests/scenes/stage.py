@@ -140,7 +140,7 @@ class Cast:
     """(height, width)"""
     depth_m: np.ndarray
     """(height, width) along the axis, inf for nothing."""
-    alone: Mapping[int, int]
+    amodal: Mapping[int, int]
     """Label → pixels whose ray meets it, whatever is before it."""
 
 
@@ -153,7 +153,7 @@ def cast(view: View, boxes: Sequence[Box]) -> Cast:
         ground = -view.position[2] / rays[..., 2]
     depth = np.where(ground > 0, ground, np.inf)
     labels = np.zeros((height, width), dtype=np.uint32)
-    alone: dict[int, int] = {}
+    amodal: dict[int, int] = {}
     for box in boxes:
         back = np.linalg.inv(box.instance.transform)
         start, along = back[:3, :3] @ view.position + back[:3, 3], rays @ back[:3, :3].T
@@ -163,7 +163,7 @@ def cast(view: View, boxes: Sequence[Box]) -> Cast:
         enters, leaves = np.minimum(first, second).max(axis=-1), np.maximum(first, second).min(axis=-1)
         met = (enters <= leaves) & (leaves > 0)
         if box.label:
-            alone[box.label] = int(met.sum())
+            amodal[box.label] = int(met.sum())
         nearer = met & (enters < depth)
         depth[nearer], labels[nearer] = enters[nearer], box.label
-    return Cast(labels, depth, alone)
+    return Cast(labels, depth, amodal)

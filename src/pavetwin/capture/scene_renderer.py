@@ -72,7 +72,7 @@ class SceneRenderer:
             light=light,
             camera=camera,
             instances=instances,
-            unseen=[each for each in agents if ego and each.label == ego],
+            shadow_only=[each for each in agents if ego and each.label == ego],
             compensation_ev=compensation_ev,
             seed=noise,
             depth=False,

@@ -1,4 +1,4 @@
-"""Defects: heightfields of the registered classes, what follows from them, their placement, points on them."""
+"""Defects: heightfields of the registered classes, what is derived from them, placement, sample points."""
 
 from pavetwin.defects import crocodile_crack, pothole, single_crack  # noqa: F401  - each registers its class
 from pavetwin.defects.heightfield import Heightfield, Stains

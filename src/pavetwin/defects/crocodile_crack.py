@@ -1,4 +1,5 @@
-"""A crocodile crack: a connected network of cracks around angular blocks, longer along the wheel path than across."""
+"""Crocodile crack (alligator cracking in ASTM D6433, D20 in RDD2022): a connected network of cracks around angular
+blocks, longer along the wheel path than across."""
 
 import math
 from dataclasses import dataclass
@@ -29,24 +30,25 @@ from pavetwin.world.model import DefectClass
 CELL_M = 0.005
 MARKING = Marking(margin_m=0.03, closing_m=0.12)
 BESIDE_M = (0.006, 0.018)
-"""How far from a crack's edge its surroundings are broken or stained, from the least worn to the most."""
+"""Width beside a crack's edge that is broken or stained, from the least worn to the most."""
 
 BENT = 0.10
-"""How far blocks' edges bend, as a share of a block's size."""
+"""Amplitude of the blocks' bent edges, as a share of a block's size."""
 
 BITTEN_M = 0.004
-"""How far blocks' edges depart from smooth lines at the size of stones."""
+"""Roughness of the blocks' edges at the size of stones."""
 
 TILT_M = 0.006
-"""Height across a block, one standard deviation, where the patch is worst."""
+"""Standard deviation of the height difference across a block, where the patch is worst."""
 
 LOST_SHARE, LOST_M = 0.06, 0.025
-"""Share of blocks that are gone where wear is 1, and how deep their places are."""
+"""Share of lost blocks where wear is 1, and the depth that they leave."""
 
 
 @dataclass(frozen=True, eq=False)
 class BlockPattern:
-    """The pattern of blocks: a cell's own one, the one beyond the nearest joint, the distance to that joint."""
+    """The pattern of blocks: for each cell its block, the block beyond the nearest joint, the distance to that
+    joint."""
 
     own: UInt16Array
     other: UInt16Array
@@ -59,13 +61,13 @@ class CrocodileCrackParameters(Settings):
     """Along the wheel path."""
     width_m: Range = (1.5, 2.5)
     blocks: Range = (60, 220)
-    """How many blocks it is broken into, with those that its border cuts: a third to half of them are whole."""
+    """Number of blocks, including those cut by its border: a third to half of them are whole."""
     crack_m: Range = (0.002, 0.025)
     """Width of its thinnest and of its widest cracks."""
     exponent: Range = (1.5, 3.0)
     """Of the Minkowski metric that shapes the blocks; rounded to halves."""
     wear: Share = (0.0, 1.0)
-    """How far it has gone: width of the cracks, broken edges, tilted and lost blocks."""
+    """Progress of the damage: width of the cracks, broken edges, tilted and lost blocks."""
 
 
 def crocodile_crack(rng: np.random.Generator, parameters: CrocodileCrackParameters | None = None) -> Heightfield:
@@ -95,8 +97,8 @@ def crocodile_crack(rng: np.random.Generator, parameters: CrocodileCrackParamete
 def _region(rng: np.random.Generator, lattice: Lattice, half: Float64Array) -> tuple[Float32Array, float]:
     """1 in the middle of the patch, falling to 0 at its ragged border and below outside it; and the area within [m²].
 
-    The border is a superellipse frayed by noise. It is drawn coarsely first to see how far it reaches, and then so that
-    it reaches exactly as far as asked.
+    The border is a superellipse with noise. It is computed coarsely first to measure its extent, and then scaled to the
+    requested extent.
     """
     seed = int(rng.integers(2**63))
 
@@ -116,7 +118,7 @@ def _region(rng: np.random.Generator, lattice: Lattice, half: Float64Array) -> t
     grown = 2 * half / (high - low)
     area = float(np.count_nonzero(inside)) * 0.03**2 * float(grown.prod())
     region = field(lattice, half * grown, -(low + high) / 2 * grown)
-    # Seen finely it may reach a little farther here and there; the lattice keeps room for the marking around it.
+    # At full resolution it may reach a little farther; the lattice leaves space for the label region around it.
     edge = math.ceil(MARKING.margin_m / lattice[1]) + 2
     region[:edge] = region[-edge:] = region[:, :edge] = region[:, -edge:] = -1
     return region, area
@@ -143,7 +145,7 @@ def _widths(
 ) -> Float32Array:
     """(near,) width of the crack that the joint beside each of the near cells is [m].
 
-    Main cracks follow a smooth field that is longer along the wheel path; every joint has a rank of its own beside it;
+    Main cracks follow a smooth field that is longer along the wheel path; every joint also has its own rank;
     all are thinner towards the border.
     """
     low, high = parameters.crack_m
@@ -169,7 +171,7 @@ def _painted(
     wear: float,
     beside_m: float,
 ) -> Heightfield:
-    """Cracks, moved and lost blocks, and what they leave on the surface. Most of it lies near joints."""
+    """Cracks, moved and lost blocks, and their stains on the surface. Most of it lies near joints."""
     shape, cell = lattice[0], np.float32(lattice[1])
     distance, half = blocks.distance_m.ravel()[near], 0.5 * width
     opening = spread(
@@ -187,10 +189,10 @@ def _painted(
     beside = smooth(edge, beside_m, 0.0)
     sunken, gone = _moved(rng, lattice, blocks, region, grain, wear)
     exposed = np.maximum(spread(shape, near, 0.8 * spall), 0.7 * gone) * (1 - opening)
-    luck = int(rng.integers(2**63))
+    noise_seed = int(rng.integers(2**63))
 
     def stains() -> Stains:
-        patches = noise(np.random.default_rng(luck), lattice, 0.5, 3).ravel()[near]
+        patches = noise(np.random.default_rng(noise_seed), lattice, 0.5, 3).ravel()[near]
         return Stains(
             dirt=spread(shape, near, 0.55 * beside * beside * smooth(patches, -0.8, 1.5)),
             dust=spread(shape, near, 0.6 * beside * smooth(patches, 0.0, -1.5)),

@@ -1,4 +1,4 @@
-"""A defect as one heightfield, in its own frame: everything drawn, labelled and measured follows from it alone.
+"""A defect as one heightfield, in its own frame: everything drawn, labelled and measured is derived from it.
 
 The defect's own frame has its centre at the origin, x along its length, y to the left and z up, in metres. Rows run
 along y (row 0 at the smallest), columns along x.
@@ -22,7 +22,7 @@ COARSEST_CELL_M = 0.005
 
 @dataclass(frozen=True, eq=False)
 class Stains:
-    """What a defect leaves on the surface besides its shape; fields (rows, cols) float32.
+    """Appearance of a defect's surface besides its shape; fields (rows, cols) float32.
 
     Raises:
         ValueError: shapes differ, or a value is out of its range.
@@ -31,11 +31,11 @@ class Stains:
     dirt: Float32Array
     """Dark fill and stains, 0 … 1: soil, damp, old bitumen."""
     dust: Float32Array
-    """Pale fines, 0 … 1: ground off or pumped out."""
+    """Pale fines, 0 … 1: abraded, or pumped out of the base."""
     stone: Float32Array
     """Share of the cell covered by loose stones."""
     tone: Float32Array
-    """How bright the single stone is that shows, -1 … 1; 0 where the binder covers it."""
+    """Brightness of an exposed stone, -1 … 1; 0 where the binder covers it."""
 
     def __post_init__(self) -> None:
         for name in ("dirt", "dust", "stone", "tone"):
@@ -49,7 +49,7 @@ class Stains:
 
 @dataclass(frozen=True, eq=False)
 class Heightfield:
-    """Height and surface of a defect, one value a square cell; all fields (rows, cols) float32 and read-only.
+    """Height and surface of a defect, one value per square cell; all fields (rows, cols) float32 and read-only.
 
     A cell holds the *mean* over its square: a crack thinner than a cell has an `opening` below 1 and a height that is
     its depth times that share, so that areas and volumes are right and the width can be measured from the field.
@@ -59,18 +59,18 @@ class Heightfield:
     """
 
     height_m: Float32Array
-    """Mean height above the sound road around it."""
+    """Mean height above the defect-free road around it."""
     opening: Float32Array
     """Share of the cell that lies in an open crack."""
     exposed: Float32Array
-    """Share that is broken: bare aggregate, the binder gone."""
+    """Share that is broken: bare aggregate without binder."""
     cell_m: float
     origin_m: tuple[float, float]
     """Centre (x, y) of the cell [0, 0]."""
     marking: Marking
-    """What of it is labelled."""
+    """Rule for the labelled region."""
     paint: Callable[[], Stains]
-    """Makes the stains, the same ones always. Placing thousands of defects needs their shapes alone."""
+    """Makes the stains, always the same. They are made on demand, as placement needs only the shapes."""
 
     def __post_init__(self) -> None:
         if not 0 < self.cell_m <= COARSEST_CELL_M:
@@ -98,7 +98,7 @@ class Heightfield:
 
     @cached_property
     def mask(self) -> BoolArray:
-        """(rows, cols) what an annotator would mark: one piece without holes; see `Marking` for the rule."""
+        """(rows, cols) the label mask: one region without holes; see `Marking` for the rule."""
         mask = mark(self.height_m, self.cell_m, self.marking)
         mask.flags.writeable = False
         return mask
@@ -110,7 +110,7 @@ class Heightfield:
 
     @cached_property
     def stains(self) -> Stains:
-        """Dirt, dust and stones; stones lie within the mask alone."""
+        """Dirt, dust and stones; stones only within the mask."""
         stains = self.paint()
         if stains.dirt.shape != self.shape:
             raise ValueError(f"stains of shape {stains.dirt.shape} on a heightfield of {self.shape}")
@@ -123,13 +123,14 @@ class Heightfield:
         return np.asarray((xy - (x0, y0)) / (x1 - x0, y1 - y0), dtype=np.float32)
 
     def settled(self) -> Self:
-        """The same with the sound road outside its mask: height 0 and nothing broken there, stains and dust apart."""
+        """The same with the defect-free road outside its mask: height 0 and nothing broken there; stains and dust
+        stay."""
         kept = self.mask.astype(np.float32)
         result = replace(self, height_m=self.height_m * kept, opening=self.opening * kept, exposed=self.exposed * kept)
         apart = (self.height_m <= -self.marking.least_m) & ~self.mask
-        if apart.any():  # a piece that is gone, and may have bent the mask
+        if apart.any():  # a removed region may have changed the mask
             return result.settled()
-        result.__dict__["mask"] = self.mask  # made of the same cells
+        result.__dict__["mask"] = self.mask  # consists of the same cells
         return result
 
 

@@ -1,4 +1,4 @@
-"""A heightfield as textures: normals, albedo, occlusion. Row 0 holds the smallest y, as `Heightfield.uv` counts."""
+"""A heightfield as textures: normals, albedo, ambient occlusion. Row 0 holds the smallest y, as in `Heightfield.uv`."""
 
 import numpy as np
 
@@ -8,12 +8,12 @@ from pavetwin.defects.heightfield import Heightfield
 from pavetwin.defects.shapes import smooth
 
 CRACK = (0.22, 0.21, 0.20)
-"""Of the sound road's albedo: little light comes back out of an open crack."""
+"""Share of the defect-free road's albedo: little light comes back out of an open crack."""
 CRACK_FLOOR, SEEN_M = (0.48, 0.45, 0.40), (0.015, 0.05)
-"""What lies in one whose width is beyond these: it is drawn in its depth, and dark by its own shadow."""
+"""Widths over which a crack's fill becomes visible: a wide crack is drawn in its depth, darkened by its own shadow."""
 DIRT = (0.50, 0.48, 0.44)
 BROKEN = (1.22, 1.18, 1.11)
-"""Aggregate without its film of bitumen is lighter and warmer than the road."""
+"""Albedo factor of aggregate without its film of bitumen: lighter and warmer than the road."""
 DUST = (1.42, 1.38, 1.28)
 STONE = (1.45, 1.40, 1.32)
 STONE_CONTRAST = 0.3
@@ -32,7 +32,7 @@ def normal_map(heightfield: Heightfield) -> UInt8Array:
 
 
 def albedo_factor(heightfield: Heightfield) -> Float32Array:
-    """(rows, cols, 3) what the road's albedo (linear red, green, blue) is multiplied by; 1 where it is sound."""
+    """(rows, cols, 3) what the road's albedo (linear red, green, blue) is multiplied by; 1 where there is no defect."""
     stains = heightfield.stains
     contrast = 1 + STONE_CONTRAST * stains.tone[..., None]
     factor = np.ones((*heightfield.shape, 3), dtype=np.float32)
@@ -44,12 +44,12 @@ def albedo_factor(heightfield: Heightfield) -> Float32Array:
 
 
 def occlusion_map(heightfield: Heightfield) -> UInt8Array:
-    """(rows, cols) share of the sky's light that reaches a cell, 255 for all of it.
+    """(rows, cols) ambient occlusion: share of the sky's light that reaches a cell, 255 for all of it.
 
-    At each of three scales r the mean height around a cell less its own, over r, stands for the tangent of the horizon;
-    the light falls with its exponential.
+    At each of three scales r, the mean height around a cell less its own, over r, approximates the tangent of the
+    horizon; the light falls with its exponential.
     """
-    from scipy.ndimage import uniform_filter  # half a second that missions need not wait
+    from scipy.ndimage import uniform_filter  # imported here: it takes half a second, and missions do not need it
 
     darkness = np.zeros(heightfield.shape, dtype=np.float32)
     for scale in CAVITY_SCALES_M:

@@ -1,4 +1,4 @@
-"""What of a heightfield is labelled: a rule, not a drawing."""
+"""The rule that derives the labelled region from a heightfield."""
 
 from dataclasses import dataclass
 
@@ -9,15 +9,15 @@ from pavetwin._core import relief_outline, relief_region
 from pavetwin.arrays import BoolArray, Float32Array
 
 SIMPLIFIED = 0.3
-"""Farthest that an outline departs from its mask's boundary [cells]."""
+"""Tolerance of an outline against its mask's boundary [cells]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Marking:
     """The labelled region: everything at least `least_m` below the road, widened by `margin_m` as an annotator's brush
-    does, closed by a disc of `closing_m`, without holes; of that the largest piece.
+    does, closed by a disc of `closing_m`, without holes; of that the largest connected region.
 
-    Two parts of a crack stay one piece across a gap of up to 2 √(margin² + 2 · margin · closing).
+    Two parts of a crack stay connected across a gap of up to 2 √(margin² + 2 · margin · closing).
     """
 
     margin_m: float = 0.02
@@ -31,7 +31,7 @@ def mark(height_m: Float32Array, cell_m: float, marking: Marking) -> BoolArray:
 
 
 def outline(mask: BoolArray, cell_m: float, origin_m: tuple[float, float]) -> Polygon:
-    """The boundary of a mask in one piece without holes, in metres.
+    """The boundary of a connected mask without holes, in metres.
 
     Raises:
         ValueError: the mask is empty.

@@ -1,4 +1,4 @@
-"""What an inspector would measure on a defect, taken from its heightfield."""
+"""The sizes an inspector would measure on a defect, computed from its heightfield."""
 
 import math
 from dataclasses import dataclass
@@ -10,35 +10,35 @@ from pavetwin.arrays import Float32Array, Float64Array
 from pavetwin.defects.heightfield import Heightfield
 
 WIDEST_SHARE = 0.98
-"""The widest opening is the one that this share of the crack's length does not exceed: a chip is no width."""
+"""The width is this quantile of the opening over the crack's length, so that single chips do not count."""
 
 BINS = 2000
 
 HOLE_SHARE = 0.15
-"""What lies deeper than this share of the depth belongs to the hole, not to its frayed surroundings."""
+"""Cells deeper than this share of the depth belong to the hole, not to its broken surroundings."""
 
 
 @dataclass(frozen=True, slots=True)
 class Measures:
-    """Sizes in metres and their powers; lengths and widths of openings are 0 where nothing is open."""
+    """Sizes in metres, m² and m³; lengths and widths of openings are 0 without an opening."""
 
     area_m2: float
     """Of the outline."""
     depth_m: float
-    """At the deepest."""
+    """Of the deepest cell."""
     volume_m3: float
     """Below the road's height."""
     crack_length_m: float
-    """Of all openings together, along their middle."""
+    """Total length of the openings along their centre lines."""
     width_m: float
-    """Of the openings: exceeded by 2 % of their length."""
+    """Width of the openings that 2 % of their length exceed."""
     mean_width_m: float
     diameter_m: float
     """Of a circle of the area that lies deeper than 15 % of the depth."""
     exposed_m2: float
     """Of broken surface."""
     sunken_m: float
-    """Height below the road that 5 % of the area between the openings exceeds: blocks that sank, tilted or are lost."""
+    """Depth that 5 % of the area between the openings exceeds: blocks that sank, tilted or are lost."""
 
 
 def measure(heightfield: Heightfield) -> Measures:
@@ -77,7 +77,7 @@ def _quantile(values: Float64Array, weights: Float64Array, share: float) -> floa
 
 
 def _low(heights: Float32Array) -> float:
-    """The height that 5 % of the cells lie below."""
+    """The 5th percentile of the heights."""
     if heights.size == 0:
         return 0.0
     return float(np.partition(heights, heights.size // 20)[heights.size // 20])

@@ -1,4 +1,4 @@
-"""A heightfield as triangles: dense where the surface bends, its border exactly at the road's height."""
+"""A heightfield as a triangle mesh: dense where the surface is curved, its border exactly at the road's height."""
 
 from dataclasses import dataclass
 
@@ -30,7 +30,7 @@ class DefectMesh:
 def mesh_of(
     heightfield: Heightfield, tolerance_m: float = TOLERANCE_M, most_vertices: int = MOST_VERTICES
 ) -> DefectMesh:
-    """A mesh that is nowhere farther than `tolerance_m` from the heightfield, or has `most_vertices`.
+    """A mesh that is within `tolerance_m` of the heightfield everywhere, or has `most_vertices`.
 
     Its border is the defect's outline, so it fits a hole that is cut into the road along that polygon.
 

@@ -1,4 +1,4 @@
-"""The inside of a pothole: walls in broken layers, a bowl with a nearly flat floor, what lies on it.
+"""The inside of a pothole: walls in broken layers, a bowl with a nearly flat floor, stones on it.
 
 Sizes of stones, ledges and bumps are metres, whatever the depth: a deep hole is no rougher than a shallow one.
 """
@@ -14,53 +14,53 @@ from pavetwin.defects.heightfield import Lattice
 from pavetwin.defects.shapes import between, centres, noise, smooth
 
 STEEPEST = 1.8
-"""Of a wall, as a slope (61°): a course of 4 cm breaks over four cells. Fuller holes than that allows are steeper."""
+"""Slope of a wall (61°): a course of 4 cm breaks over four cells. Holes too full for that are steeper."""
 
 LAYER_M = (0.03, 0.05)
-"""Thickness of the courses: where one comes off the layer below, the hole steps."""
+"""Thickness of the courses: the hole has a step where one debonds from the layer below."""
 
 LEDGED, SHARPNESS = (-0.9, 0.7), 4.0
-"""Ledges stand where a noise is above the one, whole above the other; they are so much steeper than the bowl."""
+"""Ledges begin where a noise field exceeds the first value and are complete above the second; how much steeper they
+are than the bowl."""
 
 BROKEN_M = 0.009
-"""How far ledges' edges depart from the rim's course, standard deviation."""
+"""Standard deviation of the ledges' edges from lines parallel to the rim."""
 
 FIN_M = 0.012
-"""Half of the thickness below which a tongue of the course would not stand between two breaks."""
+"""Half of the least width of a tongue of the course between two breaks."""
 
 SMOOTHED_M = 0.055
-"""Notches of the rim that are narrower do not reach far down."""
+"""Notches of the rim that are narrower are smoothed out with depth."""
 
 UNEVEN_M, AGGREGATE_M = 0.005, 0.005
-"""The floor's bumps, standard deviation, and the tops of its stones above the gaps between them, at most."""
+"""Standard deviation of the floor's bumps, and greatest height of its stones above the gaps between them."""
 
 FLOOR, WALL_BED = np.array([0.6, 0.9]), 0.3
-"""Between these shares of the depth the wall becomes floor; how much of the floor's roughness a wall has."""
+"""Shares of the depth between which the wall becomes floor; share of the floor's roughness on a wall."""
 
 REFINED, CLOSE = 0.35, 0.02
-"""Range in which the width of the slopes is searched once more over all cells, as a logarithm, and how near the asked
-fullness must be."""
+"""Range of the second search for the slopes' width, over all cells, as a logarithm; tolerance of the fullness."""
 
 LEAST_SHARE = 0.025
-"""Of the depth: nothing within the hole, not even a stone at its rim, stands nearer to the road's height."""
+"""Share of the depth that every cell of the hole, even a stone at its rim, is below the road."""
 
 SETTLED, LEAST_BED_M = 0.6, 0.001
-"""By how much the bed of a hole that cannot be as full as asked is lowered at a time, and what is left alone [m]."""
+"""Step by which the bed is lowered when a hole cannot reach its fullness, and the bed that is always kept [m]."""
 
 SOLVED_CELLS = 4000
-"""As many cells tell the volume to within a hundredth."""
+"""Number of cells that give the volume to within a hundredth."""
 
 
 def opened(rim_m: Float32Array, cell_m: float) -> tuple[BoolArray, Float32Array]:
-    """(which cells are in the hole, distance from its rim [m], negative outside) of what a rim leaves.
+    """(cells in the hole, distance from its rim [m], negative outside) for a rim.
 
-    One hole without islands or fins: the course breaks off where little of it is left.
+    One hole without islands or fins: narrow remains of the course break off.
     """
     from scipy.ndimage import distance_transform_edt, uniform_filter  # half a second that missions need not wait
 
     hole = relief_region(rim_m > 0, 0.0, FIN_M / cell_m)
     inner = np.asarray(distance_transform_edt(hole), dtype=np.float32) * np.float32(cell_m)
-    # Notches of the rim do not run down the walls as flutes: farther in, the distance is that from a smoother rim.
+    # Notches of the rim must not run down the walls as flutes: farther in, the distance is from a smoother rim.
     inner += smooth(inner, 0.004, 0.02) * (uniform_filter(inner, round(SMOOTHED_M / cell_m)) - inner)
     return hole, np.asarray(np.where(hole, inner - np.float32(cell_m / 2), np.minimum(rim_m, 0)), dtype=np.float32)
 
@@ -74,7 +74,7 @@ def dug(
     depth_m: float,
     fullness: tuple[float, float],
 ) -> Float32Array:
-    """Height of the hole with its floor's bed on it, 0 outside: as deep and as full as asked [m].
+    """Height of the hole with its floor, 0 outside, of the requested depth and fullness [m].
 
     The fullness is drawn from its range, but not above what walls of the steepest slope leave, while the range allows.
     """
@@ -90,7 +90,7 @@ def dug(
     few = np.arange(0, len(cells), max(1, len(cells) // SOLVED_CELLS))
 
     def level(width_m: float, some: IndexArray | slice) -> Float32Array:
-        """Depth below the road where the bowl's slopes are so wide, 1 at the deepest."""
+        """Relative depth of a bowl with slopes of that width, 1 at the deepest."""
         wall = max(STEEPEST, 2 * depth_m / width_m)
         whole = min(1.0, reach / width_m)
         bowl = 1 - np.square(1 - np.minimum(moved[some] / np.float32(width_m), 1))
@@ -103,41 +103,41 @@ def dug(
         deep = deep - bed[some] * lying
         return np.asarray(np.maximum(deep / deep.max(), np.float32(LEAST_SHARE)), dtype=np.float32)
 
-    asked = between(rng, fullness)
+    target = between(rng, fullness)
     fullest = float(level(2 * depth_m / STEEPEST, few).mean())
-    asked = max(fullness[0], min(asked, fullest))
-    found = _solved(level, few, reach, asked)
-    while float(found.mean()) < (1 - CLOSE) * asked and float(np.abs(bed).max()) > LEAST_BED_M:
-        bed *= np.float32(SETTLED)  # what lies in a shallow hole would fill it
-        found = _solved(level, few, reach, asked)
+    target = max(fullness[0], min(target, fullest))
+    found = _solved(level, few, reach, target)
+    while float(found.mean()) < (1 - CLOSE) * target and float(np.abs(bed).max()) > LEAST_BED_M:
+        bed *= np.float32(SETTLED)  # loose material would fill a shallow hole
+        found = _solved(level, few, reach, target)
     height = np.zeros(lattice[0], dtype=np.float32)
     height.ravel()[cells] = np.float32(-depth_m) * found
     return height
 
 
 def _solved(
-    level: Callable[[float, IndexArray | slice], Float32Array], few: IndexArray, reach_m: float, asked: float
+    level: Callable[[float, IndexArray | slice], Float32Array], few: IndexArray, reach_m: float, target: float
 ) -> Float32Array:
-    """The level whose mean is nearest to what is asked, by the width of its slopes."""
+    """Find the slopes' width whose mean depth is nearest to the target."""
     low, high = math.log(reach_m / 100), math.log(reach_m * 20)
     middle = 0.5 * (low + high)
     for _ in range(12):
-        low, high = (middle, high) if float(level(math.exp(middle), few).mean()) > asked else (low, middle)
+        low, high = (middle, high) if float(level(math.exp(middle), few).mean()) > target else (low, middle)
         middle = 0.5 * (low + high)
-    # The few cells stand for all but for their deepest point; where that matters all are asked.
+    # The few cells represent all but the deepest point; where that matters all cells are used.
     found = level(math.exp(middle), slice(None))
     low, high = middle - REFINED, middle + REFINED
     for _ in range(7):
-        if abs(float(found.mean()) / asked - 1) < CLOSE:
+        if abs(float(found.mean()) / target - 1) < CLOSE:
             break
-        low, high = (middle, high) if float(found.mean()) > asked else (low, middle)
+        low, high = (middle, high) if float(found.mean()) > target else (low, middle)
         middle = 0.5 * (low + high)
         found = level(math.exp(middle), slice(None))
     return found
 
 
 def _layers(rng: np.random.Generator, depth_m: float) -> Float64Array:
-    """Depths at which the courses end, 0 first; the last is the floor."""
+    """Depths of the courses' lower faces, 0 first; the last is the floor."""
     ends = [0.0, min(between(rng, LAYER_M), float(rng.uniform(0.4, 0.75)) * depth_m)]
     while depth_m - ends[-1] > 1.4 * LAYER_M[1]:
         ends.append(ends[-1] + between(rng, LAYER_M))
@@ -145,7 +145,7 @@ def _layers(rng: np.random.Generator, depth_m: float) -> Float64Array:
 
 
 def _stepped(deep: Float32Array, layers: Float64Array) -> Float32Array:
-    """The same slopes in steps: each course falls steeply and is a ledge from there to where the next one ends."""
+    """The same slopes in steps: each course has a steep face and leaves a ledge down to the next one."""
     total = np.zeros_like(deep)
     for top, end in zip(layers[:-1].tolist(), layers[1:].tolist(), strict=True):
         sharpness = SHARPNESS if end < layers[-1] else 1.0
@@ -167,7 +167,7 @@ def aggregate(
 def loose_stones(
     rng: np.random.Generator, lattice: Lattice, inside_m: Float32Array, per_m2: float
 ) -> tuple[Float32Array, Float32Array]:
-    """Stones of 1 to 4 cm that lie about on the floor, few by the rim: (height [m], share covered)."""
+    """Loose stones of 1 to 4 cm on the floor, few near the rim: (height [m], share covered)."""
     (rows, cols), cell, _ = lattice
     height = np.zeros((rows, cols), dtype=np.float32)
     lying = np.zeros((rows, cols), dtype=np.float32)

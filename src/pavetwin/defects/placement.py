@@ -1,13 +1,13 @@
-"""Where defects lie: every segment by itself, from its own child of the seed.
+"""Placement of defects: each segment independently, with its own child seed.
 
-On every segment `per_segment` defects are tried, or `per_100_m2` for its size; the class of each is drawn by the mix.
-Each gets up to `SHAPES` shapes and for each up to `PLACES` places by its class's law (wheel paths, joints, edges,
-across), and takes the first where its whole outline lies on the segment's asphalt, 5 cm from its edge (where its street
-has gutters of concrete, 5 cm from those), and 10 cm from every other. It is left out when it finds none, or when the
-defects would cover more than `LARGEST_SHARE` of the segment: short ones may have fewer than asked.
+On every segment `per_segment` defects are tried, or `per_100_m2` for its area; the class of each is drawn from the mix.
+Each gets up to `SHAPES` shapes, and each shape up to `PLACES` poses from its class's sampler (wheel paths, joints,
+edges, across). The first pose is taken where the whole outline lies on the segment's asphalt, 5 cm from its edge (or
+from its concrete gutter) and 10 cm from every other defect. A defect is left out when there is no such pose, or when
+the defects would cover more than `LARGEST_SHARE` of the segment: short segments may have fewer than requested.
 
-Segments are placed side by side on as many threads as there are cores: most of the work is done outside Python, and
-what comes out does not depend on how many there are.
+Segments are processed in parallel on as many threads as there are cores: most of the work is done outside Python. The
+result does not depend on the number of threads.
 """
 
 import math
@@ -46,9 +46,9 @@ class DefectOptions(Settings):
     per_segment: Annotated[float, Field(ge=0, le=1000)] = 30.0
     """Rounded to a whole number."""
     per_100_m2: Annotated[float | None, Field(ge=0, le=100)] = None
-    """Instead of `per_segment`: for each 100 m² of the segment; rounded by chance, so that it holds on average."""
+    """Instead of `per_segment`: per 100 m² of the segment; rounded at random, so that it holds on average."""
     mix: dict[str, Annotated[float, Field(ge=0)]] = Field(default_factory=dict)
-    """Class → weight; empty for every class's own weight, classes left out get none."""
+    """Class → weight; empty for each class's own weight; classes that are left out get none."""
 
     @model_validator(mode="after")
     def _known(self) -> Self:
@@ -60,7 +60,7 @@ class DefectOptions(Settings):
 
     @model_serializer(mode="wrap")
     def _as_given(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Without what `per_100_m2` stands in for: both would be refused when read again."""
+        """Leave out `per_segment` when `per_100_m2` replaces it: both together are refused when read again."""
         values: dict[str, Any] = dump(self)
         if self.per_100_m2 is not None:
             values.pop("per_segment", None)
@@ -76,7 +76,7 @@ class DefectOptions(Settings):
 def add_defects(
     built: Built, options: DefectOptions | None = None, on_progress: Callable[[float], None] | None = None
 ) -> Built:
-    """A built world with its defects, and a note of how they were placed; `on_progress` is told the share placed."""
+    """A built world with its defects, and a record of how they were placed; `on_progress` gets the share placed."""
     options = options or DefectOptions()
     defects = place(built.world.segments, built.record.options.seed, options, on_progress)
     record = built.record.model_copy(update={"defects": options.model_dump(exclude_none=True)})
@@ -90,7 +90,7 @@ def place(
     on_progress: Callable[[float], None] | None = None,
     threads: int | None = None,
 ) -> tuple[Defect, ...]:
-    """The defects of all segments, numbered from 0 in their order; on one thread a core, or so many.
+    """The defects of all segments, numbered from 0 in order; on one thread per core, or as many as given.
 
     Raises:
         PaveTwinError: the mix names an unknown class.
@@ -121,8 +121,8 @@ def _on_segment(
     segment: Segment, seed: int, options: DefectOptions, weighted: tuple[tuple[DefectKind, ...], Float64Array]
 ) -> Iterator[Defect]:
     rng = child(seed, Stream.DEFECTS, segment_key(segment))
-    room = segment.polygon.buffer(-EDGE_M - (GUTTER_M if has_gutter(segment.street) else 0.0))
-    shapely.prepare(room)
+    allowed = segment.polygon.buffer(-EDGE_M - (GUTTER_M if has_gutter(segment.street) else 0.0))
+    shapely.prepare(allowed)
     budget = LARGEST_SHARE * segment.area_m2
     road = RoadSection.of(segment)
     taken: list[Polygon] = []
@@ -134,7 +134,7 @@ def _on_segment(
             shape = kind.generate(np.random.default_rng(shape_seed))
             if shape.outline.area > budget:
                 continue
-            placed = _first_place(segment, shape.outline, poses, room, taken)
+            placed = _first_place(segment, shape.outline, poses, allowed, taken)
             if placed is None:
                 continue
             centre, yaw, polygon = placed
@@ -159,7 +159,7 @@ def _on_segment(
 
 
 def _first_place(
-    segment: Segment, outline: Polygon, poses: Poses, room: shapely.Geometry, taken: list[Polygon]
+    segment: Segment, outline: Polygon, poses: Poses, allowed: shapely.Geometry, taken: list[Polygon]
 ) -> tuple[Point, float, Polygon] | None:
     ring = np.asarray(outline.exterior.coords)[:-1]
     others = np.array(taken)
@@ -172,7 +172,7 @@ def _first_place(
         yaw = math.remainder(math.atan2(dy, dx) + turn, 2 * math.pi)
         corners = turned(ring, yaw) + np.array([x, y])
         polygon = Polygon(corners)
-        if not shapely.contains_properly(room, polygon):
+        if not shapely.contains_properly(allowed, polygon):
             continue
         low, high = corners.min(axis=0) - APART_M, corners.max(axis=0) + APART_M
         near = (boxes[:, :2] <= high).all(axis=1) & (boxes[:, 2:] >= low).all(axis=1)

@@ -1,7 +1,7 @@
-"""Where on a road a class of defects is found: laws that classes share.
+"""Pose samplers shared by defect classes: where on a road a class occurs.
 
-A law proposes poses on a road: (n, 3) rows of the share of the road's length [0, 1), the offset from its centre line to
-the left [m], and the angle from the road's direction to the defect's own x axis, anticlockwise [rad].
+A sampler proposes poses on a road: (n, 3) rows of the share of the road's length [0, 1), the offset from its centre
+line to the left [m], and the angle from the road's direction to the defect's own x axis, anticlockwise [rad].
 """
 
 import math
@@ -17,18 +17,18 @@ Poses = Float64Array
 """(n, 3): share of the way along the road, 0 … 1; metres to the left of its middle; angle to it [rad]."""
 
 WHEEL_PATH_M, WHEEL_PATH_SPREAD_M = 0.82, 0.10
-"""From a lane's centre to its wheel paths: half the track of cars and vans (1.5 to 1.8 m), and how drivers wander."""
+"""From a lane's centre to its wheel paths: half the track width of cars and vans (1.5 to 1.8 m), and its spread."""
 
 NARROW_LANE_M = 2.6
-"""In a narrower lane the wheel paths move inwards with its width."""
+"""Below this lane width the wheel paths move inwards with the width."""
 
 EDGE_M = (0.25, 0.9)
-"""From the carriageway's edge to the strip that breaks for want of support beside it."""
+"""From the carriageway's edge to the strip of edge cracking, where lateral support is missing."""
 
 
 @dataclass(frozen=True, slots=True)
 class RoadSection:
-    """What a law knows of the piece of road that it proposes places on."""
+    """The road section that a sampler proposes poses on."""
 
     length_m: float
     width_m: float
@@ -75,7 +75,7 @@ def anywhere(rng: np.random.Generator, road: RoadSection, count: int) -> Float64
 
 
 def poses(rng: np.random.Generator, offsets: Float64Array, angle_rad: float, spread_rad: float) -> Poses:
-    """Poses at the offsets, anywhere along the road, turned by about the angle, half of them the other way round."""
+    """Poses at the offsets, uniform along the road, rotated by about the angle, half of them reversed."""
     count = len(offsets)
     turn = rng.normal(angle_rad, spread_rad, count) + math.pi * rng.integers(2, size=count)
     return np.stack([rng.random(count), offsets, turn], axis=1)

@@ -1,4 +1,4 @@
-"""A pothole: sub-bowls that have grown together, a steep ragged rim, bare aggregate, loose stones, cracks around it."""
+"""Pothole (D40 in RDD2022): merged sub-bowls, a steep ragged rim, bare aggregate, loose stones, cracks around it."""
 
 import math
 from typing import Annotated
@@ -31,36 +31,36 @@ CELL_M = 0.005
 MARKING = Marking(margin_m=0.02, closing_m=0.04)
 
 DEEPEST_PER_DIAMETER = 0.25
-"""A hole deeper than this share of its diameter would have fallen in."""
+"""Greatest depth as a share of the diameter: deeper holes would collapse."""
 
 WALL_DIRT, WALL_DUST = 0.55, 0.35
-"""The broken side of a bound course is dark with bitumen, that of the base below it pale with fines."""
+"""The broken face of a bound course is dark with bitumen, that of the base below pale with fines."""
 
 BOUND_M, BANDS_M = (0.05, 0.09), 0.012
-"""Where the bound courses end, drawn from this range, and how far the change rises and falls."""
+"""Depth at which the bound courses end, drawn from this range, and its variation."""
 
 PIECE_M = 0.011
-"""How far the rim jumps where a piece of the course has broken out."""
+"""Offset of the rim where a piece of the course has broken out."""
 
 IN_WHEEL_PATH, AT_EDGE = 0.65, 0.20
-"""Shares of potholes that lie in wheel paths and near edges; the others lie anywhere."""
+"""Shares of potholes in wheel paths and near edges; the others are anywhere."""
 
 
 class PotholeParameters(Settings):
     diameter_m: Range = (0.25, 1.0)
     """Of its longest side."""
     depth_m: Range = (0.013, 0.2)
-    """At its deepest; drawn evenly in the logarithm, and not above 0.25 of the diameter while the range allows."""
+    """Greatest depth; log-uniform, and not above 0.25 of the diameter while the range allows."""
     fullness: Range = (0.5, 0.85)
     """Its volume over that of a cylinder of its rim and depth: a cone has 1/3, a box 1."""
     bowls: tuple[int, int] = (2, 5)
     """Sub-bowls that have merged."""
     stone_m: Range = (0.008, 0.02)
-    """Size of the aggregate that shows on its floor."""
+    """Size of the aggregate on its floor."""
     loose: Annotated[float, Field(ge=0, le=400)] = 60.0
-    """Loose stones in a square metre of floor, on average."""
+    """Mean number of loose stones per square metre of floor."""
     cracks: tuple[int, int] = (1, 6)
-    """Cracks that leave its rim."""
+    """Number of cracks that leave its rim."""
 
 
 def pothole(rng: np.random.Generator, parameters: PotholeParameters | None = None) -> Heightfield:
@@ -94,9 +94,9 @@ def _bowls(rng: np.random.Generator, parameters: PotholeParameters, diameter_m: 
 
 
 def _inside(rng: np.random.Generator, lattice: Lattice, bowls: Float64Array) -> Float32Array:
-    """How far inside the rim each cell lies [m], negative outside: the bowls' union, its edge broken along stones.
+    """Distance of each cell inside the rim [m], negative outside: the union of the bowls, its edge broken along stones.
 
-    Pieces of the course break out whole: the edge jumps by steps, so that it has corners.
+    Pieces of the course break out as a whole: the edge has steps and corners.
     """
     x, y = centres(lattice)
     size = float(bowls[:, 2].max())
@@ -104,7 +104,7 @@ def _inside(rng: np.random.Generator, lattice: Lattice, bowls: Float64Array) -> 
     total = np.zeros(lattice[0], dtype=np.float32)
     for bowl_x, bowl_y, radius in bowls.astype(np.float32):
         total += np.exp(sharp * (radius - np.sqrt((x - bowl_x) ** 2 + (y - bowl_y) ** 2)))
-    # Overlapping bowls add to each other and would make the hole larger than asked.
+    # Overlapping bowls add to each other and would make the hole larger than requested.
     inside = np.log(np.maximum(total, np.float32(1e-20))) / sharp - np.float32(0.1 * size)
     inside += np.float32(0.08 * size) * noise(rng, lattice, 0.9 * size, 2, 0.5)
     pieces = noise(rng, lattice, 0.11, 2, 0.45)
@@ -165,15 +165,15 @@ def _dug(
     rim = smooth(inside, -0.03, 0.0) * ~hole
     floor = smooth(inside, 0.0, 0.008)
     wall = hole * smooth(np.hypot(*np.gradient(height, np.float32(lattice[1]))), 0.6, 1.3)
-    # On a wall a cell is taller than wide: single stones would be drawn as streaks.
+    # On a wall a cell is taller than wide: single stones would look like streaks.
     exposed = np.clip(
         floor * (0.35 + 0.4 * (dome + wall * (0.4 - dome))) + 0.7 * rim**3 * smooth(grain, 0.2, 1.2), 0, 1
     )
     pale, bound_m = float(rng.random()), between(rng, BOUND_M)
-    luck = int(rng.integers(2**63))
+    noise_seed = int(rng.integers(2**63))
 
     def stains() -> Stains:
-        blotch = noise(np.random.default_rng(luck), lattice, 0.35, 3)
+        blotch = noise(np.random.default_rng(noise_seed), lattice, 0.35, 3)
         deep = -height / depth_m
         damp = (1 - pale) * smooth(deep, 0.3, 1.0) * smooth(blotch, -0.8, 1.2)
         base = smooth(-height + BANDS_M * grain, bound_m, bound_m + 0.015)
@@ -207,7 +207,7 @@ def _float32(field: Float32Array) -> Float32Array:
 
 
 def lay_pothole(rng: np.random.Generator, road: poses.RoadSection, count: int) -> poses.Poses:
-    """Mostly in wheel paths, some near the edges, lying in any direction."""
+    """Mostly in wheel paths, some near the edges, in any direction."""
     where = rng.random()
     if where < IN_WHEEL_PATH:
         offsets = poses.wheel_paths(rng, road, count)

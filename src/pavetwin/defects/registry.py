@@ -22,12 +22,12 @@ class DefectKind:
     name: DefectClass
     generate: Generate
     sample_poses: PoseSampler
-    """Where on a road it is found."""
+    """Sampler of its poses on a road."""
     rate: Callable[[Measures], Severity]
     width: Callable[[Measures], float]
-    """Which of its measures is its width."""
+    """The measure that is its width."""
     weight: float
-    """Among all defects, unless a mix says otherwise."""
+    """Its share among all defects, unless a mix is given."""
 
 
 _KINDS: dict[DefectClass, DefectKind] = {}
@@ -42,7 +42,7 @@ def register(
     width: Callable[[Measures], float],
     weight: float,
 ) -> DefectKind:
-    """Make a class known.
+    """Register a class.
 
     Raises:
         ValueError: the name is taken or no plain lower-case word, or the weight is negative.
@@ -57,7 +57,7 @@ def register(
 
 
 def unregister(name: str) -> None:
-    """Forget a class again.
+    """Remove a class from the registry.
 
     Raises:
         PaveTwinError: it is not known.
@@ -83,13 +83,13 @@ def kind_of(name: str) -> DefectKind:
 
 
 def unknown(name: str, known: Iterable[str]) -> PaveTwinError:
-    """The plain sentence for a class that is not registered."""
+    """The message for a class that is not registered."""
     names = list(known)
     return PaveTwinError(f"Unknown defect class '{name}'{nearest_name(name, names)}. Known: {', '.join(names)}.")
 
 
 def heightfield_of(defect: Defect) -> Heightfield:
-    """The shape of a placed defect, made anew from its seed.
+    """The shape of a placed defect, regenerated from its seed.
 
     Its outline turned by `yaw_rad` about the origin and moved to `centre` is the defect's polygon.
 

@@ -1,4 +1,4 @@
-"""Points spread evenly over a defect, to tell which share of its area is hidden."""
+"""Points spread evenly over a defect, to estimate the hidden share of its area."""
 
 import numpy as np
 import shapely
@@ -7,18 +7,18 @@ from pavetwin.arrays import Float64Array, Int64Array
 from pavetwin.world.model import Defect
 
 COARSENED_M = 0.005
-"""The outline is taken without corners that stand out less: a tenth of the time, and no less of what is hidden."""
+"""Tolerance of the simplified outline: sampling takes a tenth of the time, with the same hidden share."""
 
 ABOUT = 128
-"""Straight shadows' edges across a defect then hide a share of the points within 0.035 of the share of its area, in 99
-of 100 cases; with 48 it was 0.08."""
+"""With this many points a straight occlusion edge across a defect hides a share of points within 0.035 of the share of
+its area, in 99 of 100 cases; with 48 points it is 0.08."""
 
 
 def sample_points(defect: Defect, about: int = ABOUT) -> Float64Array:
     """(about, 2) points in the defect's polygon (world frame, metres; to within 5 mm), each for the same area.
 
-    The polygon is triangulated, and the points are dealt to the triangles by area, neighbours after each other, so that
-    a crack two millimetres wide gets as many as a pothole. No randomness: the same polygon gives the same points.
+    The polygon is triangulated, and the points are distributed over the triangles by area, in spatial order, so that a
+    crack two millimetres wide gets as many as a pothole. No randomness: the same polygon gives the same points.
 
     Raises:
         ValueError: `about` is below 1.
@@ -41,7 +41,7 @@ def sample_points(defect: Defect, about: int = ABOUT) -> Float64Array:
 
 
 def _place_on_curve(xy: Float64Array) -> Int64Array:
-    """(n,) how far along Morton's curve points (n, 2) lie, which passes near ones soon after each other."""
+    """(n,) positions of points (n, 2) along a Z-order curve (Morton), which keeps neighbours together."""
     low = xy.min(axis=0)
     cells = ((xy - low) / max(float(np.ptp(xy, axis=0).max()), 1e-9) * 1023).astype(np.int64)
     bits = [((cells[:, axis] >> bit) & 1) << (2 * bit + axis) for bit in range(10) for axis in (0, 1)]
@@ -49,7 +49,7 @@ def _place_on_curve(xy: Float64Array) -> Int64Array:
 
 
 def _van_der_corput(count: int) -> Float64Array:
-    """(count,) evenly spread numbers in (0, 1): the bits of 1 … count read backwards."""
+    """(count,) evenly spread numbers in (0, 1): the van der Corput sequence in base 2."""
     values = np.zeros(count)
     number, scale = np.arange(1, count + 1), 0.5
     while number.any():

@@ -1,7 +1,7 @@
-"""How bad a defect is: low, medium or high after ASTM D6433 (pavement condition index surveys of roads).
+"""Severity of a defect: low, medium or high after ASTM D6433 (pavement condition index surveys of roads).
 
-Where the standard counts millimetres, so does this. Where it describes (alligator cracking), thresholds of our own
-stand for its words; `docs/defects.md` lists them.
+Where the standard gives millimetres, they are used. Where it only describes (alligator cracking), we use our own
+thresholds for its terms; `docs/defects.md` lists them.
 """
 
 from pavetwin.defects.measures import Measures
@@ -24,18 +24,19 @@ SPALLED_MEDIUM, SPALLED_HIGH = 0.04, 0.15
 """Broken surface as a share of a strip of 3 cm along the cracks: "lightly spalled", "spalled at the edges"."""
 SPALL_STRIP_M = 0.03
 SUNKEN_HIGH_M = 0.012
-"""Pieces that sank, tilted or are gone: what the standard says by "some pieces may rock under traffic"."""
+"""Depth of pieces that sank, tilted or are lost: in the standard "some pieces may rock under traffic"."""
 
 
 def crack_severity(measures: Measures) -> Severity:
-    """Of a single crack, by its width."""
+    """Severity of a single crack, by its width."""
     if measures.width_m < CRACK_MEDIUM_M:
         return Severity.LOW
     return Severity.MEDIUM if measures.width_m <= CRACK_HIGH_M else Severity.HIGH
 
 
 def pothole_severity(measures: Measures) -> Severity:
-    """Of a pothole, by depth and diameter; above 750 mm across it is medium up to 25 mm deep and high beyond."""
+    """Severity of a pothole, by depth and diameter; above 750 mm across it is medium up to 25 mm deep and high
+    beyond."""
     row = sum(measures.depth_m > limit for limit in POTHOLE_DEPTHS_M)
     column = sum(measures.diameter_m > limit for limit in POTHOLE_DIAMETERS_M)
     if column == len(POTHOLE_DIAMETERS_M):
@@ -44,7 +45,7 @@ def pothole_severity(measures: Measures) -> Severity:
 
 
 def crocodile_severity(measures: Measures) -> Severity:
-    """Of a crocodile crack, by how much of its cracks' edges is broken and whether pieces have moved."""
+    """Severity of a crocodile crack, by the broken share of its cracks' edges and by moved pieces."""
     strip = measures.crack_length_m * SPALL_STRIP_M
     spalled = measures.exposed_m2 / strip if strip > 0 else 0.0
     if spalled > SPALLED_HIGH or measures.sunken_m > SUNKEN_HIGH_M:

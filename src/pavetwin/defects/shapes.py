@@ -1,4 +1,4 @@
-"""Shared by the classes: ranges, lattices around shapes, noise."""
+"""Shared helpers of defect classes: ranges, lattices around shapes, noise."""
 
 import math
 from typing import Annotated
@@ -31,7 +31,7 @@ Share = Annotated[tuple[float, float], AfterValidator(_ordered_share)]
 
 
 def between(rng: np.random.Generator, limits: tuple[float, float]) -> float:
-    """A number drawn evenly from a range."""
+    """A number drawn uniformly from a range."""
     return float(rng.uniform(limits[0], limits[1]))
 
 
@@ -66,12 +66,12 @@ def noise(
 
 
 def smooth(field: Float32Array, low: float, high: float) -> Float32Array:
-    """0 below `low`, 1 above `high`, an even rise between; the other way round if `low` is the larger."""
+    """Smoothstep: 0 below `low`, 1 above `high`; reversed if `low` is the larger."""
     return np.asarray(np.clip((field - np.float32(low)) / np.float32(high - low), 0, 1), dtype=np.float32)
 
 
 def turned(ring: Float64Array, angle_rad: float) -> Float64Array:
-    """Points (n, 2) turned anticlockwise about the origin."""
+    """Points (n, 2) rotated anticlockwise about the origin."""
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     return np.asarray(ring @ np.array([[cos, sin], [-sin, cos]]), dtype=np.float64)
 
@@ -79,7 +79,7 @@ def turned(ring: Float64Array, angle_rad: float) -> Float64Array:
 def spread(
     shape: tuple[int, int], cells: IndexArray, values: Float32Array, low: float = 0.0, high: float = 1.0
 ) -> Float32Array:
-    """A field that has values at some cells and is 0 elsewhere, each kept within its limits."""
+    """A field with values at some cells, clipped to the limits, and 0 elsewhere."""
     field = np.zeros(shape, dtype=np.float32)
     field.ravel()[cells] = np.clip(values, low, high)
     return field

@@ -1,4 +1,5 @@
-"""A single crack: a line that wanders along, across or obliquely to the street, millimetres to centimetres open."""
+"""Single crack (longitudinal and transverse cracking in ASTM D6433, D00 and D10 in RDD2022): an irregular line along,
+across or oblique to the street, millimetres to centimetres wide."""
 
 import math
 from itertools import pairwise
@@ -31,52 +32,53 @@ from pavetwin.world.model import DefectClass
 
 CELL_M = 0.005
 REACH_M = 0.025
-"""How far from its edges a crack marks the surface."""
+"""Distance from its edges within which a crack marks the surface."""
 
 WANDER_M, HURST, LONGEST_M = 0.032, 0.68, 1.6
-"""How a crack departs from a straight line: deviation at waves of 1 m, its growth with the wave, longest wave."""
+"""Deviation of a crack from a straight line: amplitude at a wavelength of 1 m, its Hurst exponent, longest
+wavelength."""
 
 WIDEST_PER_LENGTH = 1 / 40
-"""Cracks open as they grow: a short one is no slot."""
+"""Greatest width as a share of the length: short cracks are narrow."""
 
 FRAYED_M, FRAYED_SHARE = 0.005, 0.10
-"""Most that an edge departs from the line, standard deviation: half a stone, and more where pieces have broken off a
-wide one, in shares of half its width."""
+"""Greatest standard deviation of an edge from the line: half a stone; more where pieces have broken off a wide crack,
+as shares of half its width."""
 
 FILLED_M = (0.02, 0.04)
-"""Between these widths a crack begins to show what lies in it; a thinner one is dark."""
+"""Widths over which the fill of a crack becomes visible; thinner cracks are dark."""
 
 FILL, CRUMB_M = 0.3, 0.012
-"""What a wide crack holds: dirt, in shares of its depth, and crumbs of that size."""
+"""Fill of a wide crack: dirt, as a share of its depth, and crumbs of that size."""
 
 WALL = 2.2
 """Steepest slope of a wide crack's sides."""
 
 STEP_APART_M, STEP_OVERLAP_M = (0.02, 0.055), (-0.03, 0.06)
-"""Where a crack stops and goes on beside itself: how far beside, and how far the two tips pass each other. The
-marking's closing keeps both in one outline."""
+"""An interrupted crack continues with an offset: the offset, and the overlap of the two tips. The closing of the label
+rule keeps both in one outline."""
 
 ALONG, ACROSS, OBLIQUE = 0.40, 0.35, 0.25
 """Shares of longitudinal, transverse and oblique cracks."""
 
 ALONG_IN_WHEEL_PATH, ALONG_AT_JOINT = 0.60, 0.25
-"""Of the longitudinal ones: loads crack the wheel paths, joints between lanes open; the rest lies near the edges."""
+"""Shares of longitudinal cracks: in wheel paths (loads), at joints between lanes; the rest near the edges."""
 
 
 class SingleCrackParameters(Settings):
     length_m: Range = (0.5, 6.0)
     """Along its chord."""
     width_m: Range = (0.002, 0.08)
-    """At its widest; drawn evenly in the logarithm, since narrow cracks are the common ones, and not above a fortieth
-    of the length while the range allows."""
+    """Greatest width; log-uniform, since narrow cracks are the common ones, and not above a fortieth of the length
+    while the range allows."""
     depth_m: Range = (0.005, 0.06)
-    """As far as it is not filled; wider cracks are deeper."""
+    """Depth above any fill; wider cracks are deeper."""
     wander: Range = (0.6, 1.5)
-    """Times the usual departure from a straight line."""
+    """Factor of the usual deviation from a straight line."""
     steps: tuple[int, int] = (0, 2)
-    """Interruptions: it stops and goes on beside itself."""
+    """Number of interruptions, where it continues with an offset."""
     branches: Annotated[float, Field(ge=0, le=5)] = 0.7
-    """Branches a metre, on average."""
+    """Mean number of branches per metre."""
     spalled: Share = (0.0, 0.7)
     """Share of its length along which an edge has chipped."""
 
@@ -103,7 +105,7 @@ def single_crack(rng: np.random.Generator, parameters: SingleCrackParameters | N
 def _pieces(
     rng: np.random.Generator, parameters: SingleCrackParameters, length_m: float, width_m: float, depth_m: float
 ) -> list[Stroke]:
-    """The crack from end to end, in one piece or in several that pass each other."""
+    """The crack from end to end, in one part or in several that overlap."""
     count = max(8, math.ceil(length_m / STEP_M))
     x = np.linspace(-length_m / 2, length_m / 2, count)
     share = np.linspace(0.0, 1.0, count)
@@ -129,7 +131,7 @@ def _pieces(
 
 
 def _profile(rng: np.random.Generator, count: int) -> Float64Array:
-    """How open it is along its length, 1 where widest: it varies in long waves and short ones."""
+    """Relative width along its length, 1 where widest, varying over long and short wavelengths."""
     waves = wandering(rng, count, STEP_M, 1.2, 0.4)
     return np.asarray(np.clip(0.62 + 0.38 * waves / max(1e-6, float(np.abs(waves).max())), 0.22, 1.0))
 
@@ -137,7 +139,7 @@ def _profile(rng: np.random.Generator, count: int) -> Float64Array:
 def _opened(
     rng: np.random.Generator, line: Float64Array, width_m: Float64Array, depth_m: float, stepped: tuple[bool, bool]
 ) -> Stroke:
-    """A line opened to a width, closing towards its ends over a tenth of its length, or 8 cm where it steps aside."""
+    """A line with a width, narrowing towards its ends over a tenth of its length, or over 8 cm at an interruption."""
     count = len(line)
     at = np.arange(count) * STEP_M
     ends = np.ones(count)
@@ -153,7 +155,7 @@ def _opened(
 
 
 def _branches(rng: np.random.Generator, piece: Stroke, per_m: float) -> list[Stroke]:
-    """Short cracks that leave the line at an angle and run out."""
+    """Short cracks that branch off at an angle."""
     branches = []
     for _ in range(int(rng.poisson(per_m * len(piece.points) * STEP_M))):
         start = int(rng.integers(len(piece.points)))
@@ -175,7 +177,7 @@ def _branches(rng: np.random.Generator, piece: Stroke, per_m: float) -> list[Str
 def _painted(
     rng: np.random.Generator, lattice: Lattice, strokes: list[Stroke], flakes: list[Stroke], marking: Marking
 ) -> Heightfield:
-    """The strokes as a heightfield with the marks that a crack leaves on the surface; all of it lies near them."""
+    """The strokes as a heightfield with the stains of a crack; all of it lies near the strokes."""
     shape = lattice[0]
     crack, chips = traced(lattice, strokes, REACH_M, steepness=3), traced(lattice, flakes, 0.0, steepness=6)
     cells = np.flatnonzero(crack.distance_m < REACH_M)
@@ -190,10 +192,10 @@ def _painted(
     crumbs = np.zeros(1, dtype=np.float32)
     if max(float(stroke.half_m.sum(axis=1).max()) for stroke in strokes) > FILLED_M[0]:
         height, crumbs = _filled(rng, lattice, crack.distance_m.ravel()[cells], cells, height)
-    luck = int(rng.integers(2**63))
+    noise_seed = int(rng.integers(2**63))
 
     def stains() -> Stains:
-        patches = noise(np.random.default_rng(luck), lattice, (0.5, 0.12), 3).ravel()[cells]
+        patches = noise(np.random.default_rng(noise_seed), lattice, (0.5, 0.12), 3).ravel()[cells]
         return Stains(
             dirt=spread(shape, cells, 0.6 * squared * near * smooth(patches + 0.5 * grain, -0.5, 1.6)),
             dust=spread(shape, cells, 0.35 * near * smooth(patches, 0.3, -1.5)),
@@ -215,7 +217,7 @@ def _painted(
 def _filled(
     rng: np.random.Generator, lattice: Lattice, distance_m: Float32Array, cells: IndexArray, height_m: Float32Array
 ) -> tuple[Float32Array, Float32Array]:
-    """(height of a wide crack with leaning sides and what has fallen in [m], share covered by crumbs) at the cells.
+    """(height of a wide crack with sloped sides and its fill [m], share covered by crumbs) at the cells.
 
     The deepest point stays as deep as it was.
     """

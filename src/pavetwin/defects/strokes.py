@@ -1,4 +1,4 @@
-"""Cracks as lines with an opening and a depth: how they wander, and what they leave in a heightfield."""
+"""Cracks as lines with an opening and a depth: their random course, and their heightfield."""
 
 import math
 from collections.abc import Sequence
@@ -11,10 +11,10 @@ from pavetwin.arrays import Float32Array, Float64Array
 from pavetwin.defects.heightfield import Lattice
 
 STEP_M = 0.006
-"""Between the points of a line: about the size of the stones that a crack goes around."""
+"""Spacing of a line's points: about the size of the stones that a crack goes around."""
 
 FRAYED = ((1.0, 0.7), (2.6, 0.75), (6.5, 0.6))
-"""What an edge's departures are made of: waves in stones, and their strengths."""
+"""Spectrum of an edge's deviation: wavelengths in stones, and their amplitudes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class Stroke:
 
 @dataclass(frozen=True, eq=False)
 class StrokeFields:
-    """What strokes leave: height [m], share open, distance from the nearest edge [m], each (rows, cols)."""
+    """Rasterised strokes: height [m], share open, distance from the nearest edge [m], each (rows, cols)."""
 
     height_m: Float32Array
     opening: Float32Array
@@ -47,10 +47,10 @@ def traced(lattice: Lattice, strokes: Sequence[Stroke], reach_m: float, steepnes
 
 
 def wandering(rng: np.random.Generator, count: int, step_m: float, longest_m: float, hurst: float) -> Float64Array:
-    """(count,) sideways departures along a line, of standard deviation about 1 at waves of one metre.
+    """(count,) lateral deviations along a line, of standard deviation about 1 at a wavelength of one metre.
 
-    Waves from `longest_m` halve down to three steps; the strength of a wave grows with its length to the power `hurst`
-    (self-affine, as fracture lines are). Between their knots waves are straight: cracks turn at stones, in corners.
+    Wavelengths are halved from `longest_m` down to three steps; the amplitude grows with the wavelength to the power
+    `hurst` (self-affine, as fracture lines are). Waves are piecewise linear: cracks turn at stones, in corners.
     """
     at = np.arange(count) * step_m
     total = np.zeros(count)
@@ -63,8 +63,8 @@ def wandering(rng: np.random.Generator, count: int, step_m: float, longest_m: fl
 
 
 def frayed(rng: np.random.Generator, count: int, step_m: float, grain_m: float) -> Float64Array:
-    """(count, 2) departures of the two edges, standard deviation about 1: angular at the size of stones, and bites of
-    several stones here and there."""
+    """(count, 2) deviations of the two edges, standard deviation about 1: angular at the size of stones, with
+    occasional notches of several stones."""
     sides = np.zeros((count, 2))
     for grain, strength in FRAYED:
         at = np.arange(count) * step_m / (grain * grain_m)
@@ -74,7 +74,7 @@ def frayed(rng: np.random.Generator, count: int, step_m: float, grain_m: float) 
 
 
 def flaked(rng: np.random.Generator, stroke: Stroke, share: float, size_m: float, depth_m: float) -> Stroke:
-    """The flakes off a crack's edges as one stroke: shallow, about `size_m` wide, on `share` of its length."""
+    """The spalls of a crack's edges as one stroke: shallow, about `size_m` wide, on `share` of its length."""
     count = len(stroke.points)
     at = np.arange(count) * STEP_M / (1.6 * size_m)
     knots = rng.random((2, math.ceil(at[-1]) + 3))

@@ -1,4 +1,4 @@
-"""Which graphics adapter draws: a card, or the processor by Mesa's lavapipe."""
+"""The graphics adapter: a graphics card, or the CPU through Mesa's lavapipe."""
 
 import os
 from dataclasses import dataclass
@@ -8,22 +8,22 @@ from typing import Any, Final, Literal
 from pavetwin.errors import PaveTwinError
 
 NEEDED: Final = (
-    "Frames need a Vulkan adapter, and there is none here; on Debian or Ubuntu without a graphics card: "
+    "Rendering needs a Vulkan adapter, and none was found; on Debian or Ubuntu without a graphics card: "
     "sudo apt-get install --yes mesa-vulkan-drivers"
 )
 
 _BACKENDS: Final = ("Vulkan", "Metal", "DX12")
-"""OpenGL is left out: it opens windows' libraries on servers, and lacks what the shaders need."""
+"""OpenGL is left out: it loads window-system libraries on servers, and lacks features that the shaders need."""
 
 
 @dataclass(frozen=True)
 class Adapter:
-    """What draws the frames."""
+    """The device that renders frames."""
 
     name: str
     kind: Literal["cpu", "gpu"]
     driver: str
-    """Its version or description, and the interface it is spoken to by."""
+    """Driver version or description, and the graphics API."""
 
     def __str__(self) -> str:
         return f"{self.name} ({'processor' if self.kind == 'cpu' else 'graphics card'}; {self.driver})"
@@ -33,7 +33,7 @@ def find_adapter() -> Adapter:
     """The adapter that frames are drawn with.
 
     Raises:
-        PaveTwinError: there is none; names the package that brings one.
+        PaveTwinError: there is none; the message names the package that provides one.
     """
     info = _best().info
     kind: Literal["cpu", "gpu"] = "cpu" if str(info["adapter_type"]).lower() == "cpu" else "gpu"
@@ -57,8 +57,8 @@ def open_device() -> Any:
 
 @cache
 def _best() -> Any:
-    """The adapter (`wgpu.GPUAdapter`): cards before the processor."""
-    # Without a desktop Mesa looks for a Wayland socket all the same, and complains on stderr.
+    """The adapter (`wgpu.GPUAdapter`): graphics cards before the CPU."""
+    # Without a desktop Mesa still looks for a Wayland socket, and reports its absence on stderr.
     os.environ.setdefault("XDG_RUNTIME_DIR", "/tmp")
     try:
         import wgpu
@@ -75,7 +75,7 @@ def _best() -> Any:
 
 @cache
 def _choose_backends() -> None:
-    """Once a process: wgpu refuses it when adapters were listed before, as they are when none was found."""
+    """Called once per process: wgpu refuses it after adapters were listed, which also happens when none was found."""
     from wgpu.backends.wgpu_native.extras import set_instance_extras
 
     set_instance_extras(backends=_BACKENDS)

@@ -1,7 +1,7 @@
-"""What each labelled thing would cover if nothing stood before it: drawn alone, side by side in one atlas.
+"""Amodal pixel counts: each labelled object is drawn without occluders, side by side in one atlas.
 
-Every thing is drawn by the same triangles at the same places between pixels as in the picture, moved by whole pixels to
-a room of its own, and its pixels are counted.
+An object is drawn with the same triangles at the same sub-pixel positions as in the picture, moved by whole pixels to
+its cell of the atlas, and its pixels are counted.
 """
 
 from collections.abc import Sequence
@@ -23,23 +23,23 @@ _SIDE_PX: Final = 1024
 
 @dataclass(frozen=True)
 class AmodalObject:
-    """One labelled thing."""
+    """One labelled object to draw without occluders."""
 
     label: int
     mesh: GpuMesh
     record: StructuredArray
-    """(1,) its instance, as in the picture."""
+    """(1,) its instance record, as in the picture."""
     corners: Float64Array
     """(8, 3) of a box around it, world frame."""
     mask: Any = None
-    """Bind group of a defect's mask; None for what is labelled all over."""
+    """Bind group of a defect's mask; None if all of its mesh is labelled."""
 
 
 @dataclass(frozen=True)
 class _AtlasCell:
-    """Where a thing lies in the picture and in the atlas [px]."""
+    """Bounding box of an object in the picture (x, y), and its corner in the atlas (left, top) [px]."""
 
-    thing: AmodalObject
+    obj: AmodalObject
     x: int
     y: int
     width: int
@@ -49,7 +49,7 @@ class _AtlasCell:
 
 
 class AmodalAtlas:
-    """Draws things alone and counts their pixels."""
+    """Draws objects without occluders and counts their pixels."""
 
     def __init__(self, gpu: Gpu, pipelines: Pipelines) -> None:
         self._gpu, self._pipelines = gpu, pipelines
@@ -57,42 +57,42 @@ class AmodalAtlas:
         self._size = (0, 0)
         self._records: Any = None
 
-    def count(self, things: Sequence[AmodalObject], view: View, frame: Any, margin_px: float) -> dict[int, int]:
-        """Label → pixels, 0 for what lies outside the picture.
+    def count(self, objects: Sequence[AmodalObject], view: View, frame: Any, margin_px: float) -> dict[int, int]:
+        """Label → amodal pixels, 0 for objects outside the picture.
 
         Args:
-            things: labelled; several of one label count together where they do not overlap.
+            objects: to count; those of one label are added up, so they must not overlap.
             view: of the picture.
             frame: bind group of the frame.
-            margin_px: how far rolling rows may move a thing from where its box is projected.
+            margin_px: how far the rolling shutter may move an object from its projected box.
         """
-        found = {thing.label: 0 for thing in things}
-        rooms = [room for thing in things if (room := _room(thing, view, margin_px)) is not None]
-        self._ensure((max(_SIDE_PX, view.size_px[0]), max(_SIDE_PX, view.size_px[1])), len(rooms))
-        for page in _pages(rooms, self._size):
+        found = {obj.label: 0 for obj in objects}
+        cells = [cell for obj in objects if (cell := _atlas_cell(obj, view, margin_px)) is not None]
+        self._ensure((max(_SIDE_PX, view.size_px[0]), max(_SIDE_PX, view.size_px[1])), len(cells))
+        for page in _pages(cells, self._size):
             self._draw(page, view, frame)
-            used = max(room.top + room.height for room in page)
+            used = max(cell.top + cell.height for cell in page)
             seen = read(self._gpu, self._target, (self._size[0], used), np.uint32, 1)
-            for room in page:
-                inside = seen[room.top : room.top + room.height, room.left : room.left + room.width]
-                found[room.thing.label] += int(np.count_nonzero(inside))
+            for cell in page:
+                inside = seen[cell.top : cell.top + cell.height, cell.left : cell.left + cell.width]
+                found[cell.obj.label] += int(np.count_nonzero(inside))
         return found
 
-    def _ensure(self, size: tuple[int, int], things: int) -> None:
+    def _ensure(self, size: tuple[int, int], objects: int) -> None:
         if self._size != size:
             if self._target is not None:
                 self._gpu.free(self._target)
             self._target = self._gpu.target(size, LABEL_FORMAT, usage=wgpu.TextureUsage.COPY_SRC)
             self._size = size
-        needed = max(things, 64) * 112
+        needed = max(objects, 64) * 112
         if self._records is None or self._records.size < needed:
             if self._records is not None:
                 self._gpu.free(self._records)
             self._records = self._gpu.empty_buffer(2 * needed, wgpu.BufferUsage.VERTEX)
 
     def _draw(self, page: list[_AtlasCell], view: View, frame: Any) -> None:
-        rows = np.concatenate([room.thing.record for room in page])
-        rows["shift"] = [_shift(room, view.size_px, self._size) for room in page]
+        rows = np.concatenate([cell.obj.record for cell in page])
+        rows["shift"] = [_shift(cell, view.size_px, self._size) for cell in page]
         self._gpu.queue.write_buffer(self._records, 0, rows.view(np.uint8))
         encoder = self._gpu.device.create_command_encoder()
         colour = {
@@ -105,56 +105,56 @@ class AmodalAtlas:
         render_pass.set_bind_group(0, frame)
         render_pass.set_vertex_buffer(0, self._records)
         for masked in (False, True):
-            render_pass.set_pipeline(self._pipelines.alone_patch if masked else self._pipelines.alone)
-            for index, room in enumerate(page):
-                if (room.thing.mask is not None) == masked:
+            render_pass.set_pipeline(self._pipelines.amodal_patch if masked else self._pipelines.amodal)
+            for index, cell in enumerate(page):
+                if (cell.obj.mask is not None) == masked:
                     if masked:
-                        render_pass.set_bind_group(1, room.thing.mask)
-                    render_pass.set_scissor_rect(room.left, room.top, room.width, room.height)
-                    room.thing.mesh.draw(render_pass, 1, index, attributes=masked)
+                        render_pass.set_bind_group(1, cell.obj.mask)
+                    render_pass.set_scissor_rect(cell.left, cell.top, cell.width, cell.height)
+                    cell.obj.mesh.draw(render_pass, 1, index, attributes=masked)
         render_pass.end()
         self._gpu.queue.submit([encoder.finish()])
 
 
-def _room(thing: AmodalObject, view: View, margin_px: float) -> _AtlasCell | None:
-    """The part of the picture that a thing may cover."""
+def _atlas_cell(obj: AmodalObject, view: View, margin_px: float) -> _AtlasCell | None:
+    """The part of the picture that an object may cover; None if it is outside."""
     width, height = view.size_px
-    if (view.to_camera(thing.corners)[:, 2] < 0.2).any():
+    if (view.to_camera(obj.corners)[:, 2] < 0.2).any():
         low, high = np.zeros(2), np.array([width, height], dtype=np.float64)
-        if (view.to_camera(thing.corners)[:, 2] < 0).all():
+        if (view.to_camera(obj.corners)[:, 2] < 0).all():
             return None
     else:
-        pixels = view.project(thing.corners)
+        pixels = view.project(obj.corners)
         low, high = pixels.min(axis=0) - margin_px, pixels.max(axis=0) + margin_px
     x, y = np.clip(np.floor(low), 0, (width, height)).astype(int)
     right, bottom = np.clip(np.ceil(high), 0, (width, height)).astype(int)
     if right <= x or bottom <= y:
         return None
-    return _AtlasCell(thing, int(x), int(y), int(right - x), int(bottom - y), 0, 0)
+    return _AtlasCell(obj, int(x), int(y), int(right - x), int(bottom - y), 0, 0)
 
 
-def _pages(rooms: list[_AtlasCell], size: tuple[int, int]) -> list[list[_AtlasCell]]:
-    """Rooms side by side on shelves, the tallest first; a new page where one is full."""
+def _pages(cells: list[_AtlasCell], size: tuple[int, int]) -> list[list[_AtlasCell]]:
+    """Pack cells into rows, the tallest first (shelf packing); a new page when one is full."""
     pages: list[list[_AtlasCell]] = []
-    left, top, spatial_index = size[0], size[1], 0
-    for room in sorted(rooms, key=lambda room: -room.height):
-        if left + room.width > size[0]:
-            left, top = 0, top + spatial_index
-            spatial_index = room.height
-        if top + room.height > size[1]:
+    left, top, row_height = size[0], size[1], 0
+    for cell in sorted(cells, key=lambda cell: -cell.height):
+        if left + cell.width > size[0]:
+            left, top = 0, top + row_height
+            row_height = cell.height
+        if top + cell.height > size[1]:
             pages.append([])
-            left, top, spatial_index = 0, 0, room.height
-        pages[-1].append(_AtlasCell(room.thing, room.x, room.y, room.width, room.height, left, top))
-        left += room.width
+            left, top, row_height = 0, 0, cell.height
+        pages[-1].append(_AtlasCell(cell.obj, cell.x, cell.y, cell.width, cell.height, left, top))
+        left += cell.width
     return pages
 
 
-def _shift(room: _AtlasCell, picture: tuple[int, int], atlas: tuple[int, int]) -> tuple[float, float, float, float]:
-    """Scale and offset of clip positions that move a thing by whole pixels from the picture into its room."""
+def _shift(cell: _AtlasCell, picture: tuple[int, int], atlas: tuple[int, int]) -> tuple[float, float, float, float]:
+    """Scale and offset of clip positions that move an object by whole pixels from the picture into its cell."""
     (width, height), (across, down) = picture, atlas
     return (
         width / across,
         height / down,
-        (width + 2 * (room.left - room.x)) / across - 1,
-        1 - (height + 2 * (room.top - room.y)) / down,
+        (width + 2 * (cell.left - cell.x)) / across - 1,
+        1 - (height + 2 * (cell.top - cell.y)) / down,
     )

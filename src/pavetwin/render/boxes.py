@@ -1,6 +1,6 @@
-"""Agents as the twin knows them: a box for a vehicle, an upright cylinder for a pedestrian.
+"""Agents as the kernel's occluders: a box for a vehicle, an upright cylinder for a pedestrian.
 
-With these in place of models the renderer's visible shares and the kernel's are two ways to the same number.
+Drawn in place of models, they let tests compare the renderer's visible fractions with the kernel's.
 """
 
 import math
@@ -21,7 +21,7 @@ _SIDES: Final = 96
 
 
 def solids() -> Mapping[str, Model]:
-    """A box and a cylinder, 1 m long, wide and high, to be stretched."""
+    """A unit box and a unit cylinder, to be scaled."""
     return {
         BOX: Model(BOX, {"body": _prism(np.array([[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]]))}),
         CYLINDER: Model(CYLINDER, {"body": _prism(_circle())}),
@@ -29,7 +29,7 @@ def solids() -> Mapping[str, Model]:
 
 
 def as_solids(poses: "PoseColumns") -> tuple[Instance, ...]:
-    """The agents of the kernel's trace at one time, as it hides the ground with them."""
+    """The agents of the kernel's trace at one time, as it treats them as occluders."""
     tints = np.full((TINTS, 4), 0.4, dtype=np.float32)
     tints[:, 3] = 0
     found = []

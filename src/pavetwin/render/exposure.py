@@ -1,4 +1,4 @@
-"""How a camera is set: aperture, shutter and ISO, chosen from what it sees as a camera's programme chooses them."""
+"""Automatic exposure: aperture, shutter time and ISO, chosen from the picture as a camera's programme mode does."""
 
 import math
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from pavetwin.scene.light import LUMINANCE
 from pavetwin.uav.cameras import Camera
 
 LENS_TRANSMISSION: Final = 0.9
-"""Of a coated lens (ISO 12232 counts with 0.65 together with falloff and angle, which are modelled by themselves)."""
+"""Transmission of a coated lens (ISO 12232 uses 0.65 including falloff and angle, which are modelled separately)."""
 
 METERED: Final = 0.185
 """The mean of a picture as a share of what saturates the sensor. ISO 12232's 18 % grey lies at 0.127; drones expose
@@ -19,15 +19,15 @@ roads half a stop brighter: with 0.135 frames had a median lightness L* of 51, 2
 subset have 61."""
 
 LONGEST_S: Final = 1 / 400
-"""A programme for flying raises the ISO rather than open the shutter for longer."""
+"""Longest shutter time in flight: beyond it the ISO is raised instead."""
 
 _HIGHLIGHT: Final = 0.85
-"""What 0.5 % of a picture exceeds is kept below this share of saturation."""
+"""The 99.5th percentile of a picture is kept below this share of saturation."""
 
 
 @dataclass(frozen=True)
 class Exposure:
-    """Settings of one picture."""
+    """Exposure settings of one picture."""
 
     shutter_s: float
     f_number: float
@@ -54,7 +54,7 @@ def meter(radiance: Float16Array) -> float:
     it, its highlights kept unless they are few."""
     seen = radiance[::8, ::8, :3].astype(np.float64) @ LUMINANCE
     seen = seen[np.isfinite(seen)]
-    # Lamps and the sun's mirror images tell nothing about the scene.
+    # Lamps and specular reflections of the sun say nothing about the scene's brightness.
     mean = float(np.minimum(seen, 4 * np.median(seen) + 1e-9).mean())
     bright = float(np.quantile(seen, 0.995))
     return min(METERED / max(mean, 1e-6), 2.5 * METERED / max(mean, 1e-6), _HIGHLIGHT / max(bright, 1e-6))

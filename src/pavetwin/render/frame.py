@@ -1,4 +1,4 @@
-"""What a renderer gives back: the picture, and for every pixel how far away and what it shows."""
+"""The renderer's result: the picture, and for every pixel its depth and label."""
 
 from dataclasses import dataclass
 
@@ -11,21 +11,22 @@ from pavetwin.scene.view import View
 
 @dataclass(frozen=True)
 class RenderedFrame:
-    """One picture with its truth. All arrays have the view's height and width; row 0 is the upper edge."""
+    """One picture with its ground truth. All arrays have the view's height and width; row 0 is the upper edge."""
 
     view: View
     rgb: UInt8Array
     """(height, width, 3) sRGB, as the sensor stored it."""
     depth_m: Float32Array | None
-    """(height, width) along the camera's axis; inf where nothing is. None when not asked for."""
+    """(height, width) along the camera's axis; inf where nothing is. None if not requested."""
     labels: UInt32Array | None
-    """(height, width): the label of what is seen (`scene.model.agent_label`, `defect_label`), 0 for all else."""
+    """(height, width): the label of the visible object (`scene.model.agent_label`, `defect_label`), 0 for
+    background."""
     amodal_px: dict[int, int]
-    """Label → pixels of this image that it would cover if nothing that moves or stands hid it; empty without labels."""
+    """Label → pixels of this image that the object would cover without occluders; empty without labels."""
     exposure: Exposure | None = None
-    """How the camera was set."""
+    """The camera's exposure settings."""
     defect_free: UInt8Array | None = None
-    """(height, width, 3): `rgb` as it would be had the pavement no defects; None when not asked for."""
+    """(height, width, 3): `rgb` of the same pavement without defects; None if not requested."""
 
     def __post_init__(self) -> None:
         width, height = self.view.size_px

@@ -1,4 +1,4 @@
-"""Buffers and textures on the device, with a count of what is held there."""
+"""Buffers and textures on the device, with a count of the memory in use."""
 
 from collections.abc import Sequence
 from typing import Any, Final
@@ -15,13 +15,13 @@ _CHANNELS: Final = {1: "r8unorm", 2: "rg8unorm", 4: "rgba8unorm"}
 
 
 class Gpu:
-    """A device and what of its memory is in use."""
+    """A device and its memory in use."""
 
     def __init__(self, device: Any) -> None:
         self.device = device
         self.queue = device.queue
         self.held_bytes = 0
-        """Of all buffers and textures made here and not yet freed."""
+        """Bytes of all buffers and textures made here and not yet freed."""
         self._sizes: dict[int, int] = {}
 
     def buffer(self, data: AnyArray, usage: int) -> Any:
@@ -93,7 +93,7 @@ class Gpu:
         )
 
     def free(self, *resources: Any) -> None:
-        """Give memory back now, not when Python's collector gets to it."""
+        """Free memory now, without waiting for Python's garbage collector."""
         for resource in resources:
             self.held_bytes -= self._sizes.pop(id(resource))
             resource.destroy()
@@ -131,7 +131,7 @@ def halved(texels: UInt8Array, *, srgb: bool = False, rooted: bool = False) -> l
 
 
 def _quartered(texels: UInt8Array) -> list[UInt8Array]:
-    """The same for numbers of a square of 2ⁿ texels, several times as fast: tiles wait for it."""
+    """The same for a square of 2ⁿ texels, several times as fast: tiles wait for it."""
     levels = [texels]
     while len(levels[-1]) > 1:
         fine = levels[-1].astype(np.uint16)

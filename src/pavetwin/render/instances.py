@@ -1,4 +1,4 @@
-"""Things that are drawn many times, as rows of a table: gathered from tiles and traffic, culled and sorted at once."""
+"""Instanced meshes as rows of a table: gathered from tiles and traffic, then culled and sorted together."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,15 +21,15 @@ from pavetwin.render.levels import foliage_px2, mean_area_m2
 from pavetwin.scene.model import Instance, Mesh, Model
 
 _LOWEST_SHADE_M: Final = 0.35
-"""Lower things hide no sky that is worth drawing; higher undersides belong to what hangs [m]."""
+"""Lower objects have no contact shadow worth drawing; objects whose underside is higher do not touch the ground [m]."""
 
 _FOOT_M: Final = 1.0
-"""What of a thing is lower than this is its footprint: of a tree the trunk without its boughs."""
+"""The part of an object below this height is its footprint: of a tree the trunk without its boughs."""
 
 _WIDE_M: Final = 1.2
 _SHADE_REACH_M: Final = 1.8
 _SLIM_REACH_M: Final = 0.5
-"""How far beside cars, and beside people and posts, shade is drawn: what it costs is its area [m]."""
+"""How far beside cars, and beside people and posts, contact shadows are drawn; the cost grows with the area [m]."""
 
 RECORD: Final = np.dtype(
     [
@@ -40,7 +40,7 @@ RECORD: Final = np.dtype(
         ("shift", "f4", 4),
     ]
 )
-"""One instance as the shaders read it."""
+"""Layout of one instance record, as the shaders read it."""
 
 LAYOUT: Final = {
     "array_stride": RECORD.itemsize,
@@ -56,7 +56,7 @@ LAYOUT: Final = {
 
 
 class PartTable:
-    """Numbers for all parts of all models, and how large each is."""
+    """Index and size of every part of every model."""
 
     def __init__(self, models: Mapping[str, Model]) -> None:
         names = [(model.name, part) for model in models.values() for part in model.parts]
@@ -73,7 +73,7 @@ class PartTable:
 
 
 def _footprint(mesh: Mesh) -> tuple[Float32Array, Float32Array]:
-    """Bounds of what touches the ground, or of all where nothing does."""
+    """Bounds of what touches the ground, or of the whole mesh if nothing does."""
     low = mesh.positions[:, 2] < _FOOT_M
     points = mesh.positions[low if low.any() else slice(None), :2]
     return points.min(axis=0), points.max(axis=0)
@@ -102,7 +102,7 @@ class InstanceBatch:
     def of(
         cls, instances: Sequence[Instance], parts: PartTable, velocities: Mapping[int, npt.ArrayLike] | None = None
     ) -> "InstanceBatch":
-        """The table of some instances."""
+        """The batch of some instances."""
         count, moving = len(instances), velocities or {}
         part = np.array([parts.number[each.model, each.part] for each in instances], dtype=np.int32)
         transform = np.array([each.transform[:3] for each in instances], dtype=np.float64).reshape(count, 3, 4)
@@ -119,17 +119,17 @@ class InstanceBatch:
         )
 
     @classmethod
-    def joined(cls, crowds: Iterable["InstanceBatch"]) -> "InstanceBatch":
-        """Several as one."""
-        every = list(crowds)
+    def joined(cls, batches: Iterable["InstanceBatch"]) -> "InstanceBatch":
+        """Several batches as one."""
+        every = list(batches)
         names = ("part", "transform", "tints", "label", "velocity", "centre", "radius")
-        return cls(*(np.concatenate([getattr(crowd, name) for crowd in every]) for name in names))
+        return cls(*(np.concatenate([getattr(batch, name) for batch in every]) for name in names))
 
     def __len__(self) -> int:
         return len(self.part)
 
     def only(self, which: BoolArray | Int64Array) -> "InstanceBatch":
-        """Those rows alone."""
+        """The selected rows."""
         return InstanceBatch(
             self.part[which],
             self.transform[which],
@@ -143,7 +143,7 @@ class InstanceBatch:
 
 @dataclass
 class InstanceBuffer:
-    """The instance buffer of one frame while it is filled: positions relative to the camera."""
+    """The instance buffer of one frame while it is filled. Positions are relative to the camera."""
 
     camera: Float64Array
     """(3,) world frame, metres."""
@@ -151,7 +151,7 @@ class InstanceBuffer:
     count: int = 0
 
     def add_place(self, origin: tuple[float, float], *, label: int = 0) -> int:
-        """A record for a mesh that stands in the frame of a tile; gives its number."""
+        """Add a record for a mesh in the frame of a tile; returns its index."""
         row = np.zeros(1, dtype=RECORD)
         row["rows"][0, :, :3] = np.eye(3)
         row["rows"][0, :, 3] = np.array([*origin, 0.0]) - self.camera
@@ -160,19 +160,19 @@ class InstanceBuffer:
         row["shift"] = (1, 1, 0, 0)
         return self._add(row)
 
-    def add_crowd(
-        self, crowd: InstanceBatch, level: Int64Array | None = None
+    def add_batch(
+        self, batch: InstanceBatch, level: Int64Array | None = None
     ) -> list[tuple[tuple[int, int], int, int]]:
-        """Records for a crowd, sorted by part and level; gives ((part, level), how many, the first one's number)."""
-        if len(crowd) == 0:
+        """Add a batch, sorted by part and level; returns ((part, level), count, index of the first record)."""
+        if len(batch) == 0:
             return []
-        sort = crowd.part.astype(np.int64) * 16 + (0 if level is None else level)
+        sort = batch.part.astype(np.int64) * 16 + (0 if level is None else level)
         order = np.argsort(sort, kind="stable")
-        rows = np.zeros(len(crowd), dtype=RECORD)
-        rows["rows"] = crowd.transform[order]
-        rows["rows"][:, :, 3] = crowd.transform[order][:, :, 3] - self.camera
-        rows["tints"], rows["label"] = crowd.tints[order], crowd.label[order]
-        rows["velocity"], rows["shift"] = crowd.velocity[order], (1, 1, 0, 0)
+        rows = np.zeros(len(batch), dtype=RECORD)
+        rows["rows"] = batch.transform[order]
+        rows["rows"][:, :, 3] = batch.transform[order][:, :, 3] - self.camera
+        rows["tints"], rows["label"] = batch.tints[order], batch.label[order]
+        rows["velocity"], rows["shift"] = batch.velocity[order], (1, 1, 0, 0)
         first = self._add(rows)
         kinds, starts, counts = np.unique(sort[order], return_index=True, return_counts=True)
         return [
@@ -180,18 +180,18 @@ class InstanceBuffer:
             for kind, start, count in zip(kinds, starts, counts, strict=True)
         ]
 
-    def add_shades(self, crowd: InstanceBatch, parts: PartTable) -> tuple[int, int]:
-        """Records of the sky that a crowd hides from the ground: how many, the first one's number."""
-        low, high = parts.low[crowd.part], parts.high[crowd.part]
-        loose = parts.least_px2[crowd.part] > 0
-        low[:, :2] = np.where(loose[:, None], low[:, :2], parts.foot_low[crowd.part])
-        high[:, :2] = np.where(loose[:, None], high[:, :2], parts.foot_high[crowd.part])
+    def add_shades(self, batch: InstanceBatch, parts: PartTable) -> tuple[int, int]:
+        """Add records of the sky that a batch hides from the ground; returns their count and the first one's index."""
+        low, high = parts.low[batch.part], parts.high[batch.part]
+        loose = parts.least_px2[batch.part] > 0
+        low[:, :2] = np.where(loose[:, None], low[:, :2], parts.foot_low[batch.part])
+        high[:, :2] = np.where(loose[:, None], high[:, :2], parts.foot_high[batch.part])
         stands = (high[:, 2] > _LOWEST_SHADE_M) & ((low[:, 2] < _LOWEST_SHADE_M) | loose)
-        crowd, low, high, loose = crowd.only(np.flatnonzero(stands)), low[stands], high[stands], loose[stands]
+        batch, low, high, loose = batch.only(np.flatnonzero(stands)), low[stands], high[stands], loose[stands]
         wide = np.minimum(high[:, 0] - low[:, 0], high[:, 1] - low[:, 1]) > _WIDE_M
-        rows = np.zeros(len(crowd), dtype=RECORD)
-        rows["rows"] = crowd.transform
-        rows["rows"][:, :, 3] = crowd.transform[:, :, 3] - self.camera
+        rows = np.zeros(len(batch), dtype=RECORD)
+        rows["rows"] = batch.transform
+        rows["rows"][:, :, 3] = batch.transform[:, :, 3] - self.camera
         rows["tints"][:, 0, :2] = (low[:, :2] + high[:, :2]) / 2
         # People and posts are slimmer than the boxes around their arms.
         rows["tints"][:, 0, 2:] = (high[:, :2] - low[:, :2]) / 2 * np.where(wide | loose, 1.0, 0.5)[:, None]

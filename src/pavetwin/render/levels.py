@@ -1,7 +1,8 @@
-"""Coarser versions of meshes for when they are far away: a triangle smaller than a pixel costs as much as a large one.
+"""Levels of detail: coarser meshes for distant objects, as a triangle smaller than a pixel costs as much as a large
+one.
 
-Solid things are clustered: vertices that share a cell of a grid become one (Rossignac and Borrel 1993). Foliage, loose
-triangles or cards all over, is thinned, and what is left grown, so that as much of the sky is hidden as before.
+Solid meshes are simplified by vertex clustering (Rossignac and Borrel 1993). Foliage, made of separate triangles or
+cards, is thinned, and the rest enlarged, so that the covered area stays the same.
 """
 
 from dataclasses import replace
@@ -15,10 +16,10 @@ from pavetwin.render.meshes import FaceCulling
 from pavetwin.scene.model import Mesh
 
 FINEST_M: Final = 0.015
-"""Cell of the first coarser level of solid things [m]; it doubles from level to level."""
+"""Cell of the first coarser level of solid meshes [m]; it doubles from level to level."""
 
 LEVELS: Final = 5
-"""Coarser levels at most."""
+"""Number of coarser levels."""
 
 _CLOSED_SHARE: Final = 0.98
 _CELL_PX: Final = 0.75
@@ -27,22 +28,22 @@ _CARD_PX2: Final = 32.0
 
 
 def foliage_px2(mesh: Mesh) -> float:
-    """How many pixels a triangle of foliage should cover: of cards with leaves, or of triangles that share next to no
-    vertices. 0 for solid things."""
+    """Least pixels that a triangle of foliage should cover: of leaf cards, or of triangles that share almost no
+    vertices. 0 for solid meshes."""
     if mesh.uv is not None:
         return _CARD_PX2
     return _LEAF_PX2 if len(mesh.positions) > 2.2 * len(mesh.indices) else 0.0
 
 
-def skin_of(mesh: Mesh) -> FaceCulling:
-    """What is seen of a model's triangles."""
+def culling_of(mesh: Mesh) -> FaceCulling:
+    """Which faces of a model's triangles are drawn."""
     if mesh.uv is not None:
-        return FaceCulling.LEAVES
-    return FaceCulling.CLOSED if is_closed(mesh) else FaceCulling.SHEETS
+        return FaceCulling.ALPHA_CUTOUT
+    return FaceCulling.BACK_CULLED if is_closed(mesh) else FaceCulling.DOUBLE_SIDED
 
 
 def is_closed(mesh: Mesh) -> bool:
-    """Whether triangles hide each other's backs: nearly every edge has one on its other side, the other way round."""
+    """Whether a mesh is closed: nearly every edge is shared by a second triangle of opposite direction."""
     _, place = np.unique(np.round(mesh.positions / 1e-4).astype(np.int64), axis=0, return_inverse=True)
     corners = place.reshape(-1)[mesh.indices]
     starts, ends = corners.reshape(-1), np.roll(corners, -1, axis=1).reshape(-1)
@@ -58,10 +59,10 @@ def mean_area_m2(mesh: Mesh) -> float:
 
 
 def level_of(least_px2: Float64Array, area_m2: Float64Array, pixel_m: Float64Array) -> Int64Array:
-    """The level at which things may be drawn without a difference that is seen, 0 … LEVELS.
+    """The coarsest level without a visible difference, 0 … LEVELS.
 
     Args:
-        least_px2: (n,) each thing's `foliage_px2`.
+        least_px2: (n,) `foliage_px2` of each mesh.
         area_m2: (n,) of its mean triangle.
         pixel_m: (n,) side of a pixel where it stands.
     """
@@ -71,23 +72,23 @@ def level_of(least_px2: Float64Array, area_m2: Float64Array, pixel_m: Float64Arr
 
 
 def coarser(mesh: Mesh, level: int) -> Mesh:
-    """A mesh at a level, 0 as it is."""
+    """A mesh at a level of detail; 0 is the original."""
     if level == 0 or len(mesh.indices) == 0:
         return mesh
     return _thinned(mesh, level) if foliage_px2(mesh) else _clustered(mesh, FINEST_M * 2 ** (level - 1))
 
 
 def casting(mesh: Mesh, level: int) -> Mesh:
-    """What throws a mesh's shadow at a level: of cards with leaves every other one.
+    """The shadow caster of a mesh at a level: of leaf cards every other one.
 
     All of them let half a percent of the sun through a crown's middle; measured crowns in leaf let 1.3 to 5.3 % through
-    (Konarska et al. 2014, Theoretical and Applied Climatology 117). What a shadow map costs is the area of its cards.
+    (Konarska et al. 2014, Theoretical and Applied Climatology 117). The cost of a shadow map is the area of its cards.
     """
     return _thinned(mesh, level, sparser=2) if mesh.uv is not None else coarser(mesh, level)
 
 
 def _thinned(mesh: Mesh, level: int, sparser: int = 1) -> Mesh:
-    """One card or triangle of 2^level, so much larger; and of those again one of `sparser`, as large as it is."""
+    """Keep one card or triangle of 2^level, enlarged to match; of those keep one of `sparser`, not enlarged."""
     together = 1 if mesh.uv is None else 2
     kept = mesh.indices.reshape(-1, 3 * together)[:: sparser * 2**level]
     corners = mesh.positions[kept]
@@ -97,7 +98,7 @@ def _thinned(mesh: Mesh, level: int, sparser: int = 1) -> Mesh:
 
 
 def _clustered(mesh: Mesh, cell_m: float) -> Mesh:
-    """Vertices of one cell, one slot and alike normals as the one nearest to their middle."""
+    """Merge vertices of one cell, one slot and similar normals into the one nearest to their mean."""
     cells = np.floor(mesh.positions / cell_m).astype(np.int64)
     facing = (mesh.normals > 0.5).astype(np.int64) - (mesh.normals < -0.5)
     slot = np.zeros((len(cells), 1), dtype=np.int64) if mesh.surface is None else mesh.surface[:, 2:].astype(np.int64)
@@ -109,7 +110,7 @@ def _clustered(mesh: Mesh, cell_m: float) -> Mesh:
     order = np.lexsort((away, group))
     chosen = order[np.searchsorted(group[order], np.arange(len(count)))]
     triangles = group[mesh.indices]
-    # A triangle whose corners fall into fewer than three cells is gone, whatever way their normals look.
+    # A triangle whose corners fall into fewer than three cells is dropped, whatever their normals.
     place = np.unique(cells, axis=0, return_inverse=True)[1].reshape(-1)[mesh.indices]
     whole = (place[:, 0] != place[:, 1]) & (place[:, 1] != place[:, 2]) & (place[:, 2] != place[:, 0])
     triangles = np.unique(triangles[whole], axis=0) if whole.any() else triangles[:1]

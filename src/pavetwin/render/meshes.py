@@ -1,4 +1,4 @@
-"""Meshes as the device draws them: positions apart from the rest, which depths, shadows and labels do without."""
+"""Meshes on the device: positions in a buffer of their own, as depth, shadow and label passes read nothing else."""
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
@@ -45,18 +45,18 @@ LAYOUTS: Final = {
     "facade": _layout(_FACADE, ("uint8x4", "float16x4", "uint8x4", "float32x2")),
     "patch": _layout(_PATCH, ("uint8x4", "float32x2", "float32x2")),
 }
-"""Layouts of the buffers with all else, by material."""
+"""Layouts of the buffers of the other attributes, by material."""
 
 
 class FaceCulling(IntEnum):
-    """What is seen of a mesh's triangles; pipelines of models stand in this order."""
+    """Which faces of a mesh's triangles are drawn; pipelines of models are in this order."""
 
-    SHEETS = 0
-    """Both sides."""
-    CLOSED = 1
-    """Never their backs."""
-    LEAVES = 2
-    """Both sides, where the sheet of leaves has any."""
+    DOUBLE_SIDED = 0
+    """Both faces."""
+    BACK_CULLED = 1
+    """Front faces only."""
+    ALPHA_CUTOUT = 2
+    """Both faces, cut out by the alpha of the leaf atlas."""
 
 
 @dataclass(frozen=True)
@@ -71,30 +71,30 @@ class GpuMesh:
     low: Float64Array
     high: Float64Array
     """(3,) corners of its box, in its own frame."""
-    skin: FaceCulling = FaceCulling.SHEETS
+    culling: FaceCulling = FaceCulling.DOUBLE_SIDED
 
     @property
     def buffers(self) -> tuple[Any, Any, Any]:
         return self.positions, self.attributes, self.indices
 
     def draw(self, render_pass: Any, instances: int, first: int, *, attributes: bool) -> None:
-        """Draw it for `instances` records of the instance buffer from `first` on; leaves always need attributes."""
+        """Draw it for `instances` records of the instance buffer from `first` on; leaf cards always need attributes."""
         render_pass.set_vertex_buffer(1, self.positions)
-        if attributes or self.skin is FaceCulling.LEAVES:
+        if attributes or self.culling is FaceCulling.ALPHA_CUTOUT:
             render_pass.set_vertex_buffer(2, self.attributes)
         render_pass.set_index_buffer(self.indices, "uint32")
         render_pass.draw_indexed(self.count, instances, 0, 0, first)
 
 
-def upload_model(gpu: Gpu, mesh: Mesh, skin: FaceCulling) -> GpuMesh:
-    """A part of a model; leaves have uv."""
-    rows = np.zeros(len(mesh.positions), dtype=_LEAF if skin is FaceCulling.LEAVES else _MODEL)
+def upload_model(gpu: Gpu, mesh: Mesh, culling: FaceCulling) -> GpuMesh:
+    """A part of a model; leaf cards have uv."""
+    rows = np.zeros(len(mesh.positions), dtype=_LEAF if culling is FaceCulling.ALPHA_CUTOUT else _MODEL)
     rows["normal"][:, :3] = _packed(mesh.normals)
     rows["colour"][:, :3], rows["colour"][:, 3] = _colours(mesh), 1
     rows["surface"][:, :3] = _surface(mesh)
-    if skin is FaceCulling.LEAVES:
+    if culling is FaceCulling.ALPHA_CUTOUT:
         rows["uv"] = mesh.uv
-    return replace(_upload(gpu, mesh.positions, rows, mesh.indices), skin=skin)
+    return replace(_upload(gpu, mesh.positions, rows, mesh.indices), culling=culling)
 
 
 def upload_ground(gpu: Gpu, pieces: tuple[GroundPiece, ...]) -> GpuMesh | None:
@@ -110,7 +110,7 @@ def upload_ground(gpu: Gpu, pieces: tuple[GroundPiece, ...]) -> GpuMesh | None:
 
 
 def upload_kerbs(gpu: Gpu, pieces: tuple[GroundPiece, ...]) -> GpuMesh | None:
-    """What of a tile's ground stands up and throws shadows."""
+    """The parts of a tile's ground that cast shadows, such as kerbs."""
     kerbs = [piece for piece in pieces if piece.kind is GroundKind.KERB and len(piece.mesh.indices)]
     if not kerbs:
         return None
@@ -171,6 +171,6 @@ def _colours(mesh: Mesh) -> Float32Array:
 
 
 def _surface(mesh: Mesh) -> UInt8Array:
-    """Rough and plain where a mesh does not say."""
+    """Default surface of a mesh without one: rough and plain."""
     plain = np.tile(np.array([230, 0, 0], dtype=np.uint8), (len(mesh.positions), 1))
     return plain if mesh.surface is None else mesh.surface

@@ -1,4 +1,4 @@
-"""Which tiles a frame needs: those that are seen, and those that throw shadows on what is."""
+"""Which tiles a frame needs: those in view, and those that cast shadows into it."""
 
 import math
 from typing import Final
@@ -16,19 +16,19 @@ FAR_M: Final = 150.0
 """Nothing farther away is drawn."""
 
 CLEAR_SHARE: Final = 0.01
-"""Air over this share of the 1/e distance of haze is drawn as clear: 30 m on a fine day."""
+"""Haze is not drawn up to this share of its 1/e distance: 30 m on a clear day."""
 
 _STEEP: Final = math.cos(math.radians(50))
-"""Cosine to the vertical; ground that is seen less steeply may mirror what is near the horizon."""
+"""Cosine to the vertical; ground that is seen at a flatter angle may reflect what is near the horizon."""
 
 _WIDE_M: Final = 40.0
-"""A view of more ground than this, from its middle, looks along a street; its shadows come from what it sees."""
+"""A view with a larger ground radius looks along a street; its shadow casters are in view."""
 
 _CASTERS_UP_TO_M: Final = 20.0
-"""Height of what throws shadows into the picture from beside it [m]."""
+"""Greatest height of shadow casters beside the picture [m]."""
 
 _CASTERS_REACH_M: Final = 48.0
-"""And how far beside it [m]."""
+"""Their greatest distance beside it [m]."""
 
 _STEP_M: Final = 12.0
 
@@ -57,7 +57,7 @@ def wanted_keys(scene: Drawable, view: View, light: Light) -> tuple[Key, ...]:
 
 
 def tile_seen(origin: tuple[float, float], view: View, bounds: Float64Array) -> bool:
-    """Whether a tile with all that stands on it, 30 m high and 10 m beyond its edge, may be in the picture.
+    """Whether a tile and its objects, up to 30 m high and 10 m beyond its edge, may be in the picture.
 
     Args:
         origin: its south-west corner, metres.
@@ -68,7 +68,7 @@ def tile_seen(origin: tuple[float, float], view: View, bounds: Float64Array) -> 
 
 
 def ground_seen(box: tuple[float, float, float, float], view: View, bounds: Float64Array) -> bool:
-    """Whether ground may be in the picture, also where a rolling shutter shifts it by a little.
+    """Whether ground may be in the picture, also when a rolling shutter shifts it a little.
 
     Args:
         box: west, south, east, north, metres.

@@ -1,4 +1,4 @@
-"""The passes of one frame, recorded and read back: shadow map, picture, truth."""
+"""The passes of one frame, recorded and read back: shadow map, picture, ground truth."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ _SAMPLED: Final = wgpu.TextureUsage.TEXTURE_BINDING
 
 @dataclass(frozen=True)
 class PatchDraw:
-    """A defect's pavement in the frame of the tile that it lies on."""
+    """A defect's pavement patch in the frame of its tile."""
 
     patch: GpuPatch
     mesh: GpuMesh
@@ -34,37 +34,37 @@ class PatchDraw:
     origin: tuple[float, float]
     """The tile's, metres."""
     record: int
-    """That places and labels it."""
+    """Its record in the instance buffer."""
 
 
 @dataclass(frozen=True)
 class DrawList:
-    """What one frame draws. Numbers are records of the instance buffer."""
+    """What one frame draws. Numbers are indices of records in the instance buffer."""
 
     tiles: list[tuple[GpuTile, int]]
-    """With the record that places each."""
+    """Each with its record."""
     grounds: list[tuple[GpuTile, GpuPavement, int]]
-    """Those of them of which also the ground is seen."""
+    """Those of them whose ground is in view."""
     patches: list[PatchDraw]
     near: list[tuple[GpuMesh, int, int]]
-    """Mesh, how many, the first one's record."""
+    """Mesh, count, first record."""
     far: list[tuple[GpuMesh, int, int]]
     """Likewise, of small triangles."""
     casters: list[tuple[GpuMesh, int, int]]
-    """Likewise, of what the shadow map sees."""
+    """Likewise, of shadow casters."""
     shades: tuple[int, int]
-    """How many things take light from the ground around them, the first one's record."""
+    """Contact shadows: count, first record."""
     levels: Int64Array
-    """Of each agent, how coarse it is drawn; −1 where it is not."""
+    """Level of detail of each agent; −1 if it is not drawn."""
     sky: bool
     """Whether the picture reaches beyond the ground that is drawn."""
     looks_down: bool
-    """Whether it is of the kind that `nearby.looks_down` tells of."""
+    """As `nearby.looks_down`."""
 
 
 @dataclass(frozen=True)
 class Materials:
-    """Bind groups of textures that the whole scene shares."""
+    """Bind groups of the textures shared by the whole scene."""
 
     ground: Any
     facades: Any
@@ -72,7 +72,7 @@ class Materials:
 
 
 class RenderTargets:
-    """The textures of one picture size that the passes draw into."""
+    """The render targets of one picture size."""
 
     def __init__(self, gpu: Gpu, size_px: tuple[int, int]) -> None:
         self.size_px = size_px
@@ -101,7 +101,7 @@ def draw_shadows(
     used_px: tuple[int, int],
     casters: Iterable[tuple[GpuMesh, int, int]],
 ) -> None:
-    """Depths from the sun, in so many columns and rows of a map. `leaves`: bind group of their sheet."""
+    """Depths from the sun, in the used columns and rows of the map. `leaves`: bind group of the leaf atlas."""
     depth = _cleared(target, "store") | {"depth_clear_value": 1.0}
     render_pass = encoder.begin_render_pass(color_attachments=[], depth_stencil_attachment=depth)
     render_pass.set_scissor_rect(0, 0, *used_px)
@@ -109,7 +109,7 @@ def draw_shadows(
     render_pass.set_bind_group(1, leaves)
     render_pass.set_vertex_buffer(0, records)
     for mesh, count, first in casters:
-        render_pass.set_pipeline(pipelines.shadow[mesh.skin])
+        render_pass.set_pipeline(pipelines.shadow[mesh.culling])
         mesh.draw(render_pass, count, first, attributes=False)
     render_pass.end()
 
@@ -123,7 +123,7 @@ def draw_light(
     targets: RenderTargets,
     draws: DrawList,
 ) -> None:
-    """The picture as luminances.
+    """The picture as luminance.
 
     Args:
         encoder: records the commands.
@@ -146,11 +146,11 @@ def draw_light(
     render_pass.set_bind_group(0, frame)
     render_pass.set_vertex_buffer(0, records)
     render_pass.set_bind_group(1, materials.leaves)
-    # What stands above the ground first: what it hides need not be shaded.
+    # Objects above the ground first: the ground they hide need not be shaded.
     lit = pipelines.lit[draws.looks_down]
-    for either, crowd in ((lit.near, draws.near), (lit.far, draws.far)):
-        for mesh, count, first in crowd:
-            render_pass.set_pipeline(either[mesh.skin])
+    for either, batch in ((lit.near, draws.near), (lit.far, draws.far)):
+        for mesh, count, first in batch:
+            render_pass.set_pipeline(either[mesh.culling])
             mesh.draw(render_pass, count, first, attributes=True)
     render_pass.set_pipeline(lit.facade)
     render_pass.set_bind_group(1, materials.facades)
@@ -181,7 +181,7 @@ def draw_light(
 def draw_truth(
     encoder: Any, pipelines: Pipelines, frame: Any, leaves: Any, records: Any, targets: RenderTargets, draws: DrawList
 ) -> None:
-    """Labels and distances. `leaves`: bind group of their sheet."""
+    """Labels and distances. `leaves`: bind group of the leaf atlas."""
     colours = [
         {"view": texture.create_view(), "clear_value": value, "load_op": "clear", "store_op": "store"}
         for texture, value in ((targets.labels, (0, 0, 0, 0)), (targets.distances, (np.inf, 0, 0, 0)))
@@ -193,7 +193,7 @@ def draw_truth(
     render_pass.set_bind_group(1, leaves)
     render_pass.set_vertex_buffer(0, records)
     for mesh, count, first in [*draws.near, *draws.far]:
-        render_pass.set_pipeline(pipelines.truth[mesh.skin])
+        render_pass.set_pipeline(pipelines.truth[mesh.culling])
         mesh.draw(render_pass, count, first, attributes=False)
     render_pass.set_pipeline(pipelines.truth[0])
     walls = [(tile.facades, record) for tile, record in draws.tiles]

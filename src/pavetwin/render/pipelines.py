@@ -1,4 +1,4 @@
-"""The shaders and what they are given, compiled once."""
+"""The shaders and their bind group layouts, compiled once."""
 
 import math
 from collections.abc import Callable
@@ -29,12 +29,12 @@ _SHADED: Final = wgpu.ShaderStage.VERTEX | wgpu.ShaderStage.FRAGMENT
 
 
 ByCulling = tuple[Any, Any, Any]
-"""In the order of `Skin`."""
+"""In the order of `FaceCulling`."""
 
 
 @dataclass(frozen=True)
 class LitPipelines:
-    """What is drawn with light and air before it."""
+    """Pipelines with lighting and haze."""
 
     ground: Any
     patch: Any
@@ -45,19 +45,19 @@ class LitPipelines:
 
 @dataclass(frozen=True)
 class Pipelines:
-    """Everything that is compiled."""
+    """All compiled pipelines and layouts."""
 
     lit: tuple[LitPipelines, LitPipelines]
-    """For any view, and for those that `nearby.looks_down` tells of."""
+    """For any view, and for those that `nearby.looks_down` accepts."""
     shade: Any
     sky: Any
     shadow: ByCulling
     truth: ByCulling
     truth_patch: Any
-    alone: Any
-    alone_patch: Any
+    amodal: Any
+    amodal_patch: Any
     frame_layout: Any
-    """The frame alone: for shadows and labels."""
+    """The frame only: for shadows and labels."""
     light_layout: Any
     """The frame, the shadow map, the sky and their samplers."""
     detail_layout: Any
@@ -67,7 +67,7 @@ class Pipelines:
 
 
 def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
-    """All pipelines. The ground's numbers come from its numpy formula, so that the two can not drift apart."""
+    """Compile all pipelines. The ground's constants come from its NumPy formula, so that the two stay the same."""
     frame_layout, light_layout = _frame_layout(gpu), _light_layout(gpu)
     tiles = TileLayouts(
         maps=texture_layout(gpu, "2d", "2d"),
@@ -117,8 +117,8 @@ def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
             truth(["leaf", "truth_leaf"], [leaf_layout], _buffers("leaf"), depth=True),
         ),
         truth_patch=truth(["truth_patch"], [tiles.mask], patch_buffers, depth=True),
-        alone=truth(["truth"], [], [LAYOUT, POSITIONS], depth=False),
-        alone_patch=truth(["truth_patch"], [tiles.mask], patch_buffers, depth=False),
+        amodal=truth(["truth"], [], [LAYOUT, POSITIONS], depth=False),
+        amodal_patch=truth(["truth_patch"], [tiles.mask], patch_buffers, depth=False),
         frame_layout=frame_layout,
         light_layout=light_layout,
         detail_layout=detail_layout,
@@ -212,7 +212,7 @@ def _shaded(gpu: Gpu, code: str, layouts: list[Any], buffers: list[Any], cull: s
 
 
 def _shade(gpu: Gpu, code: str, layout: Any) -> Any:
-    """Multiplies what is there already."""
+    """Blend state that multiplies with the target."""
     module = gpu.device.create_shader_module(code=code)
     multiplied = {"src_factor": "dst", "dst_factor": "zero", "operation": "add"}
     kept = {"src_factor": "zero", "dst_factor": "one", "operation": "add"}
@@ -227,7 +227,7 @@ def _shade(gpu: Gpu, code: str, layout: Any) -> Any:
 
 
 def _shadow(gpu: Gpu, code: str, layouts: list[Any], buffers: list[Any], cull: str) -> Any:
-    """Depths alone; code without fragments draws all of its triangles."""
+    """Depth only; code without a fragment stage draws all of its triangles."""
     module = gpu.device.create_shader_module(code=code)
     cutting = {"fragment": {"module": module, "entry_point": "fragment", "targets": []}} if "@fragment" in code else {}
     return gpu.device.create_render_pipeline(
@@ -240,12 +240,12 @@ def _shadow(gpu: Gpu, code: str, layouts: list[Any], buffers: list[Any], cull: s
 
 
 def _truth(gpu: Gpu, code: str, layouts: list[Any], buffers: list[Any], depth: bool, cull: str) -> Any:
-    """Labels and distances. Without `depth` labels alone, and nothing hides anything."""
+    """Labels and distances. Without `depth` labels only, and no occlusion."""
     module = gpu.device.create_shader_module(code=code)
     targets = [{"format": LABEL_FORMAT}, {"format": DISTANCE_FORMAT}]
     fragment = {"module": module, "entry_point": "fragment", "targets": targets if depth else targets[:1]}
-    if not depth and "override alone" in code:
-        fragment["constants"] = {"alone": 1}
+    if not depth and "override amodal" in code:
+        fragment["constants"] = {"amodal": 1}
     hiding = {"format": DEPTH_FORMAT, "depth_write_enabled": True, "depth_compare": "greater-equal"}
     return gpu.device.create_render_pipeline(
         layout=gpu.device.create_pipeline_layout(bind_group_layouts=layouts),

@@ -11,7 +11,7 @@ from pavetwin.scene.light import SUN_RADIUS_RAD, Light
 from pavetwin.scene.view import View
 
 NEAR_M: Final = 0.1
-"""Nothing is drawn nearer to the camera [m]."""
+"""Near plane [m]."""
 
 SHADOW_PX: Final = (512, 2048)
 """Side of the shadow map at least and at most [texels]."""
@@ -26,7 +26,7 @@ half of what the sun's disc blurs of a leaf 5 m up."""
 _TEXELS_AN_OCTAVE: Final = 8
 _TURN_DEG: Final = 7.5
 _MARGIN_M: Final = 0.25
-"""Seen beside what is seen by a lens that moves while the picture is taken [m]."""
+"""Margin around the view for a camera that moves during the exposure [m]."""
 
 SHADOW_REACH_M: Final = 60.0
 """Level views have shadows up to this distance [m]."""
@@ -36,7 +36,7 @@ _HARMONICS: Final = np.array([0.282095, *[0.488603] * 3, 1.092548, 1.092548, 0.3
 
 _SHADOW_DEPTH_M: Final = 400.0
 _RECEIVER_M: Final = 4.0
-"""Shadows fall on the ground and on what stands up to this height [m]."""
+"""Shadows fall on the ground and on objects up to this height [m]."""
 
 FRAME_INFO: Final = np.dtype(
     [
@@ -68,7 +68,7 @@ def to_clip(view: View) -> Float64Array:
 
 @dataclass(frozen=True)
 class ShadowFit:
-    """Where the shadow map lies: a rectangle across the sun's rays that holds all that is seen and near."""
+    """Placement of the shadow map: a rectangle across the sun's rays that holds everything near and in view."""
 
     matrix: Float64Array
     """(4, 4) from positions relative to the camera to u, v (v down) and depth from the sun, 0 … 1."""
@@ -117,7 +117,7 @@ def fit_shadow(view: View, light: Light) -> ShadowFit:
     low, high = placed.min(axis=0) - _MARGIN_M, placed.max(axis=0) + _MARGIN_M
     ground = points[points[:, 2] < NEAR_M - view.position[2]] @ view.rotation[:, 2]
     fine = SHADOW_TEXEL_PX * float(ground.min(initial=SHADOW_REACH_M)) / view.focal_px
-    # In steps, so that a camera that climbs a little leaves shadows as they are.
+    # In steps, so that shadows stay the same when the camera climbs a little.
     texel = 2.0 ** (math.floor(math.log2(max(fine, 1e-6)) * _TEXELS_AN_OCTAVE) / _TEXELS_AN_OCTAVE)
     least, most = SHADOW_PX
     texel = float(np.clip(texel, (high - low).max() / (most - 2), (high - low).max() / least))

@@ -1,4 +1,4 @@
-"""Frames of a scene: drawn by the device, and seen through a camera."""
+"""Frames of a scene: rendered by the device, and imaged by a camera model."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,6 +15,7 @@ from pavetwin.render.amodal import AmodalAtlas, AmodalObject
 from pavetwin.render.exposure import Exposure, meter, programme
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.render.gpu import Gpu
+from pavetwin.render.gpu_scene import GpuScene
 from pavetwin.render.instances import InstanceBatch, InstanceBuffer
 from pavetwin.render.passes import (
     DrawList,
@@ -36,7 +37,6 @@ from pavetwin.render.projection import (
 )
 from pavetwin.render.sensor import SHARP_PX, ImageProcessing, farthest_motion_px, picture, white_balance
 from pavetwin.render.sky import sky_levels
-from pavetwin.render.stock import GpuScene
 from pavetwin.render.tiles import Drawable, group
 from pavetwin.scene.foliage import leaf_levels
 from pavetwin.scene.light import Light
@@ -51,7 +51,7 @@ _SMOOTH: Final = {"mag_filter": "linear", "min_filter": "linear", "mipmap_filter
 
 @dataclass(frozen=True)
 class SceneRadiance:
-    """What the lens lets through and where it came from, before the sensor."""
+    """The light behind the lens and its ground truth, before the sensor."""
 
     radiance: Float16Array
     """(height, width, 4) linear RGB, kcd/m²; and by what the defect there multiplies its luminance, 1 elsewhere."""
@@ -72,7 +72,7 @@ class Renderer:
         self.gpu = Gpu(open_device())
         details = dict(scene.details)
         self._pipelines = compile_pipelines(self.gpu, details)
-        self._stock = GpuScene(self.gpu, scene, self._pipelines.tiles)
+        self._gpu_scene = GpuScene(self.gpu, scene, self._pipelines.tiles)
         self._targets: RenderTargets | None = None
         self._shadows: dict[int, Any] = {}
         self._uniform = self.gpu.empty_buffer(FRAME_INFO.itemsize, wgpu.BufferUsage.UNIFORM)
@@ -89,7 +89,7 @@ class Renderer:
         light: Light,
         camera: Camera,
         instances: Sequence[Instance] = (),
-        unseen: Sequence[Instance] = (),
+        shadow_only: Sequence[Instance] = (),
         exposure: Exposure | None = None,
         compensation_ev: float = 0.0,
         seed: int = 0,
@@ -99,21 +99,21 @@ class Renderer:
         defect_free: bool = False,
         velocities: Mapping[int, npt.ArrayLike] | None = None,
     ) -> RenderedFrame:
-        """One picture with its truth.
+        """One picture with its ground truth.
 
         Args:
             view: where the camera is and how fast it moves.
             light: sun and sky.
-            camera: its sensor, lens and shutter; the view tells what part of the sensor is used.
-            instances: what is not the scene's own: agents, signal heads, the UAV.
-            unseen: what only throws its shadow into the picture: the vehicle that carries the camera.
-            exposure: the camera's settings; None lets it choose.
-            compensation_ev: how much brighter than metered it then chooses, in stops.
+            camera: its sensor, lens and shutter; the view gives the part of the sensor that is used.
+            instances: what is not part of the static scene: agents, signal heads, the UAV.
+            shadow_only: instances of which only the shadow is drawn: the vehicle that carries the camera.
+            exposure: the camera's settings; None for automatic exposure.
+            compensation_ev: exposure compensation of automatic exposure, in stops.
             seed: of the sensor's noise.
-            style: of the camera's own processing.
-            labels: whether to tell what every pixel shows, and what each thing would cover alone.
-            depth: whether to tell how far away it is.
-            sound: whether to tell what the picture would be were the pavement without defects.
+            style: parameters of the camera's image processing.
+            labels: whether to return the label of every pixel, and the amodal pixels of each object.
+            depth: whether to return the depth of every pixel.
+            defect_free: whether to return the same picture without defects.
             velocities: label of an instance → (3,) m/s, world frame; of those that move.
         """
         moving = velocities or {}
@@ -121,12 +121,12 @@ class Renderer:
         seen = self.light(
             view,
             instances=instances,
-            unseen=unseen,
+            shadow_only=shadow_only,
             light=light,
             velocities=moving,
             readout_s=camera.readout_s if drifts else 0.0,
             truth=labels or depth or drifts,
-            alone=labels,
+            amodal=labels,
         )
         settings = exposure or programme(camera, meter(seen.radiance) * 2.0**compensation_ev)
         blurred = seen.depth_m is not None and _moves(view, settings, moving, seen.depth_m)
@@ -150,7 +150,7 @@ class Renderer:
             seen.labels if labels else None,
             seen.amodal_px,
             settings,
-            take(_mended(seen.radiance)) if defect_free else None,
+            take(_without_defects(seen.radiance)) if defect_free else None,
         )
 
     def _uniform_entry(self) -> dict[str, Any]:
@@ -209,34 +209,36 @@ class Renderer:
         view: View,
         *,
         instances: Sequence[Instance] = (),
-        unseen: Sequence[Instance] = (),
+        shadow_only: Sequence[Instance] = (),
         light: Light,
         velocities: Mapping[int, npt.ArrayLike] | None = None,
         readout_s: float = 0.0,
         truth: bool = True,
-        alone: bool = False,
+        amodal: bool = False,
     ) -> SceneRadiance:
-        """What reaches the sensor from all that is seen."""
+        """The light that reaches the sensor."""
         targets, shadow = self._sized(view.size_px), fit_shadow(view, light)
         records = InstanceBuffer(view.position)
-        agents = InstanceBatch.of(instances, self._stock.parts, velocities)
-        draws = self._stock.draws(view, light, shadow, (agents, InstanceBatch.of(unseen, self._stock.parts)), records)
+        agents = InstanceBatch.of(instances, self._gpu_scene.parts, velocities)
+        draws = self._gpu_scene.draws(
+            view, light, shadow, (agents, InstanceBatch.of(shadow_only, self._gpu_scene.parts)), records
+        )
         self.gpu.queue.write_buffer(self._uniform, 0, frame_info(view, light, shadow, readout_s=readout_s))
         self._write_records(records)
         shaded, lit = self._lit(light, shadow.size_px)
         encoder, leaves = self.gpu.device.create_command_encoder(), self._materials.leaves
-        used, casters = shadow.used_px, draws.casters
-        draw_shadows(encoder, self._pipelines, self._frame, leaves, self._records, shaded, used, casters)
+        used = shadow.used_px
+        draw_shadows(encoder, self._pipelines, self._frame, leaves, self._records, shaded, used, draws.casters)
         draw_light(encoder, self._pipelines, lit, self._materials, self._records, targets, draws)
         if truth:
             draw_truth(encoder, self._pipelines, self._frame, leaves, self._records, targets, draws)
         self.gpu.queue.submit([encoder.finish()])
         counted: dict[int, int] = {}
-        if alone:
+        if amodal:
             speed = float(np.linalg.norm(view.velocity_mps)) + float(np.abs(agents.velocity).sum(axis=1).max(initial=0))
             margin = 2 + speed * readout_s * view.focal_px / 2
-            counted = self._atlas.count(self._lone(view.position, agents, draws), view, self._frame, margin)
-        self._stock.tiles.trim(len(draws.tiles), len(draws.grounds))
+            counted = self._atlas.count(self._amodal_objects(view.position, agents, draws), view, self._frame, margin)
+        self._gpu_scene.tiles.trim(len(draws.tiles), len(draws.grounds))
         size = view.size_px
         return SceneRadiance(
             read(self.gpu, targets.light, size, np.float16, 4),
@@ -245,16 +247,16 @@ class Renderer:
             counted,
         )
 
-    def _lone(self, camera: Float64Array, agents: InstanceBatch, draws: DrawList) -> list[AmodalObject]:
-        """Everything labelled that may be in the picture, by the meshes that it is drawn with."""
+    def _amodal_objects(self, camera: Float64Array, agents: InstanceBatch, draws: DrawList) -> list[AmodalObject]:
+        """The labelled objects that may be in the picture, with the meshes that they are drawn with."""
         things = []
         for row in np.flatnonzero((agents.label > 0) & (draws.levels >= 0)):
             one, records = agents.only(np.array([row])), InstanceBuffer(camera)
-            records.add_crowd(one)
+            records.add_batch(one)
             part = int(one.part[0])
-            box = corners(self._stock.parts.low[part], self._stock.parts.high[part])
+            box = corners(self._gpu_scene.parts.low[part], self._gpu_scene.parts.high[part])
             placed = box @ one.transform[0, :, :3].T + one.transform[0, :, 3]
-            mesh = self._stock.mesh(part, int(draws.levels[row]))
+            mesh = self._gpu_scene.mesh(part, int(draws.levels[row]))
             things.append(AmodalObject(int(one.label[0]), mesh, records.data, placed))
         for each in draws.patches:
             patch, records = each.patch, InstanceBuffer(camera)
@@ -271,15 +273,15 @@ class Renderer:
         self.gpu.queue.write_buffer(self._records, 0, data.view(np.uint8))
 
 
-def _mended(radiance: Float16Array) -> Float16Array:
-    """The same without defects."""
-    mended = radiance.copy()
+def _without_defects(radiance: Float16Array) -> Float16Array:
+    """The same radiance without defects."""
+    repaired = radiance.copy()
     where = np.nonzero(radiance[..., 3] != 1)
-    mended[where] = radiance[where] / np.maximum(radiance[where][..., 3:], np.float16(1e-3))
-    return mended
+    repaired[where] = radiance[where] / np.maximum(radiance[where][..., 3:], np.float16(1e-3))
+    return repaired
 
 
 def _moves(view: View, exposure: Exposure, velocities: Mapping[int, npt.ArrayLike], depth: Float32Array) -> bool:
-    """Whether anything moves far enough over the exposure to be seen to."""
+    """Whether anything moves visibly during the exposure."""
     nearest = max(float(depth.min()), NEAR_M)
     return farthest_motion_px(view, exposure, velocities, nearest) > SHARP_PX

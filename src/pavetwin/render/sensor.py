@@ -1,4 +1,4 @@
-"""From light to the stored picture: electrons, noise, white balance, tone. The pixels are worked on in Rust."""
+"""From light to the stored picture: electrons, noise, white balance, tone curve. The pixels are computed in Rust."""
 
 import math
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ FULL_WELL_PER_UM2: Final = 2600.0
 Pro's kind (Sony IMX183, as camera makers measure it by EMVA 1288)."""
 
 READ_NOISE: Final = 2.5
-"""Electrons of one such pixel, of the same measurements."""
+"""Read noise of such a pixel in electrons, from the same measurements."""
 
 _READ_PITCH_UM: Final = 2.4
 
@@ -29,12 +29,12 @@ _PAVEMENT_WARMTH: Final = 0.08
 """Logarithm of red over blue of aged asphalt and concrete under white light."""
 
 SHARP_PX: Final = 0.3
-"""Pictures in which nothing moves farther than this over the exposure are not smeared."""
+"""Pictures in which nothing moves farther than this during the exposure get no motion blur."""
 
 
 @dataclass(frozen=True)
 class ImageProcessing:
-    """What a camera's own processing does to taste; these are those of a consumer drone's pictures as they come."""
+    """Parameters of the camera's image processing; the defaults match the JPEG output of a consumer drone."""
 
     contrast: float = 1.12
     """Slope of the tone curve at middle grey over sRGB's."""
@@ -45,7 +45,7 @@ class ImageProcessing:
     blur_px: float = 0.45
     """Standard deviation of the point spread of lens, pixels and demosaicing together."""
     vignetting: float = 0.14
-    """What correction in the camera leaves of the cos⁴ law."""
+    """Share of the cos⁴ falloff that the camera's correction leaves."""
 
 
 def picture(
@@ -73,9 +73,9 @@ def picture(
         seed: of the noise.
         style: of its processing.
         depth: (height, width) metres along the axis, for motion blur; None for none.
-        labels: (height, width), whose velocities are told.
+        labels: (height, width), to look up velocities.
         velocities: label → (3,) m/s, world frame.
-        white: gains of the white balance; None for what it finds by itself.
+        white: gains of the white balance; None for automatic white balance.
     """
     pitch_um = camera.focal_mm / view.focal_px * 1000
     wells = pitch_um**2 * FULL_WELL_PER_UM2 * camera.iso[0] / exposure.iso
@@ -114,21 +114,21 @@ def farthest_motion_px(
 
 
 def white_balance(light: Light, radiance: Float16Array, adaptation: float) -> tuple[float, float, float]:
-    """Gains of red, green and blue, none below 1, that turn grey things in a picture towards neutral.
+    """Gains of red, green and blue, none below 1, that turn grey objects in a picture towards neutral.
 
     The illuminant lies between that of level ground in the sun and in the shade, nearer to the one that the picture's
-    light-weighted mean ratio of red to blue speaks for: a grey world, held to illuminants that there are.
+    light-weighted mean ratio of red to blue speaks for: a grey world, limited to real illuminants.
     """
     shade = light.sky_irradiance.T @ harmonics(np.array([0.0, 0.0, 1.0]))
     sun = light.sun_klux * light.to_sun[2] + shade
     seen = radiance[::8, ::8, :3].astype(np.float64).reshape(-1, 3)
     seen = np.maximum(seen[np.isfinite(seen).all(axis=1)], 0)
     sunny, shady = (math.log(each[0] / each[2]) for each in (sun, shade))
-    # Lawns and red cars say no more than sun or shade would; pavements are a little warm.
+    # Lawns and red cars must not pull it beyond sun or shade; pavements are a little warm.
     ratios = np.log((seen[:, 0] + 1e-4) / (seen[:, 2] + 1e-4)) - _PAVEMENT_WARMTH
     ratios = np.clip(ratios, min(sunny, shady), max(sunny, shady))
-    # What is brighter counts more, as in cameras: half a street in shade leaves the sunlit half white. No more than the
-    # brightest tenth begins with, so that a white van does not outweigh the street.
+    # Brighter pixels count more, as in cameras: with half a street in shade the sunlit half stays white. The weight is
+    # limited to that at the brightest tenth, so that a white van does not outweigh the street.
     weight = seen @ LUMINANCE
     weight = np.minimum(weight, np.quantile(weight, 0.9)) + 1e-9 if len(weight) else weight
     mean = float(np.average(ratios, weights=weight)) if len(ratios) else 0.0

@@ -1,4 +1,4 @@
-"""The sky as a picture that surfaces mirror."""
+"""The sky as an environment map for reflections."""
 
 from typing import Final
 
@@ -13,7 +13,7 @@ COLUMNS: Final = 128
 
 def sky_levels(light: Light) -> list[Float16Array]:
     """Luminances (rows, columns, 4) in kcd/m², from the zenith in row 0 to the nadir, columns anticlockwise from west;
-    and smaller ones, blurred for rougher surfaces. Below the horizon lies what the ground around sends back."""
+    and smaller ones, blurred for rougher surfaces. Below the horizon lies the light reflected by the ground."""
     down = (np.arange(ROWS) + 0.5) / ROWS * np.pi
     around = ((np.arange(COLUMNS) + 0.5) / COLUMNS - 0.5) * 2 * np.pi
     polar, turn = np.meshgrid(down, around, indexing="ij")

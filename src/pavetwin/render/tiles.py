@@ -1,7 +1,7 @@
-"""Tiles on the device: uploaded when they are first wanted, freed when many others were wanted since.
+"""Cache of tiles on the device: uploaded when first needed, the least recently used freed first.
 
-What stands on a tile may throw its shadow from beside the picture. Its ground's maps and defects, which cost most, are
-made only once they are seen.
+Objects on a tile may cast shadows into the picture from beside it. The maps and defects of its ground, which cost most,
+are made only when they are in view.
 """
 
 from collections import OrderedDict
@@ -28,7 +28,7 @@ Held = TypeVar("Held")
 
 
 class Drawable(Protocol):
-    """What a renderer asks of a scene; `scene.Scene` gives it."""
+    """What a renderer needs of a scene; `scene.Scene` implements it."""
 
     @property
     def models(self) -> Mapping[str, Model]: ...
@@ -45,7 +45,7 @@ class Drawable(Protocol):
 
 @dataclass(frozen=True)
 class GpuPatch:
-    """A defect's pavement."""
+    """A defect's pavement patch."""
 
     label: int
     mesh: GpuMesh
@@ -60,30 +60,30 @@ class GpuPatch:
 
 @dataclass(frozen=True)
 class GpuTile:
-    """What stands on one tile and the shape of its ground, ready to be drawn."""
+    """The objects on one tile and the shape of its ground, ready to be drawn."""
 
     key: Key
     origin: tuple[float, float]
     ground: GpuMesh | None
     kerbs: GpuMesh | None
     facades: GpuMesh | None
-    crowd: InstanceBatch
+    batch: InstanceBatch
 
 
 @dataclass(frozen=True)
 class GpuPavement:
-    """What a tile's ground looks like."""
+    """The appearance of a tile's ground: its maps and defects."""
 
     maps: tuple[Any, Any]
     shading: Any
     """Bind group with the maps."""
     patches: dict[int, GpuPatch | None]
-    """Of the defects that were seen; None for one that does not reach the tile."""
+    """Meshes of the defects that were in view; None for one that does not reach the tile."""
 
 
 @dataclass(frozen=True)
 class TileLayouts:
-    """Bind group layouts that tiles need."""
+    """Bind group layouts of tiles."""
 
     maps: Any
     patch: Any
@@ -91,7 +91,7 @@ class TileLayouts:
 
 
 class TileCache:
-    """Tiles and their pavements by key, the least recently used freed first."""
+    """Least-recently-used cache of tiles and their pavements, by key."""
 
     def __init__(self, gpu: Gpu, scene: Drawable, parts: PartTable, layouts: TileLayouts) -> None:
         self._gpu, self._scene, self._parts, self._layouts = gpu, scene, parts, layouts
@@ -99,19 +99,19 @@ class TileCache:
         self._pavements: OrderedDict[Key, GpuPavement] = OrderedDict()
 
     def __len__(self) -> int:
-        """How many pavements there are."""
+        """Number of pavements on the device."""
         return len(self._pavements)
 
     def tile(self, key: Key) -> GpuTile:
-        """What stands on a tile."""
+        """The objects and ground shape of a tile."""
         return _latest(self._tiles, key, lambda: self._upload(self._scene.tile(key)))
 
     def pavement(self, key: Key) -> GpuPavement:
-        """What a tile's ground looks like."""
+        """The appearance of a tile's ground: its maps and defects."""
         return _latest(self._pavements, key, lambda: self._pave(self._scene.maps(key)))
 
     def patch(self, tile: GpuTile, number: int) -> GpuPatch | None:
-        """What of a defect's pavement lies on a tile."""
+        """The part of a defect's pavement that lies on a tile."""
         patches = self.pavement(tile.key).patches
         if number not in patches:
             made = self._scene.patch_on(tile.key, number)
@@ -119,7 +119,8 @@ class TileCache:
         return patches[number]
 
     def trim(self, tiles: int, pavements: int) -> None:
-        """Free what was not used lately, but not that many of the last. Not while they are drawn."""
+        """Free the least recently used, but keep at least that many of the latest. Not to be called while they are
+        drawn."""
         while len(self._tiles) > max(TILES_HELD, tiles):
             self._free_tile(self._tiles.popitem(last=False)[1])
         while len(self._pavements) > max(PAVEMENTS_HELD, pavements):
@@ -167,7 +168,7 @@ class TileCache:
 
 
 def _latest(held: OrderedDict[Key, Held], key: Key, make: Callable[[], Held]) -> Held:
-    """What is held for a key, now the latest used; made first if there is none."""
+    """The cached value of a key, made if missing; marks it as the latest used."""
     if key not in held:
         held[key] = make()
     held.move_to_end(key)

@@ -52,7 +52,7 @@ class _Leaf:
 
 
 @cache
-def leaf_sheet() -> UInt8Array:
+def leaf_atlas() -> UInt8Array:
     """(SIDE_PX, SIDE_PX, 4): linear factors of colour, 255 for 1, and alpha. Row 0 is v = 0; always the same bytes."""
     rng = np.random.default_rng(_SEED)
     drawn = [_cell(_twig(rng, leaves)) for leaves in (24, 21, 27)] + [_cell(_spray(rng))]
@@ -63,7 +63,7 @@ def leaf_sheet() -> UInt8Array:
 @cache
 def leaf_levels() -> tuple[UInt8Array, ...]:
     """The sheet and its halved levels, cut alike at `CUT`: every cell keeps its share of leaves."""
-    sheet = leaf_sheet()
+    sheet = leaf_atlas()
     kept = [float((cell >= 255 * CUT).mean()) for cell in cells(sheet[..., 3])]
     levels = [sheet]
     texels = sheet / 255

@@ -64,7 +64,7 @@ class Mesh:
     """(n, 3): roughness and metallic, 255 for 1, and the slot, 0 for its own colour or 1 … TINTS for the instance's."""
     uv: Float32Array | None = None
     """(n, 2): of ground in metres over its detail; of a façade in metres along and up its wall; of a defect's patch
-    0 … 1 over its maps, row 0 at v = 0. A part of a model that has it is foliage, uv 0 … 1 over `foliage.leaf_sheet`,
+    0 … 1 over its maps, row 0 at v = 0. A part of a model that has it is foliage, uv 0 … 1 over `foliage.leaf_atlas`,
     whose gaps are cut out of it; its triangles come in pairs, a card each."""
 
     def __post_init__(self) -> None:

@@ -21,7 +21,7 @@ class Camera(Settings):
 
     title: str
     image_px: tuple[Pixels, Pixels]
-    """Width (across the track) and height (along it)."""
+    """Width (across track) and height (along track)."""
     vertical_fov_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
     sensor_mm: tuple[Positive, Positive] | None = None
     focal_length_mm: Positive | None = None
@@ -32,7 +32,7 @@ class Camera(Settings):
     iso: tuple[Positive, Positive] = (100.0, 1600.0)
     """The lowest and the highest of still pictures."""
     readout_s: Annotated[float, Field(ge=0)] = 0.0
-    """From the exposure of the first row to that of the last."""
+    """Rolling-shutter readout: from the exposure of the first row to that of the last."""
     source: str = ""
 
     @model_validator(mode="after")
@@ -54,7 +54,7 @@ class Camera(Settings):
 
     @property
     def focal_mm(self) -> float:
-        """Focal length; of a camera without a sensor as if behind it were one of 1/2.3", 4.55 mm high."""
+        """Focal length; for a camera without a given sensor that of a 1/2.3" sensor, 4.55 mm high."""
         return self.focal_length_mm or 4.55 / (2 * tan(self.fov_rad / 2))
 
     @property
@@ -67,7 +67,7 @@ class Camera(Settings):
         return along * self.image_px[0] / self.image_px[1], along
 
     def ground_resolution_m(self, altitude_m: float) -> float:
-        """Metres on the ground a pixel."""
+        """Ground sampling distance [m/px]."""
         return self.footprint_m(altitude_m)[1] / self.image_px[1]
 
 
@@ -82,7 +82,7 @@ def parse_cameras(text: str, where: str) -> dict[str, Camera]:
     """
     try:
         entries: Any = parse_yaml(text, where)
-    except (yaml.YAMLError, ValueError) as error:  # a ValueError comes from what looks like a date and is none
+    except (yaml.YAMLError, ValueError) as error:  # a ValueError comes from an invalid date
         raise PaveTwinError(f"{where} is not valid YAML: {' '.join(str(error).split())}.") from error
     if not isinstance(entries, dict) or not all(isinstance(entry, dict) for entry in entries.values()):
         raise PaveTwinError(f"{where}: expected a mapping from camera names to their values.")

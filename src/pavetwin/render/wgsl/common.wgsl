@@ -1,5 +1,5 @@
-// What all passes share: the frame, instances, where vertices land. Positions are world positions less the camera's,
-// so that 32-bit numbers stay exact far from the world's origin.
+// Shared by all passes: frame uniforms, instances, vertex transforms. Positions are relative to the camera, so that
+// 32-bit numbers stay exact far from the world's origin.
 
 struct FrameInfo {
     to_clip: mat4x4f,         // from positions relative to the camera
@@ -39,9 +39,8 @@ fn turn(at: Instance, normal: vec3f) -> vec3f {
     return vec3f(dot(cross(s, t), normal), dot(cross(t, r), normal), dot(cross(r, s), normal));
 }
 
-// Clip position of a point: where a rolling shutter's rows see it, each row at its own moment. Not to be left early where
-// all rows are exposed at once: lavapipe (Mesa 22.3) compiles vertices that branch on a uniform anew for every frame, and
-// never frees what it made.
+// Clip position of a point under a rolling shutter, each row at its own time. No early return for a global shutter:
+// lavapipe (Mesa 22.3) recompiles vertex shaders that branch on a uniform for every frame, and never frees the code.
 fn project(relative: vec3f, velocity: vec3f) -> vec4f {
     let still = frame.to_clip * vec4f(relative, 1.0);
     let drift = frame.drift + frame.to_clip * vec4f(velocity, 0.0);

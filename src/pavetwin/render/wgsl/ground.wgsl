@@ -55,20 +55,20 @@ struct Seen {
     let footprint = footprint_of(in.relative, flat_n, in.world.z);
     let surface = ground_surface(kind, in.kind.y, in.uv, in.local, in.world.xy, footprint);
     var axes = grain_axes(in.relative, in.uv, flat_n);
-    // Loose ground lies along the world's, which needs no differences of large numbers.
+    // Texture axes of loose ground are the world's, which avoids differences of large numbers.
     if ((LOOSE_KINDS >> kind & 1u) == 1u) { axes = mat2x3f(1.0, 0.0, 0.0, 0.0, 1.0, 0.0); }
     let n = normalize(flat_n + axes * surface.slope);
     let lit = sunlight(in.shadow, flat_n, in.world.z, pixel_jitter(in.clip.xy));
     return vec4f(ground_radiance(surface, n, in.relative, lit, 1.0), 1.0);
 }
 
-// Which way u and v grow over a face: stones and slabs lie along their streets.
+// Directions of u and v over a face: stones and slabs are aligned with their street.
 fn grain_axes(relative: vec3f, uv: vec2f, n: vec3f) -> mat2x3f {
     let right = dpdx(relative);
     let down = dpdy(relative);
     let a = cross(down, n);
     let b = cross(n, right);
-    // Where the picture's axes and the normal are left-handed, both are turned round.
+    // Where the picture's axes and the normal are left-handed, both are reversed.
     let way = sign(dot(a, right));
     let u = way * (a * dpdx(uv.x) + b * dpdy(uv.x));
     let v = way * (a * dpdx(uv.y) + b * dpdy(uv.y));

@@ -1,4 +1,4 @@
-// How ground looks: the formula of scene/ground/compose.py, step by step. The numbers come from there by `GROUND`.
+// The ground's appearance: the formula of scene/ground/compose.py, step by step. Its constants come from there (`GROUND`).
 
 @group(1) @binding(0) var detail_colour: texture_2d_array<f32>;   // roots of reflectance, hold of paint
 @group(1) @binding(1) var detail_relief: texture_2d_array<f32>;   // normal x, y, height, roughness
@@ -17,7 +17,7 @@ struct Detail {
     relief: vec4f,
 }
 
-// Two levels of detail are mixed only near the middle between them: lavapipe samples one alone in half the time.
+// Two mip levels are mixed only near the middle between them: lavapipe samples a single one in half the time.
 fn level_of(footprint: f32) -> f32 {
     let level = log2(max(footprint, 1.0));
     let whole = floor(level);
@@ -63,7 +63,7 @@ fn edge_share(distance: f32, height: f32, edge: f32, footprint: f32) -> f32 {
 
 // `size`: of the kind's detail, metres.
 fn ground_surface(kind: u32, size: f32, uv: vec2f, local: vec2f, world: vec2f, footprint: f32) -> Surface {
-    // One sample or the other, never both: samples are what the ground costs.
+    // One sample or the other, never both: texture samples dominate the cost of the ground.
     let second = (LOOSE_KINDS >> kind & 1u) == 1u && second_share(world) > grain_luck(local);
     let turn = select(vec2f(1.0, 0.0), vec2f(SECOND_COS, SECOND_SIN), second);
     let scale = select(1.0, SECOND_SCALE, second) / size;
@@ -109,7 +109,7 @@ fn ground_surface(kind: u32, size: f32, uv: vec2f, local: vec2f, world: vec2f, f
     return out;
 }
 
-// What a rough, mostly level surface sends to the camera. `lit`: how much of the sun reaches it.
+// Radiance of a rough, nearly level surface towards the camera. `lit`: share of the sun that reaches it.
 fn ground_radiance(surface: Surface, n: vec3f, relative: vec3f, lit: f32, open: f32) -> vec3f {
     let v = normalize(-relative);
     let facing = max(dot(n, lamp.to_sun.xyz), 0.0);

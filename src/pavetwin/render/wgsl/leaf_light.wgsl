@@ -1,13 +1,13 @@
-// Foliage: light is worked out at the corners of cards, of which a crown has thousands; the sheet tells leaf from leaf.
+// Foliage: lighting is computed per vertex of the cards, of which a crown has thousands; the leaf atlas adds detail.
 
-// What a leaf lets through beside what it sends back, and its colour beside that: yellower (Jacquemoud and Baret 1990,
-// PROSPECT: at 550 nm a thin leaf lets through about as much as it sends back, at 450 and 650 nm much less).
+// Transmittance of a leaf relative to its reflectance, and its colour relative to that: yellower (Jacquemoud and Baret 1990,
+// PROSPECT: at 550 nm a thin leaf transmits about as much as it reflects, at 450 and 650 nm much less).
 const THROUGH = vec3f(0.75, 0.85, 0.35);
 
-// Sun is looked for this far in front of a card [m], past the leaves of its own twig.
+// Offset of shadow lookups in front of a card [m], past the leaves of its own twig.
 const CLEAR_OF_TWIG_M = 0.06;
 
-// Leaves of a twig look all ways about the dome that it is part of: light that grazes the dome reaches some.
+// The leaves of a twig face all directions around the crown's normal: light at grazing angles reaches some.
 const WRAP = 0.25;
 
 struct Seen {

@@ -2,8 +2,8 @@
 
 const PI = 3.14159265;
 
-// For pictures that look down from nearby, known before they are drawn: no haze, no mirror seen at a slant. A processor
-// does both sides of an `if`, but only one of this.
+// For pictures that look down from nearby, known before they are drawn: no haze, no grazing reflections. The CPU executes
+// both sides of an `if`, but only one of this.
 override looks_down: bool = false;
 
 @group(0) @binding(1) var shadow_map: texture_depth_2d;
@@ -13,8 +13,8 @@ override looks_down: bool = false;
 @group(0) @binding(5) var sky_sampler: sampler;     // wraps around the horizon
 @group(0) @binding(6) var nearest_sampler: sampler;
 
-// What of the frame light is worked out from. lavapipe (Mesa 22.3) loads a number of a buffer anew for every pixel:
-// where pixels are many, corners hand them on.
+// Inputs of lighting from the frame. lavapipe (Mesa 22.3) reloads a uniform for every pixel: large meshes pass them on
+// from their vertices.
 struct Lamp {
     to_sun: vec4f,
     sun: vec4f,
@@ -37,33 +37,33 @@ fn sky_irradiance(n: vec3f) -> vec3f {
     return max(e, vec3f(0.0));
 }
 
-// The sky in a direction, or what it lights below the horizon; blurred the rougher the surface that mirrors it.
+// The sky in a direction, or the lit ground below the horizon; blurred by the roughness of the reflecting surface.
 fn surroundings(direction: vec3f, roughness: f32) -> vec3f {
     let u = atan2(direction.y, direction.x) / (2.0 * PI) + 0.5;
     let v = acos(clamp(direction.z, -1.0, 1.0)) / PI;
     return textureSampleLevel(sky_map, sky_sampler, vec2f(u, v), roughness * 5.0).rgb;
 }
 
-// Where a point is looked up, a little before its surface, so that this does not shade itself.
+// Position of a shadow lookup, a little in front of the surface, against self-shadowing.
 fn in_shadow_map(relative: vec3f, normal: vec3f) -> vec3f {
     let slope = max(dot(normal, frame.to_sun.xyz), 0.0);
     let lifted = relative + normal * (frame.sun.w * (1.0 + 1.5 * (1.0 - slope)));
     return (frame.to_shadow * vec4f(lifted, 1.0)).xyz;
 }
 
-// How much of the sun reaches a point, with a single, filtered look: for what is too faint to show the edge of a shadow.
+// Share of the sun that reaches a point, from a single filtered sample: for terms too faint to show a shadow edge.
 fn sun_tap(at: vec3f) -> f32 {
     let inside = all(at.xy > vec2f(0.002)) && all(at.xy < vec2f(0.998));
     return select(1.0, textureSampleCompareLevel(shadow_map, shadow_compare, at.xy, at.z), inside);
 }
 
-// The same with soft edges: the half shadow widens with the distance of what casts it (Fernando 2005,
+// The same with soft edges: the penumbra widens with the distance of the caster (Fernando 2005,
 // Percentage-Closer Soft Shadows), `jitter` turns the samples from pixel to pixel, 0 … 1. `pixel`: its side there [m].
 fn sunlight(at: vec3f, normal: vec3f, pixel: f32, jitter: f32) -> f32 {
     if (dot(normal, lamp.to_sun.xyz) <= 0.0) { return 0.0; }
     if (any(at.xy < vec2f(0.002)) || any(at.xy > vec2f(0.998))) { return 1.0; }
     let texel = 1.0 / f32(textureDimensions(shadow_map).x);
-    // Points of Vogel's disc, the first in its middle: what is thinner than their distances is not missed there.
+    // Points of Vogel's disc, the first in its centre, so that thin casters are not missed there.
     var way = circle(jitter);
     var nearer = 0.0;
     var blockers = 0.0;
@@ -73,9 +73,9 @@ fn sunlight(at: vec3f, normal: vec3f, pixel: f32, jitter: f32) -> f32 {
         if (depth < at.z) { nearer += at.z - depth; blockers += 1.0; }
         way = goldenly(way);
     }
-    // In the open the loop does not run: a processor skips loops, but does both sides of an `if`.
+    // In the open the loop does not run: the CPU skips loops, but executes both sides of an `if`.
     let taps = select(0, 6, blockers > 0.0);
-    // Where a texel covers many pixels its corners would be the teeth of a saw; wider, level ground would shade itself.
+    // Where a texel covers many pixels a smaller radius would show jagged edges, a larger one self-shadowing.
     let least = clamp(0.3 * lamp.sun.w / pixel, 0.6, 1.4);
     let radius = clamp(nearer / max(blockers, 1.0) * lamp.to_sun.w, least, 12.0) * texel;
     var dark = 0.0;
@@ -87,17 +87,17 @@ fn sunlight(at: vec3f, normal: vec3f, pixel: f32, jitter: f32) -> f32 {
     return 1.0 - dark / 6.0;
 }
 
-// The same for what is lit by what the frame says.
+// The same with the frame's inputs.
 fn sun_on(relative: vec3f, normal: vec3f, jitter: f32) -> f32 {
     return sunlight(in_shadow_map(relative, normal), normal, pixel_at(relative), jitter);
 }
 
-// A way turned by the golden angle.
+// A direction rotated by the golden angle.
 fn goldenly(way: vec2f) -> vec2f {
     return vec2f(-0.737369 * way.x - 0.675490 * way.y, 0.675490 * way.x - 0.737369 * way.y);
 }
 
-// A way after so many turns, on a circle made of parabolas: up to 6 % too far, and cheaper than sines.
+// A direction after that many turns, on a circle made of parabolas: up to 6 % too far, and cheaper than sines.
 fn circle(turns: f32) -> vec2f {
     let ahead = 1.0 - 2.0 * fract(vec2f(turns + 0.25, turns));
     return 4.0 * ahead * (1.0 - abs(ahead));
@@ -108,7 +108,7 @@ fn pixel_jitter(pixel: vec2f) -> f32 {
     return fract(52.9829189 * fract(dot(pixel, vec2f(0.06711056, 0.00583715))));
 }
 
-// GGX with Smith's visibility in Hammon's approximation, for the sun's mirror image: its share of the sun's illuminance.
+// Specular reflection of the sun: GGX with Smith's visibility in Hammon's approximation, as a share of its illuminance.
 fn glint(n: vec3f, v: vec3f, roughness: f32, f0: vec3f) -> vec3f {
     let l = lamp.to_sun.xyz;
     let h = normalize(l + v + 1e-5 * n);
@@ -124,7 +124,7 @@ fn glint(n: vec3f, v: vec3f, roughness: f32, f0: vec3f) -> vec3f {
     return fresnel * (spread * visible * nl);
 }
 
-// The share of the surroundings that a surface mirrors (Karis 2014, Physically Based Shading on Mobile).
+// Specular reflectance of the surroundings (Karis 2014, Physically Based Shading on Mobile).
 fn mirrored(nv: f32, roughness: f32, f0: vec3f) -> vec3f {
     let r = roughness * vec4f(-1.0, -0.0275, -0.572, 0.022) + vec4f(1.0, 0.0425, 1.04, -0.04);
     let a = min(r.x * r.x, exp2(-9.28 * nv)) * r.x + r.y;
@@ -132,12 +132,12 @@ fn mirrored(nv: f32, roughness: f32, f0: vec3f) -> vec3f {
     return max(f0 * ab.x + ab.y, vec3f(0.0));
 }
 
-// What is left of a colour behind so much air. The nearest is as good as clear.
+// Transmittance of the air over a distance; short distances count as clear.
 fn through(distance: f32) -> f32 {
     return exp(min(CLEAR_SHARE - distance / frame.axis.w, 0.0));
 }
 
-// Haze between the camera and a point; no more light than half floats hold.
+// Haze between the camera and a point; limited to the range of half floats.
 fn through_air(radiance: vec3f, relative: vec3f) -> vec3f {
     var seen = radiance;
     if (!looks_down) {

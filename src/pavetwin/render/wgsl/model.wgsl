@@ -1,4 +1,4 @@
-// Vehicles, people, trees, lamps: vertex colours, tints of the instance, mirrored sky.
+// Vehicles, people, trees, lamps: vertex colours, tints of the instance, reflected sky.
 
 struct Vertex {
     @location(10) position: vec3f,
@@ -29,14 +29,14 @@ fn model_vertex(at: Instance, in: Vertex) -> Model {
         default: {}
     }
     out.colour = in.colour.rgb * tint.rgb;
-    // Glow is in units of white paper in full sun: 100 klx / π.
+    // Emission is in units of white paper in full sun: 100 klx / π.
     out.glow = out.colour * (tint.a * 31.8);
     out.roughness = clamp(f32(in.surface.x) / 255.0, 0.05, 1.0);
     out.metal = f32(in.surface.y) / 255.0;
     return out;
 }
 
-// Seen from both sides with the normals as they are: leaves are single sheets.
+// Both faces use the normals as they are: leaves are single-layered.
 fn model_radiance(model: Model, jitter: f32) -> vec3f {
     lamp = lamp_of_frame();
     let v = normalize(-model.relative);

@@ -1,5 +1,5 @@
-// Models of which a triangle covers few pixels: light is worked out at every vertex. lavapipe shades sixteen pixels for
-// every triangle, however small.
+// Models whose triangles cover few pixels: lighting per vertex. lavapipe shades sixteen pixels for every triangle,
+// however small.
 
 struct Seen {
     @builtin(position) clip: vec4f,
@@ -12,6 +12,6 @@ struct Seen {
 }
 
 @fragment fn fragment(in: Seen) -> @location(0) vec4f {
-    // Across a sliver seen edge-on, values between its corners run a little beyond them.
+    // Across a sliver seen edge-on, interpolated values exceed those of its corners a little.
     return vec4f(max(in.radiance, vec3f(0.0)), 1.0);
 }

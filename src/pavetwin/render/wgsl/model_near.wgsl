@@ -1,4 +1,4 @@
-// Models of which a triangle covers many pixels: light is worked out at every pixel.
+// Models whose triangles cover many pixels: lighting per pixel.
 
 struct Seen {
     @builtin(position) clip: vec4f,

@@ -61,20 +61,20 @@ struct Seen {
     let world = in.world.xy;
     let relief = textureSample(relief_map, smooth_sampler, in.uv);
     let across = vec2f(-in.along.y, in.along.x);
-    // Grain lies on walls as on floors: it is laid on from the side where the surface is steep over a few centimetres.
+    // Walls have the same grain as floors: it is projected from the side where the surface is steep over a few centimetres.
     let mean = (textureSampleLevel(relief_map, smooth_sampler, in.uv, WALL_LEVEL).xy * 255.0 - 128.0) / 127.0;
     let facing = abs(in.along * mean.x + across * mean.y);
     let beside = select(world.x, world.y, facing.x > facing.y);
     let grain = select(world, vec2f(beside, in.world.z), length(facing) > 0.55);
     var surface = ground_surface(0u, in.size, grain, in.local, world, footprint);
     let lit = sunlight(in.shadow, up, in.world.w, pixel_jitter(in.clip.xy));
-    let sound = ground_radiance(surface, normalize(vec3f(surface.slope, 1.0)), in.relative, lit, 1.0);
+    let defect_free = ground_radiance(surface, normalize(vec3f(surface.slope, 1.0)), in.relative, lit, 1.0);
     let bent = (relief.xy * 255.0 - 128.0) / 127.0;
-    // Back from a unit normal to a slope, which adds.
+    // From a unit normal back to a slope, as slopes can be added.
     let slope = bent / sqrt(max(1.0 - dot(bent, bent), 0.02));
     let total = surface.slope + in.along * slope.x + across * slope.y;
     let n = normalize(vec3f(total, 1.0));
     surface.albedo = clamp(surface.albedo * (relief.z * (255.0 / 128.0)), vec3f(0.0), vec3f(1.0));
     let damaged = ground_radiance(surface, n, in.relative, lit, relief.w);
-    return vec4f(damaged, dot(damaged, LUMINANCE) / dot(sound, LUMINANCE));
+    return vec4f(damaged, dot(damaged, LUMINANCE) / dot(defect_free, LUMINANCE));
 }

@@ -1,10 +1,10 @@
-// The sky that things standing on the ground hide from it: a darker rim around a car, and its dark underside. Drawn over
-// the ground, multiplied with what is there.
+// Contact shadows: the sky that objects hide from the ground, around and below a car. Drawn over the ground and
+// multiplied with it.
 
-// Share of the sky's light that reaches the middle of the ground below a car all the same.
+// Share of the sky's light that still reaches the middle of the ground below a car.
 const BOUNCED = 0.05;
 
-// Texels of the shadow map from here on are seen as such [m].
+// Texels of the shadow map larger than this are visible as such [m].
 const COARSE_M = 0.025;
 
 struct Seen {
@@ -31,7 +31,7 @@ struct Seen {
     let reach = at.tint1.zw + at.tint2.w / stretch.xy;
     let on_ground = vec3f(at.tint1.xy + corner * reach, 0.0);
     var out: Seen;
-    // A little above the ground, so that it is not lost in it.
+    // A little above the ground, against z-fighting.
     out.relative = place(at, on_ground) + vec3f(0.0, 0.0, 0.015);
     out.clip = project(out.relative, vec3f(0.0));
     out.local = corner * reach * stretch.xy;
@@ -42,14 +42,14 @@ struct Seen {
     out.sky = sky_irradiance(up);
     out.sun = lamp.sun.rgb * lamp.to_sun.z;
     out.shadow = in_shadow_map(out.relative, up);
-    // Looks a texel apart where texels are coarse: what lies in shadow right beside a car is so dark that the edge shows.
+    // Samples one texel apart where texels are coarse: right beside a car the shadow is so dark that its edge would show.
     let step = select(0.0, 1.4 * lamp.sun.w, lamp.sun.w > COARSE_M);
     out.east = frame.to_shadow[0].xyz * step;
     out.north = frame.to_shadow[1].xyz * step;
     return out;
 }
 
-// Of the sky that level ground sees, the share beside an upright wall that is `height` high and `away` m off.
+// Share of the sky that level ground sees at `away` m from an upright wall of `height` m.
 fn beside_wall(away: f32, height: f32, wide: f32) -> f32 {
     let hidden = 0.5 * (1.0 - away / sqrt(away * away + height * height));
     return 1.0 - hidden * (2.0 / PI) * atan(wide / max(away, 0.01));
@@ -66,10 +66,10 @@ fn below_disc(d: f32, r: f32, h: f32) -> f32 {
     let away = length(max(apart, vec2f(0.0)));
     let inside = max(-max(apart.x, apart.y), 0.0);
     let outside_open = beside_wall(away, in.body.x, max(in.half.x, in.half.y));
-    // Between wheels a gap lets light in; on feet and posts there is no below.
+    // Between wheels a gap lets light in; feet and posts have no space below.
     let gap = in.body.y;
     let under_open = select(0.5, 0.5 * (1.0 - inside / sqrt(inside * inside + gap * gap + 1e-6)), gap > 0.0);
-    // The lit street around a car throws some of its light below, which street and floor pass on.
+    // The lit street around a car reflects some light below it.
     let under_light = max(under_open, BOUNCED);
     var open = select(mix(outside_open, 1.0, smoothstep(0.3, 1.0, away / in.body.w)), under_light, inside > 0.0);
     // Crowns let half of the light through.

@@ -21,7 +21,7 @@ struct Seen {
     let ray = normalize(in.ray);
     // Not so near to the horizon that the map mixes in what lies below it.
     let sky = surroundings(vec3f(ray.xy, max(ray.z, 0.025)), 0.0);
-    // Below the horizon lies ground that is not drawn: beyond the world, or too far.
+    // Below the horizon: ground that is not drawn, beyond the world or too far.
     let distance = frame.camera.z / max(-ray.z, 1e-4);
     let up = vec3f(0.0, 0.0, 1.0);
     let mirror = mirrored(max(-ray.z, 0.02), 0.9, vec3f(0.04)) * surroundings(reflect(ray, up), 0.9);

@@ -1,4 +1,4 @@
-// Labels and depths, at the middle of every pixel, of the same triangles as the picture.
+// Labels and depths at pixel centres, of the same triangles as the picture.
 
 struct Vertex {
     @location(10) position: vec3f,

@@ -1,4 +1,4 @@
-// Labels and depths of leaves: what lies behind a gap is seen through it.
+// Labels and depths of leaves: objects behind a gap are visible through it.
 
 struct Seen {
     @builtin(position) clip: vec4f,

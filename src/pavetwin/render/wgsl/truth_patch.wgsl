@@ -17,7 +17,7 @@ struct Truth {
     @location(1) depth: f32,
 }
 
-override alone: bool = false;
+override amodal: bool = false;
 
 @group(1) @binding(0) var mask: texture_2d<f32>;
 
@@ -36,6 +36,6 @@ override alone: bool = false;
     let size = vec2f(textureDimensions(mask));
     let texel = clamp(vec2i(floor(in.uv * size)), vec2i(0), vec2i(size) - 1);
     let inside = textureLoad(mask, texel, 0).r > 0.5;
-    if (alone && !inside) { discard; }
+    if (amodal && !inside) { discard; }
     return Truth(select(0u, in.label, inside), in.depth);
 }

@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 from pavetwin.arrays import BoolArray, Float32Array, FloatArray, UInt8Array, UInt32Array
-from pavetwin.scene.foliage import CUT, leaf_sheet
+from pavetwin.scene.foliage import CUT, leaf_atlas
 from pavetwin.scene.glb import INDICES, GlbWriter, to_file_axes
 from pavetwin.scene.ground.sampling import srgb_of_linear
 from pavetwin.scene.model import Instance, Mesh, Model
@@ -107,7 +107,7 @@ class SharedModels:
 
     def _leaf_texture(self) -> int:
         if self._leaves is None:
-            sheet = leaf_sheet()
+            sheet = leaf_atlas()
             coded = np.round(255 * srgb_of_linear(sheet[..., :3] / 255)).astype(np.uint8)
             stream = BytesIO()
             Image.fromarray(np.concatenate([coded, sheet[..., 3:]], axis=-1)).save(stream, "PNG", optimize=True)

@@ -1,4 +1,4 @@
-"""What flying costs in battery. One file a model, one registry."""
+"""Battery use in flight. One file per model, one registry."""
 
 from pavetwin.uav.energy.base import CURVE_STEP_MPS, ENERGY_MODELS, EnergyCurve, energy_curve, energy_model
 

@@ -18,9 +18,9 @@ class EnergyCurve:
     """Battery drained, as the kernel reads it: linear between entries."""
 
     drain_per_s: Float64Array
-    """Share of the battery a second at airspeeds 0, 0.1, 0.2 … m/s."""
+    """Share of the battery per second at airspeeds 0, 0.1, 0.2 … m/s."""
     drain_per_m_climbed: float
-    """Share of the battery a metre of climb, on top of the above. A descent gives nothing back."""
+    """Share of the battery per metre of climb, added to the above. A descent recovers nothing."""
 
 
 EnergyModel = Callable[[EnergySettings], EnergyCurve]

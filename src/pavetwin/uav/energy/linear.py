@@ -8,5 +8,5 @@ from pavetwin.uav.energy.base import EnergyCurve, airspeeds, energy_model
 
 @energy_model("linear")
 def linear(settings: EnergySettings) -> EnergyCurve:
-    """e falls by 1/endurance a second whatever the UAV does (arXiv 2606.20742)."""
+    """The battery falls by 1/endurance per second whatever the UAV does (arXiv 2606.20742)."""
     return EnergyCurve(np.full_like(airspeeds(), 1 / settings.endurance_s), 0.0)

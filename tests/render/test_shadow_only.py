@@ -25,19 +25,19 @@ def sample(**instances: object):
 
 
 def test_it_is_not_in_the_picture_but_its_shadow_is() -> None:
-    empty, unseen = sample(), sample(unseen=[CAR.instance])
-    assert (unseen.labels == 0).all()
-    assert unseen.amodal_px == {}
-    np.testing.assert_array_equal(unseen.depth_m, empty.depth_m)
+    empty, shadow_only = sample(), sample(shadow_only=[CAR.instance])
+    assert (shadow_only.labels == 0).all()
+    assert shadow_only.amodal_px == {}
+    np.testing.assert_array_equal(shadow_only.depth_m, empty.depth_m)
     # With the sun in the west, 45° high, the shadow's end lies as far east of the roof's edge as the roof is high.
     inside, beyond = VIEW.project([[1.0 + 1.9 + 1.0, 0, 0], [1.0 + 1.9 + 2.2, 0, 0]]).astype(int)
-    share = unseen.rgb[inside[1], inside[0]].mean() / unseen.rgb[beyond[1], beyond[0]].mean()
+    share = shadow_only.rgb[inside[1], inside[0]].mean() / shadow_only.rgb[beyond[1], beyond[0]].mean()
     assert share < 0.75
 
 
 def test_it_stands_beside_what_is_seen() -> None:
     other = replace(CAR, y=-3.0, label=9)
-    frame = sample(instances=[other.instance], unseen=[CAR.instance])
+    frame = sample(instances=[other.instance], shadow_only=[CAR.instance])
     assert set(np.unique(frame.labels)) == {0, 9}
     assert set(frame.amodal_px) == {9}
     assert frame.amodal_px[9] == int((frame.labels == 9).sum())
@@ -56,7 +56,9 @@ def test_before_the_lens_the_own_shadow_has_an_even_edge(azimuth_deg: float) -> 
         vertical_fov_rad=FRONT.camera.fov_rad,
     )
     bare, seen = (
-        renderer.light(view, light=Light(55.0, azimuth_deg), unseen=each, truth=False).radiance[..., 1].astype(float)
+        renderer.light(view, light=Light(55.0, azimuth_deg), shadow_only=each, truth=False)
+        .radiance[..., 1]
+        .astype(float)
         for each in ([], [car])
     )
     dark = seen / bare < 0.6

@@ -1,4 +1,4 @@
-"""What one frame draws, out of all that a scene holds: what is near and in view, and no finer than its pixels."""
+"""The draw list of one frame, from the whole scene: what is near and in view, at the level of detail of its pixels."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -9,7 +9,7 @@ from pavetwin.arrays import Float64Array
 from pavetwin.render.boxes import solids
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.instances import InstanceBatch, InstanceBuffer, PartTable
-from pavetwin.render.levels import casting, coarser, level_of, skin_of
+from pavetwin.render.levels import casting, coarser, culling_of, level_of
 from pavetwin.render.meshes import GpuMesh, upload_model
 from pavetwin.render.nearby import FAR_M, ground_seen, looks_beyond, looks_down, tile_seen, wanted_keys
 from pavetwin.render.passes import DrawList, PatchDraw
@@ -21,7 +21,7 @@ from pavetwin.scene.patches import COARSE_PIXEL_M
 from pavetwin.scene.view import View
 
 SHADE_FAR_M: Final = 60.0
-"""Farther things do not darken the ground around them."""
+"""Objects beyond this distance have no contact shadow."""
 
 SHADOW_TEXELS: Final = 4.0
 """Details of shadows smaller than this are left out."""
@@ -31,22 +31,22 @@ NEAR_PX2: Final = 12.0
 
 
 class GpuScene:
-    """The models and tiles of one scene, kept on the device, and what of them a frame needs."""
+    """The models and tiles of one scene on the device, and the draw list of each frame."""
 
     def __init__(self, gpu: Gpu, scene: Drawable, layouts: TileLayouts) -> None:
         self._gpu, self._scene = gpu, scene
         self.parts = PartTable({**scene.models, **solids()})
         self.tiles = TileCache(gpu, scene, self.parts, layouts)
         self._meshes: dict[tuple[int, int, bool], GpuMesh] = {}
-        """By part, level, and whether it is of those that only throw shadows."""
+        """By part, level, and whether it is a shadow caster."""
 
     def mesh(self, part: int, level: int = 0, *, casts: bool = False) -> GpuMesh:
-        """Of a part, so much coarser; `casts`: as that only throws shadows."""
+        """The mesh of a part at a level of detail; `casts`: as a shadow caster."""
         mesh = self.parts.meshes[part]
         key = part, level, casts and mesh.uv is not None
         if key not in self._meshes:
             made = casting(mesh, level) if casts else coarser(mesh, level)
-            self._meshes[key] = upload_model(self._gpu, made, skin_of(mesh))
+            self._meshes[key] = upload_model(self._gpu, made, culling_of(mesh))
         return self._meshes[key]
 
     def draws(
@@ -57,10 +57,10 @@ class GpuScene:
         agents: tuple[InstanceBatch, InstanceBatch],
         records: InstanceBuffer,
     ) -> DrawList:
-        """What is seen, and what throws shadows on it. Of the agents the second ones do nothing but that."""
+        """What is in view, and what casts shadows into it. `agents`: those drawn, and those that only cast shadows."""
         bounds = planes(view)
         tiles = [self.tiles.tile(key) for key in wanted_keys(self._scene, view, light)]
-        crowd = InstanceBatch.joined([*agents, *(tile.crowd for tile in tiles)])
+        batch = InstanceBatch.joined([*agents, *(tile.batch for tile in tiles)])
         shown, moving = len(agents[0]), len(agents[0]) + len(agents[1])
         placed = [(tile, records.add_place(tile.origin)) for tile in tiles]
         seen = [(tile, record) for tile, record in placed if tile_seen(tile.origin, view, bounds)]
@@ -70,40 +70,40 @@ class GpuScene:
             if ground_seen((*tile.origin, tile.origin[0] + TILE_M, tile.origin[1] + TILE_M), view, bounds)
         ]
         patches = self._patches(grounds, view, bounds, records)
-        relative = crowd.centre - view.position
+        relative = batch.centre - view.position
         ahead = relative @ view.rotation[:, 2]
-        inside = (relative @ bounds.T > -crowd.radius[:, None]).all(axis=1) & (ahead - crowd.radius < FAR_M)
-        inside = np.asarray(inside & (crowd.radius * view.focal_px > np.maximum(ahead, 0.1)))
+        inside = (relative @ bounds.T > -batch.radius[:, None]).all(axis=1) & (ahead - batch.radius < FAR_M)
+        inside = np.asarray(inside & (batch.radius * view.focal_px > np.maximum(ahead, 0.1)))
         inside[shown:moving] = False
         across = np.abs(relative @ shadow.across.T - shadow.middle)
-        throwing = np.flatnonzero((across < shadow.half_m + crowd.radius[:, None]).all(axis=1))
-        pixel = np.maximum(np.linalg.norm(relative, axis=1) - crowd.radius, 0.5) / view.focal_px
-        stretch = np.linalg.norm(crowd.transform[:, :, :3], axis=1).mean(axis=1)
-        area = self.parts.area_m2[crowd.part] * stretch**2
-        level = level_of(self.parts.least_px2[crowd.part], area, pixel)
-        # Half of a triangle's area is seen on average.
+        throwing = np.flatnonzero((across < shadow.half_m + batch.radius[:, None]).all(axis=1))
+        pixel = np.maximum(np.linalg.norm(relative, axis=1) - batch.radius, 0.5) / view.focal_px
+        stretch = np.linalg.norm(batch.transform[:, :, :3], axis=1).mean(axis=1)
+        area = self.parts.area_m2[batch.part] * stretch**2
+        level = level_of(self.parts.least_px2[batch.part], area, pixel)
+        # On average half of a triangle's area is visible.
         close = area / pixel**2 / 2 > NEAR_PX2
         near, far = (
             [
                 (self.mesh(*kind), count, first)
-                for kind, count, first in records.add_crowd(crowd.only(which), level[which])
+                for kind, count, first in records.add_batch(batch.only(which), level[which])
             ]
             for which in (np.flatnonzero(inside & close), np.flatnonzero(inside & ~close))
         )
-        # A few texels of the shadow map, which is smoothed, are to shadows what a pixel is to the picture.
+        # A few texels of the filtered shadow map correspond to one pixel of the picture.
         coarse = np.maximum(pixel, SHADOW_TEXELS * shadow.texel_m)
-        # The camera's own vehicle throws its shadow right before the lens, where four texels are a wide tooth.
+        # The shadow of the camera's own vehicle is right before the lens, where four texels would show as a step.
         coarse[shown:moving] = pixel[shown:moving]
-        shade_level = level_of(self.parts.least_px2[crowd.part], area, coarse)
+        shade_level = level_of(self.parts.least_px2[batch.part], area, coarse)
         casters = [
             (self.mesh(*kind, casts=True), count, first)
-            for kind, count, first in records.add_crowd(crowd.only(throwing), shade_level[throwing])
+            for kind, count, first in records.add_batch(batch.only(throwing), shade_level[throwing])
         ]
         for tile, record in placed:
             casters += [(mesh, 1, record) for mesh in (tile.facades, tile.kerbs) if mesh is not None]
-        # Their rims reach into the picture from beside it.
-        rimmed = (relative @ bounds.T > -2 * crowd.radius[:, None] - 1).all(axis=1) & (ahead < SHADE_FAR_M)
-        shades = records.add_shades(crowd.only(np.flatnonzero(rimmed)), self.parts)
+        # Contact shadows reach into the picture from beside it.
+        rimmed = (relative @ bounds.T > -2 * batch.radius[:, None] - 1).all(axis=1) & (ahead < SHADE_FAR_M)
+        shades = records.add_shades(batch.only(np.flatnonzero(rimmed)), self.parts)
         levels = np.where(inside, level, -1)[:shown]
         down = looks_down(view, light)
         return DrawList(seen, grounds, patches, near, far, casters, shades, levels, looks_beyond(view), down)
@@ -115,7 +115,7 @@ class GpuScene:
         bounds: Float64Array,
         records: InstanceBuffer,
     ) -> list[PatchDraw]:
-        """The defects on these grounds that are in view."""
+        """The defects of these tiles that are in view."""
         found = []
         for tile, pavement, _ in grounds:
             for number, box in self._scene.holes_on(tile.key).items():
@@ -128,7 +128,7 @@ class GpuScene:
 
 
 def _pixel_m(box: tuple[float, float, float, float], view: View) -> float:
-    """Side of a pixel at the nearest place of a box on the ground."""
+    """Side of a pixel at the nearest point of a box on the ground."""
     west, south, east, north = box
     nearest = np.clip(view.position, (west, south, 0.0), (east, north, 0.0))
     return float(np.linalg.norm(nearest - view.position)) / view.focal_px
