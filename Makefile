@@ -4,7 +4,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo study pictures gallery assets test test-all bench lint lock clean
+.PHONY: help setup demo study pictures gallery docs assets test test-all bench lint lock clean
 
 PYTHON ?= python3
 # Blender's Python module has wheels for one Python only.
@@ -48,6 +48,14 @@ pictures: demo study  ## The pictures of the documentation, made anew from the d
 gallery: setup  ## The pictures of docs/gallery: defects, frames from above and from a car, taken anew
 	@.venv/bin/python -m gallery
 
+docs: setup .venv-docs/.done  ## The documentation as a site that opens offline: out/site/index.html
+	@NO_MKDOCS_2_WARNING=1 .venv-docs/bin/python -m mkdocs build --strict --quiet --site-dir out/site
+
+.venv-docs/.done: docs/requirements.lock
+	@$(PYTHON) -m venv --clear .venv-docs
+	@.venv-docs/bin/pip install --quiet --require-hashes --requirement docs/requirements.lock
+	@touch $@
+
 assets: .venv-assets/.done  ## The models of the scene (src/pavetwin/scene/models), made anew with Blender's Python module
 	@PYTHONPATH=src .venv-assets/bin/python -m assets.build
 
@@ -70,13 +78,15 @@ lint:  ## ruff, mypy --strict, clippy with warnings as errors, rustfmt
 	@scripts/setup.sh packages
 	@scripts/lint.sh
 
-lock:  ## Write requirements.lock and Cargo.lock anew from what is asked for (UPGRADE=1: the newest of everything)
+lock:  ## Write the lock files again from what is asked for (UPGRADE=1: the newest of everything)
 	@scripts/setup.sh packages
 	@.venv/bin/uv pip compile pyproject.toml --group dev --universal --python-version 3.11 --generate-hashes \
 		--no-emit-index-url --no-header --quiet $(if $(UPGRADE),--upgrade) --output-file requirements.lock
+	@.venv/bin/uv pip compile --group docs --universal --python-version 3.11 --generate-hashes \
+		--no-emit-index-url --no-header --quiet $(if $(UPGRADE),--upgrade) --output-file docs/requirements.lock
 	@cargo update --quiet $(if $(UPGRADE),,--workspace)
-	@git diff --stat -- requirements.lock Cargo.lock
+	@git diff --stat -- requirements.lock docs/requirements.lock Cargo.lock
 
 clean:  ## Remove what these targets made, results in out/ excepted
-	rm -rf .venv .venv-assets .tools target .mypy_cache .pytest_cache .ruff_cache .hypothesis src/pavetwin/_core*.so
+	rm -rf .venv .venv-assets .venv-docs .tools target .mypy_cache .pytest_cache .ruff_cache .hypothesis src/pavetwin/_core*.so
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,7 +1,7 @@
 """Severity of a defect: low, medium or high after ASTM D6433 (pavement condition index surveys of roads).
 
 Where the standard gives millimetres, they are used. Where it only describes (alligator cracking), we use our own
-thresholds for its terms; `docs/defects.md` lists them.
+thresholds for its terms; `docs/explanation/defects.md` lists them.
 """
 
 from pavetwin.defects.measures import Measures

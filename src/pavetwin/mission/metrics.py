@@ -1,4 +1,4 @@
-"""The metrics of a mission, segment by segment. Definitions: docs/definitions.md."""
+"""The metrics of a mission, segment by segment. Definitions: docs/explanation/definitions.md."""
 
 from dataclasses import dataclass
 
