@@ -79,11 +79,6 @@ def level_text(factor: str, level: Any) -> str:
     return f"{text}\u00a0m" if factor == "altitude_m" else text
 
 
-def listed(words: list[str]) -> str:
-    """`a, b and c`."""
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}" if words else ""
-
-
 def counted(count: int, one: str, many: str | None = None) -> str:
     """`1 mission`, `720 missions`."""
     return f"{count:,} {one if count == 1 else many or one + 's'}".replace(",", "\u2009")

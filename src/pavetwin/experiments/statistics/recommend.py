@@ -30,20 +30,20 @@ from pavetwin.experiments.statistics.wording import (
     listed,
     opened,
     percent,
+    probability,
     setting,
     span,
 )
 
 _COVERAGE, _TIME, _ENERGY = _MEASURED = ("coverage", "time_s", "energy")
-_SPOKEN = ("coverage", "time", "energy")
 _SHOWN: Final = 0.05
 """Below this p a difference counts as shown."""
 _SAME: Final = 1e-9
 """Coverages closer than this are equal: sums of the same shares in another order."""
-_WORTH_SAYING: Final = 0.01
-"""Nothing keeps the limits in fewer of the resamples than this: not told."""
 _NEAR: Final = 0.01
 """Options that break their limits by this share more than the nearest are as near."""
+
+Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -69,6 +69,10 @@ class Limits:
         limits = {_COVERAGE: self.min_coverage, _TIME: self.max_time_s, _ENERGY: self.max_energy}
         return {name: limit for name, limit in limits.items() if limit is not None}
 
+    @property
+    def words(self) -> str:
+        return "the limit" if len(self.named) == 1 else "the limits"
+
 
 @dataclass(frozen=True)
 class Recommendation:
@@ -85,15 +89,13 @@ class Recommendation:
     do, or level with the best: these shares may add up to more than 1), both null where there are fewer than five
     replicates; `p` (of its coverage against that of the first); `same` (as the first in coverage, time and energy of
     every replicate)."""
-    best: dict[str, Any] | None
+    best: Row | None
     """The first row of `options`; None when no option is feasible."""
-    nearest: dict[str, Any] | None
+    nearest: Row | None
     """When none is feasible: of the options whose worst breach, as a share of the limit, is at most 1 % above the
     smallest, the one with the best coverage."""
     broken: str | None
     """The metric of that worst breach."""
-    none_keeps: float | None
-    """Share of the resamples in which no option keeps the limits; null where there are fewer than five replicates."""
     sentences: tuple[str, ...]
 
 
@@ -116,9 +118,8 @@ def recommend(
     alone = np.bincount(cells.cell[failed_alone(table, by)], minlength=len(cells.keys))
     units[:, alone > 0] = means[:, alone > 0] = np.nan
     replicates = np.isfinite(cells.means(values_of(table, _COVERAGE))).sum(axis=1)
-    kept, certainty, none = _resampled(units, cells.worlds, limits, seed)
-    none_keeps = none if replicates.max() >= FEW else None
-    if none_keeps is None:
+    kept, certainty = _resampled(units, cells.worlds, limits, seed)
+    if replicates.max() < FEW:
         kept[:] = certainty[:] = np.nan
     options = _options(summary, by).with_columns(
         failed_alone=alone,
@@ -139,11 +140,11 @@ def recommend(
     best = options.row(0, named=True) if options["feasible"].any() else None
     nearest, broken = (None, None) if best else _nearest(options, limits)
     sentences = (
-        _sentences(table, options, by, limits, none_keeps or 0.0)
+        _sentences(table, options.to_dicts(), by, limits)
         if best
-        else _refusal(options, by, nearest, broken, limits)
+        else _refusal(options.to_dicts(), by, nearest, broken, limits)
     )
-    return Recommendation(limits, tuple(by), options, best, nearest, broken, none_keeps, tuple(sentences))
+    return Recommendation(limits, tuple(by), options, best, nearest, broken, tuple(map(opened, sentences)))
 
 
 def _options(summary: pl.DataFrame, by: Sequence[str]) -> pl.DataFrame:
@@ -157,9 +158,9 @@ def _options(summary: pl.DataFrame, by: Sequence[str]) -> pl.DataFrame:
     return frame.with_columns(parts[_TIME]["p95"].alias("time_s_p95"))
 
 
-def _resampled(units: FloatArray, worlds: IntArray, limits: Limits, seed: int) -> tuple[FloatArray, FloatArray, float]:
+def _resampled(units: FloatArray, worlds: IntArray, limits: Limits, seed: int) -> tuple[FloatArray, FloatArray]:
     """(options,) shares of the resamples in which an option keeps the limits, and in which it also is the best of all
-    that do, or level with the best; and the share in which none keeps them.
+    that do, or level with the best.
 
     Args:
         units: (3, options, blocks) coverage, time and energy of each replicate, NaN where undefined.
@@ -174,7 +175,7 @@ def _resampled(units: FloatArray, worlds: IntArray, limits: Limits, seed: int) -
         value = np.where(chosen, sign * means[_MEASURED.index(name)], np.inf)
         least = value.min(axis=1, keepdims=True)
         chosen &= value <= least + _SAME * np.maximum(np.abs(np.where(np.isfinite(least), least, 0.0)), 1.0)
-    return feasible.mean(axis=0), chosen.mean(axis=0), float(1 - feasible.any(axis=1).mean())
+    return feasible.mean(axis=0), chosen.mean(axis=0)
 
 
 def _feasible(means: FloatArray, limits: Limits) -> BoolArray:
@@ -190,7 +191,7 @@ def _feasible(means: FloatArray, limits: Limits) -> BoolArray:
     return np.asarray(kept)
 
 
-def _nearest(options: pl.DataFrame, limits: Limits) -> tuple[dict[str, Any] | None, str | None]:
+def _nearest(options: pl.DataFrame, limits: Limits) -> tuple[Row | None, str | None]:
     breaches = [
         (max((_breach(option[name], limit, name), name) for name, limit in limits.named.items()), option)
         for option in options.iter_rows(named=True)
@@ -210,25 +211,53 @@ def _breach(value: float, limit: float, name: str) -> float:
     return value / limit - 1
 
 
-def _sentences(
-    table: pl.DataFrame, options: pl.DataFrame, by: Sequence[str], limits: Limits, none_keeps: float
-) -> list[str]:
-    best, *others = options.to_dicts()
-    expected = [f"{name} {_expected(best, column)}" for name, column in zip(_SPOKEN, _MEASURED, strict=True)]
-    fly = f"fly {_option(best, by)}: expected {listed(expected)} a segment, the way there from the base included"
-    sure = _how_sure(best, others, by, none_keeps=none_keeps if limits.named else None)
-    sentences = [fly, sure, *_unshown(best, others, by), *_same(best, others, by), *_warnings(best, limits)]
-    return [opened(sentence) for sentence in [*sentences, *_left_out(others, by), *_averaged(table, by)]]
+def _sentences(table: pl.DataFrame, options: Sequence[Row], by: Sequence[str], limits: Limits) -> list[str]:
+    best, *others = options
+    names = [metric_named(name).label.lower() for name in _MEASURED]
+    expected = listed([f"{name} {_expected(best, column)}" for name, column in zip(names, _MEASURED, strict=True)])
+    fly = f"fly {_option(best, by)}: expected {expected} a segment, the flight from the base included"
+    return [
+        fly,
+        *_lead(best, others, by, limits),
+        *_warnings(best, limits),
+        *_left_out(others, by),
+        *_averaged(table, by),
+    ]
 
 
-def _warnings(best: dict[str, Any], limits: Limits) -> list[str]:
+def _lead(best: Row, others: Sequence[Row], by: Sequence[str], limits: Limits) -> list[str]:
+    """Which options the replicates separate from the best: by its coverage compared in pairs, p not corrected."""
+    rivals, count = [other for other in others if other["feasible"]], best["replicates"]
+    if not rivals:
+        return [f"no other option keeps {limits.words}" if limits.named and others else "there is no other option"]
+    if count < FEW:
+        replicates = "one replicate is" if count == 1 else f"{count} replicates are"
+        return [f"{replicates} too few to separate options: fly at least {FEW}"]
+    level = [other for other in rivals if round(other[_COVERAGE], 3) == round(best[_COVERAGE], 3)]  # as printed
+    same = [_option(other, by) for other in level if other["same"]]
+    dearer = [_option(other, by) for other in level if not other["same"]]
+    apart = [other for other in rivals if other not in level and other["p"] is not None]
+    close = [f"{_option(other, by)} ({probability(other['p'])})" for other in apart if other["p"] >= _SHOWN]
+    leads = f"{f'within {limits.words}, ' if limits.named else ''}{_option(best, by)} leads"
+    sentences = []
+    if close:
+        sentences.append(f"{leads}; {count} replicates cannot separate it from {_first(close)}")
+    elif apart:
+        sentences.append(f"{leads}; {count} replicates separate it from {_first([_option(o, by) for o in apart])}")
+    if same:
+        sentences.append(f"{_first(same)} {'are' if len(same) > 1 else 'is'} the same in everything")
+    if dearer:
+        sentences.append(f"{_first(dearer)} found as much; the choice is by time, then by energy")
+    return sentences
+
+
+def _warnings(best: Row, limits: Limits) -> list[str]:
     warnings = []
     if limits.named and best["kept"] is not None and best["kept"] < 0.95:
-        broken = percent(1 - best["kept"])
-        warnings.append(f"that it keeps the limits on average is not sure: in {broken} of the resamples it does not")
+        warnings.append(f"its means break {limits.words} in {percent(1 - best['kept'])} of the resamples")
     if limits.max_time_s is not None and best["time_s_p95"] > limits.max_time_s:
         over = amount(metric_named(_TIME), best["time_s_p95"])
-        warnings.append(f"the limit of time holds on average only: the 95th percentile is {over}")
+        warnings.append(f"the limit of time holds for the mean, not for every mission: the 95th percentile is {over}")
     if best["failed"]:
         warnings.append(f"{best['failed']} of its missions failed, as with every option, and are in no mean")
     if best["undefined"]:
@@ -236,12 +265,10 @@ def _warnings(best: dict[str, Any], limits: Limits) -> list[str]:
     return warnings
 
 
-def _left_out(options: Sequence[dict[str, Any]], by: Sequence[str]) -> list[str]:
+def _left_out(options: Sequence[Row], by: Sequence[str]) -> list[str]:
     """The options that failed where others did not."""
-    left = [option for option in options if option["failed_alone"]]
-    named = [f"{_option(option, by)} ({option['failed_alone']} failed)" for option in left[:3]]
-    more = f" and {len(left) - 3} more" if len(left) > 3 else ""
-    return [f"left out, since their means lack missions that others flew: {listed(named)}{more}"] if left else []
+    left = [f"{_option(option, by)} ({option['failed_alone']} failed)" for option in options if option["failed_alone"]]
+    return [f"left out, since their means lack missions that others flew: {_first(left)}"] if left else []
 
 
 def _averaged(table: pl.DataFrame, by: Sequence[str]) -> list[str]:
@@ -255,100 +282,35 @@ def _averaged(table: pl.DataFrame, by: Sequence[str]) -> list[str]:
     return [f"this is an average over {listed(named)}"] if named else []
 
 
-def _option(option: dict[str, Any], by: Sequence[str]) -> str:
+def _first(named: Sequence[str]) -> str:
+    """The first three, and how many more there are."""
+    return listed(named) if len(named) <= 3 else f"{', '.join(named[:3])} and {len(named) - 3} more"
+
+
+def _option(option: Row, by: Sequence[str]) -> str:
     """`hover at 10 m`: the policy first, as one would say it."""
     rest = [column for column in by if column != "policy"]
     return " ".join([str(option["policy"])] * ("policy" in by) + [setting(option, rest)] * bool(rest))
 
 
-def _expected(option: dict[str, Any], name: str) -> str:
+def _expected(option: Row, name: str) -> str:
     metric, low, high = metric_named(name), option[f"{name}_low"], option[f"{name}_high"]
     interval = f" ({span(metric, low, high)})" if low is not None else ""
     return amount(metric, option[name]) + interval
 
 
-def _how_sure(
-    best: dict[str, Any], others: Sequence[dict[str, Any]], by: Sequence[str], *, none_keeps: float | None
-) -> str:
-    """Args:
-    none_keeps: share of the resamples in which no option keeps the limits; None where there are no limits.
-    """
-    if best["coverage_low"] is None:
-        return "one replicate says nothing of how sure this is"
-    certainty = best["certainty"]
-    if certainty is None:
-        return f"{best['replicates']} replicates are too few to say how sure this is: fly at least {FEW}"
-    if not any(other["kept"] > 0 for other in others):
-        limited = none_keeps is not None and others
-        return "no other option keeps the limits" if limited else "there is no other option to choose from"
-    shown = not _doubtful(best, others)
-    word = "very sure" if certainty >= 0.95 and shown else "fairly sure" if certainty >= 0.8 and shown else "not sure"
-    rivals = [other for other in others if other["certainty"] >= 0.05 and not other["same"]]
-    rivals.sort(key=lambda other: -other["certainty"])
-    named = [f"{_option(other, by)} in {percent(other['certainty'])}" for other in rivals[:3]]
-    # The limits are judged anew in each resample: what breaks them on average may keep them in some.
-    best_in = (
-        f"of all options it is the best in {percent(certainty)} of the resamples"
-        if none_keeps is None
-        else f"in {percent(certainty)} of the resamples it keeps the limits and is the best of all that do"
-    )
-    nothing = f"; in {percent(none_keeps)} nothing keeps them" if none_keeps and none_keeps >= _WORTH_SAYING else ""
-    return f"this is {word}: {', '.join([best_in, *([listed(named)] if named else [])])}{nothing}"
-
-
-def _unshown(best: dict[str, Any], others: Sequence[dict[str, Any]], by: Sequence[str]) -> list[str]:
-    """The options whose coverage pairs do not show to be less, though a resample seldom says so where few differ."""
-    if best["certainty"] is None:
-        return []
-    doubtful = _doubtful(best, others)
-    named = [f"{_option(other, by)} (p = {other['p']:.2g})" for other in doubtful[:3]]
-    more = f" and {len(doubtful) - 3} more" if len(doubtful) > 3 else ""
-    return (
-        [f"compared in pairs its coverage is not shown to be more than that of {listed(named)}{more}"] if named else []
-    )
-
-
-def _doubtful(best: dict[str, Any], others: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    return [
-        other
-        for other in others
-        if other["feasible"]
-        and other["p"] is not None
-        and other["p"] >= _SHOWN
-        and not _equal(best[_COVERAGE], other[_COVERAGE])
-    ]
-
-
-def _same(best: dict[str, Any], others: Sequence[dict[str, Any]], by: Sequence[str]) -> list[str]:
-    """That options with the same coverage were told apart by what they cost, if they could be."""
-    level = [other for other in others if other["feasible"] and _equal(best[_COVERAGE], other[_COVERAGE])]
-    same = [_option(other, by) for other in level if other["same"]]
-    dearer = [_option(other, by) for other in level if not other["same"]]
-    more = f" and {len(same) - 3} more" if len(same) > 3 else ""
-    are = "are" if len(same) > 1 else "is"
-    return [
-        *([f"{listed(same[:3])}{more} {are} the same in everything"] if same else []),
-        *([f"{listed(dearer[:3])} found as much; the choice is by time, then by energy"] if dearer else []),
-    ]
-
-
-def _equal(one: float, other: float | None) -> bool:
-    """As they are printed."""
-    return other is not None and round(one, 3) == round(other, 3)
-
-
 def _refusal(
-    options: pl.DataFrame, by: Sequence[str], nearest: dict[str, Any] | None, broken: str | None, limits: Limits
+    options: Sequence[Row], by: Sequence[str], nearest: Row | None, broken: str | None, limits: Limits
 ) -> list[str]:
-    left = [opened(sentence) for sentence in _left_out(options.to_dicts(), by)]
+    left = _left_out(options, by)
     if nearest is None or broken is None:
-        return ["No option has a coverage, a time and an energy to judge by.", *left]
+        return ["no option has a coverage, a time and an energy to judge by", *left]
     metric, limit = metric_named(broken), limits.named[broken]
     side = "below" if broken == _COVERAGE else "above"
     found = f", its coverage {amount(metric_named(_COVERAGE), nearest[_COVERAGE])}" if broken != _COVERAGE else ""
     return [
-        "No option keeps the limits on average.",
-        opened(f"the nearest is {_option(nearest, by)}{found}; what it breaks most is the limit of "
-               f"{metric.label.lower()}: {_expected(nearest, broken)} is {side} {amount(metric, limit)}"),
+        f"no option keeps {limits.words} on average",
+        f"the nearest is {_option(nearest, by)}{found}; what it breaks most is the limit of "
+        f"{metric.label.lower()}: {_expected(nearest, broken)} is {side} {amount(metric, limit)}",
         *left,
-    ]  # fmt: skip
+    ]

@@ -1,6 +1,6 @@
 """What a study shows, in sentences that say no more than their intervals and tests do."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -12,7 +12,6 @@ from pavetwin.experiments.statistics.paired import Comparison, holm, told
 from pavetwin.experiments.statistics.summary import FEW
 from pavetwin.experiments.statistics.wording import (
     amount,
-    compared,
     difference,
     factor_name,
     listed,
@@ -76,24 +75,24 @@ class _Claims:
         columns = differences.columns[: differences.columns.index("metric")]
         self.others = _varied(differences, [column for column in columns if column != self.factor])
         self.rows = differences.drop_nulls("p").filter(pl.col("metric").is_in(COMPARED)).to_dicts()
-        self.noted = False
 
     def sentences(self) -> list[str]:
-        return [
-            *self.against(),
-            *self.shown(_MAIN),
-            *self.not_shown(_MAIN),
-            *self.shown("time_s"),
-            *(self.shown("energy", unless="time_s") if "energy" in self.most else []),
-            *self.not_shown("time_s"),
-            *self.hopeless(),
-        ]
+        if not self.rows:
+            return [
+                f"Nothing could be compared with {self.reference}: that takes missions of it and of another in the "
+                "same two replicates."
+            ]
+        shown = self.shown("time_s")
+        if "energy" in self.most:
+            shown += self.shown("energy", unless="time_s")
+        found = [*self.shown(_MAIN), *self.not_shown(_MAIN), *shown, *self.not_shown("time_s")]
+        return [*self.against(), *found, *self.corrected()]
 
     def against(self) -> list[str]:
         """What is compared with what, where that was not to be expected."""
-        if not self.rows or not self.reason:
+        if not self.reason:
             return []
-        levels = [subject(self.factor, rows[0][self.factor]) for rows in _grouped(self.rows, self._level)]
+        levels = [subject(self.factor, level) for level in _grouped(self.rows, self._level)]
         verb = "is" if len(levels) == 1 else "are"
         return [opened(f"compared with {self.reference}, {self.reason}, {verb} {listed(levels)}")]
 
@@ -109,46 +108,28 @@ class _Claims:
 
         claimed = [row for row in self.rows if told(row)]
         known = {aim(row) for row in claimed if row["metric"] == unless}
-        groups = _grouped([row for row in claimed if row["metric"] == name and aim(row) not in known], aim)
-        groups.sort(key=lambda group: -max(abs(row["mean"]) for row in group))
-        sentences = [self._difference(name, group) for group in groups[: self.most[name]]]
-        if sentences and (more := len(groups) - len(sentences)):
+        groups = _grouped([row for row in claimed if row["metric"] == name and aim(row) not in known], aim).values()
+        ordered = sorted(groups, key=lambda group: -max(abs(row["mean"]) for row in group))
+        sentences = [self._difference(name, group) for group in ordered[: self.most[name]]]
+        if sentences and (more := len(ordered) - len(sentences)):
             sentences[-1] += f" The table of differences has {more} more."
         return sentences
 
     def _difference(self, name: str, group: Sequence[Row]) -> str:
-        largest = max(group, key=lambda row: abs(row["mean"]))
-        what = [compared(name, largest["mean"], self.reference) + self._evidence(largest)]
-        for also in COMPARED[COMPARED.index(name) + 1 :]:
-            same = self._in_cell_of(largest, also)
-            if same is not None and told(same):
-                what.append(compared(also, same["mean"], "").removesuffix(" than") + self._evidence(same))
-        text = f"{setting(largest, self.others)}, {subject(self.factor, largest[self.factor])} {listed(what)}"
-        return opened(text + self._elsewhere(name, group, largest))
-
-    def _elsewhere(self, name: str, group: Sequence[Row], largest: Row) -> str:
-        rest = sorted(abs(row["mean"]) for row in group if row is not largest)
-        if not rest:
-            return ""
         metric = metric_named(name)
-        settings = len([row for row in self.rows if _same(row, largest, ["metric", self.factor])])
-        size = difference(metric, rest[-1])
-        if len(rest) > 1:
-            size = f"{number(rest[0] * metric.scale, metric.digits)} to {size}"
-        return f"; in {len(rest)} more of the {settings} settings it does so by {size}"
-
-    def _evidence(self, row: Row) -> str:
-        low, high = sorted((abs(row["low"]), abs(row["high"])))
-        note = "" if self.noted else f", both corrected for {_comparisons(self.number)}"
-        self.noted = True
-        interval = span(metric_named(row["metric"]), low, high)
-        return f" (95 % interval {interval}, {probability(row['p_corrected'])}{note})"
-
-    def _in_cell_of(self, row: Row, name: str) -> Row | None:
-        found = (
-            other for other in self.rows if other["metric"] == name and _same(row, other, [self.factor, *self.others])
-        )
-        return next(found, None)
+        largest, *rest = sorted(group, key=lambda row: -abs(row["mean"]))
+        side = "higher" if largest["mean"] > 0 else "lower"
+        low, high = sorted((abs(largest["low"]), abs(largest["high"])))
+        settings = sum(row["metric"] == name and self._level(row) == self._level(largest) for row in self.rows)
+        gap = f"{difference(metric, abs(largest['mean']))} {side}"
+        levels = f"with {subject(self.factor, largest[self.factor])} than with {self.reference}"
+        evidence = f"(95 % interval {span(metric, low, high)}, {probability(largest['p_corrected'])})"
+        text = f"{setting(largest, self.others)}, {metric.label.lower()} is {gap} {levels} {evidence}"
+        if rest:
+            least = f"{number(abs(rest[-1]['mean']) * metric.scale, metric.digits)} to " if len(rest) > 1 else ""
+            size = difference(metric, abs(rest[0]["mean"]))
+            text += f"; in {len(rest)} more of the {settings} settings it is {least}{size} {side}"
+        return opened(text)
 
     def not_shown(self, name: str) -> list[str]:
         """One sentence on all comparisons of a metric that showed nothing, with what their intervals leave possible."""
@@ -156,40 +137,30 @@ class _Claims:
         silent = [row for row in every if not told(row)]
         if not silent:
             return []
-        whom = [
-            listed([subject(self.factor, level) for level in levels]) + where
-            for where, levels in self._silent_levels(every, silent).items()
-        ]
+        settings = {level: len(rows) for level, rows in _grouped(every, self._level).items()}
+        levels: dict[str, list[str]] = {}
+        for level, rows in _grouped(silent, self._level).items():
+            levels.setdefault(_out_of(len(rows), settings[level]), []).append(subject(self.factor, level))
+        whom = listed([listed(names) + where for where, names in levels.items()])
         what = metric_named(name).label.lower()
-        text = f"no difference in {what} from {self.reference} could be shown for {listed(whom)}"
+        text = f"no difference in {what} from {self.reference} could be shown for {whom}"
         return [opened(f"{text}; {_not_excluded(name, silent)}")]
-
-    def _silent_levels(self, every: Sequence[Row], silent: Sequence[Row]) -> dict[str, list[Any]]:
-        """The levels by how many of their settings showed nothing."""
-        levels: dict[str, list[Any]] = {}
-        for group in _grouped(silent, self._level):
-            level = self._level(group[0])
-            settings = sum(self._level(row) == level for row in every)
-            levels.setdefault(_out_of(len(group), settings), []).append(level)
-        return levels
 
     def _level(self, row: Row) -> Any:
         return row[self.factor]
 
-    def hopeless(self) -> list[str]:
-        """That even the clearest differences of so few replicates could pass no test after correction."""
-        if not self.rows:
+    def corrected(self) -> list[str]:
+        """For how many comparisons; or that so few replicates could pass no test after correction."""
+        if all(row["low"] is None for row in self.rows):
+            pairs = max(row["pairs"] for row in self.rows)
             return [
-                f"Nothing could be compared with {self.reference}: that takes missions of it and of another in the "
-                "same two replicates."
+                f"With {pairs} replicates no difference from {self.reference}, however large, could be told from "
+                "chance: fly at least 6, better 20."
             ]
-        if any(row["low"] is not None for row in self.rows):
+        if not any(told(row) for row in self.rows):
             return []
-        pairs = max(row["pairs"] for row in self.rows)
-        return [
-            f"With {pairs} replicates no difference from {self.reference}, however large, could be told from chance: "
-            "fly at least 6, better 20."
-        ]
+        count = f"{self.number} comparison{'s' if self.number > 1 else ''}"
+        return [f"Intervals and p of differences from {self.reference} are corrected for {count}."]
 
 
 def _not_excluded(name: str, rows: Sequence[Row]) -> str:
@@ -204,20 +175,12 @@ def _not_excluded(name: str, rows: Sequence[Row]) -> str:
     return f"differences of {span(metric, low, high)} {unit} are not excluded there"
 
 
-def _comparisons(number: int) -> str:
-    return f"{number} comparison" + ("s" if number > 1 else "")
-
-
-def _same(row: Row, other: Row, columns: Sequence[str]) -> bool:
-    return all(row[column] == other[column] for column in columns)
-
-
-def _grouped(rows: Sequence[Row], key: Any) -> list[list[Row]]:
-    """Rows that share a key, in order of its first appearance."""
+def _grouped(rows: Sequence[Row], key: Callable[[Row], Any]) -> dict[Any, list[Row]]:
+    """Rows by a key, in order of its first appearance."""
     groups: dict[Any, list[Row]] = {}
     for row in rows:
         groups.setdefault(key(row), []).append(row)
-    return list(groups.values())
+    return groups
 
 
 def _varied(frame: pl.DataFrame, columns: Sequence[str]) -> list[str]:
@@ -269,9 +232,11 @@ def _explained(effects: pl.DataFrame) -> list[str]:
         parts.append("none could be shown to be explained by a factor")
     rest = f" ({percent(share[RESIDUAL])} by nothing in this analysis)" if share.get(RESIDUAL, 0) >= 0.005 else ""
     tested = int((~np.isnan(p)).sum())
-    terms = f"Holm's correction for {tested} term{'s' if tested > 1 else ''}"
-    rule = f"; a factor is named where it holds at {100 * EFFECT_ALPHA:g} % after {terms}" if tested else ""
-    return [opened(f"of the variance in {metric_named(_MAIN).label.lower()}, {listed(parts)}{rest}{rule}")]
+    return [opened(f"of the variance in {metric_named(_MAIN).label.lower()}, {listed(parts)}{rest}")] + (
+        [f"A factor is named where it holds at {100 * EFFECT_ALPHA:g} % after Holm's correction for {tested} terms."]
+        if tested
+        else []
+    )
 
 
 def _term(name: str) -> str:

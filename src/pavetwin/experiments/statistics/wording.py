@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pavetwin.experiments.metrics import Metric, metric_named
+from pavetwin.experiments.metrics import Metric
 
 _NAMES = {"altitude_m": "altitude"}
 _PLACES = {
@@ -70,24 +70,7 @@ def percent(share: float) -> str:
 
 
 def probability(p: float) -> str:
-    return "p < 0.001" if p < 0.001 else f"p = {p:.3f}"
-
-
-_MORE_LESS = {
-    "coverage": ("finds", "more of the defects than", "fewer of the defects than"),
-    "time_s": ("takes", "longer than", "less than"),
-    "energy": ("uses", "more than", "less than"),
-    "wait_s": ("waits", "longer than", "less than"),
-    "distance_m": ("flies", "farther than", "less far than"),
-}
-
-
-def compared(name: str, gap: float, other: str) -> str:
-    """`finds 4.1 percentage points more of the defects than baseline`, `takes 31.0 s longer than baseline`."""
-    metric = metric_named(name)
-    label = metric.label.lower()
-    verb, more, less = _MORE_LESS.get(name, ("has", f"more {label} than", f"less {label} than"))
-    return f"{verb} {difference(metric, abs(gap))} {more if gap > 0 else less} {other}".rstrip()
+    return "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
 
 
 def difference(metric: Metric, gap: float) -> str:
