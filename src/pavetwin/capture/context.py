@@ -15,6 +15,7 @@ from pavetwin.capture.splits import split_streets
 from pavetwin.config.mission import UavSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.navigation.navmesh import navmesh
+from pavetwin.plugins import load_plugins
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.demand import density_named
 from pavetwin.traffic.record import record
@@ -34,8 +35,10 @@ def check(settings: CaptureSettings) -> None:
     """Check the settings before anything takes time.
 
     Raises:
-        PaveTwinError: a platform, density, camera or format is not known, or an option is missing or out of place.
+        PaveTwinError: a plugin fails; a platform, density, camera or format is not known; an option is missing or out
+            of place.
     """
+    load_plugins(settings.plugins)
     platform = PLATFORMS.get(settings.platform)
     find_formats(settings.formats)
     find_camera(settings.camera)

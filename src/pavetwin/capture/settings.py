@@ -8,9 +8,11 @@ from typing import Annotated, Any, Final, Literal, Self
 import yaml
 from pydantic import Field, ValidationError, model_validator
 
+from pavetwin.capture.classes import categories
 from pavetwin.config.altitude import Altitude
-from pavetwin.config.base import Settings
+from pavetwin.config.base import PluginFiles, Settings
 from pavetwin.errors import PaveTwinError
+from pavetwin.plugins import plugin_hashes
 
 Share = Annotated[float, Field(ge=0, le=1)]
 Pixels = Annotated[int, Field(ge=64, le=8192)]
@@ -46,6 +48,8 @@ class CaptureSettings(Settings):
     picture: Literal["jpg", "png"] = "jpg"
     quality: Annotated[int, Field(ge=50, le=100)] = 92
     """Of JPEG."""
+    plugins: PluginFiles = ()
+    """Files of the user's own that register defect classes, platforms, formats or cameras."""
 
     @model_validator(mode="after")
     def _shares_sum_to_one(self) -> Self:
@@ -88,7 +92,7 @@ def settings_of(values: Mapping[str, Any], typed: Mapping[str, str]) -> CaptureS
 
 
 def description(settings: CaptureSettings, world: str, content: str, defects: str, adapter: str) -> dict[str, Any]:
-    """What a dataset's `capture.yaml` holds before its first image.
+    """What a dataset's `capture.yaml` holds before its first image; plugins must have been loaded.
 
     Args:
         world: name of the world.
@@ -100,6 +104,8 @@ def description(settings: CaptureSettings, world: str, content: str, defects: st
         "format": FORMAT,
         "made_by": {"pavetwin": version("pavetwin"), "adapter": adapter},
         "world": {"name": world, "content_hash": content, "defects_hash": defects},
+        "plugins": {Path(path).name: content for path, content in plugin_hashes(settings.plugins).items()},
+        "classes": [category.name for category in categories()],
         "settings": settings.model_dump(mode="json"),
     }
 
@@ -132,9 +138,12 @@ def check_same(folder: Path, expected: dict[str, Any]) -> bool:
             raise PaveTwinError(
                 f"'{folder}' holds images of {what} than '{expected['world']['name']}' has now; choose another folder."
             )
+    for key, what in (("plugins", "plugins"), ("classes", "classes of labels")):
+        if found.get(key, expected[key]) != expected[key]:
+            raise PaveTwinError(f"'{folder}' was begun with other {what} than now; choose another folder.")
     existing, requested = found["settings"], expected["settings"]
     for key, value in requested.items():
-        if key != "images" and existing.get(key) != value:
+        if key not in ("images", "plugins") and existing.get(key) != value:
             raise PaveTwinError(
                 f"'{folder}' was begun {_as_option(key, existing.get(key))}, not {_as_option(key, value)}; give the "
                 "same, or choose another folder."

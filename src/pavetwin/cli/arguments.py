@@ -16,3 +16,17 @@ def _existing(context: typer.Context, folder: Path) -> Path:
 
 WorldFolder = Annotated[Path, typer.Argument(help="Folder of the world.", callback=_existing)]
 """Checked before a command loads anything that takes long."""
+
+Plugins = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--plugin",
+        metavar="FILE.py",
+        help="A file that registers your own policies, defect classes …; may be repeated.",
+    ),
+]
+
+
+def paths_of(plugins: list[Path] | None) -> tuple[str, ...]:
+    """The `--plugin` files as settings hold them."""
+    return tuple(str(path.absolute()) for path in plugins or ())

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from pavetwin.cli.arguments import WorldFolder
+from pavetwin.cli.arguments import Plugins, WorldFolder, paths_of
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -64,6 +64,7 @@ def make(
     empty: Annotated[float, typer.Option(help="Share of images that show no defect.")] = 0.15,
     png: Annotated[bool, typer.Option("--png", help="Store pictures without loss.")] = False,
     quality: Annotated[int, typer.Option(help="Of JPEG, 50 to 100.")] = 92,
+    plugin: Plugins = None,
     jobs: Annotated[int, typer.Option(help="Processes at work; they change only the time it takes.")] = 1,
 ) -> None:
     """Take labelled images of a world, and go on with a dataset that was begun before.
@@ -92,6 +93,7 @@ def make(
         "empty": empty,
         "picture": "png" if png else "jpg",
         "quality": quality,
+        "plugins": paths_of(plugin),
     }
     with progress("Starting", lines=True) as tell:
         # Inside, since these take seconds to import.

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
 
+    from pavetwin.registry import Registry
+
 PIPE_COLUMNS = 120
 """Width of what goes into a file or a pipe, which has none of its own."""
 
@@ -142,3 +144,10 @@ def fail(message: str) -> None:
     else:
         sys.stderr.write("Error: ")
     sys.stderr.write(text + "\n")
+
+
+def list_registered(registry: "Registry[Any]") -> None:
+    """A line for each name: what the first paragraph of its docstring says."""
+    for name, value in zip(registry.names(), registry.values(), strict=True):
+        words = (value.__doc__ or "").split("\n\n")[0]
+        out.print(f"[bold]{name}[/]: {' '.join(words.split())}")

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from pavetwin.cli.arguments import Plugins, paths_of
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -72,6 +73,7 @@ def run(
     scheduler: Annotated[
         str | None, typer.Option(metavar="tcp://HOST:PORT", help="With dask: a scheduler that runs already.")
     ] = None,
+    plugin: Plugins = None,
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Fly again what failed.")] = False,
 ) -> None:
     """Fly a study. Killed at any moment, the same command goes on where it stopped.
@@ -85,6 +87,8 @@ def run(
     from pavetwin.experiments.run import run as run_study
 
     chosen = read_design(design)
+    if plugin:
+        chosen = chosen.model_copy(update={"plugins": (*chosen.plugins, *paths_of(plugin))})
     works = _engine(engine, scheduler, jobs, chosen)
     with progress("Reading worlds", lines=True) as tell:
         ran = run_study(

@@ -4,11 +4,11 @@ import json
 from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pavetwin.cli.arguments import WorldFolder
+from pavetwin.cli.arguments import Plugins, WorldFolder, paths_of
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -59,6 +59,7 @@ def fly(
     again: Annotated[
         Path | None, typer.Option(metavar="mission.yaml", help="Fly that mission again; replaces what it says.")
     ] = None,
+    plugin: Plugins = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the results.")] = None,
     animate: Annotated[bool, typer.Option("--animate", help="Also draw an animation, mission.gif.")] = False,
     save_frames: Annotated[
@@ -89,7 +90,9 @@ def fly(
 
     if altitude is not None:
         check_altitude(altitude)
-    given = {} if altitude is None else {"altitude_m": altitude}
+    given: dict[str, Any] = {} if altitude is None else {"altitude_m": altitude}
+    if plugin:
+        given["plugins"] = paths_of(plugin)
     chosen = load_settings(preset, set_ or (), **given)
     loaded, former, traffic_seed = None, None, seed
     wanted: Density | None = _density(density)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pavetwin.cli import world_export, world_maps
-from pavetwin.cli.arguments import WorldFolder
+from pavetwin.cli.arguments import Plugins, WorldFolder, paths_of
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -37,6 +37,7 @@ def build(
         str | None, typer.Option(metavar="LAT,LON", help="Where the origin of a network without a place lies.")
     ] = None,
     left_hand: Annotated[bool, typer.Option("--left-hand", help="Traffic keeps left (maps only).")] = False,
+    plugin: Plugins = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the world that is there.")] = False,
 ) -> None:
     """Build a world from a map, a SUMO network, or invented streets.
@@ -47,6 +48,7 @@ def build(
     pavetwin world build --generate town --seed 7 -o worlds/town
     """
     from pavetwin.defects import DefectOptions, add_defects
+    from pavetwin.plugins import load_plugins
     from pavetwin.world.build import BuildOptions, build_world
     from pavetwin.world.folder import check_target
     from pavetwin.world.generate import network_kind
@@ -64,6 +66,7 @@ def build(
     if anchor is not None:
         values["anchor"] = parse_anchor(anchor)
     options = BuildOptions.parse(values, where="world build")
+    load_plugins(paths_of(plugin))
     asked = {"per_segment": defects_per_segment, "per_100_m2": defects_per_100_m2}
     density = {name: value for name, value in asked.items() if value is not None}
     defects = DefectOptions.parse(density, where="world build")

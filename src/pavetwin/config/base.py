@@ -1,13 +1,22 @@
 """Typed configuration: frozen, unknown keys refused with the nearest known one, overridden by `key=value`."""
 
 from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar, Self
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, model_validator
 from yaml import YAMLError
 
 from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError, nearest_name
+
+
+def _whole(paths: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(str(Path(path).absolute()) for path in paths)
+
+
+PluginFiles = Annotated[tuple[str, ...], AfterValidator(_whole)]
+"""Python files that register a user's own things (`pavetwin.plugins`); made absolute."""
 
 
 class Settings(BaseModel):

@@ -8,10 +8,11 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, model_validator
 
 from pavetwin.config.altitude import Altitude
-from pavetwin.config.base import Settings, overlay, with_overrides
+from pavetwin.config.base import PluginFiles, Settings, overlay, with_overrides
 from pavetwin.config.conditions import Conditions
 from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.plugins import load_plugins
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
@@ -121,6 +122,13 @@ class MissionSettings(Settings):
     sensing: SensingSettings = SensingSettings()
     energy: EnergySettings = EnergySettings()
     conditions: Conditions = Conditions()
+    plugins: PluginFiles = ()
+    """Files of the user's own that register what a setting names; read when settings are made."""
+
+    @model_validator(mode="after")
+    def _with_plugins(self) -> Self:
+        load_plugins(self.plugins)
+        return self
 
     @model_validator(mode="after")
     def _whole_steps(self) -> Self:

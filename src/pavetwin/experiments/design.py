@@ -85,6 +85,8 @@ class Design(Settings):
     """Setting → values; every value is combined with all else."""
     set: dict[str, Value] = Field(default_factory=dict)
     """Settings that are the same in all missions, laid over the presets."""
+    plugins: tuple[str, ...] = ()
+    """Python files that register what the design names or its worlds hold; relative to the design's file."""
     replicates: Annotated[int, Field(ge=1, le=100_000)] = 20
     segments: Annotated[int, Field(ge=1, le=1000)] = 1
     """That one mission inspects."""
@@ -92,7 +94,7 @@ class Design(Settings):
     defects: Placing = "placed"
     """`placed` anew in each replicate as densely as the world was built, or by these options; `world` keeps its own."""
 
-    @field_validator("worlds", "densities", "altitudes_m", "policies", "sensors", "presets", mode="before")
+    @field_validator("worlds", "densities", "altitudes_m", "policies", "sensors", "presets", "plugins", mode="before")
     @classmethod
     def _listed(cls, value: Any) -> Any:
         if isinstance(value, Value):
@@ -114,7 +116,7 @@ class Design(Settings):
             return value
         return [{"path": entry} if isinstance(entry, str) else entry for entry in value]
 
-    @field_validator("densities", "altitudes_m", "policies", "sensors", "presets")
+    @field_validator("densities", "altitudes_m", "policies", "sensors", "presets", "plugins")
     @classmethod
     def _distinct(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
         if twice := [value for value in values if values.count(value) > 1]:
@@ -200,7 +202,9 @@ def placed_at(design: Design, folder: Path) -> Design:
         for world in design.worlds
     )
     policies = tuple(whole(name) if ":" in name else name for name in design.policies)
-    return design.model_copy(update={"worlds": worlds, "policies": policies})
+    sensors = tuple(whole(name) if ":" in name else name for name in design.sensors)
+    plugins = tuple(whole(path) for path in design.plugins)
+    return design.model_copy(update={"worlds": worlds, "policies": policies, "sensors": sensors, "plugins": plugins})
 
 
 def preset_names() -> list[str]:

@@ -18,7 +18,7 @@ from pavetwin.defects import place as place_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import OWN_ROUTES, Design, WorldEntry
 from pavetwin.experiments.metrics import FAILED, FLOWN, REASON, REPLICATE, STATUS
-from pavetwin.experiments.plan import Cell, Plan, Unit, world_of_study
+from pavetwin.experiments.plan import Cell, Plan, Unit, check_plugins, world_of_study
 from pavetwin.mission.environment import MissionEnvironment, Surroundings, prepare
 from pavetwin.mission.fly import fly
 from pavetwin.mission.metrics import SegmentMetrics
@@ -50,6 +50,7 @@ def fly_unit(plan: Plan, unit: Unit) -> bytes:
     missions that it ends are rows with their reason.
     """
     try:
+        check_plugins(plan)
         ground = _Ground.of(plan, unit)
         with ground.replay:
             rows = [row for cell in plan.cells for row in _flown(plan, unit, cell, ground)]

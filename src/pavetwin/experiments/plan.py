@@ -6,7 +6,7 @@ others.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, cached_property
 from itertools import product
 from pathlib import Path
@@ -16,6 +16,7 @@ from pavetwin.config import MissionSettings, load_settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import ALIASES, Design, Value
 from pavetwin.mission.environment import prepare
+from pavetwin.plugins import load_plugins, plugin_hashes
 from pavetwin.policies import load_policy
 from pavetwin.seeds import Stream, child
 from pavetwin.sensing import load_sensor
@@ -48,7 +49,11 @@ class Cell:
             PaveTwinError: a setting is not known, or a value does not fit.
         """
         values = {**design.set, **dict(zip(design.sweep, self.swept, strict=True))}
-        nested: dict[str, Any] = {"altitude_m": self.altitude_m, "sensing": {"sensor": self.sensor}}
+        nested: dict[str, Any] = {
+            "altitude_m": self.altitude_m,
+            "sensing": {"sensor": self.sensor},
+            "plugins": design.plugins,
+        }
         for key, value in values.items():
             *sections, leaf = ALIASES.get(key, key).split(".")
             layer = nested
@@ -98,6 +103,8 @@ class Plan:
     """For each world the segments, by their place in it, that can be reached in every cell."""
     policies: Mapping[str, str]
     """What each policy of the design calls itself."""
+    plugins: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 of the plugin files and of what they import from beside them, by path."""
 
     @cached_property
     def cells(self) -> tuple[Cell, ...]:
@@ -157,6 +164,7 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
     Raises:
         PaveTwinError: a factor's level does not exist, or the worlds leave nothing to inspect.
     """
+    load_plugins(design.plugins)
     policies = _check_levels(design)
     names = tuple(world.name for world in worlds)
     if len(set(names)) < len(names):
@@ -170,7 +178,9 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
                 f"the design: only {len(found)} segments of '{world.name}' can be reached at all altitudes, and "
                 f"segments: {design.segments} are asked for."
             )
-    return Plan(design, tuple(world.content_hash for world in worlds), names, targets, policies)
+    return Plan(
+        design, tuple(world.content_hash for world in worlds), names, targets, policies, plugin_hashes(design.plugins)
+    )
 
 
 def load_worlds(design: Design) -> list[World]:
@@ -178,6 +188,19 @@ def load_worlds(design: Design) -> list[World]:
     PaveTwinError: one of them does not exist or is damaged.
     """
     return [load_world(Path(entry.path)) for entry in design.worlds]
+
+
+def check_plugins(plan: Plan) -> None:
+    """Load the plugins of a study in this process.
+
+    Raises:
+        PaveTwinError: one is gone, fails, or is not what the study began with.
+    """
+    load_plugins(plan.design.plugins)
+    now = plugin_hashes(plan.design.plugins)
+    for path, content in plan.plugins.items():
+        if now.get(path) != content:
+            raise PaveTwinError(f"plugins: '{path}' is not what the study began with.")
 
 
 def check_worlds(plan: Plan) -> None:

@@ -227,28 +227,32 @@ def _heading(design: Design) -> dict[str, Any]:
 
 def _description(plan: Plan) -> dict[str, Any]:
     design = plan.design
-    scripts = [script for policy in design.policies for script in _scripts(policy)]
+    scripts = [script for name in (*design.policies, *design.sensors) for script in _scripts(name)]
     routes = [route for world in design.worlds for route in world.routes]
     heading = _heading(design)
     return {
         **{key: heading[key] for key in ("format", "pavetwin", "sumo")},
         "worlds": dict(zip(plan.names, (content[:SHOWN] for content in plan.hashes), strict=True)),
-        "files": {path: sha256(Path(path).read_bytes()).hexdigest()[:SHOWN] for path in (*scripts, *routes)},
+        "files": {path: sha256(Path(path).read_bytes()).hexdigest()[:SHOWN] for path in (*scripts, *routes)}
+        | {path: content[:SHOWN] for path, content in plan.plugins.items()},
         "design": heading["design"],
     }
 
 
-def _scripts(policy: str) -> list[str]:
-    """The files that a policy of the user's own is made of; it has been loaded."""
-    path, colon, _ = policy.rpartition(":")
+def _scripts(name: str) -> list[str]:
+    """The files that a policy or sensor of the user's own is made of; it has been loaded."""
+    path, colon, _ = name.rpartition(":")
     return [path, *map(str, helpers_of(Path(path)))] if colon else []
 
 
 def _flown_with(plan: Plan, file: str) -> pl.Expr:
     """Which rows of the table a file had a part in."""
+    if file in plan.plugins:
+        return pl.lit(value=True)
     policies = [called for policy, called in plan.policies.items() if file in _scripts(policy)]
     worlds = [name for name, entry in zip(plan.names, plan.design.worlds, strict=True) if file in entry.routes]
-    return pl.col("policy").is_in(policies) | pl.col("world").is_in(worlds)
+    sensors = [sensor for sensor in plan.design.sensors if file in _scripts(sensor)]
+    return pl.col("policy").is_in(policies) | pl.col("sensor").is_in(sensors) | pl.col("world").is_in(worlds)
 
 
 def _as_written(value: Any) -> str:
