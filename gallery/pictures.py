@@ -19,7 +19,7 @@ from pavetwin.draw.ground_raster import GroundRaster
 from pavetwin.draw.mission_style import agent_group
 from pavetwin.scene.agents import quadrotor
 from pavetwin.scene.view import View, look, nadir
-from pavetwin.twin import Mode
+from pavetwin.twin import Mode, UavState
 from pavetwin.world.model import Defect, DefectClass
 
 SEVERITIES: Final = ("low", "medium", "high")
@@ -174,12 +174,7 @@ def map_view(renderer: GalleryRenderer) -> Picture:
     ]
     scene = MissionState(
         time_s=moment.time_s,
-        position=(moment.x_m, moment.y_m),
-        altitude_m=10.0,
-        yaw_rad=moment.yaw_rad,
-        speed_mps=0.0,
-        battery=1.0,
-        mode=Mode.INSPECT,
+        uav=UavState((moment.x_m, moment.y_m), 10.0, 0.0, 1.0, moment.yaw_rad, Mode.INSPECT),
         visibility=None,
         agents=agents,
         groups=[
@@ -194,7 +189,7 @@ def map_view(renderer: GalleryRenderer) -> Picture:
         trail=np.array([[moment.x_m, moment.y_m]] * 2),
     )
     raster = GroundRaster(renderer.world, _CELL[0] / across_m)
-    drawn = MapView(raster, _CELL, window_m=(1.0, 1.0), footprint_m=(1.0, 1.0)).draw(scene, scene.position)
+    drawn = MapView(raster, _CELL, window_m=(1.0, 1.0), footprint_m=(1.0, 1.0)).draw(scene, scene.uav.position)
     seen = renderer.take(view, MORNING, time_s=moment.time_s)
     return grid(
         [

@@ -16,6 +16,7 @@ from pavetwin.draw.marks import Outcome, telling_moment_s
 from pavetwin.draw.mission_style import UAV, agent_group, rgb, visibility_rgb
 from pavetwin.draw.shadows import SeenSurface, shadows
 from pavetwin.errors import PaveTwinError
+from pavetwin.mission.timeline import Timeline
 from pavetwin.traffic.kinds import VEHICLES
 from scenes import tiny
 
@@ -34,8 +35,10 @@ def test_the_uav_is_where_the_track_has_it() -> None:
     for time_s in inspection_times(film)[3:40:9]:
         scene = film.scene(time_s)
         frame = film.frame(time_s)
-        assert frame.getpixel(film.view.pixel(scene.position, film.centre(time_s))) == rgb(UAV)
-        assert scene.position[0] == pytest.approx(np.interp(time_s, film.result.track["t_s"], film.result.track["x_m"]))
+        assert frame.getpixel(film.view.pixel(scene.uav.position, film.centre(time_s))) == rgb(UAV)
+        assert scene.uav.position[0] == pytest.approx(
+            np.interp(time_s, film.result.track["t_s"], film.result.track["x_m"])
+        )
 
 
 def test_the_window_takes_the_colour_of_visibility() -> None:
@@ -68,9 +71,10 @@ def test_defects_turn_from_open_to_confirmed() -> None:
 
 def test_it_begins_shortly_before_the_first_reaction() -> None:
     result = tiny.result("car_that_leaves", "hover")
-    assert 0 < result.actions[0].time_s - telling_moment_s(result) <= 4.0
-    assert film_of("car_that_leaves", "hover").times_s[0] == telling_moment_s(result)
-    assert telling_moment_s(tiny.result("empty_street", "baseline")) >= 0
+    film = film_of("car_that_leaves", "hover")
+    assert 0 < result.actions[0].time_s - telling_moment_s(film.timeline) <= 4.0
+    assert film.times_s[0] == telling_moment_s(film.timeline)
+    assert telling_moment_s(film_of("empty_street", "baseline").timeline) >= 0
 
 
 def test_a_shadow_grows_with_the_agents_height() -> None:
@@ -84,7 +88,7 @@ def test_a_shadow_grows_with_the_agents_height() -> None:
 def test_the_seen_pavement_agrees_with_the_kernels_surface_coverage() -> None:
     for scene, policy in (("lively_street", "baseline"), ("queue_at_light", "micro"), ("truck_beside_defects", "skip")):
         result = tiny.result(scene, policy)
-        seen = SeenSurface(result, tiny.SCENES[scene]().traffic().trace()).until(result.duration_s)
+        seen = SeenSurface(Timeline(result, tiny.SCENES[scene]().traffic())).until(result.duration_s)
         (row,) = result.rows
         assert shapely.area(seen) / row.area_m2 == pytest.approx(row.surface_coverage, abs=0.03)
 

@@ -12,22 +12,13 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from pavetwin.draw import style
-from pavetwin.draw.marks import (
-    NUMBER,
-    Outcome,
-    displacements,
-    outcomes,
-    rectangles,
-    revisits,
-    telling_segments,
-    waits,
-    windows,
-)
+from pavetwin.draw.marks import Outcome, outcomes, rectangles, telling_segments, windows
 from pavetwin.draw.mission_map import flown_bounds, mission_figure, save_comparison_map, save_mission_map
 from pavetwin.draw.turned import MapTransform
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.track import MODE_NUMBER, displacements, revisits, waits
 from pavetwin.twin import Mode
 from scenes import tiny
 
@@ -74,16 +65,16 @@ def test_the_map_has_a_mark_for_every_defect(policy: str) -> None:
 
 def test_waits_are_as_long_as_the_metrics_say() -> None:
     result = tiny.result("car_that_leaves", "hover")
-    stays = waits(result)
+    stays = waits(result.track)
     assert stays
     assert sum(stay.seconds for stay in stays) == pytest.approx(sum(row.wait_s for row in result.rows), abs=1.0)
     assert marks(figure_of(result), "waits")[0] == len(stays)
-    assert waits(tiny.result("car_that_leaves", "baseline")) == []
+    assert waits(tiny.result("car_that_leaves", "baseline").track) == []
 
 
 def test_displacements_are_no_longer_than_the_policy_may() -> None:
     result = tiny.result("truck_beside_defects", "micro")
-    steps = displacements(result)
+    steps = displacements(result.track)
     assert steps
     for step in steps:
         length = np.hypot(step.end[0] - step.start[0], step.end[1] - step.start[1])
@@ -92,7 +83,7 @@ def test_displacements_are_no_longer_than_the_policy_may() -> None:
 
 def test_revisits_last_as_long_as_the_policy_stays() -> None:
     result = tiny.result("queue_that_leaves", "skip")
-    places = revisits(result)
+    places = revisits(result.track)
     assert 1 <= len(places) <= sum(row.revisits for row in result.rows)
     assert sum(stay.seconds for stay in places) >= result.settings.policy.revisit_stay_s
 
@@ -100,7 +91,7 @@ def test_revisits_last_as_long_as_the_policy_stays() -> None:
 def test_giving_way_is_marked_only_where_it_occurs() -> None:
     result = tiny.result("lively_street", "hover")
     mode = np.array(result.track["mode"])
-    mode[20:30], mode[40:45] = NUMBER[Mode.AVOID], NUMBER[Mode.AVOID]
+    mode[20:30], mode[40:45] = MODE_NUMBER[Mode.AVOID], MODE_NUMBER[Mode.AVOID]
     avoided = replace(result, track={**result.track, "mode": mode})  # type: ignore[arg-type]
     for mission, stretches in ((result, 0), (avoided, 2)):
         figure = figure_of(mission)

@@ -1,12 +1,8 @@
 """What happens in a mission is told as it happens; a mission flown in parts is the mission flown in one."""
 
-from dataclasses import dataclass
-from math import inf
-
 import numpy as np
 import pytest
 
-from pavetwin._core import BatteryLow, Captured, Occluded
 from pavetwin.mission.events import (
     ActionTaken,
     BatteryRanLow,
@@ -20,44 +16,9 @@ from pavetwin.mission.events import (
     SegmentStarted,
 )
 from pavetwin.mission.fly import fly
-from pavetwin.mission.mission import Mission
-from pavetwin.policies import Displace, Revisit, Wait, load_policy
-from pavetwin.sensing import load_sensor
+from pavetwin.policies import Displace, Revisit, Wait
+from scenes.pilot import Pilot
 from scenes.tiny import SCENES, Scene, result, straight
-
-
-@dataclass
-class Pilot:
-    """Answers the events of a mission, as `fly` does."""
-
-    scene: Scene
-    policy: str
-
-    def __post_init__(self) -> None:
-        settings = self.scene.settings()
-        self.told: list[MissionEvent] = []
-        self.mission = Mission(
-            self.scene.environment(settings),
-            self.scene.traffic(),
-            settings,
-            list(range(len(self.scene.world.segments))),
-            policy=self.policy,
-            observer=self.told.append,
-        )
-        self._policy = load_policy(self.policy, settings.policy)
-        self._sensor = load_sensor(settings.sensing, 0)
-
-    def advance(self, until_s: float = inf) -> Mission:
-        mission = self.mission
-        for event in mission.advance_until(until_s):
-            match event:
-                case Captured():
-                    mission.confirm(self._sensor.detect(mission.frame(event)))
-                case Occluded():
-                    mission.act(self._policy.decide(mission.snapshot(event)))
-                case BatteryLow():
-                    pass
-        return mission
 
 
 @pytest.mark.parametrize("pause_s", [0.05, 1.7, 40.0])

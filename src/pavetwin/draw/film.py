@@ -10,7 +10,7 @@ from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
 from pavetwin.draw.frame import DefectMark, MapView, MissionState
 from pavetwin.draw.ground_raster import GroundRaster
-from pavetwin.draw.marks import Outcome, Place, doing, footprint_m, rectangles, telling_moment_s
+from pavetwin.draw.marks import Outcome, Place, footprint_m, rectangles, telling_moment_s
 from pavetwin.draw.mission_style import agent_group, font
 from pavetwin.draw.readings import HEIGHT_PX, Readings
 from pavetwin.draw.shadows import SeenSurface, shadows
@@ -18,7 +18,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.mission import Traffic
-from pavetwin.twin import Mode
+from pavetwin.mission.timeline import Timeline, TimelineState
 
 WIDTH_M = 70.0
 """How much of the street the picture shows, at least; more where the camera's footprint is wide."""
@@ -31,8 +31,6 @@ SOFTNESS_S = 2.0
 
 TRAIL_S = 20.0
 
-_MODES = tuple(Mode)
-
 
 class Film:
     """The frames of an animation, drawn on demand."""
@@ -41,14 +39,14 @@ class Film:
         self, result: MissionResult, traffic: Traffic, start_s: float | None, duration_s: float, speed: float, fps: int
     ) -> None:
         self.result, self.speed, self.fps = result, speed, fps
-        start = telling_moment_s(result) if start_s is None else start_s
+        self.timeline = Timeline(result, traffic)
+        start = telling_moment_s(self.timeline) if start_s is None else start_s
         if not 0 <= start < result.duration_s:
             raise PaveTwinError(
                 f"The animation cannot start at {start:g} s: the mission lasts {result.duration_s:.0f} s."
             )
         shown = min(duration_s, result.duration_s - start)
         self.times_s: Float64Array = start + np.arange(max(1, round(shown / speed * fps))) * speed / fps
-        self._track, self._trace = result.track, traffic.trace()
         footprint = footprint_m(result)
         self.width_m = max(WIDTH_M, 2.2 * max(footprint))
         scale = SIZE_PX[0] / self.width_m
@@ -56,10 +54,7 @@ class Film:
             GroundRaster(result.environment.world, scale), SIZE_PX, window_m(result.settings), footprint
         )
         self._readings = Readings(SIZE_PX[0], result.policy, result.settings.visibility.threshold)
-        self._confirmed = {detection.defect: detection for detection in reversed(result.detections)}
         self._places = np.array([(d.centre.x, d.centre.y) for d in result.environment.defects]).reshape(-1, 2)
-        self._doing = doing(result)
-        self._yaw = np.unwrap(self._track["yaw_rad"])
         centres = np.array([self.centre(time) for time in self.times_s])
         self._low, self._high = centres.min(axis=0) - self.width_m, centres.max(axis=0) + self.width_m
         self._seen: SeenSurface | None = None
@@ -91,35 +86,26 @@ class Film:
     def centre(self, time_s: float) -> Place:
         """The middle of the picture: the UAV's place, averaged over a while."""
         around = time_s + np.linspace(-SOFTNESS_S, SOFTNESS_S, 17)
-        return self._at(around, "x_m").mean(), self._at(around, "y_m").mean()
+        return self.timeline.interpolated("x_m", around).mean(), self.timeline.interpolated("y_m", around).mean()
 
     def scene(self, time_s: float) -> MissionState:
         """D_t at a time of the mission, as far as it can be seen."""
-        row = max(0, int(np.searchsorted(self._track["t_s"], time_s + 1e-9)) - 1)
-        position = float(self._at(time_s, "x_m")), float(self._at(time_s, "y_m"))
-        yaw = float(np.interp(time_s, self._track["t_s"], self._yaw))
-        visibility = float(self._track["visibility"][row])
-        centre = self.centre(time_s)
-        agents = self._trace.agents_near(*centre, 0.6 * self.width_m, time_s)
+        state, centre = self.timeline.at(time_s), self.centre(time_s)
+        agents = state.agents_near(centre, 0.6 * self.width_m)
+        uav = state.uav
         hidden: shapely.Geometry = shapely.Polygon()
-        if np.isfinite(visibility) and len(agents["x_m"]):
-            spots = (np.array([position[0]]), np.array([position[1]]), np.array([yaw]))
-            window = shapely.Polygon(rectangles(*spots, *self.view.window_m)[0])
-            dark = shapely.union_all(shadows(agents, (*position, float(self._at(time_s, "altitude_m")))))
+        if state.visibility is not None and len(agents["x_m"]):
+            east, north = uav.position
+            spot = (np.array([east]), np.array([north]), np.array([uav.yaw_rad]))
+            window = shapely.Polygon(rectangles(*spot, *self.view.window_m)[0])
+            dark = shapely.union_all(shadows(agents, (east, north, uav.altitude_m)))
             hidden = shapely.intersection(window, dark)
         if self._seen is None:
-            self._seen = SeenSurface(self.result, self._trace, self._concerns)
-        past = (self._track["t_s"] > time_s - TRAIL_S) & (self._track["t_s"] <= time_s)
-        trail = np.column_stack([self._track["x_m"][past], self._track["y_m"][past]])
+            self._seen = SeenSurface(self.timeline, self._concerns)
         return MissionState(
             time_s=time_s,
-            position=position,
-            altitude_m=float(self._at(time_s, "altitude_m")),
-            yaw_rad=yaw,
-            speed_mps=float(self._at(time_s, "speed_mps")),
-            battery=float(self._at(time_s, "battery")),
-            mode=_MODES[int(self._doing[row])],
-            visibility=visibility if np.isfinite(visibility) else None,
+            uav=uav,
+            visibility=state.visibility,
             agents=agents,
             groups=[
                 agent_group(float(length), float(height), pedestrian=bool(walks))
@@ -129,37 +115,32 @@ class Film:
             ],
             hidden=hidden,
             seen=self._seen.until(time_s),
-            defects=self._defects(time_s, centre),
-            trail=np.vstack([trail, position]),
+            defects=self._defects(state, centre),
+            trail=np.vstack([self.timeline.trail(time_s, TRAIL_S), uav.position]),
         )
-
-    def _at(self, time_s: float | Float64Array, column: str) -> Float64Array:
-        return np.asarray(np.interp(time_s, self._track["t_s"], self._track[column]))  # type: ignore[literal-required]
 
     def _concerns(self, east_m: float, north_m: float) -> bool:
         place = np.array([east_m, north_m])
         return bool(np.all(place > self._low) and np.all(place < self._high))
 
-    def _defects(self, time_s: float, centre: Place) -> list[DefectMark]:
+    def _defects(self, state: TimelineState, centre: Place) -> list[DefectMark]:
         marks = []
         near = np.hypot(*(self._places - centre).T) < 0.6 * self.width_m
         for defect in np.flatnonzero(near):
             place = float(self._places[defect, 0]), float(self._places[defect, 1])
-            detection = self._confirmed.get(int(defect))
-            if detection is None or detection.time_s > time_s:
+            confirmation = state.found.get(int(defect))
+            if confirmation is None:
                 marks.append(DefectMark(place, None))
             else:
-                outcome = Outcome.RECOVERED if detection.on_revisit else Outcome.CONFIRMED
-                marks.append(DefectMark(place, outcome, (time_s - detection.time_s) / self.speed))
+                outcome = Outcome.RECOVERED if confirmation.on_revisit else Outcome.CONFIRMED
+                marks.append(DefectMark(place, outcome, (state.time_s - confirmation.time_s) / self.speed))
         return marks
 
     def _captions(self, image: Image.Image, time_s: float) -> None:
         """The street's name above, a scale bar and the rate of time below."""
         pen, face = ImageDraw.Draw(image), font(15, bold=True)
-        row = max(0, int(np.searchsorted(self._track["t_s"], time_s + 1e-9)) - 1)
-        segment = int(self._track["segment"][row])
-        world = self.result.environment.world
-        name = f"{world.segments[segment].street} · {world.segments[segment].id}" if segment >= 0 else world.name
+        segment = self.timeline.at(time_s).segment
+        name = self.result.environment.world.name if segment is None else f"{segment.street} · {segment.id}"
         pen.text((12, 24), name, fill=style.INK, font=face, anchor="ls", stroke_width=3, stroke_fill=style.PAPER)
         length_m = style.nice_length_m(self.width_m / 6)
         left, bottom = 12, SIZE_PX[1] - 12

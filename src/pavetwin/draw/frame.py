@@ -16,7 +16,7 @@ from pavetwin.draw.marks import Outcome, Place, rectangles
 from pavetwin.draw.mission_style import AGENT_COLOURS, HIDDEN, OPEN_DEFECT, SEEN, UAV, Rgb, rgb, visibility_rgb
 from pavetwin.draw.pen import SMOOTHING, Pen
 from pavetwin.draw.shadows import bodies
-from pavetwin.twin import Mode
+from pavetwin.twin import UavState
 
 if TYPE_CHECKING:
     from pavetwin._core import PoseColumns
@@ -48,12 +48,7 @@ class MissionState:
     """Everything that moves, at one moment of a mission. World frame, metres."""
 
     time_s: float
-    position: Place
-    altitude_m: float
-    yaw_rad: float
-    speed_mps: float
-    battery: float
-    mode: Mode
+    uav: UavState
     visibility: float | None
     """o; None while nothing is under inspection."""
     agents: "PoseColumns"
@@ -115,8 +110,8 @@ class MapView:
 
 def _around(scene: MissionState, size_m: tuple[float, float]) -> Float64Array:
     """(4, 2) corners of a rectangle under the UAV, given as (across, along)."""
-    x, y = np.array([scene.position[0]]), np.array([scene.position[1]])
-    return np.asarray(rectangles(x, y, np.array([scene.yaw_rad]), *size_m)[0])
+    x, y = np.array([scene.uav.position[0]]), np.array([scene.uav.position[1]])
+    return np.asarray(rectangles(x, y, np.array([scene.uav.yaw_rad]), *size_m)[0])
 
 
 def _draw_defect(pen: Pen, mark: DefectMark) -> None:
@@ -185,10 +180,10 @@ def _draw_dashed(pen: Pen, corners: Float64Array, colour: tuple[int, ...], dash_
 
 def _draw_uav(pen: Pen, scene: MissionState) -> None:
     """Four rotors on arms, a body, and an arrowhead in the direction of the camera's top edge."""
-    centre, ink = np.array(scene.position), rgb(UAV)
+    centre, ink = np.array(scene.uav.position), rgb(UAV)
 
     def at(ahead_m: float, left_m: float) -> Float64Array:
-        c, s = cos(scene.yaw_rad), sin(scene.yaw_rad)
+        c, s = cos(scene.uav.yaw_rad), sin(scene.uav.yaw_rad)
         return centre + (c * ahead_m - s * left_m, s * ahead_m + c * left_m)
 
     radius_px = ROTOR_M * pen.scale / SMOOTHING

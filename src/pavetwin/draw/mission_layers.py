@@ -14,22 +14,12 @@ from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.patches import FancyArrowPatch
 
 from pavetwin.draw import style
-from pavetwin.draw.marks import (
-    HoverStop,
-    Outcome,
-    avoiding,
-    displacements,
-    inspecting,
-    outcomes,
-    revisits,
-    runs,
-    waits,
-    windows,
-)
+from pavetwin.draw.marks import Outcome, outcomes, windows
 from pavetwin.draw.shapes import outline
 from pavetwin.draw.turned import MapTransform
 from pavetwin.draw.world_map import ABOVE_WORLD, base_symbol
 from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.track import HoverStop, avoiding, displacements, inspecting, revisits, runs, waits
 
 CAPTURED, GAP = "#CFE2EF", "#F3CDB4"
 """Pavement of an inspected segment inside and outside all captured windows."""
@@ -112,7 +102,7 @@ def draw_windows(axes: Axes, result: MissionResult, turn: MapTransform, segment:
 def draw_route(axes: Axes, result: MissionResult, turn: MapTransform, weights: Weights) -> None:
     """The way flown: thin in transit, thick and coloured by visibility while inspecting, in a band while giving way."""
     xy = turn.points(np.column_stack([result.track["x_m"], result.track["y_m"]]))
-    away = [xy[max(rows.start - 1, 0) : rows.stop + 1] for rows in runs(avoiding(result))]
+    away = [xy[max(rows.start - 1, 0) : rows.stop + 1] for rows in runs(avoiding(result.track))]
     axes.add_collection(
         LineCollection(
             away, colors=AVOID, linewidths=weights.inspection + 4, alpha=0.4, capstyle="round", zorder=_ROUTE - 1,
@@ -120,7 +110,7 @@ def draw_route(axes: Axes, result: MissionResult, turn: MapTransform, weights: W
         ),
         autolim=False,
     )  # fmt: skip
-    seen = inspecting(result)
+    seen = inspecting(result.track)
     others = [xy[rows.start : rows.stop + 1] for rows in runs(~seen)]
     axes.add_collection(
         LineCollection(others, colors=style.INK, linewidths=weights.transit, alpha=0.75, zorder=_ROUTE), autolim=False
@@ -162,16 +152,16 @@ def draw_defects(axes: Axes, result: MissionResult, turn: MapTransform, weights:
 
 def draw_reactions(axes: Axes, result: MissionResult, turn: MapTransform, weights: Weights) -> None:
     """What the policy did: discs where it waited, arrows where it stepped aside, rings where it came back."""
-    stays = sorted(waits(result), key=lambda stay: -stay.seconds)
+    stays = sorted(waits(result.track), key=lambda stay: -stay.seconds)
     _discs(axes, stays, turn, weights, WAIT, "waits")
-    again = revisits(result)
+    again = revisits(result.track)
     if again:
         spots = turn.points([stay.position for stay in again])
         axes.scatter(
             spots[:, 0], spots[:, 1], s=5 * weights.defect**0.7 + 8, marker="s", facecolors="none",
             edgecolors=REVISIT, linewidths=0.9, zorder=_STAYS,
         ).set_gid("revisits")  # fmt: skip
-    for step in displacements(result):
+    for step in displacements(result.track):
         start, end = turn.points([step.start, step.end])
         axes.add_patch(
             FancyArrowPatch(

@@ -9,9 +9,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pavetwin.draw import style
-from pavetwin.draw.marks import Outcome, avoiding, displacements, outcomes, revisits, waits
+from pavetwin.draw.marks import Outcome, outcomes
 from pavetwin.draw.mission_layers import AVOID, BATTERY, CAPTURED, GAP, REVISIT, STEP, WAIT
 from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.track import avoiding, displacements, revisits, waits
 
 Handle = Artist | tuple[Artist, ...]
 
@@ -63,15 +64,15 @@ def legend_of(results: Sequence[MissionResult], *, town: bool) -> tuple[list[Han
             marker, colour = style.OUTCOME_MARKERS[outcome], style.OUTCOME_COLOURS[outcome]
             mark = Line2D([], [], marker=marker, color=colour, linestyle="", markersize=5, mec=style.PAPER, mew=0.4)
             add(mark, {Outcome.RECOVERED: "Defect recovered on a revisit"}.get(outcome, f"Defect {outcome}"))
-    if any(waits(result) for result in results):
+    if any(waits(result.track) for result in results):
         disc = Line2D([], [], marker="o", color=WAIT, linestyle="", mfc=WAIT + "38", markersize=8, mew=0.9)
         add(disc, "Waiting; area by seconds")
-    if any(displacements(result) for result in results):
+    if any(displacements(result.track) for result in results):
         add(Line2D([], [], marker="^" if town else ">", color=STEP, linestyle="", markersize=5), "Displacement")
-    if any(revisits(result) for result in results):
+    if any(revisits(result.track) for result in results):
         square = Line2D([], [], marker="s", color=REVISIT, linestyle="", mfc="none", markersize=6, mew=0.9)
         add(square, "Place revisited")
-    if any(avoiding(result).any() for result in results):
+    if any(avoiding(result.track).any() for result in results):
         add(Line2D([], [], color=AVOID, linewidth=5, alpha=0.4), "Giving way to aircraft")
     if town:
         if results[0].swaps:

@@ -28,6 +28,7 @@ DOING = {
     Mode.HOME: "flies home",
     Mode.LAND: "lands",
     Mode.SWAP: "swaps the battery",
+    Mode.AVOID: "gives way to an aircraft",
 }
 
 
@@ -47,16 +48,18 @@ class Readings:
         minutes, seconds = divmod(round(scene.time_s, 1), 60)
         columns = (
             ("time", f"{int(minutes)}:{seconds:04.1f}"),
-            ("speed", f"{scene.speed_mps:.1f} m/s"),
-            ("altitude", f"{scene.altitude_m:.1f} m"),
-            ("battery", f"{100 * scene.battery:.0f} %"),
+            ("speed", f"{scene.uav.speed_mps:.1f} m/s"),
+            ("altitude", f"{scene.uav.altitude_m:.1f} m"),
+            ("battery", f"{100 * scene.uav.battery:.0f} %"),
         )
         x = MARGIN_PX
         for name, value in columns:
             self._cell(pen, x, top_px, name, value)
             x += 96
         self._visibility(pen, x, top_px, scene.visibility)
-        self._cell(pen, x + 190, top_px, f"policy {self.policy}", DOING[scene.mode], bold=scene.mode in _REACTIONS)
+        self._cell(
+            pen, x + 190, top_px, f"policy {self.policy}", DOING[scene.uav.mode], bold=scene.uav.mode in _REACTIONS
+        )
 
     @cached_property
     def _still(self) -> Image.Image:

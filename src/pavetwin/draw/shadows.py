@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pavetwin._core import Trace
 from pavetwin.arrays import Float64Array, GeometryArray
 from pavetwin.draw.marks import rectangles
 from pavetwin.draw.mission_style import SMALLEST_VEHICLE_M
 from pavetwin.mission.environment import window_m
-from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.timeline import Timeline
 
 if TYPE_CHECKING:
     from pavetwin._core import PoseColumns
@@ -58,8 +57,7 @@ def shadows(agents: "PoseColumns", camera: tuple[float, float, float]) -> Geomet
 class SeenSurface:
     """The pavement of the inspected segments that the captures have seen, up to a time that only moves on."""
 
-    result: MissionResult
-    trace: Trace
+    timeline: Timeline
     concerns: Callable[[float, float], bool] = lambda _east, _north: True
     """Whether a capture at this place can come into the picture; the others are left out."""
     _done: int = field(default=0, init=False)
@@ -67,24 +65,26 @@ class SeenSurface:
 
     def until(self, time_s: float) -> shapely.Geometry:
         """Everything seen by captures up to `time_s`."""
-        captures, news = self.result.captures, []
-        while self._done < len(captures["t_s"]) and captures["t_s"][self._done] <= time_s + 1e-9:
-            if self.concerns(float(captures["x_m"][self._done]), float(captures["y_m"][self._done])):
-                news.append(self._seen_by(self._done))
-            self._done += 1
+        captures, count = self.timeline.captures, self.timeline.capture_count(time_s)
+        news = [
+            self._seen_by(number)
+            for number in range(self._done, count)
+            if self.concerns(float(captures["x_m"][number]), float(captures["y_m"][number]))
+        ]
+        self._done = max(self._done, count)
         if news:
             self._seen = shapely.simplify(shapely.union_all([self._seen, *news]), TOLERANCE_M)
         return self._seen
 
     def _seen_by(self, capture: int) -> shapely.Geometry:
-        captures, one = self.result.captures, slice(capture, capture + 1)
-        across, along = window_m(self.result.settings)
+        captures, one = self.timeline.captures, slice(capture, capture + 1)
+        across, along = window_m(self.timeline.settings)
         corners = rectangles(captures["x_m"][one], captures["y_m"][one], captures["yaw_rad"][one], across, along)[0]
         window = shapely.Polygon(corners)
         east, north = float(captures["x_m"][capture]), float(captures["y_m"][capture])
         reach = hypot(across, along) / 2 + 1
-        agents = self.trace.agents_near(east, north, reach, float(captures["t_s"][capture]))
-        segment = self.result.environment.world.segments[int(captures["segment"][capture])]
+        agents = self.timeline.trace.agents_near(east, north, reach, float(captures["t_s"][capture]))
+        segment = self.timeline.environment.world.segments[int(captures["segment"][capture])]
         seen = shapely.intersection(window, segment.polygon)
-        hidden = shadows(agents, (east, north, self.result.settings.altitude_m))
+        hidden = shadows(agents, (east, north, self.timeline.settings.altitude_m))
         return shapely.difference(seen, shapely.union_all(hidden)) if len(hidden) else seen

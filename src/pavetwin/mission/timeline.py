@@ -1,0 +1,251 @@
+"""A mission over time: the whole twin at any moment, of a mission that was flown or is in flight.
+
+```python
+timeline = Timeline(result, traffic)          # or Timeline(mission, mission.traffic), at any pause
+state = timeline.at(73.5)
+state.uav.position, state.visibility, state.found, state.missed
+timeline.events(60.0, 90.0)                   # what happened in between
+```
+
+A timeline of a mission in flight tells everything up to the moment at which it was made; make another one later.
+"""
+
+from bisect import bisect_right
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import inf
+from types import MappingProxyType
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from pavetwin.arrays import Float64Array, UInt8Array
+from pavetwin.errors import PaveTwinError
+from pavetwin.mission.environment import MissionEnvironment
+from pavetwin.mission.events import (
+    ActionTaken,
+    BatteryRanLow,
+    BatterySwapped,
+    DefectsConfirmed,
+    MissionEvent,
+    NoteVisited,
+    OcclusionStarted,
+    SegmentFinished,
+)
+from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.mission import MODES, Mission, Traffic
+from pavetwin.mission.moment import agents_of
+from pavetwin.mission.track import MODE_NUMBER, activity, inspecting
+from pavetwin.policies import Revisit
+from pavetwin.twin import Agent, Confirmation, Mode, Note, Place, UavState
+from pavetwin.world.model import Segment
+
+if TYPE_CHECKING:
+    from pavetwin._core import CaptureColumns, PoseColumns, TrackColumns
+
+LATE_S = 1e-9
+"""A sample this much later than a moment counts as of that moment: times are sums of time steps."""
+
+
+@dataclass(frozen=True)
+class TimelineState:
+    """D_t at one moment of a mission, and what was done and found up to it."""
+
+    time_s: float
+    uav: UavState
+    """x_t, interpolated. Its yaw is continuous over the mission, beyond ±π too."""
+    segment: Segment | None
+    """s*: the one that the UAV is at."""
+    visibility: float | None
+    """o_{s*,t} at the last look; None while nothing is under inspection."""
+    captures: int
+    """How many inspection windows were captured so far: the first rows of the timeline's `captures`."""
+    found: Mapping[int, Confirmation]
+    """The confirmed defects, by their id."""
+    missed: frozenset[int]
+    """Defects, by their id, of segments that were left, not confirmed so far."""
+    finished: tuple[int, ...]
+    """Indices of the segments that were left, in order."""
+    actions: tuple[ActionTaken, ...]
+    notes: tuple[Note, ...]
+    """Places that are still to be visited again."""
+    wait_s: float
+    """Waited in all, to one sample of the track."""
+    energy: float
+    """Used, in batteries, to one sample of the track."""
+    occlusions: int
+    swaps: int
+    _timeline: "Timeline" = field(repr=False, compare=False)
+
+    @cached_property
+    def agents(self) -> tuple[Agent, ...]:
+        """A_t: every agent in the world."""
+        return agents_of(self._timeline.trace.agents_at(self.time_s))
+
+    def agents_near(self, place: Place, radius_m: float) -> "PoseColumns":
+        """Those whose body may reach into the disc, one array a column."""
+        return self._timeline.trace.agents_near(*place, radius_m, self.time_s)
+
+
+class Timeline:
+    """A mission's columns over time (`track`, `captures`), its events, and its state at any moment."""
+
+    def __init__(self, mission: MissionResult | Mission, traffic: Traffic) -> None:
+        """`traffic` is what the mission is flown against."""
+        self.environment: MissionEnvironment = mission.environment
+        self.settings = mission.settings
+        self.policy = mission.policy
+        self.trace = traffic.trace()
+        self.captures: CaptureColumns
+        self.track: TrackColumns
+        if isinstance(mission, Mission):
+            self.duration_s = mission.flight.time_s
+            self.track, self.captures = _track_until_now(mission), mission.flight.captures()
+        else:
+            self.duration_s = mission.duration_s
+            self.track, self.captures = mission.track, mission.captures
+        self._events = tuple(mission.events)
+        self._event_times_s = [event.time_s for event in self._events]
+
+    def at(self, time_s: float) -> TimelineState:
+        """The state at a moment from 0 to `duration_s`.
+
+        Raises:
+            PaveTwinError: the mission has no such moment.
+        """
+        if not 0 <= time_s <= self.duration_s + LATE_S:
+            raise PaveTwinError(f"The mission has no moment at {time_s:g} s; it lasts {self.duration_s:.1f} s so far.")
+        row = self.row(time_s)
+        segment, visibility = int(self.track["segment"][row]), float(self.track["visibility"][row])
+        found: dict[int, Confirmation] = {}
+        finished: list[int] = []
+        actions: list[ActionTaken] = []
+        notes: list[Note] = []
+        occlusions = swaps = 0
+        for event in self.events(0.0, time_s):
+            match event:
+                case DefectsConfirmed(when_s, defects, on_revisit):
+                    found |= dict.fromkeys(defects, Confirmation(when_s, on_revisit))
+                case SegmentFinished(segment=left):
+                    finished.append(left)
+                case ActionTaken(when_s, _, action):
+                    actions.append(event)
+                    if isinstance(action, Revisit):
+                        notes.append(Note(action.place, when_s, action.stay_s))
+                case NoteVisited(note=note):
+                    notes.remove(note)
+                case OcclusionStarted():
+                    occlusions += 1
+                case BatterySwapped():
+                    swaps += 1
+        return TimelineState(
+            time_s=time_s,
+            uav=UavState(
+                position=(float(self.interpolated("x_m", time_s)), float(self.interpolated("y_m", time_s))),
+                altitude_m=float(self.interpolated("altitude_m", time_s)),
+                speed_mps=float(self.interpolated("speed_mps", time_s)),
+                battery=float(self.interpolated("battery", time_s)),
+                yaw_rad=float(np.interp(time_s, self.track["t_s"], self._yaw_rad)),
+                mode=MODES[int(self.activity[row])],
+            ),
+            segment=None if segment < 0 else self.environment.world.segments[segment],
+            visibility=visibility if np.isfinite(visibility) else None,
+            captures=self.capture_count(time_s),
+            found=MappingProxyType(found),
+            missed=frozenset(
+                defect for left in finished for defect in self._defects_of.get(left, ()) if defect not in found
+            ),
+            finished=tuple(finished),
+            actions=tuple(actions),
+            notes=tuple(notes),
+            wait_s=float(np.interp(time_s, self.track["t_s"], self._waited_s)),
+            energy=float(np.interp(time_s, self.track["t_s"], self._used)),
+            occlusions=occlusions,
+            swaps=swaps,
+            _timeline=self,
+        )
+
+    def events(self, start_s: float = 0.0, end_s: float = inf) -> tuple[MissionEvent, ...]:
+        """What happened from `start_s` to `end_s`, both included, in order."""
+        first = bisect_right(self._event_times_s, np.nextafter(start_s, -inf))
+        return self._events[first : bisect_right(self._event_times_s, end_s)]
+
+    def row(self, time_s: float) -> int:
+        """The track's last sample up to a moment."""
+        return max(0, int(np.searchsorted(self.track["t_s"], time_s + LATE_S)) - 1)
+
+    def capture_count(self, time_s: float) -> int:
+        """How many rows of `captures` are of a moment and before."""
+        return int(np.searchsorted(self.captures["t_s"], time_s + LATE_S, side="right"))
+
+    def interpolated(self, column: str, time_s: float | Float64Array) -> Float64Array:
+        """A column of the track at one or many moments; beyond its ends as at its ends."""
+        return np.asarray(np.interp(time_s, self.track["t_s"], self.track[column]))  # type: ignore[literal-required]
+
+    def trail(self, time_s: float, seconds: float) -> Float64Array:
+        """(n, 2) the places of the last `seconds`."""
+        past = (self.track["t_s"] > time_s - seconds) & (self.track["t_s"] <= time_s)
+        return np.column_stack([self.track["x_m"][past], self.track["y_m"][past]])
+
+    @cached_property
+    def activity(self) -> UInt8Array:
+        """(n,) what the UAV did at each sample of the track, see `pavetwin.mission.track.activity`."""
+        return activity(self.track)
+
+    def first_reaction_s(self) -> float:
+        """When the policy first reacted or a battery ran low; else the first occlusion, the first look, or 0."""
+        reactions = [e.time_s for e in self._events if isinstance(e, ActionTaken | BatteryRanLow)]
+        if reactions:
+            return reactions[0]
+        looks = inspecting(self.track)
+        low = looks & (np.nan_to_num(self.track["visibility"], nan=1.0) < self.settings.visibility.threshold)
+        rows = np.flatnonzero(low) if low.any() else np.flatnonzero(looks)
+        return float(self.track["t_s"][rows[0]]) if len(rows) else 0.0
+
+    @cached_property
+    def _yaw_rad(self) -> Float64Array:
+        return np.asarray(np.unwrap(self.track["yaw_rad"]))
+
+    @cached_property
+    def _waited_s(self) -> Float64Array:
+        """(n,) seconds waited before each sample."""
+        waiting = self.activity[:-1] == MODE_NUMBER[Mode.WAIT]
+        return np.concatenate([[0.0], np.cumsum(np.diff(self.track["t_s"]) * waiting)])
+
+    @cached_property
+    def _used(self) -> Float64Array:
+        """(n,) batteries used before each sample; the rise of a swap is no use."""
+        return np.concatenate([[0.0], np.cumsum(np.maximum(0.0, -np.diff(self.track["battery"])))])
+
+    @cached_property
+    def _defects_of(self) -> dict[int, list[int]]:
+        """Ids of the defects by the index of their segment."""
+        index = {segment.id: number for number, segment in enumerate(self.environment.world.segments)}
+        found: dict[int, list[int]] = {}
+        for defect in self.environment.defects:
+            found.setdefault(index[defect.segment], []).append(defect.id)
+        return found
+
+
+def _track_until_now(mission: Mission) -> "TrackColumns":
+    """The track of a mission in flight; its last row is of now."""
+    track, flight = mission.flight.track(), mission.flight
+    if len(track["t_s"]) and track["t_s"][-1] >= flight.time_s:
+        return track
+    (x_m, y_m), started = flight.position, len(track["t_s"]) > 0
+    now = {
+        "t_s": flight.time_s,
+        "x_m": x_m,
+        "y_m": y_m,
+        "altitude_m": flight.altitude_m,
+        "yaw_rad": flight.yaw_rad,
+        "speed_mps": flight.speed_mps,
+        "battery": flight.battery,
+        "mode": flight.mode,
+        "segment": track["segment"][-1] if started else -1,
+        "visibility": track["visibility"][-1] if started else np.nan,
+    }
+    columns = cast("dict[str, Float64Array]", track)
+    longer = {name: np.append(column, np.asarray(now[name], column.dtype)) for name, column in columns.items()}
+    return cast("TrackColumns", longer)

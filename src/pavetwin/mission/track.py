@@ -1,0 +1,107 @@
+"""What the track of a mission tells: what the UAV did at each sample, where it waited, stepped aside and came back.
+
+World frame: metres, radians, seconds.
+"""
+
+from dataclasses import dataclass
+from math import hypot
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pavetwin.arrays import BoolArray, UInt8Array
+from pavetwin.twin import Mode, Place
+
+if TYPE_CHECKING:
+    from pavetwin._core import TrackColumns
+
+SAME_PLACE_M = 1.5
+"""Stops closer together than this are one."""
+
+STILL_MPS = 0.2
+"""Below this speed the UAV stands over a place."""
+
+MODE_NUMBER = {mode: number for number, mode in enumerate(Mode)}
+"""Of a mode in the track."""
+
+
+@dataclass(frozen=True, slots=True)
+class HoverStop:
+    """A place where the UAV stood for a while."""
+
+    position: Place
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Displacement:
+    """A displacement: from the route to the place aside."""
+
+    start: Place
+    end: Place
+
+
+def activity(track: "TrackColumns") -> UInt8Array:
+    """(n,) for each sample, what the UAV did, by the number of its mode.
+
+    While it stands and looks whether to wait on, the kernel has it inspect; here it waits.
+    """
+    mode = np.array(track["mode"], dtype=np.uint8)
+    looks = (mode == MODE_NUMBER[Mode.INSPECT]) & (track["speed_mps"] < STILL_MPS)
+    looks[:-1] &= mode[1:] == MODE_NUMBER[Mode.WAIT]
+    looks[-1:] = False
+    mode[looks] = MODE_NUMBER[Mode.WAIT]
+    return mode
+
+
+def inspecting(track: "TrackColumns") -> BoolArray:
+    """(n,) for each sample, whether the camera was looking at a segment."""
+    return np.asarray(np.isfinite(track["visibility"]), dtype=np.bool_)
+
+
+def avoiding(track: "TrackColumns") -> BoolArray:
+    """(n,) for each sample, whether the UAV gave way to another aircraft."""
+    return np.asarray(track["mode"] == MODE_NUMBER[Mode.AVOID], dtype=np.bool_)
+
+
+def waits(track: "TrackColumns") -> list[HoverStop]:
+    """Where the policy waited, and for how long in all."""
+    return _stops(track, activity(track) == MODE_NUMBER[Mode.WAIT])
+
+
+def revisits(track: "TrackColumns") -> list[HoverStop]:
+    """The places that were visited again, and how long the UAV stood and looked there."""
+    stands = track["speed_mps"] < STILL_MPS
+    return _stops(track, (track["mode"] == MODE_NUMBER[Mode.REVISIT]) & stands & inspecting(track))
+
+
+def _stops(track: "TrackColumns", chosen: BoolArray) -> list[HoverStop]:
+    lasts = np.diff(track["t_s"], append=track["t_s"][-1:])
+    stops: list[HoverStop] = []
+    for index in np.flatnonzero(chosen):
+        x, y, seconds = float(track["x_m"][index]), float(track["y_m"][index]), float(lasts[index])
+        for number, stop in enumerate(stops):
+            if hypot(stop.position[0] - x, stop.position[1] - y) < SAME_PLACE_M:
+                stops[number] = HoverStop(stop.position, stop.seconds + seconds)
+                break
+        else:
+            stops.append(HoverStop((x, y), seconds))
+    return [stop for stop in stops if stop.seconds > 0]
+
+
+def displacements(track: "TrackColumns") -> list[Displacement]:
+    """Each displacement, from where it set out to the farthest place it came to."""
+    steps = []
+    for rows in runs(track["mode"] == MODE_NUMBER[Mode.DISPLACE]):
+        x, y = track["x_m"][rows], track["y_m"][rows]
+        away = np.hypot(x - x[0], y - y[0])
+        far = int(np.argmax(away))
+        if away[far] > STILL_MPS:
+            steps.append(Displacement((float(x[0]), float(y[0])), (float(x[far]), float(y[far]))))
+    return steps
+
+
+def runs(chosen: BoolArray) -> list[slice]:
+    """The unbroken stretches of true values, as slices."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(np.int8)))
+    return [slice(int(start), int(end)) for start, end in zip(edges[::2], edges[1::2], strict=True)]
