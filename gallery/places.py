@@ -116,5 +116,5 @@ def _is_sunny(renderer: GalleryRenderer, defect: Defect) -> bool:
         return bool(shape.distance(LineString([(x, y), (x + east * reach, y + north * reach)])) < 2.0)
 
     return not any(shades(building.polygon, building.height_m) for building in renderer.world.buildings) and not any(
-        shades(thing.position.buffer(thing.radius_m), thing.height_m) for thing in renderer.world.furniture
+        shades(item.position.buffer(item.radius_m), item.height_m) for item in renderer.world.furniture
     )

@@ -165,20 +165,20 @@ def _defects(world: World, flip: _Flip) -> Iterable[str]:
 
 def _furniture(world: World, flip: _Flip) -> Iterable[str]:
     yield f"<g fill='{style.TREE}' fill-opacity='.75' stroke='{style.TREE_EDGE}' stroke-width='.2'>"
-    for thing in world.furniture:
-        if thing.kind is FurnitureKind.TREE:
-            x, y = flip.point(thing.position.x, thing.position.y)
-            yield f"<circle cx='{x}' cy='{y}' r='{_number(thing.radius_m)}'/>"
+    for item in world.furniture:
+        if item.kind is FurnitureKind.TREE:
+            x, y = flip.point(item.position.x, item.position.y)
+            yield f"<circle cx='{x}' cy='{y}' r='{_number(item.radius_m)}'/>"
     yield "</g><g class='masts'>"
-    for thing in world.furniture:
-        if thing.kind is not FurnitureKind.TREE:
-            x, y = flip.point(thing.position.x, thing.position.y)
-            arm_x = _number(thing.arm_m * float(np.cos(thing.yaw_rad)))
-            arm_y = _number(-thing.arm_m * float(np.sin(thing.yaw_rad)))
-            colour = _MASTS.get(thing.kind, style.POLE)
-            words = thing.kind.value.replace("_", " ")
-            arm = f"<path d='M{x} {y}l{arm_x} {arm_y}'/>" if thing.arm_m > 0 else ""
-            yield f"{arm}<circle cx='{x}' cy='{y}' r='.6' fill='{colour}' data-tip='{words}, {thing.height_m:.1f} m'/>"
+    for item in world.furniture:
+        if item.kind is not FurnitureKind.TREE:
+            x, y = flip.point(item.position.x, item.position.y)
+            arm_x = _number(item.arm_m * float(np.cos(item.yaw_rad)))
+            arm_y = _number(-item.arm_m * float(np.sin(item.yaw_rad)))
+            colour = _MASTS.get(item.kind, style.POLE)
+            words = item.kind.value.replace("_", " ")
+            arm = f"<path d='M{x} {y}l{arm_x} {arm_y}'/>" if item.arm_m > 0 else ""
+            yield f"{arm}<circle cx='{x}' cy='{y}' r='.6' fill='{colour}' data-tip='{words}, {item.height_m:.1f} m'/>"
     yield "</g>"
 
 

@@ -50,8 +50,8 @@ EVERYTHING = frozenset(MapLayer)
 
 def world_bounds(world: World, margin_m: float = MARGIN_M) -> Bounds:
     """What a map of the whole world shows: its streets and buildings and a margin, in metres."""
-    things = [segment.polygon for segment in world.segments] + [building.polygon for building in world.buildings]
-    west, south, east, north = (float(value) for value in shapely.total_bounds(things))
+    items = [segment.polygon for segment in world.segments] + [building.polygon for building in world.buildings]
+    west, south, east, north = (float(value) for value in shapely.total_bounds(items))
     return west - margin_m, south - margin_m, east + margin_m, north + margin_m
 
 
@@ -173,9 +173,9 @@ class _Plan:
     def furniture(self) -> None:
         if self.per_m < 0.55:
             return
-        arms = [thing for thing in self.world.furniture if thing.arm_m > 0] if self.per_m > 2.0 else []
+        arms = [item for item in self.world.furniture if item.arm_m > 0] if self.per_m > 2.0 else []
         feet = _centres(arms)
-        reach = np.array([(thing.arm_m * cos(thing.yaw_rad), thing.arm_m * sin(thing.yaw_rad)) for thing in arms])
+        reach = np.array([(item.arm_m * cos(item.yaw_rad), item.arm_m * sin(item.yaw_rad)) for item in arms])
         lines = np.stack([feet, feet + reach.reshape(-1, 2)], axis=1)
         shapes.strokes(self.axes, list(lines), 8, self.shade(style.POLE), 0.6)
         for kind, colour, marker, size in (
@@ -220,9 +220,9 @@ class _Plan:
     def _of(self, kind: FurnitureKind) -> list[Furniture]:
         (west, east), (south, north) = self.axes.get_xlim(), self.axes.get_ylim()
         return [
-            thing
-            for thing in self.world.furniture
-            if thing.kind is kind and west < thing.position.x < east and south < thing.position.y < north
+            item
+            for item in self.world.furniture
+            if item.kind is kind and west < item.position.x < east and south < item.position.y < north
         ]
 
 
@@ -265,7 +265,7 @@ def credit(world: World) -> str | None:
 
 def legend(world: World, *, defects: bool = True) -> list[LegendEntry]:
     """What the marks on the map of this world mean; only those that are on it."""
-    kinds = Counter(thing.kind for thing in world.furniture)
+    kinds = Counter(item.kind for item in world.furniture)
     classes = Counter(defect.kind for defect in world.defects)
     walks = bool(world.lanes_of(LaneKind.SIDEWALK))
     entries: Sequence[tuple[bool, LegendEntry]] = (
@@ -293,5 +293,5 @@ def defect_words(kind: DefectClass) -> str:
     return kind.value.replace("_", " ")
 
 
-def _centres(things: Sequence[Furniture]) -> Float64Array:
-    return np.array([(thing.position.x, thing.position.y) for thing in things], dtype=np.float64).reshape(-1, 2)
+def _centres(items: Sequence[Furniture]) -> Float64Array:
+    return np.array([(item.position.x, item.position.y) for item in items], dtype=np.float64).reshape(-1, 2)

@@ -1,1 +1,1 @@
-"""The scene of a world: meshes and maps, as values that any renderer can draw."""
+"""The scene of a world: meshes and maps, as values for any renderer."""

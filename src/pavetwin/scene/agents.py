@@ -1,7 +1,7 @@
 """The agents of a recording at a time, as instances of models.
 
-Positions between frames are the kernel's, the same that a mission flies against. How people step follows from the way
-they have walked, not from the time, so that no foot slides. Brake lamps follow from the change of speed.
+Positions between frames are the kernel's, the same that a mission flies against. The gait phase of people depends on
+the distance walked, not on time, so that no foot slides. Brake lamps depend on the deceleration.
 """
 
 import math
@@ -22,7 +22,7 @@ BRAKING_MPS2: Final = 0.7
 """UN Regulation 13-H, 5.2.22.4: at less deceleration without the pedal brake lamps must not be lit."""
 
 STANDING_MPS: Final = 0.2
-"""Slower vehicles stand with a foot on the brake; slower people stand."""
+"""Slower vehicles stand with the brake on; slower people stand."""
 
 BRAKE_GLOW: Final = 1.5
 """See `Instance.tints`."""
@@ -32,7 +32,7 @@ _LAMP_REAR: Final = 2
 
 
 class Actors:
-    """A recording's agents, ready to be drawn. Looks are made when an agent is first seen, and kept."""
+    """A recording's agents as instances. An agent's appearance is made at its first use, and kept."""
 
     def __init__(
         self,
@@ -52,13 +52,13 @@ class Actors:
         self._looks: dict[int, AgentAppearance] = {}
 
     def look(self, agent: int) -> AgentAppearance:
-        """How an agent looks."""
+        """The appearance of an agent."""
         if agent not in self._looks:
             self._looks[agent] = look_of(self.recording.agents, agent, self._seed, self._models)
         return self._looks[agent]
 
     def at(self, time_s: float, near: tuple[float, float, float] | None = None) -> tuple[Instance, ...]:
-        """All agents at a time, or those that reach into a disc (x, y, radius, metres)."""
+        """All agents at a time, or those within a disc (x, y, radius, metres)."""
         poses = self._trace.agents_at(time_s) if near is None else self._trace.agents_near(*near, time_s)
         who = poses["agent"].astype(np.int64)
         speed = np.hypot(poses["east_mps"], poses["north_mps"])
@@ -130,7 +130,7 @@ class Actors:
 
 
 def upright(x_m: float, y_m: float, yaw_rad: float, *, z_m: float = 0.0, scale: npt.ArrayLike = 1.0) -> Float64Array:
-    """(4, 4): scaled in the model's own frame, turned about the vertical, put to a place."""
+    """(4, 4): scale in the model's frame, rotation about the vertical, translation."""
     factors = np.broadcast_to(np.asarray(scale, dtype=np.float64), (3,))
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     matrix = np.eye(4)
@@ -140,7 +140,7 @@ def upright(x_m: float, y_m: float, yaw_rad: float, *, z_m: float = 0.0, scale: 
 
 
 def quadrotor(position: npt.ArrayLike, yaw_rad: float, acceleration_mps2: npt.ArrayLike = (0.0, 0.0, 0.0)) -> Instance:
-    """The UAV in flight: its rotors' axis leans with the thrust that gravity and the acceleration (3,) ask for."""
+    """The UAV in flight: its rotor axis tilts with the thrust that balances gravity and the acceleration (3,)."""
     thrust = np.asarray(acceleration_mps2, dtype=np.float64) + (0.0, 0.0, 9.81)
     up = thrust / np.linalg.norm(thrust)
     left = np.cross(up, (math.cos(yaw_rad), math.sin(yaw_rad), 0.0))
@@ -152,7 +152,7 @@ def quadrotor(position: npt.ArrayLike, yaw_rad: float, acceleration_mps2: npt.Ar
 
 
 def _way_so_far(recording: Recording) -> Float64Array:
-    """(rows,) metres that each agent has moved since it appeared."""
+    """(rows,) distance that each agent has moved since it appeared [m]."""
     order = np.lexsort((np.arange(len(recording.agent)), recording.agent))
     x, y = recording.x[order].astype(np.float64), recording.y[order].astype(np.float64)
     same = np.diff(recording.agent[order].astype(np.int64)) == 0

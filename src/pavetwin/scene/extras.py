@@ -1,7 +1,7 @@
-"""What else stands beside a street: bins, benches, bollards, bicycles, hydrants, hedges.
+"""Small objects beside a street: bins, benches, bollards, bicycles, hydrants, hedges.
 
-None of it is among the world's solids, so all of it is lower than `HIGHEST_M`, where nobody flies, and stands behind
-the sidewalk, clear of the carriageway, of houses, of furniture and of each other.
+They are not among the world's solids: all are lower than `HIGHEST_M`, below any flight, and placed behind the sidewalk,
+clear of the carriageway, of houses, of furniture and of each other.
 """
 
 import math
@@ -22,11 +22,11 @@ from pavetwin.world.carriageway import carriageway
 from pavetwin.world.model import Lane, LaneKind, World
 
 KEY: Final = 6
-"""This file's child of the scene's stream."""
+"""Key of this module's child of the scene's random stream."""
 
 HIGHEST_M: Final = 1.2
 SPACING_M: Final = (9.0, 26.0)
-"""Way along a sidewalk between two places where something may stand."""
+"""Distance along a sidewalk between two candidate places."""
 
 FROM_ROAD_M: Final = 0.6
 """Least distance from the carriageway: the clearance that posts keep beside roads."""
@@ -37,14 +37,14 @@ APART_M: Final = 1.4
 
 @dataclass(frozen=True, slots=True)
 class StreetObjectKind:
-    """One kind of thing, and how often it is what stands at a place."""
+    """One kind of street object, and how often it is chosen."""
 
     model: str
     share: float
     half_m: float
-    """Radius of the circle that it needs."""
+    """Radius of its free circle."""
     behind_m: float
-    """How far behind the sidewalk's edge its middle is."""
+    """Distance of its centre behind the sidewalk's edge."""
     near_houses: bool | None = None
     """True: only within 8 m of a house; False: only farther."""
     coloured: bool = False
@@ -64,25 +64,25 @@ KINDS: Final = (
 
 @dataclass(frozen=True, eq=False)
 class StreetObject:
-    """One thing beside a street."""
+    """One object beside a street."""
 
     model: str
     x_m: float
     y_m: float
     yaw_rad: float
-    """Of its x axis: it looks at the road."""
+    """Of its x axis, which faces the road."""
     tints: np.ndarray[tuple[int, int], np.dtype[np.float32]]
 
 
 class StreetObjects:
-    """A world's sidewalks and what must be kept clear."""
+    """Places street objects along a world's sidewalks."""
 
     def __init__(self, world: World, *, seed: int) -> None:
         self._world = world
         self._seed = seed
 
     def extras(self) -> Sequence[StreetObject]:
-        """All things of a world, in the order of its sidewalks."""
+        """All street objects of a world, in the order of its sidewalks."""
         taken: list[tuple[float, float]] = []
         placed: list[StreetObject] = []
         for number, lane in enumerate(self._world.lanes_of(LaneKind.SIDEWALK)):
@@ -140,7 +140,7 @@ class StreetObjects:
 
     @cached_property
     def _standing(self) -> STRtree:
-        return STRtree([thing.position for thing in self._world.furniture])
+        return STRtree([item.position for item in self._world.furniture])
 
     @cached_property
     def _walks(self) -> STRtree:
@@ -149,5 +149,5 @@ class StreetObjects:
 
 
 def _distance(tree: STRtree, point: Point) -> float:
-    """From the nearest shape; far where there is none."""
+    """Distance to the nearest shape; large if there is none."""
     return float(tree.query_nearest(point, return_distance=True)[1][0]) if len(tree) else 1e3

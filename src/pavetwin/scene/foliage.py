@@ -1,12 +1,12 @@
-"""Twigs with leaves, drawn once: the sheet that the crowns of trees cut their leaves out of.
+"""The leaf atlas: twigs with leaves, drawn once, whose alpha cuts out the leaf cards of tree crowns.
 
-A crown is made of cards, kinked quads that hold a twig each. The sheet has a cell for every kind of card: its colours
+A crown is made of cards, kinked quads that hold a twig each. The atlas has a cell for every kind of card: its colours
 multiply the card's, its alpha is 255 on leaves and 0 in the gaps between them. A twig runs from the corner of its cell
 nearest to (0, 0) to the opposite one, along the card's kink.
 
-Where a renderer halves the sheet, gaps and leaves run together, and whoever cuts at half of alpha would see crowns grow
-bald or dense with distance; so alpha is scaled on every level until the cut leaves as much as on the first (Castaño
-2010, Computing Alpha Mipmaps).
+In coarser mip levels gaps and leaves are averaged, and an alpha test at one half would make crowns thinner or denser
+with distance; so alpha is scaled on every level until the test keeps the same share as on the first (Castaño 2010,
+Computing Alpha Mipmaps).
 """
 
 from collections.abc import Sequence
@@ -19,20 +19,20 @@ import numpy as np
 from pavetwin.arrays import AnyArray, Float64Array, UInt8Array
 
 SIDE_PX: Final = 512
-"""Side of the sheet [texels]; it has 2 × 2 cells."""
+"""Side of the atlas [texels]; it has 2 × 2 cells."""
 
 CUT: Final = 0.5
-"""What has less alpha is not there."""
+"""Threshold of the alpha test."""
 
 SPRAY: Final = 3
-"""The cell of leaves all over, for the inside of a crown. The cells before it are twigs."""
+"""The cell filled with leaves, for the inside of a crown. The cells before it are twigs."""
 
 _CELL_PX: Final = SIDE_PX // 2
 _FINE: Final = 2
 """Texels are means of so many by so many samples."""
 
 _LEVELS: Final = 6
-"""Down to cells of 8 texels, whose leaves do not run into their neighbours' yet."""
+"""Mip levels down to cells of 8 texels, before leaves bleed into neighbouring cells."""
 
 _SEED: Final = 5
 
@@ -62,11 +62,11 @@ def leaf_atlas() -> UInt8Array:
 
 @cache
 def leaf_levels() -> tuple[UInt8Array, ...]:
-    """The sheet and its halved levels, cut alike at `CUT`: every cell keeps its share of leaves."""
-    sheet = leaf_atlas()
-    kept = [float((cell >= 255 * CUT).mean()) for cell in cells(sheet[..., 3])]
-    levels = [sheet]
-    texels = sheet / 255
+    """The mip levels of the atlas, scaled for the alpha test at `CUT`: every cell keeps its share of leaves."""
+    atlas = leaf_atlas()
+    kept = [float((cell >= 255 * CUT).mean()) for cell in cells(atlas[..., 3])]
+    levels = [atlas]
+    texels = atlas / 255
     for _ in range(_LEVELS - 1):
         half = len(texels) // 2
         texels = texels.reshape(half, 2, half, 2, 4).mean(axis=(1, 3))
@@ -107,7 +107,7 @@ def _spray(rng: np.random.Generator) -> list[_Leaf]:
     count = 62
     away = 0.37 * np.sqrt((np.arange(count) + 0.5) / count)
     angle = np.arange(count) * 2.399963 + rng.normal(0.0, 0.2, count)
-    # Outwards at the ragged rim, any way inside.
+    # Outwards at the ragged rim, in any direction inside.
     turn = angle + rng.normal(0.0, np.where(away > 0.24, 0.6, 2.5))
     feet = 0.5 + away[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
     return [_leaf(rng, feet[index], float(turn[index]), rng.uniform(0.17, 0.24)) for index in range(count)][::-1]
@@ -153,7 +153,7 @@ def _blade(
     inside = _ramp(off, sample) * ((along > 0.0) & (along < 1.0))
     shade = np.where((along > -0.1) & (along < 1.1), _ramp(off + 0.012, 0.02), 0.0)
     veins = 0.5 + 0.5 * np.cos(2 * np.pi * (7.0 * share - 9.0 * np.abs(across)))
-    # One half of the blade looks more to the light than the other.
+    # One half of the blade faces the light more than the other.
     light = leaf.tone * (1.0 + 0.10 * np.tanh(12.0 * across)) * (0.90 + 0.08 * veins)
     light = light + 0.10 * np.exp(-((across / 0.018) ** 2)) * (share > 0)
     hue = np.array([1.0 + 0.14 * leaf.yellow, 1.0 + 0.03 * leaf.yellow, 1.0 - 0.18 * leaf.yellow]) * (0.92, 0.95, 0.85)
@@ -171,5 +171,5 @@ def _texels(colour: Float64Array, alpha: Float64Array) -> UInt8Array:
 
 
 def _ramp(value: Float64Array, width: float) -> Float64Array:
-    """0 below nought, 1 a width above it, straight between."""
+    """Linear ramp: 0 below zero, 1 a width above it."""
     return np.asarray(np.clip(value / width + 0.5, 0.0, 1.0))

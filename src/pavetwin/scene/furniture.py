@@ -1,6 +1,6 @@
-"""Street furniture as instances: trees in the size that the world has them, masts with arms, lamps, signs.
+"""Street furniture as instances: trees of the world's sizes, masts with arms, lamps, signs.
 
-Everything stays inside the prisms of `world.solids`, to within centimetres, but for the heads of lamps and signals.
+Everything stays inside the prisms of `world.solids`, to within centimetres, except the heads of lamps and signals.
 """
 
 import math
@@ -18,11 +18,11 @@ from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Furniture, FurnitureKind
 
 KEY: Final = 5
-"""This file's child of the scene's stream."""
+"""Key of this module's child of the scene's random stream."""
 
 GALVANISED: Final = (0.36, 0.37, 0.38)
 PAINTED: Final = ((0.36, 0.37, 0.38), (0.06, 0.07, 0.065), (0.17, 0.18, 0.19), (0.03, 0.055, 0.04))
-"""Of lamp posts in different streets."""
+"""Colours of lamp posts in different streets."""
 
 TIMBER: Final = (0.15, 0.11, 0.075)
 ARM_RADIUS_M: Final = {FurnitureKind.STREET_LIGHT: 0.035, FurnitureKind.SIGNAL: 0.07}
@@ -34,32 +34,32 @@ SIGN_FACE_M: Final = 0.35
 
 SIGNS: Final = ("sign_triangle", "sign_octagon", "sign_round")
 SIGN_SHARES: Final = (0.5, 0.2, 0.3)
-"""At unsignalled approaches one gives way, stops, or is told the limit. Ours."""
+"""Signs at unsignalled approaches: give way, stop, or speed limit. Ours."""
 
 
-def stand(thing: Furniture, number: int, ground_m: float, seed: int, models: Mapping[str, Model]) -> Iterator[Instance]:
-    """The instances of one thing.
+def stand(item: Furniture, number: int, ground_m: float, seed: int, models: Mapping[str, Model]) -> Iterator[Instance]:
+    """The instances of one item of street furniture.
 
     Args:
-        thing: of the world.
-        number: its place in the world's list, which names its luck.
+        item: of the world.
+        number: its index in the world's list, the key of its random stream.
         ground_m: height of the ground where it stands.
         seed: of the scene.
-        models: all that there are.
+        models: all models by name.
     """
     rng = child(seed, Stream.SCENE, KEY, number)
-    match thing.kind:
+    match item.kind:
         case FurnitureKind.TREE:
-            yield from _tree(thing, ground_m, rng, models)
+            yield from _tree(item, ground_m, rng, models)
         case FurnitureKind.STREET_LIGHT:
-            yield from _light(thing, ground_m)
+            yield from _light(item, ground_m)
         case FurnitureKind.SIGNAL:
-            yield from _mast(thing, ground_m, "tapered", GALVANISED)
+            yield from _mast(item, ground_m, "tapered", GALVANISED)
         case FurnitureKind.SIGN:
-            yield from _mast(thing, ground_m, "straight", GALVANISED)
-            yield from _plate(thing, rng)
+            yield from _mast(item, ground_m, "straight", GALVANISED)
+            yield from _plate(item, rng)
         case FurnitureKind.POLE:
-            yield from _mast(thing, ground_m, "tapered", TIMBER)
+            yield from _mast(item, ground_m, "tapered", TIMBER)
 
 
 def pole(x_m: float, y_m: float, low_m: float, high_m: float, radius_m: float) -> Instance:
@@ -69,15 +69,15 @@ def pole(x_m: float, y_m: float, low_m: float, high_m: float, radius_m: float) -
 
 
 def _tree(
-    thing: Furniture, ground_m: float, rng: np.random.Generator, models: Mapping[str, Model]
+    item: Furniture, ground_m: float, rng: np.random.Generator, models: Mapping[str, Model]
 ) -> Iterator[Instance]:
-    model = _nearest_tree(thing, rng, models)
+    model = _nearest_tree(item, rng, models)
     low, high = bounds(model.parts["crown"])
-    across = thing.radius_m / model.extras["crown_radius_m"]
-    clear = max(thing.clear_height_m, ground_m + 0.2)
-    upwards = (thing.height_m - clear) / float(high[2] - low[2])
+    across = item.radius_m / model.extras["crown_radius_m"]
+    clear = max(item.clear_height_m, ground_m + 0.2)
+    upwards = (item.height_m - clear) / float(high[2] - low[2])
     yaw = float(rng.uniform(0, 2 * math.pi))
-    x, y = thing.position.x, thing.position.y
+    x, y = item.position.x, item.position.y
     fresh, yellow = np.exp((0.16, 0.10) * np.clip(rng.standard_normal(2), -2, 2))
     leaf = (float(fresh * yellow), float(fresh), float(fresh * 0.9))
     crown = upright(x, y, yaw, z_m=clear - upwards * float(low[2]), scale=(across, across, upwards))
@@ -87,51 +87,51 @@ def _tree(
     yield Instance(model.name, "trunk", upright(x, y, yaw, z_m=ground_m, scale=(across, across, height)), tints())
 
 
-def _nearest_tree(thing: Furniture, rng: np.random.Generator, models: Mapping[str, Model]) -> Model:
-    """One of the models that need the least stretching; the nearest two share the task."""
+def _nearest_tree(item: Furniture, rng: np.random.Generator, models: Mapping[str, Model]) -> Model:
+    """A model that needs the least scaling: one of the nearest two."""
     trees = [models[name] for name in sorted(models) if name.startswith("tree_")]
 
     def stretch(model: Model) -> float:
-        across = math.log(thing.radius_m / model.extras["crown_radius_m"])
-        upwards = math.log(thing.height_m / model.extras["height_m"])
+        across = math.log(item.radius_m / model.extras["crown_radius_m"])
+        upwards = math.log(item.height_m / model.extras["height_m"])
         return abs(across) + abs(upwards) + abs(across - upwards)
 
     ranked = sorted(trees, key=stretch)
     return ranked[int(rng.random() < 0.35) if len(ranked) > 1 else 0]
 
 
-def _light(thing: Furniture, ground_m: float) -> Iterator[Instance]:
-    street = int(thing.position.x // 150) * 31 + int(thing.position.y // 150)
+def _light(item: Furniture, ground_m: float) -> Iterator[Instance]:
+    street = int(item.position.x // 150) * 31 + int(item.position.y // 150)
     colour = PAINTED[street % len(PAINTED)]
-    yield from _mast(thing, ground_m, "tapered", colour)
-    reach = max(0.0, thing.arm_m - LAMP_M)
-    end = _beside(thing, reach)
-    yield Instance("lamp_head", BODY, upright(*end, thing.yaw_rad, z_m=thing.height_m), tints(colour))
+    yield from _mast(item, ground_m, "tapered", colour)
+    reach = max(0.0, item.arm_m - LAMP_M)
+    end = _beside(item, reach)
+    yield Instance("lamp_head", BODY, upright(*end, item.yaw_rad, z_m=item.height_m), tints(colour))
 
 
-def _mast(thing: Furniture, ground_m: float, part: str, colour: tuple[float, float, float]) -> Iterator[Instance]:
+def _mast(item: Furniture, ground_m: float, part: str, colour: tuple[float, float, float]) -> Iterator[Instance]:
     """The mast and, where it has one, its arm."""
-    x, y = thing.position.x, thing.position.y
-    size = (thing.radius_m, thing.radius_m, thing.height_m - ground_m)
+    x, y = item.position.x, item.position.y
+    size = (item.radius_m, item.radius_m, item.height_m - ground_m)
     yield Instance(SHAFT, part, upright(x, y, 0.0, z_m=ground_m, scale=size), tints(colour))
-    if thing.arm_m > 0:
-        radius = ARM_RADIUS_M[thing.kind]
-        length = thing.arm_m - (LAMP_M if thing.kind is FurnitureKind.STREET_LIGHT else 0.0)
-        place = upright(x, y, thing.yaw_rad, z_m=thing.height_m - radius, scale=(max(length, 0.05), radius, radius))
+    if item.arm_m > 0:
+        radius = ARM_RADIUS_M[item.kind]
+        length = item.arm_m - (LAMP_M if item.kind is FurnitureKind.STREET_LIGHT else 0.0)
+        place = upright(x, y, item.yaw_rad, z_m=item.height_m - radius, scale=(max(length, 0.05), radius, radius))
         yield Instance(SHAFT, "level", place, tints(colour))
 
 
-def _plate(thing: Furniture, rng: np.random.Generator) -> Iterator[Instance]:
-    """The plate looks along the street at who comes: its edge lies along the furniture's yaw, as its solid has it."""
+def _plate(item: Furniture, rng: np.random.Generator) -> Iterator[Instance]:
+    """The plate faces oncoming traffic: its edge is along the furniture's yaw, as in its solid."""
     name = SIGNS[int(rng.choice(len(SIGNS), p=SIGN_SHARES))]
-    facing = thing.yaw_rad + math.pi / 2
-    x = thing.position.x + (thing.radius_m + 0.012) * math.cos(facing)
-    y = thing.position.y + (thing.radius_m + 0.012) * math.sin(facing)
-    yield Instance(name, BODY, upright(x, y, facing, z_m=thing.height_m - SIGN_FACE_M), tints())
+    facing = item.yaw_rad + math.pi / 2
+    x = item.position.x + (item.radius_m + 0.012) * math.cos(facing)
+    y = item.position.y + (item.radius_m + 0.012) * math.sin(facing)
+    yield Instance(name, BODY, upright(x, y, facing, z_m=item.height_m - SIGN_FACE_M), tints())
 
 
-def _beside(thing: Furniture, reach_m: float) -> tuple[float, float]:
+def _beside(item: Furniture, reach_m: float) -> tuple[float, float]:
     return (
-        thing.position.x + reach_m * math.cos(thing.yaw_rad),
-        thing.position.y + reach_m * math.sin(thing.yaw_rad),
+        item.position.x + reach_m * math.cos(item.yaw_rad),
+        item.position.y + reach_m * math.sin(item.yaw_rad),
     )

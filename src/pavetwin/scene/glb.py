@@ -2,8 +2,8 @@
 
 Axes: the file has y up and a model looks along +z; ours are x forward, y left, z up. Ours = (z, x, y) of the file.
 
-Written by hand because the libraries at hand do not do it: trimesh takes a second to import and gives a mesh a material
-or vertex colours, pygltflib has no types and would keep all pictures of a town in memory. Tests read with trimesh.
+Written here because no library fits: trimesh takes a second to import and allows a material or vertex colours but not
+both, pygltflib has no types and would keep all images of a town in memory. Tests read with trimesh.
 """
 
 import json
@@ -64,9 +64,9 @@ class Glb:
 
 
 class GlbWriter:
-    """The parts of a file as they come: their bytes go to `spool` at once, the document is kept.
+    """Writes a file part by part: binary data goes to `spool` at once, the document is kept in memory.
 
-    References are indices into the document's lists. Call `finish` with the whole file when all is in.
+    References are indices into the document's lists. Call `finish` after the last part.
     """
 
     def __init__(self, spool: BinaryIO) -> None:

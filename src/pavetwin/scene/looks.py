@@ -1,4 +1,4 @@
-"""What each agent of a recording looks like (model, size, colours), from the seed and its number alone."""
+"""The appearance of each agent of a recording (model, size, colours), from the seed and its number only."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from pavetwin.traffic.kinds import KINDS, VEHICLES
 from pavetwin.traffic.recording import Agents
 
 KEY: Final = 1
-"""This file's child of the scene's stream."""
+"""Key of this module's child of the scene's random stream."""
 
 STAND: Final = "stand"
 """The part of a person who does not walk; walking ones are `walk_0` … in the order of the gait."""
@@ -33,12 +33,12 @@ _CLASSES: Final[Mapping[str, tuple[str, ...]]] = {
     "bicycle": ("motorcycle",),
     "scooter": ("motorcycle",),
 }
-"""SUMO vehicle classes that are no cars → the models that may stand for them."""
+"""SUMO vehicle classes other than cars → models for them."""
 
 
 @dataclass(frozen=True, eq=False)
 class AgentAppearance:
-    """How one agent is drawn."""
+    """Model, scale and colours of one agent."""
 
     model: str
     scale: Float64Array
@@ -46,13 +46,13 @@ class AgentAppearance:
     tints: Float32Array
     """(TINTS, 4)"""
     stride_m: float = 0.0
-    """Way walked in one cycle of the gait; 0 for vehicles."""
+    """Distance walked in one gait cycle; 0 for vehicles."""
     first_phase: float = 0.0
-    """Of the gait, 0 … 1, where the agent appears."""
+    """Phase of the gait, 0 … 1, when the agent appears."""
 
 
 def look_of(agents: Agents, agent: int, seed: int, models: Mapping[str, Model]) -> AgentAppearance:
-    """The look of one agent. `models` must hold those of `traffic.kinds` and people called `pedestrian_*`."""
+    """The appearance of one agent. `models` must hold those of `traffic.kinds` and people called `pedestrian_*`."""
     rng = child(seed, Stream.SCENE, KEY, agent)
     if agents.is_pedestrian[agent]:
         return _person(agents.kind[agent], float(agents.height_m[agent]), rng, models)
@@ -76,7 +76,7 @@ def people(models: Mapping[str, Model], kind: str) -> Sequence[str]:
 
 
 def tints(*colours: Colour | None) -> Float32Array:
-    """(TINTS, 4) for the first slots, None for the model's own colour; nothing glows."""
+    """(TINTS, 4) for the first slots, None for the model's own colour; no emission."""
     values = np.zeros((TINTS, 4), dtype=np.float32)
     values[:, :3] = 1.0
     for slot, colour in enumerate(colours):

@@ -1,8 +1,8 @@
-"""What a scene is made of, as values: no renderer and no file format is needed to read them.
+"""The values a scene is made of, independent of renderers and file formats.
 
-The world is cut into square tiles. A tile holds its ground (meshes by kind of ground, and maps of what time and traffic
-did to it), its buildings, its furniture and the patches of its defects; agents are instances of models at one moment.
-Renderers, the glTF export and the labels all look at these values, so that they can not disagree.
+The world is divided into square tiles. A tile holds its ground (meshes by kind of ground, and maps of weathering and
+markings), its buildings, its furniture and the patches of its defects; agents are instances of models at one time.
+Renderers, the glTF export and the labels all read these values, so that they agree.
 
 Frames: world is east-north-up in metres with the road surface at z = 0; a tile's own frame is the world's, moved to the
 tile's south-west corner, which keeps 32-bit coordinates exact; a model's frame is x forward, y left, z up, its origin
@@ -25,13 +25,13 @@ MAP_PX: Final = 1024
 """Side of a tile's maps [texels]."""
 
 MAP_MARGIN_M: Final = 0.5
-"""The maps reach this far beyond their tile on every side, so that filtering across its edge sees no seam [m]."""
+"""The maps reach this far beyond their tile on every side, so that filtering across its edge shows no seam [m]."""
 
 SIGNED_DISTANCE_M: Final = 0.25
 """Signed distances in maps are (value − 128) / 127 of this, positive inside [m]."""
 
 TINTS: Final = 4
-"""Colours an instance may lend to its model's slots."""
+"""Number of colour slots of a model that an instance can set."""
 
 _FIRST_DEFECT: Final = 1 << 23
 """Labels fit 24 bits: agents from 1, defects from here."""
@@ -86,26 +86,26 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Model:
-    """A thing that is drawn many times: one mesh a part. Most have the one part 'body'."""
+    """A mesh that is instanced many times, in named parts. Most models have the single part 'body'."""
 
     name: str
     parts: Mapping[str, Mesh]
     extras: Mapping[str, float] = field(default_factory=dict)
-    """What its maker noted: stride_m, crown_radius_m …"""
+    """Metadata of the model: stride_m, crown_radius_m …"""
 
 
 @dataclass(frozen=True)
 class Instance:
-    """One drawing of a model's part."""
+    """One instance of a model's part."""
 
     model: str
     part: str
     transform: Float64Array
     """(4, 4) from the model's frame to the world's; column vectors."""
     tints: Float32Array
-    """(TINTS, 4): linear RGB of each slot and how strongly it glows (0 for a surface that only reflects)."""
+    """(TINTS, 4): linear RGB of each slot and its emission (0 for a surface that only reflects)."""
     label: int = 0
-    """What it is in the instance image; 0 for nothing that is labelled."""
+    """Its label in the instance image; 0 if it has none."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ class GroundPiece:
 
 @dataclass(frozen=True)
 class GroundMaps:
-    """What time and traffic did to a tile's ground. Row 0 is south; a texel is (TILE_M + 2·MARGIN) / MAP_PX."""
+    """Weathering and marking maps of a tile's ground. Row 0 is south; a texel is (TILE_M + 2·MARGIN) / MAP_PX."""
 
     weathering: UInt8Array
     """(MAP_PX, MAP_PX, 4): tone (reflectance × value / 128), stain (oil, rubber, damp), dust, polish (wheel paths)."""
@@ -132,7 +132,7 @@ class GroundMaps:
 
 @dataclass(frozen=True)
 class Detail:
-    """The grain of one kind of ground: square textures that repeat every `size_m`."""
+    """The detail textures of one kind of ground: square, repeated every `size_m`."""
 
     size_m: float
     reflectance: UInt8Array
@@ -172,8 +172,8 @@ class DefectPatch:
 
 @dataclass(frozen=True)
 class Tile:
-    """What stands still on one square of the world. Its ground's maps and defects are made apart: they take most of the
-    time, and only who looks down on the square needs them."""
+    """The static objects of one square of the world. Its ground's maps and defects are made separately: they take most
+    of the time, and are needed only when the ground is in view."""
 
     key: tuple[int, int]
     """Column and row: its south-west corner is key × TILE_M in the world frame."""

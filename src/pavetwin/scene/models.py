@@ -1,8 +1,8 @@
-"""The models that are drawn many times: read from the package's .glb files into merged meshes.
+"""Instanced models, read from the package's .glb files into merged meshes.
 
 Every part of a model becomes one mesh, whatever its materials: colour (base colour × vertex colour, which holds the
 baked ambient occlusion), roughness, metallic and the slot for the instance's own colour go into its vertices. They
-are drawn from both sides, with the normals as they are: crowns are cards, which `foliage` tells where they have leaves.
+are double-sided, with unchanged normals: crowns are cards, cut out by the atlas of `foliage`.
 """
 
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ SLOTS: Final[Mapping[str, int]] = MappingProxyType(
 """Material → the slot of `Instance.tints` that multiplies its colour; all other materials keep theirs."""
 
 BODY: Final = "body"
-"""The part of a model that has but one."""
+"""Name of the part of a model with a single part."""
 
 
 @cache
@@ -40,10 +40,10 @@ def library() -> Mapping[str, Model]:
 
 
 def load_model(path: Path) -> Model:
-    """Read one model. Its nodes with a mesh are its parts; one alone is called `body`.
+    """Read one model. Its nodes with a mesh are its parts; a single one is called `body`.
 
     Raises:
-        ValueError: the file is no binary glTF 2.0, or a primitive of it is no list of triangles with normals.
+        ValueError: the file is not binary glTF 2.0, or a primitive is not a list of triangles with normals.
     """
     glb = read_glb(path)
     nodes = [node for node in glb.document["nodes"] if "mesh" in node]

@@ -1,4 +1,4 @@
-"""Colours of individuals: paint of vehicles, clothes, hair and skin of people. All are linear RGB reflectances.
+"""Colour palettes: paint of vehicles, clothes, hair and skin of people. All are linear RGB reflectances.
 
 Shares are of the choice among the entries; where they have a source it is named.
 """
@@ -13,7 +13,7 @@ Colour = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Tone:
-    """A family of colours: its mean, and how much individuals differ in lightness (a factor, ± one deviation)."""
+    """A colour family: its mean, and the variation of lightness (a factor, ± one standard deviation)."""
 
     share: float
     colour: Colour

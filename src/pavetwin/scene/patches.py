@@ -1,7 +1,7 @@
-"""The pavement around each defect: a hole in the ground, and the mesh and maps of its heightfield that fill it.
+"""Pavement patches: for each defect a hole in the ground, filled by the mesh and maps of its heightfield.
 
-A hole is the defect's outline widened by `BESIDE_M`, its narrow bays closed: triangles along a ragged ring cost more
-than what they cover. Outlines lie at least 10 cm from each other and 5 cm from the carriageway's edge, so holes never
+A hole is the defect's outline buffered by `BESIDE_M`, its narrow bays closed, as triangles along a ragged ring are
+expensive. Outlines lie at least 10 cm from each other and 5 cm from the carriageway's edge, so holes never
 meet and never leave the road, whatever the rectangles of their heightfields do.
 Beyond its outline a heightfield is level and only dusty or stained; both fade out within the strip, so that the patch
 meets the road with the road's own height, slope and reflectance.
@@ -22,7 +22,7 @@ from pavetwin.scene.model import TILE_M, DefectPatch, Mesh, defect_label
 from pavetwin.world.model import Defect
 
 BESIDE_M: Final = 0.04
-"""How far a hole reaches beyond its defect's outline; less than half the least distance between two defects."""
+"""Distance of a hole's ring from its defect's outline; less than half the least distance between two defects."""
 
 SMOOTHED_M: Final = 0.004
 """The outline is simplified within this."""
@@ -35,7 +35,7 @@ BAY_M: Final = 0.05
 one's hole without touching this one."""
 
 TOLERANCE_M: Final = 0.005
-"""The mesh is nowhere farther from the heightfield; what is finer shows in the normal map."""
+"""Tolerance of the mesh; finer relief is in the normal map."""
 
 MOST_VERTICES: Final = 1_500
 
@@ -60,7 +60,7 @@ def hole_of(defect: Defect) -> Polygon:
 
 
 def holes_of(defects: tuple[Defect, ...]) -> list[Polygon]:
-    """The holes of many defects, all at once."""
+    """The holes of many defects, in one vectorised call."""
     outlines = np.array([defect.polygon for defect in defects], dtype=object)
     coarse = shapely.simplify(outlines, SMOOTHED_M)
     closed = shapely.buffer(shapely.buffer(coarse, BESIDE_M + BAY_M, quad_segs=4), -BAY_M, quad_segs=4)
@@ -94,7 +94,7 @@ def patch_of(defect: Defect) -> DefectPatch:
 
 
 def part_on(patch: DefectPatch, key: tuple[int, int]) -> DefectPatch | None:
-    """The triangles of a patch whose middles lie on a tile, with the maps of the whole; None when there are none.
+    """The triangles of a patch whose centres lie on a tile, with the maps of the whole; None if there are none.
 
     Triangles are not cut: those at the border reach over it by less than the tiles' maps do. Coarse ones would reach
     further, so that such patches have none.

@@ -1,4 +1,4 @@
-"""The scene of a world: its tiles, made when they are wanted, and what moves over it."""
+"""The scene of a world: its tiles, made on demand, and its moving objects."""
 
 import math
 from collections import OrderedDict, defaultdict
@@ -43,13 +43,13 @@ from pavetwin.traffic.recording import Recording
 from pavetwin.world.model import Furniture, World
 
 TILES_KEPT: Final = 8
-"""Tiles in memory: who draws them keeps them where they are drawn."""
+"""Tiles in memory; renderers keep their own copies on the device."""
 
 PATCHES_KEPT: Final = 96
 """Whole patches in memory, some MB each at most."""
 
 EAVES_M: Final = 0.35
-"""How far roofs reach beyond their buildings' walls at most."""
+"""Greatest overhang of roofs beyond walls."""
 
 Key = tuple[int, int]
 Box = tuple[float, float, float, float]
@@ -57,7 +57,7 @@ Box = tuple[float, float, float, float]
 
 
 class Scene:
-    """All that can be seen of a world. The same world and seed make the same scene, tile by tile, in any order."""
+    """Everything visible of a world. The same world and seed give the same scene, tile by tile, in any order."""
 
     def __init__(self, world: World, *, seed: int, tiles_kept: int = TILES_KEPT) -> None:
         self.world = world
@@ -68,7 +68,7 @@ class Scene:
         self._actors: Actors | None = None
 
     def tile(self, key: Key) -> Tile:
-        """One tile; made now if it was not kept."""
+        """One tile; made if it is not in the cache."""
         if key not in self._tiles:
             self._tiles[key] = self._make(key)
             while len(self._tiles) > self._kept:
@@ -77,7 +77,7 @@ class Scene:
         return self._tiles[key]
 
     def maps(self, key: Key) -> GroundMaps:
-        """What time and traffic did to a tile's ground; not kept."""
+        """The weathering and marking maps of a tile's ground; not cached."""
         made = ground_maps(self._plan, key)
         give_back()
         return made
@@ -88,16 +88,16 @@ class Scene:
         return {number: (west, south, east, north) for number, (west, south, east, north) in holes.items()}
 
     def patch_on(self, key: Key, number: int) -> DefectPatch | None:
-        """What of a defect's patch lies on a tile; None for nothing."""
+        """The part of a defect's patch that lies on a tile; None if there is none."""
         return part_on(self._patch(number), key)
 
     def patches_on(self, key: Key) -> Iterator[DefectPatch]:
-        """All that fills the holes in a tile's ground."""
+        """All patches that fill the holes in a tile's ground."""
         parts = (self.patch_on(key, number) for number in self._defects.get(key, []))
         return (part for part in parts if part is not None)
 
     def keys_near(self, x_m: float, y_m: float, radius_m: float) -> tuple[Key, ...]:
-        """The tiles of which anything, also a house that leans out of its tile, reaches into a disc; nearest first."""
+        """The tiles with any part within a disc, also of a house that extends beyond its tile; nearest first."""
         reach = radius_m + self._furthest_reach
         columns = range(math.floor((x_m - reach) / TILE_M), math.floor((x_m + reach) / TILE_M) + 1)
         rows = range(math.floor((y_m - reach) / TILE_M), math.floor((y_m + reach) / TILE_M) + 1)
@@ -111,12 +111,12 @@ class Scene:
 
     @cached_property
     def models(self) -> Mapping[str, Model]:
-        """Everything that is drawn many times, by name."""
+        """All instanced models, by name."""
         return {**library(), **shafts(), **fixture_models()}
 
     @cached_property
     def details(self) -> Mapping[GroundKind, Detail]:
-        """The grain of each kind of ground."""
+        """The detail textures of each kind of ground."""
         return details()
 
     @cached_property
@@ -127,12 +127,12 @@ class Scene:
     def agents(
         self, recording: Recording | None, time_s: float, near: tuple[float, float, float] | None = None
     ) -> tuple[Instance, ...]:
-        """What differs from time to time: agents with their labels, and signal heads with their lamps.
+        """The dynamic objects at a time: agents with their labels, and signal heads with their lamps.
 
         Args:
             recording: None for empty streets and dark signals.
             time_s: of the recording.
-            near: x, y, radius of a disc in metres; only what reaches into it is given.
+            near: x, y, radius of a disc in metres; only objects within it are returned.
         """
         heads = [
             head for head in self._heads if near is None or math.dist(near[:2], (head.x_m, head.y_m)) < near[2] + 1
@@ -152,7 +152,7 @@ class Scene:
         """Places in the world's list of the buildings that a tile holds."""
         return self._buildings.get(key, [])
 
-    # --- Where things belong ----------------------------------------------------------------------------------------
+    # --- Objects by tile --------------------------------------------------------------------------------------------
 
     @cached_property
     def _buildings(self) -> Mapping[Key, list[int]]:
@@ -163,7 +163,7 @@ class Scene:
 
     @cached_property
     def _furniture(self) -> Mapping[Key, list[int]]:
-        return _by_tile([(thing.position.x, thing.position.y) for thing in self.world.furniture])
+        return _by_tile([(item.position.x, item.position.y) for item in self.world.furniture])
 
     @cached_property
     def _holes(self) -> list[Polygon]:
@@ -180,7 +180,7 @@ class Scene:
 
     @cached_property
     def _walker_poles(self) -> Mapping[Key, list[tuple[float, float]]]:
-        """Where poles carry the heads for people."""
+        """Positions of poles with pedestrian signal heads."""
         places = [(head.x_m, head.y_m) for head in self._heads if head.model == signals.WALKERS]
         return {key: [places[index] for index in indices] for key, indices in _by_tile(places).items()}
 
@@ -196,17 +196,17 @@ class Scene:
 
     @cached_property
     def _boxes(self) -> Mapping[Key, Box]:
-        """The bounds of every tile of which anything reaches out of its square."""
+        """The bounds of every tile with parts beyond its square."""
         boxes: dict[Key, Box] = {}
         for key, houses in self._buildings.items():
             _widen(boxes, key, [_wider(self.world.buildings[house].polygon.bounds, EAVES_M) for house in houses])
-        for key, things in self._furniture.items():
-            _widen(boxes, key, [_around(self.world.furniture[thing]) for thing in things])
+        for key, items in self._furniture.items():
+            _widen(boxes, key, [_around(self.world.furniture[item]) for item in items])
         return boxes
 
     @cached_property
     def _furthest_reach(self) -> float:
-        """How far at most anything reaches out of its tile's square [m]."""
+        """Greatest distance of any part beyond its tile's square [m]."""
         reaches = [0.0]
         for key, (west, south, east, north) in self._boxes.items():
             x, y = key[0] * TILE_M, key[1] * TILE_M
@@ -237,7 +237,7 @@ class Scene:
         )
 
     def _patch(self, number: int) -> DefectPatch:
-        """A defect's whole patch; kept a while, since its other parts lie on the next tiles."""
+        """A defect's whole patch; cached, since its other parts lie on the next tiles."""
         if number not in self._patches:
             self._patches[number] = patch_of(self.world.defects[number])
             while len(self._patches) > PATCHES_KEPT:
@@ -246,12 +246,12 @@ class Scene:
         return self._patches[number]
 
     def _standing(self, key: Key) -> Iterator[Instance]:
-        """What stands on a tile as instances."""
+        """The furniture and objects on a tile as instances."""
         numbers = self._furniture.get(key, [])
-        things = [self.world.furniture[number] for number in numbers]
-        feet = self.heights(np.array([(thing.position.x, thing.position.y) for thing in things]).reshape(-1, 2))
-        for number, thing, ground_m in zip(numbers, things, feet, strict=True):
-            yield from furniture.stand(thing, number, float(ground_m), self.seed, self.models)
+        items = [self.world.furniture[number] for number in numbers]
+        feet = self.heights(np.array([(item.position.x, item.position.y) for item in items]).reshape(-1, 2))
+        for number, item, ground_m in zip(numbers, items, feet, strict=True):
+            yield from furniture.stand(item, number, float(ground_m), self.seed, self.models)
         for x, y in self._walker_poles.get(key, []):
             low = float(self.heights([(x, y)])[0])
             yield furniture.pole(x, y, low, signals.WALKER_POLE_M, 0.05)
@@ -285,9 +285,9 @@ def _wider(bounds: Box, by_m: float) -> Box:
     return west - by_m, south - by_m, east + by_m, north + by_m
 
 
-def _around(thing: Furniture) -> Box:
-    reach = max(thing.radius_m, thing.arm_m) + 1.0
-    x, y = thing.position.x, thing.position.y
+def _around(item: Furniture) -> Box:
+    reach = max(item.radius_m, item.arm_m) + 1.0
+    x, y = item.position.x, item.position.y
     return x - reach, y - reach, x + reach, y + reach
 
 

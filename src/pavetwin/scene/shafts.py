@@ -1,4 +1,4 @@
-"""Plain round things made here instead of by a modeller: masts, arms and posts, as unit shapes that instances scale."""
+"""Procedural cylinders for masts, arms and posts: unit shapes that instances scale."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -19,7 +19,7 @@ SHAFT: Final = "shaft"
 
 @cache
 def shafts() -> Mapping[str, Model]:
-    """The models made here, by name. Their colour is slot 1, white."""
+    """The procedural models, by name. Their colour is slot 1, white."""
     upright = {"straight": _tube(1.0), "tapered": _tube(TAPER)}
     return MappingProxyType({SHAFT: Model(SHAFT, MappingProxyType({**upright, "level": _lying(_tube(1.0))}))})
 

@@ -1,4 +1,4 @@
-"""Where the sun stands: date, time and place to elevation and azimuth."""
+"""Position of the sun: elevation and azimuth from date, time and place."""
 
 import math
 from datetime import UTC, datetime

@@ -1,4 +1,4 @@
-"""Where a camera is and what it looks at: the pinhole that renderers, labels and tests share."""
+"""A camera's pose and pinhole model, shared by renderers, labels and tests."""
 
 import math
 from dataclasses import dataclass, field

@@ -45,7 +45,7 @@ fn second_share(p: vec2f) -> f32 {
     return smoothstep(0.4, 0.6, 0.5 + 0.68 * dot(ahead, 1.0 - abs(ahead)));
 }
 
-fn grain_luck(local: vec2f) -> f32 {
+fn grain_noise(local: vec2f) -> f32 {
     let cell = vec2u(vec2i(floor(local / GRAIN_M)));
     var mixed = (cell.x * 1597334677u) ^ (cell.y * 3812015801u);
     mixed = (mixed ^ (mixed >> 16u)) * 2246822519u;
@@ -64,7 +64,7 @@ fn edge_share(distance: f32, height: f32, edge: f32, footprint: f32) -> f32 {
 // `size`: of the kind's detail, metres.
 fn ground_surface(kind: u32, size: f32, uv: vec2f, local: vec2f, world: vec2f, footprint: f32) -> Surface {
     // One sample or the other, never both: texture samples dominate the cost of the ground.
-    let second = (LOOSE_KINDS >> kind & 1u) == 1u && second_share(world) > grain_luck(local);
+    let second = (LOOSE_KINDS >> kind & 1u) == 1u && second_share(world) > grain_noise(local);
     let turn = select(vec2f(1.0, 0.0), vec2f(SECOND_COS, SECOND_SIN), second);
     let scale = select(1.0, SECOND_SCALE, second) / size;
     let turned = vec2f(turn.x * uv.x - turn.y * uv.y, turn.y * uv.x + turn.x * uv.y);

@@ -20,20 +20,20 @@ from pavetwin.seeds import Stream, child
 from pavetwin.world.model import World
 
 KEY: Final = 4
-"""This file's child of the scene's stream."""
+"""Key of this module's child of the scene's random stream."""
 
 TOUCHES_M: Final = 0.3
-"""Walls nearer to another building than this stand against it."""
+"""Walls nearer to another building than this are party walls."""
 
 FRONT_M: Final = 25.0
-"""A wall looks at the street when the street is nearer than this and on its side."""
+"""A wall faces the street if the street is nearer than this and on its side."""
 
 SMOOTHED_M: Final = 0.12
-"""Corners of the map that stand out less are left out."""
+"""Tolerance of the simplified footprint."""
 
 
 class Buildings:
-    """All buildings of a world: what each needs to know of its neighbours and streets."""
+    """All buildings of a world, with the neighbours and streets of each."""
 
     def __init__(self, world: World, *, seed: int) -> None:
         self._world = world
@@ -96,7 +96,7 @@ class Buildings:
         ]
 
     def _fronts(self, walls: list[tuple[Float64Array, Float64Array, bool]]) -> list[bool]:
-        """The wall nearest to a carriageway, of those that look at it."""
+        """The wall nearest to a carriageway, of those that face it."""
         scores = []
         for start, end, party in walls:
             middle, out = (start + end) / 2, _outward(start, end)

@@ -1,4 +1,4 @@
-"""Polygons gathered by texture layer, and made one mesh a layer in the end."""
+"""Polygons collected by texture layer, then merged into one mesh per layer."""
 
 from collections import defaultdict
 from dataclasses import dataclass, field
@@ -35,7 +35,7 @@ class _PolygonBatch:
 
 @dataclass
 class Faces:
-    """Flat faces of one building. Points are metres in one frame, any; colours linear reflectances."""
+    """Flat faces of one building. Points are metres in one frame; colours linear reflectances."""
 
     _quads: defaultdict[FacadeTexture, _PolygonBatch] = field(default_factory=lambda: defaultdict(_PolygonBatch))
     _triangles: defaultdict[FacadeTexture, _PolygonBatch] = field(default_factory=lambda: defaultdict(_PolygonBatch))
@@ -52,7 +52,7 @@ class Faces:
         """Add (n, 4, 3) corners, anticlockwise from outside.
 
         Args:
-            layer: what they are drawn with.
+            layer: texture.
             corners: (n, 4, 3) or (4, 3); a quad may have two corners in one place.
             colour: (3,), (n, 1, 3) or (n, 4, 3).
             uv: (n, 4, 2) metres; zeros when not given.
@@ -130,7 +130,7 @@ class Faces:
         self.quads(layer, corners, colour, uv=uv, roughness=roughness)
 
     def meshes(self) -> dict[FacadeTexture, Mesh]:
-        """What was added, one mesh a layer, in the layers' order."""
+        """The added faces, one mesh per layer, in the layers' order."""
         layers = sorted({*self._quads, *self._triangles})
         return {
             layer: _mesh(self._quads.get(layer, _PolygonBatch()), self._triangles.get(layer, _PolygonBatch()))
@@ -152,21 +152,21 @@ def _mesh(quads: _PolygonBatch, triangles: _PolygonBatch) -> Mesh:
     return merged(parts)
 
 
-def _flattened(heap: _PolygonBatch, corners: int) -> Mesh | None:
-    if not heap.positions:
+def _flattened(batch: _PolygonBatch, corners: int) -> Mesh | None:
+    if not batch.positions:
         return None
-    points = np.concatenate(heap.positions)
+    points = np.concatenate(batch.positions)
     diagonals = (points[:, 2] - points[:, 0], points[:, 3 if corners == 4 else 2] - points[:, 1])
     normal = np.cross(*diagonals)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
     fan = np.array([[0, 1, 2], [0, 2, 3]] if corners == 4 else [[0, 1, 2]])
     surface = np.zeros((len(points) * corners, 3), dtype=np.uint8)
-    surface[:, 0] = np.repeat(np.round(255 * np.concatenate(heap.rough)), corners)
+    surface[:, 0] = np.repeat(np.round(255 * np.concatenate(batch.rough)), corners)
     return Mesh(
         positions=points.reshape(-1, 3).astype(np.float32),
         normals=np.repeat(normal, corners, axis=0).astype(np.float32),
         indices=(corners * np.arange(len(points))[:, None, None] + fan).reshape(-1, 3).astype(np.uint32),
-        colours=np.concatenate(heap.colours).reshape(-1, 3).astype(np.float32),
+        colours=np.concatenate(batch.colours).reshape(-1, 3).astype(np.float32),
         surface=surface,
-        uv=np.concatenate(heap.uv).reshape(-1, 2).astype(np.float32),
+        uv=np.concatenate(batch.uv).reshape(-1, 2).astype(np.float32),
     )

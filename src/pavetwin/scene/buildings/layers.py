@@ -1,4 +1,4 @@
-"""The layers of the façade textures: what each shows, and how large it is drawn."""
+"""The layers of the façade textures: content and scale."""
 
 from enum import IntEnum
 from typing import Final
@@ -19,7 +19,7 @@ class FacadeTexture(IntEnum):
     """Index of a façade texture. The building's own colour multiplies walls."""
 
     PLAIN = -1
-    """Vertex colours alone."""
+    """Vertex colours only."""
     RENDER = 0
     BRICK = 1
     CONCRETE = 2

@@ -1,7 +1,7 @@
-"""Textures of openings: sixteen windows, sixteen large glazings, sixteen doors and gates, a cell each.
+"""Textures of openings: sixteen windows, sixteen large glazings, sixteen doors and gates, one cell each.
 
-What makes windows look real is that no two are alike: curtains, blinds, dark rooms, plants, a tilted sash. Daylight is
-far brighter than rooms, so that nothing is lit from within but shops.
+Windows vary in curtains, blinds, dark rooms, plants and tilted sashes, as real ones do. Daylight is far brighter than
+rooms, so only shops show lit interiors.
 """
 
 from collections.abc import Callable
@@ -22,20 +22,20 @@ Painter = Callable[[np.random.Generator, int], TextureCanvas]
 
 def windows(rng: np.random.Generator) -> Float32Array:
     """(k, k, 4): cells 0 … 7 have white frames, 8 … 11 dark, 12 … 15 wooden ones."""
-    return _sheet(rng, _window)
+    return _atlas(rng, _window)
 
 
 def glazing(rng: np.random.Generator) -> Float32Array:
     """(k, k, 4): cells 0 … 7 are panes of offices, 8 … 15 shop windows."""
-    return _sheet(rng, lambda own, number: _office(own) if number < 8 else _shop(own))
+    return _atlas(rng, lambda own, number: _office(own) if number < 8 else _shop(own))
 
 
 def doors(rng: np.random.Generator) -> Float32Array:
     """(k, k, 4): cells 0 … 7 are house doors, 8 … 11 garage doors, 12 … 15 roller shutters."""
-    return _sheet(rng, _door)
+    return _atlas(rng, _door)
 
 
-def _sheet(rng: np.random.Generator, paint: Painter) -> Float32Array:
+def _atlas(rng: np.random.Generator, paint: Painter) -> Float32Array:
     cells = [paint(own, number).pixels for number, own in enumerate(rng.spawn(CELLS * CELLS))]
     rows = [np.concatenate(cells[row * CELLS : (row + 1) * CELLS], axis=1) for row in range(CELLS)]
     return np.concatenate(rows, axis=0)
@@ -107,7 +107,7 @@ def _office(rng: np.random.Generator) -> TextureCanvas:
     cell.rectangle((-1, 2), (-1, 2), np.broadcast_to(base, (CELL_PX, CELL_PX, 3)), 0.03)
     if rng.random() < 0.5:
         _blind(cell, rng, float(rng.uniform(0.15, 0.8)))
-    if rng.random() < 0.6:  # ceiling lamps, seen faintly
+    if rng.random() < 0.6:  # ceiling lamps, faintly visible
         for y in (0.8, 0.88):
             cell.rectangle((0.2, 0.8), (y, y + 0.02), (0.30, 0.30, 0.28), GLASS_ROUGH)
     cell.frame((0, 1), (0, 1), 0.03, (0.10, 0.105, 0.11), 0.4)
@@ -120,7 +120,7 @@ def _shop(rng: np.random.Generator) -> TextureCanvas:
     warm = np.array([1.0, 0.85, 0.6], dtype=np.float32) * 0.055
     glow = np.exp(-((cell.y - 0.55) ** 2) / 0.06)[..., None] * warm
     cell.pixels[..., :3] += glow.astype(np.float32)
-    for _ in range(int(rng.integers(4, 9))):  # what is on show
+    for _ in range(int(rng.integers(4, 9))):  # shop display
         x, wide, high = float(rng.uniform(0.05, 0.9)), float(rng.uniform(0.04, 0.14)), float(rng.uniform(0.1, 0.45))
         tone = float(rng.uniform(0.05, 0.32))
         red, green, blue = (tone * float(value) for value in rng.uniform(0.65, 1.1, 3))

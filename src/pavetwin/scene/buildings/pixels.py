@@ -1,4 +1,4 @@
-"""Tools to draw façade textures in numpy: noise that repeats, and rectangles with soft edges in a cell."""
+"""Tools to draw façade textures in NumPy: tileable noise, and rectangles with antialiased edges in a cell."""
 
 from dataclasses import dataclass, field
 
@@ -43,7 +43,7 @@ def layer_of(reflectance: Float32Array, roughness: Float32Array | float) -> Floa
 
 @dataclass
 class TextureCanvas:
-    """A square that is painted on: x to the right and y up, both 0 … 1; row 0 is y = 0."""
+    """A square canvas: x to the right and y up, both 0 … 1; row 0 is y = 0."""
 
     size: int
     pixels: Float32Array = field(init=False)

@@ -1,7 +1,7 @@
-"""Roofs: gables over rectangles, hips over any other shape, and flat ones with a parapet and what stands on them.
+"""Roofs: gables over rectangles, hips over any other shape, and flat roofs with a parapet and equipment.
 
-A building's height is its highest point: a ridge, a chimney, a parapet. So nothing stands out of its solid, but for
-eaves and for machines on large flat roofs, which lie behind the parapet.
+A building's height is its highest point: a ridge, a chimney, a parapet. So nothing exceeds its solid, except eaves and
+equipment on large flat roofs, which is behind the parapet.
 """
 
 import math
@@ -27,10 +27,10 @@ MOST_STEPS: Final = 40
 FASCIA_M: Final = 0.14
 OVERHANG_M: Final = 0.30
 CORNER_M: Final = 0.25
-"""A footprint whose corners are cut by more than this is no rectangle."""
+"""A footprint that lacks more than this share of its bounding rectangle is not a rectangle."""
 
 PARAPET_M: Final = (0.35, 0.95)
-"""Of small and of large flat roofs; the latter hide their machines."""
+"""Parapet heights of small and of large flat roofs; the latter hide the equipment."""
 
 LARGE_M2: Final = 260.0
 PARAPET_THICK_M: Final = 0.28
@@ -45,7 +45,7 @@ LEAST_RISE_M: Final = 0.8
 
 @dataclass(frozen=True, slots=True)
 class RoofPlan:
-    """What a building's roof is, before it is built."""
+    """The parameters of a building's roof."""
 
     kind: Roof
     footprint: Polygon
@@ -64,14 +64,14 @@ class RoofPlan:
 def plan_roof(
     footprint: Polygon, height_m: float, style: FacadeStyle, touching: Float64Array, rng: np.random.Generator
 ) -> RoofPlan:
-    """Decide on a roof.
+    """Choose a roof.
 
     Args:
         footprint: of the building.
         height_m: its highest point.
         style: of the building.
         touching: (n, 2) points on the footprint's boundary where another building stands against it.
-        rng: its luck.
+        rng: random generator.
     """
     footprint = orient(footprint, 1.0)
     if style.roof is Roof.FLAT:
@@ -156,7 +156,7 @@ def _gable(faces: Faces, plan: RoofPlan, style: FacadeStyle) -> None:
 
 
 def _edge(faces: Faces, ring: Float64Array) -> None:
-    """Boards below a roof's edges, and its underside: what is seen of it from below."""
+    """Fascia boards below a roof's edges, and its underside."""
     low = ring - np.array([0, 0, FASCIA_M])
     following = np.roll(ring, -1, axis=0)
     sides = np.stack([low, np.roll(low, -1, axis=0), following, ring], axis=1)
@@ -225,27 +225,27 @@ def _flat(faces: Faces, plan: RoofPlan, style: FacadeStyle, rng: np.random.Gener
 
 
 def _equipment(faces: Faces, deck: Polygon, deck_m: float, large: bool, rng: np.random.Generator) -> None:
-    """Hatches, skylights, vents; machines on large roofs. Each keeps clear of the edge and of the others."""
-    room = deck.buffer(-1.0)
+    """Hatches, skylights, vents; equipment on large roofs. None touches the edge or another one."""
+    usable = deck.buffer(-1.0)
     box = deck.minimum_rotated_rectangle
-    if room.is_empty or not isinstance(box, Polygon):
+    if usable.is_empty or not isinstance(box, Polygon):
         return
     along = _direction(np.asarray(box.exterior.coords))
     taken: list[Polygon] = []
     for length, width, height, colour in _things(deck.area, large, rng):
         for _ in range(8):
-            low_x, low_y, high_x, high_y = room.bounds
+            low_x, low_y, high_x, high_y = usable.bounds
             at = np.array([rng.uniform(low_x, high_x), rng.uniform(low_y, high_y)])
             base = _ring(at, along, length, width)
             shape = Polygon(base)
-            if room.contains(shape) and not any(shape.distance(other) < 0.6 for other in taken):
+            if usable.contains(shape) and not any(shape.distance(other) < 0.6 for other in taken):
                 taken.append(shape)
                 faces.box(FacadeTexture.PLAIN, base, deck_m, deck_m + height, colour, 0.5)
                 break
 
 
 def _things(area_m2: float, large: bool, rng: np.random.Generator) -> Iterator[tuple[float, float, float, Colour]]:
-    """Length, width, height [m] and colour of what stands on a flat roof of a size."""
+    """Length, width, height [m] and colour of equipment for a flat roof of a size."""
     yield 0.9, 0.9, 0.3, METAL
     for _ in range(int(rng.poisson(area_m2 / 60))):
         yield 0.25, 0.25, 0.28, (0.30, 0.30, 0.30)

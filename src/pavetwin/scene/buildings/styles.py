@@ -1,4 +1,4 @@
-"""What kind of building stands on a footprint, and how it is built: from size, height, neighbours, and a drawn number.
+"""The type and façade style of a building, from its size, height, neighbours and random numbers.
 
 The map gives a footprint and a height. Small and low is a garage or a shed, very tall and slender a tower; large is an
 office or a block of flats; the rest are houses, with shops on the ground floor where they stand right at a street.
@@ -21,7 +21,7 @@ class Roof(Enum):
 
 
 class GroundFloor(Enum):
-    """What the ground floor's front holds."""
+    """Use of the ground floor's front."""
 
     HOME = auto()
     SHOP = auto()
@@ -32,19 +32,19 @@ class GroundFloor(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Windows:
-    """The opening of one bay on one storey."""
+    """The openings of a façade: one per bay and storey."""
 
     layer: FacadeTexture
     cells: tuple[int, ...]
-    """Of the layer, from which each window draws one."""
+    """Cells of the layer, of which each window draws one."""
     width: float
-    """Share of the bay."""
+    """Width as a share of the bay."""
     height: float
-    """Share of the storey."""
+    """Height as a share of the storey."""
     sill: float
-    """Where it begins, as a share of the storey."""
+    """Height of the sill as a share of the storey."""
     reveal_m: float
-    """How deep it lies in the wall."""
+    """Depth of the reveal in the wall."""
     with_sill: bool
 
 
@@ -70,7 +70,7 @@ class FacadeStyle:
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What is known of a building besides its height."""
+    """Properties of a building besides its height."""
 
     area_m2: float
     height_m: float
@@ -83,7 +83,7 @@ class Situation:
 
 
 TOWER = 2.2
-"""What is higher than this many times the side of a square of its area is a tower."""
+"""A building higher than this many times the side of a square of its area is a tower."""
 
 RENDERS: tuple[Colour, ...] = (
     (0.68, 0.66, 0.60), (0.66, 0.60, 0.47), (0.60, 0.50, 0.33), (0.55, 0.42, 0.30), (0.62, 0.58, 0.54),

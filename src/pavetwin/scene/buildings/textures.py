@@ -9,7 +9,7 @@ from pavetwin.scene.ground.sampling import srgb_of_linear
 from pavetwin.seeds import Stream, child
 
 KEY = 3
-"""This file's child of the scene's stream."""
+"""Key of this module's child of the scene's random stream."""
 
 MAKERS = {
     FacadeTexture.RENDER: surfaces.render,

@@ -14,14 +14,14 @@ SHORTEST_M = 1.3
 """A shorter wall has no openings."""
 
 MARGIN_M, MARGIN_SHARE = 0.35, 0.12
-"""Of plain wall at a wall's ends; of a short wall this share."""
+"""Width of plain wall at a wall's ends; for a short wall this share of it."""
 
 PLINTH_M = 0.45
 SILL_M = (0.06, 0.05)
-"""How far a window sill stands out, and its thickness."""
+"""Projection of a window sill, and its thickness."""
 
 SHADE_BELOW_EAVES, SHADE_AT_FOOT, SHADE_IN_REVEAL = 0.86, 0.80, 0.62
-"""What corners see less of the sky: factors on the colours there."""
+"""Ambient occlusion in corners: factors on the colours there."""
 
 SHOP_M, LOBBY_M = 3.7, 3.5
 """Heights of ground floors that are more than a storey of dwellings."""
@@ -36,7 +36,7 @@ class Wall:
     end: Float64Array
     """(2,)"""
     top_m: float
-    """Where it ends below the roof."""
+    """Height of its top, below the roof."""
     party: bool
     """Against another building: no openings."""
     front: bool
@@ -65,7 +65,7 @@ class Wall:
 
 
 def build_wall(faces: Faces, wall: Wall, style: FacadeStyle, rng: np.random.Generator) -> None:
-    """Add one wall with all that is in it."""
+    """Add one wall with its openings."""
     floors = _floors(style, wall.top_m)
     bays = _bays(style, wall)
     colour = np.array(style.colour)
@@ -89,7 +89,7 @@ def build_wall(faces: Faces, wall: Wall, style: FacadeStyle, rng: np.random.Gene
 
 
 def _floors(style: FacadeStyle, top_m: float) -> list[tuple[float, float]]:
-    """Bottom and top of each storey; what is left below the eaves is plain wall."""
+    """Bottom and top of each storey; the rest below the eaves is plain wall."""
     usable = top_m - (0.25 if style.windows else 0.0)
     first = {GroundFloor.SHOP: SHOP_M, GroundFloor.LOBBY: LOBBY_M}.get(style.ground, style.storey_m)
     if usable < 1.35 * first:
@@ -102,13 +102,13 @@ def _floors(style: FacadeStyle, top_m: float) -> list[tuple[float, float]]:
 def _bays(style: FacadeStyle, wall: Wall) -> Float64Array:
     """(n, 2) beginning and end of each bay; none where the wall is too short."""
     margin = min(MARGIN_M, MARGIN_SHARE * wall.length_m)
-    room = wall.length_m - 2 * margin
+    free_m = wall.length_m - 2 * margin
     if wall.length_m < SHORTEST_M or (
         style.windows is None and not (wall.front and style.ground is GroundFloor.GARAGE)
     ):
         return np.empty((0, 2))
-    count = max(1, round(room / style.bay_m))
-    edges = margin + room / count * np.arange(count + 1)
+    count = max(1, round(free_m / style.bay_m))
+    edges = margin + free_m / count * np.arange(count + 1)
     return np.stack([edges[:-1], edges[1:]], axis=1)
 
 
@@ -215,7 +215,7 @@ def _openings(
     look: Windows,
     rng: np.random.Generator,
 ) -> None:
-    """A row of equal openings: the wall around each, its reveal, what fills it, its sill."""
+    """A row of equal openings: the wall around each, its reveal, its filling, its sill."""
     if not len(bays):
         return
     middle, width = bays.mean(axis=1), (bays[:, 1] - bays[:, 0]) * look.width
@@ -306,7 +306,7 @@ def _reveals(
     z1: Float64Array,
     depth: float,
 ) -> None:
-    """The four sides between the wall's face and what fills the opening; the upper one lies in shade."""
+    """The four sides between the wall's face and the filling of the opening; the upper one is in shade."""
     near, far = 0.0, depth
     plain = FacadeTexture.PLAIN
     colour = np.array(style.colour if style.wall is not FacadeTexture.BRICK else (0.24, 0.12, 0.08)) * 0.85

@@ -1,4 +1,4 @@
-"""Ground and patches as pictures: base colour and normals of what the compositor makes of maps and grain.
+"""Ground and patches baked into textures: base colour and normals from the ground formula.
 
 Pictures have their upper edge in the north (of a patch: at its largest y), as glTF counts rows.
 """
@@ -17,12 +17,12 @@ from pavetwin.scene.patches import averaged
 
 QUALITY_COLOUR, QUALITY_NORMAL = 86, 88
 MOST_POINTS = 1 << 19
-"""Baked at once: some 200 MB."""
+"""Texels baked at once: some 200 MB."""
 
 
 @dataclass(frozen=True)
 class BakedTexture:
-    """What a surface looks like from above; both (rows, cols, 3) uint8."""
+    """Colour and normals of a surface seen from above; both (rows, cols, 3) uint8."""
 
     colour: UInt8Array
     """sRGB"""
@@ -72,7 +72,7 @@ def bake_patch(patch: DefectPatch, origin: tuple[float, float], maps: MapPyramid
     Args:
         patch: of a defect.
         origin: of the tile that `maps` belongs to.
-        maps: what time did to the road there.
+        maps: the tile's weathering and markings.
         texel_m: of the picture; finer maps are averaged down to about that.
     """
     low, high = _extent(patch)

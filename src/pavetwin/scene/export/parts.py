@@ -1,4 +1,4 @@
-"""The pieces of a scene as meshes, materials and nodes of a binary glTF file."""
+"""The parts of a scene as meshes, materials and nodes of a binary glTF file."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -27,7 +27,7 @@ _GLASSY: Final = frozenset({FacadeTexture.WINDOWS, FacadeTexture.GLAZING, Facade
 
 @dataclass
 class SceneWriter:
-    """What was written already, so that it is written once."""
+    """Writes the parts of a scene into a glTF file; shared meshes, textures and materials are written once."""
 
     writer: GlbWriter
     models: Mapping[str, Model]
@@ -43,7 +43,7 @@ class SceneWriter:
         self._shared = SharedModels(self.writer, self.models)
 
     def tile(self, tile: Tile, maps: GroundMaps, patches: Sequence[DefectPatch], texel_m: float) -> int:
-        """A node with the ground, the patches, the buildings and what stands on a tile."""
+        """A node with the ground, patches, buildings and instances of a tile."""
         levels = MapPyramids.of(maps)
         children = [self._ground(tile, bake_tile(tile, levels, texel_m))]
         pictures = (bake_patch(patch, tile.origin, levels, texel_m * PATCH_FINER) for patch in patches)
@@ -65,7 +65,7 @@ class SceneWriter:
         return self.writer.node(name=name, mesh=mesh, matrix=self._matrix(patch.transform), extras=extras)
 
     def instance(self, instance: Instance) -> int:
-        """The node of an instance; its mesh is shared with all that look the same."""
+        """The node of an instance; its mesh is shared with all instances of the same appearance."""
         mesh = self._shared.mesh(instance)
         extras = {"label": instance.label} if instance.label else {}
         values: dict[str, Any] = {"extras": extras} if extras else {}

@@ -26,14 +26,14 @@ class _Group(NamedTuple):
     look: tuple[int, int, int]
     """Roughness, metallic, slot."""
     leafy: bool
-    """Whether the sheet of leaves is cut out of it."""
+    """Whether it is cut out by the leaf atlas."""
     colour: Float32Array
-    """(3,) the brightest of each channel; its vertices hold shares of it."""
+    """(3,) the maximum of each channel; vertex colours are shares of it."""
 
 
 @dataclass
 class SharedModels:
-    """What was written of the models so far."""
+    """The models written so far."""
 
     writer: GlbWriter
     models: Mapping[str, Model]
@@ -107,10 +107,10 @@ class SharedModels:
 
     def _leaf_texture(self) -> int:
         if self._leaves is None:
-            sheet = leaf_atlas()
-            coded = np.round(255 * srgb_of_linear(sheet[..., :3] / 255)).astype(np.uint8)
+            atlas = leaf_atlas()
+            coded = np.round(255 * srgb_of_linear(atlas[..., :3] / 255)).astype(np.uint8)
             stream = BytesIO()
-            Image.fromarray(np.concatenate([coded, sheet[..., 3:]], axis=-1)).save(stream, "PNG", optimize=True)
+            Image.fromarray(np.concatenate([coded, atlas[..., 3:]], axis=-1)).save(stream, "PNG", optimize=True)
             self._leaves = self.writer.texture(stream.getvalue(), "image/png")
         return self._leaves
 

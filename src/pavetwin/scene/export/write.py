@@ -22,26 +22,26 @@ Key = tuple[int, int]
 Bounds = tuple[float, float, float, float]
 
 AROUND_M: Final = 40.0
-"""Land further than this from any street is left out."""
+"""Land farther than this from any street is left out."""
 
 FINEST_TEXEL_M, COARSEST_TEXEL_M = 0.005, 0.5
 USUAL_TEXEL_M: Final = 0.02
 TEXELS: Final = 200e6
-"""Pictures of the ground hold about this many texels unless the user says otherwise: some 50 MB."""
+"""Default number of texels of the ground's textures: some 50 MB."""
 
 BYTES_A_TEXEL: Final = 0.24
-"""Of a pair of JPEG files, colour and normals."""
+"""Bytes per texel of a pair of JPEG files, colour and normals."""
 
 DEFECT_M2: Final = 5.2
-"""Pictured for a defect on average: its maps' rectangle."""
+"""Mean texture area of a defect: its maps' rectangle."""
 
 BYTES_A_DEFECT, BYTES_A_TILE, BYTES_OF_MODELS = 40_000, 150_000, 2_000_000
-"""Meshes of a patch, of a tile's ground and houses, and of all models. All measured over an invented town."""
+"""Bytes of the meshes of a patch, of a tile's ground and houses, and of all models; measured over a generated town."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrafficSnapshot:
-    """Traffic to be shown as it is at a time."""
+    """Traffic of a recording at one time."""
 
     recording: Recording
     time_s: float
@@ -49,7 +49,7 @@ class TrafficSnapshot:
 
 @dataclass(frozen=True, slots=True)
 class ExportSummary:
-    """What a file holds."""
+    """Contents of an exported file."""
 
     tiles: int
     defects: int
@@ -90,10 +90,10 @@ def usual_texel_m(tiles: int) -> float:
 
 
 def estimate(scene: Scene, keys: Sequence[Key], texel_m: float) -> int:
-    """About how many bytes an export will have.
+    """Estimated size of an export in bytes.
 
     Raises:
-        PaveTwinError: the texel has no sensible size.
+        PaveTwinError: the texel size is out of range.
     """
     if not FINEST_TEXEL_M <= texel_m <= COARSEST_TEXEL_M:
         raise PaveTwinError(f"A texel of {texel_m:g} m is not within {FINEST_TEXEL_M} … {COARSEST_TEXEL_M} m.")
@@ -114,7 +114,7 @@ def export_scene(
 ) -> ExportSummary:
     """Write a scene to a .glb file, whole or not at all.
 
-    The file's origin is the middle of what it holds, given to readers as `extras.origin_m` of the asset.
+    The file's origin is the centre of its contents, stored as `extras.origin_m` of the asset.
 
     Args:
         scene: of a world.
@@ -122,11 +122,11 @@ def export_scene(
         bounds: west, south, east, north in metres of the world frame; everything when not given. Tiles are whole.
         texel_m: side of a texel of the ground's pictures.
         moment: traffic to be shown.
-        on_progress: told the share done.
+        on_progress: called with the share done.
 
     Raises:
-        PaveTwinError: the name has another suffix, the texel no sensible size, the bounds hold no street, or the file
-            would be too large for the format or cannot be written.
+        PaveTwinError: the name has another suffix, the texel size is out of range, the bounds hold no street, or the
+            file would be too large for the format or cannot be written.
     """
     target = Path(target)
     if target.suffix.lower() != ".glb":

@@ -1,4 +1,4 @@
-"""The ground of a world: roads, kerbs, sidewalks and what lies beyond, as meshes, maps and grain."""
+"""The ground of a world: roads, kerbs, sidewalks and what lies beyond, as meshes, maps and detail textures."""
 
 from pavetwin.scene.ground.details import details
 from pavetwin.scene.ground.fixture_models import fixture_models

@@ -1,36 +1,36 @@
-"""How old a street's surface is, and what follows from it."""
+"""Age of a street's surface, and what depends on it."""
 
 from dataclasses import dataclass
 from typing import Final
 
 FRESH_SHARE: Final = 0.12
-"""Streets laid lately."""
+"""Share of recently paved streets."""
 
 
 @dataclass(frozen=True)
 class Ageing:
-    """A street's age in numbers."""
+    """Surface properties that depend on a street's age."""
 
     age: float
-    """0 just laid … 1 due for renewal."""
+    """0 newly paved … 1 due for renewal."""
     tone: float
-    """Of its reflectance, × the grain's own."""
+    """Factor on the reflectance of the detail texture."""
     paint_wear: float
-    """Of its markings away from wheel paths, 0 … 1."""
+    """Wear of its markings away from wheel paths, 0 … 1."""
     unpainted: bool
-    """Laid so lately that nobody has marked it yet."""
+    """Paved so recently that it has no markings yet."""
 
     @property
     def cracked(self) -> float:
-        """How much of it has been sealed and mended, 0 … 1."""
+        """Density of sealed cracks and repairs, 0 … 1."""
         return float(self.age**1.6)
 
 
 def ageing(chances: tuple[float, float, float, float]) -> Ageing:
-    """From four chances, 0 … 1 each.
+    """From four random numbers, 0 … 1 each.
 
-    Reflectance rises as the bitumen's film wears off the stones: quickly in the first years, then slowly (Li, Harvey,
-    Kendall 2013: 0.05 when laid, 0.10 to 0.15 after some years).
+    Reflectance rises as the bitumen film wears off the stones: quickly in the first years, then slowly (Li, Harvey,
+    Kendall 2013: 0.05 when new, 0.10 to 0.15 after some years).
     """
     fresh, age, tone, paint = chances
     years = 0.05 + 0.15 * age if fresh < FRESH_SHARE else 0.25 + 0.75 * age

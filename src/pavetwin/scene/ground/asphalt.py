@@ -41,7 +41,7 @@ def asphalt(rng: np.random.Generator) -> Detail:
     level = np.where(stone, 0.18 + 0.82 * height, ground)
     pits = _pits(rng)
     level = np.clip(level * (1.0 - pits), 0.0, 1.0)
-    # What lies deep sees little sky: grime and shade gather in the hollows.
+    # Hollows see little of the sky: they are darker and hold grime.
     hollow = np.clip((blurred(level, 2.2) - level) * 2.3, 0.0, 0.72)
     albedo = albedo * (1.0 - hollow)[..., None] * (1.0 - 0.88 * pits)[..., None]
     albedo = albedo * (1.0 + 0.022 * noise(rng, 45.0, octaves=1.8))[..., None]
@@ -60,7 +60,8 @@ def _pits(rng: np.random.Generator) -> np.ndarray[tuple[int, ...], np.dtype[np.f
 def _hold(
     rng: np.random.Generator, level: np.ndarray[tuple[int, ...], np.dtype[np.float32]]
 ) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
-    """Paint leaves the tops of stones first and single grains by luck, then its own cracks, then a few flakes."""
+    """Order in which paint wears off: tops of stones and random grains first, then along its own cracks, then
+    flakes."""
     warp = np.stack([6.0 * noise(rng, 60.0), 6.0 * noise(rng, 60.0)], axis=-1)
     border, _ = cells(rng, 26, warp)
     crack = np.exp(-((border / 1.0) ** 2)) * np.clip(0.4 + 0.5 * noise(rng, 120.0), 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""How ground looks: the one formula that renderers, the glTF export and tests share, in numpy.
+"""Shading inputs of the ground: the one formula that renderers, the glTF export and tests share, in NumPy.
 
 With uv the detail's coordinates in metres (the mesh's `uv`), p the world position, f the footprint of a pixel on the
 ground [m], D(kind, uv) the detail (linear reflectance ρ, hold of paint a, normal xy n, height h, roughness r, all
@@ -6,18 +6,19 @@ ground [m], D(kind, uv) the detail (linear reflectance ρ, hold of paint a, norm
 
 1. Detail. ρ, a, n, h, r = D(uv). So that loose kinds (LOOSE: no joints to break) do not repeat, some of their grains
    are taken at uv turned by SECOND_TURN_RAD and × SECOND_SCALE, their normals turned back: those of cells of GRAIN_M
-   whose luck (`grain_luck`) is below w(p) (`second_share`). Mixed samples would be paler and softer than either.
+   whose random number (`grain_noise`) is below w(p) (`second_share`). Mixed samples would be paler and softer than
+   either.
 2. Age. ρ ← ρ · tone; n ← n · (1 − 0.45 · polish); r ← r − 0.15 · polish.
 3. Dust lies in the hollows: ρ ← mix(ρ, DUST, dust · (1.15 − 0.5 · h)); n ← n · (1 − 0.5 · dust).
 4. Stain (oil, rubber, damp): ρ ← ρ · (1 − 0.8 · stain); r ← r − 0.25 · stain.
 5. Bitumen: its edge follows the grain, d = D_bitumen + RAGGED_M · (h − ½), its share b = smoothstep(−e, e, d) with
    e = max(BITUMEN_EDGE_M, f / 2): ρ ← mix(ρ, BITUMEN, 0.92 · b); n ← n · (1 − 0.75 · b); r ← mix(r, 0.55, b).
 6. Paint: d and its share s as for bitumen, with PAINT_EDGE_M; paint does not lie on bitumen: s ← s · (1 − 0.8 · b).
-   Near by of it stays smoothstep(t − q, t + q, a), q = KEPT_SOFT and t = wear · (1 + 2q) − q, so that nothing goes at
-   wear 0 and all at 1. From afar grains melt and only their share is left: clamp(1 − wear + 5 · wear · (1 − wear) ·
-   (a − ½)). k mixes the two by smoothstep(GRAINS_SEEN_M, GRAINS_MELTED_M, f). Grime lies in hollows, tyres darken:
-   ρ ← mix(ρ, paint · (1 − 0.35 · wear) · mix(1, tone, 0.5) · (1 − 0.5 · stain) · (1 − 0.3 · polish) ·
-   (1 + 0.35 · (h − MEAN_HEIGHT)), s · k); n ← n · (1 − 0.4 · s · k); r ← mix(r, 0.6, s · k).
+   At close range its remaining share is smoothstep(t − q, t + q, a), q = KEPT_SOFT and t = wear · (1 + 2q) − q, so that
+   nothing goes at wear 0 and all at 1. From afar grains are not resolved and their mean share is: clamp(1 − wear + 5 ·
+   wear · (1 − wear) · (a − ½)). k mixes the two by smoothstep(GRAINS_SEEN_M, GRAINS_MELTED_M, f). Grime lies in
+   hollows, tyres darken: ρ ← mix(ρ, paint · (1 − 0.35 · wear) · mix(1, tone, 0.5) · (1 − 0.5 · stain) · (1 − 0.3 ·
+   polish) · (1 + 0.35 · (h − MEAN_HEIGHT)), s · k); n ← n · (1 − 0.4 · s · k); r ← mix(r, 0.6, s · k).
 7. On patches of defects ρ ← ρ · (their reflectance) and their normal is added before normalising: (n + n_defect, 1).
 
 Reflectances: paint and bitumen after the ranges of road lighting practice (CIE 144:2001; worn white road paint has a
@@ -54,7 +55,7 @@ BITUMEN_EDGE_M: Final = 0.006
 KEPT_SOFT: Final = 0.05
 GRAINS_SEEN_M: Final = 0.002
 GRAINS_MELTED_M: Final = 0.010
-"""Paint wears off stones of 3 to 10 mm: pixels below the first tell them apart, above the second they melt."""
+"""Paint wears off stones of 3 to 10 mm: pixels below the first size resolve them, pixels above the second do not."""
 
 MEAN_HEIGHT: Final = 0.56
 """Of asphalt's grain."""
@@ -74,7 +75,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class MapPyramids:
-    """A tile's maps with their halved levels, 0 … 1: made once where many points are asked for one after another."""
+    """A tile's maps as mip pyramids, 0 … 1; made once for many lookups."""
 
     weathering: Pyramid
     drawn: Pyramid
@@ -149,13 +150,14 @@ def second_share(xy: FloatArray) -> Float32Array:
 
 
 def wave(turns: FloatArray) -> Float32Array:
-    """Nearly the sine of so many turns, of parabolas: cheaper, at every pixel of a picture, than sines."""
+    """Approximate sine of an angle in turns, from parabolas: cheaper per pixel than sines."""
     ahead = 1 - 2 * (turns - np.floor(turns))
     return np.asarray(4 * ahead * (1 - np.abs(ahead)), dtype=np.float32)
 
 
-def grain_luck(local_xy: FloatArray) -> Float32Array:
-    """0 … 1 of each cell of GRAIN_M of a tile, (...): the cell's column and row hashed in 32 bits, alike everywhere."""
+def grain_noise(local_xy: FloatArray) -> Float32Array:
+    """0 … 1 of each cell of GRAIN_M of a tile, (...): the cell's column and row hashed in 32 bits, the same on every
+    device."""
     cells = np.floor(np.asarray(local_xy, dtype=np.float32) / np.float32(GRAIN_M)).astype(np.int64).astype(np.uint32)
     mixed = (cells[..., 0] * np.uint32(1597334677)) ^ (cells[..., 1] * np.uint32(3812015801))
     mixed = (mixed ^ (mixed >> np.uint32(16))) * np.uint32(2246822519)
@@ -178,7 +180,7 @@ def _detail(
     scale, footprint = np.full(uv.shape[:-1], 1 / size_m), np.asarray(footprint_m)
     cos, sin = np.ones_like(scale), np.zeros_like(scale)
     if kind in LOOSE:
-        second = second_share(local_xy + np.asarray(origin)) > grain_luck(local_xy)
+        second = second_share(local_xy + np.asarray(origin)) > grain_noise(local_xy)
         scale = np.where(second, SECOND_SCALE, 1.0) / size_m
         cos, sin = np.where(second, math.cos(SECOND_TURN_RAD), 1.0), np.where(second, math.sin(SECOND_TURN_RAD), 0.0)
     u, v = uv[..., 0] * scale, uv[..., 1] * scale
@@ -206,13 +208,13 @@ def _metres(coded: Float32Array) -> Float32Array:
 def _share(
     distance_m: Float32Array, height: Float32Array, edge_m: float, footprint_m: float | FloatArray
 ) -> Float32Array:
-    """How much of a pixel lies inside an outline whose edge follows the grain."""
+    """Share of a pixel inside an outline whose edge follows the grain."""
     edge = np.maximum(edge_m, np.asarray(footprint_m, dtype=np.float32) / 2)
     return smoothstep(-edge, edge, distance_m + RAGGED_M * (height - 0.5))
 
 
 def _kept(hold: Float32Array, wear: Float32Array, footprint_m: float | FloatArray) -> Float32Array:
-    """How much of the paint is still there."""
+    """Remaining share of the paint."""
     threshold = wear * (1.0 + 2.0 * KEPT_SOFT) - KEPT_SOFT
     near = smoothstep(threshold - KEPT_SOFT, threshold + KEPT_SOFT, hold)
     far = np.clip(1.0 - wear + 5.0 * wear * (1.0 - wear) * (hold - 0.5), 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""The grain of every kind of ground, made on first use from a seed of its own: the same in every world."""
+"""The detail textures of every kind of ground, made on first use from a fixed seed: the same in every world."""
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor

@@ -1,4 +1,4 @@
-"""What is laid on the ground on purpose: paint, and bitumen over cracks and seams, as signed distances."""
+"""Paint, and bitumen over cracks and seams, as signed distances."""
 
 from typing import Final
 
@@ -13,25 +13,25 @@ from pavetwin.scene.ground.sampling import smoothstep
 from pavetwin.scene.model import MAP_PX, SIGNED_DISTANCE_M
 
 PAINT_UNEVEN_M: Final = 0.0035
-"""Deviation of the edges of paint: what spread under the shoe of the machine, and what broke off since."""
+"""Standard deviation of the edges of paint, from application and from wear."""
 
 RAGGED: Final = 0.20
 """Deviation of each edge of a seal, × half its width."""
 
 TAPER_M: Final = 0.35
-"""A seal thins out over this much before its end."""
+"""A seal narrows over this length before its end."""
 
 GONE_M: Final = 0.06
-"""By how much less than nothing a seal is wide where it is gone: between there and where it is whole it tapers."""
+"""Negative half width of a seal in its gaps, so that it tapers towards them."""
 
 
 def drawn(plan: GroundPlan, key: tuple[int, int], worn: Float32Array) -> UInt8Array:
-    """The map of what is drawn, (MAP_PX, MAP_PX, 4).
+    """The map of paint and bitumen, (MAP_PX, MAP_PX, 4).
 
     Args:
         plan: the world's ground.
         key: the tile.
-        worn: (MAP_PX, MAP_PX) × the markings' own wear: wheels, luck.
+        worn: (MAP_PX, MAP_PX) factor on the markings' own wear, from wheels and noise.
     """
     raster = RasterGrid(key)
     distance, yellow, wear = raster.full(-SIGNED_DISTANCE_M), raster.full(0.0), raster.full(0.0)
@@ -54,7 +54,7 @@ def drawn(plan: GroundPlan, key: tuple[int, int], worn: Float32Array) -> UInt8Ar
 
 
 def _uneven(plan: GroundPlan, key: tuple[int, int]) -> Float32Array:
-    """By how much edges of paint are out of place [m]."""
+    """Offset of the edges of paint [m]."""
     tables = noise_tables(plan.seed)
     field = tables.plane(tables.fine, *RasterGrid(key, MAP_PX // 2).world_axes(), turn=7)
     return widened(np.clip(PAINT_UNEVEN_M * field, -0.008, 0.008).astype(np.float32), MAP_PX)
@@ -74,7 +74,8 @@ def _bitumen(plan: GroundPlan, raster: RasterGrid) -> Float32Array:
     halves, gaps = (np.array(of, dtype=np.float32)[near][which] for of in (repairs.seal_halves_m, repairs.seal_gaps))
     tables, name = noise_tables(plan.seed), near[which].astype(np.int64)
     half = halves + np.abs(halves) * RAGGED * tables.edge(along, 2 * name + (found.across[mine] > 0))
-    # Gaps lie where luck is below the quantile that their share asks for; a normal one, by the logistic function.
+    # Gaps are where the noise is below the quantile of their share: a normal quantile, approximated by the logistic
+    # function.
     least = 0.55 * np.log(gaps / (1 - gaps))
     half -= GONE_M * smoothstep(0.0, 0.5, least + 0.25 - tables.kept(along, name))
     lengths = np.array([float(shapely.LineString(line).length) for line in lines], dtype=np.float32)[which]
@@ -82,7 +83,7 @@ def _bitumen(plan: GroundPlan, raster: RasterGrid) -> Float32Array:
     to_end = np.where(closed, np.float32(9.0), np.minimum(along, lengths - along))
     half -= GONE_M / 2 * (1 - smoothstep(0.0, TAPER_M, to_end))
     signed = raster.full(-SIGNED_DISTANCE_M)
-    # Between the middles of texels the crest of a line's distance is cut off, by a quarter of a texel on average.
+    # Between texel centres the crest of a line's distance is cut off, by a quarter of a texel on average.
     signed[mine] = half + np.float32(raster.cell_m / 4) - found.distance[mine]
     return signed
 

@@ -1,4 +1,4 @@
-"""The carriageway's edges with their stations: where along its kerb a point lies."""
+"""The carriageway's edges with stations: the position of a point along its kerb."""
 
 from typing import Final
 
@@ -10,7 +10,7 @@ from shapely.geometry.base import BaseGeometry
 from pavetwin.arrays import Float64Array
 
 _CHUNK: Final = 12
-"""Legs of a piece of an edge that is looked up as one."""
+"""Segments of an edge that are indexed together."""
 
 
 class Edges:

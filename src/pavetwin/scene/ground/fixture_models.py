@@ -44,7 +44,7 @@ LEAF_TONES: Final = (
 
 @cache
 def fixture_models() -> Mapping[str, Model]:
-    """Every flush thing by name."""
+    """Meshes of all flush fixtures, by name."""
     return MappingProxyType(
         {
             "cover_iron": Model("cover_iron", {"body": _plates([*_frame(), *_studded()])}),
@@ -155,7 +155,7 @@ def _plates(layers: Sequence[Layer]) -> Mesh:
 
 
 def _leaves() -> Mesh:
-    """Leaves strewn over a disc, denser in its middle, each a little bent up at its tip."""
+    """Leaves scattered over a disc, denser in its middle, each a little bent up at its tip."""
     rng = child(1, Stream.SCENE, 100)
     positions, colours = [], []
     for _ in range(LEAVES):

@@ -1,4 +1,4 @@
-"""Where manhole covers, gully grates, valve caps and fallen leaves lie: flush things that are no damage."""
+"""Placement of manhole covers, gully grates, valve caps and fallen leaves: flush objects that are not defects."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from pavetwin.world.model import Junction, Segment
 from pavetwin.world.segments import segment_key
 
 REACH_M: Final = {"cover_iron": 0.40, "cover_filled": 0.40, "grate": 0.33, "valve": 0.13, "leaves": 0.9}
-"""How far each model reaches from its middle."""
+"""Radius of each model."""
 
 COVERS_M: Final = 42.0
 """Mean distance between manholes along a street; sewers have one each 40 to 60 m (DWA-A 157)."""
@@ -31,7 +31,7 @@ GRATE_AT_M: Final = 0.155
 
 @dataclass(frozen=True)
 class Fixture:
-    """One flush thing."""
+    """One flush object."""
 
     model: str
     x: float
@@ -41,7 +41,7 @@ class Fixture:
 
 
 def placed(layout: SurfaceLayout) -> tuple[Fixture, ...]:
-    """All flush things of a world; none touches the patch of a defect."""
+    """All flush objects of a world; none touches the patch of a defect."""
     found: list[Fixture] = []
     covers = "cover_filled" if layout.chance("covers") < 0.5 else "cover_iron"
     for street in layout.streets:
@@ -55,14 +55,16 @@ def placed(layout: SurfaceLayout) -> tuple[Fixture, ...]:
 def _apart(layout: SurfaceLayout, wanted: Sequence[Fixture]) -> Iterator[Fixture]:
     """Those that touch neither an earlier one nor the patch of a defect; leaves may lie on anything but those."""
     taken: Nearby[Fixture] = Nearby(2.0)
-    for thing in wanted:
-        reach = REACH_M[thing.model]
-        near = () if thing.model == "leaves" else taken.query(around(thing.x, thing.y, reach))
-        touches = any(np.hypot(thing.x - other.x, thing.y - other.y) < reach + REACH_M[other.model] for other in near)
-        if not touches and not layout.holes.near(shapely.Point(thing.x, thing.y), reach):
-            if thing.model != "leaves":
-                taken.add(around(thing.x, thing.y, reach), thing)
-            yield thing
+    for fixture in wanted:
+        reach = REACH_M[fixture.model]
+        near = () if fixture.model == "leaves" else taken.query(around(fixture.x, fixture.y, reach))
+        touches = any(
+            np.hypot(fixture.x - other.x, fixture.y - other.y) < reach + REACH_M[other.model] for other in near
+        )
+        if not touches and not layout.holes.near(shapely.Point(fixture.x, fixture.y), reach):
+            if fixture.model != "leaves":
+                taken.add(around(fixture.x, fixture.y, reach), fixture)
+            yield fixture
 
 
 def _on_segment(layout: SurfaceLayout, segment: Segment, covers: str) -> Iterator[Fixture]:
@@ -119,7 +121,7 @@ def _grate(layout: SurfaceLayout, wanted: Fixture) -> Fixture | None:
 
 
 def _leaves(layout: SurfaceLayout) -> Iterator[Fixture]:
-    """Heaps of leaves on level ground about trees."""
+    """Piles of leaves on level ground around trees."""
     trees = layout.trees.shapes
     if not len(trees):
         return
@@ -128,7 +130,7 @@ def _leaves(layout: SurfaceLayout) -> Iterator[Fixture]:
     middles = middles + rng.normal(0.0, 1.5, middles.shape)
     kept = rng.random(len(middles)) < 0.5
     turns = rng.uniform(0.0, 2 * np.pi, len(middles))
-    # Trees far apart make one look-up over everything dear; a few dozen at a time stay near each other.
+    # One lookup over trees far apart is slow; a few dozen at a time are near each other.
     for start in range(0, len(middles), 3):
         part = middles[start : start + 3]
         probes = [part + (dx, dy) for dx, dy in ((0, 0), (0.7, 0), (-0.7, 0), (0, 0.7), (0, -0.7))]

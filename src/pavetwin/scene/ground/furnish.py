@@ -1,4 +1,4 @@
-"""The flush things of a tile as instances of their models."""
+"""The flush fixtures of a tile as instances of their models."""
 
 import numpy as np
 
@@ -11,14 +11,14 @@ def fixtures(plan: GroundPlan, key: tuple[int, int]) -> tuple[Instance, ...]:
     """Manhole covers, grates, valve caps and leaves whose middles lie in a tile."""
     found = []
     for index in plan.fixture_index.near(tile_box(key)):
-        thing = plan.fixtures[index]
-        if (np.floor(thing.x / TILE_M), np.floor(thing.y / TILE_M)) != key:
+        fixture = plan.fixtures[index]
+        if (np.floor(fixture.x / TILE_M), np.floor(fixture.y / TILE_M)) != key:
             continue
-        cos, sin = np.cos(thing.yaw_rad), np.sin(thing.yaw_rad)
+        cos, sin = np.cos(fixture.yaw_rad), np.sin(fixture.yaw_rad)
         transform = np.eye(4)
         transform[:2, :2] = [[cos, -sin], [sin, cos]]
-        transform[:3, 3] = thing.x, thing.y, thing.z
+        transform[:3, 3] = fixture.x, fixture.y, fixture.z
         tints = np.ones((TINTS, 4), dtype=np.float32)
         tints[:, 3] = 0.0
-        found.append(Instance(thing.model, "body", transform, tints))
+        found.append(Instance(fixture.model, "body", transform, tints))
     return tuple(found)

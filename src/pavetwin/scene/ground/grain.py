@@ -1,4 +1,4 @@
-"""Tools that make textures which repeat without a seam: noise, cells, stones, and what follows from a height."""
+"""Tools for tileable textures: noise, cells, stones, and maps derived from a height field."""
 
 from typing import Final
 
@@ -19,7 +19,7 @@ def noise(rng: np.random.Generator, wavelength_px: float, *, along: float = 1.0,
     White noise under a log-normal band around a wavelength.
 
     Args:
-        rng: its luck.
+        rng: random generator.
         wavelength_px: of the strongest waves.
         along: above 1 stretched along the rows (u), below 1 along the columns.
         octaves: width of the band.
@@ -44,7 +44,7 @@ def cells(rng: np.random.Generator, count: int, warp: Float32Array | None = None
     """Periodic Voronoi cells about a jittered grid of count² points.
 
     Args:
-        rng: its luck.
+        rng: random generator.
         count: cells along a side.
         warp: (SIDE_PX, SIDE_PX, 2) by how many texels the plane is bent first.
 
@@ -80,10 +80,10 @@ def cells(rng: np.random.Generator, count: int, warp: Float32Array | None = None
 def stones(
     rng: np.random.Generator, radii_px: Float32Array, depth: float = 1.0
 ) -> tuple[Float32Array, Float32Array, Float32Array]:
-    """Angular stones strewn over the square; of overlapping ones the higher shows.
+    """Angular stones scattered over the square; of overlapping ones the higher is visible.
 
     Args:
-        rng: their luck.
+        rng: random generator.
         radii_px: (n,) texels.
         depth: how much lower than the surface the tops of the deepest lie, in their height 0 … 1.
 
@@ -107,7 +107,9 @@ def stones(
         y = (row[:, None] + dy + 0.5 - centre[chosen, 1][:, None]) / radii_px[chosen][:, None]
         cos, sin = np.cos(turn[chosen])[:, None], np.sin(turn[chosen])[:, None]
         u, v = np.abs(cos * x + sin * y), np.abs(cos * y - sin * x) / aspect[chosen][:, None]
-        stone, texel = np.nonzero(np.maximum(u, v) < 1.0)  # the powers cost most, and a third of them matter
+        stone, texel = np.nonzero(
+            np.maximum(u, v) < 1.0
+        )  # powers cost most; a third of them matter
         p = power[chosen][stone]
         rim = (u[stone, texel] ** p + v[stone, texel] ** p) ** (1 / p)
         inside = rim < 1.0
@@ -156,7 +158,7 @@ def detail(
         albedo: (k, k, 3) linear reflectance up to a factor.
         height: (k, k) 0 … 1.
         roughness: (k, k) 0 … 1.
-        hold: (k, k) in whose order paint leaves, the lowest first.
+        hold: (k, k) order in which paint wears off, the lowest first.
         relief_m: what height 1 stands above height 0.
         mean: reflectance that the mean over the square and the colours is scaled to.
     """

@@ -11,13 +11,13 @@ from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Junction
 
 PATCH_M2: Final = 170.0
-"""Of carriageway to one mended rectangle."""
+"""Carriageway area per repaired rectangle."""
 
 SEALED_M2: Final = 110.0
-"""Of carriageway to one sealed crack."""
+"""Carriageway area per sealed crack."""
 
 
-def mended(
+def junction_repairs(
     layout: SurfaceLayout, junction: Junction
 ) -> tuple[list[tuple[float, ...]], list[float], list[Float64Array]]:
     """Patches of a junction, as bars, their tones, and the lines of its sealed cracks, (n, 2) each, world frame."""

@@ -1,4 +1,4 @@
-"""Where everything of a world's ground lies: worked out once, looked up tile by tile."""
+"""Layout of a world's ground surfaces: computed once, looked up per tile."""
 
 import zlib
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ CORNER_RADIUS_M: Final = 7.0
 """Least radius of a kerb around a corner; 6 to 8 m are built where streets cross squarely (RASt 06)."""
 
 LARGEST_LOT_M2: Final = 2500.0
-"""What lies further from a house than this lot would reach is not its yard."""
+"""Land farther from a house than this is not its yard."""
 
 
 GUTTERED_NEAR_M: Final = 0.5
@@ -36,7 +36,7 @@ GUTTERED_NEAR_M: Final = 0.5
 
 
 class SpatialIndex:
-    """Geometries by where they are."""
+    """Spatial index of geometries."""
 
     def __init__(self, shapes: Sequence[BaseGeometry]) -> None:
         self.shapes = np.array(shapes, dtype=object)
@@ -140,7 +140,7 @@ class SurfaceLayout:
     @cached_property
     def trees(self) -> SpatialIndex:
         furniture = self.world.furniture
-        return SpatialIndex([thing.position for thing in furniture if thing.kind is FurnitureKind.TREE])
+        return SpatialIndex([item.position for item in furniture if item.kind is FurnitureKind.TREE])
 
     @cached_property
     def lots(self) -> tuple[SpatialIndex, tuple[int, ...]]:
@@ -188,16 +188,16 @@ class SurfaceLayout:
         return len(arms) > 2 and (rank < max(other for other, _ in arms.values()) - 0.5 or not straight)
 
     def ageing(self, street: Street) -> Ageing:
-        """How old a street's surface is."""
+        """Age of a street's surface."""
         fresh, age, tone, paint = (self.chance(f"{what} {street.name}") for what in ("fresh", "age", "tone", "paint"))
         return ageing((fresh, age, tone, paint))
 
     def name_hash(self, what: str) -> int:
-        """A number of 32 bits that a place's choices follow from: of its name and the plan's seed alone."""
+        """A 32-bit hash of a name and the plan's seed, from which random choices are made."""
         return zlib.crc32(f"{self.seed} {what}".encode())
 
     def chance(self, what: str) -> float:
-        """The same, 0 … 1."""
+        """The same hash, scaled to 0 … 1."""
         return self.name_hash(what) / 2**32
 
 
@@ -213,7 +213,7 @@ def tile_box(key: tuple[int, int], margin_m: float = 0.0) -> Polygon:
 
 
 def _rounded(road: BaseGeometry, world: World) -> BaseGeometry:
-    """With the corners of junctions drawn as kerbs are laid."""
+    """The carriageway with rounded corners at junctions, as kerbs are built."""
     if not world.junctions:
         return road
     closed = road.buffer(CORNER_RADIUS_M, quad_segs=8).buffer(-CORNER_RADIUS_M, quad_segs=8)
@@ -224,7 +224,7 @@ def _rounded(road: BaseGeometry, world: World) -> BaseGeometry:
 
 
 def _without_specks(road: BaseGeometry, smallest_m2: float = 1.0) -> BaseGeometry:
-    """Without islands and holes too small for a kerb of their own, and without points closer than a hair."""
+    """Without islands and holes too small for a kerb of their own, and without near-duplicate points."""
     parts = []
     for part in shapely.get_parts(shapely.simplify(road, 0.01)):
         if isinstance(part, Polygon) and part.area >= smallest_m2:

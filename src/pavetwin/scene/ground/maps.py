@@ -1,4 +1,4 @@
-"""What time, traffic and people did to a tile's ground, as maps."""
+"""The weathering and marking maps of a tile's ground."""
 
 from pavetwin.scene.ground.drawn import drawn
 from pavetwin.scene.ground.plan import GroundPlan

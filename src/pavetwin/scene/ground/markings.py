@@ -1,6 +1,6 @@
 """Road markings of a world: lines between lanes and at edges, stop and give-way lines, crossings, arrows.
 
-Which of them a street has follows from its class and its own luck: many residential streets have none.
+Which of them a street has depends on its class and a random number: many residential streets have none.
 """
 
 from collections.abc import Iterable

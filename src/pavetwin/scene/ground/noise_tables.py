@@ -1,4 +1,4 @@
-"""Noise that is the same wherever it is looked at: periodic tables over the world's plane and along its streets."""
+"""Reproducible noise: periodic tables over the world's plane and along its streets."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -28,17 +28,17 @@ class NoiseTables:
     blotch: Float32Array
     """Over the plane, features of 0.25 to 1 m."""
     fine: Float32Array
-    """Over the plane, features of a hand's breadth."""
+    """Over the plane, features of about 0.1 m."""
     streak: Float32Array
     """(_PX along, _ACROSS_PX across) a street: long and narrow."""
     band: Float32Array
-    """The same, broader: what the rollers and the wheels left."""
+    """The same, broader: marks of rollers and wheels."""
     scuff: Float32Array
     """The same, narrower and shorter: single tyres' marks."""
     ragged: Float32Array
-    """(_LINE_PX,) along a line: edges of what is poured or brushed, features of a hand's breadth."""
+    """(_LINE_PX,) along a line: edges of what is poured or brushed, features of about 0.1 m."""
     lasting: Float32Array
-    """(_LINE_PX,) along a line: what of it has lasted, features of metres."""
+    """(_LINE_PX,) along a line: its remaining share, features of metres."""
 
     def plane(self, table: Float32Array, x: Float64Array, y: Float64Array, *, turn: int = 0) -> Float32Array:
         """A table over columns at world x and rows at world y, (rows, columns); `turn` takes another part of it."""
@@ -47,17 +47,17 @@ class NoiseTables:
         return np.asarray(table[rows].take(columns, axis=1))
 
     def road(self, table: Float32Array, along: Float32Array, across: Float32Array, offset: Int64Array) -> Float32Array:
-        """A table along a street, (...); `offset` names the street."""
+        """A table along a street, (...); `offset` selects the street."""
         rows = (np.floor(along / _ALONG_STEP_M).astype(np.int64) + offset) % _PX
         columns = (np.floor(across / _ACROSS_STEP_M).astype(np.int64) + offset // 7) % _ACROSS_PX
         return np.asarray(table[rows, columns])
 
     def edge(self, along: Float32Array, offset: Int64Array) -> Float32Array:
-        """How ragged an edge is at places along it, (...); `offset` names the edge."""
+        """Offset of an edge at stations along it, (...); `offset` selects the edge."""
         return np.asarray(self.ragged[(np.floor(along / _RAGGED_STEP_M).astype(np.int64) + 619 * offset) % _LINE_PX])
 
     def kept(self, along: Float32Array, offset: Int64Array) -> Float32Array:
-        """How well a line has lasted at places along it, (...), straight between its steps; `offset` names the line."""
+        """Remaining share of a line at stations along it, (...), piecewise linear; `offset` selects the line."""
         at = along / _LASTING_STEP_M
         low = np.floor(at).astype(np.int64)
         share = (at - low).astype(np.float32)

@@ -1,4 +1,4 @@
-"""What road markings are made of: bars and outlines, gathered as they are laid."""
+"""Road markings as bars and outlines, collected while they are placed."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class Paint:
 
 
 class Painter:
-    """Gathers paint."""
+    """Collects paint."""
 
     def __init__(self) -> None:
         self._bars: list[tuple[float, ...]] = []
@@ -84,7 +84,7 @@ class Painter:
 
 
 def _dashes(length_m: float, dash_m: tuple[float, float] | None) -> Iterator[tuple[float, float]]:
-    """Begin and end of every dash; solid lines in parts, so that each is looked at only where it is near."""
+    """Begin and end of every dash; solid lines in parts, so that each is used only near its place."""
     on, off = dash_m or (6.0, -_OVERLAP_M)
     at = 0.0 if dash_m is None else off / 2
     while at < length_m - 0.2:

@@ -1,4 +1,4 @@
-"""Where everything of a world's ground lies and what is on it: worked out once, looked up tile by tile."""
+"""A world's ground surfaces and the marks on them: computed once, looked up per tile."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -25,7 +25,7 @@ WIDENED_M: Final = 3.0
 
 
 class GroundPlan(SurfaceLayout):
-    """A world's surfaces and all marks on them, each made when it is first asked for."""
+    """A world's surfaces and all marks on them, each computed on first use."""
 
     @cached_property
     def paint(self) -> Paint:
@@ -42,7 +42,7 @@ class GroundPlan(SurfaceLayout):
 
     @cached_property
     def fixture_index(self) -> SpatialIndex:
-        return SpatialIndex([shapely.Point(thing.x, thing.y) for thing in self.fixtures])
+        return SpatialIndex([shapely.Point(fixture.x, fixture.y) for fixture in self.fixtures])
 
     @cached_property
     def seal_boxes(self) -> tuple[Float64Array, Float64Array]:
@@ -87,18 +87,18 @@ class GroundPlan(SurfaceLayout):
 
     @cached_property
     def tones(self) -> tuple[SpatialIndex, tuple[float, ...]]:
-        """Surfaces of one age each, and × what reflectance; the later lie on the earlier."""
+        """Surfaces of one age each, and their reflectance factors; later ones cover earlier ones."""
         streets = {street.key: self.ageing(street).tone for street in self.streets}
-        laid = [(segment.polygon, streets[street.key]) for segment, street in self.segments]
-        crossed = [
+        segments = [(segment.polygon, streets[street.key]) for segment, street in self.segments]
+        junctions = [
             (junction.polygon, tone)
             for junction, tone in zip(self.world.junctions, self._junction_tones(streets), strict=True)
         ]
-        # First all a little widened: rounded corners belong to what is next to them.
+        # First all surfaces a little widened: rounded corners belong to the surface next to them.
         shapes: list[tuple[BaseGeometry, float]] = [
-            (shape.buffer(WIDENED_M, quad_segs=2), tone) for shape, tone in (*laid, *crossed)
+            (shape.buffer(WIDENED_M, quad_segs=2), tone) for shape, tone in (*segments, *junctions)
         ]
-        shapes += [*crossed, *laid]
+        shapes += [*junctions, *segments]
         for segment, street in self.segments:
             for start, end, tone in self.repairs.stretches.get(segment.id, ()):
                 part = substring(segment.centre_line, start, end).buffer(segment.width_m, cap_style="flat")
@@ -119,8 +119,8 @@ def plan_ground(world: World, seed: int, holes: Sequence[Polygon] = ()) -> Groun
     """The plan of a world's ground.
 
     Args:
-        world: as it stands.
-        seed: names the luck of ageing, repairs and markings.
+        world: with its defects.
+        seed: of ageing, repairs and markings.
         holes: where patches of defects replace the carriageway, world frame; they must not overlap.
     """
     return GroundPlan(

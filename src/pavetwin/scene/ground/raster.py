@@ -1,4 +1,4 @@
-"""Distances to lines and outlines on a tile's grid, each worked out only where it matters."""
+"""Distances to lines and outlines on a tile's raster grid, each computed only where needed."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -15,12 +15,12 @@ from pavetwin.scene.model import MAP_MARGIN_M, MAP_PX, TILE_M
 SIDE_M: Final = TILE_M + 2 * MAP_MARGIN_M
 
 _LEG_M: Final = 5.0
-"""Longer legs are taken in parts: the window about a slanting leg grows with its square."""
+"""Longer segments are split: the window around an oblique segment grows with its length squared."""
 
 
 @dataclass(frozen=True)
 class Window:
-    """A part of a sheet, and where the middles of its cells lie, in metres from the sheet's south-west corner."""
+    """A window of a grid, and the centres of its cells, in metres from the grid's south-west corner."""
 
     at: tuple[slice, slice]
     x: Float32Array
@@ -42,7 +42,7 @@ class RasterGrid:
         return np.full((self.px, self.px), value, dtype=np.float32)
 
     def window(self, low: npt.ArrayLike, high: npt.ArrayLike) -> Window | None:
-        """The cells between two corners, in metres from the sheet's corner; None when there are none."""
+        """The cells between two corners, in metres from the grid's corner; None when there are none."""
         first = np.clip(np.floor(np.asarray(low) / self.cell_m - 0.5).astype(int), 0, self.px)
         last = np.clip(np.ceil(np.asarray(high) / self.cell_m + 0.5).astype(int), 0, self.px)
         if np.any(last <= first):
@@ -51,11 +51,11 @@ class RasterGrid:
         return Window((rows, columns), self.middles[None, columns], self.middles[rows, None])
 
     def local(self, xy: npt.ArrayLike) -> Float64Array:
-        """World points (..., 2) in metres from the sheet's corner."""
+        """World points (..., 2) in metres from the grid's corner."""
         return np.asarray(np.asarray(xy, dtype=np.float64) - self.origin)
 
     def meets(self, low: Float64Array, high: Float64Array) -> BoolArray:
-        """Which boxes (n, 2) to (n, 2), world frame, meet the sheet."""
+        """Which boxes (n, 2) to (n, 2), world frame, meet the grid."""
         return np.asarray(np.all((low <= self.origin + SIDE_M) & (high >= self.origin), axis=-1))
 
     def world_axes(self) -> tuple[Float64Array, Float64Array]:
@@ -65,7 +65,7 @@ class RasterGrid:
 
 @dataclass(frozen=True)
 class Tracks:
-    """For every cell of a sheet the nearest of some lines."""
+    """For every cell of a grid the nearest of some lines."""
 
     index: Int32Array
     """Which line; −1 where none is within its reach."""
@@ -88,7 +88,7 @@ def tracks(
     """The nearest line of every cell.
 
     Args:
-        sheet: the grid.
+        raster: grid over the tile.
         lines: (n, 2) each, world frame.
         reach_m: how far each is looked for.
         begins_m: the way at which each begins, 0 without.
@@ -166,7 +166,7 @@ def bars(raster: RasterGrid, bars_xyahw: Float64Array, reach_m: float) -> Iterat
     """Signed distances to oriented rectangles, positive inside, in the window where they exceed −reach.
 
     Args:
-        sheet: the grid.
+        raster: grid over the tile.
         bars_xyahw: (n, 5): middle x and y in the world frame, direction [rad], half length, half width [m].
         reach_m: how far outside.
     """
@@ -214,7 +214,7 @@ def outlines(
 
 
 def widened(field: Float32Array, px: int) -> Float32Array:
-    """A coarser sheet's field on a finer one, bilinearly."""
+    """A coarser grid's field resampled on a finer one, bilinearly."""
     return np.asarray(Image.fromarray(field, mode="F").resize((px, px), Image.Resampling.BILINEAR), dtype=np.float32)
 
 

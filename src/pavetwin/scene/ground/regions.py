@@ -1,4 +1,4 @@
-"""One tile cut into faces of one kind each, all from one net of lines, so that neighbours share every corner."""
+"""One tile partitioned into faces of one kind each, all from one set of lines, so that neighbours share corners."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -32,7 +32,7 @@ TREE_PIT_M: Final = 1.1
 """Side of the open earth about a tree in a sidewalk."""
 
 SPECK_M2: Final = 1.0
-"""Land that is smaller and lies mostly among pavement is paved too: nobody sows a lawn of a step's width."""
+"""Land that is smaller and lies mostly among pavement is paved too."""
 
 CORNER_WALK_M: Final = 2.2
 """Width of the pavement around the corners of junctions with sidewalks."""
@@ -192,13 +192,13 @@ def _grown(shape: BaseGeometry, by_m: float) -> BaseGeometry:
 
 
 def _closed(shape: BaseGeometry, gap_m: float = 1.2) -> BaseGeometry:
-    """Without gaps narrower than this: nobody leaves a hand's breadth of lawn between two pavements."""
+    """Close gaps narrower than this, so that no narrow strip of lawn is left between two pavements."""
     closed = shapely.buffer(shape, gap_m / 2, join_style="mitre").buffer(-gap_m / 2, join_style="mitre")
     return shapely.union(closed, shape)  # sharp corners lose their tips on the way there and back
 
 
 def _without_specks(faces: list[Face], box: Polygon) -> list[Face]:
-    """With specks of land paved. Those at the tile's border stay, since more of them may lie beyond it."""
+    """Pave small pieces of land. Those at the tile's border stay, since they may continue beyond it."""
     soft = [face.polygon for face in faces if face.kind in _SOFT and not face.pit]
     hard = shapely.union_all([face.polygon for face in faces if face.kind in _HARD])
     specks = [

@@ -63,7 +63,7 @@ class Relief:
 
 
 def heights(plan: SurfaceLayout, xy: npt.ArrayLike) -> Float64Array:
-    """Height of the ground [m] at points (n, 2), world frame: what stands there stands on it."""
+    """Height of the ground [m] at points (n, 2), world frame: the base of objects there."""
     points = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
     if not len(points):
         return np.zeros(0)

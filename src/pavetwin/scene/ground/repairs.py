@@ -1,6 +1,6 @@
-"""What was mended, sealed, spilled and skidded on a world's carriageways: things a detector must not report.
+"""Repairs, sealed cracks, oil stains and tyre marks on a world's carriageways: distractors that are not defects.
 
-Every segment draws its own from a child of the seed named by the segment, so that they stay when others change.
+Each segment draws its own from a child of the seed keyed by the segment, so that they stay when others change.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,7 +14,7 @@ import shapely
 
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.fixtures import Fixture
-from pavetwin.scene.ground.junction_repairs import mended
+from pavetwin.scene.ground.junction_repairs import junction_repairs
 from pavetwin.scene.ground.layout import SurfaceLayout
 from pavetwin.scene.ground.seals import clear_of_defects, wander, wavering
 from pavetwin.scene.ground.streets import Street
@@ -26,15 +26,14 @@ SEAL_HALF_M: Final = (0.013, 0.034)
 """Half the width of a sealed crack: flush fillings of 2 to 3 cm up to overbands of 7 cm (FHWA-RD-99-147)."""
 
 SEAM_HALF_M: Final = (0.009, 0.022)
-"""Half the width of a sealed edge or joint: what is poured into a joint and brushed beside it."""
+"""Half the width of a sealed edge or joint: the joint sealant and its overband."""
 
 SEALED_GAPS: Final = (0.001, 0.025)
-"""Share of a seal that has come off: who seals a joint seals it all along, and with more gaps it would look like a
-dashed line."""
+"""Share of a seal that has come off; with more gaps it would look like a dashed line."""
 
 JOINTS_SEALED: Final = 0.35
 """Share of streets whose paver's joint is sealed. Others are not drawn: a joint of some millimetres is finer than the
-maps hold, and broke up into dots at the pace of their texels."""
+maps resolve, and would alias into dots."""
 
 WHEELS_M: Final = 0.78
 """Half the track of a car."""
@@ -47,7 +46,7 @@ class Repairs:
     patches: list[tuple[float, ...]] = field(default_factory=list)
     """Middle x and y, direction [rad], half length, half width."""
     patch_tones: list[float] = field(default_factory=list)
-    """× the reflectance around them."""
+    """Factor on the reflectance around them."""
     seals: list[Float64Array] = field(default_factory=list)
     """Lines of bitumen, (n, 2)."""
     seal_halves_m: list[float] = field(default_factory=list)
@@ -70,7 +69,7 @@ def repairs(plan: SurfaceLayout, fixtures: Sequence[Fixture]) -> Repairs:
         for lane in street.lanes:
             _drips(plan, lane, found)
     for junction in plan.world.junctions:
-        bars, tones, lines = mended(plan, junction)
+        bars, tones, lines = junction_repairs(plan, junction)
         found.patches += bars
         found.patch_tones += tones
         for number, line in enumerate(lines):
@@ -83,7 +82,7 @@ def repairs(plan: SurfaceLayout, fixtures: Sequence[Fixture]) -> Repairs:
 
 
 def _around(plan: SurfaceLayout, fixture: Fixture, found: Repairs) -> None:
-    """What was mended and sealed about a cover, and the damp about a grate."""
+    """Repairs and seals around a cover, and the damp around a grate."""
     rng = child(plan.seed, Stream.SCENE, 6, plan.name_hash(f"{fixture.x:.2f} {fixture.y:.2f}"))
     at = np.array([fixture.x, fixture.y])
     if fixture.model == "grate":
@@ -147,7 +146,7 @@ class _OnSegment:
         return np.asarray(foot + np.stack([-unit[..., 1], unit[..., 0]], axis=-1) * d[..., None])
 
     def _patch(self, along: float, left: float, half_along: float, half_across: float, tone: float) -> None:
-        """A mended rectangle, square to the street, its edges sealed or not."""
+        """A repaired rectangle, square to the street, its edges sealed or not."""
         x, y = self._world(along, left)
         ax, ay = self._world(along - 0.5, left)
         bx, by = self._world(along + 0.5, left)
@@ -236,7 +235,7 @@ class _OnSegment:
         )
 
     def _crack_across(self) -> None:
-        """A sealed crack across the carriageway or a part of it, wandering and now and then stepping aside."""
+        """A sealed crack across the carriageway or a part of it, irregular, with occasional offsets."""
         if self.length < 4.0:
             return
         low, high = -self.half + 0.1, self.half - 0.1
@@ -259,7 +258,7 @@ class _OnSegment:
 
 
 def _seal(plan: SurfaceLayout, found: Repairs, line: Float64Array, half_m: float, gaps: float) -> None:
-    """A line of bitumen, but not where a defect would vanish under it."""
+    """A line of bitumen, except where it would hide a defect."""
     for part in clear_of_defects(plan, line):
         found.seals.append(part)
         found.seal_halves_m.append(half_m)

@@ -1,4 +1,4 @@
-"""How roads are marked: sizes after two countries' rules, chosen by where the world lies."""
+"""Rules of road markings: sizes after two countries' standards, chosen by the world's location."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -69,7 +69,7 @@ directions (3A.05), stop lines 12 to 24 in and yield triangles 12 × 18 in up to
 
 
 def rules_of(world: World) -> MarkingRules:
-    """The rules of where a world lies."""
+    """The marking rules of a world's location."""
     if not world.segments:
         return EUROPE
     longitude, latitude = world.georeference.to_wgs84(world.segments[0].centre_line.coords[0])

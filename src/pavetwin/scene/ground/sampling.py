@@ -1,4 +1,4 @@
-"""Textures as a graphics card samples them: pyramids of halved levels, wrapped or clamped, filtered trilinearly."""
+"""Texture sampling as on a GPU: mip pyramids, wrapped or clamped, with trilinear filtering."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -10,7 +10,7 @@ from pavetwin._core import texture_sample
 from pavetwin.arrays import Float32Array, FloatArray
 
 LEVEL_SLOPE: Final = 4.0
-"""Two levels of detail are mixed over this part of the way from one to the next (1/4), about its middle."""
+"""Two mip levels are blended over this share (1/4) of the interval between them, around its middle."""
 
 
 def linear_of_srgb(coded: npt.ArrayLike) -> Float32Array:
@@ -34,11 +34,11 @@ def smoothstep(low: npt.ArrayLike, high: npt.ArrayLike, value: npt.ArrayLike) ->
 
 @dataclass(frozen=True)
 class Pyramid:
-    """A texture and its halved levels, each (k, k, c) float32, row 0 at v = 0."""
+    """A texture's mip pyramid, each level (k, k, c) float32, row 0 at v = 0."""
 
     levels: tuple[Float32Array, ...]
     wraps: bool
-    """Whether it repeats; else its edge texels go on outwards."""
+    """Whether it repeats; otherwise it is clamped to its edge texels."""
 
     @classmethod
     def of(cls, texture: Float32Array, *, wraps: bool) -> "Pyramid":

@@ -1,4 +1,4 @@
-"""The courses of sealed and open joints: how they waver, and where a defect interrupts them."""
+"""Courses of sealed and open joints: their irregularity, and their gaps at defects."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -12,7 +12,7 @@ from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.layout import SurfaceLayout
 
 CLEAR_OF_DEFECTS_M: Final = 0.03
-"""Nothing is sealed this near to the patch of a defect, or it would hide what is looked for."""
+"""Nothing is sealed this near to the patch of a defect, or the seal would hide the defect."""
 
 SLENDER_M: Final = 0.13
 """Patches that are nowhere farther from their border are those of single cracks: up to 8 cm wide with their broken
@@ -41,7 +41,7 @@ def _runs_on(path: LineString, hole: BaseGeometry) -> bool:
 
 
 def wavering(rng: np.random.Generator, a: Float64Array, b: Float64Array, sway: float) -> Float64Array:
-    """A line from one point to another that does not quite keep straight."""
+    """A slightly irregular line from one point to another."""
     length = float(np.hypot(*(b - a)))
     stations = np.linspace(0.0, length, max(3, int(length / 0.35)))
     along = (b - a) / max(length, 1e-9)
@@ -50,7 +50,7 @@ def wavering(rng: np.random.Generator, a: Float64Array, b: Float64Array, sway: f
 
 
 def wander(rng: np.random.Generator, stations: Float64Array, sway: float) -> Float64Array:
-    """Offsets of a line from the straight one, deviation `sway` [m]: who pours or saws it corrects it every metre."""
+    """Offsets of a line from the straight one, standard deviation `sway` [m], corrected about every metre."""
     waves = np.array([0.9, 2.3, 6.1])[:, None]
     phases = rng.uniform(0.0, 2 * np.pi, (3, 1))
     swing = np.array([0.4, 0.8, 1.1]) @ np.sin(2 * np.pi * stations / waves + phases)

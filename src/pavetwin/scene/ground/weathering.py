@@ -1,6 +1,7 @@
-"""What age, traffic, water and dirt did to a tile's ground: tone, stain, dust and polish.
+"""Weathering of a tile's ground by age, traffic, water and dirt: tone, stain, dust and polish.
 
-Slow fields are worked out on half the grid and widened; edges of repairs, spots and the kerb line on the whole of it.
+Low-frequency fields are computed at half resolution and upsampled; edges of repairs, spots and the kerb line at full
+resolution.
 """
 
 from collections.abc import Iterable
@@ -24,15 +25,15 @@ from pavetwin.scene.ground.repairs import WHEELS_M
 from pavetwin.scene.model import MAP_MARGIN_M, MAP_PX
 
 EDGE_REACH_M: Final = 1.4
-"""How far from the kerb its dirt is looked for."""
+"""Distance from the kerb within which it has dirt."""
 
 WHEEL_SPREAD_M: Final = 0.24
-"""Deviation of wheels about their path."""
+"""Standard deviation of wheels around their path."""
 
 
 @dataclass(frozen=True)
 class _CoarseFields:
-    """The slow fields of a tile on half the grid."""
+    """The low-frequency fields of a tile, at half resolution."""
 
     plan: GroundPlan
     key: tuple[int, int]
@@ -85,7 +86,7 @@ class _CoarseFields:
 
     @cached_property
     def turns(self) -> Float32Array:
-        """Wheels that cross junctions, added up over the ways across."""
+        """Wheels that cross junctions, summed over the paths across."""
         passed = self.raster.full(0.0)
         reach = WHEELS_M + 0.5
         for index in self.plan.path_index.near(self.box, reach):
@@ -99,14 +100,14 @@ class _CoarseFields:
 
 
 def weathering(plan: GroundPlan, key: tuple[int, int]) -> tuple[UInt8Array, Float32Array]:
-    """The map of weathering, (MAP_PX, MAP_PX, 4), and × what paint is worn, (MAP_PX, MAP_PX)."""
+    """The map of weathering, (MAP_PX, MAP_PX, 4), and the factor on paint wear, (MAP_PX, MAP_PX)."""
     ground = _CoarseFields(plan, key)
     raster = RasterGrid(key)
     on_road = _road_share(plan, key, raster)
-    mended = _laid(plan, key, raster) * _mended(plan, raster)
+    repaired = _age_tone(plan, key, raster) * _repair_tone(plan, raster)
     road, stain, dust = (widened(field, raster.px) for field in (_road_tone(ground), _stain(ground), _dust(ground)))
     land = widened(_land_tone(ground), raster.px)
-    tone = land + (road * mended - land) * on_road
+    tone = land + (road * repaired - land) * on_road
     stain = np.clip(stain + _spilled(plan, raster), 0.0, 0.95)
     polish = widened(ground.wheels, raster.px) * on_road
     layers = np.stack([np.clip(tone, 0.2, 1.98) * 128, stain * 255, np.clip(dust, 0, 1) * 255, polish * 230], axis=-1)
@@ -115,7 +116,7 @@ def weathering(plan: GroundPlan, key: tuple[int, int]) -> tuple[UInt8Array, Floa
 
 
 def _road_tone(ground: _CoarseFields) -> Float32Array:
-    """What wheels, rollers and the weather made of it, × its age's tone."""
+    """Reflectance factor from wheels, rollers and weather, before that of age."""
     plan, tables = ground.plan, ground.tables
     streets = ground.segments
     parts = np.array([*(plan.name_hash(f"part {street.name}") % 4096 for _, street in plan.segments), 0])
@@ -127,15 +128,15 @@ def _road_tone(ground: _CoarseFields) -> Float32Array:
     lanes = ground.lanes
     passes = _table(0.97 + 0.06 * plan.chance(f"pass {lane.id}") for lane, _ in plan.lanes)
     worn = _table(0.14 * plan.chance(f"polish {street.key}") - 0.065 for _, street in plan.lanes)
-    laid = np.where(lanes.index >= 0, passes[lanes.index], 1.0)
+    pass_tone = np.where(lanes.index >= 0, passes[lanes.index], 1.0)
     wheel = np.where(lanes.index >= 0, worn[lanes.index], -0.05) * ground.wheels
     slow = 0.030 * ground.plane(tables.broad) + 0.024 * ground.plane(tables.blotch) + 0.020 * ground.plane(tables.fine)
-    tone = laid * (1.0 + on_street * (0.042 * streak + 0.052 * band + 0.022 * scuff) + wheel + slow)
+    tone = pass_tone * (1.0 + on_street * (0.042 * streak + 0.052 * band + 0.022 * scuff) + wheel + slow)
     return np.asarray(tone, dtype=np.float32)
 
 
-def _laid(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> Float32Array:
-    """× the grain's reflectance by the age of what is laid."""
+def _age_tone(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> Float32Array:
+    """Reflectance factor from the surface's age."""
     spatial_index, tones = plan.tones
     image = Image.new("F", (raster.px, raster.px), 1.0)
     pen = ImageDraw.Draw(image)
@@ -164,7 +165,7 @@ def _stain(ground: _CoarseFields) -> Float32Array:
 
 
 def _dust(ground: _CoarseFields) -> Float32Array:
-    """What water and wind leave along the kerb, and litter under trees."""
+    """Dust along the kerb, and litter under trees."""
     tables, edge = ground.tables, ground.edge
     noise = ground.plane(tables.blotch, 4)
     distance = np.where(np.isfinite(edge.distance), edge.distance, np.float32(99.0))
@@ -184,14 +185,14 @@ def _land_tone(ground: _CoarseFields) -> Float32Array:
 
 
 def _worn(ground: _CoarseFields) -> Float32Array:
-    """× the wear of paint: most where wheels run, and by luck."""
+    """Factor on the wear of paint: highest in wheel paths, with noise."""
     tables = ground.tables
     patchy = 0.16 * ground.plane(tables.blotch, 6) + 0.20 * ground.plane(tables.broad, 6)
     return np.asarray(np.clip(0.55 + 1.45 * ground.wheels + patchy, 0.15, 2.4), dtype=np.float32)
 
 
 def _road_share(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> Float32Array:
-    """How much of each cell is carriageway, its edge worked out finely."""
+    """Share of carriageway in each cell, with an antialiased edge."""
     road = plan.road_near(tile_box(key, 2.0))
     share = _inside(raster, road).astype(np.float32)
     edges = plan.edges
@@ -202,8 +203,8 @@ def _road_share(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> F
     return share
 
 
-def _mended(plan: GroundPlan, raster: RasterGrid) -> Float32Array:
-    """× the tone: patches and trenches, the later over the earlier."""
+def _repair_tone(plan: GroundPlan, raster: RasterGrid) -> Float32Array:
+    """Reflectance factor of patches and trenches, later ones over earlier ones."""
     tone = raster.full(1.0)
     for number, window, inside in bars(raster, plan.patch_bars, 0.05):
         share = np.clip(0.5 + inside / np.float32(raster.cell_m), 0.0, 1.0)
@@ -237,7 +238,7 @@ def _spilled(plan: GroundPlan, raster: RasterGrid) -> Float32Array:
 
 
 def _ribbon(raster: RasterGrid, line: Float64Array, reach_m: float) -> tuple[tuple[slice, slice], Float32Array] | None:
-    """Offset to the left of a line in the window about it, far away where none is near; None when off the sheet."""
+    """Offset to the left of a line in the window about it, far away where none is near; None if outside the grid."""
     points = raster.local(line)
     window = raster.window(points.min(axis=0) - reach_m, points.max(axis=0) + reach_m)
     if window is None:
@@ -280,7 +281,7 @@ def _outer_rings(shape: BaseGeometry) -> list[BaseGeometry]:
 
 
 def _pixels(raster: RasterGrid, ring: BaseGeometry) -> list[tuple[float, ...]]:
-    """A ring's corners as the drawing library counts: 0 in the middle of the first cell."""
+    """A ring's corners in Pillow's coordinates: 0 is the centre of the first cell."""
     return [tuple(point) for point in (raster.local(shapely.get_coordinates(ring)) / raster.cell_m - 0.5).tolist()]
 
 
