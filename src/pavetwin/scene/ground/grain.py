@@ -107,9 +107,7 @@ def stones(
         y = (row[:, None] + dy + 0.5 - centre[chosen, 1][:, None]) / radii_px[chosen][:, None]
         cos, sin = np.cos(turn[chosen])[:, None], np.sin(turn[chosen])[:, None]
         u, v = np.abs(cos * x + sin * y), np.abs(cos * y - sin * x) / aspect[chosen][:, None]
-        stone, texel = np.nonzero(
-            np.maximum(u, v) < 1.0
-        )  # powers cost most; a third of them matter
+        stone, texel = np.nonzero(np.maximum(u, v) < 1.0)  # powers cost most; a third of them matter
         p = power[chosen][stone]
         rim = (u[stone, texel] ** p + v[stone, texel] ** p) ** (1 / p)
         inside = rim < 1.0
