@@ -1,6 +1,7 @@
 """The rules of the house, read from the source itself: who imports whom, what stays light, how large a file may be."""
 
 import ast
+import re
 import subprocess
 import sys
 import tomllib
@@ -44,6 +45,9 @@ HEAVY = frozenset(
 )
 
 MAX_LINES = 450
+
+# An option of ours within a text. A whole literal (`--net-file=…`) is an argument for a program that we start.
+OPTION = re.compile(r"(?:^|[\s(`])--[a-z]")
 
 # Classes that share a name with another one for now, with the reason.
 SHARED_CLASS_NAMES = {
@@ -180,6 +184,42 @@ def test_a_headless_mission_loads_nothing_heavy(module: str) -> None:
     loaded = fresh.stdout.split()
     assert "pavetwin" in loaded
     assert sorted(HEAVY & set(loaded)) == []
+
+
+def options_named_in(path: Path) -> Iterator[tuple[int, str]]:
+    """Line and text of every string that tells a reader of an option; docstrings are no messages."""
+    tree = ast.parse(path.read_text(encoding="utf-8"), str(path))
+    told = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in told:
+            is_argument = re.fullmatch(r"--[\w.-]+(=\S*)?", node.value)
+            if OPTION.search(node.value) and not is_argument:
+                yield node.lineno, node.value
+
+
+def test_only_the_command_line_names_its_options() -> None:
+    later = {"mission/again.py", "policies/loading.py", "experiments/plan.py"}
+    sources = (path for path in PACKAGE.rglob("*.py") if room_of(path, PACKAGE) != "cli")
+    sources = (path for path in sources if path.relative_to(PACKAGE).as_posix() not in later)
+    named = [f"{path.relative_to(PACKAGE)}:{line}: {text}" for path in sources for line, text in options_named_in(path)]
+    assert sorted(named) == [], "name the parameter in backquotes, and its option in cli/flags.py"
+
+
+@pytest.mark.parametrize(
+    ("line", "found"),
+    [
+        ('raise PaveTwinError(f"--altitude {altitude_m}: too low.")', True),
+        ('raise PaveTwinError("It exists; add --force to replace it.")', True),
+        ('hint = "`pavetwin world build --force`"', True),
+        ('run("netconvert", ["--output-file", f"--seed={seed}"])', False),
+        ('def f():\n    """Explains --altitude."""', False),
+        ('raise PaveTwinError(f"`altitude_m` {altitude_m}: too low.")', False),
+    ],
+)
+def test_an_option_within_a_text_is_seen(line: str, found: bool, tmp_path: Path) -> None:
+    path = tmp_path / "module.py"
+    path.write_text(line + "\n", encoding="utf-8")
+    assert any(options_named_in(path)) is found
 
 
 def test_rooms_are_small() -> None:

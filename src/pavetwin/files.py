@@ -52,7 +52,7 @@ def writing_folder(target: Path, *, replace: bool = False) -> Iterator[Path]:
         PaveTwinError: `target` exists and `replace` is false, or it cannot be written. Nothing is left behind.
     """
     if target.exists() and not replace and (not target.is_dir() or any(target.iterdir())):
-        raise PaveTwinError(f"'{target}' exists already; choose another name or add --force to replace it.")
+        raise PaveTwinError(f"'{target}' exists already; choose another name, or replace it (`force`).")
     temporary = None
     try:
         target.parent.mkdir(parents=True, exist_ok=True)

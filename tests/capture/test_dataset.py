@@ -430,7 +430,7 @@ def test_a_full_disk_is_said_plainly_and_leaves_nothing_half_written(
 
 
 def test_a_disk_too_small_is_noticed_at_once(world: Path, tmp_path: Path) -> None:
-    with pytest.raises(PaveTwinError, match=r"10000000 images take about \d.* GB are free.*fewer --images"):
+    with pytest.raises(PaveTwinError, match=r"10000000 images take about \d.* GB are free.*fewer `images`"):
         capture(
             world,
             UAV.model_copy(update={"images": 10_000_000, "size_px": (8192, 8192)}),
@@ -476,15 +476,15 @@ def test_a_run_that_came_to_no_image_is_no_obstacle(
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"seed": 4}, "begun with --seed 3, not with --seed 4; give the same, or choose another folder"),
-        ({"altitudes_m": (6.0,)}, "with --altitude 5 --altitude 6 --altitude 8, not with --altitude 6;"),
-        ({"densities": ("low",)}, "with --density medium, not with --density low;"),
-        ({"size_px": (320, 256)}, "with --size 320x320, not with --size 320x256;"),
-        ({"split": (0.8, 0.1, 0.1)}, "with --split 70/15/15, not with --split 80/10/10;"),
-        ({"formats": ("yolo",)}, "with --formats yolo,voc,coco, not with --formats yolo;"),
-        ({"empty": 0.0}, r"with --empty 0\.15, not with --empty 0;"),
-        ({"picture": "png"}, "begun without --png, not with --png;"),
-        ({"images": 59}, "--images 60, more than 59"),
+        ({"seed": 4}, "begun with `seed` 3, not with `seed` 4; give the same, or choose another folder"),
+        ({"altitudes_m": (6.0,)}, "with `altitudes_m` 5, 6, 8, not with `altitudes_m` 6;"),
+        ({"densities": ("low",)}, "with `densities` medium, not with `densities` low;"),
+        ({"size_px": (320, 256)}, "with `size_px` 320x320, not with `size_px` 320x256;"),
+        ({"split": (0.8, 0.1, 0.1)}, "with `split` 70/15/15, not with `split` 80/10/10;"),
+        ({"formats": ("yolo",)}, "with `formats` yolo,voc,coco, not with `formats` yolo;"),
+        ({"empty": 0.0}, r"with `empty` 0\.15, not with `empty` 0;"),
+        ({"picture": "png"}, "begun with `picture=jpg`, not with `picture=png`;"),
+        ({"images": 59}, "`images` 60, more than 59"),
     ],
 )
 def test_a_folder_with_other_settings_is_refused(world: Path, dataset: Path, changed: dict, words: str) -> None:
@@ -520,7 +520,7 @@ def test_a_complete_dataset_is_left_as_it_is(world: Path, dataset: Path) -> None
 
 
 def test_an_altitude_inside_what_stands_everywhere_is_refused(world: Path, tmp_path: Path) -> None:
-    with pytest.raises(PaveTwinError, match=r"--altitude 0\.5"):
+    with pytest.raises(PaveTwinError, match=r"`altitude_m` 0\.5"):
         capture(world, UAV.model_copy(update={"altitudes_m": (0.5,)}), tmp_path / "low", frame_source_factory=Painter)
 
 

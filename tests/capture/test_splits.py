@@ -40,7 +40,7 @@ def test_every_split_gets_a_street_that_is_driven(world: World) -> None:
 def test_a_world_with_one_street_can_not_be_split(world: World) -> None:
     street = world.segments[0].street
     lone = replace(world, defects=tuple(d for d in world.defects if world.segment(d.segment).street == street))
-    with pytest.raises(PaveTwinError, match=r"1 street with defects.*--split 100/0/0"):
+    with pytest.raises(PaveTwinError, match=r"1 street with defects.*`split` 100/0/0"):
         split_streets(lone, (0.7, 0.15, 0.15), np.random.default_rng(0))
     assert set(split_streets(lone, (1, 0, 0), np.random.default_rng(0)).values()) == {"train"}
 

@@ -207,7 +207,9 @@ def test_a_value_that_is_merged_may_be_given_again(tmp_path: Path) -> None:
     assert len({world.routes for world in made.worlds}) == 1
 
 
-@pytest.mark.parametrize(("text", "words"), [("a: [", "is no YAML"), ("- 1", "holds no keys"), ("", "holds no keys")])
+@pytest.mark.parametrize(
+    ("text", "words"), [("a: [", "is not valid YAML"), ("- 1", "holds no keys"), ("", "holds no keys")]
+)
 def test_what_is_no_design_is_said(tmp_path: Path, text: str, words: str) -> None:
     (tmp_path / "d.yaml").write_text(text, encoding="utf-8")
     with pytest.raises(PaveTwinError, match=words):

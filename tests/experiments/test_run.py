@@ -271,7 +271,7 @@ def test_a_mended_policy_replaces_one_of_which_all_missions_failed(
     assert sum(run(design, folder, Single()).failures.values()) == 4
     before = digests(folder)
     file.write_text(MINE.format("mended"))
-    with pytest.raises(PaveTwinError, match="--retry-failed flies them anew"):
+    with pytest.raises(PaveTwinError, match="`retry` flies them again"):
         run(design, folder, Single())
     assert digests(folder) == before
     assert not run(design, folder, Single(), retry=True).failures
@@ -308,7 +308,7 @@ def test_mended_routes_replace_those_of_which_all_missions_failed(world: Path, t
     route.write_text(departing(0))
     assert sum(run(design, folder, Single()).failures.values()) == 2
     route.write_text(departing(0, *range(400, 900, 20)))
-    with pytest.raises(PaveTwinError, match="every mission flown with it failed, --retry-failed flies them anew"):
+    with pytest.raises(PaveTwinError, match="every mission flown with it failed, `retry` flies them again"):
         run(design, folder, Single())
     assert not run(design, folder, Single(), retry=True).failures
     route.write_text(departing(0, *range(400, 900, 30)))
@@ -476,7 +476,7 @@ def test_taking_off_after_one_s_own_demand_has_ended_is_a_failure(world: Path, t
 
 def test_no_scheduler_is_said_in_a_line(world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pavetwin.experiments.engines.cluster.ANSWER_S", 1.0)
-    with pytest.raises(PaveTwinError, match=r"--scheduler tcp://127.0.0.1:9: no Dask scheduler answers there"):
+    with pytest.raises(PaveTwinError, match=r"`scheduler` tcp://127.0.0.1:9: no Dask scheduler answers there"):
         run(small(world), tmp_path / "study", Cluster(scheduler="tcp://127.0.0.1:9"))
     assert list(tmp_path.iterdir()) == [], "another design may be flown there"
 
@@ -497,7 +497,7 @@ def test_what_answers_and_is_no_scheduler_is_said_in_a_line(
                     pass
 
         threading.Thread(target=serve, daemon=True).start()
-        with pytest.raises(PaveTwinError, match=f"--scheduler {address}: no Dask scheduler answers there"):
+        with pytest.raises(PaveTwinError, match=f"`scheduler` {address}: no Dask scheduler answers there"):
             run(small(world), tmp_path / "study", Cluster(scheduler=address))
     assert list(tmp_path.iterdir()) == []
 

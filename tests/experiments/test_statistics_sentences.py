@@ -392,7 +392,7 @@ def test_one_replicate_recommends_without_saying_how_sure() -> None:
     "wrong", [{"max_time_s": 0.0}, {"max_energy": -1.0}, {"max_time_s": float("nan")}, {"min_coverage": 80.0}]
 )
 def test_limits_that_are_none_are_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(PaveTwinError, match="--m"):
+    with pytest.raises(PaveTwinError, match="`m"):
         Limits(**wrong)
 
 

@@ -188,7 +188,7 @@ def test_a_lamps_arm_is_in_the_way_at_its_own_height_only() -> None:
 
 @pytest.mark.parametrize("altitude_m", [0.0, -5.0, 4.9, 120.1, float("nan"), inf])
 def test_an_altitude_where_the_uav_may_not_fly_is_one_plain_error(altitude_m: float) -> None:
-    with pytest.raises(PaveTwinError, match=r"--altitude .*: the UAV flies at \d+ m or (higher|lower)") as caught:
+    with pytest.raises(PaveTwinError, match=r"`altitude_m` .*: the UAV flies at \d+ m or (higher|lower)") as caught:
         flight_domain(straight(), altitude_m)
     assert "\n" not in str(caught.value)
 
@@ -222,7 +222,7 @@ def test_a_segment_that_cannot_be_reached_is_one_plain_error() -> None:
     settings = Scene(two_islands()).settings()
     environment = prepare(two_islands(), settings)
     assert [environment.reachable(index) for index in range(2)] == [True, False]
-    with pytest.raises(PaveTwinError, match=r"--segment there: no way leads there from the base at 6 m"):
+    with pytest.raises(PaveTwinError, match=r"`names` there: no way leads there from the base at 6 m"):
         choose_targets(environment, names=["here", "there"])
     with pytest.raises(PaveTwinError, match="only 1 of the 2 segments"):
         choose_targets(environment, count=2)
@@ -250,7 +250,7 @@ def _box(west: float, south: float, east: float, north: float) -> Polygon:
 @pytest.mark.parametrize(("count", "order"), [(0, "random"), (-1, "near"), (3, "sideways")])
 def test_targets_that_make_no_sense_are_one_plain_error(count: int, order: str) -> None:
     environment = prepare(bent(), Scene(bent()).settings())
-    with pytest.raises(PaveTwinError, match=r"--segments|--order"):
+    with pytest.raises(PaveTwinError, match=r"`count`|`order`"):
         choose_targets(environment, count=count, order=order)
 
 

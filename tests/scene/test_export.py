@@ -286,7 +286,7 @@ def test_what_can_not_be_written_is_refused(tmp_path: Path, options: dict[str, A
 
 def test_a_file_that_would_be_too_large_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pavetwin.scene.export.write.LARGEST", 1_000_000)
-    with pytest.raises(PaveTwinError, match="coarser --texel"):
+    with pytest.raises(PaveTwinError, match="coarser `texel_m`"):
         export_scene(scene(), tmp_path / "street.glb", texel_m=TEXEL_M)
     assert list(tmp_path.iterdir()) == []
 

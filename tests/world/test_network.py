@@ -100,7 +100,7 @@ def test_a_network_without_a_place_is_anchored() -> None:
 
 
 def test_an_odd_projection_asks_for_an_anchor() -> None:
-    with pytest.raises(PaveTwinError, match="--anchor"):
+    with pytest.raises(PaveTwinError, match="`anchor`"):
         from_location({"projParameter": "+proj=tmerc +lat_0=1 +lon_0=9 +k=1 +x_0=0"}, "x.net.xml")
 
 
@@ -159,7 +159,7 @@ def test_bad_sources_are_one_plain_line(tmp_path: Path) -> None:
 
 
 def test_a_map_needs_no_anchor() -> None:
-    with pytest.raises(PaveTwinError, match="--anchor"):
+    with pytest.raises(PaveTwinError, match="`anchor`"):
         build_world(scene_file("cross"), BuildOptions(anchor=(1.0, 2.0)))
 
 

@@ -79,7 +79,7 @@ def test_an_edited_world_is_another_world(tmp_path: Path) -> None:
 def test_a_half_deleted_world_names_what_is_missing(saved: World, name: str) -> None:
     assert saved.folder is not None
     (saved.folder / name).unlink()
-    with pytest.raises(PaveTwinError, match=f"{name} is missing.*--force"):
+    with pytest.raises(PaveTwinError, match=f"{name} is missing.*`force`"):
         load_world(saved.folder)
 
 
@@ -118,7 +118,7 @@ def test_other_damage_is_one_plain_line(saved: World, tmp_path: Path) -> None:
 
 def test_only_a_world_is_replaced_and_only_by_force(saved: World, tmp_path: Path) -> None:
     assert saved.folder is not None
-    with pytest.raises(PaveTwinError, match="--force"):
+    with pytest.raises(PaveTwinError, match="`force`"):
         save_world(built("cross"), saved.folder)
     assert load_world(saved.folder) == saved
     again = save_world(built("cross"), saved.folder, force=True)

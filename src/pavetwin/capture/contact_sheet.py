@@ -36,11 +36,11 @@ def save_sheet(folder: Path, path: Path, *, count: int = 24, split: str | None =
     """
     description = read_description(folder)
     if split is not None and split not in SPLITS:
-        raise PaveTwinError(f"--split: no split '{split}'{nearest_name(split, SPLITS)}; there are {', '.join(SPLITS)}.")
+        raise PaveTwinError(f"`split`: no split '{split}'{nearest_name(split, SPLITS)}; there are {', '.join(SPLITS)}.")
     if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
         raise PaveTwinError(f"A contact sheet cannot be written as '{path.name}'; end its name in .png or .jpg.")
     if count < 1:
-        raise PaveTwinError(f"--count {count}: a contact sheet shows at least one image.")
+        raise PaveTwinError(f"`count` {count}: a contact sheet shows at least one image.")
     found = record_paths(folder, split)
     if not found:
         which = f"no {split} image" if split else "no image"

@@ -45,14 +45,14 @@ def check(settings: CaptureSettings) -> None:
     for name in settings.densities:
         density_named(name)
     if platform.uses_altitude and not settings.altitudes_m:
-        raise PaveTwinError(f"--altitude: say how high the {settings.platform} flies, for example --altitude 10.")
+        raise PaveTwinError(f"`altitudes_m`: say how high the {settings.platform} flies, for example `altitudes_m` 10.")
     if settings.altitudes_m and not platform.uses_altitude:
-        raise PaveTwinError(f"--altitude: a {settings.platform} does not fly; leave it out.")
+        raise PaveTwinError(f"`altitudes_m`: a {settings.platform} does not fly; leave it out.")
     for altitude in settings.altitudes_m:
         if altitude >= AIMED_WITHIN_M:
             raise PaveTwinError(
-                f"--altitude {altitude:g}: images are to show defects, which must be nearer than {AIMED_WITHIN_M:g} m; "
-                "choose a lower altitude."
+                f"`altitudes_m` {altitude:g}: images are to show defects, which must be nearer than "
+                f"{AIMED_WITHIN_M:g} m; choose a lower altitude."
             )
 
 

@@ -35,7 +35,7 @@ def check_disk_space(settings: CaptureSettings, images: int, folder: Path) -> No
     if needed > free:
         raise PaveTwinError(
             f"{images} images take about {_said(needed)}, and {_said(free)} are free where '{folder}' would be; "
-            "free some space, choose another folder, or request fewer --images."
+            "free some space, choose another folder, or request fewer `images`."
         )
 
 

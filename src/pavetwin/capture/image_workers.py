@@ -66,7 +66,7 @@ def _remaining(folder: Path, shard: Shard) -> list[Shard]:
 def _give_up(shard: Shard) -> None:
     raise PaveTwinError(
         f"Processes that took the images {shard[0][0].index} and following died several times, perhaps for want of "
-        "memory. Give the same command again to resume, with fewer --jobs."
+        "memory. Give the same command again to resume, with fewer `jobs`."
     )
 
 

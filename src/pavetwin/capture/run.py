@@ -60,7 +60,7 @@ def capture(
             Images taken so far are kept, and the same call resumes from there.
     """
     if jobs < 1:
-        raise PaveTwinError(f"--jobs {jobs}: at least one process must take the images.")
+        raise PaveTwinError(f"`jobs` {jobs}: at least one process must take the images.")
     report = on_progress or (lambda _share, _what: None)
     check(settings)
     report(0.0, "Loading the world")

@@ -52,7 +52,7 @@ def relaxed(platform: Platform, spec: ImageSpec, attempt: int) -> ImageSpec:
     if attempt >= STRICT + EASIER + ANYWHERE:
         raise PaveTwinError(
             f"Image {spec.index}: no place was found on the streets of {spec.split} where a defect can be seen; "
-            "choose another altitude, a larger --size, other --split shares, or a world with more defects."
+            "choose another altitude, a larger `size_px`, other `split` shares, or a world with more defects."
         )
     if attempt < STRICT:
         return spec

@@ -58,14 +58,6 @@ class CaptureSettings(Settings):
         return self
 
 
-ASKED_BY: Final = {
-    "altitudes_m": "--altitude",
-    "densities": "--density",
-    "size_px": "--size",
-    "picture": "--png",
-}
-"""Options whose names differ from their settings."""
-
 JOINED_BY: Final = {"size_px": "x", "split": "/", "formats": ","}
 """Separator of options that take several values at once; other options are given several times."""
 
@@ -77,7 +69,7 @@ def settings_of(values: Mapping[str, Any], typed: Mapping[str, str]) -> CaptureS
         typed: by setting, the value as the user typed it, where parsing changed it.
 
     Raises:
-        PaveTwinError: a value does not fit; the message names its option.
+        PaveTwinError: a value does not fit; the message names its setting.
     """
     try:
         return CaptureSettings.model_validate(values)
@@ -88,7 +80,7 @@ def settings_of(values: Mapping[str, Any], typed: Mapping[str, str]) -> CaptureS
         shown = f"{given:g}" if isinstance(given, int | float) else str(given)
         what = first["msg"].removeprefix("Value error, ").replace("Input should be", "it must be")
         got = f" (got {shown})" if name in typed and first["loc"] else ""
-        raise PaveTwinError(f"{ASKED_BY.get(name, f'--{name}')} {typed.get(name, shown)}: {what}{got}.") from error
+        raise PaveTwinError(f"`{name}` {typed.get(name, shown)}: {what}{got}.") from error
 
 
 def description(settings: CaptureSettings, world: str, content: str, defects: str, adapter: str) -> dict[str, Any]:
@@ -120,7 +112,7 @@ def check_same(folder: Path, expected: dict[str, Any]) -> bool:
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return False
     if not (folder / FILE).is_file():
-        raise PaveTwinError(f"--output: '{folder}' exists and holds no dataset; choose another folder.")
+        raise PaveTwinError(f"'{folder}' exists and holds no dataset; choose another folder.")
     if all(path.name == FILE or path.name.startswith(".") for path in folder.iterdir()):
         return False
     found = read_description(folder)
@@ -145,12 +137,12 @@ def check_same(folder: Path, expected: dict[str, Any]) -> bool:
     for key, value in requested.items():
         if key not in ("images", "plugins") and existing.get(key) != value:
             raise PaveTwinError(
-                f"'{folder}' was begun {_as_option(key, existing.get(key))}, not {_as_option(key, value)}; give the "
-                "same, or choose another folder."
+                f"'{folder}' was begun {_as_parameter(key, existing.get(key))}, not {_as_parameter(key, value)}; "
+                "give the same, or choose another folder."
             )
     if requested["images"] < existing["images"]:
         raise PaveTwinError(
-            f"'{folder}' was begun with --images {existing['images']}, more than {requested['images']}; "
+            f"'{folder}' was begun with `images` {existing['images']}, more than {requested['images']}; "
             "choose another folder."
         )
     return True
@@ -173,16 +165,13 @@ def read_description(folder: Path) -> dict[str, Any]:
     return dict(found)
 
 
-def _as_option(key: str, value: Any) -> str:
-    """A setting as its command-line option."""
+def _as_parameter(key: str, value: Any) -> str:
+    """A setting with the name of its parameter."""
     if key == "picture":
-        return "with --png" if value == "png" else "without --png"
-    option = ASKED_BY.get(key, f"--{key}")
+        return f"with `picture={value}`"
     values = value if isinstance(value, list) else [value]
     texts = [_plain(100 * each if key == "split" else each) for each in values]
-    if key in JOINED_BY:
-        texts = [JOINED_BY[key].join(texts)]
-    return "with " + " ".join(f"{option} {text}" for text in texts)
+    return f"with `{key}` {JOINED_BY.get(key, ', ').join(texts)}"
 
 
 def _plain(value: Any) -> str:

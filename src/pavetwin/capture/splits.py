@@ -67,7 +67,7 @@ def split_streets(
         driven = "" if within.all() else " that are driven in its recorded traffic"
         raise PaveTwinError(
             f"The world '{world.name}' has {streets} with defects{driven}, and train, val and test each need streets "
-            "of their own; use a larger world, or --split 100/0/0."
+            "of their own; use a larger world, or `split` 100/0/0."
         )
     counts = np.hstack([_defects(world, names, street_of), _agents(names, agents or {})])
     counts[~within] = 0.0

@@ -13,6 +13,7 @@ from typer.exceptions import TyperException
 from typer.main import get_group
 
 from pavetwin.cli.console import fail
+from pavetwin.cli.flags import with_flags
 from pavetwin.errors import PaveTwinError
 
 INTERRUPTED = 130
@@ -90,7 +91,7 @@ def _run() -> int:
         signal.signal(signal.SIGTERM, _terminate)
         code = app(standalone_mode=False)
     except PaveTwinError as error:
-        fail(str(error))
+        fail(with_flags(str(error), sys.argv[1] if len(sys.argv) > 1 else ""))
         return 2
     except TyperException as error:
         words = _words_of(error)

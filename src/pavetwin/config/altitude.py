@@ -41,12 +41,12 @@ def check_altitude(altitude_m: float) -> None:
     """Look whether the UAV may fly there.
 
     Raises:
-        PaveTwinError: it may not; the message names the option.
+        PaveTwinError: it may not; the message names the parameter.
     """
     try:
         checked_altitude(altitude_m)
     except ValueError as error:
-        raise PaveTwinError(f"--altitude {altitude_m:g}: {error}.") from error
+        raise PaveTwinError(f"`altitude_m` {altitude_m:g}: {error}.") from error
 
 
 Altitude = Annotated[float, AfterValidator(checked_altitude)]

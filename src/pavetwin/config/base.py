@@ -73,9 +73,9 @@ def with_overrides(values: Mapping[str, Any], overrides: Iterable[str]) -> dict[
     for override in overrides:
         key, equals, text = override.partition("=")
         if not equals or not key.strip():
-            raise PaveTwinError(f"--set {override}: expected key=value, for example --set policy.max_wait_s=60.")
+            raise PaveTwinError(f"`overrides` {override}: expected key=value, for example policy.max_wait_s=60.")
         try:
-            value = parse_yaml(text, where=f"--set {override}")
+            value = parse_yaml(text, where=f"`overrides` {override}")
         except (YAMLError, ValueError):  # a ValueError comes from what looks like a date and is none
             value = text
         layer = merged

@@ -49,7 +49,7 @@ def parse_yaml(text: str, where: str) -> Any:
 
     Raises:
         PaveTwinError: a key is given twice.
-        yaml.YAMLError: it is no YAML.
+        yaml.YAMLError: it is not valid YAML.
         ValueError: something looks like a date and is none.
     """
     loader = _Loader(text, where)

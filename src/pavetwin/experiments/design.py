@@ -174,7 +174,7 @@ def read_design(path: Path) -> Design:
     """A design from its file, its paths made absolute.
 
     Raises:
-        PaveTwinError: there is none, it is no YAML, a key is given twice, or a key or value does not fit.
+        PaveTwinError: there is none, it is not valid YAML, a key is given twice, or a key or value does not fit.
     """
     try:
         values = parse_yaml(path.read_text(encoding="utf-8"), where=f"the design '{path}'")
@@ -183,7 +183,7 @@ def read_design(path: Path) -> Design:
             f"Cannot read the design '{path}': {error.strerror}. `pavetwin experiment init` writes one."
         ) from error
     except (yaml.YAMLError, UnicodeDecodeError, ValueError) as error:
-        raise PaveTwinError(f"The design '{path}' is no YAML: {' '.join(str(error).split())}") from error
+        raise PaveTwinError(f"The design '{path}' is not valid YAML: {' '.join(str(error).split())}") from error
     if isinstance(values, Mapping) and {"format", "design"} <= values.keys():
         values = values["design"]  # of a study's folder
     if not isinstance(values, Mapping):

@@ -79,7 +79,7 @@ class Store:
                 f"{failed} of {missions.height} did."
             )
         if not retry:
-            raise PaveTwinError(f"{refused}. As every mission flown with it failed, --retry-failed flies them anew.")
+            raise PaveTwinError(f"{refused}. As every mission flown with it failed, `retry` flies them again.")
 
     def begin(self, plan: Plan, *, retry: bool = False) -> None:
         """Make the folder ready for a design that was checked.
@@ -172,11 +172,11 @@ class Store:
         if not self.folder.exists():
             return False
         if not self.folder.is_dir():
-            raise PaveTwinError(f"--output: '{self.folder}' is a file; choose another name.")
+            raise PaveTwinError(f"'{self.folder}' is a file; choose another name.")
         if not any(not path.name.startswith(".") for path in self.folder.iterdir()):
             return False
         if not (self.folder / DESIGN).is_file():
-            raise PaveTwinError(f"--output: '{self.folder}' exists and holds no study; choose another folder.")
+            raise PaveTwinError(f"'{self.folder}' exists and holds no study; choose another folder.")
         return True
 
 

@@ -39,17 +39,17 @@ def load_airspace(path: Path) -> tuple[Aircraft, ...]:
     try:
         table = pl.read_csv(path)
     except OSError as error:
-        raise PaveTwinError(f"--airspace: cannot read '{path}': {error.strerror or error}.") from error
+        raise PaveTwinError(f"The airspace '{path}' cannot be read: {error.strerror or error}.") from error
     except pl.exceptions.PolarsError as error:
-        raise PaveTwinError(f"--airspace: '{path}' is not a CSV table: {str(error).splitlines()[0]}.") from error
+        raise PaveTwinError(f"The airspace '{path}' is not a CSV table: {str(error).splitlines()[0]}.") from error
     missing = [name for name in COLUMNS if name not in table.columns]
     if missing:
-        raise PaveTwinError(f"--airspace: '{path}' lacks {', '.join(missing)}; it needs {', '.join(COLUMNS)}.")
+        raise PaveTwinError(f"The airspace '{path}' lacks {', '.join(missing)}; it needs {', '.join(COLUMNS)}.")
     return tuple(_aircraft(str(key[0]), part, path) for key, part in table.group_by("aircraft", maintain_order=True))
 
 
 def _aircraft(name: str, part: pl.DataFrame, path: Path) -> Aircraft:
-    where = f"--airspace: '{path}', aircraft '{name}'"
+    where = f"The airspace '{path}', aircraft '{name}'"
     try:
         numbers = part.select(pl.col(*COLUMNS[1:]).cast(pl.Float64)).to_numpy()
     except pl.exceptions.PolarsError as error:

@@ -234,7 +234,7 @@ def check_mission_folder(folder: Path) -> None:
     if not folder.exists():
         return
     if not folder.is_dir() or (any(folder.iterdir()) and not (folder / "mission.parquet").is_file()):
-        raise PaveTwinError(f"--output: '{folder}' exists and holds no mission; choose another folder.")
+        raise PaveTwinError(f"'{folder}' exists and holds no mission; choose another folder.")
 
 
 def _write(result: MissionResult, folder: Path) -> None:

@@ -31,7 +31,7 @@ def choose_targets(
         PaveTwinError: a segment does not exist or cannot be reached, or the count does not fit.
     """
     if order not in ORDERS:
-        raise PaveTwinError(f"--order {order}: known are {', '.join(ORDERS)}.")
+        raise PaveTwinError(f"`order` {order}: known are {', '.join(ORDERS)}.")
     world = environment.world
     if names:
         return _named(environment, names) if order == "random" else _short_tour(environment, _named(environment, names))
@@ -42,11 +42,11 @@ def choose_targets(
             "choose another altitude or move the base in world.yaml."
         )
     if count is not None and count < 1:
-        raise PaveTwinError(f"--segments {count}: at least one segment must be inspected.")
+        raise PaveTwinError(f"`count` {count}: at least one segment must be inspected.")
     if count is not None and count > len(reachable):
         raise PaveTwinError(
-            f"--segments {count}: only {len(reachable)} of the {len(world.segments)} segments of '{world.name}' "
-            f"can be reached at {environment.altitude_m:g} m; --segments all inspects these."
+            f"`count` {count}: only {len(reachable)} of the {len(world.segments)} segments of '{world.name}' "
+            f"can be reached at {environment.altitude_m:g} m; `count=None` inspects these."
         )
     if order == "near":
         return _short_tour(environment, reachable)[:count]
@@ -61,11 +61,11 @@ def _named(environment: MissionEnvironment, names: Sequence[str]) -> list[int]:
         number = index[environment.world.segment(name).id]
         if not environment.reachable(number):
             raise PaveTwinError(
-                f"--segment {name}: no way leads there from the base at {environment.altitude_m:g} m; "
+                f"`names` {name}: no way leads there from the base at {environment.altitude_m:g} m; "
                 "`pavetwin world navmesh` shows where one can fly. Choose another altitude or segment."
             )
         if number in chosen:
-            raise PaveTwinError(f"--segment {name}: given more than once; a mission inspects a segment once.")
+            raise PaveTwinError(f"`names` {name}: given more than once; a mission inspects a segment once.")
         chosen.append(number)
     return chosen
 

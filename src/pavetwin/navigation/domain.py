@@ -56,7 +56,7 @@ def flight_domain(world: World, altitude_m: float, standing: Solids | None = Non
     polygons = [part for part in shapely.get_parts(surface) if isinstance(part, Polygon) and part.area > 1.0]
     if not polygons:
         raise PaveTwinError(
-            f"--altitude {altitude_m:g}: nothing is left to fly in over '{world.name}'; every corridor is built over. "
-            "Choose another altitude."
+            f"`altitude_m` {altitude_m:g}: nothing is left to fly in over '{world.name}'; "
+            "every corridor is built over. Choose another altitude."
         )
     return FlightDomain(altitude_m, shapely.simplify(shapely.union_all(polygons), 0.02))

@@ -123,7 +123,7 @@ def _failure(job: Job, code: int, said: str) -> str:
     if damage := _damage(Path(job.network)):
         return (
             f"The world's network '{job.network}' is damaged ({damage}); build the world again with "
-            "`pavetwin world build … --force`."
+            "`pavetwin world build` and `force`."
         )
     if code < 0:
         return f"SUMO crashed while recording (signal {-code}); its last words: {words}"

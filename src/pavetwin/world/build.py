@@ -126,7 +126,7 @@ def _prepare(source: str | Path | NetworkKind, options: BuildOptions, folder: Pa
     kind = source_kind(source)
     if kind == "osm":
         if options.anchor is not None:
-            raise PaveTwinError(f"'{source}' says itself where it lies; leave --anchor away.")
+            raise PaveTwinError(f"'{source}' says itself where it lies; leave `anchor` away.")
         lost = network_from_osm(source, target, left_hand=options.left_hand)
     else:
         lost = LeftOut()

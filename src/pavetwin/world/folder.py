@@ -24,7 +24,7 @@ def check_target(folder: str | Path, *, force: bool = False) -> None:
     if not folder.is_dir() or not any((folder / name).exists() for name in FILES):
         raise PaveTwinError(f"'{folder}' exists and is no world, so it is not replaced; choose another name.")
     if not force:
-        raise PaveTwinError(f"The world '{folder}' exists already; choose another name or add --force to replace it.")
+        raise PaveTwinError(f"The world '{folder}' exists already; choose another name, or replace it (`force`).")
 
 
 def check_world(folder: Path) -> None:
@@ -70,4 +70,4 @@ def read_description(folder: Path) -> dict[str, Any]:
 
 def rebuild_hint(folder: Path) -> str:
     """How a world that cannot be read is made again: the end of a message."""
-    return f"build it again with `pavetwin world build SOURCE -o {folder} --force`."
+    return f"build it again with `pavetwin world build SOURCE -o {folder}` and `force`."

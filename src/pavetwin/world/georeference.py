@@ -32,7 +32,7 @@ def anchored(latitude: float, longitude: float) -> GeoReference:
     if not (-80.0 <= latitude <= 84.0 and -180.0 <= longitude <= 180.0):
         raise PaveTwinError(
             f"The anchor {latitude:g},{longitude:g} is no place for a world: "
-            "latitude must be -80 … 84 and longitude -180 … 180 degrees, as in --anchor 52.47,13.44."
+            "latitude must be -80 … 84 and longitude -180 … 180 degrees, as in 52.47,13.44."
         )
     epsg = utm_epsg(latitude, longitude)
     east, north = Transformer.from_crs(WGS84, epsg, always_xy=True).transform(longitude, latitude)
@@ -49,7 +49,7 @@ def parse_anchor(text: str) -> tuple[float, float]:
     try:
         latitude, longitude = (float(part) for part in parts)
     except ValueError:
-        raise PaveTwinError(f"--anchor {text}: expected LAT,LON in degrees, as in --anchor 52.47,13.44.") from None
+        raise PaveTwinError(f"`anchor` {text}: expected LAT,LON in degrees, as in 52.47,13.44.") from None
     anchored(latitude, longitude)
     return latitude, longitude
 
@@ -73,7 +73,7 @@ def from_location(location: Mapping[str, str], where: str) -> GeoReference | Non
     if code is None:
         raise PaveTwinError(
             f"'{where}' is projected by '{projection}', which has no EPSG code; "
-            "say where its origin lies with --anchor LAT,LON."
+            "say where its origin lies with `anchor` LAT,LON."
         )
     return GeoReference(code, -east, -north)
 

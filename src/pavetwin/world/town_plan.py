@@ -60,7 +60,7 @@ def plan_town(seed: int) -> TownPlan:
         plan = _attempt(child(seed, Stream.WORLD, attempt))
         if plan is not None and not faults(plan):
             return plan
-    raise PaveTwinError(f"No town could be drawn for the seed {seed}; choose another with --seed.")
+    raise PaveTwinError(f"No town could be drawn for the seed {seed}; choose another `seed`.")
 
 
 def _attempt(rng: np.random.Generator) -> TownPlan | None:

@@ -74,7 +74,7 @@ class Cluster(Engine):
             client = dask.Client(self._scheduler, timeout=ANSWER_S)
         except Exception as error:  # what answers may be anything, and its answer is read as if it were Dask's
             raise PaveTwinError(
-                f"--scheduler {self._scheduler}: no Dask scheduler answers there; start one with `dask scheduler` and "
+                f"`scheduler` {self._scheduler}: no Dask scheduler answers there; start one with `dask scheduler` and "
                 "workers with `dask worker tcp://…`."
             ) from error
         with client:
@@ -124,9 +124,7 @@ def _check_workers(client: Any, plan: Plan) -> None:
     try:
         client.wait_for_workers(1, timeout=ANSWER_S)
     except TimeoutError as error:
-        raise PaveTwinError(
-            "The Dask scheduler has no workers; start some with `dask worker tcp://… --nthreads 1`."
-        ) from error
+        raise PaveTwinError("The Dask scheduler has no workers; start some with `dask worker tcp://…`.") from error
     for worker, complaint in client.run(_complaint, plan, version("pavetwin")).items():
         if complaint:
             raise PaveTwinError(f"The Dask worker {worker} cannot fly this study: {complaint}")

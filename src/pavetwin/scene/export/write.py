@@ -135,8 +135,8 @@ def export_scene(
     texel_m = usual_texel_m(len(keys)) if texel_m is None else texel_m
     if (size := estimate(scene, keys, texel_m)) > LARGEST:
         raise PaveTwinError(
-            f"The file would have about {size / 1e9:.1f} GB, and binary glTF ends at 4.3 GB; take a coarser --texel "
-            f"than {texel_m:g} or fewer streets with --bounds."
+            f"The file would have about {size / 1e9:.1f} GB, and binary glTF ends at 4.3 GB; take a coarser `texel_m` "
+            f"than {texel_m:g} or fewer streets with `bounds`."
         )
     with writing(target) as temporary, tempfile.TemporaryFile(dir=target.parent) as spool:
         writer = GlbWriter(spool)
