@@ -1,4 +1,4 @@
-"""Hooks of MkDocs: the command line's reference page is generated from the program itself."""
+"""Hooks of MkDocs: the reference page of the command line is generated from the program; decisions are listed."""
 
 import os
 import re
@@ -27,6 +27,13 @@ INTRODUCTION = """
 Generated from the program: `pavetwin COMMAND --help` says the same. Exit codes: 0 done, 1 an error in PaveTwin or
 a finding of `doctor`, 2 something the user can fix (one line says what), 130 interrupted, 143 terminated.
 """
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Add every decision to the navigation."""
+    (pages,) = (entry["Decisions"] for entry in config.nav or [] if "Decisions" in entry)
+    pages += sorted(f"decisions/{page.name}" for page in Path(config.docs_dir, "decisions").glob("[0-9]*.md"))
+    return config
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

@@ -71,6 +71,7 @@ def test_lines_are_short() -> None:
 def test_every_page_is_in_the_navigation() -> None:
     named = set(re.findall(r"[\w/-]+\.md", (ROOT / "mkdocs.yml").read_text(encoding="utf-8")))
     pages = {str(page.relative_to(DOCS)) for page in {*DOCS.rglob("*.md"), *GENERATED}}
+    pages = {page for page in pages if not re.match(r"decisions/\d", page)}  # docs/hooks.py adds them
     assert named == pages
 
 

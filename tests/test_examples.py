@@ -21,6 +21,7 @@ SAYS = {
     "04_own_demand": "s waited",
     "05_study": "hover",
     "06_dataset": "6 images in",
+    "07_python_loop": "found",
 }
 """What an example prints, at least."""
 
@@ -42,7 +43,7 @@ def run(arguments: list[str], folder: Path) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize("example", map(marked, EXAMPLES))
+@pytest.mark.parametrize("example", [marked(example) for example in EXAMPLES])
 def test_an_example_runs(example: Path, tmp_path: Path) -> None:
     assert SAYS.get(example.stem, "") in run([str(example), str(tmp_path)], tmp_path)
 
@@ -90,4 +91,24 @@ def test_the_documented_sensor_keeps_the_rules() -> None:
     (code,) = code_blocks("docs/how-to/own-sensor.md", "python")
     names: dict[str, type[Sensor]] = {"__name__": "documented"}  # type: ignore[dict-item]
     exec(code, names)
-    assert check_sensor(names["HalfHidden"]) == []
+    assert check_sensor(names["ByVisibility"]) == []
+
+
+def test_the_documented_plugin_registers_a_policy(tmp_path: Path) -> None:
+    from pavetwin.plugins import load_plugins
+    from pavetwin.policies import POLICIES
+
+    (code,) = code_blocks("docs/how-to/plugins.md", "python")
+    file = tmp_path / "my_things.py"
+    file.write_text(code, encoding="utf-8")
+    load_plugins([file])
+    try:
+        assert "carefree" in POLICIES.names()
+    finally:
+        POLICIES.remove("carefree")
+
+
+def test_the_documented_entry_points_are_those_of_registries() -> None:
+    named = set(re.findall(r"`(pavetwin\.\w+)`", (ROOT / "docs" / "how-to" / "plugins.md").read_text(encoding="utf-8")))
+    source = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "src").rglob("*.py"))
+    assert named - {"pavetwin.plugins"} >= set(re.findall(r'group="(pavetwin\.\w+)"', source))
