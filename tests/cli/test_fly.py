@@ -209,6 +209,9 @@ def test_a_mission_is_flown_again_from_its_description(world: Path, tmp_path: Pa
         (("--traffic", "nowhere.parquet"), "nowhere.parquet"),
         (("--airspace", "nowhere.csv"), "nowhere.csv"),
         (("--policy", "hover", "--again", "nowhere.yaml"), "--density"),
+        (("--date", "2026-02-30"), "--date 2026-02-30: expected a date of the calendar"),
+        (("--wind", "west"), "--wind west"),
+        (("--set", "energy.wind_mps=6"), "'wind_mps' has moved: give 'conditions.wind_mps'"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(world: Path, tmp_path: Path, arguments: tuple[str, ...], words: str) -> None:
@@ -217,6 +220,20 @@ def test_what_is_wrong_is_said_in_one_line(world: Path, tmp_path: Path, argument
     assert words in line
     assert not missions.exists()
     assert not list(tmp_path.iterdir())
+
+
+def test_date_time_clouds_and_wind_are_the_missions_conditions(world: Path) -> None:
+    options = ("--date", "2026-06-21", "--time", "10:30", "--clouds", "0.4", "--wind", "5@90")
+    settings = yaml.safe_load(pavetwin("fly", world, *options, "--settings").stdout)
+    expected = {"date": "2026-06-21", "time": "10:30:00", "clouds": 0.4, "wind_mps": 5.0, "wind_from_deg": 90.0}
+    assert settings["conditions"] == {**expected, "turbidity": 3.0}
+
+
+@pytest.mark.needs_adapter
+def test_frames_at_night_are_refused_before_anything_is_flown(world: Path, tmp_path: Path) -> None:
+    line = plain_refusal(pavetwin("fly", world, *SHORT, "--time", "23:30", "--save-frames", "-o", tmp_path / "m"))
+    assert "below the horizon" in line
+    assert not (tmp_path / "m").exists()
 
 
 def test_a_half_deleted_world_is_named(world: Path, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pavetwin.cli.arguments import Plugins, WorldFolder, paths_of
+from pavetwin.cli.conditions import OPTIONS, Clouds, Date, Time, Wind, check_daylight, conditions_of
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 ALL, SEGMENTS = "all", "8"
 
-SAID_BY_AGAIN = ("density", "altitude", "segments", "segment", "order", "seed", "preset", "set_")
+SAID_BY_AGAIN = ("density", "altitude", "segments", "segment", "order", "seed", "preset", "set_", *OPTIONS)
 """Options that a mission.yaml answers."""
 
 
@@ -39,6 +40,10 @@ def fly(
     segment: Annotated[
         list[str] | None, typer.Option(help="Inspect this segment; may be given several times. Replaces --segments.")
     ] = None,
+    date: Date = None,
+    time: Time = None,
+    clouds: Clouds = None,
+    wind: Wind = None,
     order: Annotated[str, typer.Option(help="random, or near for a short tour.")] = "random",
     seed: Annotated[int, typer.Option(help="Names the luck of traffic, order and sensor; 0 is a seed too.")] = 0,
     preset: Annotated[str, typer.Option(help="default or paper.")] = "default",
@@ -72,6 +77,7 @@ def fly(
     \b
     pavetwin fly worlds/town --density high --altitude 10 --policy hover --segments 8 --seed 1
     pavetwin fly worlds/town --policy all --preset paper --altitude 6
+    pavetwin fly worlds/town --date 2026-06-21 --time 09:30 --clouds 0.4 --wind 5@270 --save-frames
     pavetwin fly worlds/town --segment s0004 --policy my_policy.py:Careful --set policy.max_wait_s=60
     pavetwin fly worlds/town --again worlds/town/missions/hover-high-1-10m-default-seed1/mission.yaml
     """
@@ -93,6 +99,8 @@ def fly(
     given: dict[str, Any] = {} if altitude is None else {"altitude_m": altitude}
     if plugin:
         given["plugins"] = paths_of(plugin)
+    if conditions := conditions_of(date, time, clouds, wind):
+        given["conditions"] = conditions
     chosen = load_settings(preset, set_ or (), **given)
     loaded, former, traffic_seed = None, None, seed
     wanted: Density | None = _density(density)
@@ -122,6 +130,8 @@ def fly(
 
         find_adapter()
     loaded = loaded or load_world(world)
+    if save_frames:
+        check_daylight(chosen, loaded)
     with progress("Preparing the flight domain") as tell:
         environment = prepare(loaded, chosen, _defects(loaded, defect_seed))
         tell(1.0)

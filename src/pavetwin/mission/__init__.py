@@ -7,6 +7,7 @@ from pavetwin.mission.mission import Mission
 from pavetwin.mission.replay import Replay, replay_of
 from pavetwin.mission.results import Totals, save_mission, save_missions, totals
 from pavetwin.mission.targets import choose_targets
+from pavetwin.mission.timeline import Timeline
 
 __all__ = [
     "Mission",
@@ -14,6 +15,7 @@ __all__ = [
     "MissionResult",
     "Replay",
     "SegmentMetrics",
+    "Timeline",
     "Totals",
     "choose_targets",
     "fly",

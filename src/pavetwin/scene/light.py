@@ -104,8 +104,8 @@ class Light:
         elevation, azimuth = sun_position(when, latitude_deg=latitude_deg, longitude_deg=longitude_deg)
         if elevation <= 0:
             raise PaveTwinError(
-                f"conditions.time: on {conditions.date} at {conditions.time:%H:%M} by the sun it is night at "
-                f"{latitude_deg:.2f}° latitude, the sun {-elevation:.1f}° below the horizon; choose another time."
+                f"conditions.time: on {conditions.date} at {conditions.time:%H:%M} (mean solar time) the sun is "
+                f"{-elevation:.1f}° below the horizon at latitude {latitude_deg:.2f}°; choose another time."
             )
         return cls(elevation, azimuth, conditions.clouds, conditions.turbidity)
 
