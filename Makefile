@@ -39,13 +39,13 @@ study: demo  ## The paper's study over the demo's town: 720 missions in a few mi
 	@.venv/bin/pavetwin experiment run out/study.yaml -o out/study
 	@.venv/bin/pavetwin experiment report out/study --figures
 
-pictures: demo study  ## The pictures of the documentation, made anew from the demo
+pictures: demo study  ## The pictures of the documentation, made again from the demo
 	@mkdir -p docs/images
 	@cp out/demo/missions/comparison.png docs/images/comparison.png
 	@cp out/demo/missions/hover/map.png docs/images/mission.png
 	@cp out/study/figures/figure-4.svg docs/images/study.svg
 
-gallery: setup  ## The pictures of docs/gallery: defects, frames from above and from a car, taken anew
+gallery: setup  ## The pictures of docs/gallery: defects, frames from above and from a car, rendered again
 	@.venv/bin/python -m gallery
 
 docs: setup .venv-docs/.done  ## The documentation as a site that opens offline: out/site/index.html
@@ -56,7 +56,7 @@ docs: setup .venv-docs/.done  ## The documentation as a site that opens offline:
 	@.venv-docs/bin/pip install --quiet --require-hashes --requirement docs/requirements.lock
 	@touch $@
 
-assets: .venv-assets/.done  ## The models of the scene (src/pavetwin/scene/models), made anew with Blender's Python module
+assets: .venv-assets/.done  ## The models of the scene (src/pavetwin/scene/models), made again with Blender's Python module
 	@PYTHONPATH=src .venv-assets/bin/python -m assets.build
 
 .venv-assets/.done: assets/requirements.lock
