@@ -15,8 +15,8 @@ PACKAGE = ROOT / "src" / "pavetwin"
 
 # From the ground up. A room imports from strictly lower layers, or from itself.
 LAYERS: tuple[frozenset[str], ...] = (
-    frozenset({"_core", "errors"}),
-    frozenset({"arrays", "seeds", "files", "memory", "registry", "workers"}),
+    frozenset({"errors", "arrays"}),
+    frozenset({"_core", "seeds", "files", "memory", "registry", "workers"}),
     frozenset({"plugins"}),
     frozenset({"config"}),
     frozenset({"world", "uav"}),
@@ -51,6 +51,8 @@ OPTION = re.compile(r"(?:^|[\s(`])--[a-z]")
 
 # Classes that share a name with another one for now, with the reason.
 SHARED_CLASS_NAMES = {
+    "Limits": "what an airframe can do, and what a recommended option must keep",
+    "Camera": "an entry of the camera database, and the kernel's with its inspection window",
     "Ground": "the world's surface, and the kernel's copy of it",
     "Moment": "the kernel's class, and the protocol that the twin needs of it",
     "Job": "a unit of work of traffic recordings, and one of image workers",
@@ -239,6 +241,53 @@ def test_each_class_name_has_one_meaning() -> None:
     assert len(defined) > 100, "no classes found"
     shared = {name: places for name, places in defined.items() if len(places) > 1}
     assert {name: places for name, places in shared.items() if name not in SHARED_CLASS_NAMES} == {}
+
+
+def used_files(folder: Path) -> dict[str, set[str]]:
+    """For each Rust file of a folder, the files beside it that it uses, by `super::` or by the crate's path."""
+    names = {path.stem for path in folder.glob("*.rs")} - {"mod"}
+    uses: dict[str, set[str]] = {}
+    for name in sorted(names):
+        source = re.sub(r"//.*", "", (folder / f"{name}.rs").read_text(encoding="utf-8"))
+        found = re.findall(rf"\b(?:super|crate::{folder.name})::(\w+|\{{[^;]*\}})", source)
+        uses[name] = {word for part in found for word in re.findall(r"\w+", part)} & names - {name}
+    return uses
+
+
+def circle_in(uses: dict[str, set[str]]) -> list[str]:
+    """Files that use each other in a circle, or that use such files; none when the arrows all point down."""
+    left = dict(uses)
+    while bottom := [name for name, used in left.items() if not used & left.keys()]:
+        for name in bottom:
+            del left[name]
+    return sorted(left)
+
+
+def test_the_mission_kernel_has_no_circle() -> None:
+    uses = used_files(ROOT / "crates" / "pavetwin-core" / "src" / "mission")
+    assert {"encounter", "reaction", "task"} <= uses["flight"]
+    assert circle_in(uses) == []
+
+
+@pytest.mark.parametrize(
+    ("line", "circle"),
+    [
+        ("use super::flight::Flight;", ["flight", "task"]),
+        ("use crate::mission::flight::{Flight, Mode};", ["flight", "task"]),
+        ("use super::{course::course, flight};", ["flight", "task"]),
+        ("fn f() -> super::flight::Mode {}", ["flight", "task"]),
+        ("// as super::flight has it", []),
+        ("use crate::navigation::flight::Mode;", []),
+        ("mod tests { use super::*; }", []),
+    ],
+)
+def test_the_rule_finds_circles(tmp_path: Path, line: str, circle: list[str]) -> None:
+    folder = tmp_path / "mission"
+    folder.mkdir()
+    (folder / "mod.rs").write_text("mod flight;\nmod task;\n", encoding="utf-8")
+    (folder / "flight.rs").write_text("use super::task::{Moving, Task};\n", encoding="utf-8")
+    (folder / "task.rs").write_text(line + "\n", encoding="utf-8")
+    assert circle_in(used_files(folder)) == circle
 
 
 def test_the_core_knows_no_python() -> None:

@@ -11,7 +11,8 @@ if TYPE_CHECKING:
     from pavetwin.config import MissionSettings, load_settings
     from pavetwin.defects import add_defects
     from pavetwin.errors import PaveTwinError
-    from pavetwin.mission import Mission, choose_targets, fly, prepare, replay_of, save_mission, totals
+    from pavetwin.mission import Mission, choose_targets, prepare, replay_of, save_mission, totals
+    from pavetwin.mission.fly import fly
     from pavetwin.policies import Policy, policy, policy_names
     from pavetwin.sensing import Sensor, sensor, sensor_names
     from pavetwin.world import BuildOptions, World, build_world, load_world, save_world

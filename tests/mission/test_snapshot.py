@@ -7,7 +7,8 @@ from math import cos, hypot, pi, sin
 import numpy as np
 import pytest
 
-from pavetwin._core import Captured, Occluded
+from pavetwin._core import Captured, Occluded, Viewpoint
+from pavetwin.mission.environment import kernel_camera
 from pavetwin.mission.mission import Mission
 from pavetwin.policies import Displace, Wait
 from pavetwin.twin import Agent, AgentClass, InspectionMemory, Mode, Snapshot, UavState
@@ -146,22 +147,13 @@ def test_without_an_inspection_there_is_no_occlusion_and_nothing_to_predict() ->
 
 def look(mission: Mission, position: tuple[float, float], yaw_rad: float, time_s: float) -> tuple[set, set]:
     """Which cells are candidates and which visible from a place, by the kernel's own look."""
-    from pavetwin.uav import find_camera
-
     settings = mission.settings
-    camera = find_camera(settings.camera.model)
     seen = mission.environment.ground.observe(
         0,
         mission.traffic.trace(),
         time_s,
-        position=position,
-        altitude_m=settings.altitude_m,
-        yaw_rad=yaw_rad,
-        image_px=camera.image_px,
-        vertical_fov_rad=camera.fov_rad,
-        window_rows=settings.camera.window_rows,
-        window_columns=settings.camera.window_columns,
-        window_across_per_altitude=settings.camera.window_across_per_altitude,
+        kernel_camera(settings.camera),
+        Viewpoint(position=position, altitude_m=settings.altitude_m, yaw_rad=yaw_rad),
     )
     return {tuple(cell) for cell in seen["candidates"]}, {tuple(cell) for cell in seen["visible"]}
 

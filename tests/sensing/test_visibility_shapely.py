@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from shapely import MultiPoint, Point, Polygon
 from shapely.affinity import scale
 
-from pavetwin._core import Ground, Trace
+from pavetwin._core import Camera, Ground, Trace, Viewpoint
 from pavetwin.navigation.navmesh import navmesh
 from scenes.tiny import Mover, Size, parked, straight, trace_of
 
@@ -134,14 +134,13 @@ def looked(view: View, surface: Polygon, blocks: list[Block], trace: Trace, cell
         0,
         trace,
         0.0,
-        position=(view.east_m, view.north_m),
-        altitude_m=view.altitude_m,
-        yaw_rad=view.yaw_rad,
-        image_px=IMAGE_PX,
-        vertical_fov_rad=FOV_RAD,
-        window_rows=view.rows,
-        window_columns=None,
-        window_across_per_altitude=view.across_per_altitude,
+        Camera(
+            image_px=IMAGE_PX,
+            vertical_fov_rad=FOV_RAD,
+            window_rows=view.rows,
+            window_across_per_altitude=view.across_per_altitude,
+        ),
+        Viewpoint(position=(view.east_m, view.north_m), altitude_m=view.altitude_m, yaw_rad=view.yaw_rad),
     )
 
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use pavetwin_core::geometry::Vec2;
-use pavetwin_core::mission::{DefectTarget, DrainCurve, Event, Flight, Ground, Settings};
+use pavetwin_core::mission::{Battery, DefectTarget, DrainCurve, Event, Flight, Ground, Settings};
 use pavetwin_core::navigation::{BakeConfig, Limits, NavMesh};
 use pavetwin_core::sensing::{Body, BodyClass, Camera, Prism, Solids, SurfaceGrid, Trace, TraceColumns, WindowRule};
 
@@ -99,6 +99,7 @@ fn settings(altitude_m: f64) -> Settings {
         time_step_s: TIME_STEP_S,
         altitude_m,
         radius_m: 0.5,
+        clearance_m: 1.0,
         inspect,
         transit: Limits { speed_mps: 10.0, ..inspect },
         stopping_distance_m: 1.0,
@@ -109,8 +110,10 @@ fn settings(altitude_m: f64) -> Settings {
         every_capture: false,
         threshold: 0.7,
         min_visible_fraction: 0.35,
-        drain: DrainCurve { per_s: vec![1.0 / 1680.0; 32], step_mps: 0.5, per_m_climbed: 0.0, wind: Vec2::ZERO },
-        reserve: 0.15,
+        battery: Battery {
+            drain: DrainCurve { per_s: vec![1.0 / 1680.0; 32], step_mps: 0.5, per_m_climbed: 0.0, wind: Vec2::ZERO },
+            reserve: 0.15,
+        },
     }
 }
 

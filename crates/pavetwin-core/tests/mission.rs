@@ -2,7 +2,8 @@
 
 use pavetwin_core::geometry::Vec2;
 use pavetwin_core::mission::{
-    DrainCurve, Event, Flight, FlightError, Ground, Mode, Settings, course, nearest_reachable, rest_of, shortened,
+    Battery, DrainCurve, Event, Flight, FlightError, Ground, Mode, Settings, course, nearest_reachable, rest_of,
+    shortened,
 };
 use pavetwin_core::navigation::{Limits, NavMesh};
 use pavetwin_core::sensing::{Camera, Solids, SurfaceGrid, Trace, TraceColumns, WindowRule};
@@ -114,6 +115,7 @@ fn settings() -> Settings {
         time_step_s: 0.05,
         altitude_m: 10.0,
         radius_m: 0.5,
+        clearance_m: 1.0,
         inspect: limits(5.0),
         transit: limits(10.0),
         stopping_distance_m: 1.0,
@@ -124,8 +126,10 @@ fn settings() -> Settings {
         every_capture: false,
         threshold: 0.7,
         min_visible_fraction: 0.35,
-        drain: DrainCurve { per_s: vec![1.0 / 1800.0], step_mps: 1.0, per_m_climbed: 0.0, wind: Vec2::ZERO },
-        reserve: 0.15,
+        battery: Battery {
+            drain: DrainCurve { per_s: vec![1.0 / 1800.0], step_mps: 1.0, per_m_climbed: 0.0, wind: Vec2::ZERO },
+            reserve: 0.15,
+        },
     }
 }
 
@@ -145,7 +149,8 @@ fn arrive(flight: &mut Flight) {
 #[test]
 fn a_flight_home_begun_at_speed_brakes_first() {
     let small = DrainCurve { per_s: vec![1.0 / 40.0], step_mps: 1.0, per_m_climbed: 0.0, wind: Vec2::ZERO };
-    let mut flight = flight(Settings { drain: small, ..settings() });
+    let battery = Battery { drain: small, reserve: 0.15 };
+    let mut flight = flight(Settings { battery, ..settings() });
     flight.climb_to(10.0);
     arrive(&mut flight);
     flight.inspect(0, &[at(2.0, 0.0), at(98.0, 0.0)]).expect("an inspection");
@@ -214,11 +219,13 @@ fn settings_that_are_no_mission_are_refused_by_name() {
         ((|s| s.time_step_s = 0.0) as fn(&mut Settings), "time_step_s"),
         (|s| s.altitude_m = f64::NAN, "altitude_m"),
         (|s| s.look_steps = 0, "look_steps"),
-        (|s| s.reserve = 1.5, "reserve"),
-        (|s| s.drain.per_s.clear(), "drain entries"),
+        (|s| s.clearance_m = -1.0, "clearance_m"),
+        (|s| s.battery.reserve = 1.5, "reserve"),
     ] {
         let mut spoilt = settings();
         spoil(&mut spoilt);
-        assert_eq!(spoilt.check().expect_err("spoilt").name, name);
+        assert!(matches!(spoilt.check(), Err(FlightError::Settings(error)) if error.name == name));
     }
+    let limits = Limits { yaw_rate_rad_s: 0.0, ..Limits::default() };
+    assert!(matches!(Settings { transit: limits, ..settings() }.check(), Err(FlightError::NavMesh(_))));
 }

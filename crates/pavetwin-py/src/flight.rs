@@ -1,13 +1,13 @@
 //! `Flight`, its events, and the moment that a policy may ask about.
 
 use crate::arrays::{points, to_array};
-use crate::ground::{Ground, camera};
+use crate::ground::Ground;
 use crate::plain;
-use crate::trace::{Trace, pose_columns};
-use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
+use crate::settings::FlightSettings;
+use crate::trace::Trace;
+use numpy::{PyArray1, PyArray2, PyReadonlyArray2, ToPyArray};
 use pavetwin_core::geometry::Vec2;
-use pavetwin_core::mission::{self as core, DrainCurve, Event, Mode, Settings};
-use pavetwin_core::navigation::Limits;
+use pavetwin_core::mission::{self as core, Event, Mode};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -102,10 +102,6 @@ pub struct Moment(core::Moment);
 
 #[pymethods]
 impl Moment {
-    fn agents<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        pose_columns(py, &self.0.agents().map_err(plain)?)
-    }
-
     fn predict<'py>(
         &self,
         py: Python<'py>,
@@ -121,63 +117,10 @@ pub struct Flight(core::Flight);
 #[pymethods]
 impl Flight {
     #[new]
-    #[pyo3(signature = (ground, trace, *, base, altitude_m, time_step_s, radius_m, inspect_speed_mps, transit_speed_mps, acceleration_mps2, yaw_rate_rad_s, stopping_distance_m, climb_speed_mps, image_px, vertical_fov_rad, window_rows, window_columns, window_across_per_altitude, look_steps, capture_steps, threshold, min_visible_fraction, drain_per_s, drain_step_mps, drain_per_m_climbed, wind_mps, reserve, every_capture = false))]
-    #[allow(clippy::too_many_arguments)] // the kernel's settings, each by name
-    fn new(
-        ground: &Ground,
-        trace: &Trace,
-        base: (f64, f64),
-        altitude_m: f64,
-        time_step_s: f64,
-        radius_m: f64,
-        inspect_speed_mps: f64,
-        transit_speed_mps: f64,
-        acceleration_mps2: f64,
-        yaw_rate_rad_s: f64,
-        stopping_distance_m: f64,
-        climb_speed_mps: f64,
-        image_px: (u32, u32),
-        vertical_fov_rad: f64,
-        window_rows: f64,
-        window_columns: Option<f64>,
-        window_across_per_altitude: Option<f64>,
-        look_steps: u32,
-        capture_steps: u32,
-        threshold: f64,
-        min_visible_fraction: f64,
-        drain_per_s: PyReadonlyArray1<'_, f64>,
-        drain_step_mps: f64,
-        drain_per_m_climbed: f64,
-        wind_mps: (f64, f64),
-        reserve: f64,
-        every_capture: bool,
-    ) -> PyResult<Self> {
-        let camera = camera(image_px, vertical_fov_rad, window_rows, window_columns, window_across_per_altitude)?;
-        let limits = |speed_mps| Limits { speed_mps, acceleration_mps2, yaw_rate_rad_s };
-        let settings = Settings {
-            time_step_s,
-            altitude_m,
-            radius_m,
-            inspect: limits(inspect_speed_mps),
-            transit: limits(transit_speed_mps),
-            stopping_distance_m,
-            climb_speed_mps,
-            camera,
-            look_steps,
-            capture_steps,
-            every_capture,
-            threshold,
-            min_visible_fraction,
-            drain: DrainCurve {
-                per_s: drain_per_s.as_slice()?.to_vec(),
-                step_mps: drain_step_mps,
-                per_m_climbed: drain_per_m_climbed,
-                wind: Vec2::new(wind_mps.0, wind_mps.1),
-            },
-            reserve,
-        };
+    #[pyo3(signature = (ground, trace, settings, *, base))]
+    fn new(ground: &Ground, trace: &Trace, settings: &FlightSettings, base: (f64, f64)) -> PyResult<Self> {
         let base = Vec2::new(base.0, base.1);
-        core::Flight::new(ground.0.clone(), trace.0.clone(), settings, base).map(Self).map_err(plain)
+        core::Flight::new(ground.0.clone(), trace.0.clone(), settings.0.clone(), base).map(Self).map_err(plain)
     }
 
     #[pyo3(signature = (until_s = None))]

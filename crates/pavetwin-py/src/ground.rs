@@ -1,13 +1,14 @@
 //! `Ground`: what stands still at one altitude, shared by missions.
 
 use crate::arrays::{points, ragged, to_array};
+use crate::camera::{Camera, Viewpoint};
 use crate::navmesh::NavMesh;
 use crate::plain;
 use crate::trace::Trace;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pavetwin_core::geometry::Vec2;
 use pavetwin_core::mission as core;
-use pavetwin_core::sensing::{AcrossRule, Camera, Observer, Prism, Scene, Solids, SurfaceGrid, Viewpoint, WindowRule};
+use pavetwin_core::sensing::{Observer, Prism, Scene, Solids, SurfaceGrid};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
@@ -55,29 +56,19 @@ impl Ground {
         Ok(self.surface(segment)?.grid.cell_count())
     }
 
-    #[pyo3(signature = (segment, trace, time_s, *, position, altitude_m, yaw_rad, image_px, vertical_fov_rad, window_rows, window_columns, window_across_per_altitude))]
-    #[allow(clippy::too_many_arguments)] // a camera and where it is, each by name
     fn observe<'py>(
         &self,
         py: Python<'py>,
         segment: u32,
         trace: &Trace,
         time_s: f64,
-        position: (f64, f64),
-        altitude_m: f64,
-        yaw_rad: f64,
-        image_px: (u32, u32),
-        vertical_fov_rad: f64,
-        window_rows: f64,
-        window_columns: Option<f64>,
-        window_across_per_altitude: Option<f64>,
+        camera: &Camera,
+        viewpoint: &Viewpoint,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let camera = camera(image_px, vertical_fov_rad, window_rows, window_columns, window_across_per_altitude)?;
-        let viewpoint = Viewpoint { position: Vec2::new(position.0, position.1), altitude_m, yaw_rad };
         let grid = &self.surface(segment)?.grid;
         let scene = Scene { grid, solids: &self.0.solids, trace: &trace.0 };
         let mut observer = Observer::new();
-        let look = observer.observe(&scene, &camera, &viewpoint, time_s).map_err(plain)?;
+        let look = observer.observe(&scene, &camera.0, &viewpoint.0, time_s).map_err(plain)?;
         let columns = PyDict::new(py);
         columns.set_item("visibility", look.has_candidates.then_some(look.share))?;
         columns.set_item("hidden_place", look.hidden_centroid.map(|place| (place.x, place.y)))?;
@@ -93,21 +84,4 @@ impl Ground {
         let missing = || plain(format!("there is no segment {segment}; the ground has {}", segments.len()));
         segments.get(segment as usize).ok_or_else(missing)
     }
-}
-
-/// A camera of the core from the numbers that Python gives.
-pub fn camera(
-    image_px: (u32, u32),
-    vertical_fov_rad: f64,
-    window_rows: f64,
-    window_columns: Option<f64>,
-    window_across_per_altitude: Option<f64>,
-) -> PyResult<Camera> {
-    let across = match (window_columns, window_across_per_altitude) {
-        (Some(share), None) => AcrossRule::Columns(share),
-        (None, Some(factor)) => AcrossRule::PerAltitude(factor),
-        _ => return Err(plain("give exactly one of window_columns and window_across_per_altitude")),
-    };
-    let window = WindowRule { rows_share: window_rows, across };
-    Camera::new(image_px.0, image_px.1, vertical_fov_rad, window).map_err(plain)
 }

@@ -1,15 +1,19 @@
 //! Python bindings of `pavetwin-core`, as the module `pavetwin._core`: conversions and nothing else.
 
 mod arrays;
+mod camera;
 mod flight;
 mod ground;
 mod imaging;
 mod navmesh;
 mod relief;
+mod settings;
 mod texture;
 mod trace;
 
+use pavetwin_core::mission::Mode;
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 
 pyo3::import_exception!(pavetwin.errors, PaveTwinError);
 
@@ -24,6 +28,12 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<navmesh::NavMesh>()?;
     module.add_class::<trace::Trace>()?;
     module.add_class::<ground::Ground>()?;
+    module.add("MODES", PyTuple::new(module.py(), Mode::NAMES)?)?;
+    module.add_class::<camera::Camera>()?;
+    module.add_class::<camera::Viewpoint>()?;
+    module.add_class::<settings::Limits>()?;
+    module.add_class::<settings::Battery>()?;
+    module.add_class::<settings::FlightSettings>()?;
     module.add_class::<flight::Flight>()?;
     module.add_class::<flight::Moment>()?;
     module.add_class::<flight::Arrived>()?;

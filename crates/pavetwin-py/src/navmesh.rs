@@ -13,7 +13,7 @@ pub struct NavMesh(pub core::NavMesh);
 #[pymethods]
 impl NavMesh {
     #[staticmethod]
-    #[pyo3(signature = (vertices, triangles, *, cell_size_m = 0.25, agent_radius_m = 0.5))]
+    #[pyo3(signature = (vertices, triangles, *, cell_size_m, agent_radius_m))]
     fn bake(
         py: Python<'_>,
         vertices: PyReadonlyArray2<'_, f64>,

@@ -8,9 +8,12 @@ from typing import Self
 import numpy as np
 import shapely
 
-from pavetwin._core import Flight, Ground, NavMesh, Trace
+from pavetwin._core import Battery, Flight, FlightSettings, Ground, Limits, NavMesh, Trace
+from pavetwin._core import Camera as KernelCamera
 from pavetwin.arrays import Float64Array
 from pavetwin.config import MissionSettings
+from pavetwin.config.altitude import VERTICAL_CLEARANCE_M
+from pavetwin.config.mission import CameraSettings, UavSettings
 from pavetwin.defects import sample_points
 from pavetwin.navigation.navmesh import navmesh
 from pavetwin.uav import energy_curve, find_camera
@@ -106,49 +109,66 @@ def new_flight(
     Args:
         every_capture: stop at every capture, not only at those that show a wanted defect.
     """
-    camera = find_camera(settings.camera.model)
-    curve = energy_curve(settings.energy)
-    step = settings.time_step_s
-    return Flight(
-        environment.ground,
-        trace,
-        base=(environment.world.base.x, environment.world.base.y),
+    base = (environment.world.base.x, environment.world.base.y)
+    return Flight(environment.ground, trace, flight_settings(settings, every_capture=every_capture), base=base)
+
+
+def flight_settings(settings: MissionSettings, *, every_capture: bool = False) -> FlightSettings:
+    """The settings as the kernel takes them: limits, drain curve and camera worked out, intervals in time steps."""
+    uav, step_s = settings.uav, settings.time_step_s
+    return FlightSettings(
         altitude_m=settings.altitude_m,
-        time_step_s=step,
-        radius_m=settings.uav.radius_m,
-        inspect_speed_mps=settings.uav.inspect_speed_mps,
-        transit_speed_mps=settings.uav.transit_speed_mps,
-        acceleration_mps2=settings.uav.acceleration_mps2,
-        yaw_rate_rad_s=radians(settings.uav.yaw_rate_deg_s),
-        stopping_distance_m=settings.uav.stopping_distance_m,
-        climb_speed_mps=settings.uav.climb_speed_mps,
-        image_px=camera.image_px,
-        vertical_fov_rad=camera.fov_rad,
-        window_rows=settings.camera.window_rows,
-        window_columns=settings.camera.window_columns,
-        window_across_per_altitude=settings.camera.window_across_per_altitude,
-        look_steps=round(settings.visibility.interval_s / step),
-        capture_steps=round(settings.camera.capture_interval_s / step),
+        time_step_s=step_s,
+        radius_m=uav.radius_m,
+        clearance_m=VERTICAL_CLEARANCE_M,
+        inspect=_limits(uav, uav.inspect_speed_mps),
+        transit=_limits(uav, uav.transit_speed_mps),
+        stopping_distance_m=uav.stopping_distance_m,
+        climb_speed_mps=uav.climb_speed_mps,
+        camera=kernel_camera(settings.camera),
+        look_steps=round(settings.visibility.interval_s / step_s),
+        capture_steps=round(settings.camera.capture_interval_s / step_s),
         threshold=settings.visibility.threshold,
         min_visible_fraction=settings.sensing.min_visible_fraction,
-        drain_per_s=curve.drain_per_s,
-        drain_step_mps=CURVE_STEP_MPS,
-        drain_per_m_climbed=curve.drain_per_m_climbed,
-        wind_mps=settings.conditions.wind_velocity_mps,
-        reserve=settings.energy.reserve,
+        battery=_battery(settings),
         every_capture=every_capture,
+    )
+
+
+def kernel_camera(settings: CameraSettings) -> KernelCamera:
+    """The camera that the settings name, with their inspection window."""
+    camera = find_camera(settings.model)
+    return KernelCamera(
+        image_px=camera.image_px,
+        vertical_fov_rad=camera.fov_rad,
+        window_rows=settings.window_rows,
+        window_columns=settings.window_columns,
+        window_across_per_altitude=settings.window_across_per_altitude,
     )
 
 
 def window_m(settings: MissionSettings) -> tuple[float, float]:
     """The inspection window (across the track, along it) at the mission's altitude, in metres."""
-    across, along = find_camera(settings.camera.model).footprint_m(settings.altitude_m)
-    if settings.camera.window_columns is not None:
-        width = across * settings.camera.window_columns
-    else:
-        assert settings.camera.window_across_per_altitude is not None
-        width = min(across, settings.camera.window_across_per_altitude * settings.altitude_m)
-    return width, along * settings.camera.window_rows
+    return kernel_camera(settings.camera).window_m(settings.altitude_m)
+
+
+def _limits(uav: UavSettings, speed_mps: float) -> Limits:
+    return Limits(
+        speed_mps=speed_mps,
+        acceleration_mps2=uav.acceleration_mps2,
+        yaw_rate_rad_s=radians(uav.yaw_rate_deg_s),
+    )
+
+
+def _battery(settings: MissionSettings) -> Battery:
+    curve = energy_curve(settings.energy)
+    return Battery(
+        drain_per_s=curve.drain_per_s,
+        drain_step_mps=CURVE_STEP_MPS,
+        drain_per_m_climbed=curve.drain_per_m_climbed,
+        wind_mps=settings.conditions.wind_velocity_mps,
+        reserve=settings.energy.reserve,
+    )
 
 
 def _rings(surface: Surface) -> list[Float64Array]:

@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from pavetwin import _core
 from pavetwin._core import Arrived, BatteryLow, Captured, Flight, Occluded, Paused, RecordingEnds, Trace
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
@@ -45,7 +46,8 @@ from pavetwin.twin import (
 Event = Captured | Occluded | BatteryLow
 """What a mission stops for and shows to those who fly it."""
 
-MODES = tuple(Mode)
+MODES = tuple(Mode(name) for name in _core.MODES)
+"""By the numbers that the kernel's track holds."""
 
 LEAST_PROGRESS_M = 1.0
 """A full battery that does not bring a mission this much further never will."""

@@ -13,13 +13,13 @@ import polars as pl
 import pyarrow.parquet
 import yaml
 
+from pavetwin import _core
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing, writing_folder
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.metrics import SegmentMetrics
-from pavetwin.twin import Mode
 
-MODES = pl.Enum([mode.value for mode in Mode])
+_MODE_NAMES = pl.Enum(_core.MODES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,6 @@ def track_table(result: MissionResult) -> pl.DataFrame:
     track = result.track
     names = np.array([segment.id for segment in result.environment.world.segments] + [None], dtype=object)
     lonlat = result.environment.world.georeference.to_wgs84(np.column_stack([track["x_m"], track["y_m"]]))
-    modes = [mode.value for mode in Mode]
     return pl.DataFrame(
         {
             "t_s": track["t_s"],
@@ -110,7 +109,7 @@ def track_table(result: MissionResult) -> pl.DataFrame:
             "yaw_rad": track["yaw_rad"],
             "speed_mps": track["speed_mps"],
             "battery": track["battery"],
-            "mode": pl.Series([modes[number] for number in track["mode"]], dtype=MODES),
+            "mode": pl.Series([_core.MODES[number] for number in track["mode"]], dtype=_MODE_NAMES),
             "segment": pl.Series(names[track["segment"]].tolist(), dtype=pl.String),
             "visibility": pl.Series(track["visibility"], nan_to_null=True),
         }

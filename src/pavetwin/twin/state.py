@@ -31,7 +31,7 @@ class Agent:
 
 
 class Mode(StrEnum):
-    """What the UAV is doing. The order is the kernel's numbering."""
+    """What the UAV is doing."""
 
     GROUND = "ground"
     CLIMB = "climb"

@@ -1,9 +1,10 @@
 //! The battery, drained by a curve over airspeed.
 
+use super::error::SettingsError;
 use crate::geometry::Vec2;
 
 /// Battery drained at each airspeed: the model is chosen above, the kernel only integrates it.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct DrainCurve {
     /// Share of the battery a second at airspeeds 0, `step_mps`, 2·`step_mps` …; linear between, constant beyond.
     pub per_s: Vec<f64>,
@@ -41,6 +42,55 @@ impl DrainCurve {
     }
 }
 
+/// The battery that a mission is flown with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Battery {
+    pub drain: DrainCurve,
+    /// Share that must be left after landing.
+    pub reserve: f64,
+}
+
+impl Battery {
+    /// Whether the numbers describe a battery.
+    ///
+    /// # Errors
+    /// The first that does not fit.
+    pub fn check(&self) -> Result<(), SettingsError> {
+        SettingsError::unless_positive("number of drain_per_s entries", self.drain.per_s.len() as f64)?;
+        for &per_s in &self.drain.per_s {
+            SettingsError::unless_zero_or_more("drain_per_s", per_s)?;
+        }
+        SettingsError::unless_positive("drain_step_mps", self.drain.step_mps)?;
+        SettingsError::unless_zero_or_more("drain_per_m_climbed", self.drain.per_m_climbed)?;
+        SettingsError::unless_zero_or_more("speed of wind_mps", self.drain.wind.length())?;
+        SettingsError::unless_share("reserve", self.reserve)
+    }
+}
+
+/// e: what is left in the battery, and what was used over all swaps, as shares of one battery.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Charge {
+    pub left: f64,
+    pub used: f64,
+}
+
+impl Charge {
+    pub fn full() -> Self {
+        Self { left: 1.0, used: 0.0 }
+    }
+
+    /// Drains a share; false when nothing is left.
+    pub fn drain(&mut self, share: f64) -> bool {
+        self.used += share;
+        self.left -= share;
+        self.left > 0.0
+    }
+
+    pub fn swap(&mut self) {
+        self.left = 1.0;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -67,5 +117,33 @@ mod tests {
     fn climbing_costs_and_sinking_gives_nothing_back() {
         assert!((curve().drained(Vec2::ZERO, 2.0, 1.0) - 1.2).abs() < 1e-12);
         assert!((curve().drained(Vec2::ZERO, -2.0, 1.0) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_no_battery_is_refused_by_name() {
+        let usual = Battery { drain: curve(), reserve: 0.15 };
+        assert_eq!(usual.check(), Ok(()));
+        for (name, battery) in [
+            (
+                "number of drain_per_s entries",
+                Battery { drain: DrainCurve { per_s: Vec::new(), ..curve() }, reserve: 0.1 },
+            ),
+            ("drain_per_s", Battery { drain: DrainCurve { per_s: vec![1.0, f64::NAN], ..curve() }, reserve: 0.1 }),
+            ("drain_step_mps", Battery { drain: DrainCurve { step_mps: 0.0, ..curve() }, reserve: 0.1 }),
+            ("drain_per_m_climbed", Battery { drain: DrainCurve { per_m_climbed: -1.0, ..curve() }, reserve: 0.1 }),
+            ("reserve", Battery { drain: curve(), reserve: 1.5 }),
+        ] {
+            assert_eq!(battery.check().expect_err(name).name, name);
+        }
+    }
+
+    #[test]
+    fn a_swap_fills_the_battery_and_keeps_what_was_used() {
+        let mut charge = Charge::full();
+        assert!(charge.drain(0.75));
+        charge.swap();
+        assert!(charge.drain(0.5));
+        assert_eq!((charge.left, charge.used), (0.5, 1.25));
+        assert!(!charge.drain(0.5));
     }
 }

@@ -1,96 +1,28 @@
-//! A flight: its state, and the commands it takes. The stepping is in `stepping`, the looking in `looking`.
+//! A flight: its parts, and the commands it takes. The stepping is in `stepping`, the looking in `looking`.
 
-use super::course::{course, nearest_reachable, rest_of, shortened};
-use super::encounter::{Encounter, reaches};
+use super::battery::Charge;
+use super::clock::Clock;
+use super::course::{course, rest_of, shortened};
+use super::coverage::Coverage;
+use super::encounter::{Encounter, shares_airspace};
+use super::error::FlightError;
 use super::event::Event;
 use super::ground::Ground;
-use super::log::{Captures, Track};
-use super::looking::Inspection;
+use super::inspection::Inspection;
+use super::log::{Captures, Log, Track};
+use super::mode::Mode;
 use super::moment::Moment;
-use super::reaction::{Episode, Reaction};
-use super::settings::{Settings, SettingsError};
+use super::occlusions::Occlusions;
+use super::reaction::Reaction;
+use super::settings::Settings;
+use super::task::{Destination, Moving, Task};
+use super::uav::UavState;
+use super::way_home::WayHome;
 use crate::geometry::Vec2;
-use crate::navigation::{Follower, Motion, NavMeshError, Rail, Strafe, TurnTo};
-use crate::sensing::{CellSet, Observer, SenseError, Trace, Viewpoint};
+use crate::navigation::TurnTo;
+use crate::sensing::{Trace, Viewpoint};
 use std::collections::VecDeque;
 use std::sync::Arc;
-
-/// What the UAV is doing, as the track records it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Mode {
-    Ground = 0,
-    Climb = 1,
-    Transit = 2,
-    Inspect = 3,
-    Wait = 4,
-    Displace = 5,
-    Revisit = 6,
-    Home = 7,
-    Land = 8,
-    Swap = 9,
-    Avoid = 10,
-}
-
-/// Why a command or a step fails.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum FlightError {
-    #[error(transparent)]
-    Settings(#[from] SettingsError),
-    #[error(transparent)]
-    NavMesh(#[from] NavMeshError),
-    #[error(transparent)]
-    Sense(#[from] SenseError),
-    #[error("there is no segment {segment}; the ground has {segments}")]
-    UnknownSegment { segment: u32, segments: usize },
-    #[error("the battery ran empty after {time_s:.0} s in the air; raise energy.reserve or shorten the way")]
-    BatteryEmpty { time_s: f64 },
-    #[error("the extended recording does not begin with the present one")]
-    OtherRecording,
-}
-
-/// The command in progress.
-#[derive(Debug, Clone)]
-pub(super) enum Task {
-    Idle,
-    Climb {
-        to_m: f64,
-    },
-    Rail(Box<Follower>),
-    Turn(TurnTo),
-    Stay {
-        until_tick: u64,
-    },
-    /// Comes to rest first, then flies to the goal.
-    Halt {
-        moving: Moving,
-        goal: Vec2,
-        stop_short: bool,
-    },
-}
-
-/// A movement that a command cuts short.
-#[derive(Debug, Clone)]
-pub(super) enum Moving {
-    Rail(Box<Follower>),
-    Strafe(Strafe),
-}
-
-impl Moving {
-    pub(super) fn motion(&mut self) -> &mut dyn Motion {
-        match self {
-            Self::Rail(follower) => &mut **follower,
-            Self::Strafe(strafe) => strafe,
-        }
-    }
-
-    fn velocity_mps(&self) -> Vec2 {
-        match self {
-            Self::Rail(follower) => follower.velocity_mps(),
-            Self::Strafe(strafe) => strafe.velocity_mps(),
-        }
-    }
-}
 
 /// One UAV over one ground in one recorded traffic.
 #[derive(Debug)]
@@ -99,41 +31,24 @@ pub struct Flight {
     pub(super) trace: Arc<Trace>,
     pub(super) settings: Settings,
     pub(super) base: Vec2,
-    pub(super) tick: u64,
-    pub(super) position: Vec2,
-    pub(super) altitude_m: f64,
-    pub(super) yaw_rad: f64,
-    pub(super) speed_mps: f64,
-    pub(super) battery: f64,
-    pub(super) energy_used: f64,
-    pub(super) distance_m: f64,
-    pub(super) waited_ticks: u64,
-    pub(super) occlusions: u32,
-    /// Never less than the distance home.
-    pub(super) home_bound_m: f64,
-    /// Never much less than the time that the corners on the way home cost.
-    pub(super) home_turns_s: f64,
-    pub(super) heading_home: bool,
+    pub(super) clock: Clock,
+    pub(super) uav: UavState,
+    pub(super) charge: Charge,
+    /// Flown over the ground since the beginning, metres.
+    pub(super) odometer_m: f64,
     pub(super) mode: Mode,
     pub(super) task: Task,
     pub(super) reaction: Reaction,
     pub(super) encounter: Option<Encounter>,
     /// Whether any agent of the recording reaches the mission's altitude.
     pub(super) shared_airspace: bool,
-    /// The mode that an encounter interrupted.
-    pub(super) mode_before: Mode,
-    pub(super) episode: Option<Episode>,
     pub(super) inspection: Option<Inspection>,
-    /// The corners of the line under inspection, up to its end.
-    pub(super) course: Vec<Vec2>,
-    pub(super) observer: Observer,
-    pub(super) seen: Vec<Option<CellSet>>,
-    pub(super) wanted: Vec<bool>,
-    pub(super) swept: Vec<bool>,
-    pub(super) queue: VecDeque<Event>,
-    pub(super) next_log_tick: u64,
-    pub(super) track: Track,
-    pub(super) captures: Captures,
+    pub(super) occlusions: Occlusions,
+    pub(super) coverage: Coverage,
+    pub(super) way_home: WayHome,
+    pub(super) heading_home: bool,
+    pub(super) events: VecDeque<Event>,
+    pub(super) log: Log,
 }
 
 impl Flight {
@@ -144,49 +59,33 @@ impl Flight {
     pub fn new(ground: Arc<Ground>, trace: Arc<Trace>, settings: Settings, base: Vec2) -> Result<Self, FlightError> {
         settings.check()?;
         let base = ground.mesh.nearest(base);
-        let shared_airspace = reaches(&trace, settings.altitude_m);
-        let (segments, defects) = (ground.segments.len(), ground.defects.len());
         Ok(Self {
-            ground,
-            trace,
-            settings,
             base,
-            tick: 0,
-            position: base,
-            altitude_m: 0.0,
-            yaw_rad: 0.0,
-            speed_mps: 0.0,
-            battery: 1.0,
-            energy_used: 0.0,
-            distance_m: 0.0,
-            waited_ticks: 0,
-            occlusions: 0,
-            home_bound_m: 0.0,
-            home_turns_s: 0.0,
-            heading_home: false,
+            clock: Clock::new(settings.time_step_s),
+            uav: UavState::on_the_ground_at(base),
+            charge: Charge::full(),
+            odometer_m: 0.0,
             mode: Mode::Ground,
             task: Task::Idle,
             reaction: Reaction::None,
             encounter: None,
-            shared_airspace,
-            mode_before: Mode::Ground,
-            episode: None,
+            shared_airspace: shares_airspace(&trace, &settings),
             inspection: None,
-            course: Vec::new(),
-            observer: Observer::new(),
-            seen: vec![None; segments],
-            wanted: vec![true; defects],
-            swept: vec![false; defects],
-            queue: VecDeque::new(),
-            next_log_tick: 0,
-            track: Track::default(),
-            captures: Captures::default(),
+            occlusions: Occlusions::default(),
+            coverage: Coverage::new(&ground),
+            way_home: WayHome::default(),
+            heading_home: false,
+            events: VecDeque::new(),
+            log: Log::default(),
+            ground,
+            trace,
+            settings,
         })
     }
 
     /// Climbs or sinks to an altitude on the spot; 0 lands.
     pub fn climb_to(&mut self, altitude_m: f64) {
-        let mode = if altitude_m < self.altitude_m { Mode::Land } else { Mode::Climb };
+        let mode = if altitude_m < self.uav.altitude_m { Mode::Land } else { Mode::Climb };
         self.begin(mode, Task::Climb { to_m: altitude_m });
     }
 
@@ -197,33 +96,22 @@ impl Flight {
     /// # Errors
     /// When the mesh has no way there.
     pub fn fly_to(&mut self, goal: Vec2, mode: Mode, stop_short: bool) -> Result<(), FlightError> {
+        let then = Destination { goal, stop_short };
         let task = match self.moving() {
-            Some(moving) => Task::Halt { moving, goal, stop_short },
-            None => self.way_to(goal, stop_short)?,
+            Some(moving) => Task::Halt { moving, then },
+            None => Task::to(&self.ground.mesh, &self.uav, then, &self.settings)?,
         };
         self.heading_home = mode == Mode::Home;
         self.begin(mode, task);
         Ok(())
     }
 
-    /// The flight to a place, from rest.
-    pub(super) fn way_to(&self, goal: Vec2, stop_short: bool) -> Result<Task, FlightError> {
-        let mesh = &self.ground.mesh;
-        let way = mesh.path(self.position, nearest_reachable(mesh, self.position, goal))?;
-        let way = if stop_short { shortened(&way, self.settings.stopping_distance_m) } else { way };
-        let rail = Rail::new(mesh, &way, &self.settings.transit)?;
-        Ok(Task::Rail(Box::new(Follower::new(rail, self.yaw_rad))))
-    }
-
     /// The movement in progress; `None` at rest, and in an encounter, which leaves the line that could be braked along.
     fn moving(&self) -> Option<Moving> {
-        match (&self.reaction, &self.task) {
-            _ if self.speed_mps == 0.0 || self.encounter.is_some() => None,
-            (Reaction::Out { strafe, .. } | Reaction::Back { strafe }, _) => Some(Moving::Strafe(strafe.clone())),
-            (_, Task::Rail(follower)) => Some(Moving::Rail(follower.clone())),
-            (_, Task::Halt { moving, .. }) => Some(moving.clone()),
-            _ => None,
+        if self.uav.speed_mps == 0.0 || self.encounter.is_some() {
+            return None;
         }
+        self.reaction.moving().or_else(|| self.task.moving())
     }
 
     /// Flies home, to the base.
@@ -236,7 +124,7 @@ impl Flight {
 
     /// Turns on the spot.
     pub fn turn_to(&mut self, yaw_rad: f64) {
-        let turn = TurnTo::new(self.position, self.yaw_rad, yaw_rad, &self.settings.inspect);
+        let turn = TurnTo::new(self.uav.position, self.uav.yaw_rad, yaw_rad, &self.settings.inspect);
         self.begin(Mode::Transit, Task::Turn(turn));
     }
 
@@ -245,13 +133,13 @@ impl Flight {
     /// # Errors
     /// When there is no such segment, or nothing of the line can be reached.
     pub fn inspect(&mut self, segment: u32, line: &[Vec2]) -> Result<(), FlightError> {
-        let inspection = self.inspection_of(segment, false)?;
-        let way = course(&self.ground.mesh, self.position, line)?;
+        self.check_segment(segment)?;
+        let mesh = &self.ground.mesh;
+        let way = course(mesh, self.uav.position, line)?;
         let flown = shortened(&way, self.settings.stopping_distance_m);
-        let rail = Rail::new(&self.ground.mesh, &flown, &self.settings.inspect)?;
-        self.begin(Mode::Inspect, Task::Rail(Box::new(Follower::new(rail, self.yaw_rad))));
-        self.inspection = Some(inspection);
-        self.course = way;
+        let task = Task::along(mesh, &self.uav, &flown, &self.settings.inspect)?;
+        self.begin(Mode::Inspect, task);
+        self.inspection = Some(Inspection::along(segment, way, self.clock.tick));
         Ok(())
     }
 
@@ -260,18 +148,32 @@ impl Flight {
     /// # Errors
     /// When there is no such segment.
     pub fn revisit(&mut self, segment: u32, stay_s: f64) -> Result<(), FlightError> {
-        let inspection = self.inspection_of(segment, true)?;
-        self.begin(Mode::Revisit, Task::Stay { until_tick: self.tick + self.ticks(stay_s) });
-        self.inspection = Some(inspection);
+        self.check_segment(segment)?;
+        self.begin(Mode::Revisit, self.stay(stay_s));
+        self.inspection = Some(Inspection::revisit(segment, self.clock.tick));
         Ok(())
     }
 
     /// Stands on the ground until the battery has been swapped.
     pub fn swap_battery(&mut self, swap_s: f64) {
-        self.begin(Mode::Swap, Task::Stay { until_tick: self.tick + self.ticks(swap_s) });
-        self.battery = 1.0;
+        self.begin(Mode::Swap, self.stay(swap_s));
+        self.charge.swap();
         self.heading_home = false;
-        (self.home_bound_m, self.home_turns_s) = (0.0, 0.0);
+        self.way_home = WayHome::default();
+    }
+
+    /// Brakes and stays until `seconds` from now, then looks again.
+    pub fn wait(&mut self, seconds: f64) {
+        self.mode = Mode::Wait;
+        self.reaction = Reaction::Wait { until_tick: self.clock.tick + self.clock.ticks(seconds).max(1) };
+    }
+
+    /// Brakes, moves aside without turning, stays, and comes back to where it came to rest. The displacement is cut
+    /// where it would leave the mesh.
+    pub fn displace(&mut self, displacement: Vec2, stay_s: f64) {
+        self.mode = Mode::Displace;
+        self.reaction = Reaction::Brake { displacement, stay_ticks: self.clock.ticks(stay_s) };
+        self.occlusions.begin_displacement();
     }
 
     /// Goes on in a longer recording that begins with the present one.
@@ -282,36 +184,9 @@ impl Flight {
         if !self.trace.is_prefix_of(&trace) {
             return Err(FlightError::OtherRecording);
         }
-        self.shared_airspace = reaches(&trace, self.settings.altitude_m);
+        self.shared_airspace = shares_airspace(&trace, &self.settings);
         self.trace = trace;
         Ok(())
-    }
-
-    /// What is left of the line under inspection, from where the UAV is; empty when it flies none.
-    pub fn remaining(&self) -> Vec<Vec2> {
-        if matches!(self.task, Task::Rail(_)) { rest_of(&self.course, self.position) } else { Vec::new() }
-    }
-
-    /// The present moment, for a policy; `None` when nothing is under inspection.
-    pub fn moment(&self) -> Option<Moment> {
-        let inspection = self.inspection.as_ref()?;
-        let rest = match &self.task {
-            Task::Rail(follower) => {
-                let brake_m = self.speed_mps * self.speed_mps / (2.0 * self.settings.inspect.acceleration_mps2);
-                follower.rail().sample(follower.s_m() + brake_m).0
-            }
-            _ => self.position,
-        };
-        Some(Moment::new(
-            self.ground.clone(),
-            self.trace.clone(),
-            &self.settings,
-            self.viewpoint(),
-            rest,
-            self.speed_mps,
-            inspection.segment,
-            self.time_s(),
-        ))
     }
 
     fn begin(&mut self, mode: Mode, task: Task) {
@@ -319,51 +194,70 @@ impl Flight {
         self.task = task;
         self.reaction = Reaction::None;
         self.encounter = None;
-        self.episode = None;
         self.inspection = None;
-        self.course.clear();
-        self.queue.clear();
+        self.occlusions.end_episode();
+        self.events.clear();
     }
 
-    fn inspection_of(&self, segment: u32, on_revisit: bool) -> Result<Inspection, FlightError> {
+    fn stay(&self, seconds: f64) -> Task {
+        Task::Stay { until_tick: self.clock.tick + self.clock.ticks(seconds) }
+    }
+
+    fn check_segment(&self, segment: u32) -> Result<(), FlightError> {
         let segments = self.ground.segments.len();
-        if segment as usize >= segments {
-            return Err(FlightError::UnknownSegment { segment, segments });
-        }
-        Ok(Inspection { segment, on_revisit, next_look_tick: self.tick, next_capture_tick: self.tick })
+        if (segment as usize) < segments { Ok(()) } else { Err(FlightError::UnknownSegment { segment, segments }) }
     }
 
-    pub(super) fn ticks(&self, seconds: f64) -> u64 {
-        (seconds / self.settings.time_step_s).round().max(0.0) as u64
+    /// What is left of the line under inspection, from where the UAV is; empty when it flies none.
+    pub fn remaining(&self) -> Vec<Vec2> {
+        match (&self.inspection, &self.task) {
+            (Some(inspection), Task::Rail(_)) => rest_of(&inspection.line, self.uav.position),
+            _ => Vec::new(),
+        }
+    }
+
+    /// The present moment, for a policy; `None` when nothing is under inspection.
+    pub fn moment(&self) -> Option<Moment> {
+        let inspection = self.inspection.as_ref()?;
+        let (speed_mps, limits) = (self.uav.speed_mps, self.settings.inspect);
+        let rest = self.task.follower().map_or(self.uav.position, |follower| {
+            let brake_m = speed_mps * speed_mps / (2.0 * limits.acceleration_mps2);
+            follower.rail().sample(follower.s_m() + brake_m).0
+        });
+        Some(Moment {
+            ground: self.ground.clone(),
+            trace: self.trace.clone(),
+            camera: self.settings.camera,
+            limits,
+            viewpoint: self.viewpoint(),
+            rest,
+            speed_mps,
+            segment: inspection.segment,
+            time_s: self.time_s(),
+        })
     }
 
     pub fn time_s(&self) -> f64 {
-        self.tick as f64 * self.settings.time_step_s
+        self.clock.time_s()
     }
 
     pub fn viewpoint(&self) -> Viewpoint {
-        Viewpoint { position: self.position, altitude_m: self.altitude_m, yaw_rad: self.yaw_rad }
+        self.uav.viewpoint()
     }
 
     pub fn speed_mps(&self) -> f64 {
-        self.speed_mps
+        self.uav.speed_mps
     }
 
     /// Over the ground.
     pub fn velocity_mps(&self) -> Vec2 {
-        if let Some(encounter) = &self.encounter {
-            return encounter.velocity_mps;
-        }
-        match (&self.reaction, &self.task) {
-            (Reaction::Out { strafe, .. } | Reaction::Back { strafe }, _) => strafe.velocity_mps(),
-            (_, Task::Rail(follower)) => follower.velocity_mps(),
-            (_, Task::Halt { moving, .. }) => moving.velocity_mps(),
-            _ => Vec2::ZERO,
-        }
+        let avoiding = self.encounter.map(|encounter| encounter.velocity_mps);
+        avoiding.or_else(|| self.reaction.velocity_mps()).unwrap_or_else(|| self.task.velocity_mps())
     }
 
+    /// e, what is left of the battery.
     pub fn battery(&self) -> f64 {
-        self.battery
+        self.charge.left
     }
 
     pub fn mode(&self) -> Mode {
@@ -372,46 +266,44 @@ impl Flight {
 
     /// Share of a battery drained since the beginning, over all swaps.
     pub fn energy_used(&self) -> f64 {
-        self.energy_used
+        self.charge.used
     }
 
     /// Flown over the ground since the beginning, metres.
     pub fn distance_m(&self) -> f64 {
-        self.distance_m
+        self.odometer_m
     }
 
     /// Time spent waiting for a policy since the beginning.
     pub fn waited_s(&self) -> f64 {
-        self.waited_ticks as f64 * self.settings.time_step_s
+        self.clock.seconds(self.occlusions.waited_ticks)
     }
 
     /// Episodes of occlusion since the beginning.
     pub fn occlusions(&self) -> u32 {
-        self.occlusions
+        self.occlusions.count
     }
 
     /// Share of a segment's cells seen so far.
     pub fn surface_coverage(&self, segment: u32) -> f64 {
-        let grid = &self.ground.segments[segment as usize].grid;
-        let seen = self.seen[segment as usize].as_ref();
-        seen.map_or(0.0, |cells| cells.count() as f64 / grid.cell_count().max(1) as f64)
+        self.coverage.of_surface(&self.ground, segment)
     }
 
     /// Whether a defect's centre has been in the moving inspection window.
     pub fn swept(&self) -> &[bool] {
-        &self.swept
+        self.coverage.swept()
     }
 
     /// Whether captures should still report a defect.
     pub fn set_wanted(&mut self, defect: u32, wanted: bool) {
-        self.wanted[defect as usize] = wanted;
+        self.coverage.set_wanted(defect, wanted);
     }
 
     pub fn track(&self) -> &Track {
-        &self.track
+        &self.log.track
     }
 
     pub fn captures(&self) -> &Captures {
-        &self.captures
+        &self.log.captures
     }
 }

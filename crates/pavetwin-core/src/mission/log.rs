@@ -1,6 +1,6 @@
 //! What a mission leaves behind as it flies: the track and the captures, as columns.
 
-use super::flight::Mode;
+use super::mode::Mode;
 use crate::sensing::Viewpoint;
 
 /// The time series of x_t, one row a look interval.
@@ -22,7 +22,7 @@ pub struct Track {
 
 /// One row of the track.
 #[derive(Debug, Clone, Copy)]
-pub struct TrackRow {
+pub(super) struct TrackRow {
     pub time_s: f64,
     pub viewpoint: Viewpoint,
     pub speed_mps: f64,
@@ -33,7 +33,7 @@ pub struct TrackRow {
 }
 
 impl Track {
-    pub fn push(&mut self, row: &TrackRow) {
+    pub(super) fn push(&mut self, row: &TrackRow) {
         self.time_s.push(row.time_s);
         self.x_m.push(row.viewpoint.position.x);
         self.y_m.push(row.viewpoint.position.y);
@@ -57,4 +57,37 @@ pub struct Captures {
     pub segment: Vec<i32>,
     pub visibility: Vec<f64>,
     pub on_revisit: Vec<bool>,
+}
+
+/// One capture, as a row.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct CaptureRow {
+    pub time_s: f64,
+    pub viewpoint: Viewpoint,
+    pub segment: u32,
+    pub visibility: Option<f64>,
+    pub on_revisit: bool,
+}
+
+impl Captures {
+    /// Adds a capture and answers its number.
+    pub(super) fn push(&mut self, row: &CaptureRow) -> u32 {
+        let number = self.time_s.len() as u32;
+        self.time_s.push(row.time_s);
+        self.x_m.push(row.viewpoint.position.x);
+        self.y_m.push(row.viewpoint.position.y);
+        self.yaw_rad.push(row.viewpoint.yaw_rad);
+        self.segment.push(row.segment as i32);
+        self.visibility.push(row.visibility.unwrap_or(f64::NAN));
+        self.on_revisit.push(row.on_revisit);
+        number
+    }
+}
+
+/// Both, and when the track's next row is due.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Log {
+    pub track: Track,
+    pub captures: Captures,
+    pub next_row_tick: u64,
 }

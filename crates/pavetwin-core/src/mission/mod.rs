@@ -3,25 +3,39 @@
 //! - [`Ground`] is what stands still at one altitude, shared by all missions over it.
 //! - [`Flight`] carries out commands (climb, fly, inspect, stay) step by step and stops at every [`Event`].
 //! - [`Moment`] keeps one moment, so that a policy can ask what it did not need to be told.
+//!
+//! A flight is composed of parts (clock, UAV state, charge, task, reaction, encounter, inspection, occlusions, coverage,
+//! way home, log). No part knows the flight, and no file uses one that uses it.
 
 mod battery;
+mod clock;
 mod course;
+mod coverage;
 mod encounter;
+mod error;
 mod event;
 mod flight;
 mod ground;
+mod inspection;
 mod log;
 mod looking;
+mod mode;
 mod moment;
+mod occlusions;
 mod reaction;
 mod settings;
 mod stepping;
+mod task;
+mod uav;
+mod way_home;
 
-pub use battery::DrainCurve;
+pub use battery::{Battery, DrainCurve};
 pub use course::{course, nearest_reachable, rest_of, shortened};
+pub use error::{FlightError, SettingsError};
 pub use event::{Capture, Event, OcclusionReport, Sighting};
-pub use flight::{Flight, FlightError, Mode};
+pub use flight::Flight;
 pub use ground::{DefectTarget, Ground, GroundError, SegmentSurface};
 pub use log::{Captures, Track};
+pub use mode::Mode;
 pub use moment::Moment;
-pub use settings::{Settings, SettingsError};
+pub use settings::Settings;

@@ -1,10 +1,9 @@
 //! One moment of a mission, kept whole: everything in it is immutable, so it can be asked at any later time.
 
 use super::ground::Ground;
-use super::settings::Settings;
 use crate::geometry::Vec2;
 use crate::navigation::Limits;
-use crate::sensing::{AgentPose, Camera, Observer, Predictor, Scene, SenseError, Trace, Viewpoint};
+use crate::sensing::{Camera, Observer, Predictor, Scene, SenseError, Trace, Viewpoint};
 use std::sync::Arc;
 
 /// The marks of a displacement that leaves the mesh.
@@ -13,41 +12,19 @@ pub const UNREACHABLE: f64 = -1.0;
 /// What a policy may ask about one moment.
 #[derive(Debug, Clone)]
 pub struct Moment {
-    ground: Arc<Ground>,
-    trace: Arc<Trace>,
-    camera: Camera,
-    limits: Limits,
-    viewpoint: Viewpoint,
-    rest: Vec2,
-    speed_mps: f64,
-    segment: u32,
-    time_s: f64,
+    pub(super) ground: Arc<Ground>,
+    pub(super) trace: Arc<Trace>,
+    pub(super) camera: Camera,
+    pub(super) limits: Limits,
+    pub(super) viewpoint: Viewpoint,
+    /// Where braking would end.
+    pub(super) rest: Vec2,
+    pub(super) speed_mps: f64,
+    pub(super) segment: u32,
+    pub(super) time_s: f64,
 }
 
 impl Moment {
-    #[allow(clippy::too_many_arguments)] // one caller, which has them all by name
-    pub(super) fn new(
-        ground: Arc<Ground>,
-        trace: Arc<Trace>,
-        settings: &Settings,
-        viewpoint: Viewpoint,
-        rest: Vec2,
-        speed_mps: f64,
-        segment: u32,
-        time_s: f64,
-    ) -> Self {
-        let (camera, limits) = (settings.camera, settings.inspect);
-        Self { ground, trace, camera, limits, viewpoint, rest, speed_mps, segment, time_s }
-    }
-
-    /// Every agent in the world.
-    ///
-    /// # Errors
-    /// Never for a moment inside the recording.
-    pub fn agents(&self) -> Result<Vec<AgentPose>, SenseError> {
-        Ok(self.trace.agents_at(self.time_s)?.collect())
-    }
-
     /// For each displacement from where braking would end, the predicted visible share of the cells now hidden: each
     /// agent goes on at its present velocity for as long as braking and moving take. [`UNREACHABLE`] when the straight
     /// way leaves the mesh; 0 when nothing is hidden.

@@ -1,18 +1,10 @@
 //! What a policy asked for on top of the command: waiting, or a displacement and back.
 
-use super::flight::{Flight, FlightError, Mode, Task};
+use super::error::FlightError;
+use super::task::{Moving, Task};
+use super::uav::UavState;
 use crate::geometry::Vec2;
-use crate::navigation::{Motion, Strafe};
-
-/// The stretch of time since visibility last fell below the threshold without having come back.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Episode {
-    pub since_tick: u64,
-    pub waited_ticks: u64,
-    pub displacements: u32,
-    /// The odometer when the last displacement was back on the route.
-    pub displaced_at_m: f64,
-}
+use crate::navigation::{Limits, Motion, NavMesh, Strafe};
 
 /// In progress on top of the task.
 #[derive(Debug, Clone)]
@@ -40,109 +32,111 @@ pub(super) enum Reaction {
     },
 }
 
-impl Flight {
-    /// Brakes and stays until `seconds` from now, then looks again.
-    pub fn wait(&mut self, seconds: f64) {
-        let until_tick = self.tick + self.ticks(seconds).max(1);
-        self.mode = Mode::Wait;
-        self.reaction = Reaction::Wait { until_tick };
-    }
+/// What one time step of a reaction came to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Progress {
+    /// There is no reaction; the task goes on.
+    Inactive,
+    Waiting {
+        is_over: bool,
+    },
+    Displacing,
+    /// At the end of the displacement, where the capture is taken that it was for.
+    Displaced,
+    /// Back on the route.
+    Returned,
+}
 
-    /// Brakes, moves aside without turning, stays, and comes back to where it came to rest. The displacement is cut
-    /// where it would leave the mesh.
-    pub fn displace(&mut self, displacement: Vec2, stay_s: f64) {
-        self.mode = Mode::Displace;
-        self.reaction = Reaction::Brake { displacement, stay_ticks: self.ticks(stay_s) };
-        if let Some(episode) = &mut self.episode {
-            episode.displacements += 1;
-        }
-    }
-
-    /// One step of the reaction in progress; false when there is none and the task goes on.
-    pub(super) fn step_reaction(&mut self, dt_s: f64) -> Result<bool, FlightError> {
-        let reaction = std::mem::replace(&mut self.reaction, Reaction::None);
-        self.reaction = match reaction {
-            Reaction::None => return Ok(false),
-            Reaction::Wait { until_tick } => {
-                self.brake(dt_s);
-                self.waited_ticks += 1;
-                if let Some(episode) = &mut self.episode {
-                    episode.waited_ticks += 1;
-                }
-                if self.tick + 1 >= until_tick {
-                    self.look_again();
-                    Reaction::None
-                } else {
-                    Reaction::Wait { until_tick }
-                }
+impl Reaction {
+    /// One time step. `next_tick` is the number of the step's end.
+    pub fn step(
+        &mut self,
+        uav: &mut UavState,
+        task: &mut Task,
+        (mesh, limits): (&NavMesh, &Limits),
+        next_tick: u64,
+        dt_s: f64,
+    ) -> Result<Progress, FlightError> {
+        let (next, progress) = match std::mem::replace(self, Self::None) {
+            Self::None => (Self::None, Progress::Inactive),
+            Self::Wait { until_tick } => {
+                task.brake(uav, dt_s);
+                let is_over = next_tick >= until_tick;
+                let next = if is_over { Self::None } else { Self::Wait { until_tick } };
+                (next, Progress::Waiting { is_over })
             }
-            Reaction::Brake { displacement, stay_ticks } => {
-                self.brake(dt_s);
-                if self.speed_mps > 0.0 {
-                    Reaction::Brake { displacement, stay_ticks }
+            Self::Brake { displacement, stay_ticks } => {
+                task.brake(uav, dt_s);
+                let next = if uav.speed_mps > 0.0 {
+                    Self::Brake { displacement, stay_ticks }
                 } else {
-                    let home = self.position;
-                    let strafe = self.strafe(self.reachable(displacement))?;
-                    Reaction::Out { strafe, stay_ticks, home }
-                }
+                    let end = reachable(mesh, uav.position, displacement);
+                    Self::Out { strafe: strafe(mesh, uav, end, limits)?, stay_ticks, home: uav.position }
+                };
+                (next, Progress::Displacing)
             }
-            Reaction::Out { mut strafe, stay_ticks, home } => {
+            Self::Out { mut strafe, stay_ticks, home } => {
                 strafe.step(dt_s);
-                self.take_pose(&strafe);
+                uav.take_pose(&strafe);
                 if strafe.arrived() {
-                    // The capture that the displacement was for.
-                    self.capture_now();
-                    Reaction::Stay { until_tick: self.tick + 1 + stay_ticks, home }
+                    (Self::Stay { until_tick: next_tick + stay_ticks, home }, Progress::Displaced)
                 } else {
-                    Reaction::Out { strafe, stay_ticks, home }
+                    (Self::Out { strafe, stay_ticks, home }, Progress::Displacing)
                 }
             }
-            Reaction::Stay { until_tick, home } => {
-                if self.tick + 1 >= until_tick {
-                    Reaction::Back { strafe: self.strafe(home)? }
+            Self::Stay { until_tick, home } => {
+                let next = if next_tick >= until_tick {
+                    Self::Back { strafe: strafe(mesh, uav, home, limits)? }
                 } else {
-                    Reaction::Stay { until_tick, home }
-                }
+                    Self::Stay { until_tick, home }
+                };
+                (next, Progress::Displacing)
             }
-            Reaction::Back { mut strafe } => {
+            Self::Back { mut strafe } => {
                 strafe.step(dt_s);
-                self.take_pose(&strafe);
+                uav.take_pose(&strafe);
                 if strafe.arrived() {
-                    self.end_displacement();
-                    Reaction::None
+                    (Self::None, Progress::Returned)
                 } else {
-                    Reaction::Back { strafe }
+                    (Self::Back { strafe }, Progress::Displacing)
                 }
             }
         };
-        Ok(true)
+        *self = next;
+        Ok(progress)
     }
 
-    fn end_displacement(&mut self) {
-        let odometer_m = self.distance_m;
-        if let Some(episode) = &mut self.episode {
-            episode.displaced_at_m = odometer_m;
-        }
+    pub fn is_none(&self) -> bool {
+        matches!(self, Self::None)
     }
 
-    fn brake(&mut self, dt_s: f64) {
-        if let Task::Rail(follower) = &mut self.task {
-            follower.brake();
-            follower.step(dt_s);
-            self.position = follower.position();
-            self.yaw_rad = follower.yaw_rad();
-            self.speed_mps = follower.speed_mps();
-        }
+    /// When the wait that a policy asked for is over.
+    pub fn waits_until(&self) -> Option<u64> {
+        if let Self::Wait { until_tick } = self { Some(*until_tick) } else { None }
     }
 
-    /// The end of a displacement from here, cut short where it would leave the mesh.
-    fn reachable(&self, displacement: Vec2) -> Vec2 {
-        let shares = (1..=10).rev().map(|tenth| f64::from(tenth) / 10.0);
-        let mut ends = shares.map(|share| self.position + displacement * share);
-        ends.find(|end| self.ground.mesh.segment_inside(self.position, *end)).unwrap_or(self.position)
+    /// The displacement that a new command would have to cut short.
+    pub fn moving(&self) -> Option<Moving> {
+        self.strafe().map(|strafe| Moving::Strafe(strafe.clone()))
     }
 
-    fn strafe(&self, to: Vec2) -> Result<Strafe, FlightError> {
-        Ok(Strafe::new(&self.ground.mesh, self.position, to, self.yaw_rad, &self.settings.inspect)?)
+    /// Over the ground; `None` when the reaction leaves that to the task.
+    pub fn velocity_mps(&self) -> Option<Vec2> {
+        self.strafe().map(Motion::velocity_mps)
     }
+
+    fn strafe(&self) -> Option<&Strafe> {
+        if let Self::Out { strafe, .. } | Self::Back { strafe } = self { Some(strafe) } else { None }
+    }
+}
+
+/// The end of a displacement, cut short where it would leave the mesh.
+fn reachable(mesh: &NavMesh, from: Vec2, displacement: Vec2) -> Vec2 {
+    let shares = (1..=10).rev().map(|tenth| f64::from(tenth) / 10.0);
+    let mut ends = shares.map(|share| from + displacement * share);
+    ends.find(|end| mesh.segment_inside(from, *end)).unwrap_or(from)
+}
+
+fn strafe(mesh: &NavMesh, uav: &UavState, to: Vec2, limits: &Limits) -> Result<Strafe, FlightError> {
+    Ok(Strafe::new(mesh, uav.position, to, uav.yaw_rad, limits)?)
 }

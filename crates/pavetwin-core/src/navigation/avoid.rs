@@ -12,7 +12,7 @@ const HORIZON_S: f64 = 4.0;
 /// The border of the mesh is kept off by this much while avoiding, in metres; behind it the border itself holds.
 const WALL_MARGIN_M: f64 = 0.05;
 
-/// How far the wish turns to the right when an agent is straight ahead.
+/// How far the preferred velocity turns to the right when an agent is straight ahead.
 const KEEP_RIGHT_RAD: f64 = 0.2;
 
 /// Another agent at the UAV's own altitude.
@@ -28,7 +28,7 @@ pub struct Neighbour {
 
 /// Steers the UAV around agents that do not give way: the UAV does all of the avoiding.
 ///
-/// To be used while such an agent is near; afterwards the route is planned anew from where the UAV then is.
+/// To be used while such an agent is near; afterwards the route is planned again from where the UAV then is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Avoider {
     /// Radius of the UAV, in metres.
@@ -38,7 +38,7 @@ pub struct Avoider {
 }
 
 impl Avoider {
-    /// One step of `dt_s` seconds from `position` with `velocity_mps`, wishing for `preferred_mps`: the new position and
+    /// One step of `dt_s` seconds from `position` with `velocity_mps`, preferring `preferred_mps`: the new position and
     /// velocity.
     ///
     /// The velocity changes by at most acceleration · dt, except that at the border of the mesh, the last resort, the
@@ -56,10 +56,11 @@ impl Avoider {
             return (position, velocity_mps);
         }
         let preferred_mps = self.keeping_right(position, preferred_mps, neighbours);
-        let wished = self.clear_velocity(mesh, position, velocity_mps, preferred_mps, neighbours, dt_s);
-        let change = wished - velocity_mps;
+        let advised = self.clear_velocity(mesh, position, velocity_mps, preferred_mps, neighbours, dt_s);
+        let change = advised - velocity_mps;
         let most_mps = self.limits.acceleration_mps2 * dt_s;
-        let next_mps = if change.length() <= most_mps { wished } else { velocity_mps + change.normalized() * most_mps };
+        let next_mps =
+            if change.length() <= most_mps { advised } else { velocity_mps + change.normalized() * most_mps };
         kept_inside(mesh, position, next_mps, dt_s)
     }
 

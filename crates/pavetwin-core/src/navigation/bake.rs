@@ -39,7 +39,7 @@ impl Default for BakeConfig {
 impl BakeConfig {
     fn check(&self) -> Result<(), NavMeshError> {
         let bad =
-            |name: &str, value: f64, mend| Err(NavMeshError::BadConfig { what: format!("{name} is {value}"), mend });
+            |name: &str, value: f64, hint| Err(NavMeshError::BadConfig { what: format!("{name} is {value}"), hint });
         if !(self.cell_size_m.is_finite() && self.cell_size_m >= 0.01) {
             return bad("cell_size_m", self.cell_size_m, "give at least 0.01 metres");
         }

@@ -18,8 +18,8 @@ pub enum NavMeshError {
     #[error("polygon {polygon} is not convex: split it into convex parts")]
     NotConvex { polygon: usize },
     /// An option of [`BakeConfig`](super::BakeConfig) makes no sense.
-    #[error("{what}: {mend}")]
-    BadConfig { what: String, mend: &'static str },
+    #[error("{what}: {hint}")]
+    BadConfig { what: String, hint: &'static str },
     /// More voxels along one axis than Recast can number.
     #[error(
         "the flight domain is {extent_m:.0} m across, {voxels} voxels of {cell_size_m} m, and at most {most} fit: \

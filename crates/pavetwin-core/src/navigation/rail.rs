@@ -219,7 +219,11 @@ impl Rail {
 }
 
 impl Limits {
-    pub(super) fn check(&self) -> Result<(), NavMeshError> {
+    /// Whether the numbers describe an airframe.
+    ///
+    /// # Errors
+    /// [`NavMeshError::BadConfig`] for the first that is not above zero.
+    pub fn check(&self) -> Result<(), NavMeshError> {
         let named = [
             ("speed_mps", self.speed_mps),
             ("acceleration_mps2", self.acceleration_mps2),
@@ -229,7 +233,7 @@ impl Limits {
             None => Ok(()),
             Some((name, value)) => Err(NavMeshError::BadConfig {
                 what: format!("{name} is {value}"),
-                mend: "give a finite number above zero",
+                hint: "give a finite number above zero",
             }),
         }
     }

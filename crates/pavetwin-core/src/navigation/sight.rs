@@ -35,7 +35,7 @@ struct Edge {
     bend: u32,
 }
 
-/// The mesh laid out for looking around in it.
+/// The mesh prepared for looking around in it.
 #[derive(Debug)]
 pub(super) struct Sight {
     /// Those of polygon i are `edges[starts[i]..starts[i + 1]]`, counter-clockwise.

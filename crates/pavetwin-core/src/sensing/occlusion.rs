@@ -42,7 +42,7 @@ pub struct Visibility {
     pub hidden_centroid: Option<Vec2>,
 }
 
-/// An inspection window laid on the ground.
+/// An inspection window placed on the ground.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct View {
     pub(super) eye: Eye,

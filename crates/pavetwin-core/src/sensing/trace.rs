@@ -74,7 +74,7 @@ impl Trace {
     }
 
     /// As `new`, where the rows of `known` are the first of the columns and so need no work again. Where its steps or
-    /// bodies are not the columns' first, all is made anew.
+    /// bodies are not the columns' first, everything is computed again.
     ///
     /// # Errors
     /// The first flaw found in the columns.

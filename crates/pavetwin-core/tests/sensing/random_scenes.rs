@@ -83,7 +83,7 @@ proptest! {
         }
     }
 
-    /// Predicting is looking again: at traffic built anew from the extrapolated poses.
+    /// Predicting is looking again: at traffic built again from the extrapolated poses.
     #[test]
     fn a_prediction_is_a_look_at_the_extrapolated_traffic(
         agents in any_agents(),

@@ -1,0 +1,75 @@
+"""The kernels, in Rust. World frame: east-north-up, metres; yaw counter-clockwise from east, radians; time in seconds.
+
+Every error that a user can fix is raised as `pavetwin.errors.PaveTwinError` with the kernel's own words. The stubs are
+split by the kernel's modules; at run time everything is in `pavetwin._core` itself.
+"""
+
+from pavetwin._core._imaging import expose, texture_sample
+from pavetwin._core._mission import (
+    Arrived,
+    Battery,
+    BatteryLow,
+    CaptureColumns,
+    Captured,
+    Flight,
+    FlightSettings,
+    Moment,
+    Occluded,
+    Paused,
+    RecordingEnds,
+    TrackColumns,
+)
+from pavetwin._core._navigation import Limits, NavMesh
+from pavetwin._core._relief import (
+    relief_blocks,
+    relief_largest_part,
+    relief_mesh,
+    relief_noise,
+    relief_outline,
+    relief_pebbles,
+    relief_region,
+    relief_trace,
+    relief_widths,
+)
+from pavetwin._core._sensing import Camera, Ground, LookColumns, PoseColumns, Trace, Viewpoint
+
+__all__ = [
+    "MODES",
+    "Arrived",
+    "Battery",
+    "BatteryLow",
+    "Camera",
+    "CaptureColumns",
+    "Captured",
+    "Flight",
+    "FlightSettings",
+    "Ground",
+    "Limits",
+    "LookColumns",
+    "Moment",
+    "NavMesh",
+    "Occluded",
+    "Paused",
+    "PoseColumns",
+    "RecordingEnds",
+    "Trace",
+    "TrackColumns",
+    "Viewpoint",
+    "__version__",
+    "expose",
+    "relief_blocks",
+    "relief_largest_part",
+    "relief_mesh",
+    "relief_noise",
+    "relief_outline",
+    "relief_pebbles",
+    "relief_region",
+    "relief_trace",
+    "relief_widths",
+    "texture_sample",
+]
+
+__version__: str
+
+MODES: tuple[str, ...]
+"""Names of the modes in `TrackColumns`, by number."""

@@ -1,0 +1,267 @@
+"""The flight: its settings, the events it stops for, and what it leaves behind."""
+
+from typing import TypedDict, overload
+
+from pavetwin._core._navigation import Limits
+from pavetwin._core._sensing import Camera, Ground, Trace
+from pavetwin.arrays import BoolArray, Float64Array, Int32Array, UInt8Array
+
+Point = tuple[float, float]
+"""East and north, metres."""
+
+class TrackColumns(TypedDict):
+    """x_t over time, one array of shape (n,) a column."""
+
+    t_s: Float64Array
+    x_m: Float64Array
+    y_m: Float64Array
+    altitude_m: Float64Array
+    yaw_rad: Float64Array
+    speed_mps: Float64Array
+    battery: Float64Array
+    mode: UInt8Array
+    segment: Int32Array
+    visibility: Float64Array
+
+class CaptureColumns(TypedDict):
+    """Every capture, one array of shape (n,) a column."""
+
+    t_s: Float64Array
+    x_m: Float64Array
+    y_m: Float64Array
+    yaw_rad: Float64Array
+    segment: Int32Array
+    visibility: Float64Array
+    on_revisit: BoolArray
+
+class Battery:
+    """What flying drains, in shares of the battery."""
+
+    def __init__(
+        self,
+        *,
+        drain_per_s: Float64Array,
+        drain_step_mps: float,
+        drain_per_m_climbed: float,
+        wind_mps: Point,
+        reserve: float,
+    ) -> None:
+        """
+        Args:
+            drain_per_s: (n,) a second at airspeeds 0, 1, 2 … times `drain_step_mps`; linear between, constant beyond.
+            drain_step_mps: airspeed between two entries.
+            drain_per_m_climbed: a metre of climb, on top; a descent gives nothing back.
+            wind_mps: velocity of the air over the ground, (east, north).
+            reserve: share that must be left after landing, in [0, 1].
+
+        Raises:
+            PaveTwinError: a value is out of range.
+        """
+
+    @property
+    def drain_per_s(self) -> Float64Array: ...
+    @property
+    def drain_step_mps(self) -> float: ...
+    @property
+    def drain_per_m_climbed(self) -> float: ...
+    @property
+    def wind_mps(self) -> Point: ...
+    @property
+    def reserve(self) -> float: ...
+
+class FlightSettings:
+    """How one mission is flown."""
+
+    def __init__(
+        self,
+        *,
+        altitude_m: float,
+        time_step_s: float,
+        radius_m: float,
+        clearance_m: float,
+        inspect: Limits,
+        transit: Limits,
+        stopping_distance_m: float,
+        climb_speed_mps: float,
+        camera: Camera,
+        look_steps: int,
+        capture_steps: int,
+        threshold: float,
+        min_visible_fraction: float,
+        battery: Battery,
+        every_capture: bool = False,
+    ) -> None:
+        """
+        Args:
+            radius_m: of the UAV's body.
+            clearance_m: an agent that reaches into the altitude ± this is kept clear of.
+            inspect: limits while inspecting and displacing.
+            transit: limits between segments, to revisits and home.
+            stopping_distance_m: how far before the end of a line an inspection ends.
+            climb_speed_mps: upwards and downwards.
+            look_steps: time steps between two looks.
+            capture_steps: time steps between two captures.
+            threshold: τ_o; a look below it is an event.
+            min_visible_fraction: a defect is sighted when at least this share of its area is unoccluded.
+            every_capture: stop at every capture, not only at those that show a wanted defect.
+
+        Raises:
+            PaveTwinError: a value is out of range.
+        """
+
+    @property
+    def altitude_m(self) -> float: ...
+    @property
+    def time_step_s(self) -> float: ...
+    @property
+    def radius_m(self) -> float: ...
+    @property
+    def clearance_m(self) -> float: ...
+    @property
+    def inspect(self) -> Limits: ...
+    @property
+    def transit(self) -> Limits: ...
+    @property
+    def stopping_distance_m(self) -> float: ...
+    @property
+    def climb_speed_mps(self) -> float: ...
+    @property
+    def camera(self) -> Camera: ...
+    @property
+    def look_steps(self) -> int: ...
+    @property
+    def capture_steps(self) -> int: ...
+    @property
+    def threshold(self) -> float: ...
+    @property
+    def min_visible_fraction(self) -> float: ...
+    @property
+    def battery(self) -> Battery: ...
+    @property
+    def every_capture(self) -> bool: ...
+
+class Arrived:
+    """The command has been carried out."""
+
+class BatteryLow:
+    """Going home now leaves just the reserve."""
+
+class RecordingEnds:
+    """The next step lies past the end of the recording."""
+
+class Paused:
+    """The moment given to `Flight.advance` is reached; nothing else has happened."""
+
+class Captured:
+    """A capture, and the wanted defects in it: centre in the inspection window, enough of the area visible."""
+
+    @property
+    def number(self) -> int:
+        """Its row in `Flight.captures()`."""
+
+    @property
+    def time_s(self) -> float: ...
+    @property
+    def position(self) -> Point: ...
+    @property
+    def altitude_m(self) -> float: ...
+    @property
+    def yaw_rad(self) -> float: ...
+    @property
+    def velocity_mps(self) -> Point:
+        """Of the UAV over the ground, (east, north)."""
+
+    @property
+    def segment(self) -> int: ...
+    @property
+    def on_revisit(self) -> bool: ...
+    @property
+    def visibility(self) -> float | None:
+        """o; None when C is empty."""
+
+    @property
+    def sightings(self) -> list[tuple[int, float]]:
+        """(defect, visible fraction); may be empty when the flight stops at every capture."""
+
+class Occluded:
+    """A look below τ_o, and the episode of occlusion that it belongs to."""
+
+    @property
+    def time_s(self) -> float: ...
+    @property
+    def visibility(self) -> float: ...
+    @property
+    def hidden_place(self) -> Point | None: ...
+    @property
+    def since_s(self) -> float: ...
+    @property
+    def waited_s(self) -> float: ...
+    @property
+    def displacements(self) -> int: ...
+    @property
+    def since_displacement_m(self) -> float: ...
+
+class Moment:
+    """One moment of a mission; immutable."""
+
+    def predict(self, displacements: Float64Array) -> Float64Array:
+        """(n, 2) displacements to (n,) predicted visible shares of the cells now hidden; −1 outside the mesh."""
+
+class Flight:
+    """One UAV: takes commands, and runs to the next event."""
+
+    def __init__(self, ground: Ground, trace: Trace, settings: FlightSettings, *, base: Point) -> None:
+        """On the ground at the base, at the beginning of the recording, with a full battery."""
+
+    @overload
+    def advance(self, until_s: None = None) -> Arrived | Captured | Occluded | BatteryLow | RecordingEnds: ...
+    @overload
+    def advance(self, until_s: float | None) -> Arrived | Paused | Captured | Occluded | BatteryLow | RecordingEnds:
+        """Run to the next event, or to the first time step at or after `until_s` (`Paused`).
+
+        What happens afterwards does not depend on such pauses.
+        """
+
+    def climb_to(self, altitude_m: float) -> None: ...
+    def fly_to(self, goal: Point, *, revisit: bool = False, stop_short: bool = False) -> None: ...
+    def fly_home(self) -> None: ...
+    def turn_to(self, yaw_rad: float) -> None: ...
+    def inspect(self, segment: int, line: Float64Array) -> None: ...
+    def revisit(self, segment: int, stay_s: float) -> None: ...
+    def swap_battery(self, swap_s: float) -> None: ...
+    def wait(self, seconds: float) -> None: ...
+    def displace(self, east_m: float, north_m: float, stay_s: float) -> None: ...
+    def extend(self, trace: Trace) -> None: ...
+    def remaining(self) -> Float64Array:
+        """(k, 2), what is left of the line under inspection."""
+
+    def moment(self) -> Moment | None: ...
+    def set_wanted(self, defect: int, wanted: bool) -> None: ...
+    def surface_coverage(self, segment: int) -> float: ...
+    def swept(self) -> BoolArray: ...
+    def track(self) -> TrackColumns: ...
+    def captures(self) -> CaptureColumns: ...
+    @property
+    def time_s(self) -> float: ...
+    @property
+    def position(self) -> Point: ...
+    @property
+    def altitude_m(self) -> float: ...
+    @property
+    def yaw_rad(self) -> float: ...
+    @property
+    def speed_mps(self) -> float: ...
+    @property
+    def battery(self) -> float: ...
+    @property
+    def mode(self) -> int: ...
+    @property
+    def energy_used(self) -> float:
+        """In batteries, over all swaps."""
+
+    @property
+    def distance_m(self) -> float: ...
+    @property
+    def waited_s(self) -> float: ...
+    @property
+    def occlusions(self) -> int: ...

@@ -1,0 +1,145 @@
+"""The recorded traffic, the camera, and what it sees of the ground."""
+
+from typing import TypedDict
+
+from pavetwin._core._navigation import NavMesh
+from pavetwin.arrays import BoolArray, Float32Array, Float64Array, UInt32Array
+
+Point = tuple[float, float]
+"""East and north, metres."""
+
+class PoseColumns(TypedDict):
+    """Agents at one time, one array of shape (n,) a column."""
+
+    agent: UInt32Array
+    x_m: Float64Array
+    y_m: Float64Array
+    yaw_rad: Float64Array
+    east_mps: Float64Array
+    north_mps: Float64Array
+    length_m: Float64Array
+    width_m: Float64Array
+    height_m: Float64Array
+    is_pedestrian: BoolArray
+
+class LookColumns(TypedDict):
+    """What one look shows of a segment."""
+
+    visibility: float | None
+    """o; None when C is empty."""
+    hidden_place: Point | None
+    """Centroid of C less V."""
+    candidates: Float64Array
+    """(n, 2), the centres of the cells of C."""
+    visible: Float64Array
+    """(m, 2), the centres of the cells of V."""
+
+class Trace:
+    """The recorded traffic, interpolated between its steps."""
+
+    def __init__(
+        self,
+        *,
+        step_s: float,
+        step_offsets: UInt32Array,
+        agent: UInt32Array,
+        x_m: Float32Array,
+        y_m: Float32Array,
+        yaw_rad: Float32Array,
+        speed_mps: Float32Array,
+        length_m: Float32Array,
+        width_m: Float32Array,
+        height_m: Float32Array,
+        base_m: Float32Array,
+        is_pedestrian: BoolArray,
+        known: Trace | None = None,
+    ) -> None:
+        """`known`: a trace whose rows are the first of these, so that only what follows is computed."""
+    @property
+    def duration_s(self) -> float: ...
+    @property
+    def row_count(self) -> int: ...
+    def agents_at(self, time_s: float) -> PoseColumns: ...
+    def agents_near(self, east_m: float, north_m: float, radius_m: float, time_s: float) -> PoseColumns:
+        """Those whose body may reach into the disc."""
+
+class Camera:
+    """A camera that looks straight down, its image rows along the track, and its inspection window."""
+
+    def __init__(
+        self,
+        *,
+        image_px: tuple[int, int],
+        vertical_fov_rad: float,
+        window_rows: float,
+        window_columns: float | None = None,
+        window_across_per_altitude: float | None = None,
+    ) -> None:
+        """Give exactly one of `window_columns` and `window_across_per_altitude`.
+
+        Args:
+            image_px: width (across the track), height (along it).
+            vertical_fov_rad: angle between the first and the last image row, in (0, π).
+            window_rows: central share of the rows in the window, in (0, 1].
+            window_columns: central share of the columns in the window, in (0, 1].
+            window_across_per_altitude: width of the window in metres a metre of altitude, at most the footprint's.
+
+        Raises:
+            PaveTwinError: a value is out of range.
+        """
+
+    @property
+    def image_px(self) -> tuple[int, int]: ...
+    @property
+    def vertical_fov_rad(self) -> float: ...
+    @property
+    def window_rows(self) -> float: ...
+    @property
+    def window_columns(self) -> float | None: ...
+    @property
+    def window_across_per_altitude(self) -> float | None: ...
+    def window_m(self, altitude_m: float) -> tuple[float, float]:
+        """The inspection window on the ground (across the track, along it)."""
+
+class Viewpoint:
+    """Where a camera is and which way it is turned."""
+
+    def __init__(self, *, position: Point, altitude_m: float, yaw_rad: float) -> None:
+        """
+        Args:
+            position: the nadir, (east, north) in metres.
+            altitude_m: of the camera above the ground, above 0.
+            yaw_rad: the direction in which the image rows count.
+
+        Raises:
+            PaveTwinError: a value is not finite, or the altitude not above 0.
+        """
+
+    @property
+    def position(self) -> Point: ...
+    @property
+    def altitude_m(self) -> float: ...
+    @property
+    def yaw_rad(self) -> float: ...
+
+class Ground:
+    """What stands still at one altitude. Ragged arrays are given as offsets (k + 1,) into their values."""
+
+    def __init__(
+        self,
+        mesh: NavMesh,
+        *,
+        cell_m: float,
+        surface_rings: list[list[Float64Array]],
+        solid_offsets: UInt32Array,
+        solid_xy: Float64Array,
+        solid_z0: Float64Array,
+        solid_z1: Float64Array,
+        defect_centres: Float64Array,
+        defect_offsets: UInt32Array,
+        defect_points: Float64Array,
+        defect_segments: UInt32Array,
+    ) -> None: ...
+    def cell_count(self, segment: int) -> int: ...
+    def observe(self, segment: int, trace: Trace, time_s: float, camera: Camera, viewpoint: Viewpoint) -> LookColumns:
+        """One look at a segment, without a mission: which cells are candidates, and which of them are visible."""
