@@ -59,9 +59,9 @@ class _Clocked:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._flight, name)
 
-    def advance(self) -> object:
+    def advance(self, until_s: float | None = None) -> object:
         begun = time.perf_counter()
-        event = self._flight.advance()
+        event = self._flight.advance(until_s)
         self.spent_s += time.perf_counter() - begun
         return event
 
