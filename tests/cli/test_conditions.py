@@ -47,5 +47,5 @@ def test_what_does_not_fit_is_said_by_its_option(options: dict[str, Any], words:
 def test_frames_at_night_are_refused_before_the_flight() -> None:
     check_daylight(load_settings(), straight())
     night = load_settings(conditions=conditions_of(None, "02:00", None, None))
-    with pytest.raises(PaveTwinError, match=r"the sun is .* below the horizon .*; choose another time"):
+    with pytest.raises(PaveTwinError, match=r"`time` 02:00: on 2025-03-20 the sun .* below the horizon"):
         check_daylight(night, straight())

@@ -32,6 +32,7 @@ FLAGS: Final = {
     "size_px": "--size",
     "split": "--split",
     "texel_m": "--texel",
+    "time": "--time",
 }
 """By parameter, or by parameter and value where an option has no value of its own."""
 

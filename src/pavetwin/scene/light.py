@@ -104,8 +104,8 @@ class Light:
         elevation, azimuth = sun_position(when, latitude_deg=latitude_deg, longitude_deg=longitude_deg)
         if elevation <= 0:
             raise PaveTwinError(
-                f"conditions.time: on {conditions.date} at {conditions.time:%H:%M} (mean solar time) the sun is "
-                f"{-elevation:.1f}° below the horizon at latitude {latitude_deg:.2f}°; choose another time."
+                f"`time` {conditions.time:%H:%M}: on {conditions.date} the sun is then {-elevation:.1f}° below the "
+                f"horizon at latitude {latitude_deg:.2f}°; choose another time of day."
             )
         return cls(elevation, azimuth, conditions.clouds, conditions.turbidity)
 
