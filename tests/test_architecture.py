@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
@@ -200,7 +201,7 @@ def options_named_in(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def test_only_the_command_line_names_its_options() -> None:
-    later = {"mission/again.py", "policies/loading.py", "experiments/plan.py"}
+    later = {"mission/again.py"}
     sources = (path for path in PACKAGE.rglob("*.py") if room_of(path, PACKAGE) != "cli")
     sources = (path for path in sources if path.relative_to(PACKAGE).as_posix() not in later)
     named = [f"{path.relative_to(PACKAGE)}:{line}: {text}" for path in sources for line, text in options_named_in(path)]
@@ -301,6 +302,30 @@ def test_no_file_names_a_package_registry() -> None:
         text = path.read_bytes().decode("utf-8", errors="ignore").replace(CARGO_SOURCE, "").lower()
         named += [f"{path.relative_to(ROOT)}: {host}" for host in REGISTRY_HOSTS if host in text]
     assert named == []
+
+
+def imported_packages() -> set[str]:
+    """Distributions that the package imports, by a statement or by name (`import_module`, `find_spec`)."""
+    names = set()
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), str(path))):
+            if isinstance(node, ast.Import):
+                names |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                names.add(node.module)
+            elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("import_module", "find_spec"):
+                names |= {str(word.value) for word in node.args if isinstance(word, ast.Constant)}
+    holders = packages_distributions()
+    tops = {name.partition(".")[0] for name in names} - set(sys.stdlib_module_names) - {PACKAGE.name}
+    return {holder.lower() for top in tops for holder in holders.get(top, [top])}
+
+
+def test_what_a_user_installs_is_what_the_package_imports() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    required = {re.split(r"[<>=]", spec)[0].lower() for spec in project["dependencies"]}
+    imported = imported_packages()
+    assert sorted(required - imported) == [], "required, and never imported"
+    assert sorted(imported - required) == [], "imported, and not required"
 
 
 def test_the_lock_covers_what_is_asked_for() -> None:
