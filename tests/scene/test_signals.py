@@ -1,6 +1,7 @@
 """Signal heads: every approach shows the letter of its own links, as the recording has it."""
 
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -15,7 +16,6 @@ from pavetwin.traffic.record import record
 from pavetwin.traffic.recording import Recording
 from pavetwin.world.model import Furniture, FurnitureKind, World
 from pavetwin.world.roadnet import read_roadnet
-from pavetwin.world.signal_links import read_signal_links
 from pavetwin.world.signals import signals_of
 from scenes import built
 from scenes.traffic import scene_world
@@ -57,8 +57,8 @@ def test_heads_look_at_the_traffic_that_they_stop(crossroads: World) -> None:
 
 def test_heads_show_their_links_letter_at_every_step(crossroads: World, traffic: Recording) -> None:
     """Against the network: the head of the edge from the west shows what the links from that edge have."""
-    links = read_signal_links(crossroads.network_file)
-    edge_of = {link.index: link.source for link in links}
+    rows = ElementTree.parse(crossroads.network_file).getroot().iter("connection")
+    edge_of = {int(row.attrib["linkIndex"]): row.attrib["from"] for row in rows if "tl" in row.attrib}
     side = {"wc": (-1, 0), "ec": (1, 0), "sc": (0, -1), "nc": (0, 1)}
     (states,) = traffic.signals.values()
     seen = set()
@@ -132,9 +132,9 @@ def test_blinking_amber_blinks() -> None:
     assert shown == [True, False, True, False]
 
 
-def test_a_world_without_a_network_has_heads_that_show_nothing(crossroads: World, traffic: Recording) -> None:
+def test_a_world_without_connections_has_heads_that_show_nothing(crossroads: World, traffic: Recording) -> None:
     mast = Furniture("s", FurnitureKind.SIGNAL, Point(5, -5), 6.0, 0.12, np.pi / 2, 4.0, controller="c")
-    heads = heads_of(replace(crossroads, folder=None, furniture=(mast,), crossings=()), road_of(crossroads))
+    heads = heads_of(replace(crossroads, connections=(), furniture=(mast,), crossings=()), road_of(crossroads))
     assert len(heads) == 2
     assert all(not lit(drawn) for drawn in instances(heads, traffic, 3.0))
 

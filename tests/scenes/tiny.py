@@ -26,6 +26,7 @@ from pavetwin.world.model import (
     Junction,
     Segment,
     Severity,
+    Street,
     World,
 )
 
@@ -161,8 +162,11 @@ def world(
     return World(
         name="tiny",
         georeference=GeoReference(32632, 500000.0, 5000000.0),
+        left_hand=False,
+        streets=tuple(Street(s.street, s.street, "", s.edges, "", "", s.centre_line) for s in segments),
         segments=tuple(segments),
         lanes=(),
+        connections=(),
         junctions=tuple(junctions),
         crossings=(),
         buildings=tuple(buildings),

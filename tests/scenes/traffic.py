@@ -83,8 +83,11 @@ def world_on(net_file: Path, content_hash: str = "scene") -> World:
     return World(
         name=net_file.parent.name,
         georeference=GeoReference(32632, 500000.0, 5000000.0),
+        left_hand=net.left_hand,
+        streets=(),
         segments=(),
         lanes=tuple(lane for edge in net.edges.values() for lane in edge.lanes),
+        connections=net.connections,
         junctions=net.junctions,
         crossings=net.crossings,
         buildings=(),

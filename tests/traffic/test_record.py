@@ -1,6 +1,7 @@
 """Recording once: the cache, the prefix law, the same bytes, a user's own routes, and what an interruption leaves."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -34,6 +35,18 @@ def test_the_same_seed_gives_the_same_bytes_and_another_gives_others(cross: Worl
     first = bytes_of(record(cross, "medium", 0, 20.0))
     assert bytes_of(record(cross, "medium", 0, 20.0, force=True)) == first
     assert bytes_of(record(cross, "medium", 1, 20.0)) != first
+
+
+def test_traffic_runs_on_lanes_with_ids_of_the_users_own(cross: World) -> None:
+    plain = record(cross, "low", 3, 20.0)
+    text = cross.network_file.read_text(encoding="utf-8")
+    for old, new in (("wc_0", "footway"), ("wc_1", "west-7")):
+        text = re.sub(rf"\b{old}\b", new, text)
+    cross.network_file.write_text(text, encoding="utf-8")
+    renamed = record(cross, "low", 3, 20.0)
+    assert renamed.origin.inputs != plain.origin.inputs
+    assert renamed.agents.id == plain.agents.id
+    np.testing.assert_array_equal(renamed.x, plain.x)
 
 
 def test_what_was_recorded_is_used_again(cross: World) -> None:

@@ -27,14 +27,22 @@ def street_net(points: list[tuple[float, float]], lanes: int = 1, width_m: float
         for index in range(lanes):
             line = axis.offset_curve(-sign * width_m * (lanes - index - 0.5), join_style="mitre")
             made.append(
-                Lane(f"{name}_{index}", name, LaneKind.DRIVING, line if sign > 0 else line.reverse(), width_m, 13.9)
+                Lane(
+                    f"{name}_{index}",
+                    name,
+                    index,
+                    LaneKind.DRIVING,
+                    line if sign > 0 else line.reverse(),
+                    width_m,
+                    13.9,
+                )
             )
         return Edge(name, start, end, "", "", tuple(made), True)
 
     edges = {"e": edge("e", 1.0, "a", "b")}
     if both:
         edges["-e"] = edge("-e", -1.0, "b", "a")
-    return RoadNet(edges, (), (), {}, {}, False)
+    return RoadNet(edges, (), (), (), {}, {}, False)
 
 
 bends = st.lists(st.floats(-0.6, 0.6), min_size=2, max_size=12)
@@ -89,7 +97,7 @@ def test_the_two_directions_of_a_street_are_one_street(tmp_path: Path) -> None:
 def test_directions_with_a_wide_median_are_two_streets() -> None:
     net = street_net([(0, 0), (100, 0)])
     far = net.edges["-e"].lanes[0]
-    moved = Lane(far.id, far.edge, far.kind, shapely.affinity.translate(far.centre_line, 0, 8), 3.2, 13.9)
+    moved = Lane(far.id, far.edge, far.index, far.kind, shapely.affinity.translate(far.centre_line, 0, 8), 3.2, 13.9)
     edges = {**net.edges, "-e": Edge("-e", "b", "a", "", "", (moved,), True)}
     assert len(pair_edges(net.edges.values())) == 1
     assert len(pair_edges(edges.values())) == 2

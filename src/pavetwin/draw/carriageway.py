@@ -13,17 +13,12 @@ _KERB_M = 0.7
 
 def lane_lines(world: World) -> list[Float64Array]:
     """The lines between lanes: of every driving edge between its own lanes, and between the directions of a street."""
-    driven = [lane for lane in world.lanes if lane.kind is LaneKind.DRIVING]
-    lanes: dict[str, list[tuple[int, LineString, float]]] = {}
-    for lane in driven:
-        number = lane.id.rpartition("_")[2]
-        lanes.setdefault(lane.edge, []).append((int(number) if number.isdigit() else 0, lane.centre_line, lane.width_m))
-    two_way = {segment.edges[0] for segment in world.segments if len(segment.edges) > 1}
     lines: list[Geometry] = []
-    for edge, of_edge in lanes.items():
-        ordered = sorted(of_edge, key=lambda item: item[0])
-        inner = ordered if edge in two_way else ordered[:-1]
-        lines += [line.offset_curve(width / 2) for _, line, width in inner]
+    for street in world.streets:
+        for edge in street.edges:
+            lanes = world.lanes_on(edge, LaneKind.DRIVING)
+            divided = lanes if len(street.edges) > 1 and edge == street.edges[0] else lanes[:-1]
+            lines += [world.beside(lane, lane.width_m / 2) for lane in divided]
     if not lines:
         return []
     surface = shapely.union_all([shapely.buffer(segment.polygon, -_KERB_M) for segment in world.segments])

@@ -4,7 +4,6 @@ Pixel grid: x to the east, y to the south, `scale` pixels a metre, pixel (0, 0) 
 """
 
 from collections.abc import Iterator
-from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -16,7 +15,7 @@ from shapely.ops import substring
 
 from pavetwin.draw import style
 from pavetwin.world.carriageway import carriageway
-from pavetwin.world.model import Crossing, FurnitureKind, Lane, LaneKind, World
+from pavetwin.world.model import CARRIAGEWAY_LANES, Crossing, FurnitureKind, Lane, LaneKind, World
 
 TILE_PX = 512
 SMOOTHING = 3
@@ -137,17 +136,13 @@ def _strip(lane: Lane) -> BaseGeometry:
 
 def _markings(world: World) -> Iterator[BaseGeometry]:
     """Dashes between the lanes of one direction, an unbroken line between the directions."""
-    two_way = {edge for segment in world.segments if len(segment.edges) > 1 for edge in segment.edges}
-    lanes: dict[str, list[Lane]] = {}
-    for lane in world.lanes:
-        if lane.kind is not LaneKind.SIDEWALK:
-            lanes.setdefault(lane.edge, []).append(lane)
-    for edge, beside in lanes.items():
-        beside.sort(key=lambda lane: int(lane.id.rpartition("_")[2]) if lane.id.rpartition("_")[2].isdigit() else 0)
-        for lane, _ in pairwise(beside):
-            yield from _dashes(shapely.offset_curve(lane.centre_line, lane.width_m / 2))
-        if edge in two_way:
-            yield shapely.offset_curve(beside[-1].centre_line, beside[-1].width_m / 2)
+    two_way = {edge for street in world.streets if len(street.edges) > 1 for edge in street.edges}
+    for edge in dict.fromkeys(lane.edge for lane in world.lanes):
+        lanes = world.lanes_on(edge, *CARRIAGEWAY_LANES)
+        for lane in lanes[:-1]:
+            yield from _dashes(world.beside(lane, lane.width_m / 2))
+        if edge in two_way and lanes:
+            yield world.beside(lanes[-1], lanes[-1].width_m / 2)
 
 
 def _dashes(line: BaseGeometry) -> Iterator[BaseGeometry]:

@@ -66,12 +66,16 @@ class MapTransform:
         shape = self.shape
         return replace(
             world,
+            streets=tuple(replace(s, centre_line=shape(s.centre_line)) for s in world.streets if near(s.centre_line)),
             segments=tuple(
                 replace(s, polygon=shape(s.polygon), centre_line=shape(s.centre_line))
                 for s in world.segments
                 if near(s.polygon)
             ),
             lanes=tuple(replace(e, centre_line=shape(e.centre_line)) for e in world.lanes if near(e.centre_line)),
+            connections=tuple(
+                replace(c, centre_line=shape(c.centre_line)) for c in world.connections if near(c.centre_line)
+            ),
             junctions=tuple(replace(j, polygon=shape(j.polygon)) for j in world.junctions if near(j.polygon)),
             crossings=tuple(replace(c, polygon=shape(c.polygon)) for c in world.crossings if near(c.polygon)),
             buildings=tuple(replace(b, polygon=shape(b.polygon)) for b in world.buildings if near(b.polygon)),

@@ -1,7 +1,7 @@
 """Signal heads: where they hang, and which of their lamps is lit at a time.
 
 A mast stands at the end of the edge whose traffic it stops, with a head low on the mast and one at the arm's end;
-people have a head at each end of a crossing. The network's links say which letter of SUMO's state a head shows.
+people have a head at each end of a crossing. The world's connections say which letter of SUMO's state a head shows.
 """
 
 import bisect
@@ -20,8 +20,17 @@ from pavetwin.scene.agents import upright
 from pavetwin.scene.model import TINTS, Instance
 from pavetwin.scene.models import BODY
 from pavetwin.traffic.recording import Recording
-from pavetwin.world.model import Crossing, Furniture, FurnitureKind, Lane, LaneKind, World
-from pavetwin.world.signal_links import SignalLink, read_signal_links
+from pavetwin.world.model import (
+    CARRIAGEWAY_LANES,
+    Connection,
+    Crossing,
+    Direction,
+    Furniture,
+    FurnitureKind,
+    Lane,
+    SignalLink,
+    World,
+)
 
 VEHICLES: Final = "signal_head"
 WALKERS: Final = "signal_pedestrian"
@@ -63,7 +72,7 @@ class Head:
     """(4, 4); the model's x axis points at those who are to see it."""
     controller: str
     link: int | None
-    """The letter of the controller's state that it shows; None where the network does not say."""
+    """The letter of the controller's state that it shows; None where no connection says which."""
 
     @property
     def x_m(self) -> float:
@@ -79,7 +88,7 @@ class Head:
 
 
 def heads_of(world: World, road: BaseGeometry) -> tuple[Head, ...]:
-    """All signal heads of a world. Without a network beside it they show nothing, and there are none for people.
+    """All signal heads of a world. In a world without connections those on masts show nothing.
 
     Args:
         world: the world.
@@ -88,19 +97,18 @@ def heads_of(world: World, road: BaseGeometry) -> tuple[Head, ...]:
     masts = [thing for thing in world.furniture if thing.kind is FurnitureKind.SIGNAL]
     if not masts:
         return ()
-    has_network = world.folder is not None and world.network_file.is_file()
-    links = read_signal_links(world.network_file) if has_network else ()
-    by_edge: defaultdict[tuple[str, str], list[SignalLink]] = defaultdict(list)
-    for link in links:
-        by_edge[link.controller, link.source].append(link)
+    edge_of = {lane.id: lane.edge for lane in world.lanes}
+    by_edge: defaultdict[tuple[str, str], list[Connection]] = defaultdict(list)
+    for connection in world.connections:
+        if connection.signal is not None:
+            by_edge[connection.signal.controller, edge_of[connection.from_lane]].append(connection)
     kerb_lanes = _kerb_lanes(world)
     heads: list[Head] = []
     for mast in masts:
         heads += _on_mast(mast, by_edge, kerb_lanes)
-    to_crossing = {link.target: link for link in links if link.target.startswith(":")}
     for crossing in world.crossings:
-        if crossing.id in to_crossing:
-            heads += _at_crossing(crossing, to_crossing[crossing.id], road)
+        if crossing.signal is not None:
+            heads += _at_crossing(crossing, crossing.signal, road)
     return tuple(heads)
 
 
@@ -136,15 +144,15 @@ def _lit_slots(shown: str, time_s: float) -> tuple[int, ...]:
 
 
 def _on_mast(
-    mast: Furniture, links: Mapping[tuple[str, str], list[SignalLink]], kerb_lanes: Mapping[str, Lane]
+    mast: Furniture, connections: Mapping[tuple[str, str], list[Connection]], kerb_lanes: Mapping[str, Lane]
 ) -> Iterator[Head]:
     """The two heads of a mast, turned towards the traffic of its edge."""
-    edges = [edge for controller, edge in links if controller == mast.controller and edge in kerb_lanes]
+    edges = [edge for controller, edge in connections if controller == mast.controller and edge in kerb_lanes]
     edge = min(edges, key=lambda name: _misfit(mast, kerb_lanes[name]), default=None)
     if edge is None:
         facing, link = mast.yaw_rad + math.pi / 2, None
     else:
-        facing, link = _heading(kerb_lanes[edge]) + math.pi, _through(links[mast.controller, edge])
+        facing, link = _heading(kerb_lanes[edge]) + math.pi, _through(connections[mast.controller, edge])
     x, y = mast.position.x, mast.position.y
     ahead = (math.cos(facing), math.sin(facing))
     out = mast.radius_m + 0.02
@@ -157,11 +165,8 @@ def _on_mast(
 
 def _kerb_lanes(world: World) -> Mapping[str, Lane]:
     """Edge → its carriageway's lane next to the kerb."""
-    lanes: dict[str, Lane] = {}
-    for lane in world.lanes:
-        if lane.kind is not LaneKind.SIDEWALK:
-            lanes.setdefault(lane.edge, lane)
-    return lanes
+    lanes = {edge: world.lanes_on(edge, *CARRIAGEWAY_LANES) for edge in {lane.edge for lane in world.lanes}}
+    return {edge: of_edge[0] for edge, of_edge in lanes.items() if of_edge}
 
 
 def _heading(lane: Lane) -> float:
@@ -176,16 +181,23 @@ def _misfit(mast: Furniture, lane: Lane) -> float:
     return math.hypot(mast.position.x - end[0], mast.position.y - end[1]) + 4 * abs(math.cos(turn))
 
 
-def _through(links: Sequence[SignalLink]) -> int:
+def _through(connections: Sequence[Connection]) -> int | None:
     """The link straight on, else the first that there is: what most drivers go by."""
-    order = {"s": 0, "r": 1, "R": 1, "l": 2, "L": 2}
-    return min(links, key=lambda link: (order.get(link.direction, 3), link.index)).index
+    order = {
+        Direction.STRAIGHT: 0,
+        Direction.RIGHT: 1,
+        Direction.PARTLY_RIGHT: 1,
+        Direction.LEFT: 2,
+        Direction.PARTLY_LEFT: 2,
+    }
+    ranked = [(order.get(each.direction, 3), each.signal.link) for each in connections if each.signal is not None]
+    return min(ranked)[1] if ranked else None
 
 
-def _at_crossing(crossing: Crossing, link: SignalLink, road: BaseGeometry) -> Iterator[Head]:
+def _at_crossing(crossing: Crossing, signal: SignalLink, road: BaseGeometry) -> Iterator[Head]:
     """A head beyond each end of a crossing, beside it, turned to who comes across."""
     for corner, facing in walker_poles(crossing, road):
-        yield Head(WALKERS, upright(*corner, facing, z_m=WALKER_HEAD_M), link.controller, link.index)
+        yield Head(WALKERS, upright(*corner, facing, z_m=WALKER_HEAD_M), signal.controller, signal.link)
 
 
 def walker_poles(crossing: Crossing, road: BaseGeometry) -> Iterator[tuple[tuple[float, float], float]]:

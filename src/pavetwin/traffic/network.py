@@ -54,15 +54,16 @@ def read_roads(sumo: Any) -> Roads:
     ids: list[str] = []
     length, lanes, speed = [], [], []
     following: dict[str, set[str]] = {}
+    lanes_of = _lanes_of(sumo)
     for edge in _edges(sumo):
-        driving = [lane for lane in _lanes(sumo, edge) if _allows(sumo, lane, "passenger")]
+        driving = [lane for lane in lanes_of[edge] if _allows(sumo, lane, "passenger")]
         if not driving:
             continue
         ids.append(edge)
         lanes.append(len(driving))
         length.append(float(sumo.lane.getLength(driving[0])))
         speed.append(float(sumo.lane.getMaxSpeed(driving[0])))
-        following[edge] = {link[0].rsplit("_", 1)[0] for lane in driving for link in sumo.lane.getLinks(lane)}
+        following[edge] = {sumo.lane.getEdgeID(link[0]) for lane in driving for link in sumo.lane.getLinks(lane)}
     ends = {edge: (sumo.edge.getFromJunction(edge), sumo.edge.getToJunction(edge)) for edge in ids}
     onward = {edge: [other for other in following[edge] if ends.get(other) != ends[edge][::-1]] for edge in ids}
     reached = {other for edge in ids for other in onward[edge]}
@@ -86,9 +87,11 @@ def read_sidewalks(sumo: Any) -> Sidewalks:
     inside: dict[str, str] = {}
     touching: list[tuple[str, str]] = []
     walks: list[str] = []
+    lanes_of = _lanes_of(sumo)
     for edge in _edges(sumo):
-        lanes = _lanes(sumo, edge)
-        walk = next((x for x in lanes if _allows(sumo, x, "pedestrian") and not _allows(sumo, x, "passenger")), None)
+        walk = next(
+            (x for x in lanes_of[edge] if _allows(sumo, x, "pedestrian") and not _allows(sumo, x, "passenger")), None
+        )
         if walk is not None:
             ids.append(edge)
             walks.append(walk)
@@ -137,8 +140,12 @@ def _edges(sumo: Any) -> list[str]:
     return [edge for edge in sumo.edge.getIDList() if edge[0] != ":"]
 
 
-def _lanes(sumo: Any, edge: str) -> list[str]:
-    return [f"{edge}_{i}" for i in range(sumo.edge.getLaneNumber(edge))]
+def _lanes_of(sumo: Any) -> dict[str, list[str]]:
+    """The lanes of each edge: in the order of their indices where ids end with those, as netconvert's do."""
+    lanes: dict[str, list[str]] = defaultdict(list)
+    for lane in sorted(sumo.lane.getIDList(), key=lambda lane: (len(lane), lane)):
+        lanes[sumo.lane.getEdgeID(lane)].append(lane)
+    return lanes
 
 
 def _is_path(lane: str) -> bool:

@@ -167,8 +167,11 @@ def _build(prepared: _Source, network: bytes, net: RoadNet, options: BuildOption
         World(
             name=Path(prepared.record.source).name.split(".")[0],
             georeference=georeference,
+            left_hand=net.left_hand,
+            streets=tuple(surface.street for surface in streets),
             segments=segments,
             lanes=_lanes(net),
+            connections=net.connections,
             junctions=net.junctions,
             crossings=net.crossings,
             buildings=buildings,

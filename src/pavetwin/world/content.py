@@ -22,7 +22,7 @@ from pavetwin.world.model import World
 STEPS_PER_METRE = 2**20
 Geometry = TypeVar("Geometry", bound=BaseGeometry)
 
-HASHED = ("segments", "lanes", "junctions", "crossings", "buildings", "furniture", "parks")
+HASHED = ("streets", "segments", "lanes", "connections", "junctions", "crossings", "buildings", "furniture", "parks")
 """Fields of a world that name what a trace or a navmesh was made for; defects are not among them."""
 
 COLLECTIONS = (*HASHED, "defects")
@@ -63,10 +63,11 @@ def _snapped_item(item: Any) -> Any:
 
 
 def content_hash(world: World, network_sha256: str) -> str:
-    """SHA-256 over the georeference, the base, the network and everything that stands still, but the defects."""
+    """SHA-256 over the georeference, the driving side, the base, the network and all that stands still but defects."""
     digest = hashlib.sha256()
     place = world.georeference
-    digest.update(json.dumps([place.epsg, place.offset_east_m, place.offset_north_m, network_sha256]).encode())
+    frame = [place.epsg, place.offset_east_m, place.offset_north_m, world.left_hand, network_sha256]
+    digest.update(json.dumps(frame).encode())
     digest.update(_wkb(world.base))
     for name in HASHED:
         digest.update(name.encode())
@@ -80,9 +81,14 @@ def _parts(item: Any) -> Iterator[bytes]:
     if isinstance(item, BaseGeometry):
         yield _wkb(item)
         return
-    values = [getattr(item, field.name) for field in fields(item)]
+    values = [_without_minus_zero(getattr(item, field.name)) for field in fields(item)]
     yield json.dumps([value for value in values if not isinstance(value, BaseGeometry)], ensure_ascii=False).encode()
     yield from (_wkb(value) for value in values if isinstance(value, BaseGeometry))
+
+
+def _without_minus_zero(value: Any) -> Any:
+    """A GeoPackage returns −0 as 0."""
+    return value + 0.0 if isinstance(value, float) else value
 
 
 def _wkb(geometry: BaseGeometry) -> bytes:

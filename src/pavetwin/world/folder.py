@@ -5,7 +5,7 @@ from typing import Any
 
 from pavetwin.errors import PaveTwinError
 
-FORMAT = 2
+FORMAT = 3
 """Of the folder; raised when a world written before cannot be read any more."""
 
 DESCRIPTION, GEOPACKAGE, NETWORK = "world.yaml", "world.gpkg", "roads.net.xml"

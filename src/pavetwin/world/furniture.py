@@ -32,7 +32,7 @@ from pavetwin.world.osm import MappedPoint
 from pavetwin.world.roadnet import RoadNet
 from pavetwin.world.segments import segment_key
 from pavetwin.world.signals import signals_of, signs_of
-from pavetwin.world.streets import Street
+from pavetwin.world.streets import StreetSurface
 
 LIGHT_SPACING, LIGHT_HEIGHT, LIGHT_ARM, LIGHT_SETBACK = 30.0, 8.0, 1.5, 0.6
 POLE_SPACING, POLE_HEIGHT, POLE_SETBACK = 40.0, 9.0, 0.5
@@ -109,7 +109,7 @@ class Placed:
 
 def furnish(
     net: RoadNet,
-    streets: Sequence[Street],
+    streets: Sequence[StreetSurface],
     segments: Sequence[Segment],
     ground: Ground,
     buildings: Iterable[Building],
@@ -134,7 +134,7 @@ def furnish(
     for segment in segments:
         _place_lights(placed, segment, child(seed, Stream.FURNITURE, KEY, segment_key(segment), 0))
     calm = {edge.id for edge in net.edges.values() if _is_calm([lane.speed_limit_mps for lane in edge.carriageway])}
-    keys = {edge.id: street.key for street in streets for edge in street.edges}
+    keys = {edge.id: street.street.key for street in streets for edge in street.edges}
     for segment in segments:
         if calm.issuperset(segment.edges):
             street_rng = child(seed, Stream.FURNITURE, KEY, keys[segment.edges[0]], 1)

@@ -4,16 +4,20 @@ The world frame is east-north-up in metres. It is the frame of the SUMO network 
 the network and in the world is the same pair of numbers. `GeoReference` carries it to WGS 84.
 """
 
+import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+import shapely
 from pyproj import Transformer
 from shapely import LineString, MultiPolygon, Point, Polygon
+from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float64Array
 from pavetwin.errors import PaveTwinError, nearest_name
@@ -47,12 +51,18 @@ class LaneKind(StrEnum):
     BICYCLE = "bicycle"
 
 
+CARRIAGEWAY_LANES = (LaneKind.DRIVING, LaneKind.BICYCLE)
+"""Kinds of lanes that a carriageway is made of."""
+
+
 @dataclass(frozen=True, slots=True)
 class Lane:
     """One lane of a SUMO edge, between its junctions."""
 
     id: str
     edge: str
+    index: int
+    """SUMO's: 0 at the kerb, rising towards the middle of the street."""
     kind: LaneKind
     centre_line: LineString
     width_m: float
@@ -61,6 +71,75 @@ class Lane:
     @property
     def length_m(self) -> float:
         return float(self.centre_line.length)
+
+
+@dataclass(frozen=True, slots=True)
+class Street:
+    """One street between two junctions: one directed SUMO edge, or two that run beside each other."""
+
+    id: str
+    """The ids of its edges, joined by spaces; it does not depend on other streets."""
+    name: str
+    """On the map, or its edge's id when it has none."""
+    kind: str
+    """SUMO's edge type, such as `highway.residential`; empty where the source gives none."""
+    edges: tuple[str, ...]
+    """The directed edges; the centre line runs along the first, the second runs back."""
+    start: str
+    """The junction at which the centre line begins."""
+    end: str
+    """The junction at which the centre line ends."""
+    centre_line: LineString
+    """Of the carriageway, from junction to junction."""
+
+    @property
+    def length_m(self) -> float:
+        return float(self.centre_line.length)
+
+    @property
+    def key(self) -> int:
+        """A number made of the id alone: for this street's children of a seed."""
+        return zlib.crc32(self.id.encode())
+
+    def end_of(self, edge: str) -> str:
+        """The junction that one of its edges leads to."""
+        return self.end if edge == self.edges[0] else self.start
+
+
+class Direction(StrEnum):
+    """Where a connection leads, as SUMO computed it."""
+
+    STRAIGHT = "straight"
+    LEFT = "left"
+    RIGHT = "right"
+    PARTLY_LEFT = "partly_left"
+    PARTLY_RIGHT = "partly_right"
+    TURNAROUND = "turnaround"
+    UNKNOWN = "unknown"
+
+
+class SignalLink(NamedTuple):
+    """One letter of a traffic light's state."""
+
+    controller: str
+    """SUMO's id of the traffic light."""
+    link: int
+    """The place of the letter, from 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class Connection:
+    """One way across a junction: from the end of a lane to the beginning of another."""
+
+    from_lane: str
+    to_lane: str
+    direction: Direction
+    signal: SignalLink | None
+    """What controls it; None where no traffic light does."""
+    via: str
+    """SUMO's internal lane on which it begins; empty in a network without internal lanes."""
+    centre_line: LineString
+    """From the end of the one lane along SUMO's internal lanes to the beginning of the other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +180,12 @@ class Crossing:
 
     id: str
     polygon: Polygon
-    signalled: bool
+    signal: SignalLink | None
+    """What people who cross wait for; None where no traffic light controls it."""
+
+    @property
+    def signalled(self) -> bool:
+        return self.signal is not None
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,8 +299,15 @@ class World:
 
     name: str
     georeference: GeoReference
+    left_hand: bool
+    """Traffic keeps left."""
+    streets: tuple[Street, ...]
+    """In the order of their segments."""
     segments: tuple[Segment, ...]
     lanes: tuple[Lane, ...]
+    """Sidewalks last."""
+    connections: tuple[Connection, ...]
+    """Between the lanes above, in the network's order."""
     junctions: tuple[Junction, ...]
     crossings: tuple[Crossing, ...]
     buildings: tuple[Building, ...]
@@ -247,6 +338,33 @@ class World:
                 f"No segment '{segment_id}' in the world '{self.name}'"
                 f"{nearest_name(segment_id, self._segment_by_id)}. `pavetwin world show` draws their names."
             ) from None
+
+    @cached_property
+    def _junction_by_id(self) -> dict[str, Junction]:
+        return {junction.id: junction for junction in self.junctions}
+
+    def junction(self, junction_id: str) -> Junction | None:
+        """The junction of that id; None where it has no surface, as at many dead ends."""
+        return self._junction_by_id.get(junction_id)
+
+    @cached_property
+    def _lanes_by_edge(self) -> dict[str, tuple[Lane, ...]]:
+        by_edge: dict[str, list[Lane]] = {}
+        for lane in self.lanes:
+            by_edge.setdefault(lane.edge, []).append(lane)
+        return {edge: tuple(sorted(lanes, key=lambda lane: lane.index)) for edge, lanes in by_edge.items()}
+
+    def lanes_on(self, edge: str, *kinds: LaneKind) -> tuple[Lane, ...]:
+        """The lanes of a directed edge from the kerb to the middle of the street, of some kinds or of all."""
+        lanes = self._lanes_by_edge.get(edge, ())
+        return tuple(lane for lane in lanes if lane.kind in kinds) if kinds else lanes
+
+    def beside(self, lane: Lane, towards_middle_m: float) -> BaseGeometry:
+        """A lane's centre line moved towards the middle of its street; below 0 towards the kerb."""
+        line: BaseGeometry = shapely.offset_curve(
+            lane.centre_line, -towards_middle_m if self.left_hand else towards_middle_m
+        )
+        return line
 
     def defects_of(self, segment_id: str) -> Iterator[Defect]:
         return (defect for defect in self.defects if defect.segment == segment_id)

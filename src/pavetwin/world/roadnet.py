@@ -1,7 +1,7 @@
-"""A SUMO network as typed values: edges with lanes, junctions, crossings and what its traffic lights control.
+"""A SUMO network as typed values: edges with lanes, junctions, crossings, connections and traffic lights.
 
-Only what the world needs is read; internal lanes and requests are left out. Coordinates are metres in the network's
-frame, which is the world frame.
+It is the one reader of a world's network. Only what the world needs is read; requests and signal programs are left
+out. Coordinates are metres in the network's frame, which is the world frame.
 """
 
 from collections.abc import Iterator, Mapping
@@ -12,7 +12,8 @@ from xml.etree.ElementTree import Element, ParseError, iterparse
 from shapely import LineString, Polygon
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.world.model import Crossing, Junction, Lane, LaneKind
+from pavetwin.world.connections import ConnectionReader, points_of
+from pavetwin.world.model import Connection, Crossing, Junction, Lane, LaneKind
 
 DEFAULT_LANE_WIDTH = 3.2
 """SUMO's width of a lane without one of its own [m]."""
@@ -23,7 +24,7 @@ MOTOR = frozenset({"passenger", "private", "taxi", "bus", "coach", "delivery", "
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """A directed edge between two junctions; lane 0 is the one next to the kerb."""
+    """A directed edge between two junctions; its lanes begin at the kerb."""
 
     id: str
     start: str
@@ -50,6 +51,8 @@ class RoadNet:
     edges: dict[str, Edge]
     junctions: tuple[Junction, ...]
     crossings: tuple[Crossing, ...]
+    connections: tuple[Connection, ...]
+    """Between the lanes of the edges."""
     signalled: dict[str, str]
     """Edge → the SUMO traffic light at its end."""
     location: dict[str, str]
@@ -81,6 +84,7 @@ def read_roadnet(path: Path, shown_as: str | None = None) -> RoadNet:
             if depth == 1:
                 reader.take(element)
                 element.clear()
+        return reader.result()
     except ParseError as error:
         raise PaveTwinError(
             f"'{shown}' is not readable as XML ({error}); it may be cut short: fetch or convert it again."
@@ -91,13 +95,13 @@ def read_roadnet(path: Path, shown_as: str | None = None) -> RoadNet:
         raise PaveTwinError(
             f"'{shown}' is no complete SUMO network ({error}); make it anew with netconvert."
         ) from error
-    return reader.result()
 
 
 class _Reader:
     def __init__(self) -> None:
         self.left_hand = False
         self.edges: dict[str, Edge] = {}
+        self.connections = ConnectionReader()
         self.junctions: list[Junction] = []
         self.crossings: list[tuple[str, Polygon]] = []
         self.signalled: dict[str, str] = {}
@@ -107,20 +111,26 @@ class _Reader:
         match element.tag:
             case "location":
                 self.location = dict(element.attrib)
-            case "edge" if not element.get("function") or element.get("function") == "normal":
-                edge = _edge(element)
-                self.edges[edge.id] = edge
-            case "edge" if element.get("function") == "crossing":
-                self.crossings += _crossing(element)
+            case "edge":
+                self.connections.take_edge(element)
+                self._take_edge(element)
             case "junction" if element.get("type") != "internal":
                 self._take_junction(element)
-            case "connection" if controller := element.get("tl"):
-                self.signalled[element.attrib["from"]] = controller
-                if element.attrib["to"].startswith(":"):  # a crossing, entered from a walking area
-                    self.signalled[element.attrib["to"]] = controller
+            case "connection":
+                self.connections.take_connection(element)
+                if controller := element.get("tl"):
+                    self.signalled[element.attrib["from"]] = controller
+
+    def _take_edge(self, element: Element) -> None:
+        match element.get("function") or "normal":
+            case "normal":
+                edge = _edge(element)
+                self.edges[edge.id] = edge
+            case "crossing":
+                self.crossings += _crossing(element)
 
     def _take_junction(self, element: Element) -> None:
-        corners = _points(element.get("shape", ""))
+        corners = points_of(element.get("shape", ""))
         if len(corners) < 3:
             return
         polygon = Polygon(corners).buffer(0)
@@ -130,23 +140,21 @@ class _Reader:
             self.junctions.append(Junction(element.attrib["id"], element.attrib["type"], largest))
 
     def result(self) -> RoadNet:
-        crossings = tuple(Crossing(name, polygon, name in self.signalled) for name, polygon in self.crossings)
-        signalled = {edge: light for edge, light in self.signalled.items() if edge in self.edges}
-        return RoadNet(self.edges, tuple(self.junctions), crossings, signalled, self.location, self.left_hand)
-
-
-def _points(shape: str) -> list[tuple[float, float]]:
-    points: list[tuple[float, float]] = []
-    for point in shape.split():
-        x, y = point.split(",")[:2]
-        if not points or points[-1] != (float(x), float(y)):
-            points.append((float(x), float(y)))
-    return points
+        signals = self.connections.crossing_signals
+        return RoadNet(
+            edges=self.edges,
+            junctions=tuple(self.junctions),
+            crossings=tuple(Crossing(name, polygon, signals.get(name)) for name, polygon in self.crossings),
+            connections=self.connections.result(lane for edge in self.edges.values() for lane in edge.lanes),
+            signalled={edge: light for edge, light in self.signalled.items() if edge in self.edges},
+            location=self.location,
+            left_hand=self.left_hand,
+        )
 
 
 def _crossing(element: Element) -> Iterator[tuple[str, Polygon]]:
     for lane in element.iter("lane"):
-        points = _points(lane.attrib["shape"])
+        points = points_of(lane.attrib["shape"])
         if len(points) < 2:
             continue
         width = float(lane.get("width", "4"))
@@ -163,13 +171,14 @@ def _edge(element: Element) -> Edge:
         allowed = _allows(lane.attrib)
         kind = _kind(lane.attrib)
         for_cars = for_cars or allowed("passenger")
-        points = _points(lane.attrib["shape"])
+        points = points_of(lane.attrib["shape"])
         if kind is None or len(points) < 2:
             continue
         lanes.append(
             Lane(
                 id=lane.attrib["id"],
                 edge=name,
+                index=int(lane.attrib["index"]),
                 kind=kind,
                 centre_line=LineString(points),
                 width_m=float(lane.get("width", str(DEFAULT_LANE_WIDTH))),
@@ -182,7 +191,7 @@ def _edge(element: Element) -> Edge:
         end=element.attrib["to"],
         name=element.get("name", "").strip(),
         type=element.get("type", ""),
-        lanes=tuple(lanes),
+        lanes=tuple(sorted(lanes, key=lambda lane: lane.index)),
         for_cars=for_cars,
     )
 

@@ -15,14 +15,16 @@ from shapely import LineString, Polygon
 from shapely.ops import split, substring
 
 from pavetwin.world.model import Segment, Surface
-from pavetwin.world.streets import Street, polygons_of, surface_of
+from pavetwin.world.streets import StreetSurface, polygons_of, surface_of
 
 DEFAULT_SEGMENT_LENGTH = 135.0
 MIN_SEGMENT_LENGTH = 20.0
 """No piece is shorter, unless its whole street is [m]."""
 
 
-def segments_of(streets: Iterable[Street], segment_length_m: float = DEFAULT_SEGMENT_LENGTH) -> tuple[Segment, ...]:
+def segments_of(
+    streets: Iterable[StreetSurface], segment_length_m: float = DEFAULT_SEGMENT_LENGTH
+) -> tuple[Segment, ...]:
     """Segments `s0001` … in the order of the streets, and along each street's centre line.
 
     Raises:
@@ -36,8 +38,8 @@ def segments_of(streets: Iterable[Street], segment_length_m: float = DEFAULT_SEG
             segments.append(
                 Segment(
                     id=f"s{len(segments) + 1:04d}",
-                    street=street.name,
-                    edges=tuple(edge.id for edge in street.edges),
+                    street=street.street.name,
+                    edges=street.street.edges,
                     centre_line=line,
                     polygon=polygon,
                     width_m=round(float(polygon.area) / line.length, 3),
@@ -47,7 +49,7 @@ def segments_of(streets: Iterable[Street], segment_length_m: float = DEFAULT_SEG
     return tuple(segments)
 
 
-def pieces_of(street: Street, segment_length_m: float) -> Iterator[tuple[LineString, Surface]]:
+def pieces_of(street: StreetSurface, segment_length_m: float) -> Iterator[tuple[LineString, Surface]]:
     """The pieces of a street's centre line, each with its part of the carriageway."""
     count = math.ceil(street.length_m / segment_length_m - 1e-9)
     if count <= 1:
@@ -71,7 +73,7 @@ def _joined(parts: list[Polygon]) -> Surface:
     return surface_of(polygons_of(union) if abs(union.area - area) < 1e-6 * area else parts)
 
 
-def _cut(street: Street, stations: Iterable[float]) -> list[Polygon]:
+def _cut(street: StreetSurface, stations: Iterable[float]) -> list[Polygon]:
     """The street's polygons, cut across at the stations (metres along the centre line)."""
     reach = shapely.hausdorff_distance(street.polygon.boundary, street.centre_line) + 1.0
     parts = polygons_of(street.polygon)

@@ -9,7 +9,7 @@ from shapely import Point
 from pavetwin.world.model import Furniture, FurnitureKind
 from pavetwin.world.roadnet import Edge, RoadNet
 from pavetwin.world.segments import direction_at, point_at
-from pavetwin.world.streets import Street
+from pavetwin.world.streets import StreetSurface
 
 SIGNAL_HEIGHT = 6.0
 """Underside of the arm above the road [m]; 5.5 is the least that is allowed over a road."""
@@ -35,11 +35,13 @@ def signals_of(net: RoadNet, radius_m: float) -> Iterator[list[Furniture]]:
         ]
 
 
-def signs_of(net: RoadNet, streets: Sequence[Street], height_m: float, radius_m: float) -> Iterator[list[Furniture]]:
+def signs_of(
+    net: RoadNet, streets: Sequence[StreetSurface], height_m: float, radius_m: float
+) -> Iterator[list[Furniture]]:
     """For every unsignalled approach to a junction of three or more streets the places of its sign, best first."""
     arms: dict[str, int] = {}
     for street in streets:
-        for end in {street.edges[0].start, street.edges[0].end}:
+        for end in {street.street.start, street.street.end}:
             arms[end] = arms.get(end, 0) + 1
     for street in streets:
         for edge in street.edges:

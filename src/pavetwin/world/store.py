@@ -25,6 +25,9 @@ from pavetwin.world.folder import (
 )
 from pavetwin.world.model import GeoReference, World
 
+COUNTED = ("streets", "segments", "connections", "buildings", "furniture", "defects")
+"""Collections whose sizes the description tells."""
+
 
 def save_world(built: Built, folder: str | Path, *, force: bool = False) -> World:
     """Write a world as a folder, whole or not at all, and return it with its name and place.
@@ -56,8 +59,9 @@ def _description(built: Built) -> dict[str, Any]:
             "offset_east_m": place.offset_east_m,
             "offset_north_m": place.offset_north_m,
         },
+        "left_hand": world.left_hand,
         "base": {"east_m": world.base.x, "north_m": world.base.y, "longitude": lon, "latitude": lat},
-        "counts": {name: len(getattr(world, name)) for name in ("segments", "buildings", "furniture", "defects")},
+        "counts": {name: len(getattr(world, name)) for name in COUNTED},
     }
 
 
@@ -76,11 +80,21 @@ def load_world(folder: str | Path) -> World:
     try:
         place = description["georeference"]
         georeference = GeoReference(int(place["epsg"]), float(place["offset_east_m"]), float(place["offset_north_m"]))
+        left_hand = description["left_hand"]
+        if not isinstance(left_hand, bool):
+            raise TypeError(f"left_hand, which is '{left_hand}' and not true or false")
         base = Point(*(float(description["base"][key]) for key in ("east_m", "north_m")))
     except (KeyError, TypeError, ValueError) as error:
         raise PaveTwinError(f"'{folder / DESCRIPTION}' is damaged (at {error}); {rebuild_hint(folder)}") from error
     layers = read_layers(folder / GEOPACKAGE, georeference, rebuild_hint(folder))
-    world = World(name=folder.absolute().name, georeference=georeference, base=base, folder=folder.absolute(), **layers)
+    world = World(
+        name=folder.absolute().name,
+        georeference=georeference,
+        left_hand=left_hand,
+        base=base,
+        folder=folder.absolute(),
+        **layers,
+    )
     with (folder / NETWORK).open("rb") as stream:
         network = sha256(iter(lambda: stream.read(1 << 20), b""))
     return replace(world, content_hash=content_hash(world, network))

@@ -1,19 +1,18 @@
-"""Streets: the two directed edges of a road joined to one carriageway with a centre line and a polygon.
+"""Streets from a network: the directed edges of a road joined to one carriageway, with a centre line and a polygon.
 
 The carriageway is the driving and bicycle lanes; sidewalks are not part of it. Metres, world frame.
 """
 
 import math
-import zlib
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 from shapely import LineString, MultiPolygon, Polygon, STRtree
 
 from pavetwin.arrays import Float64Array
-from pavetwin.world.model import Lane, LaneKind, Surface
+from pavetwin.world.model import Lane, LaneKind, Street, Surface
 from pavetwin.world.roadnet import Edge, RoadNet
 
 MAX_MEDIAN = 3.0
@@ -27,30 +26,27 @@ CLOSING = 0.3
 
 
 @dataclass(frozen=True, slots=True)
-class Street:
-    """One street between two junctions. The centre line runs along the first edge."""
+class StreetSurface:
+    """A street with its edges as the network has them and the polygon of its carriageway."""
 
-    name: str
+    street: Street
     edges: tuple[Edge, ...]
-    centre_line: LineString
     polygon: Surface
-    left_hand: bool
+
+    @property
+    def centre_line(self) -> LineString:
+        return self.street.centre_line
 
     @property
     def length_m(self) -> float:
-        return float(self.centre_line.length)
+        return self.street.length_m
 
     @property
     def lanes(self) -> int:
         return sum(lane.kind is LaneKind.DRIVING for edge in self.edges for lane in edge.lanes)
 
-    @property
-    def key(self) -> int:
-        """A number that names this street whatever other streets there are: for its children of the seed."""
-        return zlib.crc32(" ".join(edge.id for edge in self.edges).encode())
 
-
-def streets_of(net: RoadNet) -> tuple[Street, ...]:
+def streets_of(net: RoadNet) -> tuple[StreetSurface, ...]:
     """All streets for cars of at least 8 m, by name and then along its main direction; polygons are disjoint."""
     streets = [_street(edges, net.left_hand) for edges in pair_edges(net.edges.values())]
     kept = [street for street in streets if street.length_m >= MIN_STREET and street.polygon.area > 0]
@@ -93,17 +89,21 @@ def _median_m(edge: Edge, other: Edge) -> float:
     return float(np.median(apart)) - (inner.width_m + facing.width_m) / 2
 
 
-def _street(edges: tuple[Edge, ...], left_hand: bool) -> Street:
+def _street(edges: tuple[Edge, ...], left_hand: bool) -> StreetSurface:
     first = edges[0]
+    ids = tuple(edge.id for edge in edges)
     lanes = [lane for edge in edges for lane in edge.carriageway]
     gap = max(0.0, _median_m(*edges)) if len(edges) == 2 else 0.0
-    return Street(
+    street = Street(
+        id=" ".join(ids),
         name=first.name or first.id.removeprefix("-"),
-        edges=edges,
+        kind=first.type,
+        edges=ids,
+        start=first.start,
+        end=first.end,
         centre_line=middle_line(edges, left_hand),
-        polygon=lanes_polygon(lanes, CLOSING + gap / 2),
-        left_hand=left_hand,
     )
+    return StreetSurface(street, edges, lanes_polygon(lanes, CLOSING + gap / 2))
 
 
 def lanes_polygon(lanes: Sequence[Lane], closing_m: float = CLOSING) -> Surface:
@@ -172,12 +172,12 @@ def _sample(lane: Lane, count: int) -> Float64Array:
     return np.asarray(shapely.get_coordinates(points), dtype=np.float64)
 
 
-def _in_order(streets: list[Street]) -> list[Street]:
+def _in_order(streets: list[StreetSurface]) -> list[StreetSurface]:
     """By name; those of one name from west to east along the line through them (south to north when that is steep)."""
-    by_name: dict[str, list[Street]] = {}
+    by_name: dict[str, list[StreetSurface]] = {}
     for street in streets:
-        by_name.setdefault(street.name, []).append(street)
-    ordered: list[Street] = []
+        by_name.setdefault(street.street.name, []).append(street)
+    ordered: list[StreetSurface] = []
     for name in sorted(by_name):
         middles = np.array([street.centre_line.centroid.coords[0] for street in by_name[name]])
         spread = middles.max(axis=0) - middles.min(axis=0)
@@ -190,10 +190,10 @@ def _in_order(streets: list[Street]) -> list[Street]:
     return ordered
 
 
-def _disjoint(streets: list[Street]) -> tuple[Street, ...]:
+def _disjoint(streets: list[StreetSurface]) -> tuple[StreetSurface, ...]:
     """Cut off what an earlier street covers already: lanes overlap where SUMO's streets meet at a sharp angle."""
     tree = STRtree([street.polygon for street in streets])
-    result: list[Street] = []
+    result: list[StreetSurface] = []
     for index, street in enumerate(streets):
         earlier = [result[other].polygon for other in tree.query(street.polygon, "intersects") if other < index]
         overlapping = [other for other in earlier if street.polygon.intersection(other).area > 0.01]
@@ -201,6 +201,6 @@ def _disjoint(streets: list[Street]) -> tuple[Street, ...]:
             surface = surface_of(polygons_of(street.polygon.difference(union_of(overlapping, 1e-3))))
             if surface.area < 0.5:
                 continue
-            street = Street(street.name, street.edges, street.centre_line, surface, street.left_hand)
+            street = replace(street, polygon=surface)
         result.append(street)
     return tuple(result)

@@ -6,22 +6,25 @@ from typing import Final
 import shapely
 
 from pavetwin.arrays import Float64Array
-from pavetwin.scene.ground.turns import Turn
+from pavetwin.world.model import Direction
 
 LENGTH_M: Final = 5.0
 SHAFT_M: Final = 0.15
 
 
 @cache
-def arrow(turns: frozenset[Turn]) -> tuple[Float64Array, ...]:
-    """The outline of an arrow for some turns, (n, 2): x ahead from the shaft's foot, y to the left, metres."""
+def arrow(turns: frozenset[Direction]) -> tuple[Float64Array, ...]:
+    """The outline of an arrow whose heads point straight on, left or right.
+
+    (n, 2): x ahead from the shaft's foot, y to the left, metres.
+    """
     parts = []
-    if Turn.STRAIGHT in turns:
+    if Direction.STRAIGHT in turns:
         parts += [_box(0.0, 3.4, 0.0), shapely.Polygon([(3.3, -0.45), (LENGTH_M, 0.0), (3.3, 0.45)])]
-    for turn, side in ((Turn.LEFT, 1.0), (Turn.RIGHT, -1.0)):
+    for turn, side in ((Direction.LEFT, 1.0), (Direction.RIGHT, -1.0)):
         if turn in turns:
-            parts += _branch(side, 1.4 if Turn.STRAIGHT in turns else 2.6)
-            parts.append(_box(0.0, 2.0 if Turn.STRAIGHT in turns else 3.0, 0.0))
+            parts += _branch(side, 1.4 if Direction.STRAIGHT in turns else 2.6)
+            parts.append(_box(0.0, 2.0 if Direction.STRAIGHT in turns else 3.0, 0.0))
     whole = shapely.union_all(parts)
     return tuple(shapely.get_coordinates(shapely.get_exterior_ring(part))[:-1] for part in shapely.get_parts(whole))
 

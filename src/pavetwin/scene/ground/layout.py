@@ -15,11 +15,11 @@ from pavetwin.scene.ground.ageing import Ageing, ageing
 from pavetwin.scene.ground.edges import Edges
 from pavetwin.scene.ground.gutters import gutters_of
 from pavetwin.scene.ground.rules import MarkingRules, rules_of
-from pavetwin.scene.ground.streets import Street
-from pavetwin.scene.ground.turns import Approach, Path, Turn, paths_of
+from pavetwin.scene.ground.streets import StreetPlan
+from pavetwin.scene.ground.turns import Approach, Path, paths_of
 from pavetwin.scene.model import TILE_M
 from pavetwin.world.carriageway import carriageway
-from pavetwin.world.model import FurnitureKind, Lane, LaneKind, World
+from pavetwin.world.model import Direction, FurnitureKind, Lane, LaneKind, World
 
 CORNERS_TOUCH_M: Final = 0.6
 """A junction this near to a sidewalk has paved corners."""
@@ -69,7 +69,7 @@ class SurfaceLayout:
     """Where patches of defects replace the carriageway."""
     road: BaseGeometry
     """Segments and junctions."""
-    streets: tuple[Street, ...]
+    streets: tuple[StreetPlan, ...]
 
     @cached_property
     def road_pieces(self) -> SpatialIndex:
@@ -175,7 +175,7 @@ class SurfaceLayout:
         for path in self.paths:
             approach = path.approach
             arm = approach.junction.id, approach.lane.edge
-            straight = ranks.get(arm, (0.0, False))[1] or path.turn is Turn.STRAIGHT
+            straight = ranks.get(arm, (0.0, False))[1] or path.turn is Direction.STRAIGHT
             ranks[arm] = (10.0 * len(approach.street.lanes) + approach.lane.speed_limit_mps, straight)
         return ranks
 
@@ -187,7 +187,7 @@ class SurfaceLayout:
         rank, straight = arms.get(approach.lane.edge, (0.0, True))
         return len(arms) > 2 and (rank < max(other for other, _ in arms.values()) - 0.5 or not straight)
 
-    def ageing(self, street: Street) -> Ageing:
+    def ageing(self, street: StreetPlan) -> Ageing:
         """Age of a street's surface."""
         fresh, age, tone, paint = (self.chance(f"{what} {street.name}") for what in ("fresh", "age", "tone", "paint"))
         return ageing((fresh, age, tone, paint))

@@ -18,9 +18,9 @@ from pavetwin.scene.ground.arrows import arrow
 from pavetwin.scene.ground.layout import SurfaceLayout
 from pavetwin.scene.ground.painter import Paint, Painter
 from pavetwin.scene.ground.rules import MarkingRules
-from pavetwin.scene.ground.streets import Street, direction
-from pavetwin.scene.ground.turns import Approach, Turn
-from pavetwin.world.model import Crossing, Lane, LaneKind
+from pavetwin.scene.ground.streets import StreetPlan, direction
+from pavetwin.scene.ground.turns import Approach
+from pavetwin.world.model import Crossing, Direction, Lane, LaneKind
 
 ENDS_FREE_M: Final = 0.6
 """Lines end this far before a junction."""
@@ -70,7 +70,7 @@ class _Marker:
     def _draw(self, what: str) -> float:
         return self.plan.chance(f"marking {what}")
 
-    def _street(self, street: Street, stops: dict[str, float]) -> None:
+    def _street(self, street: StreetPlan, stops: dict[str, float]) -> None:
         """The lines along a street."""
         ageing = self.plan.ageing(street)
         two_way = len(street.ways) > 1
@@ -79,24 +79,24 @@ class _Marker:
             return
         for way in street.ways:
             for lane in way[:-1]:
-                self._between(lane, street, stops, ageing)
+                self._between(lane, stops, ageing)
             inner = way[-1]
             if two_way and way is street.ways[0]:
-                self._centre(self._left(inner, street), street, ageing)
+                self._centre(self._inner_border(inner), street, ageing)
             if not two_way and street.main and self.rules.yellow_centre:
-                edge = shapely.offset_curve(inner.centre_line, _side(street) * (inner.width_m / 2 - EDGE_LINE_M))
+                edge = self.plan.world.beside(inner, inner.width_m / 2 - EDGE_LINE_M)
                 self.painter.line(self._clear(edge), self.rules.line_m, ageing.paint_wear, yellow=True)
             if street.main and self._draw(f"edge {street.name}") < 0.3:
-                edge = shapely.offset_curve(way[0].centre_line, -_side(street) * (way[0].width_m / 2 - EDGE_LINE_M))
+                edge = self.plan.world.beside(way[0], EDGE_LINE_M - way[0].width_m / 2)
                 self.painter.line(self._clear(edge), self.rules.line_m, ageing.paint_wear)
 
-    def _left(self, lane: Lane, street: Street) -> BaseGeometry:
+    def _inner_border(self, lane: Lane) -> BaseGeometry:
         """A lane's border towards the middle of its street."""
-        return shapely.offset_curve(lane.centre_line, _side(street) * lane.width_m / 2)
+        return self.plan.world.beside(lane, lane.width_m / 2)
 
-    def _between(self, lane: Lane, street: Street, stops: dict[str, float], ageing: Ageing) -> None:
+    def _between(self, lane: Lane, stops: dict[str, float], ageing: Ageing) -> None:
         """The line between a lane and the next, solid before a stop line."""
-        border = self._left(lane, street)
+        border = self._inner_border(lane)
         stop = stops.get(lane.id, 0.0)
         near = shapely.intersection(border, self._before(lane, stop, SOLID_M)) if stop else LineString()
         far = shapely.difference(border, self._before(lane, stop, SOLID_M)) if stop else border
@@ -109,7 +109,7 @@ class _Marker:
         last = shapely.ops.substring(line, max(0.0, stop - reach_m), line.length)
         return last.buffer(lane.width_m * 0.8, cap_style="flat")
 
-    def _centre(self, border: BaseGeometry, street: Street, ageing: Ageing) -> None:
+    def _centre(self, border: BaseGeometry, street: StreetPlan, ageing: Ageing) -> None:
         """The line between the directions."""
         rules, path = self.rules, self._clear(border)
         many = max(len(way) for way in street.ways) > 1
@@ -142,7 +142,7 @@ class _Marker:
                 station = min(station, first - 1.0)
         return float(station)
 
-    def _end(self, approach: Approach, turns: frozenset[Turn], station: float) -> None:
+    def _end(self, approach: Approach, turns: frozenset[Direction], station: float) -> None:
         """What is painted where a lane meets a junction."""
         lane, street = approach.lane, approach.street
         wear = self.plan.ageing(street).paint_wear
@@ -169,7 +169,7 @@ class _Marker:
         out = np.array([-dy, dx]) * (lane.width_m / 2 - 0.08)
         self.painter.line(LineString([middle - out, middle + out]), width_m, wear, dash_m=dash_m)
 
-    def _arrow(self, lane: Lane, station: float, turns: frozenset[Turn], wear: float) -> None:
+    def _arrow(self, lane: Lane, station: float, turns: frozenset[Direction], wear: float) -> None:
         if station < 6.0 or not turns:
             return
         base = lane.centre_line.interpolate(station - 5.0)
@@ -218,9 +218,8 @@ class _Marker:
 
     def _bicycle_lanes(self) -> None:
         """A broad line between a bicycle lane and the lane beside it."""
-        side = 1.0 if not any(street.left_hand for street in self.plan.streets) else -1.0
         for lane in self.plan.world.lanes_of(LaneKind.BICYCLE):
-            border = shapely.offset_curve(lane.centre_line, side * lane.width_m / 2)
+            border = self._inner_border(lane)
             self.painter.line(self._clear(border), self.rules.broad_m, 0.3)
 
 
@@ -230,16 +229,11 @@ def _outline(crossing: Polygon) -> Float64Array:
     return ring if len(ring) == 5 else shapely.get_coordinates(crossing.minimum_rotated_rectangle)
 
 
-def _side(street: Street) -> float:
-    """1 where the middle of the street is to the left of its lanes, −1 where to the right."""
-    return -1.0 if street.left_hand else 1.0
-
-
-def _approaches(plan: SurfaceLayout) -> dict[str, tuple[Approach, frozenset[Turn]]]:
+def _approaches(plan: SurfaceLayout) -> dict[str, tuple[Approach, frozenset[Direction]]]:
     """Every lane that ends at a junction, and which ways lead on from it."""
-    found: dict[str, tuple[Approach, frozenset[Turn]]] = {}
+    found: dict[str, tuple[Approach, frozenset[Direction]]] = {}
     for path in plan.paths:
         lane = path.approach.lane.id
-        turns: Iterable[Turn] = found[lane][1] if lane in found else ()
+        turns: Iterable[Direction] = found[lane][1] if lane in found else ()
         found[lane] = (path.approach, frozenset({*turns, path.turn}))
     return found

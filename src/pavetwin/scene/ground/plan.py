@@ -17,7 +17,7 @@ from pavetwin.scene.ground.markings import markings
 from pavetwin.scene.ground.painter import Paint
 from pavetwin.scene.ground.raster import boxes_of
 from pavetwin.scene.ground.repairs import Repairs, repairs
-from pavetwin.scene.ground.streets import Street, streets_of
+from pavetwin.scene.ground.streets import StreetPlan, streets_of
 from pavetwin.world.model import Lane, Segment, World
 
 WIDENED_M: Final = 3.0
@@ -65,7 +65,7 @@ class GroundPlan(SurfaceLayout):
         return np.array(self.repairs.spots, dtype=np.float64).reshape(-1, 4)
 
     @cached_property
-    def segments(self) -> tuple[tuple[Segment, Street], ...]:
+    def segments(self) -> tuple[tuple[Segment, StreetPlan], ...]:
         return tuple((segment, street) for street in self.streets for segment in street.segments)
 
     @cached_property
@@ -73,7 +73,7 @@ class GroundPlan(SurfaceLayout):
         return SpatialIndex([segment.polygon for segment, _ in self.segments])
 
     @cached_property
-    def lanes(self) -> tuple[tuple[Lane, Street], ...]:
+    def lanes(self) -> tuple[tuple[Lane, StreetPlan], ...]:
         return tuple((lane, street) for street in self.streets for lane in street.lanes)
 
     @cached_property

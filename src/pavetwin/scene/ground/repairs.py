@@ -17,7 +17,7 @@ from pavetwin.scene.ground.fixtures import Fixture
 from pavetwin.scene.ground.junction_repairs import junction_repairs
 from pavetwin.scene.ground.layout import SurfaceLayout
 from pavetwin.scene.ground.seals import clear_of_defects, wander, wavering
-from pavetwin.scene.ground.streets import Street
+from pavetwin.scene.ground.streets import StreetPlan
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Lane, Segment
 from pavetwin.world.segments import segment_key
@@ -104,7 +104,7 @@ def _around(plan: SurfaceLayout, fixture: Fixture, found: Repairs) -> None:
 class _OnSegment:
     """The marks of one segment, drawn in coordinates along its centre line and to its left."""
 
-    def __init__(self, plan: SurfaceLayout, street: Street, segment: Segment, found: Repairs) -> None:
+    def __init__(self, plan: SurfaceLayout, street: StreetPlan, segment: Segment, found: Repairs) -> None:
         self.plan = plan
         self.street = street
         self.found = found

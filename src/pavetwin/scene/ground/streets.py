@@ -1,4 +1,4 @@
-"""Streets as their users see them: lanes with their edges, which arms meet at a junction, what class each is of."""
+"""Streets as the ground plan needs them: each with its segments and driving lanes."""
 
 from collections import defaultdict
 from dataclasses import dataclass
@@ -7,23 +7,28 @@ from typing import Final
 import numpy as np
 from shapely import LineString
 
-from pavetwin.world.model import Lane, LaneKind, Segment, World
+from pavetwin.world.model import Lane, LaneKind, Segment, Street, World
 
 MAIN_SPEED_MPS: Final = 12.5
 """A street with a limit from here on (45 km/h) is a main street; so is one with more than a lane each way."""
 
 
 @dataclass(frozen=True)
-class Street:
-    """All segments on the same edges, and their driving lanes."""
+class StreetPlan:
+    """A street with its segments and driving lanes."""
 
-    key: str
-    """Its edges' names: stable while streets elsewhere come and go."""
-    name: str
+    street: Street
     segments: tuple[Segment, ...]
     ways: tuple[tuple[Lane, ...], ...]
     """The driving lanes of each direction, the one beside the kerb first."""
-    left_hand: bool
+
+    @property
+    def key(self) -> str:
+        return self.street.id
+
+    @property
+    def name(self) -> str:
+        return self.street.name
 
     @property
     def lanes(self) -> tuple[Lane, ...]:
@@ -35,45 +40,18 @@ class Street:
         return fast or max((len(way) for way in self.ways), default=0) > 1
 
 
-def streets_of(world: World) -> tuple[Street, ...]:
-    """The streets of a world in the order of their first segments."""
-    lanes: dict[str, list[Lane]] = defaultdict(list)
-    for lane in world.lanes_of(LaneKind.DRIVING):
-        lanes[lane.edge].append(lane)
+def streets_of(world: World) -> tuple[StreetPlan, ...]:
+    """The streets of a world, in its order."""
     segments: dict[tuple[str, ...], list[Segment]] = defaultdict(list)
     for segment in world.segments:
         segments[segment.edges].append(segment)
-    left_hand = _keeps_left(world, lanes)
+    ways = {
+        street.id: tuple(world.lanes_on(edge, LaneKind.DRIVING) for edge in street.edges) for street in world.streets
+    }
     return tuple(
-        Street(
-            key=" ".join(edges),
-            name=pieces[0].street,
-            segments=tuple(pieces),
-            ways=tuple(tuple(sorted(lanes[edge], key=_number)) for edge in edges if lanes[edge]),
-            left_hand=left_hand,
-        )
-        for edges, pieces in segments.items()
+        StreetPlan(street, tuple(segments[street.edges]), tuple(way for way in ways[street.id] if way))
+        for street in world.streets
     )
-
-
-def _number(lane: Lane) -> int:
-    number = lane.id.rpartition("_")[2]
-    return int(number) if number.isdigit() else 0
-
-
-def _keeps_left(world: World, lanes: dict[str, list[Lane]]) -> bool:
-    """Whether traffic drives on the left: where the lanes of two-way streets lie about their centre lines."""
-    votes = 0.0
-    for segment in world.segments:
-        if len(segment.edges) < 2:
-            continue
-        middle = segment.centre_line.interpolate(0.5, normalized=True)
-        for lane in lanes[segment.edges[0]]:
-            station = lane.centre_line.project(middle)
-            at = lane.centre_line.interpolate(station)
-            dx, dy = direction(lane.centre_line, station)
-            votes += dx * (at.y - middle.y) - dy * (at.x - middle.x)
-    return votes > 0
 
 
 def direction(line: LineString, station_m: float, over_m: float = 1.0) -> tuple[float, float]:
