@@ -19,7 +19,7 @@ from pavetwin.experiments.statistics import (
     recommend,
     summarise,
 )
-from pavetwin.experiments.statistics.wording import amount, number, setting
+from pavetwin.experiments.words import amount, nonzero, setting
 from scenes.studies import PAPER, SMALL, study, without
 
 BY = ("traffic", "altitude_m", "policy")
@@ -162,10 +162,10 @@ def test_wording() -> None:
     cell = {"traffic": "high", "altitude_m": 6.0, "tau_o": 0.7, "swap": True}
     assert (
         setting(cell, ("tau_o", "altitude_m", "traffic", "swap"))
-        == "in high traffic at 6 m with tau_o = 0.7 with swap = true"
+        == "in high traffic at 6 m with tau_o = 0.7 with swap = yes"
     )
-    assert number(-0.04, 1) == "−0.04"
-    assert number(-0.0, 1) == "0.0"
+    assert nonzero(-0.04, 1) == "−0.04"
+    assert nonzero(-0.0, 1) == "0.0"
     assert amount(metric_named("energy"), 0.0312) == "3.12 % of a battery"
 
 

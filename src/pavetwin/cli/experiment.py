@@ -194,8 +194,8 @@ def recommend(
     from pavetwin.experiments.metrics import REPLICATE
     from pavetwin.experiments.statistics import Limits
     from pavetwin.experiments.statistics import recommend as choose
-    from pavetwin.experiments.statistics.wording import opened, setting
     from pavetwin.experiments.store import Store
+    from pavetwin.experiments.words import opened, setting
 
     store = Store(folder)
     table = store.table()

@@ -18,7 +18,7 @@ from matplotlib.ticker import FuncFormatter, Locator, NullLocator
 from pavetwin.draw import style
 from pavetwin.experiments.report.parts import ReportFigure
 from pavetwin.experiments.report.slim import slim
-from pavetwin.experiments.report.words import level_text
+from pavetwin.experiments.words import level_text
 
 Looks = Mapping[Any, style.PolicyStyle]
 """Of each policy."""

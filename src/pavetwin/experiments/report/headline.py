@@ -9,8 +9,8 @@ import polars as pl
 from pavetwin.experiments.metrics import Metric, metric_named
 from pavetwin.experiments.report.parts import Table, TableCell
 from pavetwin.experiments.report.study import Group, Row
-from pavetwin.experiments.report.words import MISSING, counted, factor_text, heading, level_text, shown
 from pavetwin.experiments.statistics.summary import FEW
+from pavetwin.experiments.words import MISSING, counted, factor_text, heading, level_text, shown
 
 HEADLINE: Final = ("coverage", "swath_coverage", "recovery", "time_s", "energy")
 FEW_MARK: Final = "†"

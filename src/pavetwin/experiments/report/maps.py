@@ -14,7 +14,7 @@ from pavetwin.draw.lettering import OccupiedSpace
 from pavetwin.draw.world_map import ABOVE_WORLD, EVERYTHING, MapLayer, credit, draw_world, world_bounds
 from pavetwin.experiments.report.canvas import raster
 from pavetwin.experiments.report.parts import ReportFigure
-from pavetwin.experiments.report.words import counted
+from pavetwin.experiments.words import counted
 from pavetwin.world.model import Segment, World
 
 COVERAGE: Final[Colormap] = LinearSegmentedColormap.from_list(

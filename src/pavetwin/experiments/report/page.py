@@ -14,8 +14,7 @@ from pavetwin.experiments.report import whole
 from pavetwin.experiments.report.parts import Block, Bullets, CollapsibleTable, ReportFigure, Section, Table
 from pavetwin.experiments.report.results import group_builders
 from pavetwin.experiments.report.study import AXES, Study, constants, replicates, shown_groups
-from pavetwin.experiments.report.words import counted, factor_text, factors_text, level_text
-from pavetwin.experiments.statistics.wording import listed
+from pavetwin.experiments.words import counted, factor_text, factors_text, level_text, listed
 
 MOST_WHOLE, MOST_GROUPS = 4, 16
 """Combinations of the other factors that have figures, and that have tables; all are in the files beside the page."""

@@ -14,11 +14,20 @@ from pavetwin.experiments.report.headline import FEW_MARK
 from pavetwin.experiments.report.parts import Block, CollapsibleTable, Section, Table, TableCell, Text
 from pavetwin.experiments.report.plots import forest, intervals, spread, tradeoff
 from pavetwin.experiments.report.study import AXES, METRIC, Group, replicates
-from pavetwin.experiments.report.words import MISSING, counted, factor_text, heading, level_text, p_text, shown
 from pavetwin.experiments.statistics.paired import told
 from pavetwin.experiments.statistics.simultaneous import ALPHA
 from pavetwin.experiments.statistics.summary import FEW
-from pavetwin.experiments.statistics.wording import listed, subject
+from pavetwin.experiments.words import (
+    MISSING,
+    counted,
+    factor_text,
+    heading,
+    level_text,
+    listed,
+    p_text,
+    shown,
+    subject,
+)
 
 SEEN: Final = ("coverage", "swath_coverage", "recovery")
 SPENT: Final = ("time_s", "energy", "wait_s")

@@ -10,9 +10,9 @@ from typing import Any, Final
 import polars as pl
 
 from pavetwin.experiments.metrics import FACTORS, FLOWN, METRICS, REFERENCE, REPLICATE, STATUS, Metric
-from pavetwin.experiments.report.words import factor_text, level_text
 from pavetwin.experiments.statistics import Comparison
 from pavetwin.experiments.statistics.cells import failed_alone
+from pavetwin.experiments.words import factor_text, level_text
 from pavetwin.world.model import World
 
 AXES: Final = ("traffic", "altitude_m", "policy")

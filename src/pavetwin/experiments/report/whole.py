@@ -12,9 +12,8 @@ from pavetwin.experiments.report.canvas import vector
 from pavetwin.experiments.report.parts import Block, Section, Table, TableCell, Text
 from pavetwin.experiments.report.plots import intervals, shares
 from pavetwin.experiments.report.study import AXES, METRIC, Group, Study
-from pavetwin.experiments.report.words import counted, factor_text, heading, level_text, number, shown
 from pavetwin.experiments.statistics.sentences import EFFECT_ALPHA
-from pavetwin.experiments.statistics.wording import listed
+from pavetwin.experiments.words import counted, factor_text, heading, level_text, listed, number, shown
 
 _MOST_RESTS: Final = 3
 """Combinations of the rest that one factor is drawn for."""

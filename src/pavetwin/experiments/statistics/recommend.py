@@ -23,7 +23,7 @@ from pavetwin.experiments.statistics.cells import (
 )
 from pavetwin.experiments.statistics.flips import sign_flip_p
 from pavetwin.experiments.statistics.summary import FEW, summarise
-from pavetwin.experiments.statistics.wording import (
+from pavetwin.experiments.words import (
     amount,
     factor_name,
     level_name,

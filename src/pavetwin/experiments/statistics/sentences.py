@@ -10,12 +10,12 @@ from pavetwin.experiments.metrics import COMPARED, METRICS, REPLICATE, metric_na
 from pavetwin.experiments.statistics.effects import RESIDUAL, TIMES
 from pavetwin.experiments.statistics.paired import Comparison, holm, told
 from pavetwin.experiments.statistics.summary import FEW
-from pavetwin.experiments.statistics.wording import (
+from pavetwin.experiments.words import (
     amount,
     difference,
     factor_name,
     listed,
-    number,
+    nonzero,
     opened,
     percent,
     probability,
@@ -126,7 +126,7 @@ class _Claims:
         evidence = f"(95 % interval {span(metric, low, high)}, {probability(largest['p_corrected'])})"
         text = f"{setting(largest, self.others)}, {metric.label.lower()} is {gap} {levels} {evidence}"
         if rest:
-            least = f"{number(abs(rest[-1]['mean']) * metric.scale, metric.digits)} to " if len(rest) > 1 else ""
+            least = f"{nonzero(abs(rest[-1]['mean']) * metric.scale, metric.digits)} to " if len(rest) > 1 else ""
             size = difference(metric, abs(rest[0]["mean"]))
             text += f"; in {len(rest)} more of the {settings} settings it is {least}{size} {side}"
         return opened(text)

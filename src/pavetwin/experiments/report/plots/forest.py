@@ -12,8 +12,8 @@ from pavetwin.draw import style
 from pavetwin.experiments.metrics import Metric
 from pavetwin.experiments.report.canvas import WIDTH_IN, Looks, looks, panel_title, policy_legend
 from pavetwin.experiments.report.study import AXES, METRIC, Group, Row
-from pavetwin.experiments.report.words import factor_text, level_text, p_text
 from pavetwin.experiments.statistics.paired import told
+from pavetwin.experiments.words import factor_text, level_text, p_text
 
 _ROW_IN: Final = 0.15
 Place = tuple[Any, ...]

@@ -22,7 +22,7 @@ from pavetwin.experiments.report.canvas import (
     spans_wide,
 )
 from pavetwin.experiments.report.study import Group, Row
-from pavetwin.experiments.report.words import factor_text, heading, level_text
+from pavetwin.experiments.words import factor_text, heading, level_text
 
 _SPREAD: Final = 0.5
 """Of the distance between two ticks, what the policies at one tick take."""

@@ -13,8 +13,8 @@ from pavetwin.draw import style
 from pavetwin.experiments.metrics import Metric
 from pavetwin.experiments.report.canvas import WIDTH_IN, panel_title
 from pavetwin.experiments.report.study import METRIC, Row
-from pavetwin.experiments.report.words import number, term_text
 from pavetwin.experiments.statistics.simultaneous import ALPHA
+from pavetwin.experiments.words import number, term_text
 
 _BLOCKS: Final = ("replicate", "residual")
 """Terms that are no factor of the design."""

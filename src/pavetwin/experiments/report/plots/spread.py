@@ -14,7 +14,7 @@ from pavetwin.experiments.metrics import Metric
 from pavetwin.experiments.report.canvas import Looks, lattice, logarithmic, looks, panel_title, policy_legend
 from pavetwin.experiments.report.plots.intervals import traffic_title
 from pavetwin.experiments.report.study import Group
-from pavetwin.experiments.report.words import heading, level_text
+from pavetwin.experiments.words import heading, level_text
 
 _GOLDEN: Final = 0.6180339887498949
 """Multiples of it, modulo 1, lie evenly: dots beside each other without a random number."""

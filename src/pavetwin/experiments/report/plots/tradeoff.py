@@ -22,7 +22,7 @@ from pavetwin.experiments.report.canvas import (
 from pavetwin.experiments.report.pareto import on_front
 from pavetwin.experiments.report.plots.intervals import traffic_title
 from pavetwin.experiments.report.study import Group, Row
-from pavetwin.experiments.report.words import heading, level_text
+from pavetwin.experiments.words import heading, level_text
 
 _SIZES_PT: Final = (3.4, 5.0, 6.6, 8.0, 9.2)
 """Of marks, from the lowest altitude up."""
