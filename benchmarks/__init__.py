@@ -1,1 +1,2 @@
-"""How fast PaveTwin is on this machine, beside what the design asks for: `python -m benchmarks`, or `make bench`."""
+"""The speed of PaveTwin on this machine, compared with the targets of the design: `python -m benchmarks`, or `make
+bench`."""

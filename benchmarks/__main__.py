@@ -22,7 +22,7 @@ from pavetwin.world.store import load_world
 
 @dataclass(frozen=True)
 class Size:
-    """How much is measured."""
+    """The extent of the measurement."""
 
     segments: int
     runs: int
@@ -35,10 +35,10 @@ QUICK = Size(segments=3, runs=3, recorded_s=600.0, crowd_s=60.0)
 
 
 def measure(world_folder: Path | None, size: Size, folder: Path, begin: Callable[[str], None]) -> Iterator[Line]:
-    """All lines, one after the other; `begin` is told what comes next."""
+    """All lines, one after the other; `begin` is called with the next step."""
     quick = size is QUICK
     if world_folder is not None:
-        load_world(world_folder)  # refused now rather than after the first measurements
+        load_world(world_folder)  # checked before the first measurement
         # A copy: the user's own recordings are neither used nor replaced.
         world_folder = Path(shutil.copytree(world_folder, folder / "world", ignore=shutil.ignore_patterns("traffic")))
     begin("starting")
@@ -77,7 +77,7 @@ PARTS = 12
 
 
 def main(arguments: list[str]) -> int:
-    """Measure, print, and write the JSON file if one is asked for; the exit code."""
+    """Measure, print, and write the JSON file if one is requested; returns the exit code."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description="How fast PaveTwin is on this machine.")
     parser.add_argument("--quick", action="store_true", help="fewer runs and shorter recordings: within a minute")
     parser.add_argument("--world", type=Path, help="fly over this world instead of a generated town")

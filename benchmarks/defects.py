@@ -1,4 +1,4 @@
-"""Making defects: as placement needs them, and with everything that a renderer takes from them."""
+"""Making defects: as placement needs them, and with everything that a renderer needs."""
 
 from collections.abc import Iterator
 
@@ -40,7 +40,7 @@ def lines(world: World, runs: int) -> Iterator[Line]:
     )
     again = world.defects[:: max(1, len(world.defects) // SHAPES)]
     took_s = median_s(lambda: [heightfield_of(defect) for defect in again], runs)
-    yield Line("a placed defect, made anew from its seed", took_s / len(again), Kind.SECONDS)
+    yield Line("a placed defect, regenerated from its seed", took_s / len(again), Kind.SECONDS)
 
 
 def _dealt(weights: np.ndarray[tuple[int], np.dtype[np.float64]]) -> list[int]:

@@ -59,10 +59,10 @@ def lines(world: World, replay: Replay, runs: int) -> Iterator[Line]:
         doubled.append(median_s(lambda: shoot(view, near, labels=True, defect_free=True), runs))  # noqa: B023
     note = f"{SIZE_PX[0]} × {SIZE_PX[1]} px, {ALTITUDE_M:g} m, shadows, median of {PLACES} places; {adapter}"
     yield Line("a UAV's frame over a street", float(np.median(plain)), Kind.SECONDS, PICTURE_TARGET_S, note=note)
-    note = "with labels, depth, what each thing would cover alone, and 5 m/s"
+    note = "with labels, depth, amodal pixels, and 5 m/s"
     yield Line("the same with its labels", float(np.median(labelled)), Kind.SECONDS, LABELLED_TARGET_S, note=note)
     note = "developed twice, for the contrast of defects in datasets"
-    yield Line("the same, and of sound pavement", float(np.median(doubled)), Kind.SECONDS, note=note)
+    yield Line("the same, with the defect-free image", float(np.median(doubled)), Kind.SECONDS, note=note)
     crowded_s = median_s(lambda: shoot(_still(above), instances, labels=False), runs)
     note = f"{len(instances)} vehicles and people near"
     yield Line("a UAV's frame over the most crowded place", crowded_s, Kind.SECONDS, note=note)

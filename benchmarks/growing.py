@@ -1,4 +1,4 @@
-"""What a step costs as the city grows a hundredfold around the same camera."""
+"""Time of a step as the city grows a hundredfold around the same camera."""
 
 import itertools
 import statistics
@@ -28,7 +28,7 @@ TARGET = 1.5
 
 
 def line(course: Course, runs: int) -> Line:
-    """The same 60 s of flight over the town alone, and over it in the middle of 99 copies with their traffic."""
+    """The same 60 s of flight over the single town, and over it in the middle of 99 copies with their traffic."""
     town, city = (_copied(course, side) for side in (1, SIDE))
     _fly(course, *town)
     _fly(course, *city)

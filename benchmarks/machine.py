@@ -1,4 +1,4 @@
-"""What the numbers were measured on, and whether anything else was running there."""
+"""The machine of the measurements, and whether it was busy."""
 
 import os
 import platform

@@ -69,7 +69,7 @@ class _Clocked:
 def lines(course: Course, runs: int) -> Iterator[Line]:
     """Each policy."""
     for policy in policy_names():
-        result = course.fly(policy)  # warm-up; it prolongs the recording where that is needed
+        result = course.fly(policy)  # warm-up; it extends the recording if needed
         times = []
         for _ in range(runs):
             begun = time.perf_counter()

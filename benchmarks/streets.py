@@ -11,7 +11,7 @@ from pavetwin._core import NavMesh
 
 SPACING_M, WIDTH_M = 100.0, 18.0
 YAW_RAD = pi / 6
-"""Streets at an angle to the voxels are the dearer case."""
+"""Streets at an angle to the voxels are the more expensive case."""
 
 
 def street_grid(size_m: float) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint32]]:

@@ -21,10 +21,10 @@ REPLICATES = {True: 2, False: 20}
 def lines(world_folder: Path, folder: Path, *, quick: bool) -> Iterator[Line]:
     """Over a copy of a world without its recordings, by as many processes as there are cores."""
     world = shutil.copytree(world_folder, folder / "studied", ignore=shutil.ignore_patterns("traffic", "navmesh*"))
-    hands, replicates = os.cpu_count() or 1, REPLICATES[quick]
+    processes, replicates = os.cpu_count() or 1, REPLICATES[quick]
     values = yaml.safe_load(preset_text("paper", str(world))) | {"replicates": replicates}
     design = placed_at(Design.parse(values, where="the paper's design"), folder)
-    engine = Single() if hands == 1 else Pool(hands)
+    engine = Single() if processes == 1 else Pool(processes)
     for what, target_s in (("from nothing", FROM_NOTHING_TARGET_S), ("its traffic recorded", RECORDED_TARGET_S)):
         begun = time.perf_counter()
         ran = run(design, folder / what, engine)
@@ -34,5 +34,5 @@ def lines(world_folder: Path, folder: Path, *, quick: bool) -> Iterator[Line]:
             took_s,
             Kind.SECONDS,
             None if quick else target_s,
-            note=f"{ran.result} segment missions, {len(ran.plan.units)} recordings, {hands} processes; one run",
+            note=f"{ran.result} segment missions, {len(ran.plan.units)} recordings, {processes} processes; one run",
         )

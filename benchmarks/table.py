@@ -23,7 +23,7 @@ def table(lines: list[Line]) -> Table:
 
 
 def notes(lines: list[Line]) -> list[str]:
-    """What is to be known of a row, by its number."""
+    """Notes on the rows, by number."""
     return [f"[{number}] {line.note}" for number, line in enumerate(lines, start=1) if line.note]
 
 

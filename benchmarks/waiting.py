@@ -1,4 +1,4 @@
-"""`python -m benchmarks.waiting STUDY [--altitude 10]`: what the waits of a study go with.
+"""`python -m benchmarks.waiting STUDY [--altitude 10]`: what the waits of a study correlate with.
 
 Beside each hovering mission in high traffic: how many vehicles stand on the inspected segment, on average over the
 first five minutes of its recording. And how unevenly a world's streets are filled.

@@ -1,4 +1,4 @@
-"""`python -m gallery [NAME …]`: takes the pictures of `docs/gallery`."""
+"""`python -m gallery [NAME …]`: renders the pictures of `docs/gallery`."""
 
 import argparse
 import sys
@@ -13,7 +13,7 @@ from pavetwin.errors import PaveTwinError, nearest_name
 
 
 def main() -> int:
-    """Take all pictures, or those that were named."""
+    """Render all pictures, or those that are named."""
     parser = argparse.ArgumentParser(prog="python -m gallery", description=__doc__)
     parser.add_argument("names", nargs="*", help=f"of {', '.join(PICTURES)}; all unless given")
     parser.add_argument("--output", type=Path, default=Path("docs/gallery"), help="folder of the pictures")

@@ -53,7 +53,7 @@ def defects_above(renderer: GalleryRenderer) -> Picture:
 
 
 def defects_side(renderer: GalleryRenderer) -> Picture:
-    """The same defects, as who stands at the kerb sees them."""
+    """The same defects, seen by a pedestrian at the kerb."""
 
     def view(defect: Defect) -> View:
         away = 0.62 * CLOSE_UP_M[defect.kind] + 0.4
@@ -156,7 +156,7 @@ def street(renderer: GalleryRenderer) -> Picture:
 
 
 def map_view(renderer: GalleryRenderer) -> Picture:
-    """The same moment as seen from high above the street, and on the map that the twin's animation draws."""
+    """The same time seen from high above the street, and on the animation's map."""
     moment = busy_street(renderer)
     across_m = 2 * HIGH_M * math.tan(_HIGH_FOV / 2)
     view = look(

@@ -1,4 +1,4 @@
-"""Where and when a picture is worth taking: searched in the recording, so that no number is picked by hand."""
+"""Places and times of the pictures, searched in the recording, so that no number is chosen manually."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -18,14 +18,14 @@ _PEDESTRIAN_WORTH = 1.5
 
 @dataclass(frozen=True)
 class Moment:
-    """A place over the street, the way the street runs there, and a time of the recording."""
+    """A place over the street, the street's direction there, and a time of the recording."""
 
     x_m: float
     y_m: float
     yaw_rad: float
     time_s: float
     agent: int | None = None
-    """Who drives there, where the picture is one driver's."""
+    """The agent that carries the camera, if the picture is taken from a vehicle."""
 
 
 def shown_best(renderer: GalleryRenderer, kind: DefectClass, severity: str) -> Defect:
@@ -106,7 +106,7 @@ def _ahead(origin: np.ndarray, yaw_rad: float) -> Callable[[np.ndarray], np.ndar
 
 
 def _is_sunny(renderer: GalleryRenderer, defect: Defect) -> bool:
-    """Whether no house and no tree throws its morning shadow there, and no crown hangs over it."""
+    """Whether it is in the morning's sun: no shadow of a house or tree, and no crown above it."""
     steep = math.tan(math.radians(MORNING.sun_elevation_deg))
     east, north = MORNING.to_sun[:2] / float(np.linalg.norm(MORNING.to_sun[:2]))
 

@@ -1,4 +1,4 @@
-"""What every picture is taken with: the demo's town, its traffic, its scene, and one renderer."""
+"""Shared by all pictures: the demo's town, its traffic, its scene, and one renderer."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ OVERCAST: Final = Light(45.0, 190.0, cloud_cover=1.0)
 
 @dataclass
 class GalleryRenderer:
-    """Opens what it needs when it is needed."""
+    """Opens worlds, traffic and the renderer on demand."""
 
     folder: Path
 
@@ -81,11 +81,11 @@ class GalleryRenderer:
         """A picture (height, width, 3).
 
         Args:
-            view: from where.
+            view: the camera.
             light: sun and sky.
             time_s: of the recording; None for empty streets.
             without: an agent that is left out: the car that carries the camera.
-            more: what is drawn besides.
+            more: additional instances.
         """
         near = (float(view.position[0]), float(view.position[1]), 160.0)
         agents = self.scene.agents(None if time_s is None else self.recording, time_s or 0.0, near)

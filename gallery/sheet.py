@@ -1,4 +1,4 @@
-"""Pictures side by side, with captions in the maps' lettering."""
+"""Pictures side by side, with captions in the maps' typeface."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""One frame of the animation: what moves, drawn over the raster of what stands still."""
+"""One frame of the animation: moving objects, drawn over the raster of the static world."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ WHITE: Rgb = (255, 255, 255)
 
 @dataclass(frozen=True)
 class DefectMark:
-    """A defect as it stands at this moment."""
+    """A defect and its state at this time."""
 
     position: Place
     outcome: Outcome | None
@@ -45,7 +45,7 @@ class DefectMark:
 
 @dataclass(frozen=True)
 class MissionState:
-    """Everything that moves, at one moment of a mission. World frame, metres."""
+    """The state of a mission at one time: UAV, agents, defects. World frame, metres."""
 
     time_s: float
     uav: UavState
@@ -55,17 +55,17 @@ class MissionState:
     groups: Sequence[str]
     """For each agent, its key of `AGENT_COLOURS`."""
     hidden: shapely.Geometry
-    """What agents hide of the inspection window."""
+    """The part of the inspection window that agents hide."""
     seen: shapely.Geometry
-    """Pavement that the captures so far have seen."""
+    """Pavement seen by the captures so far."""
     defects: Sequence[DefectMark]
     trail: Float64Array
-    """(n, 2), where the UAV has just been."""
+    """(n, 2) the UAV's recent track."""
 
 
 @dataclass(frozen=True)
 class MapView:
-    """Draws scenes around a place."""
+    """Draws a mission's state on the map around a place."""
 
     ground: GroundRaster
     size_px: tuple[int, int]
@@ -79,7 +79,7 @@ class MapView:
         return x - self.size_px[0] // 2, y - self.size_px[1] // 2
 
     def pixel(self, place: Place, centre: Place) -> tuple[int, int]:
-        """Where a place lies in a frame around `centre`."""
+        """The pixel of a place in a frame around `centre`."""
         (x, y), (left, top) = self.ground.pixel(*place), self.corner_px(centre)
         return x - left, y - top
 
@@ -143,7 +143,7 @@ def _draw_agents(pen: Pen, scene: MissionState) -> None:
 
 
 def _draw_vehicle(pen: Pen, corners: Float64Array, colour: Rgb, group: str) -> None:
-    """A body with cut corners, a windscreen and, but for trucks and buses, a rear window. Front: corners 0 and 1."""
+    """A body with cut corners, a windscreen and, except for trucks and buses, a rear window. Front: corners 0 and 1."""
     front_left, front_right, _, back_left = corners
     right, back = front_right - front_left, back_left - front_left
     length, width = float(np.hypot(*back)), float(np.hypot(*right))

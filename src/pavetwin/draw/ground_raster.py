@@ -1,4 +1,4 @@
-"""The ground seen from straight above, as a raster: what stands still is painted once, in tiles, and cropped per frame.
+"""The static world seen from above, as a raster: painted once, in tiles, and cropped per frame.
 
 Pixel grid: x to the east, y to the south, `scale` pixels a metre, pixel (0, 0) at the origin of the world frame.
 """
@@ -35,7 +35,7 @@ _HEIGHTS = LinearSegmentedColormap.from_list("heights", [style.BUILDING_LOW, sty
 
 
 class GroundRaster:
-    """Paints tiles of a world when they are first looked at, and keeps them."""
+    """Paints tiles of a world on demand, and caches them."""
 
     def __init__(self, world: World, scale: float) -> None:
         self.scale = scale
@@ -81,7 +81,7 @@ class GroundRaster:
 
 
 def _without_holes(polygon: Polygon) -> list[Polygon]:
-    """The polygon itself, or pieces of it that have no holes."""
+    """The polygon itself, or parts of it without holes."""
     if not polygon.interiors:
         return [polygon]
     pieces = [polygon]
@@ -153,7 +153,7 @@ def _dashes(line: BaseGeometry) -> Iterator[BaseGeometry]:
 
 
 def _stripes(crossing: Crossing) -> Iterator[BaseGeometry]:
-    """A zebra: bars along the traffic, across the way of those who walk."""
+    """A zebra crossing: bars in the direction of traffic."""
     corners = shapely.get_coordinates(crossing.polygon.minimum_rotated_rectangle)
     if len(corners) < 4:
         return

@@ -1,4 +1,4 @@
-"""Lettering of a map: names that follow their streets, ids on their segments, none over another.
+"""Map labels: names that follow their streets, ids on their segments, without overlaps.
 
 Positions are metres of the world frame; sizes of type are points of paper.
 """
@@ -26,7 +26,7 @@ SMALLEST_PT, LARGEST_PT = 4.4, 8.0
 
 _ID_PT = 4.4
 _GAP_M = 45.0
-"""Pieces of one street farther apart than this are named apart."""
+"""Parts of one street farther apart than this are labelled separately."""
 
 _MAX_TURN = np.radians(75)
 _MAX_TURN_AT_ONCE = np.radians(11)
@@ -37,7 +37,7 @@ _REPEAT_PT = 420.0
 
 
 class OccupiedSpace:
-    """What lettering has taken of the paper already."""
+    """The parts of the map that labels have taken already."""
 
     def __init__(self) -> None:
         self.taken: list[Geometry] = []
@@ -49,8 +49,8 @@ class OccupiedSpace:
         self.taken.append(shape)
 
 
-def segment_ids(axes: Axes, segments: Iterable[Segment], room: OccupiedSpace) -> list[str]:
-    """Write the id of each segment on it, in a small plate. Returns those for which there was no room."""
+def segment_ids(axes: Axes, segments: Iterable[Segment], occupied: OccupiedSpace) -> list[str]:
+    """Write the id of each segment on it, in a small plate. Returns those that did not fit."""
     per_m = points_per_m(axes)
     left_out = []
     for segment in segments:
@@ -59,8 +59,8 @@ def segment_ids(axes: Axes, segments: Iterable[Segment], room: OccupiedSpace) ->
         for share in (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8):
             x, y, angle = _pose(segment.centre_line, share * segment.length_m)
             plate = _box(x, y, angle, half_w, half_h)
-            if _inside(axes, plate) and room.free(plate):
-                room.take(plate.buffer(0.8 / per_m))
+            if _inside(axes, plate) and occupied.free(plate):
+                occupied.take(plate.buffer(0.8 / per_m))
                 _plate(axes, segment.id, x, y, np.degrees(angle))
                 break
         else:
@@ -69,12 +69,12 @@ def segment_ids(axes: Axes, segments: Iterable[Segment], room: OccupiedSpace) ->
 
 
 def street_names(
-    axes: Axes, segments: Sequence[Segment], room: OccupiedSpace, colour: str = style.INK, zorder: float = 40
+    axes: Axes, segments: Sequence[Segment], occupied: OccupiedSpace, colour: str = style.INK, zorder: float = 40
 ) -> list[str]:
-    """Write each street's name along it, again and again on a long one, where there is room.
+    """Write each street's name along it, repeated on a long one, where it fits.
 
     Returns:
-        The names for which there was none.
+        The names that did not fit.
     """
     per_m = points_per_m(axes)
     glyphs: list[Outline] = []
@@ -85,7 +85,7 @@ def street_names(
         size = float(np.clip(0.72 * width_m * per_m, SMALLEST_PT, LARGEST_PT))
         before = len(glyphs)
         for line in chains([segment.centre_line for segment in pieces]):
-            for letters, spine in _along(axes, line, name, size, per_m, room):
+            for letters, spine in _along(axes, line, name, size, per_m, occupied):
                 glyphs += letters
                 spines.append(spine.buffer(min(0.4 * size / per_m, 0.4 * width_m), cap_style="flat"))
         if len(glyphs) == before:
@@ -140,7 +140,7 @@ def _continuation(line: Float64Array, others: Sequence[Float64Array], gap_m: flo
 
 
 def _along(
-    axes: Axes, line: LineString, name: str, size: float, per_m: float, room: OccupiedSpace
+    axes: Axes, line: LineString, name: str, size: float, per_m: float, occupied: OccupiedSpace
 ) -> list[tuple[list[Outline], LineString]]:
     """A name along a line, as often as it is long: its glyphs and the line that they stand on."""
     spaced = size * 0.08
@@ -151,13 +151,13 @@ def _along(
     found = []
     times = max(1, round(line.length * per_m / _REPEAT_PT))
     for number in range(times):
-        wanted = (number + 0.5) / times * line.length - length / 2
+        centred = (number + 0.5) / times * line.length - length / 2
         reach = line.length / times / 2
         for shift in sorted(np.linspace(-reach, reach, max(3, ceil(reach / 3)) | 1), key=abs):
-            start = wanted + float(shift)
+            start = centred + float(shift)
             if start < 0 or start + length > line.length:
                 continue
-            written = _write(axes, line, name, size / per_m, advances, start, room)
+            written = _write(axes, line, name, size / per_m, advances, start, occupied)
             if written is not None:
                 found.append(written)
                 break
@@ -165,7 +165,13 @@ def _along(
 
 
 def _write(
-    axes: Axes, line: LineString, name: str, size_m: float, advances: Float64Array, start: float, room: OccupiedSpace
+    axes: Axes,
+    line: LineString,
+    name: str,
+    size_m: float,
+    advances: Float64Array,
+    start: float,
+    occupied: OccupiedSpace,
 ) -> tuple[list[Outline], LineString] | None:
     """The name from `start` metres along the line, or nothing where that bends too much or is taken."""
     length = float(advances[-1])
@@ -179,12 +185,12 @@ def _write(
     turns = np.abs(np.diff(angles))
     if np.ptp(angles) > _MAX_TURN or (len(turns) and turns.max() > _MAX_TURN_AT_ONCE):
         return None
-    # A single letter has one pose, which is no line yet.
+    # A single letter has one pose, which makes no line.
     spine = LineString([(x, y) for x, y, _ in poses] if len(poses) > 1 else [first, last])
     strip = spine.buffer(0.62 * size_m)
-    if not _inside(axes, strip) or not room.free(strip):
+    if not _inside(axes, strip) or not occupied.free(strip):
         return None
-    room.take(strip)
+    occupied.take(strip)
     glyphs = []
     for letter, (x, y, _), angle, left, middle in zip(name, poses, angles, advances[:-1], middles, strict=True):
         if letter != " ":

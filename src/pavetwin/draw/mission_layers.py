@@ -1,6 +1,6 @@
-"""What a mission adds to a map: its route, captured windows, defects, waits, displacements and revisits.
+"""Map layers of a mission: route, captured windows, defects, waits, displacements and revisits.
 
-Every function draws into axes in metres, either of the world frame (`Turn()`) or of a page turned along a street.
+Every function draws into axes in metres, either of the world frame or of a page rotated along a street.
 """
 
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ _SURFACE, _WINDOWS, _ROUTE, _STAYS, _DEFECTS, _LABELS = (ABOVE_WORLD + 5 * level
 
 @dataclass(frozen=True, slots=True)
 class Weights:
-    """How heavy the marks are: lengths in points, areas in square points."""
+    """Sizes of the marks: lengths in points, areas in square points."""
 
     transit: float
     inspection: float
@@ -100,7 +100,8 @@ def draw_windows(axes: Axes, result: MissionResult, turn: MapTransform, segment:
 
 
 def draw_route(axes: Axes, result: MissionResult, turn: MapTransform, weights: Weights) -> None:
-    """The way flown: thin in transit, thick and coloured by visibility while inspecting, in a band while giving way."""
+    """The track flown: thin in transit, thick and coloured by visibility while inspecting, in a band while giving
+    way."""
     xy = turn.points(np.column_stack([result.track["x_m"], result.track["y_m"]]))
     away = [xy[max(rows.start - 1, 0) : rows.stop + 1] for rows in runs(avoiding(result.track))]
     axes.add_collection(
@@ -151,7 +152,7 @@ def draw_defects(axes: Axes, result: MissionResult, turn: MapTransform, weights:
 
 
 def draw_reactions(axes: Axes, result: MissionResult, turn: MapTransform, weights: Weights) -> None:
-    """What the policy did: discs where it waited, arrows where it stepped aside, rings where it came back."""
+    """The policy's reactions: discs for waits, arrows for displacements, rings for revisits."""
     stays = sorted(waits(result.track), key=lambda stay: -stay.seconds)
     _discs(axes, stays, turn, weights, WAIT, "waits")
     again = revisits(result.track)
@@ -209,7 +210,7 @@ def _discs(
 def _label_waits(
     axes: Axes, stays: Sequence[HoverStop], turn: MapTransform, weights: Weights, *, at_most: int = 8
 ) -> None:
-    """Seconds beside the longest waits, where there is room: no label lies on another or on another wait's middle."""
+    """Seconds beside the longest waits, where they fit: no label overlaps another one or another wait's centre."""
     per_point = axes.figure.dpi / 72
     spots = axes.transData.transform(turn.points([stay.position for stay in stays]).reshape(-1, 2))
     taken: list[tuple[float, float]] = []

@@ -1,4 +1,4 @@
-"""What stands beside the map of a mission: its main numbers, the meaning of the marks, the colours of visibility."""
+"""The legend of a mission's map: main numbers, meaning of the marks, colours of visibility."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,7 @@ Handle = Artist | tuple[Artist, ...]
 
 
 def main_numbers(result: MissionResult) -> list[tuple[str, str]]:
-    """What the mission came to, as names and readable values."""
+    """The mission's results, as names and readable values."""
     rows = result.rows
     defects, confirmed = sum(row.defects for row in rows), sum(row.confirmed for row in rows)
     area = sum(row.area_m2 for row in rows)

@@ -1,4 +1,4 @@
-"""The picture of a mission: the town with the route, close views of the most telling segments, and the main numbers."""
+"""The figure of a mission: the town with the route, close views of notable segments, and the main numbers."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -43,7 +43,7 @@ NUMBERS_IN = 3.0
 LEGEND_ROW_IN = 0.182
 
 AROUND_M = 25.0
-"""Shown around everything that was flown over."""
+"""Margin around everything that was flown over."""
 
 _PLAIN = MapTransform((0.0, 0.0), 0.0)
 
@@ -71,9 +71,9 @@ def mission_figure(result: MissionResult) -> Figure:
     bounds = style.fitted(bounds, town_w / town_h)
     side_w = inner - town_w - GUTTER_IN
     strips = [SegmentLayout.of(result, name, side_w if narrow else inner) for name in telling_segments([result])[:3]]
-    room = town_h - NUMBERS_IN if narrow else 2 * TALLEST_IN + 1
-    strips = [s for n, s in enumerate(strips) if sum(each.with_caption_in for each in strips[: n + 1]) <= room]
-    strips = _heightened(strips, room) if narrow else strips[:2]
+    height_in = town_h - NUMBERS_IN if narrow else 2 * TALLEST_IN + 1
+    strips = [s for n, s in enumerate(strips) if sum(each.with_caption_in for each in strips[: n + 1]) <= height_in]
+    strips = _heightened(strips, height_in) if narrow else strips[:2]
     below = 0.0 if narrow else sum(strip.with_caption_in for strip in strips)
     height = MARGIN_IN + below + GAP_IN + town_h + HEAD_IN
     figure = style.new_figure(WIDTH_IN, height)
@@ -99,9 +99,9 @@ def mission_figure(result: MissionResult) -> Figure:
     return figure
 
 
-def _heightened(strips: Sequence[SegmentLayout], room_in: float) -> list[SegmentLayout]:
-    """Strips that show more beside their streets, as far as there is room."""
-    spare_in = room_in - sum(strip.with_caption_in for strip in strips)
+def _heightened(strips: Sequence[SegmentLayout], available_in: float) -> list[SegmentLayout]:
+    """Strips that show more beside their streets, as far as the height allows."""
+    spare_in = available_in - sum(strip.with_caption_in for strip in strips)
     return [strip.heightened(min(TALLEST_IN, strip.height_in + spare_in / len(strips))) for strip in strips]
 
 
@@ -109,7 +109,7 @@ def save_comparison_map(results: Sequence[MissionResult], path: Path) -> None:
     """Write one close view a mission, all over the segment that tells most about them together.
 
     Args:
-        flowns: missions over the same world at the same altitude, such as one a policy.
+        results: missions over the same world at the same altitude, such as one a policy.
 
     Raises:
         PaveTwinError: no segment was inspected by all, the suffix is unknown, or the file cannot be written.
@@ -215,8 +215,8 @@ def _name_streets(axes: Axes, result: MissionResult) -> None:
 
 
 def _draw_side(axes: Axes, result: MissionResult, inches_per_m: float, *, narrow: bool) -> None:
-    """Numbers and legend, beside each other where there is room, and the scale below; coordinates are inches."""
-    (_, room), (_, height) = axes.get_xlim(), axes.get_ylim()
+    """Numbers and legend, side by side if the width allows, and the scale below; coordinates are inches."""
+    (_, width_in), (_, height) = axes.get_xlim(), axes.get_ylim()
     width = SIDE_IN - 0.2
     y = height - 0.08
     for name, value in main_numbers(result):
@@ -227,11 +227,12 @@ def _draw_side(axes: Axes, result: MissionResult, inches_per_m: float, *, narrow
     left, y = (width + 0.35, height - 0.06) if narrow else (0.0, y - 0.1)
     handles, labels = legend_of([result], town=True)
     axes.legend(
-        handles, labels, loc="upper left", bbox_to_anchor=(left / room, y / height), borderpad=0, borderaxespad=0,
+        handles, labels, loc="upper left", bbox_to_anchor=(left / width_in, y / height), borderpad=0, borderaxespad=0,
         handler_map={tuple: HandlerTuple(ndivide=None)}, labelspacing=0.62, handlelength=2.0, fontsize=8,
     )  # fmt: skip
     y -= LEGEND_ROW_IN * len(handles) + 0.36
-    visibility_ramp(axes, (left / room, y / height, width / room, 0.1 / height), result.settings.visibility.threshold)
+    box = (left / width_in, y / height, width / width_in, 0.1 / height)
+    visibility_ramp(axes, box, result.settings.visibility.threshold)
     style.scale_bar(axes, left + 1.7, y - 0.62, inches_per_m, longest=1.6)
     style.north_arrow(axes, left + 2.05, y - 0.53)
 

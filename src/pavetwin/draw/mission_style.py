@@ -1,4 +1,4 @@
-"""Colours and type of the animation, beside those that every picture shares."""
+"""Colours and type of the animation, in addition to those of every figure."""
 
 from functools import cache
 from pathlib import Path
@@ -36,7 +36,7 @@ SMALLEST_VEHICLE_M = 1.2
 
 
 def agent_group(length_m: float, height_m: float, *, pedestrian: bool) -> str:
-    """The key of `AGENT_COLOURS` for an agent, told by its size, as kinds of a user's own have other names."""
+    """The key of `AGENT_COLOURS` for an agent, found by its size, as user-defined kinds have other names."""
     if pedestrian:
         return "pedestrian"
     if length_m < SMALLEST_VEHICLE_M:

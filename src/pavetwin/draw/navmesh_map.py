@@ -1,4 +1,4 @@
-"""The map of a NavMesh: its convex polygons over a pale world, and what stands in the way at that altitude."""
+"""The map of a NavMesh: its convex polygons over a pale world, and the obstacles at that altitude."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,7 +24,7 @@ UNREACHABLE = "#B2182B"
 
 @dataclass(frozen=True)
 class NavMeshReport:
-    """A NavMesh with what is told of it."""
+    """A NavMesh and the facts shown with it."""
 
     world: World
     altitude_m: float
@@ -33,11 +33,11 @@ class NavMeshReport:
     connected: tuple[bool, ...]
     """For each polygon, whether the base lies in the same part of the mesh."""
     obstacles: tuple[Geometry, ...]
-    """What reaches this altitude; things that touch are one."""
+    """Objects that reach this altitude; those that touch are merged."""
     reachable: tuple[bool, ...]
-    """For each segment, whether its middle is flown to from the base."""
+    """For each segment, whether its middle can be reached from the base."""
     seconds: float
-    """It took to bake, the flight domain included."""
+    """Time to bake it, including the flight domain."""
 
     @property
     def share_reachable(self) -> float:
@@ -45,10 +45,10 @@ class NavMeshReport:
 
 
 def bake(world: World, altitude_m: float, agent_radius_m: float) -> NavMeshReport:
-    """Bake the mesh anew (it is the same that missions keep beside the world) and judge what can be reached.
+    """Bake the mesh (identical to the one that missions cache beside the world) and find what can be reached.
 
     Raises:
-        PaveTwinError: nothing is left to fly in at this altitude.
+        PaveTwinError: there is no free airspace at this altitude.
     """
     standing = solids(world)
     start = perf_counter()

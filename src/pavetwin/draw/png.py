@@ -1,4 +1,4 @@
-"""Small PNG files: a map has few colours, so 256 of them keep its looks at a third of the bytes."""
+"""Small PNG files: a map has few colours, so a palette of 256 keeps its appearance at a third of the size."""
 
 from pathlib import Path
 
@@ -10,11 +10,11 @@ from pavetwin.arrays import IndexArray, UInt8Array
 _Bytes = UInt8Array
 
 _EXACT = 48
-"""So many of the most frequent colours are kept as they are: grounds, roofs, inks."""
+"""Number of the most frequent colours that are kept unchanged: grounds, roofs, inks."""
 
 
 def shrink(path: Path) -> None:
-    """Write a PNG anew with a palette of 256 colours. The same picture gives the same bytes.
+    """Rewrite a PNG with a palette of 256 colours. The same picture gives the same bytes.
 
     Raises:
         OSError: it cannot be read or written.

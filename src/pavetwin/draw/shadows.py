@@ -1,4 +1,4 @@
-"""What the camera cannot see: the ground behind agents, and the pavement that captures have seen so far.
+"""Visibility of the ground: areas hidden by agents, and the pavement that captures have seen so far.
 
 The camera is a point at the UAV; an agent is a box that stands on the ground, a pedestrian too. World frame, metres.
 """
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pavetwin._core import PoseColumns
 
 LOWEST_M = 0.1
-"""An agent as tall as the camera is high is cut this far below it: its shadow is then long, and not endless."""
+"""An agent as tall as the camera is high is cut this far below it: its shadow is then long, but finite."""
 
 TOLERANCE_M = 0.05
 """Outlines of the seen pavement are simplified by this much."""

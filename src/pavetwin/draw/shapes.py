@@ -1,4 +1,4 @@
-"""Shapes of the world as Matplotlib collections: one collection a layer, so that a town is drawn at once.
+"""Shapes of the world as Matplotlib collections, one per layer, which draws a town quickly.
 
 Lengths are metres of the world frame unless a name says points (`_pt`).
 """
@@ -147,7 +147,7 @@ def strokes(
 
 
 def shadow(bases: Sequence[Polygon], heights_m: Float64Array, east: float, south: float, longest_m: float) -> Outline:
-    """The shadows of upright things on the ground, courtyards included, but for what their own bases cover.
+    """The shadows of upright objects on the ground, courtyards included, without the area of their own bases.
 
     A base swept along a line is the base and each of its sides swept. The sides make parallelograms, all turned the
     same way round, so that where they overlap the path is filled once.

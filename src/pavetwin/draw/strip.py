@@ -1,4 +1,4 @@
-"""A close view of one segment, turned so that the street lies along the page."""
+"""A close view of one segment, rotated so that the street is horizontal."""
 
 from dataclasses import dataclass, replace
 from math import cos, sin
@@ -34,7 +34,7 @@ _QUIET = EVERYTHING - {MapLayer.BASE, MapLayer.STREET_NAMES}
 
 @dataclass(frozen=True)
 class SegmentLayout:
-    """How a segment is laid on a page of some width: its turn, and the metres that are shown."""
+    """Layout of a segment on a page of some width: its rotation, and the metres that are shown."""
 
     segment: str
     turn: MapTransform

@@ -1,4 +1,4 @@
-"""One look for every map and plot: colours, type, scale bar, north arrow, attribution, and files that never change.
+"""Common style of every map and plot: colours, type, scale bar, north arrow, attribution, reproducible files.
 
 Colours hold for the common forms of colour blindness and in grey print: marks that must be told apart also differ in
 shape. Type is DejaVu Sans, which Matplotlib brings along, so that the same input gives the same bytes on any machine.
@@ -49,7 +49,7 @@ POLICY_MARKERS: Mapping[str, str] = {"baseline": "o", "hover": "s", "micro": "^"
 _MORE_COLOURS = (
     "#CC79A7", "#56B4E9", "#8C510A", "#332288", "#B22222", "#7FBF3F", "#D58BFF", "#00D0C0", "#C7A500", "#FF6F91",
 )  # fmt: skip
-"""Okabe and Ito's first, then those that stay apart longest in the common forms of colour blindness."""
+"""Okabe and Ito's colours first, then those most distinct in the common forms of colour blindness."""
 _MORE_MARKERS = ("v", "P", "X", "h", "*", "<", ">", "p", "d", "8")
 _DASHES: Final = ((0, ()), (0, (4, 1.4)), (0, (1.2, 1.2)))
 """Of lines of the built-in policies and the first four others, of the next three, and of the rest."""
@@ -117,7 +117,7 @@ _SETTINGS: Mapping[Any, Any] = {
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Draw within it: the user's own matplotlibrc is left aside and comes back afterwards."""
+    """Context manager for drawing: the user's own matplotlibrc is set aside and restored afterwards."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(_SETTINGS)
@@ -141,7 +141,7 @@ class PolicyStyle(NamedTuple):
 
 
 def policy_style(name: str, order: int = 0) -> PolicyStyle:
-    """How a policy is drawn; one that is not built in takes the `order`-th of ten spare looks."""
+    """How a policy is drawn; one that is not built in takes the `order`-th of ten spare styles."""
     if name in POLICY_COLOURS:
         return PolicyStyle(POLICY_COLOURS[name], POLICY_MARKERS[name], _DASHES[0])
     spare = order % len(_MORE_COLOURS)
@@ -271,8 +271,8 @@ def fitted(bounds: Bounds, ratio: float) -> Bounds:
 
 
 def frame_axes(axes: Axes, bounds: Bounds) -> None:
-    """Make axes a map of `bounds`, in metres, and of what beside them the frame has room for: equal scales, a thin
-    frame, no ticks."""
+    """Make axes a map of `bounds`, in metres, extended to the frame's proportions: equal scales, a thin frame, no
+    ticks."""
     figure = axes.get_figure(root=True)
     assert figure is not None
     width, height = axes.get_position().size * figure.get_size_inches()

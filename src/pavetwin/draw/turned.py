@@ -1,4 +1,4 @@
-"""A part of a world, turned so that a street lies along the page."""
+"""A part of a world, rotated so that a street is horizontal on the page."""
 
 from dataclasses import dataclass, replace
 from math import atan2, cos, sin
@@ -24,7 +24,7 @@ class MapTransform:
 
     @staticmethod
     def along(segment: Segment) -> "MapTransform":
-        """The middle of a segment's box in the origin, its ends on one level, running to the right or upwards."""
+        """With the middle of a segment's box at the origin, its ends level, running to the right or upwards."""
         line = shapely.get_coordinates(segment.centre_line)
         chord = line[-1] - line[0]
         angle = atan2(float(chord[1]), float(chord[0]))
@@ -57,7 +57,7 @@ class MapTransform:
         return shapely.transform(geometry, self.points)
 
     def world(self, world: World, reach_m: float) -> World:
-        """What lies within `reach_m` of the origin, on the page. Only its geometry may be used."""
+        """The world within `reach_m` of the origin, on the page. Only its geometry may be used."""
         disc = Point(self.origin).buffer(reach_m)
 
         def near(geometry: shapely.Geometry) -> bool:

@@ -1,4 +1,4 @@
-"""The map of a world as one HTML file: pan, zoom, and what a segment or defect is. It loads nothing from anywhere."""
+"""The map of a world as one HTML file with pan, zoom and tooltips. It loads nothing from the network."""
 
 import json
 from collections import Counter
@@ -20,13 +20,13 @@ from pavetwin.world.carriageway import carriageway
 from pavetwin.world.model import FurnitureKind, LaneKind, World
 
 _STEPS = 6
-"""Buildings are drawn in so many shades by height, a path each."""
+"""Number of shades of buildings by height, one path each."""
 
 _NAMED_AGAIN_M = 90.0
 """A street's name stands on its longest segment, and on every other one that is longer than this."""
 
 _FINE_M = 0.03
-"""Outlines of defects are simplified by so much."""
+"""Tolerance of the simplified outlines of defects."""
 
 _MASTS = {FurnitureKind.STREET_LIGHT: style.LAMP, FurnitureKind.SIGNAL: style.SIGNAL, FurnitureKind.SIGN: style.SIGN}
 
@@ -99,7 +99,7 @@ class _Flip:
 
 
 def _layers(world: World, flip: _Flip) -> Iterable[str]:
-    """The map from the ground up, a group a layer."""
+    """The map from the ground up, one group per layer."""
     parks = shapely.union_all(shapely.buffer(world.parks, 0.05)) if world.parks else Polygon()
     yield _shape(flip.path(parks), style.PARK, style.PARK_EDGE, 0.4)
     lanes = world.lanes_of(LaneKind.SIDEWALK)
@@ -151,7 +151,7 @@ def _segments(world: World, flip: _Flip) -> Iterable[str]:
 
 
 def _defects(world: World, flip: _Flip) -> Iterable[str]:
-    """A group a class; the page knows the words from the group and the numbers from the mark."""
+    """One group per class; the page takes the words from the group and the numbers from the mark."""
     yield "<g class='defects'>"
     for kind, colour, _ in style.defect_styles(defect.kind for defect in world.defects):
         yield f"<g transform='scale(.01)' fill='{colour}' stroke='{colour}' data-kind='{defect_words(kind)}'>"

@@ -1,4 +1,4 @@
-"""The map of a world: what stands still, drawn as a city plan. Other pictures are drawn on top of it."""
+"""The map of the static world, drawn as a city plan. Other figures are drawn on top of it."""
 
 from collections import Counter
 from collections.abc import Collection, Sequence
@@ -67,17 +67,17 @@ def draw_world(
 ) -> list[str]:
     """Draw a world into `axes`, which becomes a map in metres of the world frame.
 
-    The finer things (lane lines, zebras, masts, outlines of defects) come with the scale. Everything has a zorder below
-    `ABOVE_WORLD`.
+    Finer details (lane lines, zebra crossings, masts, outlines of defects) depend on the scale. Everything has a zorder
+    below `ABOVE_WORLD`.
 
     Args:
         bounds: what the map shows; the whole world when not given.
         names: segment ids and boundaries.
         defects: a small mark for each, by class; their outlines where the scale allows.
-        muted: paler, as a ground for other things.
+        muted: paler, as a background.
 
     Returns:
-        The ids for which there was no room.
+        The ids that did not fit.
     """
     style.frame_axes(axes, bounds if bounds is not None else world_bounds(world))
     plan = _Plan(axes, world, muted)
@@ -101,19 +101,19 @@ def draw_world(
         plan.furniture()
     if defects:
         plan.defects()
-    room, left_out = lettering.OccupiedSpace(), list[str]()
+    occupied, left_out = lettering.OccupiedSpace(), list[str]()
     if MapLayer.BASE in layers:
         base_symbol(axes, world)
-        room.take(world.base.buffer(6.0 / plan.per_m))
+        occupied.take(world.base.buffer(6.0 / plan.per_m))
     if names:
         boundaries = [tick for s in world.segments for tick in shapes.ticks(s.centre_line, s.width_m / 2 + 0.6)]
         shapes.strokes(axes, boundaries, 38, style.BASE, 0.7)
-        left_out = lettering.segment_ids(axes, world.segments, room)
+        left_out = lettering.segment_ids(axes, world.segments, occupied)
     if MapLayer.STREET_NAMES in layers:
         if plan.per_m > 1.2:
             for crossing in world.crossings:
-                room.take(crossing.polygon)
-        lettering.street_names(axes, world.segments, room, style.INK_SOFT if muted else style.INK)
+                occupied.take(crossing.polygon)
+        lettering.street_names(axes, world.segments, occupied, style.INK_SOFT if muted else style.INK)
     return left_out
 
 
@@ -250,7 +250,7 @@ def save_world_map(world: World, path: Path, *, names: bool = False, bounds: Bou
 
 
 def subtitle(world: World) -> str:
-    """What is there, in one line."""
+    """The contents in one line."""
     length_km = sum(segment.length_m for segment in world.segments) / 1000
     return (
         f"{len(world.segments)} segments, {length_km:.1f} km  ·  {len(world.buildings)} buildings  ·  "
@@ -259,7 +259,7 @@ def subtitle(world: World) -> str:
 
 
 def credit(world: World) -> str | None:
-    """Who must be named under a map of this world."""
+    """The attribution required under a map of this world."""
     return attribution(load_record(world.folder).source) if world.folder is not None else None
 
 
