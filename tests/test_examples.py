@@ -18,6 +18,7 @@ LONGEST = 60
 SAYS = {
     "01_first_flight": "coverage=",
     "02_own_policy": "patient: coverage=",
+    "03_own_defect_class": "rutting",
     "04_own_demand": "s waited",
     "05_study": "hover",
     "06_dataset": "6 images in",
