@@ -77,9 +77,9 @@ def test_what_comes_back_does_not_depend_on_how_long_the_file_is(cross: World) -
     assert load_recording(recording_path(cross, short.origin.asked, 5)).duration_s == 40.0
 
 
-def test_a_recording_of_another_world_is_not_prolonged(cross: World) -> None:
+def test_a_recording_of_another_world_is_not_extended(cross: World) -> None:
     recording = record(cross, "low", 1, 10.0)
-    with pytest.raises(PaveTwinError, match="cannot be prolonged"):
+    with pytest.raises(PaveTwinError, match="cannot be extended"):
         Recorder.of(recording, replace(cross, content_hash="rebuilt"))
 
 

@@ -60,7 +60,7 @@ class WorldEntry(Settings):
     routes: tuple[str, ...] = ()
     """SUMO route files that take the place of the densities."""
     take_off_s: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]] = (0.0, 0.0)
-    """With routes: earliest and latest take-off, in seconds after the first departure; drawn anew in each replicate."""
+    """With routes: earliest and latest take-off, in seconds after the first departure; drawn in each replicate."""
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
@@ -92,7 +92,7 @@ class Design(Settings):
     """That one mission inspects."""
     seed: Annotated[int, Field(ge=0)] = 1
     defects: Placing = "placed"
-    """`placed` anew in each replicate as densely as the world was built, or by these options; `world` keeps its own."""
+    """`placed` in each replicate as densely as the world was built, or by these options; `world` keeps its own."""
 
     @field_validator("worlds", "densities", "altitudes_m", "policies", "sensors", "presets", "plugins", mode="before")
     @classmethod

@@ -30,7 +30,7 @@ from pavetwin.world.store import load_record
 
 RECORDED_S: Final = 100.0
 """Of traffic before the first mission of one segment: half of the units in light traffic need no more. Missions that do
-prolong it."""
+extend it."""
 
 QUIET_S: Final = 300.0
 """Where a user's demand shows nobody for so long after the take-off, it has ended."""

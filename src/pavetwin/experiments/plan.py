@@ -129,7 +129,7 @@ class Plan:
         return float(round(earliest + self.seeds(unit.replicate).moment * (latest - earliest)))
 
     def segments(self, unit: Unit) -> list[int]:
-        """What the missions of a unit inspect, in this order: drawn anew in each replicate."""
+        """What the missions of a unit inspect, in this order: drawn in each replicate."""
         rng = child(self.design.seed, Stream.EXPERIMENT, _SEGMENTS, unit.replicate)
         reachable = self.targets[unit.world]
         return [reachable[index] for index in rng.permutation(len(reachable))[: self.design.segments].tolist()]

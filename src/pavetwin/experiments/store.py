@@ -145,7 +145,7 @@ class Store:
             try:
                 table = pl.read_parquet(part)
             except (OSError, pl.exceptions.PolarsError) as error:
-                raise PaveTwinError(f"'{part}' is damaged; run the study again, which flies it anew.") from error
+                raise PaveTwinError(f"'{part}' is damaged; run the study again, which flies it again.") from error
             if table.select("replicate", "traffic").unique().rows() != [(unit.replicate, unit.traffic)]:
                 raise PaveTwinError(f"'{part}' holds another part of a study; remove it and run the study again.")
             tables.append(table)

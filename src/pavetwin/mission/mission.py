@@ -54,7 +54,7 @@ LEAST_PROGRESS_M = 1.0
 
 
 class Traffic(Protocol):
-    """The recorded traffic, which can be prolonged."""
+    """The recorded traffic, which can be extended."""
 
     def trace(self) -> Trace: ...
 
@@ -290,7 +290,7 @@ class Mission:
     def _carry_out(self, command: Callable[[], None]) -> Generator[Event | Paused, None, bool]:
         """Fly until the command is carried out; false when a battery was swapped instead, and the UAV is over its base.
 
-        What was then left of the line under inspection is in `_left`. The recording is prolonged on the way.
+        What was then left of the line under inspection is in `_left`. The recording is extended on the way.
         """
         command()
         while True:
@@ -315,7 +315,7 @@ class Mission:
     def _extend(self) -> None:
         longer = self.traffic.extend(self.flight.time_s)
         if longer.duration_s <= self.flight.time_s + self.settings.time_step_s:
-            raise PaveTwinError(f"The traffic ends after {longer.duration_s:g} s and cannot be prolonged.")
+            raise PaveTwinError(f"The traffic ends after {longer.duration_s:g} s and cannot be extended.")
         self.flight.extend(longer)
 
     def _too_far(self, target: int) -> PaveTwinError:

@@ -1,4 +1,4 @@
-"""The recorded traffic as a mission replays it: prolonged when the mission outlasts it, never wrapped."""
+"""The recorded traffic as a mission replays it: extended when the mission outlasts it, never wrapped."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -42,7 +42,7 @@ class Replay:
     start_s: float = 0.0
     """When in the recording missions take off."""
     on_extend: Callable[[float], None] = lambda _: None
-    """Told the share done of a prolongation."""
+    """Told the share done of an extension."""
     recorder: Recorder | None = field(default=None, repr=False)
     """Prolongs the recording; made when it is first needed."""
     _trace: Trace | None = field(default=None, init=False, repr=False)

@@ -22,7 +22,7 @@ from pavetwin.traffic.recording import Origin
 from pavetwin.world.model import World
 
 BEHAVIOUR: Final = 1
-"""Counted up when the demand or the conversion changes what is recorded: an older file is then recorded anew."""
+"""Counted up when the demand or the conversion changes what is recorded: an older file is then recorded again."""
 
 WARM_UP_S: Final = (120.0, 300.0)
 """The shortest and the longest time before a recording begins: queues before signals need a few of their cycles."""

@@ -51,7 +51,7 @@ class Recorder:
 
     SUMO's process stays alive, and goes on from where it stopped, until the recorder is left or nobody holds it any
     more. What was recorded is written at once; where the recorder is a context manager, when it is left. Where the
-    traffic was recorded before and is too short now, SUMO begins anew and must repeat it.
+    traffic was recorded before and is too short now, SUMO starts again and must repeat it.
     """
 
     def __init__(self, inputs: Inputs, *, force: bool = False) -> None:
@@ -75,7 +75,7 @@ class Recorder:
         origin, inputs = recording.origin, Inputs.of(world, recording.origin.asked, recording.origin.seed, routes)
         if origin.world != world.content_hash or origin.inputs != inputs.hash:
             raise PaveTwinError(
-                "This recording cannot be prolonged: its world, its routes or SUMO's version is another now; "
+                "This recording cannot be extended: its world, its routes or SUMO's version is another now; "
                 "record again."
             )
         recorder = cls(inputs)
@@ -132,7 +132,7 @@ class Recorder:
             shared_s = min(known.duration_s, recording.duration_s)
             if not recording.until(shared_s).same_traffic(known.until(shared_s)):
                 raise PaveTwinError(
-                    f"SUMO did not repeat the traffic of '{self._inputs.path}', so it cannot be prolonged; record it "
+                    f"SUMO did not repeat the traffic of '{self._inputs.path}', so it cannot be extended; record it "
                     "again with `force`."
                 )
         if known is None or known.frames < recording.frames:

@@ -106,7 +106,7 @@ def recommend(
 
     Equal coverages are told apart by time, then by energy. An option that failed in a mission which another flew is not
     recommended: the two means are over different missions. How sure: replicates are resampled for all options at once,
-    which share their traffic, defects and segments, within each world, and the choice is made anew; `certainty` is the
+    which share their traffic, defects and segments, within each world, and the choice is made again; `certainty` is the
     share of resamples in which the option is the best or level with the best, so that it does not depend on how many
     others do the same.
     """
