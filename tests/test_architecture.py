@@ -58,7 +58,6 @@ SHARED_CLASS_NAMES = {
     "Moment": "the kernel's class, and the protocol that the twin needs of it",
     "Job": "a unit of work of traffic recordings, and one of image workers",
     "Simulation": "a recording process, and the SUMO run inside it",
-    "Street": "a named street of the world, and its lanes as marked on the ground",
 }
 
 # Written in two halves, so that this file does not name them either.

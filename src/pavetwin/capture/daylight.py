@@ -13,10 +13,11 @@ from pavetwin.scene.sun import sun_position
 from pavetwin.world.model import World
 
 LEAST_ELEVATION_DEG: Final = 12.0
-"""Nobody inspects pavement when shadows are five times as long as what casts them."""
+"""Least elevation of the sun: below it shadows are five times as long as their casters, and pavement is not
+inspected."""
 
 YEAR: Final = 2025
-"""Of the dates in the images."""
+"""Year of the images' dates."""
 
 _SKIES: Final = ((0.45, 0.0, 0.2), (0.35, 0.2, 0.7), (0.20, 0.7, 1.0))
 """Share of images, and the cloud cover they are drawn from: mostly clear, partly cloudy, overcast. Ours; there is no
@@ -27,8 +28,8 @@ _TURBIDITY: Final = (2.2, 5.0)
 
 
 COMPENSATION_SD_EV, MOST_COMPENSATION_EV = 0.4, 1.0
-"""How exposures scatter around what is metered, in stops: the photographs of RDD2022's China drone subset have
-lightnesses L* of 49 to 72 in the middle 80 %, which is about one stop to either side."""
+"""Standard deviation of exposures around the metered one, in stops: the photographs of RDD2022's China drone subset
+have lightnesses L* of 49 to 72 in the middle 80 %, which is about one stop to either side."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from pavetwin.workers import OnTick, WorkerPool
 from pavetwin.world.store import load_world
 
 FrameSourceFactory = Callable[[CaptureContext], FrameSource]
-"""Makes the frame source of one process; named at the top of a module, so that another process finds it."""
+"""Makes the frame source of one process; defined at module level, so that another process can import it."""
 
 Shard = Sequence[Order]
 
@@ -36,10 +36,10 @@ class Job:
 def image_workers(
     job: Job, context: CaptureContext, workers: int, on_image: OnTick
 ) -> Iterator[Callable[[Sequence[Shard]], None]]:
-    """Who takes the images: call it with shards, in the order in which they should begin.
+    """A function that takes shards of images, in the order in which they should begin.
 
     Raises:
-        PaveTwinError: what any of them says; those that are at work stop at once.
+        PaveTwinError: as raised by any of the processes; the others stop at once.
     """
     if workers == 1:
         work = _worker(job, context, on_image)
@@ -57,7 +57,7 @@ def image_workers(
 
 
 def _remaining(folder: Path, shard: Shard) -> list[Shard]:
-    """What a process that died has not taken of its shard."""
+    """The rest of a shard that a dead process has not taken."""
     there = finished_images(folder)
     left = [order for order in shard if order[0].index not in there]
     return [left] if left else []
@@ -71,7 +71,7 @@ def _give_up(shard: Shard) -> None:
 
 
 def _start(job: Job, on_image: OnTick) -> Callable[[Shard], None]:
-    """In a worker process: load the world and take images for good."""
+    """In a worker process: load the world and make the function that takes shards."""
     return _worker(job, prepare(load_world(job.world), job.settings), on_image)
 
 

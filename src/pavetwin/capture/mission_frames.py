@@ -1,5 +1,5 @@
-"""The frames in which a mission confirmed its defects, taken after the flight from what it wrote down: a dataset of its
-own, with the labels that datasets have.
+"""The frames in which a mission confirmed its defects, rendered after the flight from its records: a dataset with
+labels.
 
 The mission itself draws nothing. Its camera, poses, times and traffic are in its detections, date, time and clouds in
 its conditions. The light stays as it is when the mission begins.
@@ -42,10 +42,10 @@ if TYPE_CHECKING:
 FOLDER: Final = "frames"
 
 SPLIT: Final = "test"
-"""A detector is tried on what a mission saw; what it was trained on may be the same streets."""
+"""Split of mission frames: a detector is tested on them, although it may have been trained on the same streets."""
 
 LARGEST_PX: Final = 2048
-"""Of a frame's longer side; a camera with more pixels is drawn with fewer, its view unchanged."""
+"""Limit of a frame's longer side; a camera with more pixels is rendered at a lower resolution with the same view."""
 
 
 def save_frames(
@@ -62,7 +62,7 @@ def save_frames(
 
     Args:
         recording: the traffic that the mission was flown against, as long as it needed.
-        adapter: names what draws.
+        adapter: name of the graphics adapter.
 
     Raises:
         PaveTwinError: the frames cannot be written.
@@ -100,7 +100,7 @@ def frame_size(image_px: Sequence[int]) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class _Film:
-    """A mission, to be photographed once more."""
+    """Renders the frames of a mission."""
 
     result: MissionResult
     recording: Recording
@@ -120,7 +120,7 @@ class _Film:
         return trace_of(self.recording)
 
     def settings(self, images: int) -> CaptureSettings:
-        """What a dataset of such pictures is asked for with."""
+        """The settings of a dataset of such frames."""
         return CaptureSettings(
             platform="uav",
             images=images,
@@ -187,7 +187,7 @@ class _Film:
 
 
 def _velocity(result: MissionResult, detection: Detection) -> tuple[float, float, float]:
-    """Of the UAV, along its heading: the last speed that its track noted."""
+    """The UAV's velocity along its heading: the last speed in its track."""
     row = int(np.searchsorted(result.track["t_s"], detection.time_s + 1e-6)) - 1
     speed = float(result.track["speed_mps"][max(0, row)])
     return speed * float(np.cos(detection.yaw_rad)), speed * float(np.sin(detection.yaw_rad)), 0.0

@@ -1,4 +1,4 @@
-"""A mission as a moving picture: GIF by Pillow with one palette for all frames, MP4 by the program ffmpeg."""
+"""A mission as an animation: GIF by Pillow with one palette for all frames, MP4 by the program ffmpeg."""
 
 import shutil
 import subprocess
@@ -20,7 +20,7 @@ SAMPLES = 12
 """Frames that the palette of a GIF is chosen from."""
 
 COLOURS = 128
-"""Of a GIF's palette: fewer make a smaller file, and steps in the translucent areas."""
+"""Colours of a GIF's palette: fewer make a smaller file, but banding in translucent areas."""
 
 
 def save_animation(
@@ -40,9 +40,9 @@ def save_animation(
         traffic: what the mission was flown against.
         start_s: mission time of the first frame; shortly before the policy's first reaction when not given.
         duration_s: how much mission time is shown; less where the mission ends before.
-        speed: mission seconds a second of the animation.
-        fps: frames a second.
-        on_progress: told the share done.
+        speed: mission seconds per second of the animation.
+        fps: frames per second.
+        on_progress: called with the share done.
 
     Raises:
         PaveTwinError: a number does not fit, the suffix is another, ffmpeg is missing, or the file cannot be written.
@@ -82,7 +82,8 @@ def _save_gif(path: Path, film: Film, on_progress: Callable[[float], None]) -> N
 
 
 def _palette(film: Film) -> Image.Image:
-    """One palette for all frames: the colours that carry meaning as they are, the others as some frames have them."""
+    """One palette for all frames: colours that carry meaning are kept exactly, the others are taken from some
+    frames."""
     meaning = [rgb(colour) for colour in (UAV, OPEN_DEFECT, style.PAPER, style.INK, style.INK_SOFT, style.CASING)]
     meaning += [rgb(colour) for colour in (*AGENT_COLOURS.values(), *style.OUTCOME_COLOURS.values())]
     meaning += [visibility_rgb(step / 20) for step in range(21)]

@@ -1,4 +1,4 @@
-"""The frames of an animation: a mission from above, the picture following the UAV through the traffic."""
+"""The frames of an animation: a mission from above, with the view following the UAV through the traffic."""
 
 from collections.abc import Iterator
 
@@ -21,13 +21,13 @@ from pavetwin.mission.mission import Traffic
 from pavetwin.mission.timeline import Timeline, TimelineState
 
 WIDTH_M = 70.0
-"""How much of the street the picture shows, at least; more where the camera's footprint is wide."""
+"""Least width of street in the view; more where the camera's footprint is wide."""
 
 SIZE_PX = (896, 504)
-"""Of the view; the strip of readings comes below it."""
+"""Size of the view; the strip of readings is below it."""
 
 SOFTNESS_S = 2.0
-"""The picture follows the UAV's path averaged over this much time to either side, so that it does not jerk."""
+"""The view follows the UAV's path averaged over this time to either side, for a smooth motion."""
 
 TRAIL_S = 20.0
 
@@ -84,7 +84,7 @@ class Film:
         return image
 
     def centre(self, time_s: float) -> Place:
-        """The middle of the picture: the UAV's place, averaged over a while."""
+        """The centre of the view: the UAV's position, averaged over time."""
         around = time_s + np.linspace(-SOFTNESS_S, SOFTNESS_S, 17)
         return self.timeline.interpolated("x_m", around).mean(), self.timeline.interpolated("y_m", around).mean()
 

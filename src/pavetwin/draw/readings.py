@@ -34,7 +34,7 @@ DOING = {
 
 @dataclass(frozen=True)
 class Readings:
-    """Draws the strip; everything that does not change is drawn once."""
+    """Draws the strip; its constant parts are drawn once."""
 
     width_px: int
     policy: str
@@ -63,7 +63,7 @@ class Readings:
 
     @cached_property
     def _still(self) -> Image.Image:
-        """What does not change: the ground, the line above it, and the key."""
+        """The constant parts: background, separator and key."""
         strip = Image.new("RGB", (self.width_px, HEIGHT_PX), style.PAPER)
         pen = ImageDraw.Draw(strip)
         pen.line((0, 0, self.width_px, 0), fill=style.INK_FAINT)

@@ -59,7 +59,7 @@ _TO_RGB: Final = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415]
 # Experimental Comparison of Solar and Skydome Illumination, SIGGRAPH Asia 2014).
 _CHROMA: Final = 0.7
 
-# Wavelengths that stand for the three primaries, micrometres.
+# Representative wavelengths of the three primaries, micrometres.
 _WAVELENGTHS_UM: Final = np.array([0.610, 0.550, 0.465])
 
 # Of clouds and of the sun above the atmosphere, in linear sRGB of luminance 1: 6500 K and about 5800 K.
@@ -69,7 +69,7 @@ _SUN_RGB: Final = np.array([1.065, 0.985, 0.945])
 
 @dataclass(frozen=True)
 class Light:
-    """One moment's light. All that follows from it is computed when it is first asked for."""
+    """The light at one time. Derived values are computed on first use."""
 
     sun_elevation_deg: float
     sun_azimuth_deg: float
@@ -81,7 +81,7 @@ class Light:
     visibility_m: float = 12_000.0
     """At which distance haze leaves a contrast of 2 % (Koschmieder)."""
     enclosure: float = 0.3
-    """Share of the sky that houses and trees hide from a street, and light in its place."""
+    """Share of the sky that houses and trees hide from a street, replaced by light that they reflect."""
 
     def __post_init__(self) -> None:
         if not 0 < self.sun_elevation_deg <= 90:
@@ -136,7 +136,7 @@ class Light:
 
     @cached_property
     def sky_klux(self) -> float:
-        """Illuminance of level ground by the sky alone."""
+        """Illuminance of level ground by the sky only."""
         height = math.sin(math.radians(self.sun_elevation_deg))
         skies = [a + b * height**c for _, a, b, c in _IES]
         return float(np.interp(self.cloud_cover, _CLOUD_COVERS, skies))
@@ -144,7 +144,7 @@ class Light:
     def sky(self, directions: npt.ArrayLike) -> Float64Array:
         """Luminance of the sky in directions (..., 3) of any length: (..., 3) linear RGB, the sun itself left out.
 
-        Below the horizon it goes on as at the horizon.
+        Below the horizon it continues as at the horizon.
         """
         both = self._two_skies(np.asarray(directions, dtype=np.float64))
         return np.asarray(np.einsum("k...c,k->...c", both, self._shares))
@@ -161,7 +161,7 @@ class Light:
 
     @cached_property
     def _shares(self) -> Float64Array:
-        """(2,) what the two skies are multiplied with, so that each gives level ground its share of `sky_klux`."""
+        """(2,) factors of the two skies, so that each gives level ground its share of `sky_klux`."""
         directions, weights = _upper_half()
         klux = np.einsum("knc,c,n->k", self._two_skies(directions), LUMINANCE, directions[:, 2] * weights)
         return np.asarray(np.array([1 - self.cloud_cover, self.cloud_cover]) * self.sky_klux / klux)
@@ -197,7 +197,7 @@ class Light:
 
     @cached_property
     def wall_radiance(self) -> Float64Array:
-        """(3,) luminance of façades and crowns around a street: 0.33 of what falls on them, half of them in the sun."""
+        """(3,) luminance of façades and crowns around a street: reflectance 0.33, half of them in the sun."""
         reflectance = np.array([0.36, 0.33, 0.28])
         flat = math.cos(math.radians(self.sun_elevation_deg))
         sun = self.sun_klux * flat / math.pi
@@ -207,7 +207,8 @@ class Light:
 
     @cached_property
     def ground_radiance(self) -> Float64Array:
-        """(3,) luminance of what lies around, as walls and car doors see it: pavement and some green, 0.16."""
+        """(3,) luminance of the surrounding ground, as reflected by walls and car doors: pavement and some green,
+        0.16."""
         reflectance = np.array([0.165, 0.16, 0.145])
         directions, weights = _upper_half()
         sky = np.einsum("nc,n,n->c", self.sky(directions), directions[..., 2], weights)

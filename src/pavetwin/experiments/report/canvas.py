@@ -1,4 +1,4 @@
-"""Figures that go into the page as they are: vector drawings or small pictures inside data URIs."""
+"""Figures embedded in the page: vector drawings or small images inside data URIs."""
 
 from collections.abc import Mapping, Sequence
 from io import StringIO
@@ -53,7 +53,7 @@ def _picture(figure: Figure, caption: str, alt: str, content: bytes, suffix: str
 
 
 def looks(policies: Sequence[Any]) -> Looks:
-    """Those of the house; policies of the user's take the spare ones in turn."""
+    """Styles of the built-in policies; the user's own policies take the spare ones in turn."""
     own = [policy for policy in policies if policy not in style.POLICY_COLOURS]
     return {policy: style.policy_style(policy, own.index(policy) if policy in own else 0) for policy in policies}
 
@@ -105,7 +105,7 @@ def spans_wide(values: Sequence[float], ratio: float = 8.0) -> bool:
 
 
 def logarithmic(axis: Axis, *alike: Axis) -> None:
-    """A logarithmic axis whose ticks read 10, 20, 50, 100 …: as many of them as there is room for.
+    """A logarithmic axis whose ticks read 10, 20, 50, 100 …: as many of them as fit.
 
     Its label says so, and so do those of the axes `alike` that share it; labels come before.
     """
@@ -118,7 +118,7 @@ def logarithmic(axis: Axis, *alike: Axis) -> None:
 
 
 class _SpacedLogLocator(Locator):
-    """Round numbers on a logarithmic axis, the most whose words stand clear of each other."""
+    """Round numbers on a logarithmic axis: as many as fit without overlapping labels."""
 
     _STEPS: Final = ((1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8), (1, 1.5, 2, 3, 5, 7), (1, 2, 5), (1, 3), (1,))
     """Within a decade."""
@@ -146,7 +146,7 @@ class _SpacedLogLocator(Locator):
         return [value for value in values if low * (1 - 1e-9) <= value <= high * (1 + 1e-9)]
 
     def _clear(self, values: Sequence[float], low: float, high: float) -> bool:
-        """Whether the words of all ticks have room beside or above each other."""
+        """Whether the labels of all ticks fit without overlap."""
         flat, box = self._of is self._of.axes.xaxis, self._of.axes.get_window_extent()
         per_decade = (box.width if flat else box.height) * 72 / self._of.axes.figure.dpi / log10(high / low)
         sizes = [style.text_width_pt(f"{value:g}", self._TICK_PT) if flat else self._TICK_PT for value in values]

@@ -1,4 +1,4 @@
-"""What was seen of each street: segments in the colour of their mean coverage, over the muted map of their world."""
+"""Coverage maps: segments coloured by their mean coverage, over the muted map of their world."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -85,7 +85,7 @@ def _segments(axes: Axes, segments: Sequence[Segment], colours: Any) -> None:
 
 
 def _numbers(axes: Axes, segments: Sequence[Segment], found: Mapping[str, Any]) -> None:
-    """How many missions, in the middle of each segment where there is room."""
+    """How many missions, in the middle of each segment where it fits."""
     per_m, room = shapes.points_per_m(axes), OccupiedSpace()
     for segment in sorted(segments, key=lambda segment: (-segment.length_m, segment.id)):
         text = f"{found[segment.id]['missions']}"

@@ -21,7 +21,7 @@ MOST_WHOLE, MOST_GROUPS = 4, 16
 
 
 def page(study: Study, sections: Sequence[Section]) -> str:
-    """The text of `report.html`. Needs no network, no script and no font that is not there."""
+    """The text of `report.html`. Needs no network, no script and no installed font."""
     environment = Environment(
         loader=PackageLoader("pavetwin.experiments.report", "."),
         autoescape=True,
@@ -95,7 +95,7 @@ def sections_of(study: Study, on_progress: Callable[[float], None] = lambda _: N
     """What the page holds under its head, with every figure drawn.
 
     Args:
-        on_progress: told the share done.
+        on_progress: called with the share done.
     """
     groups, count = shown_groups(study, MOST_GROUPS)
     builders = (whole.effects_section, whole.streets_section, whole.failures_section)

@@ -1,4 +1,4 @@
-"""What a page is put together from, as plain values: sections of paragraphs, lists, tables and pictures."""
+"""The parts of a page as plain values: sections of paragraphs, lists, tables and figures."""
 
 from base64 import b64encode
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ class TableCell:
     text: str
     strong: bool = False
     aside: str = ""
-    """What follows the text and is never strong."""
+    """Text after it that is never bold."""
 
 
 @dataclass(frozen=True)
@@ -98,5 +98,5 @@ class Section:
 
     @property
     def empty(self) -> bool:
-        """Whether there is nothing to show but words about it."""
+        """Whether it has only text."""
         return not self.sections and all(isinstance(block, Text) for block in self.blocks)

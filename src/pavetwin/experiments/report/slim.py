@@ -1,4 +1,4 @@
-"""Matplotlib's SVG in fewer bytes: the same picture without names, blanks and digits that no one sees."""
+"""Matplotlib's SVG in fewer bytes: the same picture without unused ids, blanks and digits."""
 
 import re
 from typing import Final
@@ -15,7 +15,7 @@ _ONE_IN_GROUP: Final = re.compile(r"<g>(<[^<>]*/>)</g>")
 
 
 def slim(svg: str) -> str:
-    """The `svg` element alone, on one line. Coordinates keep hundredths of a point."""
+    """Only the `svg` element, on one line. Coordinates keep hundredths of a point."""
     body = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
     body = re.sub(r">\s+<", "><", re.sub(r"\s*\n\s*", " ", body)).strip()
     body = _PATH.sub(lambda path: f' d="{_path(path[1])}"', body)
@@ -28,7 +28,7 @@ def slim(svg: str) -> str:
 
 
 def _named(body: str) -> str:
-    """Only what is referred to keeps a name, a short one."""
+    """Only referenced elements keep an id, a short one."""
     short = {name: f"n{at}" for at, name in enumerate(dict.fromkeys(_REFERENCE.findall(body)))}
     body = _REFERENCE.sub(lambda found: found[0].replace(found[1], short[found[1]]), body)
     return re.sub(r' id="([^"]*)"', lambda name: f' id="{short[name[1]]}"' if name[1] in short else "", body)

@@ -75,7 +75,7 @@ def markdown_table(table: Table) -> str:
 
 
 def latex_table(table: Table, label: str) -> str:
-    """A `table` environment; where a block of the first column begins there is some room."""
+    """A `table` environment; with vertical space before each block of the first column."""
     numbers = len(table.heads) - table.lead
     span = [
         rf"{' & ' * table.lead}\multicolumn{{{numbers}}}{{c}}{{{escape(table.span)}}} \\",

@@ -36,7 +36,7 @@ from typing import Final
 
 import numpy as np
 
-from pavetwin.experiments.statistics.cells import FloatArray, IntArray
+from pavetwin.arrays import Float64Array, IndexArray
 
 RESAMPLES: Final = 9999
 LEVEL: Final = 0.95
@@ -52,7 +52,7 @@ Sizes = tuple[int, ...]
 """Replicates in each world that are resampled among themselves."""
 
 
-def intervals(units: FloatArray, worlds: IntArray, seed: int) -> tuple[FloatArray, FloatArray]:
+def intervals(units: Float64Array, worlds: IndexArray, seed: int) -> tuple[Float64Array, Float64Array]:
     """95 % intervals of the mean over replicates.
 
     Cells with as many replicates share their resamples, so that an interval does not depend on which others are asked
@@ -80,7 +80,7 @@ def intervals(units: FloatArray, worlds: IntArray, seed: int) -> tuple[FloatArra
     return low, high
 
 
-def strata(worlds: IntArray) -> Sizes:
+def strata(worlds: IndexArray) -> Sizes:
     """How many replicates each world has; all are one stratum when one of them has a single replicate.
 
     Args:
@@ -90,7 +90,7 @@ def strata(worlds: IntArray) -> Sizes:
     return (len(worlds),) if min(sizes) < 2 else sizes
 
 
-def resamples(sizes: Sizes, seed: int, of: Sequence[int] = ()) -> FloatArray:
+def resamples(sizes: Sizes, seed: int, of: Sequence[int] = ()) -> Float64Array:
     """(RESAMPLES, replicates) how often each replicate is drawn: in every stratum as often as it has replicates.
 
     Args:
@@ -101,7 +101,7 @@ def resamples(sizes: Sizes, seed: int, of: Sequence[int] = ()) -> FloatArray:
     return np.concatenate(drawn, axis=1).astype(np.float64)
 
 
-def _studentised(values: FloatArray, sizes: Sizes, counts: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _studentised(values: Float64Array, sizes: Sizes, counts: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Limits of (replicates, cells) values; `counts` are the resamples of those `sizes`."""
     t, error = t_of_resamples(values, sizes, counts)
     t.partition((_TAIL, RESAMPLES - 1 - _TAIL), axis=0)
@@ -109,7 +109,7 @@ def _studentised(values: FloatArray, sizes: Sizes, counts: FloatArray) -> tuple[
     return mean - np.maximum(t[-1 - _TAIL], 0.0) * error, mean - np.minimum(t[_TAIL], 0.0) * error
 
 
-def t_of_resamples(values: FloatArray, sizes: Sizes, counts: FloatArray) -> tuple[FloatArray, FloatArray]:
+def t_of_resamples(values: Float64Array, sizes: Sizes, counts: Float64Array) -> tuple[Float64Array, Float64Array]:
     """(resamples, cells) t* of (replicates, cells) values, 0 where nothing varies, and (cells,) standard errors."""
     n = len(values)
     variance, variances = np.zeros(values.shape[1]), np.zeros((len(counts), values.shape[1]))
@@ -133,12 +133,12 @@ def _rows(sizes: Sizes) -> list[slice]:
     return [slice(end - size, end) for end, size in zip(ends, sizes, strict=True)]
 
 
-def centre(values: FloatArray) -> FloatArray:
+def centre(values: Float64Array) -> Float64Array:
     """(cells,) means of (replicates, cells) values; the mean of equal values is that value to the last bit."""
     return np.asarray(values[0] + (values - values[0]).mean(axis=0))
 
 
-def centres(units: FloatArray) -> FloatArray:
+def centres(units: Float64Array) -> Float64Array:
     """(cells,) means of (cells, blocks) values over the blocks that have one; NaN where none has."""
     rows = [row[~np.isnan(row)] for row in units]
     return np.array([centre(row[:, np.newaxis])[0] if len(row) else np.nan for row in rows])

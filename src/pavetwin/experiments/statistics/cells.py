@@ -6,16 +6,12 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
+from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 from pavetwin.experiments.metrics import FAILED, REPLICATE, STATUS
 
 Key = tuple[Any, ...]
 """The levels of a cell, in the order of its columns."""
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -24,14 +20,14 @@ class Layout:
 
     keys: tuple[Key, ...]
     """The cells, sorted by the first appearance of their levels, column by column."""
-    cell: IntArray
+    cell: IndexArray
     """(rows,) index into `keys`."""
-    block: IntArray
+    block: IndexArray
     """(rows,) number of the row's block."""
-    worlds: IntArray
+    worlds: IndexArray
     """(blocks,) number of each block's world. Blocks are sorted by world and replicate, wherever their rows stand."""
 
-    def means(self, values: FloatArray) -> FloatArray:
+    def means(self, values: Float64Array) -> Float64Array:
         """(cells, blocks) the mean of the defined values of a cell in a block; NaN where there is none.
 
         Args:
@@ -50,7 +46,7 @@ class Layout:
         """(cells, blocks) where the table has a row, whatever became of its mission."""
         return np.asarray(self._binned(np.arange(len(self.cell)), None) > 0)
 
-    def _binned(self, rows: IntArray, weights: FloatArray | None) -> FloatArray:
+    def _binned(self, rows: IndexArray, weights: Float64Array | None) -> Float64Array:
         shape = (len(self.keys), len(self.worlds))
         flat = self.cell[rows] * shape[1] + self.block[rows]
         binned = np.bincount(flat, weights=weights, minlength=shape[0] * shape[1])
@@ -80,7 +76,7 @@ def _appearance(values: Sequence[Hashable]) -> list[int]:
     return [numbers.setdefault(value, len(numbers)) for value in values]
 
 
-def _blocks(table: pl.DataFrame) -> tuple[IntArray, IntArray]:
+def _blocks(table: pl.DataFrame) -> tuple[IndexArray, IndexArray]:
     rows = list(zip(table["world"].to_list(), table[REPLICATE].to_list(), strict=True))
     blocks = sorted(set(rows))
     number = {block: at for at, block in enumerate(blocks)}
@@ -88,7 +84,7 @@ def _blocks(table: pl.DataFrame) -> tuple[IntArray, IntArray]:
     return np.array([number[row] for row in rows], dtype=np.intp), np.array(worlds, dtype=np.intp)
 
 
-def values_of(table: pl.DataFrame, column: str) -> FloatArray:
+def values_of(table: pl.DataFrame, column: str) -> Float64Array:
     """(rows,) a metric's values, NaN where undefined or failed. Never 0 for what was not measured."""
     values = np.array(table[column].cast(pl.Float64).fill_null(float("nan")).to_numpy(), dtype=np.float64)
     values[~np.isfinite(values) | failures(table)] = np.nan
@@ -119,6 +115,6 @@ def key_columns(table: pl.DataFrame, by: Sequence[str], keys: Sequence[Key]) -> 
     }
 
 
-def nullable(values: Sequence[float] | FloatArray) -> pl.Series:
+def nullable(values: Sequence[float] | Float64Array) -> pl.Series:
     """A column in which NaN is null."""
     return pl.Series(np.asarray(values, dtype=np.float64), dtype=pl.Float64, nan_to_null=True).fill_nan(None)

@@ -17,8 +17,9 @@ import polars as pl
 from scipy.linalg import helmert
 from scipy.special import fdtrc
 
+from pavetwin.arrays import Float64Array, IndexArray
 from pavetwin.experiments.metrics import METRICS, REPLICATE, Metric
-from pavetwin.experiments.statistics.cells import FloatArray, IntArray, layout, values_of
+from pavetwin.experiments.statistics.cells import layout, values_of
 
 RESIDUAL = "residual"
 TIMES = " × "
@@ -89,7 +90,7 @@ def _of_metric(table: pl.DataFrame, factors: Sequence[str], metric: Metric) -> l
     return [(metric.name, term.name, *_row(term, total), len(values)) for term in terms]
 
 
-def _complete(table: pl.DataFrame, metric: Metric, levels: dict[str, list[object]]) -> tuple[FloatArray, IntArray]:
+def _complete(table: pl.DataFrame, metric: Metric, levels: dict[str, list[object]]) -> tuple[Float64Array, IndexArray]:
     """(replicates, cells) values of the replicates that have one in every cell, and (replicates,) their worlds."""
     cells = layout(table, list(levels))
     number = {key: at for at, key in enumerate(cells.keys)}
@@ -101,7 +102,7 @@ def _complete(table: pl.DataFrame, metric: Metric, levels: dict[str, list[object
     return values[whole], cells.worlds[whole]
 
 
-def _terms(values: FloatArray, worlds: IntArray, within: dict[str, int], factors: Sequence[str]) -> list[_Term]:
+def _terms(values: Float64Array, worlds: IndexArray, within: dict[str, int], factors: Sequence[str]) -> list[_Term]:
     """Every term but the residual; `within` has the number of levels of each factor that varies within replicates."""
     varied = [factor for factor in factors if factor in within or (factor == "world" and len(np.unique(worlds)) > 1)]
     split: dict[frozenset[str], _Term] = {}
@@ -121,7 +122,7 @@ def _named(term: _Term, name: str) -> _Term:
     return replace(term, name=name)
 
 
-def _contrasts(within: dict[str, int], names: Sequence[str]) -> FloatArray:
+def _contrasts(within: dict[str, int], names: Sequence[str]) -> Float64Array:
     """(cells, df) orthonormal contrasts of a term: Helmert's for its factors, the mean over the others."""
     columns = np.ones((1, 1))
     for factor, levels in within.items():
@@ -130,7 +131,7 @@ def _contrasts(within: dict[str, int], names: Sequence[str]) -> FloatArray:
     return columns
 
 
-def _split(scores: FloatArray, worlds: IntArray, observed: int) -> tuple[_Term | None, _Term]:
+def _split(scores: Float64Array, worlds: IndexArray, observed: int) -> tuple[_Term | None, _Term]:
     """Sums of squares of (replicates, df) contrast scores: between worlds, and of their mean against the rest.
 
     Between worlds is None when there is one.
@@ -149,7 +150,7 @@ def _split(scores: FloatArray, worlds: IntArray, observed: int) -> tuple[_Term |
     return _Term("", df * (len(known) - 1), between_ss, error_df, error_ss, epsilon, observed), inside
 
 
-def _epsilon(rest: FloatArray) -> float:
+def _epsilon(rest: Float64Array) -> float:
     """Greenhouse and Geisser's ε of residual scores: 1 where contrasts vary alike, at least 1 / df."""
     covariance = rest.T @ rest
     squares = float((covariance**2).sum())

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from pavetwin.experiments.statistics.cells import FloatArray, IntArray
+from pavetwin.arrays import Float64Array, IndexArray
 
 EXACT: Final = 16
 """Up to so many replicates every assignment of signs is tried."""
@@ -23,7 +23,7 @@ _ROUNDING: Final = 1e-9
 """Sums of decimal fractions that are equal on paper differ in their last bits."""
 
 
-def flips(blocks: int, seed: int) -> FloatArray:
+def flips(blocks: int, seed: int) -> Float64Array:
     """(assignments, blocks) 1 where a sign is turned. The first turns none; where all are tried, the last block's is
     held, since turning all signs turns only the mean's.
     """
@@ -36,7 +36,7 @@ def flips(blocks: int, seed: int) -> FloatArray:
     return drawn
 
 
-def sign_flip_p(units: FloatArray, seed: int = 0) -> FloatArray:
+def sign_flip_p(units: Float64Array, seed: int = 0) -> Float64Array:
     """Two-sided p of "the differences are as likely positive as negative", by the permutation test of their mean.
 
     Args:
@@ -53,7 +53,7 @@ def sign_flip_p(units: FloatArray, seed: int = 0) -> FloatArray:
 class Pairs:
     """The differences of one comparison, at least two, under all assignments of signs."""
 
-    def __init__(self, row: FloatArray, assigned: FloatArray) -> None:
+    def __init__(self, row: Float64Array, assigned: Float64Array) -> None:
         """`row`: (blocks,) NaN where there is no pair; `assigned`: (assignments, blocks) as `flips` gives them."""
         self._here, self._assigned = ~np.isnan(row), assigned
         known = row[self._here]
@@ -79,7 +79,7 @@ class Pairs:
             return 0.0
         return abs(self._mean) / self._error if self._error else inf
 
-    def by_chance(self) -> tuple[IntArray, FloatArray]:
+    def by_chance(self) -> tuple[IndexArray, Float64Array]:
         """(assignments,) how many reach what each of them makes of the differences less their mean, and its |t|."""
         sums, squares = self._sums(self._rest), float((self._rest**2).sum())
         if not squares:
@@ -106,10 +106,10 @@ class Pairs:
         )
         return self._snapped(low), -self._snapped(high)
 
-    def _sums(self, gaps: FloatArray) -> FloatArray:
+    def _sums(self, gaps: Float64Array) -> Float64Array:
         return np.asarray(np.abs(gaps.sum() - 2 * (self._assigned @ gaps)))
 
-    def _ends(self) -> tuple[FloatArray, FloatArray]:
+    def _ends(self) -> tuple[Float64Array, Float64Array]:
         """(assignments,) means of the differences that are turned and of the others; −∞ and ∞ where either is none."""
         number, sums = self._assigned @ self._here.astype(np.float64), self._assigned @ self._gaps
         both = (number > 0) & (number < self._n)

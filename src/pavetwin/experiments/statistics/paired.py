@@ -7,18 +7,10 @@ from typing import Any, Final
 import numpy as np
 import polars as pl
 
+from pavetwin.arrays import BoolArray, Float64Array
 from pavetwin.experiments.metrics import COMPARED, REFERENCE, Metric, metric_named
 from pavetwin.experiments.statistics.bootstrap import centres
-from pavetwin.experiments.statistics.cells import (
-    BoolArray,
-    FloatArray,
-    Key,
-    key_columns,
-    layout,
-    nullable,
-    values_of,
-    varied_columns,
-)
+from pavetwin.experiments.statistics.cells import Key, key_columns, layout, nullable, values_of, varied_columns
 from pavetwin.experiments.statistics.simultaneous import ALPHA, Verdicts, simultaneous
 from pavetwin.experiments.statistics.summary import interleaved
 
@@ -108,7 +100,7 @@ class _Pairing:
         self.group = [ordered.setdefault(self.cells.keys[cell][: len(by)], len(ordered)) for cell, _ in pairs]
         self.keys = tuple(ordered)
 
-    def differences(self, values: FloatArray) -> tuple[FloatArray, BoolArray]:
+    def differences(self, values: Float64Array) -> tuple[Float64Array, BoolArray]:
         """(comparisons, blocks) a replicate's mean difference, NaN where it has none; and where it should have one."""
         means, present = self.cells.means(values), self.cells.present()
         gaps = means[self.level] - means[self.reference]
@@ -121,7 +113,7 @@ class _Pairing:
         return np.divide(sums, counts, out=np.full(shape, np.nan), where=counts > 0), wanted
 
 
-def _frame(metric: Metric, units: FloatArray, wanted: BoolArray, tested: Verdicts) -> pl.DataFrame:
+def _frame(metric: Metric, units: Float64Array, wanted: BoolArray, tested: Verdicts) -> pl.DataFrame:
     defined = ~np.isnan(units)
     # Two shares differ by 1 at most.
     widest = 1.0 if metric.unit == "%" else np.inf
@@ -141,7 +133,7 @@ def _frame(metric: Metric, units: FloatArray, wanted: BoolArray, tested: Verdict
     )
 
 
-def _dz(gaps: FloatArray) -> float:
+def _dz(gaps: Float64Array) -> float:
     """Cohen's d of paired differences; NaN where they do not vary beyond rounding."""
     if len(gaps) < 2:
         return np.nan
@@ -149,7 +141,7 @@ def _dz(gaps: FloatArray) -> float:
     return float(gaps.mean()) / sd if sd > 1e-12 * np.abs(gaps).max() else np.nan
 
 
-def holm(p: FloatArray) -> FloatArray:
+def holm(p: Float64Array) -> Float64Array:
     """p-values corrected for being the smallest of many (Holm 1979): holds the family-wise error under any dependence.
 
     Args:

@@ -8,19 +8,11 @@ from typing import Any, Final
 import numpy as np
 import polars as pl
 
+from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.metrics import metric_named
 from pavetwin.experiments.statistics.bootstrap import resamples, strata
-from pavetwin.experiments.statistics.cells import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    failed_alone,
-    layout,
-    nullable,
-    values_of,
-    varied_columns,
-)
+from pavetwin.experiments.statistics.cells import failed_alone, layout, nullable, values_of, varied_columns
 from pavetwin.experiments.statistics.flips import sign_flip_p
 from pavetwin.experiments.statistics.summary import FEW, summarise
 from pavetwin.experiments.words import (
@@ -158,7 +150,7 @@ def _options(summary: pl.DataFrame, by: Sequence[str]) -> pl.DataFrame:
     return frame.with_columns(parts[_TIME]["p95"].alias("time_s_p95"))
 
 
-def _resampled(units: FloatArray, worlds: IntArray, limits: Limits, seed: int) -> tuple[FloatArray, FloatArray]:
+def _resampled(units: Float64Array, worlds: IndexArray, limits: Limits, seed: int) -> tuple[Float64Array, Float64Array]:
     """(options,) shares of the resamples in which an option keeps the limits, and in which it also is the best of all
     that do, or level with the best.
 
@@ -178,7 +170,7 @@ def _resampled(units: FloatArray, worlds: IntArray, limits: Limits, seed: int) -
     return feasible.mean(axis=0), chosen.mean(axis=0)
 
 
-def _feasible(means: FloatArray, limits: Limits) -> BoolArray:
+def _feasible(means: Float64Array, limits: Limits) -> BoolArray:
     """(resamples, options) of (3, resamples, options) means; what is undefined keeps no limit."""
     coverage, time_s, energy = means
     kept = ~np.isnan(means).any(axis=0)

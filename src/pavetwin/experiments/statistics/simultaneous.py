@@ -40,8 +40,8 @@ from typing import Final
 
 import numpy as np
 
+from pavetwin.arrays import Float64Array, IndexArray
 from pavetwin.experiments.statistics.bootstrap import RESAMPLES, centre, resamples, strata, t_of_resamples
-from pavetwin.experiments.statistics.cells import FloatArray, IntArray
 from pavetwin.experiments.statistics.flips import Pairs, flips
 
 ALPHA: Final = 0.05
@@ -52,18 +52,18 @@ ALPHA: Final = 0.05
 class Verdicts:
     """(comparisons,) each; NaN where fewer than two pairs leave nothing to test."""
 
-    p: FloatArray
+    p: Float64Array
     """Of "the mean difference is 0" by flipped signs, two-sided, each comparison by itself."""
-    p_corrected: FloatArray
-    low: FloatArray
-    high: FloatArray
+    p_corrected: Float64Array
+    low: Float64Array
+    high: Float64Array
     """Simultaneous 95 % intervals; infinite where so few pairs exclude nothing."""
 
     def rows(self, which: slice) -> "Verdicts":
         return Verdicts(self.p[which], self.p_corrected[which], self.low[which], self.high[which])
 
 
-def simultaneous(units: FloatArray, worlds: IntArray, seed: int = 0) -> Verdicts:
+def simultaneous(units: Float64Array, worlds: IndexArray, seed: int = 0) -> Verdicts:
     """Test all comparisons of a family together.
 
     Args:
@@ -80,7 +80,7 @@ def simultaneous(units: FloatArray, worlds: IntArray, seed: int = 0) -> Verdicts
     return Verdicts(*columns)
 
 
-def _by_flips(units: FloatArray, seed: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _by_flips(units: Float64Array, seed: int) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
     """(comparisons,) p, corrected p, and limits."""
     assigned = flips(units.shape[1], seed)
     pairs = [Pairs(row, assigned) for row in units]
@@ -95,9 +95,9 @@ def _by_flips(units: FloatArray, seed: int) -> tuple[FloatArray, FloatArray, Flo
 class _Rarest:
     """What each assignment makes of the comparison in which it is rarest, sorted from the rarest assignment on."""
 
-    reached: IntArray
+    reached: IndexArray
     """(assignments,) how many reach it."""
-    t: FloatArray
+    t: Float64Array
     """(assignments,) |t|: where as many reach it, a larger one is rarer."""
 
     @classmethod
@@ -125,7 +125,9 @@ class _Rarest:
         return (reached, float(self.t[rank - 1])) if reached <= rank else (rank + 1, inf)
 
 
-def _by_resamples(units: FloatArray, worlds: IntArray, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _by_resamples(
+    units: Float64Array, worlds: IndexArray, seed: int
+) -> tuple[Float64Array, Float64Array, Float64Array]:
     """(comparisons,) corrected p and limits. Comparisons of the same blocks share their resamples."""
     defined = ~np.isnan(units)
     masks, number = np.unique(defined, axis=0, return_inverse=True)

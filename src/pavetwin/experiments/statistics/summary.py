@@ -6,17 +6,10 @@ from typing import Final
 import numpy as np
 import polars as pl
 
+from pavetwin.arrays import Float64Array
 from pavetwin.experiments.metrics import METRICS, Metric
 from pavetwin.experiments.statistics.bootstrap import centres, intervals
-from pavetwin.experiments.statistics.cells import (
-    FloatArray,
-    Layout,
-    failures,
-    key_columns,
-    layout,
-    nullable,
-    values_of,
-)
+from pavetwin.experiments.statistics.cells import Layout, failures, key_columns, layout, nullable, values_of
 
 FEW: Final = 5
 """Fewer values in a cell are too few to say how sure its mean is."""
@@ -71,10 +64,10 @@ def _of_metric(table: pl.DataFrame, cells: Layout, metric: Metric, seed: int) ->
 _QUANTILES = {"median": 0.5, "p95": 0.95, "maximum": 1.0}
 
 
-def _quantiles(cells: Sequence[FloatArray], share: float) -> list[float]:
+def _quantiles(cells: Sequence[Float64Array], share: float) -> list[float]:
     return [float(np.quantile(part, share)) if len(part) else np.nan for part in cells]
 
 
-def within_range(metric: Metric, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+def within_range(metric: Metric, low: Float64Array, high: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Limits cut to what the metric can be: none is negative, a share is at most 1."""
     return np.maximum(low, 0.0), np.minimum(high, 1.0) if metric.unit == "%" else high

@@ -88,7 +88,7 @@ def _mark(axes: Axes, y: int, row: Row, scale: float, look: style.PolicyStyle) -
 
 
 def _name_rows(axes: Axes, factors: Sequence[str], shown: Sequence[Place]) -> None:
-    """What a block of policies has in common beside it, with every second block shaded in all panels."""
+    """The common label of a block of policies beside it, with every second block shaded in all panels."""
     blocks = [(place, [y for y, _ in rows]) for place, rows in groupby(enumerate(shown), key=lambda item: item[1][:-1])]
     figure = axes.get_figure(root=True)
     assert figure is not None

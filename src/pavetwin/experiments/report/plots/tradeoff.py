@@ -27,7 +27,7 @@ from pavetwin.experiments.words import heading, level_text
 _SIZES_PT: Final = (3.4, 5.0, 6.6, 8.0, 9.2)
 """Of marks, from the lowest altitude up."""
 _WIDE: Final = 2.5
-"""From this ratio of costs on their axis is logarithmic: most options are cheap and would lie on one heap."""
+"""From this ratio of costs on their axis is logarithmic: most options are cheap and would overlap."""
 
 
 @dataclass(frozen=True)
