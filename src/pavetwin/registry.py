@@ -31,6 +31,7 @@ class Source:
 
     name: str
     """As messages call it."""
+    is_installed: bool = False
     added: list[tuple["Registry[Any]", str, Any]] = field(default_factory=list)
     """Registry, name, and the entry that it replaced."""
 
@@ -53,9 +54,9 @@ _reading: ContextVar[Source | None] = ContextVar("_reading", default=None)
 
 
 @contextmanager
-def reading(name: str) -> Iterator[Source]:
+def reading(name: str, *, is_installed: bool = False) -> Iterator[Source]:
     """While the block runs, what is registered comes from `name`; all of it is taken back when the block fails."""
-    source = Source(name)
+    source = Source(name, is_installed)
     token = _reading.set(source)
     try:
         yield source
@@ -152,9 +153,16 @@ class Registry(Generic[T]):
         self._load_installed()
         return list(self._entries)
 
-    def values(self) -> list[T]:
-        """What goes by `names()`."""
-        return [self._entries[name].value for name in self.names()]
+    def values(self, *, installed: bool = True) -> list[T]:
+        """What goes by `names()`, or only what installed packages did not give."""
+        if installed:
+            return [self._entries[name].value for name in self.names()]
+        self._load_own()
+        return [entry.value for entry in self._entries.values() if not (entry.source and entry.source.is_installed)]
+
+    def is_own(self, name: str) -> bool:
+        """Whether a known name ships with PaveTwin."""
+        return self._entries[name].source is None
 
     def remove(self, name: str) -> None:
         """Forget a name again.
@@ -191,7 +199,7 @@ class Registry(Generic[T]):
         self._has_installed = True
         for point in entry_points(group=self.group):
             package = point.dist.name if point.dist is not None else point.value
-            with reading(f"the installed package '{package}'") as source:
+            with reading(f"the installed package '{package}'", is_installed=True) as source:
                 try:
                     value = point.load()
                     is_known = any(entry.value is value for entry in self._entries.values())

@@ -25,7 +25,6 @@ from pavetwin.capture.truth import (
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.scene.model import agent_label, defect_label
 from pavetwin.scene.view import View, look
-from pavetwin.world.model import DefectClass
 from scenes.tiny import Size, defect, passing, straight, trace_of
 
 SIZE = 200
@@ -73,7 +72,7 @@ def test_numbers_of_classes_never_change() -> None:
     names = [category.name for category in categories()]
     assert names[:5] == ["Single Crack", "Crocodile Crack", "Pothole", "Person", "Car"]
     assert [category.number for category in categories()] == list(range(len(names)))
-    assert category_of_defect(DefectClass.POTHOLE).number == 2
+    assert category_of_defect("pothole").number == 2
     assert category_of_agent(is_pedestrian=True) is PERSON
     assert category_of_agent(is_pedestrian=False) is CAR
 
@@ -86,7 +85,7 @@ POTHOLE, CRACK, AGENT = defect_label(0), defect_label(1), agent_label(0)
 @pytest.fixture
 def moment() -> SceneState:
     hole = defect(0, 30.0, -2.0)
-    crack = replace(defect(1, 33.0, -2.0), kind=DefectClass.SINGLE_CRACK, width_m=0.05)
+    crack = replace(defect(1, 33.0, -2.0), kind="single_crack", width_m=0.05)
     traffic = trace_of([passing(30.0, 2.0, 3.0, Size(3.77, 1.66, 1.52))], 10.0)
     return SceneState(replace(straight(), defects=(hole, crack)), traffic.agents_at(0.5), ("hatchback",))
 

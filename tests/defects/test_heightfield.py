@@ -22,7 +22,7 @@ from pavetwin.defects import (
 )
 
 seeds = st.integers(0, 2**32 - 1)
-every_class = pytest.mark.parametrize("kind", kinds(), ids=lambda kind: kind.name.value)
+every_class = pytest.mark.parametrize("kind", kinds(), ids=lambda kind: kind.name)
 few = settings(max_examples=6, deadline=None)
 
 

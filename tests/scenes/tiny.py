@@ -20,7 +20,6 @@ from pavetwin.policies import Policy
 from pavetwin.world.model import (
     Building,
     Defect,
-    DefectClass,
     Furniture,
     GeoReference,
     Junction,
@@ -137,7 +136,7 @@ def defect(number: int, x: float, y: float, segment: str = "street", side_m: flo
     return Defect(
         id=number,
         segment=segment,
-        kind=DefectClass.POTHOLE,
+        kind="pothole",
         centre=Point(x, y),
         polygon=shape,
         seed=number,

@@ -1,10 +1,10 @@
 """The classes a detector learns, and the size from which each is labelled."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from pavetwin.defects.registry import kinds
-from pavetwin.world.model import DefectClass
+from pavetwin.defects.registry import DEFECT_CLASSES, DefectKind
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,8 +15,6 @@ class Category:
     """From 0, as YOLO counts; COCO's `category_id` is one more."""
     name: str
     supercategory: str
-    colour: str
-    """Of its boxes in contact sheets."""
     least_side_px: int
     """Of the longer side of its box."""
     least_area_px: int
@@ -31,55 +29,61 @@ class Category:
 _NEAR_M, _FAR_M = 30.0, 80.0
 """Defects are detected on the road ahead; people and vehicles must be detected from farther away."""
 
-_COLOURS: Final = {
-    DefectClass.SINGLE_CRACK: "#56B4E9",
-    DefectClass.CROCODILE_CRACK: "#E69F00",
-    DefectClass.POTHOLE: "#F0577A",
-}
-_MORE_COLOURS: Final = ("#B388EB", "#8CD17D", "#F1CE63")
+_FIRST: Final = ("single_crack", "crocodile_crack", "pothole")
 
-_FIRST: Final = (DefectClass.SINGLE_CRACK, DefectClass.CROCODILE_CRACK, DefectClass.POTHOLE)
+_COLOURS: Final = ("#56B4E9", "#E69F00", "#F0577A", "#F7E35A", "#3DDC97")
+_MORE_COLOURS: Final = ("#B388EB", "#8CD17D", "#F1CE63", "#FF9DA7", "#76B7B2", "#D4A6C8")
+"""Of the classes after the first five, in turn."""
 
-PERSON: Final = Category(3, "Person", "traffic", "#F7E35A", 8, 20, _FAR_M)
-CAR: Final = Category(4, "Car", "traffic", "#3DDC97", 12, 60, _FAR_M)
+
+def colours(names: Sequence[str]) -> dict[str, str]:
+    """The colours of a dataset's classes, given by name in the order of their numbers."""
+    more = (_MORE_COLOURS[at % len(_MORE_COLOURS)] for at in range(len(names)))
+    return dict(zip(names, (*_COLOURS, *more), strict=False))
+
+
+PERSON: Final = Category(3, "Person", "traffic", 8, 20, _FAR_M)
+CAR: Final = Category(4, "Car", "traffic", 12, 60, _FAR_M)
 """Every motor vehicle: cars, vans, trucks, buses, and a motorcycle with its rider, who is no Person beside it."""
 
 
 def categories() -> tuple[Category, ...]:
-    """All of them, by number: the three defects, Person and Car, then other registered defects, by name,
-    so that numbers in files do not change their meaning when a class is added."""
-    later = sorted(kind.name for kind in kinds() if kind.name not in _FIRST)
-    first = tuple(_defect(number, kind) for number, kind in enumerate(_FIRST))
-    return (*first, PERSON, CAR, *(_defect(CAR.number + 1 + number, kind) for number, kind in enumerate(later)))
+    """All of them, by number: the three defects, Person and Car, then other registered defects by name, so that numbers
+    in files do not change their meaning when a class is added. A dataset's `capture.yaml` holds its own."""
+    kinds = {kind.name: kind for kind in DEFECT_CLASSES.values()}
+    later = sorted(kinds.keys() - set(_FIRST))
+    first = tuple(_defect(number, kinds[name]) for number, name in enumerate(_FIRST))
+    return (*first, PERSON, CAR, *(_defect(CAR.number + 1 + at, kinds[name]) for at, name in enumerate(later)))
 
 
-def category_named(name: str) -> Category:
-    """The category of that name, as it stands in label files.
+def category_of_defect(kind: str) -> Category:
+    """The category of a class of defects.
 
     Raises:
-        KeyError: there is none.
+        PaveTwinError: the class is not known; its file is needed.
     """
-    return {category.name: category for category in categories()}[name]
-
-
-def category_of_defect(kind: DefectClass) -> Category:
-    return category_named(_name(kind))
+    name = label_name(DEFECT_CLASSES.get(kind).name)
+    return next(category for category in categories() if category.name == name)
 
 
 def category_of_agent(*, is_pedestrian: bool) -> Category:
     return PERSON if is_pedestrian else CAR
 
 
-def _defect(number: int, kind: DefectClass) -> Category:
-    colour = _COLOURS.get(kind, _MORE_COLOURS[number % len(_MORE_COLOURS)])
-    # A crack is a line: it must be long enough, though it covers few pixels. A line is detected sooner than a patch.
-    # A crack network must show at least a block or two.
-    side, short, area, contrast = {
-        DefectClass.SINGLE_CRACK: (16, 2, 8, 10.0),
-        DefectClass.CROCODILE_CRACK: (8, 8, 20, 17.0),
-    }.get(kind, (8, 4, 20, 15.0))
-    return Category(number, _name(kind), "defect", colour, side, area, _NEAR_M, short, contrast)
+def label_name(kind: str) -> str:
+    """How label files call a class of defects: `Single Crack` for `single_crack`."""
+    return kind.replace("_", " ").title()
 
 
-def _name(kind: DefectClass) -> str:
-    return kind.value.replace("_", " ").title()
+def _defect(number: int, kind: DefectKind) -> Category:
+    rule = kind.label
+    return Category(
+        number,
+        label_name(kind.name),
+        "defect",
+        rule.least_side_px,
+        rule.least_area_px,
+        _NEAR_M,
+        rule.least_short_side_px,
+        rule.least_contrast,
+    )

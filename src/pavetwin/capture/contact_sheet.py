@@ -1,6 +1,6 @@
 """A contact sheet: images of a dataset side by side, with their labels drawn over them."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from math import ceil, floor
 from pathlib import Path
@@ -10,7 +10,7 @@ import matplotlib
 import numpy as np
 from PIL import Image, ImageColor, ImageDraw, ImageFont
 
-from pavetwin.capture.classes import categories
+from pavetwin.capture.classes import categories, colours
 from pavetwin.capture.record import Record, read_record, record_paths
 from pavetwin.capture.rle import decode
 from pavetwin.capture.settings import SPLITS, read_description
@@ -57,16 +57,18 @@ def save_sheet(folder: Path, path: Path, *, count: int = 24, split: str | None =
 
 def contact_sheet(folder: Path, records: Sequence[Record], *, title: str) -> Image.Image:
     """The images of `records` with their labels, in rows, under a title and a legend."""
+    names = read_description(folder).get("classes") or [category.name for category in categories()]
+    colour_of = colours(names)
     columns = _columns(len(records))
     rows = ceil(len(records) / columns)
-    cells = [_cell(folder, record) for record in records]
+    cells = [_cell(folder, record, colour_of) for record in records]
     height = max(cell.height for cell in cells)
     size = (
         2 * _MARGIN_PX + columns * CELL_PX + (columns - 1) * _GAP_PX,
         _MARGIN_PX + _HEADER_PX + rows * (height + _GAP_PX) + _MARGIN_PX - _GAP_PX,
     )
     sheet = Image.new("RGB", size, PAPER)
-    _header(sheet, title)
+    _header(sheet, title, colour_of)
     for number, cell in enumerate(cells):
         row, column = divmod(number, columns)
         place = (_MARGIN_PX + column * (CELL_PX + _GAP_PX), _MARGIN_PX + _HEADER_PX + row * (height + _GAP_PX))
@@ -81,37 +83,42 @@ def _columns(count: int) -> int:
     return min(min(choices, key=lambda columns: (-count % columns, abs(columns - wanted))), count)
 
 
-def annotated(picture: Image.Image, objects: Iterable[LabelledObject], scale: float = 1.0) -> Image.Image:
-    """A picture, scaled, with the masks and boxes of its objects; ignored ones are dashed and have no mask."""
+def annotated(
+    picture: Image.Image, objects: Iterable[LabelledObject], colour_of: Mapping[str, str], scale: float = 1.0
+) -> Image.Image:
+    """A picture, scaled, with the masks and boxes of its objects; ignored ones are dashed and have no mask.
+
+    Args:
+        colour_of: by class.
+    """
     shown = sorted(objects, key=lambda obj: (obj.ignored is None, -obj.area_px))
     small = picture.convert("RGB").resize(
         (round(picture.width * scale), round(picture.height * scale)), Image.Resampling.LANCZOS
     )
-    colours = {category.name: category.colour for category in categories()}
     for obj in shown:
         if obj.ignored is None:
             mask = decode(obj.mask, (picture.height, picture.width))
             soft = Image.fromarray(mask.astype(np.uint8) * round(255 * _MASK_ALPHA)).resize(
                 small.size, Image.Resampling.BOX
             )
-            small.paste(Image.new("RGB", small.size, colours[obj.category]), mask=soft)
+            small.paste(Image.new("RGB", small.size, colour_of[obj.category]), mask=soft)
     pen = ImageDraw.Draw(small)
     for obj in shown:
-        _box(pen, obj, colours[obj.category], scale)
+        _box(pen, obj, colour_of[obj.category], scale)
     for obj in shown:
         if obj.ignored is None:
-            _tag(pen, obj, colours[obj.category], scale, small.size)
+            _tag(pen, obj, colour_of[obj.category], scale, small.size)
     return small
 
 
-def _cell(folder: Path, record: Record) -> Image.Image:
+def _cell(folder: Path, record: Record, colour_of: Mapping[str, str]) -> Image.Image:
     path = folder / record.image
     try:
         with Image.open(path) as file:
             picture = file.convert("RGB")
     except OSError as error:
         raise PaveTwinError(f"'{path}' is damaged or missing; capture into another folder.") from error
-    drawn = annotated(picture, record.objects, CELL_PX / picture.width)
+    drawn = annotated(picture, record.objects, colour_of, CELL_PX / picture.width)
     cell = Image.new("RGB", (CELL_PX, drawn.height + _CAPTION_PX), PAPER)
     cell.paste(drawn, (0, 0))
     pen = ImageDraw.Draw(cell)
@@ -129,16 +136,16 @@ def _cell(folder: Path, record: Record) -> Image.Image:
     return cell
 
 
-def _header(sheet: Image.Image, title: str) -> None:
+def _header(sheet: Image.Image, title: str, colour_of: Mapping[str, str]) -> None:
     pen = ImageDraw.Draw(sheet)
     name, _, rest = title.partition("   ")
     pen.text((_MARGIN_PX, _MARGIN_PX - 8), name, INK, _font(26, bold=True))
     pen.text((_MARGIN_PX + pen.textlength(name, _font(26, bold=True)) + 16, _MARGIN_PX + 1), rest, INK_SOFT, _font(17))
     x = float(_MARGIN_PX)
-    for category in categories():
-        pen.rectangle((x, _MARGIN_PX + 40, x + 18, _MARGIN_PX + 58), fill=category.colour, outline=INK)
-        pen.text((x + 26, _MARGIN_PX + 40), category.name, INK, _font(16))
-        x += 26 + pen.textlength(category.name, _font(16)) + 30
+    for category, colour in colour_of.items():
+        pen.rectangle((x, _MARGIN_PX + 40, x + 18, _MARGIN_PX + 58), fill=colour, outline=INK)
+        pen.text((x + 26, _MARGIN_PX + 40), category, INK, _font(16))
+        x += 26 + pen.textlength(category, _font(16)) + 30
     _dashed(pen, (x, _MARGIN_PX + 40, x + 18, _MARGIN_PX + 58), INK_SOFT)
     pen.text((x + 26, _MARGIN_PX + 40), "ignored (hidden, cut, far, small or faint)", INK, _font(16))
 

@@ -14,7 +14,7 @@ import shapely
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 from pavetwin.capture.settings import SPLITS
 from pavetwin.errors import PaveTwinError
-from pavetwin.world.model import DefectClass, World
+from pavetwin.world.model import World
 
 STARTS: Final = 96
 """Number of random starts of the local search; the best result is taken."""
@@ -96,7 +96,7 @@ def _agents(names: Sequence[str], agents: Mapping[str, Float64Array]) -> Float64
     return np.array([agents.get(name, none) for name in names], dtype=np.float64)
 
 
-def _kinds(world: World) -> list[DefectClass]:
+def _kinds(world: World) -> list[str]:
     return sorted({defect.kind for defect in world.defects})
 
 

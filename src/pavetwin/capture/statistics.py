@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from pavetwin.capture.classes import categories
 from pavetwin.capture.record import Record, read_records
-from pavetwin.capture.settings import SPLITS
+from pavetwin.capture.settings import FILE, SPLITS, read_description
 
 SIZES: Final = (("small", 32.0), ("medium", 96.0), ("large", float("inf")))
 """COCO's size classes: small below a mask of 32² pixels, medium below 96²."""
@@ -18,6 +18,8 @@ SIZES: Final = (("small", 32.0), ("medium", 96.0), ("large", float("inf")))
 class Statistics:
     """Counts over a dataset, by name."""
 
+    classes: tuple[str, ...] = field(default_factory=lambda: tuple(category.name for category in categories()))
+    """Of labels, by number."""
     images: Counter[str] = field(default_factory=Counter)
     """By split."""
     empty: Counter[str] = field(default_factory=Counter)
@@ -51,14 +53,13 @@ class Statistics:
 
     def missing_classes(self) -> dict[str, list[str]]:
         """Split → the classes without a label in it that another split has labels of."""
-        names = [category.name for category in categories()]
-        labelled = [name for name in names if any(self.labelled[name, split] for split in SPLITS)]
+        labelled = [name for name in self.classes if any(self.labelled[name, split] for split in SPLITS)]
         lacking = {split: [name for name in labelled if not self.labelled[name, split]] for split in self.images}
         return {split: lacking[split] for split in SPLITS if lacking.get(split)}
 
     def as_dict(self) -> dict[str, Any]:
         """As the manifest holds it, without empty entries."""
-        names = [category.name for category in categories()]
+        names = self.classes
         return {
             "images": {split: self.images[split] for split in SPLITS if self.images[split]},
             "images_without_defects": {split: self.empty[split] for split in SPLITS if self.images[split]},
@@ -81,11 +82,17 @@ def count(folder: Path) -> Statistics:
     Raises:
         PaveTwinError: a record is damaged.
     """
-    return counted(read_records(folder))
+    classes = read_description(folder).get("classes") if (folder / FILE).is_file() else None
+    return counted(read_records(folder), classes)
 
 
-def counted(records: Iterable[Record]) -> Statistics:
-    statistics = Statistics()
+def counted(records: Iterable[Record], classes: Iterable[str] | None = None) -> Statistics:
+    """The counts of images.
+
+    Args:
+        classes: of the dataset's labels, by number; those that are registered when not given.
+    """
+    statistics = Statistics() if classes is None else Statistics(classes=tuple(classes))
     for record in records:
         statistics.add(record)
     return statistics

@@ -183,7 +183,6 @@ def _print(statistics: "Statistics") -> None:
 
 def _labels(statistics: "Statistics") -> "Table":
     """A row a class: labels by split, and the distinct defects behind them."""
-    from pavetwin.capture.classes import categories
     from pavetwin.capture.settings import SPLITS
 
     splits = [split for split in SPLITS if statistics.images[split]]
@@ -191,7 +190,7 @@ def _labels(statistics: "Statistics") -> "Table":
     for split in splits:
         table.add_column(split, f"{statistics.images[split]}\n{statistics.empty[split]}", justify="right")
     table.add_column("distinct defects", justify="right")
-    for name in (category.name for category in categories()):
+    for name in statistics.classes:
         behind = [statistics.distinct[name, split] for split in splits if (name, split) in statistics.distinct]
         cells = [str(statistics.labelled[name, split]) for split in splits]
         table.add_row(name, *cells, str(sum(map(len, behind))) if behind else "–")
@@ -200,14 +199,13 @@ def _labels(statistics: "Statistics") -> "Table":
 
 def _kinds(statistics: "Statistics") -> "Table":
     """A row a class: labels by severity and by size. Beside the splits they would not fit 80 columns."""
-    from pavetwin.capture.classes import categories
     from pavetwin.capture.statistics import SIZES
 
     levels, sizes = ("low", "medium", "high"), tuple(name for name, _ in SIZES)
     table = _table("Labels by severity and size")
     for heading in (*(f"severity\n{level}" for level in levels), *(f"size\n{size}" for size in sizes)):
         table.add_column(heading, justify="right")
-    for name in (category.name for category in categories()):
+    for name in statistics.classes:
         has_severity = any((name, level) in statistics.severities for level in levels)
         cells = [str(statistics.severities[name, level]) if has_severity else "–" for level in levels]
         table.add_row(name, *cells, *(str(statistics.sizes[name, size]) for size in sizes))
@@ -216,14 +214,13 @@ def _kinds(statistics: "Statistics") -> "Table":
 
 def _ignored(statistics: "Statistics") -> "Table":
     """A row a class: what is seen and not labelled, by reason."""
-    from pavetwin.capture.classes import categories
     from pavetwin.capture.truth import Reason
 
     table = _table("Ignored")
     for reason in Reason:
         table.add_column(reason.value, justify="right")
-    for category in categories():
-        table.add_row(category.name, *(str(statistics.ignored[category.name, reason.value]) for reason in Reason))
+    for name in statistics.classes:
+        table.add_row(name, *(str(statistics.ignored[name, reason.value]) for reason in Reason))
     return table
 
 

@@ -115,7 +115,7 @@ def _summary(world: "World", record: "BuildRecord") -> list[tuple[str, str]]:
     mapped = record.mapped
     lights = {thing.controller for thing in world.furniture if thing.controller}
     kinds = Counter(thing.kind.value for thing in world.furniture)
-    classes = Counter(defect.kind.value for defect in world.defects)
+    classes = Counter(defect.kind for defect in world.defects)
     area = sum(segment.area_m2 for segment in world.segments)
     length = sum(segment.length_m for segment in world.segments)
     houses = mapped.get("buildings", 0)

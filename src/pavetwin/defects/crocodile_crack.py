@@ -12,7 +12,7 @@ from pavetwin.config.base import Settings
 from pavetwin.defects import poses
 from pavetwin.defects.heightfield import Heightfield, Lattice, Stains
 from pavetwin.defects.marking import Marking
-from pavetwin.defects.registry import register
+from pavetwin.defects.registry import LabelRule, defect_class
 from pavetwin.defects.severity import crocodile_severity
 from pavetwin.defects.shapes import (
     Range,
@@ -25,7 +25,6 @@ from pavetwin.defects.shapes import (
     smooth,
     spread,
 )
-from pavetwin.world.model import DefectClass
 
 CELL_M = 0.005
 MARKING = Marking(margin_m=0.03, closing_m=0.12)
@@ -70,6 +69,20 @@ class CrocodileCrackParameters(Settings):
     """Progress of the damage: width of the cracks, broken edges, tilted and lost blocks."""
 
 
+def lay_crocodile_crack(rng: np.random.Generator, road: poses.RoadSection, count: int) -> poses.Poses:
+    """In wheel paths, along them."""
+    return poses.poses(rng, poses.wheel_paths(rng, road, count), 0.0, 0.04)
+
+
+@defect_class(
+    "crocodile_crack",
+    sample_poses=lay_crocodile_crack,
+    rate=crocodile_severity,
+    width=lambda measures: measures.width_m,
+    weight=0.2,
+    # A network has room for a block or two.
+    label=LabelRule(least_side_px=8, least_short_side_px=8, least_area_px=20, least_contrast=17.0),
+)
 def crocodile_crack(rng: np.random.Generator, parameters: CrocodileCrackParameters | None = None) -> Heightfield:
     """A patch around the origin; x runs along the wheel path."""
     parameters = parameters or CrocodileCrackParameters()
@@ -230,18 +243,3 @@ def _moved(
     lost = rng.random(count) < LOST_SHARE * wear * wear
     gone = (lost[own] & (region > 0.15)) * smooth(blocks.distance_m + 0.002 * grain, 0.0, 0.016)
     return sunken, np.asarray(gone, dtype=np.float32)
-
-
-def lay_crocodile_crack(rng: np.random.Generator, road: poses.RoadSection, count: int) -> poses.Poses:
-    """In wheel paths, along them."""
-    return poses.poses(rng, poses.wheel_paths(rng, road, count), 0.0, 0.04)
-
-
-register(
-    DefectClass.CROCODILE_CRACK,
-    crocodile_crack,
-    sample_poses=lay_crocodile_crack,
-    rate=crocodile_severity,
-    width=lambda measures: measures.width_m,
-    weight=0.2,
-)

@@ -26,7 +26,7 @@ from pavetwin.arrays import Float64Array
 from pavetwin.config.base import Settings
 from pavetwin.defects.measures import measure
 from pavetwin.defects.poses import Poses, RoadSection
-from pavetwin.defects.registry import DefectKind, kinds, unknown
+from pavetwin.defects.registry import DEFECT_CLASSES, DefectKind, kinds, mixed
 from pavetwin.defects.shapes import turned
 from pavetwin.seeds import Stream, child
 from pavetwin.world.build import Built
@@ -78,6 +78,9 @@ def add_defects(
 ) -> Built:
     """A built world with its defects, and a record of how they were placed; `on_progress` gets the share placed."""
     options = options or DefectOptions()
+    if not options.mix and any(not DEFECT_CLASSES.is_own(kind.name) for kind in kinds()):
+        # Written down, so that nobody who has not loaded the same plugins places something else.
+        options = options.model_copy(update={"mix": {kind.name: kind.weight for kind in kinds()}})
     defects = place(built.world.segments, built.record.options.seed, options, on_progress)
     record = built.record.model_copy(update={"defects": options.model_dump(exclude_none=True)})
     return replace(built, world=replace(built.world, defects=defects), record=record)
@@ -108,12 +111,8 @@ def place(
 
 
 def _weighted(options: DefectOptions) -> tuple[tuple[DefectKind, ...], Float64Array]:
-    known = kinds()
-    names = [kind.name.value for kind in known]
-    for name in options.mix:
-        if name not in names:
-            raise unknown(name, names)
-    weights = np.array([options.mix.get(kind.name.value, 0.0) if options.mix else kind.weight for kind in known])
+    known = mixed(options.mix)
+    weights = np.array([options.mix.get(kind.name, kind.weight) for kind in known])
     return known, weights / weights.sum()
 
 

@@ -12,7 +12,7 @@ from pavetwin.defects import poses
 from pavetwin.defects.heightfield import Heightfield, Lattice, Stains
 from pavetwin.defects.marking import Marking
 from pavetwin.defects.pit import AGGREGATE_M, aggregate, dug, loose_stones, opened
-from pavetwin.defects.registry import register
+from pavetwin.defects.registry import defect_class
 from pavetwin.defects.severity import pothole_severity
 from pavetwin.defects.shapes import (
     Range,
@@ -25,7 +25,6 @@ from pavetwin.defects.shapes import (
     turned,
 )
 from pavetwin.defects.strokes import STEP_M, Stroke, traced, wandering
-from pavetwin.world.model import DefectClass
 
 CELL_M = 0.005
 MARKING = Marking(margin_m=0.02, closing_m=0.04)
@@ -63,6 +62,25 @@ class PotholeParameters(Settings):
     """Number of cracks that leave its rim."""
 
 
+def lay_pothole(rng: np.random.Generator, road: poses.RoadSection, count: int) -> poses.Poses:
+    """Mostly in wheel paths, some near the edges, in any direction."""
+    where = rng.random()
+    if where < IN_WHEEL_PATH:
+        offsets = poses.wheel_paths(rng, road, count)
+    elif where < IN_WHEEL_PATH + AT_EDGE:
+        offsets = poses.edges(rng, road, count)
+    else:
+        offsets = poses.anywhere(rng, road, count)
+    return poses.poses(rng, offsets, 0.0, math.pi)
+
+
+@defect_class(
+    "pothole",
+    sample_poses=lay_pothole,
+    rate=pothole_severity,
+    width=lambda measures: measures.diameter_m,
+    weight=0.3,
+)
 def pothole(rng: np.random.Generator, parameters: PotholeParameters | None = None) -> Heightfield:
     """A hole around the origin, its longest side on x."""
     parameters = parameters or PotholeParameters()
@@ -204,25 +222,3 @@ def _dug(
 
 def _float32(field: Float32Array) -> Float32Array:
     return np.asarray(field, dtype=np.float32)
-
-
-def lay_pothole(rng: np.random.Generator, road: poses.RoadSection, count: int) -> poses.Poses:
-    """Mostly in wheel paths, some near the edges, in any direction."""
-    where = rng.random()
-    if where < IN_WHEEL_PATH:
-        offsets = poses.wheel_paths(rng, road, count)
-    elif where < IN_WHEEL_PATH + AT_EDGE:
-        offsets = poses.edges(rng, road, count)
-    else:
-        offsets = poses.anywhere(rng, road, count)
-    return poses.poses(rng, offsets, 0.0, math.pi)
-
-
-register(
-    DefectClass.POTHOLE,
-    pothole,
-    sample_poses=lay_pothole,
-    rate=pothole_severity,
-    width=lambda measures: measures.diameter_m,
-    weight=0.3,
-)

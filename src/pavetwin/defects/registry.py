@@ -1,6 +1,6 @@
-"""The classes of defects that can be generated. A new class is one new file and one `register` in it."""
+"""What a class of defects is, and where classes are registered. A new one is one file with one `@defect_class`."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,84 +8,99 @@ import numpy as np
 from pavetwin.defects.heightfield import Heightfield
 from pavetwin.defects.measures import Measures
 from pavetwin.defects.poses import PoseSampler
-from pavetwin.errors import PaveTwinError, nearest_name
-from pavetwin.world.model import Defect, DefectClass, Severity
+from pavetwin.registry import Registry
+from pavetwin.world.model import Defect, Severity, is_class_name
 
 Generate = Callable[[np.random.Generator], Heightfield]
 """Makes a defect around the origin, which is its centre; x runs along its length."""
 
 
 @dataclass(frozen=True, slots=True)
+class LabelRule:
+    """The least that must be visible of a defect for it to be labelled in a dataset."""
+
+    least_side_px: int = 8
+    """Of the longer side of its box."""
+    least_short_side_px: int = 4
+    least_area_px: int = 20
+    """Of its mask."""
+    least_contrast: float = 15.0
+    """Root mean square difference from the road without it, in levels of 255."""
+
+
+@dataclass(frozen=True, slots=True)
 class DefectKind:
     """A registered class."""
 
-    name: DefectClass
+    name: str
     generate: Generate
     sample_poses: PoseSampler
-    """Sampler of its poses on a road."""
+    """Where on a road it is found."""
     rate: Callable[[Measures], Severity]
     width: Callable[[Measures], float]
-    """The measure that is its width."""
+    """Which of its measures is its width."""
     weight: float
-    """Its share among all defects, unless a mix is given."""
+    """Among all defects, unless a mix says otherwise."""
+    label: LabelRule
 
 
-_KINDS: dict[DefectClass, DefectKind] = {}
+def _check(name: str, kind: DefectKind) -> None:
+    if not is_class_name(name):
+        raise ValueError(f"'{name}' cannot name a class of defects; use lower-case letters, digits and _")
+    if kind.weight < 0:
+        raise ValueError(f"the weight {kind.weight} of the defect class '{name}' is negative")
 
 
-def register(
+DEFECT_CLASSES: Registry[DefectKind] = Registry(
+    "defect class", key="defects", group="pavetwin.defect_classes", home="pavetwin.defects", on_add=_check
+)
+
+
+def defect_class(
     name: str,
-    generate: Generate,
     *,
     sample_poses: PoseSampler,
     rate: Callable[[Measures], Severity],
     width: Callable[[Measures], float],
     weight: float,
-) -> DefectKind:
-    """Register a class.
+    label: LabelRule | None = None,
+) -> Callable[[Generate], Generate]:
+    """Register what is decorated, which makes the shapes of a class, under the name of the class.
+
+    Args:
+        name: a lower-case identifier.
+        sample_poses: where on a road it is found.
+        rate: its severity, from its measures.
+        width: which of its measures is its width.
+        weight: its share among all defects, relative to the weights of the other classes.
+        label: from which size in a picture it is labelled.
 
     Raises:
-        ValueError: the name is taken or no plain lower-case word, or the weight is negative.
+        ValueError: the name is taken or cannot name a class, or the weight is negative.
     """
-    kind = DefectKind(DefectClass(name), generate, sample_poses, rate, width, weight)
-    if kind.name in _KINDS:
-        raise ValueError(f"the defect class '{name}' is registered already")
-    if weight < 0:
-        raise ValueError(f"the weight {weight} of the defect class '{name}' is negative")
-    _KINDS[kind.name] = kind
-    return kind
 
+    def register(generate: Generate) -> Generate:
+        DEFECT_CLASSES.add(name, DefectKind(name, generate, sample_poses, rate, width, weight, label or LabelRule()))
+        return generate
 
-def unregister(name: str) -> None:
-    """Remove a class from the registry.
-
-    Raises:
-        PaveTwinError: it is not known.
-    """
-    del _KINDS[kind_of(name).name]
+    return register
 
 
 def kinds() -> tuple[DefectKind, ...]:
-    """All registered classes by name."""
-    return tuple(_KINDS[name] for name in sorted(_KINDS))
+    """The classes that ship with PaveTwin and those of plugins, by name: what is placed unless a mix says otherwise.
+
+    Those of installed packages are left out, so that a package that is installed changes no world.
+    """
+    return tuple(sorted(DEFECT_CLASSES.values(installed=False), key=lambda kind: kind.name))
 
 
-def kind_of(name: str) -> DefectKind:
-    """The class of that name.
+def mixed(mix: Mapping[str, float]) -> tuple[DefectKind, ...]:
+    """The classes of a mix, by name; `kinds()` for an empty one.
 
     Raises:
-        PaveTwinError: there is none; the message names the nearest.
+        PaveTwinError: it names an unknown class.
     """
-    for kind in _KINDS.values():
-        if kind.name.value == name:
-            return kind
-    raise unknown(name, (kind.name.value for kind in kinds()))
-
-
-def unknown(name: str, known: Iterable[str]) -> PaveTwinError:
-    """The message for a class that is not registered."""
-    names = list(known)
-    return PaveTwinError(f"Unknown defect class '{name}'{nearest_name(name, names)}. Known: {', '.join(names)}.")
+    return tuple(DEFECT_CLASSES.get(name) for name in sorted(mix)) or kinds()
 
 
 def heightfield_of(defect: Defect) -> Heightfield:
@@ -96,4 +111,4 @@ def heightfield_of(defect: Defect) -> Heightfield:
     Raises:
         PaveTwinError: its class is not registered here.
     """
-    return kind_of(defect.kind).generate(np.random.default_rng(defect.seed))
+    return DEFECT_CLASSES.get(defect.kind).generate(np.random.default_rng(defect.seed))

@@ -14,7 +14,7 @@ from pavetwin.config.base import Settings
 from pavetwin.defects import poses
 from pavetwin.defects.heightfield import Heightfield, Lattice, Stains
 from pavetwin.defects.marking import Marking
-from pavetwin.defects.registry import register
+from pavetwin.defects.registry import LabelRule, defect_class
 from pavetwin.defects.severity import crack_severity
 from pavetwin.defects.shapes import (
     Range,
@@ -28,7 +28,6 @@ from pavetwin.defects.shapes import (
     turned,
 )
 from pavetwin.defects.strokes import STEP_M, Stroke, flaked, frayed, traced, wandering
-from pavetwin.world.model import DefectClass
 
 CELL_M = 0.005
 REACH_M = 0.025
@@ -83,6 +82,33 @@ class SingleCrackParameters(Settings):
     """Share of its length along which an edge has chipped."""
 
 
+def lay_single_crack(rng: np.random.Generator, road: poses.RoadSection, count: int) -> poses.Poses:
+    """Along the street in wheel paths, at joints and edges; across it; or obliquely."""
+    manner = rng.random()
+    if manner < ACROSS:
+        return poses.poses(rng, poses.anywhere(rng, road, count), math.pi / 2, 0.10)
+    if manner < ACROSS + OBLIQUE:
+        turn = float(rng.choice([-1.0, 1.0])) * math.pi / 4
+        return poses.poses(rng, poses.anywhere(rng, road, count), turn, 0.22)
+    where = rng.random()
+    if where < ALONG_IN_WHEEL_PATH:
+        offsets = poses.wheel_paths(rng, road, count)
+    elif where < ALONG_IN_WHEEL_PATH + ALONG_AT_JOINT:
+        offsets = poses.joints(rng, road, count)
+    else:
+        offsets = poses.edges(rng, road, count)
+    return poses.poses(rng, offsets, 0.0, 0.035)
+
+
+@defect_class(
+    "single_crack",
+    sample_poses=lay_single_crack,
+    rate=crack_severity,
+    width=lambda measures: measures.width_m,
+    weight=0.5,
+    # A line: long enough to be one, though it covers little, and a line is made out sooner than a patch.
+    label=LabelRule(least_side_px=16, least_short_side_px=2, least_area_px=8, least_contrast=10.0),
+)
 def single_crack(rng: np.random.Generator, parameters: SingleCrackParameters | None = None) -> Heightfield:
     """A crack with the middle of its chord at the origin, its chord on x."""
     parameters = parameters or SingleCrackParameters()
@@ -232,31 +258,3 @@ def _filled(
     filled = height_m + wide * (bed - height_m)
     filled *= min(1.5, float(height_m.min()) / min(-1e-9, float(filled.min())))
     return filled, 0.5 * wide * fallen
-
-
-def lay_single_crack(rng: np.random.Generator, road: poses.RoadSection, count: int) -> poses.Poses:
-    """Along the street in wheel paths, at joints and edges; across it; or obliquely."""
-    manner = rng.random()
-    if manner < ACROSS:
-        return poses.poses(rng, poses.anywhere(rng, road, count), math.pi / 2, 0.10)
-    if manner < ACROSS + OBLIQUE:
-        turn = float(rng.choice([-1.0, 1.0])) * math.pi / 4
-        return poses.poses(rng, poses.anywhere(rng, road, count), turn, 0.22)
-    where = rng.random()
-    if where < ALONG_IN_WHEEL_PATH:
-        offsets = poses.wheel_paths(rng, road, count)
-    elif where < ALONG_IN_WHEEL_PATH + ALONG_AT_JOINT:
-        offsets = poses.joints(rng, road, count)
-    else:
-        offsets = poses.edges(rng, road, count)
-    return poses.poses(rng, offsets, 0.0, 0.035)
-
-
-register(
-    DefectClass.SINGLE_CRACK,
-    single_crack,
-    sample_poses=lay_single_crack,
-    rate=crack_severity,
-    width=lambda measures: measures.width_m,
-    weight=0.5,
-)

@@ -25,7 +25,6 @@ from matplotlib.typing import ColorType
 from pavetwin.draw.png import shrink
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
-from pavetwin.world.model import DefectClass
 
 Bounds = tuple[float, float, float, float]
 """West, south, east, north in metres of the world frame."""
@@ -54,19 +53,19 @@ _MORE_MARKERS = ("v", "P", "X", "h", "*", "<", ">", "p", "d", "8")
 _DASHES: Final = ((0, ()), (0, (4, 1.4)), (0, (1.2, 1.2)))
 """Of lines of the built-in policies and the first four others, of the next three, and of the rest."""
 
-DEFECT_COLOURS: Mapping[DefectClass, str] = {
-    DefectClass.SINGLE_CRACK: "#3B6FB6",
-    DefectClass.CROCODILE_CRACK: "#D1495B",
-    DefectClass.POTHOLE: "#262626",
+DEFECT_COLOURS: Mapping[str, str] = {
+    "single_crack": "#3B6FB6",
+    "crocodile_crack": "#D1495B",
+    "pothole": "#262626",
 }
-DEFECT_MARKERS: Mapping[DefectClass, str] = {
-    DefectClass.SINGLE_CRACK: "_",
-    DefectClass.CROCODILE_CRACK: "s",
-    DefectClass.POTHOLE: "o",
+DEFECT_MARKERS: Mapping[str, str] = {
+    "single_crack": "_",
+    "crocodile_crack": "s",
+    "pothole": "o",
 }
 
 
-def defect_styles(found: Iterable[DefectClass]) -> list[tuple[DefectClass, str, str]]:
+def defect_styles(found: Iterable[str]) -> list[tuple[str, str, str]]:
     """Class, colour and marker of the known classes and, after them, of the others among `found` by name."""
     more = sorted(set(found) - set(DEFECT_COLOURS))
     styles = [(kind, colour, DEFECT_MARKERS[kind]) for kind, colour in DEFECT_COLOURS.items()]

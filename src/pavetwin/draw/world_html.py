@@ -156,7 +156,7 @@ def _defects(world: World, flip: _Flip) -> Iterable[str]:
     for kind, colour, _ in style.defect_styles(defect.kind for defect in world.defects):
         yield f"<g transform='scale(.01)' fill='{colour}' stroke='{colour}' data-kind='{defect_words(kind)}'>"
         for defect in world.defects:
-            if defect.kind is kind:
+            if defect.kind == kind:
                 shape = flip.outline_cm(shapely.simplify(defect.polygon, _FINE_M))
                 yield f"<path d='{shape}' data-d='{defect.id},{_attribute(defect.segment)}'/>"
         yield "</g>"

@@ -17,7 +17,7 @@ from pavetwin.draw import lettering, shapes, style
 from pavetwin.draw.carriageway import lane_lines
 from pavetwin.draw.style import Bounds, LegendEntry
 from pavetwin.world.carriageway import carriageway
-from pavetwin.world.model import DefectClass, Furniture, FurnitureKind, LaneKind, World
+from pavetwin.world.model import Furniture, FurnitureKind, LaneKind, World
 from pavetwin.world.store import attribution, load_record
 
 ABOVE_WORLD = 50
@@ -199,7 +199,7 @@ class _Plan:
     def defects(self) -> None:
         outlined = self.per_m > 4.0
         for kind, colour, marker in style.defect_styles(defect.kind for defect in self.world.defects):
-            chosen = [defect for defect in self.world.defects if defect.kind is kind]
+            chosen = [defect for defect in self.world.defects if defect.kind == kind]
             if outlined:
                 face, edge = shapes.mix(colour, style.PAPER, 0.35), self.shade(colour)
                 shapes.fill(self.axes, [defect.polygon for defect in chosen], 10, face, edge, 0.5)
@@ -288,9 +288,9 @@ def legend(world: World, *, defects: bool = True) -> list[LegendEntry]:
     return [entry for shown, entry in entries if shown]
 
 
-def defect_words(kind: DefectClass) -> str:
+def defect_words(kind: str) -> str:
     """`single crack` for `single_crack`."""
-    return kind.value.replace("_", " ")
+    return kind.replace("_", " ")
 
 
 def _centres(items: Sequence[Furniture]) -> Float64Array:

@@ -134,7 +134,7 @@ def detections_geojson(result: MissionResult, frames: Sequence[str] = ()) -> dic
                 "id": defect.id,
                 "geometry": {"type": "Point", "coordinates": [round(float(lon), 8), round(float(lat), 8)]},
                 "properties": {
-                    "class": defect.kind.value,
+                    "class": defect.kind,
                     "segment": defect.segment,
                     "street": world.segment(defect.segment).street,
                     "time_s": round(detection.time_s, 3),

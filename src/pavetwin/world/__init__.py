@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pavetwin.world.build import BuildOptions, Built, build_world
-    from pavetwin.world.model import Defect, DefectClass, GeoReference, Segment, Severity, World
+    from pavetwin.world.model import Defect, GeoReference, Segment, Severity, World
     from pavetwin.world.store import load_world, save_world
 
 _MODULES = {
     **dict.fromkeys(("BuildOptions", "Built", "build_world"), "build"),
-    **dict.fromkeys(("Defect", "DefectClass", "GeoReference", "Segment", "Severity", "World"), "model"),
+    **dict.fromkeys(("Defect", "GeoReference", "Segment", "Severity", "World"), "model"),
     **dict.fromkeys(("load_world", "save_world"), "store"),
 }
 
@@ -21,7 +21,6 @@ __all__ = [
     "BuildOptions",
     "Built",
     "Defect",
-    "DefectClass",
     "GeoReference",
     "Segment",
     "Severity",

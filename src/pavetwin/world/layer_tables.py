@@ -15,7 +15,6 @@ from pavetwin.world.model import (
     Connection,
     Crossing,
     Defect,
-    DefectClass,
     Direction,
     Furniture,
     FurnitureKind,
@@ -144,7 +143,7 @@ def _defects(world: World) -> Iterator[Row]:
         yield {
             "id": item.id,
             "segment": item.segment,
-            "kind": item.kind.value,
+            "kind": item.kind,
             "centre_east_m": item.centre.x,
             "centre_north_m": item.centre.y,
             "seed": item.seed,
@@ -333,7 +332,7 @@ def _defect(row: Row) -> Defect:
     return Defect(
         id=row["id"],
         segment=row["segment"],
-        kind=DefectClass(row["kind"]),
+        kind=row["kind"],
         centre=centre,
         polygon=row["geometry"],
         seed=row["seed"],

@@ -221,29 +221,6 @@ class Furniture:
     """Of a signal: SUMO's traffic light that it shows."""
 
 
-class DefectClass(StrEnum):
-    """Names of the classes of defects. Three are known here; any other plain name becomes a member when it is asked
-    for, so that a class of one's own needs no change here.
-    """
-
-    SINGLE_CRACK = "single_crack"
-    CROCODILE_CRACK = "crocodile_crack"
-    POTHOLE = "pothole"
-
-    @classmethod
-    def _missing_(cls, value: object) -> "DefectClass | None":
-        if not (isinstance(value, str) and value.isidentifier() and value.islower()):
-            return None
-        if value not in _MORE_CLASSES:
-            member = str.__new__(cls, value)
-            member._name_, member._value_ = value.upper(), value
-            _MORE_CLASSES[value] = member
-        return _MORE_CLASSES[value]
-
-
-_MORE_CLASSES: dict[str, DefectClass] = {}
-
-
 class Severity(StrEnum):
     """After ASTM D6433; `pavetwin.defects.severity` has the rules."""
 
@@ -252,12 +229,18 @@ class Severity(StrEnum):
     HIGH = "high"
 
 
+def is_class_name(name: str) -> bool:
+    """Whether a name may be a class of defects: a lower-case identifier."""
+    return name.isidentifier() and name.islower()
+
+
 @dataclass(frozen=True, slots=True)
 class Defect:
     id: int
     """0 … n−1 in the order of the world's defects."""
     segment: str
-    kind: DefectClass
+    kind: str
+    """Its class: a lower-case identifier, such as `pothole`, that `pavetwin.defects` may know the shape of."""
     centre: Point
     """Origin of its own frame."""
     polygon: Polygon
@@ -276,6 +259,10 @@ class Defect:
     volume_m3: float
     """Missing below the road's surface."""
 
+    def __post_init__(self) -> None:
+        if not is_class_name(self.kind):
+            raise ValueError(f"'{self.kind}' cannot name a class of defects; use lower-case letters, digits and _")
+
     @property
     def area_m2(self) -> float:
         return float(self.polygon.area)
@@ -284,7 +271,7 @@ class Defect:
     def facts(self) -> dict[str, str | float]:
         """What labels and exported scenes tell of it; lengths to 0.1 mm."""
         return {
-            "class": self.kind.value,
+            "class": self.kind,
             "severity": self.severity.value,
             "width_m": round(self.width_m, 4),
             "depth_m": round(self.depth_m, 4),
