@@ -82,7 +82,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--quick", action="store_true", help="fewer runs and shorter recordings: within a minute")
     parser.add_argument("--world", type=Path, help="fly over this world instead of a generated town")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers here as well")
-    asked = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     described = machine.describe()
     load, busy = machine.load()
     described["load before"] = load
@@ -90,15 +90,15 @@ def main(arguments: list[str]) -> int:
     lines: list[Line] = []
     try:
         with tempfile.TemporaryDirectory(prefix="pavetwin-bench-") as folder, counting("Measuring", PARTS) as begin:
-            lines += measure(asked.world, QUICK if asked.quick else FULL, Path(folder), begin)
+            lines += measure(options.world, QUICK if options.quick else FULL, Path(folder), begin)
     except PaveTwinError as error:
         fail(str(error))
         return 2
     _print(lines, described, busy=busy, took_s=time.perf_counter() - begun)
-    if asked.json is None:
+    if options.json is None:
         return 0
     try:
-        with writing(asked.json) as temporary:
+        with writing(options.json) as temporary:
             temporary.write_text(json.dumps(as_json(described, lines), indent=1) + "\n", encoding="utf-8")
     except PaveTwinError as error:
         fail(str(error))

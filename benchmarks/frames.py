@@ -95,6 +95,6 @@ def _busiest(replay: Replay) -> tuple[float, float, float]:
     poses = replay.trace().agents_at(TIME_S)
     at = np.stack([poses["x_m"], poses["y_m"]], axis=1)
     drives = np.flatnonzero(~poses["is_pedestrian"])
-    crowd = (np.linalg.norm(at[drives, None] - at[None], axis=2) < 12.0).sum(axis=1)
-    row = int(drives[int(crowd.argmax())])
+    neighbours = (np.linalg.norm(at[drives, None] - at[None], axis=2) < 12.0).sum(axis=1)
+    row = int(drives[int(neighbours.argmax())])
     return float(poses["x_m"][row]), float(poses["y_m"][row]), float(poses["yaw_rad"][row])

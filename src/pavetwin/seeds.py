@@ -1,4 +1,4 @@
-"""Named children of one seed, so that changing one part's luck leaves every other part's as it was."""
+"""Named child streams of one random seed, so that drawing more numbers in one part leaves all others unchanged."""
 
 from enum import IntEnum
 

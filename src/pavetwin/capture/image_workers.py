@@ -44,11 +44,11 @@ def image_workers(
     if workers == 1:
         work = _worker(job, context, on_image)
 
-        def alone(shards: Sequence[Shard]) -> None:
+        def in_process(shards: Sequence[Shard]) -> None:
             for shard in shards:
                 work(shard)
 
-        yield alone
+        yield in_process
         return
     with WorkerPool(workers, partial(_start, job), on_image) as pool:
         yield lambda shards: pool.run(

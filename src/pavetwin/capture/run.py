@@ -65,16 +65,16 @@ def capture(
     check(settings)
     report(0.0, "Loading the world")
     world = load_world(world_folder)
-    wanted = description(settings, world.name, world.content_hash, defects_hash(world), adapter)
+    expected = description(settings, world.name, world.content_hash, defects_hash(world), adapter)
     with working_in(folder):
-        check_same(folder, wanted)
+        check_same(folder, expected)
         existing = finished_images(folder)
         missing = [index for index in range(settings.images) if index not in existing]
         check_disk_space(settings, len(missing), folder)
         context = prepare(world, settings, report)
 
         def write_settings() -> None:
-            write_yaml(folder / FILE, wanted)
+            write_yaml(folder / FILE, expected)
 
         if missing:
             _take(

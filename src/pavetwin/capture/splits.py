@@ -34,7 +34,7 @@ class _Town:
     """(streets, streets) 1 where two meet, scaled to sum to 1."""
     reached: BoolArray
     """(streets,) of which images can be taken; only these count for the shares."""
-    wanted: Float64Array
+    target: Float64Array
     """(splits,)"""
 
 
@@ -61,8 +61,8 @@ def split_streets(
     street_of = {segment.id: segment.street for segment in world.segments}
     names = sorted({street_of[defect.segment] for defect in world.defects})
     within = np.array([reached is None or name in reached for name in names], dtype=np.bool_)
-    wanted = np.array(shares, dtype=np.float64)
-    if within.sum() < np.count_nonzero(wanted):
+    target = np.array(shares, dtype=np.float64)
+    if within.sum() < np.count_nonzero(target):
         streets = "1 street" if within.sum() == 1 else f"{within.sum()} streets"
         driven = "" if within.all() else " that are driven in its recorded traffic"
         raise PaveTwinError(
@@ -72,7 +72,7 @@ def split_streets(
     counts = np.hstack([_defects(world, names, street_of), _agents(names, agents or {})])
     counts[~within] = 0.0
     counts /= np.maximum(counts.sum(axis=0), np.finfo(np.float64).tiny)
-    town = _Town(counts, _meetings(world, names, meeting_m), within, wanted)
+    town = _Town(counts, _meetings(world, names, meeting_m), within, target)
     best, least = None, np.inf
     for _ in range(STARTS):
         chosen = _improved(town, _started(town, rng))
@@ -115,7 +115,7 @@ def _meetings(world: World, names: Sequence[str], meeting_m: float) -> Float64Ar
 def _started(town: _Town, rng: np.random.Generator) -> IndexArray:
     """Assign streets in random order, each to the split that lacks most."""
     chosen = np.zeros(len(town.counts), dtype=np.intp)
-    lacking = np.where(town.wanted > 0, town.wanted, -np.inf)
+    lacking = np.where(town.target > 0, town.target, -np.inf)
     sizes = town.counts.sum(axis=1) / town.counts.sum()
     for street in rng.permutation(len(town.counts)):
         chosen[street] = int(np.argmax(lacking))
@@ -126,7 +126,7 @@ def _started(town: _Town, rng: np.random.Generator) -> IndexArray:
 def _improved(town: _Town, chosen: IndexArray) -> IndexArray:
     """Local search: move each street to the split of least cost, until no move helps."""
     chosen = chosen.copy()
-    open_splits = np.flatnonzero(town.wanted > 0)
+    open_splits = np.flatnonzero(town.target > 0)
     cost, moved = _cost(town, chosen), True
     while moved:
         moved = False
@@ -142,8 +142,8 @@ def _improved(town: _Town, chosen: IndexArray) -> IndexArray:
 
 
 def _cost(town: _Town, chosen: IndexArray) -> float:
-    inside = np.eye(len(town.wanted))[chosen]
-    missed = np.abs(inside.T @ town.counts - town.wanted[:, None] * (town.counts.sum(axis=0) > 0))
+    inside = np.eye(len(town.target))[chosen]
+    missed = np.abs(inside.T @ town.counts - town.target[:, None] * (town.counts.sum(axis=0) > 0))
     parted = 1.0 - float((inside * (town.meets @ inside)).sum()) if town.meets.any() else 0.0
-    unused = np.count_nonzero((inside[town.reached].sum(axis=0) == 0) & (town.wanted > 0))
+    unused = np.count_nonzero((inside[town.reached].sum(axis=0) == 0) & (town.target > 0))
     return float(missed.mean(axis=1).sum()) + PARTING_WEIGHT * parted + 10.0 * unused

@@ -54,7 +54,7 @@ def make(
     density: Annotated[
         list[str] | None, typer.Option(help="Traffic: low, medium or high; may be repeated. medium unless given.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Names the luck of places, light and traffic; 0 is a seed too.")] = 0,
+    seed: Annotated[int, typer.Option(help="Random seed of places, light and traffic; 0 is a seed too.")] = 0,
     size: Annotated[str, typer.Option(metavar="WxH", help="Of the images, in pixels.")] = "640x640",
     camera: Annotated[
         str | None, typer.Option(help="Of the UAV: paper, phantom4, phantom4pro, mavic3e, or a YAML file.")

@@ -45,7 +45,7 @@ def fly(
     clouds: Clouds = None,
     wind: Wind = None,
     order: Annotated[str, typer.Option(help="random, or near for a short tour.")] = "random",
-    seed: Annotated[int, typer.Option(help="Names the luck of traffic, order and sensor; 0 is a seed too.")] = 0,
+    seed: Annotated[int, typer.Option(help="Random seed of traffic, order and sensor; 0 is a seed too.")] = 0,
     preset: Annotated[str, typer.Option(help="default or paper.")] = "default",
     set_: Annotated[
         list[str] | None,

@@ -189,7 +189,7 @@ def sentence(result: Sequence["MissionResult"]) -> str:
         surface = f"{_percent(sums.surface_coverage)} % of the surface seen"
         swaps = f" and {sums.swaps} battery swap{'s' if sums.swaps != 1 else ''}" if sums.swaps else ""
         return f"{found}, {surface}, in {sums.time_s / 60:.1f} min with {100 * sums.energy:.0f} % of a battery{swaps}."
-    return "The same traffic, defects, order and sensor luck for every policy; one mission each, so no statistics yet."
+    return "The same traffic, defects, order and sensor seed for every policy; one mission each, so no statistics yet."
 
 
 def _hundred(share: float | None) -> float | None:

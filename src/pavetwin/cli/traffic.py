@@ -27,7 +27,7 @@ def record(
         list[Path] | None,
         typer.Option(metavar="FILE.rou.xml", help="Your own demand, driven as it is; may be given several times."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Names the traffic's luck; 0 is a seed like any other.")] = 0,
+    seed: Annotated[int, typer.Option(help="Random seed of the traffic; 0 is a seed like any other.")] = 0,
     duration: Annotated[float, typer.Option(help="How long to record, in seconds.")] = 600.0,
     force: Annotated[bool, typer.Option("--force", help="Record even where this traffic is there.")] = False,
 ) -> None:

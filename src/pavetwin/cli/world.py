@@ -25,7 +25,7 @@ def build(
     ] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the new world.")] = None,
     generate: Annotated[str | None, typer.Option(help="Invent streets: town, grid, spider or random.")] = None,
-    seed: Annotated[int, typer.Option(help="Names the world's luck; 0 is a seed like any other.")] = 0,
+    seed: Annotated[int, typer.Option(help="Random seed of the world; 0 is a seed like any other.")] = 0,
     segment_length: Annotated[float, typer.Option(help="Longest segment, in metres.")] = 135.0,
     defects_per_segment: Annotated[
         float | None, typer.Option(help="Defects on a segment, where they fit.", show_default="30")

@@ -33,7 +33,7 @@ def export(
     at: Annotated[
         float | None, typer.Option(help="That moment, in seconds of the recording; its beginning otherwise.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Names the luck of what is only seen: colours, wear, leaves.")] = 0,
+    seed: Annotated[int, typer.Option(help="Random seed of the appearance: colours, wear, leaves.")] = 0,
     plugin: Plugins = None,
 ) -> None:
     """Write the scene as one binary glTF file: ground, defects, buildings, furniture, and traffic at a moment.

@@ -106,7 +106,7 @@ def _heightened(strips: Sequence[SegmentLayout], available_in: float) -> list[Se
 
 
 def save_comparison_map(results: Sequence[MissionResult], path: Path) -> None:
-    """Write one close view a mission, all over the segment that tells most about them together.
+    """Write one close view per mission, all of the segment most worth a comparison.
 
     Args:
         results: missions over the same world at the same altitude, such as one a policy.

@@ -49,9 +49,9 @@ def _palette(rgb: _Bytes, counts: IndexArray, order: IndexArray) -> _Bytes:
 
 
 def _nearest(rgb: _Bytes, palette: _Bytes) -> _Bytes:
-    wanted, known = rgb.astype(np.int32), palette.astype(np.int32)
+    pixels, known = rgb.astype(np.int32), palette.astype(np.int32)
     chunks = [
         np.argmin(((part[:, None] - known[None]) ** 2).sum(axis=2), axis=1)
-        for part in np.array_split(wanted, len(wanted) // 4096 + 1)
+        for part in np.array_split(pixels, len(pixels) // 4096 + 1)
     ]
     return np.concatenate(chunks).astype(np.uint8)

@@ -234,7 +234,7 @@ def base_symbol(axes: Axes, world: World, zorder: float = ABOVE_WORLD - 1) -> No
 
 
 def save_world_map(world: World, path: Path, *, names: bool = False, bounds: Bounds | None = None) -> list[str]:
-    """Write the map of a world, or of `bounds` of it, as a picture. Returns the ids without room.
+    """Write the map of a world, or of `bounds` of it, as a picture. Returns the ids that did not fit.
 
     Raises:
         PaveTwinError: it cannot be written.

@@ -1,8 +1,8 @@
 """From a design to work: its cells, and the units that are flown one by one.
 
 A unit is one replicate over one world in one traffic: a recording, the defects of a segment, and a mission for each
-cell. All luck of a replicate comes from (seed, replicate) alone, so replicates can be added later without changing the
-others.
+cell. All random numbers of a replicate come from (seed, replicate) only, so replicates can be added later without
+changing the others.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -87,7 +87,7 @@ def fly(
     Args:
         targets: indices of the segments to inspect, in order; see `choose_targets`.
         policy: a registered name, `path/to/file.py:ClassName`, or a policy.
-        seed: names the sensor's luck.
+        seed: of the sensor's random numbers.
         on_progress: told the share done, about.
         observer: told everything that happens, see `pavetwin.mission.events`.
 

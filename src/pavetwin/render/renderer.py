@@ -249,7 +249,7 @@ class Renderer:
 
     def _amodal_objects(self, camera: Float64Array, agents: InstanceBatch, draws: DrawList) -> list[AmodalObject]:
         """The labelled objects that may be in the picture, with the meshes that they are drawn with."""
-        things = []
+        objects = []
         for row in np.flatnonzero((agents.label > 0) & (draws.levels >= 0)):
             one, records = agents.only(np.array([row])), InstanceBuffer(camera)
             records.add_batch(one)
@@ -257,13 +257,13 @@ class Renderer:
             box = corners(self._gpu_scene.parts.low[part], self._gpu_scene.parts.high[part])
             placed = box @ one.transform[0, :, :3].T + one.transform[0, :, 3]
             mesh = self._gpu_scene.mesh(part, int(draws.levels[row]))
-            things.append(AmodalObject(int(one.label[0]), mesh, records.data, placed))
+            objects.append(AmodalObject(int(one.label[0]), mesh, records.data, placed))
         for each in draws.patches:
             patch, records = each.patch, InstanceBuffer(camera)
             records.add_place(each.origin, label=patch.label)
             placed = corners(each.mesh.low, each.mesh.high) + (*each.origin, 0.0)
-            things.append(AmodalObject(patch.label, each.mesh, records.data, placed, patch.truth))
-        return things
+            objects.append(AmodalObject(patch.label, each.mesh, records.data, placed, patch.truth))
+        return objects
 
     def _write_records(self, records: InstanceBuffer) -> None:
         data = records.data

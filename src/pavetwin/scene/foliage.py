@@ -116,9 +116,9 @@ def _spray(rng: np.random.Generator) -> list[_Leaf]:
 def _leaf(rng: np.random.Generator, foot: Float64Array, angle_rad: float, length: float) -> _Leaf:
     """A leaf that ends inside its cell."""
     heading = np.array([np.cos(angle_rad), np.sin(angle_rad)])
-    room = np.where(heading > 0, 0.985 - foot, foot - 0.015) / np.maximum(np.abs(heading), 1e-6)
+    free = np.where(heading > 0, 0.985 - foot, foot - 0.015) / np.maximum(np.abs(heading), 1e-6)
     slim, tone = float(rng.uniform(0.27, 0.36)), float(np.clip(rng.normal(0.78, 0.16), 0.45, 1.0))
-    return _Leaf(foot, float(angle_rad), float(min(length, room.min())), slim, tone, float(rng.normal(0.0, 0.5)))
+    return _Leaf(foot, float(angle_rad), float(min(length, free.min())), slim, tone, float(rng.normal(0.0, 0.5)))
 
 
 def _cell(leaves: Sequence[_Leaf]) -> UInt8Array:
@@ -130,10 +130,10 @@ def _cell(leaves: Sequence[_Leaf]) -> UInt8Array:
         high = np.clip(np.ceil((leaf.foot + 1.1 * leaf.length) * side), 0, side).astype(int)
         x, y = np.meshgrid((np.arange(low[0], high[0]) + 0.5) / side, (np.arange(low[1], high[1]) + 0.5) / side)
         tint, inside, shade = _blade(leaf, x, y, 1.0 / side)
-        room = np.s_[low[1] : high[1], low[0] : high[0]]
-        below = colour[room] * ((1.0 - 0.5 * shade) * (1.0 - inside))[..., None]
-        colour[room] = below + inside[..., None] * tint
-        alpha[room] += inside - alpha[room] * inside
+        window = np.s_[low[1] : high[1], low[0] : high[0]]
+        below = colour[window] * ((1.0 - 0.5 * shade) * (1.0 - inside))[..., None]
+        colour[window] = below + inside[..., None] * tint
+        alpha[window] += inside - alpha[window] * inside
     return _texels(colour, alpha)
 
 

@@ -44,8 +44,8 @@ class Sensor(ABC):
     def detect(self, frame: Frame) -> Sequence[int]:
         """The ids of the defects confirmed, a subset of the frame's sightings.
 
-        The luck of a defect's k-th attempt must depend on (seed, defect, k) alone, so that policies are compared
-        under the same luck.
+        The random number of a defect's k-th attempt must depend only on (seed, defect, k), so that policies are
+        compared with common random numbers.
         """
 
 

@@ -1,7 +1,7 @@
 """The rules of sensors, tried on made-up captures.
 
-Policies are compared under the same luck: whether a defect's k-th attempt succeeds may depend on the seed, the defect
-and k, and on what the frame shows of it, but not on which frames came before.
+Policies are compared with common random numbers: whether a defect's k-th attempt succeeds may depend on the seed, the
+defect and k, and on what the frame shows of it, but not on which frames came before.
 """
 
 from collections.abc import Callable, Sequence

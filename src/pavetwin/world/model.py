@@ -246,7 +246,7 @@ class Defect:
     polygon: Polygon
     """Its outline: what is labelled, and the border of what is drawn."""
     seed: int
-    """Its shape's luck; `pavetwin.defects.heightfield_of` makes the shape anew from it."""
+    """Seed of its shape; `pavetwin.defects.heightfield_of` regenerates the shape from it."""
     yaw_rad: float
     """Direction of its own x axis."""
     severity: Severity

@@ -52,7 +52,7 @@ def street_map(world: World, means: pl.DataFrame) -> ReportFigure | None:
     values = [100 * float(found[segment.id]["coverage"]) for segment in segments]
     norm = _range(values)
     with style.styled():
-        sheet = style.map_figure(
+        framed = style.map_figure(
             world_bounds(world),
             title=world.name,
             subtitle="Mean coverage and number of missions of each segment",
@@ -60,12 +60,12 @@ def street_map(world: World, means: pl.DataFrame) -> ReportFigure | None:
             longest_in=_LONGEST_IN,
         )
         draw_world(
-            sheet.axes, world, layers=EVERYTHING - {MapLayer.FURNITURE, MapLayer.BASE}, defects=False, muted=True
+            framed.axes, world, layers=EVERYTHING - {MapLayer.FURNITURE, MapLayer.BASE}, defects=False, muted=True
         )
-        _segments(sheet.axes, segments, COVERAGE(norm(values)))
-        _numbers(sheet.axes, segments, found)
-        _colour_bar(sheet.footer, norm)
-        return raster(sheet.figure, _caption(world, found, segments), _alt(world, segments, values))
+        _segments(framed.axes, segments, COVERAGE(norm(values)))
+        _numbers(framed.axes, segments, found)
+        _colour_bar(framed.footer, norm)
+        return raster(framed.figure, _caption(world, found, segments), _alt(world, segments, values))
 
 
 def _range(values: Sequence[float]) -> Normalize:
@@ -86,15 +86,15 @@ def _segments(axes: Axes, segments: Sequence[Segment], colours: Any) -> None:
 
 def _numbers(axes: Axes, segments: Sequence[Segment], found: Mapping[str, Any]) -> None:
     """How many missions, in the middle of each segment where it fits."""
-    per_m, room = shapes.points_per_m(axes), OccupiedSpace()
+    per_m, occupied = shapes.points_per_m(axes), OccupiedSpace()
     for segment in sorted(segments, key=lambda segment: (-segment.length_m, segment.id)):
         text = f"{found[segment.id]['missions']}"
         middle = segment.centre_line.interpolate(0.5, normalized=True)
         half = (style.text_width_pt(text, _NUMBER_PT, bold=True) / 2 + 1.2) / per_m
         plate = shapely.box(middle.x - half, middle.y - 3.2 / per_m, middle.x + half, middle.y + 3.2 / per_m)
-        if not room.free(plate):
+        if not occupied.free(plate):
             continue
-        room.take(plate)
+        occupied.take(plate)
         axes.text(
             middle.x, middle.y, text, fontsize=_NUMBER_PT, fontweight="bold", ha="center", va="center_baseline",
             color=style.INK, path_effects=style.halo(1.5), zorder=ABOVE_WORLD + 3,

@@ -124,7 +124,7 @@ def _differences(group: Group, factor: str) -> Iterator[Block]:
     other = subject(factor, comparison.reference)
     why = f" ({comparison.reason})" if comparison.reason else ""
     yield Text(
-        "Missions of one replicate flew the same segment with the same traffic, defects and luck, so each is compared "
+        "Missions of one replicate flew the same segment with the same traffic, defects and seed, so each is compared "
         f"with {other}{why} mission by mission. An interval that includes 0 leaves open which of the two is better."
     )
     if narrow := _narrow(group, metrics):

@@ -26,8 +26,8 @@ def write_report(
     """
     from pavetwin.experiments.report import page
 
-    tell = on_progress or (lambda _: None)
-    sections = page.sections_of(study, tell)
+    report = on_progress or (lambda _: None)
+    sections = page.sections_of(study, report)
     files = {
         "report.html": page.page(study, sections).encode(),
         "table.csv": tables.csv(study.summary).encode(),
@@ -42,5 +42,5 @@ def write_report(
     for name, content in files.items():
         with writing(folder / name) as temporary:
             temporary.write_bytes(content)
-    tell(1.0)
+    report(1.0)
     return [folder / name for name in files]

@@ -52,10 +52,10 @@ def placed(layout: SurfaceLayout) -> tuple[Fixture, ...]:
     return tuple(_apart(layout, [*found, *_leaves(layout)]))
 
 
-def _apart(layout: SurfaceLayout, wanted: Sequence[Fixture]) -> Iterator[Fixture]:
+def _apart(layout: SurfaceLayout, candidates: Sequence[Fixture]) -> Iterator[Fixture]:
     """Those that touch neither an earlier one nor the patch of a defect; leaves may lie on anything but those."""
     taken: Nearby[Fixture] = Nearby(2.0)
-    for fixture in wanted:
+    for fixture in candidates:
         reach = REACH_M[fixture.model]
         near = () if fixture.model == "leaves" else taken.query(around(fixture.x, fixture.y, reach))
         touches = any(
@@ -106,13 +106,13 @@ def _beside(segment: Segment, model: str, station: float, left: float, turn: flo
     return Fixture(model, point.x - dy * left, point.y + dx * left, 0.0, float(np.arctan2(dy, dx)) + turn)
 
 
-def _grate(layout: SurfaceLayout, wanted: Fixture) -> Fixture | None:
+def _grate(layout: SurfaceLayout, rough: Fixture) -> Fixture | None:
     """A grate beside the nearest kerb; None where there is no straight kerb near."""
-    piece = int(layout.edges.tree.nearest(shapely.Point(wanted.x, wanted.y)))
+    piece = int(layout.edges.tree.nearest(shapely.Point(rough.x, rough.y)))
     line = layout.edges.pieces[piece]
-    station = line.project(shapely.Point(wanted.x, wanted.y))
+    station = line.project(shapely.Point(rough.x, rough.y))
     foot = line.interpolate(station)
-    if foot.distance(shapely.Point(wanted.x, wanted.y)) > 1.0:
+    if foot.distance(shapely.Point(rough.x, rough.y)) > 1.0:
         return None
     dx, dy = direction(line, station)
     x, y = foot.x - dy * GRATE_AT_M, foot.y + dx * GRATE_AT_M
