@@ -13,10 +13,10 @@ ROOT = Path(__file__).resolve().parent.parent
 UNREACHABLE = ("error sending request", "dns error", "Failed to fetch", "Could not connect")
 """What uv says where no package index answers."""
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
 
-def run(*words: str | Path, cwd: Path, timeout_s: float = 500.0) -> subprocess.CompletedProcess[str]:
+def run(*words: str | Path, cwd: Path, timeout_s: float = 900.0) -> subprocess.CompletedProcess[str]:
     """Run a program without this process's Python settings."""
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "VIRTUAL_ENV"))}
     environment |= {"MPLBACKEND": "Agg", "UV_SYSTEM_CERTS": "1"}

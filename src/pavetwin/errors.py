@@ -6,7 +6,10 @@ from difflib import get_close_matches
 
 
 class PaveTwinError(Exception):
-    """Something the user can mend. The command line prints the message as one line and exits with code 2."""
+    """Something the user can fix. The command line prints the message as one line and exits with code 2.
+
+    A message names a parameter of the library in backquotes (`altitude_m`), never an option: `cli/flags.py` knows those.
+    """
 
 
 def nearest_name(word: str, known: Iterable[str]) -> str:
