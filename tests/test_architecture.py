@@ -334,3 +334,35 @@ def test_the_lock_covers_what_is_asked_for() -> None:
     lock = (ROOT / "requirements.lock").read_text(encoding="utf-8").splitlines()
     locked = {line.partition("==")[0] for line in lock if "==" in line and not line.startswith((" ", "#"))}
     assert sorted(names - locked) == [], "run `make lock`"
+
+
+def registries() -> list[dict[str, str]]:
+    """Every registry that the source makes: its file, and what it is called with by keyword."""
+    found = []
+    for path in sorted(PACKAGE.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), str(path))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Registry":
+                texts = {each.arg: each.value.value for each in node.keywords if isinstance(each.value, ast.Constant)}
+                found.append({"file": str(path.relative_to(PACKAGE.parent)), **texts})
+    return found
+
+
+def test_what_goes_by_a_name_is_found_in_its_home() -> None:
+    """A registry imports its home by itself, so that a new file there is all there is to add; it lives in that home, or
+    beside a module that is one. Each has entry points of its own."""
+    made = registries()
+    assert len(made) >= 8
+    for each in made:
+        home = PACKAGE.parent / each["home"].replace(".", "/")
+        assert home.is_dir() or home.with_suffix(".py").is_file(), each
+        beside = home if home.is_dir() else home.parent
+        assert (PACKAGE.parent / each["file"]).parent == beside, each
+        assert each["group"].startswith("pavetwin."), each
+    assert len({each["group"] for each in made}) == len(made)
+
+
+def test_nothing_else_keeps_a_table_of_registered_names() -> None:
+    """A dictionary that a decorator fills is half a registry: no plugin, no nearest name, not in worker processes."""
+    table = re.compile(r"^_?[A-Z_]+: (?:Final\[)?dict\[str, (?:type|Callable)", re.MULTILINE)
+    kept = [path for path in PACKAGE.rglob("*.py") if table.search(path.read_text(encoding="utf-8"))]
+    assert kept == []
