@@ -8,7 +8,7 @@ from difflib import get_close_matches
 class PaveTwinError(Exception):
     """Something the user can fix. The command line prints the message as one line and exits with code 2.
 
-    A message names a parameter of the library in backquotes (`altitude_m`), never an option: `cli/flags.py` knows those.
+    A message names a parameter of the library in backquotes (`altitude_m`); `cli/flags.py` turns it into an option.
     """
 
 
