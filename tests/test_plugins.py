@@ -73,7 +73,7 @@ def test_two_plugins_of_one_name_are_one_plain_line(tmp_path: Path) -> None:
     with pytest.raises(PaveTwinError) as caught:
         load_plugins([second])
     assert str(caught.value) == (
-        f"plugins: '{second}' cannot be used: a policy 'calm' is registered already, by '{first}'."
+        f"`plugins`: '{second}' cannot be used: a policy 'calm' is registered already, by '{first}'."
     )
     assert "other" not in CAMERAS.names(), "what it registered before is taken back"
 
@@ -95,7 +95,7 @@ def test_a_bad_plugin_registers_nothing(tmp_path: Path, text: str, complaint: st
 
 
 def test_a_plugin_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(PaveTwinError, match=r"plugins: there is no file '.*gone\.py'"):
+    with pytest.raises(PaveTwinError, match=r"`plugins`: there is no file '.*gone\.py'"):
         load_plugins([tmp_path / "gone.py"])
 
 
@@ -108,5 +108,5 @@ def test_a_sensor_goes_by_its_file_and_keeps_the_rules(tmp_path: Path) -> None:
 
 
 def test_an_unknown_name_says_where_ones_own_comes_from() -> None:
-    with pytest.raises(PaveTwinError, match="One of your own needs its file in plugins"):
+    with pytest.raises(PaveTwinError, match="One of your own needs its file in `plugins`"):
         POLICIES.get("calm")

@@ -21,7 +21,7 @@ from pavetwin.registry import DuplicateNameError, Registry, reading
 
 T = TypeVar("T")
 
-KEY: Final = "plugins"
+KEY: Final = "`plugins`"
 """The parameter that takes plugin files, as messages name it."""
 
 _OWN: Final = "pavetwin_user_"
@@ -140,5 +140,7 @@ def _read(path: Path, key: str, *, check: bool = False) -> ModuleType:
 def _hash(path: Path, key: str) -> str:
     try:
         return sha256(path.read_bytes()).hexdigest()
+    except FileNotFoundError as error:
+        raise PaveTwinError(f"{key}: there is no file '{path}'.") from error
     except OSError as error:
-        raise PaveTwinError(f"{key}: there is no file '{path}' that can be read: {error.strerror}.") from error
+        raise PaveTwinError(f"{key}: cannot read '{path}': {error.strerror}.") from error

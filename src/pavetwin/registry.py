@@ -94,7 +94,8 @@ class Registry(Generic[T]):
         on_add: told each name and value; may refuse with a ValueError.
         rules: the rules that one of a user's own breaks, each as a sentence.
         """
-        self.what, self.key, self.group = what, key, group
+        self.what, self.group = what, group
+        self.key = key if "." in key else f"`{key}`"  # settings have sections, parameters have options
         self.rules, self._home, self._on_add = rules, home, on_add
         self._entries: dict[str, _Entry[T]] = {}
         self._has_own = self._has_installed = False
@@ -139,7 +140,7 @@ class Registry(Generic[T]):
             known = ", ".join(self._entries)
             raise PaveTwinError(
                 f"{self.key}: no {self.what} '{name}'{nearest_name(name, self._entries)}; known are {known}{instead}. "
-                "One of your own needs its file in plugins."
+                "One of your own needs its file in `plugins`."
             )
         return self._entries[name].value
 

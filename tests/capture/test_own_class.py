@@ -72,7 +72,7 @@ def test_the_usual_mix_of_a_world_with_plugins_is_written_down(tmp_path: Path, m
     save_world(add_defects(built("cross"), DefectOptions(per_segment=2)), tmp_path / "mixed")
     assert set(load_record(tmp_path / "mixed").defects["mix"]) == {kind.name for kind in DEFECT_CLASSES.values()}
     forget(monkeypatch)
-    with pytest.raises(PaveTwinError, match=r"defects: no defect class 'rutting'.*needs its file in plugins"):
+    with pytest.raises(PaveTwinError, match=r"`defects`: no defect class 'rutting'.*needs its file in `plugins`"):
         add_defects(built("cross"), DefectOptions(mix={"rutting": 1.0}))
 
 

@@ -131,7 +131,7 @@ def test_a_bad_policy_is_caught_when_it_is_loaded(flaw: str, tmp_path: Path, mon
     assert complaint in told
     assert "\n" not in told
     assert "Bad" in told
-    assert told.startswith("policy: ")
+    assert told.startswith("`policy`: ")
 
 
 def test_a_policy_that_cannot_be_made_is_caught(tmp_path: Path) -> None:

@@ -25,6 +25,8 @@ FLAGS: Final = {
     "picture=jpg": "no --png",
     "picture=png": "--png",
     "platform": "--platform",
+    "plugins": "--plugin",
+    "policy": "--policy",
     "quality": "--quality",
     "retry": "--retry-failed",
     "scheduler": "--scheduler",

@@ -200,7 +200,7 @@ def check_plugins(plan: Plan) -> None:
     now = plugin_hashes(plan.design.plugins)
     for path, content in plan.plugins.items():
         if now.get(path) != content:
-            raise PaveTwinError(f"plugins: '{path}' is not what the study began with.")
+            raise PaveTwinError(f"`plugins`: '{path}' is not what the study began with.")
 
 
 def check_worlds(plan: Plan) -> None:
@@ -256,7 +256,7 @@ def _name_of(policy: str, settings: MissionSettings) -> str:
     try:
         return load_policy(policy, settings.policy).name
     except PaveTwinError as error:
-        told = str(error).removeprefix("policy: ")
+        told = str(error).removeprefix("`policy`: ")
         raise PaveTwinError(f"the design: policies: {told}") from error
 
 
