@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+import tomllib
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
@@ -90,6 +91,14 @@ def test_decisions_are_dated_and_listed() -> None:
         assert re.search(r"^\*\d{4}-\d{2}-\d{2}\*$", text, flags=re.MULTILINE), page.name
         assert re.findall(r"^## (.+)$", text, flags=re.MULTILINE) == ["Context", "Decision", "Consequences"], page.name
         assert f"({page.name})" in index
+
+
+def test_the_lock_covers_what_the_site_asks_for() -> None:
+    asked = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["dependency-groups"]["docs"]
+    locked = set(
+        re.findall(r"^([\w-]+)==", (DOCS / "requirements.lock").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    )
+    assert {re.split(r"[<>=]", spec)[0] for spec in asked} <= locked, "run `make lock`"
 
 
 class Fetched(HTMLParser):

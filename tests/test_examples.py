@@ -19,12 +19,12 @@ SAYS = {
     "01_first_flight": "coverage=",
     "02_own_policy": "patient: coverage=",
     "03_own_defect_class": "rutting",
-    "04_own_demand": "s waited",
+    "04_own_demand": r"hover: .* [1-9]\d* s waited",
     "05_study": "hover",
     "06_dataset": "6 images in",
     "07_python_loop": "found",
 }
-"""What an example prints, at least."""
+"""What an example prints, at least, as a regular expression."""
 
 SLOW = {"01_first_flight"}
 DRAWS = {"06_dataset"}
@@ -46,7 +46,7 @@ def run(arguments: list[str], folder: Path) -> str:
 
 @pytest.mark.parametrize("example", [marked(example) for example in EXAMPLES])
 def test_an_example_runs(example: Path, tmp_path: Path) -> None:
-    assert SAYS.get(example.stem, "") in run([str(example), str(tmp_path)], tmp_path)
+    assert re.search(SAYS[example.stem], run([str(example), str(tmp_path)], tmp_path))
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
@@ -58,13 +58,6 @@ def test_the_first_example_is_ten_lines() -> None:
     lines = EXAMPLES[0].read_text(encoding="utf-8").splitlines()
     statements = [line for line in lines if line and not line.startswith(("import ", "from ", '"""'))]
     assert len(statements) <= 10
-
-
-def test_the_own_demand_hides_more_of_the_road_than_no_traffic(tmp_path: Path) -> None:
-    said = run([str(ROOT / "examples" / "04_own_demand.py"), str(tmp_path)], tmp_path)
-    waited = re.search(r"hover: .* (\d+) s waited", said)
-    assert waited is not None
-    assert int(waited[1]) > 0
 
 
 def code_blocks(page: str, language: str) -> list[str]:
@@ -112,4 +105,4 @@ def test_the_documented_plugin_registers_a_policy(tmp_path: Path) -> None:
 def test_the_documented_entry_points_are_those_of_registries() -> None:
     named = set(re.findall(r"`(pavetwin\.\w+)`", (ROOT / "docs" / "how-to" / "plugins.md").read_text(encoding="utf-8")))
     source = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "src").rglob("*.py"))
-    assert named - {"pavetwin.plugins"} >= set(re.findall(r'group="(pavetwin\.\w+)"', source))
+    assert named - {"pavetwin.plugins"} == set(re.findall(r'group="(pavetwin\.\w+)"', source))
