@@ -1,4 +1,4 @@
-"""The one exception that a user may see: a plain sentence that says what is wrong, where, and how to mend it."""
+"""The one exception that a user may see: a plain sentence that says what is wrong, where, and how to fix it."""
 
 import re
 from collections.abc import Iterable

@@ -167,9 +167,9 @@ def unwritable(target: Path, error: OSError) -> PaveTwinError:
     """The plain sentence for a file that could not be written."""
     nowhere = error.errno == errno.ENOENT  # what mkdir says of a place such as /proc
     reason = "nothing can be made there" if nowhere else error.strerror or str(error)
-    return PaveTwinError(f"Cannot write '{target}': {reason}. {mending(error, 'choose another folder')}.")
+    return PaveTwinError(f"Cannot write '{target}': {reason}. {hint(error, 'choose another folder')}.")
 
 
-def mending(error: OSError, otherwise: str) -> str:
+def hint(error: OSError, otherwise: str) -> str:
     """What helps, as the beginning of a sentence: room where there is none left, else `otherwise`."""
     return f"Free some space or {otherwise}" if error.errno in NO_ROOM else otherwise[:1].upper() + otherwise[1:]

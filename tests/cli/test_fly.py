@@ -245,7 +245,7 @@ def test_a_half_deleted_world_is_named(world: Path, tmp_path: Path) -> None:
     assert "nowhere" in plain_refusal(pavetwin("fly", tmp_path / "nowhere", *SHORT))
 
 
-def test_a_network_that_was_cut_short_is_named_with_its_mending(world: Path, tmp_path: Path) -> None:
+def test_a_network_that_was_cut_short_is_named_with_a_fix(world: Path, tmp_path: Path) -> None:
     broken = tmp_path / "broken"
     shutil.copytree(world, broken)
     whole = (broken / "roads.net.xml").read_bytes()

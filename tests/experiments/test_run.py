@@ -471,7 +471,7 @@ def test_taking_off_after_one_s_own_demand_has_ended_is_a_failure(world: Path, t
     entry = {"path": str(world), "routes": [str(route)], "take_off_s": [500, 600]}
     ran = run(small(world, worlds=[entry], densities=[], replicates=1), tmp_path / "study", Single())
     assert len(ran.failures) == 1
-    assert "its demand has ended; mend take_off_s" in next(iter(ran.failures))
+    assert "its demand has ended; change take_off_s" in next(iter(ran.failures))
 
 
 def test_no_scheduler_is_said_in_a_line(world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -80,7 +80,7 @@ def _terminate(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - 
 def main() -> None:
     """Run one command.
 
-    Exit codes: 0 done, 1 a mistake of ours or a finding of `doctor`, 2 something the user can mend (one plain line),
+    Exit codes: 0 done, 1 a mistake of ours or a finding of `doctor`, 2 something the user can fix (one plain line),
     130 interrupted, 143 terminated.
     """
     sys.exit(_run())

@@ -92,7 +92,7 @@ def _town(folder: Path) -> "World":
     try:
         world = load_world(folder) if folder.is_dir() else None
     except PaveTwinError as error:
-        err.print(f"Building the town anew: {error}", markup=False)
+        err.print(f"Building the town again: {error}", markup=False)
         world = None
     if world is None:
         with progress("[1/4] Inventing a town") as tell:

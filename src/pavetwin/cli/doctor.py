@@ -1,4 +1,4 @@
-"""`pavetwin doctor`: what is missing on this machine, and the command that mends it."""
+"""`pavetwin doctor`: what is missing on this machine, and the command that fixes it."""
 
 import sys
 from dataclasses import dataclass
@@ -14,26 +14,26 @@ from pavetwin.errors import PaveTwinError
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One thing looked at. `mend` is empty when all is well."""
+    """The result of one check. `hint` is empty when all is well."""
 
     what: str
     found: str
-    mend: str = ""
+    hint: str = ""
 
 
 def doctor() -> None:
-    """Say what is missing on this machine and the command that mends it. Exit code 1 when something is.
+    """Say what is missing on this machine and the command that fixes it. Exit code 1 when something is.
 
     \b
     pavetwin doctor
     """
     checks = [check() for check in (_python, _kernels, _sumo, _libsumo, _geo, _adapter)]
     for check in checks:
-        mark = "[red]✗[/]" if check.mend else "[green]✓[/]"
+        mark = "[red]✗[/]" if check.hint else "[green]✓[/]"
         out.print(f"{mark} {check.what}: {check.found}", soft_wrap=True)
-        if check.mend:
-            out.print(f"  mend it: {check.mend}", markup=False)
-    if any(check.mend for check in checks):
+        if check.hint:
+            out.print(f"  fix: {check.hint}", markup=False)
+    if any(check.hint for check in checks):
         raise typer.Exit(1)
     out.print("All is there.")
 

@@ -328,7 +328,7 @@ def _say(ran: "Ran", folder: Path) -> None:
         for reason, count in list(ran.failures.items())[:MOST_REASONS]:
             out.print(f"  {count} × {reason}", markup=False, soft_wrap=True)
         out.print(
-            "Mend the cause and give the same command with --retry-failed. A policy's file may be changed where all "
+            "Fix the cause and give the same command with --retry-failed. A policy's file may be changed where all "
             "missions of that policy failed, a routes file where all over its world did; a study with any other "
             "changed file, or a changed design, is refused there and needs another folder; recordings are kept.",
             soft_wrap=True,

@@ -60,7 +60,7 @@ def fly(
     airspace: Annotated[
         Path | None, typer.Option(metavar="FILE.csv", help="Other aircraft: aircraft, t_s, x_m, y_m, altitude_m.")
     ] = None,
-    defect_seed: Annotated[int | None, typer.Option(help="Place the defects anew under this seed.")] = None,
+    defect_seed: Annotated[int | None, typer.Option(help="Place the defects again with this seed.")] = None,
     again: Annotated[
         Path | None, typer.Option(metavar="mission.yaml", help="Fly that mission again; replaces what it says.")
     ] = None,

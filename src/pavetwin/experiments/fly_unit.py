@@ -152,7 +152,7 @@ def _measured(row: SegmentMetrics) -> Row:
 
 
 def _words(error: Exception) -> str:
-    """A failure in one line; one that no user can mend is named by its kind."""
+    """A failure in one line; one that no user can fix is named by its type."""
     text = " ".join(str(error).split())
     return text if isinstance(error, PaveTwinError) else f"{type(error).__name__}: {text}"
 
@@ -231,6 +231,6 @@ def _replay(plan: Plan, unit: Unit, world: World, entry: WorldEntry) -> Replay:
     recording = recorder.until(take_off_s + (QUIET_S if routes else RECORDED_S) * plan.design.segments)
     if routes and not len(recording.after(take_off_s).agent):
         raise PaveTwinError(
-            f"Nothing moves {take_off_s:.0f} s after the first departure: its demand has ended; mend take_off_s."
+            f"Nothing moves {take_off_s:.0f} s after the first departure: its demand has ended; change take_off_s."
         )
     return Replay(world, recording, routes, start_s=take_off_s, recorder=recorder)

@@ -1,4 +1,4 @@
-"""A study from its design to its table: flown in units, each written as it ends, gone on with where it stopped."""
+"""A study from its design to its table: flown in units, each written as it ends, resumed where it stopped."""
 
 from collections import Counter
 from collections.abc import Callable

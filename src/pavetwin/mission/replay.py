@@ -44,7 +44,7 @@ class Replay:
     on_extend: Callable[[float], None] = lambda _: None
     """Told the share done of an extension."""
     recorder: Recorder | None = field(default=None, repr=False)
-    """Prolongs the recording; made when it is first needed."""
+    """Extends the recording; made when it is first needed."""
     _trace: Trace | None = field(default=None, init=False, repr=False)
     _entered: bool = field(default=False, init=False, repr=False)
 

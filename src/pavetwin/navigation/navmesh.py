@@ -35,7 +35,7 @@ def navmesh(world: World, altitude_m: float, agent_radius_m: float, standing: So
     mesh = NavMesh.bake(vertices, triangles, cell_size_m=VOXEL_M, agent_radius_m=agent_radius_m)
     if kept is not None:
         _save(mesh, kept)
-    # As it will be read the next time: a mesh made of polygons numbers them anew, and equal ways could then be flown
+    # As it will be read the next time: a mesh made of polygons renumbers them, and equal paths could then be flown
     # in another order.
     return NavMesh.from_polygons(mesh.vertices(), mesh.offsets(), mesh.corners())
 
@@ -91,5 +91,5 @@ def _load(path: Path) -> NavMesh | None:
     try:
         with np.load(path, allow_pickle=False) as kept:
             return NavMesh.from_polygons(kept["vertices"], kept["offsets"], kept["corners"])
-    except Exception:  # NumPy, zip and zlib each have their own words for a damaged file: it is baked anew
+    except Exception:  # NumPy, zip and zlib each have their own words for a damaged file: it is baked again
         return None

@@ -31,7 +31,7 @@ OnProgress = Callable[[float], None]
 
 def require_sumo() -> None:
     """Raises:
-    PaveTwinError: SUMO's library is not on this machine; the message mends it.
+    PaveTwinError: SUMO's library is not on this machine; the message says how to install it.
     """
     if find_spec("libsumo") is None:
         raise PaveTwinError("SUMO is missing on this machine: install it with `pip install eclipse-sumo libsumo`.")

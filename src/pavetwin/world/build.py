@@ -13,7 +13,7 @@ from shapely.ops import nearest_points
 
 from pavetwin.config.base import Settings
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import mending
+from pavetwin.files import hint
 from pavetwin.world.buildings import buildings_by_rule, clear_of_roads
 from pavetwin.world.connected import LeftOut
 from pavetwin.world.content import content_hash, sha256, snapped_world
@@ -105,7 +105,7 @@ def build_world(
         reason = error.strerror or str(error)
         raise PaveTwinError(
             f"Cannot build in the temporary folder '{tempfile.gettempdir()}': {reason}. "
-            f"{mending(error, 'name another one in TMPDIR')}."
+            f"{hint(error, 'name another one in TMPDIR')}."
         ) from error
     return _build(prepared, network, net, options, tell)
 

@@ -34,7 +34,7 @@ def round_to_grid(xy: Float64Array) -> Float64Array:
 
 
 def snapped(geometry: Geometry) -> Geometry:
-    """A geometry on the grid; a polygon that rounding spoilt is mended."""
+    """A geometry on the grid; a polygon that rounding made invalid is repaired."""
     moved: Any = shapely.transform(geometry, round_to_grid)
     if isinstance(moved, Polygon) and not moved.is_valid:
         moved = max(shapely.get_parts(moved.buffer(0)), key=lambda part: part.area)

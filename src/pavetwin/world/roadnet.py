@@ -93,7 +93,7 @@ def read_roadnet(path: Path, shown_as: str | None = None) -> RoadNet:
         raise PaveTwinError(f"Cannot read '{shown}': {error.strerror or error}.") from error
     except (KeyError, ValueError) as error:
         raise PaveTwinError(
-            f"'{shown}' is no complete SUMO network ({error}); make it anew with netconvert."
+            f"'{shown}' is no complete SUMO network ({error}); generate it again with netconvert."
         ) from error
 
 

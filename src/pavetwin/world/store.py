@@ -68,7 +68,7 @@ def _description(built: Built) -> dict[str, Any]:
 def load_world(folder: str | Path) -> World:
     """Read a world's folder; it equals the one that was saved.
 
-    The content hash is made anew, so that a world edited in QGIS is another world to its traces.
+    The content hash is computed again, so that a world edited in QGIS is another world to its traces.
 
     Raises:
         PaveTwinError: it is no world, a file of it is missing or damaged, or it is of another version.

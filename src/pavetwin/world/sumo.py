@@ -15,7 +15,7 @@ from pavetwin.errors import PaveTwinError
 NO_VALIDATION = ("--xml-validation", "never")
 """Options that keep a SUMO tool from fetching a schema over the network."""
 
-MENDING = "install it with `pip install eclipse-sumo`, or set SUMO_HOME to your own installation"
+INSTALL_HINT = "install it with `pip install eclipse-sumo`, or set SUMO_HOME to your own installation"
 
 
 def sumo_home() -> Path:
@@ -27,7 +27,7 @@ def sumo_home() -> Path:
     for home in _candidates():
         if any((home / "bin" / name).is_file() for name in ("netconvert", "netconvert.exe")):
             return home
-    raise PaveTwinError(f"SUMO is not installed on this machine; {MENDING}.")
+    raise PaveTwinError(f"SUMO is not installed on this machine; {INSTALL_HINT}.")
 
 
 def _candidates() -> list[Path]:
@@ -53,7 +53,7 @@ def tool(name: str) -> Path:
     for candidate in (folder / name, folder / f"{name}.exe"):
         if candidate.is_file():
             return candidate
-    raise PaveTwinError(f"SUMO's program '{name}' is not in '{folder}'; {MENDING}.")
+    raise PaveTwinError(f"SUMO's program '{name}' is not in '{folder}'; {INSTALL_HINT}.")
 
 
 def data_file(relative: str) -> Path:
@@ -66,7 +66,7 @@ def data_file(relative: str) -> Path:
     for folder in (home / "data", home.parent / "share" / "sumo" / "data"):
         if (folder / relative).is_file():
             return folder / relative
-    raise PaveTwinError(f"SUMO's file 'data/{relative}' is missing below '{home}'; {MENDING}.")
+    raise PaveTwinError(f"SUMO's file 'data/{relative}' is missing below '{home}'; {INSTALL_HINT}.")
 
 
 def environment() -> dict[str, str]:
@@ -90,7 +90,7 @@ def run_tool(name: str, arguments: Sequence[str], *, doing: str, timeout_s: floa
     except subprocess.TimeoutExpired as error:
         raise PaveTwinError(f"{doing}: SUMO's {name} took longer than {timeout_s:.0f} s and was stopped.") from error
     except OSError as error:
-        raise PaveTwinError(f"{doing}: SUMO's {name} cannot be started ({error.strerror}); {MENDING}.") from error
+        raise PaveTwinError(f"{doing}: SUMO's {name} cannot be started ({error.strerror}); {INSTALL_HINT}.") from error
     if done.returncode != 0:
         raise PaveTwinError(f"{doing}: {first_error(done.stderr, done.stdout)}")
     return done.stdout
