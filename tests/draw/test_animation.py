@@ -12,7 +12,7 @@ from pavetwin.draw import animation, mission_style, style
 from pavetwin.draw.animation import save_animation
 from pavetwin.draw.film import SIZE_PX, Film
 from pavetwin.draw.ground_raster import ASPHALT, GroundRaster
-from pavetwin.draw.marks import Outcome, telling_moment_s
+from pavetwin.draw.marks import DefectOutcome, telling_moment_s
 from pavetwin.draw.mission_style import UAV, agent_group, rgb, visibility_rgb
 from pavetwin.draw.shadows import SeenSurface, shadows
 from pavetwin.errors import PaveTwinError
@@ -65,7 +65,7 @@ def test_defects_turn_from_open_to_confirmed() -> None:
     (detection,) = film.result.detections
     before, after = (film.scene(detection.time_s + shift).defects for shift in (-0.1, 0.1))
     assert [mark.outcome for mark in before] == [None]
-    assert [mark.outcome for mark in after] == [Outcome.CONFIRMED]
+    assert [mark.outcome for mark in after] == [DefectOutcome.CONFIRMED]
     assert after[0].age_s == pytest.approx(0.1 / film.speed)
 
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from pavetwin.draw import style
-from pavetwin.draw.marks import Outcome, outcomes, rectangles, telling_segments, windows
+from pavetwin.draw.marks import DefectOutcome, outcomes, rectangles, telling_segments, windows
 from pavetwin.draw.mission_map import flown_bounds, mission_figure, save_comparison_map, save_mission_map
 from pavetwin.draw.turned import MapTransform
 from pavetwin.errors import PaveTwinError
@@ -49,16 +49,16 @@ def test_every_defect_has_the_outcome_that_the_mission_gave_it() -> None:
         for defect, outcome in found.items():
             if defect in confirmed:
                 recovered = confirmed[defect].on_revisit
-                assert outcome is (Outcome.RECOVERED if recovered else Outcome.CONFIRMED)
+                assert outcome is (DefectOutcome.RECOVERED if recovered else DefectOutcome.CONFIRMED)
             else:
-                assert outcome is Outcome.MISSED
+                assert outcome is DefectOutcome.MISSED
 
 
 @pytest.mark.parametrize("policy", POLICIES)
 def test_the_map_has_a_mark_for_every_defect(policy: str) -> None:
     result = tiny.result("queue_that_leaves", policy)
     figure, found = figure_of(result), list(outcomes(result).values())
-    for outcome in Outcome:
+    for outcome in DefectOutcome:
         town, *_ = marks(figure, f"defects-{outcome}")
         assert town == found.count(outcome)
 

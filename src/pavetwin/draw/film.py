@@ -10,7 +10,7 @@ from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
 from pavetwin.draw.frame import DefectMark, MapView, MissionState
 from pavetwin.draw.ground_raster import GroundRaster
-from pavetwin.draw.marks import Outcome, Place, footprint_m, rectangles, telling_moment_s
+from pavetwin.draw.marks import DefectOutcome, Place, footprint_m, rectangles, telling_moment_s
 from pavetwin.draw.mission_style import agent_group, font
 from pavetwin.draw.readings import HEIGHT_PX, Readings
 from pavetwin.draw.shadows import SeenSurface, shadows
@@ -132,7 +132,7 @@ class Film:
             if confirmation is None:
                 marks.append(DefectMark(place, None))
             else:
-                outcome = Outcome.RECOVERED if confirmation.on_revisit else Outcome.CONFIRMED
+                outcome = DefectOutcome.RECOVERED if confirmation.on_revisit else DefectOutcome.CONFIRMED
                 marks.append(DefectMark(place, outcome, (state.time_s - confirmation.time_s) / self.speed))
         return marks
 

@@ -12,7 +12,7 @@ from PIL import Image
 from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
 from pavetwin.draw.ground_raster import GroundRaster
-from pavetwin.draw.marks import Outcome, Place, rectangles
+from pavetwin.draw.marks import DefectOutcome, Place, rectangles
 from pavetwin.draw.mission_style import AGENT_COLOURS, HIDDEN, OPEN_DEFECT, SEEN, UAV, Rgb, rgb, visibility_rgb
 from pavetwin.draw.pen import SMOOTHING, Pen
 from pavetwin.draw.shadows import bodies
@@ -37,7 +37,7 @@ class DefectMark:
     """A defect and its state at this time."""
 
     position: Place
-    outcome: Outcome | None
+    outcome: DefectOutcome | None
     """None while it is open."""
     age_s: float = 0.0
     """Since its confirmation, in the animation's own time."""

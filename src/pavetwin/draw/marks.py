@@ -23,7 +23,7 @@ LEAD_S = 4.0
 """An animation begins this long before what it is to show."""
 
 
-class Outcome(StrEnum):
+class DefectOutcome(StrEnum):
     """What became of a defect of an inspected segment."""
 
     CONFIRMED = "confirmed"
@@ -32,16 +32,16 @@ class Outcome(StrEnum):
     MISSED = "missed"
 
 
-def outcomes(result: MissionResult) -> dict[int, Outcome]:
+def outcomes(result: MissionResult) -> dict[int, DefectOutcome]:
     """Of every defect of the inspected segments, and of those confirmed elsewhere in passing."""
     visited = {row.segment for row in result.rows}
     found = {}
     for defect in result.environment.defects:
         confirmation = result.memory.confirmed.get(defect.id)
         if confirmation is not None:
-            found[defect.id] = Outcome.RECOVERED if confirmation.on_revisit else Outcome.CONFIRMED
+            found[defect.id] = DefectOutcome.RECOVERED if confirmation.on_revisit else DefectOutcome.CONFIRMED
         elif defect.segment in visited:
-            found[defect.id] = Outcome.MISSED
+            found[defect.id] = DefectOutcome.MISSED
     return found
 
 

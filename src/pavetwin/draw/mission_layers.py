@@ -14,7 +14,7 @@ from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.patches import FancyArrowPatch
 
 from pavetwin.draw import style
-from pavetwin.draw.marks import Outcome, outcomes, windows
+from pavetwin.draw.marks import DefectOutcome, outcomes, windows
 from pavetwin.draw.shapes import outline
 from pavetwin.draw.turned import MapTransform
 from pavetwin.draw.world_map import ABOVE_WORLD, base_symbol
@@ -140,10 +140,10 @@ def draw_defects(axes: Axes, result: MissionResult, turn: MapTransform, weights:
     """One mark a defect of the inspected segments: confirmed, recovered or missed."""
     found = outcomes(result)
     places = np.array([(d.centre.x, d.centre.y) for d in result.environment.defects]).reshape(-1, 2)
-    for number, outcome in enumerate(Outcome):
+    for number, outcome in enumerate(DefectOutcome):
         which = [defect for defect, is_ in found.items() if is_ is outcome]
         spots = turn.points(places[which])
-        larger = {Outcome.CONFIRMED: 0.75, Outcome.RECOVERED: 1.5, Outcome.MISSED: 1.7}[outcome]
+        larger = {DefectOutcome.CONFIRMED: 0.75, DefectOutcome.RECOVERED: 1.5, DefectOutcome.MISSED: 1.7}[outcome]
         marks = axes.scatter(
             spots[:, 0], spots[:, 1], s=weights.defect * larger, marker=style.OUTCOME_MARKERS[outcome],
             color=style.OUTCOME_COLOURS[outcome], edgecolors=style.PAPER, linewidths=0.35, zorder=_DEFECTS + number,

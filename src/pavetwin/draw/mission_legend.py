@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pavetwin.draw import style
-from pavetwin.draw.marks import Outcome, outcomes
+from pavetwin.draw.marks import DefectOutcome, outcomes
 from pavetwin.draw.mission_layers import AVOID, BATTERY, CAPTURED, GAP, REVISIT, STEP, WAIT
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.track import avoiding, displacements, revisits, waits
@@ -59,11 +59,11 @@ def legend_of(results: Sequence[MissionResult], *, town: bool) -> tuple[list[Han
     add(Patch(facecolor=CAPTURED), "In a captured window")
     add(Patch(facecolor=GAP), "In no captured window")
     found = {outcome for result in results for outcome in outcomes(result).values()}
-    for outcome in Outcome:
+    for outcome in DefectOutcome:
         if outcome in found:
             marker, colour = style.OUTCOME_MARKERS[outcome], style.OUTCOME_COLOURS[outcome]
             mark = Line2D([], [], marker=marker, color=colour, linestyle="", markersize=5, mec=style.PAPER, mew=0.4)
-            add(mark, {Outcome.RECOVERED: "Defect recovered on a revisit"}.get(outcome, f"Defect {outcome}"))
+            add(mark, {DefectOutcome.RECOVERED: "Defect recovered on a revisit"}.get(outcome, f"Defect {outcome}"))
     if any(waits(result.track) for result in results):
         disc = Line2D([], [], marker="o", color=WAIT, linestyle="", mfc=WAIT + "38", markersize=8, mew=0.9)
         add(disc, "Waiting; area by seconds")

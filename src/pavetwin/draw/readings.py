@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw
 from pavetwin.draw import style
 from pavetwin.draw.frame import HIDDEN_OPACITY, SEEN_OPACITY, MissionState
 from pavetwin.draw.ground_raster import ASPHALT
-from pavetwin.draw.marks import Outcome
+from pavetwin.draw.marks import DefectOutcome
 from pavetwin.draw.mission_style import AGENT_COLOURS, HIDDEN, OPEN_DEFECT, SEEN, font, rgb, visibility_rgb
 from pavetwin.draw.shapes import mix
 from pavetwin.twin import Mode
@@ -95,7 +95,7 @@ class Readings:
         x = self._word(pen, x + 12, y, "person")
         pen.ellipse((x, y - 4, x + 8, y + 4), outline=rgb(OPEN_DEFECT), width=2)
         x = self._word(pen, x + 13, y, "defect")
-        for outcome in (Outcome.CONFIRMED, Outcome.RECOVERED):
+        for outcome in (DefectOutcome.CONFIRMED, DefectOutcome.RECOVERED):
             pen.ellipse((x, y - 4, x + 8, y + 4), fill=style.OUTCOME_COLOURS[outcome])
             x = self._word(pen, x + 13, y, outcome.value)
         for colour, opacity, word in ((SEEN, SEEN_OPACITY, "pavement seen"), (HIDDEN, HIDDEN_OPACITY, "hidden")):
