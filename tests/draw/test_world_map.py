@@ -19,7 +19,6 @@ from pavetwin.draw.carriageway import lane_lines
 from pavetwin.draw.shapes import shadow, stripes
 from pavetwin.draw.world_map import ABOVE_WORLD, draw_world
 from pavetwin.errors import PaveTwinError
-from pavetwin.world.carriageway import carriageway
 from pavetwin.world.model import World
 from pavetwin.world.store import attribution, load_world, save_world
 from scenes import built
@@ -185,7 +184,7 @@ def test_a_street_may_have_the_shortest_of_names(town: World, name: str) -> None
 
 
 def test_the_carriageway_holds_its_segments_and_no_houses(town: World) -> None:
-    roads = carriageway(town)
+    roads = town.carriageway
     segments = shapely.union_all([segment.polygon for segment in town.segments])
     assert segments.difference(roads.buffer(0.02)).area < 1.0
     assert shapely.area(shapely.intersection([house.polygon for house in town.buildings], roads)).sum() < 1.0

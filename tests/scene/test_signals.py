@@ -8,7 +8,6 @@ import pytest
 import shapely
 from shapely import Point
 
-from pavetwin.scene.ground.layout import road_of
 from pavetwin.scene.model import Instance
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.signals import DARK, GLOW, VEHICLES, WALKERS, Head, heads_of, instances, lamps, letter, walker_poles
@@ -42,14 +41,14 @@ def lit(instance: Instance) -> set[int]:
 
 
 def test_every_approach_has_two_heads_and_every_crossing_two(crossroads: World) -> None:
-    heads = heads_of(crossroads, road_of(crossroads))
+    heads = heads_of(crossroads, crossroads.carriageway)
     assert sum(head.model == VEHICLES for head in heads) == 8
     assert sum(head.model == WALKERS for head in heads) == 2 * len(crossroads.crossings)
     assert len({(head.controller, head.link) for head in heads if head.model == VEHICLES}) == 4
 
 
 def test_heads_look_at_the_traffic_that_they_stop(crossroads: World) -> None:
-    for head in heads_of(crossroads, road_of(crossroads)):
+    for head in heads_of(crossroads, crossroads.carriageway):
         if head.model == VEHICLES:
             outward = np.array([head.x_m, head.y_m])  # the junction is at the origin
             assert head.transform[:2, 0] @ outward / np.hypot(*outward) > 0.8
@@ -62,7 +61,7 @@ def test_heads_show_their_links_letter_at_every_step(crossroads: World, traffic:
     side = {"wc": (-1, 0), "ec": (1, 0), "sc": (0, -1), "nc": (0, 1)}
     (states,) = traffic.signals.values()
     seen = set()
-    for head in heads_of(crossroads, road_of(crossroads)):
+    for head in heads_of(crossroads, crossroads.carriageway):
         if head.model != VEHICLES:
             continue
         assert head.link is not None
@@ -82,14 +81,14 @@ def test_heads_show_their_links_letter_at_every_step(crossroads: World, traffic:
 def test_the_state_holds_until_the_next_change(crossroads: World, traffic: Recording) -> None:
     (states,) = traffic.signals.values()
     (first, state), (change, _) = states[0], states[1]
-    head = next(head for head in heads_of(crossroads, road_of(crossroads)) if head.link is not None)
+    head = next(head for head in heads_of(crossroads, crossroads.carriageway) if head.link is not None)
     assert head.link is not None
     for step in (first, change - 1):
         assert letter(head, traffic, step * traffic.step_s) == state[head.link]
 
 
 def test_walkers_heads_face_each_other_across_their_crossing(crossroads: World) -> None:
-    heads = [head for head in heads_of(crossroads, road_of(crossroads)) if head.model == WALKERS]
+    heads = [head for head in heads_of(crossroads, crossroads.carriageway) if head.model == WALKERS]
     for one, other in zip(heads[::2], heads[1::2], strict=True):
         assert one.link == other.link
         assert one.transform[:2, 0] @ other.transform[:2, 0] == pytest.approx(-1.0, abs=1e-6)
@@ -100,7 +99,7 @@ def test_walkers_heads_face_each_other_across_their_crossing(crossroads: World) 
 @pytest.mark.parametrize("town", ["berlin_neukoelln", "seattle_roosevelt"])
 def test_walkers_poles_stand_beside_the_carriageway(town: str) -> None:
     world = built(town).world
-    road = road_of(world)
+    road = world.carriageway
     signalled = [crossing for crossing in world.crossings if crossing.signalled]
     poles = [at for crossing in signalled for at, _ in walker_poles(crossing, road)]
     assert len(poles) > 1.7 * len(signalled) > 6
@@ -108,7 +107,7 @@ def test_walkers_poles_stand_beside_the_carriageway(town: str) -> None:
 
 
 def test_unlit_lamps_are_dark_and_lit_ones_glow(crossroads: World, traffic: Recording) -> None:
-    head = heads_of(crossroads, road_of(crossroads))[0]
+    head = heads_of(crossroads, crossroads.carriageway)[0]
     tints = lamps(head, traffic, 0.0)
     on = tints[:3, 3] > 0
     assert on.sum() == 1
@@ -117,7 +116,7 @@ def test_unlit_lamps_are_dark_and_lit_ones_glow(crossroads: World, traffic: Reco
 
 
 def test_without_traffic_signals_are_off(crossroads: World) -> None:
-    assert all(not lit(drawn) for drawn in instances(heads_of(crossroads, road_of(crossroads)), None, 0.0))
+    assert all(not lit(drawn) for drawn in instances(heads_of(crossroads, crossroads.carriageway), None, 0.0))
 
 
 def test_blinking_amber_blinks() -> None:
@@ -134,7 +133,7 @@ def test_blinking_amber_blinks() -> None:
 
 def test_a_world_without_connections_has_heads_that_show_nothing(crossroads: World, traffic: Recording) -> None:
     mast = Furniture("s", FurnitureKind.SIGNAL, Point(5, -5), 6.0, 0.12, np.pi / 2, 4.0, controller="c")
-    heads = heads_of(replace(crossroads, connections=(), furniture=(mast,), crossings=()), road_of(crossroads))
+    heads = heads_of(replace(crossroads, connections=(), furniture=(mast,), crossings=()), crossroads.carriageway)
     assert len(heads) == 2
     assert all(not lit(drawn) for drawn in instances(heads, traffic, 3.0))
 
@@ -143,8 +142,10 @@ def test_the_scene_gives_signals_with_its_agents(crossroads: World, traffic: Rec
     scene = Scene(crossroads, seed=0)
     everything = scene.agents(traffic, 30.0)
     assert sum(each.model in (VEHICLES, WALKERS) for each in everything) == len(
-        heads_of(crossroads, road_of(crossroads))
+        heads_of(crossroads, crossroads.carriageway)
     )
     assert sum(each.label > 0 for each in everything) > 0
     near = scene.agents(traffic, 30.0, near=(-9.0, -4.0, 6.0))
-    assert 0 < sum(each.model in (VEHICLES, WALKERS) for each in near) < len(heads_of(crossroads, road_of(crossroads)))
+    assert (
+        0 < sum(each.model in (VEHICLES, WALKERS) for each in near) < len(heads_of(crossroads, crossroads.carriageway))
+    )

@@ -13,7 +13,6 @@ from pavetwin.scene.model import TILE_M, Instance, Mesh, Tile
 from pavetwin.scene.models import bounds
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.shafts import SHAFT
-from pavetwin.world.carriageway import carriageway
 from pavetwin.world.model import Building, Furniture, FurnitureKind, LaneKind, World
 from pavetwin.world.solids import SolidKind, furniture_prisms
 from scenes import built, tiny
@@ -190,7 +189,7 @@ def test_extras_stand_low_and_in_nobodys_way() -> None:
     assert len(extras) > 40
     assert {extra.model for extra in extras} >= {"bin", "bench", "bicycle", "bollard"}
     places = np.array([Point(extra.x_m, extra.y_m) for extra in extras], dtype=object)
-    assert shapely.distance(carriageway(town), places).min() >= FROM_ROAD_M
+    assert shapely.distance(town.carriageway, places).min() >= FROM_ROAD_M
     walks = [lane.centre_line.buffer(lane.width_m / 2, cap_style="flat") for lane in town.lanes_of(LaneKind.SIDEWALK)]
     assert not shapely.intersects(shapely.union_all(walks), places).any()
     houses = shapely.union_all([house.polygon for house in town.buildings])

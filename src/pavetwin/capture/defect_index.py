@@ -86,9 +86,8 @@ class DefectIndex:
 
     @cached_property
     def road(self) -> shapely.Geometry:
-        """All carriageways and junctions."""
-        segments, junctions = self.world.segments, self.world.junctions
-        road = shapely.union_all([each.polygon for each in segments] + [each.polygon for each in junctions])
+        """The world's carriageway, prepared."""
+        road = self.world.carriageway
         shapely.prepare(road)
         return road
 

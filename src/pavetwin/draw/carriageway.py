@@ -21,7 +21,6 @@ def lane_lines(world: World) -> list[Float64Array]:
             lines += [world.beside(lane, lane.width_m / 2) for lane in divided]
     if not lines:
         return []
-    surface = shapely.union_all([shapely.buffer(segment.polygon, -_KERB_M) for segment in world.segments])
-    inside = shapely.intersection(np.array(lines, dtype=object), surface)
+    inside = shapely.intersection(np.array(lines, dtype=object), shapely.buffer(world.carriageway, -_KERB_M))
     parts = shapely.get_parts(inside)
     return [shapely.get_coordinates(part) for part in parts if isinstance(part, LineString) and part.length > 2.0]

@@ -14,7 +14,6 @@ from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
 from pavetwin.draw import style
-from pavetwin.world.carriageway import carriageway
 from pavetwin.world.model import CARRIAGEWAY_LANES, Crossing, FurnitureKind, Lane, LaneKind, World
 
 TILE_PX = 512
@@ -104,9 +103,8 @@ def _paint(world: World) -> Iterator[tuple[BaseGeometry, str]]:
     for park in world.parks:
         yield park, style.PARK
     walks = shapely.union_all([_strip(lane) for lane in world.lanes_of(LaneKind.SIDEWALK)])
-    lanes = [_strip(lane) for lane in world.lanes if lane.kind is not LaneKind.SIDEWALK]
     walks = shapely.union_all([walks, *(junction.polygon for junction in world.junctions)])
-    road = shapely.union_all([carriageway(world), *lanes])
+    road = world.carriageway
     yield shapely.union_all([walks, road]).buffer(KERB_M), style.CASING
     yield walks, style.SIDEWALK
     yield road.buffer(KERB_M), style.CASING

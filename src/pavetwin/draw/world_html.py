@@ -16,7 +16,6 @@ from pavetwin.draw import lettering, shapes, style
 from pavetwin.draw.carriageway import lane_lines
 from pavetwin.draw.world_map import TALL_M, credit, defect_words, legend, subtitle, world_bounds
 from pavetwin.files import writing
-from pavetwin.world.carriageway import carriageway
 from pavetwin.world.model import FurnitureKind, LaneKind, World
 
 _STEPS = 6
@@ -106,7 +105,7 @@ def _layers(world: World, flip: _Flip) -> Iterable[str]:
     walks: list[Geometry] = [lane.centre_line.buffer(lane.width_m / 2, cap_style="flat") for lane in lanes]
     walks += [junction.polygon for junction in world.junctions]
     yield _shape(flip.path(shapely.union_all(walks)), style.SIDEWALK, style.SIDEWALK_EDGE, 0.25)
-    yield _shape(flip.path(carriageway(world)), style.CARRIAGEWAY, style.CASING, 0.35)
+    yield _shape(flip.path(world.carriageway), style.CARRIAGEWAY, style.CASING, 0.35)
     bars = [shapely.LineString(bar) for c in world.crossings for bar in shapes.stripes(c.polygon, 0.5, 0.5)]
     yield f"<path d='{flip.path(shapely.MultiLineString(bars))}' stroke='{style.ZEBRA}' stroke-width='.5' fill='none'/>"
     dashes = shapely.MultiLineString([shapely.LineString(line) for line in lane_lines(world)])

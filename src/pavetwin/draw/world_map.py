@@ -16,7 +16,6 @@ from pavetwin.arrays import Float64Array
 from pavetwin.draw import lettering, shapes, style
 from pavetwin.draw.carriageway import lane_lines
 from pavetwin.draw.style import Bounds, LegendEntry
-from pavetwin.world.carriageway import carriageway
 from pavetwin.world.model import Furniture, FurnitureKind, LaneKind, World
 from pavetwin.world.store import attribution, load_record
 
@@ -89,7 +88,7 @@ def draw_world(
     if MapLayer.SIDEWALKS in layers:
         plan.sidewalks()
     if MapLayer.CARRIAGEWAYS in layers:
-        roads = carriageway(world)
+        roads = world.carriageway
         shapes.fill(axes, [roads], 4, plan.shade(style.CARRIAGEWAY), plan.shade(style.CASING), 0.55)
     if MapLayer.CROSSINGS in layers:
         plan.crossings()

@@ -18,7 +18,6 @@ from pavetwin.arrays import Float64Array
 from pavetwin.scene.looks import tints
 from pavetwin.scene.palettes import PAINTS, drawn
 from pavetwin.seeds import Stream, child
-from pavetwin.world.carriageway import carriageway
 from pavetwin.world.model import Lane, LaneKind, World
 
 KEY: Final = 6
@@ -130,7 +129,7 @@ class StreetObjects:
 
     @cached_property
     def _road(self) -> shapely.Geometry:
-        road = carriageway(self._world)
+        road = self._world.carriageway
         shapely.prepare(road)
         return road
 

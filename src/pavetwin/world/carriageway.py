@@ -1,8 +1,14 @@
-"""The carriageway as it lies there: segments, and of each junction the part between its arms."""
+"""The carriageway of a world as it is built: its segments, and of each junction the part between its arms.
+
+It is the one surface that counts as road: scenes and maps draw it, nothing is placed on it, images count it. Each
+segment's polygon is its own share of it, and that share's area is what densities are per square metre of; what lies on
+junctions belongs to no segment.
+"""
 
 import numpy as np
 import shapely
-from shapely import Geometry
+from shapely import Polygon, STRtree
+from shapely.geometry.base import BaseGeometry
 
 from pavetwin.world.model import World
 
@@ -10,16 +16,31 @@ _TOUCH_M = 0.4
 """A segment that ends within this of a junction is one of its arms."""
 
 _ROUND_M = 2.2
-"""Kerbs at junctions are rounded with this radius, and gaps of twice as much are closed."""
+"""Gaps of twice as much between the arms of a junction are closed [m]."""
+
+_CORNER_RADIUS_M = 7.0
+"""Least radius of a kerb around a corner; 6 to 8 m are built where streets cross squarely (RASt 06)."""
+
+_SPECK_M2 = 1.0
+"""Smaller islands and holes have no kerb of their own."""
 
 
-def carriageway(world: World) -> Geometry:
-    """All segments and the driven part of all junctions, as one shape.
+def carriageway(world: World) -> BaseGeometry:
+    """The surface as one shape, metres, world frame; `World.carriageway` keeps it.
+
+    Corners of junctions are rounded as kerbs are built. No segment reaches out of it by more than 2 cm.
+    """
+    whole = shapely.union_all([_unrounded(world)])
+    return _without_specks(_with_corners(whole, world))
+
+
+def _unrounded(world: World) -> BaseGeometry:
+    """All segments and the driven part of all junctions.
 
     SUMO's junctions hold the corners of their sidewalks too; outside the hull of its arms' ends nobody drives.
     A crossing counts as an arm, for the places where two junctions meet.
     """
-    roads: list[Geometry] = [segment.polygon for segment in world.segments]
+    roads: list[BaseGeometry] = [segment.polygon for segment in world.segments]
     roads += [crossing.polygon for crossing in world.crossings]
     junctions = np.array([junction.polygon for junction in world.junctions], dtype=object)
     parts = list(roads)
@@ -34,3 +55,24 @@ def carriageway(world: World) -> Geometry:
     rounded = shapely.buffer(shapely.buffer(whole, _ROUND_M), -_ROUND_M)
     at_junctions = shapely.intersection(rounded, shapely.union_all(shapely.buffer(junctions, 2 * _ROUND_M)))
     return shapely.union(whole, shapely.buffer(at_junctions, 0))
+
+
+def _with_corners(road: BaseGeometry, world: World) -> BaseGeometry:
+    """The carriageway with rounded corners at junctions, as kerbs are built."""
+    if not world.junctions:
+        return road
+    closed = road.buffer(_CORNER_RADIUS_M, quad_segs=8).buffer(-_CORNER_RADIUS_M, quad_segs=8)
+    added = shapely.get_parts(shapely.difference(closed, road))
+    junctions = STRtree([junction.polygon for junction in world.junctions])
+    corners = np.unique(junctions.query(added, "dwithin", distance=1.0)[0])
+    return shapely.union_all([road, *shapely.buffer(added[corners], 0.005)])
+
+
+def _without_specks(road: BaseGeometry) -> BaseGeometry:
+    """Without islands and holes too small for a kerb of their own, and without near-duplicate points."""
+    parts = []
+    for part in shapely.get_parts(shapely.simplify(road, 0.01)):
+        if isinstance(part, Polygon) and part.area >= _SPECK_M2:
+            rings = [ring for ring in part.interiors if Polygon(ring).area >= _SPECK_M2]
+            parts.append(Polygon(part.exterior, rings))
+    return shapely.make_valid(shapely.union_all(parts))

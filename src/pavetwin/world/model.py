@@ -309,6 +309,13 @@ class World:
     """Where it was loaded from; holds `roads.net.xml` and `traffic/`."""
 
     @cached_property
+    def carriageway(self) -> BaseGeometry:
+        """The road surface as it is built, for everybody who draws it, counts it or keeps clear of it."""
+        from pavetwin.world.carriageway import carriageway
+
+        return carriageway(self)
+
+    @cached_property
     def _segment_by_id(self) -> dict[str, Segment]:
         return {segment.id: segment for segment in self.segments}
 

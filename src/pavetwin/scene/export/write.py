@@ -67,7 +67,7 @@ def tiles_of(scene: Scene, bounds: Bounds | None = None) -> tuple[Key, ...]:
     Raises:
         PaveTwinError: there are none.
     """
-    roads = shapely.union_all([segment.polygon for segment in scene.world.segments])
+    roads = scene.world.carriageway
     near = roads.buffer(AROUND_M)
     area = near if bounds is None else near.intersection(shapely.box(*bounds))
     if roads.is_empty:

@@ -18,14 +18,10 @@ from pavetwin.scene.ground.rules import MarkingRules, rules_of
 from pavetwin.scene.ground.streets import StreetPlan
 from pavetwin.scene.ground.turns import Approach, Path, paths_of
 from pavetwin.scene.model import TILE_M
-from pavetwin.world.carriageway import carriageway
 from pavetwin.world.model import Direction, FurnitureKind, Lane, LaneKind, World
 
 CORNERS_TOUCH_M: Final = 0.6
 """A junction this near to a sidewalk has paved corners."""
-
-CORNER_RADIUS_M: Final = 7.0
-"""Least radius of a kerb around a corner; 6 to 8 m are built where streets cross squarely (RASt 06)."""
 
 LARGEST_LOT_M2: Final = 2500.0
 """Land farther from a house than this is not its yard."""
@@ -68,7 +64,7 @@ class SurfaceLayout:
     holes: SpatialIndex
     """Where patches of defects replace the carriageway."""
     road: BaseGeometry
-    """Segments and junctions."""
+    """The world's carriageway."""
     streets: tuple[StreetPlan, ...]
 
     @cached_property
@@ -201,33 +197,7 @@ class SurfaceLayout:
         return self.name_hash(what) / 2**32
 
 
-def road_of(world: World) -> BaseGeometry:
-    """The carriageway of a world as it is built: corners rounded, no specks."""
-    return _without_specks(_rounded(shapely.union_all([carriageway(world)]), world))
-
-
 def tile_box(key: tuple[int, int], margin_m: float = 0.0) -> Polygon:
     """The square of a tile, widened by a margin, world frame."""
     x, y = key[0] * TILE_M, key[1] * TILE_M
     return shapely.box(x - margin_m, y - margin_m, x + TILE_M + margin_m, y + TILE_M + margin_m)
-
-
-def _rounded(road: BaseGeometry, world: World) -> BaseGeometry:
-    """The carriageway with rounded corners at junctions, as kerbs are built."""
-    if not world.junctions:
-        return road
-    closed = road.buffer(CORNER_RADIUS_M, quad_segs=8).buffer(-CORNER_RADIUS_M, quad_segs=8)
-    added = shapely.get_parts(shapely.difference(closed, road))
-    junctions = STRtree([junction.polygon for junction in world.junctions])
-    corners = np.unique(junctions.query(added, "dwithin", distance=1.0)[0])
-    return shapely.union_all([road, *shapely.buffer(added[corners], 0.005)])
-
-
-def _without_specks(road: BaseGeometry, smallest_m2: float = 1.0) -> BaseGeometry:
-    """Without islands and holes too small for a kerb of their own, and without near-duplicate points."""
-    parts = []
-    for part in shapely.get_parts(shapely.simplify(road, 0.01)):
-        if isinstance(part, Polygon) and part.area >= smallest_m2:
-            rings = [ring for ring in part.interiors if Polygon(ring).area >= smallest_m2]
-            parts.append(Polygon(part.exterior, rings))
-    return shapely.make_valid(shapely.union_all(parts))

@@ -12,7 +12,7 @@ from shapely.ops import substring
 
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.fixtures import Fixture, placed
-from pavetwin.scene.ground.layout import SpatialIndex, SurfaceLayout, road_of
+from pavetwin.scene.ground.layout import SpatialIndex, SurfaceLayout
 from pavetwin.scene.ground.markings import markings
 from pavetwin.scene.ground.painter import Paint
 from pavetwin.scene.ground.raster import boxes_of
@@ -124,5 +124,5 @@ def plan_ground(world: World, seed: int, holes: Sequence[Polygon] = ()) -> Groun
         holes: where patches of defects replace the carriageway, world frame; they must not overlap.
     """
     return GroundPlan(
-        world=world, seed=seed, holes=SpatialIndex(list(holes)), road=road_of(world), streets=streets_of(world)
+        world=world, seed=seed, holes=SpatialIndex(list(holes)), road=world.carriageway, streets=streets_of(world)
     )
