@@ -20,12 +20,12 @@ from pavetwin.draw.mission_style import agent_group
 from pavetwin.scene.agents import quadrotor
 from pavetwin.scene.view import View, look, nadir
 from pavetwin.twin import Mode, UavState
-from pavetwin.world.model import Defect, DefectClass
+from pavetwin.world.model import Defect
 
 SEVERITIES: Final = ("low", "medium", "high")
 ALTITUDES_M: Final = (6.0, 10.0, 15.0)
 
-CLOSE_UP_M: Final = {DefectClass.SINGLE_CRACK: 2.4, DefectClass.CROCODILE_CRACK: 3.8, DefectClass.POTHOLE: 2.0}
+CLOSE_UP_M: Final = {"single_crack": 2.4, "crocodile_crack": 3.8, "pothole": 2.0}
 """Height of the ground that a picture of a defect shows [m]."""
 
 HIGH_M: Final = 120.0
@@ -40,7 +40,7 @@ def defects_above(renderer: GalleryRenderer) -> Picture:
 
     def view(defect: Defect) -> View:
         height = CLOSE_UP_M[defect.kind] / (2 * math.tan(_NARROW_FOV / 2))
-        place = defect.polygon.centroid if defect.kind is not DefectClass.SINGLE_CRACK else defect.centre
+        place = defect.polygon.centroid if defect.kind != "single_crack" else defect.centre
         return look(
             (place.x, place.y, height),
             yaw_rad=defect.yaw_rad,
@@ -204,10 +204,10 @@ def map_view(renderer: GalleryRenderer) -> Picture:
 
 def _defects(renderer: GalleryRenderer, view: Callable[[Defect], View]) -> Picture:
     cells = []
-    for kind in DefectClass:
+    for kind in CLOSE_UP_M:
         for severity in SEVERITIES:
             defect = shown_best(renderer, kind, severity)
-            name = kind.value.replace("_", " ")
+            name = kind.replace("_", " ")
             size = f"{defect.width_m * 1000:.0f} mm wide, {defect.depth_m * 1000:.0f} mm deep"
             cells.append(captioned(renderer.take(view(defect), MORNING), f"{name}, {severity}   {size}", height_px=426))
     return grid(cells, columns=3)

@@ -9,7 +9,7 @@ from shapely import LineString, Polygon
 
 from gallery.renderer import MORNING, GalleryRenderer
 from pavetwin.errors import PaveTwinError
-from pavetwin.world.model import Defect, DefectClass
+from pavetwin.world.model import Defect
 from pavetwin.world.segments import direction_at
 
 TIMES = 60
@@ -28,11 +28,11 @@ class Moment:
     """The agent that carries the camera, if the picture is taken from a vehicle."""
 
 
-def shown_best(renderer: GalleryRenderer, kind: DefectClass, severity: str) -> Defect:
+def shown_best(renderer: GalleryRenderer, kind: str, severity: str) -> Defect:
     """The widest and deepest defect of a class and severity among those in the morning's sun."""
     found = [defect for defect in renderer.world.defects if (defect.kind, defect.severity) == (kind, severity)]
     if not found:
-        raise PaveTwinError(f"The town has no {kind.value} of {severity} severity; build it with another seed.")
+        raise PaveTwinError(f"The town has no {kind} of {severity} severity; build it with another seed.")
     found = [defect for defect in found if _is_sunny(renderer, defect)] or found
     return max(found, key=lambda defect: (round(defect.width_m * defect.depth_m, 6), -defect.id))
 
@@ -58,7 +58,7 @@ def _moments(renderer: GalleryRenderer) -> Iterator[tuple[float, Moment, Defect]
     broken = [
         index
         for index, defect in enumerate(renderer.world.defects)
-        if defect.severity != "low" and defect.kind is not DefectClass.SINGLE_CRACK
+        if defect.severity != "low" and defect.kind != "single_crack"
     ]
     worth = np.zeros(len(defects))
     worth[broken] = [renderer.world.defects[index].area_m2 for index in broken]
