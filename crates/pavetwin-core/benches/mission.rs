@@ -11,6 +11,9 @@ use pavetwin_core::mission::{Battery, DefectTarget, DrainCurve, Event, Flight, G
 use pavetwin_core::navigation::{BakeConfig, Limits, NavMesh};
 use pavetwin_core::sensing::{Body, BodyClass, Camera, Prism, Solids, SurfaceGrid, Trace, TraceColumns, WindowRule};
 
+/// The paper's agent.
+const AGENT: Limits = Limits { speed_mps: 5.0, acceleration_mps2: 8.0, yaw_rate_rad_s: std::f64::consts::FRAC_PI_4 };
+
 const TIME_STEP_S: f64 = 0.05;
 const STREET_M: f64 = 136.0;
 /// Four lanes at 30 vehicles a kilometre, two sidewalks at 120 pedestrians a kilometre.
@@ -39,7 +42,7 @@ fn rectangle(half_length_m: f64, half_width_m: f64) -> Vec<Vec2> {
 
 fn ground() -> Ground {
     let (vertices, triangles) = (rectangle(120.0, 15.0), [[0, 1, 2], [0, 2, 3]]);
-    let mesh = NavMesh::bake(&vertices, &triangles, &BakeConfig::default()).expect("a street bakes");
+    let mesh = NavMesh::bake(&vertices, &triangles, &BakeConfig::new(0.25, 0.5)).expect("a street bakes");
     let tree = |i: u32| {
         let centre = on_street(f64::from(i) * 8.0 - 64.0, if i.is_multiple_of(2) { 8.0 } else { -8.0 });
         let corners = (0..12).map(|k| centre + Vec2::from_yaw(TAU * f64::from(k) / 12.0) * 2.0);
@@ -94,7 +97,7 @@ fn traffic() -> Trace {
 }
 
 fn settings(altitude_m: f64) -> Settings {
-    let inspect = Limits::default();
+    let inspect = AGENT;
     Settings {
         time_step_s: TIME_STEP_S,
         altitude_m,

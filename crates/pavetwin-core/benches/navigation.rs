@@ -8,6 +8,9 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use pavetwin_core::geometry::Vec2;
 use pavetwin_core::navigation::{BakeConfig, Follower, Limits, Motion, NavMesh, Rail};
 
+/// The paper's agent.
+const AGENT: Limits = Limits { speed_mps: 5.0, acceleration_mps2: 8.0, yaw_rate_rad_s: std::f64::consts::FRAC_PI_4 };
+
 /// Ten streets each way, `size_m` long and 18 m wide, turned by `yaw_rad`.
 fn street_grid(size_m: f64, yaw_rad: f64) -> (Vec<Vec2>, Vec<[u32; 3]>) {
     let east = Vec2::from_yaw(yaw_rad);
@@ -28,7 +31,7 @@ fn street_grid(size_m: f64, yaw_rad: f64) -> (Vec<Vec2>, Vec<[u32; 3]>) {
 
 fn bake(size_m: f64, yaw_rad: f64) -> NavMesh {
     let (vertices, triangles) = street_grid(size_m, yaw_rad);
-    NavMesh::bake(&vertices, &triangles, &BakeConfig::default()).expect("a street grid bakes")
+    NavMesh::bake(&vertices, &triangles, &BakeConfig::new(0.25, 0.5)).expect("a street grid bakes")
 }
 
 fn ends(size_m: f64, yaw_rad: f64) -> (Vec2, Vec2) {
@@ -70,7 +73,7 @@ fn navigation(criterion: &mut Criterion) {
             b.iter(|| mesh.nearest(black_box(start + Vec2::new(30.0, 30.0))))
         });
         let path = mesh.path(start, goal).expect("a way");
-        let limits = Limits::default();
+        let limits = AGENT;
         group.bench_function(format!("rail across {name}"), |b| {
             b.iter(|| Rail::new(&mesh, &path, &limits).expect("flyable"))
         });

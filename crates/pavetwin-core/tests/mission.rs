@@ -9,6 +9,9 @@ use pavetwin_core::navigation::{Limits, NavMesh};
 use pavetwin_core::sensing::{Camera, Solids, SurfaceGrid, Trace, TraceColumns, WindowRule};
 use std::sync::Arc;
 
+/// The paper's agent.
+const AGENT: Limits = Limits { speed_mps: 5.0, acceleration_mps2: 8.0, yaw_rate_rad_s: std::f64::consts::FRAC_PI_4 };
+
 fn at(x: f64, y: f64) -> Vec2 {
     Vec2::new(x, y)
 }
@@ -110,7 +113,7 @@ fn the_rest_of_a_path_begins_at_the_place_nearest_to_the_position() {
 }
 
 fn settings() -> Settings {
-    let limits = |speed_mps| Limits { speed_mps, ..Limits::default() };
+    let limits = |speed_mps| Limits { speed_mps, ..AGENT };
     Settings {
         time_step_s: 0.05,
         altitude_m: 10.0,
@@ -226,6 +229,6 @@ fn settings_that_are_no_mission_are_refused_by_name() {
         spoil(&mut spoilt);
         assert!(matches!(spoilt.check(), Err(FlightError::Settings(error)) if error.name == name));
     }
-    let limits = Limits { yaw_rate_rad_s: 0.0, ..Limits::default() };
+    let limits = Limits { yaw_rate_rad_s: 0.0, ..AGENT };
     assert!(matches!(Settings { transit: limits, ..settings() }.check(), Err(FlightError::NavMesh(_))));
 }

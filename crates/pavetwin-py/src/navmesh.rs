@@ -24,9 +24,7 @@ impl NavMesh {
         let corners = points(&vertices)?;
         let triangles: Vec<[u32; 3]> =
             triangles.as_array().rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect();
-        let usual = core::BakeConfig::default();
-        let max_edge_error_m = usual.max_edge_error_m.min(agent_radius_m);
-        let config = core::BakeConfig { cell_size_m, agent_radius_m, max_edge_error_m };
+        let config = core::BakeConfig::new(cell_size_m, agent_radius_m);
         py.detach(|| core::NavMesh::bake(&corners, &triangles, &config)).map(Self).map_err(plain)
     }
 

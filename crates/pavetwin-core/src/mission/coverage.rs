@@ -54,10 +54,11 @@ impl Coverage {
         let surface = &sight.ground.segments[segment as usize];
         let seen = self.seen[segment as usize].get_or_insert_with(|| CellSet::empty(&surface.grid));
         seen.insert(self.observer.visible()).expect("the observer looked at this segment's grid");
+        let window = sight.camera.placed_window(&sight.viewpoint);
         let mut sightings = Vec::new();
         for &defect in &surface.defects {
             let target = &sight.ground.defects[defect as usize];
-            if !self.wanted[defect as usize] || !sight.camera.window_contains(&sight.viewpoint, target.centre) {
+            if !self.wanted[defect as usize] || !window.contains(target.centre) {
                 continue;
             }
             let (solids, trace) = (&sight.ground.solids, sight.trace);
@@ -73,10 +74,11 @@ impl Coverage {
 
     /// Marks the defects of a segment whose centre the inspection window passes over.
     pub fn sweep(&mut self, ground: &Ground, camera: &Camera, viewpoint: &Viewpoint, segment: u32) {
+        let window = camera.placed_window(viewpoint);
         for &defect in &ground.segments[segment as usize].defects {
             let centre = ground.defects[defect as usize].centre;
             let swept = &mut self.swept[defect as usize];
-            *swept = *swept || camera.window_contains(viewpoint, centre);
+            *swept = *swept || window.contains(centre);
         }
     }
 

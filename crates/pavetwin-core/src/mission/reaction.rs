@@ -58,7 +58,7 @@ impl Reaction {
         dt_s: f64,
     ) -> Result<Progress, FlightError> {
         let (next, progress) = match std::mem::replace(self, Self::None) {
-            Self::None => (Self::None, Progress::Inactive),
+            Self::None => return Ok(Progress::Inactive),
             Self::Wait { until_tick } => {
                 task.brake(uav, dt_s);
                 let is_over = next_tick >= until_tick;

@@ -58,9 +58,10 @@ impl Flight {
         }
         self.clock.tick += 1;
         let moved = self.uav.position - before.position;
-        self.odometer_m += moved.length();
+        let flown_m = moved.length();
+        self.odometer_m += flown_m;
         let turned_rad = wrap_angle(self.uav.yaw_rad - before.yaw_rad);
-        self.way_home.extend(moved.length(), turned_rad, &self.settings.transit);
+        self.way_home.extend(flown_m, turned_rad, &self.settings.transit);
         if !self.mode.is_parked() {
             let climb_mps = (self.uav.altitude_m - before.altitude_m) / dt_s;
             let drained = self.settings.battery.drain.drained(moved * (1.0 / dt_s), climb_mps, dt_s);

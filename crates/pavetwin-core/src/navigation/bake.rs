@@ -16,6 +16,9 @@ use crate::geometry::Vec2;
 /// millimetre over this extent.
 const MOST_VOXELS: u64 = u16::MAX as u64;
 
+/// Straightening a border moves it by at most this, in metres.
+const MAX_EDGE_ERROR_M: f64 = 0.375;
+
 /// How to bake a [`NavMesh`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BakeConfig {
@@ -28,15 +31,13 @@ pub struct BakeConfig {
     pub max_edge_error_m: f64,
 }
 
-impl Default for BakeConfig {
-    /// The paper's agent (radius 0.5 m) on voxels of 0.25 m. Recast's manual advises an edge error of 1.1 to 1.5 voxels;
-    /// at 1.5 the staircase of an oblique street becomes one edge, which takes a third of the polygons that 1.2 takes.
-    fn default() -> Self {
-        Self { cell_size_m: 0.25, agent_radius_m: 0.5, max_edge_error_m: 0.375 }
-    }
-}
-
 impl BakeConfig {
+    /// A mesh for an agent, with an edge error that suits voxels of 0.25 m: Recast's manual advises 1.1 to 1.5 voxels; at
+    /// 1.5 the staircase of an oblique street becomes one edge, which takes a third of the polygons that 1.2 takes.
+    pub fn new(cell_size_m: f64, agent_radius_m: f64) -> Self {
+        Self { cell_size_m, agent_radius_m, max_edge_error_m: MAX_EDGE_ERROR_M.min(agent_radius_m) }
+    }
+
     fn check(&self) -> Result<(), NavMeshError> {
         let bad =
             |name: &str, value: f64, hint| Err(NavMeshError::BadConfig { what: format!("{name} is {value}"), hint });
@@ -63,7 +64,7 @@ impl NavMesh {
     ///
     /// A voxel counts as free when its centre lies in the domain. Recast then narrows the free area by the agent's
     /// radius, traces its contours, straightens them and cuts them into convex polygons. Half a voxel's diagonal of
-    /// rounding and the edge error eat into the radius: by the default configuration the mesh may at worst come 0.05 m
+    /// rounding and the edge error eat into the radius: with voxels of 0.25 m and a radius of 0.5 m the mesh may at worst come 0.05 m
     /// out of the domain, a fifth of a voxel.
     ///
     /// # Errors

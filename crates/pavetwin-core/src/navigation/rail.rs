@@ -21,13 +21,6 @@ pub struct Limits {
     pub yaw_rate_rad_s: f64,
 }
 
-impl Default for Limits {
-    /// The paper's agent: 5 m/s, 8 m/s², 45 °/s.
-    fn default() -> Self {
-        Self { speed_mps: 5.0, acceleration_mps2: 8.0, yaw_rate_rad_s: std::f64::consts::FRAC_PI_4 }
-    }
-}
-
 /// A line to fly along, with the tangent (`yaw_rad`) and the speed limit at every distance `s` from its start.
 ///
 /// Arcs are held as short chords, each checked against the mesh: every position of a rail lies on the mesh.

@@ -104,10 +104,25 @@ impl Viewpoint {
         [at + along + across, at - along + across, at - along - across, at + along - across]
     }
 
-    /// Whether `point` lies in `window`, its rim included.
-    pub fn contains(&self, window: Window, point: Vec2) -> bool {
-        let offset = point - self.position;
-        let ahead = Vec2::from_yaw(self.yaw_rad);
+    /// `window` below the camera, to be asked about many points.
+    pub fn place(&self, window: Window) -> PlacedWindow {
+        PlacedWindow { centre: self.position, ahead: Vec2::from_yaw(self.yaw_rad), window }
+    }
+}
+
+/// A window at its place on the ground.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlacedWindow {
+    centre: Vec2,
+    /// The direction along the track.
+    ahead: Vec2,
+    window: Window,
+}
+
+impl PlacedWindow {
+    /// Whether `point` lies in the window, its rim included.
+    pub fn contains(&self, point: Vec2) -> bool {
+        let (offset, ahead, window) = (point - self.centre, self.ahead, self.window);
         offset.dot(ahead).abs() <= window.half_along_m && offset.dot(ahead.left()).abs() <= window.half_across_m
     }
 }
@@ -198,14 +213,14 @@ impl Camera {
         viewpoint.corners(self.footprint_window(viewpoint.altitude_m))
     }
 
-    /// Whether `point` on the ground lies in the inspection window.
-    pub fn window_contains(&self, viewpoint: &Viewpoint, point: Vec2) -> bool {
-        viewpoint.contains(self.window(viewpoint.altitude_m), point)
+    /// The inspection window at its place on the ground.
+    pub fn placed_window(&self, viewpoint: &Viewpoint) -> PlacedWindow {
+        viewpoint.place(self.window(viewpoint.altitude_m))
     }
 
-    /// Whether `point` on the ground is in the image.
-    pub fn footprint_contains(&self, viewpoint: &Viewpoint, point: Vec2) -> bool {
-        viewpoint.contains(self.footprint_window(viewpoint.altitude_m), point)
+    /// The whole footprint at its place on the ground.
+    pub fn placed_footprint(&self, viewpoint: &Viewpoint) -> PlacedWindow {
+        viewpoint.place(self.footprint_window(viewpoint.altitude_m))
     }
 }
 
@@ -242,9 +257,9 @@ mod tests {
     fn rows_run_along_the_yaw_and_corners_turn_left() {
         let camera = camera(WindowRule::DEFAULT);
         let north = Viewpoint { position: Vec2::new(3.0, 4.0), altitude_m: 15.0, yaw_rad: std::f64::consts::FRAC_PI_2 };
-        assert!(camera.window_contains(&north, Vec2::new(14.0, 8.0)));
-        assert!(!camera.window_contains(&north, Vec2::new(3.0, 9.0)));
-        assert!(camera.footprint_contains(&north, Vec2::new(3.0, 9.0)));
+        assert!(camera.placed_window(&north).contains(Vec2::new(14.0, 8.0)));
+        assert!(!camera.placed_window(&north).contains(Vec2::new(3.0, 9.0)));
+        assert!(camera.placed_footprint(&north).contains(Vec2::new(3.0, 9.0)));
         let corners = camera.window_corners(&north);
         for i in 0..4 {
             assert!((corners[(i + 1) % 4] - corners[i]).cross(corners[(i + 2) % 4] - corners[(i + 1) % 4]) > 0.0);

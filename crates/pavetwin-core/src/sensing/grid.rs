@@ -3,9 +3,6 @@
 use super::patch::Patch;
 use crate::geometry::Vec2;
 
-/// Side of a surface cell by default, metres.
-pub const SURFACE_CELL_M: f64 = 0.25;
-
 /// Most words a grid may hold: 128 MiB, a carriageway of some 8 km by 8 km at 0.25 m.
 const MAX_WORDS: f64 = (1u32 << 24) as f64;
 
@@ -252,7 +249,7 @@ mod tests {
     #[test]
     fn a_rectangle_with_a_hole() {
         let rings = [rectangle(-10.0, -5.0, 30.0, 5.0), rectangle(0.0, -1.0, 2.0, 1.0)];
-        let grid = SurfaceGrid::from_rings(&rings, SURFACE_CELL_M).expect("a grid");
+        let grid = SurfaceGrid::from_rings(&rings, 0.25).expect("a grid");
         assert_eq!(grid.cell_count(), (400 - 4) * 16);
         assert_eq!(grid.area_m2(), 396.0);
         let (column, row) = (42, 20);

@@ -15,8 +15,8 @@ mod solids;
 mod trace;
 mod trace_columns;
 
-pub use camera::{AcrossRule, Camera, CameraError, Viewpoint, Window, WindowRule};
-pub use grid::{CellSet, GridError, GridShape, SURFACE_CELL_M, SurfaceGrid};
+pub use camera::{AcrossRule, Camera, CameraError, PlacedWindow, Viewpoint, Window, WindowRule};
+pub use grid::{CellSet, GridError, GridShape, SurfaceGrid};
 pub use occlusion::{Observer, Scene, SenseError, Visibility};
 pub use patch::Patch;
 pub use predict::Predictor;

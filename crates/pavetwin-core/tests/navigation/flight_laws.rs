@@ -8,6 +8,9 @@ use proptest::prelude::*;
 
 use crate::scenes::{any_board, any_corridors, any_shares, config, point_of, square_mesh};
 
+/// The paper's agent.
+const AGENT: Limits = Limits { speed_mps: 5.0, acceleration_mps2: 8.0, yaw_rate_rad_s: std::f64::consts::FRAC_PI_4 };
+
 const DT_S: f64 = 0.05;
 
 /// Flies to the end, checking every step; the time it took, in seconds.
@@ -57,8 +60,8 @@ fn check_flight(mesh: &NavMesh, start: Vec2, goal: Vec2, limits: Limits, yaw_rad
 
 fn any_limits() -> impl Strategy<Value = Limits> {
     prop_oneof![
-        Just(Limits::default()),
-        Just(Limits { speed_mps: 10.0, ..Limits::default() }),
+        Just(AGENT),
+        Just(Limits { speed_mps: 10.0, ..AGENT }),
         (0.5..15.0, 1.0..10.0, 0.3..3.0).prop_map(|(speed_mps, acceleration_mps2, yaw_rate_rad_s)| Limits {
             speed_mps,
             acceleration_mps2,
@@ -91,7 +94,7 @@ proptest! {
         open in any_board(), a in any_shares(), b in any_shares(), at in 0_usize..200,
     ) {
         let mesh = square_mesh(8, 7.0, Vec2::new(3.0, 4.0), &open);
-        let limits = Limits::default();
+        let limits = AGENT;
         if let Ok(path) = mesh.path(point_of(&mesh, a), point_of(&mesh, b)) {
             let mut follower = Follower::new(Rail::new(&mesh, &path, &limits).expect("flyable"), 1.0);
             fly(&mesh, &mut follower, limits, |step, motion| {
@@ -124,7 +127,7 @@ proptest! {
 
 /// Flies from start to goal past agents that keep their course; the least distance from any of them.
 fn encounter(mesh: &NavMesh, start: Vec2, goal: Vec2, radius_m: f64, others: &mut [&mut Neighbour]) -> f64 {
-    let limits = Limits::default();
+    let limits = AGENT;
     let avoider = Avoider { radius_m, limits };
     let (mut place, mut velocity) = (start, Vec2::ZERO);
     let mut closest = f64::INFINITY;
@@ -162,7 +165,7 @@ fn a_flight_past_a_corner_is_round_where_there_is_room() {
     let mesh = square_mesh(3, 20.0, Vec2::ZERO, &[true, true, true, true, false, false, true, false, false]);
     let path = mesh.path(Vec2::new(50.0, 10.0), Vec2::new(10.0, 50.0)).expect("reachable");
     assert_eq!(path.len(), 3);
-    let rail = Rail::new(&mesh, &path, &Limits::default()).expect("flyable");
+    let rail = Rail::new(&mesh, &path, &AGENT).expect("flyable");
     assert_eq!(rail.stops_m().count(), 1, "no stop but the end");
     let straight_m: f64 = path.windows(2).map(|leg| leg[0].distance(leg[1])).sum();
     assert!(rail.length_m() < straight_m * 1.05, "{} against {straight_m}", rail.length_m());
@@ -174,7 +177,7 @@ fn a_flight_past_a_corner_is_round_where_there_is_room() {
 #[test]
 fn a_straight_flight_takes_the_time_of_a_trapezoid() {
     let mesh = square_mesh(1, 100.0, Vec2::ZERO, &[true]);
-    let limits = Limits::default();
+    let limits = AGENT;
     let rail = Rail::new(&mesh, &[Vec2::new(10.0, 50.0), Vec2::new(90.0, 50.0)], &limits).expect("flyable");
     let took_s = fly(&mesh, &mut Follower::new(rail, 0.0), limits, |_, _| ());
     assert!((took_s - (80.0 / 5.0 + 5.0 / 8.0)).abs() <= 2.0 * DT_S + 1.0e-9, "{took_s}");
@@ -191,7 +194,7 @@ fn a_straight_flight_takes_the_time_of_a_trapezoid() {
 #[test]
 fn out_and_back_stops_and_turns_round() {
     let mesh = square_mesh(1, 100.0, Vec2::ZERO, &[true]);
-    let limits = Limits::default();
+    let limits = AGENT;
     let line = [(10.0, 50.0), (60.0, 50.0), (60.0, 50.0), (10.0, 50.0)].map(|(x, y)| Vec2::new(x, y));
     let rail = Rail::new(&mesh, &line, &limits).expect("flyable");
     assert_eq!(rail.stops_m().collect::<Vec<f64>>(), [50.0, 100.0]);
@@ -205,7 +208,7 @@ fn out_and_back_stops_and_turns_round() {
 fn inspection_passes_stay_on_their_line() {
     let mesh = square_mesh(1, 100.0, Vec2::ZERO, &[true]);
     let line = [(10.0, 50.0), (80.0, 50.0), (80.0, 54.0), (10.0, 54.0)].map(|(x, y)| Vec2::new(x, y));
-    let rail = Rail::new(&mesh, &line, &Limits::default()).expect("flyable");
+    let rail = Rail::new(&mesh, &line, &AGENT).expect("flyable");
     for point in rail.points() {
         assert!(point.x > 70.0 || point.y == 50.0 || (point.y - 54.0).abs() < 1.0e-9, "{point:?}");
     }
@@ -214,7 +217,7 @@ fn inspection_passes_stay_on_their_line() {
 #[test]
 fn degenerate_flights_are_over_at_once_and_bad_ones_are_named() {
     let mesh = square_mesh(1, 10.0, Vec2::ZERO, &[true]);
-    let (here, limits) = (Vec2::new(5.0, 5.0), Limits::default());
+    let (here, limits) = (Vec2::new(5.0, 5.0), AGENT);
     let rail = Rail::new(&mesh, &[here, here], &limits).expect("no length is a length");
     assert_eq!((rail.length_m(), rail.sample(1.0).0, rail.speed_limit(0.0)), (0.0, here, 0.0));
     let mut follower = Follower::new(rail, 2.0);

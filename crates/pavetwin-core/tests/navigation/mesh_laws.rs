@@ -214,7 +214,7 @@ fn a_domain_across_many_tiles_is_one_part() {
 fn bad_input_is_named() {
     let corners = [Vec2::new(0.0, 0.0), Vec2::new(10.0, 0.0), Vec2::new(0.0, 10.0)];
     let bake = |corners: &[Vec2], config: BakeConfig| NavMesh::bake(corners, &[[0, 1, 2]], &config);
-    let usual = BakeConfig::default();
+    let usual = BakeConfig::new(0.25, 0.5);
     assert!(matches!(NavMesh::bake(&corners, &[], &usual), Err(NavMeshError::Empty)));
     assert!(matches!(bake(&[corners[0]; 3], usual), Err(NavMeshError::Empty)));
     assert!(matches!(bake(&corners[..2], usual), Err(NavMeshError::UnknownVertex { vertex: 2, .. })));

@@ -48,7 +48,7 @@ impl Scene {
     }
 
     pub fn bake(&self) -> NavMesh {
-        NavMesh::bake(&self.vertices, &self.triangles, &BakeConfig::default()).expect("the scene bakes")
+        NavMesh::bake(&self.vertices, &self.triangles, &BakeConfig::new(0.25, 0.5)).expect("the scene bakes")
     }
 }
 

@@ -77,5 +77,5 @@ pub fn solid_hides(from: &Viewpoint, cell: Vec2, prism: &Prism, slack_m: f64) ->
 
 pub fn in_window(from: &Viewpoint, window: Window, cell: Vec2, slack_m: f64) -> bool {
     let wider = Window { half_along_m: window.half_along_m + slack_m, half_across_m: window.half_across_m + slack_m };
-    from.contains(wider, cell)
+    from.place(wider).contains(cell)
 }
