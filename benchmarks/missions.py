@@ -18,7 +18,7 @@ from benchmarks.measure import Kind, Line
 from pavetwin._core import Flight, Trace
 from pavetwin.config import MissionSettings, load_settings
 from pavetwin.mission.environment import MissionEnvironment, new_flight, prepare
-from pavetwin.mission.fly import MissionResult, fly
+from pavetwin.mission.fly import MissionResult, fly_over
 from pavetwin.mission.replay import Replay
 from pavetwin.mission.targets import choose_targets
 from pavetwin.policies import policy_names
@@ -46,7 +46,7 @@ class Course:
         return cls(environment, replay, choose_targets(environment, count=segments, seed=SEED), settings)
 
     def fly(self, policy: str, settings: MissionSettings | None = None) -> MissionResult:
-        return fly(self.environment, self.replay, settings or self.settings, self.targets, policy, seed=SEED)
+        return fly_over(self.environment, self.replay, settings or self.settings, self.targets, policy, seed=SEED)
 
 
 class _Clocked:

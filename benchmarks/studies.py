@@ -34,5 +34,5 @@ def lines(world_folder: Path, folder: Path, *, quick: bool) -> Iterator[Line]:
             took_s,
             Kind.SECONDS,
             None if quick else target_s,
-            note=f"{ran.result} segment missions, {len(ran.plan.units)} recordings, {processes} processes; one run",
+            note=f"{ran.missions_flown} missions, {len(ran.plan.units)} recordings, {processes} processes; one run",
         )

@@ -34,11 +34,10 @@ if __name__ == "__main__":
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/own_policy")
     built = pt.add_defects(pt.build_world(Path(__file__).parent / "crossroads.osm"), DefectOptions(per_segment=10))
     world = pt.save_world(built, folder / "crossroads", force=True)
-    traffic = pt.replay_of(world, "high", seed=1)
     settings = pt.load_settings("default", altitude_m=10.0)
-    environment = pt.prepare(world, settings)
-    targets = pt.choose_targets(environment, count=2, seed=1)
-    for policy in (Patient(settings.policy), "baseline"):
-        result = pt.fly(environment, traffic, settings, targets, policy=policy, seed=1)
+    spec = pt.plan_mission(world, settings, density="high", segments=2, policy="baseline", seed=1)
+    inputs = pt.load_inputs(spec)
+    for policy in (Patient(settings.policy), None):
+        result = pt.fly(spec, inputs=inputs, policy=policy)
         sums = pt.totals(result)
         print(f"{result.policy}: coverage={sums.coverage:.3f} in {sums.time_s:.0f} s")

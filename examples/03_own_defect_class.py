@@ -14,14 +14,12 @@ load_plugins([here / "rutting.py"])
 options = DefectOptions(per_segment=6, mix={"rutting": 1, "pothole": 1})
 built = pt.add_defects(pt.build_world(here / "crossroads.osm"), options)
 world = pt.save_world(built, folder / "crossroads", force=True)
-print("placed:", dict(Counter(str(defect.kind) for defect in world.defects)))
+print("placed:", dict(Counter(defect.kind for defect in world.defects)))
 for defect in [each for each in world.defects if each.kind == "rutting"][:3]:
     sizes = measure(heightfield_of(defect))
     print(f"  rutting {defect.id}: {sizes.depth_m * 1000:.0f} mm deep, {defect.severity}")
 
-settings = pt.load_settings("default", altitude_m=10.0)
-environment = pt.prepare(world, settings)
-traffic = pt.replay_of(world, "medium", seed=1)
-result = pt.fly(environment, traffic, settings, pt.choose_targets(environment, count=4, seed=1), seed=1)
-kinds = {defect.id: str(defect.kind) for defect in world.defects}
+spec = pt.plan_mission(world, pt.load_settings("default", altitude_m=10.0), segments=4, seed=1)
+result = pt.fly(spec)
+kinds = {defect.id: defect.kind for defect in world.defects}
 print("confirmed:", dict(Counter(kinds[defect] for defect in result.memory.confirmed)))

@@ -19,11 +19,15 @@ world = pt.save_world(built, folder / "crossroads", force=True)
 routes = folder / "trucks.rou.xml"
 routes.write_text(FLOWS.format(west="102#0", east="102#1"), encoding="utf-8")
 
-traffic = pt.replay_of(world, None, seed=1, routes=[routes])
-traffic.start_s = 120.0  # at the first departure the streets are empty
-settings = pt.load_settings("default", altitude_m=10.0)
-environment = pt.prepare(world, settings)
-targets = pt.choose_targets(environment, names=[s.id for s in world.segments if s.street == "West Street"])
+spec = pt.plan_mission(
+    world,
+    pt.load_settings("default", altitude_m=10.0),
+    routes=[routes],
+    take_off_s=120.0,  # at the first departure the streets are empty
+    segments=[segment.id for segment in world.segments if segment.street == "West Street"],
+    seed=1,
+)
+inputs = pt.load_inputs(spec)
 for policy in ("baseline", "hover"):
-    sums = pt.totals(pt.fly(environment, traffic, settings, targets, policy=policy, seed=1))
+    sums = pt.totals(pt.fly(spec.with_policy(policy), inputs=inputs))
     print(f"{policy}: coverage={sums.coverage:.3f}, {sums.wait_s:.0f} s waited")

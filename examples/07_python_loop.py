@@ -4,9 +4,8 @@ import sys
 from pathlib import Path
 
 import pavetwin as pt
-from pavetwin._core import Captured, Occluded
 from pavetwin.defects import DefectOptions
-from pavetwin.mission import Mission
+from pavetwin.mission import Captured, Mission, Occluded
 from pavetwin.mission.events import DefectsConfirmed, MissionEvent
 from pavetwin.mission.timeline import Timeline
 from pavetwin.policies import load_policy

@@ -11,7 +11,20 @@ if TYPE_CHECKING:
     from pavetwin.config import MissionSettings, load_settings
     from pavetwin.defects import add_defects
     from pavetwin.errors import PaveTwinError
-    from pavetwin.mission import Mission, choose_targets, prepare, replay_of, save_mission, totals
+    from pavetwin.mission import (
+        Mission,
+        MissionInputs,
+        MissionResult,
+        MissionSpec,
+        choose_targets,
+        fly_over,
+        load_inputs,
+        plan_mission,
+        prepare,
+        replay_of,
+        save_mission,
+        totals,
+    )
     from pavetwin.mission.fly import fly
     from pavetwin.policies import Policy, policy, policy_names
     from pavetwin.sensing import Sensor, sensor, sensor_names
@@ -24,8 +37,14 @@ _ROOMS = {
     "add_defects": "defects",
     "PaveTwinError": "errors",
     "Mission": "mission",
+    "MissionInputs": "mission",
+    "MissionResult": "mission",
+    "MissionSpec": "mission",
     "choose_targets": "mission",
     "fly": "mission",
+    "fly_over": "mission",
+    "load_inputs": "mission",
+    "plan_mission": "mission",
     "prepare": "mission",
     "replay_of": "mission",
     "save_mission": "mission",
@@ -46,7 +65,10 @@ _ROOMS = {
 __all__ = [
     "BuildOptions",
     "Mission",
+    "MissionInputs",
+    "MissionResult",
     "MissionSettings",
+    "MissionSpec",
     "PaveTwinError",
     "Policy",
     "Sensor",
@@ -56,8 +78,11 @@ __all__ = [
     "build_world",
     "choose_targets",
     "fly",
+    "fly_over",
+    "load_inputs",
     "load_settings",
     "load_world",
+    "plan_mission",
     "policy",
     "policy_names",
     "prepare",

@@ -15,7 +15,7 @@ import pytest
 import yaml
 
 from pavetwin.defects import DefectOptions, add_defects
-from pavetwin.world.store import save_world
+from pavetwin.world.store import load_world, save_world
 from scenes import built
 from scenes.processes import is_over, simulations
 
@@ -152,29 +152,88 @@ def test_another_mission_gets_another_folder_and_the_same_one_the_same(world: Pa
         assert all(name.startswith(plain) for name in names)
 
 
-def test_a_mission_is_flown_again_from_its_description(world: Path, tmp_path: Path) -> None:
+def test_a_mission_is_flown_again_from_its_description_alone(world: Path, tmp_path: Path) -> None:
     first = ("--density", "low", "--segments", "3", "--order", "near", "--policy", "micro", "--altitude", "9")
     done = pavetwin("fly", world, *first, "--seed", "4", "--set", "policy.max_wait_s=33", "-o", tmp_path / "m")
     assert done.returncode == 0, done.stderr
-    again = ("fly", world, "--again", tmp_path / "m" / "mission.yaml")
+    again = ("fly", "--again", tmp_path / "m" / "mission.yaml")
     done = pavetwin(*again)
     assert done.returncode == 0, done.stderr
     assert "The same as the first time." in done.stdout
     assert digests(tmp_path / "m-again") == digests(tmp_path / "m")
     done = pavetwin(*again, "--defect-seed", "7", "-o", tmp_path / "other")
-    assert "not the same as the first time" in done.stdout
+    assert "not the same mission as before" in done.stdout
     assert "--seed" in plain_refusal(pavetwin(*again, "--seed", "1"))
     save_world(built("cross", seed=2), tmp_path / "elsewhere")
-    assert "flown over the world" in plain_refusal(pavetwin("fly", tmp_path / "elsewhere", *again[2:]))
+    line = plain_refusal(pavetwin("fly", tmp_path / "elsewhere", *again[1:]))
+    assert "inputs are not what they were" in line
+    assert "the world 'cross'" in line
     text = (tmp_path / "m" / "mission.yaml").read_text()
     for name, words, damage in (
-        ("torn", "not a whole mission.yaml", text.replace("seed: 4", "sead: 4")),
+        ("torn", "unknown key 'sead' (did you mean 'seed'?)", text.replace("\nseed: 4", "\nsead: 4")),
         ("none", "not a mission.yaml", "- 1"),
+        ("old", "format 3", text.replace("format: 3", "format: 2")),
         ("odd", "max_wait_s", text.replace("max_wait_s: 33", "max_wait_s: soon")),
-        ("own", "--routes", text.replace("traffic: low-4", "traffic: user-rush-4")),
+        ("moved", "is not at", text.replace(str(world), str(tmp_path / "gone"))),
     ):
         (tmp_path / f"{name}.yaml").write_text(damage)
-        assert words in plain_refusal(pavetwin(*again[:3], tmp_path / f"{name}.yaml"))
+        assert words in plain_refusal(pavetwin("fly", "--again", tmp_path / f"{name}.yaml"))
+    assert "--again" in plain_refusal(pavetwin("fly"))
+
+
+def test_a_mission_with_files_of_its_own_needs_nothing_else_and_names_what_changed(world: Path, tmp_path: Path) -> None:
+    """Routes, another aircraft and a policy from a file: flown again from the description, then each is changed."""
+    policy, routes, aircraft = (tmp_path / name for name in ("calm.py", "own.rou.xml", "sky.csv"))
+    policy.write_text(
+        "from pavetwin.policies import GoOn, Policy\n"
+        "class Calm(Policy):\n"
+        "    def decide(self, snapshot):\n"
+        "        return GoOn()\n"
+    )
+    edges = [segment.edges[0] for segment in load_world(world).segments]
+    routes.write_text(
+        f'<routes><trip id="a" depart="0" from="{edges[0]}" to="{edges[0]}"/>'
+        f'<trip id="b" depart="1" from="{edges[1]}" to="{edges[1]}"/></routes>'
+    )
+    aircraft.write_text("aircraft,t_s,x_m,y_m,altitude_m\nother,0,900,900,10\nother,60,950,900,10\n")
+    mine = ("--routes", routes, "--airspace", aircraft, "--policy", f"{policy}:Calm", "--segments", "1")
+    done = pavetwin("fly", world, *mine, "-o", tmp_path / "m")
+    assert done.returncode == 0, done.stderr
+    again = ("fly", "--again", tmp_path / "m" / "mission.yaml")
+    done = pavetwin(*again)
+    assert "The same as the first time." in done.stdout, done.stdout + done.stderr
+    for path in (policy, routes, aircraft):
+        before = path.read_text()
+        path.write_text(before + "\n")
+        line = plain_refusal(pavetwin(*again))
+        assert f"'{path}' has changed" in line
+        path.write_text(before)
+    aircraft.unlink()
+    policy.write_text(policy.read_text() + "# thought over\n")
+    line = plain_refusal(pavetwin(*again))
+    assert f"'{aircraft}' is gone" in line
+    assert f"'{policy}' has changed" in line
+
+
+def test_defects_that_changed_in_the_world_are_named(world: Path, tmp_path: Path) -> None:
+    own = tmp_path / "cross"
+    shutil.copytree(world, own)
+    done = pavetwin("fly", own, *SHORT, "-o", tmp_path / "m")
+    assert done.returncode == 0, done.stderr
+    save_world(add_defects(built("cross"), DefectOptions(per_segment=2)), own, force=True)
+    line = plain_refusal(pavetwin("fly", "--again", tmp_path / "m" / "mission.yaml"))
+    assert "the defects of the world 'cross' have changed" in line
+
+
+def test_policies_repeat_and_what_excludes_each_other_says_so(world: Path, tmp_path: Path) -> None:
+    done = pavetwin("fly", world, *SHORT, "--policy", "hover", "--policy", "skip", "-o", tmp_path / "both")
+    assert done.returncode == 0, done.stderr
+    assert pl.read_parquet(tmp_path / "both" / "mission.parquet")["policy"].unique(maintain_order=True).to_list() == [
+        "hover",
+        "skip",
+    ]
+    line = plain_refusal(pavetwin("fly", world, "--density", "low", "--routes", "own.rou.xml"))
+    assert "--density and --routes exclude each other" in line
 
 
 @pytest.mark.parametrize(
@@ -208,7 +267,8 @@ def test_a_mission_is_flown_again_from_its_description(world: Path, tmp_path: Pa
         (("--sgements", "3"), "--segments"),
         (("--traffic", "nowhere.parquet"), "nowhere.parquet"),
         (("--airspace", "nowhere.csv"), "nowhere.csv"),
-        (("--policy", "hover", "--again", "nowhere.yaml"), "--density"),
+        (("--density", "low", "--again", "nowhere.yaml"), "--density"),
+        (("--segment", "s0001", "--segments", "2"), "exclude each other"),
         (("--date", "2026-02-30"), "--date 2026-02-30: expected a date of the calendar"),
         (("--wind", "west"), "--wind west"),
         (("--set", "energy.wind_mps=6"), "'wind_mps' has moved: give 'conditions.wind_mps'"),
@@ -216,7 +276,8 @@ def test_a_mission_is_flown_again_from_its_description(world: Path, tmp_path: Pa
 )
 def test_what_is_wrong_is_said_in_one_line(world: Path, tmp_path: Path, arguments: tuple[str, ...], words: str) -> None:
     missions = world / "missions"
-    line = plain_refusal(pavetwin("fly", world, "--density", "low", *arguments, cwd=tmp_path))
+    density = () if {"--density", "--traffic"} & set(arguments) else ("--density", "low")
+    line = plain_refusal(pavetwin("fly", world, *density, *arguments, cwd=tmp_path))
     assert words in line
     assert not missions.exists()
     assert not list(tmp_path.iterdir())

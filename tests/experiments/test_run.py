@@ -32,7 +32,7 @@ from pavetwin.experiments.report import gather, write_report
 from pavetwin.experiments.run import run
 from pavetwin.experiments.store import Store, query
 from pavetwin.mission.environment import prepare
-from pavetwin.mission.fly import fly
+from pavetwin.mission.fly import fly, fly_over
 from pavetwin.mission.replay import GROWTH, replay_of
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder
@@ -129,7 +129,7 @@ def test_a_mission_of_a_study_is_the_one_that_fly_flies(reference: Path, world: 
     defects = place([town.segments[target]], row["defect_seed"], DefectOptions(per_segment=6))
     environment = prepare(town, settings, defects)
     replay = replay_of(town, "medium", row["traffic_seed"])
-    result = fly(environment, replay, settings, [target], "hover", seed=row["sensing_seed"])
+    result = fly_over(environment, replay, settings, [target], "hover", seed=row["sensing_seed"])
     (expected,) = result.rows
     for name in ("defects", "swept", "confirmed", "coverage", "time_s", "energy", "wait_s", "surface_coverage"):
         assert row[name] == getattr(expected, name), name
@@ -188,20 +188,20 @@ def test_a_study_of_defects_by_area_is_read_and_gone_on_with(tmp_path: Path, def
     assert not ran.failures
     assert ran.table["defects"].min() > 0
     assert Store(folder).table().height == 2
-    assert run(small(place, **usual, replicates=2), folder, Single()).result == 2
+    assert run(small(place, **usual, replicates=2), folder, Single()).missions_flown == 2
     write_report(gather("study", {}, Store(folder).table(), {}, seed=1), tmp_path / "report")
 
 
 def test_more_replicates_are_added_to_a_study(reference: Path, world: Path, tmp_path: Path) -> None:
     run(small(world, replicates=2), tmp_path / "study", Single())
     ran = run(small(world), tmp_path / "study", Single())
-    assert ran.result == 2 * 4
+    assert ran.missions_flown == 2 * 4
     assert digests(tmp_path / "study") == digests(reference)
 
 
 def test_a_complete_study_is_left_as_it_is(reference: Path, world: Path) -> None:
     before = {path: path.stat().st_mtime_ns for path in (reference / "segments.parquet").iterdir()}
-    assert run(small(world), reference, Single()).result == 0
+    assert run(small(world), reference, Single()).missions_flown == 0
     assert {path: path.stat().st_mtime_ns for path in before} == before
 
 
@@ -236,10 +236,10 @@ def test_a_folder_with_anything_else_is_refused(world: Path, tmp_path: Path) -> 
 def test_a_mission_that_fails_is_a_row_with_its_reason_and_stops_nothing(
     world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def badly(environment, replay, settings, targets, policy, **how):
-        if policy == "hover" and settings.altitude_m == 6.0:
+    def badly(spec, **how):
+        if spec.policy.name == "hover" and spec.settings.altitude_m == 6.0:
             raise ZeroDivisionError("of all things")
-        return fly(environment, replay, settings, targets, policy, **how)
+        return fly(spec, **how)
 
     monkeypatch.setattr(fly_unit, "fly", badly)
     ran = run(small(world), tmp_path / "study", Single())
@@ -251,7 +251,7 @@ def test_a_mission_that_fails_is_a_row_with_its_reason_and_stops_nothing(
     assert dict(ran.failures) == {"ZeroDivisionError: of all things": 6}
     assert ran.table.filter(status="flown")["time_s"].is_not_null().all()
     monkeypatch.undo()
-    assert run(small(world), tmp_path / "study", Single()).result == 0
+    assert run(small(world), tmp_path / "study", Single()).missions_flown == 0
     assert not run(small(world), tmp_path / "study", Single(), retry=True).failures
 
 
@@ -260,10 +260,10 @@ def test_a_mended_policy_replaces_one_of_which_all_missions_failed(
 ) -> None:
     file, folder = tmp_path / "mine.py", tmp_path / "study"
 
-    def badly(environment, replay, settings, targets, policy, **how):
-        if policy.endswith("Mine") and "broken" in file.read_text():
+    def badly(spec, **how):
+        if spec.policy.name.endswith("Mine") and "broken" in file.read_text():
             raise ZeroDivisionError("of all things")
-        return fly(environment, replay, settings, targets, policy, **how)
+        return fly(spec, **how)
 
     monkeypatch.setattr(fly_unit, "fly", badly)
     file.write_text(MINE.format("broken"))
@@ -275,7 +275,7 @@ def test_a_mended_policy_replaces_one_of_which_all_missions_failed(
         run(design, folder, Single())
     assert digests(folder) == before
     assert not run(design, folder, Single(), retry=True).failures
-    assert run(design, folder, Single()).result == 0
+    assert run(design, folder, Single()).missions_flown == 0
     file.write_text(MINE.format("thought over"))
     with pytest.raises(PaveTwinError, match="only where every mission flown with it failed: 0 of 4 did"):
         run(design, folder, Single(), retry=True)
@@ -289,7 +289,7 @@ def test_what_a_policy_imports_is_part_of_it(world: Path, tmp_path: Path, monkey
     design = small(world, policies=["baseline", f"{file}:Mine"], replicates=1, densities=["low"])
     run(design, tmp_path / "study", Single())
     assert set(Store(tmp_path / "study").description()["files"]) == {str(file), str(helper)}
-    assert run(design, tmp_path / "study", Single()).result == 0
+    assert run(design, tmp_path / "study", Single()).missions_flown == 0
     helper.write_text("LIMIT = 2")
     with pytest.raises(PaveTwinError, match=r"another file than '.*helper_of_mine.py' is now; choose another folder"):
         run(design, tmp_path / "study", Single(), retry=True)
@@ -445,7 +445,7 @@ def test_a_damaged_part_is_flown_anew(world: Path, tmp_path: Path) -> None:
         with pytest.raises(PaveTwinError, match="is damaged; run the study again"):
             Store(tmp_path / "study").table()
         Store(tmp_path / "study").forget_failed()
-        assert run(design, tmp_path / "study", Single()).result == 4
+        assert run(design, tmp_path / "study", Single()).missions_flown == 4
         assert part.read_bytes() == whole
 
 

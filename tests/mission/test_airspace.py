@@ -12,7 +12,7 @@ from pavetwin.defects import add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission import choose_targets, prepare, totals
 from pavetwin.mission.airspace import SPAN_M, Aircraft, load_airspace, with_aircraft
-from pavetwin.mission.fly import MissionResult, fly
+from pavetwin.mission.fly import MissionResult, fly_over
 from pavetwin.traffic.trace import TraceArguments
 from scenes import built, tiny
 
@@ -53,7 +53,7 @@ def aircraft(*points: tuple[float, float, float], altitude_m: float = ALTITUDE_M
 def flown_among(*others: Aircraft) -> MissionResult:
     scene = tiny.empty_street((30.0, 1.0))
     settings = scene.settings("pattern.kind=out_and_back")
-    return fly(scene.environment(settings), Sky(others), settings, [0], "baseline")
+    return fly_over(scene.environment(settings), Sky(others), settings, [0], "baseline")
 
 
 def nearest_m(result: MissionResult, other: Aircraft) -> float:
@@ -130,12 +130,12 @@ def test_an_aircraft_that_stands_anywhere_on_the_route_is_flown_round() -> None:
     settings = load_settings("default", altitude_m=ALTITUDE_M)
     environment = prepare(world, settings)
     targets = choose_targets(environment, count=4, seed=1)
-    alone = fly(environment, Sky([]), settings, targets, "hover")
+    alone = fly_over(environment, Sky([]), settings, targets, "hover")
     aloft = np.flatnonzero(alone.track["altitude_m"] == ALTITUDE_M)
     for row in np.linspace(aloft[40], aloft[-40], 12).astype(int):
         x, y = float(alone.track["x_m"][row]), float(alone.track["y_m"][row])
         other = aircraft((0, x, y), (600, x, y))
-        together = fly(environment, Sky([other]), settings, targets, "hover")
+        together = fly_over(environment, Sky([other]), settings, targets, "hover")
         assert nearest_m(together, other) > 0.5 + SPAN_M / 2
         assert together.duration_s < alone.duration_s + 60
         assert together.swaps == 0
@@ -148,4 +148,4 @@ def test_an_aircraft_that_never_lets_it_pass_does_not_cost_the_battery() -> None
     scene = tiny.empty_street((30.0, 1.0))
     settings = scene.settings("pattern.kind=out_and_back", "energy.model=linear", "energy.endurance_s=200")
     with pytest.raises(PaveTwinError, match="One battery is too small"):
-        fly(scene.environment(settings), Sky(wall), settings, [0], "baseline")
+        fly_over(scene.environment(settings), Sky(wall), settings, [0], "baseline")

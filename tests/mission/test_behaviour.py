@@ -10,9 +10,10 @@ import pytest
 from pavetwin._core import Captured, Occluded, Trace
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
-from pavetwin.mission.fly import MissionResult, fly
+from pavetwin.mission.fly import MissionResult, fly_over
 from pavetwin.mission.mission import MODES, Mission
 from pavetwin.policies import Displace, Revisit, load_policy, policy_names
+from pavetwin.sensing import Detection
 from pavetwin.twin import Mode, Note, Snapshot
 from scenes.tiny import SCENES, Scene, TinyTraffic, car_that_leaves, queue_at_light, result
 
@@ -38,7 +39,7 @@ def told_by(scene: Scene, policy: str, settings: MissionSettings, told: Callable
     for event in mission:
         match event:
             case Captured():
-                mission.confirm([sighting.defect for sighting in mission.frame(event).sightings])
+                mission.confirm([Detection.of(sighting) for sighting in mission.frame(event).sightings])
             case Occluded():
                 snapshot = mission.snapshot(event)
                 told(mission, snapshot)
@@ -289,7 +290,7 @@ def test_a_mission_that_outlasts_its_recording_goes_on_in_a_longer_one() -> None
 
 
 def _fly(scene: Scene, traffic: TinyTraffic, settings: MissionSettings) -> MissionResult:
-    return fly(scene.environment(settings), traffic, settings, [0], "hover")
+    return fly_over(scene.environment(settings), traffic, settings, [0], "hover")
 
 
 def test_traffic_that_cannot_be_prolonged_is_one_plain_error() -> None:

@@ -15,7 +15,7 @@ from pavetwin.mission.events import (
     SegmentFinished,
     SegmentStarted,
 )
-from pavetwin.mission.fly import fly
+from pavetwin.mission.fly import fly_over
 from pavetwin.policies import Displace, Revisit, Wait
 from scenes.pilot import Pilot
 from scenes.tiny import SCENES, Scene, result, straight
@@ -91,7 +91,7 @@ def test_fly_tells_its_observer_and_the_progress() -> None:
     told: list[MissionEvent] = []
     shares: list[float] = []
     environment, traffic = scene.environment(settings), scene.traffic()
-    ours = fly(environment, traffic, settings, [0], "hover", on_progress=shares.append, observer=told.append)
+    ours = fly_over(environment, traffic, settings, [0], "hover", on_progress=shares.append, observer=told.append)
     assert tuple(told) == ours.events
     assert shares == [event.share for event in told if isinstance(event, ProgressMade)]
 
@@ -105,4 +105,4 @@ def test_an_observers_error_ends_the_mission() -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        fly(scene.environment(settings), scene.traffic(), settings, [0], "hover", observer=stop)
+        fly_over(scene.environment(settings), scene.traffic(), settings, [0], "hover", observer=stop)

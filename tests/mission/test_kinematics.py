@@ -10,7 +10,7 @@ import shapely
 
 from pavetwin.defects import add_defects
 from pavetwin.mission.environment import prepare
-from pavetwin.mission.fly import MissionResult, fly
+from pavetwin.mission.fly import MissionResult, fly_over
 from pavetwin.mission.mission import MODES
 from pavetwin.mission.targets import choose_targets
 from pavetwin.navigation.domain import flight_domain
@@ -193,7 +193,7 @@ def test_in_a_town_the_limits_hold_and_a_mesh_read_is_flown_as_the_one_baked(
     for _ in range(2):
         environment = prepare(load_world(tmp_path / "town"), settings)
         targets = choose_targets(environment, count=4, seed=3)
-        flights.append(fly(environment, scene.traffic(1200.0), settings, targets, policy))
+        flights.append(fly_over(environment, scene.traffic(1200.0), settings, targets, policy))
     first, second = (flight.track for flight in flights)
     assert all(np.array_equal(first[name], second[name], equal_nan=True) for name in first)  # type: ignore[literal-required]
     assert flights[0].actions

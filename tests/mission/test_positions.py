@@ -9,7 +9,7 @@ from pyproj import Transformer
 
 from pavetwin.config import load_settings
 from pavetwin.defects import DefectOptions, add_defects
-from pavetwin.mission import choose_targets, fly, prepare, replay_of
+from pavetwin.mission import choose_targets, fly_over, prepare, replay_of
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.results import detections_geojson, track_table
 from pavetwin.world.store import load_world, save_world
@@ -22,7 +22,9 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> MissionResult:
     save_world(add_defects(built("cross"), DefectOptions(per_segment=14)), folder)
     world, settings = load_world(folder), load_settings()
     environment = prepare(world, settings)
-    return fly(environment, replay_of(world, "low", 1), settings, choose_targets(environment, count=2, seed=1), seed=1)
+    return fly_over(
+        environment, replay_of(world, "low", 1), settings, choose_targets(environment, count=2, seed=1), seed=1
+    )
 
 
 def in_world(result: MissionResult, longitude: object, latitude: object) -> tuple[np.ndarray, np.ndarray]:

@@ -11,6 +11,7 @@ from pavetwin._core import Captured, Occluded, Viewpoint
 from pavetwin.mission.environment import kernel_camera
 from pavetwin.mission.mission import Mission
 from pavetwin.policies import Displace, Wait
+from pavetwin.sensing import Detection
 from pavetwin.twin import Agent, AgentClass, InspectionMemory, Mode, Snapshot, UavState
 from pavetwin.world.model import Segment
 from scenes.tiny import SCENES, TRUCK, Scene, parked, passing, straight
@@ -104,7 +105,7 @@ def test_a_snapshot_stays_as_it_is_when_the_mission_flies_on() -> None:
     for event in mission:
         match event:
             case Captured():
-                mission.confirm([sighting.defect for sighting in mission.frame(event).sightings])
+                mission.confirm([Detection.of(sighting) for sighting in mission.frame(event).sightings])
             case Occluded():
                 snapshot = mission.snapshot(event)
                 taken.append((snapshot, copy.deepcopy(told(snapshot))))

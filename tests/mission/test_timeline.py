@@ -10,6 +10,7 @@ from pavetwin.mission.events import ActionTaken, DefectsConfirmed, MissionEvent,
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.results import totals
 from pavetwin.mission.timeline import Timeline
+from pavetwin.sensing import Outcome
 from pavetwin.twin import Mode
 from scenes.pilot import Pilot
 from scenes.tiny import SCENES, Scene, parked, result, straight, street, world
@@ -54,6 +55,9 @@ def test_what_is_found_and_missed_changes_when_it_happens(scene: str, policy: st
             case DefectsConfirmed(defects=defects):
                 assert not set(defects) & set(before.found)
                 assert set(defects) <= set(after.found)
+                news = after.detections[len(before.detections) :]
+                assert after.detections[: len(before.detections)] == before.detections
+                assert set(defects) == {each.defect for each in news if each.outcome is Outcome.CONFIRMED}
                 assert all(after.found[defect] == ours.memory.confirmed[defect] for defect in defects)
             case SegmentFinished(segment=segment):
                 assert segment not in before.finished
@@ -69,7 +73,7 @@ def test_what_is_found_and_missed_changes_when_it_happens(scene: str, policy: st
                 assert note not in after.notes
     end = timeline.at(ours.duration_s)
     assert dict(end.found) == dict(ours.memory.confirmed)
-    assert [d.time_s for d in ours.detections] == [end.found[d.defect].time_s for d in ours.detections]
+    assert end.detections == ours.detections
     assert (end.captures, end.notes) == (len(ours.captures["t_s"]), ())
 
 
@@ -147,7 +151,18 @@ def test_a_mission_in_flight_tells_what_the_flown_one_tells(scene: str, policy: 
         state = mission.state()
         assert now.uav == replace(state, mode=now.uav.mode, yaw_rad=now.uav.yaw_rad)
         assert np.exp(1j * now.uav.yaw_rad) == pytest.approx(np.exp(1j * state.yaw_rad))
-        for name in ("found", "missed", "finished", "actions", "notes", "captures", "occlusions", "swaps", "segment"):
+        for name in (
+            "found",
+            "missed",
+            "detections",
+            "finished",
+            "actions",
+            "notes",
+            "captures",
+            "occlusions",
+            "swaps",
+            "segment",
+        ):
             assert getattr(now, name) == getattr(then, name), name
         told: tuple[MissionEvent, ...] = timeline.events()
         assert told == whole.events(end_s=timeline.duration_s)

@@ -15,7 +15,7 @@ from shapely import LineString, Point, Polygon
 from pavetwin._core import Trace
 from pavetwin.config import MissionSettings, load_settings
 from pavetwin.mission.environment import MissionEnvironment, prepare
-from pavetwin.mission.fly import MissionResult, fly
+from pavetwin.mission.fly import MissionResult, fly_over
 from pavetwin.policies import Policy
 from pavetwin.world.model import (
     Building,
@@ -247,7 +247,7 @@ class Scene:
         """Every segment in turn, under a policy."""
         settings = self.settings(*overrides, preset=preset)
         targets = range(len(self.world.segments))
-        return fly(self.environment(settings), self.traffic(), settings, list(targets), policy, seed=seed)
+        return fly_over(self.environment(settings), self.traffic(), settings, list(targets), policy, seed=seed)
 
 
 def empty_street(*places: tuple[float, float]) -> Scene:

@@ -1,25 +1,45 @@
-"""Sensors: the rules that all keep, and the luck of `recall`."""
+"""Sensors: the rules that all keep, and the random draws of `recall`."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from shapely import Point
 
 from pavetwin.config.mission import SensingSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
-from pavetwin.sensing import Frame, Ideal, Recall, Sensor, Sighting, check_sensor, load_sensor, sensor, sensor_names
-from pavetwin.sensing.conformance import trial_frames
+from pavetwin.sensing import (
+    Detection,
+    Frame,
+    Ideal,
+    Recall,
+    Sensor,
+    Sighting,
+    check_sensor,
+    load_sensor,
+    sensor,
+    sensor_names,
+)
+from pavetwin.sensing.conformance import trial_defect, trial_frames
 
 
 def frame(*sightings: tuple[int, int]) -> Frame:
     """A capture of (defect, attempt) pairs."""
-    return Frame(1.0, (0.0, 0.0), 10.0, 0.0, tuple(Sighting(defect, 1.0, attempt) for defect, attempt in sightings))
+    shown = tuple(Sighting(replace(trial_defect(defect), id=defect), 1.0, attempt) for defect, attempt in sightings)
+    return replace(trial_frames(1)[0], sightings=shown)
+
+
+def reported(one: Sensor, shown: Frame) -> list[int]:
+    """Ids of the sighted defects that a sensor without false alarms reports."""
+    ids = {id(sighting.defect.polygon): sighting.defect.id for sighting in shown.sightings}
+    return [ids[id(detection.footprint)] for detection in one.detect(shown)]
 
 
 def found(seed: int, *sightings: tuple[int, int], recall: float = 0.84) -> set[tuple[int, int]]:
-    """Which sightings a fresh sensor confirms."""
-    confirmed = set(Recall(SensingSettings(recall=recall), seed).detect(frame(*sightings)))
+    """Which sightings a fresh sensor reports."""
+    confirmed = set(reported(Recall(SensingSettings(recall=recall), seed), frame(*sightings)))
     return {sighting for sighting in sightings if sighting[0] in confirmed}
 
 
@@ -31,49 +51,53 @@ def test_every_registered_sensor_keeps_the_rules(name: str) -> None:
 
 
 class Inventive(Sensor):
-    def detect(self, frame: Frame) -> Sequence[int]:
-        return [sighting.defect for sighting in frame.sightings] + [999]
+    """Reports a pothole where there is none: that is a false alarm and breaks no rule."""
+
+    def detect(self, frame: Frame) -> Sequence[Detection]:
+        ghost = Detection("pothole", 0.3, footprint=Point(frame.position).buffer(0.2))
+        return [Detection.of(sighting) for sighting in frame.sightings] + [ghost]
 
 
-class Stuttering(Sensor):
-    def detect(self, frame: Frame) -> Sequence[int]:
-        return [sighting.defect for sighting in frame.sightings] * 2
+class Numbering(Sensor):
+    """Answers with ids, as sensors did before there were detections."""
+
+    def detect(self, frame: Frame) -> Sequence[Detection]:
+        return [sighting.defect.id for sighting in frame.sightings]  # type: ignore[misc]
 
 
 class Wandering(Sensor):
-    """One generator for all: the luck depends on what came before."""
+    """One generator for all: what it draws depends on what came before."""
 
     def __init__(self, settings: SensingSettings, seed: int) -> None:
         super().__init__(settings, seed)
-        self.luck = np.random.default_rng(seed)
+        self.random = np.random.default_rng(seed)
 
-    def detect(self, frame: Frame) -> Sequence[int]:
-        return [s.defect for s in frame.sightings if self.luck.random() < self.settings.recall]
+    def detect(self, frame: Frame) -> Sequence[Detection]:
+        return [Detection.of(s) for s in frame.sightings if self.random.random() < self.settings.recall]
 
 
 class Unseeded(Sensor):
-    def detect(self, frame: Frame) -> Sequence[int]:
-        return [s.defect for s in frame.sightings if np.random.default_rng().random() < 0.5]
+    def detect(self, frame: Frame) -> Sequence[Detection]:
+        return [Detection.of(s) for s in frame.sightings if np.random.default_rng().random() < 0.5]
 
 
 class Falsy(Sensor):
     """The classic mistake: seed 0 is taken for no seed."""
 
-    def detect(self, frame: Frame) -> Sequence[int]:
-        luck = np.random.default_rng(self.seed or None).random(1000)
-        return [s.defect for s in frame.sightings if luck[s.defect * 10 + s.attempt] < 0.5]
+    def detect(self, frame: Frame) -> Sequence[Detection]:
+        draws = np.random.default_rng(self.seed or None).random(1000)
+        return [Detection.of(s) for s in frame.sightings if draws[s.defect.id * 10 + s.attempt] < 0.5]
 
 
 class Failing(Sensor):
-    def detect(self, frame: Frame) -> Sequence[int]:
-        return [frame.sightings[0].defect]
+    def detect(self, frame: Frame) -> Sequence[Detection]:
+        return [Detection.of(frame.sightings[0])]
 
 
 @pytest.mark.parametrize(
     ("kind", "complaint"),
     [
-        (Inventive, "which the frame does not show"),
-        (Stuttering, "twice in one frame"),
+        (Numbering, "which is no Detection"),
         (Wandering, "depends on what it was shown before"),
         (Unseeded, "depends on what it was shown before"),
         (Falsy, "with seed 0"),
@@ -84,6 +108,10 @@ def test_a_bad_sensor_is_caught(kind: type[Sensor], complaint: str) -> None:
     assert any(complaint in told for told in check_sensor(kind))
 
 
+def test_false_alarms_break_no_rule() -> None:
+    assert check_sensor(Inventive) == []
+
+
 def test_the_frames_that_sensors_are_tried_on_hold_none_one_and_many() -> None:
     sizes = {len(each.sightings) for each in trial_frames()}
     assert {0, 1} < sizes
@@ -92,25 +120,25 @@ def test_the_frames_that_sensors_are_tried_on_hold_none_one_and_many() -> None:
 
 
 def test_the_ideal_sensor_confirms_all_it_is_shown() -> None:
-    assert list(Ideal(SensingSettings(), 0).detect(frame((3, 0), (5, 2)))) == [3, 5]
-    assert list(Ideal(SensingSettings(), 0).detect(frame())) == []
+    assert reported(Ideal(SensingSettings(), 0), frame((3, 0), (5, 2))) == [3, 5]
+    assert reported(Ideal(SensingSettings(), 0), frame()) == []
 
 
 @pytest.mark.parametrize("seed", [0, 1, 12345])
-def test_an_attempts_luck_depends_on_seed_defect_and_attempt_alone(seed: int) -> None:
+def test_an_attempts_draw_depends_on_seed_defect_and_attempt_alone(seed: int) -> None:
     pairs = [(defect, attempt) for defect in range(40) for attempt in range(5)]
     alone = {pair for pair in pairs if found(seed, pair)}
     settings = SensingSettings()
     for order in (pairs, pairs[::-1], [pairs[k] for k in np.random.default_rng(1).permutation(len(pairs))]):
         one = Recall(settings, seed)
-        assert {pair for pair in order if one.detect(frame(pair))} == alone
+        assert {pair for pair in order if reported(one, frame(pair))} == alone
     together = Recall(settings, seed)
     for attempt in (4, 0, 3, 1, 2):
         shown = frame(*((defect, attempt) for defect in range(40)))
-        assert {(defect, attempt) for defect in together.detect(shown)} == {p for p in alone if p[1] == attempt}
+        assert {(defect, attempt) for defect in reported(together, shown)} == {p for p in alone if p[1] == attempt}
 
 
-def test_the_luck_is_the_defects_own_child_of_the_seed() -> None:
+def test_the_draws_are_the_defects_own_child_of_the_seed() -> None:
     for seed, defect in ((0, 0), (7, 3), (7, 4)):
         draws = child(seed, Stream.SENSING, defect).random(6)
         for attempt, draw in enumerate(draws):
@@ -121,7 +149,7 @@ def test_the_luck_is_the_defects_own_child_of_the_seed() -> None:
 @pytest.mark.parametrize("recall", [0.0, 0.3, 0.84, 1.0])
 def test_the_rate_is_the_recall(recall: float) -> None:
     count = 6000
-    confirmed = Recall(SensingSettings(recall=recall), 0).detect(frame(*((defect, 0) for defect in range(count))))
+    confirmed = reported(Recall(SensingSettings(recall=recall), 0), frame(*((defect, 0) for defect in range(count))))
     assert len(confirmed) / count == pytest.approx(recall, abs=4 * (recall * (1 - recall) / count) ** 0.5 + 1e-12)
 
 
@@ -129,7 +157,7 @@ def test_seeds_and_attempts_are_independent() -> None:
     def outcomes(seed: int, attempt: int) -> np.ndarray:
         shown = frame(*((defect, attempt) for defect in range(4000)))
         confirmed = np.zeros(4000)
-        confirmed[list(Recall(SensingSettings(recall=0.5), seed).detect(shown))] = 1
+        confirmed[reported(Recall(SensingSettings(recall=0.5), seed), shown)] = 1
         return confirmed
 
     zero, one, later = outcomes(0, 0), outcomes(1, 0), outcomes(0, 1)

@@ -1,8 +1,6 @@
 """The context that images are drawn from, made from a world and settings; each process makes the same one."""
 
 from collections.abc import Callable
-from dataclasses import asdict
-from hashlib import sha256
 from typing import Final
 
 from pavetwin.capture.defect_index import AIMED_WITHIN_M, DefectIndex
@@ -89,12 +87,3 @@ def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | N
         traces={name: trace_of(recording) for name, recording in recordings.items()},
         meshes=meshes,
     )
-
-
-def defects_hash(world: World) -> str:
-    """Hash of a world's defects, which its content hash leaves out."""
-    digest = sha256()
-    for defect in world.defects:
-        values = {name: str(value) for name, value in asdict(defect).items() if name not in ("polygon", "centre")}
-        digest.update(repr(sorted(values.items())).encode() + defect.polygon.wkb + defect.centre.wkb)
-    return digest.hexdigest()

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from pavetwin.capture.classes import category_of_defect
-from pavetwin.capture.context import defects_hash
 from pavetwin.capture.daylight import Daylight
 from pavetwin.capture.exif import ShotMetadata, encoded
 from pavetwin.capture.formats import find_formats
@@ -26,13 +25,15 @@ from pavetwin.capture.settings import FILE, CaptureSettings, description
 from pavetwin.capture.store import link_image, write_image, write_over_all, write_yaml
 from pavetwin.capture.truth import SceneState, labelled_objects
 from pavetwin.files import writing, writing_folder
-from pavetwin.mission.fly import Detection, MissionResult
+from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.results import detections_geojson
 from pavetwin.scene.view import nadir
 from pavetwin.seeds import Stream, child
+from pavetwin.sensing import JudgedDetection
 from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.trace import trace_of
 from pavetwin.uav.cameras import Camera, find_camera
+from pavetwin.world.content import defects_hash
 from pavetwin.world.model import World
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def save_frames(
     Raises:
         PaveTwinError: the frames cannot be written.
     """
-    captures = [tuple(group) for _, group in groupby(result.detections, key=lambda detection: detection.time_s)]
+    captures = [tuple(group) for _, group in groupby(result.confirmed, key=lambda detection: detection.time_s)]
     names = []
     with writing_folder(folder / FOLDER, replace=True) as place:
         if captures:
@@ -84,7 +85,8 @@ def save_frames(
             write_over_all(place, formats, (SPLIT,))
             world = film.world
             write_yaml(
-                place / FILE, description(settings, world.name, world.content_hash, defects_hash(world), adapter)
+                place / FILE,
+                description(settings, world.name, world.content_hash, defects_hash(world.defects), adapter),
             )
     content = detections_geojson(result, names)
     with writing(folder / "captures.geojson") as path:
@@ -133,7 +135,9 @@ class _Film:
             empty=0.0,
         )
 
-    def frame(self, detections: Sequence[Detection], number: int, settings: CaptureSettings) -> tuple[Record, bytes]:
+    def frame(
+        self, detections: Sequence[JudgedDetection], number: int, settings: CaptureSettings
+    ) -> tuple[Record, bytes]:
         """The frame of one capture, which may have confirmed several defects: its record, and its picture as a file."""
         at = detections[0]
         view = nadir(
@@ -156,7 +160,8 @@ class _Film:
             exposure=frame.exposure,
             is_airborne=True,
         )
-        aims = sorted({category_of_defect(self.world.defects[each.defect].kind).name for each in detections})
+        defects = [each.defect for each in detections if each.defect is not None]
+        aims = sorted({category_of_defect(self.world.defects[defect].kind).name for defect in defects})
         origin = {"density": self.recording.name, "seed": self.recording.origin.seed}
         record = Record(
             index=number,
@@ -170,7 +175,7 @@ class _Film:
                 "requested": aims,
                 "met": aims,
                 "attempt": 0,
-                "confirmed": [f"defect {each.defect}" for each in detections],
+                "confirmed": [f"defect {defect}" for defect in defects],
             },
             objects=tuple(
                 labelled_objects(
@@ -186,8 +191,8 @@ class _Film:
         return Daylight.of(self.result.settings.conditions, self.world)
 
 
-def _velocity(result: MissionResult, detection: Detection) -> tuple[float, float, float]:
-    """The UAV's velocity along its heading: the last speed in its track."""
+def _velocity(result: MissionResult, detection: JudgedDetection) -> tuple[float, float, float]:
+    """Of the UAV, along its heading: the last speed that its track noted."""
     row = int(np.searchsorted(result.track["t_s"], detection.time_s + 1e-6)) - 1
     speed = float(result.track["speed_mps"][max(0, row)])
     return speed * float(np.cos(detection.yaw_rad)), speed * float(np.sin(detection.yaw_rad)), 0.0

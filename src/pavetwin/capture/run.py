@@ -6,7 +6,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
-from pavetwin.capture.context import OnProgress, check, defects_hash, prepare
+from pavetwin.capture.context import OnProgress, check, prepare
 from pavetwin.capture.disk_space import check_disk_space
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.image_workers import FrameSourceFactory, Job, image_workers
@@ -19,6 +19,7 @@ from pavetwin.capture.statistics import Statistics, count
 from pavetwin.capture.store import write_over_all, write_yaml
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import working_in
+from pavetwin.world.content import defects_hash
 from pavetwin.world.model import World
 from pavetwin.world.store import attribution, load_record, load_world
 
@@ -65,7 +66,7 @@ def capture(
     check(settings)
     report(0.0, "Loading the world")
     world = load_world(world_folder)
-    expected = description(settings, world.name, world.content_hash, defects_hash(world), adapter)
+    expected = description(settings, world.name, world.content_hash, defects_hash(world.defects), adapter)
     with working_in(folder):
         check_same(folder, expected)
         existing = finished_images(folder)

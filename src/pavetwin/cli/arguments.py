@@ -8,14 +8,18 @@ import typer
 from pavetwin.world.folder import check_world
 
 
-def _existing(context: typer.Context, folder: Path) -> Path:
-    if not context.resilient_parsing:  # a shell that completes a line asks for no errors
+def _existing(context: typer.Context, folder: Path | None) -> Path | None:
+    if folder is not None and not context.resilient_parsing:  # a shell that completes a line asks for no errors
         check_world(folder)
     return folder
 
 
 WorldFolder = Annotated[Path, typer.Argument(help="Folder of the world.", callback=_existing)]
 """Checked before a command loads anything that takes long."""
+
+OptionalWorldFolder = Annotated[
+    Path | None, typer.Argument(help="Folder of the world; may be left out with --again.", callback=_existing)
+]
 
 Plugins = Annotated[
     list[Path] | None,

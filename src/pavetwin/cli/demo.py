@@ -33,8 +33,9 @@ def demo(
     from pavetwin.draw.world_map import save_world_map
     from pavetwin.mission.environment import prepare
     from pavetwin.mission.fly import fly
+    from pavetwin.mission.inputs import MissionInputs
+    from pavetwin.mission.plan import plan_mission
     from pavetwin.mission.replay import replay_of
-    from pavetwin.mission.targets import choose_targets
     from pavetwin.policies import policy_names
 
     world = _town(output / "town")
@@ -47,27 +48,27 @@ def demo(
         f"[2/4] Traffic: {len(agents) - walking} vehicles and {walking} pedestrians "
         f"in {replay.recording.duration_s / 60:.0f} min, {DENSITY} density."
     )
-    settings = load_settings(altitude_m=ALTITUDE_M)
     with replay, progress("[3/4] Flying the four policies") as tell:
+        settings = load_settings(altitude_m=ALTITUDE_M)
         environment = prepare(world, settings)
-        targets = choose_targets(environment, count=SEGMENTS, seed=FLIGHT_SEED)
-        replay.on_extend = lambda share: tell(share, "[3/4] Recording more traffic")
-        result = []
+        spec = plan_mission(
+            world, settings, density=DENSITY, segments=SEGMENTS, seed=FLIGHT_SEED, environment=environment
+        )
+        inputs = MissionInputs(environment, replay)
+        inputs.on_extend(lambda share: tell(share, "[3/4] Recording more traffic"))
+        results = []
         for name in policy_names():
-            traffic_name = f"{replay.recording.name}-{replay.recording.origin.seed}"
-            result.append(
-                fly(environment, replay, settings, targets, name, seed=FLIGHT_SEED, traffic_name=traffic_name)
-            )
-            tell(len(result) / len(policy_names()), "[3/4] Flying the four policies")
-    minutes = sum(mission.duration_s for mission in result) / 60
-    out.print(f"[3/4] Flown: {len(result)} missions over {SEGMENTS} segments at {ALTITUDE_M:g} m, {minutes:.0f} min.")
+            results.append(fly(spec.with_policy(name), inputs=inputs))
+            tell(len(results) / len(policy_names()), "[3/4] Flying the four policies")
+    minutes = sum(mission.duration_s for mission in results) / 60
+    out.print(f"[3/4] Flown: {len(results)} missions over {SEGMENTS} segments at {ALTITUDE_M:g} m, {minutes:.0f} min.")
     folder = output / "missions"
     report.save(
-        result, replay, folder, several=True, animated=lambda mission: mission.policy == "hover", title="[4/4] Drawing"
+        results, replay, folder, several=True, animated=lambda mission: mission.policy == "hover", title="[4/4] Drawing"
     )
     out.print()
-    out.print(report.comparison_table(result))
-    out.print(report.sentence(result), markup=False, soft_wrap=True)
+    out.print(report.comparison_table(results))
+    out.print(report.sentence(results), markup=False, soft_wrap=True)
     out.print(
         f"""
 [bold]Results[/] in {folder}/

@@ -233,10 +233,10 @@ def recommend(
 
 
 def _note_unfinished(design: "Design", table: "pl.DataFrame") -> None:
-    result = table["replicate"].n_unique()
-    if result < design.replicates:
+    replicates = table["replicate"].n_unique()
+    if replicates < design.replicates:
         out.print(
-            f"[yellow]Note:[/] only {result} of {design.replicates} replicates are flown; `experiment run` goes on."
+            f"[yellow]Note:[/] only {replicates} of {design.replicates} replicates are flown; `experiment run` goes on."
         )
 
 
@@ -318,7 +318,7 @@ def _engine(name: str, scheduler: str | None, jobs: int | None, design: "Design"
 
 def _say(ran: "Ran", folder: Path) -> None:
     total = ran.plan.missions
-    before = f", {total - ran.result} of them before" if ran.result < total else ""
+    before = f", {total - ran.missions_flown} of them before" if ran.missions_flown < total else ""
     out.print(
         f"{total} missions flown{before}: {len(ran.plan.units)} parts in {folder}/segments.parquet/", soft_wrap=True
     )

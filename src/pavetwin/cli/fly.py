@@ -1,41 +1,47 @@
 """`pavetwin fly`: fly missions and write what they leave."""
 
-import json
-from collections.abc import Sequence
-from hashlib import sha256
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pavetwin.cli.arguments import Plugins, WorldFolder, paths_of
-from pavetwin.cli.conditions import OPTIONS, Clouds, Date, Time, Wind, check_daylight, conditions_of
+from pavetwin.cli.arguments import OptionalWorldFolder, Plugins, paths_of
+from pavetwin.cli.conditions import OPTIONS as CONDITIONS
+from pavetwin.cli.conditions import Clouds, Date, Time, Wind, check_daylight, conditions_of
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
     from pavetwin.config import MissionSettings
     from pavetwin.mission.again import FormerMission
-    from pavetwin.mission.environment import MissionEnvironment
     from pavetwin.mission.fly import MissionResult
-    from pavetwin.mission.replay import Replay
-    from pavetwin.traffic.demand import Density
-    from pavetwin.world.model import Defect, World
+    from pavetwin.mission.inputs import MissionInputs
+    from pavetwin.mission.spec import MissionSpec
 
-ALL, SEGMENTS = "all", "8"
+ALL, POLICY, SEGMENTS = "all", "hover", "8"
 
-SAID_BY_AGAIN = ("density", "altitude", "segments", "segment", "order", "seed", "preset", "set_", *OPTIONS)
+SAID_BY_AGAIN = (
+    *("density", "altitude", "segments", "segment", "order", "seed", "preset", "set_"),
+    *("traffic", "routes", "airspace", "plugin"),
+    *CONDITIONS,
+)
 """Options that a mission.yaml answers."""
 
 
 def fly(
     context: typer.Context,
-    world: WorldFolder,
+    world: OptionalWorldFolder = None,
     density: Annotated[str, typer.Option(help="Traffic: low, medium or high.")] = "medium",
     altitude: Annotated[float | None, typer.Option(help="Metres above ground; 10 unless set otherwise.")] = None,
     policy: Annotated[
-        str, typer.Option(help="baseline, hover, micro, skip; all for the four; or your own, file.py:ClassName.")
-    ] = "hover",
+        list[str] | None,
+        typer.Option(
+            help="baseline, hover, micro, skip; all for every registered one; or your own, file.py:ClassName. "
+            "May be repeated. hover unless given."
+        ),
+    ] = None,
     segments: Annotated[str, typer.Option(metavar="N|all", help="How many segments to inspect.")] = SEGMENTS,
     segment: Annotated[
         list[str] | None, typer.Option(help="Inspect this segment; may be given several times. Replaces --segments.")
@@ -60,9 +66,9 @@ def fly(
     airspace: Annotated[
         Path | None, typer.Option(metavar="FILE.csv", help="Other aircraft: aircraft, t_s, x_m, y_m, altitude_m.")
     ] = None,
-    defect_seed: Annotated[int | None, typer.Option(help="Place the defects again with this seed.")] = None,
+    defect_seed: Annotated[int | None, typer.Option(help="Place the defects again under this seed.")] = None,
     again: Annotated[
-        Path | None, typer.Option(metavar="mission.yaml", help="Fly that mission again; replaces what it says.")
+        Path | None, typer.Option(metavar="mission.yaml", help="Fly that mission again; needs nothing else.")
     ] = None,
     plugin: Plugins = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the results.")] = None,
@@ -79,140 +85,136 @@ def fly(
     pavetwin fly worlds/town --policy all --preset paper --altitude 6
     pavetwin fly worlds/town --date 2026-06-21 --time 09:30 --clouds 0.4 --wind 5@270 --save-frames
     pavetwin fly worlds/town --segment s0004 --policy my_policy.py:Careful --set policy.max_wait_s=60
-    pavetwin fly worlds/town --again worlds/town/missions/hover-high-1-10m-default-seed1/mission.yaml
+    pavetwin fly --again worlds/town/missions/hover-high-1-10m-default-seed1/mission.yaml
     """
+    _refuse_pairs(context, (("density", "traffic", "routes"), ("segment", "segments")))
+    if world is None and again is None and not settings:
+        raise PaveTwinError("Name the folder of a world, or a mission.yaml by --again.")
+    former = None
+    if again is not None:
+        from pavetwin.mission.again import read_mission
+
+        _refuse_answered(context)
+        former = read_mission(again)
+    chosen = (
+        former.spec.settings
+        if former is not None
+        else _settings(preset, altitude, set_, paths_of(plugin), conditions_of(date, time, clouds, wind))
+    )
+
     from pavetwin.cli import report
-    from pavetwin.config import load_settings
-    from pavetwin.config.altitude import check_altitude
-    from pavetwin.mission.again import read_mission
-    from pavetwin.mission.airspace import load_airspace
     from pavetwin.mission.environment import prepare
+    from pavetwin.mission.inputs import defects_of, load_inputs, world_of
+    from pavetwin.mission.naming import folder_name
+    from pavetwin.mission.plan import check_names, defect_input, plan_mission
+    from pavetwin.mission.replay import Replay
     from pavetwin.mission.results import check_mission_folder
-    from pavetwin.mission.targets import choose_targets
-    from pavetwin.policies import load_policy, policy_names
-    from pavetwin.sensing import load_sensor
-    from pavetwin.uav import energy_curve, find_camera
     from pavetwin.world.store import load_world
 
-    if altitude is not None:
-        check_altitude(altitude)
-    given: dict[str, Any] = {} if altitude is None else {"altitude_m": altitude}
-    if plugin:
-        given["plugins"] = paths_of(plugin)
-    if conditions := conditions_of(date, time, clouds, wind):
-        given["conditions"] = conditions
-    chosen = load_settings(preset, set_ or (), **given)
-    loaded, former, traffic_seed = None, None, seed
-    wanted: Density | None = _density(density)
-    if again is not None:
-        _refuse_answered(context)
-        loaded = load_world(world)
-        former = read_mission(again, loaded)
-        chosen, seed, segment = former.settings, former.seed, list(former.segments)
-        wanted, traffic_seed = former.density, former.traffic_seed
-        policy = policy if _given(context, "policy") else former.policy
-        if wanted is None and not routes and traffic is None:
-            raise PaveTwinError("--again: the mission was flown over your own routes; give them by --routes as well.")
-        output = output or again.absolute().parent.with_name(f"{again.absolute().parent.name}-again")
     if settings:
         out.print(report.settings_text(chosen), markup=False)
         return
-    names = policy_names() if policy == ALL else [policy]
+    names = _policies(policy or [POLICY if former is None else former.spec.policy.name])
     for name in names:
-        load_policy(name, chosen.policy)
-    load_sensor(chosen.sensing, seed)
-    find_camera(chosen.camera.model)
-    energy_curve(chosen.energy)
-    if seed < 0:
-        raise PaveTwinError(f"--seed {seed}: seeds are whole numbers from 0.")
+        check_names(chosen, name, seed)
     if save_frames:
         from pavetwin.render.adapter import find_adapter
 
         find_adapter()
-    loaded = loaded or load_world(world)
+    loaded = load_world(world) if world is not None else world_of(former.spec.world)  # type: ignore[union-attr]
     if save_frames:
         check_daylight(chosen, loaded)
     with progress("Preparing the flight domain") as tell:
-        environment = prepare(loaded, chosen, _defects(loaded, defect_seed))
-        tell(1.0)
-    targets = choose_targets(environment, count=_count(segments), names=segment or (), order=order, seed=seed)
-    aircraft = load_airspace(airspace) if airspace is not None else ()
-    replay = _replay(loaded, wanted, traffic_seed, traffic, routes or [])
-    replay.aircraft = aircraft
-    folder = output or world / "missions" / _folder_name(
-        policy,
-        replay,
-        chosen,
-        preset,
-        seed,
-        others={
-            "segments": targets if segment or order != "random" or segments != SEGMENTS else None,
-            "defect_seed": defect_seed,
-            "airspace": airspace and sha256(airspace.read_bytes()).hexdigest(),
-        },
+        environment = None
+        if former is not None:
+            spec = former.spec.with_policy(names[0])
+            if defect_seed is not None:
+                spec = spec.model_copy(update={"defects": defect_input(defect_seed)})
+        else:
+            environment = prepare(loaded, chosen, defects_of(loaded, defect_input(defect_seed)))
+            spec = plan_mission(
+                loaded,
+                chosen,
+                density=density,
+                routes=routes or (),
+                recording=traffic,
+                segments=segment or _count(segments),
+                order=order,
+                policy=names[0],
+                seed=seed,
+                defect_seed=defect_seed,
+                aircraft=airspace,
+                environment=environment,
+            )
+        inputs = load_inputs(spec, world=loaded, environment=environment, on_progress=tell)
+    replay = inputs.traffic
+    assert isinstance(replay, Replay)
+    label = names[0] if len(names) == 1 else ALL
+    usual = not segment and order == "random" and segments == SEGMENTS
+    folder = output or (
+        again.absolute().parent.with_name(f"{again.absolute().parent.name}-again")
+        if again is not None
+        else Path(spec.world.path) / "missions" / folder_name(spec, label, preset, usual_targets=usual)
     )
     check_mission_folder(folder)
     with replay:
-        missions = (_fly_one(environment, replay, chosen, targets, name, seed) for name in names)
-        result = report.save(
-            missions, replay, folder, several=policy == ALL, animated=lambda _: animate, frames=save_frames
+        results = report.save(
+            _missions(spec, names, inputs),
+            replay,
+            folder,
+            several=len(names) > 1,
+            animated=lambda _: animate,
+            frames=save_frames,
         )
     for remark in replay.recording.remarks:
         out.print(f"[yellow]Note:[/] {remark}")
-    out.print(report.segments_table(result[0]) if len(result) == 1 else report.comparison_table(result))
-    out.print(report.sentence(result), markup=False, soft_wrap=True)
-    for mission in result:
-        if former is not None and mission.policy == former.policy:
-            out.print(_compared(former, mission), soft_wrap=True)
+    out.print(report.segments_table(results[0]) if len(results) == 1 else report.comparison_table(results))
+    out.print(report.sentence(results), markup=False, soft_wrap=True)
+    if former is not None:
+        _compare(former, results[0])
     out.print(
-        f"Results in {folder}/: {report.listing(result, animate=animate, frames=save_frames)}",
+        f"Results in {folder}/: {report.listing(results, animate=animate, frames=save_frames)}",
         markup=False,
         soft_wrap=True,
     )
 
 
-def _fly_one(
-    environment: "MissionEnvironment",
-    replay: "Replay",
-    settings: "MissionSettings",
-    targets: Sequence[int],
-    policy: str,
-    seed: int,
-) -> "MissionResult":
+def _missions(spec: "MissionSpec", policies: Sequence[str], inputs: "MissionInputs") -> Iterator["MissionResult"]:
     from pavetwin.mission.fly import fly as fly_mission
 
-    with progress(f"Flying {Path(policy).name}") as tell:
-        replay.on_extend = lambda share: tell(share, "Recording more traffic")
-        return fly_mission(
-            environment,
-            replay,
-            settings,
-            targets,
-            policy,
-            seed=seed,
-            traffic_name=_traffic_name(replay),
-            on_progress=tell,
-        )
+    for name in policies:
+        with progress(f"Flying {Path(name).name}") as tell:
+            inputs.on_extend(partial(tell, what="Recording more traffic"))
+            yield fly_mission(spec.with_policy(name), inputs=inputs, on_progress=tell)
 
 
-def _replay(world: "World", density: "Density | None", seed: int, file: Path | None, routes: list[Path]) -> "Replay":
-    from pavetwin.mission.replay import Replay, replay_of
-    from pavetwin.traffic.recording import load_recording
+def _settings(
+    preset: str,
+    altitude: float | None,
+    overrides: Sequence[str] | None,
+    plugins: Sequence[str],
+    conditions: Mapping[str, Any],
+) -> "MissionSettings":
+    from pavetwin.config import load_settings
+    from pavetwin.config.altitude import check_altitude
 
-    if file is not None:
-        return Replay(world, load_recording(file, world), routes)
-    with progress("Recording traffic") as tell:
-        return replay_of(world, None if routes else density, seed, routes=routes, on_progress=tell)
+    given: dict[str, Any] = {}
+    if altitude is not None:
+        check_altitude(altitude)
+        given["altitude_m"] = altitude
+    if plugins:
+        given["plugins"] = plugins
+    if conditions:
+        given["conditions"] = conditions
+    return load_settings(preset, overrides or (), **given)
 
 
-def _traffic_name(replay: "Replay") -> str:
-    return f"{replay.recording.name}-{replay.recording.origin.seed}"
+def _policies(given: Sequence[str]) -> list[str]:
+    """The policies to fly, each once; `all` stands for every registered one."""
+    from pavetwin.policies import policy_names
 
-
-def _defects(world: "World", seed: int | None) -> "Sequence[Defect] | None":
-    from pavetwin.defects import place
-
-    return None if seed is None else place(world.segments, seed)
+    names = [name for each in given for name in (policy_names() if each == ALL else [each])]
+    return list(dict.fromkeys(names))
 
 
 def _count(segments: str) -> int | None:
@@ -224,15 +226,19 @@ def _count(segments: str) -> int | None:
         raise PaveTwinError(f"--segments {segments}: expected a number or 'all'.") from None
 
 
-def _density(name: str) -> "Density":
-    from pavetwin.traffic.demand import density_named
-
-    return density_named(name)
-
-
 def _given(context: typer.Context, option: str) -> bool:
     source = context.get_parameter_source(option)
     return source is not None and source.name == "COMMANDLINE"
+
+
+def _refuse_pairs(context: typer.Context, groups: Sequence[Sequence[str]]) -> None:
+    """Raises:
+    PaveTwinError: two options were given of which one replaces the other.
+    """
+    for group in groups:
+        both = [f"--{option}" for option in group if _given(context, option)]
+        if len(both) > 1:
+            raise PaveTwinError(f"{' and '.join(both)} exclude each other; give one of them.")
 
 
 def _refuse_answered(context: typer.Context) -> None:
@@ -244,36 +250,13 @@ def _refuse_answered(context: typer.Context) -> None:
             raise PaveTwinError(f"--again: the mission.yaml says --{option.rstrip('_')}; leave one of the two out.")
 
 
-def _compared(former: "FormerMission", result: "MissionResult") -> str:
-    """Whether a mission flown again came out as before: its mission.yaml does not hold every input."""
-    from dataclasses import asdict
-
-    from pavetwin.mission.results import detections_geojson, totals
-
-    now = asdict(totals(result))
-    other = [name for name, value in former.totals.items() if now.get(name) != value]
-    if former.detections is not None and former.detections != detections_geojson(result):
-        other.append("captures")
-    if not other:
-        return "The same as the first time."
-    return (
-        f"[yellow]Note:[/] not the same as the first time ({', '.join(other)}): give --defect-seed, --airspace, "
-        "--routes and --policy as they were then."
-    )
-
-
-def _folder_name(
-    policy: str, replay: "Replay", settings: "MissionSettings", preset: str, seed: int, others: dict[str, object]
-) -> str:
-    """Names a mission by what is asked for most, and by a short hash of `others` and settings that are not usual."""
-    from pavetwin.config import load_settings
-
-    unusual = {key: value for key, value in others.items() if value is not None}
-    if settings != load_settings(preset, altitude_m=settings.altitude_m):
-        unusual["settings"] = settings.model_dump(mode="json")
-    if replay.recording.origin.asked is None:
-        unusual["traffic"] = replay.recording.origin.inputs
-    name = policy.rpartition(":")[2]
-    plain = f"{name}-{_traffic_name(replay)}-{settings.altitude_m:g}m-{preset}-seed{seed}"
-    mark = sha256(json.dumps(unusual, sort_keys=True).encode()).hexdigest()[:6]
-    return f"{plain}-{mark}" if unusual else plain
+def _compare(former: "FormerMission", result: "MissionResult") -> None:
+    """Print whether a mission flown again came out as it did before."""
+    for change in former.version_changes():
+        out.print(f"[yellow]Note:[/] flown before with {change}.", soft_wrap=True)
+    if result.spec != former.spec:
+        out.print("[yellow]Note:[/] not the same mission as before: an option changed it.", soft_wrap=True)
+    elif different := former.differences(result):
+        out.print(f"[yellow]Note:[/] not the same as the first time ({', '.join(different)}).", soft_wrap=True)
+    else:
+        out.print("The same as the first time.")

@@ -4,7 +4,7 @@ import io
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final, get_args, get_type_hints
@@ -21,8 +21,10 @@ from pavetwin.experiments.metrics import FAILED, FLOWN, REASON, REPLICATE, STATU
 from pavetwin.experiments.plan import Cell, Plan, Unit, check_plugins, world_of_study
 from pavetwin.mission.environment import MissionEnvironment, Surroundings, prepare
 from pavetwin.mission.fly import fly
+from pavetwin.mission.inputs import MissionInputs
 from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.replay import Replay
+from pavetwin.mission.spec import DefectInput, MissionSpec, PolicyInput, WorldInput
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder
 from pavetwin.world.model import Defect, World
@@ -110,13 +112,36 @@ def _part(plan: Plan, rows: Iterable[Row]) -> bytes:
 
 def _flown(plan: Plan, unit: Unit, cell: Cell, ground: "_Ground") -> list[Row]:
     """The rows of one mission; it may fail."""
-    seeds, targets = plan.seeds(unit.replicate), plan.segments(unit)
     try:
         settings = cell.settings(plan.design)
-        result = fly(ground.environment(settings), ground.replay, settings, targets, cell.policy, seed=seeds.sensing)
+        environment = ground.environment(settings)
+        spec = _spec(plan, unit, cell, settings, environment, ground.replay)
+        result = fly(spec, inputs=MissionInputs(environment, ground.replay))
     except Exception as error:
         return _failed(plan, unit, cell, _words(error))
     return [_factors(plan, unit, cell) | {STATUS: FLOWN} | _measured(row) for row in result.rows]
+
+
+def _spec(
+    plan: Plan, unit: Unit, cell: Cell, settings: MissionSettings, environment: MissionEnvironment, replay: Replay
+) -> MissionSpec:
+    """The mission of a cell, from which `fly` repeats it alone."""
+    design, seeds, world = plan.design, plan.seeds(unit.replicate), environment.world
+    own = design.defects == "world"
+    return MissionSpec.of(
+        world=WorldInput.of(world),
+        defects=DefectInput(
+            seed=None if own else seeds.defects,
+            options=None if own else _defect_options(design.worlds[unit.world].path, _defects_text(design)),
+            on="world" if own else "targets",
+            content_hash=environment.defects_hash,
+        ),
+        traffic=replay.source(),
+        targets=tuple(world.segments[index].id for index in plan.segments(unit)),
+        policy=_policy_input(cell.policy),
+        seed=seeds.sensing,
+        settings=settings,
+    )
 
 
 def _failed(plan: Plan, unit: Unit, cell: Cell, reason: str) -> list[Row]:
@@ -173,7 +198,7 @@ class _Ground:
             plan.hashes[unit.world],
             tuple(sorted(plan.segments(unit))),
             seeds.defects,
-            design.defects if isinstance(design.defects, str) else design.defects.model_dump_json(),
+            _defects_text(design),
         )
         _defects(place)
         return cls(place, _replay(plan, unit, place.world, entry))
@@ -204,9 +229,25 @@ def _defects(place: _Place) -> tuple[Defect, ...]:
     world = place.world
     if place.defects == "world":
         return world.defects
-    known = load_record(Path(place.path)).defects if place.defects == "placed" else json.loads(place.defects)
-    options = DefectOptions.parse(known or {}, where=f"'{place.path}'")
+    options = _defect_options(place.path, place.defects)
     return place_defects([world.segments[target] for target in place.targets], place.seed, options, threads=1)
+
+
+def _defects_text(design: Design) -> str:
+    """What a design says of defects: placed, world, or options as JSON."""
+    return design.defects if isinstance(design.defects, str) else design.defects.model_dump_json()
+
+
+@cache
+def _policy_input(name: str) -> PolicyInput:
+    return PolicyInput.of(name)
+
+
+@lru_cache(maxsize=16)
+def _defect_options(path: str, defects: str) -> DefectOptions:
+    """How defects are placed over the world at `path`."""
+    known = load_record(Path(path)).defects if defects == "placed" else json.loads(defects)
+    return DefectOptions.parse(known or {}, where=f"'{path}'")
 
 
 @lru_cache(maxsize=16)

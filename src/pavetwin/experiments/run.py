@@ -24,7 +24,7 @@ class Ran:
 
     plan: Plan
     table: pl.DataFrame
-    result: int
+    missions_flown: int
     """Missions flown now; the others were there."""
 
     @property
@@ -63,15 +63,15 @@ def run(
 
         def on_stand() -> None:
             store.begin(made, retry=retry)
-            result()
+            flown()
 
         def on_unit(unit: Unit, part: bytes) -> None:
             nonlocal done
             store.write(unit, part)
             done += cells
-            result()
+            flown()
 
-        def result() -> None:
+        def flown() -> None:
             tell(done / made.missions, f"Flying missions {done}/{made.missions}")
 
         if missing:

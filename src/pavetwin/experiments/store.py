@@ -70,10 +70,10 @@ class Store:
 
     def _check_mended(self, concerned: pl.Expr, refused: str, *, retry: bool) -> None:
         """Whether a file may be another: nothing that was flown with it is kept."""
-        result = [
+        flown = [
             pl.read_parquet(self._part(unit), columns=["world", "policy", "sensor", STATUS]) for unit in self._flown()
         ]
-        missions = pl.concat(result).filter(concerned)
+        missions = pl.concat(flown).filter(concerned)
         failed = missions.filter(pl.col(STATUS) == FAILED).height
         if failed < missions.height or not missions.height:
             raise PaveTwinError(

@@ -1,79 +1,76 @@
-"""Flying a mission again from its `mission.yaml`."""
+"""Reading a mission's description, and comparing a mission that was flown again with what it was."""
 
 import json
-import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import yaml
 
-from pavetwin.config import MissionSettings
+from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError
-from pavetwin.traffic.demand import USER, Density, density_named, density_of
-from pavetwin.world.model import World
-
-OWN_NUMBERS: Final = re.compile(r"v(\d[\d.e+-]*)-p(\d[\d.e+-]*)")
-"""The name of a density of the user's own numbers (`density_of`)."""
+from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.results import TOTALS, detections_geojson, totals
+from pavetwin.mission.spec import FORMAT, MissionSpec
 
 
 @dataclass(frozen=True, slots=True)
 class FormerMission:
-    """What a `mission.yaml` says that decides how its mission is flown, and what came out."""
+    """A `mission.yaml`: the spec, and what came out of the mission."""
 
-    settings: MissionSettings
-    policy: str
-    seed: int
-    segments: tuple[str, ...]
-    """In the order in which they were inspected."""
-    density: Density | None
-    """None for a user's own routes."""
-    traffic_seed: int
+    spec: MissionSpec
     totals: Mapping[str, Any]
     detections: Any
     """The `captures.geojson` beside it; None where it is not there any more."""
 
+    def differences(self, result: MissionResult) -> list[str]:
+        """Names of what came out differently; empty when all is the same."""
+        now = asdict(totals(result))
+        other = [name for name, value in self.totals.items() if now.get(name) != value]
+        if self.detections is not None and self.detections != detections_geojson(result):
+            other.append("captures")
+        return other
 
-def read_mission(path: str | Path, world: World) -> FormerMission:
-    """The mission that `path`, a `mission.yaml`, describes.
+    def version_changes(self) -> list[str]:
+        """Software that is another now than when the mission was flown, in words."""
+        now = MissionSpec.model_fields["versions"].get_default(call_default_factory=True)
+        return [
+            f"{name} {before} (now {now.get(name, 'not installed')})"
+            for name, before in self.spec.versions.items()
+            if now.get(name) != before
+        ]
+
+
+def read_mission(path: str | Path) -> FormerMission:
+    """The mission that a `mission.yaml` describes.
 
     Raises:
-        PaveTwinError: the file is missing or damaged, or the mission was flown over another world.
+        PaveTwinError: the file is missing, damaged, or of another version.
     """
     path = Path(path)
-    values = _read(path)
-    try:
-        flown_over = values["world"]["content_hash"]
-        if flown_over != world.content_hash:
-            raise PaveTwinError(
-                f"--again: the mission of '{path}' was flown over the world '{values['world']['name']}' "
-                f"({str(flown_over)[:12]}), which '{world.name}' ({world.content_hash[:12]}) is not; give that world."
-            )
-        density, traffic_seed = _traffic(str(values["traffic"]))
-        return FormerMission(
-            settings=MissionSettings.parse(values["settings"], where=f"--again: '{path}'"),
-            policy=str(values["policy"]),
-            seed=int(values["seed"]),
-            segments=tuple(str(name) for name in values["segments"]),
-            density=density,
-            traffic_seed=traffic_seed,
-            totals=dict(values["totals"]),
-            detections=_detections(path.with_name("captures.geojson")),
+    values = dict(_read(path))
+    if values.get("format") != FORMAT:
+        raise PaveTwinError(
+            f"'{path}' is no mission.yaml of format {FORMAT}, which this version reads; fly the mission again from its "
+            "options."
         )
-    except (KeyError, TypeError, ValueError) as error:
-        raise PaveTwinError(f"--again: '{path}' is not a whole mission.yaml ({error}).") from error
+    sums = values.pop(TOTALS, None)
+    if not isinstance(sums, Mapping):
+        raise PaveTwinError(f"'{path}' is not a whole mission.yaml: it has no totals.")
+    spec = MissionSpec.parse(values, where=f"'{path}'")
+    return FormerMission(spec, dict(sums), _detections(path.with_name("captures.geojson")))
 
 
 def _read(path: Path) -> Mapping[str, Any]:
     try:
-        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+        values = parse_yaml(path.read_text(encoding="utf-8"), where=f"'{path}'")
     except OSError as error:
-        raise PaveTwinError(f"--again: cannot read '{path}': {error.strerror or error}.") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise PaveTwinError(f"--again: '{path}' is not a whole mission.yaml.") from error
+        raise PaveTwinError(f"Cannot read '{path}': {error.strerror or error}.") from error
+    except (yaml.YAMLError, UnicodeDecodeError, ValueError) as error:
+        raise PaveTwinError(f"'{path}' is not a whole mission.yaml.") from error
     if not isinstance(values, Mapping):
-        raise PaveTwinError(f"--again: '{path}' is not a mission.yaml.")
+        raise PaveTwinError(f"'{path}' is not a mission.yaml.")
     return values
 
 
@@ -86,12 +83,3 @@ def _detections(path: Path) -> Any:
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
     return content
-
-
-def _traffic(name: str) -> tuple[Density | None, int]:
-    """The density and the seed of a recording's name, such as `high-1`."""
-    density, _, seed = name.rpartition("-")
-    if density.split("-")[0] == USER:
-        return None, int(seed)
-    own = OWN_NUMBERS.fullmatch(density)
-    return density_of(float(own[1]), float(own[2])) if own else density_named(density), int(seed)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import radians
 from typing import Self
 
@@ -18,6 +19,7 @@ from pavetwin.defects import sample_points
 from pavetwin.navigation.navmesh import navmesh
 from pavetwin.uav import energy_curve, find_camera
 from pavetwin.uav.energy import CURVE_STEP_MPS
+from pavetwin.world.content import defects_hash
 from pavetwin.world.model import Defect, Surface, World
 from pavetwin.world.solids import Solids, solids
 
@@ -33,6 +35,11 @@ class MissionEnvironment:
     components: tuple[int | None, ...]
     """For each segment, the part of the mesh that its middle lies in (or next to)."""
     base_component: int | None
+
+    @cached_property
+    def defects_hash(self) -> str:
+        """SHA-256 over the defects."""
+        return defects_hash(self.defects)
 
     def reachable(self, index: int) -> bool:
         """Whether a segment, by its index, can be reached from the base."""

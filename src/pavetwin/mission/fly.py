@@ -3,18 +3,22 @@
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pavetwin._core import BatteryLow, Captured, Occluded
+from pavetwin._core import Captured, Occluded
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import MissionEnvironment
-from pavetwin.mission.events import MissionEvent, MissionObserver, ProgressMade
+from pavetwin.mission.events import ActionTaken, BatteryRanLow, MissionEvent, MissionObserver, ProgressMade
+from pavetwin.mission.inputs import MissionInputs, load_inputs
 from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.mission import Mission, Traffic
+from pavetwin.mission.replay import Replay
+from pavetwin.mission.spec import HANDED_IN, DefectInput, MissionSpec, PolicyInput, TrafficInput, WorldInput
 from pavetwin.policies import Action, Policy, load_policy
-from pavetwin.sensing import load_sensor
+from pavetwin.sensing import Detection, Frame, ImageSource, JudgedDetection, Outcome, Sensor, load_sensor
 from pavetwin.twin import InspectionMemory, Snapshot
 
 if TYPE_CHECKING:
@@ -22,80 +26,95 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Detection:
-    """A defect that was confirmed, and the capture that did."""
-
-    defect: int
-    time_s: float
-    on_revisit: bool
-    attempt: int
-    """1 for the first."""
-    visible_fraction: float
-    position: tuple[float, float]
-    """Of the UAV."""
-    yaw_rad: float
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where a policy did something other than going on."""
+class Decision:
+    """Where a policy did something other than going on, or a battery was swapped."""
 
     time_s: float
     position: tuple[float, float]
     action: str
+    """`wait`, `displace`, `revisit` or `battery`."""
 
 
 @dataclass(frozen=True)
 class MissionResult:
     """A mission that was flown to its end."""
 
+    spec: MissionSpec
     environment: MissionEnvironment
-    settings: MissionSettings
     policy: str
+    """What the policy calls itself."""
     sensor: str
-    seed: int
-    traffic: str
-    """Name of the recording, such as `high-1`."""
     rows: tuple[SegmentMetrics, ...]
-    detections: tuple[Detection, ...]
-    actions: tuple[Place, ...]
+    detections: tuple[JudgedDetection, ...]
+    """All that the sensor reported, in the order of time."""
     memory: InspectionMemory
     track: "TrackColumns"
     captures: "CaptureColumns"
     duration_s: float
     energy: float
+    """In batteries, over all swaps."""
     distance_m: float
     swaps: int
     events: tuple[MissionEvent, ...]
-    """Everything that happened, in order."""
+    """Everything that happened, in the order of time."""
+
+    @property
+    def settings(self) -> MissionSettings:
+        return self.spec.settings
+
+    @property
+    def seed(self) -> int:
+        """Of the sensor."""
+        return self.spec.seed
+
+    @property
+    def traffic(self) -> str:
+        """Name of the recording, such as `high-1`; empty where the traffic was handed in as a value."""
+        return "" if self.spec.traffic.density == HANDED_IN else self.spec.traffic.name
+
+    @cached_property
+    def confirmed(self) -> tuple[JudgedDetection, ...]:
+        """The detections that confirmed a defect, one for each confirmed defect."""
+        return tuple(each for each in self.detections if each.outcome is Outcome.CONFIRMED)
+
+    @cached_property
+    def actions(self) -> tuple[Decision, ...]:
+        """Where the policy acted, and where the UAV turned back for another battery."""
+        found = []
+        for event in self.events:
+            match event:
+                case ActionTaken():
+                    found.append(Decision(event.time_s, event.position, type(event.action).__name__.lower()))
+                case BatteryRanLow():
+                    found.append(Decision(event.time_s, event.position, "battery"))
+        return tuple(found)
 
 
 def fly(
-    environment: MissionEnvironment,
-    traffic: Traffic,
-    settings: MissionSettings,
-    targets: Sequence[int],
-    policy: str | Policy = "hover",
+    spec: MissionSpec,
     *,
-    seed: int = 0,
-    traffic_name: str = "",
+    inputs: MissionInputs | None = None,
+    policy: Policy | None = None,
+    image_source: ImageSource | None = None,
     on_progress: Callable[[float], None] | None = None,
     observer: MissionObserver | None = None,
 ) -> MissionResult:
     """Fly one mission.
 
     Args:
-        targets: indices of the segments to inspect, in order; see `choose_targets`.
-        policy: a registered name, `path/to/file.py:ClassName`, or a policy.
-        seed: of the sensor's random numbers.
-        on_progress: told the share done, about.
+        inputs: what the spec names, where it is read already; see `load_inputs`.
+        policy: a policy as a value, in place of the one that the spec names.
+        image_source: takes the images of frames, for sensors that look at them.
+        on_progress: told the share done, 0 … 1.
         observer: told everything that happens, see `pavetwin.mission.events`.
 
     Raises:
-        PaveTwinError: the policy or the sensor is not known, or the mission cannot be flown.
+        PaveTwinError: an input is gone or has changed, the policy or the sensor is not known, or the mission cannot be
+            flown.
     """
-    decides = load_policy(policy, settings.policy) if isinstance(policy, str) else policy
-    sensor = load_sensor(settings.sensing, seed)
+    chosen = policy or load_policy(spec.policy.name, spec.settings.policy)
+    sensor = load_sensor(spec.settings.sensing, spec.seed)
+    loaded = inputs or load_inputs(spec)
 
     def tell(event: MissionEvent) -> None:
         if on_progress is not None and isinstance(event, ProgressMade):
@@ -103,47 +122,25 @@ def fly(
         if observer is not None:
             observer(event)
 
-    mission = Mission(environment, traffic, settings, targets, policy=decides.name, observer=tell)
-    detections: list[Detection] = []
-    actions: list[Place] = []
-    for event in mission:
-        match event:
-            case Captured():
-                frame = mission.frame(event)
-                confirmed = sensor.detect(frame)
-                mission.confirm(confirmed)
-                sightings = {sighting.defect: sighting for sighting in frame.sightings}
-                detections += [
-                    Detection(
-                        defect,
-                        frame.time_s,
-                        mission.memory.confirmed[defect].on_revisit,
-                        sightings[defect].attempt + 1,
-                        sightings[defect].visible_fraction,
-                        frame.position,
-                        frame.yaw_rad,
-                    )
-                    for defect in confirmed
-                ]
-            case Occluded():
-                action = _decide(decides, mission.snapshot(event))
-                mission.act(action)
-                name = type(action).__name__.lower()
-                if name != "goon":
-                    actions.append(Place(event.time_s, mission.flight.position, name))
-            case BatteryLow():
-                actions.append(Place(mission.flight.time_s, mission.flight.position, "battery"))
+    mission = Mission(
+        loaded.environment,
+        loaded.traffic,
+        spec.settings,
+        loaded.indices(spec),
+        policy=chosen.name,
+        image_source=image_source,
+        every_capture=sensor.every_capture,
+        observer=tell,
+    )
+    _answer(mission, chosen, sensor)
     flight = mission.flight
     return MissionResult(
-        environment=environment,
-        settings=settings,
-        policy=decides.name,
+        spec=spec,
+        environment=loaded.environment,
+        policy=chosen.name,
         sensor=sensor.name,
-        seed=seed,
-        traffic=traffic_name,
         rows=tuple(mission.rows),
-        detections=tuple(detections),
-        actions=tuple(actions),
+        detections=tuple(mission.detections.all),
         memory=mission.memory,
         track=flight.track(),
         captures=flight.captures(),
@@ -155,15 +152,92 @@ def fly(
     )
 
 
+def fly_over(
+    environment: MissionEnvironment,
+    traffic: Traffic,
+    settings: MissionSettings,
+    targets: Sequence[int],
+    policy: str | Policy = "hover",
+    *,
+    seed: int = 0,
+    image_source: ImageSource | None = None,
+    on_progress: Callable[[float], None] | None = None,
+    observer: MissionObserver | None = None,
+) -> MissionResult:
+    """Fly one mission over an environment and traffic that are values already.
+
+    Args:
+        targets: indices of the segments to inspect, in order; see `choose_targets`.
+        policy: a registered name, `path/to/file.py:ClassName`, or a policy.
+        seed: of the sensor's random numbers.
+
+    Raises:
+        PaveTwinError: as `fly`.
+    """
+    spec = spec_of(environment, traffic, settings, targets, policy if isinstance(policy, str) else policy.name, seed)
+    return fly(
+        spec,
+        inputs=MissionInputs(environment, traffic),
+        policy=None if isinstance(policy, str) else policy,
+        image_source=image_source,
+        on_progress=on_progress,
+        observer=observer,
+    )
+
+
+def spec_of(
+    environment: MissionEnvironment,
+    traffic: Traffic,
+    settings: MissionSettings,
+    targets: Sequence[int],
+    policy: str,
+    seed: int,
+) -> MissionSpec:
+    """The spec of a mission over values; what was never a file is named as handed in."""
+    world = environment.world
+    return MissionSpec.of(
+        world=WorldInput.of(world),
+        defects=DefectInput(content_hash=environment.defects_hash),
+        traffic=traffic.source() if isinstance(traffic, Replay) else TrafficInput(density=HANDED_IN),
+        targets=tuple(world.segments[index].id for index in targets),
+        policy=PolicyInput.of(policy),
+        seed=seed,
+        settings=settings,
+    )
+
+
+def _answer(mission: Mission, policy: Policy, sensor: Sensor) -> None:
+    """Fly a mission to its end and answer every event."""
+    for event in mission:
+        match event:
+            case Captured():
+                mission.confirm(_detect(sensor, mission.frame(event)))
+            case Occluded():
+                mission.act(_decide(policy, mission.snapshot(event)))
+
+
+def _detect(sensor: Sensor, frame: Frame) -> Sequence[Detection]:
+    try:
+        return sensor.detect(frame)
+    except PaveTwinError:
+        raise
+    except Exception as error:
+        raise _failure("sensor", sensor.name, frame.time_s, error) from error
+
+
 def _decide(policy: Policy, snapshot: Snapshot) -> Action:
-    """The policy's answer; a user's own may fail in a situation that its check did not think of."""
     try:
         return policy.decide(snapshot)
     except PaveTwinError:
         raise
     except Exception as error:
-        where = traceback.extract_tb(error.__traceback__)[-1]
-        raise PaveTwinError(
-            f"The policy '{policy.name}' failed {snapshot.time_s:.1f} s into the mission: "
-            f"{type(error).__name__}: {error} ({Path(where.filename).name}, line {where.lineno})."
-        ) from error
+        raise _failure("policy", policy.name, snapshot.time_s, error) from error
+
+
+def _failure(what: str, name: str, time_s: float, error: Exception) -> PaveTwinError:
+    """A user's own code may fail in a situation that its check did not think of."""
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    return PaveTwinError(
+        f"The {what} '{name}' failed {time_s:.1f} s into the mission: "
+        f"{type(error).__name__}: {error} ({Path(where.filename).name}, line {where.lineno})."
+    )

@@ -1,9 +1,12 @@
 """The metrics of a mission, segment by segment. Definitions: docs/explanation/definitions.md."""
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pavetwin._core import Flight
 from pavetwin.mission.environment import MissionEnvironment
+from pavetwin.sensing import JudgedDetection, Outcome
 from pavetwin.twin import InspectionMemory
 
 
@@ -36,6 +39,14 @@ class SegmentMetrics:
     occlusions: int
     revisits: int
     swaps: int
+    duplicates: int
+    """Detections of defects that were confirmed already."""
+    false_alarms: int
+    """Detections of nothing."""
+    precision: float | None
+    """Detections that match a defect, as a share of those and the false alarms."""
+    false_alarms_per_100_m2: float | None
+    """Of the surface that was seen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +68,7 @@ class SegmentMeter:
     def __init__(self, environment: MissionEnvironment) -> None:
         self._environment = environment
         self._last = _Readings(0.0, 0.0, 0.0, 0.0, 0, 0)
+        self._judged = 0
         self._defects: dict[str, list[int]] = {}
         for defect in environment.defects:
             self._defects.setdefault(defect.segment, []).append(defect.id)
@@ -68,11 +80,16 @@ class SegmentMeter:
         flight: Flight,
         memory: InspectionMemory,
         revisits: int,
+        detections: Sequence[JudgedDetection],
         *,
         inspected: bool,
         swaps: int,
     ) -> SegmentMetrics:
-        """The row of a segment that has just ended."""
+        """The row of a segment that has just ended.
+
+        Args:
+            detections: all of the mission so far.
+        """
         segment = self._environment.world.segments[target]
         now = _Readings(flight.time_s, flight.energy_used, flight.waited_s, flight.distance_m, flight.occlusions, swaps)
         before, self._last = self._last, now
@@ -81,6 +98,12 @@ class SegmentMeter:
         swept = sum(bool(swept_flags[defect]) for defect in defects)
         found = [memory.confirmed[defect] for defect in defects if defect in memory.confirmed]
         recovered = sum(confirmation.on_revisit for confirmation in found)
+        outcomes = Counter(each.outcome for each in detections[self._judged :])
+        self._judged = len(detections)
+        matched = outcomes[Outcome.CONFIRMED] + outcomes[Outcome.DUPLICATE]
+        false_alarms = outcomes[Outcome.FALSE_ALARM]
+        surface_coverage = flight.surface_coverage(target)
+        seen_m2 = surface_coverage * segment.area_m2
         return SegmentMetrics(
             order=order,
             segment=segment.id,
@@ -94,7 +117,7 @@ class SegmentMeter:
             coverage=len(found) / len(defects) if defects else None,
             swath_coverage=len(found) / swept if swept else None,
             recovery=recovered / swept if swept else None,
-            surface_coverage=flight.surface_coverage(target),
+            surface_coverage=surface_coverage,
             inspected=inspected,
             start_s=before.time_s,
             end_s=now.time_s,
@@ -105,4 +128,8 @@ class SegmentMeter:
             occlusions=now.occlusions - before.occlusions,
             revisits=revisits,
             swaps=now.swaps - before.swaps,
+            duplicates=outcomes[Outcome.DUPLICATE],
+            false_alarms=false_alarms,
+            precision=matched / (matched + false_alarms) if matched + false_alarms else None,
+            false_alarms_per_100_m2=100 * false_alarms / seen_m2 if seen_m2 else None,
         )

@@ -11,6 +11,7 @@ from pavetwin import _core
 from pavetwin._core import Arrived, BatteryLow, Captured, Flight, Occluded, Paused, RecordingEnds, Trace
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
+from pavetwin.mission.detections import DetectionLog
 from pavetwin.mission.environment import MissionEnvironment, new_flight, window_m
 from pavetwin.mission.events import (
     ActionTaken,
@@ -29,7 +30,7 @@ from pavetwin.mission.metrics import SegmentMeter, SegmentMetrics
 from pavetwin.mission.moment import KernelMoment
 from pavetwin.navigation.patterns import Pass, from_nearest_end, passes
 from pavetwin.policies import Action, Displace, GoOn, Revisit, Wait
-from pavetwin.sensing import Frame, Sighting
+from pavetwin.sensing import Detection, Frame, ImageSource, JudgedDetection, Outcome, Sighting
 from pavetwin.twin import (
     Confirmation,
     Episode,
@@ -42,6 +43,7 @@ from pavetwin.twin import (
     Snapshot,
     UavState,
 )
+from pavetwin.uav import find_camera
 
 Event = Captured | Occluded | BatteryLow
 """What a mission stops for and shows to those who fly it."""
@@ -83,19 +85,28 @@ class Mission:
     targets: Sequence[int]
     """Indices of the segments to inspect, in order."""
     policy: str = ""
+    image_source: ImageSource | None = None
+    """Takes the images of frames, for sensors that look at them."""
+    every_capture: bool = False
+    """Whether captures that see no defect are events as well."""
     observer: MissionObserver = lambda _: None
     """Told everything that happens."""
     memory: InspectionMemory = field(default_factory=InspectionMemory)
     rows: list[SegmentMetrics] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.flight: Flight = new_flight(self.environment, self.traffic.trace(), self.settings)
+        self.flight: Flight = new_flight(
+            self.environment, self.traffic.trace(), self.settings, every_capture=self.every_capture
+        )
         self.window_across_m, self.window_along_m = window_m(self.settings)
         self.swaps = 0
         self.events: list[MissionEvent] = []
         self.is_over = False
         """Whether the UAV has landed after its last segment."""
-        self._ledger = SegmentMeter(self.environment)
+        self.detections = DetectionLog(self.environment)
+        self._meter = SegmentMeter(self.environment)
+        self._camera = find_camera(self.settings.camera.model)
+        self._frame: Frame | None = None
         self._attempts: dict[int, int] = {}
         self._tried: set[int] = set()
         self._left: Pass = np.empty((0, 2))
@@ -160,23 +171,47 @@ class Mission:
     def frame(self, event: Captured) -> Frame:
         """The capture as a sensor sees it; each sighting in it is an attempt."""
         sightings = []
-        for defect, share in event.sightings:
+        for defect, fraction in event.sightings:
             attempt = self._attempts.get(defect, 0)
             self._attempts[defect] = attempt + 1
-            sightings.append(Sighting(defect, share, attempt))
+            sightings.append(Sighting(self.environment.defects[defect], fraction, attempt))
             if self.settings.sensing.attempts == "first_capture":
                 self.flight.set_wanted(defect, False)
                 self._tried.add(defect)
-        return Frame(event.time_s, event.position, event.altitude_m, event.yaw_rad, tuple(sightings))
+        self._frame = Frame(
+            number=event.number,
+            time_s=event.time_s,
+            position=event.position,
+            altitude_m=event.altitude_m,
+            yaw_rad=event.yaw_rad,
+            camera=self._camera,
+            conditions=self.settings.conditions,
+            velocity_mps=event.velocity_mps,
+            sightings=tuple(sightings),
+            source=self.image_source,
+        )
+        return self._frame
 
-    def confirm(self, defects: Sequence[int]) -> None:
-        """Note defects as confirmed, now and from here."""
-        news = tuple(defect for defect in defects if defect not in self.memory.confirmed)
-        for defect in defects:
+    def confirm(self, detections: Sequence[Detection]) -> list[JudgedDetection]:
+        """Judge what a sensor reports of the last frame, and note the defects that it confirms.
+
+        Raises:
+            PaveTwinError: no frame was asked for.
+        """
+        if self._frame is None or self._segment is None:
+            raise PaveTwinError("Detections belong to a frame: call mission.frame(event) before mission.confirm(…).")
+        judged = self.detections.judge(
+            self._frame, detections, self.memory.confirmed, segment=self._segment, on_revisit=self._on_revisit
+        )
+        confirmed = tuple(
+            each.defect for each in judged if each.outcome is Outcome.CONFIRMED and each.defect is not None
+        )
+        for defect in confirmed:
             self.memory = self.memory.confirm(defect, Confirmation(self.flight.time_s, self._on_revisit))
             self.flight.set_wanted(defect, False)
-        if news:
-            self._tell(DefectsConfirmed(self.flight.time_s, news, self._on_revisit))
+        if confirmed:
+            self._tell(DefectsConfirmed(self.flight.time_s, confirmed, self._on_revisit))
+        return judged
 
     def __iter__(self) -> Iterator[Event]:
         """Fly on to the end."""
@@ -227,8 +262,15 @@ class Mission:
         self._segment = None
         inspected = self.memory.status_of(segment.id) is SegmentStatus.INSPECTED
         self.rows.append(
-            self._ledger.close(
-                len(self.rows), target, self.flight, self.memory, revisits, inspected=inspected, swaps=self.swaps
+            self._meter.close(
+                len(self.rows),
+                target,
+                self.flight,
+                self.memory,
+                revisits,
+                self.detections.all,
+                inspected=inspected,
+                swaps=self.swaps,
             )
         )
         self._tell(SegmentFinished(self.flight.time_s, target))

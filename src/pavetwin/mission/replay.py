@@ -7,6 +7,7 @@ from typing import Any, Self
 
 from pavetwin._core import Trace
 from pavetwin.mission.airspace import Aircraft, with_aircraft
+from pavetwin.mission.spec import TrafficInput
 from pavetwin.traffic.demand import Density
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder
@@ -39,6 +40,8 @@ class Replay:
     routes: Sequence[str | Path] = ()
     aircraft: Sequence[Aircraft] = ()
     """Others in the air, which the UAV keeps clear of at its own altitude."""
+    file: Path | None = None
+    """The recording's file, where it was given as such and not by density or routes."""
     start_s: float = 0.0
     """When in the recording missions take off."""
     on_extend: Callable[[float], None] = lambda _: None
@@ -47,6 +50,13 @@ class Replay:
     """Extends the recording; made when it is first needed."""
     _trace: Trace | None = field(default=None, init=False, repr=False)
     _entered: bool = field(default=False, init=False, repr=False)
+
+    def source(self) -> TrafficInput:
+        """What it is made from, as a mission's spec names it."""
+        origin = self.recording.origin
+        return TrafficInput.of(
+            origin.asked, origin.seed, routes=self.routes, recording=self.file, take_off_s=self.start_s
+        )
 
     def trace(self) -> Trace:
         if self._trace is None:

@@ -4,7 +4,6 @@ import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,9 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing, writing_folder
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.metrics import SegmentMetrics
+
+TOTALS = "totals"
+"""Key of a `mission.yaml` beside those of the spec."""
 
 _MODE_NAMES = pl.Enum(_core.MODES)
 
@@ -47,6 +49,11 @@ class Totals:
     occlusions: int
     revisits: int
     swaps: int
+    duplicates: int
+    false_alarms: int
+    precision: float | None
+    false_alarms_per_100_m2: float | None
+    """Of the surface that was seen."""
 
 
 def totals(result: MissionResult) -> Totals:
@@ -58,7 +65,9 @@ def totals(result: MissionResult) -> Totals:
 
     defects, swept = sum(row.defects for row in rows), sum(row.swept for row in rows)
     confirmed, recovered = sum(row.confirmed for row in rows), sum(row.recovered for row in rows)
-    area_m2 = summed(lambda row: row.area_m2)
+    area_m2, seen_m2 = summed(lambda row: row.area_m2), summed(lambda row: row.surface_coverage * row.area_m2)
+    duplicates, false_alarms = sum(row.duplicates for row in rows), sum(row.false_alarms for row in rows)
+    matched = confirmed + duplicates
     return Totals(
         segments=len(rows),
         inspected=sum(row.inspected for row in rows),
@@ -69,7 +78,7 @@ def totals(result: MissionResult) -> Totals:
         coverage=confirmed / defects if defects else None,
         swath_coverage=confirmed / swept if swept else None,
         recovery=recovered / swept if swept else None,
-        surface_coverage=summed(lambda row: row.surface_coverage * row.area_m2) / area_m2 if area_m2 else None,
+        surface_coverage=seen_m2 / area_m2 if area_m2 else None,
         time_s=result.duration_s,
         energy=result.energy,
         wait_s=summed(lambda row: row.wait_s),
@@ -77,6 +86,10 @@ def totals(result: MissionResult) -> Totals:
         occlusions=sum(row.occlusions for row in rows),
         revisits=sum(row.revisits for row in rows),
         swaps=result.swaps,
+        duplicates=duplicates,
+        false_alarms=false_alarms,
+        precision=matched / (matched + false_alarms) if matched + false_alarms else None,
+        false_alarms_per_100_m2=100 * false_alarms / seen_m2 if seen_m2 else None,
     )
 
 
@@ -124,7 +137,9 @@ def detections_geojson(result: MissionResult, frames: Sequence[str] = ()) -> dic
     """
     world = result.environment.world
     features = []
-    for number, detection in enumerate(result.detections):
+    for number, detection in enumerate(result.confirmed):
+        assert detection.defect is not None
+        assert detection.visible_fraction is not None
         defect = result.environment.defects[detection.defect]
         lon, lat = world.georeference.to_wgs84((defect.centre.x, defect.centre.y))
         camera_lon, camera_lat = world.georeference.to_wgs84(detection.position)
@@ -153,17 +168,8 @@ def detections_geojson(result: MissionResult, frames: Sequence[str] = ()) -> dic
 
 
 def description(result: MissionResult) -> dict[str, Any]:
-    """Everything needed to fly the same mission again, and its totals."""
-    return {
-        "pavetwin": version("pavetwin"),
-        "world": {"name": result.environment.world.name, "content_hash": result.environment.world.content_hash},
-        "traffic": result.traffic,
-        "policy": result.policy,
-        "seed": result.seed,
-        "segments": [row.segment for row in result.rows],
-        "settings": result.settings.model_dump(mode="json"),
-        "totals": asdict(totals(result)),
-    }
+    """The mission's spec, from which it can be flown again, and its totals."""
+    return {**result.spec.as_values(), TOTALS: asdict(totals(result))}
 
 
 Drawing = Callable[[MissionResult, Path], None]

@@ -38,6 +38,7 @@ from pavetwin.mission.mission import MODES, Mission, Traffic
 from pavetwin.mission.moment import agents_of
 from pavetwin.mission.track import MODE_NUMBER, activity, inspecting
 from pavetwin.policies import Revisit
+from pavetwin.sensing import JudgedDetection
 from pavetwin.twin import Agent, Confirmation, Mode, Note, Place, UavState
 from pavetwin.world.model import Segment
 
@@ -61,6 +62,8 @@ class TimelineState:
     """o_{s*,t} at the last look; None while nothing is under inspection."""
     captures: int
     """How many inspection windows were captured so far: the first rows of the timeline's `captures`."""
+    detections: tuple[JudgedDetection, ...]
+    """All that the sensor reported, false alarms and duplicates too, in the order of time."""
     found: Mapping[int, Confirmation]
     """The confirmed defects, by their id."""
     missed: frozenset[int]
@@ -102,11 +105,14 @@ class Timeline:
         if isinstance(mission, Mission):
             self.duration_s = mission.flight.time_s
             self.track, self.captures = _track_until_now(mission), mission.flight.captures()
+            self._detections = tuple(mission.detections.all)
         else:
             self.duration_s = mission.duration_s
             self.track, self.captures = mission.track, mission.captures
+            self._detections = mission.detections
         self._events = tuple(mission.events)
         self._event_times_s = [event.time_s for event in self._events]
+        self._detection_times_s = [detection.time_s for detection in self._detections]
 
     def at(self, time_s: float) -> TimelineState:
         """The state at a moment from 0 to `duration_s`.
@@ -152,6 +158,7 @@ class Timeline:
             segment=None if segment < 0 else self.environment.world.segments[segment],
             visibility=visibility if np.isfinite(visibility) else None,
             captures=self.capture_count(time_s),
+            detections=self._detections[: bisect_right(self._detection_times_s, time_s)],
             found=MappingProxyType(found),
             missed=frozenset(
                 defect for left in finished for defect in self._defects_of.get(left, ()) if defect not in found

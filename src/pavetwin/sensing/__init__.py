@@ -1,19 +1,28 @@
-"""Which defects a captured frame confirms. One file a sensor, one registry."""
+"""What a sensor finds in a captured frame. One file a sensor, one registry."""
 
-from pavetwin.sensing.base import SENSORS, Frame, Sensor, Sighting, load_sensor, sensor, sensor_names
+from pavetwin.sensing.base import SENSORS, Sensor, load_sensor, sensor, sensor_names
 from pavetwin.sensing.conformance import check_sensor
+from pavetwin.sensing.detection import Detection, JudgedDetection, Outcome
+from pavetwin.sensing.frame import Box, Frame, ImageSource, Sighting
 from pavetwin.sensing.ideal import Ideal
+from pavetwin.sensing.matching import match
 from pavetwin.sensing.recall import Recall
 
 __all__ = [
     "SENSORS",
+    "Box",
+    "Detection",
     "Frame",
     "Ideal",
+    "ImageSource",
+    "JudgedDetection",
+    "Outcome",
     "Recall",
     "Sensor",
     "Sighting",
     "check_sensor",
     "load_sensor",
+    "match",
     "sensor",
     "sensor_names",
 ]

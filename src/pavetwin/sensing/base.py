@@ -1,51 +1,33 @@
-"""What a captured frame is to a sensor, and where sensors are registered."""
+"""What a sensor is, and where sensors are registered."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import ClassVar
 
 from pavetwin.config.mission import SensingSettings
 from pavetwin.plugins import find_class
 from pavetwin.registry import Registry
-from pavetwin.twin import Place
-
-
-@dataclass(frozen=True, slots=True)
-class Sighting:
-    """A defect that a frame could show: its centre is in the inspection window and enough of it unoccluded."""
-
-    defect: int
-    visible_fraction: float
-    attempt: int
-    """0 for the first time that this defect is tried."""
-
-
-@dataclass(frozen=True, slots=True)
-class Frame:
-    """One capture, as far as an abstract sensor needs it."""
-
-    time_s: float
-    position: Place
-    altitude_m: float
-    yaw_rad: float
-    sightings: Sequence[Sighting]
+from pavetwin.sensing.detection import Detection
+from pavetwin.sensing.frame import Frame
 
 
 class Sensor(ABC):
-    """Decides which of the sighted defects a frame confirms."""
+    """Reports what it finds in a frame. It may miss what is there and report what is not."""
 
     name: str = ""
+    every_capture: ClassVar[bool] = False
+    """Whether it is shown every capture; else only those that see a defect which is not confirmed yet."""
 
     def __init__(self, settings: SensingSettings, seed: int) -> None:
         self.settings = settings
         self.seed = seed
 
     @abstractmethod
-    def detect(self, frame: Frame) -> Sequence[int]:
-        """The ids of the defects confirmed, a subset of the frame's sightings.
+    def detect(self, frame: Frame) -> Sequence[Detection]:
+        """What it finds in a frame.
 
-        The random number of a defect's k-th attempt must depend only on (seed, defect, k), so that policies are
-        compared with common random numbers.
+        Policies are compared under the same random numbers: what a sensor draws for a defect's k-th attempt must
+        depend on (seed, defect, k) alone, and what it draws for a false alarm on the seed and the frame alone.
         """
 
 

@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 
-from pavetwin.sensing.base import Frame, Sensor, sensor
+from pavetwin.sensing.base import Sensor, sensor
+from pavetwin.sensing.detection import Detection
+from pavetwin.sensing.frame import Frame
 
 
 @sensor("ideal")
 class Ideal(Sensor):
-    """Recall 1: every sighted defect is confirmed."""
+    """Recall 1, precision 1: reports every sighted defect with its outline."""
 
-    def detect(self, frame: Frame) -> Sequence[int]:
-        return [sighting.defect for sighting in frame.sightings]
+    def detect(self, frame: Frame) -> Sequence[Detection]:
+        return [Detection.of(sighting) for sighting in frame.sightings]

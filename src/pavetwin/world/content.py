@@ -8,7 +8,7 @@ one to the last bit.
 import hashlib
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -17,7 +17,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float64Array
-from pavetwin.world.model import World
+from pavetwin.world.model import Defect, World
 
 STEPS_PER_METRE = 2**20
 Geometry = TypeVar("Geometry", bound=BaseGeometry)
@@ -89,6 +89,15 @@ def _parts(item: Any) -> Iterator[bytes]:
 def _without_minus_zero(value: Any) -> Any:
     """A GeoPackage returns −0 as 0."""
     return value + 0.0 if isinstance(value, float) else value
+
+
+def defects_hash(defects: Iterable[Defect]) -> str:
+    """SHA-256 over defects in their order: a world's content hash leaves them out."""
+    digest = hashlib.sha256()
+    for defect in defects:
+        values = {name: str(value) for name, value in asdict(defect).items() if name not in ("polygon", "centre")}
+        digest.update(repr(sorted(values.items())).encode() + defect.polygon.wkb + defect.centre.wkb)
+    return digest.hexdigest()
 
 
 def _wkb(geometry: BaseGeometry) -> bytes:

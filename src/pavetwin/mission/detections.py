@@ -1,0 +1,97 @@
+"""The detections of a mission, each compared with the defects that are there."""
+
+from collections.abc import Collection, Sequence
+from functools import cached_property
+
+import numpy as np
+import shapely
+
+from pavetwin.defects.registry import DEFECT_CLASSES
+from pavetwin.mission.environment import MissionEnvironment
+from pavetwin.sensing import Detection, Frame, JudgedDetection, Outcome, Sighting, match
+from pavetwin.world.model import Defect
+
+
+class DetectionLog:
+    """Judges what a sensor reports, capture by capture, and keeps it.
+
+    A detection is matched by `pavetwin.sensing.match` to the defects in the image. It confirms a defect that the
+    capture sees; it is a duplicate when that defect is confirmed already, in this capture or before; it is ignored
+    when the capture does not see the defect that it matches (outside the inspection window, or too much of it hidden)
+    and when its class is no defect class. What is left is a false alarm.
+    """
+
+    def __init__(self, environment: MissionEnvironment) -> None:
+        self._defects = environment.defects
+        self.all: list[JudgedDetection] = []
+
+    def judge(
+        self,
+        frame: Frame,
+        detections: Sequence[Detection],
+        confirmed: Collection[int],
+        *,
+        segment: int,
+        on_revisit: bool,
+    ) -> list[JudgedDetection]:
+        """Args:
+        confirmed: ids of the defects that are confirmed already.
+        segment: index of the segment under inspection.
+        """
+        sightings = {sighting.defect.id: sighting for sighting in frame.sightings}
+        candidates = self._candidates(frame, detections)
+        known, judged = set(confirmed), []
+        for detection, (index, is_first) in zip(detections, match(frame, detections, candidates), strict=True):
+            defect = None if index is None else candidates[index].id
+            sighting = None if defect is None else sightings.get(defect)
+            if detection.kind not in self._classes:
+                outcome = Outcome.IGNORED
+            elif defect is None:
+                outcome = Outcome.FALSE_ALARM
+            elif defect in known or not is_first:
+                outcome = Outcome.DUPLICATE
+            elif sighting is None:
+                outcome = Outcome.IGNORED
+            else:
+                outcome = Outcome.CONFIRMED
+            if outcome is Outcome.CONFIRMED and defect is not None:
+                known.add(defect)
+            judged.append(
+                JudgedDetection(
+                    outcome=outcome,
+                    kind=detection.kind,
+                    confidence=detection.confidence,
+                    defect=defect,
+                    segment=segment,
+                    capture=frame.number,
+                    time_s=frame.time_s,
+                    position=frame.position,
+                    yaw_rad=frame.yaw_rad,
+                    velocity_mps=frame.velocity_mps,
+                    on_revisit=on_revisit,
+                    attempt=None if sighting is None else sighting.attempt + 1,
+                    visible_fraction=None if sighting is None else sighting.visible_fraction,
+                    footprint=None if _is_outline(detection, sighting) else detection.ground(frame),
+                )
+            )
+        self.all += judged
+        return judged
+
+    @cached_property
+    def _classes(self) -> frozenset[str]:
+        return frozenset(DEFECT_CLASSES.names()) | {defect.kind for defect in self._defects}
+
+    @cached_property
+    def _tree(self) -> shapely.STRtree:
+        return shapely.STRtree([defect.polygon for defect in self._defects])
+
+    def _candidates(self, frame: Frame, detections: Sequence[Detection]) -> list[Defect]:
+        """The defects in the image; where every detection is the outline of a sighted one, those are enough."""
+        if all(any(_is_outline(each, sighting) for sighting in frame.sightings) for each in detections):
+            return [sighting.defect for sighting in frame.sightings]
+        return [self._defects[index] for index in np.sort(self._tree.query(frame.footprint, "intersects"))]
+
+
+def _is_outline(detection: Detection, sighting: Sighting | None) -> bool:
+    """Whether a detection is a defect's own outline, as sensors without images report it."""
+    return sighting is not None and detection.footprint is sighting.defect.polygon

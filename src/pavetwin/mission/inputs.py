@@ -1,0 +1,129 @@
+"""From a `MissionSpec` to what the kernel flies: the inputs that it names, read, checked and ready."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pavetwin.defects import place
+from pavetwin.errors import PaveTwinError
+from pavetwin.mission.airspace import load_airspace
+from pavetwin.mission.environment import MissionEnvironment, prepare
+from pavetwin.mission.mission import Traffic
+from pavetwin.mission.replay import Replay, replay_of
+from pavetwin.mission.spec import HANDED_IN, DefectInput, MissionSpec, TrafficInput, WorldInput
+from pavetwin.traffic.recording import load_recording
+from pavetwin.world.content import defects_hash
+from pavetwin.world.model import Defect, World
+from pavetwin.world.store import load_world
+
+OnProgress = Callable[[float, str], None]
+"""Told the share done and what is being done."""
+
+
+@dataclass(frozen=True)
+class MissionInputs:
+    """What a spec names. Missions that differ in policy, sensor or seed alone share it."""
+
+    environment: MissionEnvironment
+    traffic: Traffic
+
+    def on_extend(self, tell: Callable[[float], None]) -> None:
+        """Have the progress of recording more traffic told, where a mission outlasts what is recorded."""
+        if isinstance(self.traffic, Replay):
+            self.traffic.on_extend = tell
+
+    def indices(self, spec: MissionSpec) -> list[int]:
+        """The segments to inspect, by their place in the world.
+
+        Raises:
+            PaveTwinError: a segment does not exist.
+        """
+        world = self.environment.world
+        known = {segment.id: index for index, segment in enumerate(world.segments)}
+        return [known[world.segment(name).id] for name in spec.targets]
+
+
+def load_inputs(
+    spec: MissionSpec,
+    *,
+    world: World | None = None,
+    environment: MissionEnvironment | None = None,
+    on_progress: OnProgress | None = None,
+) -> MissionInputs:
+    """Read what a spec names; traffic that is not recorded yet is recorded.
+
+    Args:
+        world: in place of the folder that the spec names.
+        environment: the world with its defects as `prepare` makes it, where that is done already.
+
+    Raises:
+        PaveTwinError: an input is gone or is not what it was (each is named), or the traffic cannot be recorded.
+    """
+    tell = on_progress or (lambda _share, _what: None)
+    loaded = world or world_of(spec.world)
+    check_unchanged(spec, loaded)
+    tell(0.0, "Preparing the flight domain")
+    ready = environment or prepare(loaded, spec.settings, defects_of(loaded, spec.defects, spec.targets))
+    traffic = traffic_of(loaded, spec.traffic, lambda share: tell(share, "Recording traffic"))
+    if spec.aircraft is not None:
+        traffic.aircraft = load_airspace(Path(spec.aircraft.path))
+    return MissionInputs(ready, traffic)
+
+
+def world_of(source: WorldInput) -> World:
+    """The world that a spec names.
+
+    Raises:
+        PaveTwinError: it is not there any more, or only its first owner had it.
+    """
+    if source.path == HANDED_IN:
+        raise PaveTwinError(
+            f"The world '{source.name}' was never saved, so its mission cannot be flown from its description alone; "
+            "give the world as well."
+        )
+    if not Path(source.path).is_dir():
+        raise PaveTwinError(f"The world '{source.name}' is not at '{source.path}' any more; give its folder.")
+    return load_world(Path(source.path))
+
+
+def check_unchanged(spec: MissionSpec, world: World) -> None:
+    """Compare the inputs with what the spec knows of them.
+
+    Raises:
+        PaveTwinError: some are not what they were; the message names each.
+    """
+    changed = []
+    if world.content_hash != spec.world.content_hash:
+        changed.append(
+            f"the world '{spec.world.name}' ({spec.world.content_hash[:12]}) is now '{world.name}' "
+            f"({world.content_hash[:12]})"
+        )
+    elif spec.defects.seed is None and defects_hash(world.defects) != spec.defects.content_hash:
+        changed.append(f"the defects of the world '{world.name}' have changed")
+    changed += [difference for file in spec.files() if (difference := file.difference())]
+    if changed:
+        raise PaveTwinError(f"The mission's inputs are not what they were: {'; '.join(changed)}.")
+
+
+def defects_of(world: World, source: DefectInput, targets: Sequence[str] = ()) -> tuple[Defect, ...]:
+    """The defects that a mission looks for, numbered from 0."""
+    if source.seed is None:
+        return world.defects
+    chosen = set(targets)
+    segments = [segment for segment in world.segments if source.on == "world" or segment.id in chosen]
+    return place(segments, source.seed, source.options)
+
+
+def traffic_of(world: World, source: TrafficInput, on_progress: Callable[[float], None] | None = None) -> Replay:
+    """The recorded traffic of a mission; recorded now where it was not before.
+
+    Raises:
+        PaveTwinError: it cannot be recorded, or the recording is of another world.
+    """
+    routes = [file.path for file in source.routes]
+    if source.recording is not None:
+        recording = load_recording(source.recording.path, world)
+        return Replay(world, recording, routes, file=Path(source.recording.path), start_s=source.take_off_s)
+    replay = replay_of(world, source.asked(), source.seed, routes=routes, on_progress=on_progress)
+    replay.start_s = source.take_off_s
+    return replay

@@ -1,0 +1,120 @@
+"""From what a user asks for to the `MissionSpec` that answers it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pavetwin.config import MissionSettings, load_settings
+from pavetwin.defects import DefectOptions
+from pavetwin.errors import PaveTwinError
+from pavetwin.mission.environment import MissionEnvironment, prepare
+from pavetwin.mission.inputs import defects_of
+from pavetwin.mission.spec import DefectInput, FileInput, MissionSpec, PolicyInput, TrafficInput, WorldInput
+from pavetwin.mission.targets import choose_targets
+from pavetwin.policies import load_policy
+from pavetwin.sensing import load_sensor
+from pavetwin.traffic.demand import Density, density_named
+from pavetwin.traffic.inputs import Inputs
+from pavetwin.traffic.recording import load_recording
+from pavetwin.uav import energy_curve, find_camera
+from pavetwin.world.model import World
+
+
+def plan_mission(
+    world: World,
+    settings: MissionSettings | None = None,
+    *,
+    density: Density | str = "medium",
+    routes: Sequence[Path | str] = (),
+    recording: Path | str | None = None,
+    traffic_seed: int | None = None,
+    take_off_s: float = 0.0,
+    segments: int | Sequence[str] | None = 8,
+    order: str = "random",
+    policy: str = "hover",
+    seed: int = 0,
+    defect_seed: int | None = None,
+    aircraft: Path | str | None = None,
+    environment: MissionEnvironment | None = None,
+) -> MissionSpec:
+    """Everything about a mission decided, and nothing flown or recorded yet.
+
+    Args:
+        settings: the preset `default` when not given.
+        density: of the traffic: a name or numbers; ignored where `routes` or a `recording` are given.
+        routes: SUMO route files, driven as they are.
+        recording: a file of recorded traffic.
+        traffic_seed: `seed` when not given.
+        take_off_s: when in the recording the mission begins.
+        segments: how many to inspect (None: all that can be reached), or the ids of those to inspect.
+        order: `random`, or `near` for a short tour.
+        seed: of traffic, order and sensor.
+        defect_seed: place the defects again under this seed.
+        aircraft: a CSV file of other aircraft's tracks.
+        environment: the world as `prepare` made it for these settings and defects, where that is done already.
+
+    Raises:
+        PaveTwinError: something that is named does not exist, or a segment cannot be reached.
+    """
+    chosen = settings or load_settings()
+    check_names(chosen, policy, seed)
+    source = defect_input(defect_seed)
+    ready = environment or prepare(world, chosen, defects_of(world, source))
+    count = segments if isinstance(segments, int) or segments is None else None
+    names = () if isinstance(segments, int) or segments is None else segments
+    targets = choose_targets(ready, count=count, names=names, order=order, seed=seed)
+    return MissionSpec.of(
+        world=WorldInput.of(world),
+        defects=source.model_copy(update={"content_hash": ready.defects_hash}),
+        traffic=traffic_input(
+            world, density, routes, recording, seed if traffic_seed is None else traffic_seed, take_off_s
+        ),
+        aircraft=FileInput.of(aircraft) if aircraft is not None else None,
+        targets=tuple(world.segments[index].id for index in targets),
+        policy=PolicyInput.of(policy),
+        seed=seed,
+        settings=chosen,
+    )
+
+
+def check_names(settings: MissionSettings, policy: str, seed: int) -> None:
+    """Whether all that a mission names is there, before anything takes time.
+
+    Raises:
+        PaveTwinError: it is not; the message names the nearest.
+    """
+    if seed < 0:
+        raise PaveTwinError(f"`seed` {seed}: seeds are whole numbers from 0.")
+    load_policy(policy, settings.policy)
+    load_sensor(settings.sensing, seed)
+    find_camera(settings.camera.model)
+    energy_curve(settings.energy)
+
+
+def defect_input(seed: int | None) -> DefectInput:
+    """The world's own defects, or as many as usual placed under a seed."""
+    return DefectInput(seed=seed, options=None if seed is None else DefectOptions())
+
+
+def traffic_input(
+    world: World,
+    density: Density | str,
+    routes: Sequence[Path | str],
+    recording: Path | str | None,
+    seed: int,
+    take_off_s: float = 0.0,
+) -> TrafficInput:
+    """What the traffic of a mission is made from.
+
+    Raises:
+        PaveTwinError: there is no such density or file, or the recording is of another world.
+    """
+    if recording is not None:
+        origin = load_recording(recording, world).origin
+        return TrafficInput.of(
+            origin.asked, origin.seed, routes=routes, recording=Path(recording), take_off_s=take_off_s
+        )
+    if routes:
+        Inputs.of(world, None, seed, routes)
+        return TrafficInput.of(None, seed, routes=routes, take_off_s=take_off_s)
+    asked = density_named(density) if isinstance(density, str) else density
+    return TrafficInput.of(asked, seed, take_off_s=take_off_s)

@@ -1,0 +1,92 @@
+"""What a sensor reports, and what each report comes to once it is compared with the defects that are there."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from shapely import Polygon
+
+from pavetwin.sensing.frame import Box, Frame, Sighting
+from pavetwin.twin import Place
+
+
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """One object that a sensor reports in a frame.
+
+    At least one of its two places is given; the other follows from the frame's camera and pose.
+
+    Raises:
+        ValueError: neither place is given, or the confidence is not a share.
+    """
+
+    kind: str
+    """Its class: a defect class such as `pothole`, or another object such as `car`."""
+    confidence: float
+    """0 … 1."""
+    footprint: Polygon | None = None
+    """On the ground, world frame, metres."""
+    box_px: Box | None = None
+    """In the image."""
+
+    def __post_init__(self) -> None:
+        if self.footprint is None and self.box_px is None:
+            raise ValueError("a detection needs a footprint on the ground or a box in the image")
+        if not 0.0 <= self.confidence <= 1.0:
+            raise ValueError(f"a confidence lies between 0 and 1, not at {self.confidence}")
+
+    @classmethod
+    def of(cls, sighting: Sighting, confidence: float = 1.0) -> "Detection":
+        """What a sensor reports that outlines a defect exactly."""
+        return cls(sighting.defect.kind, confidence, footprint=sighting.defect.polygon)
+
+    def ground(self, frame: Frame) -> Polygon:
+        """Its footprint, world frame."""
+        if self.footprint is not None:
+            return self.footprint
+        assert self.box_px is not None
+        return frame.footprint_of(self.box_px)
+
+    def box(self, frame: Frame) -> Box:
+        """Its box in the image, pixels."""
+        return self.box_px if self.box_px is not None else frame.box_of(self.ground(frame))
+
+
+class Outcome(StrEnum):
+    """What a detection comes to."""
+
+    CONFIRMED = "confirmed"
+    """The first detection of a defect that the capture sees."""
+    DUPLICATE = "duplicate"
+    """A further detection of a defect that is confirmed already."""
+    FALSE_ALARM = "false_alarm"
+    """Nothing of its class is there."""
+    IGNORED = "ignored"
+    """Neither right nor wrong: a defect that the capture does not see (outside the window, or too much of it is
+    hidden), or an object that is no defect."""
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedDetection:
+    """A detection of a mission, the capture it is from, and what it came to."""
+
+    outcome: Outcome
+    kind: str
+    confidence: float
+    defect: int | None
+    """The defect it matches; None for a false alarm and for what is no defect."""
+    segment: int
+    """Index of the segment under inspection."""
+    capture: int
+    """Index of the capture."""
+    time_s: float
+    position: Place
+    """Of the camera."""
+    yaw_rad: float
+    velocity_mps: Place
+    on_revisit: bool
+    attempt: int | None
+    """1 for the first capture in which the defect could be found; None where the capture does not see it."""
+    visible_fraction: float | None
+    """Of the defect's area; None where the capture does not see it."""
+    footprint: Polygon | None
+    """On the ground; None where the defect's own outline is meant."""

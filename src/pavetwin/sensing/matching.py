@@ -1,0 +1,98 @@
+"""Which defect a detection means. One set of rules for every sensor (docs/definitions.md, "Matching").
+
+A detection matches a defect of its own class when the intersection over union (IoU) of their image boxes is at least
+0.5. Boxes of thin cracks overlap badly when one is shifted by a few pixels: for them 0.3 is enough, or that the two
+share at least half of the shorter one's extent along the crack, at most `ASIDE_M` apart. In the order of falling
+confidence each detection takes the defect with the greatest IoU that no other has taken.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+import shapely
+from shapely import Polygon
+
+from pavetwin.sensing.detection import Detection
+from pavetwin.sensing.frame import Box, Frame
+from pavetwin.world.model import Defect
+
+LEAST_IOU: Final = 0.5
+LEAST_IOU_THIN: Final = 0.3
+LEAST_EXTENT_THIN: Final = 0.5
+"""Of the shorter of the two extents along a crack."""
+
+ASIDE_M: Final = 0.1
+"""A detection further from a crack than this means another one."""
+
+THIN: Final = frozenset({"single_crack"})
+"""Classes whose outlines are so thin that boxes hardly overlap."""
+
+
+def match(frame: Frame, detections: Sequence[Detection], defects: Sequence[Defect]) -> list[tuple[int | None, bool]]:
+    """For each detection the index of its defect in `defects` (None for none), and whether it is the first that means
+    it in this frame.
+
+    Args:
+        defects: those that the frame can show, whole or in part.
+    """
+    found: list[tuple[int | None, bool]] = [(None, False)] * len(detections)
+    taken: set[int] = set()
+    order = sorted(range(len(detections)), key=lambda index: -detections[index].confidence)
+    for index in order:
+        scored = _scores(frame, detections[index], defects)
+        free = {defect: score for defect, score in scored.items() if defect not in taken}
+        best = max(free or scored, key=lambda defect: (scored[defect], -defect), default=None)
+        found[index] = (best, best is not None and best not in taken)
+        if best is not None:
+            taken.add(best)
+    return found
+
+
+def _scores(frame: Frame, detection: Detection, defects: Sequence[Defect]) -> dict[int, float]:
+    """IoU of every defect that the detection may mean, by its index."""
+    scores: dict[int, float] = {}
+    for index, defect in enumerate(defects):
+        if defect.kind != detection.kind:
+            continue
+        if detection.footprint is defect.polygon:
+            scores[index] = 1.0  # sensors without images report the outline itself
+            continue
+        score = iou(detection.box(frame), frame.box_of(defect.polygon))
+        is_thin = defect.kind in THIN
+        if score >= (LEAST_IOU_THIN if is_thin else LEAST_IOU) or (
+            is_thin and shared_extent(detection.ground(frame), defect.polygon) >= LEAST_EXTENT_THIN
+        ):
+            scores[index] = score
+    return scores
+
+
+def iou(a: Box, b: Box) -> float:
+    """Intersection over union of two boxes; 0 where both are empty."""
+    width = min(a[2], b[2]) - max(a[0], b[0])
+    height = min(a[3], b[3]) - max(a[1], b[1])
+    shared = max(width, 0.0) * max(height, 0.0)
+    together = (a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - shared
+    return shared / together if together > 0 else 0.0
+
+
+def shared_extent(footprint: Polygon, crack: Polygon) -> float:
+    """How much of the shorter of two extents along a crack the two share, 0 … 1; 0 where they lie apart."""
+    if shapely.distance(footprint, crack) > ASIDE_M:
+        return 0.0
+    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(crack))
+    if len(corners) < 4:
+        return 0.0
+    sides = np.diff(corners[:3], axis=0)
+    along = sides[int(np.argmax(np.hypot(*sides.T)))]
+    along = along / np.hypot(*along)
+    low_a, high_a = _extent(footprint, along)
+    low_b, high_b = _extent(crack, along)
+    shorter = min(high_a - low_a, high_b - low_b)
+    shared = min(high_a, high_b) - max(low_a, low_b)
+    return max(shared, 0.0) / shorter if shorter > 0 else 0.0
+
+
+def _extent(shape: Polygon, along: np.ndarray[tuple[int], np.dtype[np.float64]]) -> tuple[float, float]:
+    places = shapely.get_coordinates(shape) @ along
+    return float(places.min()), float(places.max())

@@ -1,0 +1,157 @@
+"""The door between a mission and its sensor: what is an event, what a frame carries, and how detections are counted."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import pytest
+from shapely import Point
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.mission.fly import MissionResult, fly_over
+from pavetwin.sensing import SENSORS, Detection, Frame, Outcome, Sensor, sensor
+from scenes.tiny import SCENES, Scene, straight
+
+
+@pytest.fixture
+def registered() -> Iterator[None]:
+    """Takes away what a test registers."""
+    before = set(SENSORS.names())
+    yield
+    for name in set(SENSORS.names()) - before:
+        SENSORS.remove(name)
+
+
+def fly_with(scene: Scene, kind: type[Sensor], **how: object) -> MissionResult:
+    sensor("trial")(kind)
+    settings = scene.settings("sensing.sensor=trial")
+    return fly_over(scene.environment(settings), scene.traffic(), settings, [0], "baseline", **how)
+
+
+@pytest.mark.usefixtures("registered")
+def test_a_sensor_may_see_every_capture() -> None:
+    numbers: list[int] = []
+
+    class Watching(Sensor):
+        every_capture = True
+
+        def detect(self, frame: Frame) -> Sequence[Detection]:
+            numbers.append(frame.number)
+            return []
+
+    result = fly_with(Scene(straight((30, 0))), Watching)
+    assert numbers == list(range(len(result.captures["t_s"])))
+    assert result.rows[0].confirmed == 0
+
+
+@pytest.mark.usefixtures("registered")
+def test_a_frame_carries_pose_camera_light_and_motion() -> None:
+    frames: list[Frame] = []
+
+    class Watching(Sensor):
+        every_capture = True
+
+        def detect(self, frame: Frame) -> Sequence[Detection]:
+            frames.append(frame)
+            return []
+
+    scene = Scene(straight((30, 0)), altitude_m=10.0)
+    result = fly_with(scene, Watching)
+    captures = result.captures
+    assert [frame.time_s for frame in frames] == captures["t_s"].tolist()
+    assert np.array([frame.position for frame in frames]) == pytest.approx(
+        np.column_stack([captures["x_m"], captures["y_m"]])
+    )
+    assert {frame.altitude_m for frame in frames} == {10.0}
+    fastest = max(frames, key=lambda frame: np.hypot(*frame.velocity_mps))
+    assert np.hypot(*fastest.velocity_mps) == pytest.approx(5.0)
+    assert np.arctan2(*fastest.velocity_mps[::-1]) == pytest.approx(fastest.yaw_rad)
+    assert frames[0].camera.image_px == (1270, 950)
+    assert frames[0].conditions == scene.settings().conditions
+    seen = [frame for frame in frames if frame.sightings]
+    assert seen
+    assert all(frame.footprint.contains(frame.sightings[0].defect.centre) for frame in seen)
+
+
+@pytest.mark.usefixtures("registered")
+def test_hits_duplicates_false_alarms_and_what_is_ignored_are_counted_apart() -> None:
+    """In every capture: each sighted defect twice, a pothole in the middle of nowhere, and a car."""
+
+    class Eager(Sensor):
+        every_capture = True
+
+        def detect(self, frame: Frame) -> Sequence[Detection]:
+            sighted = [Detection.of(sighting, 0.9) for sighting in frame.sightings] * 2
+            ghost = Detection("pothole", 0.4, footprint=Point(frame.position[0], 2.9).buffer(0.1))
+            return [*sighted, ghost, Detection("car", 0.8, footprint=Point(frame.position).buffer(2.0))]
+
+    result = fly_with(Scene(straight((30, 0), (40, 0))), Eager)
+    row, captures = result.rows[0], len(result.captures["t_s"])
+    assert row.confirmed == 2
+    assert row.duplicates == 2  # once confirmed, a defect is sighted no more
+    assert row.false_alarms == captures
+    assert row.precision == pytest.approx(4 / (4 + captures))
+    assert row.false_alarms_per_100_m2 == pytest.approx(100 * captures / (row.surface_coverage * row.area_m2))
+    outcomes = [each.outcome for each in result.detections]
+    assert outcomes.count(Outcome.IGNORED) == captures
+    assert [each.defect for each in result.confirmed] == [0, 1]
+    assert all(each.footprint is not None for each in result.detections if each.outcome is Outcome.FALSE_ALARM)
+
+
+@pytest.mark.usefixtures("registered")
+def test_a_detection_of_a_defect_outside_the_window_is_neither_right_nor_wrong() -> None:
+    """The sensor knows where defect 0 is and reports it from afar, in every capture."""
+
+    class Farsighted(Sensor):
+        every_capture = True
+
+        def detect(self, frame: Frame) -> Sequence[Detection]:
+            place = Point(30, 0).buffer(0.2, cap_style="square")
+            return [Detection("pothole", 0.9, footprint=place)] if frame.footprint.contains(place) else []
+
+    scene = Scene(straight((30, 0)), altitude_m=15.0)
+    result = fly_with(scene, Farsighted)
+    outcomes = [each.outcome for each in result.detections]
+    assert outcomes[0] is Outcome.IGNORED
+    assert outcomes.count(Outcome.CONFIRMED) == 1
+    assert Outcome.FALSE_ALARM not in outcomes
+    assert result.rows[0].precision == 1.0
+
+
+@pytest.mark.usefixtures("registered")
+def test_an_image_is_taken_only_when_it_is_asked_for() -> None:
+    taken: list[int] = []
+
+    class Looking(Sensor):
+        every_capture = True
+
+        def detect(self, frame: Frame) -> Sequence[Detection]:
+            return [Detection.of(sighting) for sighting in frame.sightings if frame.image().mean() == 7]
+
+    def source(frame: Frame) -> np.ndarray:
+        taken.append(frame.number)
+        return np.full((950, 1270, 3), 7, dtype=np.uint8)
+
+    scene = Scene(straight((30, 0)))
+    result = fly_with(scene, Looking, image_source=source)
+    assert result.rows[0].confirmed == 1
+    assert len(taken) == 1 < len(result.captures["t_s"])
+    settings = scene.settings("sensing.sensor=trial")
+    with pytest.raises(PaveTwinError, match="image_source"):
+        fly_over(scene.environment(settings), scene.traffic(), settings, [0], "baseline")
+
+
+@pytest.mark.usefixtures("registered")
+def test_a_sensor_that_fails_in_flight_is_named_with_its_line() -> None:
+    class Brittle(Sensor):
+        def detect(self, frame: Frame) -> Sequence[Detection]:
+            return [{}[frame.number]]
+
+    with pytest.raises(PaveTwinError, match=r"The sensor 'trial' failed .* KeyError: \d+ \(test_perception.py"):
+        fly_with(Scene(straight((30, 0))), Brittle)
+
+
+@pytest.mark.parametrize("scene", ["lively_street", "queue_that_leaves"])
+def test_the_abstract_sensors_raise_no_false_alarm(scene: str) -> None:
+    for name in ("ideal", "recall"):
+        row = SCENES[scene]().fly("hover", f"sensing.sensor={name}").rows[0]
+        assert (row.duplicates, row.false_alarms, row.precision, row.false_alarms_per_100_m2) == (0, 0, 1.0, 0.0)

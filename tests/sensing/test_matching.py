@@ -1,0 +1,118 @@
+"""Which defect a detection means: hand-made boxes with known answers, and the laws of the measures."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from shapely import Polygon
+
+from pavetwin.sensing import Detection, Frame, match
+from pavetwin.sensing.conformance import trial_defect, trial_frames
+from pavetwin.sensing.matching import iou, shared_extent
+from pavetwin.world.model import Defect
+
+FRAME: Frame = replace(trial_frames(1)[0], position=(0.0, 0.0), yaw_rad=0.0, altitude_m=10.0)
+
+
+def box(x0: float, y0: float, x1: float, y1: float) -> Polygon:
+    shape = shapely.box(x0, y0, x1, y1)
+    assert isinstance(shape, Polygon)
+    return shape
+
+
+def defect(number: int, kind: str, shape: Polygon) -> Defect:
+    return replace(trial_defect(number), id=number, kind=kind, polygon=shape, centre=shape.centroid)
+
+
+POTHOLE = defect(0, "pothole", box(0, 0, 1, 1))
+CRACK = defect(1, "single_crack", box(-2, -1.0, 1, -0.97))
+
+
+def pothole(x0: float, y0: float, x1: float, y1: float, confidence: float = 0.9) -> Detection:
+    return Detection("pothole", confidence, footprint=box(x0, y0, x1, y1))
+
+
+def test_half_of_the_union_is_enough_and_less_is_not() -> None:
+    # Shifted by s along one side of a unit square, IoU = (1 − s) / (1 + s): 0.5 at s = 1/3.
+    near, far = pothole(0.33, 0, 1.33, 1), pothole(0.34, 0, 1.34, 1)
+    assert match(FRAME, [near], [POTHOLE]) == [(0, True)]
+    assert match(FRAME, [far], [POTHOLE]) == [(None, False)]
+
+
+def test_another_class_at_the_same_place_matches_nothing() -> None:
+    wrong = Detection("crocodile_crack", 0.9, footprint=POTHOLE.polygon)
+    assert match(FRAME, [wrong], [POTHOLE]) == [(None, False)]
+
+
+def test_each_defect_is_matched_first_by_the_most_confident_detection() -> None:
+    first, second = pothole(0, 0, 1, 1, 0.4), pothole(0.05, 0, 1.05, 1, 0.8)
+    assert match(FRAME, [first, second], [POTHOLE]) == [(0, False), (0, True)]
+
+
+def test_two_detections_between_two_defects_take_one_each() -> None:
+    other = defect(2, "pothole", box(0.2, 0, 1.2, 1))
+    both = [pothole(0.1, 0, 1.1, 1, 0.9), pothole(0.12, 0, 1.12, 1, 0.5)]
+    found = match(FRAME, both, [POTHOLE, other])
+    assert sorted(index for index, _ in found if index is not None) == [0, 1]
+    assert all(is_first for _, is_first in found)
+
+
+def test_a_thin_crack_is_matched_by_its_extent_on_the_ground() -> None:
+    """A box beside a 3 m crack of 3 cm: no IoU to speak of, but it lies along it."""
+    beside = Detection("single_crack", 0.9, footprint=box(-1, -0.93, 1, -0.9))
+    assert iou(beside.box(FRAME), FRAME.box_of(CRACK.polygon)) < 0.3
+    assert match(FRAME, [beside], [CRACK]) == [(0, True)]
+    away = Detection("single_crack", 0.9, footprint=box(-1, -0.8, 1, -0.77))
+    assert match(FRAME, [away], [CRACK]) == [(None, False)]
+    behind = Detection("single_crack", 0.9, footprint=box(0.6, -1.0, 1.6, -0.97))
+    assert match(FRAME, [behind], [CRACK]) == [(None, False)]  # shares 0.4 m of 1 m
+
+
+def test_a_box_in_the_image_means_the_ground_under_it() -> None:
+    from_image = Detection("pothole", 0.9, box_px=FRAME.box_of(POTHOLE.polygon))
+    assert match(FRAME, [from_image], [POTHOLE]) == [(0, True)]
+    assert from_image.ground(FRAME).symmetric_difference(POTHOLE.polygon).area < 1e-6
+
+
+def test_the_image_box_follows_camera_height_and_yaw() -> None:
+    # The paper's camera: 60° over 950 rows, so 10 m up a metre is 950 / (20 tan 30°) px.
+    scale = 950 / (20 * np.tan(np.radians(30)))
+    left, top, right, bottom = FRAME.box_of(POTHOLE.polygon)
+    assert (right - left, bottom - top) == pytest.approx((scale, scale))
+    # The image's upper edge points east: east is up, north is to the left.
+    assert (left, bottom) == pytest.approx((1270 / 2 - scale, 950 / 2))
+    turned = replace(FRAME, yaw_rad=np.pi / 2)
+    assert turned.box_of(POTHOLE.polygon)[0] == pytest.approx(1270 / 2)
+
+
+def test_a_detection_needs_a_place_and_a_share() -> None:
+    with pytest.raises(ValueError, match="footprint on the ground or a box"):
+        Detection("pothole", 0.5)
+    with pytest.raises(ValueError, match="between 0 and 1"):
+        Detection("pothole", 1.5, box_px=(0, 0, 1, 1))
+
+
+side = st.floats(0, 100)
+boxes = st.tuples(side, side, side, side).map(
+    lambda b: (min(b[0], b[2]), min(b[1], b[3]), max(b[0], b[2]), max(b[1], b[3]))
+)
+
+
+@given(boxes, boxes)
+def test_iou_is_a_symmetric_share(a: tuple[float, ...], b: tuple[float, ...]) -> None:
+    assert iou(a, b) == pytest.approx(iou(b, a))
+    assert 0.0 <= iou(a, b) <= 1.0 + 1e-9
+    area = (a[2] - a[0]) * (a[3] - a[1])
+    if area > 1e-6:
+        assert iou(a, a) == pytest.approx(1.0)
+
+
+@given(st.floats(-np.pi, np.pi), st.floats(0.2, 5.0), st.floats(0.0, 1.0))
+def test_the_shared_extent_does_not_depend_on_the_cracks_direction(yaw: float, length: float, share: float) -> None:
+    crack = box(0, -0.01, length, 0.01)
+    other = box(length * share, 0.02, length * (1 + share), 0.05)
+    turned = [shapely.affinity.rotate(shape, yaw, origin=(0, 0), use_radians=True) for shape in (other, crack)]
+    assert shared_extent(turned[0], turned[1]) == pytest.approx(1 - share, abs=0.06 / length + 1e-6)
