@@ -9,7 +9,7 @@ import pavetwin as pt
 from pavetwin.experiments.design import read_design
 from pavetwin.experiments.engines import Single
 from pavetwin.experiments.run import run
-from pavetwin.experiments.statistics import Limits, recommend
+from pavetwin.experiments.statistics import MissionLimits, recommend
 
 DESIGN = """
 name: crossroads
@@ -28,4 +28,4 @@ if __name__ == "__main__":
     design.write_text(DESIGN, encoding="utf-8")
     study = run(read_design(design), folder / "study", Single())  # killed at any moment, it resumes
     print(study.table.group_by("altitude_m", "policy").agg(pl.mean("coverage", "time_s")).sort("altitude_m", "policy"))
-    print(*recommend(study.table, Limits(max_time_s=120)).sentences, sep="\n")
+    print(*recommend(study.table, MissionLimits(max_time_s=120)).sentences, sep="\n")

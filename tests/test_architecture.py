@@ -52,7 +52,6 @@ OPTION = re.compile(r"(?:^|[\s(`])--[a-z]")
 
 # Classes that share a name with another one for now, with the reason.
 SHARED_CLASS_NAMES = {
-    "Limits": "what an airframe can do, and what a recommended option must keep",
     "Camera": "an entry of the camera database, and the kernel's with its inspection window",
     "Ground": "the world's surface, and the kernel's copy of it",
     "Moment": "the kernel's class, and the protocol that the twin needs of it",

@@ -12,7 +12,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.metrics import metric_named
 from pavetwin.experiments.statistics import (
     Comparison,
-    Limits,
+    MissionLimits,
     conclusions,
     differences,
     effects,
@@ -177,14 +177,14 @@ def three_options(cell: dict[str, Any]) -> dict[str, float]:
 @pytest.mark.parametrize(
     ("limits", "policy"),
     [
-        (Limits(), "hover"),
-        (Limits(max_time_s=80.0), "micro"),
-        (Limits(max_energy=80.0 / 1800), "micro"),
-        (Limits(max_time_s=62.5), "baseline"),
-        (Limits(max_time_s=80.0, min_coverage=0.72), "micro"),
+        (MissionLimits(), "hover"),
+        (MissionLimits(max_time_s=80.0), "micro"),
+        (MissionLimits(max_energy=80.0 / 1800), "micro"),
+        (MissionLimits(max_time_s=62.5), "baseline"),
+        (MissionLimits(max_time_s=80.0, min_coverage=0.72), "micro"),
     ],
 )
-def test_the_best_under_the_limits_is_recommended(limits: Limits, policy: str) -> None:
+def test_the_best_under_the_limits_is_recommended(limits: MissionLimits, policy: str) -> None:
     table = study(replicates=30, truth=three_options, seed=4)
     made = recommend(table, limits)
     assert made.best is not None
@@ -199,7 +199,7 @@ def test_the_best_under_the_limits_is_recommended(limits: Limits, policy: str) -
 
 def test_certainty_agrees_with_a_bootstrap_of_its_own() -> None:
     table = study(truth=lambda cell: {"coverage": {"baseline": 0.0, "hover": 0.004, "micro": 0.002}[cell["policy"]]})
-    made = recommend(table, Limits(max_time_s=61.0), ("policy",))
+    made = recommend(table, MissionLimits(max_time_s=61.0), ("policy",))
     wide = table.group_by("policy", "replicate").agg(pl.col("coverage", "time_s").mean()).sort("policy", "replicate")
     coverage, seconds = (wide[name].to_numpy().reshape(3, 20) for name in ("coverage", "time_s"))
     drawn = np.random.default_rng(0).integers(0, 20, (20_000, 20))
@@ -217,7 +217,7 @@ def test_limits_are_judged_in_each_resample_and_told_so() -> None:
     shares = {"baseline": 0.8, "hover": 0.9, "micro": 0.95}
     policy, swing = pl.col("policy"), pl.when(pl.col("replicate") % 2 == 0).then(6.0).otherwise(-6.0)
     table = study().with_columns(coverage=policy.replace_strict(shares), time_s=policy.replace_strict(times) + swing)
-    made = recommend(table, Limits(max_time_s=60.5), ("policy",))
+    made = recommend(table, MissionLimits(max_time_s=60.5), ("policy",))
     by = {row["policy"]: row for row in made.options.to_dicts()}
     assert (made.options["policy"][0], by["hover"]["feasible"]) == ("baseline", False)
     kept = by["baseline"]["certainty"] + by["hover"]["certainty"]
@@ -226,7 +226,7 @@ def test_limits_are_judged_in_each_resample_and_told_so() -> None:
         "No other option keeps the limit.",
         f"Its means break the limit in {1 - by['baseline']['kept']:.0%} of the resamples.".replace("%", " %"),
     )
-    easy = recommend(table, Limits(max_time_s=90.0), ("policy",))
+    easy = recommend(table, MissionLimits(max_time_s=90.0), ("policy",))
     assert easy.sentences[1:] == (
         "Within the limit, micro leads; 20 replicates separate it from hover and baseline.",
         "This is an average over traffic (low and high).",
@@ -237,7 +237,7 @@ def test_what_lies_between_worlds_is_no_chance() -> None:
     """A segment takes a minute in one town and three in the other: half of each was flown, and will be."""
     levels = {**SMALL, "world": ("north", "south")}
     table = study(levels, 12, lambda cell: {"time_s": 120.0 * (cell["world"] == "south")})
-    made = recommend(table, Limits(max_time_s=130.0), ("policy",))
+    made = recommend(table, MissionLimits(max_time_s=130.0), ("policy",))
     assert made.options["kept"].to_list() == pytest.approx([1.0] * 3, abs=0.01)
     assert "world (north and south)" in made.sentences[-1]
 
@@ -245,7 +245,7 @@ def test_what_lies_between_worlds_is_no_chance() -> None:
 def test_pairs_make_a_small_difference_sure() -> None:
     """The options' intervals overlap, but within every replicate the same one is better."""
     table = study(truth=lambda cell: {"coverage": 0.03 * (cell["policy"] == "hover")})
-    best = recommend(table, Limits(), ("policy",)).options.to_dicts()
+    best = recommend(table, MissionLimits(), ("policy",)).options.to_dicts()
     assert best[0]["coverage_low"] < best[1]["coverage_high"]
     assert best[0]["certainty"] > 0.95
     assert best[1]["p"] < 0.05
@@ -256,19 +256,21 @@ def test_a_choice_that_three_replicates_make_is_not_called_sure() -> None:
     table = study(replicates=10, truth=lambda cell: {"time_s": 30.0 * (cell["policy"] == "hover")})
     ahead = (pl.col("policy") == "hover") & pl.col("replicate").is_in([1, 4, 7])
     table = table.with_columns(coverage=pl.lit(0.8) + 0.1 * ahead.cast(pl.Float64)).filter(pl.col("policy") != "micro")
-    made = recommend(table, Limits(), ("policy",))
+    made = recommend(table, MissionLimits(), ("policy",))
     assert made.best is not None
     assert made.best["policy"] == "hover"
     assert made.best["certainty"] > 0.95
     assert made.sentences[1] == "Hover leads; 10 replicates cannot separate it from baseline (p = 0.25)."
-    limited = recommend(table, Limits(max_time_s=600.0), ("policy",))
+    limited = recommend(table, MissionLimits(max_time_s=600.0), ("policy",))
     assert limited.sentences[1] == (
         "Within the limit, hover leads; 10 replicates cannot separate it from baseline (p = 0.25)."
     )
 
 
 def test_when_no_option_keeps_the_limits_the_nearest_is_named() -> None:
-    made = recommend(study(truth=three_options, replicates=30, seed=4), Limits(max_time_s=50.0, min_coverage=0.65))
+    made = recommend(
+        study(truth=three_options, replicates=30, seed=4), MissionLimits(max_time_s=50.0, min_coverage=0.65)
+    )
     assert made.best is None
     assert made.nearest is not None
     assert (made.nearest["policy"], made.broken) == ("baseline", "time_s")
@@ -288,10 +290,10 @@ def test_when_no_option_keeps_the_limits_the_nearest_is_named() -> None:
 def test_how_sure_a_choice_is_does_not_depend_on_how_many_do_the_same(twins: list[str], said: str) -> None:
     """A setting that cannot matter to a policy makes options of it that differ in name alone."""
     table = study(truth=lambda cell: {"coverage": 0.004 * (cell["policy"] == "hover")})
-    alone = recommend(table, Limits(), ("policy",))
+    alone = recommend(table, MissionLimits(), ("policy",))
     hover = table.filter(policy="hover")
     made = recommend(
-        pl.concat([table, *(hover.with_columns(policy=pl.lit(twin)) for twin in twins)]), Limits(), ("policy",)
+        pl.concat([table, *(hover.with_columns(policy=pl.lit(twin)) for twin in twins)]), MissionLimits(), ("policy",)
     )
     share = alone.options["certainty"][0]
     assert 0.3 < share < 0.95
@@ -305,7 +307,7 @@ def test_how_sure_a_choice_is_does_not_depend_on_how_many_do_the_same(twins: lis
 
 def test_of_equal_coverages_the_faster_is_recommended() -> None:
     table = study(truth=lambda cell: {"time_s": 20.0 * (cell["policy"] != "micro")})
-    made = recommend(table.with_columns(coverage=pl.lit(1.0)), Limits(), ("policy",))
+    made = recommend(table.with_columns(coverage=pl.lit(1.0)), MissionLimits(), ("policy",))
     assert made.options["policy"][0] == "micro"
     assert made.options["certainty"][0] > 0.99
     assert any("found as much; the choice is by time, then by energy" in sentence for sentence in made.sentences)
@@ -314,10 +316,10 @@ def test_of_equal_coverages_the_faster_is_recommended() -> None:
 
 def test_an_option_without_coverage_is_never_recommended() -> None:
     table = without(study(truth=three_options), pl.col("policy") == "hover", failed=False)
-    made = recommend(table, Limits(), ("policy",))
+    made = recommend(table, MissionLimits(), ("policy",))
     assert made.options["policy"].to_list() == ["micro", "baseline", "hover"]
     assert made.options["feasible"].to_list() == [True, True, False]
-    nothing = recommend(without(table, pl.lit(True), failed=True), Limits(max_time_s=1.0))
+    nothing = recommend(without(table, pl.lit(True), failed=True), MissionLimits(max_time_s=1.0))
     assert (nothing.best, nothing.nearest) == (None, None)
 
 
@@ -327,13 +329,15 @@ def test_an_option_that_crashes_on_the_hardest_street_is_not_recommended() -> No
     table = study(truth=three_options).with_columns(
         coverage=pl.when(hard).then(0.0).when(policy="baseline").then(0.88).otherwise(0.9)
     )
-    made = recommend(without(table, hard & (pl.col("policy") == "baseline"), failed=True), Limits(), ("policy",))
+    made = recommend(without(table, hard & (pl.col("policy") == "baseline"), failed=True), MissionLimits(), ("policy",))
     assert made.options["policy"].to_list() == ["micro", "hover", "baseline"]
     assert made.options["coverage"][2] > made.options["coverage"][0]
     assert made.options["failed_alone"].to_list() == [0, 0, 2]
     assert made.options["certainty"][2] == 0
     assert "Left out, since their means lack missions that others flew: baseline (2 failed)." in made.sentences
-    nothing = recommend(without(table, hard & (pl.col("policy") == "baseline"), failed=True), Limits(1.0), ("policy",))
+    nothing = recommend(
+        without(table, hard & (pl.col("policy") == "baseline"), failed=True), MissionLimits(1.0), ("policy",)
+    )
     assert nothing.nearest is not None
     assert nothing.nearest["policy"] != "baseline"
     assert "baseline (2 failed)" in nothing.sentences[-1]
@@ -342,7 +346,7 @@ def test_an_option_that_crashes_on_the_hardest_street_is_not_recommended() -> No
 def test_missions_that_no_option_flew_keep_none_from_being_recommended() -> None:
     table = without(study(truth=three_options), pl.col("replicate") == 0, failed=True)
     table = without(table, pl.col("replicate") == 1, failed=False)
-    made = recommend(table, Limits(), ("policy",))
+    made = recommend(table, MissionLimits(), ("policy",))
     assert made.options["policy"][0] == "hover"
     assert made.options["failed_alone"].to_list() == [0, 0, 0]
     assert any("2 of its missions failed, as with every option" in sentence for sentence in made.sentences)
@@ -351,7 +355,7 @@ def test_missions_that_no_option_flew_keep_none_from_being_recommended() -> None
 @pytest.mark.parametrize("replicates", [2, 4])
 def test_few_replicates_recommend_without_a_share_and_without_limits_of_none(replicates: int) -> None:
     """However many missions they are: those of one replicate share their street."""
-    made = recommend(study(PAPER, replicates, three_or_skip), Limits(), ("policy",))
+    made = recommend(study(PAPER, replicates, three_or_skip), MissionLimits(), ("policy",))
     assert made.best is not None
     assert made.sentences[1] == f"{replicates} replicates are too few to separate options: fly at least 5."
     assert made.options["certainty"].null_count() == made.options.height
@@ -363,7 +367,7 @@ def three_or_skip(cell: dict[str, Any]) -> dict[str, float]:
 
 
 def test_without_limits_none_are_spoken_of() -> None:
-    made = recommend(study(truth=three_options), Limits(), ("policy",))
+    made = recommend(study(truth=three_options), MissionLimits(), ("policy",))
     assert made.sentences[1].startswith("Hover leads; 20 replicates")
     assert not any("limit" in sentence for sentence in made.sentences)
 
@@ -376,14 +380,14 @@ def test_of_options_that_miss_by_as_much_the_one_that_finds_most_is_the_nearest(
     table = table.with_columns(
         time_s=policy.replace_strict(seconds), coverage=policy.replace_strict(shares), energy=pl.lit(0.01)
     )
-    made = recommend(table, Limits(max_time_s=50.0), ("policy",))
+    made = recommend(table, MissionLimits(max_time_s=50.0), ("policy",))
     assert made.nearest is not None
     assert made.nearest["policy"] == "baseline"
     assert made.sentences[1].startswith("The nearest is baseline, its coverage 80.0 %; what it breaks most")
 
 
 def test_one_replicate_recommends_without_saying_how_sure() -> None:
-    made = recommend(study(replicates=1), Limits(), ("policy",))
+    made = recommend(study(replicates=1), MissionLimits(), ("policy",))
     assert made.best is not None
     assert made.sentences[1] == "One replicate is too few to separate options: fly at least 5."
 
@@ -393,7 +397,7 @@ def test_one_replicate_recommends_without_saying_how_sure() -> None:
 )
 def test_limits_that_are_none_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(PaveTwinError, match="`m"):
-        Limits(**wrong)
+        MissionLimits(**wrong)
 
 
 @pytest.mark.parametrize(("replicates", "said"), [(1, False), (2, True), (9, True), (10, False)])

@@ -22,6 +22,9 @@ INTERRUPTED = 130
 COMMANDS = ("world", "traffic", "fly", "policy", "sensor", "capture", "experiment", "demo", "doctor")
 """Each a module of this package with a group `app`, or a function of its own name."""
 
+MODULES = {"policy": "registered", "sensor": "registered"}
+"""Of the commands whose module has another name."""
+
 
 class LateGroup(TyperGroup):
     """Commands whose modules are loaded when they are asked for; until then only their names are known."""
@@ -32,12 +35,13 @@ class LateGroup(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name in COMMANDS:
-            module = import_module(f"{__name__}.{cmd_name}")
+            module = import_module(f"{__name__}.{MODULES.get(cmd_name, cmd_name)}")
+            command = getattr(module, "app", None) or getattr(module, cmd_name)
             held = typer.Typer(rich_markup_mode="rich")
-            if hasattr(module, "app"):
-                held.add_typer(module.app, name=cmd_name)
+            if isinstance(command, typer.Typer):
+                held.add_typer(command, name=cmd_name)
             else:
-                held.command(cmd_name)(getattr(module, cmd_name))
+                held.command(cmd_name)(command)
             self.commands[cmd_name] = get_group(held).commands[cmd_name]
         return super().get_command(ctx, cmd_name)
 

@@ -4,7 +4,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cached_property
 from types import TracebackType
@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, Any, Self
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
-
-    from pavetwin.registry import Registry
 
 PIPE_COLUMNS = 120
 """Width of what goes into a file or a pipe, which has none of its own."""
@@ -123,19 +121,6 @@ def progress(what: str, *, lines: bool = False) -> Iterator[Bar | Lines]:
         yield Bar(bar, what)
 
 
-@contextmanager
-def counting(what: str, total: int) -> Iterator[Callable[[str], None]]:
-    """A progress bar over `total` things; call it with the name of each as it is done."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
-
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(
-        *columns, TimeRemainingColumn(), console=err.rich, transient=True, disable=not err.rich.is_terminal
-    ) as bar:
-        task = bar.add_task(what, total=total)
-        yield lambda name: bar.update(task, advance=1, description=f"{what} [dim]{name}[/]")
-
-
 def fail(message: str) -> None:
     """One plain line on the error stream."""
     text = " ".join(message.split())
@@ -144,10 +129,3 @@ def fail(message: str) -> None:
     else:
         sys.stderr.write("Error: ")
     sys.stderr.write(text + "\n")
-
-
-def list_registered(registry: "Registry[Any]") -> None:
-    """A line for each name: what the first paragraph of its docstring says."""
-    for name, value in zip(registry.names(), registry.values(), strict=True):
-        words = (value.__doc__ or "").split("\n\n")[0]
-        out.print(f"[bold]{name}[/]: {' '.join(words.split())}")

@@ -1,5 +1,7 @@
 """`pavetwin demo`: the main job on an invented town, from nothing to results."""
 
+import shutil
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -78,10 +80,18 @@ def demo(
   {output}/town.png     the town; town/world.gpkg opens in QGIS
 
 [bold]Next:[/] your own town, from an OpenStreetMap extract
-  .venv/bin/pavetwin world build my-town.osm -o worlds/my-town
-  .venv/bin/pavetwin fly worlds/my-town --density high --altitude 10 --policy all --segments 8 --seed 1""",
+  pavetwin world build my-town.osm -o worlds/my-town
+  pavetwin fly worlds/my-town --density high --altitude 10 --policy all --segments 8 --seed 1{_activation()}""",
         soft_wrap=True,
     )
+
+
+def _activation() -> str:
+    """A hint for `make demo`, where the environment of the checkout is not on the shell's path."""
+    activate = Path(sys.executable).with_name("activate")
+    if shutil.which("pavetwin") or not activate.is_file():
+        return ""
+    return f"\n  (first activate the environment: source {activate})"
 
 
 def _town(folder: Path) -> "World":

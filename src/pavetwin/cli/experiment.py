@@ -192,7 +192,7 @@ def recommend(
     """
     from pavetwin.experiments.design import ALIASES, ENVIRONMENT
     from pavetwin.experiments.metrics import REPLICATE
-    from pavetwin.experiments.statistics import Limits
+    from pavetwin.experiments.statistics import MissionLimits
     from pavetwin.experiments.statistics import recommend as choose
     from pavetwin.experiments.store import Store
     from pavetwin.experiments.words import opened, setting
@@ -214,7 +214,7 @@ def recommend(
         for name in varied
         if name in ("altitude_m", "policy") or (name not in (*ASSUMED, *given) and table[name].n_unique() > 1)
     ]
-    limits = Limits(
+    limits = MissionLimits(
         max_time_s=max_time,
         max_energy=None if max_energy is None else max_energy / 100,
         min_coverage=None if min_coverage is None else min_coverage / 100,

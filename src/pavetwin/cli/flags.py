@@ -3,43 +3,43 @@
 import re
 from typing import Final
 
-FLAGS: Final = {
+_SAME: Final = (
+    *(
+        "anchor",
+        "bounds",
+        "count",
+        "empty",
+        "force",
+        "formats",
+        "images",
+        "jobs",
+        "max_energy",
+        "min_coverage",
+        "order",
+    ),
+    *("order", "platform", "policy", "quality", "scheduler", "seed", "split", "time"),
+)
+"""Parameters whose options have the same name."""
+
+FLAGS: Final = {name: f"--{name.replace('_', '-')}" for name in _SAME} | {
     "altitude_m": "--altitude",
     "altitudes_m": "--altitude",
-    "anchor": "--anchor",
-    "bounds": "--bounds",
-    "count": "--count",
     "count=None": "--segments all",
     "densities": "--density",
-    "empty": "--empty",
-    "force": "--force",
-    "formats": "--formats",
-    "images": "--images",
-    "jobs": "--jobs",
-    "max_energy": "--max-energy",
     "max_time_s": "--max-time",
-    "min_coverage": "--min-coverage",
     "names": "--segment",
-    "order": "--order",
     "overrides": "--set",
     "picture=jpg": "no --png",
     "picture=png": "--png",
-    "platform": "--platform",
     "plugins": "--plugin",
-    "policy": "--policy",
-    "quality": "--quality",
     "retry": "--retry-failed",
-    "scheduler": "--scheduler",
-    "seed": "--seed",
     "size_px": "--size",
-    "split": "--split",
     "texel_m": "--texel",
-    "time": "--time",
 }
 """By parameter, or by parameter and value where an option has no value of its own."""
 
 OF_COMMAND: Final = {("fly", "count"): "--segments"}
-"""Where a command calls a parameter otherwise than the others do."""
+"""Where a command has its own option for a parameter."""
 
 
 def with_flags(message: str, command: str) -> str:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
+from string import Template
 from typing import Annotated, Any, Final, Literal, Self
 
 import yaml
@@ -32,6 +33,23 @@ ALIASES: Final[Mapping[str, str]] = {
     "wind_mps": "conditions.wind_mps",
 }
 """Short names that a sweep understands, after the paper's notation; any other setting goes by its full name."""
+
+_PRESETS: Final = {
+    "paper": {
+        "summary": "The paper's full study (arXiv 2606.20742): 3 densities × 3 altitudes × 4 policies × 20 replicates, "
+        "720 segment missions.",
+        "densities": "[low, medium, high]",
+        "altitudes_m": "[6, 10, 15]",
+        "replicates": "20",
+    },
+    "quick": {
+        "summary": "A first look: two altitudes, two densities, all four policies; a minute or two on a laptop.",
+        "densities": "[medium, high]",
+        "altitudes_m": "[6, 10]",
+        "replicates": "8",
+    },
+}
+"""What differs between the designs that ship with the package; see `design_template.yaml`."""
 
 FACTOR_OF: Final[Mapping[str, str]] = {"altitude_m": "altitudes_m", "sensing.sensor": "sensors"}
 """Settings that are factors by themselves."""
@@ -209,7 +227,7 @@ def placed_at(design: Design, folder: Path) -> Design:
 
 def preset_names() -> list[str]:
     """The designs that ship with the package."""
-    return sorted(entry.name.removesuffix(".yaml") for entry in _presets().iterdir() if entry.name.endswith(".yaml"))
+    return sorted(_PRESETS)
 
 
 def preset_text(name: str, world: str) -> str:
@@ -218,15 +236,12 @@ def preset_text(name: str, world: str) -> str:
     Raises:
         PaveTwinError: there is no such design.
     """
-    if name not in preset_names():
-        near = nearest_name(name, preset_names()) or f"; known are {', '.join(preset_names())}"
+    if name not in _PRESETS:
+        near = nearest_name(name, _PRESETS) or f"; known are {', '.join(preset_names())}"
         raise PaveTwinError(f"No design '{name}'{near}.")
-    text: str = (_presets() / f"{name}.yaml").read_text(encoding="utf-8")
-    return text.replace("WORLD", str(yaml.safe_dump(world, width=1000)).removesuffix("\n...\n").strip())
-
-
-def _presets() -> Any:
-    return files("pavetwin.experiments") / "presets"
+    template = (files("pavetwin.experiments") / "design_template.yaml").read_text(encoding="utf-8")
+    entry = yaml.safe_dump(world, width=1000).removesuffix("\n...\n").strip()
+    return Template(template).substitute(_PRESETS[name], name=name, world=entry)
 
 
 def _instead(key: str) -> str:

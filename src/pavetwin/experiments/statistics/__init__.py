@@ -2,8 +2,17 @@
 
 from pavetwin.experiments.statistics.effects import effects
 from pavetwin.experiments.statistics.paired import Comparison, differences
-from pavetwin.experiments.statistics.recommend import Limits, Recommendation, recommend
+from pavetwin.experiments.statistics.recommend import MissionLimits, Recommendation, recommend
 from pavetwin.experiments.statistics.sentences import conclusions
 from pavetwin.experiments.statistics.summary import summarise
 
-__all__ = ["Comparison", "Limits", "Recommendation", "conclusions", "differences", "effects", "recommend", "summarise"]
+__all__ = [
+    "Comparison",
+    "MissionLimits",
+    "Recommendation",
+    "conclusions",
+    "differences",
+    "effects",
+    "recommend",
+    "summarise",
+]

@@ -39,7 +39,7 @@ Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Limits:
+class MissionLimits:
     """What an option must keep on average, per segment mission. None: no limit."""
 
     max_time_s: float | None = None
@@ -70,7 +70,7 @@ class Limits:
 class Recommendation:
     """Every option under the limits, and the best of them."""
 
-    limits: Limits
+    limits: MissionLimits
     by: tuple[str, ...]
     options: pl.DataFrame
     """Best first, then those that break a limit, then those that failed alone. Columns: `*by`, `n` (missions with a
@@ -92,7 +92,7 @@ class Recommendation:
 
 
 def recommend(
-    table: pl.DataFrame, limits: Limits, by: Sequence[str] = ("altitude_m", "policy"), *, seed: int = 0
+    table: pl.DataFrame, limits: MissionLimits, by: Sequence[str] = ("altitude_m", "policy"), *, seed: int = 0
 ) -> Recommendation:
     """The option with the best expected coverage of all whose expected time, energy and coverage keep the limits.
 
@@ -150,7 +150,9 @@ def _options(summary: pl.DataFrame, by: Sequence[str]) -> pl.DataFrame:
     return frame.with_columns(parts[_TIME]["p95"].alias("time_s_p95"))
 
 
-def _resampled(units: Float64Array, worlds: IndexArray, limits: Limits, seed: int) -> tuple[Float64Array, Float64Array]:
+def _resampled(
+    units: Float64Array, worlds: IndexArray, limits: MissionLimits, seed: int
+) -> tuple[Float64Array, Float64Array]:
     """(options,) shares of the resamples in which an option keeps the limits, and in which it also is the best of all
     that do, or level with the best.
 
@@ -170,7 +172,7 @@ def _resampled(units: Float64Array, worlds: IndexArray, limits: Limits, seed: in
     return feasible.mean(axis=0), chosen.mean(axis=0)
 
 
-def _feasible(means: Float64Array, limits: Limits) -> BoolArray:
+def _feasible(means: Float64Array, limits: MissionLimits) -> BoolArray:
     """(resamples, options) of (3, resamples, options) means; what is undefined keeps no limit."""
     coverage, time_s, energy = means
     kept = ~np.isnan(means).any(axis=0)
@@ -183,7 +185,7 @@ def _feasible(means: Float64Array, limits: Limits) -> BoolArray:
     return np.asarray(kept)
 
 
-def _nearest(options: pl.DataFrame, limits: Limits) -> tuple[Row | None, str | None]:
+def _nearest(options: pl.DataFrame, limits: MissionLimits) -> tuple[Row | None, str | None]:
     breaches = [
         (max((_breach(option[name], limit, name), name) for name, limit in limits.named.items()), option)
         for option in options.iter_rows(named=True)
@@ -203,7 +205,7 @@ def _breach(value: float, limit: float, name: str) -> float:
     return value / limit - 1
 
 
-def _sentences(table: pl.DataFrame, options: Sequence[Row], by: Sequence[str], limits: Limits) -> list[str]:
+def _sentences(table: pl.DataFrame, options: Sequence[Row], by: Sequence[str], limits: MissionLimits) -> list[str]:
     best, *others = options
     names = [metric_named(name).label.lower() for name in _MEASURED]
     expected = listed([f"{name} {_expected(best, column)}" for name, column in zip(names, _MEASURED, strict=True)])
@@ -217,7 +219,7 @@ def _sentences(table: pl.DataFrame, options: Sequence[Row], by: Sequence[str], l
     ]
 
 
-def _lead(best: Row, others: Sequence[Row], by: Sequence[str], limits: Limits) -> list[str]:
+def _lead(best: Row, others: Sequence[Row], by: Sequence[str], limits: MissionLimits) -> list[str]:
     """Which options the replicates separate from the best: by its coverage compared in pairs, p not corrected."""
     rivals, count = [other for other in others if other["feasible"]], best["replicates"]
     if not rivals:
@@ -243,7 +245,7 @@ def _lead(best: Row, others: Sequence[Row], by: Sequence[str], limits: Limits) -
     return sentences
 
 
-def _warnings(best: Row, limits: Limits) -> list[str]:
+def _warnings(best: Row, limits: MissionLimits) -> list[str]:
     warnings = []
     if limits.named and best["kept"] is not None and best["kept"] < 0.95:
         warnings.append(f"its means break {limits.words} in {percent(1 - best['kept'])} of the resamples")
@@ -292,7 +294,7 @@ def _expected(option: Row, name: str) -> str:
 
 
 def _refusal(
-    options: Sequence[Row], by: Sequence[str], nearest: Row | None, broken: str | None, limits: Limits
+    options: Sequence[Row], by: Sequence[str], nearest: Row | None, broken: str | None, limits: MissionLimits
 ) -> list[str]:
     left = _left_out(options, by)
     if nearest is None or broken is None:

@@ -1,0 +1,57 @@
+"""`pavetwin policy …` and `pavetwin sensor …`: which there are, and whether your own keeps the rules."""
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import Annotated, Any
+
+import typer
+
+from pavetwin.cli.arguments import Plugins, paths_of
+from pavetwin.cli.console import out
+
+
+def _group(kind: str, plural: str, package: str, example: str, load: Callable[[Any, str], Any]) -> typer.Typer:
+    """The commands of one registry: `load` makes an instance from the package's module and a name."""
+    group = typer.Typer(help=f"List {plural}, and check your own.", no_args_is_help=True)
+
+    def module_with(plugins: Plugins) -> Any:
+        from pavetwin.plugins import load_plugins
+
+        load_plugins(paths_of(plugins))
+        return import_module(package)
+
+    @group.command("list", help=_help(f"Name the {plural} and what each does.", f"{kind} list --plugin my_things.py"))
+    def list_registered(plugin: Plugins = None) -> None:
+        registry = getattr(module_with(plugin), plural.upper())
+        for name, value in zip(registry.names(), registry.values(), strict=True):
+            words = (value.__doc__ or "").split("\n\n")[0]
+            out.print(f"[bold]{name}[/]: {' '.join(words.split())}")
+
+    @group.command(help=_help(f"Try a {kind} in many situations: does it keep the rules?", f"{kind} check {example}"))
+    def check(
+        name: Annotated[str, typer.Argument(metavar="FILE.py:ClassName", help=f"Your own {kind}, or a known one.")],
+        plugin: Plugins = None,
+    ) -> None:
+        out.print(f"{load(module_with(plugin), name).name}: keeps the rules.")
+
+    return group
+
+
+def _help(words: str, example: str) -> str:
+    return f"{words}\n\n\b\npavetwin {example}"
+
+
+def _policy(module: Any, name: str) -> Any:
+    from pavetwin.config.mission import PolicySettings
+
+    return module.load_policy(name, PolicySettings())
+
+
+def _sensor(module: Any, name: str) -> Any:
+    from pavetwin.config.mission import SensingSettings
+
+    return module.load_sensor(SensingSettings(sensor=name), 0)
+
+
+policy = _group("policy", "policies", "pavetwin.policies", "my_policy.py:Careful", _policy)
+sensor = _group("sensor", "sensors", "pavetwin.sensing", "my_sensor.py:Sharp", _sensor)
