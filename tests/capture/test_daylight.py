@@ -11,9 +11,11 @@ from PIL import ExifTags, Image
 
 from pavetwin.capture.daylight import LEAST_ELEVATION_DEG, Daylight, base_lonlat, draw_conditions
 from pavetwin.capture.mission_frames import save_frames
+from pavetwin.capture.mission_images import MissionImages
 from pavetwin.capture.record import read_records
 from pavetwin.capture.scene_renderer import SceneRenderer
 from pavetwin.errors import PaveTwinError
+from pavetwin.mission.replay import Replay
 from pavetwin.mission.results import save_mission
 from pavetwin.scene.view import View
 from scenes.recordings import recording
@@ -53,14 +55,15 @@ def test_frames_have_the_light_of_the_missions_time_of_day(tmp_path: Path) -> No
     scene = Scene(straight((20, 3)), altitude_m=10.0)
     result = scene.fly("baseline")
     (detection,) = result.detections
-    drawing = Watched(result.environment.world, result.environment.defects)
+    images = MissionImages(result.environment, Replay(scene.world, VAN_ACROSS), result.seed)
+    drawing = images.scene_renderer = Watched(images.world)
     west_over_east = {}
     for time in ("07:30", "16:30"):
         folder = tmp_path / time
         settings = scene.settings("conditions.date=2026-03-20", f"conditions.time={time}", "conditions.clouds=0")
-        flown = replace(result, settings=settings)
+        flown = replace(result, spec=result.spec.model_copy(update={"settings": settings}))
         save_mission(flown, folder)
-        assert save_frames(flown, VAN_ACROSS, folder, drawing) == 1
+        assert save_frames(flown, images, folder) == 1
         (record,) = read_records(folder / "frames")
         name = json.loads((folder / "captures.geojson").read_text())["features"][0]["properties"]["frame"]
         with Image.open(folder / name) as image:

@@ -14,12 +14,15 @@ import yaml
 from PIL import ExifTags, Image
 
 from pavetwin.capture.mission_frames import frame_size, save_frames
+from pavetwin.capture.mission_images import MissionImages
 from pavetwin.capture.record import read_records
 from pavetwin.capture.rle import decode
 from pavetwin.cli.capture import make, show, stats
 from pavetwin.cli.flags import with_flags
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
+from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.replay import Replay
 from pavetwin.mission.results import detections_geojson, save_mission
 from pavetwin.render.adapter import find_adapter
 from pavetwin.render.exposure import Exposure
@@ -189,12 +192,20 @@ class Polaroid:
         return left, top, right, bottom
 
 
+def images_by(scene_renderer: Polaroid, result: MissionResult, start_s: float = 0.0) -> MissionImages:
+    """The images of a mission that took off at a time of `FAR_OFF`, by a scene renderer of ours."""
+    replay = Replay(result.environment.world, FAR_OFF, start_s=start_s)
+    images = MissionImages(result.environment, replay, result.seed)
+    images.scene_renderer = scene_renderer
+    return images
+
+
 def test_the_frames_of_a_mission_show_where_each_defect_was_confirmed(tmp_path: Path) -> None:
     result = empty_street((20, 1), (20.4, -1), (45, 1)).fly("baseline")
     assert len(result.detections) == 3
     scene_renderer = Polaroid(result.environment.defects)
     save_mission(result, tmp_path / "m")
-    taken = save_frames(result, FAR_OFF, tmp_path / "m", scene_renderer)
+    taken = save_frames(result, images_by(scene_renderer, result), tmp_path / "m")
     content = json.loads((tmp_path / "m" / "captures.geojson").read_text())
     named = {feature["properties"]["frame"] for feature in content["features"]}
     assert {str(path.relative_to(tmp_path / "m")) for path in (tmp_path / "m").rglob("images/test/*.jpg")} == named
@@ -221,7 +232,7 @@ def test_the_frames_of_a_mission_are_labelled_as_a_dataset_is(
     result = empty_street((20, 1), (20.4, -1), (45, 1)).fly("baseline")
     scene_renderer = Polaroid(result.environment.defects)
     save_mission(result, tmp_path / "m")
-    taken = save_frames(result, FAR_OFF, tmp_path / "m", scene_renderer)
+    taken = save_frames(result, images_by(scene_renderer, result), tmp_path / "m")
     frames = tmp_path / "m" / "frames"
     confirmed = []
     for record, (view, _) in zip(read_records(frames), scene_renderer.views, strict=True):
@@ -242,10 +253,21 @@ def test_the_frames_of_a_mission_are_labelled_as_a_dataset_is(
     assert f"{taken} images on {frames}/contact-sheet.png" in capsys.readouterr().out.replace("\n", "")
 
 
+def test_frames_show_the_traffic_of_a_mission_that_took_off_later_in_the_recording(tmp_path: Path) -> None:
+    result = empty_street((20, 1)).fly("baseline")
+    scene_renderer = Polaroid(result.environment.defects)
+    save_mission(result, tmp_path / "m")
+    assert save_frames(result, images_by(scene_renderer, result, start_s=30.0), tmp_path / "m") == 1
+    ((_, time_s),) = scene_renderer.views
+    assert time_s == pytest.approx(30.0 + result.detections[0].time_s)
+    (record,) = read_records(tmp_path / "m" / "frames")
+    assert record.traffic["time_s"] == pytest.approx(time_s, abs=1e-4)
+
+
 def test_a_mission_that_found_nothing_has_no_frames(tmp_path: Path) -> None:
     result = empty_street().fly("baseline")
     save_mission(result, tmp_path / "m")
-    assert save_frames(result, FAR_OFF, tmp_path / "m", Polaroid(())) == 0
+    assert save_frames(result, images_by(Polaroid(()), result), tmp_path / "m") == 0
     assert not list((tmp_path / "m" / "frames").iterdir())
 
 

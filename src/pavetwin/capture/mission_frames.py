@@ -20,6 +20,7 @@ from pavetwin.capture.classes import category_of_defect
 from pavetwin.capture.daylight import Daylight
 from pavetwin.capture.exif import ShotMetadata, encoded
 from pavetwin.capture.formats import find_formats
+from pavetwin.capture.mission_images import MissionImages
 from pavetwin.capture.record import Record
 from pavetwin.capture.settings import FILE, CaptureSettings, description
 from pavetwin.capture.store import link_image, write_image, write_over_all, write_yaml
@@ -27,18 +28,13 @@ from pavetwin.capture.truth import SceneState, labelled_objects
 from pavetwin.files import writing, writing_folder
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.results import detections_geojson
-from pavetwin.scene.view import nadir
-from pavetwin.seeds import Stream, child
-from pavetwin.sensing import JudgedDetection
-from pavetwin.traffic.recording import Recording
+from pavetwin.sensing import Frame, JudgedDetection
 from pavetwin.traffic.trace import trace_of
 from pavetwin.uav.cameras import Camera, find_camera
 from pavetwin.world.content import defects_hash
-from pavetwin.world.model import World
 
 if TYPE_CHECKING:
     from pavetwin._core import Trace
-    from pavetwin.capture.scene_renderer import SceneRenderer
 
 FOLDER: Final = "frames"
 
@@ -51,9 +47,8 @@ LARGEST_PX: Final = 2048
 
 def save_frames(
     result: MissionResult,
-    recording: Recording,
+    images: MissionImages,
     folder: Path,
-    scene_renderer: "SceneRenderer",
     *,
     adapter: str = "",
     on_progress: Callable[[float], None] | None = None,
@@ -62,7 +57,7 @@ def save_frames(
     `captures.geojson`. Returns how many were taken.
 
     Args:
-        recording: the traffic that the mission was flown against, as long as it needed.
+        images: of the mission's environment, traffic and seed.
         adapter: name of the graphics adapter.
 
     Raises:
@@ -72,7 +67,7 @@ def save_frames(
     names = []
     with writing_folder(folder / FOLDER, replace=True) as place:
         if captures:
-            film = _Film(result, recording, scene_renderer)
+            film = _Film(result, images)
             settings = film.settings(len(captures))
             formats = find_formats(settings.formats)
             for number, detections in enumerate(captures):
@@ -83,7 +78,7 @@ def save_frames(
                 if on_progress is not None:
                     on_progress((number + 1) / len(captures))
             write_over_all(place, formats, (SPLIT,))
-            world = film.world
+            world = images.world
             write_yaml(
                 place / FILE,
                 description(settings, world.name, world.content_hash, defects_hash(world.defects), adapter),
@@ -105,13 +100,7 @@ class _Film:
     """Renders the frames of a mission."""
 
     result: MissionResult
-    recording: Recording
-    scene_renderer: "SceneRenderer"
-
-    @cached_property
-    def world(self) -> World:
-        """With the defects that the mission looked for."""
-        return replace(self.result.environment.world, defects=self.result.environment.defects)
+    images: MissionImages
 
     @cached_property
     def camera(self) -> Camera:
@@ -119,7 +108,7 @@ class _Film:
 
     @cached_property
     def trace(self) -> "Trace":
-        return trace_of(self.recording)
+        return trace_of(self.images.replay.recording)
 
     def settings(self, images: int) -> CaptureSettings:
         """The settings of a dataset of such frames."""
@@ -128,7 +117,7 @@ class _Film:
             images=images,
             seed=self.result.seed,
             altitudes_m=(self.result.settings.altitude_m,),
-            densities=(self.recording.name,),
+            densities=(self.images.replay.recording.name,),
             size_px=frame_size(self.camera.image_px),
             camera=self.result.settings.camera.model,
             split=(0.0, 0.0, 1.0),
@@ -139,38 +128,40 @@ class _Film:
         self, detections: Sequence[JudgedDetection], number: int, settings: CaptureSettings
     ) -> tuple[Record, bytes]:
         """The frame of one capture, which may have confirmed several defects: its record, and its picture as a file."""
-        at = detections[0]
-        view = nadir(
-            self.camera,
-            (*at.position, self.result.settings.altitude_m),
+        at, world, recording = detections[0], self.images.world, self.images.replay.recording
+        capture = Frame(
+            number=at.capture,
+            time_s=at.time_s,
+            position=at.position,
+            altitude_m=self.result.settings.altitude_m,
             yaw_rad=at.yaw_rad,
-            size_px=settings.size_px,
-            velocity_mps=_velocity(self.result, at),
+            camera=self.camera,
+            conditions=self.result.settings.conditions,
+            velocity_mps=at.velocity_mps,
         )
+        frame = self.images.rendered(capture, settings.size_px)
         daylight = replace(self.begin, when=self.begin.when + timedelta(seconds=at.time_s))
-        noise = int(child(self.result.seed, Stream.FRAME, number).integers(1 << 62))
-        frame = self.scene_renderer.picture(view, self.camera, daylight.light, self.recording, at.time_s, noise=noise)
+        recorded_s = self.images.replay.recorded_s(at.time_s)
         taken = ShotMetadata(
-            view=view,
+            view=frame.view,
             camera=self.camera,
             yaw_rad=at.yaw_rad,
             pitch_rad=-np.pi / 2,
-            place=self.world.georeference,
+            place=world.georeference,
             when=daylight.when,
             exposure=frame.exposure,
             is_airborne=True,
         )
         defects = [each.defect for each in detections if each.defect is not None]
-        aims = sorted({category_of_defect(self.world.defects[defect].kind).name for defect in defects})
-        origin = {"density": self.recording.name, "seed": self.recording.origin.seed}
+        aims = sorted({category_of_defect(world.defects[defect].kind).name for defect in defects})
         record = Record(
             index=number,
             split=SPLIT,
             suffix=f".{settings.picture}",
-            size_px=view.size_px,
+            size_px=frame.view.size_px,
             camera={"platform": settings.platform, "mount": "gimbal", **taken.as_dict()},
             light=daylight.as_dict(),
-            traffic={**origin, "time_s": round(at.time_s, 4)},
+            traffic={"density": recording.name, "seed": recording.origin.seed, "time_s": round(recorded_s, 4)},
             aim={
                 "requested": aims,
                 "met": aims,
@@ -178,9 +169,7 @@ class _Film:
                 "confirmed": [f"defect {defect}" for defect in defects],
             },
             objects=tuple(
-                labelled_objects(
-                    frame, SceneState(self.world, self.trace.agents_at(at.time_s), self.recording.agents.kind)
-                )
+                labelled_objects(frame, SceneState(world, self.trace.agents_at(recorded_s), recording.agents.kind))
             ),
         )
         return record, encoded(frame.rgb, taken, picture=settings.picture, quality=settings.quality)
@@ -188,11 +177,4 @@ class _Film:
     @cached_property
     def begin(self) -> Daylight:
         """When the mission begins."""
-        return Daylight.of(self.result.settings.conditions, self.world)
-
-
-def _velocity(result: MissionResult, detection: JudgedDetection) -> tuple[float, float, float]:
-    """Of the UAV, along its heading: the last speed that its track noted."""
-    row = int(np.searchsorted(result.track["t_s"], detection.time_s + 1e-6)) - 1
-    speed = float(result.track["speed_mps"][max(0, row)])
-    return speed * float(np.cos(detection.yaw_rad)), speed * float(np.sin(detection.yaw_rad)), 0.0
+        return Daylight.of(self.result.settings.conditions, self.images.world)

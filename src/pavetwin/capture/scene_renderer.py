@@ -1,7 +1,6 @@
 """The frame source of datasets and missions: the world's scene, drawn by the renderer."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -21,7 +20,7 @@ from pavetwin.seeds import Stream, child
 from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.trace import trace_of
 from pavetwin.uav.cameras import Camera
-from pavetwin.world.model import Defect, World
+from pavetwin.world.model import World
 
 LOOK_SEED: Final = 0
 """Seed of what a world leaves open, such as colours of cars and stains of roads: a world looks the same in every
@@ -38,9 +37,8 @@ class SceneRenderer:
         PaveTwinError: there is no adapter to draw with.
     """
 
-    def __init__(self, world: World, defects: tuple[Defect, ...] | None = None) -> None:
-        """`defects` in place of the world's own."""
-        self._scene = Scene(world if defects is None else replace(world, defects=defects), seed=LOOK_SEED)
+    def __init__(self, world: World) -> None:
+        self._scene = Scene(world, seed=LOOK_SEED)
         self._renderer = Renderer(self._scene)
         self._trace: tuple[Recording, Trace] | None = None
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pavetwin.mission.fly import MissionResult
     from pavetwin.mission.inputs import MissionInputs
     from pavetwin.mission.spec import MissionSpec
+    from pavetwin.sensing import ImageSource
 
 ALL, POLICY, SEGMENTS = "all", "hover", "8"
 
@@ -102,6 +103,7 @@ def fly(
         else _settings(preset, altitude, set_, paths_of(plugin), conditions_of(date, time, clouds, wind))
     )
 
+    from pavetwin.capture.mission_images import MissionImages
     from pavetwin.cli import report
     from pavetwin.mission.environment import prepare
     from pavetwin.mission.inputs import defects_of, load_inputs, world_of
@@ -149,6 +151,7 @@ def fly(
         inputs = load_inputs(spec, world=loaded, environment=environment, on_progress=tell)
     replay = inputs.traffic
     assert isinstance(replay, Replay)
+    images = MissionImages(inputs.environment, replay, spec.seed)
     label = names[0] if len(names) == 1 else ALL
     usual = not segment and order == "random" and segments == SEGMENTS
     folder = output or (
@@ -159,12 +162,12 @@ def fly(
     check_mission_folder(folder)
     with replay:
         results = report.save(
-            _missions(spec, names, inputs),
+            _missions(spec, names, inputs, images),
             replay,
             folder,
             several=len(names) > 1,
             animated=lambda _: animate,
-            frames=save_frames,
+            frames=images if save_frames else None,
         )
     for remark in replay.recording.remarks:
         out.print(f"[yellow]Note:[/] {remark}")
@@ -179,13 +182,15 @@ def fly(
     )
 
 
-def _missions(spec: "MissionSpec", policies: Sequence[str], inputs: "MissionInputs") -> Iterator["MissionResult"]:
+def _missions(
+    spec: "MissionSpec", policies: Sequence[str], inputs: "MissionInputs", images: "ImageSource"
+) -> Iterator["MissionResult"]:
     from pavetwin.mission.fly import fly as fly_mission
 
     for name in policies:
         with progress(f"Flying {Path(name).name}") as tell:
             inputs.on_extend(partial(tell, what="Recording more traffic"))
-            yield fly_mission(spec.with_policy(name), inputs=inputs, on_progress=tell)
+            yield fly_mission(spec.with_policy(name), inputs=inputs, image_source=images, on_progress=tell)
 
 
 def _settings(

@@ -14,6 +14,7 @@ from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.results import Drawing, Totals, save_mission, save_missions, totals
 
 if TYPE_CHECKING:
+    from pavetwin.capture.mission_images import MissionImages
     from pavetwin.config import MissionSettings
     from pavetwin.mission.fly import MissionResult
     from pavetwin.mission.replay import Replay
@@ -31,7 +32,7 @@ def save(
     *,
     several: bool,
     animated: Callable[["MissionResult"], bool],
-    frames: bool = False,
+    frames: "MissionImages | None" = None,
     title: str = "Drawing",
 ) -> list["MissionResult"]:
     """Write missions into `folder`, each as it comes: its numbers, then its pictures. Returns the missions.
@@ -39,7 +40,7 @@ def save(
     Args:
         several: a folder for each policy, and a comparison.
         animated: whether a mission is shown moving as well.
-        frames: whether the frames of its confirmed defects are taken.
+        frames: takes the frames of its confirmed defects; none are saved unless given.
 
     Raises:
         PaveTwinError: frames are wanted and there is no adapter to draw with; nothing was flown then.
@@ -48,7 +49,7 @@ def save(
     from pavetwin.draw.mission_map import save_comparison_map, save_mission_map
 
     result: list[MissionResult] = []
-    takes = [("frames", _frames_of(replay))] if frames else []
+    takes = [("frames", _frames_of(frames))] if frames is not None else []
 
     def draw_map(mission: "MissionResult", path: Path) -> None:
         with progress(f"{title}: {mission.policy}"):
@@ -72,20 +73,16 @@ def save(
     return result
 
 
-def _frames_of(replay: "Replay") -> Drawing:
-    """Takes a mission's frames; the scene is made once for all missions over the same defects."""
+def _frames_of(images: "MissionImages") -> Drawing:
+    """Takes a mission's frames."""
     from pavetwin.capture.mission_frames import save_frames
-    from pavetwin.capture.scene_renderer import SceneRenderer
     from pavetwin.render.adapter import find_adapter
 
     adapter = str(find_adapter())
-    scene_renderers: list[SceneRenderer] = []
 
     def take(mission: "MissionResult", path: Path) -> None:
         with progress(f"Taking frames: {mission.policy}") as tell:
-            if not scene_renderers:
-                scene_renderers.append(SceneRenderer(mission.environment.world, mission.environment.defects))
-            save_frames(mission, replay.recording, path.parent, scene_renderers[0], adapter=adapter, on_progress=tell)
+            save_frames(mission, images, path.parent, adapter=adapter, on_progress=tell)
 
     return take
 

@@ -58,6 +58,10 @@ class Replay:
             origin.asked, origin.seed, routes=self.routes, recording=self.file, take_off_s=self.start_s
         )
 
+    def recorded_s(self, time_s: float) -> float:
+        """When in the recording a moment of the mission is; take-off is at a step of it."""
+        return round(self.start_s / self.recording.step_s) * self.recording.step_s + time_s
+
     def trace(self) -> Trace:
         if self._trace is None:
             self._trace = to_trace(self.recording.after(self.start_s), self.aircraft)

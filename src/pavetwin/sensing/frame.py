@@ -58,7 +58,7 @@ class Frame:
     source: ImageSource | None = field(default=None, repr=False, compare=False)
 
     def image(self) -> UInt8Array:
-        """(height, width, 3) sRGB; taken now, and not kept.
+        """(height, width, 3) sRGB of the size of the camera's `image_px`; taken now, and not kept.
 
         Raises:
             PaveTwinError: nobody takes images on this mission.
@@ -87,7 +87,7 @@ class Frame:
         return self.footprint_of((0.0, 0.0, float(width), float(height)))
 
     def box_of(self, shape: BaseGeometry) -> Box:
-        """The image box around a shape on the ground (world frame), cut at the image's border."""
+        """The box around a shape on the ground (world frame) in pixels of `image()`, cut at the image's border."""
         ground = shapely.get_coordinates(shape)
         pixels = self.view.project(np.column_stack([ground, np.zeros(len(ground))]))
         low, high = pixels.min(axis=0), pixels.max(axis=0)
@@ -95,6 +95,6 @@ class Frame:
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
     def footprint_of(self, box: Box) -> Polygon:
-        """The ground under an image box, world frame."""
+        """The ground under a box in pixels of `image()`, world frame."""
         left, top, right, bottom = box
         return Polygon(self.view.ground([(left, top), (right, top), (right, bottom), (left, bottom)]))

@@ -1,0 +1,78 @@
+"""The images of a mission's captures, rendered from the world, its defects and the traffic the mission replays.
+
+Sensors that look at images get them here in flight, saved frames after it: the same capture gives the same image. Until
+the first image is asked for, nothing that renders is loaded.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from pavetwin.arrays import UInt8Array
+from pavetwin.capture.daylight import Daylight
+from pavetwin.mission.environment import MissionEnvironment
+from pavetwin.mission.replay import Replay
+from pavetwin.scene.view import nadir
+from pavetwin.seeds import Stream, child
+from pavetwin.sensing import Frame
+from pavetwin.world.model import World
+
+if TYPE_CHECKING:
+    from pavetwin.capture.scene_renderer import SceneRenderer
+    from pavetwin.render.frame import RenderedFrame
+
+
+@dataclass
+class MissionImages:
+    """The image source of missions that share an environment, traffic and a seed, see `pavetwin.sensing.ImageSource`.
+
+    Noise follows from (seed, the capture's number). The light stays as it is when the mission begins.
+    """
+
+    environment: MissionEnvironment
+    replay: Replay
+    seed: int
+
+    def __call__(self, frame: Frame) -> UInt8Array:
+        """(height, width, 3) sRGB, of the camera's `image_px`.
+
+        Raises:
+            PaveTwinError: there is no adapter to draw with, or the sun is below the horizon.
+        """
+        return self.rendered(frame).rgb
+
+    def rendered(self, frame: Frame, size_px: tuple[int, int] | None = None) -> "RenderedFrame":
+        """The image of a capture with its ground truth.
+
+        Args:
+            size_px: width, height; the camera's own unless given. The field of view stays.
+
+        Raises:
+            PaveTwinError: as `__call__`.
+        """
+        view = nadir(
+            frame.camera,
+            (*frame.position, frame.altitude_m),
+            yaw_rad=frame.yaw_rad,
+            size_px=size_px,
+            velocity_mps=(*frame.velocity_mps, 0.0),
+        )
+        return self.scene_renderer.picture(
+            view,
+            frame.camera,
+            Daylight.of(frame.conditions, self.world).light,
+            self.replay.recording,
+            self.replay.recorded_s(frame.time_s),
+            noise=int(child(self.seed, Stream.FRAME, frame.number).integers(1 << 62)),
+        )
+
+    @cached_property
+    def world(self) -> World:
+        """With the defects that the mission looks for."""
+        return replace(self.environment.world, defects=self.environment.defects)
+
+    @cached_property
+    def scene_renderer(self) -> "SceneRenderer":
+        from pavetwin.capture.scene_renderer import SceneRenderer
+
+        return SceneRenderer(self.world)

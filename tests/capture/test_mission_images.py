@@ -1,0 +1,104 @@
+"""The images that sensors look at in flight, from the command line, and those that are saved after it."""
+
+import io
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pavetwin.capture.mission_images import MissionImages
+from pavetwin.capture.settings import CaptureSettings
+from pavetwin.config import Conditions
+from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.mission.replay import Replay
+from pavetwin.scene.view import View
+from pavetwin.sensing import Frame
+from pavetwin.uav.cameras import find_camera
+from pavetwin.world.store import save_world
+from scenes import built
+from scenes.recordings import recording
+from scenes.tiny import empty_street
+
+LOOKER = """
+from pathlib import Path
+
+import numpy as np
+
+from pavetwin.sensing import Detection, Sensor
+
+
+class Looker(Sensor):
+    place = Path(__file__).with_name("seen.npz")
+
+    def detect(self, frame):
+        if self.place.exists():
+            return []
+        image = frame.image()
+        if image.std() > 1:  # the images of the sensor's check are grey
+            np.savez(self.place, image=image, number=frame.number)
+        return [Detection.of(sighting) for sighting in frame.sightings]
+"""
+
+
+@pytest.mark.needs_adapter
+def test_a_sensor_of_ones_own_sees_the_image_that_is_saved(tmp_path: Path) -> None:
+    """From the command line; the saved file decodes to the very pixels of the sensor's image, compressed alike."""
+    save_world(add_defects(built("cross"), DefectOptions(per_segment=6)), tmp_path / "cross")
+    (tmp_path / "looker.py").write_text(LOOKER)
+    flown = ("--density", "high", "--segments", "1", "--seed", "1", "--policy", "baseline", "--save-frames")
+    sensor = f"sensing.sensor={tmp_path / 'looker.py'}:Looker"
+    command = [sys.executable, "-c", "from pavetwin.cli import main; main()", "fly", tmp_path / "cross", *flown]
+    command += ["--set", sensor, "-o", tmp_path / "m"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, "COLUMNS": "200"})
+    assert done.returncode == 0, done.stderr
+    seen = np.load(tmp_path / "seen.npz")
+    assert seen["image"].shape == (950, 1270, 3)
+    features = json.loads((tmp_path / "m" / "captures.geojson").read_text())["features"]
+    (name,) = {each["properties"]["frame"] for each in features}
+    stream = io.BytesIO()
+    Image.fromarray(seen["image"]).save(
+        stream, "JPEG", quality=CaptureSettings.model_fields["quality"].default, subsampling=0
+    )
+    with Image.open(tmp_path / "m" / name) as saved, Image.open(stream) as image:
+        assert np.array_equal(np.asarray(saved), np.asarray(image))
+
+
+class Asked:
+    """A scene renderer that notes what it is asked for and renders nothing."""
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[View, object, float, int]] = []
+
+    def picture(
+        self, view: View, _camera: object, _light: object, traffic: object, time_s: float, *, noise: int
+    ) -> object:
+        self.calls.append((view, traffic, time_s, noise))
+        return None
+
+
+def test_an_image_is_asked_for_with_the_captures_own_pose_motion_traffic_and_noise() -> None:
+    scene = empty_street((20, 1))
+    short = recording(("suv",), lambda *_: (500.0, 500.0, 0.0, 0.0), frames=201)
+    longer = recording(("suv",), lambda *_: (500.0, 500.0, 0.0, 0.0), frames=401)
+    replay = Replay(scene.world, short, start_s=30.0)
+    images = MissionImages(scene.environment(), replay, seed=4)
+    renderer = images.scene_renderer = Asked()
+    frame = Frame(7, 12.5, (20.0, 1.0), 9.0, 0.3, find_camera("paper"), Conditions(), velocity_mps=(2.0, -1.0))
+    images.rendered(frame)
+    replay.recording = longer
+    images.rendered(frame, (64, 48))
+    images.rendered(replace(frame, number=8))
+    views, traffic, times, noise = zip(*renderer.calls, strict=True)
+    assert [view.size_px for view in views] == [frame.camera.image_px, (64, 48), frame.camera.image_px]
+    assert tuple(views[0].velocity_mps) == (2.0, -1.0, 0.0)
+    assert views[0].project((20.4, 1.2, 0.0)) == pytest.approx(frame.view.project((20.4, 1.2, 0.0)))
+    assert traffic[0] is short
+    assert traffic[1] is longer
+    assert times == (42.5, 42.5, 42.5)
+    assert noise[0] == noise[1] != noise[2]
