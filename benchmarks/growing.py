@@ -17,6 +17,7 @@ from pavetwin.defects import sample_points
 from pavetwin.mission.environment import MissionEnvironment, new_flight
 from pavetwin.navigation.navmesh import navmesh
 from pavetwin.navigation.patterns import passes
+from pavetwin.traffic.trace import trace_arguments
 from pavetwin.world.model import Surface
 from pavetwin.world.solids import solids
 
@@ -68,8 +69,8 @@ def _copied(course: Course, side: int) -> tuple[MissionEnvironment, Trace]:
     world, settings = course.environment.world, course.settings
     standing = solids(world)
     mesh = navmesh(world, settings.altitude_m, settings.uav.radius_m, standing)
-    columns = course.replay.recording.until(TRAFFIC_S).columns()
-    places = np.vstack([mesh.vertices(), standing.xy, np.column_stack([columns["x"], columns["y"]])])
+    columns = trace_arguments(course.replay.recording.until(TRAFFIC_S))
+    places = np.vstack([mesh.vertices(), standing.xy, np.column_stack([columns["x_m"], columns["y_m"]])])
     pitch = np.ptp(places, axis=0) + GAP_M
     steps = sorted(
         ((i, j) for i in range(side) for j in range(side)),
@@ -105,7 +106,7 @@ def _copied(course: Course, side: int) -> tuple[MissionEnvironment, Trace]:
 
 def _crowd(course: Course, shifts: npt.NDArray[np.float64]) -> Trace:
     """The recording with a copy of every agent in every copy of the town."""
-    columns = course.replay.recording.until(TRAFFIC_S).columns()
+    columns = trace_arguments(course.replay.recording.until(TRAFFIC_S))
     agents, count = len(columns["length_m"]), len(shifts)
     offsets = columns["step_offsets"].astype(np.int64)
     pairs = list(itertools.pairwise(offsets))
@@ -116,8 +117,8 @@ def _crowd(course: Course, shifts: npt.NDArray[np.float64]) -> Trace:
         step_s=columns["step_s"],
         step_offsets=(offsets * count).astype(np.uint32),
         agent=(columns["agent"][rows] + copy * agents).astype(np.uint32),
-        x_m=(columns["x"][rows] + shifts[copy, 0]).astype(np.float32),
-        y_m=(columns["y"][rows] + shifts[copy, 1]).astype(np.float32),
+        x_m=(columns["x_m"][rows] + shifts[copy, 0]).astype(np.float32),
+        y_m=(columns["y_m"][rows] + shifts[copy, 1]).astype(np.float32),
         yaw_rad=columns["yaw_rad"][rows],
         speed_mps=columns["speed_mps"][rows],
         length_m=np.tile(columns["length_m"], count),

@@ -53,10 +53,7 @@ OPTION = re.compile(r"(?:^|[\s(`])--[a-z]")
 # Classes that share a name with another one for now, with the reason.
 SHARED_CLASS_NAMES = {
     "Camera": "an entry of the camera database, and the kernel's with its inspection window",
-    "Ground": "the world's surface, and the kernel's copy of it",
     "Moment": "the kernel's class, and the protocol that the twin needs of it",
-    "Job": "a unit of work of traffic recordings, and one of image workers",
-    "Simulation": "a recording process, and the SUMO run inside it",
 }
 
 # Written in two halves, so that this file does not name them either.

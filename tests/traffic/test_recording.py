@@ -13,6 +13,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.traffic.demand import DENSITIES, Capacity, density_named, density_of
 from pavetwin.traffic.kinds import KINDS, PEDESTRIANS, VEHICLES, sumo_types
 from pavetwin.traffic.recording import Agents, Origin, Recording, load_recording, save_recording
+from pavetwin.traffic.trace import trace_arguments
 
 
 def recording_of(counts: list[int], walkers: int = 1) -> Recording:
@@ -112,12 +113,12 @@ def test_the_file_is_sorted_and_small_in_type(tmp_path: Path) -> None:
     assert table["step"].to_pylist() == [0, 0, 2, 2, 2]
 
 
-def test_columns_are_the_kernels() -> None:
-    columns = recording_of([2, 3]).columns()
+def test_columns_have_the_types_of_the_kernel() -> None:
+    columns = trace_arguments(recording_of([2, 3]))
     kinds = {name: np.asarray(value).dtype.name for name, value in columns.items() if name != "step_s"}
     assert kinds == {
         **dict.fromkeys(("step_offsets", "agent"), "uint32"),
-        **dict.fromkeys(("x", "y", "yaw_rad", "speed_mps", "length_m", "width_m", "height_m"), "float32"),
+        **dict.fromkeys(("x_m", "y_m", "yaw_rad", "speed_mps", "length_m", "width_m", "height_m", "base_m"), "float32"),
         "is_pedestrian": "bool",
     }
 

@@ -12,7 +12,7 @@ from shapely import Point, Polygon
 
 from pavetwin.world.buildings import clear_of_roads
 from pavetwin.world.furniture import TREE_OVERHANG
-from pavetwin.world.ground import Ground, Nearby
+from pavetwin.world.ground import Nearby, PlacementGround
 from pavetwin.world.model import Building, Furniture, FurnitureKind, LaneKind, World
 from pavetwin.world.solids import SolidKind, Solids, convex_parts, furniture_prisms, solids
 from pavetwin.world.streets import union_of
@@ -157,7 +157,7 @@ def test_changing_the_seed_changes_the_rule_but_not_the_map() -> None:
 
 
 def test_a_thing_on_the_road_is_moved_behind_the_nearest_kerb(tmp_path: Path) -> None:
-    ground = Ground(net_of("cross", tmp_path))
+    ground = PlacementGround(net_of("cross", tmp_path))
     segment = next(each for each in built("cross").world.segments if each.street == "Bogen")
     middle = segment.centre_line.interpolate(0.5, normalized=True)
     moved = ground.beside_road(middle, 0.6, 4.0)
@@ -167,7 +167,7 @@ def test_a_thing_on_the_road_is_moved_behind_the_nearest_kerb(tmp_path: Path) ->
 
 
 def test_a_building_mostly_on_the_road_is_dropped(tmp_path: Path) -> None:
-    ground = Ground(net_of("cross", tmp_path))
+    ground = PlacementGround(net_of("cross", tmp_path))
     segment = built("cross").world.segments[5]
     assert clear_of_roads([(segment.centre_line.buffer(4.0), 5.0)], ground) == ()
 

@@ -16,7 +16,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic import closed_loop, sumo_run
 from pavetwin.traffic.demand import USER, Capacity, Density, density_named
-from pavetwin.traffic.job import STEP_S, Job, Part
+from pavetwin.traffic.job import STEP_S, Part, SimulationJob
 from pavetwin.traffic.kinds import sumo_types
 from pavetwin.traffic.recording import Origin
 from pavetwin.world.model import World
@@ -98,11 +98,11 @@ class Inputs:
         """SUMO's clock at its first step."""
         return _first_departure_s(self.routes)
 
-    def job(self, folder: Path) -> Job:
+    def job(self, folder: Path) -> SimulationJob:
         """For a simulation that has `folder` to itself."""
         types = folder / "types.add.xml"
         types.write_text(sumo_types(), encoding="utf-8")
-        return Job(
+        return SimulationJob(
             folder=str(folder),
             network=str(self.world.network_file.resolve()),
             additional=str(types),

@@ -11,7 +11,7 @@ STEP_S: Final = 0.5
 
 
 @dataclass(frozen=True)
-class Job:
+class SimulationJob:
     """What one simulation needs. Paths are absolute."""
 
     folder: str

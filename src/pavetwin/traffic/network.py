@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from pavetwin.arrays import Float64Array, Int64Array
+from pavetwin.world.groups import groups
 
 SIDE_STREET_SPEED_MPS: Final = 14.0
 """Up to 50 km/h (13.89 m/s) and with one lane: a street where a car may pull out of a parking place."""
@@ -84,7 +85,6 @@ def read_roads(sumo: Any) -> Roads:
 def read_sidewalks(sumo: Any) -> Sidewalks:
     """The sidewalks of the running simulation `sumo`, and where they meet."""
     ids, length = [], []
-    inside: dict[str, str] = {}
     touching: list[tuple[str, str]] = []
     walks: list[str] = []
     lanes_of = _lanes_of(sumo)
@@ -99,7 +99,9 @@ def read_sidewalks(sumo: Any) -> Sidewalks:
     paths = [lane for lane in sumo.lane.getIDList() if lane[0] == ":" and _is_path(lane)]
     for lane in (*walks, *paths):
         touching.extend((lane, link[0]) for link in sumo.lane.getLinks(lane))
-    inside = _meeting_of(paths, touching)
+    known = set(paths)
+    on_paths = [pair for pair in touching if known.issuperset(pair)]
+    inside = groups([*((lane,) for lane in paths), *on_paths])
     first, last = dict.fromkeys(walks, ""), dict.fromkeys(walks, "")
     for a, b in touching:
         if a in last and b in inside:
@@ -118,22 +120,6 @@ def read_sidewalks(sumo: Any) -> Sidewalks:
         ends=ends,
         meetings=tuple(tuple(members[i]) for i in range(len(number))),
     )
-
-
-def _meeting_of(paths: list[str], touching: list[tuple[str, str]]) -> dict[str, str]:
-    """Each walking area and crossing → the name of the connected group it belongs to (union-find)."""
-    parent = {lane: lane for lane in paths}
-
-    def root(lane: str) -> str:
-        while parent[lane] != lane:
-            parent[lane] = parent[parent[lane]]
-            lane = parent[lane]
-        return lane
-
-    for a, b in touching:
-        if a in parent and b in parent:
-            parent[root(a)] = root(b)
-    return {lane: root(lane) for lane in paths}
 
 
 def _edges(sumo: Any) -> list[str]:

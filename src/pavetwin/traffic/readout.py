@@ -8,7 +8,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from pavetwin.arrays import Float64Array, UInt32Array
 from pavetwin.traffic.job import Body
 from pavetwin.traffic.kinds import kind_of_type
 
@@ -28,13 +27,14 @@ class Rows:
     speed_mps: "array[float]" = field(default_factory=lambda: array("d"))
     bodies: list[Body] = field(default_factory=list)
 
-    def columns(self) -> tuple[UInt32Array, UInt32Array, Float64Array, Float64Array, Float64Array, Float64Array]:
-        """Rows a frame, then agent, x, y, heading and speed of each row, sorted by (frame, agent)."""
+    def columns(self) -> dict[str, Any]:
+        """The arrays of a `Part`, rows sorted by (frame, agent), and the agents that are new in it."""
         rows, agent = np.array(self.frame, dtype=np.uint32), np.array(self.agent, dtype=np.uint32)
         order = np.lexsort((agent, np.repeat(np.arange(len(rows)), rows)))
         xy = np.array(self.xy).reshape(-1, 2)[order]
         heading, speed = np.array(self.heading_deg)[order], np.array(self.speed_mps)[order]
-        return rows, agent[order], xy[:, 0], xy[:, 1], heading, speed
+        columns = {"rows": rows, "agent": agent[order], "heading_deg": heading, "speed_mps": speed}
+        return {**columns, "x": xy[:, 0], "y": xy[:, 1], "bodies": self.bodies}
 
 
 class Readout:

@@ -17,7 +17,14 @@ from pavetwin.traffic.demand import Density
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.job import STEP_S
 from pavetwin.traffic.recording import Recording, frames_of, load_recording, save_recording
-from pavetwin.traffic.runner import OnProgress, Simulation, require_sumo, simulating, termination_as_exit, workplace
+from pavetwin.traffic.runner import (
+    OnProgress,
+    SimulationProcess,
+    require_sumo,
+    simulating,
+    termination_as_exit,
+    workplace,
+)
 from pavetwin.world.model import World
 
 LONGEST_S: Final = 86400.0
@@ -60,7 +67,7 @@ class Recorder:
         """All that is known of this traffic."""
         self._written = self._longest
         self._entered = False
-        self._simulation: Simulation | None = None
+        self._simulation: SimulationProcess | None = None
         """Where it is alive, it stands at the end of `_longest`."""
         self._alive = ExitStack()
         finalize(self, self._alive.close)
@@ -154,7 +161,7 @@ class Recorder:
         else:
             self._longest = recording
 
-    def _begin(self) -> Simulation:
+    def _begin(self) -> SimulationProcess:
         require_sumo()
         inputs = self._inputs
         _check_writable(inputs.path)

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final, TypedDict
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -29,32 +29,6 @@ _COLUMNS: Final = ("x", "y", "yaw_rad", "speed_mps")
 
 REMOVED_REMARK: Final = 0.1
 """When more than this share of the vehicles that are there at a time were taken away, it is said to the user."""
-
-
-class Columns(TypedDict):
-    """The arrays the kernel replays. Rows are sorted by (step, agent); positions are in the world frame."""
-
-    step_s: float
-    step_offsets: UInt32Array
-    """(steps + 1,) rows of step k are step_offsets[k] … step_offsets[k + 1]"""
-    agent: UInt32Array
-    """(rows,)"""
-    x: Float32Array
-    """(rows,) centre of the body on the ground, metres east"""
-    y: Float32Array
-    """(rows,) metres north"""
-    yaw_rad: Float32Array
-    """(rows,) counter-clockwise from east, −π … π"""
-    speed_mps: Float32Array
-    """(rows,)"""
-    length_m: Float32Array
-    """(agents,)"""
-    width_m: Float32Array
-    """(agents,)"""
-    height_m: Float32Array
-    """(agents,)"""
-    is_pedestrian: BoolArray
-    """(agents,)"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,13 +92,17 @@ class Recording:
     step_s: float
     agents: Agents
     step_offsets: UInt32Array
-    """(frames + 1,)"""
+    """(frames + 1,): the rows of step k are step_offsets[k] … step_offsets[k + 1], sorted by agent."""
     agent: UInt32Array
-    """(rows,) and so the next four; see `Columns`"""
+    """(rows,) index in `agents`"""
     x: Float32Array
+    """(rows,) centre of the body on the ground, metres east"""
     y: Float32Array
+    """(rows,) metres north"""
     yaw_rad: Float32Array
+    """(rows,) counter-clockwise from east, −π … π"""
     speed_mps: Float32Array
+    """(rows,)"""
     removals: tuple[tuple[int, int], ...]
     """(step, how many): vehicles that SUMO took out of gridlock, where a driver would have found a way."""
     signals: Mapping[str, tuple[tuple[int, str], ...]]
@@ -185,23 +163,6 @@ class Recording:
         """What a user must know about this recording: a density missed, streets that ran empty. Mostly nothing."""
         return tuple(_remarks(self))
 
-    def columns(self) -> Columns:
-        """Exactly what the kernel's trace is made of."""
-        agents = self.agents
-        return Columns(
-            step_s=self.step_s,
-            step_offsets=self.step_offsets,
-            agent=self.agent,
-            x=self.x,
-            y=self.y,
-            yaw_rad=self.yaw_rad,
-            speed_mps=self.speed_mps,
-            length_m=agents.length_m,
-            width_m=agents.width_m,
-            height_m=agents.height_m,
-            is_pedestrian=agents.is_pedestrian,
-        )
-
     def until(self, duration_s: float) -> "Recording":
         """The first `duration_s`, as if no more had been recorded.
 
@@ -248,11 +209,12 @@ class Recording:
 
     def same_traffic(self, other: "Recording") -> bool:
         """Whether both hold the same agents, poses and signals, to the last bit."""
-        mine, theirs = self.columns(), other.columns()
+        arrays = ("step_offsets", "agent", *_COLUMNS)
+        sizes = ("length_m", "width_m", "height_m", "is_pedestrian")
         return (
-            self.agents.id == other.agents.id
-            and self.signals == other.signals
-            and all(np.array_equal(mine[name], theirs[name]) for name in Columns.__annotations__)  # type: ignore[literal-required]
+            (self.agents.id, self.signals, self.step_s) == (other.agents.id, other.signals, other.step_s)
+            and all(np.array_equal(getattr(self, name), getattr(other, name)) for name in arrays)
+            and all(np.array_equal(getattr(self.agents, name), getattr(other.agents, name)) for name in sizes)
         )
 
 

@@ -16,7 +16,7 @@ from typing import Final
 from xml.etree import ElementTree
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.traffic.job import Job, Part
+from pavetwin.traffic.job import Part, SimulationJob
 from pavetwin.world.sumo import environment, first_error
 
 GRACE_S: Final = 5.0
@@ -52,10 +52,10 @@ def workplace() -> Iterator[Path]:
         raise PaveTwinError(f"Cannot record in '{place}': {error.strerror}. TMPDIR names another place.") from error
 
 
-class Simulation:
+class SimulationProcess:
     """SUMO in a process of its own. It stands still between two calls of `record`, and ends with its owner."""
 
-    def __init__(self, job: Job) -> None:
+    def __init__(self, job: SimulationJob) -> None:
         self._job, self._words = job, Path(job.folder) / "words.txt"
         self._owner, its_end = Pipe()
         self._owner_process = os.getpid()
@@ -109,16 +109,16 @@ class Simulation:
 
 
 @contextmanager
-def simulating(job: Job) -> Iterator[Simulation]:
+def simulating(job: SimulationJob) -> Iterator[SimulationProcess]:
     """A simulation that ends when it is left."""
-    simulation = Simulation(job)
+    simulation = SimulationProcess(job)
     try:
         yield simulation
     finally:
         simulation.end()
 
 
-def _failure(job: Job, code: int, said: str) -> str:
+def _failure(job: SimulationJob, code: int, said: str) -> str:
     words = " ".join(first_error(said).split())
     if damage := _damage(Path(job.network)):
         return (
@@ -142,7 +142,7 @@ def _damage(file: Path) -> str:
     return ""
 
 
-def _names(job: Job) -> str:
+def _names(job: SimulationJob) -> str:
     return ", ".join(f"'{Path(path).name}'" for path in job.routes)
 
 

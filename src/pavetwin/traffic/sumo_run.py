@@ -1,9 +1,9 @@
 """The simulation's own process: `python -m pavetwin.traffic.sumo_run`.
 
-SUMO runs here and nowhere else, so that a crash of SUMO ends this process and not the caller's. Its standard input is
-one end of a connection. The owner sends a `Job`, and then, as often as it likes, how many frames it wants: back come
-shares done, now and then, and at last a `Part`. In between SUMO stands still. When the other end is closed, the owner
-is done or was killed: then the job's folder is removed and the process ends.
+SUMO runs only here, so that a crash of SUMO ends this process and not the caller's. Standard input is one end of a
+connection. The owner sends a `SimulationJob` and then, any number of times, a count of frames; the answers are shares
+done and finally a `Part`. SUMO is paused between requests. When the other end is closed, the job's folder is removed
+and the process ends.
 """
 
 import shutil
@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.closed_loop import ClosedLoop
-from pavetwin.traffic.job import STEP_S, Job, Part
+from pavetwin.traffic.job import STEP_S, Part, SimulationJob
 from pavetwin.traffic.network import read_roads, read_sidewalks
 from pavetwin.traffic.readout import Readout
 
@@ -53,7 +53,7 @@ CLOSED_LOOP_OPTIONS: Final[tuple[str, ...]] = (
 class Simulation:
     """SUMO at work on a job, in this process."""
 
-    def __init__(self, sumo: Any, job: Job, report: Callable[[float], None]) -> None:
+    def __init__(self, sumo: Any, job: SimulationJob, report: Callable[[float], None]) -> None:
         self._sumo, self._job, self._report = sumo, job, report
         sumo.start(
             [
@@ -76,9 +76,8 @@ class Simulation:
         self._loop: ClosedLoop | None = None
         if not job.routes:
             rng = child(job.seed, Stream.DEMAND)
-            self._loop = ClosedLoop(
-                sumo, read_roads(sumo), read_sidewalks(sumo), job.vehicles, job.pedestrians, rng
-            )  # fmt: skip
+            ways = read_roads(sumo), read_sidewalks(sumo)
+            self._loop = ClosedLoop(sumo, *ways, job.vehicles, job.pedestrians, rng)
 
     def record(self, frames: int) -> Part:
         """The next `frames` frames; the first time the warm-up comes before them."""
@@ -98,20 +97,12 @@ class Simulation:
             self._frames += 1
             if done % 50 == 0 or done == frames:
                 self._report((before + done) / (before + frames))
-        read = self._readout.take()
-        rows, agent, x, y, heading_deg, speed_mps = read.columns()
         return Part(
             start_s=self._job.begin_s + self._warm_up * STEP_S,
             sumo_version=self._sumo.getVersion()[1],
-            bodies=read.bodies,
-            rows=rows,
-            agent=agent,
-            x=x,
-            y=y,
-            heading_deg=heading_deg,
-            speed_mps=speed_mps,
             removals=self._removals,
             signals=signals,
+            **self._readout.take().columns(),
         )
 
     def _warm(self, frames: int) -> int:
@@ -126,10 +117,8 @@ class Simulation:
             counts.append(self._sumo.vehicle.getIDCount())
             if steps % 50 == 0:
                 self._report(steps / (longest + frames))
-            if (
-                steps >= shortest
-                and abs(sum(counts[-window:]) / window - self._job.vehicles) <= 0.05 * self._job.vehicles
-            ):
+            missed = abs(sum(counts[-window:]) / window - self._job.vehicles)
+            if steps >= shortest and missed <= 0.05 * self._job.vehicles:
                 break
         return steps
 
@@ -148,7 +137,7 @@ def serve(owner: Connection) -> int:
     with redirect_stdout(None):  # what the module prints when it is imported is not SUMO's
         import libsumo
     try:
-        job: Job = owner.recv()
+        job: SimulationJob = owner.recv()
     except (EOFError, ConnectionError):
         return 0
     try:

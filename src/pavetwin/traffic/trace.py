@@ -1,4 +1,4 @@
-"""A recording in the kernel's hands, which alone interpolates between its frames."""
+"""A recording as a trace of the kernel, which interpolates between its frames."""
 
 from typing import TypedDict
 
@@ -10,7 +10,7 @@ from pavetwin.traffic.recording import Recording
 
 
 class TraceArguments(TypedDict):
-    """What the kernel's trace is made of."""
+    """The arguments of the kernel's `Trace`: (steps + 1,), (rows,) and (agents,) arrays, as in `Recording`."""
 
     step_s: float
     step_offsets: UInt32Array
@@ -27,24 +27,24 @@ class TraceArguments(TypedDict):
 
 
 def trace_arguments(recording: Recording) -> TraceArguments:
-    """A recording as the kernel wants it, everyone on the ground."""
-    columns = recording.columns()
+    """The arguments of the kernel's trace, with every agent on the ground."""
+    agents = recording.agents
     return TraceArguments(
-        step_s=columns["step_s"],
-        step_offsets=columns["step_offsets"],
-        agent=columns["agent"],
-        x_m=columns["x"],
-        y_m=columns["y"],
-        yaw_rad=columns["yaw_rad"],
-        speed_mps=columns["speed_mps"],
-        length_m=columns["length_m"],
-        width_m=columns["width_m"],
-        height_m=columns["height_m"],
-        base_m=np.zeros_like(columns["height_m"]),
-        is_pedestrian=columns["is_pedestrian"],
+        step_s=recording.step_s,
+        step_offsets=recording.step_offsets,
+        agent=recording.agent,
+        x_m=recording.x,
+        y_m=recording.y,
+        yaw_rad=recording.yaw_rad,
+        speed_mps=recording.speed_mps,
+        length_m=agents.length_m,
+        width_m=agents.width_m,
+        height_m=agents.height_m,
+        base_m=np.zeros_like(agents.height_m),
+        is_pedestrian=agents.is_pedestrian,
     )
 
 
 def trace_of(recording: Recording) -> Trace:
-    """The kernel's trace of a recording and no one else."""
+    """The kernel's trace of a recording's agents."""
     return Trace(**trace_arguments(recording))

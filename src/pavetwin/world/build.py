@@ -20,7 +20,7 @@ from pavetwin.world.content import content_hash, sha256, snapped_world
 from pavetwin.world.furniture import furnish
 from pavetwin.world.generate import NetworkKind, generate_network
 from pavetwin.world.georeference import DEFAULT_ANCHOR, anchored, from_location
-from pavetwin.world.ground import Ground
+from pavetwin.world.ground import PlacementGround
 from pavetwin.world.model import Building, GeoReference, Lane, LaneKind, Segment, World
 from pavetwin.world.network import NET_SUFFIXES, OSM_SUFFIXES, network_from_net, network_from_osm, source_kind
 from pavetwin.world.osm import MapFeatures, read_features
@@ -144,7 +144,7 @@ def _build(prepared: _Source, network: bytes, net: RoadNet, options: BuildOption
     segments = segments_of(streets, options.segment_length_m)
     if not segments:
         raise PaveTwinError(f"'{prepared.record.source}' has no streets for passenger cars of at least 8 m.")
-    ground = Ground(net)
+    ground = PlacementGround(net)
     tell("map", 0.5)
     features = MapFeatures()
     if prepared.osm_file is not None:
@@ -153,7 +153,7 @@ def _build(prepared: _Source, network: bytes, net: RoadNet, options: BuildOption
     parks = _parks([*prepared.parks, *features.parks], ground)
     tell("buildings", 0.7)
     given = [(building.polygon, building.height_m) for building in prepared.buildings]
-    given += [(building.polygon, building.height_m) for building in features.buildings]
+    given += features.buildings
     buildings = clear_of_roads(given, ground)
     mapped = Counter(buildings=len(buildings))
     if not given:
@@ -198,7 +198,7 @@ def _lanes(net: RoadNet) -> tuple[Lane, ...]:
     return tuple(sorted(lanes, key=lambda lane: lane.kind is LaneKind.SIDEWALK))
 
 
-def _parks(given: Iterable[Polygon], ground: Ground) -> tuple[Polygon, ...]:
+def _parks(given: Iterable[Polygon], ground: PlacementGround) -> tuple[Polygon, ...]:
     parks: list[Polygon] = []
     for park in given:
         roads = ground.roads_near(park, 0.0)

@@ -12,7 +12,7 @@ import numpy as np
 from shapely import Point, Polygon
 
 from pavetwin.seeds import Stream, child
-from pavetwin.world.ground import Ground, Nearby, kerb
+from pavetwin.world.ground import Nearby, PlacementGround, around, kerb
 from pavetwin.world.model import Building, Segment
 from pavetwin.world.segments import segment_key
 from pavetwin.world.streets import polygons_of, union_of
@@ -29,7 +29,7 @@ KEY = 1
 """This file's child of the furniture stream."""
 
 
-def clear_of_roads(footprints: Iterable[tuple[Polygon, float]], ground: Ground) -> tuple[Building, ...]:
+def clear_of_roads(footprints: Iterable[tuple[Polygon, float]], ground: PlacementGround) -> tuple[Building, ...]:
     """Buildings `b0001` … from footprints and heights [m], cut back where they stand on a road (an arch, say)."""
     buildings: list[Building] = []
     for polygon, height in footprints:
@@ -45,7 +45,7 @@ def clear_of_roads(footprints: Iterable[tuple[Polygon, float]], ground: Ground) 
 
 
 def buildings_by_rule(
-    segments: Sequence[Segment], ground: Ground, parks: Sequence[Polygon], seed: int
+    segments: Sequence[Segment], ground: PlacementGround, parks: Sequence[Polygon], seed: int
 ) -> tuple[Building, ...]:
     """Houses along every segment by the rule above; the same seed gives the same houses."""
     street = _Street(ground, parks)
@@ -57,7 +57,7 @@ def buildings_by_rule(
 
 
 class _Street:
-    def __init__(self, ground: Ground, parks: Sequence[Polygon]) -> None:
+    def __init__(self, ground: PlacementGround, parks: Sequence[Polygon]) -> None:
         self._ground = ground
         self._taken: Nearby[Polygon] = Nearby(40.0)
         for park in parks:
@@ -111,10 +111,7 @@ def _house(
     along = (out[1] * side, -out[0] * side)
 
     def corner(forward: float, outward: float) -> tuple[float, float]:
-        return (
-            at.x + along[0] * forward + out[0] * outward,
-            at.y + along[1] * forward + out[1] * outward,
-        )
+        return at.x + along[0] * forward + out[0] * outward, at.y + along[1] * forward + out[1] * outward
 
     half, front, back = frontage_m / 2, setback_m, setback_m + depth_m
     ring = [corner(-half, front), corner(half, front)]
@@ -127,12 +124,7 @@ def _house(
     return Polygon(ring)
 
 
-def inside_any(point: Point, buildings: Nearby[Polygon], clearance_m: float) -> bool:
-    """Whether a point lies in a building or nearer to one than `clearance_m`."""
-    return building_distance_m(point, buildings, clearance_m) < clearance_m
-
-
 def building_distance_m(point: Point, buildings: Nearby[Polygon], within_m: float) -> float:
     """Distance to the nearest building, infinite when none is within `within_m`."""
-    bounds = (point.x - within_m, point.y - within_m, point.x + within_m, point.y + within_m)
-    return min((float(polygon.distance(point)) for polygon in buildings.query(bounds)), default=math.inf)
+    near = buildings.query(around(point.x, point.y, within_m))
+    return min((float(polygon.distance(point)) for polygon in near), default=math.inf)

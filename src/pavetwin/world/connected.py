@@ -1,7 +1,6 @@
 """Which of a map's streets are not in its network: netconvert keeps the largest connected part and says nothing."""
 
 import re
-from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from math import asin, cos, hypot, radians, sin, sqrt
@@ -11,6 +10,7 @@ from typing import Annotated, Final
 from pydantic import Field
 
 from pavetwin.config.base import Settings
+from pavetwin.world.groups import groups
 from pavetwin.world.osm_file import osm_objects
 
 EARTH_RADIUS_M: Final = 6_371_009.0
@@ -50,27 +50,11 @@ def left_out(streets: Path, network: Path) -> LeftOut:
         elif item.is_way() and len(item.nodes) > 1:
             ways.append(_Way(item.id, item.tags.get("name", ""), tuple(node.ref for node in item.nodes)))
     kept_ways = {int(name) for name in re.findall(r'<edge id="-?(\d+)', network.read_text(encoding="utf-8"))}
-    group = _groups(way.nodes for way in ways)
+    group = groups(way.nodes for way in ways)
     kept = {group[way.nodes[0]] for way in ways if way.id in kept_ways}
     lost = [way for way in ways if group[way.nodes[0]] not in kept]
     length_m = sum(_length_m([places[node] for node in way.nodes if node in places]) for way in lost)
     return LeftOut(streets=len({way.name or str(way.id) for way in lost}), length_m=round(length_m, 1))
-
-
-def _groups(chains: Iterable[tuple[int, ...]]) -> dict[int, int]:
-    """Each node → a node that names the connected part it lies in (union-find)."""
-    parent: dict[int, int] = {}
-
-    def root(node: int) -> int:
-        while parent.setdefault(node, node) != node:
-            parent[node] = node = parent[parent[node]]
-        return node
-
-    for chain in chains:
-        first = root(chain[0])
-        for node in chain[1:]:
-            parent[root(node)] = first
-    return {node: root(node) for node in list(parent)}
 
 
 def _length_m(line: list[Degrees]) -> float:

@@ -26,7 +26,7 @@ from shapely import Point, Polygon, STRtree
 
 from pavetwin.seeds import Stream, child
 from pavetwin.world.buildings import building_distance_m
-from pavetwin.world.ground import Ground, Nearby, around, evenly, kerb
+from pavetwin.world.ground import Nearby, PlacementGround, around, evenly, kerb
 from pavetwin.world.model import Building, Furniture, FurnitureKind, Segment
 from pavetwin.world.osm import MappedPoint
 from pavetwin.world.roadnet import RoadNet
@@ -65,7 +65,7 @@ KEY = 0
 class Placed:
     """Furniture so far, and how much of each kind came from the map."""
 
-    ground: Ground
+    ground: PlacementGround
     buildings: Nearby[Polygon]
     things: list[Furniture] = field(default_factory=list)
     mapped: Counter[FurnitureKind] = field(default_factory=Counter)
@@ -111,7 +111,7 @@ def furnish(
     net: RoadNet,
     streets: Sequence[StreetSurface],
     segments: Sequence[Segment],
-    ground: Ground,
+    ground: PlacementGround,
     buildings: Iterable[Building],
     points: Iterable[MappedPoint],
     parks: Iterable[Polygon],

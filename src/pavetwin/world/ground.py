@@ -44,7 +44,7 @@ def around(x: float, y: float, reach_m: float) -> Bounds:
     return x - reach_m, y - reach_m, x + reach_m, y + reach_m
 
 
-class Ground:
+class PlacementGround:
     """Roads (carriageways of every edge for cars, and junctions) that nothing may stand on."""
 
     def __init__(self, net: RoadNet) -> None:

@@ -4,11 +4,13 @@ Layers: streets (centre lines), segments (polygons), centre_lines (of segments),
 junctions, crossings, buildings, furniture, parks, defects.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from itertools import filterfalse
+from operator import attrgetter, itemgetter
+from typing import Any, TypeVar
 
-import shapely
+from shapely import Point
 
 from pavetwin.world.model import (
     Building,
@@ -32,203 +34,109 @@ UNSIGNALLED = -1
 """In a column `link`: no traffic light controls it."""
 
 Row = dict[str, Any]
+Item = TypeVar("Item")
+Reader = Callable[[Any], Any]
 
 
 @dataclass(frozen=True)
 class Layer:
-    """How one layer is made from a world. `rows` yields each row's columns with its geometry under `geometry`."""
+    """One layer of the GeoPackage and the items of a world that are its rows."""
 
     name: str
     geometry: str
+    """Geometry type, in the words of GDAL."""
+    items: Callable[[World], Iterable[Any]]
+    shape: Reader
+    """The geometry of an item."""
     columns: Mapping[str, type]
-    rows: Callable[[World], Iterator[Row]]
+    computed: Mapping[str, Reader] = field(default_factory=dict)
+    """The columns that are not the item's attribute of the same name."""
+
+    def rows(self, world: World) -> Iterator[Row]:
+        """Each row's columns, and its geometry under `geometry`."""
+        readers = {name: self.computed.get(name) or attrgetter(name) for name in self.columns}
+        for item in self.items(world):
+            values = {name: kind(readers[name](item)) for name, kind in self.columns.items()}
+            yield {**values, "geometry": self.shape(item)}
 
 
-def _streets(world: World) -> Iterator[Row]:
-    for item in world.streets:
-        yield {
-            "id": item.id,
-            "name": item.name,
-            "kind": item.kind,
-            "edges": " ".join(item.edges),
-            "from_junction": item.start,
-            "to_junction": item.end,
-            "length_m": round(item.length_m, 3),
-            "geometry": item.centre_line,
-        }
+def _is_sidewalk(lane: Lane) -> bool:
+    return lane.kind is LaneKind.SIDEWALK
 
 
-def _segments(world: World) -> Iterator[Row]:
-    for item in world.segments:
-        yield {
-            "id": item.id,
-            "street": item.street,
-            "edges": " ".join(item.edges),
-            "width_m": item.width_m,
-            "lanes": item.lanes,
-            "length_m": round(item.length_m, 3),
-            "area_m2": round(item.area_m2, 3),
-            "geometry": item.polygon,
-        }
-
-
-def _centre_lines(world: World) -> Iterator[Row]:
-    return ({"id": item.id, "street": item.street, "geometry": item.centre_line} for item in world.segments)
-
-
-def _lanes(world: World, *, sidewalks: bool) -> Iterator[Row]:
-    for item in world.lanes:
-        if (item.kind is LaneKind.SIDEWALK) == sidewalks:
-            yield {
-                "id": item.id,
-                "edge": item.edge,
-                "index": item.index,
-                "kind": item.kind.value,
-                "width_m": item.width_m,
-                "speed_limit_mps": item.speed_limit_mps,
-                "geometry": item.centre_line,
-            }
-
-
-def _connections(world: World) -> Iterator[Row]:
-    for item in world.connections:
-        yield {
-            "from_lane": item.from_lane,
-            "to_lane": item.to_lane,
-            "direction": item.direction.value,
-            **_signal_columns(item.signal),
-            "via": item.via,
-            "geometry": item.centre_line,
-        }
-
-
-def _signal_columns(signal: SignalLink | None) -> Row:
-    controller, link = signal or ("", UNSIGNALLED)
-    return {"controller": controller, "link": link}
-
-
-def _junctions(world: World) -> Iterator[Row]:
-    return ({"id": item.id, "kind": item.kind, "geometry": item.polygon} for item in world.junctions)
-
-
-def _crossings(world: World) -> Iterator[Row]:
-    return ({"id": item.id, **_signal_columns(item.signal), "geometry": item.polygon} for item in world.crossings)
-
-
-def _buildings(world: World) -> Iterator[Row]:
-    return ({"id": item.id, "height_m": item.height_m, "geometry": item.polygon} for item in world.buildings)
-
-
-def _furniture(world: World) -> Iterator[Row]:
-    for item in world.furniture:
-        yield {
-            "id": item.id,
-            "kind": item.kind.value,
-            "height_m": item.height_m,
-            "radius_m": item.radius_m,
-            "yaw_rad": item.yaw_rad,
-            "arm_m": item.arm_m,
-            "clear_height_m": item.clear_height_m,
-            "controller": item.controller,
-            "geometry": item.position,
-        }
-
-
-def _parks(world: World) -> Iterator[Row]:
-    return ({"id": f"k{number:04d}", "geometry": park} for number, park in enumerate(world.parks, start=1))
-
-
-def _defects(world: World) -> Iterator[Row]:
-    for item in world.defects:
-        yield {
-            "id": item.id,
-            "segment": item.segment,
-            "kind": item.kind,
-            "centre_east_m": item.centre.x,
-            "centre_north_m": item.centre.y,
-            "seed": item.seed,
-            "yaw_rad": item.yaw_rad,
-            "severity": item.severity.value,
-            "width_m": item.width_m,
-            "depth_m": item.depth_m,
-            "length_m": item.length_m,
-            "area_m2": round(item.area_m2, 6),
-            "volume_m3": item.volume_m3,
-            "geometry": item.polygon,
-        }
-
-
+_LINE, _AREA = attrgetter("centre_line"), attrgetter("polygon")
+_EDGES: dict[str, Reader] = {"edges": lambda item: " ".join(item.edges)}
+_LENGTH: dict[str, Reader] = {"length_m": lambda item: round(item.length_m, 3)}
+_SIGNAL: dict[str, Reader] = {
+    "controller": lambda item: item.signal.controller if item.signal else "",
+    "link": lambda item: item.signal.link if item.signal else UNSIGNALLED,
+}
+_STREET_COLUMNS = dict.fromkeys(("id", "name", "kind", "edges", "from_junction", "to_junction"), str)
 _LANE_COLUMNS = {"id": str, "edge": str, "index": int, "kind": str, "width_m": float, "speed_limit_mps": float}
 _SIGNAL_COLUMNS = {"controller": str, "link": int}
+_FURNITURE_SIZES = dict.fromkeys(("height_m", "radius_m", "yaw_rad", "arm_m", "clear_height_m"), float)
+_DEFECT_SIZES = dict.fromkeys(("width_m", "depth_m", "length_m", "area_m2", "volume_m3"), float)
 
 LAYERS = (
     Layer(
         "streets",
         "LineString",
-        {
-            "id": str,
-            "name": str,
-            "kind": str,
-            "edges": str,
-            "from_junction": str,
-            "to_junction": str,
-            "length_m": float,
-        },
-        _streets,
+        attrgetter("streets"),
+        _LINE,
+        {**_STREET_COLUMNS, "length_m": float},
+        {**_EDGES, **_LENGTH, "from_junction": attrgetter("start"), "to_junction": attrgetter("end")},
     ),
     Layer(
         "segments",
         "MultiPolygon",
+        attrgetter("segments"),
+        _AREA,
         {"id": str, "street": str, "edges": str, "width_m": float, "lanes": int, "length_m": float, "area_m2": float},
-        _segments,
+        {**_EDGES, **_LENGTH, "area_m2": lambda item: round(item.area_m2, 3)},
     ),
-    Layer("centre_lines", "LineString", {"id": str, "street": str}, _centre_lines),
-    Layer("lanes", "LineString", _LANE_COLUMNS, lambda world: _lanes(world, sidewalks=False)),
-    Layer("sidewalks", "LineString", _LANE_COLUMNS, lambda world: _lanes(world, sidewalks=True)),
+    Layer("centre_lines", "LineString", attrgetter("segments"), _LINE, {"id": str, "street": str}),
+    Layer("lanes", "LineString", lambda world: filterfalse(_is_sidewalk, world.lanes), _LINE, _LANE_COLUMNS),
+    Layer("sidewalks", "LineString", lambda world: filter(_is_sidewalk, world.lanes), _LINE, _LANE_COLUMNS),
     Layer(
         "connections",
         "LineString",
+        attrgetter("connections"),
+        _LINE,
         {"from_lane": str, "to_lane": str, "direction": str, **_SIGNAL_COLUMNS, "via": str},
-        _connections,
+        _SIGNAL,
     ),
-    Layer("junctions", "MultiPolygon", {"id": str, "kind": str}, _junctions),
-    Layer("crossings", "Polygon", {"id": str, **_SIGNAL_COLUMNS}, _crossings),
-    Layer("buildings", "Polygon", {"id": str, "height_m": float}, _buildings),
+    Layer("junctions", "MultiPolygon", attrgetter("junctions"), _AREA, {"id": str, "kind": str}),
+    Layer("crossings", "Polygon", attrgetter("crossings"), _AREA, {"id": str, **_SIGNAL_COLUMNS}, _SIGNAL),
+    Layer("buildings", "Polygon", attrgetter("buildings"), _AREA, {"id": str, "height_m": float}),
     Layer(
         "furniture",
         "Point",
-        {
-            "id": str,
-            "kind": str,
-            "height_m": float,
-            "radius_m": float,
-            "yaw_rad": float,
-            "arm_m": float,
-            "clear_height_m": float,
-            "controller": str,
-        },
-        _furniture,
+        attrgetter("furniture"),
+        attrgetter("position"),
+        {"id": str, "kind": str, **_FURNITURE_SIZES, "controller": str},
     ),
-    Layer("parks", "Polygon", {"id": str}, _parks),
+    Layer(
+        "parks",
+        "Polygon",
+        lambda world: enumerate(world.parks, start=1),
+        itemgetter(1),
+        {"id": str},
+        {"id": lambda numbered: f"k{numbered[0]:04d}"},
+    ),
     Layer(
         "defects",
         "Polygon",
+        attrgetter("defects"),
+        _AREA,
         {
-            "id": int,
-            "segment": str,
-            "kind": str,
-            "centre_east_m": float,
-            "centre_north_m": float,
-            "seed": int,
-            "yaw_rad": float,
-            "severity": str,
-            "width_m": float,
-            "depth_m": float,
-            "length_m": float,
-            "area_m2": float,
-            "volume_m3": float,
+            **{"id": int, "segment": str, "kind": str, "centre_east_m": float, "centre_north_m": float},
+            **{"seed": int, "yaw_rad": float, "severity": str, **_DEFECT_SIZES},
         },
-        _defects,
+        {
+            "centre_east_m": attrgetter("centre.x"),
+            "centre_north_m": attrgetter("centre.y"),
+            "area_m2": lambda item: round(item.area_m2, 6),
+        },
     ),
 )
 
@@ -240,18 +148,50 @@ def collections_of(tables: Mapping[str, Sequence[Row]]) -> dict[str, Any]:
         KeyError, ValueError, TypeError: a row has what its column must not have.
     """
     lines = {row["id"]: row["geometry"] for row in tables["centre_lines"]}
+    lanes = [*tables["lanes"], *tables["sidewalks"]]
     return {
         "streets": tuple(_street(row) for row in tables["streets"]),
-        "segments": tuple(_segment(row, lines) for row in tables["segments"]),
-        "lanes": tuple(_lane(row) for name in ("lanes", "sidewalks") for row in tables[name]),
-        "connections": tuple(_connection(row) for row in tables["connections"]),
-        "junctions": tuple(Junction(row["id"], row["kind"], row["geometry"]) for row in tables["junctions"]),
-        "crossings": tuple(Crossing(row["id"], row["geometry"], _signal(row)) for row in tables["crossings"]),
-        "buildings": tuple(Building(row["id"], row["geometry"], row["height_m"]) for row in tables["buildings"]),
-        "furniture": tuple(_thing(row) for row in tables["furniture"]),
+        "segments": tuple(
+            _item(Segment, row, "polygon", edges=_edges(row), centre_line=lines[row["id"]])
+            for row in tables["segments"]
+        ),
+        "lanes": tuple(_item(Lane, row, "centre_line", kind=LaneKind(row["kind"])) for row in lanes),
+        "connections": tuple(
+            _item(Connection, row, "centre_line", direction=Direction(row["direction"]), signal=_signal(row))
+            for row in tables["connections"]
+        ),
+        "junctions": tuple(_item(Junction, row, "polygon") for row in tables["junctions"]),
+        "crossings": tuple(_item(Crossing, row, "polygon", signal=_signal(row)) for row in tables["crossings"]),
+        "buildings": tuple(_item(Building, row, "polygon") for row in tables["buildings"]),
+        "furniture": tuple(
+            _item(Furniture, row, "position", kind=FurnitureKind(row["kind"])) for row in tables["furniture"]
+        ),
         "parks": tuple(row["geometry"] for row in tables["parks"]),
         "defects": tuple(_defect(row) for row in tables["defects"]),
     }
+
+
+def _item(cls: type[Item], row: Row, shape: str, **other: Any) -> Item:
+    """An item from the columns that it has attributes for, its geometry, and what takes more than one column."""
+    values = {each.name: row[each.name] for each in fields(cls) if each.name in row}  # type: ignore[arg-type]
+    return cls(**{**values, shape: row["geometry"], **other})
+
+
+def _street(row: Row) -> Street:
+    return _item(Street, row, "centre_line", edges=_edges(row), start=row["from_junction"], end=row["to_junction"])
+
+
+def _edges(row: Row) -> tuple[str, ...]:
+    return tuple(row["edges"].split(" "))
+
+
+def _signal(row: Row) -> SignalLink | None:
+    return SignalLink(row["controller"], row["link"]) if row["controller"] else None
+
+
+def _defect(row: Row) -> Defect:
+    centre = Point(row["centre_east_m"], row["centre_north_m"])
+    return _item(Defect, row, "polygon", centre=centre, severity=Severity(row["severity"]))
 
 
 def conflicts_of(world: Mapping[str, Any]) -> Iterator[str]:
@@ -276,70 +216,3 @@ def conflicts_of(world: Mapping[str, Any]) -> Iterator[str]:
     for segment in world["segments"]:
         if segment.edges not in streets:
             yield f"the segment '{segment.id}' lies on the edges '{' '.join(segment.edges)}', which are no street's"
-
-
-def _street(row: Row) -> Street:
-    return Street(
-        id=row["id"],
-        name=row["name"],
-        kind=row["kind"],
-        edges=tuple(row["edges"].split(" ")),
-        start=row["from_junction"],
-        end=row["to_junction"],
-        centre_line=row["geometry"],
-    )
-
-
-def _connection(row: Row) -> Connection:
-    return Connection(
-        from_lane=row["from_lane"],
-        to_lane=row["to_lane"],
-        direction=Direction(row["direction"]),
-        signal=_signal(row),
-        via=row["via"],
-        centre_line=row["geometry"],
-    )
-
-
-def _signal(row: Row) -> SignalLink | None:
-    return SignalLink(row["controller"], row["link"]) if row["controller"] else None
-
-
-def _segment(row: Row, lines: Mapping[str, Any]) -> Segment:
-    return Segment(
-        id=row["id"],
-        street=row["street"],
-        edges=tuple(row["edges"].split(" ")),
-        centre_line=lines[row["id"]],
-        polygon=row["geometry"],
-        width_m=row["width_m"],
-        lanes=row["lanes"],
-    )
-
-
-def _lane(row: Row) -> Lane:
-    kind = LaneKind(row["kind"])
-    return Lane(row["id"], row["edge"], row["index"], kind, row["geometry"], row["width_m"], row["speed_limit_mps"])
-
-
-def _thing(row: Row) -> Furniture:
-    columns = {name: value for name, value in row.items() if name not in ("geometry", "kind")}
-    return Furniture(kind=FurnitureKind(row["kind"]), position=row["geometry"], **columns)
-
-
-def _defect(row: Row) -> Defect:
-    centre = shapely.Point(row["centre_east_m"], row["centre_north_m"])
-    return Defect(
-        id=row["id"],
-        segment=row["segment"],
-        kind=row["kind"],
-        centre=centre,
-        polygon=row["geometry"],
-        seed=row["seed"],
-        yaw_rad=row["yaw_rad"],
-        severity=Severity(row["severity"]),
-        width_m=row["width_m"],
-        depth_m=row["depth_m"],
-        length_m=row["length_m"],
-        volume_m3=row["volume_m3"],
-    )

@@ -38,13 +38,6 @@ NO_BUILDING = frozenset({"no", "bridge", "construction", "proposed", "demolished
 
 
 @dataclass(frozen=True, slots=True)
-class MappedBuilding:
-    osm_id: str
-    polygon: Polygon
-    height_m: float
-
-
-@dataclass(frozen=True, slots=True)
 class MappedPoint:
     """Something upright; sizes are None when the map does not say them."""
 
@@ -56,7 +49,8 @@ class MappedPoint:
 
 @dataclass(slots=True)
 class MapFeatures:
-    buildings: list[MappedBuilding] = field(default_factory=list)
+    buildings: list[tuple[Polygon, float]] = field(default_factory=list)
+    """Footprints and heights [m]."""
     points: list[MappedPoint] = field(default_factory=list)
     parks: list[Polygon] = field(default_factory=list)
 
@@ -67,7 +61,7 @@ def read_features(source: Path, georeference: GeoReference, streets: Surface) ->
     Raises:
         PaveTwinError: the file cannot be read to its end.
     """
-    reader = _Reader(georeference, streets.buffer(REACH))
+    reader = _FeatureReader(georeference, streets.buffer(REACH))
     for item in osm_objects(source, areas=True, keys=KEYS):
         tags = {tag.k: tag.v for tag in item.tags}
         if item.is_area():
@@ -79,7 +73,7 @@ def read_features(source: Path, georeference: GeoReference, streets: Surface) ->
     return reader.features
 
 
-class _Reader:
+class _FeatureReader:
     def __init__(self, georeference: GeoReference, reach: Surface) -> None:
         self._georeference = georeference
         self._reach = reach
@@ -90,10 +84,8 @@ class _Reader:
         if "building" in tags:
             if tags["building"] in NO_BUILDING or tags.get("location") == "underground":
                 return
-            name = f"{'way' if area.from_way() else 'relation'}/{area.orig_id()}"
-            for polygon in self._polygons(area):
-                height = building_height_m(tags, polygon.area)
-                self.features.buildings.append(MappedBuilding(name, polygon, height))
+            found = self._polygons(area)
+            self.features.buildings += [(polygon, building_height_m(tags, polygon.area)) for polygon in found]
         elif any(tags.get(key) in values for key, values in GREEN.items()):
             self.features.parks += self._polygons(area)
 

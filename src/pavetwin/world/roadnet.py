@@ -67,7 +67,7 @@ def read_roadnet(path: Path, shown_as: str | None = None) -> RoadNet:
         PaveTwinError: it is not readable, no XML, or no SUMO network.
     """
     shown = shown_as or str(path)
-    reader = _Reader()
+    reader = _NetReader()
     try:
         root_seen = False
         depth = 0
@@ -97,7 +97,7 @@ def read_roadnet(path: Path, shown_as: str | None = None) -> RoadNet:
         ) from error
 
 
-class _Reader:
+class _NetReader:
     def __init__(self) -> None:
         self.left_hand = False
         self.edges: dict[str, Edge] = {}
@@ -168,9 +168,8 @@ def _edge(element: Element) -> Edge:
     lanes = []
     for_cars = False
     for lane in element.iter("lane"):
-        allowed = _allows(lane.attrib)
         kind = _kind(lane.attrib)
-        for_cars = for_cars or allowed("passenger")
+        for_cars = for_cars or _allows(lane.attrib, "passenger")
         points = points_of(lane.attrib["shape"])
         if kind is None or len(points) < 2:
             continue
@@ -196,25 +195,18 @@ def _edge(element: Element) -> Edge:
     )
 
 
-class _allows:  # noqa: N801 - reads as a question: allowed("passenger")
-    """Which vehicle classes a lane's `allow` or `disallow` lets in."""
-
-    def __init__(self, attributes: Mapping[str, str]) -> None:
-        allow, disallow = attributes.get("allow"), attributes.get("disallow")
-        self._only = None if allow is None or "all" in allow.split() else set(allow.split())
-        self._not = set() if disallow is None or allow is not None else set(disallow.split())
-
-    def __call__(self, vehicle_class: str) -> bool:
-        if self._only is not None:
-            return vehicle_class in self._only
-        return vehicle_class not in self._not and "all" not in self._not
+def _allows(lane: Mapping[str, str], vehicle_class: str) -> bool:
+    """Whether a lane's `allow`, or else its `disallow`, lets a vehicle class in."""
+    named = {vehicle_class, "all"}
+    if (allow := lane.get("allow")) is not None:
+        return not named.isdisjoint(allow.split())
+    return named.isdisjoint(lane.get("disallow", "").split())
 
 
 def _kind(attributes: Mapping[str, str]) -> LaneKind | None:
     """Driving when any motor vehicle of the road may use it; rails and forbidden lanes are none."""
-    allowed = _allows(attributes)
-    if any(allowed(vehicle_class) for vehicle_class in MOTOR):
+    if any(_allows(attributes, vehicle_class) for vehicle_class in MOTOR):
         return LaneKind.DRIVING
-    if allowed("bicycle"):
+    if _allows(attributes, "bicycle"):
         return LaneKind.BICYCLE
-    return LaneKind.SIDEWALK if allowed("pedestrian") else None
+    return LaneKind.SIDEWALK if _allows(attributes, "pedestrian") else None
