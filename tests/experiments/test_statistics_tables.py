@@ -10,7 +10,7 @@ from scipy import stats
 
 from pavetwin.experiments.metrics import metric_named
 from pavetwin.experiments.statistics import differences, effects, recommend, summarise
-from pavetwin.experiments.statistics.recommend import Limits
+from pavetwin.experiments.statistics.recommend import MissionLimits
 from scenes.studies import PAPER, SMALL, study, without
 
 BY = ("traffic", "altitude_m", "policy")
@@ -197,7 +197,7 @@ def test_the_order_of_rows_does_not_matter(seeds: object) -> None:
         lambda table: summarise(table, ("traffic", "policy"), MAIN),
         lambda table: differences(table, ("policy",), MAIN),
         lambda table: effects(table, ("traffic", "policy"), MAIN),
-        lambda table: recommend(table, Limits(max_time_s=65.0)).options,
+        lambda table: recommend(table, MissionLimits(max_time_s=65.0)).options,
     ):
         keys = [name for name in ("traffic", "altitude_m", "policy", "metric", "term") if name in made(table).columns]
         assert_frame_equal(made(table).sort(keys), made(shuffled).sort(keys), check_exact=False, rel_tol=1e-9)

@@ -51,6 +51,11 @@ _PRESETS: Final = {
 }
 """What differs between the designs that ship with the package; see `design_template.yaml`."""
 
+IN_DESIGN: Final = dict(
+    zip(FACTORS, ("worlds", "densities", "altitudes_m", "policies", "sensors", "presets"), strict=True)
+)
+"""Factor → the key of a design that lists its levels."""
+
 FACTOR_OF: Final[Mapping[str, str]] = {"altitude_m": "altitudes_m", "sensing.sensor": "sensors"}
 """Settings that are factors by themselves."""
 
@@ -245,6 +250,4 @@ def preset_text(name: str, world: str) -> str:
 
 
 def _instead(key: str) -> str:
-    plural = {"world": "worlds", "traffic": "densities", "altitude_m": "altitudes_m", "policy": "policies"}
-    plural |= {"sensor": "sensors", "preset": "presets"}
-    return f"; list its values under '{plural[key]}'" if key in plural else ""
+    return f"; list its values under '{IN_DESIGN[key]}'" if key in IN_DESIGN else ""

@@ -1,5 +1,6 @@
 """Figures embedded in the page: vector drawings or small images inside data URIs."""
 
+import re
 from collections.abc import Mapping, Sequence
 from io import StringIO
 from itertools import pairwise
@@ -17,7 +18,6 @@ from matplotlib.ticker import FuncFormatter, Locator, NullLocator
 
 from pavetwin.draw import style
 from pavetwin.experiments.report.parts import ReportFigure
-from pavetwin.experiments.report.slim import slim
 from pavetwin.experiments.words import level_text
 
 Looks = Mapping[Any, style.PolicyStyle]
@@ -45,6 +45,13 @@ def raster(figure: Figure, caption: str, alt: str) -> ReportFigure:
         style.save_figure(figure, path)
         content = path.read_bytes()
     return _picture(figure, caption, alt, content, "png")
+
+
+def slim(svg: str) -> str:
+    """Matplotlib's SVG as one line, without comments; coordinates keep hundredths of a point."""
+    body = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
+    body = re.sub(r">\s+<", "><", re.sub(r"\s*\n\s*", " ", body)).strip()
+    return re.sub(r"-?\d+\.\d{3,}", lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), body)
 
 
 def _picture(figure: Figure, caption: str, alt: str, content: bytes, suffix: str) -> ReportFigure:
@@ -76,17 +83,11 @@ def policy_legend(figure: Figure, chosen: Looks, more: Sequence[Line2D] = ()) ->
     """One line above the panels. Nothing when there is nothing to tell apart."""
     marks = [
         Line2D(
-            [],
-            [],
-            color=look.colour,
-            marker=look.marker,
-            linestyle=look.dash,
-            markersize=4.5,
-            linewidth=1.0,
+            [], [], color=look.colour, marker=look.marker, linestyle=look.dash, markersize=4.5, linewidth=1.0,
             label=level_text("policy", policy),
         )
         for policy, look in chosen.items()
-    ]
+    ]  # fmt: skip
     handles = [*(marks if len(marks) > 1 else []), *more]
     if handles:
         figure.legend(

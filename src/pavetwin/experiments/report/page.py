@@ -1,5 +1,6 @@
 """The page: what the study was, what it found, its sections, how it was computed and how to repeat it."""
 
+import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -11,9 +12,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from pavetwin.draw import style
 from pavetwin.experiments.metrics import FACTORS, FAILED, STATUS
 from pavetwin.experiments.report import whole
-from pavetwin.experiments.report.parts import Block, Bullets, CollapsibleTable, ReportFigure, Section, Table
+from pavetwin.experiments.report.parts import Block, CollapsibleTable, ReportFigure, Section, Table, Text
 from pavetwin.experiments.report.results import group_builders
-from pavetwin.experiments.report.study import AXES, Study, constants, replicates, shown_groups
+from pavetwin.experiments.report.study import AXES, Study, constants, replicates
 from pavetwin.experiments.words import counted, factor_text, factors_text, level_text, listed
 
 MOST_WHOLE, MOST_GROUPS = 4, 16
@@ -30,10 +31,7 @@ def page(study: Study, sections: Sequence[Section]) -> str:
         undefined=StrictUndefined,
     )
     environment.filters["identity"] = id
-    environment.tests["figure"] = lambda block: isinstance(block, ReportFigure)
-    environment.tests["grid"] = lambda block: isinstance(block, Table)
-    environment.tests["fold"] = lambda block: isinstance(block, CollapsibleTable)
-    environment.tests["bullets"] = lambda block: isinstance(block, Bullets)
+    environment.tests["of_type"] = lambda block, name: type(block).__name__ == name
     return environment.get_template("page.html.jinja").render(
         study=study,
         summary=design_words(study),
@@ -53,7 +51,10 @@ def page(study: Study, sections: Sequence[Section]) -> str:
 def design_words(study: Study) -> str:
     """What was flown, in one paragraph."""
     varied = [name for name in (*AXES, *study.others) if name in study.table and study.table[name].n_unique() > 1]
-    parts = [f"{counted(len(study.levels(name)), *_plural(name))} ({_levels(study, name)})" for name in varied]
+    parts = [
+        f"{counted(len(study.levels(name)), factor_text(name).lower(), factors_text(name))} ({_levels(study, name)})"
+        for name in varied
+    ]
     design = " × ".join([*parts, counted(replicates(study), "replicate")])
     planned = study.design.get("replicates")
     result = replicates(study)
@@ -86,9 +87,8 @@ def facts(study: Study) -> list[tuple[str, str]]:
 def design_text(design: Mapping[str, Any]) -> str:
     """The design as YAML, without what it was flown with, which is no part of the file."""
     values = {key: value for key, value in design.items() if key not in {"version", "made_with"}}
-    return yaml.safe_dump(
-        _plain(values), sort_keys=False, default_flow_style=None, allow_unicode=True, width=100
-    ).rstrip()
+    plain = json.loads(json.dumps(values, default=str))
+    return yaml.safe_dump(plain, sort_keys=False, default_flow_style=None, allow_unicode=True, width=100).rstrip()
 
 
 def sections_of(study: Study, on_progress: Callable[[float], None] = lambda _: None) -> list[Section]:
@@ -97,7 +97,8 @@ def sections_of(study: Study, on_progress: Callable[[float], None] = lambda _: N
     Args:
         on_progress: called with the share done.
     """
-    groups, count = shown_groups(study, MOST_GROUPS)
+    every = list(study.groups())
+    groups = every[:MOST_GROUPS]
     builders = (whole.effects_section, whole.streets_section, whole.failures_section)
     parts = [group_builders(group, brief=at > MOST_WHOLE) for at, group in enumerate(groups, start=1)]
     # Of the table's files and the page, which take as long as a section.
@@ -115,7 +116,10 @@ def sections_of(study: Study, on_progress: Callable[[float], None] = lambda _: N
         inner = [section for build in part for section in made(partial(build, prefix))]
         whole_group = Section(f"results-{at}", f"Results: {group.title}", (), inner)
         sections += inner if not group.key else [] if whole_group.empty else [whole_group]
-    sections += [_left_out(count)] if count > len(groups) else []
+    if len(every) > len(groups):
+        rest = counted(len(every) - len(groups), "more combination")
+        words = f"{rest} of the other factors: see table.csv, table.md and table.tex."
+        sections.append(Section("more", "Further results", [Text(words)]))
     return sections + [section for build in builders for section in made(partial(build, study))]
 
 
@@ -124,24 +128,10 @@ def figures(sections: Sequence[Section]) -> list[ReportFigure]:
     return [block for block in _blocks(sections) if isinstance(block, ReportFigure)]
 
 
-def _left_out(count: int) -> Section:
-    rest = counted(count - MOST_GROUPS, "more combination")
-    words = f"{rest} of the other factors: see table.csv, table.md and table.tex."
-    return Section("more", "Further results", [Bullets([words])])
-
-
 def _numbers(sections: Sequence[Section]) -> dict[int, int]:
     """The number of each figure and each table, by the identity of its block, in the order of the page."""
-    numbers: dict[int, int] = {}
-    figures = tables = 0
-    for block in _blocks(sections):
-        if isinstance(block, ReportFigure):
-            figures += 1
-            numbers[id(block)] = figures
-        elif isinstance(block, Table | CollapsibleTable):
-            tables += 1
-            numbers[id(block)] = tables
-    return numbers
+    tables = [block for block in _blocks(sections) if isinstance(block, Table | CollapsibleTable)]
+    return {id(block): at for blocks in (figures(sections), tables) for at, block in enumerate(blocks, start=1)}
 
 
 def _blocks(sections: Iterable[Section]) -> Iterable[Block]:
@@ -153,17 +143,3 @@ def _blocks(sections: Iterable[Section]) -> Iterable[Block]:
 def _levels(study: Study, name: str) -> str:
     levels = [level_text(name, level) for level in study.levels(name)]
     return listed(levels) if len(levels) <= 12 else f"{', '.join(levels[:10])} … {levels[-1]}"
-
-
-def _plural(name: str) -> tuple[str, str]:
-    many = factors_text(name)
-    return factor_text(name).lower(), many
-
-
-def _plain(value: Any) -> Any:
-    """Values that YAML knows: tuples as lists, whatever is no plain value as its text."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return value if isinstance(value, str | bool | int | float | None) else str(value)

@@ -1,4 +1,4 @@
-"""The parts of a page as plain values: sections of paragraphs, lists, tables and figures."""
+"""The parts of a page as plain values: sections of paragraphs, tables and figures."""
 
 from base64 import b64encode
 from collections.abc import Sequence
@@ -74,11 +74,6 @@ class Text:
 
 
 @dataclass(frozen=True)
-class Bullets:
-    items: Lines
-
-
-@dataclass(frozen=True)
 class CollapsibleTable:
     """A table that is opened on demand."""
 
@@ -86,7 +81,7 @@ class CollapsibleTable:
     table: Table
 
 
-Block = Table | ReportFigure | Text | Bullets | CollapsibleTable
+Block = Table | ReportFigure | Text | CollapsibleTable
 
 
 @dataclass(frozen=True)

@@ -4,11 +4,11 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import islice
 from typing import Any, Final
 
 import polars as pl
 
+from pavetwin.experiments.design import IN_DESIGN
 from pavetwin.experiments.metrics import FACTORS, FLOWN, METRICS, REFERENCE, REPLICATE, STATUS, Metric
 from pavetwin.experiments.statistics import Comparison
 from pavetwin.experiments.statistics.cells import failed_alone
@@ -23,14 +23,6 @@ METRIC: Final = "metric"
 
 Row = Mapping[str, Any]
 
-_IN_DESIGN: Mapping[str, str] = {
-    "world": "worlds",
-    "traffic": "densities",
-    "altitude_m": "altitudes_m",
-    "policy": "policies",
-    "sensor": "sensors",
-    "preset": "presets",
-}
 _KNOWN_ORDER: Final = (REFERENCE, "low", "medium", "high")
 
 
@@ -58,8 +50,8 @@ class Study:
     @cached_property
     def others(self) -> tuple[str, ...]:
         """The factors that vary and are not among `AXES`."""
-        known = self.summary.columns
-        return tuple(name for name in self.factors if name in known and name not in AXES and self._varies(name))
+        known = set(self.summary.columns) - set(AXES)
+        return tuple(name for name in self.factors if name in known and self.table[name].n_unique() > 1)
 
     @property
     def apart(self) -> tuple[str, ...]:
@@ -95,7 +87,7 @@ class Study:
         """The levels of a factor: in the design's order, those it does not name after them."""
         found = self.table[factor].unique(maintain_order=True).to_list()
         swept = self.design.get("sweep") or {}
-        known = _IN_DESIGN.get(factor)
+        known = IN_DESIGN.get(factor)
         requested = self.design.get(known) if known else swept.get(factor, swept.get(factor.removesuffix("_set")))
         named = [level for level in requested if level in found] if isinstance(requested, list | tuple) else []
         return [*dict.fromkeys(named), *sorted((level for level in found if level not in named), key=_order)]
@@ -111,9 +103,6 @@ class Study:
         keys = [{name: row[name] for name in names} for row in cells.iter_rows(named=True)]
         places = {name: {level: at for at, level in enumerate(self.levels(name))} for name in names}
         return sorted(keys, key=lambda key: [places[name][level] for name, level in key.items()])
-
-    def _varies(self, factor: str) -> bool:
-        return self.table[factor].n_unique() > 1
 
 
 @dataclass(frozen=True)
@@ -204,12 +193,6 @@ class Group:
         lacking = {axis: self.study.levels(axis) for axis in AXES if axis not in frame.columns}
         only = [pl.lit(levels[0] if len(levels) == 1 else None).alias(axis) for axis, levels in lacking.items()]
         return self._chosen(frame).with_columns(only)
-
-
-def shown_groups(study: Study, most: int) -> tuple[list[Group], int]:
-    """The first `most` groups, and how many there are."""
-    groups = list(study.groups())
-    return list(islice(groups, most)), len(groups)
 
 
 def replicates(study: Study) -> int:

@@ -8,27 +8,10 @@ with m the mean, s its standard error, n the number of replicates, and a star fo
 m − t*(97.5 %) · s … m − t*(2.5 %) · s (Efron and Tibshirani, An Introduction to the Bootstrap, 1993, section 12.5). The
 term s² / n is ours: shares are often all 1 but for a few, and a resample that happens to draw none of those has s* = 0.
 
-Chosen by simulation, 3 000 samples of each kind. How many of a hundred nominal 95 % intervals held the true mean:
-
-    replicates, distribution                         this   BCa with Student's quantiles   percentile   Student's t
-    20, normal                                         95     95     93     95
-    20, lognormal (σ = 1)                              90     89     84     85
-    20, waiting: six in ten 0, else lognormal          92     89     83     84
-    20, shares of 6 defects around 0.84                96     96     92     94
-    20, shares of 6 defects around 0.95                95     93     86     86
-    20, differences of Student's t with 3 degrees      92     92     92     95
-    20, shares of 10 defects around 0.98               91     91     81     81
-    10, normal                                         94     94     90     95
-    10, lognormal (σ = 1)                              88     87     79     83
-    10, waiting                                        89     86     76     79
-    10, shares around 0.95                             87     89     81     82
-    5, normal                                          92     91     84     94
-    5, lognormal (σ = 1)                               83     83     71     82
-    5, waiting                                         75     76     67     74
-    5, shares around 0.95                              68     69     67     69
-
-What no method mends: five replicates say little of a tail that they do not show, and a cell in which every replicate
-has the same value has an interval of that one value.
+Its coverage in simulations, and that of other methods, stands in docs/decisions/0048-statistics-of-studies.md
+(`python -m benchmarks.coverage`). No method
+solves this: five replicates say little about a tail that they do not contain, and a cell in which every replicate has
+the same value has an interval of that one value.
 """
 
 from collections.abc import Sequence

@@ -12,25 +12,10 @@ The first is right for few replicates and symmetric differences, the second wher
 difference is told where both tell it: its corrected p is the larger of theirs, and its interval reaches as far as
 either's, so that it excludes 0 just where that p is below 0.05. Five pairs or fewer exclude nothing.
 
-How many of a hundred families of 36 comparisons (correlated, ρ = 0.5) held all their true means, and how many of a
-hundred of their intervals held their own:
+How often families of intervals hold their true means in simulations stands in docs/explanation/statistics.md.
 
-    replicates, distribution                               families   intervals
-    20, normal                                                 96       99.9
-    20, Student's t with 3 degrees                             97       99.9
-    20, differences of shares of 6 defects around 0.95         99      100
-    20, lognormal (σ = 1)                                      65       98
-    20, waiting: six in ten 0, else lognormal                  77       99
-    10, normal                                                 98       99.9
-    10, differences of shares                                 100      100
-    10, lognormal                                              65       98
-    10, waiting                                                25       96
-    8, normal                                                  97       99.9
-    8, lognormal                                               55       96
-    8, waiting                                                  9       92
-
-The chance of a false find, where there is no difference, is that of the symmetric ones: the difference of two policies
-that do the same is as likely up as down, whatever their distribution.
+Where there is no difference, the false positive rate is that of symmetric differences: the difference of two policies
+that do the same is as likely positive as negative, whatever their distribution.
 """
 
 from collections.abc import Sequence

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from pavetwin.draw import style
 from pavetwin.experiments.metrics import Metric
-from pavetwin.experiments.report.canvas import WIDTH_IN, Looks, looks, panel_title, policy_legend
+from pavetwin.experiments.report import canvas
 from pavetwin.experiments.report.study import AXES, METRIC, Group, Row
 from pavetwin.experiments.statistics.paired import told
 from pavetwin.experiments.words import factor_text, level_text, p_text
@@ -41,8 +41,8 @@ def places(group: Group, differences: pl.DataFrame, traffics: Sequence[Any]) -> 
 def forest(group: Group, differences: pl.DataFrame, metrics: Sequence[Metric], shown: Sequence[Place]) -> Figure:
     """A panel a metric over the same rows. Filled marks are told as differences."""
     with style.styled():
-        chosen = looks(group.policies)
-        figure = style.new_figure(WIDTH_IN, 0.75 + _ROW_IN * len(shown))
+        chosen = canvas.looks(group.policies)
+        figure = style.new_figure(canvas.WIDTH_IN, 0.75 + _ROW_IN * len(shown))
         figure.set_layout_engine("constrained", w_pad=0.03)
         panels = figure.subplots(1, len(metrics), squeeze=False, sharey=True)[0]
         for axes, metric in zip(panels, metrics, strict=True):
@@ -50,11 +50,11 @@ def forest(group: Group, differences: pl.DataFrame, metrics: Sequence[Metric], s
             _panel(axes, metric, shown, {tuple(row[name] for name in axes_of(group)): row for row in rows}, chosen)
         _name_rows(panels[0], axes_of(group), shown)
         there = {place[-1] for place in shown}
-        policy_legend(figure, {policy: look for policy, look in chosen.items() if policy in there})
+        canvas.policy_legend(figure, {policy: look for policy, look in chosen.items() if policy in there})
     return figure
 
 
-def _panel(axes: Axes, metric: Metric, shown: Sequence[Place], rows: Mapping[Place, Row], chosen: Looks) -> None:
+def _panel(axes: Axes, metric: Metric, shown: Sequence[Place], rows: Mapping[Place, Row], chosen: canvas.Looks) -> None:
     axes.axvline(0.0, color=style.INK_SOFT, linewidth=0.8, zorder=1)
     axes.grid(axis="y", visible=False)
     for y, place in enumerate(shown):
@@ -70,7 +70,7 @@ def _panel(axes: Axes, metric: Metric, shown: Sequence[Place], rows: Mapping[Pla
     axes.set_ylim(len(shown) - 0.4, -0.6)
     unit = {"%": "percentage points", "% of a battery": "points of battery %"}.get(metric.unit, metric.unit)
     axes.set_xlabel(f"difference, {unit}" if unit else "difference")
-    panel_title(axes, metric.label)
+    canvas.panel_title(axes, metric.label)
     axes.annotate(
         "p", (1.0, -0.9), xycoords=("axes fraction", "data"), xytext=(5, 0), textcoords="offset points",
         fontsize=6, style="italic", color=style.INK_SOFT, annotation_clip=False,

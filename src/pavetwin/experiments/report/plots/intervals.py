@@ -12,15 +12,7 @@ from matplotlib.figure import Figure
 from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
 from pavetwin.experiments.metrics import Metric
-from pavetwin.experiments.report.canvas import (
-    Looks,
-    lattice,
-    logarithmic,
-    looks,
-    panel_title,
-    policy_legend,
-    spans_wide,
-)
+from pavetwin.experiments.report import canvas
 from pavetwin.experiments.report.study import Group, Row
 from pavetwin.experiments.words import factor_text, heading, level_text
 
@@ -86,42 +78,36 @@ def traffic_title(traffic: Any) -> str:
 
 def draw(frame: PanelGrid, strips: Sequence[PanelRow]) -> Figure:
     with style.styled():
-        chosen = looks(frame.policies)
+        chosen = canvas.looks(frame.policies)
         one_metric = len({strip.metric.name for strip in strips}) == 1
-        figure, axes = lattice(len(strips), len(frame.columns), 1.38, "all" if one_metric else "row")
+        figure, axes = canvas.lattice(len(strips), len(frame.columns), 1.38, "all" if one_metric else "row")
         for strip, row in zip(strips, axes, strict=True):
             for column, cell_axes in zip(frame.columns, row, strict=True):
                 _panel(cell_axes, frame, strip, column, chosen)
             row[0].set_ylabel(strip.label)
             _scale(row[0], frame, strips if one_metric else [strip])
         for column, top, bottom in zip(frame.columns, axes[0], axes[-1], strict=True):
-            panel_title(top, frame.column_title(column))
+            canvas.panel_title(top, frame.column_title(column))
             bottom.set_xticks(_places(frame.ticks), [level_text(frame.tick_factor, tick) for tick in frame.ticks])
             bottom.set_xlabel(factor_text(frame.tick_factor))
             bottom.set_xlim(-0.55, _places(frame.ticks)[-1] + 0.55)
-        policy_legend(figure, chosen)
+        canvas.policy_legend(figure, chosen)
     return figure
 
 
-def _panel(axes: Axes, frame: PanelGrid, strip: PanelRow, column: Any, chosen: Looks) -> None:
+def _panel(axes: Axes, frame: PanelGrid, strip: PanelRow, column: Any, chosen: canvas.Looks) -> None:
     axes.grid(axis="x", visible=False)
     for at, policy in enumerate(frame.policies):
         rows = [strip.cell(column, tick, policy) for tick in frame.ticks]
         shift = _SPREAD * ((at + 0.5) / len(frame.policies) - 0.5)
         mean, low, high = (_values(strip.metric, rows, name) for name in ("mean", "low", "high"))
         look = chosen[policy]
+        reach = np.nan_to_num(np.stack([mean - low, high - mean])).clip(min=0.0)
+        dash = look.dash if _in_order(frame.ticks) else "none"
         axes.errorbar(
-            _places(frame.ticks) + shift,
-            mean,
-            yerr=np.nan_to_num(np.stack([mean - low, high - mean])).clip(min=0.0),
-            color=look.colour,
-            marker=look.marker,
-            markersize=4,
-            linestyle=look.dash if _in_order(frame.ticks) else "none",
-            linewidth=0.6,
-            elinewidth=1.2,
-            alpha=0.95,
-        )
+            _places(frame.ticks) + shift, mean, yerr=reach, color=look.colour, marker=look.marker, markersize=4,
+            linestyle=dash, linewidth=0.6, elinewidth=1.2, alpha=0.95,
+        )  # fmt: skip
 
 
 def _places(ticks: Sequence[Any]) -> Float64Array:
@@ -146,8 +132,8 @@ def _scale(axes: Axes, frame: PanelGrid, strips: Sequence[PanelRow]) -> None:
     found = [strip.cell(*place) for strip in strips for place in places]
     ends = np.concatenate([_values(metric, found, name) for name in ("mean", "low", "high")])
     ends = ends[np.isfinite(ends)]
-    if spans_wide(ends.tolist()):
-        logarithmic(axes.yaxis)
+    if canvas.spans_wide(ends.tolist()):
+        canvas.logarithmic(axes.yaxis)
         return
     if not len(ends):
         return

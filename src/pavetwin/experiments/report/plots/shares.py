@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 
 from pavetwin.draw import style
 from pavetwin.experiments.metrics import Metric
-from pavetwin.experiments.report.canvas import WIDTH_IN, panel_title
+from pavetwin.experiments.report import canvas
 from pavetwin.experiments.report.study import METRIC, Row
 from pavetwin.experiments.statistics.simultaneous import ALPHA
 from pavetwin.experiments.words import number, term_text
@@ -24,7 +24,7 @@ def effect_bars(effects: pl.DataFrame, metrics: Sequence[Metric], most: int = 16
     """η² as bars, ω² as marks; terms in the order of the frame, at most so many."""
     terms = effects["term"].unique(maintain_order=True).to_list()[:most]
     with style.styled():
-        figure = style.new_figure(WIDTH_IN, 0.85 + 0.2 * len(terms))
+        figure = style.new_figure(canvas.WIDTH_IN, 0.85 + 0.2 * len(terms))
         figure.set_layout_engine("constrained", w_pad=0.03)
         panels = figure.subplots(1, len(metrics), squeeze=False, sharey=True)[0]
         widest = 1.32 * _widest(effects, terms)
@@ -56,7 +56,7 @@ def _panel(axes: Axes, metric: Metric, terms: Sequence[str], rows: dict[str, Row
         )  # fmt: skip
     axes.set(ylim=(len(terms) - 0.4, -0.6), xlabel="share of variation, %")
     axes.tick_params(axis="y", length=0)
-    panel_title(axes, metric.label)
+    canvas.panel_title(axes, metric.label)
 
 
 def _widest(effects: pl.DataFrame, terms: Sequence[str]) -> float:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
 from pavetwin.experiments.metrics import Metric
-from pavetwin.experiments.report.canvas import Looks, lattice, logarithmic, looks, panel_title, policy_legend
+from pavetwin.experiments.report import canvas
 from pavetwin.experiments.report.plots.intervals import traffic_title
 from pavetwin.experiments.report.study import Group
 from pavetwin.experiments.words import heading, level_text
@@ -25,22 +25,24 @@ _MANY: Final = 1500
 def spread(group: Group, metric: Metric, traffics: Sequence[Any]) -> Figure:
     """A column a density; rows by altitude, and in it by policy."""
     with style.styled():
-        chosen = looks(group.policies)
+        chosen = canvas.looks(group.policies)
         height = 0.3 + 0.155 * len(group.altitudes) * (len(group.policies) + 0.8)
-        figure, axes = lattice(1, len(traffics), height)
+        figure, axes = canvas.lattice(1, len(traffics), height)
         known = group.result.filter(pl.col(metric.name).is_not_null())
         positive = bool(known.height) and float(known[metric.name].min()) > 0.0  # type: ignore[arg-type]
         for traffic, panel in zip(traffics, axes[0], strict=True):
             _panel(panel, group, metric, _of(known, "traffic", traffic), chosen, as_picture=known.height > _MANY)
-            panel_title(panel, traffic_title(traffic))
+            canvas.panel_title(panel, traffic_title(traffic))
             panel.set_xlabel(heading(metric))
         if positive and metric.more_is_better is False:
-            logarithmic(*(panel.xaxis for panel in axes[0]))
-        policy_legend(figure, chosen)
+            canvas.logarithmic(*(panel.xaxis for panel in axes[0]))
+        canvas.policy_legend(figure, chosen)
     return figure
 
 
-def _panel(axes: Axes, group: Group, metric: Metric, known: pl.DataFrame, chosen: Looks, *, as_picture: bool) -> None:
+def _panel(
+    axes: Axes, group: Group, metric: Metric, known: pl.DataFrame, chosen: canvas.Looks, *, as_picture: bool
+) -> None:
     block = len(group.policies) + 0.8
     for at, altitude in enumerate(group.altitudes):
         of_altitude = _of(known, "altitude_m", altitude)

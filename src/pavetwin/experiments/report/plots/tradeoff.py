@@ -10,15 +10,7 @@ from matplotlib.lines import Line2D
 
 from pavetwin.draw import style
 from pavetwin.experiments.metrics import Metric
-from pavetwin.experiments.report.canvas import (
-    Looks,
-    lattice,
-    logarithmic,
-    looks,
-    panel_title,
-    policy_legend,
-    spans_wide,
-)
+from pavetwin.experiments.report import canvas
 from pavetwin.experiments.report.pareto import on_front
 from pavetwin.experiments.report.plots.intervals import traffic_title
 from pavetwin.experiments.report.study import Group, Row
@@ -61,22 +53,26 @@ def options(group: Group, traffic: Any, gain: Metric, cost: Metric) -> list[Opti
 def tradeoff(group: Group, gain: Metric, cost: Metric, traffics: Sequence[Any]) -> Figure:
     """A panel a density: mark and colour a policy, size an altitude, strong marks on the front."""
     with style.styled():
-        chosen = looks(group.policies)
-        figure, axes = lattice(1, len(traffics), 2.5)
+        chosen = canvas.looks(group.policies)
+        figure, axes = canvas.lattice(1, len(traffics), 2.5)
         found = [options(group, traffic, gain, cost) for traffic in traffics]
-        wide = spans_wide([option.cost["mean"] for cells in found for option in cells], _WIDE)
+        wide = canvas.spans_wide([option.cost["mean"] for cells in found for option in cells], _WIDE)
         for traffic, cells, panel in zip(traffics, found, axes[0], strict=True):
             _panel(panel, group, cells, (gain, cost), chosen)
-            panel_title(panel, traffic_title(traffic))
+            canvas.panel_title(panel, traffic_title(traffic))
             panel.set_xlabel(f"Mean {heading(cost)[:1].lower()}{heading(cost)[1:]}")
         if wide:
-            logarithmic(*(panel.xaxis for panel in axes[0]))
+            canvas.logarithmic(*(panel.xaxis for panel in axes[0]))
         axes[0][0].set_ylabel(f"Mean {heading(gain)[:1].lower()}{heading(gain)[1:]}")
-        policy_legend(figure, chosen, [*_sizes(group), Line2D([], [], color=style.INK, linewidth=0.9, label="front")])
+        canvas.policy_legend(
+            figure, chosen, [*_sizes(group), Line2D([], [], color=style.INK, linewidth=0.9, label="front")]
+        )
     return figure
 
 
-def _panel(axes: Axes, group: Group, cells: Sequence[Option], metrics: tuple[Metric, Metric], chosen: Looks) -> None:
+def _panel(
+    axes: Axes, group: Group, cells: Sequence[Option], metrics: tuple[Metric, Metric], chosen: canvas.Looks
+) -> None:
     gain, cost = metrics
     for option in cells:
         look, strong = chosen[option.policy], 1.0 if option.on_front else 0.4
@@ -103,13 +99,11 @@ def _front_line(axes: Axes, front: Sequence[Option], gain: Metric, cost: Metric)
 def _sizes(group: Group) -> list[Line2D]:
     if len(group.altitudes) < 2:
         return []
+    look: dict[str, Any] = {"linestyle": "none", "marker": "o", "color": style.INK_FAINT}
     return [
-        Line2D(
-            [], [], linestyle="none", marker="o", color=style.INK_FAINT, markersize=_size(group, altitude),
-            label=level_text("altitude_m", altitude),
-        )
+        Line2D([], [], **look, markersize=_size(group, altitude), label=level_text("altitude_m", altitude))
         for altitude in group.altitudes
-    ]  # fmt: skip
+    ]
 
 
 def _size(group: Group, altitude: Any) -> float:
