@@ -14,10 +14,14 @@ PYTHON = os.environ.get("PAVETWIN_PYTHON", str(ROOT / ".venv" / "bin" / "python"
 """The interpreter that has PaveTwin: the site is built in an environment that does not."""
 
 DESCRIBE = """
+from functools import partialmethod
+
 import typer
 from typer.cli import get_docs_for_click
 from pavetwin.cli import app
 
+for kind in (typer.core.TyperCommand, typer.core.TyperGroup):  # whole sentences in lists of commands
+    kind.get_short_help_str = partialmethod(kind.get_short_help_str, 200)
 command = typer.main.get_command(app)
 with command.make_context("pavetwin", [], resilient_parsing=True) as context:
     print(get_docs_for_click(obj=command, ctx=context, name="pavetwin", title="Command line"))
