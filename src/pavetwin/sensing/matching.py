@@ -1,4 +1,4 @@
-"""Which defect a detection means. One set of rules for every sensor (docs/definitions.md, "Matching").
+"""Which defect a detection means. One set of rules for every sensor (docs/explanation/definitions.md, "Matching").
 
 A detection matches a defect of its own class when the intersection over union (IoU) of their image boxes is at least
 0.5. Boxes of thin cracks overlap badly when one is shifted by a few pixels: for them 0.3 is enough, or that the two
