@@ -12,7 +12,7 @@ from pavetwin.render import adapter
 def test_all_is_there(capsys: pytest.CaptureFixture[str]) -> None:
     doctor.doctor()
     said = capsys.readouterr().out
-    assert "All is there." in said
+    assert "Nothing is missing." in said
     assert said.count("✓") == 6
     assert "Vulkan adapter for frames" in said
 

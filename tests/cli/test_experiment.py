@@ -144,7 +144,7 @@ def test_a_report_lies_in_the_study_s_folder(place: Path) -> None:
         (("run", "study.yaml", "-o", "x", "--scheduler", "tcp://a:1"), "only with --engine dask"),
         (("run", "study.yaml", "-o", "worlds"), "holds no study"),
         (("query", "nowhere", "from segments"), "holds no study"),
-        (("query", "study", "drop view segments"), "no question"),
+        (("query", "study", "drop view segments"), "not a query"),
         (("report", "worlds"), "holds no study"),
         (("recommend", "study", "--traffic", "hihg"), "the study has low"),
         (("recommend", "study", "--min-coverage", "120"), "less than or equal to 100"),
@@ -199,6 +199,6 @@ def test_a_scheduler_that_dies_is_said_in_a_line_and_the_same_command_goes_on(pl
     lines = [line for line in words.splitlines() if not line.endswith((" …", "%)"))]
     assert lines == [
         f"Error: The Dask scheduler {address} is gone; what was flown is kept. Once one runs again, the same command "
-        "goes on."
+        "continues."
     ]
     assert pavetwin("experiment", "run", "study.yaml", "-o", "gone", folder=place).returncode == 0

@@ -418,11 +418,11 @@ def test_sql_over_the_table(reference: Path) -> None:
 @pytest.mark.parametrize(
     ("sql", "words"),
     [
-        ("select foo from segments", "could not be answered.*foo"),
-        ("drop view segments", "no question"),
-        ("???", "answered"),
-        ("copy segments to 'x.csv'", "no question"),
-        ("from read_csv('/etc/passwd')", "could not be answered"),
+        ("select foo from segments", "The query failed.*foo"),
+        ("drop view segments", "not a query"),
+        ("???", "query"),
+        ("copy segments to 'x.csv'", "not a query"),
+        ("from read_csv('/etc/passwd')", "The query failed"),
     ],
 )
 def test_a_question_that_is_none_is_said_in_a_line(reference: Path, sql: str, words: str) -> None:
@@ -520,3 +520,13 @@ def test_a_replicate_stays_with_one_process_while_there_are_enough_of_them() -> 
     assert [len(batch) for batch in in_batches(units, 3)] == [3] * 6
     assert [len(batch) for batch in in_batches(units, 4)] == [1] * 18
     assert [unit for batch in in_batches(units, 3) for unit in batch] == list(units)
+
+
+def test_a_study_of_an_earlier_format_can_be_read_and_is_not_continued(reference: Path, tmp_path: Path) -> None:
+    shutil.copytree(reference, tmp_path / "old")
+    description = tmp_path / "old" / "design.yaml"
+    description.write_text(description.read_text().replace("format: 2", "format: 1"))
+    old = Store(tmp_path / "old")
+    assert old.table().equals(Store(reference).table())
+    with pytest.raises(PaveTwinError, match="begun with format 1, not 2; choose another folder"):
+        old.check_design(old.design())

@@ -1,4 +1,4 @@
-"""The command line: parses, calls, prints. One file a command group; heavy imports wait until a command runs."""
+"""The command line: parses, calls, prints. One file a command group; a command imports what it needs when it runs."""
 
 import os
 import signal
@@ -67,10 +67,10 @@ def _say_version(asked: bool) -> None:
 @app.callback()
 def _options(
     asked: Annotated[
-        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Say which version this is.")
+        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    """What may stand before a command."""
+    """Options of the program itself."""
 
 
 class _Terminated(BaseException):
@@ -84,8 +84,8 @@ def _terminate(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - 
 def main() -> None:
     """Run one command.
 
-    Exit codes: 0 done, 1 a mistake of ours or a finding of `doctor`, 2 something the user can fix (one plain line),
-    130 interrupted, 143 terminated.
+    Exit codes: 0 done, 1 an internal error or a problem found by `doctor`, 2 something the user can fix (one plain
+    line), 130 interrupted, 143 terminated.
     """
     sys.exit(_run())
 
@@ -99,7 +99,7 @@ def _run() -> int:
         return 2
     except TyperException as error:
         words = _words_of(error)
-        fail(f"{words} `{_command_of(error)} --help` lists what there is." if words else "Say which of these commands.")
+        fail(f"{words} `{_command_of(error)} --help` lists what there is." if words else "Give one of these commands.")
         return 2
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pavetwin.capture.statistics import Statistics
 
 
-class _MakeIsMeant(TyperGroup):
+class _MakeByDefault(TyperGroup):
     """`pavetwin capture WORLD …` is `pavetwin capture make WORLD …`."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
@@ -27,8 +27,8 @@ class _MakeIsMeant(TyperGroup):
 
 
 app = typer.Typer(
-    cls=_MakeIsMeant,
-    help="""Take a dataset of labelled images of a world, look at it, and count what is in it.
+    cls=_MakeByDefault,
+    help="""Capture a dataset of labelled images of a world, view it, and count what is in it.
 
     \b
     pavetwin capture worlds/town -o datasets/town --platform uav --images 500 --altitude 6 --altitude 10
@@ -62,19 +62,19 @@ def make(
     formats: Annotated[str, typer.Option(help="Label files: any of yolo, voc and coco.")] = "yolo,voc,coco",
     split: Annotated[str, typer.Option(help="Percent of train/val/test, by whole streets.")] = "70/15/15",
     empty: Annotated[float, typer.Option(help="Share of images that show no defect.")] = 0.15,
-    png: Annotated[bool, typer.Option("--png", help="Store pictures without loss.")] = False,
+    png: Annotated[bool, typer.Option("--png", help="Store images without loss.")] = False,
     quality: Annotated[int, typer.Option(help="Of JPEG, 50 to 100.")] = 92,
     plugin: Plugins = None,
-    jobs: Annotated[int, typer.Option(help="Processes at work; they change only the time it takes.")] = 1,
+    jobs: Annotated[int, typer.Option(help="Worker processes; they change only the time it takes.")] = 1,
 ) -> None:
-    """Take labelled images of a world, and go on with a dataset that was begun before.
+    """Capture labelled images of a world, or continue an unfinished dataset.
 
     \b
     pavetwin capture worlds/town -o datasets/town --images 500 --altitude 6 --altitude 10 --density high
     pavetwin capture worlds/town -o datasets/drive --platform car --images 200 --seed 3 --jobs 2
     pavetwin capture worlds/town -o datasets/sharp --camera phantom4pro --size 1280x960 --png --formats yolo
 
-    Traffic is recorded where it was not before. Labels are Single Crack, Crocodile Crack, Pothole, Person and Car.
+    Missing traffic is recorded first. Labels are Single Crack, Crocodile Crack, Pothole, Person and Car.
     """
     if output is None:
         raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/town.")
@@ -156,7 +156,7 @@ def stats(dataset: Annotated[Path, typer.Argument(help="Folder of a dataset.")])
         statistics = count(dataset)
     total, asked = sum(statistics.images.values()), description["settings"]["images"]
     if total < asked:
-        out.print(f"[yellow]Note:[/] {total} of {asked} images are there; give the same command again to go on.")
+        out.print(f"[yellow]Note:[/] {total} of {asked} images are there; run the same command again to continue.")
     _print(statistics)
 
 
@@ -198,7 +198,7 @@ def _labels(statistics: "Statistics") -> "Table":
 
 
 def _kinds(statistics: "Statistics") -> "Table":
-    """A row a class: labels by severity and by size. Beside the splits they would not fit 80 columns."""
+    """A row a class: labels by severity and by size. Together with the splits they would not fit 80 columns."""
     from pavetwin.capture.statistics import SIZES
 
     levels, sizes = ("low", "medium", "high"), tuple(name for name, _ in SIZES)

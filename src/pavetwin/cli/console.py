@@ -21,11 +21,11 @@ LINE_S = 10.0
 """Between two lines of progress where there is no terminal."""
 
 STAGE_S = 2.0
-"""What takes no longer is not said there to have begun."""
+"""Shorter stages are not announced there."""
 
 
 class LateConsole:
-    """A console of rich, which is loaded when something is first printed: most mistakes are found before."""
+    """A rich console, imported when something is first printed: most errors are found before that."""
 
     def __init__(self, *, stderr: bool) -> None:
         self._stderr = stderr
@@ -49,8 +49,8 @@ err = LateConsole(stderr=True)
 
 
 class Bar:
-    """A progress bar: call it with the share done, 0 … 1, and now and then with what is being done. A share that falls
-    is the beginning of something else."""
+    """A progress bar: call it with the share done, 0 … 1, and optionally with the present stage. A share that falls
+    begins another stage."""
 
     def __init__(self, bar: "Progress", what: str) -> None:
         self._bar, self._what, self._share = bar, what, 0.0
@@ -58,15 +58,15 @@ class Bar:
 
     def __call__(self, share: float, what: str | None = None) -> None:
         if share < self._share:
-            # What came before says nothing about the time that is left.
+            # The stage before says nothing about the time left in this one.
             self._bar.reset(self._task)
         self._share = share
         self._bar.update(self._task, completed=share, description=what or self._what)
 
 
 class Lines:
-    """A progress bar's place where the error stream is a file: a plain line when something has begun, every tenth of
-    its way and every 10 s, also while nobody calls."""
+    """Replaces the progress bar where the error stream is a file: a plain line at the start of a stage, at every tenth
+    of it and every 10 s, also between calls."""
 
     def __init__(self, what: str) -> None:
         self._what, self._text, self._share, self._stage, self._tenth = what, what, 0.0, "", 0
@@ -106,8 +106,8 @@ class Lines:
 
 @contextmanager
 def progress(what: str, *, lines: bool = False) -> Iterator[Bar | Lines]:
-    """A progress bar on the error stream, so that results can be piped. When that is no terminal, plain silence, or
-    `lines` for what takes long."""
+    """A progress bar on the error stream, so that results can be piped. When that is not a terminal, nothing, or
+    with `lines` plain lines."""
     if lines and not err.rich.is_terminal:
         with Lines(what) as told:
             yield told

@@ -1,4 +1,4 @@
-"""`pavetwin demo`: the main job on an invented town, from nothing to results."""
+"""`pavetwin demo`: the whole workflow on a generated town."""
 
 import shutil
 import sys
@@ -24,7 +24,7 @@ def demo(
         "out/demo"
     ),
 ) -> None:
-    """Invent a town, record dense traffic in it, and fly the four policies over the same eight segments.
+    """Generate a town, record dense traffic in it, and fly the four policies over the same eight segments.
 
     \b
     pavetwin demo
@@ -106,7 +106,7 @@ def _town(folder: Path) -> "World":
         err.print(f"Building the town again: {error}", markup=False)
         world = None
     if world is None:
-        with progress("[1/4] Inventing a town") as tell:
+        with progress("[1/4] Generating a town") as tell:
             built = build_world("town", BuildOptions(seed=TOWN_SEED), lambda _, share: tell(0.25 * share))
             damaged = add_defects(built, DefectOptions(), lambda share: tell(0.25 + 0.7 * share))
             world = save_world(damaged, folder, force=True)

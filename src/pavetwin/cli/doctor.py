@@ -22,7 +22,7 @@ class Check:
 
 
 def doctor() -> None:
-    """Say what is missing on this machine and the command that fixes it. Exit code 1 when something is.
+    """Check what is missing on this machine, and print the command that fixes it. Exit code 1 when something is.
 
     \b
     pavetwin doctor
@@ -35,7 +35,7 @@ def doctor() -> None:
             out.print(f"  fix: {check.hint}", markup=False)
     if any(check.hint for check in checks):
         raise typer.Exit(1)
-    out.print("All is there.")
+    out.print("Nothing is missing.")
 
 
 def _python() -> Check:
@@ -81,7 +81,7 @@ def _adapter() -> Check:
 
 
 def _package(what: str, name: str) -> Check:
-    """A package counts when Python finds its code: what pip noted of it may outlive it."""
+    """A package counts when Python finds its code: its metadata may remain when the code is gone."""
     if find_spec(name) is None:
         return Check(what, "missing", f"pip install --force-reinstall {name}")
     return Check(what, version(name))

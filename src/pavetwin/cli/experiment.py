@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from pavetwin.world.model import World
 
 app = typer.Typer(
-    help="Studies: every policy, altitude and traffic, many times over, and what that shows.", no_args_is_help=True
+    help="Studies: policies, altitudes and traffic in replicates, with statistics.",
+    no_args_is_help=True,
 )
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a study.")]
@@ -29,7 +30,7 @@ Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a study."
 FAILED_CODE = 1
 MOST_REASONS, MOST_COLUMNS = 5, 14
 ASSUMED = ("sensor", "preset")
-"""Factors that no one chooses."""
+"""Factors that are assumptions of a study, not options to choose from."""
 
 
 @app.command()
@@ -67,8 +68,8 @@ def init(
 @app.command()
 def run(
     design: Annotated[Path, typer.Argument(metavar="DESIGN.yaml", help="The design; `init` writes one.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the study; one that was begun goes on.")],
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes at work; one a core unless given.")] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the study; unfinished, it is continued.")],
+    jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes; one a core unless given.")] = None,
     engine: Annotated[str, typer.Option(help="local, or dask.")] = "local",
     scheduler: Annotated[
         str | None, typer.Option(metavar="tcp://HOST:PORT", help="With dask: a scheduler that runs already.")
@@ -76,7 +77,7 @@ def run(
     plugin: Plugins = None,
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Fly again what failed.")] = False,
 ) -> None:
-    """Fly a study. Killed at any moment, the same command goes on where it stopped.
+    """Fly a study. After an interruption the same command continues where it stopped.
 
     \b
     pavetwin experiment run study.yaml -o studies/first
@@ -98,7 +99,7 @@ def run(
             retry=retry_failed,
             on_progress=tell,
         )
-    _say(ran, output)
+    _print_run(ran, output)
     if ran.failures:
         raise typer.Exit(FAILED_CODE)
 
@@ -106,10 +107,10 @@ def run(
 @app.command()
 def query(
     folder: Folder,
-    sql: Annotated[str, typer.Argument(metavar="SQL", help="A question over the table `segments`, in DuckDB's SQL.")],
+    sql: Annotated[str, typer.Argument(metavar="SQL", help="A query of the table `segments`, in DuckDB's SQL.")],
     csv: Annotated[bool, typer.Option("--csv", help="As CSV, whole; else as a table to look at.")] = False,
 ) -> None:
-    """Ask the study's table, one row a segment mission.
+    """Query the study's table, one row a segment mission.
 
     \b
     pavetwin experiment query studies/first "select policy, avg(coverage) from segments group by all order by 1"
@@ -184,7 +185,7 @@ def recommend(
 ) -> None:
     """Name the altitude and policy with the best expected coverage under limits, and how sure that is.
 
-    What a design assumes, sensor and preset, cannot be chosen: several have an advice each.
+    Sensor and preset are assumptions of a study: each combination has its own recommendation.
 
     \b
     pavetwin experiment recommend studies/first --traffic high --max-time 120
@@ -236,7 +237,7 @@ def _note_unfinished(design: "Design", table: "pl.DataFrame") -> None:
     replicates = table["replicate"].n_unique()
     if replicates < design.replicates:
         out.print(
-            f"[yellow]Note:[/] only {replicates} of {design.replicates} replicates are flown; `experiment run` goes on."
+            f"[yellow]Note:[/] only {replicates} of {design.replicates} replicates are flown; run the study again."
         )
 
 
@@ -272,7 +273,7 @@ def _span(row: dict[str, Any], name: str, scale: float) -> str:
 
 
 def _plain(said: dict[str, Any]) -> dict[str, Any]:
-    """What a report tells of a design."""
+    """The design and the versions it was flown with, as a report shows them."""
     return {
         **said["design"],
         "version": said["pavetwin"],
@@ -287,7 +288,7 @@ def _entry(world: dict[str, Any]) -> Any:
 
 
 def _worlds(design: "Design") -> "dict[str, World]":
-    """Those that are still here; a report does without the others' maps."""
+    """Those that can still be read; the others get no map."""
     from pavetwin.world.store import load_world
 
     found = {}
@@ -316,7 +317,7 @@ def _engine(name: str, scheduler: str | None, jobs: int | None, design: "Design"
     return Single() if min(workers, units) == 1 else Pool(workers)
 
 
-def _say(ran: "Ran", folder: Path) -> None:
+def _print_run(ran: "Ran", folder: Path) -> None:
     total = ran.plan.missions
     before = f", {total - ran.missions_flown} of them before" if ran.missions_flown < total else ""
     out.print(

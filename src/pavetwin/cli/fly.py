@@ -1,4 +1,4 @@
-"""`pavetwin fly`: fly missions and write what they leave."""
+"""`pavetwin fly`: fly missions and write their results."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 ALL, POLICY, SEGMENTS = "all", "hover", "8"
 
-SAID_BY_AGAIN = (
+FIXED_BY_AGAIN = (
     *("density", "altitude", "segments", "segment", "order", "seed", "preset", "set_"),
     *("traffic", "routes", "airspace", "plugin"),
     *CONDITIONS,
 )
-"""Options that a mission.yaml answers."""
+"""Options whose values a mission.yaml holds."""
 
 
 def fly(
@@ -95,7 +95,7 @@ def fly(
     if again is not None:
         from pavetwin.mission.again import read_mission
 
-        _refuse_answered(context)
+        _refuse_fixed(context)
         former = read_mission(again)
     chosen = (
         former.spec.settings
@@ -246,17 +246,17 @@ def _refuse_pairs(context: typer.Context, groups: Sequence[Sequence[str]]) -> No
             raise PaveTwinError(f"{' and '.join(both)} exclude each other; give one of them.")
 
 
-def _refuse_answered(context: typer.Context) -> None:
+def _refuse_fixed(context: typer.Context) -> None:
     """Raises:
-    PaveTwinError: an option was given beside --again that the mission.yaml answers.
+    PaveTwinError: an option was given with --again whose value the mission.yaml holds.
     """
-    for option in SAID_BY_AGAIN:
+    for option in FIXED_BY_AGAIN:
         if _given(context, option):
             raise PaveTwinError(f"--again: the mission.yaml says --{option.rstrip('_')}; leave one of the two out.")
 
 
 def _compare(former: "FormerMission", result: "MissionResult") -> None:
-    """Print whether a mission flown again came out as it did before."""
+    """Print whether a repeated mission gave the same results."""
     for change in former.version_changes():
         out.print(f"[yellow]Note:[/] flown before with {change}.", soft_wrap=True)
     if result.spec != former.spec:

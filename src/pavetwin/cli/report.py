@@ -157,14 +157,14 @@ def _table(*, show_footer: bool = False) -> Table:
 
 
 def _add_rigid(table: Table, heading: str, cells: Sequence[str], footer: str = "", *, left: bool = False) -> None:
-    """A column that keeps its width on the narrowest page: half a number is a wrong number."""
+    """A column that is never shortened: half a number is a wrong number."""
     width = max(cell_len(line) for line in (*heading.split("\n"), *cells, footer))
     justify: Literal["left", "right"] = "left" if left else "right"
     table.add_column(heading, footer, justify=justify, footer_style="bold", no_wrap=True, min_width=width)
 
 
 def _name(text: str) -> Text:
-    """A cell that gives way, as it stands: brackets in a name are no markup."""
+    """A cell that is shortened where space is short; brackets in a name are not markup."""
     return Text(text, no_wrap=True, overflow="ellipsis")
 
 
@@ -179,7 +179,7 @@ def _cells(value: Callable[[Totals], float | None], form: str, better: int, sums
 
 
 def sentence(result: Sequence["MissionResult"]) -> str:
-    """What came out, in words."""
+    """The result in one sentence."""
     if len(result) == 1:
         sums = totals(result[0])
         found = f"{sums.confirmed} of {sums.defects} defects confirmed" if sums.defects else "No defects to find"

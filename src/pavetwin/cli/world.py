@@ -24,7 +24,7 @@ def build(
         Path | None, typer.Argument(help="A map: .osm, .osm.gz, .osm.pbf, or a SUMO network: .net.xml.")
     ] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the new world.")] = None,
-    generate: Annotated[str | None, typer.Option(help="Invent streets: town, grid, spider or random.")] = None,
+    generate: Annotated[str | None, typer.Option(help="Generate streets: town, grid, spider or random.")] = None,
     seed: Annotated[int, typer.Option(help="Random seed of the world; 0 is a seed like any other.")] = 0,
     segment_length: Annotated[float, typer.Option(help="Longest segment, in metres.")] = 135.0,
     defects_per_segment: Annotated[
@@ -40,7 +40,7 @@ def build(
     plugin: Plugins = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the world that is there.")] = False,
 ) -> None:
-    """Build a world from a map, a SUMO network, or invented streets.
+    """Build a world from a map, a SUMO network, or generated streets.
 
     \b
     pavetwin world build berlin.osm.pbf -o worlds/berlin

@@ -1,4 +1,4 @@
-"""`pavetwin world show` and `pavetwin world navmesh`: maps of what stands still and of where can be flown."""
+"""`pavetwin world show` and `pavetwin world navmesh`: maps of a world and of its flyable area."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated

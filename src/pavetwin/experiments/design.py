@@ -60,10 +60,10 @@ FACTOR_OF: Final[Mapping[str, str]] = {"altitude_m": "altitudes_m", "sensing.sen
 """Settings that are factors by themselves."""
 
 ENVIRONMENT: Final = tuple(f"conditions.{name}" for name in Conditions.model_fields)
-"""Settings that no one chooses."""
+"""Settings of the environment: assumptions of a study, not options to choose from."""
 
 OWN_ROUTES: Final = "routes"
-"""What stands for the traffic of a world whose demand is the user's own."""
+"""The level of the factor traffic in a world with the user's own routes."""
 
 Value = bool | int | float | str
 
@@ -72,7 +72,7 @@ Placing = Annotated[
     Annotated[Literal["placed", "world"], Tag("how")] | Annotated[DefectOptions, Tag("options")],
     Discriminator(lambda value: "how" if isinstance(value, str) else "options"),
 ]
-"""How defects come onto the segments; told apart first, so that a mistake is named by its own key."""
+"""How defects come onto the segments. Discriminated first, so that an error names its own key."""
 
 
 class WorldEntry(Settings):
@@ -81,7 +81,7 @@ class WorldEntry(Settings):
     path: str
     """Its folder; relative to the design's file."""
     routes: tuple[str, ...] = ()
-    """SUMO route files that take the place of the densities."""
+    """SUMO route files that replace the densities."""
     take_off_s: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]] = (0.0, 0.0)
     """With routes: earliest and latest take-off, in seconds after the first departure; drawn in each replicate."""
 
@@ -107,7 +107,7 @@ class Design(Settings):
     sweep: dict[str, Annotated[tuple[Value, ...], Field(min_length=1)]] = Field(default_factory=dict)
     """Setting → values; every value is combined with all else."""
     set: dict[str, Value] = Field(default_factory=dict)
-    """Settings that are the same in all missions, laid over the presets."""
+    """Settings that are the same in all missions; they override the presets."""
     plugins: tuple[str, ...] = ()
     """Python files that register what the design names or its worlds hold; relative to the design's file."""
     replicates: Annotated[int, Field(ge=1, le=100_000)] = 20
@@ -176,7 +176,7 @@ class Design(Settings):
 
     @model_serializer(mode="wrap")
     def _as_flown(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Without densities that no world has a use for: given in words they are refused."""
+        """Without densities that no world uses: a design that lists them is refused."""
         values: dict[str, Any] = dump(self)
         if "densities" in values and all(world.routes for world in self.worlds):
             values["densities"] = []

@@ -31,11 +31,11 @@ from pavetwin.world.model import Defect, World
 from pavetwin.world.store import load_record
 
 RECORDED_S: Final = 100.0
-"""Of traffic before the first mission of one segment: half of the units in light traffic need no more. Missions that do
+"""Of traffic before the first mission of one segment: half of the units in light traffic need no more. Longer missions
 extend it."""
 
 QUIET_S: Final = 300.0
-"""Where a user's demand shows nobody for so long after the take-off, it has ended."""
+"""A user's demand without any agent for so long after the take-off has ended."""
 
 _LEFT_OUT: Final = ("start_s", "end_s")
 """Of a segment's row: they tell of the mission's clock alone."""
@@ -48,8 +48,8 @@ Row = dict[str, Any]
 def fly_unit(plan: Plan, unit: Unit) -> bytes:
     """Fly a unit's missions, and give its part of the table as a Parquet file.
 
-    The same plan and unit give the same bytes in every process. What goes wrong is written down, not raised: the
-    missions that it ends are rows with their reason.
+    The same plan and unit give the same bytes in every process. Failures are not raised: the missions that
+    failed are rows with their reason.
     """
     try:
         check_plugins(plan)

@@ -1,4 +1,4 @@
-"""What a study measures of every mission, and the columns of its table that are no measures.
+"""What a study measures of every mission, and the other columns of its table.
 
 The table has one row a segment mission: its factors, `replicate`, what it was seeded with, `status`, the metrics. A
 metric that is undefined (no defects on the segment), and every metric of a mission that failed, is null.

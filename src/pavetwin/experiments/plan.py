@@ -78,7 +78,7 @@ class ReplicateSeeds:
 
 @dataclass(frozen=True)
 class Unit:
-    """What is flown in one go, and written as one part of the table."""
+    """What is flown together, and written as one part of the table."""
 
     world: int
     """Its place in the design."""
@@ -92,17 +92,17 @@ class Unit:
 
 @dataclass(frozen=True)
 class Plan:
-    """A design that has been checked against its worlds: everything that a process at work must know."""
+    """A design that has been checked against its worlds: everything that a worker process needs."""
 
     design: Design
     hashes: tuple[str, ...]
     """Of the worlds' content."""
     names: tuple[str, ...]
-    """Of the worlds, each another's."""
+    """Of the worlds, all distinct."""
     targets: tuple[tuple[int, ...], ...]
     """For each world the segments, by their place in it, that can be reached in every cell."""
     policies: Mapping[str, str]
-    """What each policy of the design calls itself."""
+    """The name of each policy of the design."""
     plugins: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of the plugin files and of what they import from beside them, by path."""
 
@@ -159,7 +159,7 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
     """Check a design against its worlds, and see which segments can be reached.
 
     Args:
-        tell: told what takes a while.
+        tell: called with the name of each long step.
 
     Raises:
         PaveTwinError: a factor's level does not exist, or the worlds leave nothing to inspect.
@@ -227,7 +227,7 @@ def world_of_study(path: str, content_hash: str) -> World:
 
 
 def _check_levels(design: Design) -> dict[str, str]:
-    """Policy → what it calls itself."""
+    """Policy → its name."""
     for name in design.densities:
         density_named(name)
     for world in design.worlds:
@@ -239,7 +239,7 @@ def _check_levels(design: Design) -> dict[str, str]:
         settings = cell.settings(design)
         name = _name_of(cell.policy, settings)
         if name in (other for policy, other in called.items() if policy != cell.policy):
-            raise PaveTwinError(f"the design: two policies call themselves '{name}'; rename one of them.")
+            raise PaveTwinError(f"the design: two policies are named '{name}'; rename one of them.")
         called[cell.policy] = name
         load_sensor(settings.sensing, design.seed)
         find_camera(settings.camera.model)
@@ -248,7 +248,7 @@ def _check_levels(design: Design) -> dict[str, str]:
 
 
 def _name_of(policy: str, settings: MissionSettings) -> str:
-    """What a policy calls itself.
+    """The name of a policy.
 
     Raises:
         PaveTwinError: there is none, its file does not give one, or it breaks a rule.
@@ -261,7 +261,7 @@ def _name_of(policy: str, settings: MissionSettings) -> str:
 
 
 def _reachable(design: Design, world: World, tell: Callable[[str], None]) -> tuple[int, ...]:
-    """Segments that can be reached in every cell; bakes and keeps the NavMeshes on the way."""
+    """Segments that can be reached in every cell; bakes and caches the NavMeshes."""
     ways: Mapping[tuple[float, float], MissionSettings] = {
         (settings.altitude_m, settings.uav.radius_m): settings
         for settings in (cell.settings(design) for cell in cells_of(design))

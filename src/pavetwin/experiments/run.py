@@ -1,4 +1,4 @@
-"""A study from its design to its table: flown in units, each written as it ends, resumed where it stopped."""
+"""A study from its design to its table: flown in units, each written when it ends; an interrupted study is resumed."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -25,7 +25,7 @@ class Ran:
     plan: Plan
     table: pl.DataFrame
     missions_flown: int
-    """Missions flown now; the others were there."""
+    """Missions flown by this call; the others were flown before."""
 
     @property
     def failures(self) -> Counter[str]:
@@ -49,8 +49,8 @@ def run(
         retry: fly those units again of which a mission failed.
 
     Raises:
-        PaveTwinError: the design does not fit its worlds, the folder holds another, or it cannot be written. What was
-            flown stays, and the same call goes on from there.
+        PaveTwinError: the design does not fit its worlds, the folder holds another, or it cannot be written. Flown
+            units are kept, and the same call resumes.
     """
     tell = on_progress or (lambda _share, _what: None)
     store = Store(folder)
@@ -61,7 +61,7 @@ def run(
         missing = store.missing(made.units, failed=retry)
         cells, done = len(made.cells), made.missions - len(missing) * len(made.cells)
 
-        def on_stand() -> None:
+        def on_ready() -> None:
             store.begin(made, retry=retry)
             flown()
 
@@ -75,7 +75,7 @@ def run(
             tell(done / made.missions, f"Flying missions {done}/{made.missions}")
 
         if missing:
-            engine.fly(made, missing, on_stand, on_unit, lambda what: tell(0.0, what))
+            engine.fly(made, missing, on_ready, on_unit, lambda what: tell(0.0, what))
         else:
             store.begin(made)
         return Ran(made, store.table(), len(missing) * cells)

@@ -17,7 +17,7 @@ from pavetwin.experiments.plan import Plan, Unit, units_of
 from pavetwin.files import writing
 from pavetwin.policies import helpers_of
 
-DESIGN, PARTS, FORMAT = "design.yaml", "segments.parquet", 1
+DESIGN, PARTS, FORMAT = "design.yaml", "segments.parquet", 2
 
 SHOWN: Final = 12
 """Characters of a hash in `design.yaml`."""
@@ -66,10 +66,10 @@ class Store:
                 refused = f"'{self.folder}' was begun with {what} than '{name}' is now"
                 if key == "worlds":
                     raise PaveTwinError(f"{refused}; choose another folder.")
-                self._check_mended(_flown_with(plan, name), refused, retry=retry)
+                self._check_replaced(_flown_with(plan, name), refused, retry=retry)
 
-    def _check_mended(self, concerned: pl.Expr, refused: str, *, retry: bool) -> None:
-        """Whether a file may be another: nothing that was flown with it is kept."""
+    def _check_replaced(self, concerned: pl.Expr, refused: str, *, retry: bool) -> None:
+        """Whether a file may be replaced: no mission flown with it succeeded."""
         flown = [
             pl.read_parquet(self._part(unit), columns=["world", "policy", "sensor", STATUS]) for unit in self._flown()
         ]
@@ -163,7 +163,7 @@ class Store:
         there = [unit for unit in units_of(self.design()) if self._part(unit).is_file()]
         if not there:
             raise PaveTwinError(
-                f"Nothing of the study in '{self.folder}' was flown yet; `pavetwin experiment run` goes on."
+                f"Nothing of the study in '{self.folder}' was flown yet; use `pavetwin experiment run`."
             )
         return there
 
@@ -183,10 +183,10 @@ class Store:
 
 
 def query(folder: Path, sql: str) -> pl.DataFrame:
-    """The answer to a question in SQL (DuckDB's) over the table `segments` of a study.
+    """The result of an SQL query (DuckDB's) of the table `segments` of a study.
 
     Raises:
-        PaveTwinError: there is no study, or the question cannot be answered.
+        PaveTwinError: there is no study, or the query fails.
     """
     import duckdb
 
@@ -197,15 +197,15 @@ def query(folder: Path, sql: str) -> pl.DataFrame:
         try:
             kinds = {statement.type.name for statement in connection.extract_statements(sql)}
             if not kinds or kinds - {"SELECT", "EXPLAIN", "MULTI"}:
-                raise PaveTwinError("That is no question: begin with SELECT or FROM segments.")
+                raise PaveTwinError("This is not a query: begin with SELECT or FROM segments.")
             found: pl.DataFrame = connection.sql(sql).pl()
         except duckdb.Error as error:
-            raise PaveTwinError(f"The question could not be answered: {' '.join(str(error).split())}") from error
+            raise PaveTwinError(f"The query failed: {' '.join(str(error).split())}") from error
     return found
 
 
 def _is_whole(part: Path) -> bool:
-    """Whether a Parquet file is there and can be read to its end: a footer may outlive what it speaks of."""
+    """Whether a Parquet file is there and can be read to its end: its footer may be intact where its data are not."""
     try:
         pl.read_parquet(part)
     except (OSError, pl.exceptions.PolarsError):
@@ -248,7 +248,7 @@ def _scripts(name: str) -> list[str]:
 
 
 def _flown_with(plan: Plan, file: str) -> pl.Expr:
-    """Which rows of the table a file had a part in."""
+    """The rows of the table that were flown with a file."""
     if file in plan.plugins:
         return pl.lit(value=True)
     policies = [called for policy, called in plan.policies.items() if file in _scripts(policy)]

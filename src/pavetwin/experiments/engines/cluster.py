@@ -13,7 +13,7 @@ from importlib.metadata import version
 from typing import Any, Final
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments.engines.base import DIED, Engine, OnStand, OnUnit, Tell, in_batches
+from pavetwin.experiments.engines.base import DIED, Engine, OnReady, OnUnit, Tell, in_batches
 from pavetwin.experiments.fly_unit import failed_unit, fly_unit
 from pavetwin.experiments.plan import Plan, Unit, check_worlds
 
@@ -22,13 +22,13 @@ ANSWER_S: Final = 15.0
 
 
 class Cluster(Engine):
-    """Units as tasks of Dask. A worker that dies costs time only: the scheduler gives its units to another."""
+    """Units as tasks of Dask. When a worker dies, the scheduler gives its units to another."""
 
     def __init__(self, *, scheduler: str | None = None, jobs: int = 1) -> None:
         """`scheduler`: the address of one that runs (tcp://10.0.0.1:8786); else `jobs` workers are started here."""
         self._scheduler, self._jobs = scheduler, jobs
 
-    def fly(self, plan: Plan, units: Sequence[Unit], on_stand: OnStand, on_unit: OnUnit, tell: Tell) -> None:
+    def fly(self, plan: Plan, units: Sequence[Unit], on_ready: OnReady, on_unit: OnUnit, tell: Tell) -> None:
         dask: Any = import_module("distributed")
         scheduler = f"the Dask scheduler {self._scheduler}"
         tell(f"Waiting for {scheduler}" if self._scheduler else f"Starting {self._jobs} Dask workers")
@@ -36,7 +36,7 @@ class Cluster(Engine):
             if not client.nthreads():
                 tell(f"Waiting for workers of {scheduler}")
             _check_workers(client, plan)
-            on_stand()
+            on_ready()
             workers = sum(client.nthreads().values())
 
             def submit(batch: list[Unit]) -> Any:
@@ -72,7 +72,7 @@ class Cluster(Engine):
         try:
             asyncio.run(_shake_hands(self._scheduler))
             client = dask.Client(self._scheduler, timeout=ANSWER_S)
-        except Exception as error:  # what answers may be anything, and its answer is read as if it were Dask's
+        except Exception as error:  # any server may answer, and its answer is parsed as Dask's
             raise PaveTwinError(
                 f"`scheduler` {self._scheduler}: no Dask scheduler answers there; start one with `dask scheduler` and "
                 "workers with `dask worker tcp://…`."
@@ -85,12 +85,12 @@ class Cluster(Engine):
                     raise
                 raise PaveTwinError(
                     f"The Dask scheduler {self._scheduler} is gone; what was flown is kept. Once one runs again, the "
-                    "same command goes on."
+                    "same command continues."
                 ) from error
 
 
 async def _shake_hands(address: str) -> None:
-    """Whether anything that speaks Dask's language answers: a client would wait for ever for its first word."""
+    """Raises unless a server that speaks Dask's protocol answers: a client would wait for it without end."""
     comm: Any = import_module("distributed.comm")
     security = import_module("distributed").Security().get_connection_args("client")
     connection = await asyncio.wait_for(comm.connect(address, timeout=ANSWER_S, **security), ANSWER_S)
@@ -99,7 +99,7 @@ async def _shake_hands(address: str) -> None:
 
 @contextmanager
 def _silence() -> Iterator[None]:
-    """No words of Dask's on the screen: what matters of them is said in ours."""
+    """Without Dask's log messages: relevant failures are reported by exceptions."""
     import_module("distributed")
     names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] in ("distributed", "tornado")]
     loggers = [logging.getLogger(name) for name in names]

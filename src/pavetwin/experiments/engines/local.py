@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from pavetwin.experiments.engines.base import DIED, Engine, OnStand, OnUnit, Tell, in_batches
+from pavetwin.experiments.engines.base import DIED, Engine, OnReady, OnUnit, Tell, in_batches
 from pavetwin.experiments.fly_unit import failed_unit, fly_unit
 from pavetwin.experiments.plan import Plan, Unit
 from pavetwin.workers import OnTick, WorkerPool
@@ -16,24 +16,24 @@ class Single(Engine):
         self,
         plan: Plan,
         units: Sequence[Unit],
-        on_stand: OnStand,
+        on_ready: OnReady,
         on_unit: OnUnit,
-        tell: Tell,  # noqa: ARG002 - it is there at once
+        tell: Tell,  # noqa: ARG002 - there is nothing to wait for
     ) -> None:
-        on_stand()
+        on_ready()
         for unit in units:
             on_unit(unit, fly_unit(plan, unit))
 
 
 class Pool(Engine):
-    """As many processes as are wanted. One that dies is replaced, and what it flew is flown again, unit by unit."""
+    """`jobs` processes. One that dies is replaced, and what it flew is flown again, unit by unit."""
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
 
-    def fly(self, plan: Plan, units: Sequence[Unit], on_stand: OnStand, on_unit: OnUnit, tell: Tell) -> None:
+    def fly(self, plan: Plan, units: Sequence[Unit], on_ready: OnReady, on_unit: OnUnit, tell: Tell) -> None:
         tell(f"Starting {self._jobs} processes")
-        on_stand()
+        on_ready()
 
         def on_result(batch: list[Unit], parts: list[bytes]) -> None:
             for unit, part in zip(batch, parts, strict=True):

@@ -59,7 +59,7 @@ def tail_table(group: Group, metric: Metric) -> Table:
 
 
 def _by_time(group: Group) -> list[str]:
-    """That energy tells nothing beyond time, where every mission spent it at one rate: the linear model of battery."""
+    """That energy adds nothing to time where every mission spent it at one rate: the linear model of battery."""
     rates = group.result.filter(pl.col("time_s") > 0).select(rate=100 * pl.col("energy") / pl.col("time_s"))["rate"]
     known = rates.drop_nulls().to_numpy()
     if not len(known) or np.ptp(known) > 1e-6 * known.max():

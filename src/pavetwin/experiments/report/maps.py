@@ -75,7 +75,7 @@ def _range(values: Sequence[float]) -> Normalize:
 
 
 def _segments(axes: Axes, segments: Sequence[Segment], colours: Any) -> None:
-    """Bands along the centre lines, as wide as the street or as the eye needs, with a dark rim."""
+    """Bands along the centre lines, as wide as the street or at least as wide as can be seen, with a dark rim."""
     per_m = shapes.points_per_m(axes)
     for segment, colour in zip(segments, colours, strict=True):
         line = shapely.get_coordinates(segment.centre_line)

@@ -14,7 +14,7 @@ from pavetwin.experiments.report.headline import FEW_MARK
 from pavetwin.experiments.report.parts import Block, CollapsibleTable, Section, Table, TableCell, Text
 from pavetwin.experiments.report.plots import forest, intervals, spread, tradeoff
 from pavetwin.experiments.report.study import AXES, METRIC, Group, replicates
-from pavetwin.experiments.statistics.paired import told
+from pavetwin.experiments.statistics.paired import is_significant
 from pavetwin.experiments.statistics.simultaneous import ALPHA
 from pavetwin.experiments.statistics.summary import FEW
 from pavetwin.experiments.words import (
@@ -107,7 +107,7 @@ def _intervals(group: Group) -> Iterator[Block]:
 
 def _side_by_side(factor: str) -> str:
     where = "altitude" if factor == "altitude_m" else f"value of {factor_text(factor)}"
-    return f"Marks at one {where} stand side by side only to be told apart."
+    return f"Marks at one {where} stand side by side only so that they do not overlap."
 
 
 def _policies(group: Group) -> Iterator[Block]:
@@ -184,7 +184,9 @@ def _difference_cells(metric: Metric, row: Any) -> tuple[TableCell, TableCell]:
     if row is None or row["mean"] is None:
         return TableCell(MISSING), TableCell(MISSING)
     ends = f" [{shown(metric, row['low'])}, {shown(metric, row['high'])}]" if row["low"] is not None else ""
-    return TableCell(shown(metric, row["mean"]) + ends, told(row)), TableCell(p_text(row["p_corrected"]), told(row))
+    return TableCell(shown(metric, row["mean"]) + ends, is_significant(row)), TableCell(
+        p_text(row["p_corrected"]), is_significant(row)
+    )
 
 
 def _tradeoffs(group: Group) -> Iterator[Block]:

@@ -1,4 +1,4 @@
-"""What a report is made of: a study with its table and statistics, and the parts that it is told in."""
+"""What a report is made of: a study with its table and statistics, and the groups of cells that it shows."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What a study shows and what it does not: summaries, paired differences, effects, sentences, a recommendation."""
+"""The statistics of a study: summaries, paired differences, effects, sentences, a recommendation."""
 
 from pavetwin.experiments.statistics.effects import effects
 from pavetwin.experiments.statistics.paired import Comparison, differences

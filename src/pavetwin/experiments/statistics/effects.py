@@ -1,9 +1,9 @@
 """Which factor explains how much: analysis of variance with the replicate as a block.
 
-Within a replicate all cells share traffic, defects and segment, so a replicate may like one altitude and the next one
-another. A factor is therefore tested against how differently it works from replicate to replicate (its interaction with
-the replicate), not against the residual, which would take one lucky recording of traffic, flown in twelve cells, for
-twelve proofs. That is the analysis of variance for repeated measures, with the world, if it is varied, between
+Within a replicate all cells share traffic, defects and segment, so the effect of a factor may differ between
+replicates. A factor is therefore tested against its interaction with the replicate, not against the residual, which
+would count one recording of traffic, flown in twelve cells, as twelve independent observations. That is the analysis of
+variance for repeated measures, with the world, if it is varied, between
 replicates (Kirk, Experimental Design, 4th ed., chapters 10 and 12).
 """
 
@@ -160,7 +160,7 @@ def _epsilon(rest: Float64Array) -> float:
 def _row(term: _Term, total: float) -> tuple[object, ...]:
     """df, ss, f, p, eta2, omega2."""
     eta2 = term.ss / total if total > 0 else None
-    # An error that is nothing but rounding is no measure of chance.
+    # An error sum of squares that is only rounding measures no variance.
     if not term.error_df or term.error_ss <= 1e-12 * total:
         return term.df, term.ss, None, None, eta2, None
     f = term.ss / term.df / (term.error_ss / term.error_df)

@@ -1,7 +1,7 @@
-"""What flipped signs say of paired differences: a p for every mean that could be the true one, in closed form.
+"""Sign-flip tests of paired differences: the p of every hypothetical mean, in closed form.
 
 "The mean difference is θ" has as its p the share of all assignments of signs under which |Σ ±(d − θ)| reaches
-|Σ (d − θ)|. It does so just where θ lies between the mean of the differences whose sign is turned and the mean of the
+|Σ (d − θ)|. It does so just where θ lies between the mean of the differences whose sign is flipped and the mean of the
 others, so that two sorted lists of such means hold p for every θ.
 """
 
@@ -24,8 +24,8 @@ _ROUNDING: Final = 1e-9
 
 
 def flips(blocks: int, seed: int) -> Float64Array:
-    """(assignments, blocks) 1 where a sign is turned. The first turns none; where all are tried, the last block's is
-    held, since turning all signs turns only the mean's.
+    """(assignments, blocks) 1 where a sign is flipped. The first flips none; where all are tried, the last block's
+    sign is fixed, since flipping all signs flips only the mean's.
     """
     if blocks <= EXACT:
         numbers = np.arange(2 ** max(blocks - 1, 0))
@@ -110,7 +110,7 @@ class Pairs:
         return np.asarray(np.abs(gaps.sum() - 2 * (self._assigned @ gaps)))
 
     def _ends(self) -> tuple[Float64Array, Float64Array]:
-        """(assignments,) means of the differences that are turned and of the others; −∞ and ∞ where either is none."""
+        """(assignments,) means of the flipped differences and of the others; −∞ and ∞ where either is none."""
         number, sums = self._assigned @ self._here.astype(np.float64), self._assigned @ self._gaps
         both = (number > 0) & (number < self._n)
         turned = np.divide(sums, number, out=np.full(len(sums), -inf), where=both)

@@ -34,7 +34,7 @@ class Comparison:
         return self.differences["p"].count()
 
 
-def told(difference: Mapping[str, Any]) -> bool:
+def is_significant(difference: Mapping[str, Any]) -> bool:
     """Whether a row of `differences` shows one: its corrected p is below 0.05, so that its interval excludes 0."""
     p = difference["p_corrected"]
     return p is not None and p < ALPHA

@@ -1,4 +1,4 @@
-"""What a study shows, in sentences that say no more than their intervals and tests do."""
+"""The findings of a study as sentences that claim no more than the intervals and tests show."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
@@ -8,7 +8,7 @@ import polars as pl
 
 from pavetwin.experiments.metrics import COMPARED, METRICS, REPLICATE, metric_named
 from pavetwin.experiments.statistics.effects import RESIDUAL, TIMES
-from pavetwin.experiments.statistics.paired import Comparison, holm, told
+from pavetwin.experiments.statistics.paired import Comparison, holm, is_significant
 from pavetwin.experiments.statistics.summary import FEW
 from pavetwin.experiments.words import (
     amount,
@@ -66,7 +66,7 @@ def conclusions(summary: pl.DataFrame, comparisons: Sequence[Comparison], effect
 
 
 class _Claims:
-    """What may be said of the comparisons of one family."""
+    """The sentences about the comparisons of one family."""
 
     def __init__(self, comparison: Comparison, most: Mapping[str, int]) -> None:
         self.factor, self.reference = comparison.factor, subject(comparison.factor, comparison.reference)
@@ -106,7 +106,7 @@ class _Claims:
         def aim(row: Row) -> tuple[Any, bool]:
             return row[self.factor], row["mean"] > 0
 
-        claimed = [row for row in self.rows if told(row)]
+        claimed = [row for row in self.rows if is_significant(row)]
         known = {aim(row) for row in claimed if row["metric"] == unless}
         groups = _grouped([row for row in claimed if row["metric"] == name and aim(row) not in known], aim).values()
         ordered = sorted(groups, key=lambda group: -max(abs(row["mean"]) for row in group))
@@ -134,7 +134,7 @@ class _Claims:
     def not_shown(self, name: str) -> list[str]:
         """One sentence on all comparisons of a metric that showed nothing, with what their intervals leave possible."""
         every = [row for row in self.rows if row["metric"] == name]
-        silent = [row for row in every if not told(row)]
+        silent = [row for row in every if not is_significant(row)]
         if not silent:
             return []
         settings = {level: len(rows) for level, rows in _grouped(every, self._level).items()}
@@ -157,7 +157,7 @@ class _Claims:
                 f"With {pairs} replicates no difference from {self.reference}, however large, could be told from "
                 "chance: fly at least 6, better 20."
             ]
-        if not any(told(row) for row in self.rows):
+        if not any(is_significant(row) for row in self.rows):
             return []
         count = f"{self.number} comparison{'s' if self.number > 1 else ''}"
         return [f"Intervals and p of differences from {self.reference} are corrected for {count}."]
@@ -184,7 +184,7 @@ def _grouped(rows: Sequence[Row], key: Callable[[Row], Any]) -> dict[Any, list[R
 
 
 def _varied(frame: pl.DataFrame, columns: Sequence[str]) -> list[str]:
-    """The columns with more than one level; to name the others would tell nothing."""
+    """The columns with more than one level; naming the others would add nothing."""
     return [column for column in columns if frame[column].n_unique() > 1]
 
 
@@ -212,7 +212,7 @@ def _tail(summary: pl.DataFrame, name: str, what: str) -> list[str]:
 
 
 def _heavy(row: Row) -> bool:
-    """Whether enough missions show a tail that a planner would have to reckon with, of a metric in seconds."""
+    """Whether enough missions show a tail that matters for planning, of a metric in seconds."""
     least = max(_TAIL_TIMES * row["median"], row["median"] + _TAIL_S)
     return bool(row["n"] >= _TAIL_OF and row["p95"] >= least)
 

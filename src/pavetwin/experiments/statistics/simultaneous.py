@@ -1,16 +1,16 @@
 """Tests and intervals of many paired differences at once, the intervals being exactly what the tests leave possible.
 
-All comparisons of a family share their replicates. Two ways tell how far off chance may take the most striking of them:
+All comparisons of a family share their replicates. Two methods give the distribution of the most extreme of them:
 
-- Flipped signs (see `flips`): flipping those of what is left of the differences when their means are taken away shows
-  how small the smallest of all p falls by chance (Westfall and Young, Resampling-Based Multiple Testing, 1993,
+- Flipped signs (see `flips`): flipping the signs of the residuals (differences less their mean) shows how small the
+  smallest of all p falls by chance (Westfall and Young, Resampling-Based Multiple Testing, 1993,
   single-step minimum p). Few replicates have few assignments of signs, so that many p are equal; |t| ranks those.
-- Resampled replicates (see `bootstrap`): the same of the smallest tail of all their t* (Beran, Balanced simultaneous
-  confidence sets, JASA 83, 1988). It knows that the mean of a heavy tail may lie far up.
+- Resampled replicates (see `bootstrap`): the same for the smallest tail of all their t* (Beran, Balanced simultaneous
+  confidence sets, JASA 83, 1988). It covers means of heavy tails.
 
-The first is right for few replicates and symmetric differences, the second where waiting makes them lopsided. A
-difference is told where both tell it: its corrected p is the larger of theirs, and its interval reaches as far as
-either's, so that it excludes 0 just where that p is below 0.05. Five pairs or fewer exclude nothing.
+The first is right for few replicates and symmetric differences, the second where waiting makes them skewed. A
+difference is reported where both show it: its corrected p is the larger of theirs, and its interval reaches as far
+as either's, so that it excludes 0 exactly where that p is below 0.05. Five pairs or fewer exclude nothing.
 
 How often families of intervals hold their true means in simulations stands in docs/explanation/statistics.md.
 
@@ -30,7 +30,7 @@ from pavetwin.experiments.statistics.bootstrap import RESAMPLES, centre, resampl
 from pavetwin.experiments.statistics.flips import Pairs, flips
 
 ALPHA: Final = 0.05
-"""Family-wise error: of all differences that are told, and of all intervals together."""
+"""Family-wise error: of all reported differences, and of all intervals together."""
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from pavetwin.draw import style
 from pavetwin.experiments.metrics import Metric
 from pavetwin.experiments.report import canvas
 from pavetwin.experiments.report.study import AXES, METRIC, Group, Row
-from pavetwin.experiments.statistics.paired import told
+from pavetwin.experiments.statistics.paired import is_significant
 from pavetwin.experiments.words import factor_text, level_text, p_text
 
 _ROW_IN: Final = 0.15
@@ -39,7 +39,7 @@ def places(group: Group, differences: pl.DataFrame, traffics: Sequence[Any]) -> 
 
 
 def forest(group: Group, differences: pl.DataFrame, metrics: Sequence[Metric], shown: Sequence[Place]) -> Figure:
-    """A panel a metric over the same rows. Filled marks are told as differences."""
+    """A panel a metric over the same rows. Filled marks are significant."""
     with style.styled():
         chosen = canvas.looks(group.policies)
         figure = style.new_figure(canvas.WIDTH_IN, 0.75 + _ROW_IN * len(shown))
@@ -65,7 +65,7 @@ def _panel(axes: Axes, metric: Metric, shown: Sequence[Place], rows: Mapping[Pla
         axes.annotate(
             p_text(row["p_corrected"]), (1.0, y), xycoords=("axes fraction", "data"), xytext=(3, 0),
             textcoords="offset points", va="center_baseline", fontsize=5.4,
-            color=style.INK if told(row) else style.INK_SOFT,
+            color=style.INK if is_significant(row) else style.INK_SOFT,
         )  # fmt: skip
     axes.set_ylim(len(shown) - 0.4, -0.6)
     unit = {"%": "percentage points", "% of a battery": "points of battery %"}.get(metric.unit, metric.unit)
@@ -81,7 +81,7 @@ def _mark(axes: Axes, y: int, row: Row, scale: float, look: style.PolicyStyle) -
     colour = look.colour
     if row["low"] is not None:
         axes.plot([row["low"] * scale, row["high"] * scale], [y, y], color=colour, linewidth=1.3, linestyle=look.dash)
-    face = colour if told(row) else style.PAPER
+    face = colour if is_significant(row) else style.PAPER
     axes.plot(
         row["mean"] * scale, y, look.marker, color=colour, markerfacecolor=face, markersize=4.2, markeredgewidth=0.9
     )

@@ -1,4 +1,4 @@
-"""What coverage costs: mean coverage over mean time or energy, and which cells no other beats in both."""
+"""What coverage costs: mean coverage over mean time or energy, and which cells no other dominates."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
