@@ -195,7 +195,7 @@ def test_the_memory_begins_pending_and_ends_inspected() -> None:
 
 def test_a_memory_is_never_changed() -> None:
     empty = InspectionMemory()
-    covered = empty.cover("a", 0.5, 0.95).cover("a", 0.97, 0.95).confirm(1, Confirmation(3.0, on_revisit=False))
+    covered = empty.cover("a", 0.5, 0.95).cover("a", 0.97, 0.95).confirm([1], Confirmation(3.0, on_revisit=False))
     noted = covered.note(Note((1.0, 2.0), 4.0, 5.0))
     assert empty == InspectionMemory()
     assert empty.status_of("a") is SegmentStatus.PENDING
@@ -209,8 +209,8 @@ def test_a_memory_is_never_changed() -> None:
 
 
 def test_the_first_confirmation_stands() -> None:
-    memory = InspectionMemory().confirm(1, Confirmation(3.0, on_revisit=False))
-    assert memory.confirm(1, Confirmation(9.0, on_revisit=True)) is memory
+    memory = InspectionMemory().confirm([1], Confirmation(3.0, on_revisit=False))
+    assert memory.confirm([1], Confirmation(9.0, on_revisit=True)) is memory
 
 
 def test_a_place_is_noted_near_when_a_note_is_closer_than_the_radius() -> None:

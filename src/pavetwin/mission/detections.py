@@ -38,22 +38,16 @@ class DetectionLog:
         confirmed: ids of the defects that are confirmed already.
         segment: index of the segment under inspection.
         """
+        if not detections:
+            return []
         sightings = {sighting.defect.id: sighting for sighting in frame.sightings}
-        candidates = self._candidates(frame, detections)
+        outlines = {id(sighting.defect.polygon) for sighting in frame.sightings}
+        candidates = self._candidates(frame, all(id(each.footprint) in outlines for each in detections))
         known, judged = set(confirmed), []
         for detection, (index, is_first) in zip(detections, match(frame, detections, candidates), strict=True):
             defect = None if index is None else candidates[index].id
             sighting = None if defect is None else sightings.get(defect)
-            if detection.kind not in self._classes:
-                outcome = Outcome.IGNORED
-            elif defect is None:
-                outcome = Outcome.FALSE_ALARM
-            elif defect in known or not is_first:
-                outcome = Outcome.DUPLICATE
-            elif sighting is None:
-                outcome = Outcome.IGNORED
-            else:
-                outcome = Outcome.CONFIRMED
+            outcome = self._outcome(detection, defect, sighting, is_known=defect in known or not is_first)
             if outcome is Outcome.CONFIRMED and defect is not None:
                 known.add(defect)
             judged.append(
@@ -71,11 +65,22 @@ class DetectionLog:
                     on_revisit=on_revisit,
                     attempt=None if sighting is None else sighting.attempt + 1,
                     visible_fraction=None if sighting is None else sighting.visible_fraction,
-                    footprint=None if _is_outline(detection, sighting) else detection.ground(frame),
+                    footprint=None if id(detection.footprint) in outlines else detection.ground(frame),
                 )
             )
         self.all += judged
         return judged
+
+    def _outcome(
+        self, detection: Detection, defect: int | None, sighting: Sighting | None, *, is_known: bool
+    ) -> Outcome:
+        if detection.kind not in self._classes:
+            return Outcome.IGNORED
+        if defect is None:
+            return Outcome.FALSE_ALARM
+        if is_known:
+            return Outcome.DUPLICATE
+        return Outcome.IGNORED if sighting is None else Outcome.CONFIRMED
 
     @cached_property
     def _classes(self) -> frozenset[str]:
@@ -85,13 +90,8 @@ class DetectionLog:
     def _tree(self) -> shapely.STRtree:
         return shapely.STRtree([defect.polygon for defect in self._defects])
 
-    def _candidates(self, frame: Frame, detections: Sequence[Detection]) -> list[Defect]:
-        """The defects in the image; where every detection is the outline of a sighted one, those are enough."""
-        if all(any(_is_outline(each, sighting) for sighting in frame.sightings) for each in detections):
+    def _candidates(self, frame: Frame, are_outlines: bool) -> list[Defect]:
+        """The defects in the image; the sighted ones are enough where every detection is the outline of one."""
+        if are_outlines:
             return [sighting.defect for sighting in frame.sightings]
         return [self._defects[index] for index in np.sort(self._tree.query(frame.footprint, "intersects"))]
-
-
-def _is_outline(detection: Detection, sighting: Sighting | None) -> bool:
-    """Whether a detection is a defect's own outline, as sensors without images report it."""
-    return sighting is not None and detection.footprint is sighting.defect.polygon

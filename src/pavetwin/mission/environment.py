@@ -1,6 +1,6 @@
 """From a world and settings to what the kernel flies over."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import radians
@@ -40,6 +40,14 @@ class MissionEnvironment:
     def defects_hash(self) -> str:
         """SHA-256 over the defects."""
         return defects_hash(self.defects)
+
+    @cached_property
+    def defects_by_segment(self) -> Mapping[str, Sequence[int]]:
+        """Ids of the defects of each segment that has some."""
+        found: dict[str, list[int]] = {}
+        for defect in self.defects:
+            found.setdefault(defect.segment, []).append(defect.id)
+        return found
 
     def reachable(self, index: int) -> bool:
         """Whether a segment, by its index, can be reached from the base."""

@@ -69,9 +69,6 @@ class SegmentMeter:
         self._environment = environment
         self._last = _Readings(0.0, 0.0, 0.0, 0.0, 0, 0)
         self._judged = 0
-        self._defects: dict[str, list[int]] = {}
-        for defect in environment.defects:
-            self._defects.setdefault(defect.segment, []).append(defect.id)
 
     def close(
         self,
@@ -93,7 +90,7 @@ class SegmentMeter:
         segment = self._environment.world.segments[target]
         now = _Readings(flight.time_s, flight.energy_used, flight.waited_s, flight.distance_m, flight.occlusions, swaps)
         before, self._last = self._last, now
-        defects = self._defects.get(segment.id, [])
+        defects = self._environment.defects_by_segment.get(segment.id, ())
         swept_flags = flight.swept()
         swept = sum(bool(swept_flags[defect]) for defect in defects)
         found = [memory.confirmed[defect] for defect in defects if defect in memory.confirmed]

@@ -206,10 +206,10 @@ class Mission:
         confirmed = tuple(
             each.defect for each in judged if each.outcome is Outcome.CONFIRMED and each.defect is not None
         )
-        for defect in confirmed:
-            self.memory = self.memory.confirm(defect, Confirmation(self.flight.time_s, self._on_revisit))
-            self.flight.set_wanted(defect, False)
         if confirmed:
+            self.memory = self.memory.confirm(confirmed, Confirmation(self.flight.time_s, self._on_revisit))
+            for defect in confirmed:
+                self.flight.set_wanted(defect, False)
             self._tell(DefectsConfirmed(self.flight.time_s, confirmed, self._on_revisit))
         return judged
 

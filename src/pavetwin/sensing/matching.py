@@ -37,14 +37,18 @@ def match(frame: Frame, detections: Sequence[Detection], defects: Sequence[Defec
         defects: those that the frame can show, whole or in part.
     """
     found: list[tuple[int | None, bool]] = [(None, False)] * len(detections)
+    outlines = {(id(defect.polygon), defect.kind): index for index, defect in enumerate(defects)}
     taken: set[int] = set()
     order = sorted(range(len(detections)), key=lambda index: -detections[index].confidence)
     for index in order:
-        scored = _scores(frame, detections[index], defects)
-        free = {defect: score for defect, score in scored.items() if defect not in taken}
-        best = max(free or scored, key=lambda defect: (scored[defect], -defect), default=None)
-        found[index] = (best, best is not None and best not in taken)
+        detection = detections[index]
+        best = outlines.get((id(detection.footprint), detection.kind))  # what sensors without images report
+        if best is None:
+            scored = _scores(frame, detection, defects)
+            free = {defect: score for defect, score in scored.items() if defect not in taken}
+            best = _best(free or scored)
         if best is not None:
+            found[index] = (best, best not in taken)
             taken.add(best)
     return found
 
@@ -55,9 +59,6 @@ def _scores(frame: Frame, detection: Detection, defects: Sequence[Defect]) -> di
     for index, defect in enumerate(defects):
         if defect.kind != detection.kind:
             continue
-        if detection.footprint is defect.polygon:
-            scores[index] = 1.0  # sensors without images report the outline itself
-            continue
         score = iou(detection.box(frame), frame.box_of(defect.polygon))
         is_thin = defect.kind in THIN
         if score >= (LEAST_IOU_THIN if is_thin else LEAST_IOU) or (
@@ -65,6 +66,11 @@ def _scores(frame: Frame, detection: Detection, defects: Sequence[Defect]) -> di
         ):
             scores[index] = score
     return scores
+
+
+def _best(scores: dict[int, float]) -> int | None:
+    """The defect with the greatest IoU, of equal ones the first."""
+    return min(scores, key=lambda defect: (-scores[defect], defect), default=None)
 
 
 def iou(a: Box, b: Box) -> float:

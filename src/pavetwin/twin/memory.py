@@ -1,6 +1,6 @@
 """The inspection memory M_t: an immutable value; every change makes a new one."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from math import dist
@@ -54,11 +54,10 @@ class InspectionMemory:
         """Whether a note lies closer than `radius_m` to a place."""
         return any(dist(note.place, place) < radius_m for note in self.notes)
 
-    def confirm(self, defect: int, confirmation: Confirmation) -> Self:
-        """With a defect confirmed; its first confirmation stands."""
-        if defect in self.confirmed:
-            return self
-        return replace(self, confirmed=MappingProxyType({**self.confirmed, defect: confirmation}))
+    def confirm(self, defects: Iterable[int], confirmation: Confirmation) -> Self:
+        """With defects confirmed; of each the first confirmation stands."""
+        new = {defect: confirmation for defect in defects if defect not in self.confirmed}
+        return replace(self, confirmed=MappingProxyType({**self.confirmed, **new})) if new else self
 
     def cover(self, segment: str, coverage: float, inspected_share: float) -> Self:
         """With a segment's seen share brought up to date."""

@@ -1,9 +1,11 @@
 """The power curve of a rotary wing."""
 
+from functools import cache
 from math import sqrt
 
 import numpy as np
 
+from pavetwin.arrays import Float64Array
 from pavetwin.config.mission import EnergySettings
 from pavetwin.uav.energy.base import EnergyCurve, airspeeds, energy_model
 
@@ -26,11 +28,17 @@ def rotor_power_w(airspeed_mps: float) -> float:
     return profile + induced + parasite
 
 
+@cache
+def _curve_w() -> Float64Array:
+    """(n,) power at each of `airspeeds()`."""
+    return np.array([rotor_power_w(float(speed)) for speed in airspeeds()])
+
+
 @energy_model("rotor")
 def rotor(settings: EnergySettings) -> EnergyCurve:
     """`rotor_power_w`, scaled so that hovering lasts `hover_endurance_s`, plus m·g·ḣ/η while climbing."""
     capacity_j = settings.capacity_wh * 3600
     scale = capacity_j / settings.hover_endurance_s / rotor_power_w(0)
-    power_w = np.array([rotor_power_w(float(speed)) for speed in airspeeds()]) * scale
+    power_w = _curve_w() * scale
     climb_j_per_m = settings.mass_kg * GRAVITY_MPS2 / settings.climb_efficiency
     return EnergyCurve(power_w / capacity_j, climb_j_per_m / capacity_j)
