@@ -27,7 +27,8 @@ def doctor() -> None:
     \b
     pavetwin doctor
     """
-    checks = [check() for check in (_python, _kernels, _sumo, _libsumo, _geo, _adapter)]
+    packages = (_package("libsumo", "libsumo"), _package("GeoPackage files (pyogrio)", "pyogrio"))
+    checks = [_python(), _kernels(), _sumo(), *packages, _adapter()]
     for check in checks:
         mark = "[red]✗[/]" if check.hint else "[green]✓[/]"
         out.print(f"{mark} {check.what}: {check.found}", soft_wrap=True)
@@ -59,14 +60,6 @@ def _sumo() -> Check:
     except PaveTwinError as error:
         return Check("SUMO", str(error), "pip install eclipse-sumo")
     return Check("SUMO", words.splitlines()[0].removeprefix("Eclipse SUMO sumo ").strip())
-
-
-def _libsumo() -> Check:
-    return _package("libsumo", "libsumo")
-
-
-def _geo() -> Check:
-    return _package("GeoPackage files (pyogrio)", "pyogrio")
 
 
 def _adapter() -> Check:

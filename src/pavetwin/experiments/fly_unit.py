@@ -17,7 +17,7 @@ from pavetwin.defects import DefectOptions
 from pavetwin.defects import place as place_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import OWN_ROUTES, Design, WorldEntry
-from pavetwin.experiments.metrics import FAILED, FLOWN, REASON, REPLICATE, STATUS
+from pavetwin.experiments.metrics import FACTORS, FAILED, FLOWN, REASON, REPLICATE, STATUS
 from pavetwin.experiments.plan import Cell, Plan, Unit, check_plugins, world_of_study
 from pavetwin.mission.environment import MissionEnvironment, Surroundings, prepare
 from pavetwin.mission.fly import fly
@@ -77,22 +77,11 @@ def schema(design: Design) -> dict[str, Any]:
         if name not in _LEFT_OUT
     }
     return {
-        "world": pl.String,
-        "traffic": pl.String,
-        "altitude_m": pl.Float64,
-        "policy": pl.String,
-        "sensor": pl.String,
-        "preset": pl.String,
+        **{factor: pl.Float64 if factor == "altitude_m" else pl.String for factor in FACTORS},
         **swept,
-        REPLICATE: pl.Int64,
-        "seed": pl.Int64,
-        "traffic_seed": pl.Int64,
-        "defect_seed": pl.Int64,
-        "sensing_seed": pl.Int64,
+        **dict.fromkeys((REPLICATE, "seed", "traffic_seed", "defect_seed", "sensing_seed"), pl.Int64),
         "take_off_s": pl.Float64,
-        "version": pl.String,
-        STATUS: pl.String,
-        REASON: pl.String,
+        **dict.fromkeys(("version", STATUS, REASON), pl.String),
         **measured,
     }
 
@@ -193,13 +182,8 @@ class _Ground:
     def of(cls, plan: Plan, unit: Unit) -> "_Ground":
         design, seeds = plan.design, plan.seeds(unit.replicate)
         entry = design.worlds[unit.world]
-        place = _Place(
-            entry.path,
-            plan.hashes[unit.world],
-            tuple(sorted(plan.segments(unit))),
-            seeds.defects,
-            _defects_text(design),
-        )
+        targets = tuple(sorted(plan.segments(unit)))
+        place = _Place(entry.path, plan.hashes[unit.world], targets, seeds.defects, _defects_text(design))
         _defects(place)
         return cls(place, _replay(plan, unit, place.world, entry))
 

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
 from math import prod
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -59,15 +60,9 @@ def effects(table: pl.DataFrame, factors: Sequence[str], metrics: Sequence[Metri
     return pl.DataFrame(rows, schema=_SCHEMA, orient="row")
 
 
-_SCHEMA = {
-    "metric": pl.String,
-    "term": pl.String,
-    "df": pl.Int64,
-    "ss": pl.Float64,
-    "f": pl.Float64,
-    "p": pl.Float64,
-    "eta2": pl.Float64,
-    "omega2": pl.Float64,
+_SCHEMA: dict[str, Any] = {
+    **{"metric": pl.String, "term": pl.String, "df": pl.Int64},
+    **dict.fromkeys(("ss", "f", "p", "eta2", "omega2"), pl.Float64),
     "replicates": pl.Int64,
 }
 
@@ -113,13 +108,9 @@ def _terms(values: Float64Array, worlds: IndexArray, within: dict[str, int], fac
         if between is not None and len(names) < 2:
             split[frozenset((*names, "world"))] = between
     wanted = [(factor,) for factor in varied] + list(combinations(varied, 2))
-    named = [_named(split[frozenset(names)], TIMES.join(names)) for names in wanted]
+    named = [replace(split[frozenset(names)], name=TIMES.join(names)) for names in wanted]
     blocks = split[frozenset()]
     return [*named, _Term(REPLICATE, blocks.error_df, blocks.error_ss)]
-
-
-def _named(term: _Term, name: str) -> _Term:
-    return replace(term, name=name)
 
 
 def _contrasts(within: dict[str, int], names: Sequence[str]) -> Float64Array:

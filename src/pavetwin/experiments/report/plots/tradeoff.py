@@ -11,7 +11,6 @@ from matplotlib.lines import Line2D
 from pavetwin.draw import style
 from pavetwin.experiments.metrics import Metric
 from pavetwin.experiments.report import canvas
-from pavetwin.experiments.report.pareto import on_front
 from pavetwin.experiments.report.plots.intervals import traffic_title
 from pavetwin.experiments.report.study import Group, Row
 from pavetwin.experiments.words import heading, level_text
@@ -20,6 +19,9 @@ _SIZES_PT: Final = (3.4, 5.0, 6.6, 8.0, 9.2)
 """Of marks, from the lowest altitude up."""
 _WIDE: Final = 2.5
 """From this ratio of costs on their axis is logarithmic: most options are cheap and would overlap."""
+
+Point = tuple[float, float]
+"""Gain (more is better) and cost (less is better)."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,16 @@ class Option:
     gain: Row
     cost: Row
     on_front: bool
+
+
+def dominates(one: Point, other: Point) -> bool:
+    """Whether `one` is at least as good in both and better in one."""
+    return one[0] >= other[0] and one[1] <= other[1] and one != other
+
+
+def on_front(points: Sequence[Point]) -> list[bool]:
+    """For each point, whether none dominates it (the Pareto front). Equal points are on the front together."""
+    return [not any(dominates(one, point) for one in points) for point in points]
 
 
 def options(group: Group, traffic: Any, gain: Metric, cost: Metric) -> list[Option]:
