@@ -92,13 +92,7 @@ def run(
         chosen = chosen.model_copy(update={"plugins": (*chosen.plugins, *paths_of(plugin))})
     works = _engine(engine, scheduler, jobs, chosen)
     with progress("Reading worlds", lines=True) as tell:
-        ran = run_study(
-            chosen,
-            output,
-            works,
-            retry=retry_failed,
-            on_progress=tell,
-        )
+        ran = run_study(chosen, output, works, retry=retry_failed, on_progress=tell)
     _print_run(ran, output)
     if ran.failures:
         raise typer.Exit(FAILED_CODE)
@@ -210,16 +204,10 @@ def recommend(
     design = store.design()
     swept = zip(design.sweep_columns, design.sweep, strict=True)
     given = {column for column, key in swept if ALIASES.get(key, key) in ENVIRONMENT}
-    by = [
-        name
-        for name in varied
-        if name in ("altitude_m", "policy") or (name not in (*ASSUMED, *given) and table[name].n_unique() > 1)
-    ]
-    limits = MissionLimits(
-        max_time_s=max_time,
-        max_energy=None if max_energy is None else max_energy / 100,
-        min_coverage=None if min_coverage is None else min_coverage / 100,
-    )
+    chosen_by = {name for name in varied if name not in {*ASSUMED, *given} and table[name].n_unique() > 1}
+    by = [name for name in varied if name in chosen_by | {"altitude_m", "policy"}]
+    energy, coverage = (None if percent is None else percent / 100 for percent in (max_energy, min_coverage))
+    limits = MissionLimits(max_time_s=max_time, max_energy=energy, min_coverage=coverage)
     assumed = [name for name in ASSUMED if table[name].n_unique() > 1]
     parts = table.partition_by(assumed, maintain_order=True) if assumed else [table]
     advice = [choose(part, limits, by, seed=design.seed) for part in parts]
@@ -278,13 +266,8 @@ def _plain(said: dict[str, Any]) -> dict[str, Any]:
         **said["design"],
         "version": said["pavetwin"],
         "made_with": {"SUMO": said["sumo"], **{f"world {name}": content for name, content in said["worlds"].items()}},
-        "worlds": [_entry(world) for world in said["design"]["worlds"]],
+        "worlds": [world if world["routes"] else world["path"] for world in said["design"]["worlds"]],
     }
-
-
-def _entry(world: dict[str, Any]) -> Any:
-    """A world as short as a design may name it."""
-    return world if world["routes"] else world["path"]
 
 
 def _worlds(design: "Design") -> "dict[str, World]":

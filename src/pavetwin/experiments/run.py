@@ -35,12 +35,7 @@ class Ran:
 
 
 def run(
-    design: Design,
-    folder: Path,
-    engine: Engine,
-    *,
-    retry: bool = False,
-    on_progress: OnProgress | None = None,
+    design: Design, folder: Path, engine: Engine, *, retry: bool = False, on_progress: OnProgress | None = None
 ) -> Ran:
     """Fly what is not flown yet.
 

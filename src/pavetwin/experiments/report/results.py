@@ -56,7 +56,7 @@ def group_builders(group: Group, *, brief: bool = False) -> list[Callable[[str],
         (
             "differences",
             f"Paired differences to {level_text('policy', against.reference)}" if against else "",
-            _policies,
+            partial(_differences, factor="policy"),
         ),
         ("tradeoffs", "What coverage costs", _tradeoffs),
         ("spread", "Spread and tails", _spread),
@@ -108,10 +108,6 @@ def _intervals(group: Group) -> Iterator[Block]:
 def _side_by_side(factor: str) -> str:
     where = "altitude" if factor == "altitude_m" else f"value of {factor_text(factor)}"
     return f"Marks at one {where} stand side by side only so that they do not overlap."
-
-
-def _policies(group: Group) -> Iterator[Block]:
-    yield from _differences(group, "policy")
 
 
 def _differences(group: Group, factor: str) -> Iterator[Block]:

@@ -52,7 +52,7 @@ def differences_csv(study: Study) -> str:
 
 def markdown(study: Study) -> str:
     """The headline tables of all groups."""
-    return f"# {_markdown(study.title)}\n\n" + "\n".join(markdown_table(table) for table in _tables(study))
+    return f"# {_markdown(study.title)}\n\n" + "\n".join(markdown_table(table) for _, table in _labelled(study))
 
 
 def latex(study: Study) -> str:
@@ -133,10 +133,6 @@ def _markdown(text: str) -> str:
 
 def _one_line(text: str) -> str:
     return re.sub(r"[\r\n\t]+", " ", text)
-
-
-def _tables(study: Study) -> Iterable[Table]:
-    return (table for _, table in _labelled(study))
 
 
 def _labelled(study: Study) -> Iterable[tuple[str, Table]]:
