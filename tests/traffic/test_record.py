@@ -15,7 +15,7 @@ import pytest
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.traffic.demand import density_of
-from pavetwin.traffic.inputs import recording_path
+from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder, record
 from pavetwin.traffic.recording import load_recording
 from pavetwin.world.model import World
@@ -61,7 +61,7 @@ def test_what_was_recorded_is_used_again(cross: World) -> None:
     record(replace(cross, content_hash="rebuilt"), "low", 3, 20.0, on_progress=told(shares))
     assert shares
     with pytest.raises(PaveTwinError, match="another world"):
-        load_recording(recording_path(cross, first.origin.asked, 3), cross)
+        load_recording(Inputs.of(cross, first.origin.asked, 3).path, cross)
 
 
 def test_what_comes_back_does_not_depend_on_how_long_the_file_is(cross: World) -> None:
@@ -74,7 +74,7 @@ def test_what_comes_back_does_not_depend_on_how_long_the_file_is(cross: World) -
     again = record(cross, "medium", 5, 15.0)
     assert again.same_traffic(short)
     assert again.vehicles_per_lane_km == short.vehicles_per_lane_km
-    assert load_recording(recording_path(cross, short.origin.asked, 5)).duration_s == 40.0
+    assert load_recording(Inputs.of(cross, short.origin.asked, 5).path).duration_s == 40.0
 
 
 def test_a_recording_of_another_world_is_not_extended(cross: World) -> None:
@@ -127,7 +127,7 @@ def test_a_users_routes_are_driven_as_they_are(cross: World, tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("<routes><vehicle id='1'", "not whole XML"),
+        ("<routes><vehicle id='1'", "not valid XML"),
         ("<routes><vehicle id='1' depart='0'><route edges='wc nowhere'/></vehicle></routes>", "nowhere"),
         ("<routes><vehicle id='1' depart='0'><route edges='wc ec'/></vehicle></routes>", "wc"),
         (

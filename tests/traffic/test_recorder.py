@@ -123,7 +123,7 @@ def test_a_crash_is_told_by_its_signal_and_another_simulation_goes_on(cross: Wor
         crashing.until(5.0)
         (process,) = set(simulations(os.getpid())) - set(before)
         os.kill(process, signal.SIGSEGV)
-        with pytest.raises(PaveTwinError, match=r"signal 11.*without a word"):
+        with pytest.raises(PaveTwinError, match=r"signal 11.*without a message"):
             crashing.until(10.0)
         assert simulations(os.getpid()) == before
         other.until(10.0)

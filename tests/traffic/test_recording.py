@@ -136,11 +136,11 @@ def test_a_file_that_is_no_recording_is_refused(tmp_path: Path) -> None:
     with pytest.raises(PaveTwinError, match="no recording"):
         load_recording(path)
     path.write_bytes(b"PAR1 not really")
-    with pytest.raises(PaveTwinError, match="not a whole recording"):
+    with pytest.raises(PaveTwinError, match="not a complete recording"):
         load_recording(path)
     save_recording(recording_of([1, 2]), path)
     path.write_bytes(path.read_bytes()[:-20])
-    with pytest.raises(PaveTwinError, match="not a whole recording"):
+    with pytest.raises(PaveTwinError, match="not a complete recording"):
         load_recording(path)
 
 

@@ -176,4 +176,4 @@ def test_without_sumo_the_message_says_how_to_install_it(monkeypatch: pytest.Mon
 
 def test_the_first_error_of_a_tool_is_what_is_told() -> None:
     assert sumo.first_error("Warning: x\nError: No nodes loaded.\nQuitting (on error).", "") == "No nodes loaded."
-    assert sumo.first_error("", "") == "it ended without a word"
+    assert sumo.first_error("", "") == "it ended without a message"

@@ -1,4 +1,4 @@
-"""The flight domain at an altitude: road corridors less everything that stands there."""
+"""The flight domain at an altitude: road corridors minus the obstacles at that height."""
 
 from dataclasses import dataclass
 
@@ -48,7 +48,7 @@ def flight_domain(world: World, altitude_m: float, standing: Solids | None = Non
     """The flight domain of a world at an altitude.
 
     Raises:
-        PaveTwinError: the UAV may not fly so low or so high, or nothing is left to fly in.
+        PaveTwinError: the altitude is outside the limits, or no free area is left.
     """
     check_altitude(altitude_m)
     blocked = obstacles(standing if standing is not None else solids(world), altitude_m)

@@ -1,4 +1,4 @@
-"""The baked NavMesh of a world at an altitude, kept beside the world and baked once."""
+"""The baked NavMesh of a world at an altitude, cached in the world's folder."""
 
 import itertools
 from hashlib import sha256
@@ -21,22 +21,21 @@ _FORMAT = 1
 
 
 def navmesh(world: World, altitude_m: float, agent_radius_m: float, standing: Solids | None = None) -> NavMesh:
-    """The NavMesh at an altitude, baked by Recast, or read from where it was kept.
+    """The NavMesh at an altitude, baked by Recast, or read from the cache.
 
     Raises:
         PaveTwinError: nothing is left to fly in at this altitude.
     """
-    kept = _kept(world, altitude_m, agent_radius_m)
-    if kept is not None and kept.is_file():
-        mesh = _load(kept)
+    cached = _cached(world, altitude_m, agent_radius_m)
+    if cached is not None and cached.is_file():
+        mesh = _load(cached)
         if mesh is not None:
             return mesh
     vertices, triangles = flight_domain(world, altitude_m, standing).triangles()
     mesh = NavMesh.bake(vertices, triangles, cell_size_m=VOXEL_M, agent_radius_m=agent_radius_m)
-    if kept is not None:
-        _save(mesh, kept)
-    # As it will be read the next time: a mesh made of polygons renumbers them, and equal paths could then be flown
-    # in another order.
+    if cached is not None:
+        _save(mesh, cached)
+    # Equal to the cached mesh: building it from polygons renumbers them, which decides between equal paths.
     return NavMesh.from_polygons(mesh.vertices(), mesh.offsets(), mesh.corners())
 
 
@@ -47,7 +46,7 @@ def polygons(mesh: NavMesh) -> list[shapely.Polygon]:
 
 
 def save_geopackage(mesh: NavMesh, world: World, path: Path) -> None:
-    """The polygons as one GeoPackage layer that opens in QGIS in its place.
+    """The polygons as one georeferenced GeoPackage layer.
 
     Raises:
         PaveTwinError: it cannot be written.
@@ -69,7 +68,7 @@ def save_geopackage(mesh: NavMesh, world: World, path: Path) -> None:
         )
 
 
-def _kept(world: World, altitude_m: float, agent_radius_m: float) -> Path | None:
+def _cached(world: World, altitude_m: float, agent_radius_m: float) -> Path | None:
     if world.folder is None or not world.content_hash:
         return None
     inputs = (_FORMAT, world.content_hash, altitude_m, agent_radius_m, VOXEL_M, CORRIDOR_MARGIN_M, VERTICAL_CLEARANCE_M)
@@ -84,12 +83,12 @@ def _save(mesh: NavMesh, path: Path) -> None:
                 temporary, vertices=mesh.vertices(), offsets=mesh.offsets(), corners=mesh.corners(), allow_pickle=False
             )
     except PaveTwinError:
-        return  # a world on a read-only disk can still be flown over; the mesh is baked each time
+        return  # on a read-only disk the mesh is baked each time
 
 
 def _load(path: Path) -> NavMesh | None:
     try:
-        with np.load(path, allow_pickle=False) as kept:
-            return NavMesh.from_polygons(kept["vertices"], kept["offsets"], kept["corners"])
-    except Exception:  # NumPy, zip and zlib each have their own words for a damaged file: it is baked again
+        with np.load(path, allow_pickle=False) as cached:
+            return NavMesh.from_polygons(cached["vertices"], cached["offsets"], cached["corners"])
+    except Exception:  # NumPy, zip and zlib raise different errors for a damaged file: it is baked again
         return None

@@ -1,4 +1,4 @@
-"""What moves: demand, SUMO recording, the recorded trace.
+"""Traffic: demand, recording by SUMO, and the recorded trace.
 
 Traffic does not react to the UAV, so it is recorded once and replayed everywhere.
 """

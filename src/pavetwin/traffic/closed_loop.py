@@ -1,11 +1,11 @@
-"""Closed-loop demand: every simulated second, what is missing to the wanted number of agents is inserted.
+"""Closed-loop demand: every simulated second the agents missing to the target number are inserted.
 
-Vehicles come in over the map's border and out of dead ends as long as these have room, and only what is still missing
-pulls out at the kerb of side streets, so that few bodies appear in mid-street. A trip leads to a random place on the
-border (anywhere, in a network without one) and is at least `TRIP_M` long where the network is so large. Drivers go
-around jams (SUMO's rerouting device), without which a dense town locks up. Pedestrians come out of doors along any
-sidewalk, walk at random over crossings and go in at a door. During the first half of the warm-up everything starts
-anywhere. Runs only in the simulation's process.
+Vehicles enter at the map's border and at dead ends while these have room; only the remainder departs at the kerb of
+side streets, so that few vehicles appear in mid-street. A trip leads to a random exit (any edge, in a network without
+exits) and is at least `TRIP_M` long where the network is large enough. Vehicles are rerouted around jams (SUMO's
+rerouting device), without which dense traffic ends in gridlock. Pedestrians start on any sidewalk, walk at random over
+crossings and end on a sidewalk. During the first half of the warm-up agents start anywhere. Runs only in the
+simulation's process.
 """
 
 from collections.abc import Sequence
@@ -18,25 +18,25 @@ from pavetwin.traffic.kinds import PEDESTRIANS, VEHICLES, Kind
 from pavetwin.traffic.network import Roads, Sidewalks
 
 TRIP_M: Final = 400.0
-"""The least length of a vehicle's trip, where one of the goals drawn is so far away."""
+"""Minimum length of a vehicle's trip, where a goal is that far away."""
 
 WALK_M: Final = (250.0, 900.0)
-"""Between these a pedestrian's walk is drawn: the bulk of walks in towns last 3 to 12 minutes."""
+"""Range of the length of a walk: most walks in towns last 3 to 12 minutes."""
 
 GOALS: Final = 6
-"""So many goals are drawn for a trip."""
+"""Random goals considered for a trip."""
 
 PATIENCE: Final = 0.04
-"""The share of all vehicles that may be missing before vehicles pull out at the kerb although the border has room."""
+"""Share of vehicles that may be missing before vehicles depart at the kerb although the border has room."""
 
 PRESENT_TIMES: Final = 1
 """SUMO's routing mode that looks at the travel times of the last minutes (ROUTING_MODE_AGGREGATED)."""
 
 JAM_LENGTH_M: Final = 7.5
-"""Road that one standing vehicle takes."""
+"""Road length of one stopped vehicle."""
 
 FULL: Final = 0.7
-"""On an edge that is occupied to this share nobody pulls out."""
+"""No vehicle departs on an edge with at least this occupancy."""
 
 
 class ClosedLoop:
@@ -67,7 +67,7 @@ class ClosedLoop:
         self._pedestrian_kind = _Draw(np.array([kind.share for kind in PEDESTRIANS]))
 
     def fill(self, *, warming: bool) -> None:
-        """Insert what is missing now; `warming` while nobody watches."""
+        """Insert the missing agents; `warming` before the recording begins."""
         sumo = self._sumo
         missing = self._vehicles - sumo.vehicle.getIDCount() - len(sumo.simulation.getPendingVehicles())
         if warming:
@@ -126,10 +126,10 @@ class ClosedLoop:
         sumo.vehicle.add(name, name, typeID=kind.sumo_id, **departure)
 
     def _trip(self, start: int, kind: Kind) -> Sequence[str]:
-        """From `start` to the one of the goals drawn that is best reached now, `TRIP_M` away where one is.
+        """The route from `start` to the best of `GOALS` random goals, preferably at least `TRIP_M` away.
 
-        Best is the highest mean speed over the way by the present travel times: drivers who would have to cross a jam
-        stay at home, so that the queue before a bottleneck does not take up all vehicles there are.
+        Best is the highest mean speed by present travel times, so that trips avoid jams and the queue at a bottleneck
+        does not hold all vehicles.
         """
         roads, find = self._roads, self._sumo.simulation.findRoute
         best, merit = (), (False, -1.0)
@@ -158,12 +158,12 @@ class ClosedLoop:
     def _walk(self, start: int) -> list[int]:
         """Sidewalks from `start` on, each reached on foot from the one before, until the walk is long enough."""
         walks, rng = self._sidewalks, self._rng
-        wanted = rng.uniform(*WALK_M)
+        enough_m = rng.uniform(*WALK_M)
         route, length = [start], walks.length_m[start] / 2
         side = int(rng.integers(2))
         if walks.ends[start][side] < 0:
             side = 1 - side
-        while length < wanted:
+        while length < enough_m:
             here = route[-1]
             meeting = walks.ends[here][side]
             ways = [i for i in walks.meetings[meeting] if i != here] if meeting >= 0 else []

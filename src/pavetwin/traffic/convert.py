@@ -1,4 +1,4 @@
-"""From the frames that SUMO's process hands over to a recording.
+"""Converts the frames of SUMO's process to a recording.
 
 SUMO gives a vehicle's front bumper and a heading in degrees clockwise from north; a recording holds the body's centre
 on the ground and a yaw in radians counter-clockwise from east.
@@ -35,9 +35,9 @@ def centre_of_front(front: npt.ArrayLike, yaw_rad: npt.ArrayLike, length_m: npt.
 
 
 def to_recording(part: Part, origin: Origin, before: Recording | None = None) -> Recording:
-    """The recording that begins with `before`, as far as the same simulation got until then, and goes on with `part`.
+    """The recording of `before` (the same simulation so far) followed by `part`.
 
-    However a simulation is divided into parts, the recording is the same: each row is worked out by itself.
+    The result does not depend on how a simulation is divided into parts.
     """
     known = before.agents if before is not None else NOBODY
     agents = _agents(known, part.bodies, origin.seed)
@@ -69,7 +69,7 @@ def to_recording(part: Part, origin: Origin, before: Recording | None = None) ->
 
 
 def _agents(known: Agents, bodies: Sequence[Body], seed: int) -> Agents:
-    """Those that are known and, after them, new ones."""
+    """The known agents followed by the new ones."""
     rng = child(seed, Stream.TRAFFIC, 1)
     kind = (*known.kind, *(body.kind for body in bodies))
     given = [0.0] * len(known) + [body.height_m for body in bodies]

@@ -1,7 +1,7 @@
-"""How much traffic: vehicles per kilometre of lane and pedestrians per kilometre of sidewalk.
+"""Traffic density: vehicles per kilometre of lane and pedestrians per kilometre of sidewalk.
 
-The denominators are the whole network's: all driving lanes, and all sidewalks, between junctions. Agents on junctions
-and crossings count in the numerator, for they are part of the traffic that those lanes feed.
+The denominators are the lengths of all driving lanes and of all sidewalks, between junctions. Agents on junctions and
+crossings count in the numerator.
 """
 
 import math
@@ -14,7 +14,7 @@ from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.world.model import LaneKind, World
 
 TOLERANCE: Final = 0.20
-"""An achieved density further than this from the asked one is said to the user."""
+"""A larger relative error of the achieved density becomes a remark."""
 
 JAM_VEHICLES_PER_LANE_KM: Final = 133.0
 """One vehicle every 7.5 m (SUMO's 5 m car and 2.5 m gap): more cannot stand on a lane."""
@@ -91,5 +91,5 @@ class Capacity:
         return _count(density.pedestrians_per_sidewalk_km * self.sidewalks_km)
 
 
-def _count(wanted: float) -> int:
-    return 0 if wanted <= 0 else max(1, round(wanted))
+def _count(expected: float) -> int:
+    return 0 if expected <= 0 else max(1, round(expected))

@@ -1,4 +1,4 @@
-"""What a recording is made from: all that shapes it but its duration, and the hash by which it is found again."""
+"""The inputs of a recording except its duration, and their hash."""
 
 import hashlib
 import json
@@ -14,7 +14,8 @@ from xml.etree import ElementTree
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
-from pavetwin.traffic import closed_loop, sumo_run
+from pavetwin.traffic import sumo_run
+from pavetwin.traffic.closed_loop import FULL, GOALS, PATIENCE, TRIP_M, WALK_M
 from pavetwin.traffic.demand import USER, Capacity, Density, density_named
 from pavetwin.traffic.job import STEP_S, Part, SimulationJob
 from pavetwin.traffic.kinds import sumo_types
@@ -22,15 +23,15 @@ from pavetwin.traffic.recording import Origin
 from pavetwin.world.model import World
 
 BEHAVIOUR: Final = 1
-"""Counted up when the demand or the conversion changes what is recorded: an older file is then recorded again."""
+"""Version of the demand and the conversion; files of another version are recorded again."""
 
 WARM_UP_S: Final = (120.0, 300.0)
-"""The shortest and the longest time before a recording begins: queues before signals need a few of their cycles."""
+"""The shortest and the longest warm-up before a recording: queues at signals need a few cycles to form."""
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """A world, and the traffic that is wanted over it."""
+    """A world, and the traffic to record in it."""
 
     world: World
     asked: Density | None
@@ -43,12 +44,12 @@ class Inputs:
         """`density` is ignored where `routes` are given.
 
         Raises:
-            PaveTwinError: there is neither, or no such density or file, or the seed is none.
+            PaveTwinError: both are missing, the density or a file is unknown, or the seed is negative.
         """
         files = tuple(Path(route) for route in routes)
         asked = None if files else density_named(density) if isinstance(density, str) else density
         if asked is None and not files:
-            raise PaveTwinError("Say how much traffic: a density, or your own routes.")
+            raise PaveTwinError("No traffic is given: name a density, or your own routes.")
         if seed < 0:
             raise PaveTwinError(f"The seed must be a whole number from 0 up, not {seed}.")
         for path in files:
@@ -60,8 +61,9 @@ class Inputs:
 
     @property
     def path(self) -> Path:
-        """Where this traffic is kept."""
-        return recording_path(self.world, self.asked, self.seed, self.routes)
+        """The recording's file: `NAME/traffic/<density>-<seed>.parquet` in the world's folder."""
+        name = self.asked.name if self.asked else "-".join([USER, *(_stem(path) for path in self.routes)])
+        return self.world.network_file.parent / "traffic" / f"{name}-{self.seed}.parquet"
 
     @cached_property
     def hash(self) -> str:
@@ -78,13 +80,7 @@ class Inputs:
             "routes": [_digest(path) for path in self.routes],
             "types": sumo_types(),
             "options": [STEP_S, *sumo_run.OPTIONS, *sumo_run.CLOSED_LOOP_OPTIONS, *WARM_UP_S],
-            "loop": [
-                closed_loop.TRIP_M,
-                *closed_loop.WALK_M,
-                closed_loop.GOALS,
-                closed_loop.PATIENCE,
-                closed_loop.FULL,
-            ],
+            "loop": [TRIP_M, *WALK_M, GOALS, PATIENCE, FULL],
             "sumo": sumo,
         }
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
@@ -99,7 +95,7 @@ class Inputs:
         return _first_departure_s(self.routes)
 
     def job(self, folder: Path) -> SimulationJob:
-        """For a simulation that has `folder` to itself."""
+        """The job of a simulation in `folder`, which no other simulation uses."""
         types = folder / "types.add.xml"
         types.write_text(sumo_types(), encoding="utf-8")
         return SimulationJob(
@@ -128,12 +124,6 @@ class Inputs:
         )
 
 
-def recording_path(world: World, density: Density | None, seed: int, routes: Sequence[Path] = ()) -> Path:
-    """Where this traffic is kept: `NAME/traffic/<density>-<seed>.parquet`."""
-    name = density.name if density is not None else "-".join([USER, *(_stem(path) for path in routes)])
-    return world.network_file.parent / "traffic" / f"{name}-{seed}.parquet"
-
-
 def _digest(path: Path) -> str:
     try:
         with path.open("rb") as file:
@@ -147,7 +137,7 @@ def _stem(path: Path) -> str:
 
 
 def _first_departure_s(routes: Sequence[Path]) -> float:
-    """When a user's demand begins, in whole seconds: SUMO starts there and not at midnight."""
+    """The first departure of a user's demand, in whole seconds, where SUMO starts."""
     times = []
     for path in routes:
         if path.suffix == ".gz":
@@ -159,13 +149,11 @@ def _first_departure_s(routes: Sequence[Path]) -> float:
                     times.append(_seconds(time))
                 element.clear()
         except (ElementTree.ParseError, OSError) as error:
-            raise PaveTwinError(f"The routes file '{path}' is not whole XML: {error}.") from error
+            raise PaveTwinError(f"The routes file '{path}' is not valid XML: {error}.") from error
     return float(math.floor(max(0.0, min(times, default=0.0))))
 
 
 def _seconds(time: str) -> float:
     """SUMO's times: seconds, or [days:]hours:minutes:seconds."""
-    total = 0.0
-    for part, worth in zip(reversed(time.split(":")), (1, 60, 3600, 86400), strict=False):
-        total += float(part) * worth
-    return total
+    parts = reversed(time.split(":"))
+    return sum(float(part) * worth for part, worth in zip(parts, (1, 60, 3600, 86400), strict=False))

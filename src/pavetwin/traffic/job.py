@@ -1,4 +1,4 @@
-"""What the simulation's process and its owner tell each other: a job, and the frames that come back in parts."""
+"""The messages between the simulation's process and its owner: a job, and parts of the recording."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ class SimulationJob:
     """What one simulation needs. Paths are absolute."""
 
     folder: str
-    """Of this simulation alone; removed by its process where the owner was killed."""
+    """Temporary folder of this simulation; its process removes it if the owner was killed."""
     network: str
     additional: str
     routes: list[str]
@@ -44,13 +44,13 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Frames that were simulated in one go. Rows are sorted by (frame, agent)."""
+    """Consecutive frames. Rows are sorted by (frame, agent)."""
 
     start_s: float
     """Simulated time of the recording's first frame, in every part."""
     sumo_version: str
     bodies: Sequence[Body]
-    """Who appears for the first time in this part; agents are numbered in this order, from the first part on."""
+    """The agents that are new in this part; numbered in this order from the first part on."""
     rows: UInt32Array
     """(frames,) how many each frame has"""
     agent: UInt32Array
@@ -64,6 +64,6 @@ class Part:
     speed_mps: Float64Array
     """(rows,)"""
     removals: Sequence[tuple[int, int]]
-    """(step of the recording, number of vehicles that SUMO took out of gridlock)"""
+    """(step of the recording, number of vehicles that SUMO removed from gridlock)"""
     signals: Mapping[str, Sequence[tuple[int, str]]]
     """Per traffic light, (step of the recording, state of its links) at step 0 and at each change."""

@@ -1,8 +1,8 @@
-"""The kinds of agents and their real sizes: what a UAV above the street has between itself and the pavement.
+"""The kinds of agents and their real sizes.
 
-Lengths, widths and heights are in metres, without mirrors. Each size names its source. How the kinds *move* is SUMO's:
+Lengths, widths and heights are in metres, without mirrors. Each size names its source. Their dynamics are SUMO's:
 acceleration, deceleration and gaps are the defaults of the kind's SUMO vehicle class
-(https://sumo.dlr.de/docs/Vehicle_Type_Parameter_Defaults.html) unless `behaviour` says otherwise.
+(https://sumo.dlr.de/docs/Vehicle_Type_Parameter_Defaults.html) unless `behaviour` differs.
 """
 
 from collections.abc import Mapping
@@ -15,11 +15,11 @@ from xml.etree import ElementTree
 import numpy as np
 
 KIND_PREFIX: Final = "pavetwin."
-"""Before a kind's name in SUMO's type ids, so that a user's own types never collide with ours."""
+"""Prefix of SUMO's type ids; a user's own types do not have it."""
 
 IMPATIENCE: Final = "0.5"
-"""Drivers take gaps that slow others down a little. With SUMO's 0 they wait for gaps that never come in dense traffic:
-over the towns tried, half as many vehicles again end in gridlock."""
+"""Drivers accept gaps that slow others down a little. With SUMO's default 0, half as many vehicles again end in
+gridlock in dense traffic, over the towns tried."""
 
 _SUMO_DEFAULTS: Final = "SUMO, Vehicle Type Parameter Defaults"
 _RIDDEN: Final = f"{_SUMO_DEFAULTS}: motorcycle, with its rider"
@@ -101,7 +101,7 @@ VEHICLES: Final[tuple[Kind, ...]] = (
     _vehicle("bus", "bus", (12.00, 2.50, 3.40), 0.02, f"{_SUMO_DEFAULTS}: bus", speedFactor=_CALM),
     _vehicle("motorcycle", "motorcycle", (2.20, 0.90, 1.50), 0.03, _RIDDEN, maxSpeed="30", accel="4"),
 )
-"""What drives. A light truck moves as SUMO's delivery vehicle; a van drives like a car."""
+"""A light truck moves as SUMO's delivery vehicle, a van like a passenger car."""
 
 PEDESTRIANS: Final[tuple[Kind, ...]] = (
     _pedestrian("man", (0.28, 0.50, 1.77), 0.07, 0.42, 1.41, f"{_BODY} {_NCD} Speed: Weidmann 1993."),
@@ -113,7 +113,7 @@ PEDESTRIANS: Final[tuple[Kind, ...]] = (
         "senior", (0.27, 0.48, 1.66), 0.08, 0.06, 1.00, f"{_BODY} Speed: Highway Capacity Manual 2010, elderly."
     ),
 )
-"""What walks: length is the depth of the body, width its shoulders."""
+"""Length is the depth of the body, width that of its shoulders."""
 
 KINDS: Final[Mapping[str, Kind]] = MappingProxyType({kind.name: kind for kind in (*VEHICLES, *PEDESTRIANS)})
 
@@ -135,7 +135,7 @@ def sumo_types(kinds: Mapping[str, Kind] = KINDS) -> str:
 
 
 def kind_of_type(type_id: str, sumo_class: str) -> str:
-    """The name of the kind a SUMO type stands for: ours by its prefix, a user's by its vehicle class."""
+    """The name of a SUMO type's kind: from the prefix, or the vehicle class of a user's own type."""
     name = type_id.removeprefix(KIND_PREFIX)
     if type_id.startswith(KIND_PREFIX) and name in KINDS:
         return name

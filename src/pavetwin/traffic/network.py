@@ -1,7 +1,6 @@
-"""The streets as the demand needs them: where vehicles may start and end, and how sidewalks hang together.
+"""The network for the demand: where vehicles start and end, and how sidewalks are connected.
 
-Read from the running simulation, so that it is SUMO's own view of the network, and quick for a whole city. Runs only in
-the simulation's process.
+It is read from the running simulation, in the simulation's process.
 """
 
 from collections import defaultdict
@@ -14,10 +13,10 @@ from pavetwin.arrays import Float64Array, Int64Array
 from pavetwin.world.groups import groups
 
 SIDE_STREET_SPEED_MPS: Final = 14.0
-"""Up to 50 km/h (13.89 m/s) and with one lane: a street where a car may pull out of a parking place."""
+"""Up to 50 km/h (13.89 m/s) and with one lane: a street where a parked car may depart."""
 
 SHORTEST_START_M: Final = 15.0
-"""A vehicle starts inside the town only on an edge that a bus fits on."""
+"""Shorter edges are no kerbside starts: a bus must fit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,13 +27,13 @@ class Roads:
     length_m: Float64Array
     """(n,) length times driving lanes."""
     lanes: Int64Array
-    """(n,) driving lanes: how much traffic comes in or leaves over an entry or exit is in proportion to them."""
+    """(n,) driving lanes: the traffic of an entry or exit is in proportion to them."""
     entries: Int64Array
     """Indices of edges that begin at the map's border or in a dead end."""
     exits: Int64Array
     """Indices of edges that end there."""
     kerbsides: Int64Array
-    """Indices of side streets, where a vehicle may pull out of a parking place; all edges where there are none."""
+    """Indices of side streets, where parked vehicles may depart; all edges where there are none."""
 
 
 @dataclass(frozen=True, slots=True)

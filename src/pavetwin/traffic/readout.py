@@ -1,4 +1,4 @@
-"""Where everyone is, frame by frame, read from the running simulation. Runs only in the simulation's process."""
+"""Reads the poses of all agents from the running simulation, in the simulation's process."""
 
 from array import array
 from collections.abc import Callable, Sequence
@@ -12,12 +12,12 @@ from pavetwin.traffic.job import Body
 from pavetwin.traffic.kinds import kind_of_type
 
 ACCESS_STAGE: Final = 4
-"""SUMO's number for a person who walks between a street and a platform and is on neither."""
+"""SUMO's number for a stage between a street and a platform, on neither of which the person is."""
 
 
 @dataclass
 class Rows:
-    """What was read and not yet handed over, in the order in which it was read."""
+    """The frames since the last part, in the order of reading."""
 
     frame: "array[int]" = field(default_factory=lambda: array("I"))
     """How many rows each frame has."""
@@ -40,8 +40,8 @@ class Rows:
 class Readout:
     """Reads the running simulation `sumo` (the libsumo module), and numbers agents as they appear.
 
-    Only what is on the streets is read: no vehicle that is teleported or waits to depart, and no person who rides in a
-    vehicle, which `riders` says can happen (in a user's own demand).
+    Only agents on the streets are read: no vehicle that is teleported or waits to depart. With `riders` (a user's own
+    demand), persons inside vehicles are skipped.
     """
 
     def __init__(self, sumo: Any, *, riders: bool) -> None:
@@ -60,7 +60,7 @@ class Readout:
         self._rows.frame.append(len(self._rows.agent) - before)
 
     def take(self) -> Rows:
-        """What was read since the last time."""
+        """The frames since the last call."""
         rows, self._rows = self._rows, Rows()
         return rows
 
@@ -88,6 +88,6 @@ class Readout:
 
 
 def _plain(sumo: Any, domain: Any, question: str) -> Callable[[str], Any]:
-    """A domain's function without its wrapper in Python, where this libsumo has it: it is asked millions of times."""
+    """A domain's function without its Python wrapper, where libsumo has it; it is called millions of times."""
     own: Callable[[str], Any] = getattr(domain, question)
     return getattr(getattr(sumo, "_libsumo", None), f"{domain.__name__}_{question}", own)

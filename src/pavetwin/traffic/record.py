@@ -1,4 +1,4 @@
-"""Record traffic as far as it is needed, nothing twice, and find it again by the hash of what it was made from."""
+"""Record traffic as far as it is needed, and reuse recordings by the hash of their inputs."""
 
 import math
 import os
@@ -42,9 +42,8 @@ def record(
 ) -> Recording:
     """Traffic over `world` for `duration_s` seconds, from the world's `traffic/` folder or from SUMO.
 
-    What comes back depends on the world, the density, the seed and the routes alone: not on whether, when and how long
-    it was recorded before. `density` is ignored where `routes` (SUMO route files, driven as they are) are given;
-    `force` records even where the file is there.
+    The result depends on the world, the density, the seed and the routes alone, not on earlier recordings.
+    `density` is ignored where `routes` (unchanged SUMO route files) are given; `force` records even if the file exists.
 
     Raises:
         PaveTwinError: SUMO is missing or refuses its input, or the file cannot be written.
@@ -54,21 +53,21 @@ def record(
 
 
 class Recorder:
-    """One traffic over one world, for longer whenever that is needed.
+    """The traffic of one set of inputs, extended on request.
 
-    SUMO's process stays alive, and goes on from where it stopped, until the recorder is left or nobody holds it any
-    more. What was recorded is written at once; where the recorder is a context manager, when it is left. Where the
-    traffic was recorded before and is too short now, SUMO starts again and must repeat it.
+    SUMO's process stays alive, paused, until the context ends or the recorder is garbage collected. A recording is
+    written immediately, in a `with` block at its end. Where a stored recording is too short, SUMO starts again and must
+    reproduce it.
     """
 
     def __init__(self, inputs: Inputs, *, force: bool = False) -> None:
         self._inputs = inputs
         self._longest = None if force else _kept(inputs)
-        """All that is known of this traffic."""
+        """The longest recording so far."""
         self._written = self._longest
         self._entered = False
         self._simulation: SimulationProcess | None = None
-        """Where it is alive, it stands at the end of `_longest`."""
+        """A running simulation is at the end of `_longest`."""
         self._alive = ExitStack()
         finalize(self, self._alive.close)
 
@@ -98,10 +97,10 @@ class Recorder:
         return self.beyond(duration_s, on_progress).until(duration_s)
 
     def beyond(self, duration_s: float, on_progress: OnProgress | None = None) -> Recording:
-        """All that is known of this traffic, `duration_s` seconds at least.
+        """The longest recording so far, `duration_s` seconds at least.
 
         Raises:
-            PaveTwinError: SUMO is missing, refuses its input, crashes or does not repeat what it recorded before, or
+            PaveTwinError: SUMO is missing, refuses its input, crashes or does not reproduce its earlier recording, or
                 the file cannot be written.
         """
         if not math.isfinite(duration_s) or not 0 < duration_s <= LONGEST_S:
@@ -133,7 +132,7 @@ class Recorder:
             self._written = self._longest
 
     def _take(self, recording: Recording) -> None:
-        """Know as much as `recording` holds; what was known before must be in it."""
+        """Keep `recording` when it is longer; it must agree with the recording so far."""
         known = self._longest
         if known is not None:
             shared_s = min(known.duration_s, recording.duration_s)
@@ -146,13 +145,13 @@ class Recorder:
             self._longest = recording
 
     def _simulate(self, frames: int, on_progress: OnProgress | None) -> None:
-        """Know the first `frames` frames, by the simulation that is alive or by a new one."""
+        """Record the first `frames` frames, by the running simulation or by a new one."""
         before = self._longest if self._simulation is not None else None
         try:
             simulation = self._simulation or self._begin()
             part = simulation.record(frames - (before.frames if before is not None else 0), on_progress)
         except BaseException:
-            self._end()  # it may stand anywhere
+            self._end()  # its position is unknown
             raise
         self._simulation = simulation
         recording = replace(to_recording(part, self._inputs.origin(part), before), path=self._inputs.path)
@@ -174,7 +173,7 @@ class Recorder:
 
 
 def _kept(inputs: Inputs) -> Recording | None:
-    """The recording on disk, if it was made from the same inputs. A broken file is as good as none."""
+    """The recording on disk, if it was made from the same inputs. None for a damaged file."""
     if not inputs.path.exists():
         return None
     try:
@@ -185,7 +184,7 @@ def _kept(inputs: Inputs) -> Recording | None:
 
 
 def _check_writable(path: Path) -> None:
-    """Find out before minutes of simulation, not after. No folder is made: two who made and removed it would clash."""
+    """Fail before a long simulation, not after it; no folder is created, for the sake of concurrent processes."""
     place = next(folder for folder in path.parents if folder.exists())
     try:
         handle, name = tempfile.mkstemp(dir=place, prefix=".writable-")

@@ -1,4 +1,4 @@
-"""A recording: every agent's pose at every step, and the file it is kept in.
+"""A recording: every agent's pose at every step, and its file.
 
 The file is one Parquet table, its rows sorted by (step, agent), with everything else as JSON in its schema's metadata
 under the key `pavetwin`. The same recording gives the same bytes.
@@ -26,14 +26,15 @@ from pavetwin.world.model import World
 FORMAT: Final = 1
 _KEY: Final = b"pavetwin"
 _COLUMNS: Final = ("x", "y", "yaw_rad", "speed_mps")
+_SIZES: Final = ("length_m", "width_m", "height_m")
 
 REMOVED_REMARK: Final = 0.1
-"""When more than this share of the vehicles that are there at a time were taken away, it is said to the user."""
+"""A larger share of removed vehicles, of those present at a time, becomes a remark."""
 
 
 @dataclass(frozen=True, eq=False)
 class Agents:
-    """Who moves, in the order of first appearance. All arrays (agents,)."""
+    """The agents, in the order of first appearance. All arrays (agents,)."""
 
     id: tuple[str, ...]
     """SUMO's."""
@@ -45,7 +46,7 @@ class Agents:
     is_pedestrian: BoolArray
 
     def __post_init__(self) -> None:
-        for name in ("kind", "length_m", "width_m", "height_m", "is_pedestrian"):
+        for name in ("kind", *_SIZES, "is_pedestrian"):
             if len(getattr(self, name)) != len(self.id):
                 raise ValueError(f"Agents.{name} has {len(getattr(self, name))} entries for {len(self.id)} agents")
 
@@ -74,14 +75,14 @@ class Origin:
     world: str
     """The world's content hash."""
     inputs: str
-    """Hash of everything that shapes the recording but its duration."""
+    """Hash of all inputs except the duration."""
     seed: int
     asked: Density | None
     """None for a user's own routes."""
     capacity: Capacity
     sumo_version: str
     warm_up_s: float
-    """Simulated before the recording begins and not recorded."""
+    """Simulated time before the recording."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,11 +105,11 @@ class Recording:
     speed_mps: Float32Array
     """(rows,)"""
     removals: tuple[tuple[int, int], ...]
-    """(step, how many): vehicles that SUMO took out of gridlock, where a driver would have found a way."""
+    """(step, how many): vehicles that SUMO removed from gridlock."""
     signals: Mapping[str, tuple[tuple[int, str], ...]]
     """Per traffic light of the network: (step, state of its links, SUMO's letters) at step 0 and at each change."""
     path: Path | None = field(default=None)
-    """The file it is kept in; it may be longer than this recording."""
+    """Its file, which may hold a longer recording."""
 
     def __post_init__(self) -> None:
         rows = len(self.agent)
@@ -155,16 +156,16 @@ class Recording:
 
     @property
     def removed(self) -> int:
-        """How many vehicles were taken out of gridlock."""
+        """Number of vehicles removed from gridlock."""
         return sum(count for _, count in self.removals)
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What a user must know about this recording: a density missed, streets that ran empty. Mostly nothing."""
+        """Warnings for the user: a density not reached, gridlock, routes that end early."""
         return tuple(_remarks(self))
 
     def until(self, duration_s: float) -> "Recording":
-        """The first `duration_s`, as if no more had been recorded.
+        """The first `duration_s` seconds.
 
         Raises:
             ValueError: the recording is shorter.
@@ -176,18 +177,10 @@ class Recording:
             return self
         rows = int(self.step_offsets[frames])
         count = int(self.agent[:rows].max()) + 1 if rows else 0
-        columns: dict[str, Any] = {name: getattr(self, name)[:rows] for name in ("agent", *_COLUMNS)}
-        return replace(
-            self,
-            agents=self.agents.first(count),
-            step_offsets=self.step_offsets[: frames + 1],
-            removals=tuple(entry for entry in self.removals if entry[0] < frames),
-            signals={name: tuple(e for e in states if e[0] < frames) for name, states in self.signals.items()},
-            **columns,
-        )
+        return replace(self._between(0, frames), agents=self.agents.first(count))
 
     def after(self, start_s: float) -> "Recording":
-        """What is left from `start_s` on, as if it had begun there; agents keep their numbers.
+        """The recording from `start_s` on, with that as time 0; agents keep their numbers.
 
         Raises:
             ValueError: the recording ends before.
@@ -195,26 +188,30 @@ class Recording:
         first = round(start_s / self.step_s)
         if not 0 <= first < self.frames:
             raise ValueError(f"The recording lasts {self.duration_s:g} s and holds nothing from {start_s:g} s on")
-        if first == 0:
-            return self
-        rows = int(self.step_offsets[first])
-        columns: dict[str, Any] = {name: getattr(self, name)[rows:] for name in ("agent", *_COLUMNS)}
+        return self._between(first, self.frames) if first > 0 else self
+
+    def _between(self, first: int, end: int) -> "Recording":
+        """The frames from `first` up to but not `end`."""
+        rows = slice(int(self.step_offsets[first]), int(self.step_offsets[end]))
+        columns: dict[str, Any] = {name: getattr(self, name)[rows] for name in ("agent", *_COLUMNS)}
         return replace(
             self,
-            step_offsets=self.step_offsets[first:] - self.step_offsets[first],
-            removals=tuple((step - first, count) for step, count in self.removals if step >= first),
-            signals={name: _from(states, first) for name, states in self.signals.items()},
+            step_offsets=self.step_offsets[first : end + 1] - self.step_offsets[first],
+            removals=tuple((step - first, count) for step, count in self.removals if first <= step < end),
+            signals={name: _between(states, first, end) for name, states in self.signals.items()},
             **columns,
         )
 
     def same_traffic(self, other: "Recording") -> bool:
-        """Whether both hold the same agents, poses and signals, to the last bit."""
+        """Whether agents, poses and signals are exactly equal."""
         arrays = ("step_offsets", "agent", *_COLUMNS)
-        sizes = ("length_m", "width_m", "height_m", "is_pedestrian")
         return (
             (self.agents.id, self.signals, self.step_s) == (other.agents.id, other.signals, other.step_s)
             and all(np.array_equal(getattr(self, name), getattr(other, name)) for name in arrays)
-            and all(np.array_equal(getattr(self.agents, name), getattr(other.agents, name)) for name in sizes)
+            and all(
+                np.array_equal(getattr(self.agents, name), getattr(other.agents, name))
+                for name in (*_SIZES, "is_pedestrian")
+            )
         )
 
 
@@ -223,10 +220,10 @@ def frames_of(duration_s: float, step_s: float) -> int:
     return math.ceil(duration_s / step_s - 1e-9) + 1
 
 
-def _from(states: tuple[tuple[int, str], ...], first: int) -> tuple[tuple[int, str], ...]:
-    """A signal's states from a step on, the one that holds then at step 0."""
+def _between(states: tuple[tuple[int, str], ...], first: int, end: int) -> tuple[tuple[int, str], ...]:
+    """A signal's states from a step up to but not another, with the state at the first as step 0."""
     held = [state for step, state in states if step <= first]
-    later = tuple((step - first, state) for step, state in states if step > first)
+    later = tuple((step - first, state) for step, state in states if first < step < end)
     return ((0, held[-1]), *later) if held else later
 
 
@@ -272,7 +269,7 @@ def save_recording(recording: Recording, path: str | Path) -> Recording:
             table.replace_schema_metadata({_KEY: text.encode()}),
             temporary,
             compression="zstd",
-            use_dictionary=list(columns),  # the others hardly repeat: a dictionary of them takes time and room
+            use_dictionary=list(columns),  # values of the others hardly repeat
         )
     return replace(recording, path=path)
 
@@ -296,9 +293,7 @@ def _metadata(recording: Recording) -> dict[str, Any]:
             "id": agents.id,
             "class": [agents.agent_class(i).value for i in range(len(agents))],
             "kind": agents.kind,
-            "length_m": [round(float(value), 3) for value in agents.length_m],
-            "width_m": [round(float(value), 3) for value in agents.width_m],
-            "height_m": [round(float(value), 3) for value in agents.height_m],
+            **{name: [round(float(value), 3) for value in getattr(agents, name)] for name in _SIZES},
         },
     }
 
@@ -321,7 +316,7 @@ def load_recording(path: str | Path, world: World | None = None) -> Recording:
             )
         recording = _recording(table, metadata, path)
     except (pa.ArrowException, OSError, KeyError, ValueError, TypeError) as error:
-        raise PaveTwinError(f"'{path}' is not a whole recording of PaveTwin; record it again.") from error
+        raise PaveTwinError(f"'{path}' is not a complete recording of PaveTwin; record it again.") from error
     if world is not None and recording.origin.world != world.content_hash:
         raise PaveTwinError(
             f"The recording '{path}' was made for another world than '{world.name}'; record it again with "
@@ -341,10 +336,8 @@ def _recording(table: pa.Table, metadata: dict[str, Any], path: Path) -> Recordi
         agents=Agents(
             id=tuple(who["id"]),
             kind=tuple(who["kind"]),
-            length_m=np.array(who["length_m"], dtype=np.float32),
-            width_m=np.array(who["width_m"], dtype=np.float32),
-            height_m=np.array(who["height_m"], dtype=np.float32),
             is_pedestrian=np.array([name == AgentClass.PEDESTRIAN for name in who["class"]], dtype=np.bool_),
+            **{name: np.array(who[name], dtype=np.float32) for name in _SIZES},
         ),
         step_offsets=offsets,
         agent=table["agent"].to_numpy().astype(np.uint32),

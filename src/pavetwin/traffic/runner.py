@@ -1,4 +1,4 @@
-"""Runs the simulation in a process of its own, and ends it with the caller, however the caller ends."""
+"""Runs the simulation in a separate process that ends with the caller, however the caller ends."""
 
 import os
 import signal
@@ -20,18 +20,18 @@ from pavetwin.traffic.job import Part, SimulationJob
 from pavetwin.world.sumo import environment, first_error
 
 GRACE_S: Final = 5.0
-"""What SUMO has to end after it was told to, before it is killed."""
+"""Time between SIGTERM and SIGKILL."""
 
 UNSORTED: Final = "should be sorted by departure time"
 """In SUMO's warning that it ignores the rest of a routes file."""
 
 OnProgress = Callable[[float], None]
-"""Told the share done, 0 … 1."""
+"""Called with the share done, 0 … 1."""
 
 
 def require_sumo() -> None:
     """Raises:
-    PaveTwinError: SUMO's library is not on this machine; the message says how to install it.
+    PaveTwinError: SUMO's library is not installed.
     """
     if find_spec("libsumo") is None:
         raise PaveTwinError("SUMO is missing on this machine: install it with `pip install eclipse-sumo libsumo`.")
@@ -39,7 +39,7 @@ def require_sumo() -> None:
 
 @contextmanager
 def workplace() -> Iterator[Path]:
-    """A folder for one simulation; gone afterwards, however the caller leaves.
+    """A temporary folder for one simulation.
 
     Raises:
         PaveTwinError: there is no room for it.
@@ -53,29 +53,29 @@ def workplace() -> Iterator[Path]:
 
 
 class SimulationProcess:
-    """SUMO in a process of its own. It stands still between two calls of `record`, and ends with its owner."""
+    """SUMO in a separate process. It is paused between two calls of `record`, and ends with its owner."""
 
     def __init__(self, job: SimulationJob) -> None:
-        self._job, self._words = job, Path(job.folder) / "words.txt"
+        self._job, self._output = job, Path(job.folder) / "output.txt"
         self._owner, its_end = Pipe()
         self._owner_process = os.getpid()
-        with its_end, self._words.open("wb") as sink:
+        with its_end, self._output.open("wb") as sink:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "pavetwin.traffic.sumo_run"],
                 stdin=its_end.fileno(),
                 stdout=sink,
                 stderr=sink,
                 env=_environment(),
-                start_new_session=True,  # Ctrl-C is for the owner, who then ends this process
+                start_new_session=True,  # Ctrl-C reaches the owner, which then ends this process
             )
-        with suppress(ConnectionError):  # `record` says what became of it
+        with suppress(ConnectionError):  # `record` reports the failure
             self._owner.send(job)
 
     def record(self, frames: int, on_progress: OnProgress | None = None) -> Part:
         """The next `frames` frames; the first time the warm-up comes before them.
 
         Raises:
-            PaveTwinError: SUMO refused its input or crashed; the message holds SUMO's own words.
+            PaveTwinError: SUMO refused its input or crashed; the message holds that of SUMO.
         """
         try:
             self._owner.send(frames)
@@ -84,16 +84,16 @@ class SimulationProcess:
                     on_progress(answer)
         except (EOFError, ConnectionError):
             code = self._process.wait()
-            raise PaveTwinError(_failure(self._job, code, self._said())) from None
-        if self._job.routes and UNSORTED in self._said():
+            raise PaveTwinError(_failure(self._job, code, self._printed())) from None
+        if self._job.routes and UNSORTED in self._printed():
             raise PaveTwinError(
-                f"The routes {_names(self._job)} are not sorted by departure time, and SUMO would drop what comes too "
-                "late; sort them (SUMO's tools/route/sort_routes.py does)."
+                f"The routes {_names(self._job)} are not sorted by departure time, and SUMO would skip late ones; "
+                "sort them (SUMO's tools/route/sort_routes.py does)."
             )
         return answer
 
     def end(self) -> None:
-        """End the process, at once where it can be. In a fork of its owner nothing happens to it."""
+        """End the process; in a fork of its owner, only close the connection."""
         self._owner.close()
         if os.getpid() != self._owner_process:
             return
@@ -104,8 +104,8 @@ class SimulationProcess:
             self._process.kill()
             self._process.wait()
 
-    def _said(self) -> str:
-        return self._words.read_text(errors="replace")
+    def _printed(self) -> str:
+        return self._output.read_text(errors="replace")
 
 
 @contextmanager
@@ -118,22 +118,22 @@ def simulating(job: SimulationJob) -> Iterator[SimulationProcess]:
         simulation.end()
 
 
-def _failure(job: SimulationJob, code: int, said: str) -> str:
-    words = " ".join(first_error(said).split())
+def _failure(job: SimulationJob, code: int, printed: str) -> str:
+    message = " ".join(first_error(printed).split())
     if damage := _damage(Path(job.network)):
         return (
             f"The world's network '{job.network}' is damaged ({damage}); build the world again with "
             "`pavetwin world build` and `force`."
         )
     if code < 0:
-        return f"SUMO crashed while recording (signal {-code}); its last words: {words}"
+        return f"SUMO crashed while recording (signal {-code}); its last message: {message}"
     if job.routes:
-        return f"SUMO cannot drive the routes {_names(job)} on this world: {words}"
-    return f"SUMO cannot run this traffic: {words}"
+        return f"SUMO cannot drive the routes {_names(job)} on this world: {message}"
+    return f"SUMO cannot run this traffic: {message}"
 
 
 def _damage(file: Path) -> str:
-    """What is wrong with the XML of a file; empty when it is whole. SUMO does not say which of its files it means."""
+    """The XML error of a file; empty when it is well-formed. SUMO's messages do not name the file."""
     try:
         for _, element in ElementTree.iterparse(file):
             element.clear()
@@ -153,7 +153,7 @@ def _environment() -> dict[str, str]:
     except PaveTwinError:  # the library alone is enough to record
         variables = dict(os.environ)
     here = str(Path(__file__).resolve().parents[2])
-    variables.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy's threads would only wait, and cost time
+    variables.setdefault("OPENBLAS_NUM_THREADS", "1")  # idle threads of numpy cost time
     variables["PYTHONPATH"] = os.pathsep.join(filter(None, (here, variables.get("PYTHONPATH"))))
     return variables
 

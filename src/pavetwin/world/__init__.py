@@ -1,4 +1,4 @@
-"""What stands still: roads, segments, buildings, street furniture; from OSM, from SUMO, or generated.
+"""The static world: roads, segments, buildings and street furniture, from OSM, from SUMO, or generated.
 
 Each name is loaded when it is first used, so that a folder can be checked (`world.folder`) before geometry is loaded.
 """

@@ -1,5 +1,6 @@
-"""A world from a source: the road network, the segments, and everything that stands beside them."""
+"""A world from a source: the road network, the segments, and the objects beside them."""
 
+import hashlib
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -16,7 +17,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import hint
 from pavetwin.world.buildings import buildings_by_rule, clear_of_roads
 from pavetwin.world.connected import LeftOut
-from pavetwin.world.content import content_hash, sha256, snapped_world
+from pavetwin.world.content import content_hash, snapped_world
 from pavetwin.world.furniture import furnish
 from pavetwin.world.generate import NetworkKind, generate_network
 from pavetwin.world.georeference import DEFAULT_ANCHOR, anchored, from_location
@@ -32,7 +33,7 @@ SMALLEST_PARK = 20.0
 """A park's part below this is dropped [m²]."""
 
 Progress = Callable[[str, float], None]
-"""Told what is being done and the share done, 0 … 1."""
+"""Called with the name of the step and the share done, 0 … 1."""
 
 
 class BuildOptions(Settings):
@@ -41,13 +42,13 @@ class BuildOptions(Settings):
     seed: Annotated[int, Field(ge=0)] = 0
     segment_length_m: Annotated[float, Field(ge=2 * MIN_SEGMENT_LENGTH, le=2000.0)] = DEFAULT_SEGMENT_LENGTH
     anchor: tuple[float, float] | None = None
-    """(latitude, longitude) in degrees of the origin of a network that lies nowhere, or whose projection is odd."""
+    """(latitude, longitude) in degrees of the origin of a network without a location or with an unknown projection."""
     left_hand: bool = False
-    """Traffic keeps left (OSM sources; a SUMO network says it itself)."""
+    """Traffic keeps left (OSM sources; a SUMO network states it itself)."""
 
 
 class BuildRecord(Settings):
-    """What a world was made from; kept in its `world.yaml`."""
+    """The source and options of a world; stored in its `world.yaml`."""
 
     source: str
     """The source file's name, or `generated town` and the like."""
@@ -85,7 +86,7 @@ class _Source:
 def build_world(
     source: str | Path | NetworkKind, options: BuildOptions | None = None, on_progress: Progress | None = None
 ) -> Built:
-    """Build a world, without defects, from a map, a SUMO network, or a kind of invented network.
+    """Build a world, without defects, from a map, a SUMO network, or a kind of generated network.
 
     A `Path`, or a string that names a file (`.osm`, `.osm.gz`, `.osm.pbf`, `.net.xml`), is read; a `NetworkKind` or
     its name is a kind to generate.
@@ -94,10 +95,10 @@ def build_world(
         PaveTwinError: the source is missing, damaged or without streets, an option does not fit, or SUMO is missing.
     """
     options = options or BuildOptions()
-    tell = on_progress or (lambda _what, _share: None)
+    report = on_progress or (lambda _what, _share: None)
     try:
         with tempfile.TemporaryDirectory(prefix="pavetwin-") as folder:
-            tell("road network", 0.0)
+            report("road network", 0.0)
             prepared = _prepare(_file_or_kind(source), options, Path(folder))
             network = prepared.net_file.read_bytes()
             net = read_roadnet(prepared.net_file, shown_as=prepared.record.source)
@@ -107,7 +108,7 @@ def build_world(
             f"Cannot build in the temporary folder '{tempfile.gettempdir()}': {reason}. "
             f"{hint(error, 'name another one in TMPDIR')}."
         ) from error
-    return _build(prepared, network, net, options, tell)
+    return _build(prepared, network, net, options, report)
 
 
 def _file_or_kind(source: str | Path | NetworkKind) -> str | Path | NetworkKind:
@@ -126,43 +127,43 @@ def _prepare(source: str | Path | NetworkKind, options: BuildOptions, folder: Pa
     kind = source_kind(source)
     if kind == "osm":
         if options.anchor is not None:
-            raise PaveTwinError(f"'{source}' says itself where it lies; leave `anchor` away.")
+            raise PaveTwinError(f"'{source}' states its own location; omit `anchor`.")
         lost = network_from_osm(source, target, left_hand=options.left_hand)
     else:
         lost = LeftOut()
         network_from_net(source, target)
     with source.open("rb") as stream:
-        name = sha256(iter(lambda: stream.read(1 << 20), b""))
-    record = BuildRecord(source=source.name, source_sha256=name, options=options, left_out=lost)
+        digest = hashlib.file_digest(stream, "sha256").hexdigest()
+    record = BuildRecord(source=source.name, source_sha256=digest, options=options, left_out=lost)
     return _Source(target, record, osm_file=source if kind == "osm" else None)
 
 
-def _build(prepared: _Source, network: bytes, net: RoadNet, options: BuildOptions, tell: Progress) -> Built:
+def _build(prepared: _Source, network: bytes, net: RoadNet, options: BuildOptions, report: Progress) -> Built:
     georeference = prepared.georeference or _georeference(net, options, prepared.record.source)
-    tell("segments", 0.4)
+    report("segments", 0.4)
     streets = streets_of(net)
     segments = segments_of(streets, options.segment_length_m)
     if not segments:
         raise PaveTwinError(f"'{prepared.record.source}' has no streets for passenger cars of at least 8 m.")
     ground = PlacementGround(net)
-    tell("map", 0.5)
+    report("map", 0.5)
     features = MapFeatures()
     if prepared.osm_file is not None:
         near = MultiPolygon([part for segment in segments for part in polygons_of(segment.polygon)])
         features = read_features(prepared.osm_file, georeference, near)
     parks = _parks([*prepared.parks, *features.parks], ground)
-    tell("buildings", 0.7)
+    report("buildings", 0.7)
     given = [(building.polygon, building.height_m) for building in prepared.buildings]
     given += features.buildings
     buildings = clear_of_roads(given, ground)
     mapped = Counter(buildings=len(buildings))
     if not given:
         buildings = buildings_by_rule(segments, ground, parks, options.seed)
-    tell("furniture", 0.8)
+    report("furniture", 0.8)
     planted = parks if prepared.parks else ()
     furniture, of_map = furnish(net, streets, segments, ground, buildings, features.points, planted, options.seed)
     mapped.update({kind.value: count for kind, count in of_map.items()})
-    tell("world", 0.95)
+    report("world", 0.95)
     world = snapped_world(
         World(
             name=Path(prepared.record.source).name.split(".")[0],
@@ -181,8 +182,8 @@ def _build(prepared: _Source, network: bytes, net: RoadNet, options: BuildOption
             base=base_of(segments),
         )
     )
-    world = replace(world, content_hash=content_hash(world, sha256([network])))
-    tell("world", 1.0)
+    world = replace(world, content_hash=content_hash(world, hashlib.sha256(network).hexdigest()))
+    report("world", 1.0)
     return Built(world, network, prepared.record.model_copy(update={"mapped": dict(sorted(mapped.items()))}))
 
 

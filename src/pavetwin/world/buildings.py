@@ -1,8 +1,8 @@
-"""Buildings: the map's, cleared of the roads; or, where a source has none at all, placed along the streets by rule.
+"""Buildings: from the map, cut back from the roads; or, for a source without any, placed along the streets by rule.
 
-The rule: both sides of every segment are lined with houses of 9–24 m frontage and 9–16 m depth, set back 3–6 m from the
-sidewalk, 0.5–3 m apart (now and then 4–10 m), of 2–6 storeys of 3 m, one storey more or less than their street's usual;
-every fourth is L-shaped. None comes nearer than 3 m to the sidewalk of any street, or into a park.
+Rule: both sides of every segment are lined with houses of 9–24 m frontage and 9–16 m depth, set back 3–6 m from the
+sidewalk, 0.5–3 m apart (some 4–10 m), of 2–6 storeys of 3 m, within one storey of the segment's mean;
+every fourth is L-shaped. None is nearer than 3 m to a sidewalk or in a park.
 """
 
 import math

@@ -1,8 +1,8 @@
 """The carriageway of a world as it is built: its segments, and of each junction the part between its arms.
 
-It is the one surface that counts as road: scenes and maps draw it, nothing is placed on it, images count it. Each
-segment's polygon is its own share of it, and that share's area is what densities are per square metre of; what lies on
-junctions belongs to no segment.
+It is the only definition of the road surface: scenes and maps draw it, nothing is placed on it, images measure it.
+Each segment's polygon is its part of it, and densities per square metre use the area of that polygon. Junction areas
+belong to no segment.
 """
 
 import numpy as np
@@ -37,7 +37,7 @@ def carriageway(world: World) -> BaseGeometry:
 def _unrounded(world: World) -> BaseGeometry:
     """All segments and the driven part of all junctions.
 
-    SUMO's junctions hold the corners of their sidewalks too; outside the hull of its arms' ends nobody drives.
+    SUMO's junctions include the corners of their sidewalks; the hull of the arms' ends excludes these.
     A crossing counts as an arm, for the places where two junctions meet.
     """
     roads: list[BaseGeometry] = [segment.polygon for segment in world.segments]

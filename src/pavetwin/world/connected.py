@@ -1,27 +1,26 @@
-"""Which of a map's streets are not in its network: netconvert keeps the largest connected part and says nothing."""
+"""Streets of a map that netconvert dropped without a warning: it keeps the largest connected part."""
 
 import re
 from dataclasses import dataclass
-from itertools import pairwise
-from math import asin, cos, hypot, radians, sin, sqrt
 from pathlib import Path
 from typing import Annotated, Final
 
 from pydantic import Field
+from pyproj import Geod
 
 from pavetwin.config.base import Settings
 from pavetwin.world.groups import groups
 from pavetwin.world.osm_file import osm_objects
 
-EARTH_RADIUS_M: Final = 6_371_009.0
-"""Mean radius of the WGS 84 ellipsoid (IUGG)."""
+SPHERE: Final = Geod(a=6_371_009.0, b=6_371_009.0)
+"""With the mean radius of the WGS 84 ellipsoid (IUGG) [m]."""
 
 Degrees = tuple[float, float]
 """Longitude and latitude."""
 
 
 class LeftOut(Settings):
-    """Streets of a map that no other street joins to the network; ways without a name count one each."""
+    """Streets of a map that are not connected to the network; ways without a name count one each."""
 
     streets: Annotated[int, Field(ge=0)] = 0
     length_m: Annotated[float, Field(ge=0)] = 0.0
@@ -35,9 +34,9 @@ class _Way:
 
 
 def left_out(streets: Path, network: Path) -> LeftOut:
-    """What of an OSM file of streets did not come into the network that was made from it.
+    """The streets of an OSM file that are missing in the network made from it.
 
-    A street is in it when any way that hangs together with it is.
+    A street is in the network when any way connected with it is.
 
     Raises:
         PaveTwinError: the OSM file cannot be read.
@@ -58,10 +57,5 @@ def left_out(streets: Path, network: Path) -> LeftOut:
 
 
 def _length_m(line: list[Degrees]) -> float:
-    """Along great circles (haversine formula)."""
-    total = 0.0
-    for (lon_a, lat_a), (lon_b, lat_b) in pairwise(line):
-        north, east = sin(radians(lat_b - lat_a) / 2), sin(radians(lon_b - lon_a) / 2)
-        across = sqrt(cos(radians(lat_a)) * cos(radians(lat_b))) * east
-        total += 2 * EARTH_RADIUS_M * asin(hypot(north, across))
-    return total
+    """Along great circles."""
+    return float(SPHERE.line_length([lon for lon, _ in line], [lat for _, lat in line]))

@@ -1,10 +1,11 @@
 """Connections of a SUMO network: from lane to lane across its junctions, with their turns and signal links.
 
-A connection's line follows SUMO's internal lanes. A left turn that waits inside the junction has two of them, one
-behind the other.
+A connection's line follows SUMO's internal lanes. A left turn that waits inside the junction has two of them in
+sequence.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
+from itertools import groupby
 from typing import Final
 from xml.etree.ElementTree import Element
 
@@ -27,7 +28,7 @@ DIRECTIONS: Final[Mapping[str, Direction]] = {
 
 
 class ConnectionReader:
-    """Collects what a network says of its connections, element by element."""
+    """Collects the connections of a network, element by element."""
 
     def __init__(self) -> None:
         self._lanes: dict[tuple[str, int], str] = {}
@@ -38,7 +39,7 @@ class ConnectionReader:
         """Internal edges, crossings and walking areas."""
         self._rows: list[dict[str, str]] = []
         self.crossing_signals: dict[str, SignalLink] = {}
-        """Crossing → what the people wait for who enter it."""
+        """Crossing → the signal for its pedestrians."""
 
     def take_edge(self, element: Element) -> None:
         """Note the lanes of an `<edge>` of any function.
@@ -75,10 +76,11 @@ class ConnectionReader:
         """The connections between the given lanes, in the file's order; others are left out.
 
         Raises:
-            ValueError: a connection names a lane that the network has not.
+            ValueError: a connection names an unknown lane.
         """
         kept = {lane.id: lane for lane in lanes}
-        following = {self._lane(row, "from"): row["via"] for row in self._rows if self._is_inner(row) and "via" in row}
+        inner = [row for row in self._rows if row["from"] in self._inner_edges and "via" in row]
+        following = {self._lane(row, "from"): row["via"] for row in inner}
         found: list[Connection] = []
         for row in self._rows:
             if row["from"] in self._inner_edges or row["to"] in self._inner_edges:
@@ -99,9 +101,6 @@ class ConnectionReader:
             )
         return tuple(found)
 
-    def _is_inner(self, row: Mapping[str, str]) -> bool:
-        return row["from"] in self._inner_edges
-
     def _lane(self, row: Mapping[str, str], end: str) -> str:
         place = row[end], int(row[f"{end}Lane"])
         if place not in self._lanes:
@@ -117,7 +116,7 @@ class ConnectionReader:
                 raise ValueError(f"the connection from '{start.id}' to '{end.id}' runs over '{lane}', which is no lane")
             points += self._inner_shapes[lane]
         points.append(end.centre_line.coords[0])
-        apart = [point for k, point in enumerate(points) if k == 0 or point != points[k - 1]]
+        apart = [point for point, _ in groupby(points)]
         return LineString(apart if len(apart) > 1 else apart * 2)
 
 
@@ -136,9 +135,5 @@ def _signal(attributes: Mapping[str, str]) -> SignalLink:
 
 def points_of(shape: str) -> Points:
     """The points (x, y) of a `shape` attribute, without repetitions and heights."""
-    points: Points = []
-    for point in shape.split():
-        x, y = point.split(",")[:2]
-        if not points or points[-1] != (float(x), float(y)):
-            points.append((float(x), float(y)))
-    return points
+    pairs = (point.split(",")[:2] for point in shape.split())
+    return [point for point, _ in groupby((float(x), float(y)) for x, y in pairs)]

@@ -1,8 +1,8 @@
-"""What a world's content hash is made of, and the grid on which its coordinates lie.
+"""The content hash of a world, and the grid of its coordinates.
 
 Every coordinate is a multiple of 2⁻²⁰ m (about a micrometre). A GeoPackage holds projected coordinates, which are
-millions of metres and so lose the last bits; rounding to the grid gives them back, and a loaded world equals the built
-one to the last bit.
+millions of metres and lose the last bits; rounding to the grid restores them, so that a loaded world equals the built
+one exactly.
 """
 
 import hashlib
@@ -23,13 +23,13 @@ STEPS_PER_METRE = 2**20
 Geometry = TypeVar("Geometry", bound=BaseGeometry)
 
 HASHED = ("streets", "segments", "lanes", "connections", "junctions", "crossings", "buildings", "furniture", "parks")
-"""Fields of a world that name what a trace or a navmesh was made for; defects are not among them."""
+"""Fields that identify the world of a recording or a navmesh; defects are not among them."""
 
 COLLECTIONS = (*HASHED, "defects")
 
 
 def round_to_grid(xy: Float64Array) -> Float64Array:
-    """Coordinates on the grid nearest to these [m]; no −0, which is equal to 0 but hashes otherwise."""
+    """Coordinates on the grid nearest to these [m]; no −0, which equals 0 but hashes differently."""
     return np.asarray(np.round(xy * STEPS_PER_METRE) / STEPS_PER_METRE + 0.0, dtype=np.float64)
 
 
@@ -44,7 +44,7 @@ def snapped(geometry: Geometry) -> Geometry:
 
 
 def snapped_world(world: World) -> World:
-    """A world on the grid, with the content hash that belongs to it left as it was."""
+    """A world on the grid; its content hash is not updated."""
     changed: dict[str, Any] = {
         name: tuple(_snapped_item(item) for item in getattr(world, name)) for name in COLLECTIONS
     }
@@ -63,7 +63,7 @@ def _snapped_item(item: Any) -> Any:
 
 
 def content_hash(world: World, network_sha256: str) -> str:
-    """SHA-256 over the georeference, the driving side, the base, the network and all that stands still but defects."""
+    """SHA-256 over the georeference, the driving side, the base, the network and all static objects except defects."""
     digest = hashlib.sha256()
     place = world.georeference
     frame = [place.epsg, place.offset_east_m, place.offset_north_m, world.left_hand, network_sha256]
@@ -92,7 +92,7 @@ def _without_minus_zero(value: Any) -> Any:
 
 
 def defects_hash(defects: Iterable[Defect]) -> str:
-    """SHA-256 over defects in their order: a world's content hash leaves them out."""
+    """SHA-256 over defects in their order; a world's content hash excludes them."""
     digest = hashlib.sha256()
     for defect in defects:
         values = {name: str(value) for name, value in asdict(defect).items() if name not in ("polygon", "centre")}
@@ -102,11 +102,3 @@ def defects_hash(defects: Iterable[Defect]) -> str:
 
 def _wkb(geometry: BaseGeometry) -> bytes:
     return bytes(shapely.to_wkb(geometry, byte_order=1))
-
-
-def sha256(chunks: Iterable[bytes]) -> str:
-    """SHA-256 of what the chunks are together, in hexadecimal."""
-    digest = hashlib.sha256()
-    for chunk in chunks:
-        digest.update(chunk)
-    return digest.hexdigest()

@@ -6,7 +6,7 @@ from typing import Any
 from pavetwin.errors import PaveTwinError
 
 FORMAT = 3
-"""Of the folder; raised when a world written before cannot be read any more."""
+"""Of the folder; increased when older worlds cannot be read any more."""
 
 DESCRIPTION, GEOPACKAGE, NETWORK = "world.yaml", "world.gpkg", "roads.net.xml"
 FILES = (DESCRIPTION, GEOPACKAGE, NETWORK)
@@ -46,7 +46,7 @@ def check_world(folder: Path) -> None:
 
 
 def read_description(folder: Path) -> dict[str, Any]:
-    """What `world.yaml` says.
+    """The contents of `world.yaml`.
 
     Raises:
         PaveTwinError: as `check_world`; it cannot be read, or is of another version.
@@ -69,5 +69,5 @@ def read_description(folder: Path) -> dict[str, Any]:
 
 
 def rebuild_hint(folder: Path) -> str:
-    """How a world that cannot be read is made again: the end of a message."""
+    """The end of a message about a world that cannot be read."""
     return f"build it again with `pavetwin world build SOURCE -o {folder}` and `force`."

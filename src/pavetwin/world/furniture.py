@@ -1,6 +1,6 @@
-"""Street furniture: what the map has, put behind the kerb, and what it has not, placed by rule.
+"""Street furniture: from the map, moved behind the kerb, or else placed by rule.
 
-Rules (metres; random choices come from the seed and the segment alone, so that no change elsewhere matters here):
+Rules (metres; random choices depend on the seed and the segment alone, not on changes elsewhere):
 
 - *street lights*, 8 high with an arm of 1.5 towards the road, every 30 along every segment, alternating sides, 0.6
   behind the kerb; none within 20 of a mapped one;
@@ -13,7 +13,7 @@ Rules (metres; random choices come from the seed and the segment alone, so that 
 - trees in the parks of an invented town, one for every 180 m², at least 6 apart;
 - *poles*, 9 high, every 40 on one side of every third such street, 0.5 behind the kerb, unless mapped ones are near.
 
-Nothing stands on a road, in a junction or in a building, or within 1.5 of another thing (trees 4 of a light).
+Nothing is placed on a road, in a junction, in a building, or within 1.5 of another object (trees: 4 of a light).
 """
 
 import math
@@ -41,7 +41,7 @@ TREE_SPACING, TREE_OVERHANG = (11.0, 16.0), 1.0
 PARK_AREA_A_TREE = 180.0
 CROWN_RADIUS, CROWN_BASE, TREE_HEIGHT = (2.0, 4.0), (2.5, 4.0), (6.0, 12.0)
 MAPPED_NEAR = 25.0
-"""Where the map has trees (or poles) this near to a segment, it is trusted to have all of them [m]."""
+"""With mapped trees (or poles) this near to a segment, none are added by rule [m]."""
 
 CALM_STREET_MPS = 14.0
 """Trees and poles stand along streets with at most this limit: 50 km/h [m/s]."""
@@ -73,7 +73,7 @@ class Placed:
     _mapped_trees: dict[FurnitureKind, STRtree] | None = None
 
     def add(self, thing: Furniture, *, apart_m: float = 1.5, clearance_m: float = 0.4) -> bool:
-        """Place a thing if nothing forbids it; the id is given later."""
+        """Place an object where it is free; `numbered` sets the id."""
         at = thing.position
         if self.is_near(at, apart_m) or self.ground.road_distance_m(at) < clearance_m:
             return False
@@ -84,12 +84,12 @@ class Placed:
         return True
 
     def is_near(self, at: Point, within_m: float, kind: FurnitureKind | None = None) -> bool:
-        """Whether a thing (of a kind) stands within a distance."""
+        """Whether an object (of a kind) is within a distance."""
         close = self._near.query(around(at.x, at.y, within_m))
         return any(kind in (None, thing.kind) and thing.position.distance(at) < within_m for thing in close)
 
     def mapped_near(self, kind: FurnitureKind, segment: Segment) -> bool:
-        """Whether the map has a thing of a kind within `MAPPED_NEAR` of a segment. Ask when all mapped ones stand."""
+        """Whether the map has an object of a kind within `MAPPED_NEAR` of a segment; for use after `_place_mapped`."""
         if self._mapped_trees is None:
             mapped = self.things[: self.mapped.total()]
             self._mapped_trees = {
@@ -186,7 +186,7 @@ def _tree(
     crown_m: float | None = None,
     height_m: float | None = None,
 ) -> Furniture | None:
-    """A tree of drawn size (three numbers of 0 … 1); None where its crown would have no room beside a house."""
+    """A tree of drawn size (three numbers of 0 … 1); None without room for its crown beside a house."""
 
     def between(limits: tuple[float, float], share: float) -> float:
         return limits[0] + (limits[1] - limits[0]) * float(share)

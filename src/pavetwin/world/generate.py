@@ -1,7 +1,7 @@
-"""Invented road networks: our own small town, or one of netgenerate's grids, spider webs and random nets.
+"""Generated road networks: the demo town, or one of netgenerate's grids, spider webs and random nets.
 
 The world frame is the network's own, in metres, its origin at the anchor. The same kind, seed and anchor give the same
-bytes: SUMO's time stamps are cut away.
+bytes: SUMO's time stamps are removed.
 """
 
 import re
@@ -31,7 +31,7 @@ class NetworkKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class GeneratedNetwork:
-    """A network without a real place. What a kind does not place itself is empty, and left to the world's rules."""
+    """A network without a real place. Parks and buildings are empty where the world's rules place them."""
 
     net_file: Path
     georeference: GeoReference
@@ -55,37 +55,21 @@ NETWORK_OPTIONS = (
 
 _SIDEWALKS = ("--sidewalks.guess", "--sidewalks.guess.from-permissions", "--default.sidewalk-width=2")
 
-_SHAPES: dict[NetworkKind, tuple[str, ...]] = {
+_SHAPES = {
     NetworkKind.GRID: (
-        "--grid",
-        "--grid.x-number=5",
-        "--grid.y-number=4",
-        "--grid.x-length=130",
-        "--grid.y-length=105",
-        "--grid.attach-length=70",
-        "--perturb-x=normc(0,7,-12,12)",
-        "--perturb-y=normc(0,7,-12,12)",
+        "--grid --grid.x-number=5 --grid.y-number=4 --grid.x-length=130 --grid.y-length=105 --grid.attach-length=70 "
+        "--perturb-x=normc(0,7,-12,12) --perturb-y=normc(0,7,-12,12)"
     ),
     NetworkKind.SPIDER: (
-        "--spider",
-        "--spider.arm-number=7",
-        "--spider.circle-number=3",
-        "--spider.space-radius=95",
-        "--spider.attach-length=60",
-        "--spider.omit-center",
+        "--spider --spider.arm-number=7 --spider.circle-number=3 --spider.space-radius=95 --spider.attach-length=60 "
+        "--spider.omit-center"
     ),
     NetworkKind.RANDOM: (
-        "--rand",
-        "--rand.iterations=55",
-        "--rand.min-distance=70",
-        "--rand.max-distance=150",
-        "--rand.min-angle=50",
-        "--rand.neighbor-dist1=0",
-        "--rand.neighbor-dist2=3",
-        "--rand.neighbor-dist5=0",
-        "--rand.neighbor-dist6=0",
+        "--rand --rand.iterations=55 --rand.min-distance=70 --rand.max-distance=150 --rand.min-angle=50 "
+        "--rand.neighbor-dist1=0 --rand.neighbor-dist2=3 --rand.neighbor-dist5=0 --rand.neighbor-dist6=0"
     ),
 }
+"""netgenerate's options."""
 
 
 def network_kind(name: str) -> NetworkKind:
@@ -134,7 +118,7 @@ def generate_network(
 
 
 def _clear_of_streets(buildings: tuple[Building, ...], net_file: Path) -> tuple[Building, ...]:
-    """The buildings half a metre clear of what netconvert paved: its junctions reach further than their streets."""
+    """The buildings at least 0.5 m from netconvert's roads, whose junctions extend beyond their streets."""
     net = read_roadnet(net_file)
     lanes = [lane for edge in net.edges.values() for lane in edge.lanes]
     paved: list[Polygon] = [lane.centre_line.buffer(lane.width_m / 2 + 0.5, cap_style="flat") for lane in lanes]
@@ -148,7 +132,7 @@ def _generate(kind: NetworkKind, seed: int, made: Path) -> None:
     plain = made.with_name("plain.net.xml")
     lanes = ("--default.lanenumber=2", "--random-lanenumber", "--default.speed=13.89", "--default.lanewidth=3.2")
     seeded = ("--seed", str(seed % 2**31))
-    _run("netgenerate", (*_SHAPES[kind], *lanes, *seeded, "--no-warnings", *NO_VALIDATION), plain, kind)
+    _run("netgenerate", (*_SHAPES[kind].split(), *lanes, *seeded, "--no-warnings", *NO_VALIDATION), plain, kind)
     options = [option for option in NETWORK_OPTIONS if not option.startswith("--tls.guess")]
     signals = ("--tls.guess", "--tls.guess.threshold=95")
     _run("netconvert", ("--sumo-net-file", str(plain), *options, *_SIDEWALKS, *signals), made, kind)

@@ -1,4 +1,4 @@
-"""Where a network lies on the earth: from SUMO's `<location>`, or from an anchor that the user names."""
+"""The georeference of a network: from SUMO's `<location>`, or from an anchor given by the user."""
 
 from collections.abc import Mapping
 
@@ -12,22 +12,22 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.world.model import GeoReference
 
 DEFAULT_ANCHOR = (0.0, 0.0)
-"""(latitude, longitude) in degrees of the origin of a network that lies nowhere: the Gulf of Guinea."""
+"""(latitude, longitude) in degrees of the origin of a network without a location: the Gulf of Guinea."""
 
 WGS84 = 4326
 
 
 def utm_epsg(latitude: float, longitude: float) -> int:
-    """EPSG code of the UTM zone of a place (WGS 84, degrees); Norway's and Svalbard's exceptions are not made."""
+    """EPSG code of the UTM zone of a place (WGS 84, degrees); without the exceptions for Norway and Svalbard."""
     zone = min(60, int((longitude + 180.0) // 6.0) + 1)
     return (32600 if latitude >= 0 else 32700) + zone
 
 
 def anchored(latitude: float, longitude: float) -> GeoReference:
-    """The georeference of a network whose origin lies at a place (degrees), its y axis along grid north.
+    """The georeference of a network whose origin is at a place (degrees), its y axis along grid north.
 
     Raises:
-        PaveTwinError: the place is not on the earth, or outside UTM's reach (80° S to 84° N).
+        PaveTwinError: the place is not on the earth, or outside the range of UTM (80° S to 84° N).
     """
     if not (-80.0 <= latitude <= 84.0 and -180.0 <= longitude <= 180.0):
         raise PaveTwinError(

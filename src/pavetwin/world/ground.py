@@ -1,4 +1,4 @@
-"""The ground on which things are placed: where the roads are, where the kerb is, what stands there already."""
+"""The ground for placing buildings and furniture: roads, kerbs, and what is placed already."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -45,7 +45,7 @@ def around(x: float, y: float, reach_m: float) -> Bounds:
 
 
 class PlacementGround:
-    """Roads (carriageways of every edge for cars, and junctions) that nothing may stand on."""
+    """Roads (carriageways of every edge for cars, and junctions) on which nothing is placed."""
 
     def __init__(self, net: RoadNet) -> None:
         surfaces: list[Polygon] = []
@@ -77,11 +77,8 @@ class PlacementGround:
         if self.road_distance_m(point) >= clearance_m:
             return point
         near = union_of(self.roads_near(point, furthest_m + clearance_m), clearance_m + 0.01)
-        moved = near.boundary.interpolate(near.boundary.project(point))
-        for border in shapely.get_parts(near.boundary):
-            candidate = border.interpolate(border.project(point))
-            if candidate.distance(point) < moved.distance(point):
-                moved = candidate
+        borders = shapely.get_parts(near.boundary)
+        moved = min((border.interpolate(border.project(point)) for border in borders), key=point.distance)
         if moved.distance(point) > furthest_m or self.road_distance_m(moved) < clearance_m - 0.01:
             return None
         return Point(moved.x, moved.y)
@@ -92,10 +89,7 @@ class PlacementGround:
 
 
 def kerb(segment: Segment, station_m: float, side: int) -> tuple[Point, tuple[float, float]]:
-    """Where the carriageway ends square from the centre line, on the left (side 1) or right (−1); and which way is out.
-
-    The direction is a unit vector (dx, dy).
-    """
+    """The kerb at a station, on the left (side 1) or right (−1), and the unit vector (dx, dy) outwards."""
     x, y = point_at(segment.centre_line, station_m)
     dx, dy = direction_at(segment.centre_line, station_m, over_m=4.0)
     out = (-dy * side, dx * side)

@@ -1,7 +1,7 @@
 """Which streets have gutters of concrete between their asphalt and their kerbs.
 
-Defects of asphalt keep off them and the scene lays them: both ask here. A street's name alone decides, so that segments
-of one street agree, and streets elsewhere may come and go.
+Asphalt defects avoid them and the scene draws them. The result depends on the street's name alone: it is the same for
+all segments of a street and independent of other streets.
 """
 
 import zlib

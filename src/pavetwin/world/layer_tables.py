@@ -215,4 +215,4 @@ def conflicts_of(world: Mapping[str, Any]) -> Iterator[str]:
     streets = {street.edges for street in world["streets"]}
     for segment in world["segments"]:
         if segment.edges not in streets:
-            yield f"the segment '{segment.id}' lies on the edges '{' '.join(segment.edges)}', which are no street's"
+            yield f"the segment '{segment.id}' lies on the edges '{' '.join(segment.edges)}', which belong to no street"

@@ -1,4 +1,4 @@
-"""A world's collections as layers of one GeoPackage, and back; `layer_tables` says which columns each layer has."""
+"""A world's collections as layers of one GeoPackage, and back; `layer_tables` defines their columns."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -53,7 +53,7 @@ def write_layers(world: World, path: Path) -> None:
 
 @contextmanager
 def _gdal_options() -> Iterator[None]:
-    """A fixed date, for GDAL writes today's otherwise; and no waiting for the disk."""
+    """A fixed date instead of today's, and no synchronous writes."""
     import pyogrio
 
     options = {"OGR_CURRENT_DATE": STAMP, "OGR_SQLITE_SYNCHRONOUS": "OFF"}
@@ -74,7 +74,7 @@ def read_layers(path: Path, place: GeoReference, hint: str) -> dict[str, Any]:
     """The collections of a world, as keyword arguments of `World`.
 
     Raises:
-        PaveTwinError: the file is no GeoPackage, a layer or column is missing, or a layer names what another one lacks;
+        PaveTwinError: the file is no GeoPackage, a layer or column is missing, or a layer contradicts another one;
             `hint` ends the message.
     """
     tables = {layer.name: _read(path, layer, place, hint) for layer in LAYERS}

@@ -1,7 +1,7 @@
-"""What stands still, as values: streets, segments, buildings, furniture, defects.
+"""The values of a static world: streets, segments, buildings, furniture, defects.
 
-The world frame is east-north-up in metres. It is the frame of the SUMO network beside the world, so that a position in
-the network and in the world is the same pair of numbers. `GeoReference` carries it to WGS 84.
+The world frame is east-north-up in metres and equal to the frame of the world's SUMO network. `GeoReference` converts
+it to WGS 84.
 """
 
 import zlib
@@ -27,7 +27,7 @@ Surface = Polygon | MultiPolygon
 
 @dataclass(frozen=True, slots=True)
 class GeoReference:
-    """Where the world frame lies on the earth: projected = world + offset, in the CRS `epsg` (a UTM zone)."""
+    """Position of the world frame on the earth: projected = world + offset, in the CRS `epsg` (a UTM zone)."""
 
     epsg: int
     offset_east_m: float
@@ -98,7 +98,7 @@ class Street:
 
     @property
     def key(self) -> int:
-        """A number made of the id alone: for this street's children of a seed."""
+        """A number derived from the id alone; it keys the random seeds of this street."""
         return zlib.crc32(self.id.encode())
 
     def end_of(self, edge: str) -> str:
@@ -135,7 +135,7 @@ class Connection:
     to_lane: str
     direction: Direction
     signal: SignalLink | None
-    """What controls it; None where no traffic light does."""
+    """The signal that controls it; None without a traffic light."""
     via: str
     """SUMO's internal lane on which it begins; empty in a network without internal lanes."""
     centre_line: LineString
@@ -150,7 +150,7 @@ class Segment:
     street: str
     """The street's name on the map, or its SUMO edge when it has none."""
     edges: tuple[str, ...]
-    """The directed SUMO edges it lies on: one for a one-way street, two otherwise."""
+    """Its directed SUMO edges: one for a one-way street, two otherwise."""
     centre_line: LineString
     polygon: Surface
     width_m: float
@@ -181,7 +181,7 @@ class Crossing:
     id: str
     polygon: Polygon
     signal: SignalLink | None
-    """What people who cross wait for; None where no traffic light controls it."""
+    """The signal for its pedestrians; None without a traffic light."""
 
     @property
     def signalled(self) -> bool:
@@ -240,24 +240,24 @@ class Defect:
     """0 … n−1 in the order of the world's defects."""
     segment: str
     kind: str
-    """Its class: a lower-case identifier, such as `pothole`, that `pavetwin.defects` may know the shape of."""
+    """Its class: a lower-case identifier such as `pothole`."""
     centre: Point
-    """Origin of its own frame."""
+    """Origin of its local frame."""
     polygon: Polygon
-    """Its outline: what is labelled, and the border of what is drawn."""
+    """Its outline, for labels and drawing."""
     seed: int
     """Seed of its shape; `pavetwin.defects.heightfield_of` regenerates the shape from it."""
     yaw_rad: float
-    """Direction of its own x axis."""
+    """Direction of its local x axis."""
     severity: Severity
     width_m: float
-    """Of a crack's widest opening, of a pothole its mean diameter."""
+    """Widest opening of a crack; mean diameter of a pothole."""
     depth_m: float
-    """At its deepest."""
+    """Maximum depth."""
     length_m: float
-    """Of all its cracks together; 0 where it has none."""
+    """Total length of its cracks; 0 without cracks."""
     volume_m3: float
-    """Missing below the road's surface."""
+    """Volume missing below the road surface."""
 
     def __post_init__(self) -> None:
         if not is_class_name(self.kind):
@@ -269,7 +269,7 @@ class Defect:
 
     @property
     def facts(self) -> dict[str, str | float]:
-        """What labels and exported scenes tell of it; lengths to 0.1 mm."""
+        """Its properties in labels and exported scenes; lengths to 0.1 mm."""
         return {
             "class": self.kind,
             "severity": self.severity.value,
@@ -282,7 +282,7 @@ class Defect:
 
 @dataclass(frozen=True)
 class World:
-    """S and everything around it that stands still."""
+    """The segments S and everything static around them."""
 
     name: str
     georeference: GeoReference
@@ -304,13 +304,13 @@ class World:
     base: Point
     """Where the UAV takes off and lands."""
     content_hash: str = ""
-    """Names everything above but the defects: what a trace or a navmesh was made for."""
+    """SHA-256 of everything above except the defects; identifies the world of a recording or a navmesh."""
     folder: Path | None = field(default=None, compare=False)
-    """Where it was loaded from; holds `roads.net.xml` and `traffic/`."""
+    """The folder that it was loaded from; holds `roads.net.xml` and `traffic/`."""
 
     @cached_property
     def carriageway(self) -> BaseGeometry:
-        """The road surface as it is built, for everybody who draws it, counts it or keeps clear of it."""
+        """The road surface as it is built: the one definition for scenes, maps, labels and placement."""
         from pavetwin.world.carriageway import carriageway
 
         return carriageway(self)

@@ -1,8 +1,8 @@
-"""A road network for SUMO from what the user has: `.osm`, `.osm.gz`, `.osm.pbf`, or a `.net.xml` as it is.
+"""A SUMO road network from `.osm`, `.osm.gz`, `.osm.pbf`, or an existing `.net.xml`.
 
 OpenStreetMap goes through two steps. First only the streets for motor traffic are kept (motorway … living_street; no
 service roads, parking aisles, footways and cycleways of their own), and each urban street is given sidewalks on both
-sides unless the map says that it has none: a sidewalk mapped as a way of its own (`sidewalk=separate`) is dropped with
+sides unless the map excludes them: a sidewalk mapped as a way of its own (`sidewalk=separate`) is dropped with
 the other footways and would be missing. Then netconvert makes the network: junctions joined, crossings and traffic
 lights guessed (actuated), only the largest connected part, UTM.
 """
@@ -28,7 +28,7 @@ STREETS = frozenset(
 """Values of OSM's `highway` (and their `_link`s) that are inspected and driven on."""
 
 WITHOUT_SIDEWALK = frozenset({"motorway", "trunk", "living_street"})
-"""Streets that get a sidewalk only when the map says so; a living street is walked on as a whole."""
+"""Streets that get a sidewalk only when the map says so; pedestrians use the whole of a living street."""
 
 NETCONVERT_OPTIONS = (
     "--osm.sidewalks",
@@ -71,7 +71,7 @@ def source_kind(source: Path) -> str:
 
 
 def network_from_osm(source: Path, target: Path, *, left_hand: bool = False) -> LeftOut:
-    """Write the SUMO network of an OSM file to `target`; returns what was not connected with it.
+    """Write the SUMO network of an OSM file to `target`; returns the streets not connected with it.
 
     Raises:
         PaveTwinError: the file is cut short or no OSM, it has no streets, or SUMO is missing.
@@ -124,18 +124,18 @@ def write_streets(source: Path, target: Path) -> int:
     """
     import osmium
 
-    wanted: set[int] = set()
+    street_nodes: set[int] = set()
     streets = 0
     for way in osm_objects(source, only_ways=True):
         if is_street(way.tags):
             streets += 1
-            wanted.update(node.ref for node in way.nodes)
+            street_nodes.update(node.ref for node in way.nodes)
     if streets == 0:
         return 0
     try:
         with osmium.SimpleWriter(str(target)) as writer:
             for item in osm_objects(source):
-                if item.is_node() and item.id in wanted:
+                if item.is_node() and item.id in street_nodes:
                     writer.add(item)
                 elif item.is_way() and is_street(item.tags):
                     writer.add(item.replace(tags=with_sidewalks({tag.k: tag.v for tag in item.tags})))
@@ -153,7 +153,7 @@ def is_street(tags: Any) -> bool:
 
 
 def with_sidewalks(tags: dict[str, str]) -> dict[str, str]:
-    """A street's tags with `sidewalk` as netconvert shall have it: both, left, right or none."""
+    """A street's tags with `sidewalk` in the form that netconvert reads: both, left, right or none."""
     given = {key: value for key, value in tags.items() if key.split(":")[0] == "sidewalk"}
     kept = {key: value for key, value in tags.items() if key not in given}
     urban = tags["highway"].removesuffix("_link") not in WITHOUT_SIDEWALK and tags.get("motorroad") != "yes"

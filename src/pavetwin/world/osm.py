@@ -1,6 +1,6 @@
-"""What OpenStreetMap knows about a town besides its streets: buildings, trees, lamps, poles, signs, green.
+"""Map features of OpenStreetMap besides streets: buildings, trees, street lamps, poles, signs, green areas.
 
-Everything is carried into the world frame (metres). What lies further than `REACH` from every street is left out.
+Coordinates are in the world frame (metres). Features further than `REACH` from every street are omitted.
 """
 
 import math
@@ -20,7 +20,7 @@ from pavetwin.world.streets import polygons_of
 from pavetwin.world.tags import building_height_m, metres
 
 REACH = 100.0
-"""Distance from a street up to which the map's things belong to the world [m]."""
+"""Map features up to this distance from a street belong to the world [m]."""
 
 TREE_SPACING = 10.0
 """Distance between the trees of a `natural=tree_row` [m]."""
@@ -39,7 +39,7 @@ NO_BUILDING = frozenset({"no", "bridge", "construction", "proposed", "demolished
 
 @dataclass(frozen=True, slots=True)
 class MappedPoint:
-    """Something upright; sizes are None when the map does not say them."""
+    """Something upright; sizes are None when the map has none."""
 
     kind: FurnitureKind
     position: Point

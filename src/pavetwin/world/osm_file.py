@@ -1,4 +1,4 @@
-"""Reading OpenStreetMap files, whole or with a plain sentence."""
+"""Reading OpenStreetMap files."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path

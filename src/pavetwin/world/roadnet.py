@@ -1,7 +1,7 @@
 """A SUMO network as typed values: edges with lanes, junctions, crossings, connections and traffic lights.
 
-It is the one reader of a world's network. Only what the world needs is read; requests and signal programs are left
-out. Coordinates are metres in the network's frame, which is the world frame.
+It is the only reader of a world's network. Requests and signal programs are not read. Coordinates are
+metres in the network's frame, which is the world frame.
 """
 
 from collections.abc import Iterator, Mapping
@@ -68,20 +68,15 @@ def read_roadnet(path: Path, shown_as: str | None = None) -> RoadNet:
     """
     shown = shown_as or str(path)
     reader = _NetReader()
+    depth = 0
     try:
-        root_seen = False
-        depth = 0
         for event, element in iterparse(path, events=("start", "end")):
-            if event == "start":
-                if not root_seen:
-                    root_seen = True
-                    if element.tag != "net":
-                        raise PaveTwinError(f"'{shown}' is no SUMO network: it begins with <{element.tag}>, not <net>.")
-                    reader.left_hand = element.get("lefthand") in ("1", "true")
-                depth += 1
-                continue
-            depth -= 1
-            if depth == 1:
+            depth += 1 if event == "start" else -1
+            if event == "start" and depth == 1:
+                if element.tag != "net":
+                    raise PaveTwinError(f"'{shown}' is no SUMO network: it begins with <{element.tag}>, not <net>.")
+                reader.left_hand = element.get("lefthand") in ("1", "true")
+            elif event == "end" and depth == 1:
                 reader.take(element)
                 element.clear()
         return reader.result()

@@ -1,7 +1,7 @@
 """Streets cut into segments, the units of inspection (S = {s_1 … s_N}).
 
-A street is cut across into the fewest equal pieces of at most `segment_length`. The pieces tile its carriageway: what
-lies between two neighbouring cuts, which stand square on the centre line, is one piece.
+A street is cut across into the fewest equal pieces of at most `segment_length`. The pieces tile its carriageway;
+the cuts are perpendicular to the centre line.
 """
 
 import math
@@ -84,7 +84,7 @@ def _cut(street: StreetSurface, stations: Iterable[float]) -> list[Polygon]:
 
 
 def cross_line(line: LineString, station_m: float, reach_m: float) -> LineString:
-    """A straight line square across `line` at a station, `reach_m` to the left (its start) and to the right."""
+    """A straight line perpendicular to `line` at a station, `reach_m` to the left (its start) and to the right."""
     x, y = point_at(line, station_m)
     dx, dy = direction_at(line, station_m)
     return LineString([(x - dy * reach_m, y + dx * reach_m), (x + dy * reach_m, y - dx * reach_m)])
@@ -97,7 +97,7 @@ def point_at(line: LineString, station_m: float) -> tuple[float, float]:
 
 
 def direction_at(line: LineString, station_m: float, over_m: float = 2.0) -> tuple[float, float]:
-    """Unit direction (dx, dy) of a line at a station, taken over `over_m` so that a vertex does not decide it."""
+    """Unit direction (dx, dy) of a line at a station, averaged over `over_m` to smooth single vertices."""
     low = max(0.0, min(station_m - over_m / 2, line.length - over_m))
     high = min(line.length, max(station_m + over_m / 2, over_m))
     (ax, ay), (bx, by) = point_at(line, low), point_at(line, high)
@@ -106,6 +106,6 @@ def direction_at(line: LineString, station_m: float, over_m: float = 2.0) -> tup
 
 
 def segment_key(segment: Segment) -> int:
-    """A number for the segment's children of a seed that stays when streets elsewhere come and go."""
+    """A number that keys the random seeds of a segment; it does not depend on other streets."""
     middle = segment.centre_line.interpolate(0.5, normalized=True)
     return zlib.crc32(f"{' '.join(segment.edges)} {middle.x:.1f} {middle.y:.1f}".encode())

@@ -1,4 +1,4 @@
-"""Where signals and signs stand: at the ends of the edges that lead into a junction."""
+"""Positions of signals and signs: at the ends of the edges that lead into a junction."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -21,7 +21,7 @@ BACK_FROM_LINE = (1.0, 2.0, 3.5, 5.0, 7.0)
 
 
 def signals_of(net: RoadNet, radius_m: float) -> Iterator[list[Furniture]]:
-    """For every signalled approach the masts that would do, best first; the arm ends over the last lane's middle."""
+    """For every signalled approach the candidate masts, best first; the arm ends over the last lane's middle."""
     for name, controller in sorted(net.signalled.items()):
         edge = net.edges[name]
         if not edge.for_cars or not edge.carriageway:

@@ -1,4 +1,4 @@
-"""What stands still as upright prisms with convex bases: what hides the road from a camera, and what a UAV may hit."""
+"""Buildings and furniture as vertical prisms with convex bases: they occlude the road and obstruct the UAV."""
 
 import math
 from collections.abc import Iterator

@@ -3,7 +3,8 @@
 The GeoPackage holds projected coordinates in the world's own CRS. The same world gives the same bytes.
 """
 
-from dataclasses import replace
+import hashlib
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from shapely import Point
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing_folder
 from pavetwin.world.build import BuildRecord, Built
-from pavetwin.world.content import content_hash, sha256
+from pavetwin.world.content import content_hash
 from pavetwin.world.folder import (
     DESCRIPTION,
     FORMAT,
@@ -26,7 +27,7 @@ from pavetwin.world.folder import (
 from pavetwin.world.model import GeoReference, World
 
 COUNTED = ("streets", "segments", "connections", "buildings", "furniture", "defects")
-"""Collections whose sizes the description tells."""
+"""Collections whose sizes are in the description."""
 
 
 def save_world(built: Built, folder: str | Path, *, force: bool = False) -> World:
@@ -54,11 +55,7 @@ def _description(built: Built) -> dict[str, Any]:
         "format": FORMAT,
         "content_hash": world.content_hash,
         **built.record.model_dump(mode="json"),
-        "georeference": {
-            "epsg": place.epsg,
-            "offset_east_m": place.offset_east_m,
-            "offset_north_m": place.offset_north_m,
-        },
+        "georeference": asdict(place),
         "left_hand": world.left_hand,
         "base": {"east_m": world.base.x, "north_m": world.base.y, "longitude": lon, "latitude": lat},
         "counts": {name: len(getattr(world, name)) for name in COUNTED},
@@ -68,7 +65,7 @@ def _description(built: Built) -> dict[str, Any]:
 def load_world(folder: str | Path) -> World:
     """Read a world's folder; it equals the one that was saved.
 
-    The content hash is computed again, so that a world edited in QGIS is another world to its traces.
+    The content hash is computed again, so that recordings of a world are not reused after an edit in QGIS.
 
     Raises:
         PaveTwinError: it is no world, a file of it is missing or damaged, or it is of another version.
@@ -96,12 +93,12 @@ def load_world(folder: str | Path) -> World:
         **layers,
     )
     with (folder / NETWORK).open("rb") as stream:
-        network = sha256(iter(lambda: stream.read(1 << 20), b""))
+        network = hashlib.file_digest(stream, "sha256").hexdigest()
     return replace(world, content_hash=content_hash(world, network))
 
 
 def attribution(source: str) -> str | None:
-    """Who must be named under whatever is made from a world of that `source` (see `load_record`)."""
+    """The copyright notice for products of a world of that `source` (see `load_record`)."""
     return "© OpenStreetMap contributors" if source.endswith((".osm", ".osm.gz", ".osm.pbf")) else None
 
 

@@ -14,19 +14,20 @@ from shapely.geometry.polygon import orient
 from shapely.ops import substring
 
 from pavetwin.arrays import Float64Array
+from pavetwin.world.groups import groups
 
 Coordinate = tuple[float, float]
 
 CURVE_STEP = 7.0
 """Distance between the points of a drawn curve [m]."""
 NODE_SPACING = 36.0
-"""Least distance between two junctions on a side street [m]; queues and crossings need the room."""
+"""Least distance between two junctions on a side street [m]; room for queues and crossings."""
 MAIN_SPACING = 52.0
 """The same on the main street and the through road."""
 CLEARANCE = 30.0
 """Least distance between streets that do not meet [m]: two rows of gardens, or one of houses."""
 MAIN, THROUGH = 0, 1
-"""Strokes of the two roads that the town grew along."""
+"""Strokes of the two main roads."""
 
 
 @dataclass(slots=True)
@@ -48,7 +49,7 @@ class Piece:
 
 
 class StreetGraph:
-    """Nodes and pieces that meet only at nodes. Adding a piece splits nothing; `node_on` does."""
+    """Nodes and pieces that meet only at nodes. `add_piece` splits no piece; `node_on` does."""
 
     def __init__(self) -> None:
         self.nodes: list[Coordinate] = []
@@ -117,13 +118,9 @@ class StreetGraph:
 
     def connected_without(self, dropped: int | None = None) -> bool:
         """Whether every node that has a street can be reached from every other, with one piece left out."""
-        pieces = [piece for key, piece in self.pieces.items() if key != dropped]
         used = {node for piece in self.pieces.values() for node in (piece.start, piece.end)}
-        neighbours: dict[int, set[int]] = {node: set() for node in used}
-        for piece in pieces:
-            neighbours[piece.start].add(piece.end)
-            neighbours[piece.end].add(piece.start)
-        return reached(neighbours, min(used)) == used
+        group = groups((piece.start, piece.end) for key, piece in self.pieces.items() if key != dropped)
+        return group.keys() == used and len(set(group.values())) == 1
 
     def join_bends(self, radius_m: float) -> None:
         """Make one piece of any two that meet at a node with no third, rounding the corner between them."""
@@ -150,16 +147,6 @@ class StreetGraph:
         bearings.sort()
         turned = [*bearings[1:], bearings[0] + 360] if bearings else []
         return min((b - a for a, b in zip(bearings, turned, strict=True)), default=360.0)
-
-
-def reached(neighbours: dict[int, set[int]], origin: int) -> set[int]:
-    """Nodes that can be reached from one, itself included."""
-    seen, front = {origin}, [origin]
-    while front:
-        fresh = neighbours[front.pop()] - seen
-        seen |= fresh
-        front.extend(fresh)
-    return seen
 
 
 def part_of(line: LineString, start_m: float, end_m: float) -> LineString:
@@ -242,7 +229,7 @@ def add_street(graph: StreetGraph, line: LineString) -> None:
 
 
 def fits(graph: StreetGraph, line: LineString, *, ends: int = 2) -> bool:
-    """Whether a new street keeps clear of all others but where it meets them (at its first or at both ends)."""
+    """Whether a new street keeps its distance from all others, except at its first end or both `ends`."""
     if line.length < 50 or not line.is_simple:
         return False
     free = part_of(line, CLEARANCE + 8, line.length - (CLEARANCE + 8) * (ends - 1))

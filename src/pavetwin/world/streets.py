@@ -19,7 +19,7 @@ MAX_MEDIAN = 3.0
 """Two directions further apart than this are two streets with a median between them [m]."""
 
 MIN_STREET = 8.0
-"""A shorter street is part of a junction in all but name and is not inspected [m]."""
+"""A shorter street counts as part of a junction and is not inspected [m]."""
 
 CLOSING = 0.3
 """Slivers between neighbouring lanes up to twice this are closed [m]."""

@@ -1,6 +1,6 @@
-"""SUMO's tools, found when they are needed and run as processes of their own.
+"""SUMO's tools, located when needed and run as separate processes.
 
-Nothing here touches the network: schemas and type maps come from the installation itself.
+No internet access is needed: schemas and type maps come from the installation.
 """
 
 import os
@@ -13,7 +13,7 @@ from pathlib import Path
 from pavetwin.errors import PaveTwinError
 
 NO_VALIDATION = ("--xml-validation", "never")
-"""Options that keep a SUMO tool from fetching a schema over the network."""
+"""Options that keep a SUMO tool from downloading a schema."""
 
 INSTALL_HINT = "install it with `pip install eclipse-sumo`, or set SUMO_HOME to your own installation"
 
@@ -102,4 +102,4 @@ def first_error(*outputs: str) -> str:
     for line in lines:
         if line.startswith("Error"):
             return line.removeprefix("Error:").strip()
-    return lines[-1] if lines else "it ended without a word"
+    return lines[-1] if lines else "it ended without a message"

@@ -1,4 +1,4 @@
-"""Numbers out of OpenStreetMap's free-text tags, and the height of a building when no tag says it."""
+"""Numbers from OpenStreetMap's free-text tags, and the height of a building without a height tag."""
 
 import re
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ LOW_KINDS = frozenset(
 """Values of `building` that are one low storey."""
 
 AREA_RULE = ((60.0, 3.0), (150.0, 6.5), (400.0, 9.5), (1500.0, 12.5))
-"""Footprint up to [m²] → height [m] of a building about which the map says nothing; larger ones are 15 m."""
+"""Footprint up to [m²] → height [m] of a building without height tags; larger ones are 15 m."""
 
 LARGEST = 15.0
 

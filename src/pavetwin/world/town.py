@@ -1,4 +1,4 @@
-"""Our demo town: a bent main street, side streets of different widths, signals, a park, houses along the streets.
+"""The demo town: a bent main street, side streets of different widths, signals, a park, houses along the streets.
 
 `plan_town` draws the streets, `plan_roads` gives them lanes and names, `place_buildings` lines them with houses. Here
 all are moved into the world frame, the whole town to the north-east of the origin.

@@ -1,6 +1,6 @@
 """Houses for the invented town: closed rows around the blocks of the centre, terraces and single houses further out.
 
-Everything stands behind the sidewalks with a front garden or none, faces its street, and overlaps nothing. Heights are
+Buildings are behind the sidewalks, with or without a front garden, face their street, and do not overlap. Heights are
 storeys of about 3 m and a roof: 9 to 15 m in the centre, 6 to 9 m elsewhere, a church with a steeple by a small square.
 Coordinates are metres in the plan's frame (the main crossing at the origin).
 """
@@ -26,7 +26,7 @@ from pavetwin.world.town_roads import Rank, RoadPlan
 CENTRE_RADIUS = 145.0
 """Blocks whose middle is nearer to the crossing are built up in closed rows [m]."""
 EDGE_RADIUS = 262.0
-"""Beyond this only a farm stands here and there [m]."""
+"""Beyond this there are only single farms [m]."""
 LEAST_AREA = 28.0
 """Smaller left-overs are not built [m²]."""
 FORECOURT_WIDTH, FORECOURT_DEPTH = 44.0, 50.0
@@ -44,7 +44,7 @@ def surfaces(plan: RoadPlan) -> Surface:
 
 @dataclass(slots=True)
 class _Site:
-    """What is built so far, and where nothing may be built."""
+    """The buildings so far, and the area where nothing may be built."""
 
     forbidden: Surface
     rng: np.random.Generator
@@ -52,11 +52,11 @@ class _Site:
     heights: list[float] = field(default_factory=list)
 
     def build(self, polygon: Polygon, height_m: float, *, gap_m: float = 0.0) -> bool:
-        """Build unless something stands within the gap (measured along all sides)."""
+        """Build unless another building is within the gap on any side."""
         if not polygon.is_valid or polygon.area < LEAST_AREA or polygon.intersects(self.forbidden):
             return False
-        wanted = polygon.buffer(gap_m, join_style="mitre") if gap_m else polygon.buffer(-0.02)
-        if self.polygons and shapely.intersects(np.array(self.polygons), wanted).any():
+        needed = polygon.buffer(gap_m, join_style="mitre") if gap_m else polygon.buffer(-0.02)
+        if self.polygons and shapely.intersects(np.array(self.polygons), needed).any():
             return False
         self.polygons.append(polygon)
         self.heights.append(round(height_m, 1))

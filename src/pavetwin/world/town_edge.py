@@ -1,4 +1,4 @@
-"""What makes a plan of streets a town: a park, irregular blocks, crescents at the edge, and closes.
+"""The last steps of a town plan: a park, removed streets, crescents at the edge, and closes.
 
 Coordinates are metres around the main crossing.
 """
@@ -41,17 +41,17 @@ def choose_park(graph: StreetGraph, rng: np.random.Generator) -> Polygon:
     return min(graph.faces(), key=unfit)
 
 
-def give_up_some(graph: StreetGraph, park: Polygon, rng: np.random.Generator) -> None:
-    """Drop a few stretches of side street where nobody is cut off and no block grows out of scale."""
+def remove_some(graph: StreetGraph, park: Polygon, rng: np.random.Generator) -> None:
+    """Remove a few pieces of side street where the network stays connected and no block becomes too large."""
     kept = set(graph.pieces_around(park))
     keys = [key for key, piece in graph.pieces.items() if piece.stroke > THROUGH and key not in kept]
     rng.shuffle(keys)
-    wanted, stubs = int(rng.integers(3, 6)), 0
+    remaining, stubs = int(rng.integers(3, 6)), 0
     for key in keys:
         piece = graph.pieces[key]
         degrees = [graph.degree(piece.start), graph.degree(piece.end)]
         stub = min(degrees) == 2
-        if wanted == 0 or min(degrees) < 2 or (stub and stubs > 0) or not graph.connected_without(key):
+        if remaining == 0 or min(degrees) < 2 or (stub and stubs > 0) or not graph.connected_without(key):
             continue
         beside = [face for face in graph.faces() if face.exterior.distance(piece.line.centroid) < 25]
         if sum(float(face.area) for face in beside if face.covers(piece.line)) > 30_000:
@@ -59,7 +59,7 @@ def give_up_some(graph: StreetGraph, park: Polygon, rng: np.random.Generator) ->
         if sum(_bends_without(graph, n, key) for n in (piece.start, piece.end)) > 1:
             continue
         del graph.pieces[key]
-        wanted, stubs = wanted - 1, stubs + stub
+        remaining, stubs = remaining - 1, stubs + stub
 
 
 def _bends_without(graph: StreetGraph, node: int, dropped: int) -> bool:
@@ -85,9 +85,9 @@ def _outer_doors(graph: StreetGraph, *, inside: bool) -> list[Door]:
     return doors
 
 
-def crescents(graph: StreetGraph, rng: np.random.Generator, wanted: int) -> None:
-    """Loops of houses at the edge of town: out of one street and back into it, or round the corner into the next."""
-    for _ in range(wanted):
+def crescents(graph: StreetGraph, rng: np.random.Generator, count: int) -> None:
+    """Loops at the edge of town: from one street back to it, or to its neighbour."""
+    for _ in range(count):
         doors = _outer_doors(graph, inside=False)
         for _ in range(400 if doors else 0):
             a, b = (doors[int(i)] for i in rng.integers(0, len(doors), 2))
@@ -105,9 +105,9 @@ def crescents(graph: StreetGraph, rng: np.random.Generator, wanted: int) -> None
                 break
 
 
-def closes(graph: StreetGraph, park: Polygon, rng: np.random.Generator, wanted: int) -> None:
-    """Dead ends: short streets into the depth of a large block or out towards the fields."""
-    for _ in range(wanted):
+def closes(graph: StreetGraph, park: Polygon, rng: np.random.Generator, count: int) -> None:
+    """Dead ends: short streets into a large block or out of town."""
+    for _ in range(count):
         doors = [door for door in _outer_doors(graph, inside=True) if np.hypot(*door.position) > 110]
         for _ in range(300 if doors else 0):
             door = doors[int(rng.integers(0, len(doors)))]

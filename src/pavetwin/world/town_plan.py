@@ -1,9 +1,9 @@
-"""The streets of an invented small town: where they run, before anything is known of lanes or SUMO.
+"""The street plan of a generated small town: centre lines without lanes.
 
 A bent main street and a through road cross obliquely at the town's centre. In each quarter between them an outer street
-closes a first large block, which is parcelled again and again by streets that leave their neighbours squarely and
-curve between them. Then some stretches are given up, so that blocks become irregular; crescents and closes are added
-at the edge. The same seed gives the same plan; a plan that breaks a rule of `faults` is thrown away for the next one.
+closes a first large block, which is subdivided by streets that meet their neighbours at right angles and curve between
+them. Then some pieces are removed, so that blocks become irregular, and crescents and closes are added at the edge. The
+same seed gives the same plan; a plan that breaks a rule of `faults` is discarded and the next one is tried.
 """
 
 import math
@@ -34,7 +34,7 @@ from pavetwin.world.street_graph import (
     turned,
     unit,
 )
-from pavetwin.world.town_edge import RADIUS, choose_park, closes, crescents, give_up_some
+from pavetwin.world.town_edge import RADIUS, choose_park, closes, crescents, remove_some
 
 LEAST_ANGLE_DEG = 40.0
 
@@ -71,10 +71,10 @@ def _attempt(rng: np.random.Generator) -> TownPlan | None:
         return None
     _parcel(graph, rng)
     park = choose_park(graph, rng)
-    give_up_some(graph, park, rng)
+    remove_some(graph, park, rng)
     graph.join_bends(18.0)
-    crescents(graph, rng, wanted=int(rng.integers(1, 3)))
-    closes(graph, park, rng, wanted=int(rng.integers(2, 4)))
+    crescents(graph, rng, count=int(rng.integers(1, 3)))
+    closes(graph, park, rng, count=int(rng.integers(2, 4)))
     return TownPlan(graph, crossing, park)
 
 

@@ -15,7 +15,8 @@ from shapely import LineString, Point
 
 from pavetwin.arrays import Float64Array
 from pavetwin.seeds import Stream, child
-from pavetwin.world.street_graph import MAIN, THROUGH, Coordinate, Piece, StreetGraph, reached
+from pavetwin.world.groups import groups
+from pavetwin.world.street_graph import MAIN, THROUGH, Coordinate, Piece, StreetGraph
 from pavetwin.world.town_plan import TownPlan
 
 KMH = 1 / 3.6
@@ -119,7 +120,7 @@ def _road(plan: TownPlan, piece: Piece, slug: str, name: str, one_way: bool, tas
 
 
 def _one_way_lanes(plan: TownPlan, rng: np.random.Generator) -> set[int]:
-    """Up to three short side streets near the centre that may be one-way without cutting anyone off."""
+    """Up to three short side streets near the centre that may be one-way while the network stays strongly connected."""
     graph = plan.graph
     near = [
         key
@@ -141,20 +142,18 @@ def _one_way_lanes(plan: TownPlan, rng: np.random.Generator) -> set[int]:
 
 def strongly_connected(graph: StreetGraph, one_way: set[int]) -> bool:
     """Whether a car can get from every junction to every other, driving one-way pieces from start to end only."""
-    onward: dict[int, set[int]] = {}
-    backward: dict[int, set[int]] = {}
-    for key, piece in graph.pieces.items():
-        ways = [(piece.start, piece.end)] if key in one_way else [(piece.start, piece.end), (piece.end, piece.start)]
-        for start, end in ways:
-            onward.setdefault(start, set()).add(end)
-            backward.setdefault(end, set()).add(start)
-    nodes = set(onward) | set(backward)
-    origin = min(nodes)
-    return all(reached({node: ways.get(node, set()) for node in nodes}, origin) == nodes for ways in (onward, backward))
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    ways = [(piece.start, piece.end) for piece in graph.pieces.values()]
+    ways += [(piece.end, piece.start) for key, piece in graph.pieces.items() if key not in one_way]
+    nodes, ends = np.unique(np.array(ways).T, return_inverse=True)
+    matrix = coo_array((np.ones(len(ways)), ends.reshape(2, -1)), shape=(len(nodes), len(nodes)))
+    return bool(connected_components(matrix, connection="strong", return_labels=False) == 1)
 
 
 def _street_names(graph: StreetGraph, one_way: set[int], rng: np.random.Generator) -> dict[int, str]:
-    """A name for every piece: one a stroke, as long as the stroke hangs together."""
+    """A name for every piece: one for each connected part of a stroke."""
     stock = [_NAMES[int(i)] for i in rng.permutation(len(_NAMES))]
     main, cross = (str(rng.choice(names)) for names in (_MAIN_NAMES, _THROUGH_NAMES))
     names: dict[int, str] = {}
@@ -162,7 +161,7 @@ def _street_names(graph: StreetGraph, one_way: set[int], rng: np.random.Generato
         if key in names:
             continue
         piece = graph.pieces[key]
-        together = _hanging_together(graph, key, one_way)
+        together = _connected_part(graph, key, one_way)
         if piece.stroke in (MAIN, THROUGH):
             name = main if piece.stroke == MAIN else cross
         else:
@@ -183,20 +182,14 @@ def _street_names(graph: StreetGraph, one_way: set[int], rng: np.random.Generato
     return names
 
 
-def _hanging_together(graph: StreetGraph, key: int, one_way: set[int]) -> list[int]:
-    """The pieces of the same stroke that can be walked to along it; a one-way lane is a street of its own."""
-    stroke = graph.pieces[key].stroke
+def _connected_part(graph: StreetGraph, key: int, one_way: set[int]) -> list[int]:
+    """The pieces of the same stroke connected with this one; a one-way lane is a separate street."""
     if key in one_way:
         return [key]
-    rest = [k for k, piece in sorted(graph.pieces.items()) if piece.stroke == stroke and k not in one_way]
-    found, front = {key}, [key]
-    while front:
-        piece = graph.pieces[front.pop()]
-        for k in rest:
-            if k not in found and {piece.start, piece.end} & {graph.pieces[k].start, graph.pieces[k].end}:
-                found.add(k)
-                front.append(k)
-    return sorted(found)
+    stroke, start = graph.pieces[key].stroke, graph.pieces[key].start
+    pieces = {k: piece for k, piece in graph.pieces.items() if piece.stroke == stroke and k not in one_way}
+    group = groups((piece.start, piece.end) for piece in pieces.values())
+    return sorted(k for k, piece in pieces.items() if group[piece.start] == group[start])
 
 
 def _signals(plan: TownPlan) -> frozenset[int]:
@@ -228,7 +221,7 @@ def write_plain(plan: RoadPlan, folder: Path, shift: Coordinate) -> tuple[Path, 
     lines = ["<edges>"]
     for road in plan.roads:
         line = road.centre_line
-        if road.one_way:  # SUMO lays lanes to the right of an edge's line; the left sidewalk is an edge of its own
+        if road.one_way:  # SUMO places lanes to the right of an edge's line; the left sidewalk is an edge of its own
             line = LineString(line.offset_curve(road.carriageway_m / 2).coords)
         lines.append(_edge(road, road.id, road.start, road.end, line, shift))
         lines.append(_edge(road, f"-{road.id}", road.end, road.start, line.reverse(), shift, walked=road.one_way))
@@ -239,7 +232,7 @@ def write_plain(plan: RoadPlan, folder: Path, shift: Coordinate) -> tuple[Path, 
 def _edge(
     road: Road, edge_id: str, start: int, end: int, line: LineString, shift: Coordinate, *, walked: bool = False
 ) -> str:
-    """One direction of a road; `walked` when nothing but its sidewalk lies in it."""
+    """One direction of a road; `walked` when it has only a sidewalk."""
     shape = " ".join(f"{x + shift[0]:.2f},{y + shift[1]:.2f}" for x, y in line.coords)
     if walked:
         lanes = f'numLanes="1" width="{road.sidewalk_m}" allow="pedestrian"'
