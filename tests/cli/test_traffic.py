@@ -55,7 +55,7 @@ def test_recording_says_what_it_did_and_then_that_it_is_done(world: Path) -> Non
         (("--density", "low", "--duration", "0"), "duration"),
         (("--density", "low", "--duration", "-3"), "duration"),
         (("--density", "low", "--seed", "-1"), "seed"),
-        ((), "No traffic is given"),
+        ((), "how much traffic"),
         (("--density", "low", "--vehicles-per-lane-km", "3"), "Choose one"),
         (("--vehicles-per-lane-km", "-3"), "from 0 up"),
         (("--vehicles-per-lane-km", "500"), "do not fit"),

@@ -5,7 +5,8 @@ from pathlib import Path
 from shapely import Point
 
 from pavetwin.traffic.recording import Recording
-from pavetwin.world.model import GeoReference, World
+from pavetwin.world.georeference import GeoReference
+from pavetwin.world.model import World
 from pavetwin.world.roadnet import read_roadnet
 from pavetwin.world.sumo import run_tool
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.world.generate import GeneratedNetwork, NetworkKind, generate_network
+from pavetwin.world.generate import NetworkKind, SourceNetwork, generate_network
 from pavetwin.world.georeference import from_location
 from pavetwin.world.model import LaneKind
 from pavetwin.world.roadnet import RoadNet, read_roadnet
@@ -25,7 +25,7 @@ _FOLDER = TemporaryDirectory(prefix="pavetwin-test-")  # gone when the interpret
 
 
 @cache
-def generated(kind: NetworkKind, seed: int) -> tuple[GeneratedNetwork, RoadNet]:
+def generated(kind: NetworkKind, seed: int) -> tuple[SourceNetwork, RoadNet]:
     network = generate_network(kind, seed, Path(mkdtemp(dir=_FOLDER.name)))
     return network, read_roadnet(network.net_file)
 

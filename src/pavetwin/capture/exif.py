@@ -14,7 +14,7 @@ from pavetwin.arrays import UInt8Array
 from pavetwin.render.exposure import Exposure
 from pavetwin.scene.view import View
 from pavetwin.uav.cameras import Camera
-from pavetwin.world.model import GeoReference
+from pavetwin.world.georeference import GeoReference
 
 _FULL_FRAME_MM: Final = (36.0, 24.0)
 """Frame of the film that 35 mm equivalent focal lengths refer to."""

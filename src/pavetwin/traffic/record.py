@@ -4,7 +4,7 @@ import math
 import os
 import tempfile
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, Self
@@ -21,7 +21,6 @@ from pavetwin.traffic.runner import (
     OnProgress,
     SimulationProcess,
     require_sumo,
-    simulating,
     termination_as_exit,
     workplace,
 )
@@ -165,7 +164,7 @@ class Recorder:
         inputs = self._inputs
         _check_writable(inputs.path)
         folder = self._alive.enter_context(workplace())
-        return self._alive.enter_context(simulating(inputs.job(folder)))
+        return self._alive.enter_context(closing(SimulationProcess(inputs.job(folder))))
 
     def _end(self) -> None:
         self._simulation = None

@@ -92,7 +92,7 @@ class SimulationProcess:
             )
         return answer
 
-    def end(self) -> None:
+    def close(self) -> None:
         """End the process; in a fork of its owner, only close the connection."""
         self._owner.close()
         if os.getpid() != self._owner_process:
@@ -106,16 +106,6 @@ class SimulationProcess:
 
     def _printed(self) -> str:
         return self._output.read_text(errors="replace")
-
-
-@contextmanager
-def simulating(job: SimulationJob) -> Iterator[SimulationProcess]:
-    """A simulation that ends when it is left."""
-    simulation = SimulationProcess(job)
-    try:
-        yield simulation
-    finally:
-        simulation.end()
 
 
 def _failure(job: SimulationJob, code: int, printed: str) -> str:

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pavetwin.world.build import BuildOptions, Built, build_world
-    from pavetwin.world.model import Defect, GeoReference, Segment, Severity, World
+    from pavetwin.world.georeference import GeoReference
+    from pavetwin.world.model import Defect, Segment, Severity, World
     from pavetwin.world.store import load_world, save_world
 
 _MODULES = {
     **dict.fromkeys(("BuildOptions", "Built", "build_world"), "build"),
-    **dict.fromkeys(("Defect", "GeoReference", "Segment", "Severity", "World"), "model"),
+    "GeoReference": "georeference",
+    **dict.fromkeys(("Defect", "Segment", "Severity", "World"), "model"),
     **dict.fromkeys(("load_world", "save_world"), "store"),
 }
 

@@ -19,10 +19,10 @@ from pavetwin.world.buildings import buildings_by_rule, clear_of_roads
 from pavetwin.world.connected import LeftOut
 from pavetwin.world.content import content_hash, snapped_world
 from pavetwin.world.furniture import furnish
-from pavetwin.world.generate import NetworkKind, generate_network
-from pavetwin.world.georeference import DEFAULT_ANCHOR, anchored, from_location
+from pavetwin.world.generate import NetworkKind, SourceNetwork, generate_network
+from pavetwin.world.georeference import DEFAULT_ANCHOR, GeoReference, anchored, from_location
 from pavetwin.world.ground import PlacementGround
-from pavetwin.world.model import Building, GeoReference, Lane, LaneKind, Segment, World
+from pavetwin.world.model import Lane, LaneKind, Segment, World
 from pavetwin.world.network import NET_SUFFIXES, OSM_SUFFIXES, network_from_net, network_from_osm, source_kind
 from pavetwin.world.osm import MapFeatures, read_features
 from pavetwin.world.roadnet import RoadNet, read_roadnet
@@ -71,18 +71,6 @@ class Built:
     record: BuildRecord
 
 
-@dataclass(frozen=True)
-class _Source:
-    """A source turned into a network file in a temporary folder."""
-
-    net_file: Path
-    record: BuildRecord
-    georeference: GeoReference | None = None
-    osm_file: Path | None = None
-    parks: tuple[Polygon, ...] = ()
-    buildings: tuple[Building, ...] = ()
-
-
 def build_world(
     source: str | Path | NetworkKind, options: BuildOptions | None = None, on_progress: Progress | None = None
 ) -> Built:
@@ -99,16 +87,21 @@ def build_world(
     try:
         with tempfile.TemporaryDirectory(prefix="pavetwin-") as folder:
             report("road network", 0.0)
-            prepared = _prepare(_file_or_kind(source), options, Path(folder))
-            network = prepared.net_file.read_bytes()
-            net = read_roadnet(prepared.net_file, shown_as=prepared.record.source)
+            given = _file_or_kind(source)
+            made, record = _prepare(given, options, Path(folder))
+            network = made.net_file.read_bytes()
+            net = read_roadnet(made.net_file, shown_as=record.source)
     except OSError as error:
         reason = error.strerror or str(error)
         raise PaveTwinError(
             f"Cannot build in the temporary folder '{tempfile.gettempdir()}': {reason}. "
             f"{hint(error, 'name another one in TMPDIR')}."
         ) from error
-    return _build(prepared, network, net, options, report)
+    osm_file = given if isinstance(given, Path) and source_kind(given) == "osm" else None
+    world, mapped = _build(made, osm_file, net, record.source, options, report)
+    world = replace(world, content_hash=content_hash(world, hashlib.sha256(network).hexdigest()))
+    report("world", 1.0)
+    return Built(world, network, record.model_copy(update={"mapped": mapped}))
 
 
 def _file_or_kind(source: str | Path | NetworkKind) -> str | Path | NetworkKind:
@@ -118,14 +111,14 @@ def _file_or_kind(source: str | Path | NetworkKind) -> str | Path | NetworkKind:
     return Path(source) if named_so or Path(source).is_file() else source
 
 
-def _prepare(source: str | Path | NetworkKind, options: BuildOptions, folder: Path) -> _Source:
+def _prepare(
+    source: str | Path | NetworkKind, options: BuildOptions, folder: Path
+) -> tuple[SourceNetwork, BuildRecord]:
     if not isinstance(source, Path):
         made = generate_network(source, options.seed, folder, anchor=options.anchor or DEFAULT_ANCHOR)
-        record = BuildRecord(source=f"generated {source!s}", options=options)
-        return _Source(made.net_file, record, made.georeference, parks=made.parks, buildings=made.buildings)
+        return made, BuildRecord(source=f"generated {source!s}", options=options)
     target = folder / "roads.net.xml"
-    kind = source_kind(source)
-    if kind == "osm":
+    if source_kind(source) == "osm":
         if options.anchor is not None:
             raise PaveTwinError(f"'{source}' states its own location; omit `anchor`.")
         lost = network_from_osm(source, target, left_hand=options.left_hand)
@@ -135,38 +128,41 @@ def _prepare(source: str | Path | NetworkKind, options: BuildOptions, folder: Pa
     with source.open("rb") as stream:
         digest = hashlib.file_digest(stream, "sha256").hexdigest()
     record = BuildRecord(source=source.name, source_sha256=digest, options=options, left_out=lost)
-    return _Source(target, record, osm_file=source if kind == "osm" else None)
+    return SourceNetwork(target), record
 
 
-def _build(prepared: _Source, network: bytes, net: RoadNet, options: BuildOptions, report: Progress) -> Built:
-    georeference = prepared.georeference or _georeference(net, options, prepared.record.source)
+def _build(
+    made: SourceNetwork, osm_file: Path | None, net: RoadNet, source: str, options: BuildOptions, report: Progress
+) -> tuple[World, dict[str, int]]:
+    """The world without its content hash, and how many objects of each kind came from the source."""
+    georeference = made.georeference or _georeference(net, options, source)
     report("segments", 0.4)
     streets = streets_of(net)
     segments = segments_of(streets, options.segment_length_m)
     if not segments:
-        raise PaveTwinError(f"'{prepared.record.source}' has no streets for passenger cars of at least 8 m.")
+        raise PaveTwinError(f"'{source}' has no streets for passenger cars of at least 8 m.")
     ground = PlacementGround(net)
     report("map", 0.5)
     features = MapFeatures()
-    if prepared.osm_file is not None:
+    if osm_file is not None:
         near = MultiPolygon([part for segment in segments for part in polygons_of(segment.polygon)])
-        features = read_features(prepared.osm_file, georeference, near)
-    parks = _parks([*prepared.parks, *features.parks], ground)
+        features = read_features(osm_file, georeference, near)
+    parks = _parks([*made.parks, *features.parks], ground)
     report("buildings", 0.7)
-    given = [(building.polygon, building.height_m) for building in prepared.buildings]
+    given = [(building.polygon, building.height_m) for building in made.buildings]
     given += features.buildings
     buildings = clear_of_roads(given, ground)
     mapped = Counter(buildings=len(buildings))
     if not given:
         buildings = buildings_by_rule(segments, ground, parks, options.seed)
     report("furniture", 0.8)
-    planted = parks if prepared.parks else ()
+    planted = parks if made.parks else ()
     furniture, of_map = furnish(net, streets, segments, ground, buildings, features.points, planted, options.seed)
     mapped.update({kind.value: count for kind, count in of_map.items()})
     report("world", 0.95)
     world = snapped_world(
         World(
-            name=Path(prepared.record.source).name.split(".")[0],
+            name=Path(source).name.split(".")[0],
             georeference=georeference,
             left_hand=net.left_hand,
             streets=tuple(surface.street for surface in streets),
@@ -182,9 +178,7 @@ def _build(prepared: _Source, network: bytes, net: RoadNet, options: BuildOption
             base=base_of(segments),
         )
     )
-    world = replace(world, content_hash=content_hash(world, hashlib.sha256(network).hexdigest()))
-    report("world", 1.0)
-    return Built(world, network, prepared.record.model_copy(update={"mapped": dict(sorted(mapped.items()))}))
+    return world, dict(sorted(mapped.items()))
 
 
 def _georeference(net: RoadNet, options: BuildOptions, shown: str) -> GeoReference:

@@ -133,7 +133,7 @@ def furnish(
             _first_free(placed, candidates)
     for segment in segments:
         _place_lights(placed, segment, child(seed, Stream.FURNITURE, KEY, segment_key(segment), 0))
-    calm = {edge.id for edge in net.edges.values() if _is_calm([lane.speed_limit_mps for lane in edge.carriageway])}
+    calm = {edge.id for edge in net.edges.values() if edge.speed_limit_mps <= CALM_STREET_MPS}
     keys = {edge.id: street.street.key for street in streets for edge in street.edges}
     for segment in segments:
         if calm.issuperset(segment.edges):
@@ -142,10 +142,6 @@ def furnish(
     for index, park in enumerate(parks):
         _plant(placed, park, child(seed, Stream.FURNITURE, KEY, index, 2))
     return placed.numbered(), placed.mapped
-
-
-def _is_calm(limits_mps: Sequence[float]) -> bool:
-    return max(limits_mps, default=99.0) <= CALM_STREET_MPS
 
 
 def _first_free(placed: Placed, candidates: Iterable[Furniture]) -> None:

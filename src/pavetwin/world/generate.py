@@ -14,8 +14,8 @@ from pyproj import CRS
 from shapely import Polygon, STRtree
 
 from pavetwin.errors import PaveTwinError, nearest_name
-from pavetwin.world.georeference import DEFAULT_ANCHOR, anchored
-from pavetwin.world.model import Building, GeoReference
+from pavetwin.world.georeference import DEFAULT_ANCHOR, GeoReference, anchored
+from pavetwin.world.model import Building
 from pavetwin.world.network import copy_without_stamp
 from pavetwin.world.roadnet import read_roadnet
 from pavetwin.world.sumo import NO_VALIDATION, run_tool
@@ -30,11 +30,12 @@ class NetworkKind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class GeneratedNetwork:
-    """A network without a real place. Parks and buildings are empty where the world's rules place them."""
+class SourceNetwork:
+    """A network file in a temporary folder. Parks and buildings are empty where the world's rules place them."""
 
     net_file: Path
-    georeference: GeoReference
+    georeference: GeoReference | None = None
+    """None where the file states its own."""
     parks: tuple[Polygon, ...] = ()
     buildings: tuple[Building, ...] = ()
 
@@ -89,7 +90,7 @@ def network_kind(name: str) -> NetworkKind:
 
 def generate_network(
     kind: NetworkKind | str, seed: int, folder: Path, *, anchor: tuple[float, float] = DEFAULT_ANCHOR
-) -> GeneratedNetwork:
+) -> SourceNetwork:
     """Write `roads.net.xml` of a kind and seed into `folder`; `anchor` is (latitude, longitude) of its origin, degrees.
 
     Raises:
@@ -114,7 +115,7 @@ def generate_network(
             _generate(kind, seed, made)
         copy_without_stamp(made, target)
     _write_location(target, georeference)
-    return GeneratedNetwork(target, georeference, parks, buildings)
+    return SourceNetwork(target, georeference, parks, buildings)
 
 
 def _clear_of_streets(buildings: tuple[Building, ...], net_file: Path) -> tuple[Building, ...]:

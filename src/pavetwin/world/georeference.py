@@ -1,6 +1,7 @@
-"""The georeference of a network: from SUMO's `<location>`, or from an anchor given by the user."""
+"""Georeferences, and that of a network: from SUMO's `<location>`, or from an anchor given by the user."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -9,12 +10,31 @@ from pyproj.exceptions import CRSError
 
 from pavetwin.arrays import Float64Array
 from pavetwin.errors import PaveTwinError
-from pavetwin.world.model import GeoReference
 
 DEFAULT_ANCHOR = (0.0, 0.0)
 """(latitude, longitude) in degrees of the origin of a network without a location: the Gulf of Guinea."""
 
 WGS84 = 4326
+
+
+@dataclass(frozen=True, slots=True)
+class GeoReference:
+    """Position of the world frame on the earth: projected = world + offset, in the CRS `epsg` (a UTM zone)."""
+
+    epsg: int
+    offset_east_m: float
+    offset_north_m: float
+
+    def to_projected(self, xy: npt.ArrayLike) -> Float64Array:
+        """World (..., 2) in metres to projected (..., 2) in metres."""
+        return np.asarray(xy, dtype=np.float64) + (self.offset_east_m, self.offset_north_m)
+
+    def to_wgs84(self, xy: npt.ArrayLike) -> Float64Array:
+        """World (..., 2) in metres to (longitude, latitude) (..., 2) in degrees."""
+        projected = self.to_projected(xy)
+        transformer = Transformer.from_crs(self.epsg, WGS84, always_xy=True)
+        lon, lat = transformer.transform(projected[..., 0], projected[..., 1])
+        return np.stack([lon, lat], axis=-1)
 
 
 def utm_epsg(latitude: float, longitude: float) -> int:

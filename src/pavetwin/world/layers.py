@@ -13,8 +13,9 @@ from shapely.geometry.base import BaseGeometry
 from pavetwin.arrays import Float64Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.content import round_to_grid
+from pavetwin.world.georeference import GeoReference
 from pavetwin.world.layer_tables import LAYERS, Layer, Row, collections_of, conflicts_of
-from pavetwin.world.model import GeoReference, World
+from pavetwin.world.model import World
 
 STAMP = "2000-01-01T00:00:00.000Z"
 """Written instead of the time, so that the same world gives the same bytes."""

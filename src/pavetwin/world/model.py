@@ -12,37 +12,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
 import shapely
-from pyproj import Transformer
 from shapely import LineString, MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from pavetwin.arrays import Float64Array
 from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.world.georeference import GeoReference
 
 Surface = Polygon | MultiPolygon
-
-
-@dataclass(frozen=True, slots=True)
-class GeoReference:
-    """Position of the world frame on the earth: projected = world + offset, in the CRS `epsg` (a UTM zone)."""
-
-    epsg: int
-    offset_east_m: float
-    offset_north_m: float
-
-    def to_projected(self, xy: npt.ArrayLike) -> Float64Array:
-        """World (..., 2) in metres to projected (..., 2) in metres."""
-        return np.asarray(xy, dtype=np.float64) + (self.offset_east_m, self.offset_north_m)
-
-    def to_wgs84(self, xy: npt.ArrayLike) -> Float64Array:
-        """World (..., 2) in metres to (longitude, latitude) (..., 2) in degrees."""
-        projected = self.to_projected(xy)
-        transformer = Transformer.from_crs(self.epsg, 4326, always_xy=True)
-        lon, lat = transformer.transform(projected[..., 0], projected[..., 1])
-        return np.stack([lon, lat], axis=-1)
 
 
 class LaneKind(StrEnum):

@@ -13,8 +13,8 @@ import numpy as np
 import shapely
 from shapely import LineString, Point, Polygon
 
-from pavetwin.world.georeference import from_wgs84
-from pavetwin.world.model import FurnitureKind, GeoReference, Surface
+from pavetwin.world.georeference import GeoReference, from_wgs84
+from pavetwin.world.model import FurnitureKind, Surface
 from pavetwin.world.osm_file import osm_objects
 from pavetwin.world.streets import polygons_of
 from pavetwin.world.tags import building_height_m, metres

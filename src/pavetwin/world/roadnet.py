@@ -4,6 +4,7 @@ It is the only reader of a world's network. Requests and signal programs are not
 metres in the network's frame, which is the world frame.
 """
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,6 +40,11 @@ class Edge:
     def carriageway(self) -> tuple[Lane, ...]:
         """Driving and bicycle lanes, from the kerb to the middle of the street."""
         return tuple(lane for lane in self.lanes if lane.kind is not LaneKind.SIDEWALK)
+
+    @property
+    def speed_limit_mps(self) -> float:
+        """The highest limit of its carriageway; infinite without one."""
+        return max((lane.speed_limit_mps for lane in self.carriageway), default=math.inf)
 
     @property
     def sidewalk_width_m(self) -> float:

@@ -24,7 +24,8 @@ from pavetwin.world.folder import (
     read_description,
     rebuild_hint,
 )
-from pavetwin.world.model import GeoReference, World
+from pavetwin.world.georeference import GeoReference
+from pavetwin.world.model import World
 
 COUNTED = ("streets", "segments", "connections", "buildings", "furniture", "defects")
 """Collections whose sizes are in the description."""

@@ -138,7 +138,7 @@ def _closed_rows(site: _Site, block: Polygon, square: Polygon, reach_m: float) -
     depth = float(rng.uniform(10.5, 13.0))
     court = front.buffer(-depth, join_style="mitre")
     row = front.difference(court)
-    cuts = [front.exterior, *_rings(court)]
+    cuts: list[LineString] = [front.exterior, *(part.exterior for part in polygons_of(court))]
     ring = orient(front, 1.0).exterior
     for along in _stations(ring, rng):
         start, ahead = _on_ring(ring, along)
@@ -280,10 +280,6 @@ def union(parts: Sequence[Surface]) -> Surface:
 def largest(land: BaseGeometry) -> Polygon:
     """The largest polygon of a geometry; an empty one when it has none."""
     return max(polygons_of(land), key=lambda part: float(part.area), default=Polygon())
-
-
-def _rings(land: Surface) -> list[LineString]:
-    return [part.exterior for part in polygons_of(land)]
 
 
 def _on_ring(ring: LineString, along: float) -> tuple[Float64Array, Float64Array]:
