@@ -58,19 +58,19 @@ _SIDEWALKS = ("--sidewalks.guess", "--sidewalks.guess.from-permissions", "--defa
 
 _SHAPES = {
     NetworkKind.GRID: (
-        "--grid --grid.x-number=5 --grid.y-number=4 --grid.x-length=130 --grid.y-length=105 --grid.attach-length=70 "
-        "--perturb-x=normc(0,7,-12,12) --perturb-y=normc(0,7,-12,12)"
+        "grid grid.x-number=5 grid.y-number=4 grid.x-length=130 grid.y-length=105 grid.attach-length=70 "
+        "perturb-x=normc(0,7,-12,12) perturb-y=normc(0,7,-12,12)"
     ),
     NetworkKind.SPIDER: (
-        "--spider --spider.arm-number=7 --spider.circle-number=3 --spider.space-radius=95 --spider.attach-length=60 "
-        "--spider.omit-center"
+        "spider spider.arm-number=7 spider.circle-number=3 spider.space-radius=95 spider.attach-length=60 "
+        "spider.omit-center"
     ),
     NetworkKind.RANDOM: (
-        "--rand --rand.iterations=55 --rand.min-distance=70 --rand.max-distance=150 --rand.min-angle=50 "
-        "--rand.neighbor-dist1=0 --rand.neighbor-dist2=3 --rand.neighbor-dist5=0 --rand.neighbor-dist6=0"
+        "rand rand.iterations=55 rand.min-distance=70 rand.max-distance=150 rand.min-angle=50 "
+        "rand.neighbor-dist1=0 rand.neighbor-dist2=3 rand.neighbor-dist5=0 rand.neighbor-dist6=0"
     ),
 }
-"""netgenerate's options."""
+"""Options of netgenerate, without their dashes."""
 
 
 def network_kind(name: str) -> NetworkKind:
@@ -131,9 +131,10 @@ def _clear_of_streets(buildings: tuple[Building, ...], net_file: Path) -> tuple[
 def _generate(kind: NetworkKind, seed: int, made: Path) -> None:
     """A network of netgenerate's, then signals at its large junctions by netconvert."""
     plain = made.with_name("plain.net.xml")
+    shape = (f"--{option}" for option in _SHAPES[kind].split())
     lanes = ("--default.lanenumber=2", "--random-lanenumber", "--default.speed=13.89", "--default.lanewidth=3.2")
     seeded = ("--seed", str(seed % 2**31))
-    _run("netgenerate", (*_SHAPES[kind].split(), *lanes, *seeded, "--no-warnings", *NO_VALIDATION), plain, kind)
+    _run("netgenerate", (*shape, *lanes, *seeded, "--no-warnings", *NO_VALIDATION), plain, kind)
     options = [option for option in NETWORK_OPTIONS if not option.startswith("--tls.guess")]
     signals = ("--tls.guess", "--tls.guess.threshold=95")
     _run("netconvert", ("--sumo-net-file", str(plain), *options, *_SIDEWALKS, *signals), made, kind)
