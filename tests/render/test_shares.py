@@ -9,7 +9,6 @@ import pytest
 import shapely
 
 from pavetwin.defects import DefectOptions, place
-from pavetwin.render.boxes import as_solids
 from pavetwin.render.renderer import Renderer
 from pavetwin.scene.light import Light
 from pavetwin.scene.model import defect_label
@@ -19,6 +18,7 @@ from pavetwin.uav.cameras import find_camera
 from pavetwin.world.model import World
 from scenes import tiny
 from scenes.captures import captures, is_whole, outline_px
+from scenes.solids import as_solids, solids
 
 LIGHT = Light(45.0, 140.0)
 CAMERA = find_camera("paper")
@@ -35,7 +35,9 @@ def street() -> World:
 
 @pytest.fixture(scope="module")
 def renderer() -> Renderer:
-    return Renderer(Scene(street(), seed=1))
+    scene = Scene(street(), seed=1)
+    scene.__dict__["models"] = {**scene.models, **solids()}
+    return Renderer(scene)
 
 
 # Shares.

@@ -8,7 +8,6 @@ from math import cos, floor, sin
 
 import numpy as np
 
-from pavetwin.render.boxes import BOX
 from pavetwin.render.renderer import Renderer
 from pavetwin.scene.ground.sampling import srgb_of_linear
 from pavetwin.scene.model import (
@@ -24,6 +23,7 @@ from pavetwin.scene.model import (
     Tile,
 )
 from pavetwin.scene.view import View
+from scenes.solids import BOX, solids
 
 GREY = 0.18
 _TEXELS = 8
@@ -73,6 +73,9 @@ class Plane:
     reflectance: float = GREY
     standing: Sequence[Box] = ()
     models: Mapping[str, Model] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "models", {**self.models, **solids()})
 
     @property
     def details(self) -> Mapping[GroundKind, Detail]:

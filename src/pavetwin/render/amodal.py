@@ -14,7 +14,7 @@ import wgpu
 from pavetwin.arrays import Float64Array, StructuredArray
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.meshes import GpuMesh
-from pavetwin.render.passes import read
+from pavetwin.render.passes import cleared_colour, read
 from pavetwin.render.pipelines import LABEL_FORMAT, Pipelines
 from pavetwin.scene.view import View
 
@@ -95,13 +95,7 @@ class AmodalAtlas:
         rows["shift"] = [_shift(cell, view.size_px, self._size) for cell in page]
         self._gpu.queue.write_buffer(self._records, 0, rows.view(np.uint8))
         encoder = self._gpu.device.create_command_encoder()
-        colour = {
-            "view": self._target.create_view(),
-            "clear_value": (0, 0, 0, 0),
-            "load_op": "clear",
-            "store_op": "store",
-        }
-        render_pass = encoder.begin_render_pass(color_attachments=[colour])
+        render_pass = encoder.begin_render_pass(color_attachments=[cleared_colour(self._target, (0, 0, 0, 0))])
         render_pass.set_bind_group(0, frame)
         render_pass.set_vertex_buffer(0, self._records)
         for masked in (False, True):

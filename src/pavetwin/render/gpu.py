@@ -6,7 +6,7 @@ from typing import Any, Final
 import numpy as np
 import wgpu
 
-from pavetwin.arrays import AnyArray, Float16Array, Float32Array, UInt8Array
+from pavetwin.arrays import AnyArray, Float32Array, UInt8Array
 
 _BUFFER: Final = wgpu.BufferUsage
 _TEXTURE: Final = wgpu.TextureUsage
@@ -63,19 +63,12 @@ class Gpu:
                 self.write(made, texels, layer=index, level=level)
         return self._hold(made, sum(texels.size for pyramid in pyramids for texels in pyramid))
 
-    def half_floats(self, levels: Sequence[Float16Array]) -> Any:
-        """A texture of linear light, each level (rows, columns, 4)."""
-        return self._levelled(levels, "rgba16float")
-
-    def levelled(self, levels: Sequence[UInt8Array]) -> Any:
-        """A texture of numbers whose levels are made already, each (rows, columns, 4)."""
-        return self._levelled(levels, _CHANNELS[4])
-
-    def _levelled(self, levels: Sequence[AnyArray], format: str) -> Any:
+    def levelled(self, levels: Sequence[AnyArray]) -> Any:
+        """A texture whose levels are made already, each (rows, columns, 4): linear light, or 8-bit numbers."""
         rows, columns, _ = levels[0].shape
         made = self.device.create_texture(
             size=(columns, rows, 1),
-            format=format,
+            format="rgba16float" if levels[0].dtype == np.float16 else _CHANNELS[4],
             mip_level_count=len(levels),
             usage=_TEXTURE.TEXTURE_BINDING | _TEXTURE.COPY_DST,
         )

@@ -6,7 +6,6 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import Float64Array
-from pavetwin.render.boxes import solids
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.instances import InstanceBatch, InstanceBuffer, PartTable
 from pavetwin.render.levels import casting, coarser, culling_of, level_of
@@ -35,7 +34,7 @@ class GpuScene:
 
     def __init__(self, gpu: Gpu, scene: Drawable, layouts: TileLayouts) -> None:
         self._gpu, self._scene = gpu, scene
-        self.parts = PartTable({**scene.models, **solids()})
+        self.parts = PartTable(scene.models)
         self.tiles = TileCache(gpu, scene, self.parts, layouts)
         self._meshes: dict[tuple[int, int, bool], GpuMesh] = {}
         """By part, level, and whether it is a shadow caster."""

@@ -1,7 +1,7 @@
 """Instanced meshes as rows of a table: gathered from tiles and traffic, then culled and sorted together."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Final
 
 import numpy as np
@@ -122,23 +122,14 @@ class InstanceBatch:
     def joined(cls, batches: Iterable["InstanceBatch"]) -> "InstanceBatch":
         """Several batches as one."""
         every = list(batches)
-        names = ("part", "transform", "tints", "label", "velocity", "centre", "radius")
-        return cls(*(np.concatenate([getattr(batch, name) for batch in every]) for name in names))
+        return cls(*(np.concatenate([getattr(batch, column.name) for batch in every]) for column in fields(cls)))
 
     def __len__(self) -> int:
         return len(self.part)
 
     def only(self, which: BoolArray | Int64Array) -> "InstanceBatch":
         """The selected rows."""
-        return InstanceBatch(
-            self.part[which],
-            self.transform[which],
-            self.tints[which],
-            self.label[which],
-            self.velocity[which],
-            self.centre[which],
-            self.radius[which],
-        )
+        return InstanceBatch(*(getattr(self, column.name)[which] for column in fields(self)))
 
 
 @dataclass

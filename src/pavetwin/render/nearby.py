@@ -59,10 +59,7 @@ def wanted_keys(scene: Drawable, view: View, light: Light) -> tuple[Key, ...]:
 def tile_seen(origin: tuple[float, float], view: View, bounds: Float64Array) -> bool:
     """Whether a tile and its objects, up to 30 m high and 10 m beyond its edge, may be in the picture.
 
-    Args:
-        origin: its south-west corner, metres.
-        view: the camera.
-        bounds: its `projection.planes`.
+    `origin`: its south-west corner, metres; `bounds`: the view's `projection.planes`.
     """
     return _seen((origin[0], origin[1], origin[0] + TILE_M, origin[1] + TILE_M), 10.0, 30.0, view, bounds)
 
@@ -70,10 +67,7 @@ def tile_seen(origin: tuple[float, float], view: View, bounds: Float64Array) -> 
 def ground_seen(box: tuple[float, float, float, float], view: View, bounds: Float64Array) -> bool:
     """Whether ground may be in the picture, also when a rolling shutter shifts it a little.
 
-    Args:
-        box: west, south, east, north, metres.
-        view: the camera.
-        bounds: its `projection.planes`.
+    `box`: west, south, east, north, metres; `bounds`: the view's `projection.planes`.
     """
     return _seen(box, 1.0, 1.0, view, bounds)
 

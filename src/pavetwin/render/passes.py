@@ -123,25 +123,10 @@ def draw_light(
     targets: RenderTargets,
     draws: DrawList,
 ) -> None:
-    """The picture as luminance.
-
-    Args:
-        encoder: records the commands.
-        pipelines: compiled.
-        frame: bind group of the frame with its light.
-        materials: what surfaces are textured with.
-        records: the instance buffer.
-        targets: drawn into.
-        draws: what there is.
-    """
-    colour = {
-        "view": targets.light.create_view(),
-        "clear_value": (0, 0, 0, 1),
-        "load_op": "clear",
-        "store_op": "store",
-    }
+    """The picture as luminance. `frame`: bind group of the frame with its light."""
     render_pass = encoder.begin_render_pass(
-        color_attachments=[colour], depth_stencil_attachment=_cleared(targets.depth, "discard")
+        color_attachments=[cleared_colour(targets.light, (0, 0, 0, 1))],
+        depth_stencil_attachment=_cleared(targets.depth, "discard"),
     )
     render_pass.set_bind_group(0, frame)
     render_pass.set_vertex_buffer(0, records)
@@ -183,7 +168,7 @@ def draw_truth(
 ) -> None:
     """Labels and distances. `leaves`: bind group of the leaf atlas."""
     colours = [
-        {"view": texture.create_view(), "clear_value": value, "load_op": "clear", "store_op": "store"}
+        cleared_colour(texture, value)
         for texture, value in ((targets.labels, (0, 0, 0, 0)), (targets.distances, (np.inf, 0, 0, 0)))
     ]
     render_pass = encoder.begin_render_pass(
@@ -215,6 +200,11 @@ def read(gpu: Gpu, texture: Any, size_px: tuple[int, int], dtype: type[np.generi
     texels = gpu.queue.read_texture({"texture": texture}, layout, (width, height, 1))
     shape = (height, width) if channels == 1 else (height, width, channels)
     return np.frombuffer(texels, dtype=dtype).reshape(shape)
+
+
+def cleared_colour(texture: Any, value: tuple[float, float, float, float]) -> dict[str, Any]:
+    """A target filled with a value before it is drawn into."""
+    return {"view": texture.create_view(), "clear_value": value, "load_op": "clear", "store_op": "store"}
 
 
 def _cleared(texture: Any, store: str) -> dict[str, Any]:

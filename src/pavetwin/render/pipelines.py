@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from importlib.resources import files
 from typing import Any, Final
 
@@ -80,17 +81,24 @@ def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
     lit = ["common", "lighting"]
 
     def truth(parts: list[str], layouts: list[Any], buffers: list[Any], *, depth: bool, cull: str = "none") -> Any:
-        return _truth(gpu, _source(["common", *parts]), [frame_layout, *layouts], buffers, depth, cull)
+        """Labels and distances. Without `depth` labels only, and no occlusion."""
+        code, targets = _source(["common", *parts]), [{"format": LABEL_FORMAT}, {"format": DISTANCE_FORMAT}]
+        made = partial(_pipeline, gpu, code, [frame_layout, *layouts], buffers, cull=cull)
+        if depth:
+            return made(targets=targets)
+        constants = {"amodal": True} if "override amodal" in code else None
+        return made(targets=targets[:1], depth=None, constants=constants)
 
     def shadow(parts: list[str], layouts: list[Any], buffers: list[Any], cull: str = "none") -> Any:
-        return _shadow(gpu, _source(["common", *parts]), [frame_layout, *layouts], buffers, cull)
+        code = _source(["common", *parts])
+        return _pipeline(gpu, code, [frame_layout, *layouts], buffers, targets=[], cull=cull, depth=("less", True))
 
     def lit_for(*, looks_down: bool) -> LitPipelines:
         def shaded(
             parts: list[str], layouts: list[Any], buffers: list[Any], extra: str = "", cull: str = "none"
         ) -> Any:
-            code = extra + _source([*lit, *parts])
-            return _shaded(gpu, code, [light_layout, *layouts], buffers, cull, looks_down=looks_down)
+            code, constants = extra + _source([*lit, *parts]), {"looks_down": looks_down}
+            return _pipeline(gpu, code, [light_layout, *layouts], buffers, targets=_LIT, cull=cull, constants=constants)
 
         numbers, repeat = _ground_numbers(details), f"const FACADE_REPEAT_M = {FACADE_REPEAT_M};\n"
         leaves = shaded(["model", "leaf", "leaf_light"], [leaf_layout], _buffers("leaf"))
@@ -106,8 +114,15 @@ def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
     patch_buffers = [LAYOUT, POSITIONS, LAYOUTS["patch"]]
     return Pipelines(
         lit=(lit_for(looks_down=False), lit_for(looks_down=True)),
-        shade=_shade(gpu, _source([*lit, "shade"]), light_layout),
-        sky=_shaded(gpu, _beyond(details) + _source([*lit, "sky"]), [light_layout], [], "none", looks_down=False),
+        shade=_pipeline(
+            gpu,
+            _source([*lit, "shade"]),
+            [light_layout],
+            [LAYOUT],
+            targets=_DIMMED,
+            depth=("greater-equal", False),
+        ),
+        sky=_pipeline(gpu, _beyond(details) + _source([*lit, "sky"]), [light_layout], [], targets=_LIT),
         shadow=_by_skin(
             lambda cull: shadow(["shadow"], [], [LAYOUT, POSITIONS], cull),
             shadow(["leaf", "shadow_leaf"], [leaf_layout], _buffers("leaf")),
@@ -198,59 +213,35 @@ def _light_layout(gpu: Gpu) -> Any:
     return gpu.device.create_bind_group_layout(entries=[_frame_entry(), *entries])
 
 
-def _shaded(gpu: Gpu, code: str, layouts: list[Any], buffers: list[Any], cull: str, *, looks_down: bool) -> Any:
-    module = gpu.device.create_shader_module(code=code)
-    stage = {"module": module, "constants": {"looks_down": looks_down}}
+def _pipeline(
+    gpu: Gpu,
+    code: str,
+    layouts: list[Any],
+    buffers: list[Any],
+    *,
+    targets: list[dict[str, Any]],
+    cull: str = "none",
+    depth: tuple[str, bool] | None = ("greater-equal", True),
+    constants: dict[str, bool] | None = None,
+) -> Any:
+    """A render pipeline; code without a fragment stage draws all of its triangles.
+
+    `depth`: the comparison and whether depth is written; None without a depth buffer. Depth falls with distance: nearly
+    even precision from 0.1 m to the horizon.
+    """
+    stage = {"module": gpu.device.create_shader_module(code=code), "constants": constants or {}}
+    fragment = {"fragment": stage | {"entry_point": "fragment", "targets": targets}} if "@fragment" in code else {}
     return gpu.device.create_render_pipeline(
         layout=gpu.device.create_pipeline_layout(bind_group_layouts=layouts),
         vertex=stage | {"entry_point": "vertex", "buffers": buffers},
         primitive={"topology": "triangle-list", "cull_mode": cull},
-        # Depth falls with distance: nearly even precision from 0.1 m to the horizon.
-        depth_stencil={"format": DEPTH_FORMAT, "depth_write_enabled": True, "depth_compare": "greater-equal"},
-        fragment=stage | {"entry_point": "fragment", "targets": [{"format": LIGHT_FORMAT}]},
+        depth_stencil=depth and {"format": DEPTH_FORMAT, "depth_compare": depth[0], "depth_write_enabled": depth[1]},
+        **fragment,
     )
 
 
-def _shade(gpu: Gpu, code: str, layout: Any) -> Any:
-    """Blend state that multiplies with the target."""
-    module = gpu.device.create_shader_module(code=code)
-    multiplied = {"src_factor": "dst", "dst_factor": "zero", "operation": "add"}
-    kept = {"src_factor": "zero", "dst_factor": "one", "operation": "add"}
-    target = {"format": LIGHT_FORMAT, "blend": {"color": multiplied, "alpha": kept}}
-    return gpu.device.create_render_pipeline(
-        layout=gpu.device.create_pipeline_layout(bind_group_layouts=[layout]),
-        vertex={"module": module, "entry_point": "vertex", "buffers": [LAYOUT]},
-        primitive={"topology": "triangle-list", "cull_mode": "none"},
-        depth_stencil={"format": DEPTH_FORMAT, "depth_write_enabled": False, "depth_compare": "greater-equal"},
-        fragment={"module": module, "entry_point": "fragment", "targets": [target]},
-    )
-
-
-def _shadow(gpu: Gpu, code: str, layouts: list[Any], buffers: list[Any], cull: str) -> Any:
-    """Depth only; code without a fragment stage draws all of its triangles."""
-    module = gpu.device.create_shader_module(code=code)
-    cutting = {"fragment": {"module": module, "entry_point": "fragment", "targets": []}} if "@fragment" in code else {}
-    return gpu.device.create_render_pipeline(
-        layout=gpu.device.create_pipeline_layout(bind_group_layouts=layouts),
-        vertex={"module": module, "entry_point": "vertex", "buffers": buffers},
-        **cutting,
-        primitive={"topology": "triangle-list", "cull_mode": cull},
-        depth_stencil={"format": DEPTH_FORMAT, "depth_write_enabled": True, "depth_compare": "less"},
-    )
-
-
-def _truth(gpu: Gpu, code: str, layouts: list[Any], buffers: list[Any], depth: bool, cull: str) -> Any:
-    """Labels and distances. Without `depth` labels only, and no occlusion."""
-    module = gpu.device.create_shader_module(code=code)
-    targets = [{"format": LABEL_FORMAT}, {"format": DISTANCE_FORMAT}]
-    fragment = {"module": module, "entry_point": "fragment", "targets": targets if depth else targets[:1]}
-    if not depth and "override amodal" in code:
-        fragment["constants"] = {"amodal": 1}
-    hiding = {"format": DEPTH_FORMAT, "depth_write_enabled": True, "depth_compare": "greater-equal"}
-    return gpu.device.create_render_pipeline(
-        layout=gpu.device.create_pipeline_layout(bind_group_layouts=layouts),
-        vertex={"module": module, "entry_point": "vertex", "buffers": buffers},
-        primitive={"topology": "triangle-list", "cull_mode": cull},
-        depth_stencil=hiding if depth else None,
-        fragment=fragment,
-    )
+_LIT: Final = [{"format": LIGHT_FORMAT}]
+_MULTIPLIED: Final = {"src_factor": "dst", "dst_factor": "zero", "operation": "add"}
+_KEPT: Final = {"src_factor": "zero", "dst_factor": "one", "operation": "add"}
+_DIMMED: Final = [{"format": LIGHT_FORMAT, "blend": {"color": _MULTIPLIED, "alpha": _KEPT}}]
+"""A target that is multiplied with what is drawn."""

@@ -188,7 +188,7 @@ class Renderer:
         if self._sky is None or self._sky[0] != light:
             if self._sky is not None:
                 self.gpu.free(self._sky[1])
-            self._sky = light, self.gpu.half_floats(sky_levels(light)), {}
+            self._sky = light, self.gpu.levelled(sky_levels(light)), {}
         _, sky, groups = self._sky
         if shadow_px not in groups:
             device = self.gpu.device

@@ -82,11 +82,6 @@ class GlbWriter:
             "textures": [],
         }
 
-    @property
-    def size(self) -> int:
-        """Bytes of the binary part so far."""
-        return self._size
-
     def array(self, values: AnyArray, *, target: int = VERTICES, normalized: bool = False) -> int:
         """A new accessor over (n,) or (n, k) numbers; positions and normals are given in the file's axes."""
         width = 1 if values.ndim == 1 else values.shape[1]

@@ -105,10 +105,6 @@ class Scene:
         near = [key for key, distance in distances.items() if distance <= radius_m]
         return tuple(sorted(near, key=lambda key: (distances[key], key)))
 
-    def tiles_near(self, x_m: float, y_m: float, radius_m: float) -> tuple[Tile, ...]:
-        """Those tiles themselves."""
-        return tuple(self.tile(key) for key in self.keys_near(x_m, y_m, radius_m))
-
     @cached_property
     def models(self) -> Mapping[str, Model]:
         """All instanced models, by name."""

@@ -82,10 +82,6 @@ class Head:
     def y_m(self) -> float:
         return float(self.transform[1, 3])
 
-    def is_near(self, x_m: float, y_m: float, radius_m: float) -> bool:
-        """Whether it hangs within a disc."""
-        return math.hypot(self.x_m - x_m, self.y_m - y_m) <= radius_m
-
 
 def heads_of(world: World, road: BaseGeometry) -> tuple[Head, ...]:
     """All signal heads of a world. In a world without connections those on masts show nothing.

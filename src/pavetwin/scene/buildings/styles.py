@@ -60,11 +60,11 @@ class FacadeStyle:
     windows: Windows | None
     """None for walls without any."""
     ground: GroundFloor
-    roof: Roof
-    covering: FacadeTexture
-    covering_colour: Colour
-    pitch_rad: float
-    cornice: bool
+    roof: Roof = Roof.FLAT
+    covering: FacadeTexture = FacadeTexture.FELT
+    covering_colour: Colour = (1.0, 1.0, 1.0)
+    pitch_rad: float = 0.0
+    cornice: bool = False
     """A moulding below the roof and a string course over the ground floor."""
 
 
@@ -173,11 +173,7 @@ def _block(situation: Situation, rng: np.random.Generator) -> FacadeStyle:
         bay_m=float(rng.uniform(2.2, 3.4)),
         windows=windows,
         ground=GroundFloor.SHOP if near else GroundFloor.LOBBY,
-        roof=Roof.FLAT,
         covering=FacadeTexture.GRAVEL if rng.random() < 0.6 else FacadeTexture.FELT,
-        covering_colour=(1.0, 1.0, 1.0),
-        pitch_rad=0.0,
-        cornice=False,
     )
 
 
@@ -192,11 +188,7 @@ def _hall(rng: np.random.Generator) -> FacadeStyle:
         bay_m=4.5,
         windows=Windows(FacadeTexture.GLAZING, (0, 1, 4, 5), 0.9, 0.22, 0.68, 0.05, False),
         ground=GroundFloor.HALL,
-        roof=Roof.FLAT,
         covering=FacadeTexture.FELT if rng.random() < 0.5 else FacadeTexture.SEAMS,
-        covering_colour=(1.0, 1.0, 1.0),
-        pitch_rad=0.0,
-        cornice=False,
     )
 
 
@@ -213,11 +205,6 @@ def _shed(rng: np.random.Generator) -> FacadeStyle:
         bay_m=3.2,
         windows=Windows(FacadeTexture.WINDOWS, (8, 9, 11), 0.42, 0.30, 0.42, 0.1, True),
         ground=GroundFloor.HALL,
-        roof=Roof.FLAT,
-        covering=FacadeTexture.FELT,
-        covering_colour=(1.0, 1.0, 1.0),
-        pitch_rad=0.0,
-        cornice=False,
     )
 
 
@@ -232,11 +219,6 @@ def _garage(rng: np.random.Generator) -> FacadeStyle:
         bay_m=3.0,
         windows=None,
         ground=GroundFloor.GARAGE,
-        roof=Roof.FLAT,
-        covering=FacadeTexture.FELT,
-        covering_colour=(1.0, 1.0, 1.0),
-        pitch_rad=0.0,
-        cornice=False,
     )
 
 
@@ -253,7 +235,6 @@ def _tower(rng: np.random.Generator) -> FacadeStyle:
         ground=GroundFloor.LOBBY,
         roof=Roof.PITCHED,
         covering=FacadeTexture.SLATE,
-        covering_colour=(1.0, 1.0, 1.0),
         pitch_rad=float(np.radians(58)),
         cornice=True,
     )
