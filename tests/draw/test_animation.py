@@ -35,7 +35,8 @@ def test_the_uav_is_where_the_track_has_it() -> None:
     for time_s in inspection_times(film)[3:40:9]:
         scene = film.scene(time_s)
         frame = film.frame(time_s)
-        assert frame.getpixel(film.view.pixel(scene.uav.position, film.centre(time_s))) == rgb(UAV)
+        uav = np.subtract(film.view.ground.pixel(*scene.uav.position), film.view.corner_px(film.centre(time_s)))
+        assert frame.getpixel((int(uav[0]), int(uav[1]))) == rgb(UAV)
         assert scene.uav.position[0] == pytest.approx(
             np.interp(time_s, film.result.track["t_s"], film.result.track["x_m"])
         )

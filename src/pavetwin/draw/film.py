@@ -50,9 +50,8 @@ class Film:
         footprint = footprint_m(result)
         self.width_m = max(WIDTH_M, 2.2 * max(footprint))
         scale = SIZE_PX[0] / self.width_m
-        self.view = MapView(
-            GroundRaster(result.environment.world, scale), SIZE_PX, window_m(result.settings), footprint
-        )
+        ground = GroundRaster(result.environment.world, scale)
+        self.view = MapView(ground, SIZE_PX, window_m(result.settings), footprint)
         self._readings = Readings(SIZE_PX[0], result.policy, result.settings.visibility.threshold)
         self._places = np.array([(d.centre.x, d.centre.y) for d in result.environment.defects]).reshape(-1, 2)
         centres = np.array([self.centre(time) for time in self.times_s])
@@ -92,6 +91,7 @@ class Film:
         """D_t at a time of the mission, as far as it can be seen."""
         state, centre = self.timeline.at(time_s), self.centre(time_s)
         agents = state.agents_near(centre, 0.6 * self.width_m)
+        sizes = (agents[name].tolist() for name in ("length_m", "height_m", "is_pedestrian"))
         uav = state.uav
         hidden: shapely.Geometry = shapely.Polygon()
         if state.visibility is not None and len(agents["x_m"]):
@@ -107,12 +107,7 @@ class Film:
             uav=uav,
             visibility=state.visibility,
             agents=agents,
-            groups=[
-                agent_group(float(length), float(height), pedestrian=bool(walks))
-                for length, height, walks in zip(
-                    agents["length_m"], agents["height_m"], agents["is_pedestrian"], strict=True
-                )
-            ],
+            groups=list(map(agent_group, *sizes)),
             hidden=hidden,
             seen=self._seen.until(time_s),
             defects=self._defects(state, centre),

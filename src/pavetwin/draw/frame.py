@@ -27,6 +27,7 @@ FLASH_S = 0.8
 ARM_M, ROTOR_M = 0.95, 0.55
 """The UAV's symbol; larger than the airframe, so that it can be seen."""
 
+DASH_M = 0.55
 SEEN_OPACITY, HIDDEN_OPACITY = 150, 120
 
 WHITE: Rgb = (255, 255, 255)
@@ -78,11 +79,6 @@ class MapView:
         x, y = self.ground.pixel(*centre)
         return x - self.size_px[0] // 2, y - self.size_px[1] // 2
 
-    def pixel(self, place: Place, centre: Place) -> tuple[int, int]:
-        """The pixel of a place in a frame around `centre`."""
-        (x, y), (left, top) = self.ground.pixel(*place), self.corner_px(centre)
-        return x - left, y - top
-
     def draw(self, scene: MissionState, centre: Place) -> Image.Image:
         """The frame around `centre`."""
         corner = self.corner_px(centre)
@@ -133,11 +129,11 @@ def _draw_agents(pen: Pen, scene: MissionState) -> None:
     outlines = bodies(scene.agents)
     for index in np.argsort(scene.agents["height_m"], kind="stable"):
         colour = rgb(AGENT_COLOURS[scene.groups[index]])
+        place = (scene.agents["x_m"][index], scene.agents["y_m"][index])
         if scene.agents["is_pedestrian"][index]:
-            place = (scene.agents["x_m"][index], scene.agents["y_m"][index])
             pen.disc(place, 3.4, colour, WHITE, 0.8)
         elif scene.groups[index] == "aircraft":
-            pen.disc((scene.agents["x_m"][index], scene.agents["y_m"][index]), 7.0, WHITE, colour, 2.4)
+            pen.disc(place, 7.0, WHITE, colour, 2.4)
         else:
             _draw_vehicle(pen, outlines[index], colour, scene.groups[index])
 
@@ -161,8 +157,8 @@ def _draw_vehicle(pen: Pen, corners: Float64Array, colour: Rgb, group: str) -> N
     if group == "motorcycle":
         pen.disc(at(length * 0.55, 0.5), 2.6, dark)
         return
-    start, depth = (0.25, 0.7) if group in ("bus", "truck") else (0.25 * length, 0.7)
-    pen.fill([at(start, 0.16), at(start, 0.84), at(start + depth, 0.76), at(start + depth, 0.24)], dark)
+    start = 0.25 if group in ("bus", "truck") else 0.25 * length
+    pen.fill([at(start, 0.16), at(start, 0.84), at(start + 0.7, 0.76), at(start + 0.7, 0.24)], dark)
     if group == "truck":
         pen.line([at(2.2, 0.02), at(2.2, 0.98)], dark, 1.2)
     elif group != "bus":
@@ -170,9 +166,9 @@ def _draw_vehicle(pen: Pen, corners: Float64Array, colour: Rgb, group: str) -> N
         pen.fill([at(rear - 0.4, 0.26), at(rear - 0.4, 0.74), at(rear, 0.8), at(rear, 0.2)], dark)
 
 
-def _draw_dashed(pen: Pen, corners: Float64Array, colour: tuple[int, ...], dash_m: float = 0.55) -> None:
+def _draw_dashed(pen: Pen, corners: Float64Array, colour: tuple[int, ...]) -> None:
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        count = max(1, round(float(np.hypot(*(end - start))) / (2 * dash_m)))
+        count = max(1, round(float(np.hypot(*(end - start))) / (2 * DASH_M)))
         for number in range(count):
             share = np.array([[number / count], [(number + 0.5) / count]])
             pen.line(start + share * (end - start), colour, 1.2)

@@ -5,6 +5,7 @@ Positions are metres of the world frame; sizes of type are points of paper.
 
 from collections.abc import Iterable, Sequence
 from functools import cache
+from itertools import product
 from math import ceil, hypot
 
 import numpy as np
@@ -107,35 +108,29 @@ def streets(segments: Iterable[Segment]) -> dict[str, list[Segment]]:
     return {name: found[name] for name in sorted(found, key=lambda name: (-lengths[name], name))}
 
 
-def chains(lines: Iterable[LineString], gap_m: float = _GAP_M) -> list[LineString]:
+def chains(lines: Iterable[LineString]) -> list[LineString]:
     """Lines joined over the junctions between them where they go on in about the same direction."""
     open_ends = [shapely.get_coordinates(line) for line in lines]
     joined = []
     while open_ends:
         line = open_ends.pop(0)
-        while True:
-            best = _continuation(line, open_ends, gap_m)
-            if best is None:
-                break
-            index, reverse_line, reverse_other = best
-            other = open_ends.pop(index)
-            line = np.concatenate([line[::-1] if reverse_line else line, other[::-1] if reverse_other else other])
+        while (best := _continuation(line, open_ends)) is not None:
+            index, line, other = best
+            open_ends.pop(index)
+            line = np.concatenate([line, other])
         joined.append(LineString(line))
     return sorted(joined, key=lambda chain: -chain.length)
 
 
-def _continuation(line: Float64Array, others: Sequence[Float64Array], gap_m: float) -> tuple[int, bool, bool] | None:
-    best, nearest = None, gap_m
+def _continuation(line: Float64Array, others: Sequence[Float64Array]) -> tuple[int, Float64Array, Float64Array] | None:
+    """The nearest of the others that goes on from an end of the line: its index, and both, turned to follow."""
+    best, nearest = None, _GAP_M
     for index, other in enumerate(others):
-        for reverse_line in (False, True):
-            a = line[::-1] if reverse_line else line
-            for reverse_other in (False, True):
-                b = other[::-1] if reverse_other else other
-                gap = hypot(*(b[0] - a[-1]))
-                ahead = a[-1] - a[-2]
-                straight = gap < 4 or abs(_turn(ahead, b[0] - a[-1])) < np.radians(20)
-                if gap < nearest and straight and abs(_turn(ahead, b[1] - b[0])) < np.radians(40):
-                    best, nearest = (index, reverse_line, reverse_other), gap
+        for a, b in product((line, line[::-1]), (other, other[::-1])):
+            gap, ahead = hypot(*(b[0] - a[-1])), a[-1] - a[-2]
+            straight = gap < 4 or abs(_turn(ahead, b[0] - a[-1])) < np.radians(20)
+            if gap < nearest and straight and abs(_turn(ahead, b[1] - b[0])) < np.radians(40):
+                best, nearest = (index, a, b), gap
     return best
 
 

@@ -8,6 +8,7 @@ from enum import StrEnum
 from math import hypot
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pavetwin.arrays import Float64Array
 from pavetwin.mission.environment import window_m
@@ -46,14 +47,18 @@ def outcomes(result: MissionResult) -> dict[int, DefectOutcome]:
 
 
 def rectangles(
-    x_m: Float64Array, y_m: Float64Array, yaw_rad: Float64Array, across_m: float, along_m: float
+    x_m: ArrayLike, y_m: ArrayLike, yaw_rad: ArrayLike, across_m: ArrayLike, along_m: ArrayLike
 ) -> Float64Array:
-    """(n, 4, 2) corners of rectangles on the ground, `along_m` in the direction of the yaw and `across_m` beside it."""
+    """(n, 4, 2) corners of rectangles on the ground, `along_m` in the direction of the yaw and `across_m` beside it.
+
+    The sizes are (n,), or one for all.
+    """
     forward = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=-1)
     left = np.stack([-forward[:, 1], forward[:, 0]], axis=-1)
     centre = np.stack([x_m, y_m], axis=-1)
     signs = ((0.5, 0.5), (0.5, -0.5), (-0.5, -0.5), (-0.5, 0.5))
-    corners = [centre + a * along_m * forward + b * across_m * left for a, b in signs]
+    along, across = (np.asarray(size, dtype=np.float64)[..., None] for size in (along_m, across_m))
+    corners = [centre + a * along * forward + b * across * left for a, b in signs]
     return np.asarray(np.stack(corners, axis=1))
 
 
@@ -70,17 +75,14 @@ def windows(result: MissionResult, segment: int | None = None) -> tuple[Float64A
     if segment is not None:
         chosen = chosen[captures["segment"] == segment]
     kept: list[int] = []
-    x, y = captures["x_m"], captures["y_m"]
-    for index in chosen:
-        if kept and hypot(x[index] - x[kept[-1]], y[index] - y[kept[-1]]) < SAME_WINDOW_M:
-            if captures["visibility"][index] > captures["visibility"][kept[-1]]:
-                kept[-1] = int(index)
-        else:
-            kept.append(int(index))
+    x, y, visibility = captures["x_m"], captures["y_m"], captures["visibility"]
+    for index in chosen.tolist():
+        if not kept or hypot(x[index] - x[kept[-1]], y[index] - y[kept[-1]]) >= SAME_WINDOW_M:
+            kept.append(index)
+        elif visibility[index] > visibility[kept[-1]]:
+            kept[-1] = index
     at = np.array(kept, dtype=np.intp)
-    across, along = window_m(result.settings)
-    corners = rectangles(captures["x_m"][at], captures["y_m"][at], captures["yaw_rad"][at], across, along)
-    return corners, captures["visibility"][at]
+    return rectangles(x[at], y[at], captures["yaw_rad"][at], *window_m(result.settings)), visibility[at]
 
 
 def footprint_m(result: MissionResult) -> tuple[float, float]:

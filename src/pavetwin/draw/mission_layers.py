@@ -4,8 +4,9 @@ Every function draws into axes in metres, either of the world frame or of a page
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import hypot
+from typing import Any
 
 import numpy as np
 import shapely
@@ -13,9 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.patches import FancyArrowPatch
 
-from pavetwin.draw import style
+from pavetwin.arrays import Float64Array
+from pavetwin.draw import shapes, style
 from pavetwin.draw.marks import DefectOutcome, outcomes, windows
-from pavetwin.draw.shapes import outline
 from pavetwin.draw.turned import MapTransform
 from pavetwin.draw.world_map import ABOVE_WORLD, base_symbol
 from pavetwin.mission.fly import MissionResult
@@ -28,6 +29,9 @@ WAIT, REVISIT, STEP, BATTERY, AVOID = "#5B2A86", "#0063B1", "#B0307A", "#7A5A00"
 
 NAMES = ABOVE_WORLD + 13
 """Street names, between the route and the marks on it."""
+
+_LABELLED = 8
+"""At most this many waits are labelled."""
 
 _SURFACE, _WINDOWS, _ROUTE, _STAYS, _DEFECTS, _LABELS = (ABOVE_WORLD + 5 * level for level in range(6))
 
@@ -44,13 +48,9 @@ class Weights:
 
     def times(self, factor: float) -> "Weights":
         """For a smaller scale: lengths by the factor, areas by its square."""
-        return Weights(
-            self.transit * factor**0.5,
-            self.inspection * factor,
-            self.defect * factor**2,
-            self.wait_area_per_s * factor**2,
-            self.label,
-        )
+        lengths = {"transit": self.transit * factor**0.5, "inspection": self.inspection * factor}
+        areas = {"defect": self.defect * factor**2, "wait_area_per_s": self.wait_area_per_s * factor**2}
+        return replace(self, **lengths, **areas)
 
 
 TOWN = Weights(transit=0.55, inspection=1.5, defect=5.0, wait_area_per_s=1.6, label=6.5)
@@ -69,12 +69,8 @@ def draw_surfaces(axes: Axes, result: MissionResult, turn: MapTransform) -> None
         polygon = turn.shape(result.environment.world.segment(name).polygon)
         corners, _ = windows(result, index[name])
         covered = shapely.union_all(shapely.polygons(turn.points(corners))) if len(corners) else shapely.Polygon()
-        inside = shapely.intersection(polygon, covered)
-        for shape, colour in ((polygon, GAP), (inside, CAPTURED)):
-            if not shape.is_empty:
-                axes.add_collection(
-                    PathCollection([outline(shape)], facecolors=colour, linewidths=0, zorder=_SURFACE), autolim=False
-                )
+        shapes.fill(axes, [polygon], _SURFACE, GAP)
+        shapes.fill(axes, [shapely.intersection(polygon, covered)], _SURFACE, CAPTURED)
 
 
 def draw_windows(axes: Axes, result: MissionResult, turn: MapTransform, segment: int) -> None:
@@ -89,7 +85,7 @@ def draw_windows(axes: Axes, result: MissionResult, turn: MapTransform, segment:
     touching = ~shapely.is_empty(inside)
     axes.add_collection(
         PathCollection(
-            [outline(part) for part in inside[touching]],
+            [shapes.outline(part) for part in inside[touching]],
             facecolors=faces[touching],
             edgecolors=edges[touching],
             linewidths=0.45,
@@ -103,37 +99,20 @@ def draw_route(axes: Axes, result: MissionResult, turn: MapTransform, weights: W
     """The track flown: thin in transit, thick and coloured by visibility while inspecting, in a band while giving
     way."""
     xy = turn.points(np.column_stack([result.track["x_m"], result.track["y_m"]]))
+
+    def add(lines: Sequence[Float64Array], colour: Any, width_pt: float, level: int, **other: Any) -> None:
+        lines_ = LineCollection(lines, colors=colour, linewidths=width_pt, zorder=_ROUTE + level, **other)
+        axes.add_collection(lines_, autolim=False)
+
     away = [xy[max(rows.start - 1, 0) : rows.stop + 1] for rows in runs(avoiding(result.track))]
-    axes.add_collection(
-        LineCollection(
-            away, colors=AVOID, linewidths=weights.inspection + 4, alpha=0.4, capstyle="round", zorder=_ROUTE - 1,
-            gid="avoiding",
-        ),
-        autolim=False,
-    )  # fmt: skip
+    add(away, AVOID, weights.inspection + 4, -1, alpha=0.4, capstyle="round", gid="avoiding")
     seen = inspecting(result.track)
-    others = [xy[rows.start : rows.stop + 1] for rows in runs(~seen)]
-    axes.add_collection(
-        LineCollection(others, colors=style.INK, linewidths=weights.transit, alpha=0.75, zorder=_ROUTE), autolim=False
-    )
+    add([xy[rows.start : rows.stop + 1] for rows in runs(~seen)], style.INK, weights.transit, 0, alpha=0.75)
     legs = [xy[rows.start : rows.stop] for rows in runs(seen)]
-    axes.add_collection(
-        LineCollection(
-            legs, colors=style.PAPER, linewidths=weights.inspection + 1.2, capstyle="round", zorder=_ROUTE + 1
-        ),
-        autolim=False,
-    )
-    steps = np.stack([xy[:-1], xy[1:]], axis=1)[seen[:-1]]
-    axes.add_collection(
-        LineCollection(
-            list(steps),
-            colors=style.VISIBILITY(result.track["visibility"][:-1][seen[:-1]]),
-            linewidths=weights.inspection,
-            capstyle="round",
-            zorder=_ROUTE + 2,
-        ),
-        autolim=False,
-    )
+    add(legs, style.PAPER, weights.inspection + 1.2, 1, capstyle="round")
+    steps = list(np.stack([xy[:-1], xy[1:]], axis=1)[seen[:-1]])
+    colours = style.VISIBILITY(result.track["visibility"][:-1][seen[:-1]])
+    add(steps, colours, weights.inspection, 2, capstyle="round")
 
 
 def draw_defects(axes: Axes, result: MissionResult, turn: MapTransform, weights: Weights) -> None:
@@ -154,28 +133,27 @@ def draw_defects(axes: Axes, result: MissionResult, turn: MapTransform, weights:
 def draw_reactions(axes: Axes, result: MissionResult, turn: MapTransform, weights: Weights) -> None:
     """The policy's reactions: discs for waits, arrows for displacements, rings for revisits."""
     stays = sorted(waits(result.track), key=lambda stay: -stay.seconds)
-    _discs(axes, stays, turn, weights, WAIT, "waits")
+    if stays:
+        x, y = turn.points([stay.position for stay in stays]).T
+        areas = [wait_area(stay.seconds, weights) for stay in stays]
+        axes.scatter(x, y, s=areas, color=WAIT, alpha=0.22, linewidths=0, zorder=_STAYS)
+        rims = axes.scatter(x, y, s=areas, facecolors="none", edgecolors=WAIT, linewidths=0.9, zorder=_STAYS + 1)
+        rims.set_gid("waits")
     again = revisits(result.track)
     if again:
-        spots = turn.points([stay.position for stay in again])
+        x, y = turn.points([stay.position for stay in again]).T
         axes.scatter(
-            spots[:, 0], spots[:, 1], s=5 * weights.defect**0.7 + 8, marker="s", facecolors="none",
+            x, y, s=5 * weights.defect**0.7 + 8, marker="s", facecolors="none",
             edgecolors=REVISIT, linewidths=0.9, zorder=_STAYS,
         ).set_gid("revisits")  # fmt: skip
     for step in displacements(result.track):
         start, end = turn.points([step.start, step.end])
-        axes.add_patch(
-            FancyArrowPatch(
-                tuple(start),
-                tuple(end),
-                arrowstyle="-|>,head_length=2.6,head_width=1.5",
-                shrinkA=0,
-                shrinkB=0,
-                color=STEP,
-                linewidth=1.0,
-                zorder=_STAYS + 3,
-            )
+        head = "-|>,head_length=2.6,head_width=1.5"
+        arrow = FancyArrowPatch(
+            tuple(start), tuple(end), arrowstyle=head, shrinkA=0, shrinkB=0, color=STEP, linewidth=1.0
         )
+        arrow.set_zorder(_STAYS + 3)
+        axes.add_patch(arrow)
         if weights.defect < CLOSE.defect:
             axes.plot(*start, marker="^", ms=3.2, mfc=STEP, mec=style.PAPER, mew=0.3, zorder=_STAYS + 3)
     _label_waits(axes, stays, turn, weights)
@@ -185,38 +163,19 @@ def draw_stations(axes: Axes, result: MissionResult, turn: MapTransform) -> None
     """The base, and where the battery ran low."""
     low = [place.position for place in result.actions if place.action == "battery"]
     if low:
-        spots = turn.points(low)
-        axes.scatter(
-            spots[:, 0], spots[:, 1], s=34, marker="P", color=BATTERY, edgecolors=style.PAPER, linewidths=0.7,
-            zorder=_LABELS,
-        )  # fmt: skip
+        x, y = turn.points(low).T
+        axes.scatter(x, y, s=34, marker="P", c=BATTERY, edgecolors=style.PAPER, linewidths=0.7, zorder=_LABELS)
     base_symbol(axes, result.environment.world, zorder=_LABELS)
 
 
-def _discs(
-    axes: Axes, stays: Sequence[HoverStop], turn: MapTransform, weights: Weights, colour: str, name: str
-) -> None:
-    if not stays:
-        return
-    spots = turn.points([stay.position for stay in stays])
-    areas = [wait_area(stay.seconds, weights) for stay in stays]
-    axes.scatter(spots[:, 0], spots[:, 1], s=areas, color=colour, alpha=0.22, linewidths=0, zorder=_STAYS)
-    rims = axes.scatter(
-        spots[:, 0], spots[:, 1], s=areas, facecolors="none", edgecolors=colour, linewidths=0.9, zorder=_STAYS + 1
-    )
-    rims.set_gid(name)
-
-
-def _label_waits(
-    axes: Axes, stays: Sequence[HoverStop], turn: MapTransform, weights: Weights, *, at_most: int = 8
-) -> None:
+def _label_waits(axes: Axes, stays: Sequence[HoverStop], turn: MapTransform, weights: Weights) -> None:
     """Seconds beside the longest waits, where they fit: no label overlaps another one or another wait's centre."""
     per_point = axes.figure.dpi / 72
     spots = axes.transData.transform(turn.points([stay.position for stay in stays]).reshape(-1, 2))
     taken: list[tuple[float, float]] = []
     view = axes.get_window_extent()
     size = weights.label * per_point
-    for stay, spot in list(zip(stays, spots, strict=True))[:at_most]:
+    for stay, spot in list(zip(stays, spots, strict=True))[:_LABELLED]:
         radius = (wait_area(stay.seconds, weights) / np.pi) ** 0.5 * per_point
         text = f"{stay.seconds:.0f} s"
         half = 0.33 * size * len(text)

@@ -1,6 +1,7 @@
 """The legend of a mission's map: main numbers, meaning of the marks, colours of visibility."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -46,39 +47,37 @@ def main_numbers(result: MissionResult) -> list[tuple[str, str]]:
 
 def legend_of(results: Sequence[MissionResult], *, town: bool) -> tuple[list[Handle], list[str]]:
     """Only what is on the map."""
-    handles: list[Handle] = []
-    labels: list[str] = []
-
-    def add(handle: Handle, label: str) -> None:
-        handles.append(handle)
-        labels.append(label)
-
-    add(Line2D([], [], color=style.INK, linewidth=0.8), "Transit")
     ramp = tuple(Line2D([], [], color=style.VISIBILITY(o), linewidth=2.6) for o in (0.3, 0.7, 1.0))
-    add(ramp, "Inspection, by visibility o")
-    add(Patch(facecolor=CAPTURED), "In a captured window")
-    add(Patch(facecolor=GAP), "In no captured window")
+    entries: list[tuple[object, Handle, str]] = [
+        (True, Line2D([], [], color=style.INK, linewidth=0.8), "Transit"),
+        (True, ramp, "Inspection, by visibility o"),
+        (True, Patch(facecolor=CAPTURED), "In a captured window"),
+        (True, Patch(facecolor=GAP), "In no captured window"),
+    ]
     found = {outcome for result in results for outcome in outcomes(result).values()}
     for outcome in DefectOutcome:
-        if outcome in found:
-            marker, colour = style.OUTCOME_MARKERS[outcome], style.OUTCOME_COLOURS[outcome]
-            mark = Line2D([], [], marker=marker, color=colour, linestyle="", markersize=5, mec=style.PAPER, mew=0.4)
-            add(mark, {DefectOutcome.RECOVERED: "Defect recovered on a revisit"}.get(outcome, f"Defect {outcome}"))
-    if any(waits(result.track) for result in results):
-        disc = Line2D([], [], marker="o", color=WAIT, linestyle="", mfc=WAIT + "38", markersize=8, mew=0.9)
-        add(disc, "Waiting; area by seconds")
-    if any(displacements(result.track) for result in results):
-        add(Line2D([], [], marker="^" if town else ">", color=STEP, linestyle="", markersize=5), "Displacement")
-    if any(revisits(result.track) for result in results):
-        square = Line2D([], [], marker="s", color=REVISIT, linestyle="", mfc="none", markersize=6, mew=0.9)
-        add(square, "Place revisited")
-    if any(avoiding(result.track).any() for result in results):
-        add(Line2D([], [], color=AVOID, linewidth=5, alpha=0.4), "Giving way to aircraft")
-    if town:
-        if results[0].swaps:
-            add(Line2D([], [], marker="P", color=BATTERY, linestyle="", markersize=6), "Battery low")
-        add(Line2D([], [], marker="o", color=style.BASE, linestyle="", markersize=7), "Base")
-    return handles, labels
+        mark = _mark(style.OUTCOME_MARKERS[outcome], style.OUTCOME_COLOURS[outcome], 5, mec=style.PAPER, mew=0.4)
+        recovered = outcome is DefectOutcome.RECOVERED
+        entries.append((outcome in found, mark, "Defect recovered on a revisit" if recovered else f"Defect {outcome}"))
+    tracks = [result.track for result in results]
+    entries += [
+        (any(map(waits, tracks)), _mark("o", WAIT, 8, mfc=WAIT + "38", mew=0.9), "Waiting; area by seconds"),
+        (any(map(displacements, tracks)), _mark("^" if town else ">", STEP, 5), "Displacement"),
+        (any(map(revisits, tracks)), _mark("s", REVISIT, 6, mfc="none", mew=0.9), "Place revisited"),
+        (
+            any(avoiding(track).any() for track in tracks),
+            Line2D([], [], color=AVOID, linewidth=5, alpha=0.4),
+            "Giving way to aircraft",
+        ),
+        (town and results[0].swaps, _mark("P", BATTERY, 6), "Battery low"),
+        (town, _mark("o", style.BASE, 7), "Base"),
+    ]
+    shown = [(handle, label) for is_shown, handle, label in entries if is_shown]
+    return [handle for handle, _ in shown], [label for _, label in shown]
+
+
+def _mark(marker: str, colour: str, size_pt: float, **look: Any) -> Line2D:
+    return Line2D([], [], marker=marker, color=colour, linestyle="", markersize=size_pt, **look)
 
 
 def visibility_ramp(axes: Axes, box: tuple[float, float, float, float], threshold: float) -> None:

@@ -6,26 +6,15 @@ from pathlib import Path
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.legend_handler import HandlerTuple
 
-from pavetwin.draw import lettering, style
+from pavetwin.draw import lettering, mission_layers, shapes, style
 from pavetwin.draw.marks import telling_segments
-from pavetwin.draw.mission_layers import (
-    NAMES,
-    TOWN,
-    draw_defects,
-    draw_reactions,
-    draw_route,
-    draw_stations,
-    draw_surfaces,
-)
 from pavetwin.draw.mission_legend import legend_of, main_numbers, visibility_ramp
-from pavetwin.draw.shapes import points_per_m
 from pavetwin.draw.strip import CAPTION_IN, GAP_IN, TALLEST_IN, SegmentLayout, caption, clipped, draw_strip
 from pavetwin.draw.turned import MapTransform
-from pavetwin.draw.world_map import ABOVE_WORLD, EVERYTHING, MapLayer, credit, draw_world
+from pavetwin.draw.world_map import ABOVE_WORLD, MapLayer, credit, draw_world
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
@@ -46,6 +35,7 @@ AROUND_M = 25.0
 """Margin around everything that was flown over."""
 
 _PLAIN = MapTransform((0.0, 0.0), 0.0)
+_QUIET = {MapLayer.PARKS, MapLayer.BUILDINGS, MapLayer.SIDEWALKS, MapLayer.CARRIAGEWAYS}
 
 
 def save_mission_map(result: MissionResult, path: Path) -> None:
@@ -79,17 +69,12 @@ def mission_figure(result: MissionResult) -> Figure:
     figure = style.new_figure(WIDTH_IN, height)
     _heading(figure, result.environment.world.name, _subtitle(result, f"policy {result.policy}"), _credit(result))
     bottom = height - HEAD_IN - town_h
-    town = figure.add_axes((MARGIN_IN / WIDTH_IN, bottom / height, town_w / WIDTH_IN, town_h / height))
+    town = style.axes_in(figure, MARGIN_IN, bottom, town_w, town_h)
     _draw_town(town, result, bounds, strips)
     left = MARGIN_IN + town_w + GUTTER_IN
-    side = _panel(figure, (left, bottom, side_w, town_h))
-    side.set(xlim=(0, side_w), ylim=(0, town_h))
+    side = style.panel(figure, left, bottom, side_w, town_h)
     _draw_side(side, result, town_w / (bounds[2] - bounds[0]), narrow=narrow)
-    x, y = (
-        (left, bottom + sum(strip.with_caption_in for strip in strips) - GAP_IN)
-        if narrow
-        else (MARGIN_IN, bottom - GAP_IN)
-    )
+    x, y = (left, bottom + sum(s.with_caption_in for s in strips) - GAP_IN) if narrow else (MARGIN_IN, bottom - GAP_IN)
     for number, strip in enumerate(strips):
         y -= strip.caption_in
         _caption(figure, (x, y), result, strip, "abc"[number])
@@ -129,28 +114,18 @@ def _comparison_figure(results: Sequence[MissionResult], segment: str) -> Figure
     foot = 0.78
     height = HEAD_IN + len(results) * strip.with_caption_in + foot
     figure = style.new_figure(WIDTH_IN, height)
-    street = results[0].environment.world.segment(segment).street
-    _heading(
-        figure,
-        f"{results[0].environment.world.name}: {street}, {segment}",
-        _subtitle(results[0], "same traffic"),
-        _credit(results[0]),
-    )
+    world = results[0].environment.world
+    title = f"{world.name}: {world.segment(segment).street}, {segment}"
+    _heading(figure, title, _subtitle(results[0], "same traffic"), _credit(results[0]))
     y = height - HEAD_IN
     for number, result in enumerate(results):
         y -= strip.caption_in
-        _caption(
-            figure,
-            (MARGIN_IN, y),
-            result,
-            strip,
-            result.policy,
-            colour=style.policy_style(result.policy, number).colour,
-        )
+        colour = style.policy_style(result.policy, number).colour
+        _caption(figure, (MARGIN_IN, y), result, strip, result.policy, colour)
         y -= strip.height_in
         draw_strip(figure, strip, result, (MARGIN_IN, y), scale=number == 0)
         y -= GAP_IN
-    foot_axes = _panel(figure, (MARGIN_IN, 0.08, inner, foot - 0.12))
+    foot_axes = style.panel(figure, MARGIN_IN, 0.08, inner, foot - 0.12)
     handles, labels = legend_of(results, town=False)
     foot_axes.legend(
         handles, labels, loc="center left", ncols=4, handler_map={tuple: HandlerTuple(ndivide=None)}, borderpad=0,
@@ -164,54 +139,43 @@ def flown_bounds(result: MissionResult) -> style.Bounds:
     """What a map of the mission shows: the route, the inspected segments and some ground around them, in metres."""
     world = result.environment.world
     route = np.column_stack([result.track["x_m"], result.track["y_m"]])
-    shapes: list[shapely.Geometry] = [world.segment(row.segment).polygon for row in result.rows]
-    shapes += [world.base, shapely.MultiPoint(route)]
-    west, south, east, north = (float(value) for value in shapely.total_bounds(shapes))
+    shown: list[shapely.Geometry] = [world.segment(row.segment).polygon for row in result.rows]
+    shown += [world.base, shapely.MultiPoint(route)]
+    west, south, east, north = (float(value) for value in shapely.total_bounds(shown))
     return west - AROUND_M, south - AROUND_M, east + AROUND_M, north + AROUND_M
 
 
 def _draw_town(axes: Axes, result: MissionResult, bounds: style.Bounds, strips: Sequence[SegmentLayout]) -> None:
-    quiet = EVERYTHING - {
-        MapLayer.BASE,
-        MapLayer.TREES,
-        MapLayer.FURNITURE,
-        MapLayer.MARKINGS,
-        MapLayer.CROSSINGS,
-        MapLayer.STREET_NAMES,
-    }
-    draw_world(axes, result.environment.world, bounds=bounds, layers=quiet, defects=False, muted=True)
-    weights = TOWN.times(float(np.clip(points_per_m(axes), 0.45, 1.0)))
+    draw_world(axes, result.environment.world, bounds=bounds, layers=_QUIET, defects=False, muted=True)
+    weights = mission_layers.TOWN.times(float(np.clip(shapes.points_per_m(axes), 0.45, 1.0)))
     for strip, letter in zip(strips, "abc", strict=False):
         frame = clipped(strip.outline(), bounds)
-        axes.add_collection(
-            LineCollection([frame], colors=style.INK, linewidths=0.8, linestyles=(0, (4, 2)), zorder=ABOVE_WORLD + 27),
-            autolim=False,
-        )
+        shapes.strokes(axes, [frame], ABOVE_WORLD + 27, style.INK, 0.8, (3.2, 1.6))
         corner = frame[int(np.argmax(frame[:, 1] - frame[:, 0]))]
         disc = {"boxstyle": "circle,pad=0.18", "facecolor": style.PAPER, "edgecolor": style.INK, "linewidth": 0.8}
         text = axes.text(float(corner[0]), float(corner[1]), letter, fontsize=9, fontweight="bold", bbox=disc)
         text.set(ha="center", va="center", zorder=ABOVE_WORLD + 40)
     _name_streets(axes, result)
-    draw_surfaces(axes, result, _PLAIN)
-    draw_route(axes, result, _PLAIN, weights)
-    draw_defects(axes, result, _PLAIN, weights)
-    draw_reactions(axes, result, _PLAIN, weights)
-    draw_stations(axes, result, _PLAIN)
+    mission_layers.draw_surfaces(axes, result, _PLAIN)
+    mission_layers.draw_route(axes, result, _PLAIN, weights)
+    mission_layers.draw_defects(axes, result, _PLAIN, weights)
+    mission_layers.draw_reactions(axes, result, _PLAIN, weights)
+    mission_layers.draw_stations(axes, result, _PLAIN)
 
 
 def _name_streets(axes: Axes, result: MissionResult) -> None:
     """Beside what was inspected where the street goes on, else across it."""
     segments = result.environment.world.segments
     inspected = {row.segment for row in result.rows}
-    base = result.environment.world.base.buffer(6.0 / points_per_m(axes))
+    base = result.environment.world.base.buffer(6.0 / shapes.points_per_m(axes))
     clear, any_ = lettering.OccupiedSpace(), lettering.OccupiedSpace()
     for place in (base, *(segment.polygon for segment in segments if segment.id in inspected)):
         clear.take(place)
-    hidden = lettering.street_names(axes, segments, clear, style.INK_SOFT, NAMES)
+    hidden = lettering.street_names(axes, segments, clear, style.INK_SOFT, mission_layers.NAMES)
     for written in (base, *clear.taken[len(inspected) + 1 :]):
         any_.take(written)
     rest = [segment for segment in segments if segment.street in hidden]
-    lettering.street_names(axes, rest, any_, style.INK_SOFT, NAMES)
+    lettering.street_names(axes, rest, any_, style.INK_SOFT, mission_layers.NAMES)
 
 
 def _draw_side(axes: Axes, result: MissionResult, inches_per_m: float, *, narrow: bool) -> None:
@@ -281,13 +245,3 @@ def _caption(
     bold = figure.text(left / width, y / height, head, fontsize=9.5, fontweight="bold", color=colour, va="baseline")
     end = bold.get_window_extent().x1 / figure.dpi
     figure.text((end + 0.1) / width, y / height, "  ·  ".join(words), fontsize=8, va="baseline")
-
-
-def _panel(figure: Figure, box_in: tuple[float, float, float, float]) -> Axes:
-    """Axes without a frame at left, bottom, width, height in inches."""
-    width, height = figure.get_size_inches()
-    left, bottom, wide, high = box_in
-    axes = figure.add_axes((left / width, bottom / height, wide / width, high / height))
-    axes.set_axis_off()
-    axes.grid(False)
-    return axes

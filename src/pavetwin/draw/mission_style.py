@@ -35,7 +35,7 @@ SMALLEST_VEHICLE_M = 1.2
 """What is shorter and does not walk is another aircraft."""
 
 
-def agent_group(length_m: float, height_m: float, *, pedestrian: bool) -> str:
+def agent_group(length_m: float, height_m: float, pedestrian: bool) -> str:
     """The key of `AGENT_COLOURS` for an agent, found by its size, as user-defined kinds have other names."""
     if pedestrian:
         return "pedestrian"

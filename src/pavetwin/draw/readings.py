@@ -46,20 +46,17 @@ class Readings:
         pen = ImageDraw.Draw(image)
         image.paste(self._still, (0, top_px))
         minutes, seconds = divmod(round(scene.time_s, 1), 60)
-        columns = (
-            ("time", f"{int(minutes)}:{seconds:04.1f}"),
-            ("speed", f"{scene.uav.speed_mps:.1f} m/s"),
-            ("altitude", f"{scene.uav.altitude_m:.1f} m"),
-            ("battery", f"{100 * scene.uav.battery:.0f} %"),
-        )
-        x = MARGIN_PX
-        for name, value in columns:
-            self._cell(pen, x, top_px, name, value)
-            x += 96
+        columns = {
+            "time": f"{int(minutes)}:{seconds:04.1f}",
+            "speed": f"{scene.uav.speed_mps:.1f} m/s",
+            "altitude": f"{scene.uav.altitude_m:.1f} m",
+            "battery": f"{100 * scene.uav.battery:.0f} %",
+        }
+        for number, (name, value) in enumerate(columns.items()):
+            self._cell(pen, MARGIN_PX + 96 * number, top_px, name, value)
+        x, mode = MARGIN_PX + 96 * len(columns), scene.uav.mode
         self._visibility(pen, x, top_px, scene.visibility)
-        self._cell(
-            pen, x + 190, top_px, f"policy {self.policy}", DOING[scene.uav.mode], bold=scene.uav.mode in _REACTIONS
-        )
+        self._cell(pen, x + 190, top_px, f"policy {self.policy}", DOING[mode], bold=mode in _REACTIONS)
 
     @cached_property
     def _still(self) -> Image.Image:

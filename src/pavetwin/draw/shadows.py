@@ -29,18 +29,7 @@ TOLERANCE_M = 0.05
 
 def bodies(agents: "PoseColumns") -> Float64Array:
     """(n, 4, 2) the agents' outlines on the ground."""
-    count = len(agents["x_m"])
-    shapes = np.empty((count, 4, 2))
-    for index in range(count):
-        one = slice(index, index + 1)
-        shapes[index] = rectangles(
-            agents["x_m"][one],
-            agents["y_m"][one],
-            agents["yaw_rad"][one],
-            float(agents["width_m"][index]),
-            float(agents["length_m"][index]),
-        )[0]
-    return shapes
+    return rectangles(agents["x_m"], agents["y_m"], agents["yaw_rad"], agents["width_m"], agents["length_m"])
 
 
 def shadows(agents: "PoseColumns", camera: tuple[float, float, float]) -> GeometryArray:

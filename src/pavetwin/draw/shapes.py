@@ -80,18 +80,9 @@ def fill_outlines(
     alpha: float = 1.0,
 ) -> None:
     """Paths, filled with one colour or one each."""
-    axes.add_collection(
-        PathCollection(
-            outlines,
-            facecolors=face,
-            edgecolors=edge,
-            linewidths=width_pt,
-            alpha=alpha,
-            zorder=zorder,
-            joinstyle="round",
-        ),
-        autolim=False,
-    )
+    paths = PathCollection(outlines, facecolors=face, edgecolors=edge, linewidths=width_pt, joinstyle="round")
+    paths.set(alpha=alpha, zorder=zorder)
+    axes.add_collection(paths, autolim=False)
 
 
 def discs(
@@ -105,22 +96,11 @@ def discs(
     alpha: float = 1.0,
 ) -> None:
     """Circles of a size in metres, at centres (n, 2)."""
-    axes.add_collection(
-        EllipseCollection(
-            2 * radii_m,
-            2 * radii_m,
-            np.zeros_like(radii_m),
-            units="xy",
-            offsets=centres.reshape(-1, 2),
-            offset_transform=axes.transData,
-            facecolors=face,
-            edgecolors=edge,
-            linewidths=width_pt,
-            alpha=alpha,
-            zorder=zorder,
-        ),
-        autolim=False,
+    circles = EllipseCollection(
+        2 * radii_m, 2 * radii_m, np.zeros_like(radii_m), units="xy", offsets=centres, offset_transform=axes.transData
     )
+    circles.set(facecolors=face, edgecolors=edge, linewidths=width_pt, alpha=alpha, zorder=zorder)
+    axes.add_collection(circles, autolim=False)
 
 
 def strokes(
@@ -133,17 +113,9 @@ def strokes(
 ) -> None:
     """Lines, whole or dashed (drawn and left out, in points)."""
     style = "solid" if dash_pt is None else (0, (dash_pt[0] / width_pt, dash_pt[1] / width_pt))
-    axes.add_collection(
-        LineCollection(
-            [np.asarray(line) for line in lines],
-            colors=colour,
-            linewidths=width_pt,
-            linestyles=style,
-            zorder=zorder,
-            capstyle="butt",
-        ),
-        autolim=False,
-    )
+    drawn = LineCollection([np.asarray(line) for line in lines], colors=colour, linewidths=width_pt, linestyles=style)
+    drawn.set(zorder=zorder, capstyle="butt")
+    axes.add_collection(drawn, autolim=False)
 
 
 def shadow(bases: Sequence[Polygon], heights_m: Float64Array, east: float, south: float, longest_m: float) -> Outline:
@@ -173,7 +145,11 @@ def shadow(bases: Sequence[Polygon], heights_m: Float64Array, east: float, south
     return Outline(sides.reshape(-1, 2), codes)
 
 
-def stripes(rectangle: Polygon, width_m: float, gap_m: float, inset_m: float = 0.3) -> list[Float64Array]:
+_INSET_M = 0.3
+"""From the end of a crossing's bar to the crossing's side."""
+
+
+def stripes(rectangle: Polygon, width_m: float, gap_m: float) -> list[Float64Array]:
     """Bars across the longer axis of a rectangle (a zebra crossing's): lines of two points."""
     ring = shapely.get_coordinates(rectangle.minimum_rotated_rectangle)
     if len(ring) < 5:
@@ -181,13 +157,13 @@ def stripes(rectangle: Polygon, width_m: float, gap_m: float, inset_m: float = 0
     sides = np.diff(ring[:3], axis=0)
     lengths = np.hypot(sides[:, 0], sides[:, 1])
     long = int(np.argmax(lengths))
-    if lengths.min() <= 2 * inset_m:
+    if lengths.min() <= 2 * _INSET_M:
         return []
     along, across = sides[long] / lengths[long], sides[1 - long]
     start = ring[0] if long == 0 else ring[1] - across
-    count = int((lengths[long] - 2 * inset_m + gap_m) // (width_m + gap_m))
+    count = int((lengths[long] - 2 * _INSET_M + gap_m) // (width_m + gap_m))
     spare = lengths[long] - count * (width_m + gap_m) + gap_m
-    inner = inset_m / lengths[1 - long]
+    inner = _INSET_M / lengths[1 - long]
     offsets = spare / 2 + width_m / 2 + np.arange(count) * (width_m + gap_m)
     return [np.stack([start + along * s + across * inner, start + along * s + across * (1 - inner)]) for s in offsets]
 

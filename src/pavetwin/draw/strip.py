@@ -10,14 +10,7 @@ from matplotlib.figure import Figure
 
 from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
-from pavetwin.draw.mission_layers import (
-    CLOSE,
-    draw_defects,
-    draw_reactions,
-    draw_route,
-    draw_surfaces,
-    draw_windows,
-)
+from pavetwin.draw.mission_layers import CLOSE, draw_defects, draw_reactions, draw_route, draw_surfaces, draw_windows
 from pavetwin.draw.turned import MapTransform
 from pavetwin.draw.world_map import EVERYTHING, MapLayer, draw_world
 from pavetwin.mission.environment import window_m
@@ -84,9 +77,7 @@ def draw_strip(
         scale: with a scale bar and an arrow to the north above it.
     """
     (left, bottom), width = corner_in, strip.width_in
-    page_w, page_h = figure.get_size_inches()
-    frame = (left / page_w, bottom / page_h, width / page_w, strip.height_in / page_h)
-    axes = figure.add_axes(frame)
+    axes = style.axes_in(figure, left, bottom, width, strip.height_in)
     x, y = strip.width_m / 2, strip.height_m / 2
     near = strip.turn.world(result.environment.world, float(np.hypot(x, y)) + 5)
     draw_world(axes, near, bounds=(-x, -y, x, y), layers=_QUIET, defects=False, muted=True)
@@ -97,11 +88,7 @@ def draw_strip(
     draw_defects(axes, result, strip.turn, CLOSE)
     draw_reactions(axes, result, strip.turn, CLOSE)
     if scale:
-        above = figure.add_axes(
-            (left / page_w, (bottom + strip.height_in) / page_h, width / page_w, strip.caption_in / page_h)
-        )
-        above.set(xlim=(0, width), ylim=(0, strip.caption_in))
-        above.set_axis_off()
+        above = style.panel(figure, left, bottom + strip.height_in, width, strip.caption_in)
         first_line = strip.caption_in - CAPTION_IN
         style.scale_bar(above, width - 0.5, first_line + 0.05, width / strip.width_m, longest=0.85)
         _north(above, width - 0.12, first_line + 0.12, strip.turn.north_rad)
@@ -129,10 +116,10 @@ def clipped(shape: Float64Array, bounds: style.Bounds) -> Float64Array:
     return shapely.get_coordinates(part)
 
 
-def _north(axes: Axes, x: float, y: float, angle_rad: float, size: float = 0.2) -> None:
-    """An arrow to the north, turned with the page; x, y and size in inches."""
+def _north(axes: Axes, x: float, y: float, angle_rad: float) -> None:
+    """An arrow to the north, turned with the page and 0.2 inches long; x and y in inches."""
     ahead = np.array([cos(angle_rad), sin(angle_rad)])
     aside = np.array([-ahead[1], ahead[0]])
     middle = np.array([x, y])
-    corners = [middle + size * (a * ahead + b * aside) for a, b in ((0.5, 0), (-0.5, 0.28), (-0.28, 0), (-0.5, -0.28))]
+    corners = [middle + 0.2 * (a * ahead + b * aside) for a, b in ((0.5, 0), (-0.5, 0.28), (-0.28, 0), (-0.5, -0.28))]
     axes.fill(*np.transpose(corners), facecolor=style.INK, linewidth=0)

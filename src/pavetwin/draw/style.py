@@ -38,12 +38,7 @@ CARRIAGEWAY, CASING, MARKING, ZEBRA = "#FFFFFF", "#A8A199", "#B9B4AC", "#C4BFB7"
 LAMP, SIGNAL, POLE, SIGN = "#D9A400", "#C0392B", "#8B857D", "#6C7A89"
 BASE = "#1F3A5F"
 
-POLICY_COLOURS: Mapping[str, str] = {
-    "baseline": "#6B6B6B",
-    "hover": "#0072B2",
-    "micro": "#E08A00",
-    "skip": "#009E73",
-}
+POLICY_COLOURS: Mapping[str, str] = {"baseline": "#6B6B6B", "hover": "#0072B2", "micro": "#E08A00", "skip": "#009E73"}
 POLICY_MARKERS: Mapping[str, str] = {"baseline": "o", "hover": "s", "micro": "^", "skip": "D"}
 _MORE_COLOURS = (
     "#CC79A7", "#56B4E9", "#8C510A", "#332288", "#B22222", "#7FBF3F", "#D58BFF", "#00D0C0", "#C7A500", "#FF6F91",
@@ -53,16 +48,8 @@ _MORE_MARKERS = ("v", "P", "X", "h", "*", "<", ">", "p", "d", "8")
 _DASHES: Final = ((0, ()), (0, (4, 1.4)), (0, (1.2, 1.2)))
 """Of lines of the built-in policies and the first four others, of the next three, and of the rest."""
 
-DEFECT_COLOURS: Mapping[str, str] = {
-    "single_crack": "#3B6FB6",
-    "crocodile_crack": "#D1495B",
-    "pothole": "#262626",
-}
-DEFECT_MARKERS: Mapping[str, str] = {
-    "single_crack": "_",
-    "crocodile_crack": "s",
-    "pothole": "o",
-}
+DEFECT_COLOURS: Mapping[str, str] = {"single_crack": "#3B6FB6", "crocodile_crack": "#D1495B", "pothole": "#262626"}
+DEFECT_MARKERS: Mapping[str, str] = {"single_crack": "_", "crocodile_crack": "s", "pothole": "o"}
 
 
 def defect_styles(found: Iterable[str]) -> list[tuple[str, str, str]]:
@@ -130,6 +117,20 @@ def new_figure(width_in: float, height_in: float) -> Figure:
     return figure
 
 
+def axes_in(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+    """Axes of a figure by their box in inches."""
+    page_w, page_h = figure.get_size_inches()
+    return figure.add_axes((left / page_w, bottom / page_h, width / page_w, height / page_h))
+
+
+def panel(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+    """Axes without a frame whose coordinates are inches from their lower left corner."""
+    axes = axes_in(figure, left, bottom, width, height)
+    axes.set(xlim=(0, width), ylim=(0, height))
+    axes.set_axis_off()
+    return axes
+
+
 class PolicyStyle(NamedTuple):
     """How a policy is drawn."""
 
@@ -147,9 +148,9 @@ def policy_style(name: str, order: int = 0) -> PolicyStyle:
     return PolicyStyle(_MORE_COLOURS[spare], _MORE_MARKERS[spare], _DASHES[(spare >= 4) + (spare >= 7)])
 
 
-def halo(width_pt: float = 1.6, colour: str = PAPER) -> list[patheffects.AbstractPathEffect]:
+def halo(width_pt: float = 1.6) -> list[patheffects.AbstractPathEffect]:
     """A rim around text or lines that keeps them readable over the map; its width in points."""
-    return [patheffects.withStroke(linewidth=width_pt, foreground=colour)]
+    return [patheffects.withStroke(linewidth=width_pt, foreground=PAPER)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,12 +202,10 @@ def map_figure(
     drop = 0.17 if beside else 0.72
     margin, head, foot = 0.25, 0.55 if subtitle else 0.42, max(0.68, drop + 0.05 + _ROW_IN * len(rows))
     figure = new_figure(width + 2 * margin, height + head + foot)
-    total_w, total_h = (float(side) for side in figure.get_size_inches())
-    axes = figure.add_axes((margin / total_w, foot / total_h, width / total_w, height / total_h))
+    total_w, total_h = figure.get_size_inches()
+    axes = axes_in(figure, margin, foot, width, height)
     frame_axes(axes, bounds)
-    footer = figure.add_axes((margin / total_w, 0.0, width / total_w, foot / total_h))
-    footer.set(xlim=(0, width), ylim=(0, foot))
-    footer.set_axis_off()
+    footer = panel(figure, margin, 0.0, width, foot)
     figure.text(margin / total_w, 1 - 0.1 / total_h, title, fontsize=12, fontweight="bold", va="top")
     figure.text(margin / total_w, 1 - 0.34 / total_h, subtitle, fontsize=7.5, color=INK_SOFT, va="top")
     north_arrow(footer, width - 0.09, foot - 0.28, 0.22)

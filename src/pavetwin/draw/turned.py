@@ -1,8 +1,9 @@
 """A part of a world, rotated so that a street is horizontal on the page."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from math import atan2, cos, sin
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,7 @@ from pavetwin.arrays import Float64Array
 from pavetwin.world.model import Segment, World
 
 Shape = TypeVar("Shape", bound=shapely.Geometry)
+Item = TypeVar("Item", bound=Any)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,33 +62,27 @@ class MapTransform:
         """The world within `reach_m` of the origin, on the page. Only its geometry may be used."""
         disc = Point(self.origin).buffer(reach_m)
 
-        def near(geometry: shapely.Geometry) -> bool:
-            return bool(disc.intersects(geometry))
+        def near(items: Iterable[Item], *geometries: str) -> tuple[Item, ...]:
+            """Those whose first geometry touches the disc, on the page."""
+            return tuple(
+                replace(item, **{name: self.shape(getattr(item, name)) for name in geometries})
+                for item in items
+                if disc.intersects(getattr(item, geometries[0]))
+            )
 
-        shape = self.shape
         return replace(
             world,
-            streets=tuple(replace(s, centre_line=shape(s.centre_line)) for s in world.streets if near(s.centre_line)),
-            segments=tuple(
-                replace(s, polygon=shape(s.polygon), centre_line=shape(s.centre_line))
-                for s in world.segments
-                if near(s.polygon)
-            ),
-            lanes=tuple(replace(e, centre_line=shape(e.centre_line)) for e in world.lanes if near(e.centre_line)),
-            connections=tuple(
-                replace(c, centre_line=shape(c.centre_line)) for c in world.connections if near(c.centre_line)
-            ),
-            junctions=tuple(replace(j, polygon=shape(j.polygon)) for j in world.junctions if near(j.polygon)),
-            crossings=tuple(replace(c, polygon=shape(c.polygon)) for c in world.crossings if near(c.polygon)),
-            buildings=tuple(replace(b, polygon=shape(b.polygon)) for b in world.buildings if near(b.polygon)),
+            streets=near(world.streets, "centre_line"),
+            segments=near(world.segments, "polygon", "centre_line"),
+            lanes=near(world.lanes, "centre_line"),
+            connections=near(world.connections, "centre_line"),
+            junctions=near(world.junctions, "polygon"),
+            crossings=near(world.crossings, "polygon"),
+            buildings=near(world.buildings, "polygon"),
             furniture=tuple(
-                replace(f, position=shape(f.position), yaw_rad=f.yaw_rad - self.angle_rad)
-                for f in world.furniture
-                if near(f.position)
+                replace(item, yaw_rad=item.yaw_rad - self.angle_rad) for item in near(world.furniture, "position")
             ),
-            parks=tuple(shape(park) for park in world.parks if near(park)),
-            defects=tuple(
-                replace(d, centre=shape(d.centre), polygon=shape(d.polygon)) for d in world.defects if near(d.centre)
-            ),
-            base=shape(world.base),
+            parks=tuple(self.shape(park) for park in world.parks if disc.intersects(park)),
+            defects=near(world.defects, "centre", "polygon"),
+            base=self.shape(world.base),
         )

@@ -45,16 +45,16 @@ def world_page(world: World) -> str:
     """The page's text."""
     west, south, east, north = world_bounds(world)
     flip = _Flip(west, north)
-    note = credit(world)
     values = {
         "TITLE": escape(world.name),
         "SUBTITLE": escape(subtitle(world)),
-        "CREDIT": escape(note) if note else "",
+        "CREDIT": escape(credit(world) or ""),
         "VIEW": f"0 0 {east - west:.1f} {north - south:.1f}",
         "LAYERS": "\n".join(_layers(world, flip)),
         "LEGEND": "".join(
             f"<li><i class='{'patch' if entry.symbol == 'patch' else 'dot'}' "
-            f"style='background:{to_hex(entry.colour)};border-color:{_edge(entry.edge, entry.colour)}'></i>"
+            f"style='background:{to_hex(entry.colour)};border-color:"
+            f"{to_hex(entry.colour if entry.edge == 'none' else entry.edge)}'></i>"
             f"{escape(entry.label)}</li>"
             for entry in legend(world)
         ),
@@ -134,9 +134,7 @@ def _buildings(world: World, flip: _Flip) -> Iterable[str]:
 
 
 def _segments(world: World, flip: _Flip) -> Iterable[str]:
-    counts: Counter[str] = Counter()
-    for defect in world.defects:
-        counts[defect.segment] += 1
+    counts = Counter(defect.segment for defect in world.defects)
     yield "<g class='segments'>"
     for segment in world.segments:
         street = segment.street if segment.street not in segment.edges else "unnamed street"
@@ -209,10 +207,6 @@ def _lettering(world: World, flip: _Flip) -> Iterable[str]:
 
 def _shape(path: str, fill: str, stroke: str, width_m: float) -> str:
     return f"<path d='{path}' fill='{fill}' fill-rule='evenodd' stroke='{stroke}' stroke-width='{width_m}'/>"
-
-
-def _edge(edge: object, colour: object) -> str:
-    return to_hex(edge if edge != "none" else colour)  # type: ignore[arg-type]
 
 
 def _attribute(text: str) -> str:

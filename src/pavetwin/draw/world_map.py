@@ -1,6 +1,5 @@
 """The map of the static world, drawn as a city plan. Other figures are drawn on top of it."""
 
-from collections import Counter
 from collections.abc import Collection, Sequence
 from enum import StrEnum
 from math import cos, sin
@@ -47,11 +46,11 @@ class MapLayer(StrEnum):
 EVERYTHING = frozenset(MapLayer)
 
 
-def world_bounds(world: World, margin_m: float = MARGIN_M) -> Bounds:
+def world_bounds(world: World) -> Bounds:
     """What a map of the whole world shows: its streets and buildings and a margin, in metres."""
     items = [segment.polygon for segment in world.segments] + [building.polygon for building in world.buildings]
     west, south, east, north = (float(value) for value in shapely.total_bounds(items))
-    return west - margin_m, south - margin_m, east + margin_m, north + margin_m
+    return west - MARGIN_M, south - MARGIN_M, east + MARGIN_M, north + MARGIN_M
 
 
 def draw_world(
@@ -80,24 +79,18 @@ def draw_world(
     """
     style.frame_axes(axes, bounds if bounds is not None else world_bounds(world))
     plan = _Plan(axes, world, muted)
-    if MapLayer.PARKS in layers:
-        green = [shapely.union_all(shapely.buffer(world.parks, 0.05))]
-        shapes.fill(axes, green, 1, plan.shade(style.PARK), plan.shade(style.PARK_EDGE), 0.5)
-    if MapLayer.BUILDINGS in layers:
-        plan.buildings()
-    if MapLayer.SIDEWALKS in layers:
-        plan.sidewalks()
-    if MapLayer.CARRIAGEWAYS in layers:
-        roads = world.carriageway
-        shapes.fill(axes, [roads], 4, plan.shade(style.CARRIAGEWAY), plan.shade(style.CASING), 0.55)
-    if MapLayer.CROSSINGS in layers:
-        plan.crossings()
-    if MapLayer.MARKINGS in layers:
-        plan.markings()
-    if MapLayer.TREES in layers:
-        plan.trees()
-    if MapLayer.FURNITURE in layers:
-        plan.furniture()
+    for layer, draw in {
+        MapLayer.PARKS: plan.parks,
+        MapLayer.BUILDINGS: plan.buildings,
+        MapLayer.SIDEWALKS: plan.sidewalks,
+        MapLayer.CARRIAGEWAYS: plan.carriageways,
+        MapLayer.CROSSINGS: plan.crossings,
+        MapLayer.MARKINGS: plan.markings,
+        MapLayer.TREES: plan.trees,
+        MapLayer.FURNITURE: plan.furniture,
+    }.items():
+        if layer in layers:
+            draw()
     if defects:
         plan.defects()
     occupied, left_out = lettering.OccupiedSpace(), list[str]()
@@ -126,6 +119,14 @@ class _Plan:
 
     def shade(self, colour: ColorType) -> ColorType:
         return shapes.mix(colour, style.PAPER, self._pale)
+
+    def parks(self) -> None:
+        green = [shapely.union_all(shapely.buffer(self.world.parks, 0.05))]
+        shapes.fill(self.axes, green, 1, self.shade(style.PARK), self.shade(style.PARK_EDGE), 0.5)
+
+    def carriageways(self) -> None:
+        face, edge = self.shade(style.CARRIAGEWAY), self.shade(style.CASING)
+        shapes.fill(self.axes, [self.world.carriageway], 4, face, edge, 0.55)
 
     def buildings(self) -> None:
         houses = [self.world.buildings[i] for i in shapes.seen(self.axes, [b.polygon for b in self.world.buildings])]
@@ -164,9 +165,8 @@ class _Plan:
             return
         centres, radii = _centres(trees), np.array([tree.radius_m for tree in trees])
         shapes.discs(self.axes, centres + (0.5, -0.7), radii, 5.1, self.shade(style.SHADOW), alpha=0.16)
-        shapes.discs(
-            self.axes, centres, radii, 7, self.shade(style.TREE), self.shade(style.TREE_EDGE), 0.25, alpha=0.78
-        )
+        face, edge = self.shade(style.TREE), self.shade(style.TREE_EDGE)
+        shapes.discs(self.axes, centres, radii, 7, face, edge, 0.25, alpha=0.78)
         shapes.discs(self.axes, centres + radii[:, None] * (-0.22, 0.25), 0.55 * radii, 7.1, style.PAPER, alpha=0.16)
 
     def furniture(self) -> None:
@@ -184,16 +184,8 @@ class _Plan:
             (FurnitureKind.SIGNAL, style.SIGNAL, "^", 4.4),
         ):
             grown = size * min(2.0, max(0.55, self.per_m / 2.0))
-            centres = _centres(self._of(kind))
-            self.axes.scatter(
-                centres[:, 0],
-                centres[:, 1],
-                s=grown**2,
-                marker=marker,
-                color=self.shade(colour),
-                linewidths=0,
-                zorder=8.1,
-            )
+            x, y = _centres(self._of(kind)).T
+            self.axes.scatter(x, y, s=grown**2, marker=marker, color=self.shade(colour), linewidths=0, zorder=8.1)
 
     def defects(self) -> None:
         outlined = self.per_m > 4.0
@@ -203,18 +195,9 @@ class _Plan:
                 face, edge = shapes.mix(colour, style.PAPER, 0.35), self.shade(colour)
                 shapes.fill(self.axes, [defect.polygon for defect in chosen], 10, face, edge, 0.5)
                 continue
-            spots = np.array([(d.centre.x, d.centre.y) for d in chosen]).reshape(-1, 2)
-            grown = max(0.6, self.per_m)
-            rim_pt = 0.5 * min(1.0, self.per_m) if marker == "_" else 0.0
-            self.axes.scatter(
-                spots[:, 0],
-                spots[:, 1],
-                s=1.5 * grown**2,
-                marker=marker,
-                color=self.shade(colour),
-                linewidths=rim_pt,
-                zorder=10,
-            )
+            x, y = np.array([(d.centre.x, d.centre.y) for d in chosen]).reshape(-1, 2).T
+            size, rim_pt = 1.5 * max(0.6, self.per_m) ** 2, 0.5 * min(1.0, self.per_m) if marker == "_" else 0.0
+            self.axes.scatter(x, y, s=size, marker=marker, color=self.shade(colour), linewidths=rim_pt, zorder=10)
 
     def _of(self, kind: FurnitureKind) -> list[Furniture]:
         (west, east), (south, north) = self.axes.get_xlim(), self.axes.get_ylim()
@@ -232,18 +215,16 @@ def base_symbol(axes: Axes, world: World, zorder: float = ABOVE_WORLD - 1) -> No
     axes.plot(x, y, marker="$\\mathbf{H}$", ms=4.6, mfc=style.PAPER, mec="none", zorder=zorder)
 
 
-def save_world_map(world: World, path: Path, *, names: bool = False, bounds: Bounds | None = None) -> list[str]:
-    """Write the map of a world, or of `bounds` of it, as a picture. Returns the ids that did not fit.
+def save_world_map(world: World, path: Path, *, names: bool = False) -> list[str]:
+    """Write the map of a world as a picture. Returns the ids that did not fit.
 
     Raises:
         PaveTwinError: it cannot be written.
     """
     with style.styled():
-        shown = bounds if bounds is not None else world_bounds(world)
-        figure_ = style.map_figure(
-            shown, title=world.name, subtitle=subtitle(world), credit=credit(world), legend=legend(world)
-        )
-        left_out = draw_world(figure_.axes, world, bounds=shown, names=names)
+        bounds, about = world_bounds(world), subtitle(world)
+        figure_ = style.map_figure(bounds, title=world.name, subtitle=about, credit=credit(world), legend=legend(world))
+        left_out = draw_world(figure_.axes, world, bounds=bounds, names=names)
         style.save_figure(figure_.figure, path)
     return left_out
 
@@ -262,29 +243,26 @@ def credit(world: World) -> str | None:
     return attribution(load_record(world.folder).source) if world.folder is not None else None
 
 
-def legend(world: World, *, defects: bool = True) -> list[LegendEntry]:
+def legend(world: World) -> list[LegendEntry]:
     """What the marks on the map of this world mean; only those that are on it."""
-    kinds = Counter(item.kind for item in world.furniture)
-    classes = Counter(defect.kind for defect in world.defects)
-    walks = bool(world.lanes_of(LaneKind.SIDEWALK))
-    entries: Sequence[tuple[bool, LegendEntry]] = (
+    found = {item.kind for item in world.furniture}
+    classes = {defect.kind for defect in world.defects}
+    entries = (
         (True, LegendEntry("carriageway", "patch", style.CARRIAGEWAY, style.CASING)),
-        (walks, LegendEntry("sidewalk", "patch", style.SIDEWALK, style.SIDEWALK_EDGE)),
-        (bool(world.buildings), LegendEntry("building", "patch", style.BUILDING, style.BUILDING_EDGE)),
-        (bool(world.parks), LegendEntry("park, green", "patch", style.PARK, style.PARK_EDGE)),
-        (kinds[FurnitureKind.TREE] > 0, LegendEntry("tree", "o", style.TREE, style.TREE_EDGE, 6)),
-        (kinds[FurnitureKind.STREET_LIGHT] > 0, LegendEntry("street light", "o", style.LAMP, size_pt=2.2)),
-        (kinds[FurnitureKind.SIGNAL] > 0, LegendEntry("traffic signal", "^", style.SIGNAL, size_pt=3.6)),
+        (world.lanes_of(LaneKind.SIDEWALK), LegendEntry("sidewalk", "patch", style.SIDEWALK, style.SIDEWALK_EDGE)),
+        (world.buildings, LegendEntry("building", "patch", style.BUILDING, style.BUILDING_EDGE)),
+        (world.parks, LegendEntry("park, green", "patch", style.PARK, style.PARK_EDGE)),
+        (FurnitureKind.TREE in found, LegendEntry("tree", "o", style.TREE, style.TREE_EDGE, 6)),
+        (FurnitureKind.STREET_LIGHT in found, LegendEntry("street light", "o", style.LAMP, size_pt=2.2)),
+        (FurnitureKind.SIGNAL in found, LegendEntry("traffic signal", "^", style.SIGNAL, size_pt=3.6)),
         (True, LegendEntry("base", "o", style.BASE, size_pt=5.5)),
-        *(
-            (
-                defects and classes[kind] > 0,
-                LegendEntry(defect_words(kind), marker, colour, size_pt=3.2),
-            )
-            for kind, colour, marker in style.defect_styles(classes)
-        ),
     )
-    return [entry for shown, entry in entries if shown]
+    marks = [
+        LegendEntry(defect_words(kind), marker, colour, size_pt=3.2)
+        for kind, colour, marker in style.defect_styles(classes)
+        if kind in classes
+    ]
+    return [entry for shown, entry in entries if shown] + marks
 
 
 def defect_words(kind: str) -> str:
