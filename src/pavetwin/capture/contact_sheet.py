@@ -1,20 +1,19 @@
 """A contact sheet: images of a dataset side by side, with their labels drawn over them."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cache
 from math import ceil, floor
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-import matplotlib
 import numpy as np
-from PIL import Image, ImageColor, ImageDraw, ImageFont
+from PIL import Image, ImageColor, ImageDraw
 
 from pavetwin.capture.classes import categories, colours
 from pavetwin.capture.record import Record, read_record, record_paths
 from pavetwin.capture.rle import decode
 from pavetwin.capture.settings import SPLITS, read_description
 from pavetwin.capture.truth import LabelledObject
+from pavetwin.draw.mission_style import font
 from pavetwin.draw.style import INK, INK_SOFT, PAPER
 from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.files import writing
@@ -47,9 +46,8 @@ def save_sheet(folder: Path, path: Path, *, count: int = 24, split: str | None =
         raise PaveTwinError(f"'{folder}' holds {which} yet.")
     chosen = np.unique(np.linspace(0, len(found) - 1, min(count, len(found))).round().astype(int))
     records = [read_record(found[index]) for index in chosen.tolist()]
-    sheet = contact_sheet(
-        folder, records, title=f"{folder.absolute().name}   {_summary(description, len(found), split)}"
-    )
+    title = f"{folder.absolute().name}   {_summary(description, len(found), split)}"
+    sheet = contact_sheet(folder, records, title=title)
     with writing(path) as temporary:
         sheet.save(temporary, quality=90)
     return len(records)
@@ -92,22 +90,19 @@ def annotated(
         colour_of: by class.
     """
     shown = sorted(objects, key=lambda obj: (obj.ignored is None, -obj.area_px))
-    small = picture.convert("RGB").resize(
-        (round(picture.width * scale), round(picture.height * scale)), Image.Resampling.LANCZOS
-    )
+    size = round(picture.width * scale), round(picture.height * scale)
+    small = picture.convert("RGB").resize(size, Image.Resampling.LANCZOS)
     for obj in shown:
         if obj.ignored is None:
-            mask = decode(obj.mask, (picture.height, picture.width))
-            soft = Image.fromarray(mask.astype(np.uint8) * round(255 * _MASK_ALPHA)).resize(
-                small.size, Image.Resampling.BOX
-            )
-            small.paste(Image.new("RGB", small.size, colour_of[obj.category]), mask=soft)
+            mask = decode(obj.mask, (picture.height, picture.width)).astype(np.uint8) * round(255 * _MASK_ALPHA)
+            soft = Image.fromarray(mask).resize(size, Image.Resampling.BOX)
+            small.paste(Image.new("RGB", size, colour_of[obj.category]), mask=soft)
     pen = ImageDraw.Draw(small)
     for obj in shown:
         _box(pen, obj, colour_of[obj.category], scale)
     for obj in shown:
         if obj.ignored is None:
-            _tag(pen, obj, colour_of[obj.category], scale, small.size)
+            _tag(pen, obj, colour_of[obj.category], scale, size)
     return small
 
 
@@ -123,31 +118,31 @@ def _cell(folder: Path, record: Record, colour_of: Mapping[str, str]) -> Image.I
     cell.paste(drawn, (0, 0))
     pen = ImageDraw.Draw(cell)
     camera, light = record.camera, record.light
-    height = f"{camera['altitude_m']:g} m" if camera["platform"] == "uav" else camera["mount"]
-    tilt = "" if camera["pitch_deg"] < -87.5 else f", tilted {90 + camera['pitch_deg']:.0f}°"
-    tilt = tilt if camera["platform"] == "uav" else ""
-    pen.text((0, drawn.height + 5), f"{record.name}  {record.split}", INK, _font(15, bold=True))
+    is_uav = camera["platform"] == "uav"
+    height = f"{camera['altitude_m']:g} m" if is_uav else camera["mount"]
+    tilt = f", tilted {90 + camera['pitch_deg']:.0f}°" if is_uav and camera["pitch_deg"] >= -87.5 else ""
+    pen.text((0, drawn.height + 5), f"{record.name}  {record.split}", INK, font(15, bold=True))
     sky = f"sun {light['sun_elevation_deg']:.0f}°, cloud {100 * light['cloud_cover']:.0f} %"
     text = f"{height}{tilt} · {record.traffic['density']} traffic · {sky}"
-    pen.text((0, drawn.height + 25), text, INK_SOFT, _font(13))
+    pen.text((0, drawn.height + 25), text, INK_SOFT, font(13))
     ignored = sum(obj.ignored is not None for obj in record.objects)
     right = f"{len(record.labelled)} labels" + (f", {ignored} ignored" if ignored else "")
-    pen.text((CELL_PX, drawn.height + 5), right, INK_SOFT, _font(13), anchor="ra")
+    pen.text((CELL_PX, drawn.height + 5), right, INK_SOFT, font(13), anchor="ra")
     return cell
 
 
 def _header(sheet: Image.Image, title: str, colour_of: Mapping[str, str]) -> None:
     pen = ImageDraw.Draw(sheet)
     name, _, rest = title.partition("   ")
-    pen.text((_MARGIN_PX, _MARGIN_PX - 8), name, INK, _font(26, bold=True))
-    pen.text((_MARGIN_PX + pen.textlength(name, _font(26, bold=True)) + 16, _MARGIN_PX + 1), rest, INK_SOFT, _font(17))
+    pen.text((_MARGIN_PX, _MARGIN_PX - 8), name, INK, font(26, bold=True))
+    pen.text((_MARGIN_PX + pen.textlength(name, font(26, bold=True)) + 16, _MARGIN_PX + 1), rest, INK_SOFT, font(17))
     x = float(_MARGIN_PX)
     for category, colour in colour_of.items():
         pen.rectangle((x, _MARGIN_PX + 40, x + 18, _MARGIN_PX + 58), fill=colour, outline=INK)
-        pen.text((x + 26, _MARGIN_PX + 40), category, INK, _font(16))
-        x += 26 + pen.textlength(category, _font(16)) + 30
+        pen.text((x + 26, _MARGIN_PX + 40), category, INK, font(16))
+        x += 26 + pen.textlength(category, font(16)) + 30
     _dashed(pen, (x, _MARGIN_PX + 40, x + 18, _MARGIN_PX + 58), INK_SOFT)
-    pen.text((x + 26, _MARGIN_PX + 40), "ignored (hidden, cut, far, small or faint)", INK, _font(16))
+    pen.text((x + 26, _MARGIN_PX + 40), "ignored (hidden, cut, far, small or faint)", INK, font(16))
 
 
 def _box(pen: ImageDraw.ImageDraw, obj: LabelledObject, colour: str, scale: float) -> None:
@@ -173,13 +168,13 @@ def _tag(pen: ImageDraw.ImageDraw, obj: LabelledObject, colour: str, scale: floa
     text = obj.details.get("severity")
     if text is None:
         return
-    font = _font(10, bold=True)
-    width, height = pen.textlength(text, font) + 6, 13
+    face = font(10, bold=True)
+    width, height = pen.textlength(text, face) + 6, 13
     left = min(max(0.0, obj.box[0] * scale - 1), size[0] - width)
     top = obj.box[1] * scale - height - 1
     top = top if top >= 0 else obj.box[1] * scale + 1
     pen.rectangle((left, top, left + width, top + height), fill=colour)
-    pen.text((left + 3, top + 1), text, _on(colour), font)
+    pen.text((left + 3, top + 1), text, _on(colour), face)
 
 
 def _on(colour: str) -> str:
@@ -188,16 +183,6 @@ def _on(colour: str) -> str:
     return "#000000" if 0.299 * red + 0.587 * green + 0.114 * blue > 110 else "#FFFFFF"
 
 
-@cache
-def _font(size: int, *, bold: bool = False) -> ImageFont.FreeTypeFont:
-    """DejaVu Sans, which Matplotlib brings along."""
-    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
-    return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name), size)
-
-
-def _summary(description: dict[str, object], count: int, split: str | None) -> str:
-    settings, world = description["settings"], description["world"]
-    assert isinstance(settings, dict)
-    assert isinstance(world, dict)
-    images = f"{count} {split} images" if split else f"{count} images"
-    return f"{images} of the world {world['name']}, {settings['platform']}, seed {settings['seed']}"
+def _summary(description: dict[str, Any], count: int, split: str | None) -> str:
+    settings, images = description["settings"], f"{count} {split} images" if split else f"{count} images"
+    return f"{images} of the world {description['world']['name']}, {settings['platform']}, seed {settings['seed']}"

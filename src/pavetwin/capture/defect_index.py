@@ -34,8 +34,8 @@ _BORDER = np.linspace(0.0, 1.0, 5)
 _EVERYWHERE = (np.stack(np.meshgrid(np.arange(12), np.arange(12)), axis=-1).reshape(-1, 2) + 0.5) / 12
 
 
-def footprint(view: View, horizon_m: float = HORIZON_M) -> Polygon:
-    """The ground that a view may show, out to a distance; convex, and never smaller than what is visible."""
+def footprint(view: View) -> Polygon:
+    """The ground that a view may show, out to the horizon; convex, and never smaller than what is visible."""
     width, height = view.size_px
     edges = [(u, v) for u in _BORDER for v in _BORDER if u in (0.0, 1.0) or v in (0.0, 1.0)]
     pixels = np.array(edges) * (width, height)
@@ -43,8 +43,8 @@ def footprint(view: View, horizon_m: float = HORIZON_M) -> Polygon:
     away = hits - view.position[:2]
     reach = np.hypot(away[:, 0], away[:, 1])
     flat = rays[:, :2] / np.maximum(1e-12, np.hypot(rays[:, 0], rays[:, 1]))[:, None]
-    beyond = ~(reach <= horizon_m)
-    hits[beyond] = view.position[:2] + flat[beyond] * horizon_m
+    beyond = ~(reach <= HORIZON_M)
+    hits[beyond] = view.position[:2] + flat[beyond] * HORIZON_M
     return Polygon(shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(hits))))
 
 

@@ -23,7 +23,7 @@ Shard = Sequence[Order]
 
 
 @dataclass(frozen=True)
-class Job:
+class CaptureJob:
     """What every process of a pool must know."""
 
     world: Path
@@ -34,7 +34,7 @@ class Job:
 
 @contextmanager
 def image_workers(
-    job: Job, context: CaptureContext, workers: int, on_image: OnTick
+    job: CaptureJob, context: CaptureContext, workers: int, on_image: OnTick
 ) -> Iterator[Callable[[Sequence[Shard]], None]]:
     """A function that takes shards of images, in the order in which they should begin.
 
@@ -70,12 +70,12 @@ def _give_up(shard: Shard) -> None:
     )
 
 
-def _start(job: Job, on_image: OnTick) -> Callable[[Shard], None]:
+def _start(job: CaptureJob, on_image: OnTick) -> Callable[[Shard], None]:
     """In a worker process: load the world and make the function that takes shards."""
     return _worker(job, prepare(load_world(job.world), job.settings), on_image)
 
 
-def _worker(job: Job, context: CaptureContext, on_image: OnTick) -> Callable[[Shard], None]:
+def _worker(job: CaptureJob, context: CaptureContext, on_image: OnTick) -> Callable[[Shard], None]:
     platform = PLATFORMS.get(job.settings.platform)(context)
     frame_source, formats = job.frame_source_factory(context), find_formats(job.settings.formats)
     return lambda shard: write_shard(job.folder, shard, platform, frame_source, formats, on_image)

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -44,17 +44,7 @@ class Record:
         return tuple(obj for obj in self.objects if obj.ignored is None)
 
     def as_bytes(self) -> bytes:
-        content = {
-            "image": self.image,
-            "index": self.index,
-            "split": self.split,
-            "suffix": self.suffix,
-            "size_px": list(self.size_px),
-            "camera": self.camera,
-            "light": self.light,
-            "traffic": self.traffic,
-            "aim": self.aim,
-        }
+        content = {"image": self.image} | {each.name: getattr(self, each.name) for each in fields(self)[:-1]}
         rows = [f" {json.dumps(key)}: {_text(value)},\n" for key, value in content.items()]
         objects = ",\n  ".join(_text(obj.as_dict()) for obj in self.objects)
         return ("{\n" + "".join(rows) + ' "objects": [\n  ' + objects + "\n ]\n}\n").encode()
@@ -81,14 +71,10 @@ def read_record(path: Path) -> Record:
     """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        return Record(
-            index=content["index"],
-            split=content["split"],
-            suffix=content["suffix"],
-            size_px=(content["size_px"][0], content["size_px"][1]),
-            objects=tuple(_labelled_object(each) for each in content["objects"]),
-            **{name: content[name] for name in ("camera", "light", "traffic", "aim")},
-        )
+        values = {each.name: content[each.name] for each in fields(Record)}
+        width, height = values["size_px"]
+        objects = tuple(_labelled_object(each) for each in values["objects"])
+        return Record(**values | {"size_px": (width, height), "objects": objects})
     except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
         raise PaveTwinError(f"'{path}' is damaged or missing; capture into another folder.") from error
 

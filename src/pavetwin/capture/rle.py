@@ -34,14 +34,11 @@ def decode(text: str, size: tuple[int, int]) -> BoolArray:
 
 
 def _text(value: int) -> str:
-    letters = []
-    while True:
-        bits, value = value & 31, value >> 5
-        # The sign is the last group's fifth bit.
-        ends = value == (-1 if bits & 16 else 0)
-        letters.append(chr(48 + bits + (0 if ends else 32)))
-        if ends:
-            return "".join(letters)
+    bits, rest = value & 31, value >> 5
+    # The sign is the last group's fifth bit.
+    if rest == (-1 if bits & 16 else 0):
+        return chr(48 + bits)
+    return chr(48 + bits + 32) + _text(rest)
 
 
 def _runs(text: str) -> list[int]:

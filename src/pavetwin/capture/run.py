@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
@@ -9,12 +10,12 @@ from typing import Any, Final
 from pavetwin.capture.context import OnProgress, check, prepare
 from pavetwin.capture.disk_space import check_disk_space
 from pavetwin.capture.formats import find_formats
-from pavetwin.capture.image_workers import FrameSourceFactory, Job, image_workers
+from pavetwin.capture.image_workers import CaptureJob, FrameSourceFactory, image_workers
 from pavetwin.capture.plan import ImageSpec, image_specs
-from pavetwin.capture.platforms import PLATFORMS, CaptureContext, Platform
+from pavetwin.capture.platforms import PLATFORMS, CaptureContext
 from pavetwin.capture.samples import draw_sample
 from pavetwin.capture.settings import FILE, SPLITS, CaptureSettings, check_same, description
-from pavetwin.capture.shards import Order, finished_images, schedule, split_into_shards
+from pavetwin.capture.shards import finished_images, schedule, split_into_shards
 from pavetwin.capture.statistics import Statistics, count
 from pavetwin.capture.store import write_over_all, write_yaml
 from pavetwin.errors import PaveTwinError
@@ -73,26 +74,16 @@ def capture(
         missing = [index for index in range(settings.images) if index not in existing]
         check_disk_space(settings, len(missing), folder)
         context = prepare(world, settings, report)
-
-        def write_settings() -> None:
-            write_yaml(folder / FILE, expected)
-
         if missing:
-            _take(
-                Job(world_folder, settings, folder, frame_source_factory),
-                context,
-                missing,
-                jobs,
-                write_settings,
-                report,
-            )
+            job = CaptureJob(world_folder, settings, folder, frame_source_factory)
+            _take(job, context, missing, jobs, partial(write_yaml, folder / FILE, expected), report)
         report(1.0, "Writing label files")
         statistics = _finish(world, settings, context, folder)
     return DatasetSummary(folder, statistics, len(missing))
 
 
 def _take(
-    job: Job,
+    job: CaptureJob,
     context: CaptureContext,
     missing: list[int],
     jobs: int,
@@ -113,20 +104,13 @@ def _take(
     report(ready / total, preparing)
     with image_workers(job, context, workers, on_image) as work:
         for block in _blocks(job.settings, context.world, missing):
-            orders = [
-                _plan_image(platform, spec, number, len(block), report, ready / total)
-                for number, spec in enumerate(block)
-            ]
+            orders = []
+            for number, spec in enumerate(block, start=1):
+                report(ready / total, f"Drawing poses {number}/{len(block)}")
+                orders.append((spec, draw_sample(platform, spec, 0)))
             write_settings()
             report(ready / total, preparing)
             work(schedule(split_into_shards(orders, workers), workers))
-
-
-def _plan_image(
-    platform: Platform, spec: ImageSpec, number: int, total: int, report: OnProgress, share: float
-) -> Order:
-    report(share, f"Drawing poses {number + 1}/{total}")
-    return spec, draw_sample(platform, spec, 0)
 
 
 def _blocks(settings: CaptureSettings, world: World, missing: list[int]) -> Iterator[list[ImageSpec]]:

@@ -4,6 +4,7 @@ Of many assignments the one is taken that is nearest to the target shares of eac
 and that separates the fewest streets that meet: no image can be taken where streets of two splits meet.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Final
@@ -45,7 +46,6 @@ def split_streets(
     reached: Set[str] | None = None,
     *,
     agents: Mapping[str, Float64Array] | None = None,
-    meeting_m: float = MEETING_M,
 ) -> Mapping[str, str]:
     """The split of every street that has defects.
 
@@ -69,43 +69,33 @@ def split_streets(
             f"The world '{world.name}' has {streets} with defects{driven}, and train, val and test each need streets "
             "of their own; use a larger world, or `split` 100/0/0."
         )
-    counts = np.hstack([_defects(world, names, street_of), _agents(names, agents or {})])
+    agents = agents or {}
+    none = np.zeros(len(next(iter(agents.values()), ())))
+    counts = np.hstack([_defects(world, names, street_of), np.array([agents.get(name, none) for name in names])])
     counts[~within] = 0.0
     counts /= np.maximum(counts.sum(axis=0), np.finfo(np.float64).tiny)
-    town = _Town(counts, _meetings(world, names, meeting_m), within, target)
-    best, least = None, np.inf
+    town = _Town(counts, _meetings(world, names), within, target)
+    best, least = np.empty(0, dtype=np.intp), np.inf
     for _ in range(STARTS):
         chosen = _improved(town, _started(town, rng))
         cost = _cost(town, chosen)
         if cost < least - 1e-12:
             best, least = chosen, cost
-    assert best is not None
     return {name: SPLITS[split] for name, split in zip(names, best.tolist(), strict=True)}
 
 
 def _defects(world: World, names: Sequence[str], street_of: Mapping[str, str]) -> Float64Array:
-    row, column = {name: i for i, name in enumerate(names)}, {kind: i for i, kind in enumerate(_kinds(world))}
-    counts = np.zeros((len(names), len(column)))
-    for defect in world.defects:
-        counts[row[street_of[defect.segment]], column[defect.kind]] += 1
-    return counts
+    kinds = sorted({defect.kind for defect in world.defects})
+    found = Counter((street_of[defect.segment], defect.kind) for defect in world.defects)
+    return np.array([[found[name, kind] for kind in kinds] for name in names], dtype=np.float64)
 
 
-def _agents(names: Sequence[str], agents: Mapping[str, Float64Array]) -> Float64Array:
-    none = np.zeros(len(next(iter(agents.values()), ())))
-    return np.array([agents.get(name, none) for name in names], dtype=np.float64)
-
-
-def _kinds(world: World) -> list[str]:
-    return sorted({defect.kind for defect in world.defects})
-
-
-def _meetings(world: World, names: Sequence[str], meeting_m: float) -> Float64Array:
+def _meetings(world: World, names: Sequence[str]) -> Float64Array:
     row = {name: i for i, name in enumerate(names)}
     segments = [segment for segment in world.segments if segment.street in row]
     polygons = np.array([segment.polygon for segment in segments], dtype=object)
     streets = np.array([row[segment.street] for segment in segments])
-    one, other = shapely.STRtree(polygons).query(polygons, predicate="dwithin", distance=meeting_m)
+    one, other = shapely.STRtree(polygons).query(polygons, predicate="dwithin", distance=MEETING_M)
     meets = np.zeros((len(names), len(names)))
     meets[streets[one], streets[other]] = 1.0
     np.fill_diagonal(meets, 0.0)

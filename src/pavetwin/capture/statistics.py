@@ -59,18 +59,17 @@ class Statistics:
 
     def as_dict(self) -> dict[str, Any]:
         """As the manifest holds it, without empty entries."""
-        names = self.classes
+        names, splits = self.classes, [split for split in SPLITS if self.images[split]]
+        distinct = {name: {split: len(self.distinct.get((name, split), ())) for split in splits} for name in names}
         return {
-            "images": {split: self.images[split] for split in SPLITS if self.images[split]},
-            "images_without_defects": {split: self.empty[split] for split in SPLITS if self.images[split]},
+            "images": {split: self.images[split] for split in splits},
+            "images_without_defects": {split: self.empty[split] for split in splits},
             "images_not_as_requested": self.missed_requests,
-            "labels": {
-                name: {split: self.labelled[name, split] for split in SPLITS if self.images[split]} for name in names
-            },
+            "labels": {name: {split: self.labelled[name, split] for split in splits} for name in names},
             "distinct_defects": {
-                name: {split: len(self.distinct[name, split]) for split in SPLITS if (name, split) in self.distinct}
-                for name in names
-                if any(key[0] == name for key in self.distinct)
+                name: {split: found for split, found in row.items() if found}
+                for name, row in distinct.items()
+                if any(row.values())
             },
             "ignored": {name: row for name in names if (row := _row(self.ignored, name))},
         }
@@ -103,8 +102,4 @@ def _size(area_px: int) -> str:
 
 
 def _row(counter: Counter[tuple[str, str]], name: str) -> dict[str, int]:
-    keys = {key for first, key in counter if first == name}
-    return {
-        key: counter[name, key]
-        for key in sorted(keys, key=lambda key: (SPLITS.index(key) if key in SPLITS else 0, key))
-    }
+    return {key: counter[first, key] for first, key in sorted(counter) if first == name}

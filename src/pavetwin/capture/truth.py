@@ -89,9 +89,6 @@ class SceneState:
     kinds: Sequence[str]
     """Kind of each agent of the recording, by number."""
 
-    def defect(self, number: int) -> Defect:
-        return self.world.defects[number]
-
 
 def labelled_objects(frame: RenderedFrame, state: SceneState) -> list[LabelledObject]:
     """The objects that a frame's instance image shows, by ascending label.
@@ -112,7 +109,7 @@ def _labelled_object(
     inside: float | None
     is_faint = False
     if number is not None:
-        defect = state.defect(number)
+        defect = state.world.defects[number]
         category, middle, details = _defect(state, defect)
         name, inside = f"defect {number}", ground_fraction(frame.view, defect.polygon)
         contrast = contrast_meter.contrast(instance)
@@ -127,9 +124,8 @@ def _labelled_object(
     size = (frame.view.size_px[1], frame.view.size_px[0])
     distance = float(np.linalg.norm(middle - frame.view.position))
     visible = instance.area_px / amodal_px
-    is_cut = (
-        inside is not None and inside < LEAST_INSIDE_SHARE and instance.area_px < LARGE_PX_SHARE * size[0] * size[1]
-    )
+    is_small = instance.area_px < LARGE_PX_SHARE * size[0] * size[1]
+    is_cut = inside is not None and inside < LEAST_INSIDE_SHARE and is_small
     return LabelledObject(
         id=name,
         category=category.name,
@@ -156,10 +152,8 @@ def _reason(
         return Reason.CUT.value
     if distance_m > category.farthest_m:
         return Reason.FAR.value
-    is_short = (
-        instance.longer_side_px < category.least_side_px or instance.shorter_side_px < category.least_short_side_px
-    )
-    if is_short or instance.area_px < category.least_area_px:
+    sides = (instance.longer_side_px, instance.shorter_side_px, instance.area_px)
+    if any(np.less(sides, (category.least_side_px, category.least_short_side_px, category.least_area_px))):
         return Reason.SMALL.value
     return Reason.FAINT.value if is_faint else None
 
