@@ -1,7 +1,7 @@
 """The classes a detector learns, and the size from which each is labelled."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Final
 
 from pavetwin.defects.registry import DEFECT_CLASSES, DefectKind
@@ -52,8 +52,8 @@ def categories() -> tuple[Category, ...]:
     in files do not change their meaning when a class is added. A dataset's `capture.yaml` holds its own."""
     kinds = {kind.name: kind for kind in DEFECT_CLASSES.values()}
     later = sorted(kinds.keys() - set(_FIRST))
-    first = tuple(_defect(number, kinds[name]) for number, name in enumerate(_FIRST))
-    return (*first, PERSON, CAR, *(_defect(CAR.number + 1 + at, kinds[name]) for at, name in enumerate(later)))
+    first = [_defect(number, kinds[name]) for number, name in enumerate(_FIRST)]
+    return (*first, PERSON, CAR, *(_defect(number, kinds[name]) for number, name in enumerate(later, CAR.number + 1)))
 
 
 def category_of_defect(kind: str) -> Category:
@@ -76,14 +76,4 @@ def label_name(kind: str) -> str:
 
 
 def _defect(number: int, kind: DefectKind) -> Category:
-    rule = kind.label
-    return Category(
-        number,
-        label_name(kind.name),
-        "defect",
-        rule.least_side_px,
-        rule.least_area_px,
-        _NEAR_M,
-        rule.least_short_side_px,
-        rule.least_contrast,
-    )
+    return Category(number, label_name(kind.name), "defect", farthest_m=_NEAR_M, **asdict(kind.label))

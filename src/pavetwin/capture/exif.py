@@ -11,9 +11,8 @@ import numpy as np
 from PIL import ExifTags, Image, PngImagePlugin
 
 from pavetwin.arrays import UInt8Array
+from pavetwin.capture.platforms import Pose
 from pavetwin.render.exposure import Exposure
-from pavetwin.scene.view import View
-from pavetwin.uav.cameras import Camera
 from pavetwin.world.georeference import GeoReference
 
 _FULL_FRAME_MM: Final = (36.0, 24.0)
@@ -21,15 +20,10 @@ _FULL_FRAME_MM: Final = (36.0, 24.0)
 
 
 @dataclass(frozen=True)
-class ShotMetadata:
+class ImageMetadata:
     """Camera, pose, time and exposure of one image."""
 
-    view: View
-    camera: Camera
-    yaw_rad: float
-    """Of the platform, anticlockwise from east; of a nadir image its upper edge."""
-    pitch_rad: float
-    """Of the camera's axis: −π/2 straight down."""
+    pose: Pose
     place: GeoReference
     when: datetime
     """UTC."""
@@ -39,38 +33,38 @@ class ShotMetadata:
 
     @property
     def lonlat(self) -> tuple[float, float]:
-        longitude, latitude = self.place.to_wgs84(self.view.position[:2])
+        longitude, latitude = self.place.to_wgs84(self.pose.view.position[:2])
         return float(longitude), float(latitude)
 
     @property
     def heading_deg(self) -> float:
         """Clockwise from true north; corrected for the grid's meridian convergence."""
-        ahead = self.view.position[:2] + 100.0 * np.array([cos(self.yaw_rad), sin(self.yaw_rad)])
-        (lon0, lat0), (lon1, lat1) = self.place.to_wgs84(np.stack([self.view.position[:2], ahead]))
+        ahead = self.pose.view.position[:2] + 100.0 * np.array([cos(self.pose.yaw_rad), sin(self.pose.yaw_rad)])
+        (lon0, lat0), (lon1, lat1) = self.place.to_wgs84(np.stack([self.pose.view.position[:2], ahead]))
         east, north = (lon1 - lon0) * cos(radians(lat0)), lat1 - lat0
         return float(90.0 - degrees(np.arctan2(north, east))) % 360.0
 
     @property
     def sensor_mm(self) -> tuple[float, float]:
         """Width and height of the part of the sensor that the image shows: its whole height."""
-        height = 2 * self.camera.focal_mm * tan(self.camera.fov_rad / 2)
-        return height * self.view.size_px[0] / self.view.size_px[1], height
+        height = 2 * self.pose.camera.focal_mm * tan(self.pose.camera.fov_rad / 2)
+        return height * self.pose.view.size_px[0] / self.pose.view.size_px[1], height
 
     def as_dict(self) -> dict[str, Any]:
         """For the image's file: pose in the world frame and on the earth."""
         longitude, latitude = self.lonlat
         return {
-            "model": self.camera.title,
-            "position_m": [round(float(value), 4) for value in self.view.position],
-            "rotation": [[round(float(value), 8) for value in row] for row in self.view.rotation],
-            "focal_px": round(self.view.focal_px, 4),
-            "vertical_fov_deg": round(self.camera.fov_deg, 4),
-            "velocity_mps": [round(float(value), 3) for value in self.view.velocity_mps],
+            "model": self.pose.camera.title,
+            "position_m": [round(float(value), 4) for value in self.pose.view.position],
+            "rotation": [[round(float(value), 8) for value in row] for row in self.pose.view.rotation],
+            "focal_px": round(self.pose.view.focal_px, 4),
+            "vertical_fov_deg": round(self.pose.camera.fov_deg, 4),
+            "velocity_mps": [round(float(value), 3) for value in self.pose.view.velocity_mps],
             "longitude": round(longitude, 8),
             "latitude": round(latitude, 8),
-            "altitude_m": round(float(self.view.position[2]), 3),
+            "altitude_m": round(float(self.pose.view.position[2]), 3),
             "heading_deg": round(self.heading_deg, 3),
-            "pitch_deg": round(degrees(self.pitch_rad), 3),
+            "pitch_deg": round(degrees(self.pose.pitch_rad), 3),
             "roll_deg": 0.0,
             **self._settings,
         }
@@ -87,7 +81,7 @@ class ShotMetadata:
         }
 
 
-def encoded(rgb: UInt8Array, taken: ShotMetadata, *, picture: Literal["jpg", "png"], quality: int) -> bytes:
+def encoded(rgb: UInt8Array, taken: ImageMetadata, *, picture: Literal["jpg", "png"], quality: int) -> bytes:
     """A picture (height, width, 3) as a file with its EXIF."""
     stream, image = io.BytesIO(), Image.fromarray(rgb)
     exif, xmp = _exif(taken), _xmp(taken) if taken.is_airborne else b""
@@ -102,9 +96,9 @@ def encoded(rgb: UInt8Array, taken: ShotMetadata, *, picture: Literal["jpg", "pn
     return stream.getvalue()
 
 
-def _exif(taken: ShotMetadata) -> Image.Exif:
+def _exif(taken: ImageMetadata) -> Image.Exif:
     exif, longitude, local = Image.Exif(), taken.lonlat[0], _local(taken)
-    maker, model = _maker_and_model(taken.camera.title)
+    maker, model = _maker_and_model(taken.pose.camera.title)
     exif.update(
         {
             ExifTags.Base.Make: maker,
@@ -116,14 +110,14 @@ def _exif(taken: ShotMetadata) -> Image.Exif:
         }
     )
     width, height = taken.sensor_mm
-    in_35mm = taken.camera.focal_mm * hypot(*_FULL_FRAME_MM) / hypot(width, height)
+    in_35mm = taken.pose.camera.focal_mm * hypot(*_FULL_FRAME_MM) / hypot(width, height)
     photo = exif.get_ifd(ExifTags.IFD.Exif)
     photo[ExifTags.Base.DateTimeOriginal] = local.strftime("%Y:%m:%d %H:%M:%S")
     photo[ExifTags.Base.OffsetTimeOriginal] = f"{round(longitude / 15):+03d}:00"
-    photo[ExifTags.Base.FocalLength] = round(taken.camera.focal_mm, 3)
+    photo[ExifTags.Base.FocalLength] = round(taken.pose.camera.focal_mm, 3)
     photo[ExifTags.Base.FocalLengthIn35mmFilm] = round(in_35mm)
-    photo[ExifTags.Base.FocalPlaneXResolution] = round(taken.view.size_px[0] / width, 4)
-    photo[ExifTags.Base.FocalPlaneYResolution] = round(taken.view.size_px[1] / height, 4)
+    photo[ExifTags.Base.FocalPlaneXResolution] = round(taken.pose.view.size_px[0] / width, 4)
+    photo[ExifTags.Base.FocalPlaneYResolution] = round(taken.pose.view.size_px[1] / height, 4)
     photo[ExifTags.Base.FocalPlaneResolutionUnit] = 4  # a millimetre
     if taken.exposure is not None:
         photo[ExifTags.Base.ExposureTime] = taken.exposure.shutter_s
@@ -139,7 +133,7 @@ def _maker_and_model(title: str) -> tuple[str, str]:
     return ("PaveTwin", title) if maker == "Virtual" else (maker, model)
 
 
-def _gps(taken: ShotMetadata) -> dict[int, Any]:
+def _gps(taken: ImageMetadata) -> dict[int, Any]:
     tag, (longitude, latitude), when = ExifTags.GPS, taken.lonlat, taken.when
     return {
         tag.GPSVersionID: b"\x02\x03\x00\x00",
@@ -148,7 +142,7 @@ def _gps(taken: ShotMetadata) -> dict[int, Any]:
         tag.GPSLongitudeRef: "E" if longitude >= 0 else "W",
         tag.GPSLongitude: _sexagesimal(longitude),
         tag.GPSAltitudeRef: b"\x00",
-        tag.GPSAltitude: round(float(taken.view.position[2]), 3),
+        tag.GPSAltitude: round(float(taken.pose.view.position[2]), 3),
         tag.GPSTimeStamp: (float(when.hour), float(when.minute), float(when.second)),
         tag.GPSImgDirectionRef: "T",
         tag.GPSImgDirection: round(taken.heading_deg, 3),
@@ -163,16 +157,16 @@ def _sexagesimal(angle_deg: float) -> tuple[float, float, float]:
     return float(seconds // 3600), float(seconds // 60 % 60), round(seconds % 60, 4)
 
 
-def _local(taken: ShotMetadata) -> datetime:
+def _local(taken: ImageMetadata) -> datetime:
     """Local mean time by longitude, as no time zone is known."""
     return taken.when + timedelta(hours=round(taken.lonlat[0] / 15))
 
 
-def _xmp(taken: ShotMetadata) -> bytes:
+def _xmp(taken: ImageMetadata) -> bytes:
     """DJI's: angles in degrees, yaw clockwise from north, pitch −90 straight down."""
     longitude, latitude = taken.lonlat
     yaw = (taken.heading_deg + 180.0) % 360.0 - 180.0
-    altitude = float(taken.view.position[2])
+    altitude = float(taken.pose.view.position[2])
     tags = {
         "AbsoluteAltitude": f"{altitude:+.2f}",
         "RelativeAltitude": f"{altitude:+.2f}",
@@ -180,7 +174,7 @@ def _xmp(taken: ShotMetadata) -> bytes:
         "GpsLongitude": f"{longitude:.8f}",
         "GimbalRollDegree": "+0.00",
         "GimbalYawDegree": f"{yaw:+.2f}",
-        "GimbalPitchDegree": f"{degrees(taken.pitch_rad):+.2f}",
+        "GimbalPitchDegree": f"{degrees(taken.pose.pitch_rad):+.2f}",
         "FlightRollDegree": "+0.00",
         "FlightYawDegree": f"{yaw:+.2f}",
         "FlightPitchDegree": "+0.00",

@@ -2,13 +2,16 @@
 
 from typing import Any, Protocol
 
-from pavetwin.capture.exif import ShotMetadata, encoded
+from pavetwin.capture.daylight import Daylight
+from pavetwin.capture.exif import ImageMetadata, encoded
 from pavetwin.capture.plan import ImageSpec
-from pavetwin.capture.platforms import CaptureContext, Platform
+from pavetwin.capture.platforms import CaptureContext, Platform, Pose
 from pavetwin.capture.record import Record
 from pavetwin.capture.samples import CameraSample, draw_sample, next_attempt, relaxed
+from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.truth import LabelledObject, SceneState, labelled_objects
 from pavetwin.render.frame import RenderedFrame
+from pavetwin.world.model import World
 
 
 class FrameSource(Protocol):
@@ -37,7 +40,9 @@ def take_image(
             frame = frame_source.frame(sample, context)
             seen = labelled_objects(frame, _scene_state(sample, context))
             if meets_spec(sample.spec, seen, context):
-                return _record(sample, spec, context, frame, seen)
+                content = {"index": spec.index, "split": spec.split, "objects": tuple(seen)}
+                content |= {"traffic": _traffic(sample, context), "aim": _aim(sample, spec)}
+                return record_of(frame, sample.pose, sample.daylight, context.world, context.settings, **content)
         attempt = next_attempt(spec, attempt, sample)
         sample = draw_sample(platform, relaxed(platform, spec, attempt), attempt)
 
@@ -59,30 +64,21 @@ def _scene_state(sample: CameraSample, context: CaptureContext) -> SceneState:
     return SceneState(context.world, agents, context.recordings[density].agents.kind)
 
 
-def _record(
-    sample: CameraSample, spec: ImageSpec, context: CaptureContext, frame: RenderedFrame, seen: list[LabelledObject]
+def record_of(
+    frame: RenderedFrame, pose: Pose, daylight: Daylight, world: World, settings: CaptureSettings, **content: Any
 ) -> tuple[Record, bytes]:
-    pose, settings = sample.pose, context.settings
-    taken = ShotMetadata(
-        view=pose.view,
-        camera=pose.camera,
-        yaw_rad=pose.yaw_rad,
-        pitch_rad=pose.pitch_rad,
-        place=context.world.georeference,
-        when=sample.daylight.when,
-        exposure=frame.exposure,
-        is_airborne=spec.altitude_m is not None,
-    )
+    """The record of a frame, and the image file's content.
+
+    Args:
+        content: of the record: `index`, `split`, `traffic`, `aim` and `objects`.
+    """
+    taken = ImageMetadata(pose, world.georeference, daylight.when, frame.exposure, bool(settings.altitudes_m))
     record = Record(
-        index=spec.index,
-        split=spec.split,
         suffix=f".{settings.picture}",
         size_px=pose.view.size_px,
         camera={"platform": settings.platform, "mount": pose.mount, **taken.as_dict()},
-        light=sample.daylight.as_dict(),
-        traffic=_traffic(sample, context),
-        aim=_aim(sample, spec),
-        objects=tuple(seen),
+        light=daylight.as_dict(),
+        **content,
     )
     return record, encoded(frame.rgb, taken, picture=settings.picture, quality=settings.quality)
 

@@ -18,9 +18,10 @@ import numpy as np
 
 from pavetwin.capture.classes import category_of_defect
 from pavetwin.capture.daylight import Daylight
-from pavetwin.capture.exif import ShotMetadata, encoded
 from pavetwin.capture.formats import find_formats
+from pavetwin.capture.images import record_of
 from pavetwin.capture.mission_images import MissionImages
+from pavetwin.capture.platforms import Pose
 from pavetwin.capture.record import Record
 from pavetwin.capture.settings import FILE, CaptureSettings, description
 from pavetwin.capture.store import link_image, write_image, write_over_all, write_yaml
@@ -31,7 +32,6 @@ from pavetwin.mission.results import detections_geojson
 from pavetwin.sensing import Frame, JudgedDetection
 from pavetwin.traffic.trace import trace_of
 from pavetwin.uav.cameras import Camera, find_camera
-from pavetwin.world.content import defects_hash
 
 if TYPE_CHECKING:
     from pavetwin._core import Trace
@@ -67,22 +67,18 @@ def save_frames(
     names = []
     with writing_folder(folder / FOLDER, replace=True) as place:
         if captures:
-            film = _Film(result, images)
-            settings = film.settings(len(captures))
+            camera = _MissionCamera(result, images)
+            settings = camera.settings(len(captures))
             formats = find_formats(settings.formats)
             for number, detections in enumerate(captures):
-                record, picture = film.frame(detections, number, settings)
+                record, picture = camera.frame(detections, number, settings)
                 write_image(place, record, picture, formats)
                 link_image(place, record, formats)
                 names += [f"{FOLDER}/{record.image}"] * len(detections)
                 if on_progress is not None:
                     on_progress((number + 1) / len(captures))
             write_over_all(place, formats, (SPLIT,))
-            world = images.world
-            write_yaml(
-                place / FILE,
-                description(settings, world.name, world.content_hash, defects_hash(world.defects), adapter),
-            )
+            write_yaml(place / FILE, description(settings, images.world, adapter))
     content = detections_geojson(result, names)
     with writing(folder / "captures.geojson") as path:
         path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
@@ -96,7 +92,7 @@ def frame_size(image_px: Sequence[int]) -> tuple[int, int]:
 
 
 @dataclass(frozen=True)
-class _Film:
+class _MissionCamera:
     """Renders the frames of a mission."""
 
     result: MissionResult
@@ -142,37 +138,21 @@ class _Film:
         frame = self.images.rendered(capture, settings.size_px)
         daylight = replace(self.begin, when=self.begin.when + timedelta(seconds=at.time_s))
         recorded_s = self.images.replay.recorded_s(at.time_s)
-        taken = ShotMetadata(
-            view=frame.view,
-            camera=self.camera,
-            yaw_rad=at.yaw_rad,
-            pitch_rad=-np.pi / 2,
-            place=world.georeference,
-            when=daylight.when,
-            exposure=frame.exposure,
-            is_airborne=True,
-        )
         defects = [each.defect for each in detections if each.defect is not None]
         aims = sorted({category_of_defect(world.defects[defect].kind).name for defect in defects})
-        record = Record(
+        state = SceneState(world, self.trace.agents_at(recorded_s), recording.agents.kind)
+        return record_of(
+            frame,
+            Pose(frame.view, recorded_s, at.yaw_rad, -np.pi / 2, self.camera, "gimbal"),
+            daylight,
+            world,
+            settings,
             index=number,
             split=SPLIT,
-            suffix=f".{settings.picture}",
-            size_px=frame.view.size_px,
-            camera={"platform": settings.platform, "mount": "gimbal", **taken.as_dict()},
-            light=daylight.as_dict(),
             traffic={"density": recording.name, "seed": recording.origin.seed, "time_s": round(recorded_s, 4)},
-            aim={
-                "requested": aims,
-                "met": aims,
-                "attempt": 0,
-                "confirmed": [f"defect {defect}" for defect in defects],
-            },
-            objects=tuple(
-                labelled_objects(frame, SceneState(world, self.trace.agents_at(recorded_s), recording.agents.kind))
-            ),
+            aim={"requested": aims, "met": aims, "attempt": 0, "confirmed": [f"defect {defect}" for defect in defects]},
+            objects=tuple(labelled_objects(frame, state)),
         )
-        return record, encoded(frame.rgb, taken, picture=settings.picture, quality=settings.quality)
 
     @cached_property
     def begin(self) -> Daylight:

@@ -20,7 +20,6 @@ from pavetwin.capture.statistics import Statistics, count
 from pavetwin.capture.store import write_over_all, write_yaml
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import working_in
-from pavetwin.world.content import defects_hash
 from pavetwin.world.model import World
 from pavetwin.world.store import attribution, load_record, load_world
 
@@ -67,7 +66,7 @@ def capture(
     check(settings)
     report(0.0, "Loading the world")
     world = load_world(world_folder)
-    expected = description(settings, world.name, world.content_hash, defects_hash(world.defects), adapter)
+    expected = description(settings, world, adapter)
     with working_in(folder):
         check_same(folder, expected)
         existing = finished_images(folder)

@@ -102,7 +102,7 @@ class SceneFrameSource:
         self._scene_renderer = SceneRenderer(context.world)
 
     def frame(self, sample: CameraSample, context: CaptureContext) -> RenderedFrame:
-        """The same shot gives the same frame, whatever was taken before."""
+        """The same sample gives the same frame, whatever was rendered before."""
         noise = child(context.settings.seed, Stream.FRAME, sample.spec.index, sample.attempt).integers(1 << 62)
         return self._scene_renderer.picture(
             sample.pose.view,

@@ -13,6 +13,8 @@ from pavetwin.config.altitude import Altitude
 from pavetwin.config.base import PluginFiles, Settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.plugins import plugin_hashes
+from pavetwin.world.content import defects_hash
+from pavetwin.world.model import World
 
 Share = Annotated[float, Field(ge=0, le=1)]
 Pixels = Annotated[int, Field(ge=64, le=8192)]
@@ -83,19 +85,17 @@ def settings_of(values: Mapping[str, Any], typed: Mapping[str, str]) -> CaptureS
         raise PaveTwinError(f"`{name}` {typed.get(name, shown)}: {what}{got}.") from error
 
 
-def description(settings: CaptureSettings, world: str, content: str, defects: str, adapter: str) -> dict[str, Any]:
+def description(settings: CaptureSettings, world: World, adapter: str) -> dict[str, Any]:
     """What a dataset's `capture.yaml` holds before its first image; plugins must have been loaded.
 
     Args:
-        world: name of the world.
-        content: hash of the static world.
-        defects: hash of its defects.
         adapter: name of the graphics adapter.
     """
+    hashes = {"content_hash": world.content_hash, "defects_hash": defects_hash(world.defects)}
     return {
         "format": FORMAT,
         "made_by": {"pavetwin": version("pavetwin"), "adapter": adapter},
-        "world": {"name": world, "content_hash": content, "defects_hash": defects},
+        "world": {"name": world.name, **hashes},
         "plugins": {Path(path).name: content for path, content in plugin_hashes(settings.plugins).items()},
         "classes": [category.name for category in categories()],
         "settings": settings.model_dump(mode="json"),

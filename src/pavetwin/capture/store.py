@@ -49,8 +49,7 @@ def write_yaml(path: Path, content: Mapping[str, Any]) -> None:
 
 def _write(path: Path, pieces: Iterable[bytes]) -> None:
     with writing(path) as temporary, temporary.open("wb") as stream:
-        for instance in pieces:
-            stream.write(instance)
+        stream.writelines(pieces)
 
 
 def _link(source: Path, target: Path) -> None:

@@ -14,17 +14,7 @@ from pavetwin.defects.heightfield import Heightfield, Lattice, Stains
 from pavetwin.defects.marking import Marking
 from pavetwin.defects.registry import LabelRule, defect_class
 from pavetwin.defects.severity import crocodile_severity
-from pavetwin.defects.shapes import (
-    Range,
-    Share,
-    between,
-    centres,
-    lattice_around,
-    log_between,
-    noise,
-    smooth,
-    spread,
-)
+from pavetwin.defects.shapes import Range, Share, between, centres, lattice_around, log_between, noise, smooth, spread
 
 CELL_M = 0.005
 MARKING = Marking(margin_m=0.03, closing_m=0.12)

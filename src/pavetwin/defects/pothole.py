@@ -14,16 +14,7 @@ from pavetwin.defects.marking import Marking
 from pavetwin.defects.pit import AGGREGATE_M, aggregate, dug, loose_stones, opened
 from pavetwin.defects.registry import defect_class
 from pavetwin.defects.severity import pothole_severity
-from pavetwin.defects.shapes import (
-    Range,
-    between,
-    centres,
-    lattice_around,
-    log_between,
-    noise,
-    smooth,
-    turned,
-)
+from pavetwin.defects.shapes import Range, between, centres, lattice_around, log_between, noise, smooth, turned
 from pavetwin.defects.strokes import STEP_M, Stroke, traced, wandering
 
 CELL_M = 0.005
@@ -75,11 +66,7 @@ def lay_pothole(rng: np.random.Generator, road: poses.RoadSection, count: int) -
 
 
 @defect_class(
-    "pothole",
-    sample_poses=lay_pothole,
-    rate=pothole_severity,
-    width=lambda measures: measures.diameter_m,
-    weight=0.3,
+    "pothole", sample_poses=lay_pothole, rate=pothole_severity, width=lambda measures: measures.diameter_m, weight=0.3
 )
 def pothole(rng: np.random.Generator, parameters: PotholeParameters | None = None) -> Heightfield:
     """A hole around the origin, its longest side on x."""

@@ -16,17 +16,7 @@ from pavetwin.defects.heightfield import Heightfield, Lattice, Stains
 from pavetwin.defects.marking import Marking
 from pavetwin.defects.registry import LabelRule, defect_class
 from pavetwin.defects.severity import crack_severity
-from pavetwin.defects.shapes import (
-    Range,
-    Share,
-    between,
-    lattice_around,
-    log_between,
-    noise,
-    smooth,
-    spread,
-    turned,
-)
+from pavetwin.defects.shapes import Range, Share, between, lattice_around, log_between, noise, smooth, spread, turned
 from pavetwin.defects.strokes import STEP_M, Stroke, flaked, frayed, traced, wandering
 
 CELL_M = 0.005

@@ -12,8 +12,6 @@ class Format(ABC):
     """One format of labels: files for each image, written with it, and files for a whole split or dataset, written
     last."""
 
-    name: str = ""
-
     @abstractmethod
     def of_image(self, record: Record) -> Mapping[str, bytes]:
         """The files of one image: path in the dataset → content."""
@@ -37,12 +35,8 @@ class Format(ABC):
         return {}
 
 
-def _named(name: str, kind: type[Format]) -> None:
-    kind.name = name
-
-
 FORMATS: Registry[type[Format]] = Registry(
-    "label format", key="formats", group="pavetwin.formats", home="pavetwin.capture.formats", on_add=_named
+    "label format", key="formats", group="pavetwin.formats", home="pavetwin.capture.formats"
 )
 label_format = FORMATS.register
 """Register a format under a name, which `formats` then takes."""

@@ -38,7 +38,7 @@ class Pose:
     view: View
     time_s: float
     yaw_rad: float
-    """Of the platform, anticlockwise from east."""
+    """Of the platform, anticlockwise from east; of a nadir image its upper edge."""
     pitch_rad: float
     """Of the camera's axis: −π/2 straight down."""
     camera: Camera
@@ -51,7 +51,6 @@ class Pose:
 class Platform(ABC):
     """Proposes camera poses. The caller checks each against the image spec and requests another if it does not fit."""
 
-    name: str = ""
     uses_altitude: bool = False
 
     def __init__(self, context: CaptureContext) -> None:
@@ -70,12 +69,8 @@ class Platform(ABC):
         """
 
 
-def _named(name: str, kind: type[Platform]) -> None:
-    kind.name = name
-
-
 PLATFORMS: Registry[type[Platform]] = Registry(
-    "platform", key="platform", group="pavetwin.platforms", home="pavetwin.capture.platforms", on_add=_named
+    "platform", key="platform", group="pavetwin.platforms", home="pavetwin.capture.platforms"
 )
 platform = PLATFORMS.register
 """Register a platform under a name, which `platform` then takes."""

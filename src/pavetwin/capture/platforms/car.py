@@ -80,7 +80,7 @@ class Car(Platform):
     def propose(self, spec: ImageSpec, rng: np.random.Generator) -> Pose | None:
         # The front camera seldom sees a road without defects; images without defects may come from either camera.
         mount = FRONT if (spec.share if spec.aims else rng.random()) < FRONT_SHARE else REAR
-        recording, rows = self.context.recordings[spec.density], self._rows(spec)
+        recording, rows = self.context.recordings[spec.density], self._rows[spec.density][spec.split]
         row = int(rows[int(rng.integers(len(rows)))])
         # The trace interpolates between two steps; if the car has left by then, another pose is drawn.
         step = int(np.searchsorted(recording.step_offsets, row, side="right")) - 1
@@ -114,13 +114,10 @@ class Car(Platform):
             return None
         return Pose(view, time_s, atan2(sin(heading), cos(heading)), pitch, mount.camera, mount.name, ego=agent)
 
-    def _rows(self, spec: ImageSpec) -> IndexArray:
-        """Rows of the recording whose vehicle may carry the camera, on the split's streets; `reaches` ensures there are
-        any."""
-        return self._by_density[spec.density][spec.split]
-
     @cached_property
-    def _by_density(self) -> dict[str, dict[str, IndexArray]]:
+    def _rows(self) -> dict[str, dict[str, IndexArray]]:
+        """By density and split: rows of the recording whose vehicle may carry the camera, on the split's streets;
+        `reaches` ensures there are any."""
         return {name: self._of_splits(recording) for name, recording in self.context.recordings.items()}
 
     def _of_splits(self, recording: Recording) -> dict[str, IndexArray]:
