@@ -24,7 +24,7 @@ from pavetwin.defects import (
 )
 from pavetwin.defects.poses import RoadSection, wheel_paths
 from pavetwin.defects.poses import poses as laid
-from pavetwin.defects.pothole import lay_pothole, pothole
+from pavetwin.defects.pothole import pothole, sample_pothole_poses
 from pavetwin.defects.severity import pothole_severity
 from pavetwin.defects.shapes import turned
 from pavetwin.errors import PaveTwinError
@@ -201,13 +201,15 @@ def test_a_class_is_registered_once() -> None:
     with pytest.raises(ValueError, match="registered already"):
         defect_class(
             "pothole",
-            sample_poses=lay_pothole,
+            sample_poses=sample_pothole_poses,
             rate=pothole_severity,
             width=lambda sizes: sizes.diameter_m,
             weight=1.0,
         )(dent)
     with pytest.raises(ValueError, match="Pot hole"):
-        defect_class("Pot hole", sample_poses=lay_pothole, rate=pothole_severity, width=lambda _: 0.0, weight=1.0)(dent)
+        defect_class(
+            "Pot hole", sample_poses=sample_pothole_poses, rate=pothole_severity, width=lambda _: 0.0, weight=1.0
+        )(dent)
     assert DEFECT_CLASSES.get("pothole").generate is pothole
     with pytest.raises(PaveTwinError, match="did you mean 'pothole'"):
         DEFECT_CLASSES.get("potholes")

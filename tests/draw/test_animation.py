@@ -12,7 +12,7 @@ from pavetwin.draw import animation, mission_style, style
 from pavetwin.draw.animation import save_animation
 from pavetwin.draw.film import SIZE_PX, Film
 from pavetwin.draw.ground_raster import ASPHALT, GroundRaster
-from pavetwin.draw.marks import DefectOutcome, telling_moment_s
+from pavetwin.draw.marks import DefectOutcome, start_of_interest_s
 from pavetwin.draw.mission_style import UAV, agent_group, rgb, visibility_rgb
 from pavetwin.draw.shadows import SeenSurface, shadows
 from pavetwin.errors import PaveTwinError
@@ -73,9 +73,9 @@ def test_defects_turn_from_open_to_confirmed() -> None:
 def test_it_begins_shortly_before_the_first_reaction() -> None:
     result = tiny.result("car_that_leaves", "hover")
     film = film_of("car_that_leaves", "hover")
-    assert 0 < result.actions[0].time_s - telling_moment_s(film.timeline) <= 4.0
-    assert film.times_s[0] == telling_moment_s(film.timeline)
-    assert telling_moment_s(film_of("empty_street", "baseline").timeline) >= 0
+    assert 0 < result.actions[0].time_s - start_of_interest_s(film.timeline) <= 4.0
+    assert film.times_s[0] == start_of_interest_s(film.timeline)
+    assert start_of_interest_s(film_of("empty_street", "baseline").timeline) >= 0
 
 
 def test_a_shadow_grows_with_the_agents_height() -> None:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from pavetwin.draw import style
-from pavetwin.draw.marks import DefectOutcome, outcomes, rectangles, telling_segments, windows
+from pavetwin.draw.marks import DefectOutcome, notable_segments, outcomes, rectangles, windows
 from pavetwin.draw.mission_map import flown_bounds, mission_figure, save_comparison_map, save_mission_map
 from pavetwin.draw.turned import MapTransform
 from pavetwin.errors import PaveTwinError
@@ -142,7 +142,7 @@ def test_the_segment_with_most_occlusions_tells_most() -> None:
     result = tiny.result("lively_street", "hover")
     (row,) = result.rows
     other = replace(row, segment="other", occlusions=row.occlusions + 1, length_m=1.0)
-    assert telling_segments([replace(result, rows=(row, other))]) == ["other", row.segment]
+    assert notable_segments([replace(result, rows=(row, other))]) == ["other", row.segment]
 
 
 def test_the_map_shows_all_that_was_flown_over() -> None:

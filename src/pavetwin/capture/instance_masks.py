@@ -24,12 +24,9 @@ class InstanceMask:
         return int(self.bits.sum())
 
     @property
-    def longer_side_px(self) -> int:
-        return max(self.box[2] - self.box[0], self.box[3] - self.box[1])
-
-    @property
-    def shorter_side_px(self) -> int:
-        return min(self.box[2] - self.box[0], self.box[3] - self.box[1])
+    def sides_px(self) -> tuple[int, int]:
+        """The longer and the shorter side of the box."""
+        return max(self.bits.shape), min(self.bits.shape)
 
     def mask(self, size: tuple[int, int]) -> BoolArray:
         """The mask in the whole image (height, width)."""

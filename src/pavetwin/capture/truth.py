@@ -152,8 +152,9 @@ def _reason(
         return Reason.CUT.value
     if distance_m > category.farthest_m:
         return Reason.FAR.value
-    sides = (instance.longer_side_px, instance.shorter_side_px, instance.area_px)
-    if any(np.less(sides, (category.least_side_px, category.least_short_side_px, category.least_area_px))):
+    longer, shorter = instance.sides_px
+    is_short = longer < category.least_side_px or shorter < category.least_short_side_px
+    if is_short or instance.area_px < category.least_area_px:
         return Reason.SMALL.value
     return Reason.FAINT.value if is_faint else None
 

@@ -59,14 +59,14 @@ class CrocodileCrackParameters(Settings):
     """Progress of the damage: width of the cracks, broken edges, tilted and lost blocks."""
 
 
-def lay_crocodile_crack(rng: np.random.Generator, road: poses.RoadSection, count: int) -> poses.Poses:
+def sample_crocodile_crack_poses(rng: np.random.Generator, road: poses.RoadSection, count: int) -> poses.Poses:
     """In wheel paths, along them."""
     return poses.poses(rng, poses.wheel_paths(rng, road, count), 0.0, 0.04)
 
 
 @defect_class(
     "crocodile_crack",
-    sample_poses=lay_crocodile_crack,
+    sample_poses=sample_crocodile_crack_poses,
     rate=crocodile_severity,
     width=lambda measures: measures.width_m,
     weight=0.2,

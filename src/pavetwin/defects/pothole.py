@@ -53,7 +53,7 @@ class PotholeParameters(Settings):
     """Number of cracks that leave its rim."""
 
 
-def lay_pothole(rng: np.random.Generator, road: poses.RoadSection, count: int) -> poses.Poses:
+def sample_pothole_poses(rng: np.random.Generator, road: poses.RoadSection, count: int) -> poses.Poses:
     """Mostly in wheel paths, some near the edges, in any direction."""
     where = rng.random()
     if where < IN_WHEEL_PATH:
@@ -66,7 +66,11 @@ def lay_pothole(rng: np.random.Generator, road: poses.RoadSection, count: int) -
 
 
 @defect_class(
-    "pothole", sample_poses=lay_pothole, rate=pothole_severity, width=lambda measures: measures.diameter_m, weight=0.3
+    "pothole",
+    sample_poses=sample_pothole_poses,
+    rate=pothole_severity,
+    width=lambda measures: measures.diameter_m,
+    weight=0.3,
 )
 def pothole(rng: np.random.Generator, parameters: PotholeParameters | None = None) -> Heightfield:
     """A hole around the origin, its longest side on x."""

@@ -47,8 +47,8 @@ STEP_APART_M, STEP_OVERLAP_M = (0.02, 0.055), (-0.03, 0.06)
 """An interrupted crack continues with an offset: the offset, and the overlap of the two tips. The closing of the label
 rule keeps both in one outline."""
 
-ALONG, ACROSS, OBLIQUE = 0.40, 0.35, 0.25
-"""Shares of longitudinal, transverse and oblique cracks."""
+ACROSS, OBLIQUE = 0.35, 0.25
+"""Shares of transverse and oblique cracks; the rest are longitudinal."""
 
 ALONG_IN_WHEEL_PATH, ALONG_AT_JOINT = 0.60, 0.25
 """Shares of longitudinal cracks: in wheel paths (loads), at joints between lanes; the rest near the edges."""
@@ -72,7 +72,7 @@ class SingleCrackParameters(Settings):
     """Share of its length along which an edge has chipped."""
 
 
-def lay_single_crack(rng: np.random.Generator, road: poses.RoadSection, count: int) -> poses.Poses:
+def sample_single_crack_poses(rng: np.random.Generator, road: poses.RoadSection, count: int) -> poses.Poses:
     """Along the street in wheel paths, at joints and edges; across it; or obliquely."""
     manner = rng.random()
     if manner < ACROSS:
@@ -92,11 +92,11 @@ def lay_single_crack(rng: np.random.Generator, road: poses.RoadSection, count: i
 
 @defect_class(
     "single_crack",
-    sample_poses=lay_single_crack,
+    sample_poses=sample_single_crack_poses,
     rate=crack_severity,
     width=lambda measures: measures.width_m,
     weight=0.5,
-    # A line: long enough to be one, though it covers little, and a line is made out sooner than a patch.
+    # A line covers few pixels, and is visible at a lower contrast than a patch.
     label=LabelRule(least_side_px=16, least_short_side_px=2, least_area_px=8, least_contrast=10.0),
 )
 def single_crack(rng: np.random.Generator, parameters: SingleCrackParameters | None = None) -> Heightfield:

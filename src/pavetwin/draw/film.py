@@ -10,7 +10,7 @@ from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
 from pavetwin.draw.frame import DefectMark, MapView, MissionState
 from pavetwin.draw.ground_raster import GroundRaster
-from pavetwin.draw.marks import DefectOutcome, Place, footprint_m, rectangles, telling_moment_s
+from pavetwin.draw.marks import DefectOutcome, Place, footprint_m, rectangles, start_of_interest_s
 from pavetwin.draw.mission_style import agent_group, font
 from pavetwin.draw.readings import HEIGHT_PX, Readings
 from pavetwin.draw.shadows import SeenSurface, shadows
@@ -40,7 +40,7 @@ class Film:
     ) -> None:
         self.result, self.speed, self.fps = result, speed, fps
         self.timeline = Timeline(result, traffic)
-        start = telling_moment_s(self.timeline) if start_s is None else start_s
+        start = start_of_interest_s(self.timeline) if start_s is None else start_s
         if not 0 <= start < result.duration_s:
             raise PaveTwinError(
                 f"The animation cannot start at {start:g} s: the mission lasts {result.duration_s:.0f} s."

@@ -109,7 +109,7 @@ def streets(segments: Iterable[Segment]) -> dict[str, list[Segment]]:
 
 
 def chains(lines: Iterable[LineString]) -> list[LineString]:
-    """Lines joined over the junctions between them where they go on in about the same direction."""
+    """Lines joined across junctions where one continues in about the direction of the other."""
     open_ends = [shapely.get_coordinates(line) for line in lines]
     joined = []
     while open_ends:
@@ -123,7 +123,7 @@ def chains(lines: Iterable[LineString]) -> list[LineString]:
 
 
 def _continuation(line: Float64Array, others: Sequence[Float64Array]) -> tuple[int, Float64Array, Float64Array] | None:
-    """The nearest of the others that goes on from an end of the line: its index, and both, turned to follow."""
+    """The nearest line that continues an end of `line`: its index, and both lines, reversed where needed."""
     best, nearest = None, _GAP_M
     for index, other in enumerate(others):
         for a, b in product((line, line[::-1]), (other, other[::-1])):

@@ -1,4 +1,4 @@
-"""What a mission left behind, read for a picture: outcomes of defects, windows, what is worth a closer look.
+"""What pictures show of a mission's result: outcomes of defects, captured windows, notable segments.
 
 Everything is in the world frame: metres, radians, seconds. Nothing here draws.
 """
@@ -21,7 +21,7 @@ Place = tuple[float, float]
 SAME_WINDOW_M = 0.5
 
 LEAD_S = 4.0
-"""An animation begins this long before what it is to show."""
+"""An animation begins this long before the event that it shows."""
 
 
 class DefectOutcome(StrEnum):
@@ -90,7 +90,7 @@ def footprint_m(result: MissionResult) -> tuple[float, float]:
     return find_camera(result.settings.camera.model).footprint_m(result.settings.altitude_m)
 
 
-def telling_segments(results: Sequence[MissionResult]) -> list[str]:
+def notable_segments(results: Sequence[MissionResult]) -> list[str]:
     """The inspected segments, those most worth a closer look first: most occlusions, longest waits, longest."""
     scores: dict[str, tuple[float, float, float]] = {}
     for row in (row for result in results for row in result.rows):
@@ -99,6 +99,6 @@ def telling_segments(results: Sequence[MissionResult]) -> list[str]:
     return sorted(scores, key=lambda segment: scores[segment], reverse=True)
 
 
-def telling_moment_s(timeline: Timeline) -> float:
+def start_of_interest_s(timeline: Timeline) -> float:
     """When an animation should begin: shortly before the first reaction of the policy, else the first occlusion."""
     return max(0.0, timeline.first_reaction_s() - LEAD_S)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.legend_handler import HandlerTuple
 
 from pavetwin.draw import lettering, mission_layers, shapes, style
-from pavetwin.draw.marks import telling_segments
+from pavetwin.draw.marks import notable_segments
 from pavetwin.draw.mission_legend import legend_of, main_numbers, visibility_ramp
 from pavetwin.draw.strip import CAPTION_IN, GAP_IN, TALLEST_IN, SegmentLayout, caption, clipped, draw_strip
 from pavetwin.draw.turned import MapTransform
@@ -60,7 +60,7 @@ def mission_figure(result: MissionResult) -> Figure:
     town_w = town_w if narrow else inner - SIDE_IN
     bounds = style.fitted(bounds, town_w / town_h)
     side_w = inner - town_w - GUTTER_IN
-    strips = [SegmentLayout.of(result, name, side_w if narrow else inner) for name in telling_segments([result])[:3]]
+    strips = [SegmentLayout.of(result, name, side_w if narrow else inner) for name in notable_segments([result])[:3]]
     height_in = town_h - NUMBERS_IN if narrow else 2 * TALLEST_IN + 1
     strips = [s for n, s in enumerate(strips) if sum(each.with_caption_in for each in strips[: n + 1]) <= height_in]
     strips = _heightened(strips, height_in) if narrow else strips[:2]
@@ -77,7 +77,7 @@ def mission_figure(result: MissionResult) -> Figure:
     x, y = (left, bottom + sum(s.with_caption_in for s in strips) - GAP_IN) if narrow else (MARGIN_IN, bottom - GAP_IN)
     for number, strip in enumerate(strips):
         y -= strip.caption_in
-        _caption(figure, (x, y), result, strip, "abc"[number])
+        _caption(figure, (x, y), result, strip, "abc"[number], style.INK)
         y -= strip.height_in
         draw_strip(figure, strip, result, (x, y))
         y -= GAP_IN
@@ -100,7 +100,7 @@ def save_comparison_map(results: Sequence[MissionResult], path: Path) -> None:
         PaveTwinError: no segment was inspected by all, the suffix is unknown, or the file cannot be written.
     """
     common = [
-        name for name in telling_segments(results) if all(name in {row.segment for row in f.rows} for f in results)
+        name for name in notable_segments(results) if all(name in {row.segment for row in f.rows} for f in results)
     ]
     if not common:
         raise PaveTwinError("The missions have no segment in common, so that they cannot be compared on a map.")
@@ -164,7 +164,7 @@ def _draw_town(axes: Axes, result: MissionResult, bounds: style.Bounds, strips: 
 
 
 def _name_streets(axes: Axes, result: MissionResult) -> None:
-    """Beside what was inspected where the street goes on, else across it."""
+    """Outside the inspected segments where the street continues there, else across them."""
     segments = result.environment.world.segments
     inspected = {row.segment for row in result.rows}
     base = result.environment.world.base.buffer(6.0 / shapes.points_per_m(axes))
@@ -225,17 +225,11 @@ def _subtitle(result: MissionResult, first: str) -> str:
 
 
 def _caption(
-    figure: Figure,
-    corner_in: tuple[float, float],
-    result: MissionResult,
-    strip: SegmentLayout,
-    head: str,
-    colour: str = style.INK,
+    figure: Figure, corner_in: tuple[float, float], result: MissionResult, strip: SegmentLayout, head: str, colour: str
 ) -> None:
     """Above a strip whose upper left is `corner_in`: which segment, and what happened there."""
     row = next(row for row in result.rows if row.segment == strip.segment)
-    width, height = figure.get_size_inches()
-    left, bottom = corner_in
+    (width, height), (left, bottom) = figure.get_size_inches(), corner_in
     words = [caption(row)] if head == result.policy else [f"{row.street}, {row.segment}", caption(row)]
     two_lines = strip.caption_in > CAPTION_IN
     y = bottom + 0.07

@@ -1,7 +1,8 @@
 """Common style of every map and plot: colours, type, scale bar, north arrow, attribution, reproducible files.
 
-Colours hold for the common forms of colour blindness and in grey print: marks that must be told apart also differ in
-shape. Type is DejaVu Sans, which Matplotlib brings along, so that the same input gives the same bytes on any machine.
+Colours can be distinguished with the common forms of colour blindness; marks that must be distinguished also differ in
+shape, for grey print. The font is DejaVu Sans, which ships with Matplotlib, so that the same input gives the same bytes
+on any machine.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -103,7 +104,7 @@ _SETTINGS: Mapping[Any, Any] = {
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Context manager for drawing: the user's own matplotlibrc is set aside and restored afterwards."""
+    """Context manager for drawing: ignores the user's matplotlibrc and restores its settings afterwards."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(_SETTINGS)

@@ -162,20 +162,19 @@ def _defects(world: World, flip: _Flip) -> Iterable[str]:
 
 def _furniture(world: World, flip: _Flip) -> Iterable[str]:
     yield f"<g fill='{style.TREE}' fill-opacity='.75' stroke='{style.TREE_EDGE}' stroke-width='.2'>"
+    masts = []
     for item in world.furniture:
+        x, y = flip.point(item.position.x, item.position.y)
         if item.kind is FurnitureKind.TREE:
-            x, y = flip.point(item.position.x, item.position.y)
             yield f"<circle cx='{x}' cy='{y}' r='{_number(item.radius_m)}'/>"
+            continue
+        reach = item.arm_m * np.array([np.cos(item.yaw_rad), -np.sin(item.yaw_rad)])
+        arm = f"<path d='M{x} {y}l{_number(reach[0])} {_number(reach[1])}'/>" if item.arm_m > 0 else ""
+        tip = f"{item.kind.value.replace('_', ' ')}, {item.height_m:.1f} m"
+        colour = _MASTS.get(item.kind, style.POLE)
+        masts.append(f"{arm}<circle cx='{x}' cy='{y}' r='.6' fill='{colour}' data-tip='{tip}'/>")
     yield "</g><g class='masts'>"
-    for item in world.furniture:
-        if item.kind is not FurnitureKind.TREE:
-            x, y = flip.point(item.position.x, item.position.y)
-            arm_x = _number(item.arm_m * float(np.cos(item.yaw_rad)))
-            arm_y = _number(-item.arm_m * float(np.sin(item.yaw_rad)))
-            colour = _MASTS.get(item.kind, style.POLE)
-            words = item.kind.value.replace("_", " ")
-            arm = f"<path d='M{x} {y}l{arm_x} {arm_y}'/>" if item.arm_m > 0 else ""
-            yield f"{arm}<circle cx='{x}' cy='{y}' r='.6' fill='{colour}' data-tip='{words}, {item.height_m:.1f} m'/>"
+    yield from masts
     yield "</g>"
 
 
