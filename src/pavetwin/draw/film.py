@@ -96,8 +96,7 @@ class Film:
         hidden: shapely.Geometry = shapely.Polygon()
         if state.visibility is not None and len(agents["x_m"]):
             east, north = uav.position
-            spot = (np.array([east]), np.array([north]), np.array([uav.yaw_rad]))
-            window = shapely.Polygon(rectangles(*spot, *self.view.window_m)[0])
+            window = shapely.Polygon(rectangles(east, north, uav.yaw_rad, *self.view.window_m))
             dark = shapely.union_all(shadows(agents, (east, north, uav.altitude_m)))
             hidden = shapely.intersection(window, dark)
         if self._seen is None:
@@ -122,13 +121,13 @@ class Film:
         marks = []
         near = np.hypot(*(self._places - centre).T) < 0.6 * self.width_m
         for defect in np.flatnonzero(near):
-            place = float(self._places[defect, 0]), float(self._places[defect, 1])
+            x, y = self._places[defect].tolist()
             confirmation = state.found.get(int(defect))
             if confirmation is None:
-                marks.append(DefectMark(place, None))
+                marks.append(DefectMark((x, y), None))
             else:
                 outcome = DefectOutcome.RECOVERED if confirmation.on_revisit else DefectOutcome.CONFIRMED
-                marks.append(DefectMark(place, outcome, (state.time_s - confirmation.time_s) / self.speed))
+                marks.append(DefectMark((x, y), outcome, (state.time_s - confirmation.time_s) / self.speed))
         return marks
 
     def _captions(self, image: Image.Image, time_s: float) -> None:

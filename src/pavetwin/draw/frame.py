@@ -106,8 +106,7 @@ class MapView:
 
 def _around(scene: MissionState, size_m: tuple[float, float]) -> Float64Array:
     """(4, 2) corners of a rectangle under the UAV, given as (across, along)."""
-    x, y = np.array([scene.uav.position[0]]), np.array([scene.uav.position[1]])
-    return np.asarray(rectangles(x, y, np.array([scene.uav.yaw_rad]), *size_m)[0])
+    return rectangles(*scene.uav.position, scene.uav.yaw_rad, *size_m)
 
 
 def _draw_defect(pen: Pen, mark: DefectMark) -> None:

@@ -49,17 +49,16 @@ def outcomes(result: MissionResult) -> dict[int, DefectOutcome]:
 def rectangles(
     x_m: ArrayLike, y_m: ArrayLike, yaw_rad: ArrayLike, across_m: ArrayLike, along_m: ArrayLike
 ) -> Float64Array:
-    """(n, 4, 2) corners of rectangles on the ground, `along_m` in the direction of the yaw and `across_m` beside it.
+    """(..., 4, 2) corners of rectangles on the ground, `along_m` in the direction of the yaw and `across_m` beside it.
 
-    The sizes are (n,), or one for all.
+    The arguments are (...), or one number for all.
     """
     forward = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=-1)
-    left = np.stack([-forward[:, 1], forward[:, 0]], axis=-1)
+    left = np.stack([-forward[..., 1], forward[..., 0]], axis=-1)
     centre = np.stack([x_m, y_m], axis=-1)
-    signs = ((0.5, 0.5), (0.5, -0.5), (-0.5, -0.5), (-0.5, 0.5))
     along, across = (np.asarray(size, dtype=np.float64)[..., None] for size in (along_m, across_m))
-    corners = [centre + a * along * forward + b * across * left for a, b in signs]
-    return np.asarray(np.stack(corners, axis=1))
+    signs = ((0.5, 0.5), (0.5, -0.5), (-0.5, -0.5), (-0.5, 0.5))
+    return np.stack([centre + a * along * forward + b * across * left for a, b in signs], axis=-2)
 
 
 def windows(result: MissionResult, segment: int | None = None) -> tuple[Float64Array, Float64Array]:

@@ -24,25 +24,21 @@ def main_numbers(result: MissionResult) -> list[tuple[str, str]]:
     defects, confirmed = sum(row.defects for row in rows), sum(row.confirmed for row in rows)
     area = sum(row.area_m2 for row in rows)
     minutes, seconds = divmod(round(result.duration_s), 60)
-    numbers = [("Segments inspected", f"{sum(row.inspected for row in rows)} of {len(rows)}")]
-    if defects:
-        numbers.append(("Coverage", f"{confirmed} of {defects} ({100 * confirmed / defects:.0f} %)"))
     recovered = sum(row.recovered for row in rows)
-    if recovered:
-        numbers.append(("Recovered on revisits", f"{recovered}"))
-    if area:
-        covered = sum(row.surface_coverage * row.area_m2 for row in rows) / area
-        numbers.append(("Surface coverage", f"{100 * covered:.1f} %"))
-    numbers += [
-        ("Time", f"{minutes}:{seconds:02d} min"),
-        ("Waiting", f"{sum(row.wait_s for row in rows):.0f} s"),
-        ("Occlusions", f"{sum(row.occlusions for row in rows)}"),
-        ("Distance", f"{result.distance_m / 1000:.2f} km"),
-        ("Energy", f"{100 * result.energy:.0f} % of a battery"),
-    ]
-    if result.swaps:
-        numbers.append(("Battery swaps", f"{result.swaps}"))
-    return numbers
+    covered = sum(row.surface_coverage * row.area_m2 for row in rows)
+    numbers = (
+        (True, "Segments inspected", f"{sum(row.inspected for row in rows)} of {len(rows)}"),
+        (defects, "Coverage", f"{confirmed} of {defects} ({100 * confirmed / max(1, defects):.0f} %)"),
+        (recovered, "Recovered on revisits", f"{recovered}"),
+        (area, "Surface coverage", f"{100 * (covered / (area or 1)):.1f} %"),
+        (True, "Time", f"{minutes}:{seconds:02d} min"),
+        (True, "Waiting", f"{sum(row.wait_s for row in rows):.0f} s"),
+        (True, "Occlusions", f"{sum(row.occlusions for row in rows)}"),
+        (True, "Distance", f"{result.distance_m / 1000:.2f} km"),
+        (True, "Energy", f"{100 * result.energy:.0f} % of a battery"),
+        (result.swaps, "Battery swaps", f"{result.swaps}"),
+    )
+    return [(name, value) for applies, name, value in numbers if applies]
 
 
 def legend_of(results: Sequence[MissionResult], *, town: bool) -> tuple[list[Handle], list[str]]:

@@ -66,13 +66,10 @@ class SeenSurface:
         return self._seen
 
     def _seen_by(self, capture: int) -> shapely.Geometry:
-        captures, one = self.timeline.captures, slice(capture, capture + 1)
-        across, along = window_m(self.timeline.settings)
-        corners = rectangles(captures["x_m"][one], captures["y_m"][one], captures["yaw_rad"][one], across, along)[0]
-        window = shapely.Polygon(corners)
-        east, north = float(captures["x_m"][capture]), float(captures["y_m"][capture])
-        reach = hypot(across, along) / 2 + 1
-        agents = self.timeline.trace.agents_near(east, north, reach, float(captures["t_s"][capture]))
+        captures, size = self.timeline.captures, window_m(self.timeline.settings)
+        east, north, yaw, time = (float(captures[name][capture]) for name in ("x_m", "y_m", "yaw_rad", "t_s"))
+        window = shapely.Polygon(rectangles(east, north, yaw, *size))
+        agents = self.timeline.trace.agents_near(east, north, hypot(*size) / 2 + 1, time)
         segment = self.timeline.environment.world.segments[int(captures["segment"][capture])]
         seen = shapely.intersection(window, segment.polygon)
         hidden = shadows(agents, (east, north, self.timeline.settings.altitude_m))

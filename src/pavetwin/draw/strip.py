@@ -97,17 +97,16 @@ def draw_strip(
 
 def caption(row: SegmentMetrics) -> str:
     """What happened on a segment, in one line."""
-    parts = [f"{row.confirmed} of {row.defects} defects confirmed"]
-    if row.recovered:
-        parts.append(f"{row.recovered} of them recovered")
-    parts.append(f"surface {100 * row.surface_coverage:.0f} %")
-    parts.append(f"{row.occlusions} occlusion{'s' if row.occlusions != 1 else ''}")
-    if row.wait_s >= 0.5:
-        parts.append(f"waited {row.wait_s:.0f} s")
-    if row.revisits:
-        parts.append(f"{row.revisits} revisits")
-    parts.append(f"{row.time_s:.0f} s in all")
-    return " · ".join(parts)
+    parts = {
+        f"{row.confirmed} of {row.defects} defects confirmed": True,
+        f"{row.recovered} of them recovered": row.recovered,
+        f"surface {100 * row.surface_coverage:.0f} %": True,
+        f"{row.occlusions} occlusion{'s' if row.occlusions != 1 else ''}": True,
+        f"waited {row.wait_s:.0f} s": row.wait_s >= 0.5,
+        f"{row.revisits} revisits": row.revisits,
+        f"{row.time_s:.0f} s in all": True,
+    }
+    return " · ".join(part for part, applies in parts.items() if applies)
 
 
 def clipped(shape: Float64Array, bounds: style.Bounds) -> Float64Array:

@@ -124,11 +124,9 @@ def _layers(world: World, flip: _Flip) -> Iterable[str]:
 
 
 def _buildings(world: World, flip: _Flip) -> Iterable[str]:
-    by_step: dict[int, list[Polygon]] = {}
-    for building in world.buildings:
-        step = min(_STEPS - 1, int(building.height_m / TALL_M * _STEPS))
-        by_step.setdefault(step, []).append(building.polygon)
-    for step, bases in sorted(by_step.items()):
+    steps = [min(_STEPS - 1, int(building.height_m / TALL_M * _STEPS)) for building in world.buildings]
+    for step in sorted(set(steps)):
+        bases = [building.polygon for building, own in zip(world.buildings, steps, strict=True) if own == step]
         shade = to_hex(shapes.mix(style.BUILDING_LOW, style.BUILDING_HIGH, (step + 0.5) / _STEPS))
         yield _shape("".join(flip.path(base) for base in bases), shade, style.BUILDING_EDGE, 0.2)
 
