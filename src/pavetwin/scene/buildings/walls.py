@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -66,26 +67,156 @@ class Wall:
 
 def build_wall(faces: Faces, wall: Wall, style: FacadeStyle, rng: np.random.Generator) -> None:
     """Add one wall with its openings."""
-    floors = _floors(style, wall.top_m)
-    bays = _bays(style, wall)
-    colour = np.array(style.colour)
-    plinth = 0.0 if style.ground is GroundFloor.SHOP and wall.front else min(PLINTH_M, 0.2 * wall.top_m)
-    if plinth and not wall.party:
-        _plinth(faces, wall, style, plinth)
-    if wall.party or not len(bays):
-        _plain(faces, wall, style, 0.0, wall.length_m, 0.0, wall.top_m, colour)
-        return
-    left, right = bays[0, 0], bays[-1, 1]
-    _plain(faces, wall, style, 0.0, left, 0.0, wall.top_m, colour)
-    _plain(faces, wall, style, right, wall.length_m, 0.0, wall.top_m, colour)
-    for number, (low, high) in enumerate(floors):
-        if number == 0:
-            _ground_floor(faces, wall, style, bays, low, high, rng)
+    _WallBuilder(faces, wall, style, rng).build()
+
+
+@dataclass(frozen=True)
+class _WallBuilder:
+    """Adds the parts of one wall."""
+
+    faces: Faces
+    wall: Wall
+    style: FacadeStyle
+    rng: np.random.Generator
+
+    def build(self) -> None:
+        wall, style = self.wall, self.style
+        floors = _floors(style, wall.top_m)
+        bays = _bays(style, wall)
+        colour = np.array(style.colour)
+        whole = np.array([0.0, wall.length_m])
+        plinth = 0.0 if style.ground is GroundFloor.SHOP and wall.front else min(PLINTH_M, 0.2 * wall.top_m)
+        if plinth and not wall.party:  # a darker band along the foot, two centimetres proud of the wall
+            self._slab(whole, np.array([0.0, plinth]), 0.02, np.array(style.plinth), 0.9)
+        if wall.party or not len(bays):
+            self._plain(0.0, wall.length_m, 0.0, wall.top_m, colour)
+            return
+        left, right = bays[0, 0], bays[-1, 1]
+        self._plain(0.0, left, 0.0, wall.top_m, colour)
+        self._plain(right, wall.length_m, 0.0, wall.top_m, colour)
+        for number, (low, high) in enumerate(floors):
+            if number == 0:
+                self._ground_floor(bays, low, high)
+            else:
+                self._storey(bays, low, high)
+        self._plain(left, right, floors[-1][1], wall.top_m, colour * SHADE_BELOW_EAVES)
+        if style.cornice:
+            z, half = floors[0][1], 0.16 / 2
+            self._slab(whole, np.array([z - half, z + half]), 0.10, np.array(style.trim), 0.8)
+
+    def _ground_floor(self, bays: Float64Array, low: float, high: float) -> None:
+        """The ground floor: on the front a door, shop windows or gates; windows elsewhere."""
+        own = np.zeros(len(bays), dtype=bool)
+        height, use, rng = high - low, self.style.ground, self.rng
+        if self.wall.front:
+            door = int(rng.integers(len(bays)))
+            own[door] = True
+            at = bays[door : door + 1]
+            bay = float(at[0, 1] - at[0, 0])
+            if use in (GroundFloor.GARAGE, GroundFloor.HALL):
+                garage = use is GroundFloor.GARAGE
+                cell = int(rng.integers(8, 12) if garage else rng.integers(12, 16))
+                wide, tall = min(bay - 0.3, 3.6) / bay, min(0.88, (2.3 if garage else 3.2) / height)
+                self._openings(at, low, high, Windows(FacadeTexture.DOORS, (cell,), wide, tall, 0.0, 0.15, False))
+            elif use is GroundFloor.SHOP:
+                own[:] = True
+                self._shop(bays, low, high, door)
+            else:
+                cell = int(rng.integers(8))
+                wide, tall = min(0.8, (1.1 if use is GroundFloor.HOME else 2.0) / bay), min(0.85, 2.2 / height)
+                self._openings(at, low, high, Windows(FacadeTexture.DOORS, (cell,), wide, tall, 0.0, 0.25, False))
+        self._storey(bays[~own], low, high)
+
+    def _shop(self, bays: Float64Array, low: float, high: float, door: int) -> None:
+        """Large panes between piers, a door among them, a board with the shop's name above."""
+        height, rng = high - low, self.rng
+        cells = tuple(int(n) for n in rng.integers(8, 16, 4))
+        panes = Windows(FacadeTexture.GLAZING, cells, 0.9, 2.75 / height - 0.1, 0.1, 0.12, False)
+        self._openings(np.delete(bays, door, axis=0), low, high, panes)
+        wide = min(0.7, 1.2 / float(bays[door, 1] - bays[door, 0]))
+        look = Windows(FacadeTexture.DOORS, (1, 3, 5, 7), wide, 2.4 / height, 0.0, 0.3, False)
+        self._openings(bays[door : door + 1], low, high, look)
+        hue = rng.uniform(0.02, 0.35, 3) * float(rng.uniform(0.4, 1.0))
+        self._slab(np.array([bays[0, 0], bays[-1, 1]]), np.array([low + 2.85, low + 3.4]), 0.09, hue, 0.4)
+
+    def _storey(self, bays: Float64Array, low: float, high: float) -> None:
+        if self.style.windows is not None and len(bays):
+            self._openings(bays, low, high, self.style.windows)
         else:
-            _storey(faces, wall, style, style.windows, bays, low, high, rng)
-    _plain(faces, wall, style, left, right, floors[-1][1], wall.top_m, colour * SHADE_BELOW_EAVES)
-    if style.cornice:
-        _moulding(faces, wall, style, floors[0][1], 0.10, 0.16)
+            for left, right in bays:
+                self._plain(float(left), float(right), low, high, np.array(self.style.colour))
+
+    def _openings(self, bays: Float64Array, low: float, high: float, look: Windows) -> None:
+        """A row of equal openings: the wall around each, its reveal, its filling, its sill."""
+        if not len(bays):
+            return
+        middle, width = bays.mean(axis=1), (bays[:, 1] - bays[:, 0]) * look.width
+        u0, u1 = middle - width / 2, middle + width / 2
+        z0 = np.full(len(bays), low + (high - low) * look.sill)
+        z1 = z0 + (high - low) * look.height
+        lows, highs = np.full(len(bays), low), np.full(len(bays), high)
+        colour = np.array(self.style.colour)
+        self._panels(bays[:, 0], bays[:, 1], lows, z0, colour)
+        self._panels(bays[:, 0], bays[:, 1], z1, highs, colour)
+        self._panels(bays[:, 0], u0, z0, z1, colour)
+        self._panels(u1, bays[:, 1], z0, z1, colour)
+        self._reveals(u0, u1, z0, z1, look.reveal_m)
+        cells = self.rng.choice(look.cells, len(bays))
+        u, z = np.stack([u0, u1, u1, u0], axis=1), np.stack([z0, z0, z1, z1], axis=1)
+        corners = self.wall.points(u, z, look.reveal_m)
+        self.faces.quads(look.layer, corners, (1.0, 1.0, 1.0), uv=_cell_uv(cells), roughness=0.2)
+        if look.with_sill:
+            out, thick = SILL_M
+            for a, b, z_m in zip(u0, u1, z0, strict=True):
+                ends, band = np.array([a - 0.05, b + 0.05]), np.array([z_m - thick, z_m])
+                self._slab(ends, band, out, np.array(self.style.trim), 0.7)
+
+    def _panels(
+        self, left: Float64Array, right: Float64Array, low: Float64Array, high: Float64Array, colour: Float64Array
+    ) -> None:
+        """Rectangles of wall, one a row of the arguments; empty ones are left out."""
+        keep = (right - left > 1e-6) & (high - low > 1e-6)
+        left, right, low, high = left[keep], right[keep], low[keep], high[keep]
+        if not len(left):
+            return
+        u, z = np.stack([left, right, right, left], axis=1), np.stack([low, low, high, high], axis=1)
+        shade = _shade(z, self.wall.top_m)[..., None]
+        uv = np.stack([u + self.wall.offset_m % FACADE_REPEAT_M, z], axis=-1)
+        self.faces.quads(self.style.wall, self.wall.points(u, z), colour * shade, uv=uv, roughness=0.9)
+
+    def _plain(self, left: float, right: float, low: float, high: float, colour: Float64Array) -> None:
+        cuts = sorted([low, *(cut for cut in (1.5, self.wall.top_m - 0.8) if low < cut < high), high])
+        for bottom, top in pairwise(cuts):
+            self._panels(np.array([left]), np.array([right]), np.array([bottom]), np.array([top]), colour)
+
+    def _reveals(self, u0: Float64Array, u1: Float64Array, z0: Float64Array, z1: Float64Array, depth: float) -> None:
+        """The four sides between the wall's face and the filling of the opening; the upper one is in shade."""
+        brick = self.style.wall is FacadeTexture.BRICK
+        colour = np.array((0.24, 0.12, 0.08) if brick else self.style.colour) * 0.85
+        for (ua, za), (ub, zb), dark in (
+            ((u0, z0), (u0, z1), 0.75),
+            ((u1, z1), (u1, z0), 0.75),
+            ((u0, z1), (u1, z1), SHADE_IN_REVEAL),
+            ((u1, z0), (u0, z0), 0.95),
+        ):
+            u, z = np.stack([ua, ua, ub, ub], axis=1), np.stack([za, za, zb, zb], axis=1)
+            depths = np.broadcast_to(np.array([0.0, depth, depth, 0.0]), u.shape)
+            self.faces.quads(FacadeTexture.PLAIN, self.wall.points(u, z, depths), colour * dark, roughness=0.9)
+
+    def _slab(self, u: Float64Array, z: Float64Array, out: float, colour: Float64Array, roughness: float) -> None:
+        """A box on the wall's face: front, top, underside and ends."""
+        (a, b), (low, high) = u, z
+        front, back = -out, 0.0
+        sides = (
+            ([a, b, b, a], [low, low, high, high], [front] * 4, 1.0),
+            ([a, b, b, a], [high] * 4, [front, front, back, back], 1.05),
+            ([a, b, b, a], [low] * 4, [back, back, front, front], 0.6),
+            ([a, a, a, a], [low, low, high, high], [back, front, front, back], 0.9),
+            ([b, b, b, b], [low, low, high, high], [front, back, back, front], 0.9),
+        )
+        corners = np.stack([self.wall.points(np.array(us), np.array(zs), np.array(ds)) for us, zs, ds, _ in sides])
+        shades = np.array([shade for *_, shade in sides])[:, None, None]
+        self.faces.quads(FacadeTexture.PLAIN, corners, np.clip(colour * shades, 0, 0.9), roughness=roughness)
 
 
 def _floors(style: FacadeStyle, top_m: float) -> list[tuple[float, float]]:
@@ -112,135 +243,6 @@ def _bays(style: FacadeStyle, wall: Wall) -> Float64Array:
     return np.stack([edges[:-1], edges[1:]], axis=1)
 
 
-def _ground_floor(
-    faces: Faces, wall: Wall, style: FacadeStyle, bays: Float64Array, low: float, high: float, rng: np.random.Generator
-) -> None:
-    """The ground floor: on the front a door, shop windows or gates; windows elsewhere."""
-    own = np.zeros(len(bays), dtype=bool)
-    height = high - low
-    if wall.front:
-        door = int(rng.integers(len(bays)))
-        own[door] = True
-        at = bays[door : door + 1]
-        if style.ground in (GroundFloor.GARAGE, GroundFloor.HALL):
-            cell = int(rng.integers(8, 12) if style.ground is GroundFloor.GARAGE else rng.integers(12, 16))
-            wide = min(float(at[0, 1] - at[0, 0]) - 0.3, 3.6)
-            _openings(
-                faces,
-                wall,
-                style,
-                at,
-                low,
-                high,
-                Windows(
-                    FacadeTexture.DOORS,
-                    (cell,),
-                    wide / float(at[0, 1] - at[0, 0]),
-                    min(0.88, (2.3 if style.ground is GroundFloor.GARAGE else 3.2) / height),
-                    0.0,
-                    0.15,
-                    False,
-                ),
-                rng,
-            )
-        elif style.ground is GroundFloor.SHOP:
-            own[:] = True
-            _shop(faces, wall, style, bays, low, high, door, rng)
-        else:
-            wide = min(0.8, (1.1 if style.ground is GroundFloor.HOME else 2.0) / float(at[0, 1] - at[0, 0]))
-            look = Windows(
-                FacadeTexture.DOORS, (int(rng.integers(8)),), wide, min(0.85, 2.2 / height), 0.0, 0.25, False
-            )
-            _openings(faces, wall, style, at, low, high, look, rng)
-    _storey(faces, wall, style, style.windows, bays[~own], low, high, rng)
-
-
-def _shop(
-    faces: Faces,
-    wall: Wall,
-    style: FacadeStyle,
-    bays: Float64Array,
-    low: float,
-    high: float,
-    door: int,
-    rng: np.random.Generator,
-) -> None:
-    """Large panes between piers, a door among them, a board with the shop's name above."""
-    height = high - low
-    panes = np.delete(bays, door, axis=0)
-    cells = tuple(int(n) for n in rng.integers(8, 16, 4))
-    top = 2.75 / height
-    _openings(
-        faces,
-        wall,
-        style,
-        panes,
-        low,
-        high,
-        Windows(FacadeTexture.GLAZING, cells, 0.9, top - 0.1, 0.1, 0.12, False),
-        rng,
-    )
-    wide = min(0.7, 1.2 / float(bays[door, 1] - bays[door, 0]))
-    look = Windows(FacadeTexture.DOORS, (1, 3, 5, 7), wide, 2.4 / height, 0.0, 0.3, False)
-    _openings(faces, wall, style, bays[door : door + 1], low, high, look, rng)
-    hue = rng.uniform(0.02, 0.35, 3) * float(rng.uniform(0.4, 1.0))
-    u, z = np.array([bays[0, 0], bays[-1, 1]]), np.array([low + 2.85, low + 3.4])
-    _slab(faces, wall, u, z, 0.09, hue, 0.4)
-
-
-def _storey(
-    faces: Faces,
-    wall: Wall,
-    style: FacadeStyle,
-    look: Windows | None,
-    bays: Float64Array,
-    low: float,
-    high: float,
-    rng: np.random.Generator,
-) -> None:
-    if look is not None and len(bays):
-        _openings(faces, wall, style, bays, low, high, look, rng)
-    else:
-        for left, right in bays:
-            _plain(faces, wall, style, float(left), float(right), low, high, np.array(style.colour))
-
-
-def _openings(
-    faces: Faces,
-    wall: Wall,
-    style: FacadeStyle,
-    bays: Float64Array,
-    low: float,
-    high: float,
-    look: Windows,
-    rng: np.random.Generator,
-) -> None:
-    """A row of equal openings: the wall around each, its reveal, its filling, its sill."""
-    if not len(bays):
-        return
-    middle, width = bays.mean(axis=1), (bays[:, 1] - bays[:, 0]) * look.width
-    u0, u1 = middle - width / 2, middle + width / 2
-    z0 = np.full(len(bays), low + (high - low) * look.sill)
-    z1 = z0 + (high - low) * look.height
-    lows, highs = np.full(len(bays), low), np.full(len(bays), high)
-    colour = np.array(style.colour)
-    for left, right, bottom, top in (
-        (bays[:, 0], bays[:, 1], lows, z0),
-        (bays[:, 0], bays[:, 1], z1, highs),
-        (bays[:, 0], u0, z0, z1),
-        (u1, bays[:, 1], z0, z1),
-    ):
-        _panels(faces, wall, style.wall, left, right, bottom, top, colour)
-    _reveals(faces, wall, style, u0, u1, z0, z1, look.reveal_m)
-    cells = rng.choice(look.cells, len(bays))
-    corners = wall.points(np.stack([u0, u1, u1, u0], axis=1), np.stack([z0, z0, z1, z1], axis=1), look.reveal_m)
-    faces.quads(look.layer, corners, (1.0, 1.0, 1.0), uv=_cell_uv(cells), roughness=0.2)
-    if look.with_sill:
-        for a, b, z in zip(u0, u1, z0, strict=True):
-            out, thick = SILL_M
-            _slab(faces, wall, np.array([a - 0.05, b + 0.05]), np.array([z - thick, z]), out, np.array(style.trim), 0.7)
-
-
 def _cell_uv(cells: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Float64Array:
     """(n, 4, 2) corners of cells in metres of the texture, half a percent within them."""
     column, row = cells % CELLS, cells // CELLS
@@ -252,105 +254,8 @@ def _cell_uv(cells: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Float64Array:
     )
 
 
-def _panels(
-    faces: Faces,
-    wall: Wall,
-    layer: FacadeTexture,
-    left: Float64Array,
-    right: Float64Array,
-    low: Float64Array,
-    high: Float64Array,
-    colour: Float64Array,
-) -> None:
-    """Rectangles of wall, one a row of the arguments; empty ones are left out."""
-    keep = (right - left > 1e-6) & (high - low > 1e-6)
-    left, right, low, high = left[keep], right[keep], low[keep], high[keep]
-    if not len(left):
-        return
-    u, z = np.stack([left, right, right, left], axis=1), np.stack([low, low, high, high], axis=1)
-    shade = _shade(z, wall.top_m)[..., None]
-    uv = np.stack([u + wall.offset_m % FACADE_REPEAT_M, z], axis=-1)
-    faces.quads(layer, wall.points(u, z), colour * shade, uv=uv, roughness=0.9)
-
-
 def _shade(z: Float64Array, top_m: float) -> Float64Array:
     """Darker towards the foot, where dirt splashes, and just below the roof."""
     foot = SHADE_AT_FOOT + (1 - SHADE_AT_FOOT) * np.clip(z / 1.5, 0, 1)
     eaves = SHADE_BELOW_EAVES + (1 - SHADE_BELOW_EAVES) * np.clip((top_m - z) / 0.8, 0, 1)
     return np.asarray(foot * eaves)
-
-
-def _plain(
-    faces: Faces,
-    wall: Wall,
-    style: FacadeStyle,
-    left: float,
-    right: float,
-    low: float,
-    high: float,
-    colour: Float64Array,
-) -> None:
-    cuts = [low, *(cut for cut in (1.5, wall.top_m - 0.8) if low < cut < high), high]
-    for bottom, top in zip(sorted(cuts)[:-1], sorted(cuts)[1:], strict=True):
-        edge = [np.array([value]) for value in (left, right, bottom, top)]
-        _panels(faces, wall, style.wall, edge[0], edge[1], edge[2], edge[3], colour)
-
-
-def _reveals(
-    faces: Faces,
-    wall: Wall,
-    style: FacadeStyle,
-    u0: Float64Array,
-    u1: Float64Array,
-    z0: Float64Array,
-    z1: Float64Array,
-    depth: float,
-) -> None:
-    """The four sides between the wall's face and the filling of the opening; the upper one is in shade."""
-    near, far = 0.0, depth
-    plain = FacadeTexture.PLAIN
-    colour = np.array(style.colour if style.wall is not FacadeTexture.BRICK else (0.24, 0.12, 0.08)) * 0.85
-    for (ua, za), (ub, zb), dark in (
-        ((u0, z0), (u0, z1), 0.75),
-        ((u1, z1), (u1, z0), 0.75),
-        ((u0, z1), (u1, z1), SHADE_IN_REVEAL),
-        ((u1, z0), (u0, z0), 0.95),
-    ):
-        u, z = np.stack([ua, ua, ub, ub], axis=1), np.stack([za, za, zb, zb], axis=1)
-        depths = np.broadcast_to(np.array([near, far, far, near]), u.shape)
-        faces.quads(plain, wall.points(u, z, depths), colour * dark, roughness=0.9)
-
-
-def _plinth(faces: Faces, wall: Wall, style: FacadeStyle, height: float) -> None:
-    """A darker band along the foot of the wall, two centimetres proud of it."""
-    _slab(faces, wall, np.array([0.0, wall.length_m]), np.array([0.0, height]), 0.02, np.array(style.plinth), 0.9)
-
-
-def _moulding(faces: Faces, wall: Wall, style: FacadeStyle, z: float, out: float, high: float) -> None:
-    _slab(
-        faces,
-        wall,
-        np.array([0.0, wall.length_m]),
-        np.array([z - high / 2, z + high / 2]),
-        out,
-        np.array(style.trim),
-        0.8,
-    )
-
-
-def _slab(
-    faces: Faces, wall: Wall, u: Float64Array, z: Float64Array, out: float, colour: Float64Array, roughness: float
-) -> None:
-    """A box on the wall's face: front, top, underside and ends."""
-    (a, b), (low, high) = u, z
-    front, back = -out, 0.0
-    sides = (
-        ([a, b, b, a], [low, low, high, high], [front] * 4, 1.0),
-        ([a, b, b, a], [high] * 4, [front, front, back, back], 1.05),
-        ([a, b, b, a], [low] * 4, [back, back, front, front], 0.6),
-        ([a, a, a, a], [low, low, high, high], [back, front, front, back], 0.9),
-        ([b, b, b, b], [low, low, high, high], [front, back, back, front], 0.9),
-    )
-    corners = np.stack([wall.points(np.array(us), np.array(zs), np.array(ds)) for us, zs, ds, _ in sides])
-    shades = np.array([shade for *_, shade in sides])[:, None, None]
-    faces.quads(FacadeTexture.PLAIN, corners, np.clip(colour * shades, 0, 0.9), roughness=roughness)
