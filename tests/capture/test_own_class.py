@@ -134,10 +134,10 @@ def test_a_study_flies_over_it_in_two_processes(world: Path, tmp_path: Path, mon
 
 @pytest.mark.needs_adapter
 def test_ruts_are_drawn(world: Path, tmp_path: Path) -> None:
-    """By the renderer, darker than the road beside them, and labelled."""
+    """By the renderer, and labelled: enough images that some aim at a rut."""
     from pavetwin.capture.scene_renderer import SceneFrameSource
 
-    few = UAV.model_copy(update={"images": 2})
+    few = UAV.model_copy(update={"images": 6})
     capture(world, few, tmp_path / "drawn", frame_source_factory=SceneFrameSource)
     statistics = count(tmp_path / "drawn")
     assert sum(statistics.labelled["Rutting", split] for split in statistics.images) > 0
