@@ -57,7 +57,10 @@ class InspectionMemory:
     def confirm(self, defects: Iterable[int], confirmation: Confirmation) -> Self:
         """With defects confirmed; of each the first confirmation stands."""
         new = {defect: confirmation for defect in defects if defect not in self.confirmed}
-        return replace(self, confirmed=MappingProxyType({**self.confirmed, **new})) if new else self
+        if not new:
+            return self
+        confirmed = MappingProxyType({**self.confirmed, **new})
+        return type(self)(self.surface_coverage, self.status, confirmed, self.notes)
 
     def cover(self, segment: str, coverage: float, inspected_share: float) -> Self:
         """With a segment's seen share brought up to date."""
