@@ -8,12 +8,13 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 
 from benchmarks import defects, frames, growing, machine, missions, startup, streets, studies, worlds
 from benchmarks.measure import Line
 from benchmarks.table import as_json, notes, table
-from pavetwin.cli.console import counting, fail, out
+from pavetwin.cli.console import fail, out, progress
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.mission.replay import FIRST_DURATION_S
@@ -89,8 +90,14 @@ def main(arguments: list[str]) -> int:
     begun = time.perf_counter()
     lines: list[Line] = []
     try:
-        with tempfile.TemporaryDirectory(prefix="pavetwin-bench-") as folder, counting("Measuring", PARTS) as begin:
-            lines += measure(options.world, QUICK if options.quick else FULL, Path(folder), begin)
+        with tempfile.TemporaryDirectory(prefix="pavetwin-bench-") as folder, progress("Measuring") as tell:
+            begun_parts = count()
+            lines += measure(
+                options.world,
+                QUICK if options.quick else FULL,
+                Path(folder),
+                lambda part: tell(next(begun_parts) / PARTS, f"Measuring {part}"),
+            )
     except PaveTwinError as error:
         fail(str(error))
         return 2

@@ -8,10 +8,16 @@ import numpy.typing as npt
 
 from benchmarks.measure import Kind, Line, median_s
 from pavetwin._core import NavMesh
+from pavetwin.config.mission import UavSettings
+from pavetwin.navigation.navmesh import VOXEL_M
 
 SPACING_M, WIDTH_M = 100.0, 18.0
 YAW_RAD = pi / 6
 """Streets at an angle to the voxels are the more expensive case."""
+
+
+def bake(vertices: npt.NDArray[np.float64], triangles: npt.NDArray[np.uint32]) -> NavMesh:
+    return NavMesh.bake(vertices, triangles, cell_size_m=VOXEL_M, agent_radius_m=UavSettings().radius_m)
 
 
 def street_grid(size_m: float) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint32]]:
@@ -31,8 +37,8 @@ def street_grid(size_m: float) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.
 def lines(quick: bool) -> Iterator[Line]:
     """Bake and path on 1 km², and a path on 9 km²."""
     vertices, triangles = street_grid(1000.0)
-    bake_s = median_s(lambda: NavMesh.bake(vertices, triangles), runs=3 if quick else 7)
-    mesh = NavMesh.bake(vertices, triangles)
+    bake_s = median_s(lambda: bake(vertices, triangles), runs=3 if quick else 7)
+    mesh = bake(vertices, triangles)
     polygons = len(mesh.offsets()) - 1
     yield Line("NavMesh of 1 km² of streets", bake_s, Kind.SECONDS, 3.0, note=f"20 streets, {polygons} polygons")
     runs = 100 if quick else 1000
@@ -48,7 +54,7 @@ def lines(quick: bool) -> Iterator[Line]:
         0.2e-3,
     )
     if not quick:
-        large = NavMesh.bake(*street_grid(3000.0))
+        large = bake(*street_grid(3000.0))
         across_s = _across_s(large, 3000.0, 200)
         yield Line("path query on 9 km², corner to corner", across_s, Kind.SECONDS)
 

@@ -119,7 +119,9 @@ def _read(path: Path, key: str, *, check: bool = False) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     before = sys.modules.get(name)
     sys.modules[name] = module
+    beside = str(path.resolve().parent)
     try:
+        sys.path.insert(0, beside)  # a script, too, imports what lies beside it
         with reading(f"'{path.resolve()}'") as source:
             loader.exec_module(module)
             if fault := source.broken_rule() if check else "":
@@ -134,6 +136,8 @@ def _read(path: Path, key: str, *, check: bool = False) -> ModuleType:
             raise
         told = f"{type(error).__name__}: {' '.join(str(error).split())}"
         raise PaveTwinError(f"{key}: '{path}' fails when read: {told}.") from error
+    finally:
+        sys.path.remove(beside)
     return module
 
 

@@ -465,7 +465,7 @@ def test_a_run_that_came_to_no_image_is_no_obstacle(
     world: Path, dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patched:
-        patched.setattr("pavetwin.capture.images.shows", lambda *_: False)
+        patched.setattr("pavetwin.capture.images.meets_spec", lambda *_: False)
         with pytest.raises(PaveTwinError, match="no place was found"):
             capture(world, UAV.model_copy(update={"seed": 4}), tmp_path / "d", frame_source_factory=Painter)
     assert list(files(tmp_path / "d")) == ["capture.yaml"]

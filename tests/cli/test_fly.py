@@ -61,6 +61,7 @@ def test_a_mission_leaves_its_files_and_says_where(world: Path, tmp_path: Path) 
     assert {path.name for path in (tmp_path / "m").iterdir()} == {
         "mission.parquet",
         "track.parquet",
+        "detections.parquet",
         "captures.geojson",
         "mission.yaml",
         "map.png",
@@ -184,6 +185,16 @@ def test_a_mission_is_flown_again_from_its_description_alone(world: Path, tmp_pa
 def test_a_mission_with_files_of_its_own_needs_nothing_else_and_names_what_changed(world: Path, tmp_path: Path) -> None:
     """Routes, another aircraft and a policy from a file: flown again from the description, then each is changed."""
     policy, routes, aircraft = (tmp_path / name for name in ("calm.py", "own.rou.xml", "sky.csv"))
+    sensor, camera = tmp_path / "keen.py", tmp_path / "cam.yaml"
+    (tmp_path / "thresholds.py").write_text("LEAST = 0.0\n")
+    sensor.write_text(
+        "from thresholds import LEAST\n"
+        "from pavetwin.sensing import Detection, Sensor\n"
+        "class Keen(Sensor):\n"
+        "    def detect(self, frame):\n"
+        "        return [Detection.of(each) for each in frame.sightings if each.visible_fraction > LEAST]\n"
+    )
+    camera.write_text("mine:\n  title: Mine\n  image_px: [1270, 950]\n  vertical_fov_deg: 60\n")
     policy.write_text(
         "from pavetwin.policies import GoOn, Policy\n"
         "class Calm(Policy):\n"
@@ -197,12 +208,13 @@ def test_a_mission_with_files_of_its_own_needs_nothing_else_and_names_what_chang
     )
     aircraft.write_text("aircraft,t_s,x_m,y_m,altitude_m\nother,0,900,900,10\nother,60,950,900,10\n")
     mine = ("--routes", routes, "--airspace", aircraft, "--policy", f"{policy}:Calm", "--segments", "1")
-    done = pavetwin("fly", world, *mine, "-o", tmp_path / "m")
+    eyes = ("--set", "sensing.sensor=keen.py:Keen", "--set", "camera.model=cam.yaml")  # relative to where one is
+    done = pavetwin("fly", world, *mine, *eyes, "-o", tmp_path / "m", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     again = ("fly", "--again", tmp_path / "m" / "mission.yaml")
     done = pavetwin(*again)
     assert "The same as the first time." in done.stdout, done.stdout + done.stderr
-    for path in (policy, routes, aircraft):
+    for path in (policy, routes, aircraft, sensor, camera, tmp_path / "thresholds.py"):
         before = path.read_text()
         path.write_text(before + "\n")
         line = plain_refusal(pavetwin(*again))

@@ -1,6 +1,7 @@
 """Settings: presets, overrides, and what is refused in one plain line."""
 
 import json
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -166,8 +167,16 @@ def test_overrides_change_nothing_they_are_given() -> None:
     assert overlay({"a": {"b": 1, "c": 2}}, {"a": {"b": 3}, "d": 4}) == {"a": {"b": 3, "c": 2}, "d": 4}
 
 
+def test_files_of_ones_own_are_made_absolute_and_names_stay() -> None:
+    """A mission.yaml is flown again from anywhere."""
+    given = load_settings("default", ["camera.model=mine/cams.yaml:wide", "sensing.sensor=eyes.py:Keen"])
+    assert given.camera.model == f"{Path.cwd() / 'mine' / 'cams.yaml'}:wide"
+    assert given.sensing.sensor == f"{Path.cwd() / 'eyes.py'}:Keen"
+    assert load_settings("default", ["sensing.sensor=ideal"]).sensing.sensor == "ideal"
+
+
 def test_an_override_may_hold_an_equals_sign_and_numbers_may_be_written_as_one_likes() -> None:
-    assert load_settings("default", ["camera.model=a=b.yaml"]).camera.model == "a=b.yaml"
+    assert load_settings("default", ["camera.model=a=b"]).camera.model == "a=b"
     assert load_settings("default", ["altitude_m=1e1"]).altitude_m == 10.0
     assert load_settings("default", [" altitude_m = 12 "]).altitude_m == 12.0
 

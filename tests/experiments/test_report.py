@@ -307,10 +307,10 @@ def test_the_words_on_method_promise_no_more_than_simulations_showed(small: str)
     words = " ".join(" ".join(Outline(small).words).split())
     assert "in 77 with 20 replicates and in 25 with 10" in words
     assert "stays below 5 %" not in words
-    assert "the 5 % are for each" in words
+    assert "are a family of their own with 5 % each" in words
     assert "an interval may end at exactly 0 although p is large" in words
-    assert "the signs of what is left (the residuals) are turned" in words
-    assert "have p = 0.002 by themselves and need not be told among 144 comparisons" in words
+    assert "the signs of the residuals are flipped" in words
+    assert "have p = 0.002 by themselves and may not be significant among 144 comparisons" in words
     assert "an interval may end at the smallest or the largest of the differences" in words
     assert "Interactions of three and more factors are in the residual" in words
 

@@ -7,7 +7,10 @@ import pytest
 from shapely import Point
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.mission.fly import MissionResult, fly_over
+from pavetwin.mission import MissionInputs
+from pavetwin.mission.fly import MissionResult, fly, fly_over
+from pavetwin.mission.results import detections_table
+from pavetwin.policies import load_policy
 from pavetwin.sensing import SENSORS, Detection, Frame, Outcome, Sensor, sensor
 from scenes.tiny import SCENES, Scene, straight
 
@@ -148,6 +151,38 @@ def test_a_sensor_that_fails_in_flight_is_named_with_its_line() -> None:
 
     with pytest.raises(PaveTwinError, match=r"The sensor 'trial' failed .* KeyError: \d+ \(test_perception.py"):
         fly_with(Scene(straight((30, 0))), Brittle)
+
+
+@pytest.mark.usefixtures("registered")
+def test_where_a_false_alarm_is_stands_in_the_table_of_detections() -> None:
+    class Inventive(Sensor):
+        every_capture = True
+
+        def detect(self, frame: Frame) -> Sequence[Detection]:
+            ghosts = [Detection("pothole", 0.4, footprint=Point(10.0, 2.9).buffer(0.1))] if frame.number == 3 else []
+            return [*map(Detection.of, frame.sightings), *ghosts]
+
+    result = fly_with(Scene(straight((30, 0))), Inventive)
+    table = detections_table(result)
+    assert table["outcome"].to_list().count("false_alarm") == result.rows[0].false_alarms == 1
+    (ghost,) = table.filter(outcome="false_alarm").iter_rows(named=True)
+    assert (ghost["class"], ghost["confidence"], ghost["defect"], ghost["capture"]) == ("pothole", 0.4, None, 3)
+    place = result.environment.world.georeference.to_wgs84((10.0, 2.9))
+    assert (ghost["longitude"], ghost["latitude"]) == pytest.approx(tuple(place), abs=1e-9)
+
+
+def test_a_policy_handed_in_as_a_value_is_not_named_as_a_registered_one() -> None:
+    """So that nobody repeats another mission in its place."""
+    scene = SCENES["empty_street"]()
+    settings = scene.settings()
+    hover = load_policy("hover", settings.policy)
+    result = fly_over(scene.environment(settings), scene.traffic(), settings, [0], hover)
+    assert result.policy == "hover"
+    with pytest.raises(PaveTwinError, match="handed in as a value"):
+        fly(result.spec, inputs=MissionInputs(scene.environment(settings), scene.traffic()))
+    high = scene.settings("altitude_m=12")
+    with pytest.raises(PaveTwinError, match="was made for 12 m"):
+        fly(result.spec, inputs=MissionInputs(scene.environment(high), scene.traffic()), policy=hover)
 
 
 @pytest.mark.parametrize("scene", ["lively_street", "queue_that_leaves"])

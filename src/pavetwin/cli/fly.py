@@ -96,7 +96,7 @@ def fly(
         from pavetwin.mission.again import read_mission
 
         _refuse_fixed(context)
-        former = read_mission(again)
+        former = read_mission(again, other_policy=policy is not None)
     chosen = (
         former.spec.settings
         if former is not None

@@ -93,7 +93,7 @@ def listing(result: Sequence["MissionResult"], *, animate: bool, frames: bool = 
         "map.png, "
         + ("mission.gif, " if animate else "")
         + ("frames/, " if frames else "")
-        + "mission.parquet, track.parquet, captures.geojson"
+        + "mission.parquet, track.parquet, detections.parquet, captures.geojson, mission.yaml"
     )
     return files if len(result) == 1 else f"comparison.png, mission.parquet, and a folder for each policy with {files}"
 
@@ -109,6 +109,7 @@ def segments_table(result: "MissionResult") -> Table:
         ("cover-\nage %", _percent(sums.coverage), lambda row: _percent(row.coverage)),
         ("recov-\nered %", _percent(sums.recovery), lambda row: _percent(row.recovery)),
         ("surface\nseen %", _percent(sums.surface_coverage), lambda row: _percent(row.surface_coverage)),
+        ("false\nalarms", f"{sums.false_alarms}", lambda row: f"{row.false_alarms}"),
         ("hidden\ntimes", f"{sums.occlusions}", lambda row: f"{row.occlusions}"),
         ("waited\ns", f"{sums.wait_s:.0f}", lambda row: f"{row.wait_s:.0f}"),
         ("time\ns", f"{sum(row.time_s for row in rows):.0f}", lambda row: f"{row.time_s:.0f}"),
@@ -116,6 +117,7 @@ def segments_table(result: "MissionResult") -> Table:
     ]
     idle = {"recov-\nered %"} if not sums.revisits else set()
     idle |= {"waited\ns"} if not sums.wait_s else set()
+    idle |= {"false\nalarms"} if not sums.false_alarms else set()
     shown = [column for column in columns if column[0] not in idle]
     table = _table(show_footer=True)
     for heading, footer, text in shown:
@@ -144,6 +146,8 @@ def comparison_table(result: Sequence["MissionResult"]) -> Table:
         ("batt-\nery %", lambda t: 100 * t.energy, "{:.1f}", -1),
         ("flown\nkm", lambda t: t.distance_m / 1000, "{:.2f}", -1),
     ]
+    if any(each.false_alarms for each in sums):
+        measures.insert(1, ("false\nalarms", lambda t: t.false_alarms, "{:.0f}", -1))
     columns = [_cells(value, form, better, sums) for _, value, form, better in measures]
     for (heading, *_), cells in zip(measures, columns, strict=True):
         _add_rigid(table, heading, [cell.plain for cell in cells])
@@ -183,6 +187,8 @@ def sentence(result: Sequence["MissionResult"]) -> str:
     if len(result) == 1:
         sums = totals(result[0])
         found = f"{sums.confirmed} of {sums.defects} defects confirmed" if sums.defects else "No defects to find"
+        if sums.false_alarms:
+            found += f", {sums.false_alarms} false alarm{'s' if sums.false_alarms != 1 else ''}"
         surface = f"{_percent(sums.surface_coverage)} % of the surface seen"
         swaps = f" and {sums.swaps} battery swap{'s' if sums.swaps != 1 else ''}" if sums.swaps else ""
         return f"{found}, {surface}, in {sums.time_s / 60:.1f} min with {100 * sums.energy:.0f} % of a battery{swaps}."

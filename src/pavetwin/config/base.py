@@ -1,8 +1,9 @@
 """Typed configuration: frozen, unknown keys refused with the nearest known one, overridden by `key=value`."""
 
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Final, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, model_validator
 from yaml import YAMLError
@@ -17,6 +18,18 @@ def _whole(paths: tuple[str, ...]) -> tuple[str, ...]:
 
 PluginFiles = Annotated[tuple[str, ...], AfterValidator(_whole)]
 """Python files that register a user's own things (`pavetwin.plugins`); made absolute."""
+
+
+_OWN_FILE: Final = re.compile(r"(?P<path>.+\.(py|ya?ml))(?P<name>:[^:/\\]*)?")
+
+
+def _file_absolute(name: str) -> str:
+    found = _OWN_FILE.fullmatch(name)
+    return f"{Path(found['path']).absolute()}{found['name'] or ''}" if found else name
+
+
+NameOrFile = Annotated[str, AfterValidator(_file_absolute)]
+"""A registered name, or a file of the user's own (`cameras.yaml:name`, `sensors.py:ClassName`), made absolute."""
 
 
 class Settings(BaseModel):

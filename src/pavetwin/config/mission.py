@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, model_validator
 
 from pavetwin.config.altitude import Altitude
-from pavetwin.config.base import PluginFiles, Settings, overlay, with_overrides
+from pavetwin.config.base import NameOrFile, PluginFiles, Settings, overlay, with_overrides
 from pavetwin.config.conditions import Conditions
 from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError, nearest_name
@@ -35,7 +35,7 @@ class UavSettings(Settings):
 class CameraSettings(Settings):
     """Which camera looks straight down, how often it captures, and its inspection window."""
 
-    model: str = "paper"
+    model: NameOrFile = "paper"
     """A name of the camera database, or a path to a YAML file of the same form."""
     capture_interval_s: Positive = 0.6
     window_rows: Annotated[float, Field(gt=0, le=1)] = 0.5
@@ -80,7 +80,7 @@ class PolicySettings(Settings):
 
 
 class SensingSettings(Settings):
-    sensor: str = "recall"
+    sensor: NameOrFile = "recall"
     recall: Share = 0.840
     """Of the paper's YOLOv8n."""
     min_visible_fraction: Share = 0.35

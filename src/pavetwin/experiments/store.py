@@ -231,11 +231,13 @@ def _description(plan: Plan) -> dict[str, Any]:
     design = plan.design
     scripts = [script for name in (*design.policies, *design.sensors) for script in _scripts(name)]
     routes = [route for world in design.worlds for route in world.routes]
+    models = {cell.settings(design).camera.model.partition(":")[0] for cell in plan.cells}
+    cameras = sorted(model for model in models if model.endswith((".yaml", ".yml")))
     heading = _heading(design)
     return {
         **{key: heading[key] for key in ("format", "pavetwin", "sumo")},
         "worlds": dict(zip(plan.names, (content[:SHOWN] for content in plan.hashes), strict=True)),
-        "files": {path: sha256(Path(path).read_bytes()).hexdigest()[:SHOWN] for path in (*scripts, *routes)}
+        "files": {path: sha256(Path(path).read_bytes()).hexdigest()[:SHOWN] for path in (*scripts, *routes, *cameras)}
         | {path: content[:SHOWN] for path, content in plan.plugins.items()},
         "design": heading["design"],
     }
@@ -249,7 +251,7 @@ def _scripts(name: str) -> list[str]:
 
 def _flown_with(plan: Plan, file: str) -> pl.Expr:
     """The rows of the table that were flown with a file."""
-    if file in plan.plugins:
+    if file in plan.plugins or file.endswith((".yaml", ".yml")):
         return pl.lit(value=True)
     policies = [called for policy, called in plan.policies.items() if file in _scripts(policy)]
     worlds = [name for name, entry in zip(plan.names, plan.design.worlds, strict=True) if file in entry.routes]

@@ -1,7 +1,7 @@
 """Reading a mission's description, and comparing a mission that was flown again with what it was."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.results import TOTALS, detections_geojson, totals
-from pavetwin.mission.spec import FORMAT, MissionSpec
+from pavetwin.mission.spec import FORMAT, FileInput, MissionSpec
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,11 +42,15 @@ class FormerMission:
         ]
 
 
-def read_mission(path: str | Path) -> FormerMission:
+def read_mission(path: str | Path, *, other_policy: bool = False) -> FormerMission:
     """The mission that a `mission.yaml` describes.
 
+    Args:
+        other_policy: it will be flown with another policy, so that its own need not be there any more.
+
     Raises:
-        PaveTwinError: the file is missing, damaged, or of another version.
+        PaveTwinError: the file is missing, damaged, or of another version, or files that the mission depends on are
+            gone or have changed; the message names each.
     """
     path = Path(path)
     values = dict(_read(path))
@@ -58,8 +62,23 @@ def read_mission(path: str | Path) -> FormerMission:
     sums = values.pop(TOTALS, None)
     if not isinstance(sums, Mapping):
         raise PaveTwinError(f"'{path}' is not a whole mission.yaml: it has no totals.")
+    # Before the settings are read, which loads the user's own code.
+    files = [file for key, value in values.items() if not (other_policy and key == "policy") for file in _files(value)]
+    if changed := [difference for file in files if (difference := file.difference())]:
+        raise PaveTwinError(f"The mission's inputs are not what they were: {'; '.join(changed)}.")
     spec = MissionSpec.parse(values, where=f"'{path}'")
     return FormerMission(spec, dict(sums), _detections(path.with_name("captures.geojson")))
+
+
+def _files(value: Any) -> Iterator[FileInput]:
+    """The files that are named anywhere in plain values."""
+    if isinstance(value, Mapping):
+        if set(value) == {"path", "sha256"}:
+            yield FileInput(path=str(value["path"]), sha256=str(value["sha256"]))
+        else:
+            yield from (file for inner in value.values() for file in _files(inner))
+    elif isinstance(value, list):
+        yield from (file for inner in value for file in _files(inner))
 
 
 def _read(path: Path) -> Mapping[str, Any]:

@@ -112,9 +112,18 @@ def fly(
         PaveTwinError: an input is gone or has changed, the policy or the sensor is not known, or the mission cannot be
             flown.
     """
+    if policy is not None:
+        spec = spec.model_copy(update={"policy": PolicyInput(name=HANDED_IN)})
+    elif spec.policy.name == HANDED_IN:
+        raise PaveTwinError("The mission's policy was handed in as a value; give it as `policy` again.")
     chosen = policy or load_policy(spec.policy.name, spec.settings.policy)
     sensor = load_sensor(spec.settings.sensing, spec.seed)
     loaded = inputs or load_inputs(spec)
+    if loaded.environment.altitude_m != spec.settings.altitude_m:
+        raise PaveTwinError(
+            f"`inputs`: the environment was made for {loaded.environment.altitude_m:g} m, and the mission is to be "
+            f"flown at {spec.settings.altitude_m:g} m."
+        )
 
     def tell(event: MissionEvent) -> None:
         if on_progress is not None and isinstance(event, ProgressMade):

@@ -64,6 +64,10 @@ def load_inputs(
     check_unchanged(spec, loaded)
     tell(0.0, "Preparing the flight domain")
     ready = environment or prepare(loaded, spec.settings, defects_of(loaded, spec.defects, spec.targets))
+    if spec.defects.content_hash not in ("", ready.defects_hash):
+        raise PaveTwinError(
+            f"The mission's inputs are not what they were: seed {spec.defects.seed} places other defects than before."
+        )
     traffic = traffic_of(loaded, spec.traffic, lambda share: tell(share, "Recording traffic"))
     if spec.aircraft is not None:
         traffic.aircraft = load_airspace(Path(spec.aircraft.path))
@@ -120,6 +124,11 @@ def traffic_of(world: World, source: TrafficInput, on_progress: Callable[[float]
     Raises:
         PaveTwinError: it cannot be recorded, or the recording is of another world.
     """
+    if source.density == HANDED_IN:
+        raise PaveTwinError(
+            "The mission's traffic was handed in as a value, so it cannot be flown from its description alone; give it "
+            "by `inputs`."
+        )
     routes = [file.path for file in source.routes]
     if source.recording is not None:
         recording = load_recording(source.recording.path, world)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pyarrow.parquet
+import shapely
 import yaml
 
 from pavetwin import _core
@@ -129,6 +130,35 @@ def track_table(result: MissionResult) -> pl.DataFrame:
     )
 
 
+def detections_table(result: MissionResult) -> pl.DataFrame:
+    """One row a detection with what it came to, false alarms included; places in WGS 84."""
+    world, defects = result.environment.world, result.environment.defects
+    shapes = [each.footprint or defects[each.defect or 0].polygon for each in result.detections]
+    centres = shapely.get_coordinates(shapely.centroid(shapes)).reshape(-1, 2)
+    lonlat = world.georeference.to_wgs84(centres)
+    columns = {
+        "time_s": pl.Float64,
+        "capture": pl.Int64,
+        "segment": pl.String,
+        "outcome": pl.String,
+        "class": pl.String,
+        "confidence": pl.Float64,
+        "defect": pl.Int64,
+        "visible_fraction": pl.Float64,
+        "on_revisit": pl.Boolean,
+        "longitude": pl.Float64,
+        "latitude": pl.Float64,
+    }
+    rows = [
+        (
+            *(each.time_s, each.capture, world.segments[each.segment].id, each.outcome.value, each.kind),
+            *(each.confidence, each.defect, each.visible_fraction, each.on_revisit, float(lon), float(lat)),
+        )
+        for each, (lon, lat) in zip(result.detections, lonlat, strict=True)
+    ]
+    return pl.DataFrame(rows, schema=columns, orient="row")
+
+
 def detections_geojson(result: MissionResult, frames: Sequence[str] = ()) -> dict[str, Any]:
     """The confirmed defects as points in WGS 84 (RFC 7946), each with the capture that confirmed it.
 
@@ -245,6 +275,7 @@ def check_mission_folder(folder: Path) -> None:
 def _write(result: MissionResult, folder: Path) -> None:
     _write_table(segment_table(result), folder / "mission.parquet")
     _write_table(track_table(result), folder / "track.parquet")
+    _write_table(detections_table(result), folder / "detections.parquet")
     (folder / "captures.geojson").write_text(json.dumps(detections_geojson(result), indent=1) + "\n", encoding="utf-8")
     (folder / "mission.yaml").write_text(yaml.safe_dump(description(result), sort_keys=False), encoding="utf-8")
 

@@ -199,7 +199,7 @@ class MissionSpec(Settings):
     """Of the sensor's random numbers."""
     settings: MissionSettings
     plugins: tuple[FileInput, ...] = ()
-    """The user's files that the settings name, and what they import from beside them."""
+    """The user's files that the settings name (plugins, sensor, camera), and what they import from beside them."""
 
     def with_policy(self, name: str) -> Self:
         """The same mission under another policy, as `load_policy` takes it."""
@@ -216,9 +216,12 @@ class MissionSpec(Settings):
         """
         plugins = plugin_hashes(settings.plugins)
         files = {path: FileInput(path=path, sha256=content) for path, content in plugins.items()}
-        path, colon, _ = settings.sensing.sensor.rpartition(":")
-        if colon and path.endswith(".py"):
-            files |= {str(file): FileInput.of(file) for file in (Path(path).absolute(), *helpers_of(Path(path)))}
+        sensor, colon, _ = settings.sensing.sensor.rpartition(":")
+        if colon and sensor.endswith(".py"):
+            files |= {str(file): FileInput.of(file) for file in (Path(sensor), *helpers_of(Path(sensor)))}
+        camera = settings.camera.model.partition(":")[0]
+        if camera.endswith((".yaml", ".yml")):
+            files[camera] = FileInput.of(camera)
         return cls(settings=settings, plugins=tuple(files.values()), **given)
 
     def as_values(self) -> dict[str, Any]:

@@ -23,6 +23,9 @@ from pavetwin.world.model import Defect, Severity
 
 SEEDS = (0, 1, 7)
 
+FRESH = 5
+"""Every such frame is also shown to a sensor of its own: making one may take long, where it loads a detector."""
+
 _CLASSES = ("single_crack", "crocodile_crack", "pothole")
 
 
@@ -32,18 +35,18 @@ def check_sensor(factory: Callable[[SensingSettings, int], Sensor]) -> list[str]
     It must answer with detections, and the same whenever it is shown a frame with the same seed, in whatever order.
     """
     broken: list[str] = []
-    for recall in (0.0, 0.5, 1.0):
+    frames = trial_frames()
+    for recall, seeds in ((0.5, SEEDS), (0.0, SEEDS[:1]), (1.0, SEEDS[:1])):
         settings = SensingSettings(recall=recall)
-        for seed in SEEDS:
-            frames = trial_frames()
+        for seed in seeds:
             try:
-                first = [_reported(factory(settings, seed), [frame], broken)[0] for frame in frames]
+                first = [_reported(factory(settings, seed), [frame], broken)[0] for frame in frames[::FRESH]]
                 forwards = _reported(factory(settings, seed), frames, broken)
                 backwards = _reported(factory(settings, seed), frames[::-1], broken)[::-1]
                 turned = _reported(factory(settings, seed), [_turned(frame) for frame in frames], broken)
             except Exception as error:
                 return [*broken, f"with seed {seed}, it fails: {type(error).__name__}: {' '.join(str(error).split())}"]
-            if not first == forwards == backwards == turned:
+            if not (forwards == backwards == turned and first == forwards[::FRESH]):
                 broken.append(f"with seed {seed}, what it reports depends on what it was shown before, or on the order")
     return list(dict.fromkeys(broken))
 
