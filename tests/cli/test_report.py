@@ -20,7 +20,7 @@ from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.results import save_mission, save_missions
 from scenes import tiny
 
-NUMBERS = {"mission.parquet", "track.parquet", "captures.geojson", "mission.yaml"}
+NUMBERS = {"mission.parquet", "track.parquet", "detections.parquet", "captures.geojson", "mission.yaml"}
 REPLAY: Any = SimpleNamespace()
 
 
