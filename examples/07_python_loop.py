@@ -7,6 +7,7 @@ import pavetwin as pt
 from pavetwin.defects import DefectOptions
 from pavetwin.mission import Captured, Mission, Occluded
 from pavetwin.mission.events import DefectsConfirmed, MissionEvent
+from pavetwin.mission.mission import Event
 from pavetwin.mission.timeline import Timeline
 from pavetwin.policies import load_policy
 from pavetwin.sensing import load_sensor
@@ -28,18 +29,19 @@ policy, sensor = load_policy("hover", settings.policy), load_sensor(settings.sen
 mission = Mission(environment, traffic, settings, [0], policy=policy.name, observer=tell)
 
 
-def fly_until(time_s: float) -> None:
-    for event in mission.advance_until(time_s):
-        match event:
-            case Captured():
-                mission.confirm(sensor.detect(mission.frame(event)))
-            case Occluded():
-                mission.act(policy.decide(mission.snapshot(event)))
+def answer(event: Event) -> None:
+    """Answer an event: the sensor says what a capture shows, the policy what to do about an occlusion."""
+    match event:
+        case Captured():
+            mission.confirm(sensor.detect(mission.frame(event)))
+        case Occluded():
+            mission.act(policy.decide(mission.snapshot(event)))
 
 
-fly_until(20.0)
-print(f"paused at {mission.state().position}, battery {mission.state().battery:.3f}")
-fly_until(float("inf"))
+happened = mission.advance_until(20.0, answer)
+print(f"paused at {mission.state().position}, battery {mission.state().battery:.3f}, after {len(happened)} events")
+for event in mission:
+    answer(event)
 timeline = Timeline(mission, traffic)
 for time_s in (15.0, 30.0, timeline.duration_s):
     state = timeline.at(time_s)

@@ -50,6 +50,39 @@ def test_nothing_is_flown_beyond_the_moment() -> None:
     assert pilot.advance(3.0).flight.time_s == pytest.approx(7.0)
 
 
+def test_a_call_flies_without_a_loop_and_returns_what_happened() -> None:
+    pilot = Pilot(SCENES["lively_street"](), "hover")
+    first = pilot.mission.advance_until(7.0, pilot.answer)
+    assert pilot.mission.flight.time_s == pytest.approx(7.0)
+    assert first == pilot.told
+    assert first
+    second = pilot.mission.advance_until(float("inf"), pilot.answer)
+    assert [*first, *second] == pilot.told
+    assert tuple(pilot.told) == result("lively_street", "hover").events
+    assert pilot.mission.advance_until(float("inf")) == []
+
+
+def test_a_loop_that_was_left_goes_on() -> None:
+    pilot = Pilot(SCENES["lively_street"](), "hover")
+    for event in pilot.mission:
+        pilot.answer(event)
+        if pilot.mission.flight.time_s > 7.0:
+            break
+    assert not pilot.mission.is_over
+    for event in pilot.mission:
+        pilot.answer(event)
+    assert pilot.mission.is_over
+    assert tuple(pilot.told) == result("lively_street", "hover").events
+
+
+def test_events_that_nobody_answers_confirm_nothing() -> None:
+    mission = Pilot(SCENES["lively_street"](), "hover").mission
+    happened = mission.advance_until(float("inf"))
+    assert mission.is_over
+    assert any(isinstance(event, OcclusionStarted) for event in happened)
+    assert not any(isinstance(event, ActionTaken | DefectsConfirmed) for event in happened)
+
+
 def test_events_are_in_order_and_agree_with_the_tables() -> None:
     for scene, policy in (("lively_street", "hover"), ("queue_at_light", "skip"), ("truck_beside_defects", "micro")):
         ours = result(scene, policy)

@@ -5,7 +5,7 @@ from math import inf
 
 from pavetwin._core import BatteryLow, Captured, Occluded
 from pavetwin.mission.events import MissionEvent
-from pavetwin.mission.mission import Mission
+from pavetwin.mission.mission import Event, Mission
 from pavetwin.policies import load_policy
 from pavetwin.sensing import load_sensor
 from scenes.tiny import Scene
@@ -33,13 +33,14 @@ class Pilot:
         self._sensor = load_sensor(settings.sensing, 0)
 
     def advance(self, until_s: float = inf) -> Mission:
-        mission = self.mission
-        for event in mission.advance_until(until_s):
-            match event:
-                case Captured():
-                    mission.confirm(self._sensor.detect(mission.frame(event)))
-                case Occluded():
-                    mission.act(self._policy.decide(mission.snapshot(event)))
-                case BatteryLow():
-                    pass
-        return mission
+        self.mission.advance_until(until_s, self.answer)
+        return self.mission
+
+    def answer(self, event: Event) -> None:
+        match event:
+            case Captured():
+                self.mission.confirm(self._sensor.detect(self.mission.frame(event)))
+            case Occluded():
+                self.mission.act(self._policy.decide(self.mission.snapshot(event)))
+            case BatteryLow():
+                pass

@@ -76,7 +76,8 @@ class Mission:
             case Occluded(): mission.act(policy.decide(mission.snapshot(event)))
     ```
 
-    An event that is not answered is as if answered by doing nothing. `advance_until` flies a part of the mission.
+    An event that is not answered is as if answered by doing nothing. `advance_until` flies a part of the mission; a
+    loop that is left early can be entered again, too.
     """
 
     environment: MissionEnvironment
@@ -214,14 +215,23 @@ class Mission:
         return judged
 
     def __iter__(self) -> Iterator[Event]:
-        """Fly on to the end."""
-        return self.advance_until(inf)
+        """Fly on to the end, from event to event."""
+        return self._events_until(inf)
 
-    def advance_until(self, time_s: float) -> Iterator[Event]:
-        """Fly on to the first time step at or after a moment, or to the end; the events on the way are to be answered.
+    def advance_until(self, time_s: float, answer: Callable[[Event], object] = lambda _: None) -> list[MissionEvent]:
+        """Fly on to the first time step at or after a moment, or to the end. Returns what happened on the way.
 
         In how many parts a mission is flown changes nothing of it.
+
+        Args:
+            answer: called with every event on the way, to answer it with `confirm` or `act`.
         """
+        known = len(self.events)
+        for event in self._events_until(time_s):
+            answer(event)
+        return self.events[known:]
+
+    def _events_until(self, time_s: float) -> Iterator[Event]:
         self._until_s = time_s
         for event in self._flying:
             if isinstance(event, Paused):
