@@ -19,7 +19,7 @@ from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder, record
 from pavetwin.traffic.recording import load_recording
 from pavetwin.world.model import World
-from scenes.traffic import ROUTES, SOURCES, bytes_of, scene_world
+from scenes.traffic import ROUTES, SOURCES, bytes_of, scene_world, world_on
 
 
 @pytest.fixture
@@ -40,10 +40,11 @@ def test_the_same_seed_gives_the_same_bytes_and_another_gives_others(cross: Worl
 def test_traffic_runs_on_lanes_with_ids_of_the_users_own(cross: World) -> None:
     plain = record(cross, "low", 3, 20.0)
     text = cross.network_file.read_text(encoding="utf-8")
-    for old, new in (("wc_0", "footway"), ("wc_1", "west-7")):
-        text = re.sub(rf"\b{old}\b", new, text)
+    for old, new in (("wc_0", "footway"), ("wc_1", "west-7"), (":c_c0_0", ":zebra"), (":c_w0_0", ":corner")):
+        text, count = re.subn(rf"(?<!\w){old}\b", new, text)
+        assert count
     cross.network_file.write_text(text, encoding="utf-8")
-    renamed = record(cross, "low", 3, 20.0)
+    renamed = record(world_on(cross.network_file), "low", 3, 20.0)
     assert renamed.origin.inputs != plain.origin.inputs
     assert renamed.agents.id == plain.agents.id
     np.testing.assert_array_equal(renamed.x, plain.x)

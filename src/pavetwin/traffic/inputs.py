@@ -101,6 +101,7 @@ class Inputs:
         return SimulationJob(
             folder=str(folder),
             network=str(self.world.network_file.resolve()),
+            lanes_of={edge: [lane.id for lane in lanes] for edge, lanes in self.world.lanes_by_edge.items()},
             additional=str(types),
             routes=[str(route.resolve()) for route in self.routes],
             seed=self.seed,

@@ -17,6 +17,8 @@ class SimulationJob:
     folder: str
     """Temporary folder of this simulation; its process removes it if the owner was killed."""
     network: str
+    lanes_of: Mapping[str, Sequence[str]]
+    """The lanes of each directed edge of the world, from the kerb to the middle of the street."""
     additional: str
     routes: list[str]
     """A user's own demand; empty for the closed loop."""

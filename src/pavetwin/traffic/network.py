@@ -1,9 +1,11 @@
 """The network for the demand: where vehicles start and end, and how sidewalks are connected.
 
-It is read from the running simulation, in the simulation's process.
+It is read from the running simulation, in the simulation's process. Which lanes belong to which edge, and in which
+order, comes from the world.
 """
 
 from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -49,13 +51,12 @@ class Sidewalks:
     """Per meeting place, the sidewalks that can be reached on foot from each other there."""
 
 
-def read_roads(sumo: Any) -> Roads:
-    """The driving edges of the running simulation `sumo` (the libsumo module)."""
+def read_roads(sumo: Any, lanes_of: Mapping[str, Sequence[str]]) -> Roads:
+    """The driving edges of the running simulation `sumo` (the libsumo module); `lanes_of` as in `SimulationJob`."""
     ids: list[str] = []
     length, lanes, speed = [], [], []
     following: dict[str, set[str]] = {}
-    lanes_of = _lanes_of(sumo)
-    for edge in _edges(sumo):
+    for edge in _edges(sumo, lanes_of):
         driving = [lane for lane in lanes_of[edge] if _allows(sumo, lane, "passenger")]
         if not driving:
             continue
@@ -81,13 +82,12 @@ def read_roads(sumo: Any) -> Roads:
     )
 
 
-def read_sidewalks(sumo: Any) -> Sidewalks:
-    """The sidewalks of the running simulation `sumo`, and where they meet."""
+def read_sidewalks(sumo: Any, lanes_of: Mapping[str, Sequence[str]]) -> Sidewalks:
+    """The sidewalks of the running simulation `sumo`, and where they meet; `lanes_of` as in `SimulationJob`."""
     ids, length = [], []
     touching: list[tuple[str, str]] = []
     walks: list[str] = []
-    lanes_of = _lanes_of(sumo)
-    for edge in _edges(sumo):
+    for edge in _edges(sumo, lanes_of):
         walk = next(
             (x for x in lanes_of[edge] if _allows(sumo, x, "pedestrian") and not _allows(sumo, x, "passenger")), None
         )
@@ -95,7 +95,7 @@ def read_sidewalks(sumo: Any) -> Sidewalks:
             ids.append(edge)
             walks.append(walk)
             length.append(float(sumo.lane.getLength(walk)))
-    paths = [lane for lane in sumo.lane.getIDList() if lane[0] == ":" and _is_path(lane)]
+    paths = _paths(sumo, lanes_of)
     for lane in (*walks, *paths):
         touching.extend((lane, link[0]) for link in sumo.lane.getLinks(lane))
     known = set(paths)
@@ -121,22 +121,16 @@ def read_sidewalks(sumo: Any) -> Sidewalks:
     )
 
 
-def _edges(sumo: Any) -> list[str]:
-    return [edge for edge in sumo.edge.getIDList() if edge[0] != ":"]
+def _edges(sumo: Any, lanes_of: Mapping[str, Sequence[str]]) -> list[str]:
+    """The world's edges in the simulation's order."""
+    return [edge for edge in sumo.edge.getIDList() if edge in lanes_of]
 
 
-def _lanes_of(sumo: Any) -> dict[str, list[str]]:
-    """The lanes of each edge: in the order of their indices where ids end with those, as netconvert's do."""
-    lanes: dict[str, list[str]] = defaultdict(list)
-    for lane in sorted(sumo.lane.getIDList(), key=lambda lane: (len(lane), lane)):
-        lanes[sumo.lane.getEdgeID(lane)].append(lane)
-    return lanes
-
-
-def _is_path(lane: str) -> bool:
-    """Whether an internal lane is a walking area or a crossing (`:node_w0_0`, `:node_c1_0`)."""
-    part = lane.rsplit("_", 2)[1]
-    return len(part) > 1 and part[0] in "wc" and part[1:].isdigit()
+def _paths(sumo: Any, lanes_of: Mapping[str, Sequence[str]]) -> list[str]:
+    """The lanes of crossings and walking areas: inside a junction, on foot, and no internal lane of a connection."""
+    lanes = sumo.lane.getIDList()
+    others = {link[4] for lane in lanes for link in sumo.lane.getLinks(lane)}.union(*lanes_of.values())
+    return [lane for lane in lanes if lane not in others and _allows(sumo, lane, "pedestrian")]
 
 
 def _allows(sumo: Any, lane: str, sumo_class: str) -> bool:

@@ -76,7 +76,7 @@ class Simulation:
         self._loop: ClosedLoop | None = None
         if not job.routes:
             rng = child(job.seed, Stream.DEMAND)
-            ways = read_roads(sumo), read_sidewalks(sumo)
+            ways = read_roads(sumo, job.lanes_of), read_sidewalks(sumo, job.lanes_of)
             self._loop = ClosedLoop(sumo, *ways, job.vehicles, job.pedestrians, rng)
 
     def record(self, frames: int) -> Part:

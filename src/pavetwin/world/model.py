@@ -319,7 +319,8 @@ class World:
         return self._junction_by_id.get(junction_id)
 
     @cached_property
-    def _lanes_by_edge(self) -> dict[str, tuple[Lane, ...]]:
+    def lanes_by_edge(self) -> dict[str, tuple[Lane, ...]]:
+        """The lanes of each directed edge from the kerb to the middle of the street."""
         by_edge: dict[str, list[Lane]] = {}
         for lane in self.lanes:
             by_edge.setdefault(lane.edge, []).append(lane)
@@ -327,7 +328,7 @@ class World:
 
     def lanes_on(self, edge: str, *kinds: LaneKind) -> tuple[Lane, ...]:
         """The lanes of a directed edge from the kerb to the middle of the street, of some kinds or of all."""
-        lanes = self._lanes_by_edge.get(edge, ())
+        lanes = self.lanes_by_edge.get(edge, ())
         return tuple(lane for lane in lanes if lane.kind in kinds) if kinds else lanes
 
     def beside(self, lane: Lane, towards_middle_m: float) -> BaseGeometry:
