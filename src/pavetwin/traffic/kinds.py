@@ -14,9 +14,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-KIND_PREFIX: Final = "pavetwin."
-"""Prefix of SUMO's type ids; a user's own types do not have it."""
-
 IMPATIENCE: Final = "0.5"
 """Drivers accept gaps that slow others down a little. With SUMO's default 0, half as many vehicles again end in
 gridlock in dense traffic, over the towns tried."""
@@ -58,7 +55,8 @@ class Kind:
 
     @property
     def sumo_id(self) -> str:
-        return KIND_PREFIX + self.name
+        """The id of its SUMO type. A user's own types have no such prefix."""
+        return f"pavetwin.{self.name}"
 
     def height_of_one(self, rng: np.random.Generator) -> float:
         """The height of one individual, in metres. Draws from `rng` only where the kind varies."""
@@ -134,9 +132,9 @@ def sumo_types(kinds: Mapping[str, Kind] = KINDS) -> str:
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
+_OF_TYPE: Final = {kind.sumo_id: name for name, kind in KINDS.items()}
+
+
 def kind_of_type(type_id: str, sumo_class: str) -> str:
-    """The name of a SUMO type's kind: from the prefix, or the vehicle class of a user's own type."""
-    name = type_id.removeprefix(KIND_PREFIX)
-    if type_id.startswith(KIND_PREFIX) and name in KINDS:
-        return name
-    return sumo_class or "unknown"
+    """The name of the kind that a SUMO type was made from; the vehicle class of a user's own type."""
+    return _OF_TYPE.get(type_id) or sumo_class or "unknown"
