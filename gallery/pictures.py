@@ -72,12 +72,15 @@ def defects_side(renderer: GalleryRenderer) -> Picture:
 
 def uav(renderer: GalleryRenderer) -> Picture:
     """What the UAV sees from 6, 10 and 15 m, without and with traffic."""
-    moment = busy_street(renderer)
+    placement = busy_street(renderer)
     rows = []
-    for time_s, what in ((None, "empty street"), (moment.time_s, "high traffic")):
+    for time_s, what in ((None, "empty street"), (placement.time_s, "high traffic")):
         for altitude_m in ALTITUDES_M:
             view = nadir(
-                renderer.camera, (moment.x_m, moment.y_m, altitude_m), yaw_rad=moment.yaw_rad, size_px=(640, 480)
+                renderer.camera,
+                (placement.x_m, placement.y_m, altitude_m),
+                yaw_rad=placement.yaw_rad,
+                size_px=(640, 480),
             )
             resolution = renderer.camera.footprint_m(altitude_m)[1] / 480 * 1000
             caption = f"{altitude_m:g} m   {resolution:.0f} mm a pixel   {what}"
@@ -87,31 +90,31 @@ def uav(renderer: GalleryRenderer) -> Picture:
 
 def light(renderer: GalleryRenderer) -> Picture:
     """One street under three skies."""
-    moment = busy_street(renderer)
-    view = nadir(renderer.camera, (moment.x_m, moment.y_m, 12.0), yaw_rad=moment.yaw_rad, size_px=(640, 640))
+    placement = busy_street(renderer)
+    view = nadir(renderer.camera, (placement.x_m, placement.y_m, 12.0), yaw_rad=placement.yaw_rad, size_px=(640, 640))
     skies = (("morning sun", MORNING), ("low sun", LOW_SUN), ("overcast", OVERCAST))
-    taken = [(name, renderer.take(view, sky, time_s=moment.time_s)) for name, sky in skies]
+    taken = [(name, renderer.take(view, sky, time_s=placement.time_s)) for name, sky in skies]
     return grid([captioned(picture, name, height_px=426) for name, picture in taken], columns=3)
 
 
 def car(renderer: GalleryRenderer) -> Picture:
     """What a hatchback's front and rear cameras see in the recorded traffic."""
-    moment = drive(renderer)
+    placement = drive(renderer)
 
     def picture(mount: Mount, size_px: tuple[int, int]) -> Picture:
         place = (
-            moment.x_m + mount.x_m * math.cos(moment.yaw_rad),
-            moment.y_m + mount.x_m * math.sin(moment.yaw_rad),
+            placement.x_m + mount.x_m * math.cos(placement.yaw_rad),
+            placement.y_m + mount.x_m * math.sin(placement.yaw_rad),
             mount.z_m,
         )
         view = look(
             place,
-            yaw_rad=moment.yaw_rad,
+            yaw_rad=placement.yaw_rad,
             pitch_rad=mount.pitch_rad,
             size_px=size_px,
             vertical_fov_rad=mount.camera.fov_rad,
         )
-        return renderer.take(view, MORNING, time_s=moment.time_s, without=moment.agent)
+        return renderer.take(view, MORNING, time_s=placement.time_s, without=placement.agent)
 
     level = Mount("level", 0.55, FRONT.z_m, -8.0, 48.0)
     ahead = captioned(picture(level, (1290, 726)), "through the windscreen", height_px=726)
@@ -124,57 +127,57 @@ def car(renderer: GalleryRenderer) -> Picture:
 
 def quadrotor_over_street(renderer: GalleryRenderer) -> Picture:
     """The UAV at work, seen from another one behind it."""
-    moment = busy_street(renderer)
-    along = np.array([math.cos(moment.yaw_rad), math.sin(moment.yaw_rad)])
-    place = np.array([moment.x_m, moment.y_m])
-    flier = quadrotor((*place.tolist(), 9.0), moment.yaw_rad)
+    placement = busy_street(renderer)
+    along = np.array([math.cos(placement.yaw_rad), math.sin(placement.yaw_rad)])
+    place = np.array([placement.x_m, placement.y_m])
+    flier = quadrotor((*place.tolist(), 9.0), placement.yaw_rad)
     behind = place - 2.6 * along + 0.55 * np.array([-along[1], along[0]])
     view = look(
         (*behind.tolist(), 9.9),
-        yaw_rad=moment.yaw_rad - math.radians(9.0),
+        yaw_rad=placement.yaw_rad - math.radians(9.0),
         pitch_rad=math.radians(-27.0),
         size_px=(1280, 720),
         vertical_fov_rad=math.radians(52.0),
     )
     light = replace(MORNING, sun_elevation_deg=42.0)
-    return renderer.take(view, light, time_s=moment.time_s, more=[flier])
+    return renderer.take(view, light, time_s=placement.time_s, more=[flier])
 
 
 def street(renderer: GalleryRenderer) -> Picture:
     """The town from above its roofs."""
-    moment = busy_street(renderer)
-    x = moment.x_m - 34.0 * math.cos(moment.yaw_rad)
-    y = moment.y_m - 34.0 * math.sin(moment.yaw_rad)
+    placement = busy_street(renderer)
+    x = placement.x_m - 34.0 * math.cos(placement.yaw_rad)
+    y = placement.y_m - 34.0 * math.sin(placement.yaw_rad)
     view = look(
         (x, y, 26.0),
-        yaw_rad=moment.yaw_rad,
+        yaw_rad=placement.yaw_rad,
         pitch_rad=math.radians(-33.0),
         size_px=(1280, 720),
         vertical_fov_rad=math.radians(50.0),
     )
-    return renderer.take(view, MORNING, time_s=moment.time_s)
+    return renderer.take(view, MORNING, time_s=placement.time_s)
 
 
 def map_view(renderer: GalleryRenderer) -> Picture:
     """The same time seen from high above the street, and on the animation's map."""
-    moment = busy_street(renderer)
+    placement = busy_street(renderer)
     across_m = 2 * HIGH_M * math.tan(_HIGH_FOV / 2)
     view = look(
-        (moment.x_m, moment.y_m, HIGH_M),
+        (placement.x_m, placement.y_m, HIGH_M),
         yaw_rad=math.pi / 2,
         pitch_rad=-math.pi / 2,
         size_px=_CELL,
         vertical_fov_rad=_HIGH_FOV,
     )
-    agents = renderer.trace.agents_near(moment.x_m, moment.y_m, across_m, moment.time_s)
+    agents = renderer.trace.agents_near(placement.x_m, placement.y_m, across_m, placement.time_s)
     marks = [
         DefectMark((defect.centre.x, defect.centre.y), None)
         for defect in renderer.world.defects
-        if math.dist((defect.centre.x, defect.centre.y), (moment.x_m, moment.y_m)) < across_m
+        if math.dist((defect.centre.x, defect.centre.y), (placement.x_m, placement.y_m)) < across_m
     ]
     scene = MissionState(
-        time_s=moment.time_s,
-        uav=UavState((moment.x_m, moment.y_m), 10.0, 0.0, 1.0, moment.yaw_rad, Mode.INSPECT),
+        time_s=placement.time_s,
+        uav=UavState((placement.x_m, placement.y_m), 10.0, 0.0, 1.0, placement.yaw_rad, Mode.INSPECT),
         visibility=None,
         agents=agents,
         groups=[
@@ -186,11 +189,11 @@ def map_view(renderer: GalleryRenderer) -> Picture:
         hidden=Polygon(),
         seen=Polygon(),
         defects=marks,
-        trail=np.array([[moment.x_m, moment.y_m]] * 2),
+        trail=np.array([[placement.x_m, placement.y_m]] * 2),
     )
     raster = GroundRaster(renderer.world, _CELL[0] / across_m)
     drawn = MapView(raster, _CELL, window_m=(1.0, 1.0), footprint_m=(1.0, 1.0)).draw(scene, scene.uav.position)
-    seen = renderer.take(view, MORNING, time_s=moment.time_s)
+    seen = renderer.take(view, MORNING, time_s=placement.time_s)
     return grid(
         [
             captioned(seen, f"seen from {HIGH_M:.0f} m", height_px=_CELL[1]),

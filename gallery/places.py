@@ -17,7 +17,7 @@ _PEDESTRIAN_WORTH = 1.5
 
 
 @dataclass(frozen=True)
-class Moment:
+class CameraPlacement:
     """A place over the street, the street's direction there, and a time of the recording."""
 
     x_m: float
@@ -37,13 +37,13 @@ def shown_best(renderer: GalleryRenderer, kind: str, severity: str) -> Defect:
     return max(found, key=lambda defect: (round(defect.width_m * defect.depth_m, 6), -defect.id))
 
 
-def busy_street(renderer: GalleryRenderer) -> Moment:
+def busy_street(renderer: GalleryRenderer) -> CameraPlacement:
     """Where most vehicles and people are within sight of a camera 15 m above broken pavement in the morning's sun."""
-    ranked = sorted(_moments(renderer), key=lambda found: -found[0])
-    return next((moment for _, moment, defect in ranked if _is_sunny(renderer, defect)), ranked[0][1])
+    ranked = sorted(_placements(renderer), key=lambda found: -found[0])
+    return next((placement for _, placement, defect in ranked if _is_sunny(renderer, defect)), ranked[0][1])
 
 
-def drive(renderer: GalleryRenderer) -> Moment:
+def drive(renderer: GalleryRenderer) -> CameraPlacement:
     """A moving hatchback with traffic before it and a damaged road right ahead."""
     best = max(_drives(renderer), key=lambda found: found[0])
     return best[1]
@@ -53,7 +53,7 @@ def _times(renderer: GalleryRenderer) -> list[float]:
     return [round(time_s, 1) for time_s in np.linspace(20.0, renderer.recording.duration_s - 20.0, TIMES).tolist()]
 
 
-def _moments(renderer: GalleryRenderer) -> Iterator[tuple[float, Moment, Defect]]:
+def _placements(renderer: GalleryRenderer) -> Iterator[tuple[float, CameraPlacement, Defect]]:
     defects = np.array([[defect.centre.x, defect.centre.y] for defect in renderer.world.defects])
     broken = [
         index
@@ -72,7 +72,7 @@ def _moments(renderer: GalleryRenderer) -> Iterator[tuple[float, Moment, Defect]
             score = float(value[near < 8.0].sum()) + min(damage, 6.0) - 6.0 * float((near < 2.5).sum())
             place = defects[index].tolist()
             defect = renderer.world.defects[index]
-            yield score, Moment(place[0], place[1], _street_yaw(renderer, defect), time_s), defect
+            yield score, CameraPlacement(place[0], place[1], _street_yaw(renderer, defect), time_s), defect
 
 
 def _street_yaw(renderer: GalleryRenderer, defect: Defect) -> float:
@@ -81,7 +81,7 @@ def _street_yaw(renderer: GalleryRenderer, defect: Defect) -> float:
     return math.atan2(dy, dx)
 
 
-def _drives(renderer: GalleryRenderer) -> Iterator[tuple[float, Moment]]:
+def _drives(renderer: GalleryRenderer) -> Iterator[tuple[float, CameraPlacement]]:
     is_ours = np.array([kind == "hatchback" for kind in renderer.recording.agents.kind])
     defects = np.array([[defect.centre.x, defect.centre.y] for defect in renderer.world.defects])
     area = np.array([defect.area_m2 for defect in renderer.world.defects])
@@ -97,7 +97,7 @@ def _drives(renderer: GalleryRenderer) -> Iterator[tuple[float, Moment]]:
             seen = (others[:, 0] > 11.0) & (others[:, 0] < 40.0) & (abs(others[:, 1]) < 9.0)
             near = (damage[:, 0] > 3.5) & (damage[:, 0] < 10.0) & (abs(damage[:, 1]) < 2.0)
             score = min(float(area[near].sum()), 6.0) + min(int(seen.sum()), 8) - (0 if free else 20)
-            yield score, Moment(float(xy[row, 0]), float(xy[row, 1]), yaw, time_s, int(poses["agent"][row]))
+            yield score, CameraPlacement(float(xy[row, 0]), float(xy[row, 1]), yaw, time_s, int(poses["agent"][row]))
 
 
 def _ahead(origin: np.ndarray, yaw_rad: float) -> Callable[[np.ndarray], np.ndarray]:

@@ -50,12 +50,6 @@ MAX_LINES = 450
 # An option of ours within a text. A whole literal (`--net-file=…`) is an argument for a program that we start.
 OPTION = re.compile(r"(?:^|[\s(`])--[a-z]")
 
-# Classes that share a name with another one for now, with the reason.
-SHARED_CLASS_NAMES = {
-    "Camera": "an entry of the camera database, and the kernel's with its inspection window",
-    "Moment": "the kernel's class, and the protocol that the twin needs of it",
-}
-
 # Written in two halves, so that this file does not name them either.
 REGISTRY_HOSTS = tuple(
     ".".join(halves)
@@ -233,8 +227,7 @@ def test_each_class_name_has_one_meaning() -> None:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 defined.setdefault(node.name, []).append(str(path.relative_to(PACKAGE)))
     assert len(defined) > 100, "no classes found"
-    shared = {name: places for name, places in defined.items() if len(places) > 1}
-    assert {name: places for name, places in shared.items() if name not in SHARED_CLASS_NAMES} == {}
+    assert {name: places for name, places in defined.items() if len(places) > 1} == {}
 
 
 def used_files(folder: Path) -> dict[str, set[str]]:

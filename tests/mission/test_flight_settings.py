@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pavetwin._core import MODES, Battery, Camera, FlightSettings, Limits, Viewpoint
+from pavetwin._core import MODES, Battery, FlightSettings, Limits, NadirCamera, Viewpoint
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import flight_settings, window_m
 from pavetwin.twin import Mode
@@ -31,7 +31,7 @@ SETTINGS: dict[str, Any] = {
     "transit": Limits(**LIMITS | {"speed_mps": 10.0}),
     "stopping_distance_m": 1.0,
     "climb_speed_mps": 3.0,
-    "camera": Camera(**CAMERA),
+    "camera": NadirCamera(**CAMERA),
     "look_steps": 6,
     "capture_steps": 12,
     "threshold": 0.7,
@@ -41,7 +41,7 @@ SETTINGS: dict[str, Any] = {
 }
 VALUES: list[tuple[type, dict[str, Any]]] = [
     (Limits, LIMITS),
-    (Camera, CAMERA),
+    (NadirCamera, CAMERA),
     (Battery, BATTERY),
     (Viewpoint, VIEWPOINT),
     (FlightSettings, SETTINGS),
@@ -67,7 +67,7 @@ def test_values_are_equal_when_all_their_parts_are(kind: type, given: dict[str, 
         "drain_per_s": np.array([0.001]),
         "inspect": Limits(**LIMITS | {"speed_mps": 1.0}),
         "transit": Limits(**LIMITS),
-        "camera": Camera(**CAMERA | {"window_rows": 0.75}),
+        "camera": NadirCamera(**CAMERA | {"window_rows": 0.75}),
         "battery": Battery(**BATTERY | {"reserve": 0.5}),
         "every_capture": False,
     }
@@ -94,10 +94,10 @@ def test_settings_show_every_part() -> None:
     [
         (Limits, LIMITS, {"speed_mps": 0.0}, "speed_mps is 0"),
         (Limits, LIMITS, {"yaw_rate_rad_s": np.nan}, "yaw_rate_rad_s is NaN"),
-        (Camera, CAMERA, {"image_px": (0, 950)}, "at least one row and one column"),
-        (Camera, CAMERA, {"vertical_fov_rad": 3.2}, "between 0 and 180 degrees"),
-        (Camera, CAMERA, {"window_across_per_altitude": 0.6}, "exactly one of"),
-        (Camera, CAMERA, {"window_columns": None}, "exactly one of"),
+        (NadirCamera, CAMERA, {"image_px": (0, 950)}, "at least one row and one column"),
+        (NadirCamera, CAMERA, {"vertical_fov_rad": 3.2}, "between 0 and 180 degrees"),
+        (NadirCamera, CAMERA, {"window_across_per_altitude": 0.6}, "exactly one of"),
+        (NadirCamera, CAMERA, {"window_columns": None}, "exactly one of"),
         (Battery, BATTERY, {"drain_per_s": np.empty(0)}, "number of drain_per_s entries must be positive"),
         (Battery, BATTERY, {"drain_step_mps": 0.0}, "drain_step_mps must be positive, not 0"),
         (Battery, BATTERY, {"reserve": 1.5}, "reserve must be a share between 0 and 1, not 1.5"),

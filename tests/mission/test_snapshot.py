@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pavetwin._core import Captured, Occluded, Viewpoint
-from pavetwin.mission.environment import kernel_camera
+from pavetwin.mission.environment import nadir_camera
 from pavetwin.mission.mission import Mission
 from pavetwin.policies import Displace, Wait
 from pavetwin.sensing import Detection
@@ -153,7 +153,7 @@ def look(mission: Mission, position: tuple[float, float], yaw_rad: float, time_s
         0,
         mission.traffic.trace(),
         time_s,
-        kernel_camera(settings.camera),
+        nadir_camera(settings.camera),
         Viewpoint(position=position, altitude_m=settings.altitude_m, yaw_rad=yaw_rad),
     )
     return {tuple(cell) for cell in seen["candidates"]}, {tuple(cell) for cell in seen["visible"]}

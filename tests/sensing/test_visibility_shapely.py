@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from shapely import MultiPoint, Point, Polygon
 from shapely.affinity import scale
 
-from pavetwin._core import Camera, Ground, Trace, Viewpoint
+from pavetwin._core import Ground, NadirCamera, Trace, Viewpoint
 from pavetwin.navigation.navmesh import navmesh
 from scenes.tiny import Mover, Size, parked, straight, trace_of
 
@@ -134,7 +134,7 @@ def looked(view: View, surface: Polygon, blocks: list[Block], trace: Trace, cell
         0,
         trace,
         0.0,
-        Camera(
+        NadirCamera(
             image_px=IMAGE_PX,
             vertical_fov_rad=FOV_RAD,
             window_rows=view.rows,

@@ -3,8 +3,8 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use pavetwin_core::geometry::Vec2;
 use pavetwin_core::sensing::{
-    Body, BodyClass, Camera, Observer, Predictor, Prism, Scene, Solids, SurfaceGrid, Trace, TraceColumns, Viewpoint,
-    WindowRule,
+    Body, BodyClass, NadirCamera, Observer, Predictor, Prism, Scene, Solids, SurfaceGrid, Trace, TraceColumns,
+    Viewpoint, WindowRule,
 };
 use std::hint::black_box;
 
@@ -130,8 +130,8 @@ fn look(i: u32) -> (Viewpoint, f64) {
     (Viewpoint { position, altitude_m: 15.0, yaw_rad: STREET_YAW_RAD }, f64::from(i % 64) * 0.3)
 }
 
-fn camera(rule: WindowRule) -> Camera {
-    Camera::new(1270, 950, 60f64.to_radians(), rule).expect("a camera")
+fn camera(rule: WindowRule) -> NadirCamera {
+    NadirCamera::new(1270, 950, 60f64.to_radians(), rule).expect("a camera")
 }
 
 fn sensing(criterion: &mut Criterion) {

@@ -6,7 +6,7 @@ use pavetwin_core::mission::{
     shortened,
 };
 use pavetwin_core::navigation::{Limits, NavMesh};
-use pavetwin_core::sensing::{Camera, Solids, SurfaceGrid, Trace, TraceColumns, WindowRule};
+use pavetwin_core::sensing::{NadirCamera, Solids, SurfaceGrid, Trace, TraceColumns, WindowRule};
 use std::sync::Arc;
 
 /// The paper's agent.
@@ -123,7 +123,7 @@ fn settings() -> Settings {
         transit: limits(10.0),
         stopping_distance_m: 1.0,
         climb_speed_mps: 3.0,
-        camera: Camera::new(1270, 950, 60f64.to_radians(), WindowRule::DEFAULT).expect("a camera"),
+        camera: NadirCamera::new(1270, 950, 60f64.to_radians(), WindowRule::DEFAULT).expect("a camera"),
         look_steps: 6,
         capture_steps: 12,
         every_capture: false,

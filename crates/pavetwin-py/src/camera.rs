@@ -1,4 +1,4 @@
-//! `Camera` and `Viewpoint`: what the UAV sees the ground with, and from where.
+//! `NadirCamera` and `Viewpoint`: what the UAV sees the ground with, and from where.
 
 use crate::plain;
 use pavetwin_core::geometry::Vec2;
@@ -7,10 +7,10 @@ use pyo3::prelude::*;
 
 #[pyclass(frozen, eq, module = "pavetwin._core")]
 #[derive(Clone, PartialEq)]
-pub struct Camera(pub core::Camera);
+pub struct NadirCamera(pub core::NadirCamera);
 
 #[pymethods]
-impl Camera {
+impl NadirCamera {
     #[new]
     #[pyo3(signature = (*, image_px, vertical_fov_rad, window_rows, window_columns = None, window_across_per_altitude = None))]
     fn new(
@@ -26,7 +26,7 @@ impl Camera {
             _ => return Err(plain("give exactly one of window_columns and window_across_per_altitude")),
         };
         let window = WindowRule { rows_share: window_rows, across };
-        core::Camera::new(image_px.0, image_px.1, vertical_fov_rad, window).map(Self).map_err(plain)
+        core::NadirCamera::new(image_px.0, image_px.1, vertical_fov_rad, window).map(Self).map_err(plain)
     }
 
     #[getter]
@@ -65,7 +65,7 @@ impl Camera {
             AcrossRule::PerAltitude(factor) => format!("window_across_per_altitude={factor}"),
         };
         format!(
-            "Camera(image_px={:?}, vertical_fov_rad={}, window_rows={}, {width})",
+            "NadirCamera(image_px={:?}, vertical_fov_rad={}, window_rows={}, {width})",
             self.image_px(),
             self.vertical_fov_rad(),
             self.window_rows(),

@@ -1,4 +1,4 @@
-//! `Flight`, its events, and the moment that a policy may ask about.
+//! `Flight`, its events, and the prediction of visibility that a policy may ask for.
 
 use crate::arrays::{points, to_array};
 use crate::ground::Ground;
@@ -96,12 +96,12 @@ fn event_object(py: Python<'_>, event: Event) -> PyResult<Py<PyAny>> {
     Ok(object)
 }
 
-/// One moment of a mission, to be asked at any later time.
+/// Predicts visibility after displacements from one state; to be asked at any later time.
 #[pyclass(frozen, module = "pavetwin._core")]
-pub struct Moment(core::Moment);
+pub struct DisplacementPredictor(core::DisplacementPredictor);
 
 #[pymethods]
-impl Moment {
+impl DisplacementPredictor {
     fn predict<'py>(
         &self,
         py: Python<'py>,
@@ -176,8 +176,8 @@ impl Flight {
         to_array(py, &self.0.remaining())
     }
 
-    fn moment(&self) -> Option<Moment> {
-        self.0.moment().map(Moment)
+    fn predictor(&self) -> Option<DisplacementPredictor> {
+        self.0.predictor().map(DisplacementPredictor)
     }
 
     fn set_wanted(&mut self, defect: u32, wanted: bool) {

@@ -1,7 +1,7 @@
 //! `Ground`: what stands still at one altitude, shared by missions.
 
 use crate::arrays::{points, ragged, to_array};
-use crate::camera::{Camera, Viewpoint};
+use crate::camera::{NadirCamera, Viewpoint};
 use crate::navmesh::NavMesh;
 use crate::plain;
 use crate::trace::Trace;
@@ -62,7 +62,7 @@ impl Ground {
         segment: u32,
         trace: &Trace,
         time_s: f64,
-        camera: &Camera,
+        camera: &NadirCamera,
         viewpoint: &Viewpoint,
     ) -> PyResult<Bound<'py, PyDict>> {
         let grid = &self.surface(segment)?.grid;

@@ -29,13 +29,13 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<trace::Trace>()?;
     module.add_class::<ground::Ground>()?;
     module.add("MODES", PyTuple::new(module.py(), Mode::NAMES)?)?;
-    module.add_class::<camera::Camera>()?;
+    module.add_class::<camera::NadirCamera>()?;
     module.add_class::<camera::Viewpoint>()?;
     module.add_class::<settings::Limits>()?;
     module.add_class::<settings::Battery>()?;
     module.add_class::<settings::FlightSettings>()?;
     module.add_class::<flight::Flight>()?;
-    module.add_class::<flight::Moment>()?;
+    module.add_class::<flight::DisplacementPredictor>()?;
     module.add_class::<flight::Arrived>()?;
     module.add_class::<flight::Paused>()?;
     module.add_class::<flight::Captured>()?;

@@ -1,6 +1,6 @@
 //! `Limits`, `Battery` and `FlightSettings`: how a mission is flown, as values that are checked when they are made.
 
-use crate::camera::Camera;
+use crate::camera::NadirCamera;
 use crate::plain;
 use numpy::{PyArray1, PyReadonlyArray1, ToPyArray};
 use pavetwin_core::geometry::Vec2;
@@ -124,7 +124,7 @@ impl FlightSettings {
         transit: &Limits,
         stopping_distance_m: f64,
         climb_speed_mps: f64,
-        camera: &Camera,
+        camera: &NadirCamera,
         look_steps: u32,
         capture_steps: u32,
         threshold: f64,
@@ -194,8 +194,8 @@ impl FlightSettings {
     }
 
     #[getter]
-    fn camera(&self) -> Camera {
-        Camera(self.0.camera)
+    fn camera(&self) -> NadirCamera {
+        NadirCamera(self.0.camera)
     }
 
     #[getter]

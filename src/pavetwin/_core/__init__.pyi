@@ -11,9 +11,9 @@ from pavetwin._core._mission import (
     BatteryLow,
     CaptureColumns,
     Captured,
+    DisplacementPredictor,
     Flight,
     FlightSettings,
-    Moment,
     Occluded,
     Paused,
     RecordingEnds,
@@ -31,22 +31,22 @@ from pavetwin._core._relief import (
     relief_trace,
     relief_widths,
 )
-from pavetwin._core._sensing import Camera, Ground, LookColumns, PoseColumns, Trace, Viewpoint
+from pavetwin._core._sensing import Ground, LookColumns, NadirCamera, PoseColumns, Trace, Viewpoint
 
 __all__ = [
     "MODES",
     "Arrived",
     "Battery",
     "BatteryLow",
-    "Camera",
     "CaptureColumns",
     "Captured",
+    "DisplacementPredictor",
     "Flight",
     "FlightSettings",
     "Ground",
     "Limits",
     "LookColumns",
-    "Moment",
+    "NadirCamera",
     "NavMesh",
     "Occluded",
     "Paused",

@@ -3,7 +3,7 @@
 from typing import TypedDict, overload
 
 from pavetwin._core._navigation import Limits
-from pavetwin._core._sensing import Camera, Ground, Trace
+from pavetwin._core._sensing import Ground, NadirCamera, Trace
 from pavetwin.arrays import BoolArray, Float64Array, Int32Array, UInt8Array
 
 Point = tuple[float, float]
@@ -83,7 +83,7 @@ class FlightSettings:
         transit: Limits,
         stopping_distance_m: float,
         climb_speed_mps: float,
-        camera: Camera,
+        camera: NadirCamera,
         look_steps: int,
         capture_steps: int,
         threshold: float,
@@ -126,7 +126,7 @@ class FlightSettings:
     @property
     def climb_speed_mps(self) -> float: ...
     @property
-    def camera(self) -> Camera: ...
+    def camera(self) -> NadirCamera: ...
     @property
     def look_steps(self) -> int: ...
     @property
@@ -201,8 +201,8 @@ class Occluded:
     @property
     def since_displacement_m(self) -> float: ...
 
-class Moment:
-    """One moment of a mission; immutable."""
+class DisplacementPredictor:
+    """Predicts visibility after displacements from the state of a flight at one time; immutable."""
 
     def predict(self, displacements: Float64Array) -> Float64Array:
         """(n, 2) displacements to (n,) predicted visible shares of the cells now hidden; −1 outside the mesh."""
@@ -235,7 +235,9 @@ class Flight:
     def remaining(self) -> Float64Array:
         """(k, 2), what is left of the line under inspection."""
 
-    def moment(self) -> Moment | None: ...
+    def predictor(self) -> DisplacementPredictor | None:
+        """From the present state; None when nothing is under inspection."""
+
     def set_wanted(self, defect: int, wanted: bool) -> None: ...
     def surface_coverage(self, segment: int) -> float: ...
     def swept(self) -> BoolArray: ...

@@ -63,7 +63,7 @@ class Trace:
     def agents_near(self, east_m: float, north_m: float, radius_m: float, time_s: float) -> PoseColumns:
         """Those whose body may reach into the disc."""
 
-class Camera:
+class NadirCamera:
     """A camera that looks straight down, its image rows along the track, and its inspection window."""
 
     def __init__(
@@ -141,5 +141,7 @@ class Ground:
         defect_segments: UInt32Array,
     ) -> None: ...
     def cell_count(self, segment: int) -> int: ...
-    def observe(self, segment: int, trace: Trace, time_s: float, camera: Camera, viewpoint: Viewpoint) -> LookColumns:
+    def observe(
+        self, segment: int, trace: Trace, time_s: float, camera: NadirCamera, viewpoint: Viewpoint
+    ) -> LookColumns:
         """One look at a segment, without a mission: which cells are candidates, and which of them are visible."""

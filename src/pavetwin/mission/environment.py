@@ -9,8 +9,7 @@ from typing import Self
 import numpy as np
 import shapely
 
-from pavetwin._core import Battery, Flight, FlightSettings, Ground, Limits, NavMesh, Trace
-from pavetwin._core import Camera as KernelCamera
+from pavetwin._core import Battery, Flight, FlightSettings, Ground, Limits, NadirCamera, NavMesh, Trace
 from pavetwin.arrays import Float64Array
 from pavetwin.config import MissionSettings
 from pavetwin.config.altitude import VERTICAL_CLEARANCE_M
@@ -140,7 +139,7 @@ def flight_settings(settings: MissionSettings, *, every_capture: bool = False) -
         transit=_limits(uav, uav.transit_speed_mps),
         stopping_distance_m=uav.stopping_distance_m,
         climb_speed_mps=uav.climb_speed_mps,
-        camera=kernel_camera(settings.camera),
+        camera=nadir_camera(settings.camera),
         look_steps=round(settings.visibility.interval_s / step_s),
         capture_steps=round(settings.camera.capture_interval_s / step_s),
         threshold=settings.visibility.threshold,
@@ -150,10 +149,10 @@ def flight_settings(settings: MissionSettings, *, every_capture: bool = False) -
     )
 
 
-def kernel_camera(settings: CameraSettings) -> KernelCamera:
+def nadir_camera(settings: CameraSettings) -> NadirCamera:
     """The camera that the settings name, with their inspection window."""
     camera = find_camera(settings.model)
-    return KernelCamera(
+    return NadirCamera(
         image_px=camera.image_px,
         vertical_fov_rad=camera.fov_rad,
         window_rows=settings.window_rows,
@@ -164,7 +163,7 @@ def kernel_camera(settings: CameraSettings) -> KernelCamera:
 
 def window_m(settings: MissionSettings) -> tuple[float, float]:
     """The inspection window (across the track, along it) at the mission's altitude, in metres."""
-    return kernel_camera(settings.camera).window_m(settings.altitude_m)
+    return nadir_camera(settings.camera).window_m(settings.altitude_m)
 
 
 def _limits(uav: UavSettings, speed_mps: float) -> Limits:

@@ -137,7 +137,7 @@ class Mission:
             segment=None if self._segment is None else segments[self._segment],
             occlusion=occlusion,
             window_along_m=self.window_along_m,
-            moment=KernelMoment(self.flight.moment(), self.flight.time_s, self.traffic.trace()),
+            moment=KernelMoment(self.flight.predictor(), self.flight.time_s, self.traffic.trace()),
         )
 
     def state(self) -> UavState:

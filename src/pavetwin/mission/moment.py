@@ -4,8 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pavetwin._core import Moment as CoreMoment
-from pavetwin._core import Trace
+from pavetwin._core import DisplacementPredictor, Trace
 from pavetwin.arrays import Float64Array
 from pavetwin.twin import Agent, AgentClass
 
@@ -16,8 +15,8 @@ if TYPE_CHECKING:
 class KernelMoment:
     """Asks the kernel for what a snapshot does not hold ready. Immutable, like all it refers to."""
 
-    def __init__(self, core: CoreMoment | None, time_s: float, trace: Trace) -> None:
-        self._core = core
+    def __init__(self, predictor: DisplacementPredictor | None, time_s: float, trace: Trace) -> None:
+        self._predictor = predictor
         self._time_s = time_s
         self._trace = trace
 
@@ -25,9 +24,9 @@ class KernelMoment:
         return agents_of(self._trace.agents_at(self._time_s))
 
     def predict(self, displacements: Float64Array) -> Float64Array:
-        if self._core is None:  # nothing is under inspection, so nothing is hidden
+        if self._predictor is None:  # nothing is under inspection, so nothing is hidden
             return np.zeros(len(displacements))
-        return self._core.predict(displacements)
+        return self._predictor.predict(displacements)
 
 
 def agents_of(columns: "PoseColumns") -> tuple[Agent, ...]:

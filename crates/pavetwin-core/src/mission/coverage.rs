@@ -3,14 +3,14 @@
 use super::error::FlightError;
 use super::event::Sighting;
 use super::ground::Ground;
-use crate::sensing::{Camera, CellSet, Observer, Scene, Trace, Viewpoint, Visibility};
+use crate::sensing::{CellSet, NadirCamera, Observer, Scene, Trace, Viewpoint, Visibility};
 
 /// The camera and what is below it at one time.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sight<'a> {
     pub ground: &'a Ground,
     pub trace: &'a Trace,
-    pub camera: &'a Camera,
+    pub camera: &'a NadirCamera,
     pub viewpoint: Viewpoint,
     pub time_s: f64,
 }
@@ -73,7 +73,7 @@ impl Coverage {
     }
 
     /// Marks the defects of a segment whose centre the inspection window passes over.
-    pub fn sweep(&mut self, ground: &Ground, camera: &Camera, viewpoint: &Viewpoint, segment: u32) {
+    pub fn sweep(&mut self, ground: &Ground, camera: &NadirCamera, viewpoint: &Viewpoint, segment: u32) {
         let window = camera.placed_window(viewpoint);
         for &defect in &ground.segments[segment as usize].defects {
             let centre = ground.defects[defect as usize].centre;

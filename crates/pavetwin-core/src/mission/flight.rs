@@ -4,6 +4,7 @@ use super::battery::Charge;
 use super::clock::Clock;
 use super::course::{course, rest_of, shortened};
 use super::coverage::Coverage;
+use super::displacement::DisplacementPredictor;
 use super::encounter::{Encounter, shares_airspace};
 use super::error::FlightError;
 use super::event::Event;
@@ -11,7 +12,6 @@ use super::ground::Ground;
 use super::inspection::Inspection;
 use super::log::{Captures, Log, Track};
 use super::mode::Mode;
-use super::moment::Moment;
 use super::occlusions::Occlusions;
 use super::reaction::Reaction;
 use super::settings::Settings;
@@ -216,15 +216,15 @@ impl Flight {
         }
     }
 
-    /// The present moment, for a policy; `None` when nothing is under inspection.
-    pub fn moment(&self) -> Option<Moment> {
+    /// What predicts visibility from the present state; `None` when nothing is under inspection.
+    pub fn predictor(&self) -> Option<DisplacementPredictor> {
         let inspection = self.inspection.as_ref()?;
         let (speed_mps, limits) = (self.uav.speed_mps, self.settings.inspect);
         let rest = self.task.follower().map_or(self.uav.position, |follower| {
             let brake_m = speed_mps * speed_mps / (2.0 * limits.acceleration_mps2);
             follower.rail().sample(follower.s_m() + brake_m).0
         });
-        Some(Moment {
+        Some(DisplacementPredictor {
             ground: self.ground.clone(),
             trace: self.trace.clone(),
             camera: self.settings.camera,

@@ -2,7 +2,7 @@
 //!
 //! - [`Ground`] is what stands still at one altitude, shared by all missions over it.
 //! - [`Flight`] carries out commands (climb, fly, inspect, stay) step by step and stops at every [`Event`].
-//! - [`Moment`] keeps one moment, so that a policy can ask what it did not need to be told.
+//! - [`DisplacementPredictor`] keeps the state at one time and predicts visibility after displacements from it.
 //!
 //! A flight is composed of parts (clock, UAV state, charge, task, reaction, encounter, inspection, occlusions, coverage,
 //! way home, log). No part knows the flight, and no file uses one that uses it.
@@ -11,6 +11,7 @@ mod battery;
 mod clock;
 mod course;
 mod coverage;
+mod displacement;
 mod encounter;
 mod error;
 mod event;
@@ -20,7 +21,6 @@ mod inspection;
 mod log;
 mod looking;
 mod mode;
-mod moment;
 mod occlusions;
 mod reaction;
 mod settings;
@@ -31,11 +31,11 @@ mod way_home;
 
 pub use battery::{Battery, DrainCurve};
 pub use course::{course, nearest_reachable, rest_of, shortened};
+pub use displacement::DisplacementPredictor;
 pub use error::{FlightError, SettingsError};
 pub use event::{Capture, Event, OcclusionReport, Sighting};
 pub use flight::Flight;
 pub use ground::{DefectTarget, Ground, GroundError, SegmentSurface};
 pub use log::{Captures, Track};
 pub use mode::Mode;
-pub use moment::Moment;
 pub use settings::Settings;

@@ -3,7 +3,7 @@
 use super::battery::Battery;
 use super::error::{FlightError, SettingsError};
 use crate::navigation::Limits;
-use crate::sensing::Camera;
+use crate::sensing::NadirCamera;
 
 /// One mission's numbers. Intervals are whole numbers of time steps.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,7 +20,7 @@ pub struct Settings {
     pub transit: Limits,
     pub stopping_distance_m: f64,
     pub climb_speed_mps: f64,
-    pub camera: Camera,
+    pub camera: NadirCamera,
     pub look_steps: u32,
     pub capture_steps: u32,
     /// Stop at every capture, not only at those that show a wanted defect.

@@ -130,7 +130,7 @@ impl PlacedWindow {
 /// A camera that looks straight down. Image rows count along the track (the yaw direction), columns across it; pixels
 /// are square and there is no distortion.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Camera {
+pub struct NadirCamera {
     image_width_px: u32,
     image_height_px: u32,
     vertical_fov_rad: f64,
@@ -139,7 +139,7 @@ pub struct Camera {
     along_per_altitude: f64,
 }
 
-impl Camera {
+impl NadirCamera {
     /// # Errors
     /// The first value that describes no camera.
     pub fn new(
@@ -228,8 +228,8 @@ impl Camera {
 mod tests {
     use super::*;
 
-    fn camera(rule: WindowRule) -> Camera {
-        Camera::new(1270, 950, 60f64.to_radians(), rule).expect("a camera")
+    fn camera(rule: WindowRule) -> NadirCamera {
+        NadirCamera::new(1270, 950, 60f64.to_radians(), rule).expect("a camera")
     }
 
     #[test]
@@ -269,9 +269,9 @@ mod tests {
     #[test]
     fn what_is_no_camera_is_refused() {
         let rule = WindowRule { rows_share: 0.0, across: AcrossRule::Columns(1.0) };
-        assert!(matches!(Camera::new(10, 10, 1.0, rule), Err(CameraError::Share { side: "rows", .. })));
-        assert!(matches!(Camera::new(0, 10, 1.0, WindowRule::PAPER), Err(CameraError::Image { .. })));
-        assert!(matches!(Camera::new(10, 10, 3.2, WindowRule::PAPER), Err(CameraError::FieldOfView(_))));
+        assert!(matches!(NadirCamera::new(10, 10, 1.0, rule), Err(CameraError::Share { side: "rows", .. })));
+        assert!(matches!(NadirCamera::new(0, 10, 1.0, WindowRule::PAPER), Err(CameraError::Image { .. })));
+        assert!(matches!(NadirCamera::new(10, 10, 3.2, WindowRule::PAPER), Err(CameraError::FieldOfView(_))));
         let below = Viewpoint { position: Vec2::ZERO, altitude_m: 0.0, yaw_rad: 0.0 };
         assert!(below.check().is_err());
     }

@@ -15,7 +15,7 @@ mod solids;
 mod trace;
 mod trace_columns;
 
-pub use camera::{AcrossRule, Camera, CameraError, PlacedWindow, Viewpoint, Window, WindowRule};
+pub use camera::{AcrossRule, CameraError, NadirCamera, PlacedWindow, Viewpoint, Window, WindowRule};
 pub use grid::{CellSet, GridError, GridShape, SurfaceGrid};
 pub use occlusion::{Observer, Scene, SenseError, Visibility};
 pub use patch::Patch;

@@ -1,6 +1,6 @@
 //! Visibility as the design defines it: which cells below the inspection window the camera sees.
 
-use super::camera::{Camera, CameraError, Viewpoint, Window};
+use super::camera::{CameraError, NadirCamera, Viewpoint, Window};
 use super::grid::SurfaceGrid;
 use super::patch::Patch;
 use super::raster::Spans;
@@ -52,7 +52,7 @@ pub(super) struct View {
 }
 
 impl View {
-    pub(super) fn new(camera: &Camera, viewpoint: &Viewpoint) -> Self {
+    pub(super) fn new(camera: &NadirCamera, viewpoint: &Viewpoint) -> Self {
         let window = camera.window(viewpoint.altitude_m);
         Self {
             eye: eye_of(viewpoint),
@@ -145,7 +145,7 @@ impl Observer {
     pub fn observe(
         &mut self,
         scene: &Scene,
-        camera: &Camera,
+        camera: &NadirCamera,
         viewpoint: &Viewpoint,
         t_s: f64,
     ) -> Result<Visibility, SenseError> {

@@ -1,6 +1,6 @@
 //! What a displaced camera would see of the cells that are hidden now.
 
-use super::camera::{Camera, Viewpoint};
+use super::camera::{NadirCamera, Viewpoint};
 use super::occlusion::{Caster, Scene, SenseError, View};
 use super::patch::Patch;
 use super::trace::AgentPose;
@@ -29,7 +29,7 @@ impl Predictor {
     pub fn predict(
         &mut self,
         scene: &Scene,
-        camera: &Camera,
+        camera: &NadirCamera,
         hidden: &Patch,
         viewpoints: &[Viewpoint],
         t_s: f64,
@@ -52,7 +52,7 @@ impl Predictor {
     fn gather(
         &mut self,
         scene: &Scene,
-        camera: &Camera,
+        camera: &NadirCamera,
         viewpoints: &[Viewpoint],
         t_s: f64,
         horizon_s: f64,
@@ -74,7 +74,7 @@ impl Predictor {
         Ok(())
     }
 
-    fn shown(&mut self, scene: &Scene, camera: &Camera, hidden: &Patch, viewpoint: &Viewpoint) -> u32 {
+    fn shown(&mut self, scene: &Scene, camera: &NadirCamera, hidden: &Patch, viewpoint: &Viewpoint) -> u32 {
         let view = View::new(camera, viewpoint);
         let Self { agents, cells, caster, .. } = self;
         cells.copy_from(hidden);

@@ -2,8 +2,8 @@
 
 use pavetwin_core::geometry::Vec2;
 use pavetwin_core::sensing::{
-    AcrossRule, AgentPose, Body, BodyClass, Camera, Observer, Prism, Scene, Solids, SurfaceGrid, Trace, TraceColumns,
-    Viewpoint, Visibility, WindowRule,
+    AcrossRule, AgentPose, Body, BodyClass, NadirCamera, Observer, Prism, Scene, Solids, SurfaceGrid, Trace,
+    TraceColumns, Viewpoint, Visibility, WindowRule,
 };
 use proptest::prelude::*;
 
@@ -15,8 +15,8 @@ pub const WALKER: Body =
 /// An agent that stands or moves: body, position, yaw, speed.
 pub type Placed = (Body, Vec2, f64, f64);
 
-pub fn camera(rule: WindowRule) -> Camera {
-    Camera::new(1270, 950, 60f64.to_radians(), rule).expect("a camera")
+pub fn camera(rule: WindowRule) -> NadirCamera {
+    NadirCamera::new(1270, 950, 60f64.to_radians(), rule).expect("a camera")
 }
 
 pub fn viewpoint(x: f64, y: f64, altitude_m: f64, yaw_rad: f64) -> Viewpoint {
@@ -58,7 +58,7 @@ pub fn look(
     grid: &SurfaceGrid,
     solids: &Solids,
     trace: &Trace,
-    camera: &Camera,
+    camera: &NadirCamera,
     from: &Viewpoint,
 ) -> (Observer, Visibility) {
     let mut observer = Observer::new();

@@ -1,20 +1,21 @@
-//! One moment of a mission, kept whole: everything in it is immutable, so it can be asked at any later time.
+//! Predicted visibility after displacements from one state of a mission. Everything in it is immutable, so it can be
+//! asked at any later time.
 
 use super::ground::Ground;
 use crate::geometry::Vec2;
 use crate::navigation::Limits;
-use crate::sensing::{Camera, Observer, Predictor, Scene, SenseError, Trace, Viewpoint};
+use crate::sensing::{NadirCamera, Observer, Predictor, Scene, SenseError, Trace, Viewpoint};
 use std::sync::Arc;
 
 /// The marks of a displacement that leaves the mesh.
 pub const UNREACHABLE: f64 = -1.0;
 
-/// What a policy may ask about one moment.
+/// The state at one time, as far as a prediction needs it.
 #[derive(Debug, Clone)]
-pub struct Moment {
+pub struct DisplacementPredictor {
     pub(super) ground: Arc<Ground>,
     pub(super) trace: Arc<Trace>,
-    pub(super) camera: Camera,
+    pub(super) camera: NadirCamera,
     pub(super) limits: Limits,
     pub(super) viewpoint: Viewpoint,
     /// Where braking would end.
@@ -24,13 +25,13 @@ pub struct Moment {
     pub(super) time_s: f64,
 }
 
-impl Moment {
+impl DisplacementPredictor {
     /// For each displacement from where braking would end, the predicted visible share of the cells now hidden: each
     /// agent goes on at its present velocity for as long as braking and moving take. [`UNREACHABLE`] when the straight
     /// way leaves the mesh; 0 when nothing is hidden.
     ///
     /// # Errors
-    /// Never for a moment inside the recording.
+    /// Never for a time inside the recording.
     pub fn predict(&self, displacements: &[Vec2]) -> Result<Vec<f64>, SenseError> {
         let grid = &self.ground.segments[self.segment as usize].grid;
         let scene = Scene { grid, solids: &self.ground.solids, trace: &self.trace };
