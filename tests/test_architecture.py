@@ -48,7 +48,7 @@ HEAVY = frozenset(
 MAX_LINES = 450
 
 # An option of ours within a text. A whole literal (`--net-file=…`) is an argument for a program that we start.
-OPTION = re.compile(r"(?:^|[\s(`])--[a-z]")
+OPTION = re.compile(r"(?:^|[\s(`])(?:--[a-z]|-[a-zA-Z](?=[\s`.,;:)]|$))")
 
 # Written in two halves, so that this file does not name them either.
 REGISTRY_HOSTS = tuple(
@@ -184,7 +184,7 @@ def options_named_in(path: Path) -> Iterator[tuple[int, str]]:
     told = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     for node in ast.walk(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in told:
-            is_argument = re.fullmatch(r"--[\w.-]+(=\S*)?", node.value)
+            is_argument = re.fullmatch(r"--?[\w.-]+(=\S*)?", node.value)
             if OPTION.search(node.value) and not is_argument:
                 yield node.lineno, node.value
 
@@ -201,6 +201,10 @@ def test_only_the_command_line_names_its_options() -> None:
         ('raise PaveTwinError(f"--altitude {altitude_m}: too low.")', True),
         ('raise PaveTwinError("It exists; add --force to replace it.")', True),
         ('hint = "`pavetwin world build --force`"', True),
+        ('hint = f"`pavetwin world build SOURCE -o {folder}`"', True),
+        ('raise PaveTwinError("Say where it goes with -o.")', True),
+        ('run("ffmpeg", ["-y", "-r", "25"])', False),
+        ('hint = f"`pavetwin world build SOURCE output={folder} force`"', False),
         ('run("netconvert", ["--output-file", f"--seed={seed}"])', False),
         ('def f():\n    """Explains --altitude."""', False),
         ('raise PaveTwinError(f"`altitude_m` {altitude_m}: too low.")', False),

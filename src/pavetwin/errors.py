@@ -1,15 +1,34 @@
 """The one exception that a user may see: a plain sentence that says what is wrong, where, and how to fix it."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from difflib import get_close_matches
 
 
 class PaveTwinError(Exception):
     """Something the user can fix. The command line prints the message as one line and exits with code 2.
 
-    A message names a parameter of the library in backquotes (`altitude_m`); `cli/flags.py` turns it into an option.
+    A message names a parameter of the library in backquotes (`altitude_m`), and a command with its parameters as words
+    (`pavetwin world build SOURCE output=town force`); `cli/flags.py` turns them into options.
     """
+
+
+@contextmanager
+def naming(names: Mapping[str, str], where: str = "") -> Iterator[None]:
+    """Errors in the block call parameters what their reader calls them: keys of a file, or an argument.
+
+    Args:
+        names: by parameter as messages name it, such as `` `policy` `` or `sensing.sensor`.
+        where: comes before a message that begins with one of them, such as `the design`.
+    """
+    try:
+        yield
+    except PaveTwinError as error:
+        text = told = str(error)
+        for parameter, name in names.items():
+            text = text.replace(parameter, name)
+        raise PaveTwinError(f"{where}: {text}" if where and told.startswith(tuple(names)) else text) from error
 
 
 def nearest_name(word: str, known: Iterable[str]) -> str:

@@ -177,6 +177,20 @@ def test_a_policy_that_cannot_fly_refuses_the_design(tmp_path: Path, policy: str
         plan(read_design(tmp_path / "d.yaml"), [tiny.straight()])
 
 
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ("plugins: [gone.py]", r"^the design: plugins: there is no file '.*gone\.py'"),
+        ("policies: [hoover]", r"^the design: policies: no policy 'hoover'.* needs its file in plugins\.$"),
+        ("sensors: [idael]", r"^the design: sensors: no sensor 'idael' \(did you mean 'ideal'\?\)"),
+    ],
+)
+def test_what_is_wrong_in_a_design_goes_by_its_key(tmp_path: Path, values: str, words: str) -> None:
+    (tmp_path / "d.yaml").write_text(f"worlds: [town]\n{values}\n", encoding="utf-8")
+    with pytest.raises(PaveTwinError, match=words):
+        plan(read_design(tmp_path / "d.yaml"), [tiny.straight()])
+
+
 def test_paths_are_relative_to_the_design_s_file(tmp_path: Path) -> None:
     (tmp_path / "d.yaml").write_text("worlds: [towns/a]\npolicies: [baseline, mine.py:Careful]\n", encoding="utf-8")
     made = read_design(tmp_path / "d.yaml")

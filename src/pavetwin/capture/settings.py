@@ -156,7 +156,7 @@ def read_description(folder: Path) -> dict[str, Any]:
     """
     path = folder / FILE
     if not path.is_file():
-        raise PaveTwinError(f"'{folder}' holds no dataset; make one with `pavetwin capture WORLD -o {folder}`.")
+        raise PaveTwinError(f"'{folder}' holds no dataset; make one with `pavetwin capture WORLD output={folder}`.")
     try:
         found = yaml.safe_load(path.read_text(encoding="utf-8"))
         found["format"], found["world"]["name"], found["settings"]["images"], found["made_by"]["adapter"]

@@ -95,7 +95,7 @@ def _run() -> int:
         signal.signal(signal.SIGTERM, _terminate)
         code = app(standalone_mode=False)
     except PaveTwinError as error:
-        fail(with_flags(str(error), sys.argv[1] if len(sys.argv) > 1 else ""))
+        fail(with_flags(str(error), sys.argv[1:], get_group(app)))
         return 2
     except TyperException as error:
         words = _words_of(error)

@@ -20,9 +20,11 @@ if TYPE_CHECKING:
 class _MakeByDefault(TyperGroup):
     """`pavetwin capture WORLD …` is `pavetwin capture make WORLD …`."""
 
+    default_command = "make"
+
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         if args and args[0] not in self.commands and args[0] not in ("--help", "-h"):
-            args = ["make", *args]
+            args = [self.default_command, *args]
         return super().parse_args(ctx, args)
 
 

@@ -86,9 +86,11 @@ def run(
     """
     from pavetwin.experiments.design import read_design
     from pavetwin.experiments.run import run as run_study
+    from pavetwin.plugins import load_plugins
 
     chosen = read_design(design)
     if plugin:
+        load_plugins(paths_of(plugin))
         chosen = chosen.model_copy(update={"plugins": (*chosen.plugins, *paths_of(plugin))})
     works = _engine(engine, scheduler, jobs, chosen)
     with progress("Reading worlds", lines=True) as tell:

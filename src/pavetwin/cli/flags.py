@@ -1,29 +1,18 @@
-"""The library names its parameters in backquotes (`altitude_m`); the command line names the options that give them."""
+"""The library names its parameters in backquotes (`altitude_m`); the command line names the options that give them.
+
+A parameter becomes the option of the same name where the typed command has one, or else the one that `FLAGS` names. A
+command in backquotes, with its parameters as words (`pavetwin world build SOURCE output=town force`), becomes the
+command as one types it.
+"""
 
 import re
-from typing import Final
+from collections.abc import Sequence
+from typing import Any, Final
 
-_SAME: Final = (
-    *(
-        "anchor",
-        "bounds",
-        "count",
-        "empty",
-        "force",
-        "formats",
-        "images",
-        "jobs",
-        "max_energy",
-        "min_coverage",
-        "order",
-    ),
-    *("order", "platform", "policy", "quality", "scheduler", "seed", "split", "time"),
-)
-"""Parameters whose options have the same name."""
-
-FLAGS: Final = {name: f"--{name.replace('_', '-')}" for name in _SAME} | {
+FLAGS: Final = {
     "altitude_m": "--altitude",
     "altitudes_m": "--altitude",
+    "count": "--segments",
     "count=None": "--segments all",
     "densities": "--density",
     "max_time_s": "--max-time",
@@ -36,16 +25,56 @@ FLAGS: Final = {name: f"--{name.replace('_', '-')}" for name in _SAME} | {
     "size_px": "--size",
     "texel_m": "--texel",
 }
-"""By parameter, or by parameter and value where an option has no value of its own."""
+"""Options of another name, by parameter, or by parameter and value where an option has no value of its own."""
 
-OF_COMMAND: Final = {("fly", "count"): "--segments"}
-"""Where a command has its own option for a parameter."""
+PROGRAM: Final = "pavetwin"
 
 
-def with_flags(message: str, command: str) -> str:
-    """A message of the library as the user of a command reads it. What is not in the tables stays as it is."""
+def with_flags(message: str, typed: Sequence[str], group: Any) -> str:
+    """A message of the library as the user of a command reads it.
 
-    def flag(found: re.Match[str]) -> str:
-        return OF_COMMAND.get((command, found[1])) or FLAGS.get(found[1], found[0])
+    Args:
+        typed: the words after the program's name.
+        group: the program's commands.
+    """
+    command = _command(typed, group)
 
-    return re.sub(r"`([a-z_]+(?:=\w+)?)`", flag, message)
+    def shown(found: re.Match[str]) -> str:
+        text = found[1]
+        if text.startswith(f"{PROGRAM} "):
+            return f"`{_command_line(text, group)}`"
+        return _option(text, command) or found[0]
+
+    return re.sub(r"`([^`]+)`", shown, message)
+
+
+def _command(words: Sequence[str], group: Any) -> Any:
+    """The innermost command that words name, or that a group stands for without a name."""
+    for word in words:
+        if not hasattr(group, "get_command"):
+            break
+        inner = group.get_command(None, word) or group.get_command(None, getattr(group, "default_command", ""))
+        if inner is None:
+            break
+        group = inner
+    return group
+
+
+def _option(parameter: str, command: Any) -> str | None:
+    """The option of a command that gives a parameter; None where it has none."""
+    known = {flag for each in command.params for flag in each.opts}
+    for words in (f"--{parameter.replace('_', '-')}", FLAGS.get(parameter, "")):
+        if known.intersection(words.split()):
+            return words
+    return None
+
+
+def _command_line(text: str, group: Any) -> str:
+    """A command whose parameters are `name=value` or a name alone, as it is typed."""
+    command = _command(text.split()[1:], group)
+
+    def typed(found: re.Match[str]) -> str:
+        option = _option(found[1], command)
+        return f" {option}{' ' if found[2] else ''}" if option else found[0]
+
+    return re.sub(r" ([a-z_]+)(=|(?= |$))", typed, text)

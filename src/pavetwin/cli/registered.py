@@ -8,6 +8,7 @@ import typer
 
 from pavetwin.cli.arguments import Plugins, paths_of
 from pavetwin.cli.console import out
+from pavetwin.errors import naming
 
 
 def _group(kind: str, plural: str, package: str, example: str, load: Callable[[Any, str], Any]) -> typer.Typer:
@@ -32,7 +33,9 @@ def _group(kind: str, plural: str, package: str, example: str, load: Callable[[A
         name: Annotated[str, typer.Argument(metavar="FILE.py:ClassName", help=f"Your own {kind}, or a known one.")],
         plugin: Plugins = None,
     ) -> None:
-        out.print(f"{load(module_with(plugin), name).name}: keeps the rules.")
+        module = module_with(plugin)
+        with naming({getattr(module, plural.upper()).key: f"{kind} check"}):
+            out.print(f"{load(module, name).name}: keeps the rules.")
 
     return group
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from pavetwin.config import MissionSettings, load_settings
-from pavetwin.errors import PaveTwinError
+from pavetwin.errors import PaveTwinError, naming
 from pavetwin.experiments.design import ALIASES, Design, Value
 from pavetwin.mission.environment import prepare
 from pavetwin.plugins import load_plugins, plugin_hashes
@@ -24,6 +24,9 @@ from pavetwin.traffic.demand import density_named
 from pavetwin.uav import energy_curve, find_camera
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world
+
+IN_DESIGN_FILE: Final = {"`plugins`": "plugins", "`policy`": "policies", "sensing.sensor": "sensors"}
+"""Parameter, as messages name it → the key of a design that gives it."""
 
 _LARGEST_SEED: Final = 2**31
 _SEEDS, _SEGMENTS = 0, 1
@@ -164,8 +167,9 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
     Raises:
         PaveTwinError: a factor's level does not exist, or the worlds leave nothing to inspect.
     """
-    load_plugins(design.plugins)
-    policies = _check_levels(design)
+    with naming(IN_DESIGN_FILE, "the design"):
+        load_plugins(design.plugins)
+        policies = _check_levels(design)
     names = tuple(world.name for world in worlds)
     if len(set(names)) < len(names):
         raise PaveTwinError(
@@ -196,11 +200,12 @@ def check_plugins(plan: Plan) -> None:
     Raises:
         PaveTwinError: one is gone, fails, or is not what the study began with.
     """
-    load_plugins(plan.design.plugins)
-    now = plugin_hashes(plan.design.plugins)
+    with naming(IN_DESIGN_FILE, "the design"):
+        load_plugins(plan.design.plugins)
+        now = plugin_hashes(plan.design.plugins)
     for path, content in plan.plugins.items():
         if now.get(path) != content:
-            raise PaveTwinError(f"`plugins`: '{path}' is not what the study began with.")
+            raise PaveTwinError(f"the design: plugins: '{path}' is not what the study began with.")
 
 
 def check_worlds(plan: Plan) -> None:
@@ -237,7 +242,7 @@ def _check_levels(design: Design) -> dict[str, str]:
     called: dict[str, str] = {}
     for cell in cells_of(design):
         settings = cell.settings(design)
-        name = _name_of(cell.policy, settings)
+        name = load_policy(cell.policy, settings.policy).name
         if name in (other for policy, other in called.items() if policy != cell.policy):
             raise PaveTwinError(f"the design: two policies are named '{name}'; rename one of them.")
         called[cell.policy] = name
@@ -245,19 +250,6 @@ def _check_levels(design: Design) -> dict[str, str]:
         find_camera(settings.camera.model)
         energy_curve(settings.energy)
     return called
-
-
-def _name_of(policy: str, settings: MissionSettings) -> str:
-    """The name of a policy.
-
-    Raises:
-        PaveTwinError: there is none, its file does not give one, or it breaks a rule.
-    """
-    try:
-        return load_policy(policy, settings.policy).name
-    except PaveTwinError as error:
-        told = str(error).removeprefix("`policy`: ")
-        raise PaveTwinError(f"the design: policies: {told}") from error
 
 
 def _reachable(design: Design, world: World, tell: Callable[[str], None]) -> tuple[int, ...]:

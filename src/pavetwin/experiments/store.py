@@ -103,7 +103,8 @@ class Store:
         path = self.folder / DESIGN
         if not path.is_file():
             raise PaveTwinError(
-                f"'{self.folder}' holds no study; make one with `pavetwin experiment run DESIGN.yaml -o {self.folder}`."
+                f"'{self.folder}' holds no study; make one with "
+                f"`pavetwin experiment run DESIGN.yaml output={self.folder}`."
             )
         try:
             found = yaml.safe_load(path.read_text(encoding="utf-8"))

@@ -9,7 +9,7 @@ from pavetwin.errors import PaveTwinError
 
 NEEDED: Final = (
     "Rendering needs a Vulkan adapter, and none was found; on Debian or Ubuntu without a graphics card: "
-    "sudo apt-get install -y mesa-vulkan-drivers"
+    "sudo apt-get install mesa-vulkan-drivers"
 )
 
 _BACKENDS: Final = ("Vulkan", "Metal", "DX12")

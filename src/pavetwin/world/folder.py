@@ -35,7 +35,9 @@ def check_world(folder: Path) -> None:
     """
     if not folder.is_dir():
         what = "is no folder" if folder.exists() else "does not exist"
-        raise PaveTwinError(f"The world '{folder}' {what}; make one with `pavetwin world build SOURCE -o {folder}`.")
+        raise PaveTwinError(
+            f"The world '{folder}' {what}; make one with `pavetwin world build SOURCE output={folder}`."
+        )
     missing = [name for name in FILES if not (folder / name).is_file()]
     if len(missing) == len(FILES):
         raise PaveTwinError(f"'{folder}' is no world: it has no {DESCRIPTION}; {rebuild_hint(folder)}")
@@ -70,4 +72,4 @@ def read_description(folder: Path) -> dict[str, Any]:
 
 def rebuild_hint(folder: Path) -> str:
     """The end of a message about a world that cannot be read."""
-    return f"build it again with `pavetwin world build SOURCE -o {folder}` and `force`."
+    return f"build it again with `pavetwin world build SOURCE output={folder} force`."
