@@ -55,7 +55,7 @@ def test_frames_have_the_light_of_the_missions_time_of_day(tmp_path: Path) -> No
     scene = Scene(straight((20, 3)), altitude_m=10.0)
     result = scene.fly("baseline")
     (detection,) = result.detections
-    images = MissionImages(result.environment, Replay(scene.world, VAN_ACROSS), result.seed)
+    images = MissionImages(result.environment.inspected_world, Replay(scene.world, VAN_ACROSS), result.seed)
     drawing = images.scene_renderer = Watched(images.world)
     west_over_east = {}
     for time in ("07:30", "16:30"):

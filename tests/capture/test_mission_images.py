@@ -87,7 +87,7 @@ def test_an_image_is_asked_for_with_the_captures_own_pose_motion_traffic_and_noi
     short = recording(("suv",), lambda *_: (500.0, 500.0, 0.0, 0.0), frames=201)
     longer = recording(("suv",), lambda *_: (500.0, 500.0, 0.0, 0.0), frames=401)
     replay = Replay(scene.world, short, start_s=30.0)
-    images = MissionImages(scene.environment(), replay, seed=4)
+    images = MissionImages(scene.world, replay, seed=4)
     renderer = images.scene_renderer = Asked()
     frame = Frame(7, 12.5, (20.0, 1.0), 9.0, 0.3, find_camera("paper"), Conditions(), velocity_mps=(2.0, -1.0))
     images.rendered(frame)

@@ -195,7 +195,7 @@ class Polaroid:
 def images_by(scene_renderer: Polaroid, result: MissionResult, start_s: float = 0.0) -> MissionImages:
     """The images of a mission that took off at a time of `FAR_OFF`, by a scene renderer of ours."""
     replay = Replay(result.environment.world, FAR_OFF, start_s=start_s)
-    images = MissionImages(result.environment, replay, result.seed)
+    images = MissionImages(result.environment.inspected_world, replay, result.seed)
     images.scene_renderer = scene_renderer
     return images
 

@@ -4,13 +4,12 @@ Sensors that look at images get them here in flight, saved frames after it: the 
 the first image is asked for, nothing that renders is loaded.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from pavetwin.arrays import UInt8Array
 from pavetwin.capture.daylight import Daylight
-from pavetwin.mission.environment import MissionEnvironment
 from pavetwin.mission.replay import Replay
 from pavetwin.scene.view import nadir
 from pavetwin.seeds import Stream, child
@@ -24,14 +23,16 @@ if TYPE_CHECKING:
 
 @dataclass
 class MissionImages:
-    """The image source of missions that share an environment, traffic and a seed, see `pavetwin.sensing.ImageSource`.
+    """The image source of missions that share a world, traffic and a seed, see `pavetwin.sensing.ImageSource`.
 
     Noise follows from (seed, the capture's number). The light stays as it is when the mission begins.
     """
 
-    environment: MissionEnvironment
+    world: World
+    """With the defects that the missions look for, see `MissionEnvironment.inspected_world`."""
     replay: Replay
     seed: int
+    """Of the missions' sensors."""
 
     def __call__(self, frame: Frame) -> UInt8Array:
         """(height, width, 3) sRGB, of the camera's `image_px`.
@@ -65,11 +66,6 @@ class MissionImages:
             self.replay.recorded_s(frame.time_s),
             noise=int(child(self.seed, Stream.FRAME, frame.number).integers(1 << 62)),
         )
-
-    @cached_property
-    def world(self) -> World:
-        """With the defects that the mission looks for."""
-        return replace(self.environment.world, defects=self.environment.defects)
 
     @cached_property
     def scene_renderer(self) -> "SceneRenderer":

@@ -84,6 +84,7 @@ def run(
     pavetwin experiment run study.yaml -o studies/first --engine dask --jobs 8
     pavetwin experiment run study.yaml -o studies/first --engine dask --scheduler tcp://10.0.0.1:8786
     """
+    from pavetwin.capture.mission_images import MissionImages
     from pavetwin.experiments.design import read_design
     from pavetwin.experiments.run import run as run_study
     from pavetwin.plugins import load_plugins
@@ -94,7 +95,7 @@ def run(
         chosen = chosen.model_copy(update={"plugins": (*chosen.plugins, *paths_of(plugin))})
     works = _engine(engine, scheduler, jobs, chosen)
     with progress("Reading worlds", lines=True) as tell:
-        ran = run_study(chosen, output, works, retry=retry_failed, on_progress=tell)
+        ran = run_study(chosen, output, works, image_source_factory=MissionImages, retry=retry_failed, on_progress=tell)
     _print_run(ran, output)
     if ran.failures:
         raise typer.Exit(FAILED_CODE)

@@ -151,7 +151,7 @@ def fly(
         inputs = load_inputs(spec, world=loaded, environment=environment, on_progress=tell)
     replay = inputs.traffic
     assert isinstance(replay, Replay)
-    images = MissionImages(inputs.environment, replay, spec.seed)
+    images = MissionImages(inputs.environment.inspected_world, replay, spec.seed)
     label = names[0] if len(names) == 1 else ALL
     usual = not segment and order == "random" and segments == SEGMENTS
     folder = output or (

@@ -3,7 +3,7 @@
 import io
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache, lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -25,6 +25,7 @@ from pavetwin.mission.inputs import MissionInputs
 from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.replay import Replay
 from pavetwin.mission.spec import DefectInput, MissionSpec, PolicyInput, WorldInput
+from pavetwin.sensing import ImageSource
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder
 from pavetwin.world.model import Defect, World
@@ -105,7 +106,7 @@ def _flown(plan: Plan, unit: Unit, cell: Cell, ground: "_Ground") -> list[Row]:
         settings = cell.settings(plan.design)
         environment = ground.environment(settings)
         spec = _spec(plan, unit, cell, settings, environment, ground.replay)
-        result = fly(spec, inputs=MissionInputs(environment, ground.replay))
+        result = fly(spec, inputs=MissionInputs(environment, ground.replay), image_source=ground.image_source)
     except Exception as error:
         return _failed(plan, unit, cell, _words(error))
     return [_factors(plan, unit, cell) | {STATUS: FLOWN} | _measured(row) for row in result.rows]
@@ -177,6 +178,7 @@ class _Ground:
 
     place: "_Place"
     replay: Replay
+    image_source: ImageSource | None
 
     @classmethod
     def of(cls, plan: Plan, unit: Unit) -> "_Ground":
@@ -184,8 +186,10 @@ class _Ground:
         entry = design.worlds[unit.world]
         targets = tuple(sorted(plan.segments(unit)))
         place = _Place(entry.path, plan.hashes[unit.world], targets, seeds.defects, _defects_text(design))
-        _defects(place)
-        return cls(place, _replay(plan, unit, place.world, entry))
+        world = replace(place.world, defects=_defects(place))
+        replay = _replay(plan, unit, place.world, entry)
+        factory = plan.image_source_factory
+        return cls(place, replay, None if factory is None else factory(world, replay, seeds.sensing))
 
     def environment(self, settings: MissionSettings) -> MissionEnvironment:
         return _environment(self.place, settings.altitude_m, settings.uav.radius_m, settings.visibility.cell_m)

@@ -16,10 +16,11 @@ from pavetwin.config import MissionSettings, load_settings
 from pavetwin.errors import PaveTwinError, naming
 from pavetwin.experiments.design import ALIASES, Design, Value
 from pavetwin.mission.environment import prepare
+from pavetwin.mission.replay import Replay
 from pavetwin.plugins import load_plugins, plugin_hashes
 from pavetwin.policies import load_policy
 from pavetwin.seeds import Stream, child
-from pavetwin.sensing import load_sensor
+from pavetwin.sensing import ImageSource, load_sensor
 from pavetwin.traffic.demand import density_named
 from pavetwin.uav import energy_curve, find_camera
 from pavetwin.world.model import World
@@ -27,6 +28,10 @@ from pavetwin.world.store import load_world
 
 IN_DESIGN_FILE: Final = {"`plugins`": "plugins", "`policy`": "policies", "sensing.sensor": "sensors"}
 """Parameter, as messages name it → the key of a design that gives it."""
+
+ImageSourceFactory = Callable[[World, Replay, int], ImageSource]
+"""Makes what takes the images of missions: over a world with the defects that they look for, in a replayed traffic,
+with their sensors' seed. It is pickled: a function or class at the top of a module."""
 
 _LARGEST_SEED: Final = 2**31
 _SEEDS, _SEGMENTS = 0, 1
@@ -108,6 +113,8 @@ class Plan:
     """The name of each policy of the design."""
     plugins: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of the plugin files and of what they import from beside them, by path."""
+    image_source_factory: ImageSourceFactory | None = None
+    """For sensors that look at images; called in the worker processes."""
 
     @cached_property
     def cells(self) -> tuple[Cell, ...]:

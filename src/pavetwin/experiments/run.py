@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import polars as pl
@@ -10,7 +10,7 @@ import polars as pl
 from pavetwin.experiments.design import Design
 from pavetwin.experiments.engines import Engine
 from pavetwin.experiments.metrics import FAILED, REASON, STATUS
-from pavetwin.experiments.plan import Plan, Unit, load_worlds, plan
+from pavetwin.experiments.plan import ImageSourceFactory, Plan, Unit, load_worlds, plan
 from pavetwin.experiments.store import Store
 from pavetwin.files import working_in
 
@@ -35,12 +35,19 @@ class Ran:
 
 
 def run(
-    design: Design, folder: Path, engine: Engine, *, retry: bool = False, on_progress: OnProgress | None = None
+    design: Design,
+    folder: Path,
+    engine: Engine,
+    *,
+    image_source_factory: ImageSourceFactory | None = None,
+    retry: bool = False,
+    on_progress: OnProgress | None = None,
 ) -> Ran:
     """Fly what is not flown yet.
 
     Args:
         design: with absolute paths, as `read_design` gives it.
+        image_source_factory: for sensors that look at images, such as `pavetwin.capture.mission_images.MissionImages`.
         retry: fly those units again of which a mission failed.
 
     Raises:
@@ -51,6 +58,7 @@ def run(
     store = Store(folder)
     store.check_design(design)
     made = plan(design, load_worlds(design), lambda what: tell(0.0, what))
+    made = replace(made, image_source_factory=image_source_factory)
     with working_in(folder):
         store.check(made, retry=retry)
         missing = store.missing(made.units, failed=retry)

@@ -1,7 +1,7 @@
 """From a world and settings to what the kernel flies over."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import radians
 from typing import Self
@@ -34,6 +34,11 @@ class MissionEnvironment:
     components: tuple[int | None, ...]
     """For each segment, the part of the mesh that its middle lies in (or next to)."""
     base_component: int | None
+
+    @property
+    def inspected_world(self) -> World:
+        """The world with the defects that are looked for."""
+        return replace(self.world, defects=self.defects)
 
     @cached_property
     def defects_hash(self) -> str:
