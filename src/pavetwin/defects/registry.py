@@ -25,7 +25,7 @@ class LabelRule:
     least_area_px: int = 20
     """Of its mask."""
     least_contrast: float = 15.0
-    """Root mean square difference from the road without it, in levels of 255."""
+    """How much it changes the image, in standard deviations of the defect-free pavement (`capture.contrast`)."""
 
 
 @dataclass(frozen=True, slots=True)
