@@ -19,7 +19,7 @@ from shapely import Geometry, LineString, Polygon
 
 from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
-from pavetwin.draw.shapes import fill, fill_outlines, points_per_m
+from pavetwin.draw.shapes import fill, points_per_m
 from pavetwin.world.model import Segment
 
 SMALLEST_PT, LARGEST_PT = 4.4, 8.0
@@ -94,7 +94,7 @@ def street_names(
     # Lane lines between two words would read as hyphens.
     fill(axes, spines, 4.5, style.CARRIAGEWAY)
     for face, edge, width in ((style.PAPER, style.PAPER, 1.5), (colour, "none", 0.0)):
-        fill_outlines(axes, glyphs, zorder, face, edge, width, alpha=0.9)
+        fill(axes, glyphs, zorder, face, edge, width, alpha=0.9)
     return left_out
 
 

@@ -5,17 +5,17 @@ Every function draws into axes in metres, either of the world frame or of a page
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import hypot
 from typing import Any
 
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.collections import LineCollection
 from matplotlib.patches import FancyArrowPatch
 
 from pavetwin.arrays import Float64Array
 from pavetwin.draw import shapes, style
+from pavetwin.draw.lettering import OccupiedSpace
 from pavetwin.draw.marks import DefectOutcome, outcomes, windows
 from pavetwin.draw.turned import MapTransform
 from pavetwin.draw.world_map import ABOVE_WORLD, base_symbol
@@ -83,16 +83,7 @@ def draw_windows(axes: Axes, result: MissionResult, turn: MapTransform, segment:
     polygon = turn.shape(result.environment.world.segments[segment].polygon)
     inside = np.asarray(shapely.intersection(shapely.polygons(turn.points(corners)), polygon))
     touching = ~shapely.is_empty(inside)
-    axes.add_collection(
-        PathCollection(
-            [shapes.outline(part) for part in inside[touching]],
-            facecolors=faces[touching],
-            edgecolors=edges[touching],
-            linewidths=0.45,
-            zorder=_WINDOWS,
-        ),
-        autolim=False,
-    )
+    shapes.fill(axes, inside[touching].tolist(), _WINDOWS, faces[touching], edges[touching], 0.45)
 
 
 def draw_route(axes: Axes, result: MissionResult, turn: MapTransform, weights: Weights) -> None:
@@ -170,28 +161,25 @@ def draw_stations(axes: Axes, result: MissionResult, turn: MapTransform) -> None
 
 def _label_waits(axes: Axes, stays: Sequence[HoverStop], turn: MapTransform, weights: Weights) -> None:
     """Seconds beside the longest waits, where they fit: no label overlaps another one or another wait's centre."""
-    per_point = axes.figure.dpi / 72
-    spots = axes.transData.transform(turn.points([stay.position for stay in stays]).reshape(-1, 2))
-    taken: list[tuple[float, float]] = []
-    view = axes.get_window_extent()
-    size = weights.label * per_point
+    if not stays:
+        return
+    pt_px = axes.figure.dpi / 72
+    spots = axes.transData.transform(turn.points([stay.position for stay in stays]))
+    size, view, occupied = weights.label * pt_px, shapely.box(*axes.get_window_extent().extents), OccupiedSpace()
+    for spot in spots:
+        occupied.take(shapely.Point(spot))
     for stay, spot in list(zip(stays, spots, strict=True))[:_LABELLED]:
-        radius = (wait_area(stay.seconds, weights) / np.pi) ** 0.5 * per_point
+        radius = (wait_area(stay.seconds, weights) / np.pi) ** 0.5 * pt_px
         text = f"{stay.seconds:.0f} s"
         half = 0.33 * size * len(text)
         for right, up in ((1, 0), (-1, 0), (0, 1), (0, -1), (0.8, 0.8), (-0.8, 0.8), (0.8, -0.8), (-0.8, -0.8)):
-            middle = (spot[0] + right * (radius + half + 2), spot[1] + up * (radius + 0.7 * size))
-            crowded = any(abs(middle[0] - x) < 2.1 * half and abs(middle[1] - y) < 1.1 * size for x, y in taken)
-            covers = any(
-                other is not stay and hypot(middle[0] - x, middle[1] - y) < half + 2
-                for other, (x, y) in zip(stays, spots, strict=True)
-            )
-            inside = view.x0 + half < middle[0] < view.x1 - half and view.y0 + size < middle[1] < view.y1 - size
-            if inside and not crowded and not covers:
-                taken.append(middle)
-                x, y = axes.transData.inverted().transform(middle)
+            x, y = spot + (right * (radius + half + 2), up * (radius + 0.7 * size))
+            plate = shapely.box(x - half, y - 0.55 * size, x + half, y + 0.55 * size)
+            if view.contains(plate) and occupied.free(plate):
+                occupied.take(plate)
+                x, y = axes.transData.inverted().transform((x, y))
                 axes.text(
-                    x, y, text, fontsize=weights.label, color=WAIT, fontweight="bold", ha="center", va="center",
-                    zorder=_LABELS + 1, path_effects=style.halo(),
+                    x, y, text, fontsize=weights.label, color=WAIT,
+                    fontweight="bold", ha="center", va="center", zorder=_LABELS + 1, path_effects=style.halo(),
                 )  # fmt: skip
                 break

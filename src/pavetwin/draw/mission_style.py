@@ -7,6 +7,7 @@ from typing import Final
 import matplotlib
 import numpy as np
 from matplotlib.colors import to_rgb
+from matplotlib.typing import ColorType
 from PIL import ImageFont
 
 from pavetwin.draw.style import VISIBILITY
@@ -56,8 +57,8 @@ def visibility_rgb(visibility: float) -> Rgb:
     return round(255 * red), round(255 * green), round(255 * blue)
 
 
-def rgb(colour: str) -> Rgb:
-    """A hexadecimal colour as eight bits a channel."""
+def rgb(colour: ColorType) -> Rgb:
+    """A colour as eight bits a channel."""
     red, green, blue = (round(255 * part) for part in to_rgb(colour))
     return red, green, blue
 

@@ -17,6 +17,9 @@ from shapely import Geometry, LineString, Polygon
 
 from pavetwin.arrays import Float64Array, IndexArray
 
+Colours = ColorType | Sequence[ColorType] | Float64Array
+"""One for all, or one each; as an array, (n, 4)."""
+
 
 def mix(colour: ColorType, other: ColorType, share: float) -> tuple[float, float, float]:
     """`colour` with a share of `other` in it, 0 … 1."""
@@ -57,29 +60,15 @@ def outline(shape: Geometry) -> Outline:
 
 def fill(
     axes: Axes,
-    shapes: Sequence[Geometry],
+    shapes: Sequence[Geometry | Outline],
     zorder: float,
-    face: ColorType | Sequence[ColorType],
-    edge: ColorType = "none",
+    face: Colours,
+    edge: Colours = "none",
     width_pt: float = 0.0,
-    alpha: float = 1.0,
+    alpha: float | None = None,
 ) -> None:
-    """Polygons, filled with one colour or one each."""
-    chosen = seen(axes, shapes)
-    faces = [face[i] for i in chosen] if isinstance(face, list) else face
-    fill_outlines(axes, [outline(shapes[i]) for i in chosen], zorder, faces, edge, width_pt, alpha)
-
-
-def fill_outlines(
-    axes: Axes,
-    outlines: Sequence[Outline],
-    zorder: float,
-    face: ColorType | Sequence[ColorType],
-    edge: ColorType = "none",
-    width_pt: float = 0.0,
-    alpha: float = 1.0,
-) -> None:
-    """Paths, filled with one colour or one each."""
+    """Polygons or paths, filled with one colour or one each."""
+    outlines = [shape if isinstance(shape, Outline) else outline(shape) for shape in shapes]
     paths = PathCollection(outlines, facecolors=face, edgecolors=edge, linewidths=width_pt, joinstyle="round")
     paths.set(alpha=alpha, zorder=zorder)
     axes.add_collection(paths, autolim=False)

@@ -1,7 +1,6 @@
 """A close view of one segment, rotated so that the street is horizontal."""
 
 from dataclasses import dataclass, replace
-from math import cos, sin
 
 import numpy as np
 import shapely
@@ -91,7 +90,7 @@ def draw_strip(
         above = style.panel(figure, left, bottom + strip.height_in, width, strip.caption_in)
         first_line = strip.caption_in - CAPTION_IN
         style.scale_bar(above, width - 0.5, first_line + 0.05, width / strip.width_m, longest=0.85)
-        _north(above, width - 0.12, first_line + 0.12, strip.turn.north_rad)
+        style.north_arrow(above, width - 0.12, first_line + 0.13, 0.18, turn_rad=-strip.turn.angle_rad)
     return axes
 
 
@@ -113,12 +112,3 @@ def clipped(shape: Float64Array, bounds: style.Bounds) -> Float64Array:
     """The part of a closed line inside `bounds`, as one line; for frames that reach out of a map."""
     part = shapely.intersection(shapely.Polygon(shape), shapely.box(*bounds))
     return shapely.get_coordinates(part)
-
-
-def _north(axes: Axes, x: float, y: float, angle_rad: float) -> None:
-    """An arrow to the north, turned with the page and 0.2 inches long; x and y in inches."""
-    ahead = np.array([cos(angle_rad), sin(angle_rad)])
-    aside = np.array([-ahead[1], ahead[0]])
-    middle = np.array([x, y])
-    corners = [middle + 0.2 * (a * ahead + b * aside) for a, b in ((0.5, 0), (-0.5, 0.28), (-0.28, 0), (-0.5, -0.28))]
-    axes.fill(*np.transpose(corners), facecolor=style.INK, linewidth=0)

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from math import floor, log10
+from math import ceil, floor, log10
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -20,10 +20,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
 from matplotlib.textpath import text_to_path
+from matplotlib.transforms import Affine2D
 from matplotlib.typing import ColorType
+from PIL import Image
 
-from pavetwin.draw.png import shrink
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 
@@ -165,6 +168,16 @@ class LegendEntry:
     edge: ColorType = "none"
     size_pt: float = 5.0
 
+    @property
+    def handle(self) -> Patch | Line2D:
+        if self.symbol == "patch":
+            return Patch(facecolor=self.colour, edgecolor=self.edge, linewidth=0.6, label=self.label)
+        look: dict[str, Any] = {"linewidth": self.size_pt}
+        if self.symbol != "line":
+            edge = self.colour if self.edge == "none" else self.edge
+            look = {"linestyle": "", "marker": self.symbol, "markersize": self.size_pt, "markeredgecolor": edge}
+        return Line2D([], [], color=self.colour, label=self.label, **look)
+
 
 @dataclass(frozen=True)
 class MapFigure:
@@ -199,9 +212,11 @@ def map_figure(
     scale = longest_in / longer
     width, height = max((east - west) * scale, 4.0), max((north - south) * scale, 2.5)
     beside = width >= _NARROW_IN
-    rows = _flow(legend, width - _SCALE_BAR_IN if beside else width)
+    widest = max((text_width_pt(entry.label, _LEGEND_PT) / 72 + 0.42 for entry in legend), default=1.0)
+    columns = max(1, int((width - _SCALE_BAR_IN if beside else width) // widest))
     drop = 0.17 if beside else 0.72
-    margin, head, foot = 0.25, 0.55 if subtitle else 0.42, max(0.68, drop + 0.05 + _ROW_IN * len(rows))
+    rows = ceil(len(legend) / columns)
+    margin, head, foot = 0.25, 0.55 if subtitle else 0.42, max(0.68, drop + 0.05 + _ROW_IN * rows)
     figure = new_figure(width + 2 * margin, height + head + foot)
     total_w, total_h = figure.get_size_inches()
     axes = axes_in(figure, margin, foot, width, height)
@@ -214,41 +229,17 @@ def map_figure(
     scale_bar(footer, width - 0.42, foot - 0.3, width / (east - west))
     if credit:
         footer.text(width, foot - 0.5, credit, fontsize=5.8, color=INK_SOFT, ha="right", va="center")
-    for number, row in enumerate(rows):
-        for x, entry in row:
-            _legend_entry(footer, x, foot - drop - _ROW_IN * number, entry)
+    if legend:
+        footer.legend(
+            handles=[entry.handle for entry in legend], ncols=columns, fontsize=_LEGEND_PT, loc="upper left",
+            bbox_to_anchor=(0, 1 - (drop - _ROW_IN / 2) / foot), borderpad=0, borderaxespad=0, labelspacing=0.68,
+            columnspacing=1.5,
+        )  # fmt: skip
     return MapFigure(figure, axes, footer)
 
 
 _NARROW_IN, _SCALE_BAR_IN = 6.0, 2.4
 _ROW_IN, _LEGEND_PT = 0.165, 6.4
-
-
-def _flow(entries: Sequence[LegendEntry], width: float) -> list[list[tuple[float, LegendEntry]]]:
-    """The entries in columns of one width, row by row, each with its left edge in inches."""
-    if not entries:
-        return []
-    widest = max(text_width_pt(entry.label, _LEGEND_PT) for entry in entries) / 72 + 0.42
-    columns = max(1, int(width // widest))
-    rows = -(-len(entries) // columns)
-    return [[(column * widest, entry) for column, entry in enumerate(entries[row::rows])] for row in range(rows)]
-
-
-def _legend_entry(footer: Axes, x: float, y: float, entry: LegendEntry) -> None:
-    if entry.symbol == "patch":
-        footer.fill(
-            [x, x + 0.2, x + 0.2, x], [y - 0.05, y - 0.05, y + 0.05, y + 0.05],
-            facecolor=entry.colour, edgecolor=entry.edge, linewidth=0.6,
-        )  # fmt: skip
-    elif entry.symbol == "line":
-        footer.plot([x, x + 0.2], [y, y], color=entry.colour, linewidth=entry.size_pt)
-    else:
-        footer.plot(
-            x + 0.1, y, marker=entry.symbol, markersize=entry.size_pt,
-            markerfacecolor=entry.colour, markeredgecolor=entry.edge if entry.edge != "none" else entry.colour,
-            markeredgewidth=0.8,
-        )  # fmt: skip
-    footer.text(x + 0.27, y, entry.label, fontsize=_LEGEND_PT, va="center_baseline")
 
 
 @cache
@@ -294,24 +285,21 @@ def scale_bar(axes: Axes, right: float, y: float, unit_per_m: float, *, longest:
     length_m = nice_length_m(longest / unit_per_m)
     length = length_m * unit_per_m
     left, height = right - length, 0.045
-    for part in range(4):
-        colour = INK if part % 2 == 0 else PAPER
-        axes.fill_between(
-            [left + part * length / 4, left + (part + 1) * length / 4], y, y + height, facecolor=colour, linewidth=0
-        )
-    axes.plot([left, right, right, left, left], [y, y, y + height, y + height, y], color=INK, linewidth=0.5)
+    axes.broken_barh([(left + part * length / 4, length / 4) for part in (0, 2)], (y, height), facecolor=INK)
+    axes.add_patch(Rectangle((left, y), length, height, facecolor="none", edgecolor=INK, linewidth=0.5))
     for share in (0.0, 0.5, 1.0):
         unit = " m" if share == 1.0 else ""
         axes.text(left + share * length, y + 0.09, f"{share * length_m:g}{unit}", fontsize=6, ha="center", va="bottom")
 
 
-def north_arrow(axes: Axes, x: float, y: float, size: float = 0.26) -> None:
-    """A slim arrow to the north, its middle at (x, y) in the coordinates of `axes`."""
-    half, tip, tail = size * 0.24, y + size * 0.5, y - size * 0.5
-    notch = tail + size * 0.24
-    axes.fill([x, x - half, x], [tip, tail, notch], facecolor=INK, edgecolor=INK, linewidth=0.5)
-    axes.fill([x, x + half, x], [tip, tail, notch], facecolor=PAPER, edgecolor=INK, linewidth=0.5)
-    axes.text(x, tip + 0.02, "N", fontsize=6, fontweight="bold", ha="center", va="bottom")
+def north_arrow(axes: Axes, x: float, y: float, size: float = 0.26, *, turn_rad: float = 0.0) -> None:
+    """A slim arrow to the north, turned anticlockwise, its middle at (x, y) in the coordinates of `axes`."""
+    place = Affine2D().scale(size).rotate(turn_rad).translate(x, y)
+    for side, colour in ((-0.24, INK), (0.24, PAPER)):
+        half = place.transform([(0, 0.5), (side, -0.5), (0, -0.26)])
+        axes.fill(*half.T, facecolor=colour, edgecolor=INK, linewidth=0.5)
+    label_x, label_y = place.transform((0, 0.76))
+    axes.text(label_x, label_y, "N", fontsize=6, fontweight="bold", ha="center", va="center")
 
 
 def nice_length_m(longest_m: float) -> float:
@@ -322,6 +310,8 @@ def nice_length_m(longest_m: float) -> float:
 
 def save_figure(figure: Figure, path: Path) -> None:
     """Write a figure as PNG, SVG or PDF by the path's suffix; the same figure gives the same bytes.
+
+    A PNG has a palette of 256 colours, which keeps the appearance of a map at a third of the size.
 
     Raises:
         PaveTwinError: the suffix is none of these, or the file cannot be written. Nothing is left behind.
@@ -338,4 +328,6 @@ def save_figure(figure: Figure, path: Path) -> None:
         matplotlib.rcParams["svg.hashsalt"] = "pavetwin"
         figure.savefig(temporary, format=kind[1:], dpi=DPI, metadata=metadata[kind])
         if kind == ".png":
-            shrink(temporary)
+            with Image.open(temporary) as image:
+                small = image.convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE, 1, dither=Image.Dither.NONE)
+            small.save(temporary, format="PNG", optimize=True)

@@ -38,22 +38,18 @@ class MapTransform:
         return MapTransform((float(middle[0]), float(middle[1])), angle)
 
     @property
-    def north_rad(self) -> float:
-        """The direction of north on the page, counter-clockwise from its right."""
-        return np.pi / 2 - self.angle_rad
+    def _axes(self) -> Float64Array:
+        """(2, 2) the page's directions in the world, a column each."""
+        c, s = cos(self.angle_rad), sin(self.angle_rad)
+        return np.array([[c, -s], [s, c]])
 
     def points(self, xy: npt.ArrayLike) -> Float64Array:
         """World (..., 2) to page (..., 2), metres both."""
-        given = np.asarray(xy, dtype=np.float64)
-        east, north = np.moveaxis((given if given.size else given.reshape(0, 2)) - self.origin, -1, 0)
-        c, s = cos(self.angle_rad), sin(self.angle_rad)
-        return np.stack([c * east + s * north, c * north - s * east], axis=-1)
+        return (np.asarray(xy, dtype=np.float64) - self.origin) @ self._axes
 
     def back(self, xy: npt.ArrayLike) -> Float64Array:
         """Page (..., 2) to world (..., 2)."""
-        right, up = np.moveaxis(np.asarray(xy, dtype=np.float64), -1, 0)
-        c, s = cos(self.angle_rad), sin(self.angle_rad)
-        return np.stack([c * right - s * up, s * right + c * up], axis=-1) + self.origin
+        return np.asarray(xy, dtype=np.float64) @ self._axes.T + self.origin
 
     def shape(self, geometry: Shape) -> Shape:
         return shapely.transform(geometry, self.points)

@@ -133,7 +133,7 @@ class _Plan:
         heights = np.array([house.height_m for house in houses])
         bases = [house.polygon for house in houses]
         cast = shapes.shadow(bases, heights, SHADOW_EAST, SHADOW_SOUTH, SHADOW_LONGEST_M)
-        shapes.fill_outlines(self.axes, [cast], 5, self.shade(style.SHADOW), alpha=0.22)
+        shapes.fill(self.axes, [cast], 5, self.shade(style.SHADOW), alpha=0.22)
         faces: list[ColorType] = [
             self.shade(shapes.mix(style.BUILDING_LOW, style.BUILDING_HIGH, min(1.0, float(height) / TALL_M)))
             for height in heights
