@@ -58,5 +58,5 @@ def cli_page() -> str:
         raise PluginError(f"{PYTHON} cannot describe the command line:\n{told.stderr}")
     title, _, rest = told.stdout.replace("\b", "").partition("\n")
     # The lines of an example stand together, one command a line; Markdown would run them into one paragraph.
-    fenced = re.sub(r"\n\n((?:pavetwin .*\n)+)", r"\n\n```console\n\1```\n", re.sub(r"\n{3,}", "\n\n", rest))
+    fenced = re.sub(r"\n\n((?:pavetwin .*\n)+)", r"\n\n```bash\n\1```\n", re.sub(r"\n{3,}", "\n\n", rest))
     return f"{title}\n{INTRODUCTION}{fenced}"

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Runs every checker, so that one run shows all there is to mend. Exit code 1 if any of them complained.
+# Runs every checker, so that one run shows everything that must be fixed. Exit code 1 if any of them complained.
 set -uo pipefail
 cd "$(dirname "$0")/.." || exit
 failed=()

@@ -79,7 +79,7 @@ check_tools() {
         stop "Rust ≥ $rust_wanted is needed, and rustc is $rust_here. Run: rustup update stable"
 }
 
-# The environment is made anew only for another interpreter or in another place: its scripts name both.
+# The environment is made again only for another interpreter or in another place: its scripts name both.
 make_venv() {
     local key
     key="$root $("$python" -c 'import sys; print(sys.base_prefix, sys.version)')"

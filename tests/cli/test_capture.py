@@ -160,7 +160,7 @@ FAR_OFF = recording(("suv",), lambda *_: (500.0, 500.0, 0.0, 0.0), frames=600)
 
 
 class Polaroid:
-    """A theatre whose pictures show a box a defect and nothing else, and that notes what it was asked."""
+    """A scene renderer whose images show a box a defect and nothing else, and that records its requests."""
 
     def __init__(self, defects: Sequence[Defect]) -> None:
         self.defects = defects

@@ -23,7 +23,7 @@ from pavetwin.defects import (
     sample_points,
 )
 from pavetwin.defects.poses import RoadSection, wheel_paths
-from pavetwin.defects.poses import poses as laid
+from pavetwin.defects.poses import poses as placed_poses
 from pavetwin.defects.pothole import pothole, sample_pothole_poses
 from pavetwin.defects.severity import pothole_severity
 from pavetwin.defects.shapes import turned
@@ -168,7 +168,7 @@ def dent(generator: np.random.Generator) -> Heightfield:
 def dents() -> Iterator[None]:
     defect_class(
         "dent",
-        sample_poses=lambda luck, road, count: laid(luck, wheel_paths(luck, road, count), 0.0, 1.0),
+        sample_poses=lambda rng, road, count: placed_poses(rng, wheel_paths(rng, road, count), 0.0, 1.0),
         rate=pothole_severity,
         width=lambda sizes: sizes.diameter_m,
         weight=1.0,

@@ -255,7 +255,7 @@ def test_a_mission_that_fails_is_a_row_with_its_reason_and_stops_nothing(
     assert not run(small(world), tmp_path / "study", Single(), retry=True).failures
 
 
-def test_a_mended_policy_replaces_one_of_which_all_missions_failed(
+def test_a_fixed_policy_replaces_one_of_which_all_missions_failed(
     world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file, folder = tmp_path / "mine.py", tmp_path / "study"
@@ -270,7 +270,7 @@ def test_a_mended_policy_replaces_one_of_which_all_missions_failed(
     design = small(world, policies=["baseline", f"{file}:Mine"], replicates=1)
     assert sum(run(design, folder, Single()).failures.values()) == 4
     before = digests(folder)
-    file.write_text(MINE.format("mended"))
+    file.write_text(MINE.format("fixed"))
     with pytest.raises(PaveTwinError, match="`retry` flies them again"):
         run(design, folder, Single())
     assert digests(folder) == before
@@ -295,7 +295,7 @@ def test_what_a_policy_imports_is_part_of_it(world: Path, tmp_path: Path, monkey
         run(design, tmp_path / "study", Single(), retry=True)
 
 
-def test_mended_routes_replace_those_of_which_all_missions_failed(world: Path, tmp_path: Path) -> None:
+def test_fixed_routes_replace_those_of_which_all_missions_failed(world: Path, tmp_path: Path) -> None:
     edge = next(lane.edge for lane in load_world(world).lanes if lane.kind == "driving")
     route, folder = tmp_path / "own.rou.xml", tmp_path / "study"
 
@@ -389,7 +389,7 @@ def test_what_is_kept_of_the_traffic_does_not_depend_on_kills(
         file.unlink()
     run(design, tmp_path / "whole", Single())
     kept = digests(traffic)
-    for left_s in (10.0, 10.0 * GROWTH):  # by a kill before and after a recording was prolonged
+    for left_s in (10.0, 10.0 * GROWTH):  # by a kill before and after a recording was extended
         for file in traffic.glob("*.parquet"):
             recording = load_recording(file)
             assert recording.duration_s > left_s

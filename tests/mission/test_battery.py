@@ -130,7 +130,7 @@ def test_waiting_longer_than_a_battery_lasts_is_one_plain_error() -> None:
 
 
 def test_waiting_on_a_low_battery_goes_on_with_the_next() -> None:
-    """The car stays longer than the battery lasts; the wait begins anew with the next, and ends with the car."""
+    """The car stays longer than the battery lasts; the wait begins again with the next, and ends with the car."""
     scene = Scene(straight((30, 0), width_m=4.0), (parked(30, 0, until_s=300.0),))
     ours = scene.fly("hover", *battery(6.5))
     assert ours.swaps >= 1

@@ -89,7 +89,7 @@ def test_a_snapshot_stays_as_it_is_when_the_mission_flies_on() -> None:
     def told(snapshot: Snapshot) -> object:
         place = snapshot.occlusion.hidden_place if snapshot.occlusion else None
         shares = tuple(snapshot.moment.predict(candidates))
-        agents = tuple(snapshot.moment.agents())  # asked anew, not remembered
+        agents = tuple(snapshot.moment.agents())  # computed again, not remembered
         memory = snapshot.memory
         return (
             snapshot.time_s,

@@ -43,9 +43,9 @@ def test_stripes_belong_to_crossings_that_reach_the_kerb(town: str) -> None:
 
 def test_a_crossing_is_painted_until_another_crosses_it() -> None:
     world = built("berlin_neukoelln").world
-    laid = stripes(plan_ground(world, 3))
-    counts = [int(shapely.contains_xy(crossing.polygon, laid).sum()) for crossing in world.crossings]
+    painted = stripes(plan_ground(world, 3))
+    counts = [int(shapely.contains_xy(crossing.polygon, painted).sum()) for crossing in world.crossings]
     first = world.crossings[int(np.argmax(counts))]
     turned = replace(first, id="turned", polygon=affinity.rotate(first.polygon, 90.0))
     crossed = stripes(plan_ground(replace(world, crossings=(*world.crossings, turned)), 3))
-    assert len(crossed) <= len(laid) - max(counts) < len(laid)
+    assert len(crossed) <= len(painted) - max(counts) < len(painted)

@@ -58,7 +58,7 @@ def test_gutters_narrow_to_nothing_where_they_end(name: str) -> None:
 
 
 def test_no_defect_reaches_into_a_gutter() -> None:
-    """Not even the ring about it that is laid anew; on streets without gutters some come nearer to the edge."""
+    """Not even the ring about it that is drawn again; on streets without gutters some come nearer to the edge."""
     where = plan("berlin_neukoelln")
     with_gutter = [segment for segment in where.world.segments if has_gutter(segment.street)][:4]
     without = [segment for segment in where.world.segments if not has_gutter(segment.street)][:4]

@@ -1,4 +1,4 @@
-"""A photographer without a renderer: outlines of defects and boxes of agents, filled by Pillow."""
+"""A frame source without a renderer: outlines of defects and boxes of agents, filled by Pillow."""
 
 import time
 from dataclasses import dataclass

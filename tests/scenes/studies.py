@@ -33,10 +33,10 @@ def study(
     """One row a mission. Values vary by replicate, by its traffic, and by mission; energy goes by time."""
     rng = np.random.default_rng(seed)
     rows = [dict(zip(levels, cell, strict=True)) for cell in product(*levels.values())]
-    luck: dict[tuple[Any, ...], np.ndarray] = {}
+    draws: dict[tuple[Any, ...], np.ndarray] = {}
 
     def drawn(*key: Any) -> np.ndarray:
-        return luck.setdefault(key, rng.normal(size=len(METRICS)))
+        return draws.setdefault(key, rng.normal(size=len(METRICS)))
 
     table = []
     for cell, replicate in product(rows, range(replicates)):

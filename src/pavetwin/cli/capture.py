@@ -49,7 +49,7 @@ def make(
     world: WorldFolder,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the dataset.")] = None,
     platform: Annotated[str, typer.Option(help="What carries the camera: uav or car.")] = "uav",
-    images: Annotated[int, typer.Option(help="How many; a dataset may be given more later.")] = 100,
+    images: Annotated[int, typer.Option(help="Number of images; a dataset may be extended later.")] = 100,
     altitude: Annotated[
         list[float] | None, typer.Option(help="Of the UAV, in metres; may be repeated. 6, 10 and 15 unless given.")
     ] = None,
@@ -63,11 +63,11 @@ def make(
     ] = None,
     formats: Annotated[str, typer.Option(help="Label files: any of yolo, voc and coco.")] = "yolo,voc,coco",
     split: Annotated[str, typer.Option(help="Percent of train/val/test, by whole streets.")] = "70/15/15",
-    empty: Annotated[float, typer.Option(help="Share of images that show no defect.")] = 0.15,
+    empty: Annotated[float, typer.Option(help="Share of images that must show no defect.")] = 0.15,
     png: Annotated[bool, typer.Option("--png", help="Store images without loss.")] = False,
     quality: Annotated[int, typer.Option(help="Of JPEG, 50 to 100.")] = 92,
     plugin: Plugins = None,
-    jobs: Annotated[int, typer.Option(help="Worker processes; they change only the time it takes.")] = 1,
+    jobs: Annotated[int, typer.Option(help="Number of worker processes; the images do not depend on it.")] = 1,
 ) -> None:
     """Capture labelled images of a world, or continue an unfinished dataset.
 
@@ -124,10 +124,10 @@ def make(
 def show(
     dataset: Annotated[Path, typer.Argument(help="Folder of a dataset.")],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Where the sheet goes; contact-sheet.png in it otherwise.")
+        Path | None, typer.Option("--output", "-o", help="The picture; contact-sheet.png in the dataset unless given.")
     ] = None,
-    count: Annotated[int, typer.Option(help="How many images.")] = 24,
-    split: Annotated[str | None, typer.Option(help="Of one split: train, val or test.")] = None,
+    count: Annotated[int, typer.Option(help="Number of images.")] = 24,
+    split: Annotated[str | None, typer.Option(help="Only of this split: train, val or test.")] = None,
 ) -> None:
     """Draw a contact sheet of a dataset, with its boxes and masks.
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 Date = Annotated[str | None, typer.Option(metavar="YYYY-MM-DD", help="Date of the flight, for the light of frames.")]
 Time = Annotated[
-    str | None, typer.Option(metavar="HH:MM", help="Time of day at take-off, by the sun at the world's base.")
+    str | None, typer.Option(metavar="HH:MM", help="Time of day at take-off: mean solar time at the world's base.")
 ]
 Clouds = Annotated[float | None, typer.Option(metavar="0…1", help="Cloud cover: 0 clear, 1 overcast.")]
 Wind = Annotated[

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pavetwin.world.model import World
 
 app = typer.Typer(
-    help="Studies: policies, altitudes and traffic in replicates, with statistics.",
+    help="Fly studies: policies, altitudes and traffic in replicates, with statistics.",
     no_args_is_help=True,
 )
 
@@ -68,14 +68,18 @@ def init(
 @app.command()
 def run(
     design: Annotated[Path, typer.Argument(metavar="DESIGN.yaml", help="The design; `init` writes one.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the study; unfinished, it is continued.")],
-    jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes; one a core unless given.")] = None,
-    engine: Annotated[str, typer.Option(help="local, or dask.")] = "local",
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Folder of the study; an unfinished one is continued.")
+    ],
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Number of worker processes; one per core unless given.")
+    ] = None,
+    engine: Annotated[str, typer.Option(help="What distributes the missions: local or dask.")] = "local",
     scheduler: Annotated[
-        str | None, typer.Option(metavar="tcp://HOST:PORT", help="With dask: a scheduler that runs already.")
+        str | None, typer.Option(metavar="tcp://HOST:PORT", help="With dask: address of a running scheduler.")
     ] = None,
     plugin: Plugins = None,
-    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Fly again what failed.")] = False,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Fly failed missions again.")] = False,
 ) -> None:
     """Fly a study. After an interruption the same command continues where it stopped.
 
@@ -105,9 +109,9 @@ def run(
 def query(
     folder: Folder,
     sql: Annotated[str, typer.Argument(metavar="SQL", help="A query of the table `segments`, in DuckDB's SQL.")],
-    csv: Annotated[bool, typer.Option("--csv", help="As CSV, whole; else as a table to look at.")] = False,
+    csv: Annotated[bool, typer.Option("--csv", help="Print everything as CSV instead of a table.")] = False,
 ) -> None:
-    """Query the study's table, one row a segment mission.
+    """Query the study's table with SQL; it has one row per segment mission.
 
     \b
     pavetwin experiment query studies/first "select policy, avg(coverage) from segments group by all order by 1"

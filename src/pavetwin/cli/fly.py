@@ -51,7 +51,7 @@ def fly(
     time: Time = None,
     clouds: Clouds = None,
     wind: Wind = None,
-    order: Annotated[str, typer.Option(help="random, or near for a short tour.")] = "random",
+    order: Annotated[str, typer.Option(help="Order of the segments: random, or near for a short tour.")] = "random",
     seed: Annotated[int, typer.Option(help="Random seed of traffic, order and sensor; 0 is a seed too.")] = 0,
     preset: Annotated[str, typer.Option(help="default or paper.")] = "default",
     set_: Annotated[
@@ -69,15 +69,15 @@ def fly(
     ] = None,
     defect_seed: Annotated[int | None, typer.Option(help="Place the defects again under this seed.")] = None,
     again: Annotated[
-        Path | None, typer.Option(metavar="mission.yaml", help="Fly that mission again; needs nothing else.")
+        Path | None, typer.Option(metavar="mission.yaml", help="Fly that mission again; needs no other option.")
     ] = None,
     plugin: Plugins = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the results.")] = None,
     animate: Annotated[bool, typer.Option("--animate", help="Also draw an animation, mission.gif.")] = False,
     save_frames: Annotated[
-        bool, typer.Option("--save-frames", help="Also take the frames of confirmed defects, labelled, into frames/.")
+        bool, typer.Option("--save-frames", help="Also render labelled frames of confirmed defects into frames/.")
     ] = False,
-    settings: Annotated[bool, typer.Option("--settings", help="Show all settings as they would be, and stop.")] = False,
+    settings: Annotated[bool, typer.Option("--settings", help="Print the settings of this call and exit.")] = False,
 ) -> None:
     """Fly a UAV over a world's streets in recorded traffic, and measure what it sees.
 

@@ -20,16 +20,20 @@ app = typer.Typer(help="Record traffic over a world with SUMO.", no_args_is_help
 @app.command()
 def record(
     world: WorldFolder,
-    density: Annotated[str | None, typer.Option(help="low, medium or high.")] = None,
-    vehicles_per_lane_km: Annotated[float | None, typer.Option(help="Your own density of vehicles.")] = None,
-    pedestrians_per_sidewalk_km: Annotated[float | None, typer.Option(help="Your own density of pedestrians.")] = None,
+    density: Annotated[str | None, typer.Option(help="Density of the traffic: low, medium or high.")] = None,
+    vehicles_per_lane_km: Annotated[
+        float | None, typer.Option(help="Vehicles per kilometre of driving lane, instead.")
+    ] = None,
+    pedestrians_per_sidewalk_km: Annotated[
+        float | None, typer.Option(help="Pedestrians per kilometre of sidewalk, instead.")
+    ] = None,
     routes: Annotated[
         list[Path] | None,
-        typer.Option(metavar="FILE.rou.xml", help="Your own demand, driven as it is; may be given several times."),
+        typer.Option(metavar="FILE.rou.xml", help="Your own SUMO demand, unchanged; may be repeated."),
     ] = None,
     seed: Annotated[int, typer.Option(help="Random seed of the traffic; 0 is a seed like any other.")] = 0,
     duration: Annotated[float, typer.Option(help="How long to record, in seconds.")] = 600.0,
-    force: Annotated[bool, typer.Option("--force", help="Record even where this traffic is there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Record again, even if this traffic exists.")] = False,
 ) -> None:
     """Record traffic over a world; what was recorded before from the same inputs is used again.
 

@@ -28,17 +28,17 @@ def build(
     seed: Annotated[int, typer.Option(help="Random seed of the world; 0 is a seed like any other.")] = 0,
     segment_length: Annotated[float, typer.Option(help="Longest segment, in metres.")] = 135.0,
     defects_per_segment: Annotated[
-        float | None, typer.Option(help="Defects on a segment, where they fit.", show_default="30")
+        float | None, typer.Option(help="Number of defects per segment, where they fit.", show_default="30")
     ] = None,
     defects_per_100_m2: Annotated[
-        float | None, typer.Option("--defects-per-100-m2", help="Instead: defects on 100 m² of a segment.")
+        float | None, typer.Option("--defects-per-100-m2", help="Instead: number of defects per 100 m² of a segment.")
     ] = None,
     anchor: Annotated[
-        str | None, typer.Option(metavar="LAT,LON", help="Where the origin of a network without a place lies.")
+        str | None, typer.Option(metavar="LAT,LON", help="Place of the origin of a SUMO network without a projection.")
     ] = None,
-    left_hand: Annotated[bool, typer.Option("--left-hand", help="Traffic keeps left (maps only).")] = False,
+    left_hand: Annotated[bool, typer.Option("--left-hand", help="Traffic keeps left (OSM maps only).")] = False,
     plugin: Plugins = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace the world that is there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing world.")] = False,
 ) -> None:
     """Build a world from a map, a SUMO network, or generated streets.
 

@@ -23,15 +23,17 @@ def export(
     bounds: Annotated[
         str | None, typer.Option(metavar="W,S,E,N", help="Only this part: west, south, east, north in metres.")
     ] = None,
-    segment: Annotated[str | None, typer.Option(help="Only what lies around this segment, for example s0003.")] = None,
+    segment: Annotated[
+        str | None, typer.Option(help="Only the surroundings of this segment, for example s0003.")
+    ] = None,
     texel: Annotated[
-        float | None, typer.Option(help="Metres of a texel of the ground; 0.02 unless the part is large.")
+        float | None, typer.Option(help="Size of the ground's texels, in metres; 0.02 unless the part is large.")
     ] = None,
     traffic: Annotated[
-        Path | None, typer.Option(metavar="FILE.parquet", help="A recording, to show its traffic at a moment.")
+        Path | None, typer.Option(metavar="FILE.parquet", help="A recording, to show its traffic at one moment.")
     ] = None,
     at: Annotated[
-        float | None, typer.Option(help="That moment, in seconds of the recording; its beginning otherwise.")
+        float | None, typer.Option(help="That moment, in seconds from the recording's beginning; 0 unless given.")
     ] = None,
     seed: Annotated[int, typer.Option(help="Random seed of the appearance: colours, wear, leaves.")] = 0,
     plugin: Plugins = None,
