@@ -239,9 +239,14 @@ def _note_unfinished(design: "Design", table: "pl.DataFrame") -> None:
 def _options_table(chosen: "Recommendation") -> "Table":
     from rich.table import Table
 
+    from pavetwin.experiments.metrics import ERROR_METRICS
+    from pavetwin.experiments.words import shown
+
     table = Table(box=None, header_style="bold", pad_edge=False)
     kept = "within limits" if chosen.limits.named else "all flown"
-    for name in (*chosen.by, "coverage %", "time s", "95th perc.", "battery %", kept, "best in"):
+    errors = [metric for metric in ERROR_METRICS if metric.name in chosen.options.columns]
+    names = [f"{metric.label.lower()} {metric.unit}".strip() for metric in errors]
+    for name in (*chosen.by, "coverage %", "time s", "95th perc.", "battery %", *names, kept, "best in"):
         table.add_column(name.removesuffix("_m"), justify="left" if name in chosen.by else "right")
     for row in chosen.options.iter_rows(named=True):
         factors = [f"{row[name]:g} m" if name == "altitude_m" else str(row[name]) for name in chosen.by]
@@ -251,6 +256,7 @@ def _options_table(chosen: "Recommendation") -> "Table":
             _span(row, "time_s", 1),
             "–" if row["time_s_p95"] is None else f"{row['time_s_p95']:.0f}",
             _span(row, "energy", 100),
+            *(shown(metric, row[metric.name]) for metric in errors),
             f"{row['failed_alone']} failed" if row["failed_alone"] else "yes" if row["feasible"] else "no",
             "–" if row["certainty"] is None else f"{row['certainty']:.0%}",
             style="" if row["feasible"] else "dim",

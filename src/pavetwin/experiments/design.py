@@ -22,7 +22,7 @@ from pavetwin.config.altitude import Altitude
 from pavetwin.config.text import parse_yaml
 from pavetwin.defects import DefectOptions
 from pavetwin.errors import PaveTwinError, nearest_name
-from pavetwin.experiments.metrics import FACTORS, METRICS
+from pavetwin.experiments.metrics import ERROR_METRICS, FACTORS, METRICS
 
 ALIASES: Final[Mapping[str, str]] = {
     "tau_o": "visibility.threshold",
@@ -155,7 +155,8 @@ class Design(Settings):
         paths = [world.path for world in self.worlds]
         if len(set(paths)) < len(paths):
             raise ValueError("worlds: one of them is given twice")
-        taken = {*FACTORS, *(metric.name for metric in METRICS), "replicate", "seed", "segment", "status"}
+        measured = [metric.name for metric in (*METRICS, *ERROR_METRICS)]
+        taken = {*FACTORS, *measured, "replicate", "seed", "segment", "status"}
         settings = [ALIASES.get(key, key) for key in (*self.sweep, *self.set)]
         for key, values in self.sweep.items():
             if key in taken - set(ALIASES):

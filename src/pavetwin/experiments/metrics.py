@@ -5,7 +5,10 @@ metric that is undefined (no defects on the segment), and every metric of a miss
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    import polars as pl
 
 FACTORS: Final = ("world", "traffic", "altitude_m", "policy", "sensor", "preset")
 """Columns of what a design varies; those of its sweep come after them. Missions of one cell share all of these."""
@@ -48,10 +51,24 @@ METRICS: Final = (
 )
 """The first is what a study is about; `time_s` and `energy` have heavy tails, since waiting has."""
 
+ERROR_METRICS: Final = (
+    Metric("precision", "Precision", "%", 100.0, 1, more_is_better=True),
+    Metric("false_alarms", "False alarms", "", 1.0, 1, more_is_better=False),
+    Metric("false_alarms_per_100_m2", "False alarms per 100 m²", "", 1.0, 2, more_is_better=False),
+    Metric("duplicates", "Duplicates", "", 1.0, 1, more_is_better=None),
+)
+"""Of sensors that report what is not there, or one defect twice. Shown where one did: see `metrics_in`."""
+
 COMPARED: Final = ("coverage", "time_s", "energy")
 """What options are compared by: all tests of these together are one family."""
 
 
 def metric_named(name: str) -> Metric:
     """The metric of a column; KeyError when it is none."""
-    return {metric.name: metric for metric in METRICS}[name]
+    return {metric.name: metric for metric in (*METRICS, *ERROR_METRICS)}[name]
+
+
+def metrics_in(table: "pl.DataFrame") -> tuple[Metric, ...]:
+    """What there is to show of a table: `METRICS`, and those of a sensor's errors where a mission has such errors."""
+    has = {name: name in table.columns and bool(table[name].sum()) for name in ("false_alarms", "duplicates")}
+    return (*METRICS, *(each for each in ERROR_METRICS if has.get(each.name, has["false_alarms"])))

@@ -5,7 +5,7 @@ from typing import Any
 
 import polars as pl
 
-from pavetwin.experiments.metrics import REPLICATE
+from pavetwin.experiments.metrics import REPLICATE, metrics_in
 from pavetwin.experiments.references import references
 from pavetwin.experiments.report.study import Study
 from pavetwin.experiments.statistics import Comparison, conclusions, differences, effects, summarise
@@ -24,7 +24,7 @@ def gather(
     """
     by = table.columns[: table.columns.index(REPLICATE)]
     factors = tuple(name for name in by if table[name].n_unique() > 1)
-    summary = summarise(table, by, seed=seed)
+    summary = summarise(table, by, metrics_in(table), seed=seed)
     levels = {name: table[name].unique(maintain_order=True).to_list() for name in by}
     compared = [
         Comparison(factor, reference, reason, differences(table, by, factor=factor, reference=reference, seed=seed))

@@ -31,6 +31,7 @@ from pavetwin.experiments.words import (
 
 SEEN: Final = ("coverage", "swath_coverage", "recovery")
 SPENT: Final = ("time_s", "energy", "wait_s")
+WRONG: Final = ("precision", "false_alarms_per_100_m2")
 
 _ENOUGH_OF_WAITING: Final = 20
 """With fewer replicates, simultaneous intervals of what rests on waiting are far from what they promise."""
@@ -92,7 +93,7 @@ def _over(group: Group, factor: str) -> Iterator[Block]:
 
 def _intervals(group: Group) -> Iterator[Block]:
     group = group.usual
-    for what, names in (("what is seen", SEEN), ("what it costs", SPENT)):
+    for what, names in (("what is seen", SEEN), ("what it costs", SPENT), ("what is reported wrongly", WRONG)):
         metrics = _known(group, names)
         for traffics in _parts(group.traffics, _MOST_COLUMNS) if metrics else ():
             words = listed([metric.label.lower() for metric in metrics])

@@ -9,7 +9,7 @@ from typing import Any, Final
 import polars as pl
 
 from pavetwin.experiments.design import IN_DESIGN
-from pavetwin.experiments.metrics import FACTORS, FLOWN, METRICS, REFERENCE, REPLICATE, STATUS, Metric
+from pavetwin.experiments.metrics import ERROR_METRICS, FACTORS, FLOWN, METRICS, REFERENCE, REPLICATE, STATUS, Metric
 from pavetwin.experiments.statistics import Comparison
 from pavetwin.experiments.statistics.cells import failed_alone
 from pavetwin.experiments.words import factor_text, level_text
@@ -76,7 +76,7 @@ class Study:
     def metrics(self) -> tuple[Metric, ...]:
         """Those with a defined value anywhere."""
         defined = self.summary.filter(pl.col("mean").is_not_null())[METRIC].unique().to_list()
-        return tuple(metric for metric in METRICS if metric.name in defined)
+        return tuple(metric for metric in (*METRICS, *ERROR_METRICS) if metric.name in defined)
 
     @cached_property
     def result(self) -> pl.DataFrame:

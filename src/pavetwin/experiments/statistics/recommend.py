@@ -10,7 +10,7 @@ import polars as pl
 
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments.metrics import metric_named
+from pavetwin.experiments.metrics import ERROR_METRICS, metric_named, metrics_in
 from pavetwin.experiments.statistics.bootstrap import resamples, strata
 from pavetwin.experiments.statistics.cells import failed_alone, layout, nullable, values_of, varied_columns
 from pavetwin.experiments.statistics.flips import sign_flip_p
@@ -75,12 +75,12 @@ class Recommendation:
     options: pl.DataFrame
     """Best first, then those that break a limit, then those that failed alone. Columns: `*by`, `n` (missions with a
     coverage), `undefined`, `failed`; of coverage, time_s and energy each the mean and `…_low`, `…_high` (95 %
-    interval); `time_s_p95`; `failed_alone` (missions that failed and that another option flew: its means leave out
-    what it failed on); `replicates` (with a coverage); `feasible` (it failed in none alone and its means keep the
-    limits), `kept` (share of the resamples in which they do) and `certainty` (in which it also is the best of all that
-    do, or level with the best: these shares may add up to more than 1), both null where there are fewer than five
-    replicates; `p` (of its coverage against that of the first); `same` (as the first in coverage, time and energy of
-    every replicate)."""
+    interval); `time_s_p95`; the means of `ERROR_METRICS` where a sensor made such errors; `failed_alone` (missions that
+    failed and that another option flew: its means leave out what it failed on); `replicates` (with a coverage);
+    `feasible` (it failed in none alone and its means keep the limits), `kept` (share of the resamples in which they do)
+    and `certainty` (in which it also is the best of all that do, or level with the best: these shares may add up to
+    more than 1), both null where there are fewer than five replicates; `p` (of its coverage against that of the first);
+    `same` (as the first in coverage, time and energy of every replicate)."""
     best: Row | None
     """The first row of `options`; None when no option is feasible."""
     nearest: Row | None
@@ -102,8 +102,8 @@ def recommend(
     share of resamples in which the option is the best or level with the best, so that it does not depend on how many
     others do the same.
     """
-    metrics = [metric_named(name) for name in _MEASURED]
-    summary = summarise(table, by, metrics, seed=seed)
+    errors = [metric for metric in metrics_in(table) if metric in ERROR_METRICS]
+    summary = summarise(table, by, [*map(metric_named, _MEASURED), *errors], seed=seed)
     cells = layout(table, by)
     units = np.stack([cells.means(values_of(table, name)) for name in _MEASURED])
     means = np.stack([summary.filter(metric=name)["mean"].fill_null(float("nan")).to_numpy() for name in _MEASURED])
@@ -147,7 +147,9 @@ def _options(summary: pl.DataFrame, by: Sequence[str]) -> pl.DataFrame:
         frame = frame.with_columns(
             part["mean"].alias(name), part["low"].alias(f"{name}_low"), part["high"].alias(f"{name}_high")
         )
-    return frame.with_columns(parts[_TIME]["p95"].alias("time_s_p95"))
+    errors = {metric.name: summary.filter(metric=metric.name)["mean"] for metric in ERROR_METRICS}
+    shown = [means.alias(name) for name, means in errors.items() if len(means)]
+    return frame.with_columns(parts[_TIME]["p95"].alias("time_s_p95"), *shown)
 
 
 def _resampled(
