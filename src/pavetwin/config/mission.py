@@ -19,6 +19,9 @@ NonNegative = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
+OptionValue = float | int | str | bool
+
+
 class UavSettings(Settings):
     """The airframe's limits: Unity's NavMesh agent of the paper, and what it leaves open."""
 
@@ -76,7 +79,7 @@ class PolicySettings(Settings):
     note_spacing_m: NonNegative = 1.5
     note_interval_s: NonNegative = 2.0
     revisit_stay_s: Positive = 5.0
-    options: Mapping[str, float | int | str | bool] = Field(default_factory=dict)
+    options: Mapping[str, OptionValue] = Field(default_factory=dict)
 
 
 class SensingSettings(Settings):
@@ -86,6 +89,8 @@ class SensingSettings(Settings):
     min_visible_fraction: Share = 0.35
     attempts: Literal["every_capture", "first_capture"] = "every_capture"
     """`first_capture`: a defect gets one attempt, and one more for each revisit."""
+    options: Mapping[str, OptionValue] = Field(default_factory=dict)
+    """Of a user's own sensor, which says what options it has (`Sensor.default_options`)."""
 
 
 class EnergySettings(Settings):

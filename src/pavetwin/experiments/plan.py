@@ -13,20 +13,23 @@ from pathlib import Path
 from typing import Any, Final
 
 from pavetwin.config import MissionSettings, load_settings
-from pavetwin.errors import PaveTwinError, naming
+from pavetwin.errors import PaveTwinError, naming, nearest_name
 from pavetwin.experiments.design import ALIASES, Design, Value
 from pavetwin.mission.environment import prepare
 from pavetwin.mission.replay import Replay
 from pavetwin.plugins import load_plugins, plugin_hashes
 from pavetwin.policies import load_policy
 from pavetwin.seeds import Stream, child
-from pavetwin.sensing import ImageSource, load_sensor
+from pavetwin.sensing import ImageSource, load_sensor, sensor_class
 from pavetwin.traffic.demand import density_named
 from pavetwin.uav import energy_curve, find_camera
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world
 
-IN_DESIGN_FILE: Final = {"`plugins`": "plugins", "`policy`": "policies", "sensing.sensor": "sensors"}
+IN_DESIGN_FILE: Final = {
+    **{"`plugins`": "plugins", "`policy`": "policies"},
+    **{"sensing.sensor": "sensors", "sensing.options": "sensing.options"},
+}
 """Parameter, as messages name it → the key of a design that gives it."""
 
 ImageSourceFactory = Callable[[World, Replay, int], ImageSource]
@@ -70,6 +73,9 @@ class Cell:
                 if not isinstance(layer, dict):
                     raise PaveTwinError(f"the design: '{key}' is no setting.")
             layer[leaf] = value
+        sensing = nested["sensing"]
+        if len(design.sensors) > 1 and isinstance(options := sensing.get("options"), Mapping):
+            sensing["options"] = _options_of(self.sensor, design.sensors, options)
         return load_settings(self.preset, **nested)
 
 
@@ -199,6 +205,21 @@ def load_worlds(design: Design) -> list[World]:
     PaveTwinError: one of them does not exist or is damaged.
     """
     return [load_world(Path(entry.path)) for entry in design.worlds]
+
+
+def _options_of(sensor: str, sensors: Sequence[str], options: Mapping[str, Any]) -> dict[str, Any]:
+    """Those options that one of several sensors has.
+
+    Raises:
+        PaveTwinError: none of them has an option.
+    """
+    has = {name: sensor_class(name).default_options for name in sensors}
+    known = [option for each in has.values() for option in each]
+    for option in options:
+        if option not in known:
+            near = nearest_name(option, known)
+            raise PaveTwinError(f"sensing.options: no sensor of the design has an option '{option}'{near}.")
+    return {option: value for option, value in options.items() if option in has[sensor]}
 
 
 def check_plugins(plan: Plan) -> None:

@@ -1,6 +1,6 @@
 """What a sensor finds in a captured frame. One file a sensor, one registry."""
 
-from pavetwin.sensing.base import SENSORS, Sensor, load_sensor, sensor, sensor_names
+from pavetwin.sensing.base import SENSORS, Sensor, load_sensor, sensor, sensor_class, sensor_names
 from pavetwin.sensing.conformance import check_sensor
 from pavetwin.sensing.detection import Detection, JudgedDetection, Outcome
 from pavetwin.sensing.frame import Box, Frame, ImageSource, Sighting
@@ -24,5 +24,6 @@ __all__ = [
     "load_sensor",
     "match",
     "sensor",
+    "sensor_class",
     "sensor_names",
 ]

@@ -1,0 +1,129 @@
+"""Options of a sensor: declared by it, set by `sensing.options`, kept in a mission's description, varied in a study."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from pavetwin.config import load_settings
+from pavetwin.config.mission import SensingSettings
+from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.errors import PaveTwinError
+from pavetwin.experiments.design import Design
+from pavetwin.experiments.engines import Pool
+from pavetwin.experiments.run import run
+from pavetwin.mission.again import read_mission
+from pavetwin.mission.fly import fly
+from pavetwin.mission.plan import plan_mission
+from pavetwin.mission.results import save_mission
+from pavetwin.sensing import Detection, Frame, Ideal, Sensor, load_sensor
+from pavetwin.world.store import load_world, save_world
+from scenes import built
+
+CHOOSY = """
+from pavetwin.sensing import Detection, Sensor
+
+
+class Choosy(Sensor):
+    default_options = {"confidence": 0.5, "every": 1, "blind": False, "model": "a"}
+
+    def detect(self, frame):
+        if self.options["blind"]:
+            return []
+        chosen = [each for each in frame.sightings if each.defect.id % self.options["every"] == 0]
+        return [Detection.of(sighting, self.options["confidence"]) for sighting in chosen]
+"""
+
+
+@pytest.fixture
+def choosy(tmp_path: Path) -> str:
+    (tmp_path / "choosy.py").write_text(CHOOSY)
+    return f"{tmp_path / 'choosy.py'}:Choosy"
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("options") / "cross"
+    save_world(add_defects(built("cross"), DefectOptions(per_segment=8)), folder)
+    return folder
+
+
+def sensor(name: str, *overrides: str) -> Sensor:
+    return load_sensor(load_settings("default", [f"sensing.sensor={name}", *overrides]).sensing, 0)
+
+
+def test_an_option_has_its_default_until_it_is_set(choosy: str) -> None:
+    assert sensor(choosy).options == {"confidence": 0.5, "every": 1, "blind": False, "model": "a"}
+    changed = sensor(choosy, "sensing.options={confidence: 1, every: 2}", "sensing.options.model=b")
+    assert changed.options == {"confidence": 1.0, "every": 2, "blind": False, "model": "b"}
+    assert type(changed.options["confidence"]) is float
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("evry=2", "sensing.options: the sensor 'Choosy' has no option 'evry' (did you mean 'every'?); known are conf"),
+        ("every=2.5", "sensing.options.every: the sensor 'Choosy' expects a whole number such as 1 (got 2.5)."),
+        ("every=true", "sensing.options.every: the sensor 'Choosy' expects a whole number such as 1 (got True)."),
+        (
+            "confidence=high",
+            "sensing.options.confidence: the sensor 'Choosy' expects a number such as 0.5 (got 'high')",
+        ),
+        ("blind=1", "sensing.options.blind: the sensor 'Choosy' expects true or false such as False (got 1)."),
+        ("model=3", "sensing.options.model: the sensor 'Choosy' expects a text such as 'a' (got 3)."),
+    ],
+)
+def test_an_option_that_does_not_fit_is_one_plain_line(choosy: str, given: str, told: str) -> None:
+    with pytest.raises(PaveTwinError) as caught:
+        sensor(choosy, f"sensing.options.{given}")
+    assert told in str(caught.value)
+
+
+def test_a_sensor_without_options_takes_none() -> None:
+    with pytest.raises(PaveTwinError, match="the sensor 'ideal' has no option 'every'; it has none"):
+        sensor("ideal", "sensing.options.every=2")
+
+    class Renamed(Ideal):
+        def detect(self, frame: Frame) -> Sequence[Detection]:
+            return super().detect(frame)
+
+    with pytest.raises(PaveTwinError, match="has no option 'every'"):
+        Renamed(SensingSettings(options={"every": 2}), 0)
+
+
+def test_a_mission_is_flown_again_with_its_options(choosy: str, world: Path, tmp_path: Path) -> None:
+    settings = load_settings("default", [f"sensing.sensor={choosy}", "sensing.options.every=2"])
+    result = fly(plan_mission(load_world(world), settings, density="low", segments=1, policy="baseline", seed=1))
+    found = {each.defect for each in result.confirmed}
+    assert found
+    assert all(defect is not None and defect % 2 == 0 for defect in found)
+    save_mission(result, tmp_path / "m")
+    former = read_mission(tmp_path / "m" / "mission.yaml")
+    assert former.spec.settings.sensing.options == {"every": 2}
+    assert former.differences(fly(former.spec)) == []
+
+
+def test_a_study_sweeps_an_option_and_gives_each_sensor_its_own(choosy: str, world: Path, tmp_path: Path) -> None:
+    values = {
+        "worlds": [str(world)],
+        "densities": ["low"],
+        "altitudes_m": [6],
+        "policies": ["baseline"],
+        "sensors": ["ideal", choosy],
+        "sweep": {"sensing.options.every": [1, 3]},
+        "set": {"sensing.options.confidence": 0.25},
+        "replicates": 2,
+        "seed": 4,
+    }
+    table = run(Design.parse(values, where="the design"), tmp_path / "study", Pool(2)).table
+    assert (table["status"] == "flown").all(), table["reason"].to_list()
+    of = {
+        (name, every): table.filter(sensor=name).filter(table.filter(sensor=name)["sensing.options.every"] == every)
+        for name in ("ideal", choosy)
+        for every in (1, 3)
+    }
+    assert of[choosy, 1]["confirmed"].sum() == of["ideal", 1]["confirmed"].sum() == of["ideal", 3]["confirmed"].sum()
+    assert of[choosy, 3]["confirmed"].sum() < of[choosy, 1]["confirmed"].sum()
+    unknown = Design.parse(values | {"set": {"sensing.options.evry": 2}}, where="the design")
+    with pytest.raises(PaveTwinError, match=r"^the design: sensing\.options: the sensor 'ideal' has no option 'evry'"):
+        run(unknown, tmp_path / "other", Pool(2))
