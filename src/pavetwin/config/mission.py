@@ -157,7 +157,7 @@ def preset_names() -> list[str]:
 
 
 def load_settings(preset: str = "default", overrides: Iterable[str] = (), **given: Any) -> MissionSettings:
-    """A preset, with keyword values (as nested mappings) and then `key=value` overrides laid over it.
+    """A preset, overridden by keyword values (nested mappings) and then by `key=value` texts.
 
     Raises:
         PaveTwinError: the preset, a key or a value is not known or does not fit.

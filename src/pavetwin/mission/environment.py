@@ -90,7 +90,7 @@ def prepare(
     defects: Sequence[Defect] | None = None,
     surroundings: Surroundings | None = None,
 ) -> MissionEnvironment:
-    """Grid the surfaces, and hand all that stands still to the kernel.
+    """Bake the flight domain, grid the segments' surfaces, and pass both to the kernel with all static objects.
 
     Args:
         defects: the defects to look for, ids 0 … n−1 in order; those of the world when not given.

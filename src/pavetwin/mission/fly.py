@@ -173,7 +173,7 @@ def fly_over(
     on_progress: Callable[[float], None] | None = None,
     observer: MissionObserver | None = None,
 ) -> MissionResult:
-    """Fly one mission over an environment and traffic that are values already.
+    """Fly one mission over an environment and traffic that were made in Python.
 
     Args:
         targets: indices of the segments to inspect, in order; see `choose_targets`.

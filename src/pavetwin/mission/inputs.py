@@ -28,12 +28,12 @@ class MissionInputs:
     traffic: Traffic
 
     def on_extend(self, tell: Callable[[float], None]) -> None:
-        """Have the progress of recording more traffic told, where a mission outlasts what is recorded."""
+        """Report the progress of extending the recording, when a mission takes longer than it."""
         if isinstance(self.traffic, Replay):
             self.traffic.on_extend = tell
 
     def indices(self, spec: MissionSpec) -> list[int]:
-        """The segments to inspect, by their place in the world.
+        """Indices of the segments to inspect, among the world's segments.
 
         Raises:
             PaveTwinError: a segment does not exist.

@@ -12,7 +12,7 @@ from pavetwin.twin import InspectionMemory
 
 @dataclass(frozen=True, slots=True)
 class SegmentMetrics:
-    """One segment's mission. A metric that is undefined is None."""
+    """The metrics of one segment of a mission. A metric that is undefined is None."""
 
     order: int
     segment: str

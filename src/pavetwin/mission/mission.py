@@ -120,7 +120,7 @@ class Mission:
     # What those who fly it may ask and say.
 
     def snapshot(self, event: Occluded | None = None) -> Snapshot:
-        """D_t now; with an occlusion event, what the camera sees is in it too."""
+        """D_t now; with an occlusion event, it also holds the visibility at that event."""
         occlusion = None
         if event is not None:
             episode = Episode(event.since_s, event.waited_s, event.displacements, event.since_displacement_m)
@@ -221,7 +221,7 @@ class Mission:
     def advance_until(self, time_s: float, answer: Callable[[Event], object] = lambda _: None) -> list[MissionEvent]:
         """Fly on to the first time step at or after a moment, or to the end. Returns what happened on the way.
 
-        In how many parts a mission is flown changes nothing of it.
+        A mission that is flown in parts gives the same results.
 
         Args:
             answer: called with every event on the way, to answer it with `confirm` or `act`.

@@ -36,7 +36,7 @@ def plan_mission(
     aircraft: Path | str | None = None,
     environment: MissionEnvironment | None = None,
 ) -> MissionSpec:
-    """Everything about a mission decided, and nothing flown or recorded yet.
+    """Decide everything about a mission; nothing is flown or recorded yet.
 
     Args:
         settings: the preset `default` when not given.

@@ -105,7 +105,7 @@ def replay_of(
 ) -> Replay:
     """The traffic of a world at a density, recorded by SUMO now if it was not before.
 
-    SUMO stays alive to go on from there, until the replay is left as a context manager or nobody holds it any more.
+    SUMO keeps running, so that the recording can be extended, until the replay's `with` block or its life ends.
 
     Raises:
         PaveTwinError: as `pavetwin.traffic.record.record`.

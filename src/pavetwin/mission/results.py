@@ -1,4 +1,4 @@
-"""A mission's files: `mission.parquet`, `track.parquet`, `captures.geojson`, `mission.yaml`; and its numbers in sum."""
+"""A mission's files: `mission.parquet`, `track.parquet`, `captures.geojson`, `mission.yaml`; and its totals."""
 
 import json
 from collections.abc import Callable, Iterable, Sequence
@@ -27,7 +27,7 @@ _MODE_NAMES = pl.Enum(_core.MODES)
 
 @dataclass(frozen=True, slots=True)
 class Totals:
-    """A mission in sum. A share that is undefined is None."""
+    """The totals of a mission. A share that is undefined is None."""
 
     segments: int
     inspected: int
@@ -231,7 +231,7 @@ def save_missions(
 ) -> None:
     """Write several missions into one folder, a folder each named by its policy.
 
-    Each is written as `missions` yields it, so that what ends the next one costs nothing of those before.
+    Each is written as soon as `missions` yields it, so an error in a later one loses none of those before.
 
     Args:
         extras: names of files over all missions, each with what draws it, once all are there.

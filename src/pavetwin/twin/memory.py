@@ -63,7 +63,7 @@ class InspectionMemory:
         return type(self)(self.surface_coverage, self.status, confirmed, self.notes)
 
     def cover(self, segment: str, coverage: float, inspected_share: float) -> Self:
-        """With a segment's seen share brought up to date."""
+        """With the seen share of a segment updated."""
         status = SegmentStatus.INSPECTED if coverage >= inspected_share else SegmentStatus.PENDING
         return replace(
             self,

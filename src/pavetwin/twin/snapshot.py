@@ -16,7 +16,7 @@ from pavetwin.world.model import Segment
 
 @dataclass(frozen=True, slots=True)
 class Episode:
-    """The stretch of time since visibility last fell below τ_o without having come back."""
+    """The time since visibility fell below τ_o, while it has not recovered."""
 
     since_s: float
     waited_s: float = 0.0
