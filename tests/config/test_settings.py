@@ -67,7 +67,7 @@ def test_the_designs_numbers_are_the_defaults(preset: str) -> None:
 def test_every_key_can_be_given_in_all_three_ways(key: str, default: Any) -> None:
     if key in ("camera.window_columns", "camera.window_across_per_altitude"):
         return  # one needs the other
-    if key == "policy.options":
+    if key in ("policy.options", "sensing.options"):
         default = {"greed": 0.5}
     nested: Any = default
     for part in reversed(key.split(".")):

@@ -125,5 +125,7 @@ def test_a_study_sweeps_an_option_and_gives_each_sensor_its_own(choosy: str, wor
     assert of[choosy, 1]["confirmed"].sum() == of["ideal", 1]["confirmed"].sum() == of["ideal", 3]["confirmed"].sum()
     assert of[choosy, 3]["confirmed"].sum() < of[choosy, 1]["confirmed"].sum()
     unknown = Design.parse(values | {"set": {"sensing.options.evry": 2}}, where="the design")
-    with pytest.raises(PaveTwinError, match=r"^the design: sensing\.options: the sensor 'ideal' has no option 'evry'"):
+    with pytest.raises(
+        PaveTwinError, match=r"^the design: sensing\.options: no sensor .* has an option 'evry' \(did you mean 'every'"
+    ):
         run(unknown, tmp_path / "other", Pool(2))
