@@ -2,8 +2,6 @@
 
 import json
 import os
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -34,22 +32,9 @@ from pavetwin.scene.view import View
 from pavetwin.world.model import Defect
 from pavetwin.world.store import save_world
 from scenes import built
+from scenes.command_line import pavetwin, pavetwin_process, plain_refusal
 from scenes.recordings import recording
 from scenes.tiny import empty_street
-
-
-def pavetwin(*arguments: object, columns: int = 200, **environment: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", "from pavetwin.cli import main; main()", *map(str, arguments)]
-    settings = {**os.environ, "COLUMNS": str(columns), **environment}
-    return subprocess.run(command, capture_output=True, text=True, check=False, env=settings)
-
-
-def plain_refusal(done: subprocess.CompletedProcess[str]) -> str:
-    """The one line of an error; asserts that it is one, with exit code 2."""
-    assert done.returncode == 2, done.stdout + done.stderr
-    # On a slow machine it is said first what is being done.
-    (line,) = [line for line in done.stderr.splitlines() if not line.endswith(" …")]
-    return line
 
 
 @pytest.fixture(scope="module")
@@ -138,10 +123,11 @@ def test_a_dataset_by_the_real_renderer(world: Path, tmp_path: Path, capsys: pyt
 
 
 def test_without_an_adapter_the_package_is_named(world: Path, tmp_path: Path) -> None:
-    done = pavetwin("capture", world, "-o", tmp_path / "d", "--images", 1, VK_DRIVER_FILES="/dev/null")
+    blind = {"env": {**os.environ, "VK_DRIVER_FILES": "/dev/null"}}
+    done = pavetwin_process("capture", world, "-o", tmp_path / "d", "--images", 1, **blind)
     assert "mesa-vulkan-drivers" in plain_refusal(done)
     assert not (tmp_path / "d").exists()
-    result = pavetwin("fly", world, "--segments", 1, "--save-frames", "-o", tmp_path / "m", VK_DRIVER_FILES="/dev/null")
+    result = pavetwin_process("fly", world, "--segments", 1, "--save-frames", "-o", tmp_path / "m", **blind)
     assert "mesa-vulkan-drivers" in plain_refusal(result)
     assert not (tmp_path / "m").exists()
 

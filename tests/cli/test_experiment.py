@@ -1,7 +1,6 @@
 """`pavetwin experiment …` as a user types it."""
 
 import io
-import os
 import re
 import subprocess
 import sys
@@ -16,21 +15,7 @@ from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.experiments.store import Store
 from pavetwin.world.store import save_world
 from scenes import built
-
-
-def pavetwin(*arguments: object, folder: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", "from pavetwin.cli import main; main()", *map(str, arguments)]
-    environment = {**os.environ, "COLUMNS": "200"}
-    return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=folder)
-
-
-def plain_refusal(done: subprocess.CompletedProcess[str]) -> str:
-    """The one line of an error; asserts that it is one, with exit code 2."""
-    assert done.returncode == 2, done.stdout + done.stderr
-    # On a slow machine it is said first what is being done.
-    (line,) = [line for line in done.stderr.splitlines() if not line.endswith(" …")]
-    assert line.startswith("Error: ")
-    return line
+from scenes.command_line import command, pavetwin, plain_refusal
 
 
 @pytest.fixture(scope="module")
@@ -38,13 +23,13 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a world, a design over it, and the study that was flown."""
     folder = tmp_path_factory.mktemp("studies")
     save_world(add_defects(built("cross"), DefectOptions(per_segment=6)), folder / "worlds" / "cross")
-    made = pavetwin("experiment", "init", "study.yaml", "--world", "worlds/cross", folder=folder)
+    made = pavetwin("experiment", "init", "study.yaml", "--world", "worlds/cross", cwd=folder)
     assert made.returncode == 0, made.stderr
     assert "experiment run study.yaml -o study" in made.stdout
     values = yaml.safe_load((folder / "study.yaml").read_text())
     values |= {"densities": ["low"], "replicates": 4, "policies": ["baseline", "hover"]}
     (folder / "study.yaml").write_text(yaml.safe_dump(values))
-    done = pavetwin("experiment", "run", "study.yaml", "-o", "study", "--jobs", "1", folder=folder)
+    done = pavetwin("experiment", "run", "study.yaml", "-o", "study", "--jobs", "1", cwd=folder)
     assert done.returncode == 0, done.stderr
     assert "16 missions flown" in done.stdout
     assert "16/16 (100%)" in done.stderr
@@ -52,23 +37,23 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_design_explains_itself_and_is_not_replaced(place: Path) -> None:
-    fresh = pavetwin("experiment", "init", "paper.yaml", "--preset", "paper", folder=place)
+    fresh = pavetwin("experiment", "init", "paper.yaml", "--preset", "paper", cwd=place)
     assert fresh.returncode == 0
     text = (place / "paper.yaml").read_text()
     assert sum(line.startswith("#") for line in text.splitlines()) >= 8
-    assert "already" in plain_refusal(pavetwin("experiment", "init", "paper.yaml", folder=place))
+    assert "already" in plain_refusal(pavetwin("experiment", "init", "paper.yaml", cwd=place))
     assert "did you mean 'paper'" in plain_refusal(
-        pavetwin("experiment", "init", "x.yaml", "--preset", "papr", folder=place)
+        pavetwin("experiment", "init", "x.yaml", "--preset", "papr", cwd=place)
     )
 
 
 def test_questions_are_answered_as_a_table_and_as_csv(place: Path) -> None:
     sql = "select policy, count(*) n from segments group by policy order by policy"
-    shown = pavetwin("experiment", "query", "study", sql, folder=place)
+    shown = pavetwin("experiment", "query", "study", sql, cwd=place)
     assert shown.returncode == 0
     assert "baseline" in shown.stdout
     assert shown.stdout.rstrip().endswith("2 rows")
-    piped = pavetwin("experiment", "query", "study", sql, "--csv", folder=place)
+    piped = pavetwin("experiment", "query", "study", sql, "--csv", cwd=place)
     assert pl.read_csv(io.StringIO(piped.stdout)).rows() == [("baseline", 8), ("hover", 8)]
 
 
@@ -81,7 +66,7 @@ def test_a_recommendation_names_the_best_that_keeps_the_limits(place: Path) -> N
         .sort("coverage", "time_s", descending=[True, False])
         .row(0, named=True)
     )
-    done = pavetwin("experiment", "recommend", "study", "--max-time", limit_s, folder=place)
+    done = pavetwin("experiment", "recommend", "study", "--max-time", limit_s, cwd=place)
     assert done.returncode == 0, done.stderr
     assert f"Fly {best['policy']} at {best['altitude_m']:g} m" in done.stdout
     assert done.stdout.count(" m  ") >= 4
@@ -95,14 +80,14 @@ def test_wind_is_no_option_and_an_unfinished_study_says_so(place: Path) -> None:
         "replicates": 2,
     }
     (place / "windy.yaml").write_text(yaml.safe_dump(values))
-    assert pavetwin("experiment", "run", "windy.yaml", "-o", "windy", folder=place).returncode == 0
+    assert pavetwin("experiment", "run", "windy.yaml", "-o", "windy", cwd=place).returncode == 0
     next((place / "windy" / "segments.parquet").glob("*r00001*")).unlink()
-    done = pavetwin("experiment", "recommend", "windy", folder=place)
+    done = pavetwin("experiment", "recommend", "windy", cwd=place)
     assert "only 1 of 2 replicates are flown" in done.stdout
     assert "tau_o" in done.stdout.splitlines()[0]
     assert "wind" not in done.stdout.splitlines()[0]
     assert "average over" in done.stdout
-    assert pavetwin("experiment", "report", "windy", folder=place).returncode == 0
+    assert pavetwin("experiment", "report", "windy", cwd=place).returncode == 0
     assert "Of 2 replicates 1 are flown so far" in (place / "windy" / "report.html").read_text()
 
 
@@ -110,8 +95,8 @@ def test_sensors_and_presets_are_no_options_and_have_an_advice_each(place: Path)
     values = yaml.safe_load((place / "study.yaml").read_text())
     values |= {"sensors": ["ideal", "recall"], "presets": ["paper", "default"], "altitudes_m": [10], "replicates": 2}
     (place / "assumed.yaml").write_text(yaml.safe_dump(values))
-    assert pavetwin("experiment", "run", "assumed.yaml", "-o", "assumed", folder=place).returncode == 0
-    done = pavetwin("experiment", "recommend", "assumed", folder=place)
+    assert pavetwin("experiment", "run", "assumed.yaml", "-o", "assumed", cwd=place).returncode == 0
+    done = pavetwin("experiment", "recommend", "assumed", cwd=place)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("\nFly ") == 4
     assert "With the sensor ideal with the preset default." in done.stdout
@@ -121,19 +106,19 @@ def test_sensors_and_presets_are_no_options_and_have_an_advice_each(place: Path)
 
 
 def test_limits_that_nothing_keeps_are_said_with_an_exit_code(place: Path) -> None:
-    done = pavetwin("experiment", "recommend", "study", "--max-time", "1", folder=place)
+    done = pavetwin("experiment", "recommend", "study", "--max-time", "1", cwd=place)
     assert done.returncode == 1
     assert "No option keeps the limit on average." in done.stdout
 
 
 def test_a_report_lies_in_the_study_s_folder(place: Path) -> None:
-    done = pavetwin("experiment", "report", "study", folder=place)
+    done = pavetwin("experiment", "report", "study", cwd=place)
     assert done.returncode == 0, done.stderr
     for name in ("report.html", "table.csv", "table.md", "table.tex"):
         assert (place / "study" / name).stat().st_size > 500
         assert name in done.stdout
     assert "Ignoring" not in done.stderr
-    assert pavetwin("experiment", "run", "study.yaml", "-o", "study", folder=place).returncode == 0
+    assert pavetwin("experiment", "run", "study.yaml", "-o", "study", cwd=place).returncode == 0
 
 
 @pytest.mark.parametrize(
@@ -151,13 +136,13 @@ def test_a_report_lies_in_the_study_s_folder(place: Path) -> None:
     ],
 )
 def test_a_mistake_is_one_plain_line(place: Path, arguments: tuple[str, ...], words: str) -> None:
-    assert words in plain_refusal(pavetwin("experiment", *arguments, folder=place))
+    assert words in plain_refusal(pavetwin("experiment", *arguments, cwd=place))
     assert not (place / "x").exists()
 
 
 def test_a_world_that_is_gone_is_said(place: Path) -> None:
     (place / "gone.yaml").write_text("worlds: [worlds/gone]\n")
-    said = plain_refusal(pavetwin("experiment", "run", "gone.yaml", "-o", "x", folder=place))
+    said = plain_refusal(pavetwin("experiment", "run", "gone.yaml", "-o", "x", cwd=place))
     assert "worlds/gone' does not exist" in said
 
 
@@ -165,7 +150,7 @@ def test_another_design_is_refused_and_nothing_is_mixed(place: Path) -> None:
     before = {path: path.read_bytes() for path in (place / "study" / "segments.parquet").iterdir()}
     values = yaml.safe_load((place / "study.yaml").read_text()) | {"seed": 9}
     (place / "other.yaml").write_text(yaml.safe_dump(values))
-    said = plain_refusal(pavetwin("experiment", "run", "other.yaml", "-o", "study", folder=place))
+    said = plain_refusal(pavetwin("experiment", "run", "other.yaml", "-o", "study", cwd=place))
     assert "its seed is 1, not 9" in said
     assert {path: path.read_bytes() for path in before} == before
 
@@ -181,15 +166,11 @@ sys.stdin.read()
 
 
 def test_a_scheduler_that_dies_is_said_in_a_line_and_the_same_command_goes_on(place: Path) -> None:
-    def command(address: str) -> list[str]:
-        engine = ["--engine", "dask", "--scheduler", address]
-        return ["experiment", "run", "study.yaml", "-o", "gone", *engine]
-
     piped = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen([sys.executable, "-c", SCHEDULER], **piped) as scheduler:
         address = scheduler.stdout.readline().strip()
-        main = [sys.executable, "-c", "from pavetwin.cli import main; main()", *command(address)]
-        with subprocess.Popen(main, **piped, cwd=place) as study:
+        flown = command("experiment", "run", "study.yaml", "-o", "gone", "--engine", "dask", "--scheduler", address)
+        with subprocess.Popen(flown, **piped, cwd=place) as study:
             while not any((place / "gone").glob("segments.parquet/*.parquet")):
                 assert study.poll() is None
                 time.sleep(0.01)
@@ -201,4 +182,4 @@ def test_a_scheduler_that_dies_is_said_in_a_line_and_the_same_command_goes_on(pl
         f"Error: The Dask scheduler {address} is gone; what was flown is kept. Once one runs again, the same command "
         "continues."
     ]
-    assert pavetwin("experiment", "run", "study.yaml", "-o", "gone", folder=place).returncode == 0
+    assert pavetwin("experiment", "run", "study.yaml", "-o", "gone", cwd=place).returncode == 0

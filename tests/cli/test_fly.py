@@ -2,12 +2,10 @@
 
 import hashlib
 import json
-import os
 import resource
 import shutil
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import polars as pl
@@ -17,27 +15,10 @@ import yaml
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.world.store import load_world, save_world
 from scenes import built
+from scenes.command_line import command, pavetwin, pavetwin_process, plain_refusal
 from scenes.processes import is_over, simulations
 
 SHORT = ("--density", "low", "--segments", "2", "--seed", "1")
-
-
-def command(*arguments: object) -> list[str]:
-    return [sys.executable, "-c", "from pavetwin.cli import main; main()", *map(str, arguments)]
-
-
-def pavetwin(*arguments: object, **how: object) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "COLUMNS": "200"}
-    return subprocess.run(command(*arguments), capture_output=True, text=True, check=False, env=environment, **how)
-
-
-def plain_refusal(done: subprocess.CompletedProcess[str]) -> str:
-    """The one line of an error; asserts that it is one, with exit code 2."""
-    assert done.returncode == 2, done.stdout + done.stderr
-    assert "Traceback" not in done.stderr
-    assert done.stderr.startswith("Error: ")
-    assert done.stderr.count("\n") == 1, done.stderr
-    return done.stderr
 
 
 def digests(folder: Path) -> dict[str, str]:
@@ -82,8 +63,8 @@ def test_a_mission_leaves_its_files_and_says_where(world: Path, tmp_path: Path) 
 @pytest.mark.parametrize("seed", [0, 3])
 def test_the_same_command_twice_gives_the_same_bytes(world: Path, tmp_path: Path, seed: int) -> None:
     arguments = ("--density", "low", "--segments", "2", "--seed", seed, "--policy", "hover")
-    for name in ("a", "b"):
-        assert pavetwin("fly", world, *arguments, "-o", tmp_path / name).returncode == 0
+    for name, run in (("a", pavetwin), ("b", pavetwin_process)):
+        assert run("fly", world, *arguments, "-o", tmp_path / name).returncode == 0
     assert digests(tmp_path / "a") == digests(tmp_path / "b")
 
 
@@ -350,7 +331,7 @@ def test_a_full_disk_is_said_and_leaves_nothing(world: Path, tmp_path: Path) -> 
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # else the kernel ends the process, unlike on a full disk
         resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
 
-    line = plain_refusal(pavetwin("fly", world, *SHORT, "-o", tmp_path / "m", preexec_fn=no_room))
+    line = plain_refusal(pavetwin_process("fly", world, *SHORT, "-o", tmp_path / "m", preexec_fn=no_room))
     assert "Cannot write" in line
     assert "Free some space" in line
     assert not list(tmp_path.iterdir())

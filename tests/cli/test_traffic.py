@@ -1,8 +1,5 @@
 """`pavetwin traffic` as a user types it: the summary, and one plain line with exit code 2 for what is wrong."""
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -10,19 +7,8 @@ import pytest
 from pavetwin.traffic.recording import load_recording
 from pavetwin.world.build import BuildOptions, build_world
 from pavetwin.world.store import save_world
+from scenes.command_line import pavetwin, plain_refusal
 from scenes.traffic import make_network
-
-SOURCES = Path(__file__).resolve().parents[2] / "src"
-
-
-def pavetwin(*arguments: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-c", "from pavetwin.cli import main; main()", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "PYTHONPATH": str(SOURCES), "COLUMNS": "160"},
-    )
 
 
 @pytest.fixture(scope="module")
@@ -64,16 +50,10 @@ def test_recording_says_what_it_did_and_then_that_it_is_done(world: Path) -> Non
 )
 def test_what_is_wrong_is_one_plain_line(world: Path, arguments: tuple[str, ...], words: str) -> None:
     before = sorted(world.rglob("*"))
-    done = pavetwin("traffic", "record", world, *arguments)
-    assert done.returncode == 2
-    assert words in done.stderr
-    assert done.stderr.startswith("Error: ")
-    assert len(done.stderr.strip().splitlines()) == 1
+    assert words in plain_refusal(pavetwin("traffic", "record", world, *arguments))
     assert sorted(world.rglob("*")) == before
 
 
 def test_a_world_or_a_recording_that_is_none(tmp_path: Path) -> None:
     for arguments in (("record", tmp_path / "none", "--density", "low"), ("info", tmp_path / "none.parquet")):
-        done = pavetwin("traffic", *arguments)
-        assert done.returncode == 2
-        assert len(done.stderr.strip().splitlines()) == 1
+        plain_refusal(pavetwin("traffic", *arguments))
