@@ -40,8 +40,6 @@ from pavetwin.traffic.recording import load_recording, save_recording
 from pavetwin.world.store import load_world, save_world
 from scenes import built
 
-KILLS = 20
-
 DEADLY = """
 import multiprocessing, os
 from pavetwin.policies import GoOn, Policy
@@ -345,8 +343,9 @@ def test_traffic_that_cannot_be_recorded_fails_its_missions_only(
 # --- Killed ---------------------------------------------------------------------------------------------------------
 
 
-def test_killed_at_twenty_moments_and_gone_on_it_is_the_same_study(
-    reference: Path, world: Path, tmp_path: Path
+@pytest.mark.parametrize("kills", [3, pytest.param(20, marks=pytest.mark.slow)])
+def test_killed_at_many_moments_and_resumed_it_is_the_same_study(
+    reference: Path, world: Path, tmp_path: Path, kills: int
 ) -> None:
     """Half of them after some seconds, while it reads, records or flies its first; half some moments after another part
     was written. Every third time its recordings are gone, so that it records again."""
@@ -355,7 +354,7 @@ def test_killed_at_twenty_moments_and_gone_on_it_is_the_same_study(
     path.write_text(yaml.safe_dump(small(world).model_dump(mode="json")))
     arguments = ["experiment", "run", str(path), "-o", str(folder), "--jobs", "2"]
     killed = 0
-    while killed < KILLS:
+    while killed < kills:
         if killed % 3 == 0:
             for file in (world / "traffic").glob("*.parquet"):
                 file.unlink()
