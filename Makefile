@@ -70,7 +70,7 @@ test: setup  ## All tests but the slow ones
 test-all: setup  ## All tests, the slow ones too, and with new random examples
 	@rc=0; cargo test --release --locked --quiet --package pavetwin-core || rc=1; $(PYTEST) -m '' --hypothesis-profile explore || rc=1; exit $$rc
 
-bench: setup  ## How fast it is on this machine, beside what the design asks for
+bench: setup  ## Measure the speed on this machine, beside the speed that is required
 	@.venv/bin/python -m benchmarks
 	@cargo bench --locked --package pavetwin-core --bench '*'
 
