@@ -1,6 +1,7 @@
 """The door between a mission and its sensor: what is an event, what a frame carries, and how detections are counted."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from pavetwin.mission import MissionInputs
 from pavetwin.mission.fly import MissionResult, fly, fly_over
 from pavetwin.mission.results import detections_table
 from pavetwin.policies import load_policy
-from pavetwin.sensing import SENSORS, Detection, Frame, Outcome, Sensor, sensor
+from pavetwin.sensing import SENSORS, Detection, Frame, Outcome, Sensor, check_sensor, sensor
 from scenes.tiny import SCENES, Scene, straight
 
 
@@ -151,6 +152,58 @@ def test_a_sensor_that_fails_in_flight_is_named_with_its_line() -> None:
 
     with pytest.raises(PaveTwinError, match=r"The sensor 'trial' failed .* KeyError: \d+ \(test_perception.py"):
         fly_with(Scene(straight((30, 0))), Brittle)
+
+
+class Naming(Sensor):
+    """Reports every sighting under a name of its own."""
+
+    called = "Pothole"
+
+    @classmethod
+    def calling(cls, called: str, *others: str) -> type["Naming"]:
+        return type("Calling", (cls,), {"called": called, "other_classes": frozenset(others)})
+
+    def detect(self, frame: Frame) -> Sequence[Detection]:
+        return [Detection(self.called, 0.9, footprint=sighting.defect.polygon) for sighting in frame.sightings]
+
+
+@pytest.mark.usefixtures("registered")
+@pytest.mark.parametrize(
+    ("called", "near"),
+    [
+        ("Pothole", "pothole"),
+        ("POTHOLE", "pothole"),
+        ("Single Crack", "single_crack"),
+        ("crocodile", "crocodile_crack"),
+    ],
+)
+def test_a_misspelt_class_is_an_error_that_names_sensor_class_and_the_nearest(called: str, near: str) -> None:
+    with pytest.raises(PaveTwinError) as caught:
+        fly_with(Scene(straight((30, 0))), Naming.calling(called))
+    told = str(caught.value)
+    assert f"sensor 'trial' reports the class '{called}', which is no class of defects (did you mean '{near}'?)" in told
+    assert "known are crocodile_crack, pothole, single_crack" in told
+    assert "`other_classes`" in told
+
+
+@pytest.mark.usefixtures("registered")
+@pytest.mark.parametrize(
+    ("called", "others"), [("person", ()), ("Car", ()), ("manhole", ("manhole",)), ("Pothole", ("Pothole",))]
+)
+def test_a_class_that_is_no_defect_is_ignored(called: str, others: tuple[str, ...]) -> None:
+    kind = Naming.calling(called, *others)
+    result = fly_with(Scene(straight((30, 0))), kind)
+    assert {each.outcome for each in result.detections} == {Outcome.IGNORED}
+    assert (result.rows[0].confirmed, result.rows[0].false_alarms) == (0, 0)
+    assert check_sensor(kind) == []
+
+
+@pytest.mark.usefixtures("registered")
+def test_a_class_that_only_the_worlds_own_defects_have_is_known() -> None:
+    scene = Scene(straight((30, 0)))
+    defects = tuple(replace(defect, kind="frost_heave") for defect in scene.world.defects)
+    result = fly_with(replace(scene, world=replace(scene.world, defects=defects)), Naming.calling("frost_heave"))
+    assert result.rows[0].confirmed == 1
 
 
 @pytest.mark.usefixtures("registered")

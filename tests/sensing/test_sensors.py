@@ -89,6 +89,11 @@ class Falsy(Sensor):
         return [Detection.of(s) for s in frame.sightings if draws[s.defect.id * 10 + s.attempt] < 0.5]
 
 
+class Misspelling(Sensor):
+    def detect(self, frame: Frame) -> Sequence[Detection]:
+        return [Detection("Pothole", 0.9, footprint=sighting.defect.polygon) for sighting in frame.sightings]
+
+
 class Failing(Sensor):
     def detect(self, frame: Frame) -> Sequence[Detection]:
         return [Detection.of(frame.sightings[0])]
@@ -101,6 +106,7 @@ class Failing(Sensor):
         (Wandering, "depends on what it was shown before"),
         (Unseeded, "depends on what it was shown before"),
         (Falsy, "with seed 0"),
+        (Misspelling, "it reports the class 'Pothole', which is no class of defects (did you mean 'pothole'?)"),
         (Failing, "it fails: IndexError"),
     ],
 )

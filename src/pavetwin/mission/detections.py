@@ -7,8 +7,9 @@ import numpy as np
 import shapely
 
 from pavetwin.defects.registry import DEFECT_CLASSES
+from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import MissionEnvironment
-from pavetwin.sensing import Detection, Frame, JudgedDetection, Outcome, Sighting, match
+from pavetwin.sensing import Detection, Frame, JudgedDetection, Outcome, Sighting, match, unknown_class
 from pavetwin.world.model import Defect
 
 
@@ -18,11 +19,18 @@ class DetectionLog:
     A detection is matched by `pavetwin.sensing.match` to the defects in the image. It confirms a defect that the
     capture sees; it is a duplicate when that defect is confirmed already, in this capture or before; it is ignored
     when the capture does not see the defect that it matches (outside the inspection window, or too much of it hidden)
-    and when its class is no defect class. What is left is a false alarm.
+    and when its class is none of defects. What is left is a false alarm.
     """
 
-    def __init__(self, environment: MissionEnvironment) -> None:
+    def __init__(
+        self, environment: MissionEnvironment, *, sensor: str = "", other_classes: Collection[str] = ()
+    ) -> None:
+        """Args:
+        sensor: its name, for messages.
+        other_classes: what it reports that is no defect.
+        """
         self._defects = environment.defects
+        self._sensor, self._other_classes = sensor, other_classes
         self.all: list[JudgedDetection] = []
 
     def judge(
@@ -37,9 +45,15 @@ class DetectionLog:
         """Args:
         confirmed: ids of the defects that are confirmed already.
         segment: index of the segment under inspection.
+
+        Raises:
+            PaveTwinError: a detection's class is not known.
         """
         if not detections:
             return []
+        for kind in sorted({detection.kind for detection in detections}):
+            if unknown := unknown_class(kind, self._classes, self._other_classes):
+                raise PaveTwinError(f"The sensor '{self._sensor}' reports {unknown}.")
         sightings = {sighting.defect.id: sighting for sighting in frame.sightings}
         outlines = {id(sighting.defect.polygon) for sighting in frame.sightings}
         candidates = self._candidates(frame, all(id(each.footprint) in outlines for each in detections))

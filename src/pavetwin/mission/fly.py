@@ -137,6 +137,8 @@ def fly(
         spec.settings,
         loaded.indices(spec),
         policy=chosen.name,
+        sensor=sensor.name,
+        other_classes=sensor.other_classes,
         image_source=image_source,
         every_capture=sensor.every_capture,
         observer=tell,

@@ -1,6 +1,6 @@
 """The mission: a plan flown segment by segment, as a stream of events that policies and sensors answer."""
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import atan2, inf
 from typing import Protocol
@@ -86,6 +86,10 @@ class Mission:
     targets: Sequence[int]
     """Indices of the segments to inspect, in order."""
     policy: str = ""
+    sensor: str = ""
+    """Its name, for messages."""
+    other_classes: Collection[str] = ()
+    """Classes it reports that are no defects, see `pavetwin.sensing.Sensor`."""
     image_source: ImageSource | None = None
     """Takes the images of frames, for sensors that look at them."""
     every_capture: bool = False
@@ -104,7 +108,7 @@ class Mission:
         self.events: list[MissionEvent] = []
         self.is_over = False
         """Whether the UAV has landed after its last segment."""
-        self.detections = DetectionLog(self.environment)
+        self.detections = DetectionLog(self.environment, sensor=self.sensor, other_classes=self.other_classes)
         self._meter = SegmentMeter(self.environment)
         self._camera = find_camera(self.settings.camera.model)
         self._frame: Frame | None = None

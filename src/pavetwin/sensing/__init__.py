@@ -2,13 +2,14 @@
 
 from pavetwin.sensing.base import SENSORS, Sensor, load_sensor, sensor, sensor_class, sensor_names
 from pavetwin.sensing.conformance import check_sensor
-from pavetwin.sensing.detection import Detection, JudgedDetection, Outcome
+from pavetwin.sensing.detection import OTHER_CLASSES, Detection, JudgedDetection, Outcome, unknown_class
 from pavetwin.sensing.frame import Box, Frame, ImageSource, Sighting
 from pavetwin.sensing.ideal import Ideal
 from pavetwin.sensing.matching import match
 from pavetwin.sensing.recall import Recall
 
 __all__ = [
+    "OTHER_CLASSES",
     "SENSORS",
     "Box",
     "Detection",
@@ -26,4 +27,5 @@ __all__ = [
     "sensor",
     "sensor_class",
     "sensor_names",
+    "unknown_class",
 ]

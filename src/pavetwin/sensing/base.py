@@ -20,6 +20,9 @@ class Sensor(ABC):
     every_capture: ClassVar[bool] = False
     """Whether it is shown every capture; else only those that see a defect which is not confirmed yet."""
 
+    other_classes: ClassVar[frozenset[str]] = frozenset()
+    """Classes it reports that are no defects, beside `person` and `car`: such detections are ignored. Any other class
+    that is not registered is an error."""
     default_options: ClassVar[Mapping[str, OptionValue]] = MappingProxyType({})
     """The options that it has, with the values that hold where `sensing.options` gives none. A value must have the type
     of its default; a whole number is a number too."""

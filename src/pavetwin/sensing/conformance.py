@@ -15,8 +15,9 @@ from shapely import Point
 from pavetwin.arrays import UInt8Array
 from pavetwin.config.conditions import Conditions
 from pavetwin.config.mission import SensingSettings
+from pavetwin.defects.registry import DEFECT_CLASSES
 from pavetwin.sensing.base import Sensor
-from pavetwin.sensing.detection import Detection
+from pavetwin.sensing.detection import Detection, unknown_class
 from pavetwin.sensing.frame import Frame, Sighting
 from pavetwin.uav.cameras import find_camera
 from pavetwin.world.model import Defect, Severity
@@ -32,7 +33,8 @@ _CLASSES = ("single_crack", "crocodile_crack", "pothole")
 def check_sensor(factory: Callable[[SensingSettings, int], Sensor]) -> list[str]:
     """The rules that a sensor breaks, each as a sentence; none for one that keeps them.
 
-    It must answer with detections, and the same whenever it is shown a frame with the same seed, in whatever order.
+    It must answer with detections of known classes, and the same whenever it is shown a frame with the same seed, in
+    whatever order.
     """
     broken: list[str] = []
     frames = trial_frames()
@@ -116,6 +118,9 @@ def _reported(sensor: Sensor, frames: Sequence[Frame], broken: list[str]) -> lis
         if strangers:
             broken.append(f"it answers {strangers[0]!r}, which is no Detection")
             answer = []
+        known = DEFECT_CLASSES.names()
+        told = [unknown_class(kind, known, sensor.other_classes) for kind in sorted({each.kind for each in answer})]
+        broken += [f"it reports {unknown}" for unknown in told if unknown]
         if repr(frame) != before:
             broken.append("it changes the frame it was given")
         found.append(frozenset(_value(each) for each in answer))

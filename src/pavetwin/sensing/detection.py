@@ -1,12 +1,34 @@
 """What a sensor reports, and what each report comes to once it is compared with the defects that are there."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Final
 
 from shapely import Polygon
 
+from pavetwin.errors import nearest_name
 from pavetwin.sensing.frame import Box, Frame, Sighting
 from pavetwin.twin import Place
+
+OTHER_CLASSES: Final = frozenset({"person", "car", "Person", "Car"})
+"""What every sensor may report that is no defect, also spelled as in label files."""
+
+
+def unknown_class(kind: str, defects: Collection[str], others: Collection[str]) -> str:
+    """What is wrong with a detection's class, in words; empty where it is known.
+
+    Args:
+        defects: the classes of defects.
+        others: what the sensor says it reports beside them, see `Sensor.other_classes`.
+    """
+    if kind in defects or kind in OTHER_CLASSES or kind in others:
+        return ""
+    near = nearest_name(kind.lower().replace(" ", "_"), defects)
+    return (
+        f"the class '{kind}', which is no class of defects{near}; known are {', '.join(sorted(defects))}. A class that "
+        "is no defect belongs in its `other_classes`"
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +42,7 @@ class Detection:
     """
 
     kind: str
-    """Its class: a defect class such as `pothole`, or another object such as `car`."""
+    """Its class: a defect class such as `pothole`, one of `OTHER_CLASSES`, or one of the sensor's `other_classes`."""
     confidence: float
     """0 … 1."""
     footprint: Polygon | None = None
