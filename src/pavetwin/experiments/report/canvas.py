@@ -2,20 +2,19 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from io import StringIO
-from itertools import pairwise
 from math import ceil, floor, log10
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final, Literal
 
-import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, Locator, NullLocator
 
+from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
 from pavetwin.experiments.report.parts import ReportFigure
 from pavetwin.experiments.words import level_text
@@ -31,20 +30,21 @@ _CSS_PX_PER_IN: Final = 96
 
 def vector(figure: Figure, caption: str, alt: str) -> ReportFigure:
     """The figure as SVG, its letters as outlines: it looks the same where DejaVu Sans is not installed."""
-    text = StringIO()
-    with style.styled():
-        matplotlib.rcParams["svg.hashsalt"] = "pavetwin"
-        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
-    return _picture(figure, caption, alt, slim(text.getvalue()).encode(), "svg")
+    return _picture(figure, caption, alt, "svg")
 
 
 def raster(figure: Figure, caption: str, alt: str) -> ReportFigure:
     """The figure as PNG of few colours: for maps, which hold more shapes than a page should."""
+    return _picture(figure, caption, alt, "png")
+
+
+def _picture(figure: Figure, caption: str, alt: str, suffix: Literal["svg", "png"]) -> ReportFigure:
     with TemporaryDirectory() as folder:
-        path = Path(folder) / "figure.png"
+        path = Path(folder) / f"figure.{suffix}"
         style.save_figure(figure, path)
-        content = path.read_bytes()
-    return _picture(figure, caption, alt, content, "png")
+        content = slim(path.read_text(encoding="utf-8")).encode() if suffix == "svg" else path.read_bytes()
+    width, height = (round(float(side) * _CSS_PX_PER_IN) for side in figure.get_size_inches())
+    return ReportFigure(caption, alt, content, suffix, width, height)
 
 
 def slim(svg: str) -> str:
@@ -52,11 +52,6 @@ def slim(svg: str) -> str:
     body = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
     body = re.sub(r">\s+<", "><", re.sub(r"\s*\n\s*", " ", body)).strip()
     return re.sub(r"-?\d+\.\d{3,}", lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), body)
-
-
-def _picture(figure: Figure, caption: str, alt: str, content: bytes, suffix: str) -> ReportFigure:
-    width, height = (round(float(side) * _CSS_PX_PER_IN) for side in figure.get_size_inches())
-    return ReportFigure(caption, alt, content, suffix, width, height)
 
 
 def looks(policies: Sequence[Any]) -> Looks:
@@ -77,6 +72,13 @@ def lattice(
     figure.set_layout_engine("constrained", h_pad=0.05, w_pad=0.04)
     axes = figure.subplots(rows, columns, squeeze=False, sharex="all", sharey=share_y)
     return figure, [list(row) for row in axes]
+
+
+def beside_each_other(panels: int, height_in: float) -> tuple[Figure, Sequence[Axes]]:
+    """A figure of the text width with panels that share their rows."""
+    figure = style.new_figure(WIDTH_IN, height_in)
+    figure.set_layout_engine("constrained", w_pad=0.03)
+    return figure, figure.subplots(1, panels, squeeze=False, sharey=True)[0]
 
 
 def policy_legend(figure: Figure, chosen: Looks, more: Sequence[Line2D] = ()) -> None:
@@ -134,22 +136,19 @@ class _SpacedLogLocator(Locator):
         return self.tick_values(low, high)
 
     def tick_values(self, vmin: float, vmax: float) -> list[float]:
-        found: list[float] = []
+        decades = 10.0 ** np.arange(floor(log10(vmin)), ceil(log10(vmax)) + 1)
+        found = np.empty(0)
         for steps in self._STEPS:
-            found = self._numbers(vmin, vmax, steps)
-            if self._clear(found, vmin, vmax):
+            found = np.outer(decades, steps).ravel()
+            found = found[(found >= vmin * (1 - 1e-9)) & (found <= vmax * (1 + 1e-9))]
+            if self._clear(found, log10(vmax / vmin)):
                 break
-        return found
+        return found.tolist()
 
-    def _numbers(self, low: float, high: float, steps: Sequence[float]) -> list[float]:
-        decades = range(floor(log10(low)), ceil(log10(high)) + 1)
-        values = [step * 10.0**decade for decade in decades for step in steps]
-        return [value for value in values if low * (1 - 1e-9) <= value <= high * (1 + 1e-9)]
-
-    def _clear(self, values: Sequence[float], low: float, high: float) -> bool:
+    def _clear(self, values: Float64Array, decades: float) -> bool:
         """Whether the labels of all ticks fit without overlap."""
         flat, box = self._of is self._of.axes.xaxis, self._of.axes.get_window_extent()
-        per_decade = (box.width if flat else box.height) * 72 / self._of.axes.figure.dpi / log10(high / low)
-        sizes = [style.text_width_pt(f"{value:g}", self._TICK_PT) if flat else self._TICK_PT for value in values]
-        gaps = [per_decade * log10(other / one) for one, other in pairwise(values)]
-        return all(gap >= (a + b) / 2 + self._BETWEEN_PT for gap, (a, b) in zip(gaps, pairwise(sizes), strict=True))
+        length_pt = (box.width if flat else box.height) * 72 / self._of.axes.figure.dpi
+        widths = [style.text_width_pt(f"{value:g}", self._TICK_PT) if flat else self._TICK_PT for value in values]
+        sizes, gaps = np.array(widths), np.diff(np.log10(values)) * length_pt / decades
+        return bool((gaps >= (sizes[1:] + sizes[:-1]) / 2 + self._BETWEEN_PT).all())

@@ -7,6 +7,8 @@ import numpy as np
 import polars as pl
 import shapely
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colorbar import Colorbar
 from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize
 
 from pavetwin.draw import shapes, style
@@ -103,18 +105,12 @@ def _numbers(axes: Axes, segments: Sequence[Segment], found: Mapping[str, Any]) 
 
 def _colour_bar(footer: Axes, norm: Normalize) -> None:
     """In the strip below the map, whose coordinates are inches."""
-    assert norm.vmin is not None
-    assert norm.vmax is not None
-    top = footer.get_ylim()[1]
-    left, right, lower, upper = 0.0, 2.0, top - 0.26, top - 0.14
-    limits = footer.get_xlim(), footer.get_ylim()
-    footer.imshow(np.linspace(0, 1, 256)[None], cmap=COVERAGE, extent=(left, right, lower, upper), aspect="auto")
-    footer.set(xlim=limits[0], ylim=limits[1])
-    for value in np.linspace(norm.vmin, norm.vmax, 3):
-        x = left + (right - left) * (value - norm.vmin) / (norm.vmax - norm.vmin)
-        place = "left" if x == left else "right" if x == right else "center"
-        footer.text(x, lower - 0.04, f"{value:g} %", fontsize=6, ha=place, va="top")
-    footer.text(left, upper + 0.04, "mean coverage", fontsize=6, va="bottom")
+    place = footer.inset_axes((0.12, footer.get_ylim()[1] - 0.26, 2.0, 0.12), transform=footer.transData)
+    ticks = norm.inverse(np.linspace(0, 1, 3)).tolist()
+    bar = Colorbar(place, ScalarMappable(norm, COVERAGE), orientation="horizontal", ticks=ticks, format="{x:g} %")
+    bar.outline.set_visible(False)
+    place.tick_params(labelsize=6, length=0, pad=2, labelcolor=style.INK)
+    place.set_title("mean coverage", fontsize=6, fontweight="normal", pad=2)
 
 
 def _caption(world: World, found: Mapping[str, Any], segments: Sequence[Segment]) -> str:

@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from pavetwin.draw import style
 from pavetwin.experiments.metrics import FACTORS, FAILED, STATUS
 from pavetwin.experiments.report import whole
-from pavetwin.experiments.report.parts import Block, CollapsibleTable, ReportFigure, Section, Table, Text
+from pavetwin.experiments.report.parts import Block, ReportFigure, Section, Table
 from pavetwin.experiments.report.results import group_builders
 from pavetwin.experiments.report.study import AXES, Study, constants, replicates
 from pavetwin.experiments.words import counted, factor_text, factors_text, level_text, listed
@@ -31,7 +31,6 @@ def page(study: Study, sections: Sequence[Section]) -> str:
         undefined=StrictUndefined,
     )
     environment.filters["identity"] = id
-    environment.tests["of_type"] = lambda block, name: type(block).__name__ == name
     return environment.get_template("page.html.jinja").render(
         study=study,
         summary=design_words(study),
@@ -119,7 +118,7 @@ def sections_of(study: Study, on_progress: Callable[[float], None] = lambda _: N
     if len(every) > len(groups):
         rest = counted(len(every) - len(groups), "more combination")
         words = f"{rest} of the other factors: see table.csv, table.md and table.tex."
-        sections.append(Section("more", "Further results", [Text(words)]))
+        sections.append(Section("more", "Further results", [words]))
     return sections + [section for build in builders for section in made(partial(build, study))]
 
 
@@ -130,7 +129,7 @@ def figures(sections: Sequence[Section]) -> list[ReportFigure]:
 
 def _numbers(sections: Sequence[Section]) -> dict[int, int]:
     """The number of each figure and each table, by the identity of its block, in the order of the page."""
-    tables = [block for block in _blocks(sections) if isinstance(block, Table | CollapsibleTable)]
+    tables = [block for block in _blocks(sections) if isinstance(block, Table)]
     return {id(block): at for blocks in (figures(sections), tables) for at, block in enumerate(blocks, start=1)}
 
 

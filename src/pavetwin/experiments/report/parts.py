@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from urllib.parse import quote
 
-Lines = Sequence[str]
-
 
 @dataclass(frozen=True, slots=True)
 class TableCell:
@@ -24,11 +22,13 @@ class Table:
     heads: tuple[str, ...]
     rows: tuple[tuple[TableCell, ...], ...]
     lead: int = 2
-    notes: Lines = ()
+    notes: Sequence[str] = ()
     span: str = ""
     """What the columns after the lead are together, written over them."""
     merged: bool = True
     """Whether equal lead cells below each other are written once."""
+    opened_by: str = ""
+    """The words on which a reader clicks to see it; it is always seen where there are none."""
 
     def starts(self, row: int, column: int) -> bool:
         """Whether a lead cell, or one before it, differs from that of the row above."""
@@ -68,20 +68,8 @@ class ReportFigure:
         return f"data:image/{self.suffix};base64,{b64encode(self.content).decode('ascii')}"
 
 
-@dataclass(frozen=True)
-class Text:
-    words: str
-
-
-@dataclass(frozen=True)
-class CollapsibleTable:
-    """A table that is opened on demand."""
-
-    title: str
-    table: Table
-
-
-Block = Table | ReportFigure | Text | CollapsibleTable
+Block = Table | ReportFigure | str
+"""A string is a paragraph."""
 
 
 @dataclass(frozen=True)
@@ -94,4 +82,4 @@ class Section:
     @property
     def empty(self) -> bool:
         """Whether it has only text."""
-        return not self.sections and all(isinstance(block, Text) for block in self.blocks)
+        return not self.sections and all(isinstance(block, str) for block in self.blocks)

@@ -11,7 +11,7 @@ from pavetwin.experiments.metrics import COMPARED, Metric, metric_named
 from pavetwin.experiments.report import headline
 from pavetwin.experiments.report.canvas import vector
 from pavetwin.experiments.report.headline import FEW_MARK
-from pavetwin.experiments.report.parts import Block, CollapsibleTable, Section, Table, TableCell, Text
+from pavetwin.experiments.report.parts import Block, Section, Table, TableCell
 from pavetwin.experiments.report.plots import forest, intervals, spread, tradeoff
 from pavetwin.experiments.report.study import AXES, METRIC, Group, replicates
 from pavetwin.experiments.statistics.paired import is_significant
@@ -120,12 +120,12 @@ def _differences(group: Group, factor: str) -> Iterator[Block]:
         return
     other = subject(factor, comparison.reference)
     why = f" ({comparison.reason})" if comparison.reason else ""
-    yield Text(
+    yield (
         "Missions of one replicate flew the same segment with the same traffic, defects and seed, so each is compared "
         f"with {other}{why} mission by mission. An interval that includes 0 leaves open which of the two is better."
     )
     if narrow := _narrow(group, metrics):
-        yield Text(narrow)
+        yield narrow
     together = (
         f"Intervals and p are corrected for all {counted(comparison.number, 'comparison')} with {other} in {_COMPARED} "
         f"together: an interval excludes 0 just where p < {ALPHA:g}"
@@ -137,7 +137,7 @@ def _differences(group: Group, factor: str) -> Iterator[Block]:
             f"with simultaneous 95 % intervals. {together}; such marks are filled.{_unbounded(rows)}",
             f"Forest plot of the differences to {other}, a row for each traffic density, altitude and policy.",
         )
-    yield CollapsibleTable("The differences as numbers", _difference_table(group, rows, other, metrics, together))
+    yield _difference_table(group, rows, other, metrics, together)
 
 
 def _narrow(group: Group, metrics: Sequence[Metric]) -> str:
@@ -174,7 +174,9 @@ def _difference_table(group: Group, rows: pl.DataFrame, other: str, metrics: Seq
     heads = [head for metric in metrics for head in (heading(metric), "p")]
     caption = f"Mean paired difference to {other}{_of(group)} with its simultaneous 95 % interval, and corrected p"
     notes = (f"{together}; such are bold.",)
-    return Table(caption, (*(factor_text(axis) for axis in axes), *heads), tuple(body), lead=len(axes), notes=notes)
+    heads = [*(factor_text(axis) for axis in axes), *heads]
+    opened_by = "The differences as numbers"
+    return Table(caption, tuple(heads), tuple(body), lead=len(axes), notes=notes, opened_by=opened_by)
 
 
 def _difference_cells(metric: Metric, row: Any) -> tuple[TableCell, TableCell]:
@@ -192,7 +194,7 @@ def _tradeoffs(group: Group) -> Iterator[Block]:
     known = _known(group, COMPARED)
     if gain not in known or len(group.altitudes) * len(group.policies) < 2:
         return
-    yield Text(
+    yield (
         "Of the options in one traffic density, those on the front are worth considering: no other has at least their "
         "mean coverage at no more of their mean cost. The front is one of means: where intervals overlap, another "
         "sample may order two neighbours the other way round." + _kept_off(group)

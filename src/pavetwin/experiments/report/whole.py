@@ -9,7 +9,7 @@ import polars as pl
 from pavetwin.experiments.metrics import COMPARED, FAILED, REASON, STATUS, metric_named
 from pavetwin.experiments.report import maps
 from pavetwin.experiments.report.canvas import vector
-from pavetwin.experiments.report.parts import Block, Section, Table, TableCell, Text
+from pavetwin.experiments.report.parts import Block, Section, Table, TableCell
 from pavetwin.experiments.report.plots import intervals, shares
 from pavetwin.experiments.report.study import AXES, METRIC, Group, Study
 from pavetwin.experiments.statistics.sentences import EFFECT_ALPHA
@@ -54,7 +54,7 @@ def effects_section(study: Study) -> Section:
     if metrics:
         words = listed([metric.label.lower() for metric in metrics])
         blocks = [
-            Text(
+            (
                 "Replicates differ in street, traffic and defects; what they explain is what no altitude and no policy "
                 "changes. An interaction (×) says that a factor matters differently at the levels of the other; those "
                 "of three and more factors are in the residual. Here p is not corrected for being many: of what is "
@@ -121,7 +121,7 @@ def failures_section(study: Study) -> Section:
         rest = len(reasons) - len(rows)
         notes = (f"{counted(rest, 'more reason')} in the study's table.",) if rest else ()
         blocks = [
-            Text(
+            (
                 f"{failed.height} of {counted(study.table.height, 'mission')} failed. They count "
                 "in no mean; a cell that lost many is to be read with care."
             ),

@@ -42,9 +42,7 @@ def forest(group: Group, differences: pl.DataFrame, metrics: Sequence[Metric], s
     """A panel a metric over the same rows. Filled marks are significant."""
     with style.styled():
         chosen = canvas.looks(group.policies)
-        figure = style.new_figure(canvas.WIDTH_IN, 0.75 + _ROW_IN * len(shown))
-        figure.set_layout_engine("constrained", w_pad=0.03)
-        panels = figure.subplots(1, len(metrics), squeeze=False, sharey=True)[0]
+        figure, panels = canvas.beside_each_other(len(metrics), 0.75 + _ROW_IN * len(shown))
         for axes, metric in zip(panels, metrics, strict=True):
             rows = differences.filter(pl.col(METRIC) == metric.name).iter_rows(named=True)
             _panel(axes, metric, shown, {tuple(row[name] for name in axes_of(group)): row for row in rows}, chosen)

@@ -1,7 +1,7 @@
 """Means with their 95 % intervals, policies side by side: by altitude, or by whatever else was varied."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from typing import Any, Final
 
@@ -24,35 +24,14 @@ _FROM_ZERO: Final = 0.35
 """An axis begins at 0 when the smallest value is below this share of the largest."""
 
 
-@dataclass(frozen=True)
-class PanelRow:
-    """One row of panels: a metric, and where its cells are found."""
-
-    metric: Metric
-    label: str
-    cell: Callable[[Any, Any, Any], Row | None]
-    """The row of the summary for a panel's column, a tick and a policy."""
-
-
-@dataclass(frozen=True)
-class PanelGrid:
-    """What the panels have in common."""
-
-    columns: Sequence[Any]
-    column_title: Callable[[Any], str]
-    ticks: Sequence[Any]
-    tick_factor: str
-    policies: Sequence[Any]
+PanelRow = tuple[Metric, str, Callable[[Any, Any, Any], Row | None]]
+"""A metric, the label of its row of panels, and the summary's row for a density, a tick and a policy."""
 
 
 def by_altitude(group: Group, metrics: Sequence[Metric], traffics: Sequence[Any]) -> Figure:
     """A row of panels a metric, a column a density, altitude from left to right."""
-
-    def strip(metric: Metric) -> PanelRow:
-        return PanelRow(metric, heading(metric), lambda traffic, h, policy: group.cell(metric.name, traffic, h, policy))
-
-    frame = PanelGrid(traffics, traffic_title, group.altitudes, "altitude_m", group.policies)
-    return draw(frame, [strip(metric) for metric in metrics])
+    rows: list[PanelRow] = [(metric, heading(metric), partial(group.cell, metric.name)) for metric in metrics]
+    return _draw(group, rows, traffics, "altitude_m", group.altitudes)
 
 
 def across(group: Group, factor: str, metric: Metric, traffics: Sequence[Any]) -> Figure:
@@ -64,50 +43,49 @@ def across(group: Group, factor: str, metric: Metric, traffics: Sequence[Any]) -
     ticks = [levels[factor] for levels in group.study.combinations([factor])]
     by_level = {level: group.at({factor: level}) for level in ticks}
 
-    def strip(altitude: Any) -> PanelRow:
+    def row(altitude: Any) -> PanelRow:
         words = f"{level_text('altitude_m', altitude)}\n{heading(metric)}"
-        return PanelRow(metric, words, lambda t, level, policy: by_level[level].cell(metric.name, t, altitude, policy))
+        return metric, words, lambda t, level, policy: by_level[level].cell(metric.name, t, altitude, policy)
 
-    frame = PanelGrid(traffics, traffic_title, ticks, factor, group.policies)
-    return draw(frame, [strip(altitude) for altitude in group.altitudes])
+    return _draw(group, [row(altitude) for altitude in group.altitudes], traffics, factor, ticks)
 
 
 def traffic_title(traffic: Any) -> str:
     return f"{level_text('traffic', traffic)} traffic".capitalize()
 
 
-def draw(frame: PanelGrid, strips: Sequence[PanelRow]) -> Figure:
+def _draw(group: Group, rows: Sequence[PanelRow], traffics: Sequence[Any], factor: str, ticks: Sequence[Any]) -> Figure:
     with style.styled():
-        chosen = canvas.looks(frame.policies)
-        one_metric = len({strip.metric.name for strip in strips}) == 1
-        figure, axes = canvas.lattice(len(strips), len(frame.columns), 1.38, "all" if one_metric else "row")
-        for strip, row in zip(strips, axes, strict=True):
-            for column, cell_axes in zip(frame.columns, row, strict=True):
-                _panel(cell_axes, frame, strip, column, chosen)
-            row[0].set_ylabel(strip.label)
-            _scale(row[0], frame, strips if one_metric else [strip])
-        for column, top, bottom in zip(frame.columns, axes[0], axes[-1], strict=True):
-            canvas.panel_title(top, frame.column_title(column))
-            bottom.set_xticks(_places(frame.ticks), [level_text(frame.tick_factor, tick) for tick in frame.ticks])
-            bottom.set_xlabel(factor_text(frame.tick_factor))
-            bottom.set_xlim(-0.55, _places(frame.ticks)[-1] + 0.55)
+        chosen, places = canvas.looks(group.policies), _places(ticks)
+        one_metric = len({metric.name for metric, _, _ in rows}) == 1
+        figure, axes = canvas.lattice(len(rows), len(traffics), 1.38, "all" if one_metric else "row")
+        found = [{at: cell(*at) for at in product(traffics, ticks, group.policies)} for _, _, cell in rows]
+        for (metric, label, _), cells, panels in zip(rows, found, axes, strict=True):
+            for traffic, panel in zip(traffics, panels, strict=True):
+                panel.grid(axis="x", visible=False)
+                for at, (policy, look) in enumerate(chosen.items()):
+                    line = [cells[traffic, tick, policy] for tick in ticks]
+                    shift = _SPREAD * ((at + 0.5) / len(chosen) - 0.5)
+                    _line(panel, metric, line, places + shift, look, joined=_in_order(ticks))
+            panels[0].set_ylabel(label)
+            _scale(panels[0], metric, [row for each in (found if one_metric else [cells]) for row in each.values()])
+        for traffic, top, bottom in zip(traffics, axes[0], axes[-1], strict=True):
+            canvas.panel_title(top, traffic_title(traffic))
+            bottom.set_xticks(places, [level_text(factor, tick) for tick in ticks])
+            bottom.set(xlabel=factor_text(factor), xlim=(-0.55, places[-1] + 0.55))
         canvas.policy_legend(figure, chosen)
     return figure
 
 
-def _panel(axes: Axes, frame: PanelGrid, strip: PanelRow, column: Any, chosen: canvas.Looks) -> None:
-    axes.grid(axis="x", visible=False)
-    for at, policy in enumerate(frame.policies):
-        rows = [strip.cell(column, tick, policy) for tick in frame.ticks]
-        shift = _SPREAD * ((at + 0.5) / len(frame.policies) - 0.5)
-        mean, low, high = (_values(strip.metric, rows, name) for name in ("mean", "low", "high"))
-        look = chosen[policy]
-        reach = np.nan_to_num(np.stack([mean - low, high - mean])).clip(min=0.0)
-        dash = look.dash if _in_order(frame.ticks) else "none"
-        axes.errorbar(
-            _places(frame.ticks) + shift, mean, yerr=reach, color=look.colour, marker=look.marker, markersize=4,
-            linestyle=dash, linewidth=0.6, elinewidth=1.2, alpha=0.95,
-        )  # fmt: skip
+def _line(
+    axes: Axes, metric: Metric, rows: Sequence[Row | None], x: Float64Array, look: style.PolicyStyle, *, joined: bool
+) -> None:
+    mean, low, high = (_values(metric, rows, name) for name in ("mean", "low", "high"))
+    reach = np.nan_to_num(np.stack([mean - low, high - mean])).clip(min=0.0)
+    axes.errorbar(
+        x, mean, yerr=reach, color=look.colour, marker=look.marker, markersize=4,
+        linestyle=look.dash if joined else "none", linewidth=0.6, elinewidth=1.2, alpha=0.95,
+    )  # fmt: skip
 
 
 def _places(ticks: Sequence[Any]) -> Float64Array:
@@ -125,12 +103,9 @@ def _in_order(ticks: Sequence[Any]) -> bool:
     return all(isinstance(tick, int | float) and not isinstance(tick, bool) for tick in ticks)
 
 
-def _scale(axes: Axes, frame: PanelGrid, strips: Sequence[PanelRow]) -> None:
+def _scale(axes: Axes, metric: Metric, rows: Sequence[Row | None]) -> None:
     """Logarithmic where values span a wide range; else from 0 where that costs little room. A share ends at 100."""
-    metric = strips[0].metric
-    places = list(product(frame.columns, frame.ticks, frame.policies))
-    found = [strip.cell(*place) for strip in strips for place in places]
-    ends = np.concatenate([_values(metric, found, name) for name in ("mean", "low", "high")])
+    ends = np.concatenate([_values(metric, rows, name) for name in ("mean", "low", "high")])
     ends = ends[np.isfinite(ends)]
     if canvas.spans_wide(ends.tolist()):
         canvas.logarithmic(axes.yaxis)
@@ -145,7 +120,7 @@ def _scale(axes: Axes, frame: PanelGrid, strips: Sequence[PanelRow]) -> None:
     axes.set_ylim(low - margin, max(top, high))
 
 
-def _values(metric: Metric, rows: Sequence[Row | None], name: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _values(metric: Metric, rows: Sequence[Row | None], name: str) -> Float64Array:
     """(n,) shown values, nan where there is none."""
     found = (np.nan if row is None or row[name] is None else row[name] * metric.scale for row in rows)
     return np.fromiter(found, dtype=np.float64, count=len(rows))

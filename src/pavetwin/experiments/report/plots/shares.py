@@ -24,9 +24,7 @@ def effect_bars(effects: pl.DataFrame, metrics: Sequence[Metric], most: int = 16
     """η² as bars, ω² as marks; terms in the order of the frame, at most so many."""
     terms = effects["term"].unique(maintain_order=True).to_list()[:most]
     with style.styled():
-        figure = style.new_figure(canvas.WIDTH_IN, 0.85 + 0.2 * len(terms))
-        figure.set_layout_engine("constrained", w_pad=0.03)
-        panels = figure.subplots(1, len(metrics), squeeze=False, sharey=True)[0]
+        figure, panels = canvas.beside_each_other(len(metrics), 0.85 + 0.2 * len(terms))
         widest = 1.32 * _widest(effects, terms)
         for axes, metric in zip(panels, metrics, strict=True):
             rows = effects.filter(pl.col(METRIC) == metric.name).iter_rows(named=True)
