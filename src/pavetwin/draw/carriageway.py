@@ -1,14 +1,23 @@
-"""The lines between lanes, as a map shows them."""
+"""Lines between lanes and the ground of pedestrians, as maps show them."""
 
 import numpy as np
 import shapely
 from shapely import Geometry, LineString
+from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float64Array
 from pavetwin.world.model import LaneKind, World
 
 _KERB_M = 0.7
 """Lines closer to the kerb than this are no lane lines."""
+
+
+def sidewalks(world: World) -> BaseGeometry:
+    """Sidewalks and junctions, with the gaps of centimetres between them closed; carriageways are drawn over them."""
+    lanes = world.lanes_of(LaneKind.SIDEWALK)
+    strips = [lane.centre_line.buffer(lane.width_m / 2, cap_style="flat") for lane in lanes]
+    ground = [*strips, *(junction.polygon for junction in world.junctions)]
+    return shapely.union_all(shapely.buffer(np.array(ground, dtype=object), 0.05, join_style="mitre"))
 
 
 def lane_lines(world: World) -> list[Float64Array]:

@@ -33,8 +33,6 @@ TRAIL_S = 20.0
 
 
 class Film:
-    """The frames of an animation, drawn on demand."""
-
     def __init__(
         self, result: MissionResult, traffic: Traffic, start_s: float | None, duration_s: float, speed: float, fps: int
     ) -> None:
@@ -118,17 +116,16 @@ class Film:
         return bool(np.all(place > self._low) and np.all(place < self._high))
 
     def _defects(self, state: TimelineState, centre: Place) -> list[DefectMark]:
-        marks = []
         near = np.hypot(*(self._places - centre).T) < 0.6 * self.width_m
-        for defect in np.flatnonzero(near):
+
+        def mark(defect: int) -> DefectMark:
             x, y = self._places[defect].tolist()
-            confirmation = state.found.get(int(defect))
-            if confirmation is None:
-                marks.append(DefectMark((x, y), None))
-            else:
-                outcome = DefectOutcome.RECOVERED if confirmation.on_revisit else DefectOutcome.CONFIRMED
-                marks.append(DefectMark((x, y), outcome, (state.time_s - confirmation.time_s) / self.speed))
-        return marks
+            if (confirmation := state.found.get(defect)) is None:
+                return DefectMark((x, y), None)
+            outcome = DefectOutcome.RECOVERED if confirmation.on_revisit else DefectOutcome.CONFIRMED
+            return DefectMark((x, y), outcome, (state.time_s - confirmation.time_s) / self.speed)
+
+        return [mark(defect) for defect in np.flatnonzero(near).tolist()]
 
     def _captions(self, image: Image.Image, time_s: float) -> None:
         """The street's name above, a scale bar and the rate of time below."""

@@ -35,8 +35,6 @@ WHITE: Rgb = (255, 255, 255)
 
 @dataclass(frozen=True)
 class DefectMark:
-    """A defect and its state at this time."""
-
     position: Place
     outcome: DefectOutcome | None
     """None while it is open."""

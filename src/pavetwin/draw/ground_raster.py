@@ -14,10 +14,11 @@ from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
 from pavetwin.draw import shapes, style
+from pavetwin.draw.carriageway import sidewalks
 from pavetwin.draw.mission_style import rgb
 from pavetwin.draw.pen import SMOOTHING, Colour, Pen
 from pavetwin.draw.world_map import TALL_M
-from pavetwin.world.model import CARRIAGEWAY_LANES, FurnitureKind, Lane, LaneKind, World
+from pavetwin.world.model import CARRIAGEWAY_LANES, FurnitureKind, World
 
 TILE_PX = 512
 MARKING_M = 0.15
@@ -68,9 +69,7 @@ def _paint(world: World) -> Iterator[tuple[BaseGeometry, Colour]]:
     """Shapes and colours, from the ground up."""
     for park in world.parks:
         yield park, rgb(style.PARK)
-    walks = shapely.union_all([_strip(lane) for lane in world.lanes_of(LaneKind.SIDEWALK)])
-    walks = shapely.union_all([walks, *(junction.polygon for junction in world.junctions)])
-    road = world.carriageway
+    walks, road = sidewalks(world), world.carriageway
     yield shapely.union_all([walks, road]).buffer(KERB_M), rgb(style.CASING)
     yield walks, rgb(style.SIDEWALK)
     yield road.buffer(KERB_M), rgb(style.CASING)
@@ -89,10 +88,6 @@ def _paint(world: World) -> Iterator[tuple[BaseGeometry, Colour]]:
             yield item.position.buffer(item.radius_m), (*rgb(style.TREE), 176)
         else:
             yield item.position.buffer(max(item.radius_m, 0.15)), rgb(style.POLE)
-
-
-def _strip(lane: Lane) -> BaseGeometry:
-    return lane.centre_line.buffer(lane.width_m / 2, cap_style="flat")
 
 
 def _markings(world: World) -> Iterator[BaseGeometry]:

@@ -15,7 +15,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.path import Path as Outline
 from matplotlib.textpath import TextPath
 from matplotlib.transforms import Affine2D
-from shapely import Geometry, LineString, Polygon
+from shapely import Geometry, LineString, Polygon, affinity
 
 from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
@@ -59,7 +59,8 @@ def segment_ids(axes: Axes, segments: Iterable[Segment], occupied: OccupiedSpace
         half_h = (_ID_PT / 2 + 1.2) / per_m
         for share in (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8):
             x, y, angle = _pose(segment.centre_line, share * segment.length_m)
-            plate = _box(x, y, angle, half_w, half_h)
+            level = shapely.box(x - half_w, y - half_h, x + half_w, y + half_h)
+            plate = affinity.rotate(level, angle, use_radians=True)
             if _inside(axes, plate) and occupied.free(plate):
                 occupied.take(plate.buffer(0.8 / per_m))
                 _plate(axes, segment.id, x, y, np.degrees(angle))
@@ -210,16 +211,9 @@ def _turn(a: Float64Array, b: Float64Array) -> float:
     return float(np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b))
 
 
-def _box(x: float, y: float, angle: float, half_w: float, half_h: float) -> Polygon:
-    corners = np.array([(-half_w, -half_h), (half_w, -half_h), (half_w, half_h), (-half_w, half_h)])
-    turned = corners @ np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    return Polygon(turned + (x, y))
-
-
 def _inside(axes: Axes, shape: Polygon) -> bool:
     (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
-    box = shape.bounds
-    return box[0] >= west and box[1] >= south and box[2] <= east and box[3] <= north
+    return bool(shapely.box(west, south, east, north).contains(shape))
 
 
 def _plate(axes: Axes, text: str, x: float, y: float, angle_deg: float) -> None:

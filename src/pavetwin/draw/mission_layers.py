@@ -151,7 +151,6 @@ def draw_reactions(axes: Axes, result: MissionResult, turn: MapTransform, weight
 
 
 def draw_stations(axes: Axes, result: MissionResult, turn: MapTransform) -> None:
-    """The base, and where the battery ran low."""
     low = [place.position for place in result.actions if place.action == "battery"]
     if low:
         x, y = turn.points(low).T

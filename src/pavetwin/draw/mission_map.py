@@ -12,7 +12,7 @@ from matplotlib.legend_handler import HandlerTuple
 from pavetwin.draw import lettering, mission_layers, shapes, style
 from pavetwin.draw.marks import notable_segments
 from pavetwin.draw.mission_legend import legend_of, main_numbers, visibility_ramp
-from pavetwin.draw.strip import CAPTION_IN, GAP_IN, TALLEST_IN, SegmentLayout, caption, clipped, draw_strip
+from pavetwin.draw.strip import CAPTION_IN, GAP_IN, TALLEST_IN, SegmentLayout, caption, draw_strip
 from pavetwin.draw.turned import MapTransform
 from pavetwin.draw.world_map import ABOVE_WORLD, MapLayer, credit, draw_world
 from pavetwin.errors import PaveTwinError
@@ -149,7 +149,7 @@ def _draw_town(axes: Axes, result: MissionResult, bounds: style.Bounds, strips: 
     draw_world(axes, result.environment.world, bounds=bounds, layers=_QUIET, defects=False, muted=True)
     weights = mission_layers.TOWN.times(float(np.clip(shapes.points_per_m(axes), 0.45, 1.0)))
     for strip, letter in zip(strips, "abc", strict=False):
-        frame = clipped(strip.outline(), bounds)
+        frame = shapely.get_coordinates(strip.outline().intersection(shapely.box(*bounds)))
         shapes.strokes(axes, [frame], ABOVE_WORLD + 27, style.INK, 0.8, (3.2, 1.6))
         corner = frame[int(np.argmax(frame[:, 1] - frame[:, 0]))]
         disc = {"boxstyle": "circle,pad=0.18", "facecolor": style.PAPER, "edgecolor": style.INK, "linewidth": 0.8}

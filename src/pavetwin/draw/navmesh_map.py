@@ -106,11 +106,11 @@ def save_navmesh_map(baked: NavMeshReport, path: Path) -> None:
 
 
 def _legend(baked: NavMeshReport) -> list[LegendEntry]:
-    entries = [LegendEntry("polygon, joined with the base", "patch", FREE, FREE_EDGE)]
-    if not all(baked.connected):
-        entries.append(LegendEntry("polygon, cut off", "patch", CUT_OFF, CUT_OFF_EDGE))
-    if baked.obstacles:
-        entries.append(LegendEntry("obstacle at this altitude", "patch", BLOCKED, BLOCKED_EDGE))
-    if not all(baked.reachable):
-        entries.append(LegendEntry("segment out of reach", "line", UNREACHABLE, size_pt=1.6))
-    return [*entries, LegendEntry("base", "o", style.BASE, size_pt=5.5)]
+    entries = (
+        (True, LegendEntry("polygon, joined with the base", "patch", FREE, FREE_EDGE)),
+        (not all(baked.connected), LegendEntry("polygon, cut off", "patch", CUT_OFF, CUT_OFF_EDGE)),
+        (baked.obstacles, LegendEntry("obstacle at this altitude", "patch", BLOCKED, BLOCKED_EDGE)),
+        (not all(baked.reachable), LegendEntry("segment out of reach", "line", UNREACHABLE, size_pt=1.6)),
+        (True, LegendEntry("base", "o", style.BASE, size_pt=5.5)),
+    )
+    return [entry for shown, entry in entries if shown]

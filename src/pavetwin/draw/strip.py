@@ -7,7 +7,6 @@ import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
 from pavetwin.draw.mission_layers import CLOSE, draw_defects, draw_reactions, draw_route, draw_surfaces, draw_windows
 from pavetwin.draw.turned import MapTransform
@@ -57,13 +56,12 @@ class SegmentLayout:
         return SegmentLayout(segment, turn, width_in / per_m, high_m, high_m * per_m, width_in)
 
     def heightened(self, height_in: float) -> "SegmentLayout":
-        """The same view with more above and below."""
         return replace(self, height_in=height_in, height_m=self.height_m * height_in / self.height_in)
 
-    def outline(self) -> Float64Array:
-        """(5, 2) its frame in the world frame, closed."""
+    def outline(self) -> shapely.Polygon:
+        """Its frame in the world frame."""
         x, y = self.width_m / 2, self.height_m / 2
-        return self.turn.back([(-x, -y), (x, -y), (x, y), (-x, y), (-x, -y)])
+        return shapely.Polygon(self.turn.back([(-x, -y), (x, -y), (x, y), (-x, y)]))
 
 
 def draw_strip(
@@ -106,9 +104,3 @@ def caption(row: SegmentMetrics) -> str:
         f"{row.time_s:.0f} s in all": True,
     }
     return " · ".join(part for part, applies in parts.items() if applies)
-
-
-def clipped(shape: Float64Array, bounds: style.Bounds) -> Float64Array:
-    """The part of a closed line inside `bounds`, as one line; for frames that reach out of a map."""
-    part = shapely.intersection(shapely.Polygon(shape), shapely.box(*bounds))
-    return shapely.get_coordinates(part)

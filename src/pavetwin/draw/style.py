@@ -136,12 +136,9 @@ def panel(figure: Figure, left: float, bottom: float, width: float, height: floa
 
 
 class PolicyStyle(NamedTuple):
-    """How a policy is drawn."""
-
     colour: str
     marker: str
     dash: tuple[int, tuple[float, ...]]
-    """Of its lines, as Matplotlib has it."""
 
 
 def policy_style(name: str, order: int = 0) -> PolicyStyle:
@@ -244,7 +241,6 @@ _ROW_IN, _LEGEND_PT = 0.165, 6.4
 
 @cache
 def text_width_pt(text: str, size_pt: float, *, bold: bool = False) -> float:
-    """How wide a text is on paper, in points."""
     if not text:
         return 0.0
     prop = FontProperties(family="DejaVu Sans", weight="bold" if bold else "normal", size=100)

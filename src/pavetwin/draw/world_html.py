@@ -1,22 +1,21 @@
 """The map of a world as one HTML file with pan, zoom and tooltips. It loads nothing from the network."""
 
-import json
 from collections import Counter
 from collections.abc import Iterable
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 import shapely
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.colors import to_hex
 from shapely import Geometry, Polygon
 
 from pavetwin.draw import lettering, shapes, style
-from pavetwin.draw.carriageway import lane_lines
+from pavetwin.draw.carriageway import lane_lines, sidewalks
 from pavetwin.draw.world_map import TALL_M, credit, defect_words, legend, subtitle, world_bounds
 from pavetwin.files import writing
-from pavetwin.world.model import FurnitureKind, LaneKind, World
+from pavetwin.world.model import FurnitureKind, World
 
 _STEPS = 6
 """Number of shades of buildings by height, one path each."""
@@ -42,31 +41,26 @@ def save_world_html(world: World, path: Path) -> None:
 
 
 def world_page(world: World) -> str:
-    """The page's text."""
     west, south, east, north = world_bounds(world)
     flip = _Flip(west, north)
-    values = {
-        "TITLE": escape(world.name),
-        "SUBTITLE": escape(subtitle(world)),
-        "CREDIT": escape(credit(world) or ""),
-        "VIEW": f"0 0 {east - west:.1f} {north - south:.1f}",
-        "LAYERS": "\n".join(_layers(world, flip)),
-        "LEGEND": "".join(
-            f"<li><i class='{'patch' if entry.symbol == 'patch' else 'dot'}' "
-            f"style='background:{to_hex(entry.colour)};border-color:"
-            f"{to_hex(entry.colour if entry.edge == 'none' else entry.edge)}'></i>"
-            f"{escape(entry.label)}</li>"
-            for entry in legend(world)
-        ),
-        "ORIGIN": json.dumps([west, north]),
-        "GROUND": style.GROUND,
-        "INK": style.INK,
-        "ACCENT": style.BASE,
-    }
-    page = files("pavetwin.draw").joinpath("world_map.html").read_text(encoding="utf-8")
-    for name, value in values.items():
-        page = page.replace(f"%%{name}%%", value)
-    return page
+    environment = Environment(
+        loader=PackageLoader("pavetwin.draw", "."),
+        autoescape=True,
+        keep_trailing_newline=True,
+        undefined=StrictUndefined,
+    )
+    return environment.get_template("world_map.html").render(
+        title=world.name,
+        subtitle=subtitle(world),
+        credit=credit(world) or "",
+        view=f"0 0 {east - west:.1f} {north - south:.1f}",
+        layers="\n".join(_layers(world, flip)),
+        legend=legend(world),
+        origin=[west, north],
+        ground=style.GROUND,
+        ink=style.INK,
+        accent=style.BASE,
+    )
 
 
 class _Flip:
@@ -101,10 +95,7 @@ def _layers(world: World, flip: _Flip) -> Iterable[str]:
     """The map from the ground up, one group per layer."""
     parks = shapely.union_all(shapely.buffer(world.parks, 0.05)) if world.parks else Polygon()
     yield _shape(flip.path(parks), style.PARK, style.PARK_EDGE, 0.4)
-    lanes = world.lanes_of(LaneKind.SIDEWALK)
-    walks: list[Geometry] = [lane.centre_line.buffer(lane.width_m / 2, cap_style="flat") for lane in lanes]
-    walks += [junction.polygon for junction in world.junctions]
-    yield _shape(flip.path(shapely.union_all(walks)), style.SIDEWALK, style.SIDEWALK_EDGE, 0.25)
+    yield _shape(flip.path(sidewalks(world)), style.SIDEWALK, style.SIDEWALK_EDGE, 0.25)
     yield _shape(flip.path(world.carriageway), style.CARRIAGEWAY, style.CASING, 0.35)
     bars = [shapely.LineString(bar) for c in world.crossings for bar in shapes.stripes(c.polygon, 0.5, 0.5)]
     yield f"<path d='{flip.path(shapely.MultiLineString(bars))}' stroke='{style.ZEBRA}' stroke-width='.5' fill='none'/>"

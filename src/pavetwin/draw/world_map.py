@@ -9,11 +9,10 @@ import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.typing import ColorType
-from shapely import Geometry
 
 from pavetwin.arrays import Float64Array
 from pavetwin.draw import lettering, shapes, style
-from pavetwin.draw.carriageway import lane_lines
+from pavetwin.draw.carriageway import lane_lines, sidewalks
 from pavetwin.draw.style import Bounds, LegendEntry
 from pavetwin.world.model import Furniture, FurnitureKind, LaneKind, World
 from pavetwin.world.store import attribution, load_record
@@ -31,6 +30,8 @@ TALL_M = 30.0
 
 
 class MapLayer(StrEnum):
+    """What a map consists of, from the ground up; base and names come last."""
+
     PARKS = "parks"
     BUILDINGS = "buildings"
     SIDEWALKS = "sidewalks"
@@ -79,16 +80,8 @@ def draw_world(
     """
     style.frame_axes(axes, bounds if bounds is not None else world_bounds(world))
     plan = _Plan(axes, world, muted)
-    for layer, draw in {
-        MapLayer.PARKS: plan.parks,
-        MapLayer.BUILDINGS: plan.buildings,
-        MapLayer.SIDEWALKS: plan.sidewalks,
-        MapLayer.CARRIAGEWAYS: plan.carriageways,
-        MapLayer.CROSSINGS: plan.crossings,
-        MapLayer.MARKINGS: plan.markings,
-        MapLayer.TREES: plan.trees,
-        MapLayer.FURNITURE: plan.furniture,
-    }.items():
+    drawings = (plan.parks, plan.buildings, plan.sidewalks, plan.carriageways, plan.crossings, plan.markings)
+    for layer, draw in zip(MapLayer, (*drawings, plan.trees, plan.furniture), strict=False):
         if layer in layers:
             draw()
     if defects:
@@ -110,8 +103,6 @@ def draw_world(
 
 
 class _Plan:
-    """Draws one layer after the other in one scale."""
-
     def __init__(self, axes: Axes, world: World, muted: bool) -> None:
         self.axes, self.world = axes, world
         self.per_m = shapes.points_per_m(axes)
@@ -141,12 +132,8 @@ class _Plan:
         shapes.fill(self.axes, bases, 6, faces, self.shade(style.BUILDING_EDGE), 0.35)
 
     def sidewalks(self) -> None:
-        lanes = self.world.lanes_of(LaneKind.SIDEWALK)
-        lines = np.array([lane.centre_line for lane in lanes], dtype=object)
-        walks: list[Geometry] = list(shapely.buffer(lines, [lane.width_m / 2 for lane in lanes], cap_style="flat"))
-        walks += [junction.polygon for junction in self.world.junctions]
-        whole = shapely.union_all(shapely.buffer(np.array(walks, dtype=object), 0.05))
-        shapes.fill(self.axes, [whole], 3, self.shade(style.SIDEWALK), self.shade(style.SIDEWALK_EDGE), 0.35)
+        face, edge = self.shade(style.SIDEWALK), self.shade(style.SIDEWALK_EDGE)
+        shapes.fill(self.axes, [sidewalks(self.world)], 3, face, edge, 0.35)
 
     def crossings(self) -> None:
         bar_m = 0.5 if self.per_m > 2.0 else 1.0
@@ -209,7 +196,6 @@ class _Plan:
 
 
 def base_symbol(axes: Axes, world: World, zorder: float = ABOVE_WORLD - 1) -> None:
-    """The landing pad: an H in a disc."""
     x, y = world.base.x, world.base.y
     axes.plot(x, y, "o", ms=9, mfc=style.BASE, mec=style.PAPER, mew=0.8, zorder=zorder)
     axes.plot(x, y, marker="$\\mathbf{H}$", ms=4.6, mfc=style.PAPER, mec="none", zorder=zorder)
@@ -230,7 +216,6 @@ def save_world_map(world: World, path: Path, *, names: bool = False) -> list[str
 
 
 def subtitle(world: World) -> str:
-    """The contents in one line."""
     length_km = sum(segment.length_m for segment in world.segments) / 1000
     return (
         f"{len(world.segments)} segments, {length_km:.1f} km  ·  {len(world.buildings)} buildings  ·  "

@@ -76,8 +76,6 @@ Placing = Annotated[
 
 
 class WorldEntry(Settings):
-    """One world of a study."""
-
     path: str
     """Its folder; relative to the design's file."""
     routes: tuple[str, ...] = ()
@@ -112,7 +110,6 @@ class Design(Settings):
     """Python files that register what the design names or its worlds hold; relative to the design's file."""
     replicates: Annotated[int, Field(ge=1, le=100_000)] = 20
     segments: Annotated[int, Field(ge=1, le=1000)] = 1
-    """That one mission inspects."""
     seed: Annotated[int, Field(ge=0)] = 1
     defects: Placing = "placed"
     """`placed` in each replicate as densely as the world was built, or by these options; `world` keeps its own."""

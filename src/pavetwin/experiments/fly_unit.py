@@ -68,7 +68,6 @@ def failed_unit(plan: Plan, unit: Unit, reason: str) -> bytes:
 
 
 def schema(design: Design) -> dict[str, Any]:
-    """Columns and types of the table."""
     swept = {
         column: _type_of(values) for column, values in zip(design.sweep_columns, design.sweep.values(), strict=True)
     }
@@ -135,7 +134,6 @@ def _spec(
 
 
 def _failed(plan: Plan, unit: Unit, cell: Cell, reason: str) -> list[Row]:
-    """A row for each segment that was not flown."""
     count = len(plan.segments(unit))
     return [_factors(plan, unit, cell) | {STATUS: FAILED, REASON: reason, "order": order} for order in range(count)]
 
@@ -174,8 +172,6 @@ def _words(error: Exception) -> str:
 
 @dataclass(frozen=True)
 class _Ground:
-    """What the missions of a unit share."""
-
     place: "_Place"
     replay: Replay
     image_source: ImageSource | None

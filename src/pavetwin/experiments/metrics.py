@@ -33,7 +33,6 @@ class Metric:
     scale: float
     """Shown values are the table's times this."""
     digits: int
-    """Decimals when shown."""
     more_is_better: bool | None
     """None where neither is."""
 

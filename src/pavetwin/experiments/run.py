@@ -20,8 +20,6 @@ OnProgress = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Ran:
-    """A study that is complete."""
-
     plan: Plan
     table: pl.DataFrame
     missions_flown: int

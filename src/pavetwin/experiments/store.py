@@ -24,8 +24,6 @@ SHOWN: Final = 12
 
 
 class Store:
-    """One study on disk."""
-
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
@@ -115,7 +113,6 @@ class Store:
         return dict(found)
 
     def design(self) -> Design:
-        """The design that the study was begun with."""
         return Design.parse(self.description()["design"], where=str(self.folder / DESIGN))
 
     def missing(self, units: Iterable[Unit], *, failed: bool = False) -> list[Unit]:
@@ -124,7 +121,6 @@ class Store:
         return [unit for unit, part in parts.items() if not _is_whole(part) or (failed and _has_failed(part))]
 
     def write(self, unit: Unit, part: bytes) -> None:
-        """Put a unit's part into the table."""
         with writing(self._part(unit)) as path:
             path.write_bytes(part)
 

@@ -127,12 +127,10 @@ def percent(share: float) -> str:
 
 
 def probability(p: float) -> str:
-    """In a sentence."""
     return f"p < {SMALLEST_P:g}" if p < SMALLEST_P else f"p = {p:.2g}"
 
 
 def p_text(p: float | None) -> str:
-    """In a table."""
     if p is None:
         return MISSING
     return f"<\u2009{SMALLEST_P:g}" if p < SMALLEST_P else f"{p:.3f}"
@@ -149,5 +147,4 @@ def counted(count: int, one: str, many: str | None = None) -> str:
 
 
 def opened(sentence: str) -> str:
-    """With a capital letter and a full stop."""
     return sentence[:1].upper() + sentence[1:] + "."

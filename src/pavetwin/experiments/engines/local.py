@@ -10,8 +10,6 @@ from pavetwin.workers import OnTick, WorkerPool
 
 
 class Single(Engine):
-    """One unit after the other in this process."""
-
     def fly(
         self,
         plan: Plan,

@@ -1,12 +1,13 @@
-"""A study from its table: every statistic that its report shows, computed once."""
+"""A study from its table: every statistic that its report shows, and what the levels of a factor are compared with."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import polars as pl
 
-from pavetwin.experiments.metrics import REPLICATE, metrics_in
-from pavetwin.experiments.references import references
+from pavetwin.config import load_settings
+from pavetwin.experiments.design import ALIASES
+from pavetwin.experiments.metrics import FACTORS, REFERENCE, REPLICATE, metrics_in
 from pavetwin.experiments.report.study import Study
 from pavetwin.experiments.statistics import Comparison, conclusions, differences, effects, summarise
 from pavetwin.world.model import World
@@ -33,3 +34,40 @@ def gather(
     explained = effects(table, factors)
     sentences = conclusions(summary, compared, explained)
     return Study(title, design, factors, table, summary, compared, explained, sentences, worlds)
+
+
+def references(levels: Mapping[str, Sequence[Any]], design: Mapping[str, Any]) -> dict[str, tuple[Any, str]]:
+    """For policies and every swept setting, where there are several: its reference, and why it is that one.
+
+    Args:
+        levels: of each factor, in the design's order.
+        design: plain values of `design.yaml`.
+    """
+    compared = [factor for factor in levels if factor == "policy" or factor not in FACTORS]
+    return {factor: _reference(factor, list(levels[factor]), design) for factor in compared if len(levels[factor]) > 1}
+
+
+def _reference(factor: str, levels: list[Any], design: Mapping[str, Any]) -> tuple[Any, str]:
+    if factor == "policy" and REFERENCE in levels:
+        return REFERENCE, ""
+    if factor not in FACTORS:
+        usual = _of_presets(factor, design)
+        if len(usual) == 1 and usual[0] in levels:
+            return usual[0], "as the preset has it"
+    absent = f", as {REFERENCE} is not among them" if factor == "policy" else ""
+    return levels[0], f"the first that the design names{absent}"
+
+
+def _of_presets(column: str, design: Mapping[str, Any]) -> list[Any]:
+    """The values that the design's presets have for a swept setting, each once; as the table writes them."""
+    keys = [key for key in design.get("sweep", {}) if column in (key, f"{key}_set")]
+    found: list[Any] = []
+    for key in keys:
+        texts = {type(value) for value in design["sweep"][key]} - {int, float}
+        for preset in design.get("presets", ()):
+            value: Any = load_settings(preset)
+            for name in ALIASES.get(key, key).split("."):
+                value = getattr(value, name, None)
+            value = str(value) if texts and texts != {bool} else value
+            found += [value] if value not in found else []
+    return found

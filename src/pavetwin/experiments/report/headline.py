@@ -87,7 +87,6 @@ def _rows(group: Group, metric: str) -> list[Row | None]:
 
 
 def _leading(group: Group) -> tuple[str, ...]:
-    """The factors whose levels begin a row."""
     return ("traffic", "altitude_m", *group.swept)
 
 

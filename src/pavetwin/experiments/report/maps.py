@@ -71,7 +71,6 @@ def street_map(world: World, means: pl.DataFrame) -> ReportFigure | None:
 
 
 def _range(values: Sequence[float]) -> Normalize:
-    """Whole tens around the values."""
     low, high = np.floor(min(values) / 10) * 10, np.ceil(max(values) / 10) * 10
     return Normalize(float(low), float(high if high > low else low + 10))
 

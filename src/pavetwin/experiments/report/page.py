@@ -48,7 +48,6 @@ def page(study: Study, sections: Sequence[Section]) -> str:
 
 
 def design_words(study: Study) -> str:
-    """What was flown, in one paragraph."""
     varied = [name for name in (*AXES, *study.others) if name in study.table and study.table[name].n_unique() > 1]
     parts = [
         f"{counted(len(study.levels(name)), factor_text(name).lower(), factors_text(name))} ({_levels(study, name)})"
@@ -123,7 +122,6 @@ def sections_of(study: Study, on_progress: Callable[[float], None] = lambda _: N
 
 
 def figures(sections: Sequence[Section]) -> list[ReportFigure]:
-    """In the order of their numbers."""
     return [block for block in _blocks(sections) if isinstance(block, ReportFigure)]
 
 

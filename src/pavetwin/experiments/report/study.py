@@ -34,11 +34,9 @@ class Study:
     design: Mapping[str, Any]
     """Plain values of `design.yaml`."""
     factors: tuple[str, ...]
-    """Columns of the table that vary."""
     table: pl.DataFrame
     """One row a segment mission; see `pavetwin.experiments.metrics`."""
     summary: pl.DataFrame
-    """One row a cell and metric."""
     comparisons: Sequence[Comparison]
     """Paired differences of policies, then of each swept setting; those with nothing to compare are left out."""
     effects: pl.DataFrame
@@ -80,7 +78,6 @@ class Study:
 
     @cached_property
     def result(self) -> pl.DataFrame:
-        """The table without the missions that failed."""
         return self.table.filter(pl.col(STATUS) == FLOWN)
 
     def levels(self, factor: str) -> list[Any]:

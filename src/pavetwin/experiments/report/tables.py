@@ -51,7 +51,6 @@ def differences_csv(study: Study) -> str:
 
 
 def markdown(study: Study) -> str:
-    """The headline tables of all groups."""
     return f"# {_markdown(study.title)}\n\n" + "\n".join(markdown_table(table) for _, table in _labelled(study))
 
 

@@ -55,33 +55,28 @@ class Layout:
 
 def layout(table: pl.DataFrame, by: Sequence[str]) -> Layout:
     """The layout of `table` by the columns `by`; with none, all rows are one cell."""
-    codes = [_appearance(table[column].to_list()) for column in by]
-    rows = list(zip(*codes, strict=True)) if by else [()] * table.height
-    ranked = sorted(set(rows))
-    number = {key: at for at, key in enumerate(ranked)}
-    first = {key: at for at, key in reversed(list(enumerate(rows)))}
-    levels = [table[column].to_list() for column in by]
-    block, worlds = _blocks(table)
+    rows = table.select(by).rows() if by else [()] * table.height
+    places = [_first_places(table[column].to_list()) for column in by]
+    keys = sorted(set(rows), key=lambda key: [place[level] for place, level in zip(places, key, strict=True)])
+    of_row = table.select("world", REPLICATE).rows()
+    blocks = sorted(set(of_row))
+    worlds = _first_places([world for world, _ in blocks])
     return Layout(
-        keys=tuple(tuple(values[first[key]] for values in levels) for key in ranked),
-        cell=np.array([number[key] for key in rows], dtype=np.intp),
-        block=block,
-        worlds=worlds,
+        keys=tuple(keys),
+        cell=_numbered(rows, keys),
+        block=_numbered(of_row, blocks),
+        worlds=np.array([worlds[world] for world, _ in blocks], dtype=np.intp),
     )
 
 
-def _appearance(values: Sequence[Hashable]) -> list[int]:
-    """The values as numbers, in order of their first appearance."""
-    numbers: dict[Hashable, int] = {}
-    return [numbers.setdefault(value, len(numbers)) for value in values]
+def _first_places(values: Sequence[Hashable]) -> dict[Hashable, int]:
+    """The distinct values, numbered in the order of their first appearance."""
+    return {value: at for at, value in enumerate(dict.fromkeys(values))}
 
 
-def _blocks(table: pl.DataFrame) -> tuple[IndexArray, IndexArray]:
-    rows = list(zip(table["world"].to_list(), table[REPLICATE].to_list(), strict=True))
-    blocks = sorted(set(rows))
-    number = {block: at for at, block in enumerate(blocks)}
-    worlds = _appearance([world for world, _ in blocks])
-    return np.array([number[row] for row in rows], dtype=np.intp), np.array(worlds, dtype=np.intp)
+def _numbered(rows: Sequence[Hashable], among: Sequence[Hashable]) -> IndexArray:
+    number = {key: at for at, key in enumerate(among)}
+    return np.array([number[row] for row in rows], dtype=np.intp)
 
 
 def values_of(table: pl.DataFrame, column: str) -> Float64Array:
@@ -108,11 +103,9 @@ def varied_columns(table: pl.DataFrame) -> list[str]:
     return table.columns[: table.columns.index(REPLICATE)]
 
 
-def key_columns(table: pl.DataFrame, by: Sequence[str], keys: Sequence[Key]) -> dict[str, pl.Series]:
-    """The columns `by` of a frame with one row a key, typed as in `table`."""
-    return {
-        column: pl.Series(column, [key[at] for key in keys], dtype=table.schema[column]) for at, column in enumerate(by)
-    }
+def key_columns(table: pl.DataFrame, by: Sequence[str], keys: Sequence[Key]) -> pl.DataFrame:
+    """One row a key, its columns `by` typed as in `table`."""
+    return pl.DataFrame(keys, schema={column: table.schema[column] for column in by}, orient="row")
 
 
 def nullable(values: Sequence[float] | Float64Array) -> pl.Series:

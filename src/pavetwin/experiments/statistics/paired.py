@@ -11,7 +11,7 @@ from pavetwin.arrays import BoolArray, Float64Array
 from pavetwin.experiments.metrics import COMPARED, REFERENCE, Metric, metric_named
 from pavetwin.experiments.statistics.bootstrap import centres
 from pavetwin.experiments.statistics.cells import Key, key_columns, layout, nullable, values_of, varied_columns
-from pavetwin.experiments.statistics.simultaneous import ALPHA, Verdicts, simultaneous
+from pavetwin.experiments.statistics.simultaneous import ALPHA, simultaneous
 from pavetwin.experiments.statistics.summary import interleaved
 
 _COMPARED: Final = tuple(metric_named(name) for name in COMPARED)
@@ -69,14 +69,13 @@ def differences(
         raise ValueError(f"by: {list(by)} lacks the factor '{factor}' whose levels are compared.")
     pairing = _Pairing(table, by, factor, reference)
     made = [pairing.differences(values_of(table, metric.name)) for metric in metrics]
-    tests = simultaneous(np.concatenate([units for units, _ in made]), pairing.cells.worlds, seed)
+    tests = np.stack(simultaneous(np.concatenate([units for units, _ in made]), pairing.cells.worlds, seed))
     size = len(pairing.keys)
     frames = [
-        _frame(metric, *parts, tests.rows(slice(at * size, (at + 1) * size)))
+        _frame(metric, *parts, tests[:, at * size : (at + 1) * size])
         for at, (metric, parts) in enumerate(zip(metrics, made, strict=True))
     ]
-    keys = pl.DataFrame(key_columns(table, by, pairing.keys))
-    return interleaved([pl.concat([keys, part], how="horizontal") for part in frames])
+    return interleaved(key_columns(table, by, pairing.keys), frames)
 
 
 class _Pairing:
@@ -113,11 +112,11 @@ class _Pairing:
         return np.divide(sums, counts, out=np.full(shape, np.nan), where=counts > 0), wanted
 
 
-def _frame(metric: Metric, units: Float64Array, wanted: BoolArray, tested: Verdicts) -> pl.DataFrame:
-    defined = ~np.isnan(units)
+def _frame(metric: Metric, units: Float64Array, wanted: BoolArray, tests: Float64Array) -> pl.DataFrame:
+    defined, (p, p_corrected, *ends) = ~np.isnan(units), tests
     # Two shares differ by 1 at most.
     widest = 1.0 if metric.unit == "%" else np.inf
-    low, high = (np.where(np.isinf(end), np.nan, np.clip(end, -widest, widest)) for end in (tested.low, tested.high))
+    low, high = (np.where(np.isinf(end), np.nan, np.clip(end, -widest, widest)) for end in ends)
     return pl.DataFrame(
         {
             "metric": pl.Series([metric.name] * len(units), dtype=pl.String),
@@ -126,8 +125,8 @@ def _frame(metric: Metric, units: Float64Array, wanted: BoolArray, tested: Verdi
             "mean": nullable(centres(units)),
             "low": nullable(low),
             "high": nullable(high),
-            "p": nullable(tested.p),
-            "p_corrected": nullable(tested.p_corrected),
+            "p": nullable(p),
+            "p_corrected": nullable(p_corrected),
             "dz": nullable([_dz(row[here]) for row, here in zip(units, defined, strict=True)]),
         }
     )

@@ -131,16 +131,12 @@ def recommend(
     )
     best = options.row(0, named=True) if options["feasible"].any() else None
     nearest, broken = (None, None) if best else _nearest(options, limits)
-    sentences = (
-        _sentences(table, options.to_dicts(), by, limits)
-        if best
-        else _refusal(options.to_dicts(), by, nearest, broken, limits)
-    )
+    rows = options.to_dicts()
+    sentences = _sentences(table, rows, by, limits) if best else _refusal(rows, by, nearest, broken, limits)
     return Recommendation(limits, tuple(by), options, best, nearest, broken, tuple(map(opened, sentences)))
 
 
 def _options(summary: pl.DataFrame, by: Sequence[str]) -> pl.DataFrame:
-    """One row an option, its metrics side by side."""
     parts = {name: summary.filter(metric=name) for name in _MEASURED}
     frame = parts[_COVERAGE].select(*by, "n", "undefined", "failed")
     for name, part in parts.items():
@@ -176,14 +172,10 @@ def _resampled(
 
 def _feasible(means: Float64Array, limits: MissionLimits) -> BoolArray:
     """(resamples, options) of (3, resamples, options) means; what is undefined keeps no limit."""
-    coverage, time_s, energy = means
     kept = ~np.isnan(means).any(axis=0)
-    if limits.min_coverage is not None:
-        kept &= coverage >= limits.min_coverage - _SAME
-    if limits.max_time_s is not None:
-        kept &= time_s <= limits.max_time_s * (1 + _SAME)
-    if limits.max_energy is not None:
-        kept &= energy <= limits.max_energy * (1 + _SAME)
+    for name, limit in limits.named.items():
+        value = means[_MEASURED.index(name)]
+        kept &= value >= limit - _SAME if name == _COVERAGE else value <= limit * (1 + _SAME)
     return np.asarray(kept)
 
 
@@ -209,11 +201,9 @@ def _breach(value: float, limit: float, name: str) -> float:
 
 def _sentences(table: pl.DataFrame, options: Sequence[Row], by: Sequence[str], limits: MissionLimits) -> list[str]:
     best, *others = options
-    names = [metric_named(name).label.lower() for name in _MEASURED]
-    expected = listed([f"{name} {_expected(best, column)}" for name, column in zip(names, _MEASURED, strict=True)])
-    fly = f"fly {_option(best, by)}: expected {expected} a segment, the flight from the base included"
+    expected = listed([f"{metric_named(name).label.lower()} {_expected(best, name)}" for name in _MEASURED])
     return [
-        fly,
+        f"fly {_option(best, by)}: expected {expected} a segment, the flight from the base included",
         *_lead(best, others, by, limits),
         *_warnings(best, limits),
         *_left_out(others, by),
@@ -248,17 +238,16 @@ def _lead(best: Row, others: Sequence[Row], by: Sequence[str], limits: MissionLi
 
 
 def _warnings(best: Row, limits: MissionLimits) -> list[str]:
-    warnings = []
-    if limits.named and best["kept"] is not None and best["kept"] < 0.95:
-        warnings.append(f"its means break {limits.words} in {percent(1 - best['kept'])} of the resamples")
-    if limits.max_time_s is not None and best["time_s_p95"] > limits.max_time_s:
-        over = amount(metric_named(_TIME), best["time_s_p95"])
-        warnings.append(f"the limit of time holds for the mean, not for every mission: the 95th percentile is {over}")
-    if best["failed"]:
-        warnings.append(f"{best['failed']} of its missions failed, as with every option, and are in no mean")
-    if best["undefined"]:
-        warnings.append(f"in {best['undefined']} of its missions coverage is undefined")
-    return warnings
+    unsure = limits.named and best["kept"] is not None and best["kept"] < 0.95
+    late = limits.max_time_s is not None and best["time_s_p95"] > limits.max_time_s
+    p95 = amount(metric_named(_TIME), best["time_s_p95"])
+    warnings = (
+        (unsure, f"its means break {limits.words} in {percent(1 - (best['kept'] or 0.0))} of the resamples"),
+        (late, f"the limit of time holds for the mean, not for every mission: the 95th percentile is {p95}"),
+        (best["failed"], f"{best['failed']} of its missions failed, as with every option, and are in no mean"),
+        (best["undefined"], f"in {best['undefined']} of its missions coverage is undefined"),
+    )
+    return [warning for applies, warning in warnings if applies]
 
 
 def _left_out(options: Sequence[Row], by: Sequence[str]) -> list[str]:
@@ -269,11 +258,11 @@ def _left_out(options: Sequence[Row], by: Sequence[str]) -> list[str]:
 
 def _averaged(table: pl.DataFrame, by: Sequence[str]) -> list[str]:
     """What else the design varies, over which the expected values are averages."""
-    levels = {column: table[column].unique(maintain_order=True).to_list() for column in varied_columns(table)}
+    levels = {name: table[name].unique(maintain_order=True) for name in varied_columns(table) if name not in by}
     named = [
-        f"{factor_name(column)} ({listed([level_name(level) for level in found])})"
-        for column, found in levels.items()
-        if column not in by and len(found) > 1
+        f"{factor_name(name)} ({listed([level_name(level) for level in found])})"
+        for name, found in levels.items()
+        if len(found) > 1
     ]
     return [f"this is an average over {listed(named)}"] if named else []
 

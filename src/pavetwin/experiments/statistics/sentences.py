@@ -198,23 +198,23 @@ def _tail(summary: pl.DataFrame, name: str, what: str) -> list[str]:
     """The cell whose rare missions take longest against its usual one, where that is far longer."""
     columns = _varied(summary, summary.columns[: summary.columns.index("metric")])
     rows = summary.filter(metric=name).drop_nulls(["median", "p95"]).to_dicts()
-    heavy = [row for row in rows if _heavy(row)]
+    heavy = [
+        row
+        for row in rows
+        if row["n"] >= _TAIL_OF and row["p95"] >= max(_TAIL_TIMES * row["median"], row["median"] + _TAIL_S)
+    ]
     if not heavy:
         return []
-    worst, metric = max(heavy, key=lambda row: row["p95"] - row["median"]), metric_named(name)
-    text = f"{what} has a heavy tail: {setting(worst, columns)} its median was {amount(metric, worst['median'])}, but"
-    longest = amount(metric, worst["maximum"])
+    worst = max(heavy, key=lambda row: row["p95"] - row["median"])
+    median, rare, longest = (amount(metric_named(name), worst[column]) for column in ("median", "p95", "maximum"))
     # The 95th percentile of fewer than twenty missions is close to their maximum.
-    if worst["n"] < 20:
-        return [opened(f"{text} the longest of {worst['n']} missions had {longest}")]
-    rare = amount(metric, worst["p95"])
-    return [opened(f"{text} one mission in twenty had over {rare} and the longest of {worst['n']} had {longest}")]
-
-
-def _heavy(row: Row) -> bool:
-    """Whether enough missions show a tail that matters for planning, of a metric in seconds."""
-    least = max(_TAIL_TIMES * row["median"], row["median"] + _TAIL_S)
-    return bool(row["n"] >= _TAIL_OF and row["p95"] >= least)
+    few = worst["n"] < 20
+    tail = "" if few else f"one mission in twenty had over {rare} and "
+    of = f"{worst['n']} missions" if few else f"{worst['n']}"
+    where = setting(worst, columns)
+    return [
+        opened(f"{what} has a heavy tail: {where} its median was {median}, but {tail}the longest of {of} had {longest}")
+    ]
 
 
 def _explained(effects: pl.DataFrame) -> list[str]:
@@ -256,11 +256,9 @@ def _few(summary: pl.DataFrame) -> list[str]:
 
 
 def _missing(summary: pl.DataFrame) -> list[str]:
-    """Missions that no mean contains."""
     rows = summary.filter(metric=_MAIN)
     missions = int(rows.select(pl.sum_horizontal("n", "undefined", "failed").sum()).item())
     failed, undefined = int(rows["failed"].sum()), int(rows["undefined"].sum())
-    parts = [f"{failed} of {missions} missions failed"] if failed else []
-    if undefined:
-        parts.append(f"in {undefined} of {missions} {metric_named(_MAIN).label.lower()} is undefined")
+    parts = [f"{failed} of {missions} missions failed"] * bool(failed)
+    parts += [f"in {undefined} of {missions} {metric_named(_MAIN).label.lower()} is undefined"] * bool(undefined)
     return [opened(f"{listed(parts)}; they are in no mean, neither as 0 nor as 100 %")] if parts else []

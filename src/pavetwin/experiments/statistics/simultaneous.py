@@ -21,7 +21,7 @@ that do the same is as likely positive as negative, whatever their distribution.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, inf
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -33,8 +33,7 @@ ALPHA: Final = 0.05
 """Family-wise error: of all reported differences, and of all intervals together."""
 
 
-@dataclass(frozen=True)
-class Verdicts:
+class Verdicts(NamedTuple):
     """(comparisons,) each; NaN where fewer than two pairs leave nothing to test."""
 
     p: Float64Array
@@ -43,9 +42,6 @@ class Verdicts:
     low: Float64Array
     high: Float64Array
     """Simultaneous 95 % intervals; infinite where so few pairs exclude nothing."""
-
-    def rows(self, which: slice) -> "Verdicts":
-        return Verdicts(self.p[which], self.p_corrected[which], self.low[which], self.high[which])
 
 
 def simultaneous(units: Float64Array, worlds: IndexArray, seed: int = 0) -> Verdicts:

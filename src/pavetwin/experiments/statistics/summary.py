@@ -29,14 +29,13 @@ def summarise(
     """
     cells = layout(table, by)
     frames = [_of_metric(table, cells, metric, seed) for metric in metrics]
-    keys = pl.DataFrame(key_columns(table, by, cells.keys))
-    return interleaved([pl.concat([keys, part], how="horizontal") for part in frames])
+    return interleaved(key_columns(table, by, cells.keys), frames)
 
 
-def interleaved(frames: Sequence[pl.DataFrame]) -> pl.DataFrame:
-    """Frames of equal height as one: their first rows, their second rows, and so on."""
-    order = np.arange(len(frames) * frames[0].height).reshape(len(frames), -1).T.ravel()
-    return pl.concat(frames)[order]
+def interleaved(keys: pl.DataFrame, frames: Sequence[pl.DataFrame]) -> pl.DataFrame:
+    """Frames of equal height as one, `keys` before each: their first rows, their second rows, and so on."""
+    order = np.arange(len(frames) * keys.height).reshape(len(frames), -1).T.ravel()
+    return pl.concat([pl.concat([keys, frame], how="horizontal") for frame in frames])[order]
 
 
 def _of_metric(table: pl.DataFrame, cells: Layout, metric: Metric, seed: int) -> pl.DataFrame:
@@ -56,16 +55,12 @@ def _of_metric(table: pl.DataFrame, cells: Layout, metric: Metric, seed: int) ->
             "sd": nullable([float(np.sort(part).std(ddof=1)) if len(part) > 1 else np.nan for part in defined]),
             "low": nullable(low),
             "high": nullable(high),
-            **{name: nullable(_quantiles(defined, share)) for name, share in _QUANTILES.items()},
+            **{
+                name: nullable([float(np.quantile(part, share)) if len(part) else np.nan for part in defined])
+                for name, share in (("median", 0.5), ("p95", 0.95), ("maximum", 1.0))
+            },
         }
     )
-
-
-_QUANTILES = {"median": 0.5, "p95": 0.95, "maximum": 1.0}
-
-
-def _quantiles(cells: Sequence[Float64Array], share: float) -> list[float]:
-    return [float(np.quantile(part, share)) if len(part) else np.nan for part in cells]
 
 
 def within_range(metric: Metric, low: Float64Array, high: Float64Array) -> tuple[Float64Array, Float64Array]:

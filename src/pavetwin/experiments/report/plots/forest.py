@@ -21,7 +21,6 @@ Place = tuple[Any, ...]
 
 
 def axes_of(group: Group) -> tuple[str, ...]:
-    """The columns whose levels make a place."""
     return ("traffic", "altitude_m", *group.swept, "policy")
 
 
