@@ -101,14 +101,14 @@ def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
             return _pipeline(gpu, code, [light_layout, *layouts], buffers, targets=_LIT, cull=cull, constants=constants)
 
         numbers, repeat = _ground_numbers(details), f"const FACADE_REPEAT_M = {FACADE_REPEAT_M};\n"
-        leaves = shaded(["model", "leaf", "leaf_light"], [leaf_layout], _buffers("leaf"))
+        leaves = shaded(["solid", "model", "leaf", "leaf_light"], [leaf_layout], _buffers("leaf"))
         maps, holed = [detail_layout, tiles.maps], [detail_layout, tiles.maps, tiles.patch]
         return LitPipelines(
             ground=shaded(["ground_surface", "ground"], maps, _buffers("ground"), numbers),
             patch=shaded(["ground_surface", "patch"], holed, patch_buffers, numbers),
-            near=_by_skin(lambda cull: shaded(["model", "model_near"], [], _buffers("model"), cull=cull), leaves),
-            far=_by_skin(lambda cull: shaded(["model", "model_far"], [], _buffers("model"), cull=cull), leaves),
-            facade=shaded(["facade"], [facade_layout], _buffers("facade"), repeat),
+            near=_by_skin(lambda cull: shaded(["solid", "model", "model_near"], [], _buffers("model"), cull=cull), leaves),
+            far=_by_skin(lambda cull: shaded(["solid", "model", "model_far"], [], _buffers("model"), cull=cull), leaves),
+            facade=shaded(["solid", "facade"], [facade_layout], _buffers("facade"), repeat),
         )
 
     patch_buffers = [LAYOUT, POSITIONS, LAYOUTS["patch"]]
@@ -128,12 +128,12 @@ def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
             shadow(["leaf", "shadow_leaf"], [leaf_layout], _buffers("leaf")),
         ),
         truth=_by_skin(
-            lambda cull: truth(["truth"], [], [LAYOUT, POSITIONS], depth=True, cull=cull),
-            truth(["leaf", "truth_leaf"], [leaf_layout], _buffers("leaf"), depth=True),
+            lambda cull: truth(["truth", "truth_solid"], [], [LAYOUT, POSITIONS], depth=True, cull=cull),
+            truth(["truth", "leaf", "truth_leaf"], [leaf_layout], _buffers("leaf"), depth=True),
         ),
-        truth_patch=truth(["truth_patch"], [tiles.mask], patch_buffers, depth=True),
-        amodal=truth(["truth"], [], [LAYOUT, POSITIONS], depth=False),
-        amodal_patch=truth(["truth_patch"], [tiles.mask], patch_buffers, depth=False),
+        truth_patch=truth(["truth", "truth_patch"], [tiles.mask], patch_buffers, depth=True),
+        amodal=truth(["truth", "truth_solid"], [], [LAYOUT, POSITIONS], depth=False),
+        amodal_patch=truth(["truth", "truth_patch"], [tiles.mask], patch_buffers, depth=False),
         frame_layout=frame_layout,
         light_layout=light_layout,
         detail_layout=detail_layout,
