@@ -67,7 +67,7 @@ def mission_figure(result: MissionResult) -> Figure:
     below = 0.0 if narrow else sum(strip.with_caption_in for strip in strips)
     height = MARGIN_IN + below + GAP_IN + town_h + HEAD_IN
     figure = style.new_figure(WIDTH_IN, height)
-    _heading(figure, result.environment.world.name, _subtitle(result, f"policy {result.policy}"), _credit(result))
+    _heading(figure, result.environment.world.name, f"policy {result.policy}", result)
     bottom = height - HEAD_IN - town_h
     town = style.axes_in(figure, MARGIN_IN, bottom, town_w, town_h)
     _draw_town(town, result, bounds, strips)
@@ -116,7 +116,7 @@ def _comparison_figure(results: Sequence[MissionResult], segment: str) -> Figure
     figure = style.new_figure(WIDTH_IN, height)
     world = results[0].environment.world
     title = f"{world.name}: {world.segment(segment).street}, {segment}"
-    _heading(figure, title, _subtitle(results[0], "same traffic"), _credit(results[0]))
+    _heading(figure, title, "same traffic", results[0])
     y = height - HEAD_IN
     for number, result in enumerate(results):
         y -= strip.caption_in
@@ -201,27 +201,20 @@ def _draw_side(axes: Axes, result: MissionResult, inches_per_m: float, *, narrow
     style.north_arrow(axes, left + 2.05, y - 0.53)
 
 
-def _heading(figure: Figure, title: str, subtitle: str, named: str | None) -> None:
-    width, height = figure.get_size_inches()
-    figure.text(MARGIN_IN / width, 1 - 0.14 / height, title, fontsize=14, fontweight="bold", va="top")
-    figure.text(MARGIN_IN / width, 1 - 0.40 / height, subtitle, fontsize=8.5, color=style.INK_SOFT, va="top")
-    if named:
-        right = 1 - MARGIN_IN / width
-        figure.text(right, 1 - 0.42 / height, named, fontsize=6.5, color=style.INK_SOFT, ha="right", va="top")
-
-
-def _credit(result: MissionResult) -> str | None:
-    world = result.environment.world
-    return credit(world) if world.folder is not None and world.folder.is_dir() else None
-
-
-def _subtitle(result: MissionResult, first: str) -> str:
-    parts = [first, f"altitude {result.environment.altitude_m:g} m"]
+def _heading(figure: Figure, title: str, what: str, result: MissionResult) -> None:
+    """Title, `what` and how it was flown, and whom the world's data come from."""
+    world, (across, along) = result.environment.world, window_m(result.settings)
+    parts = [what, f"altitude {result.environment.altitude_m:g} m"]
     parts += [f"traffic {result.traffic}"] if result.traffic else []
-    across, along = window_m(result.settings)
     parts += [result.settings.pattern.kind.replace("_", " "), f"window {across:.1f} × {along:.1f} m"]
     parts += [f"sensor {result.sensor}", f"seed {result.seed}"]
-    return "  ·  ".join(parts)
+    width, height = figure.get_size_inches()
+    left, right = MARGIN_IN / width, 1 - MARGIN_IN / width
+    figure.text(left, 1 - 0.14 / height, title, fontsize=14, fontweight="bold", va="top")
+    figure.text(left, 1 - 0.40 / height, "  ·  ".join(parts), fontsize=8.5, color=style.INK_SOFT, va="top")
+    if world.folder is not None and world.folder.is_dir():
+        named = credit(world) or ""
+        figure.text(right, 1 - 0.42 / height, named, fontsize=6.5, color=style.INK_SOFT, ha="right", va="top")
 
 
 def _caption(

@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 
 from pavetwin.experiments.metrics import ERROR_METRICS, Metric, metric_named
-from pavetwin.experiments.report.parts import Table, TableCell
+from pavetwin.experiments.report.parts import Table, TableCell, text_cells
 from pavetwin.experiments.report.study import Group, Row
 from pavetwin.experiments.statistics.summary import FEW
 from pavetwin.experiments.words import MISSING, counted, factor_text, heading, level_text, shown
@@ -53,7 +53,7 @@ def headline_table(group: Group, metric: Metric) -> Table:
 def tail_table(group: Group, metric: Metric) -> Table:
     """Median, 95th percentile and maximum of every cell."""
     body = tuple(
-        (*lead, *(TableCell(_tail(metric, cell)) for cell in cells)) for lead, cells, _ in _lines(group, metric.name)
+        (*lead, *text_cells(*(_tail(metric, cell) for cell in cells))) for lead, cells, _ in _lines(group, metric.name)
     )
     caption = f"{heading(metric)}: median / 95th percentile / maximum"
     lead = len(_leading(group))
@@ -145,17 +145,15 @@ def _of_bold(body: Sequence[Sequence[TableCell]], *, partial: bool) -> list[str]
 
 
 def _notes(rows: list[Row], usual: int) -> list[str]:
-    differing = any(row["n"] != usual for row in rows)
-    notes = [f"n = {usual} in each cell" + (" but where a number in brackets says otherwise." if differing else ".")]
-    if usual < FEW:
-        notes.append("These are too few to say how sure a mean is.")
-    elif any(0 < row["n"] < FEW for row in rows):
-        notes.append(f"{FEW_MARK}: too few to say how sure the mean is.")
+    but = " but where a number in brackets says otherwise" if any(row["n"] != usual for row in rows) else ""
+    few = any(0 < row["n"] < FEW for row in rows)
     undefined, failed = (sum(row[name] or 0 for row in rows) for name in ("undefined", "failed"))
-    if undefined:
-        notes.append(f"{counted(undefined, 'mission')} without a defined value (see the definitions) left out.")
-    if failed:
-        notes.append(f"{counted(failed, 'mission')} failed and left out.")
-    if any(row["mean"] is None for row in rows):
-        notes.append(f"{MISSING}: no defined value.")
-    return notes
+    notes = (
+        (True, f"n = {usual} in each cell{but}."),
+        (usual < FEW, "These are too few to say how sure a mean is."),
+        (few and usual >= FEW, f"{FEW_MARK}: too few to say how sure the mean is."),
+        (undefined, f"{counted(undefined, 'mission')} without a defined value (see the definitions) left out."),
+        (failed, f"{counted(failed, 'mission')} failed and left out."),
+        (any(row["mean"] is None for row in rows), f"{MISSING}: no defined value."),
+    )
+    return [note for applies, note in notes if applies]

@@ -70,16 +70,15 @@ def facts(study: Study) -> list[tuple[str, str]]:
     """The numbers that a reader looks for first."""
     failed = study.table.filter(pl.col(STATUS) == FAILED).height
     cells = study.table.select(name for name in study.table.columns if name in {*FACTORS, *study.factors}).n_unique()
-    version = study.design.get("version")
-    seed = study.design.get("seed")
-    return [
-        ("Missions", f"{study.table.height:,}".replace(",", "\u2009")),
-        ("Cells", f"{cells}"),
-        ("Replicates", f"{replicates(study)}"),
-        ("Failed", f"{failed}"),
-        *((("Seed", f"{seed}"),) if seed is not None else ()),
-        *((("PaveTwin", f"{version}"),) if version is not None else ()),
-    ]
+    numbers = {
+        "Missions": f"{study.table.height:,}".replace(",", "\u2009"),
+        "Cells": cells,
+        "Replicates": replicates(study),
+        "Failed": failed,
+        "Seed": study.design.get("seed"),
+        "PaveTwin": study.design.get("version"),
+    }
+    return [(name, f"{value}") for name, value in numbers.items() if value is not None]
 
 
 def design_text(design: Mapping[str, Any]) -> str:

@@ -14,6 +14,10 @@ class TableCell:
     """Text after it that is never bold."""
 
 
+def text_cells(*texts: str) -> tuple[TableCell, ...]:
+    return tuple(map(TableCell, texts))
+
+
 @dataclass(frozen=True)
 class Table:
     """Rows under their heads; the first `lead` cells of a row say what it is about."""

@@ -11,7 +11,7 @@ from pavetwin.experiments.metrics import COMPARED, Metric, metric_named
 from pavetwin.experiments.report import headline
 from pavetwin.experiments.report.canvas import vector
 from pavetwin.experiments.report.headline import FEW_MARK
-from pavetwin.experiments.report.parts import Block, Section, Table, TableCell
+from pavetwin.experiments.report.parts import Block, Section, Table, TableCell, text_cells
 from pavetwin.experiments.report.plots import forest, intervals, spread, tradeoff
 from pavetwin.experiments.report.study import AXES, METRIC, Group, replicates
 from pavetwin.experiments.statistics.paired import is_significant
@@ -168,7 +168,7 @@ def _difference_table(group: Group, rows: pl.DataFrame, other: str, metrics: Seq
     found = {(row[METRIC], *(row[name] for name in axes)): row for row in rows.iter_rows(named=True)}
     body = []
     for place in forest.places(group, rows, group.traffics):
-        lead = [TableCell(level_text(axis, level)) for axis, level in zip(axes, place, strict=True)]
+        lead = text_cells(*map(level_text, axes, place))
         cells = [cell for m in metrics for cell in _difference_cells(m, found.get((m.name, *place)))]
         body.append((*lead, *cells))
     heads = [head for metric in metrics for head in (heading(metric), "p")]
@@ -179,13 +179,12 @@ def _difference_table(group: Group, rows: pl.DataFrame, other: str, metrics: Seq
     return Table(caption, tuple(heads), tuple(body), lead=len(axes), notes=notes, opened_by=opened_by)
 
 
-def _difference_cells(metric: Metric, row: Any) -> tuple[TableCell, TableCell]:
+def _difference_cells(metric: Metric, row: Any) -> tuple[TableCell, ...]:
     if row is None or row["mean"] is None:
-        return TableCell(MISSING), TableCell(MISSING)
+        return text_cells(MISSING, MISSING)
     ends = f" [{shown(metric, row['low'])}, {shown(metric, row['high'])}]" if row["low"] is not None else ""
-    return TableCell(shown(metric, row["mean"]) + ends, is_significant(row)), TableCell(
-        p_text(row["p_corrected"]), is_significant(row)
-    )
+    words = (shown(metric, row["mean"]) + ends, p_text(row["p_corrected"]))
+    return tuple(TableCell(text, is_significant(row)) for text in words)
 
 
 def _tradeoffs(group: Group) -> Iterator[Block]:
@@ -236,11 +235,8 @@ def _front_table(group: Group, gain: Metric, cost: Metric) -> Table:
     for traffic in group.traffics:
         best = [option for option in tradeoff.options(group, traffic, gain, cost) if option.on_front]
         for option in sorted(best, key=lambda option: float(option.cost["mean"])):
-            lead = (("traffic", traffic), ("altitude_m", option.altitude_m), ("policy", option.policy))
-            numbers = (_mean_interval(gain, option.gain), _mean_interval(cost, option.cost))
-            rows.append(
-                (*(TableCell(level_text(*words)) for words in lead), *(TableCell(number) for number in numbers))
-            )
+            lead = map(level_text, AXES, (traffic, option.altitude_m, option.policy))
+            rows.append(text_cells(*lead, _mean_interval(gain, option.gain), _mean_interval(cost, option.cost)))
     heads = (*(factor_text(axis) for axis in AXES), heading(gain), heading(cost))
     caption = f"On the front of mean coverage and mean {cost.label.lower()}{_of(group)}, the cheapest first"
     few = any(row["n"] < FEW for row in group.summary.filter(pl.col("n") > 0).iter_rows(named=True))

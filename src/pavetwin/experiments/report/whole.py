@@ -9,7 +9,7 @@ import polars as pl
 from pavetwin.experiments.metrics import COMPARED, FAILED, REASON, STATUS, metric_named
 from pavetwin.experiments.report import maps
 from pavetwin.experiments.report.canvas import vector
-from pavetwin.experiments.report.parts import Block, Section, Table, TableCell
+from pavetwin.experiments.report.parts import Block, Section, Table, text_cells
 from pavetwin.experiments.report.plots import intervals, shares
 from pavetwin.experiments.report.study import AXES, METRIC, Group, Study
 from pavetwin.experiments.statistics.sentences import EFFECT_ALPHA
@@ -93,13 +93,9 @@ def streets_section(study: Study) -> Section:
 def _worst(world: str, means: pl.DataFrame) -> Table:
     coverage, time = metric_named("coverage"), metric_named("time_s")
     rows = tuple(
-        (
-            TableCell(row["street"]),
-            TableCell(row["segment"]),
-            TableCell(number(row["length_m"], 0)),
-            TableCell(f"{row['missions']} ({row['replicates']})"),
-            TableCell(shown(coverage, row["coverage"])),
-            TableCell(shown(time, row["time_s"])),
+        text_cells(
+            *(row["street"], row["segment"], number(row["length_m"], 0), f"{row['missions']} ({row['replicates']})"),
+            *(shown(coverage, row["coverage"]), shown(time, row["time_s"])),
         )
         for row in means.head(_WORST).iter_rows(named=True)
     )
@@ -115,7 +111,7 @@ def failures_section(study: Study) -> Section:
     blocks: list[Block] = []
     if reasons:
         rows = tuple(
-            (TableCell(reason), TableCell(_where(failed, reason)), TableCell(f"{count}"))
+            text_cells(reason, _where(failed, reason), f"{count}")
             for reason, count in reasons.most_common(_MOST_REASONS)
         )
         rest = len(reasons) - len(rows)
