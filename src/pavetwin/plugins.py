@@ -67,8 +67,8 @@ def find_class(registry: Registry[type[T]], base: Any, name: str) -> type[T]:
 
 
 def helpers_of(path: Path) -> list[Path]:
-    """The files beside or below a user's file that this process has imported once it was loaded, sorted: what it does
-    may depend on them. Installed packages are none of them, nor are other files of a user's own that were loaded.
+    """The imported modules' files in or below the folder of a user's file, sorted: what it does may depend on them.
+    Installed packages and other plugin files are left out.
     """
     folder, installed = path.resolve().parent, [Path(place).resolve() for place in set(get_paths().values())]
     found = set()

@@ -15,7 +15,7 @@ from pavetwin.experiments.design import Design
 from pavetwin.experiments.metrics import FAILED, STATUS
 from pavetwin.experiments.plan import Plan, Unit, units_of
 from pavetwin.files import writing
-from pavetwin.policies import helpers_of
+from pavetwin.plugins import helpers_of
 
 DESIGN, PARTS, FORMAT = "design.yaml", "segments.parquet", 2
 

@@ -19,7 +19,7 @@ class DetectionLog:
     A detection is matched by `pavetwin.sensing.match` to the defects in the image. It confirms a defect that the
     capture sees; it is a duplicate when that defect is confirmed already, in this capture or before; it is ignored
     when the capture does not see the defect that it matches (outside the inspection window, or too much of it hidden)
-    and when its class is none of defects. What is left is a false alarm.
+    and when it is an object of another class. What is left is a false alarm.
     """
 
     def __init__(

@@ -1,6 +1,5 @@
 """Π: what to do when traffic hides the road. One file a policy, one registry."""
 
-from pavetwin.plugins import helpers_of
 from pavetwin.policies.base import (
     POLICIES,
     Action,
@@ -32,7 +31,6 @@ __all__ = [
     "Skip",
     "Wait",
     "check_policy",
-    "helpers_of",
     "load_policy",
     "policy",
     "policy_names",

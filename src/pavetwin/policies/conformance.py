@@ -45,7 +45,7 @@ SETTINGS = (
 
 
 def check_policy(factory: Callable[[PolicySettings], Policy]) -> list[str]:
-    """The rules that a policy breaks, each as a sentence; none for a sound one.
+    """The rules that a policy breaks, each as a sentence; none for one that keeps them.
 
     It must answer every snapshot with an action of finite numbers within `settings`, the same one whenever it is asked
     the same, whatever it was asked before; it must change nothing that it is given, and stop waiting after

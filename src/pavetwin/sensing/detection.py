@@ -1,4 +1,4 @@
-"""What a sensor reports, and what each report comes to once it is compared with the defects that are there."""
+"""What a sensor reports, and the outcome of each report once it is compared with the defects that are there."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -74,7 +74,7 @@ class Detection:
 
 
 class Outcome(StrEnum):
-    """What a detection comes to."""
+    """The judgement of a detection."""
 
     CONFIRMED = "confirmed"
     """The first detection of a defect that the capture sees."""
@@ -89,7 +89,7 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class JudgedDetection:
-    """A detection of a mission, the capture it is from, and what it came to."""
+    """A detection of a mission, the capture it is from, and its outcome."""
 
     outcome: Outcome
     kind: str

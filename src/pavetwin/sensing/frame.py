@@ -61,7 +61,7 @@ class Frame:
         """(height, width, 3) sRGB of the size of the camera's `image_px`; taken now, and not kept.
 
         Raises:
-            PaveTwinError: nobody takes images on this mission.
+            PaveTwinError: the mission has no image source.
         """
         if self.source is None:
             raise PaveTwinError(

@@ -38,7 +38,7 @@ class Occlusion:
 
 
 class Moment(Protocol):
-    """The kernel's view of one moment: it computes what a snapshot does not hold ready."""
+    """The kernel's view of one moment: it computes on request what a snapshot does not store."""
 
     def agents(self) -> Sequence[Agent]: ...
 
@@ -47,7 +47,7 @@ class Moment(Protocol):
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The digital twin D_t. A value: it stays as it is when the mission flies on."""
+    """The digital twin D_t. Immutable: it does not change when the mission continues."""
 
     time_s: float
     segments: Sequence[Segment]
@@ -72,7 +72,7 @@ class Snapshot:
         return self.moment.agents()
 
     def predict_visibility(self, displacements: npt.ArrayLike) -> Float64Array:
-        """Predicted visible share of the cells now hidden, were the UAV displaced.
+        """Predicted share of the cells hidden now that would be visible after a displacement.
 
         The agents are moved on at their present velocities by the time the displacement takes.
 

@@ -65,9 +65,14 @@ class Wall:
         return np.concatenate([flat, np.broadcast_to(z, u.shape)[..., None]], axis=-1)
 
 
+def build_wall(faces: Faces, wall: Wall, style: FacadeStyle, rng: np.random.Generator) -> None:
+    """Add one wall with its openings."""
+    _WallBuilder(faces, wall, style, rng).build()
+
+
 @dataclass(frozen=True)
-class WallBuilder:
-    """Adds one wall with its openings."""
+class _WallBuilder:
+    """Adds the parts of one wall."""
 
     faces: Faces
     wall: Wall
