@@ -99,30 +99,23 @@ def encoded(rgb: UInt8Array, taken: ImageMetadata, *, picture: Literal["jpg", "p
 def _exif(taken: ImageMetadata) -> Image.Exif:
     exif, longitude, local = Image.Exif(), taken.lonlat[0], _local(taken)
     maker, model = _maker_and_model(taken.pose.camera.title)
-    exif.update(
-        {
-            ExifTags.Base.Make: maker,
-            ExifTags.Base.Model: model,
-            ExifTags.Base.Software: "PaveTwin",
-            ExifTags.Base.ImageDescription: "Synthetic image",
-            ExifTags.Base.DateTime: local.strftime("%Y:%m:%d %H:%M:%S"),
-            ExifTags.Base.Orientation: 1,
-        }
-    )
+    tag, when = ExifTags.Base, local.strftime("%Y:%m:%d %H:%M:%S")
+    exif.update({tag.Make: maker, tag.Model: model, tag.Software: "PaveTwin", tag.Orientation: 1})
+    exif.update({tag.ImageDescription: "Synthetic image", tag.DateTime: when})
     width, height = taken.sensor_mm
     in_35mm = taken.pose.camera.focal_mm * hypot(*_FULL_FRAME_MM) / hypot(width, height)
     photo = exif.get_ifd(ExifTags.IFD.Exif)
-    photo[ExifTags.Base.DateTimeOriginal] = local.strftime("%Y:%m:%d %H:%M:%S")
-    photo[ExifTags.Base.OffsetTimeOriginal] = f"{round(longitude / 15):+03d}:00"
-    photo[ExifTags.Base.FocalLength] = round(taken.pose.camera.focal_mm, 3)
-    photo[ExifTags.Base.FocalLengthIn35mmFilm] = round(in_35mm)
-    photo[ExifTags.Base.FocalPlaneXResolution] = round(taken.pose.view.size_px[0] / width, 4)
-    photo[ExifTags.Base.FocalPlaneYResolution] = round(taken.pose.view.size_px[1] / height, 4)
-    photo[ExifTags.Base.FocalPlaneResolutionUnit] = 4  # a millimetre
+    photo[tag.DateTimeOriginal] = when
+    photo[tag.OffsetTimeOriginal] = f"{round(longitude / 15):+03d}:00"
+    photo[tag.FocalLength] = round(taken.pose.camera.focal_mm, 3)
+    photo[tag.FocalLengthIn35mmFilm] = round(in_35mm)
+    photo[tag.FocalPlaneXResolution] = round(taken.pose.view.size_px[0] / width, 4)
+    photo[tag.FocalPlaneYResolution] = round(taken.pose.view.size_px[1] / height, 4)
+    photo[tag.FocalPlaneResolutionUnit] = 4  # a millimetre
     if taken.exposure is not None:
-        photo[ExifTags.Base.ExposureTime] = taken.exposure.shutter_s
-        photo[ExifTags.Base.FNumber] = round(taken.exposure.f_number, 2)
-        photo[ExifTags.Base.ISOSpeedRatings] = round(taken.exposure.iso)
+        photo[tag.ExposureTime] = taken.exposure.shutter_s
+        photo[tag.FNumber] = round(taken.exposure.f_number, 2)
+        photo[tag.ISOSpeedRatings] = round(taken.exposure.iso)
     exif.get_ifd(ExifTags.IFD.GPSInfo).update(_gps(taken))
     return exif
 

@@ -13,6 +13,7 @@ import wgpu
 
 from pavetwin.arrays import Float64Array, StructuredArray
 from pavetwin.render.gpu import Gpu
+from pavetwin.render.instances import RECORD
 from pavetwin.render.meshes import GpuMesh
 from pavetwin.render.passes import cleared_colour, read
 from pavetwin.render.pipelines import LABEL_FORMAT, Pipelines
@@ -84,11 +85,8 @@ class AmodalAtlas:
                 self._gpu.free(self._target)
             self._target = self._gpu.target(size, LABEL_FORMAT, usage=wgpu.TextureUsage.COPY_SRC)
             self._size = size
-        needed = max(objects, 64) * 112
-        if self._records is None or self._records.size < needed:
-            if self._records is not None:
-                self._gpu.free(self._records)
-            self._records = self._gpu.empty_buffer(2 * needed, wgpu.BufferUsage.VERTEX)
+        needed = max(objects, 64) * RECORD.itemsize
+        self._records = self._gpu.grown(self._records, needed, wgpu.BufferUsage.VERTEX)
 
     def _draw(self, page: list[_AtlasCell], view: View, frame: Any) -> None:
         rows = np.concatenate([cell.obj.record for cell in page])

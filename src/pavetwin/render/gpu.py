@@ -7,6 +7,7 @@ import numpy as np
 import wgpu
 
 from pavetwin.arrays import AnyArray, Float32Array, UInt8Array
+from pavetwin.scene.ground.sampling import srgb_of_linear
 
 _BUFFER: Final = wgpu.BufferUsage
 _TEXTURE: Final = wgpu.TextureUsage
@@ -33,6 +34,14 @@ class Gpu:
         """A buffer of that many bytes."""
         return self._hold(self.device.create_buffer(size=size, usage=usage | _BUFFER.COPY_DST), size)
 
+    def grown(self, buffer: Any, size: int, usage: int) -> Any:
+        """A buffer where it holds that many bytes; else a new one of twice as many, and the old one is freed."""
+        if buffer is not None and buffer.size >= size:
+            return buffer
+        if buffer is not None:
+            self.free(buffer)
+        return self.empty_buffer(2 * size, usage)
+
     def target(self, size_px: tuple[int, int], format: str, *, usage: int = 0) -> Any:
         """A texture to draw into."""
         made = self.device.create_texture(size=(*size_px, 1), format=format, usage=_TEXTURE.RENDER_ATTACHMENT | usage)
@@ -50,40 +59,32 @@ class Gpu:
                 twice as long to sample sRGB.
             levels: with all its halved levels.
         """
-        rows, columns, channels = layers[0].shape
         pyramids = [halved(layer, srgb=srgb, rooted=rooted) if levels else [layer] for layer in layers]
-        made = self.device.create_texture(
-            size=(columns, rows, len(layers)),
-            format=_CHANNELS[channels] + ("-srgb" if srgb else ""),
-            mip_level_count=len(pyramids[0]),
-            usage=_TEXTURE.TEXTURE_BINDING | _TEXTURE.COPY_DST,
-        )
-        for index, pyramid in enumerate(pyramids):
-            for level, texels in enumerate(pyramid):
-                self.write(made, texels, layer=index, level=level)
-        return self._hold(made, sum(texels.size for pyramid in pyramids for texels in pyramid))
+        return self._sampled(pyramids, _CHANNELS[layers[0].shape[2]] + ("-srgb" if srgb else ""))
 
     def levelled(self, levels: Sequence[AnyArray]) -> Any:
         """A texture whose levels are made already, each (rows, columns, 4): linear light, or 8-bit numbers."""
-        rows, columns, _ = levels[0].shape
+        return self._sampled([levels], "rgba16float" if levels[0].dtype == np.float16 else _CHANNELS[4])
+
+    def _sampled(self, pyramids: Sequence[Sequence[AnyArray]], format: str) -> Any:
+        """A texture of some layers, each with its levels."""
+        rows, columns = pyramids[0][0].shape[:2]
         made = self.device.create_texture(
-            size=(columns, rows, 1),
-            format="rgba16float" if levels[0].dtype == np.float16 else _CHANNELS[4],
-            mip_level_count=len(levels),
+            size=(columns, rows, len(pyramids)),
+            format=format,
+            mip_level_count=len(pyramids[0]),
             usage=_TEXTURE.TEXTURE_BINDING | _TEXTURE.COPY_DST,
         )
-        for level, texels in enumerate(levels):
-            self.write(made, texels, level=level)
-        return self._hold(made, sum(texels.nbytes for texels in levels))
-
-    def write(self, texture: Any, texels: AnyArray, *, layer: int = 0, level: int = 0) -> None:
-        rows, columns = texels.shape[:2]
-        self.queue.write_texture(
-            {"texture": texture, "origin": (0, 0, layer), "mip_level": level},
-            np.ascontiguousarray(texels),
-            {"bytes_per_row": texels.nbytes // rows, "rows_per_image": rows},
-            (columns, rows, 1),
-        )
+        for layer, pyramid in enumerate(pyramids):
+            for level, texels in enumerate(pyramid):
+                rows, columns = texels.shape[:2]
+                self.queue.write_texture(
+                    {"texture": made, "origin": (0, 0, layer), "mip_level": level},
+                    np.ascontiguousarray(texels),
+                    {"bytes_per_row": texels.nbytes // rows, "rows_per_image": rows},
+                    (columns, rows, 1),
+                )
+        return self._hold(made, sum(texels.nbytes for pyramid in pyramids for texels in pyramid))
 
     def free(self, *resources: Any) -> None:
         """Free memory now, without waiting for Python's garbage collector."""
@@ -109,7 +110,7 @@ def halved(texels: UInt8Array, *, srgb: bool = False, rooted: bool = False) -> l
     def stored() -> UInt8Array:
         coded = values.copy()
         linear = values[..., :colours]
-        coded[..., :colours] = 255 * np.sqrt(linear) if rooted else _coded(linear)
+        coded[..., :colours] = 255 * (np.sqrt(linear) if rooted else srgb_of_linear(linear))
         return np.asarray(coded + 0.5, dtype=np.uint8)
 
     levels = [stored()]
@@ -131,12 +132,6 @@ def _quartered(texels: UInt8Array) -> list[UInt8Array]:
         rows = fine[0::2] + fine[1::2]
         levels.append(((rows[:, 0::2] + rows[:, 1::2] + 2) >> 2).astype(np.uint8))
     return levels
-
-
-def _coded(linear: Float32Array) -> Float32Array:
-    """sRGB code 0 … 255 of linear 0 … 1 (IEC 61966-2-1)."""
-    curve = 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
-    return np.asarray(255 * np.where(linear <= 0.0031308, 12.92 * linear, curve), dtype=np.float32)
 
 
 def _linear() -> Float32Array:

@@ -6,7 +6,7 @@ cards, is thinned, and the rest enlarged, so that the covered area stays the sam
 """
 
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -119,12 +119,6 @@ def _clustered(mesh: Mesh, cell_m: float) -> Mesh:
 
 def _with(mesh: Mesh, vertices: npt.NDArray[np.integer], positions: Float32Array, indices: UInt32Array) -> Mesh:
     """Some vertices of a mesh at new positions."""
-    return replace(
-        mesh,
-        positions=positions.astype(np.float32),
-        normals=mesh.normals[vertices],
-        indices=indices,
-        colours=None if mesh.colours is None else mesh.colours[vertices],
-        surface=None if mesh.surface is None else mesh.surface[vertices],
-        uv=None if mesh.uv is None else mesh.uv[vertices],
-    )
+    others: dict[str, Any] = {name: getattr(mesh, name) for name in ("normals", "colours", "surface", "uv")}
+    kept = {name: values[vertices] for name, values in others.items() if values is not None}
+    return replace(mesh, positions=positions.astype(np.float32), indices=indices, **kept)

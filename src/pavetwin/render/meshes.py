@@ -1,5 +1,6 @@
 """Meshes on the device: positions in a buffer of their own, as depth, shadow and label passes read nothing else."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any, Final
@@ -7,17 +8,25 @@ from typing import Any, Final
 import numpy as np
 import wgpu
 
-from pavetwin.arrays import AnyArray, Float32Array, Float64Array, UInt8Array, UInt32Array
+from pavetwin.arrays import (
+    AnyArray,
+    Float32Array,
+    Float64Array,
+    Int64Array,
+    StructuredArray,
+    UInt8Array,
+    UInt32Array,
+)
 from pavetwin.render.gpu import Gpu
 from pavetwin.scene.model import DefectPatch, FacadePiece, GroundKind, GroundPiece, Mesh
+from pavetwin.scene.models import merged
 
 _VERTEX: Final = wgpu.BufferUsage.VERTEX
 _INDEX: Final = wgpu.BufferUsage.INDEX
 
 _GROUND: Final = np.dtype([("normal", "u1", 4), ("uv", "f4", 2)])
 _MODEL: Final = np.dtype([("normal", "u1", 4), ("colour", "f2", 4), ("surface", "u1", 4)])
-_LEAF: Final = np.dtype([*_MODEL.descr, ("uv", "f4", 2)])
-_FACADE: Final = np.dtype([("normal", "u1", 4), ("colour", "f2", 4), ("surface", "u1", 4), ("uv", "f4", 2)])
+_TEXTURED: Final = np.dtype([*_MODEL.descr, ("uv", "f4", 2)])
 _PATCH: Final = np.dtype([("normal", "u1", 4), ("uv", "f4", 2), ("along", "f4", 2)])
 
 POSITIONS: Final = {
@@ -41,8 +50,8 @@ def _layout(dtype: np.dtype[Any], formats: tuple[str, ...]) -> dict[str, Any]:
 LAYOUTS: Final = {
     "ground": _layout(_GROUND, ("uint8x4", "float32x2")),
     "model": _layout(_MODEL, ("uint8x4", "float16x4", "uint8x4")),
-    "leaf": _layout(_LEAF, ("uint8x4", "float16x4", "uint8x4", "float32x2")),
-    "facade": _layout(_FACADE, ("uint8x4", "float16x4", "uint8x4", "float32x2")),
+    "leaf": _layout(_TEXTURED, ("uint8x4", "float16x4", "uint8x4", "float32x2")),
+    "facade": _layout(_TEXTURED, ("uint8x4", "float16x4", "uint8x4", "float32x2")),
     "patch": _layout(_PATCH, ("uint8x4", "float32x2", "float32x2")),
 }
 """Layouts of the buffers of the other attributes, by material."""
@@ -88,10 +97,7 @@ class GpuMesh:
 
 def upload_model(gpu: Gpu, mesh: Mesh, culling: FaceCulling) -> GpuMesh:
     """A part of a model; leaf cards have uv."""
-    rows = np.zeros(len(mesh.positions), dtype=_LEAF if culling is FaceCulling.ALPHA_CUTOUT else _MODEL)
-    rows["normal"][:, :3] = _packed(mesh.normals)
-    rows["colour"][:, :3], rows["colour"][:, 3] = _colours(mesh), 1
-    rows["surface"][:, :3] = _surface(mesh)
+    rows = _model_rows(mesh, _TEXTURED if culling is FaceCulling.ALPHA_CUTOUT else _MODEL)
     if culling is FaceCulling.ALPHA_CUTOUT:
         rows["uv"] = mesh.uv
     return replace(_upload(gpu, mesh.positions, rows, mesh.indices), culling=culling)
@@ -99,37 +105,31 @@ def upload_model(gpu: Gpu, mesh: Mesh, culling: FaceCulling) -> GpuMesh:
 
 def upload_ground(gpu: Gpu, pieces: tuple[GroundPiece, ...]) -> GpuMesh | None:
     """All ground of one tile as one mesh, the kind of each vertex beside its normal."""
-    full = [piece for piece in pieces if len(piece.mesh.indices)]
-    if not full:
+    mesh = _joined(pieces)
+    if mesh is None:
         return None
-    rows = [np.zeros(len(piece.mesh.positions), dtype=_GROUND) for piece in full]
-    for row, piece in zip(rows, full, strict=True):
-        row["normal"][:, :3], row["normal"][:, 3] = _packed(piece.mesh.normals), int(piece.kind)
-        row["uv"] = piece.mesh.positions[:, :2] if piece.mesh.uv is None else piece.mesh.uv
-    return _joined(gpu, [piece.mesh for piece in full], rows)
+    rows = np.zeros(len(mesh.positions), dtype=_GROUND)
+    rows["normal"][:, :3], rows["normal"][:, 3] = _packed(mesh.normals), _each_vertex(pieces, "kind")
+    rows["uv"] = mesh.positions[:, :2] if mesh.uv is None else mesh.uv
+    return _upload(gpu, mesh.positions, rows, mesh.indices)
 
 
 def upload_kerbs(gpu: Gpu, pieces: tuple[GroundPiece, ...]) -> GpuMesh | None:
     """The parts of a tile's ground that cast shadows, such as kerbs."""
-    kerbs = [piece for piece in pieces if piece.kind is GroundKind.KERB and len(piece.mesh.indices)]
-    if not kerbs:
-        return None
-    return _joined(gpu, [piece.mesh for piece in kerbs], [np.zeros(1, dtype=_GROUND)])
+    mesh = _joined([piece for piece in pieces if piece.kind is GroundKind.KERB])
+    return None if mesh is None else _upload(gpu, mesh.positions, np.zeros(1, dtype=_GROUND), mesh.indices)
 
 
 def upload_facades(gpu: Gpu, pieces: tuple[FacadePiece, ...]) -> GpuMesh | None:
     """All buildings of one tile as one mesh."""
-    full = [piece for piece in pieces if len(piece.mesh.indices)]
-    if not full:
+    mesh = _joined(pieces)
+    if mesh is None:
         return None
-    rows = [np.zeros(len(piece.mesh.positions), dtype=_FACADE) for piece in full]
-    for row, piece in zip(rows, full, strict=True):
-        row["normal"][:, :3] = _packed(piece.mesh.normals)
-        row["colour"][:, :3], row["colour"][:, 3] = _colours(piece.mesh), 1
-        row["surface"][:, :2], row["surface"][:, 3] = _surface(piece.mesh)[:, :2], piece.layer + 1
-        if piece.mesh.uv is not None:
-            row["uv"] = piece.mesh.uv
-    return _joined(gpu, [piece.mesh for piece in full], rows)
+    rows = _model_rows(mesh, _TEXTURED)
+    rows["surface"][:, 3] = _each_vertex(pieces, "layer") + 1
+    if mesh.uv is not None:
+        rows["uv"] = mesh.uv
+    return _upload(gpu, mesh.positions, rows, mesh.indices)
 
 
 def upload_patch(gpu: Gpu, patch: DefectPatch, mesh: Mesh, origin: tuple[float, float]) -> GpuMesh:
@@ -144,11 +144,23 @@ def upload_patch(gpu: Gpu, patch: DefectPatch, mesh: Mesh, origin: tuple[float, 
     return _upload(gpu, moved.astype(np.float32), rows, mesh.indices)
 
 
-def _joined(gpu: Gpu, meshes: list[Mesh], rows: list[AnyArray]) -> GpuMesh:
-    starts = np.cumsum([0, *(len(mesh.positions) for mesh in meshes[:-1])])
-    indices = np.concatenate([mesh.indices + start for mesh, start in zip(meshes, starts, strict=True)])
-    positions = np.concatenate([mesh.positions for mesh in meshes])
-    return _upload(gpu, positions, np.concatenate(rows), indices.astype(np.uint32))
+def _joined(pieces: Sequence[GroundPiece | FacadePiece]) -> Mesh | None:
+    """The meshes of some pieces as one; None if there is no triangle."""
+    return merged([piece.mesh for piece in pieces]) if any(len(piece.mesh.indices) for piece in pieces) else None
+
+
+def _each_vertex(pieces: Sequence[GroundPiece | FacadePiece], what: str) -> Int64Array:
+    """A number of each piece, for each of its vertices."""
+    return np.repeat([int(getattr(piece, what)) for piece in pieces], [len(piece.mesh.positions) for piece in pieces])
+
+
+def _model_rows(mesh: Mesh, dtype: np.dtype[Any]) -> StructuredArray:
+    """Normals, colours and surface; a mesh without a surface is rough and plain."""
+    rows = np.zeros(len(mesh.positions), dtype=dtype)
+    rows["normal"][:, :3] = _packed(mesh.normals)
+    rows["colour"][:, :3], rows["colour"][:, 3] = 0.5 if mesh.colours is None else mesh.colours, 1
+    rows["surface"][:, :3] = (230, 0, 0) if mesh.surface is None else mesh.surface
+    return rows
 
 
 def _upload(gpu: Gpu, positions: Float32Array, rows: AnyArray, indices: UInt32Array) -> GpuMesh:
@@ -164,13 +176,3 @@ def _upload(gpu: Gpu, positions: Float32Array, rows: AnyArray, indices: UInt32Ar
 
 def _packed(normals: AnyArray) -> UInt8Array:
     return np.asarray(np.rint(normals * 127) + 128, dtype=np.uint8)
-
-
-def _colours(mesh: Mesh) -> Float32Array:
-    return np.full((len(mesh.positions), 3), 0.5, np.float32) if mesh.colours is None else mesh.colours
-
-
-def _surface(mesh: Mesh) -> UInt8Array:
-    """Default surface of a mesh without one: rough and plain."""
-    plain = np.tile(np.array([230, 0, 0], dtype=np.uint8), (len(mesh.positions), 1))
-    return plain if mesh.surface is None else mesh.surface

@@ -84,8 +84,7 @@ def _seen(
 
 def looks_beyond(view: View) -> bool:
     """Whether any of a view's corners misses the ground that is drawn."""
-    width, height = view.size_px
-    rays = view.rays([[0, 0], [width, 0], [0, height], [width, height]])
+    rays = _corner_rays(view)
     down = np.maximum(-rays[:, 2], 1e-9)
     away = np.linalg.norm(rays[:, :2], axis=1) * view.position[2] / down
     return bool((away > 0.8 * FAR_M).any())
@@ -93,7 +92,11 @@ def looks_beyond(view: View) -> bool:
 
 def looks_down(view: View, light: Light) -> bool:
     """Whether all of a view is ground seen from above, and none of it through haze."""
-    width, height = view.size_px
-    rays = view.rays([[0, 0], [width, 0], [0, height], [width, height]])
+    rays = _corner_rays(view)
     steepness = float((-rays[:, 2] / np.linalg.norm(rays, axis=1)).min())
     return steepness > _STEEP and bool(view.position[2] / steepness < CLEAR_SHARE * light.haze_m)
+
+
+def _corner_rays(view: View) -> Float64Array:
+    width, height = view.size_px
+    return view.rays([[0, 0], [width, 0], [0, height], [width, height]])

@@ -1,6 +1,5 @@
 """The passes of one frame, recorded and read back: shadow map, picture, ground truth."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -10,17 +9,12 @@ import wgpu
 from pavetwin.arrays import AnyArray, Int64Array
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.meshes import GpuMesh
-from pavetwin.render.pipelines import (
-    DEPTH_FORMAT,
-    DISTANCE_FORMAT,
-    LABEL_FORMAT,
-    LIGHT_FORMAT,
-    Pipelines,
-)
+from pavetwin.render.pipelines import DEPTH_FORMAT, DISTANCE_FORMAT, LABEL_FORMAT, LIGHT_FORMAT, Pipelines
 from pavetwin.render.tiles import GpuPatch, GpuPavement, GpuTile
 
 _READ: Final = wgpu.TextureUsage.COPY_SRC
 _SAMPLED: Final = wgpu.TextureUsage.TEXTURE_BINDING
+_NOWHERE: Final = (np.inf, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -91,105 +85,87 @@ def shadow_map(gpu: Gpu, side_px: int) -> Any:
     return gpu.target((side_px, side_px), DEPTH_FORMAT, usage=_SAMPLED)
 
 
-def draw_shadows(
-    encoder: Any,
-    pipelines: Pipelines,
-    frame: Any,
-    leaves: Any,
-    records: Any,
-    target: Any,
-    used_px: tuple[int, int],
-    casters: Iterable[tuple[GpuMesh, int, int]],
-) -> None:
-    """Depths from the sun, in the used columns and rows of the map. `leaves`: bind group of the leaf atlas."""
-    depth = _cleared(target, "store") | {"depth_clear_value": 1.0}
-    render_pass = encoder.begin_render_pass(color_attachments=[], depth_stencil_attachment=depth)
-    render_pass.set_scissor_rect(0, 0, *used_px)
-    render_pass.set_bind_group(0, frame)
-    render_pass.set_bind_group(1, leaves)
-    render_pass.set_vertex_buffer(0, records)
-    for mesh, count, first in casters:
-        render_pass.set_pipeline(pipelines.shadow[mesh.culling])
-        mesh.draw(render_pass, count, first, attributes=False)
-    render_pass.end()
+@dataclass(frozen=True)
+class FramePasses:
+    """Records the passes of one frame."""
 
+    encoder: Any
+    pipelines: Pipelines
+    frame: Any
+    """Bind group of the frame."""
+    materials: Materials
+    records: Any
+    """The instance buffer."""
+    draws: DrawList
 
-def draw_light(
-    encoder: Any,
-    pipelines: Pipelines,
-    frame: Any,
-    materials: Materials,
-    records: Any,
-    targets: RenderTargets,
-    draws: DrawList,
-) -> None:
-    """The picture as luminance. `frame`: bind group of the frame with its light."""
-    render_pass = encoder.begin_render_pass(
-        color_attachments=[cleared_colour(targets.light, (0, 0, 0, 1))],
-        depth_stencil_attachment=_cleared(targets.depth, "discard"),
-    )
-    render_pass.set_bind_group(0, frame)
-    render_pass.set_vertex_buffer(0, records)
-    render_pass.set_bind_group(1, materials.leaves)
-    # Objects above the ground first: the ground they hide need not be shaded.
-    lit = pipelines.lit[draws.looks_down]
-    for either, batch in ((lit.near, draws.near), (lit.far, draws.far)):
-        for mesh, count, first in batch:
-            render_pass.set_pipeline(either[mesh.culling])
-            mesh.draw(render_pass, count, first, attributes=True)
-    render_pass.set_pipeline(lit.facade)
-    render_pass.set_bind_group(1, materials.facades)
-    for tile, record in draws.tiles:
-        if tile.facades is not None:
-            tile.facades.draw(render_pass, 1, record, attributes=True)
-    render_pass.set_bind_group(1, materials.ground)
-    render_pass.set_pipeline(lit.ground)
-    for tile, pavement, record in draws.grounds:
-        if tile.ground is not None:
-            render_pass.set_bind_group(2, pavement.shading)
-            tile.ground.draw(render_pass, 1, record, attributes=True)
-    render_pass.set_pipeline(lit.patch)
-    for each in draws.patches:
-        render_pass.set_bind_group(2, each.around.shading)
-        render_pass.set_bind_group(3, each.patch.shading)
-        each.mesh.draw(render_pass, 1, each.record, attributes=True)
-    count, first = draws.shades
-    if count:
-        render_pass.set_pipeline(pipelines.shade)
-        render_pass.draw(6, count, 0, first)
-    if draws.sky:
-        render_pass.set_pipeline(pipelines.sky)
-        render_pass.draw(3)
-    render_pass.end()
+    def shadows(self, target: Any, used_px: tuple[int, int]) -> None:
+        """Depths from the sun, in the used columns and rows of the map."""
+        render_pass = self._begin([], _cleared(target, "store") | {"depth_clear_value": 1.0}, self.frame)
+        render_pass.set_scissor_rect(0, 0, *used_px)
+        for mesh, count, first in self.draws.casters:
+            render_pass.set_pipeline(self.pipelines.shadow[mesh.culling])
+            mesh.draw(render_pass, count, first, attributes=False)
+        render_pass.end()
 
+    def light(self, targets: RenderTargets, frame: Any) -> None:
+        """The picture as luminance. `frame`: bind group of the frame with its light."""
+        colour = cleared_colour(targets.light, (0, 0, 0, 1))
+        render_pass = self._begin([colour], _cleared(targets.depth, "discard"), frame)
+        # Objects above the ground first: the ground they hide need not be shaded.
+        lit = self.pipelines.lit[self.draws.looks_down]
+        for either, batch in ((lit.near, self.draws.near), (lit.far, self.draws.far)):
+            for mesh, count, first in batch:
+                render_pass.set_pipeline(either[mesh.culling])
+                mesh.draw(render_pass, count, first, attributes=True)
+        render_pass.set_pipeline(lit.facade)
+        render_pass.set_bind_group(1, self.materials.facades)
+        for tile, record in self.draws.tiles:
+            if tile.facades is not None:
+                tile.facades.draw(render_pass, 1, record, attributes=True)
+        render_pass.set_bind_group(1, self.materials.ground)
+        render_pass.set_pipeline(lit.ground)
+        for tile, pavement, record in self.draws.grounds:
+            if tile.ground is not None:
+                render_pass.set_bind_group(2, pavement.shading)
+                tile.ground.draw(render_pass, 1, record, attributes=True)
+        render_pass.set_pipeline(lit.patch)
+        for each in self.draws.patches:
+            render_pass.set_bind_group(2, each.around.shading)
+            render_pass.set_bind_group(3, each.patch.shading)
+            each.mesh.draw(render_pass, 1, each.record, attributes=True)
+        count, first = self.draws.shades
+        if count:
+            render_pass.set_pipeline(self.pipelines.shade)
+            render_pass.draw(6, count, 0, first)
+        if self.draws.sky:
+            render_pass.set_pipeline(self.pipelines.sky)
+            render_pass.draw(3)
+        render_pass.end()
 
-def draw_truth(
-    encoder: Any, pipelines: Pipelines, frame: Any, leaves: Any, records: Any, targets: RenderTargets, draws: DrawList
-) -> None:
-    """Labels and distances. `leaves`: bind group of the leaf atlas."""
-    colours = [
-        cleared_colour(texture, value)
-        for texture, value in ((targets.labels, (0, 0, 0, 0)), (targets.distances, (np.inf, 0, 0, 0)))
-    ]
-    render_pass = encoder.begin_render_pass(
-        color_attachments=colours, depth_stencil_attachment=_cleared(targets.depth, "discard")
-    )
-    render_pass.set_bind_group(0, frame)
-    render_pass.set_bind_group(1, leaves)
-    render_pass.set_vertex_buffer(0, records)
-    for mesh, count, first in [*draws.near, *draws.far]:
-        render_pass.set_pipeline(pipelines.truth[mesh.culling])
-        mesh.draw(render_pass, count, first, attributes=False)
-    render_pass.set_pipeline(pipelines.truth[0])
-    walls = [(tile.facades, record) for tile, record in draws.tiles]
-    for part, record in [*walls, *((tile.ground, record) for tile, _, record in draws.grounds)]:
-        if part is not None:
-            part.draw(render_pass, 1, record, attributes=False)
-    render_pass.set_pipeline(pipelines.truth_patch)
-    for each in draws.patches:
-        render_pass.set_bind_group(1, each.patch.truth)
-        each.mesh.draw(render_pass, 1, each.record, attributes=True)
-    render_pass.end()
+    def truth(self, targets: RenderTargets) -> None:
+        """Labels and distances."""
+        labels, distances = cleared_colour(targets.labels, (0, 0, 0, 0)), cleared_colour(targets.distances, _NOWHERE)
+        render_pass = self._begin([labels, distances], _cleared(targets.depth, "discard"), self.frame)
+        for mesh, count, first in [*self.draws.near, *self.draws.far]:
+            render_pass.set_pipeline(self.pipelines.truth[mesh.culling])
+            mesh.draw(render_pass, count, first, attributes=False)
+        render_pass.set_pipeline(self.pipelines.truth[0])
+        walls = [(tile.facades, record) for tile, record in self.draws.tiles]
+        for part, record in [*walls, *((tile.ground, record) for tile, _, record in self.draws.grounds)]:
+            if part is not None:
+                part.draw(render_pass, 1, record, attributes=False)
+        render_pass.set_pipeline(self.pipelines.truth_patch)
+        for each in self.draws.patches:
+            render_pass.set_bind_group(1, each.patch.truth)
+            each.mesh.draw(render_pass, 1, each.record, attributes=True)
+        render_pass.end()
+
+    def _begin(self, colours: list[dict[str, Any]], depth: dict[str, Any], frame: Any) -> Any:
+        render_pass = self.encoder.begin_render_pass(color_attachments=colours, depth_stencil_attachment=depth)
+        render_pass.set_bind_group(0, frame)
+        render_pass.set_bind_group(1, self.materials.leaves)
+        render_pass.set_vertex_buffer(0, self.records)
+        return render_pass
 
 
 def read(gpu: Gpu, texture: Any, size_px: tuple[int, int], dtype: type[np.generic], channels: int) -> AnyArray:

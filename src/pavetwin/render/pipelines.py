@@ -27,7 +27,15 @@ LABEL_FORMAT: Final = "r32uint"
 DISTANCE_FORMAT: Final = "r32float"
 
 _SHADED: Final = wgpu.ShaderStage.VERTEX | wgpu.ShaderStage.FRAGMENT
-
+_FRAME: Final = {"binding": 0, "visibility": _SHADED, "buffer": {"type": "uniform"}}
+_LIGHT: Final = [
+    {"binding": 1, "visibility": _SHADED, "texture": {"sample_type": "depth", "view_dimension": "2d"}},
+    {"binding": 2, "visibility": _SHADED, "sampler": {"type": "comparison"}},
+    {"binding": 3, "visibility": _SHADED, "texture": {"sample_type": "float", "view_dimension": "2d"}},
+    {"binding": 4, "visibility": _SHADED, "sampler": {"type": "filtering"}},
+    {"binding": 5, "visibility": _SHADED, "sampler": {"type": "filtering"}},
+    {"binding": 6, "visibility": _SHADED, "sampler": {"type": "non-filtering"}},
+]
 
 ByCulling = tuple[Any, Any, Any]
 """In the order of `FaceCulling`."""
@@ -69,7 +77,8 @@ class Pipelines:
 
 def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
     """Compile all pipelines. The ground's constants come from its NumPy formula, so that the two stay the same."""
-    frame_layout, light_layout = _frame_layout(gpu), _light_layout(gpu)
+    frame_layout = gpu.device.create_bind_group_layout(entries=[_FRAME])
+    light_layout = gpu.device.create_bind_group_layout(entries=[_FRAME, *_LIGHT])
     tiles = TileLayouts(
         maps=texture_layout(gpu, "2d", "2d"),
         patch=texture_layout(gpu, "2d"),
@@ -100,40 +109,37 @@ def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
             code, constants = extra + _source([*lit, *parts]), {"looks_down": looks_down}
             return _pipeline(gpu, code, [light_layout, *layouts], buffers, targets=_LIT, cull=cull, constants=constants)
 
+        def models(part: str) -> ByCulling:
+            parts = ["solid", "model", part]
+            return _by_skin(lambda cull: shaded(parts, [], _buffers("model"), cull=cull), leaves)
+
         numbers, repeat = _ground_numbers(details), f"const FACADE_REPEAT_M = {FACADE_REPEAT_M};\n"
-        leaves = shaded(["model", "leaf", "leaf_light"], [leaf_layout], _buffers("leaf"))
+        leaves = shaded(["solid", "model", "leaf", "leaf_light"], [leaf_layout], _buffers("leaf"))
         maps, holed = [detail_layout, tiles.maps], [detail_layout, tiles.maps, tiles.patch]
         return LitPipelines(
             ground=shaded(["ground_surface", "ground"], maps, _buffers("ground"), numbers),
-            patch=shaded(["ground_surface", "patch"], holed, patch_buffers, numbers),
-            near=_by_skin(lambda cull: shaded(["model", "model_near"], [], _buffers("model"), cull=cull), leaves),
-            far=_by_skin(lambda cull: shaded(["model", "model_far"], [], _buffers("model"), cull=cull), leaves),
-            facade=shaded(["facade"], [facade_layout], _buffers("facade"), repeat),
+            patch=shaded(["ground_surface", "patch"], holed, _buffers("patch"), numbers),
+            near=models("model_near"),
+            far=models("model_far"),
+            facade=shaded(["solid", "facade"], [facade_layout], _buffers("facade"), repeat),
         )
 
-    patch_buffers = [LAYOUT, POSITIONS, LAYOUTS["patch"]]
+    dimmed = _source([*lit, "shade"])
     return Pipelines(
         lit=(lit_for(looks_down=False), lit_for(looks_down=True)),
-        shade=_pipeline(
-            gpu,
-            _source([*lit, "shade"]),
-            [light_layout],
-            [LAYOUT],
-            targets=_DIMMED,
-            depth=("greater-equal", False),
-        ),
+        shade=_pipeline(gpu, dimmed, [light_layout], [LAYOUT], targets=_DIMMED, depth=("greater-equal", False)),
         sky=_pipeline(gpu, _beyond(details) + _source([*lit, "sky"]), [light_layout], [], targets=_LIT),
         shadow=_by_skin(
             lambda cull: shadow(["shadow"], [], [LAYOUT, POSITIONS], cull),
             shadow(["leaf", "shadow_leaf"], [leaf_layout], _buffers("leaf")),
         ),
         truth=_by_skin(
-            lambda cull: truth(["truth"], [], [LAYOUT, POSITIONS], depth=True, cull=cull),
-            truth(["leaf", "truth_leaf"], [leaf_layout], _buffers("leaf"), depth=True),
+            lambda cull: truth(["truth", "truth_solid"], [], [LAYOUT, POSITIONS], depth=True, cull=cull),
+            truth(["truth", "leaf", "truth_leaf"], [leaf_layout], _buffers("leaf"), depth=True),
         ),
-        truth_patch=truth(["truth_patch"], [tiles.mask], patch_buffers, depth=True),
-        amodal=truth(["truth"], [], [LAYOUT, POSITIONS], depth=False),
-        amodal_patch=truth(["truth_patch"], [tiles.mask], patch_buffers, depth=False),
+        truth_patch=truth(["truth", "truth_patch"], [tiles.mask], _buffers("patch"), depth=True),
+        amodal=truth(["truth", "truth_solid"], [], [LAYOUT, POSITIONS], depth=False),
+        amodal_patch=truth(["truth", "truth_patch"], [tiles.mask], _buffers("patch"), depth=False),
         frame_layout=frame_layout,
         light_layout=light_layout,
         detail_layout=detail_layout,
@@ -190,27 +196,6 @@ def _ground_numbers(details: dict[GroundKind, Detail]) -> str:
     lines.append(f"const DETAIL_SIZES = array<f32, {len(GroundKind)}>({sizes});")
     lines.append("fn detail_size(kind: u32) -> f32 { var sizes = DETAIL_SIZES; return sizes[kind]; }")
     return "\n".join(lines) + "\n"
-
-
-def _frame_layout(gpu: Gpu) -> Any:
-    return gpu.device.create_bind_group_layout(entries=[_frame_entry()])
-
-
-def _frame_entry() -> dict[str, Any]:
-    return {"binding": 0, "visibility": _SHADED, "buffer": {"type": "uniform"}}
-
-
-def _light_layout(gpu: Gpu) -> Any:
-    resources: list[dict[str, Any]] = [
-        {"texture": {"sample_type": "depth", "view_dimension": "2d"}},
-        {"sampler": {"type": "comparison"}},
-        {"texture": {"sample_type": "float", "view_dimension": "2d"}},
-        {"sampler": {"type": "filtering"}},
-        {"sampler": {"type": "filtering"}},
-        {"sampler": {"type": "non-filtering"}},
-    ]
-    entries = [{"binding": index + 1, "visibility": _SHADED, **each} for index, each in enumerate(resources)]
-    return gpu.device.create_bind_group_layout(entries=[_frame_entry(), *entries])
 
 
 def _pipeline(

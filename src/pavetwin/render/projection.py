@@ -152,8 +152,6 @@ def frame_info(view: View, light: Light, shadow: ShadowFit, *, readout_s: float)
 
     Args:
         view: its velocity moves the rows of a rolling shutter.
-        light: sun and sky.
-        shadow: of this view and light.
         readout_s: from the exposure of the first row to that of the last; 0 for all rows at once.
     """
     info = np.zeros(1, dtype=FRAME_INFO)

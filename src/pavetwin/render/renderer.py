@@ -17,24 +17,9 @@ from pavetwin.render.frame import RenderedFrame
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.gpu_scene import GpuScene
 from pavetwin.render.instances import InstanceBatch, InstanceBuffer
-from pavetwin.render.passes import (
-    DrawList,
-    Materials,
-    RenderTargets,
-    draw_light,
-    draw_shadows,
-    draw_truth,
-    read,
-    shadow_map,
-)
+from pavetwin.render.passes import DrawList, FramePasses, Materials, RenderTargets, read, shadow_map
 from pavetwin.render.pipelines import compile_pipelines
-from pavetwin.render.projection import (
-    FRAME_INFO,
-    NEAR_M,
-    corners,
-    fit_shadow,
-    frame_info,
-)
+from pavetwin.render.projection import FRAME_INFO, NEAR_M, corners, fit_shadow, frame_info
 from pavetwin.render.sensor import SHARP_PX, ImageProcessing, farthest_motion_px, picture, white_balance
 from pavetwin.render.sky import sky_levels
 from pavetwin.render.tiles import Drawable, group
@@ -103,7 +88,6 @@ class Renderer:
 
         Args:
             view: where the camera is and how fast it moves.
-            light: sun and sky.
             camera: its sensor, lens and shutter; the view gives the part of the sensor that is used.
             instances: what is not part of the static scene: agents, signal heads, the UAV.
             shadow_only: instances of which only the shadow is drawn: the vehicle that carries the camera.
@@ -224,14 +208,16 @@ class Renderer:
             view, light, shadow, (agents, InstanceBatch.of(shadow_only, self._gpu_scene.parts)), records
         )
         self.gpu.queue.write_buffer(self._uniform, 0, frame_info(view, light, shadow, readout_s=readout_s))
-        self._write_records(records)
+        data = records.data
+        self._records = self.gpu.grown(self._records, data.nbytes, wgpu.BufferUsage.VERTEX)
+        self.gpu.queue.write_buffer(self._records, 0, data.view(np.uint8))
         shaded, lit = self._lit(light, shadow.size_px)
-        encoder, leaves = self.gpu.device.create_command_encoder(), self._materials.leaves
-        used = shadow.used_px
-        draw_shadows(encoder, self._pipelines, self._frame, leaves, self._records, shaded, used, draws.casters)
-        draw_light(encoder, self._pipelines, lit, self._materials, self._records, targets, draws)
+        encoder = self.gpu.device.create_command_encoder()
+        passes = FramePasses(encoder, self._pipelines, self._frame, self._materials, self._records, draws)
+        passes.shadows(shaded, shadow.used_px)
+        passes.light(targets, lit)
         if truth:
-            draw_truth(encoder, self._pipelines, self._frame, leaves, self._records, targets, draws)
+            passes.truth(targets)
         self.gpu.queue.submit([encoder.finish()])
         counted: dict[int, int] = {}
         if amodal:
@@ -264,13 +250,6 @@ class Renderer:
             placed = corners(each.mesh.low, each.mesh.high) + (*each.origin, 0.0)
             objects.append(AmodalObject(patch.label, each.mesh, records.data, placed, patch.truth))
         return objects
-
-    def _write_records(self, records: InstanceBuffer) -> None:
-        data = records.data
-        if data.nbytes > self._records.size:
-            self.gpu.free(self._records)
-            self._records = self.gpu.empty_buffer(2 * data.nbytes, wgpu.BufferUsage.VERTEX)
-        self.gpu.queue.write_buffer(self._records, 0, data.view(np.uint8))
 
 
 def _without_defects(radiance: Float16Array) -> Float16Array:

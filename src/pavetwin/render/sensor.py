@@ -67,11 +67,7 @@ def picture(
     Args:
         radiance: (height, width, 4) linear RGB, kcd/m².
         view: its pinhole and velocity.
-        camera: whose sensor and lens.
         light: that the white balance adapts to.
-        exposure: its settings.
-        seed: of the noise.
-        style: of its processing.
         depth: (height, width) metres along the axis, for motion blur; None for none.
         labels: (height, width), to look up velocities.
         velocities: label → (3,) m/s, world frame.

@@ -41,11 +41,8 @@ def stand(item: Furniture, number: int, ground_m: float, seed: int, models: Mapp
     """The instances of one item of street furniture.
 
     Args:
-        item: of the world.
         number: its index in the world's list, the key of its random stream.
         ground_m: height of the ground where it stands.
-        seed: of the scene.
-        models: all models by name.
     """
     rng = child(seed, Stream.SCENE, KEY, number)
     match item.kind:
@@ -105,8 +102,9 @@ def _light(item: Furniture, ground_m: float) -> Iterator[Instance]:
     colour = PAINTED[street % len(PAINTED)]
     yield from _mast(item, ground_m, "tapered", colour)
     reach = max(0.0, item.arm_m - LAMP_M)
-    end = _beside(item, reach)
-    yield Instance("lamp_head", BODY, upright(*end, item.yaw_rad, z_m=item.height_m), tints(colour))
+    x = item.position.x + reach * math.cos(item.yaw_rad)
+    y = item.position.y + reach * math.sin(item.yaw_rad)
+    yield Instance("lamp_head", BODY, upright(x, y, item.yaw_rad, z_m=item.height_m), tints(colour))
 
 
 def _mast(item: Furniture, ground_m: float, part: str, colour: tuple[float, float, float]) -> Iterator[Instance]:
@@ -128,10 +126,3 @@ def _plate(item: Furniture, rng: np.random.Generator) -> Iterator[Instance]:
     x = item.position.x + (item.radius_m + 0.012) * math.cos(facing)
     y = item.position.y + (item.radius_m + 0.012) * math.sin(facing)
     yield Instance(name, BODY, upright(x, y, facing, z_m=item.height_m - SIGN_FACE_M), tints())
-
-
-def _beside(item: Furniture, reach_m: float) -> tuple[float, float]:
-    return (
-        item.position.x + reach_m * math.cos(item.yaw_rad),
-        item.position.y + reach_m * math.sin(item.yaw_rad),
-    )

@@ -19,7 +19,7 @@ MAGIC: Final = b"glTF"
 _JSON, _BIN = b"JSON", b"BIN\0"
 _COMPONENTS: Final[Mapping[int, str]] = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _NUMBERS: Final[Mapping[str, int]] = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-_SHAPE_OF: Final[Mapping[int, str]] = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+_SHAPE_OF: Final[Mapping[int, str]] = {width: shape for shape, width in _NUMBERS.items()}
 VERTICES, INDICES = 34962, 34963
 LINEAR, LINEAR_MIPMAP_LINEAR, REPEAT, CLAMP_TO_EDGE = 9729, 9987, 10497, 33071
 LARGEST: Final = 2**32 - 1
@@ -76,10 +76,7 @@ class GlbWriter:
         self.meshes: list[dict[str, Any]] = []
         self.materials: list[dict[str, Any]] = []
         self._lists: dict[str, list[dict[str, Any]]] = {
-            "accessors": [],
-            "bufferViews": [],
-            "images": [],
-            "textures": [],
+            name: [] for name in ("accessors", "bufferViews", "images", "textures")
         }
 
     def array(self, values: AnyArray, *, target: int = VERTICES, normalized: bool = False) -> int:

@@ -18,6 +18,7 @@ from shapely import Polygon
 from pavetwin._core import relief_mesh
 from pavetwin.arrays import Float32Array, Float64Array, UInt8Array
 from pavetwin.defects import Heightfield, albedo_factor, heightfield_of, normal_map, occlusion_map
+from pavetwin.scene.agents import upright
 from pavetwin.scene.model import TILE_M, DefectPatch, Mesh, defect_label
 from pavetwin.world.model import Defect
 
@@ -77,9 +78,9 @@ def patch_of(defect: Defect) -> DefectPatch:
         ValueError: its outline crosses itself.
     """
     field = heightfield_of(defect)
-    transform = _transform(defect)
+    transform = upright(defect.centre.x, defect.centre.y, defect.yaw_rad)
     ring = np.asarray(hole_of(defect).exterior.coords)[:-1] - transform[:2, 3]
-    if shapely.LinearRing(ring).is_ccw is False:
+    if not shapely.LinearRing(ring).is_ccw:
         ring = ring[::-1]
     ring = np.ascontiguousarray(ring @ transform[:2, :2])
     relief, mask = _maps(field)
@@ -122,28 +123,14 @@ def _mesh(defect: Defect, field: Heightfield, ring: Float64Array, tolerance_m: f
     return Mesh(positions, upright, indices, uv=field.uv(positions[:, :2].astype(np.float64)))
 
 
-def _transform(defect: Defect) -> Float64Array:
-    cos, sin = np.cos(defect.yaw_rad), np.sin(defect.yaw_rad)
-    matrix = np.eye(4)
-    matrix[:2, :2] = [[cos, -sin], [sin, cos]]
-    matrix[:2, 3] = defect.centre.x, defect.centre.y
-    return matrix
-
-
 def _maps(field: Heightfield) -> tuple[UInt8Array, UInt8Array]:
     """(rows, cols, 4) normal x and y, reflectance, openness; and (rows, cols) the label's mask."""
     share = _inward(field)
     factor = 1 + (albedo_factor(field) @ LUMINANCE - 1) * share
     normal = normal_map(field)[..., :2].astype(np.float32) - 127.5
-    relief = np.stack(
-        [
-            128 + normal[..., 0] * share * (127 / 127.5),
-            128 + normal[..., 1] * share * (127 / 127.5),
-            128 * factor,
-            255 + (occlusion_map(field).astype(np.float32) - 255) * share,
-        ],
-        axis=-1,
-    )
+    bent = 128 + normal * share[..., None] * (127 / 127.5)
+    openness = 255 + (occlusion_map(field).astype(np.float32) - 255) * share
+    relief = np.concatenate([bent, 128 * factor[..., None], openness[..., None]], axis=-1)
     mask = 255 * field.mask.astype(np.float32)
     step = max(1, int(np.ceil(np.sqrt(mask.size / MOST_TEXELS))))
     coarse = np.clip(np.round(averaged(relief, step)), 0, 255).astype(np.uint8)

@@ -1,9 +1,9 @@
 """The scene of a world: its tiles, made on demand, and its moving objects."""
 
 import math
-from collections import OrderedDict, defaultdict
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Final
 
 import numpy as np
@@ -46,7 +46,7 @@ TILES_KEPT: Final = 8
 """Tiles in memory; renderers keep their own copies on the device."""
 
 PATCHES_KEPT: Final = 96
-"""Whole patches in memory, some MB each at most."""
+"""Whole patches in memory, some MB each at most, since the other parts of one lie on the next tiles."""
 
 EAVES_M: Final = 0.35
 """Greatest overhang of roofs beyond walls."""
@@ -62,19 +62,13 @@ class Scene:
     def __init__(self, world: World, *, seed: int, tiles_kept: int = TILES_KEPT) -> None:
         self.world = world
         self.seed = seed
-        self._kept = tiles_kept
-        self._tiles: OrderedDict[Key, Tile] = OrderedDict()
-        self._patches: OrderedDict[int, DefectPatch] = OrderedDict()
+        self._tile = lru_cache(tiles_kept)(self._make)
+        self._patch = lru_cache(PATCHES_KEPT)(lambda number: patch_of(world.defects[number]))
         self._actors: Actors | None = None
 
     def tile(self, key: Key) -> Tile:
         """One tile; made if it is not in the cache."""
-        if key not in self._tiles:
-            self._tiles[key] = self._make(key)
-            while len(self._tiles) > self._kept:
-                self._tiles.popitem(last=False)
-        self._tiles.move_to_end(key)
-        return self._tiles[key]
+        return self._tile(key)
 
     def maps(self, key: Key) -> GroundMaps:
         """The weathering and marking maps of a tile's ground; not cached."""
@@ -84,8 +78,7 @@ class Scene:
 
     def holes_on(self, key: Key) -> Mapping[int, Box]:
         """The holes in a tile's ground that defects fill, by the defects' places in the world's list."""
-        holes = {number: self._holes[number].bounds for number in self._defects.get(key, [])}
-        return {number: (west, south, east, north) for number, (west, south, east, north) in holes.items()}
+        return {number: self._holes[number].bounds for number in self._defects.get(key, [])}
 
     def patch_on(self, key: Key, number: int) -> DefectPatch | None:
         """The part of a defect's patch that lies on a tile; None if there is none."""
@@ -231,15 +224,6 @@ class Scene:
             facades=tuple(piece for pieces in facades for piece in pieces),
             instances=(*self._standing(key), *fixtures(self._plan, key)),
         )
-
-    def _patch(self, number: int) -> DefectPatch:
-        """A defect's whole patch; cached, since its other parts lie on the next tiles."""
-        if number not in self._patches:
-            self._patches[number] = patch_of(self.world.defects[number])
-            while len(self._patches) > PATCHES_KEPT:
-                self._patches.popitem(last=False)
-        self._patches.move_to_end(number)
-        return self._patches[number]
 
     def _standing(self, key: Key) -> Iterator[Instance]:
         """The furniture and objects on a tile as instances."""

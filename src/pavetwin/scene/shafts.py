@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from pavetwin.arrays import Float32Array
 from pavetwin.scene.model import Mesh, Model
 
 SIDES: Final = 12
@@ -42,22 +43,19 @@ def _tube(top: float) -> Mesh:
     )
     lid = np.stack([np.full(SIDES, 3 * SIDES), 2 * SIDES + here, 2 * SIDES + following], axis=1)
     count = 3 * SIDES + 1
-    surface = np.tile(np.array([115, 60, 1], dtype=np.uint8), (count, 1))
     return Mesh(
         positions=np.concatenate([foot, head, head, [[0.0, 0.0, 1.0]]]).astype(np.float32),
         normals=np.concatenate([side, side, up]).astype(np.float32),
         indices=np.concatenate([walls, lid]).astype(np.uint32),
         colours=np.ones((count, 3), dtype=np.float32),
-        surface=surface,
+        surface=np.tile(np.array([115, 60, 1], dtype=np.uint8), (count, 1)),
     )
 
 
 def _lying(tube: Mesh) -> Mesh:
     """The tube along x: its z becomes x, its x becomes −z."""
 
-    def turned(
-        vectors: np.ndarray[tuple[int, int], np.dtype[np.float32]],
-    ) -> np.ndarray[tuple[int, int], np.dtype[np.float32]]:
+    def turned(vectors: Float32Array) -> Float32Array:
         return np.ascontiguousarray(np.stack([vectors[:, 2], vectors[:, 1], -vectors[:, 0]], axis=1))
 
     return Mesh(turned(tube.positions), turned(tube.normals), tube.indices, tube.colours, tube.surface)

@@ -17,6 +17,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float32Array, Float64Array
 from pavetwin.scene.agents import upright
+from pavetwin.scene.ground.turns import PAINTED
 from pavetwin.scene.model import TINTS, Instance
 from pavetwin.scene.models import BODY
 from pavetwin.traffic.recording import Recording
@@ -55,11 +56,8 @@ GLOW: Final = 3.0
 """See `Instance.tints`."""
 
 _LIT: Final[Mapping[str, tuple[int, ...]]] = {
-    **dict.fromkeys("rs", (1,)),
-    "u": (1, 2),
-    **dict.fromkeys("yY", (2,)),
-    **dict.fromkeys("gG", (3,)),
-}
+    "r": (1,), "s": (1,), "u": (1, 2), "y": (2,), "Y": (2,), "g": (3,), "G": (3,),
+}  # fmt: skip
 """SUMO's letters → slots of the lamps that are lit; `o` blinks amber, `O` is off."""
 
 
@@ -87,7 +85,6 @@ def heads_of(world: World, road: BaseGeometry) -> tuple[Head, ...]:
     """All signal heads of a world. In a world without connections those on masts show nothing.
 
     Args:
-        world: the world.
         road: its carriageway as it is built, on which no pole stands.
     """
     masts = [thing for thing in world.furniture if thing.kind is FurnitureKind.SIGNAL]
@@ -118,7 +115,9 @@ def lamps(head: Head, recording: Recording | None, time_s: float) -> Float32Arra
     """(TINTS, 4) of a head at a time."""
     tints = np.full((TINTS, 4), DARK, dtype=np.float32)
     tints[:, 3] = 0.0
-    for slot in _lit_slots(letter(head, recording, time_s), time_s):
+    shown = letter(head, recording, time_s)
+    blinks = (2,) if shown == "o" and time_s % 1.0 < 0.5 else ()
+    for slot in _LIT.get(shown, blinks):
         tints[slot - 1] = (1.0, 1.0, 1.0, GLOW)
     return tints
 
@@ -131,12 +130,6 @@ def letter(head: Head, recording: Recording | None, time_s: float) -> str:
     step = time_s / recording.step_s + 1e-9
     _, state = states[max(0, bisect.bisect_right(states, step, key=lambda entry: entry[0]) - 1)]
     return state[head.link] if head.link < len(state) else "O"
-
-
-def _lit_slots(shown: str, time_s: float) -> tuple[int, ...]:
-    if shown == "o":
-        return (2,) if time_s % 1.0 < 0.5 else ()
-    return _LIT.get(shown, ())
 
 
 def _on_mast(
@@ -179,14 +172,9 @@ def _misfit(mast: Furniture, lane: Lane) -> float:
 
 def _through(connections: Sequence[Connection]) -> int | None:
     """The link straight on, else the first that there is: what most drivers go by."""
-    order = {
-        Direction.STRAIGHT: 0,
-        Direction.RIGHT: 1,
-        Direction.PARTLY_RIGHT: 1,
-        Direction.LEFT: 2,
-        Direction.PARTLY_LEFT: 2,
-    }
-    ranked = [(order.get(each.direction, 3), each.signal.link) for each in connections if each.signal is not None]
+    order = (Direction.STRAIGHT, Direction.RIGHT, Direction.LEFT)
+    ranks = {turn: order.index(painted) for turn, painted in PAINTED.items()}
+    ranked = [(ranks.get(each.direction, 3), each.signal.link) for each in connections if each.signal is not None]
     return min(ranked)[1] if ranked else None
 
 

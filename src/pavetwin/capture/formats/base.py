@@ -1,6 +1,5 @@
 """What a format of labels is, and where formats are registered."""
 
-from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -8,26 +7,28 @@ from pavetwin.capture.record import Record
 from pavetwin.registry import Registry
 
 
-class Format(ABC):
+class Format:
     """One format of labels: files for each image, written with it, and files for a whole split or dataset, written
-    last."""
+    last. A format defines those that it has."""
 
-    @abstractmethod
     def of_image(self, record: Record) -> Mapping[str, bytes]:
         """The files of one image: path in the dataset → content."""
+        del record
+        return {}
 
     def links(self, record: Record) -> tuple[str, ...]:
         """Where else in the dataset the picture must lie for the format's tools."""
         del record
         return ()
 
-    @abstractmethod
     def of_split(self, folder: Path, split: str) -> Iterator[tuple[str, Iterator[bytes]]]:
         """The files for one split's images: path in the dataset, content in pieces.
 
         Args:
             folder: the dataset, whose images are all there.
         """
+        del folder, split
+        return iter(())
 
     def of_all(self, splits: tuple[str, ...]) -> Mapping[str, bytes]:
         """The files for the whole dataset."""

@@ -5,7 +5,7 @@ evaluation neither rewards nor penalises and trainers leave out; `ignored` gives
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +16,6 @@ from pavetwin.capture.record import Record, read_records
 
 @label_format("coco")
 class Coco(Format):
-    def of_image(self, record: Record) -> Mapping[str, bytes]:
-        del record
-        return {}
-
     def of_split(self, folder: Path, split: str) -> Iterator[tuple[str, Iterator[bytes]]]:
         yield f"annotations/instances_{split}.json", _content(folder, split)
 

@@ -4,8 +4,7 @@ A line is the class and the box's middle, width and height as shares of the imag
 file. Ignored objects are left out: the format cannot mark them.
 """
 
-from collections.abc import Iterator, Mapping
-from pathlib import Path
+from collections.abc import Mapping
 
 import yaml
 
@@ -26,10 +25,6 @@ class Yolo(Format):
             shares = (*middle, (right - left) / width, (bottom - top) / height)
             lines.append(f"{numbers[obj.category]} " + " ".join(f"{share:.6f}" for share in shares) + "\n")
         return {f"labels/{record.split}/{record.name}.txt": "".join(lines).encode()}
-
-    def of_split(self, folder: Path, split: str) -> Iterator[tuple[str, Iterator[bytes]]]:
-        del folder, split
-        yield from ()
 
     def of_all(self, splits: tuple[str, ...]) -> Mapping[str, bytes]:
         # Without `path` Ultralytics looks beside this file, wherever the dataset is moved to. It requires train and

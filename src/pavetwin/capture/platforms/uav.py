@@ -80,7 +80,7 @@ class Uav(Platform):
     def _aimed_at(self, spec: ImageSpec, rng: np.random.Generator) -> tuple[Float64Array, float]:
         """The centre (2,) of a defect that the image must show, and the direction of its street."""
         defect = self.context.world.defects[int(rng.choice(self.context.defect_index.candidates(spec)))]
-        segment = self._segments[defect.segment]
+        segment = self.context.world.segment(defect.segment)
         return np.array([defect.centre.x, defect.centre.y]), _direction(segment, defect.centre)
 
     def _clear_place(
@@ -103,10 +103,6 @@ class Uav(Platform):
         if how >= _ALONG:
             turn += pi / 2 if how < _ALONG + _ACROSS else float(rng.uniform(-pi, pi))
         return along_rad + turn + _SCATTER_RAD * float(rng.standard_normal())
-
-    @cached_property
-    def _segments(self) -> dict[str, Segment]:
-        return {segment.id: segment for segment in self.context.world.segments}
 
     @cached_property
     def _of_split(self) -> dict[str, list[Segment]]:

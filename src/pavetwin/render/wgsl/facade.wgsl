@@ -32,18 +32,10 @@ struct Seen {
 }
 
 @fragment fn fragment(in: Seen) -> @location(0) vec4f {
-    lamp = lamp_of_frame();
-    let v = normalize(-in.relative);
-    let n = normalize(in.normal);
     let texel = textureSample(facades, repeat_sampler, in.uv / FACADE_REPEAT_M, max(i32(in.surface.w), 1) - 1);
     let textured = in.surface.w > 0u;
     let colour = in.colour * select(vec3f(1.0), texel.rgb, textured);
     let rough = clamp(select(f32(in.surface.x) / 255.0, texel.a, textured), 0.05, 1.0);
-    let lit = sun_on(in.relative, n, pixel_jitter(in.clip.xy));
-    let sun = lamp.sun.rgb * (lit * max(dot(n, lamp.to_sun.xyz), 0.0));
-    var radiance = colour / PI * (sun + sky_irradiance(n));
-    let f0 = vec3f(0.04);
-    radiance += mirrored(max(dot(n, v), 0.02), rough, f0) * surroundings(reflect(-v, n), rough);
-    radiance += glint(n, v, rough, f0) * lamp.sun.rgb * lit;
-    return vec4f(through_air(radiance, in.relative), 1.0);
+    let wall = Solid(in.relative, normalize(in.normal), colour, rough, 0.0, vec3f(0.0));
+    return vec4f(solid_radiance(wall, pixel_jitter(in.clip.xy)), 1.0);
 }

@@ -17,6 +17,41 @@ struct Detail {
     relief: vec4f,
 }
 
+// What the ground and the patches of defects pass from their vertices to their pixels.
+struct Seen {
+    @builtin(position) clip: vec4f,
+    @location(0) relative: vec3f,
+    @location(1) axis: vec3f,       // of ground its normal, of a patch the defect's x axis in the world
+    @location(2) uv: vec2f,
+    @location(3) local: vec2f,
+    @location(4) world: vec4f,      // east, north, up, and the side of a pixel there [m]
+    @location(5) shadow: vec3f,     // where it is in the shadow map
+    @location(6) @interpolate(flat) kind: vec2f,        // and the size of its detail [m]
+    @location(7) @interpolate(flat) to_sun: vec4f,      // the lamp
+    @location(8) @interpolate(flat) sun: vec4f,
+    @location(9) @interpolate(flat) sky0: vec4f,
+    @location(10) @interpolate(flat) sky1: vec4f,
+    @location(11) @interpolate(flat) sky2: vec4f,
+    @location(12) @interpolate(flat) sky3: vec4f,
+    @location(13) @interpolate(flat) sky4: vec4f,
+    @location(14) @interpolate(flat) sky5: vec4f,
+    @location(15) @interpolate(flat) sky6: vec4f,
+}
+
+fn seen_at(at: Instance, position: vec3f, normal: vec3f, axis: vec3f, uv: vec2f, kind: u32) -> Seen {
+    let relative = place(at, position);
+    return Seen(
+        project(relative, vec3f(0.0)), relative, axis, uv, position.xy,
+        vec4f(relative + frame.camera.xyz, pixel_at(relative)), in_shadow_map(relative, normal),
+        vec2f(f32(kind), detail_size(kind)), frame.to_sun, frame.sun, frame.sky[0], frame.sky[1], frame.sky[2],
+        frame.sky[3], frame.sky[4], frame.sky[5], frame.sky[6],
+    );
+}
+
+fn lamp_of(in: Seen) -> Lamp {
+    return Lamp(in.to_sun, in.sun, array<vec4f, 7>(in.sky0, in.sky1, in.sky2, in.sky3, in.sky4, in.sky5, in.sky6));
+}
+
 // Two mip levels are mixed only near the middle between them: lavapipe samples a single one in half the time.
 fn level_of(footprint: f32) -> f32 {
     let level = log2(max(footprint, 1.0));

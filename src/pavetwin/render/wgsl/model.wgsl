@@ -7,17 +7,8 @@ struct Vertex {
     @location(13) surface: vec4u,    // roughness, metallic, slot
 }
 
-struct Model {
-    relative: vec3f,
-    normal: vec3f,
-    colour: vec3f,
-    roughness: f32,
-    metal: f32,
-    glow: vec3f,
-}
-
-fn model_vertex(at: Instance, in: Vertex) -> Model {
-    var out: Model;
+fn model_vertex(at: Instance, in: Vertex) -> Solid {
+    var out: Solid;
     out.relative = place(at, in.position);
     out.normal = normalize(turn(at, unpack_normal(in.normal)) + vec3f(0.0, 0.0, 1e-6));
     var tint = vec4f(1.0, 1.0, 1.0, 0.0);
@@ -34,19 +25,4 @@ fn model_vertex(at: Instance, in: Vertex) -> Model {
     out.roughness = clamp(f32(in.surface.x) / 255.0, 0.05, 1.0);
     out.metal = f32(in.surface.y) / 255.0;
     return out;
-}
-
-// Both faces use the normals as they are: leaves are single-layered.
-fn model_radiance(model: Model, jitter: f32) -> vec3f {
-    lamp = lamp_of_frame();
-    let v = normalize(-model.relative);
-    let n = model.normal;
-    let lit = sun_on(model.relative, n, jitter);
-    let nv = max(dot(n, v), 0.02);
-    let sun = lamp.sun.rgb * (lit * max(dot(n, lamp.to_sun.xyz), 0.0));
-    var radiance = model.colour * (1.0 - model.metal) / PI * (sun + sky_irradiance(n)) + model.glow;
-    let f0 = mix(vec3f(0.04), model.colour, model.metal);
-    radiance += mirrored(nv, model.roughness, f0) * surroundings(reflect(-v, n), model.roughness);
-    radiance += glint(n, v, model.roughness, f0) * lamp.sun.rgb * lit;
-    return through_air(radiance, model.relative);
 }

@@ -8,7 +8,7 @@ struct Seen {
 
 @vertex fn vertex(at: Instance, in: Vertex) -> Seen {
     let model = model_vertex(at, in);
-    return Seen(project(model.relative, at.velocity), model_radiance(model, 0.0));
+    return Seen(project(model.relative, at.velocity), solid_radiance(model, 0.0));
 }
 
 @fragment fn fragment(in: Seen) -> @location(0) vec4f {

@@ -16,6 +16,6 @@ struct Seen {
 }
 
 @fragment fn fragment(in: Seen) -> @location(0) vec4f {
-    let model = Model(in.relative, normalize(in.normal + vec3f(0.0, 0.0, 1e-6)), in.colour, in.surface.x, in.surface.y, in.glow);
-    return vec4f(model_radiance(model, pixel_jitter(in.clip.xy)), 1.0);
+    let solid = Solid(in.relative, normalize(in.normal + vec3f(0.0, 0.0, 1e-6)), in.colour, in.surface.x, in.surface.y, in.glow);
+    return vec4f(solid_radiance(solid, pixel_jitter(in.clip.xy)), 1.0);
 }

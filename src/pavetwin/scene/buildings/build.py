@@ -14,7 +14,7 @@ from pavetwin.arrays import Float64Array
 from pavetwin.scene.buildings.faces import Faces
 from pavetwin.scene.buildings.roofs import RoofPlan, build_roof, plan_roof
 from pavetwin.scene.buildings.styles import Situation, style_of
-from pavetwin.scene.buildings.walls import Wall, build_wall
+from pavetwin.scene.buildings.walls import Wall, WallBuilder
 from pavetwin.scene.model import FacadePiece
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import World
@@ -53,7 +53,7 @@ class Buildings:
         faces = Faces()
         local = _moved(plan, moved, origin)
         for wall in self._walls(plan, touching, origin):
-            build_wall(faces, wall, style, rng)
+            WallBuilder(faces, wall, style, rng).build()
         build_roof(faces, local, style, rng)
         return tuple(FacadePiece(building.id, mesh, int(layer)) for layer, mesh in faces.meshes().items())
 

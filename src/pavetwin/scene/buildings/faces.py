@@ -52,7 +52,6 @@ class Faces:
         """Add (n, 4, 3) corners, anticlockwise from outside.
 
         Args:
-            layer: texture.
             corners: (n, 4, 3) or (4, 3); a quad may have two corners in one place.
             colour: (3,), (n, 1, 3) or (n, 4, 3).
             uv: (n, 4, 2) metres; zeros when not given.
@@ -117,23 +116,18 @@ class Faces:
         start, end = ring, np.roll(ring, -1, axis=0)
         length = np.hypot(*(end - start).T)
         along = np.cumsum(length) - length
-        corners = np.stack([_at(start, low_m), _at(end, low_m), _at(end, high_m), _at(start, high_m)], axis=1)
-        uv = np.stack(
-            [
-                np.stack([along, np.full_like(along, low_m)], axis=1),
-                np.stack([along + length, np.full_like(along, low_m)], axis=1),
-                np.stack([along + length, np.full_like(along, high_m)], axis=1),
-                np.stack([along, np.full_like(along, high_m)], axis=1),
-            ],
-            axis=1,
-        )
+        beyond = along + length
+        ends = ((start, along, low_m), (end, beyond, low_m), (end, beyond, high_m), (start, along, high_m))
+        corners = np.stack([_at(points, height_m) for points, _, height_m in ends], axis=1)
+        uv = np.stack([_at(way, height_m) for _, way, height_m in ends], axis=1)
         self.quads(layer, corners, colour, uv=uv, roughness=roughness)
 
     def meshes(self) -> dict[FacadeTexture, Mesh]:
         """The added faces, one mesh per layer, in the layers' order."""
         layers = sorted({*self._quads, *self._triangles})
+        batches = ((self._quads, 4), (self._triangles, 3))
         return {
-            layer: _mesh(self._quads.get(layer, _PolygonBatch()), self._triangles.get(layer, _PolygonBatch()))
+            layer: merged([_flattened(of[layer], corners) for of, corners in batches if layer in of])
             for layer in layers
         }
 
@@ -147,14 +141,7 @@ def _at(points: Float64Array, height_m: float) -> Float64Array:
     return np.column_stack([points, np.full(len(points), height_m)])
 
 
-def _mesh(quads: _PolygonBatch, triangles: _PolygonBatch) -> Mesh:
-    parts = [part for part in (_flattened(quads, 4), _flattened(triangles, 3)) if part is not None]
-    return merged(parts)
-
-
-def _flattened(batch: _PolygonBatch, corners: int) -> Mesh | None:
-    if not batch.positions:
-        return None
+def _flattened(batch: _PolygonBatch, corners: int) -> Mesh:
     points = np.concatenate(batch.positions)
     diagonals = (points[:, 2] - points[:, 0], points[:, 3 if corners == 4 else 2] - points[:, 1])
     normal = np.cross(*diagonals)

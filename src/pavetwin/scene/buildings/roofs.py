@@ -67,11 +67,8 @@ def plan_roof(
     """Choose a roof.
 
     Args:
-        footprint: of the building.
         height_m: its highest point.
-        style: of the building.
         touching: (n, 2) points on the footprint's boundary where another building stands against it.
-        rng: random generator.
     """
     footprint = orient(footprint, 1.0)
     if style.roof is Roof.FLAT:

@@ -5,7 +5,7 @@ office or a block of flats; the rest are houses, with shops on the ground floor 
 Storeys are about 3 m as in dwellings, 3.4 m in offices. Colours are reflectances of paints and plasters, ours.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum, auto
 
 import numpy as np
@@ -135,13 +135,7 @@ def _house(situation: Situation, rng: np.random.Generator) -> FacadeStyle:
         storey_m=3.05 if town else 2.75,
         bay_m=float(rng.uniform(2.5, 3.3)),
         windows=Windows(
-            FacadeTexture.WINDOWS,
-            cells,
-            float(rng.uniform(0.38, 0.5)),
-            float(rng.uniform(0.46, 0.58)),
-            0.30,
-            0.13,
-            True,
+            FacadeTexture.WINDOWS, cells, rng.uniform(0.38, 0.5), rng.uniform(0.46, 0.58), 0.30, 0.13, True
         ),
         ground=GroundFloor.SHOP if shop else GroundFloor.HOME,
         roof=Roof.PITCHED,
@@ -196,16 +190,10 @@ def _shed(rng: np.random.Generator) -> FacadeStyle:
     style = _hall(rng)
     wall = FacadeTexture.BRICK if rng.random() < 0.4 else FacadeTexture.RENDER
     colour = _pick(BRICKS, rng) if wall is FacadeTexture.BRICK else _pick(RENDERS, rng)
-    return FacadeStyle(
-        wall=wall,
-        colour=colour,
-        trim=style.trim,
-        plinth=_dark(colour),
-        storey_m=6.0,
-        bay_m=3.2,
-        windows=Windows(FacadeTexture.WINDOWS, (8, 9, 11), 0.42, 0.30, 0.42, 0.1, True),
-        ground=GroundFloor.HALL,
-    )
+    windows = Windows(FacadeTexture.WINDOWS, (8, 9, 11), 0.42, 0.30, 0.42, 0.1, True)
+    covering = FacadeTexture.FELT
+    style = replace(style, wall=wall, colour=colour, plinth=_dark(colour), covering=covering)
+    return replace(style, storey_m=6.0, bay_m=3.2, windows=windows)
 
 
 def _garage(rng: np.random.Generator) -> FacadeStyle:

@@ -65,14 +65,9 @@ class Wall:
         return np.concatenate([flat, np.broadcast_to(z, u.shape)[..., None]], axis=-1)
 
 
-def build_wall(faces: Faces, wall: Wall, style: FacadeStyle, rng: np.random.Generator) -> None:
-    """Add one wall with its openings."""
-    _WallBuilder(faces, wall, style, rng).build()
-
-
 @dataclass(frozen=True)
-class _WallBuilder:
-    """Adds the parts of one wall."""
+class WallBuilder:
+    """Adds one wall with its openings."""
 
     faces: Faces
     wall: Wall

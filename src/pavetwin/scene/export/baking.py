@@ -70,7 +70,6 @@ def bake_patch(patch: DefectPatch, origin: tuple[float, float], maps: MapPyramid
     """The pavement over a patch's maps, with the defect's reflectance and normals.
 
     Args:
-        patch: of a defect.
         origin: of the tile that `maps` belongs to.
         maps: the tile's weathering and markings.
         texel_m: of the picture; finer maps are averaged down to about that.

@@ -126,7 +126,6 @@ def attributes_of(
     """Write a mesh's vertices.
 
     Args:
-        writer: of the file.
         mesh: in our axes.
         uv: (n, 2) as glTF has it: (0, 0) is a picture's upper left corner.
         colours: (n, 3) linear.

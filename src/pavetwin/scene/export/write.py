@@ -117,7 +117,6 @@ def export_scene(
     The file's origin is the centre of its contents, stored as `extras.origin_m` of the asset.
 
     Args:
-        scene: of a world.
         target: a path that ends in .glb.
         bounds: west, south, east, north in metres of the world frame; everything when not given. Tiles are whole.
         texel_m: side of a texel of the ground's pictures.

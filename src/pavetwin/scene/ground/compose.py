@@ -104,7 +104,6 @@ def surface(
         uv: (..., 2) coordinates of the detail, metres.
         local_xy: (..., 2) positions in the tile's frame, metres.
         origin: the tile's south-west corner in the world frame, metres.
-        maps: the tile's.
         footprint_m: side of a pixel's footprint on the ground, one number or (...).
     """
     reflectance, hold, normal, height, rough = _detail(kind, uv, local_xy, origin, footprint_m)

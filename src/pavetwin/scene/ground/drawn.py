@@ -29,8 +29,6 @@ def drawn(plan: GroundPlan, key: tuple[int, int], worn: Float32Array) -> UInt8Ar
     """The map of paint and bitumen, (MAP_PX, MAP_PX, 4).
 
     Args:
-        plan: the world's ground.
-        key: the tile.
         worn: (MAP_PX, MAP_PX) factor on the markings' own wear, from wheels and noise.
     """
     raster = RasterGrid(key)

@@ -8,6 +8,7 @@ from shapely import LineString, STRtree
 from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float64Array
+from pavetwin.scene.ground.streets import ways_along
 
 _CHUNK: Final = 12
 """Segments of an edge that are indexed together."""
@@ -25,7 +26,7 @@ class Edges:
                 coords = shapely.get_coordinates(ring)
                 if shapely.is_ccw(ring) != (number == 0):
                     coords = coords[::-1]
-                ways = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(coords, axis=0).T))])
+                ways = ways_along(coords)
                 for first in range(0, len(coords) - 1, _CHUNK):
                     pieces.append(LineString(coords[first : first + _CHUNK + 1]))
                     begins.append(float(ways[first]))

@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.model import Mesh, Model
+from pavetwin.scene.models import BODY
 from pavetwin.seeds import Stream, child
 
 Layer = tuple[BaseGeometry, float, tuple[float, float, float], float, float]
@@ -33,27 +34,22 @@ GRATE_M: Final = (0.46, 0.26)
 
 LEAVES: Final = 46
 LEAF_TONES: Final = (
-    (0.20, 0.115, 0.04),
-    (0.26, 0.17, 0.05),
-    (0.13, 0.07, 0.03),
-    (0.17, 0.15, 0.05),
-    (0.22, 0.09, 0.035),
-)
+    (0.20, 0.115, 0.04), (0.26, 0.17, 0.05), (0.13, 0.07, 0.03), (0.17, 0.15, 0.05), (0.22, 0.09, 0.035),
+)  # fmt: skip
 """Linear reflectances of fallen leaves, brown to yellow."""
 
 
 @cache
 def fixture_models() -> Mapping[str, Model]:
     """Meshes of all flush fixtures, by name."""
-    return MappingProxyType(
-        {
-            "cover_iron": Model("cover_iron", {"body": _plates([*_frame(), *_studded()])}),
-            "cover_filled": Model("cover_filled", {"body": _plates([*_frame(), *_filled()])}),
-            "grate": Model("grate", {"body": _plates(_grate())}),
-            "valve": Model("valve", {"body": _plates(_valve())}),
-            "leaves": Model("leaves", {"body": _leaves()}),
-        }
-    )
+    layers = {
+        "cover_iron": [*_frame(), *_studded()],
+        "cover_filled": [*_frame(), *_filled()],
+        "grate": _grate(),
+        "valve": _valve(),
+    }
+    meshes = {name: _plates(of) for name, of in layers.items()} | {"leaves": _leaves()}
+    return MappingProxyType({name: Model(name, {BODY: mesh}) for name, mesh in meshes.items()})
 
 
 def _ring(outer_m: float, inner_m: float, sides: int = 12) -> BaseGeometry:

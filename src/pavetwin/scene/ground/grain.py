@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 from scipy import fft
 
-from pavetwin.arrays import Float32Array
+from pavetwin.arrays import Float32Array, FloatArray
 from pavetwin.scene.ground.sampling import srgb_of_linear
 from pavetwin.scene.model import Detail
 
@@ -19,7 +19,6 @@ def noise(rng: np.random.Generator, wavelength_px: float, *, along: float = 1.0,
     White noise under a log-normal band around a wavelength.
 
     Args:
-        rng: random generator.
         wavelength_px: of the strongest waves.
         along: above 1 stretched along the rows (u), below 1 along the columns.
         octaves: width of the band.
@@ -44,7 +43,6 @@ def cells(rng: np.random.Generator, count: int, warp: Float32Array | None = None
     """Periodic Voronoi cells about a jittered grid of count² points.
 
     Args:
-        rng: random generator.
         count: cells along a side.
         warp: (SIDE_PX, SIDE_PX, 2) by how many texels the plane is bent first.
 
@@ -83,7 +81,6 @@ def stones(
     """Angular stones scattered over the square; of overlapping ones the higher is visible.
 
     Args:
-        rng: random generator.
         radii_px: (n,) texels.
         depth: how much lower than the surface the tops of the deepest lie, in their height 0 … 1.
 
@@ -138,6 +135,10 @@ def blurred(field: Float32Array, sigma_px: float) -> Float32Array:
     steep = np.float32(-2 * (np.pi * sigma_px) ** 2)
     filtered = fft.rfft2(field.astype(np.float32)) * (np.exp(steep * fx**2) * np.exp(steep * fy**2))
     return np.asarray(fft.irfft2(filtered, s=field.shape, overwrite_x=True), dtype=np.float32)
+
+
+def float32(field: FloatArray) -> Float32Array:
+    return np.asarray(field, dtype=np.float32)
 
 
 def detail(

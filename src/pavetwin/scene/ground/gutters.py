@@ -10,6 +10,7 @@ from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
 from pavetwin.arrays import Float64Array
+from pavetwin.scene.ground.streets import ways_along
 from pavetwin.world.gutters import GUTTER_M, has_gutter
 from pavetwin.world.model import Segment
 
@@ -30,8 +31,6 @@ def gutters_of(road: BaseGeometry, segments: Sequence[Segment], kerbed: BaseGeom
     """The gutters of a world.
 
     Args:
-        road: the carriageway.
-        segments: of all streets.
         kerbed: where the carriageway has kerbs.
     """
     own = [segment.polygon for segment in segments if has_gutter(segment.street)]
@@ -64,7 +63,7 @@ def _taper(road: BaseGeometry, free: LineString, end: int) -> BaseGeometry:
         return Polygon()
     kerb = shapely.get_coordinates(shapely.segmentize(line, 0.25))
     kerb = np.concatenate([kerb[:1] - _unit(kerb[1] - kerb[0]) * _LAP_M, kerb])
-    ways = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(kerb, axis=0).T))]) - _LAP_M
+    ways = ways_along(kerb) - _LAP_M
     step = np.gradient(kerb, axis=0)
     left = np.column_stack([-step[:, 1], step[:, 0]]) / np.maximum(np.hypot(*step.T), 1e-9)[:, None]
     middle = len(kerb) // 2

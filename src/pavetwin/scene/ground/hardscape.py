@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import Float32Array
-from pavetwin.scene.ground.grain import SIDE_PX, blurred, detail, noise, stones
+from pavetwin.scene.ground.grain import SIDE_PX, blurred, detail, float32, noise, stones
 from pavetwin.scene.model import Detail
 
 CONCRETE_M: Final = 2.0
@@ -34,8 +34,8 @@ def concrete(rng: np.random.Generator) -> Detail:
     joint = np.clip(1.0 - (border - 0.003) / 0.003, 0.0, 1.0)
     grime = 0.06 * np.exp(-np.maximum(border, 0.0) / 0.05)
     albedo = _coloured(1.0 + 0.028 * clouds + 0.07 * sand - 0.5 * voids - grime, 0.012 * noise(rng, 200.0))
-    albedo = _f32(albedo * (1.0 - 0.7 * joint)[..., None])
-    height = _f32(np.clip(0.6 + 0.05 * sand + 0.09 * broom - 0.6 * voids - 0.5 * joint, 0.0, 1.0))
+    albedo = float32(albedo * (1.0 - 0.7 * joint)[..., None])
+    height = float32(np.clip(0.6 + 0.05 * sand + 0.09 * broom - 0.6 * voids - 0.5 * joint, 0.0, 1.0))
     hold = blurred(-height, 1.0) + 0.12 * clouds
     return detail(CONCRETE_M, albedo, height, _rough(0.82, sand), hold, 1.0e-3, CONCRETE_REFLECTANCE)
 
@@ -62,9 +62,8 @@ def paving(rng: np.random.Generator) -> Detail:
     albedo = albedo * (1.0 - joint[..., None]) + filling * joint[..., None]
     slope = tilt_x * (across / pitch - 0.5) + tilt_y * (along / pitch - 0.5)
     height = np.clip(0.72 + 0.02 * sand + 0.05 * level + 0.06 * slope - 0.2 * voids - 0.55 * joint, 0.0, 1.0)
-    return detail(
-        size_m, _f32(albedo), _f32(height), _rough(0.84, sand), _f32(height + 0.1 * clouds), 6e-3, PAVING_REFLECTANCE
-    )
+    hold = float32(height + 0.1 * clouds)
+    return detail(size_m, float32(albedo), float32(height), _rough(0.84, sand), hold, 6e-3, PAVING_REFLECTANCE)
 
 
 def kerb(rng: np.random.Generator) -> Detail:
@@ -84,9 +83,8 @@ def kerb(rng: np.random.Generator) -> Detail:
     albedo = _coloured(1.0 + 0.06 * shade + 0.07 * clouds + 0.04 * sand + granite - 0.4 * voids, 0.008 * clouds)
     albedo = albedo * (1.0 - 0.68 * joint)[..., None]
     height = np.clip(0.75 + 0.04 * sand - 0.3 * voids - 0.5 * joint, 0.0, 1.0)
-    return detail(
-        KERB_M, _f32(albedo), _f32(height), _rough(0.78, sand), _f32(height + 0.1 * clouds), 4e-3, KERB_REFLECTANCE
-    )
+    hold = float32(height + 0.1 * clouds)
+    return detail(KERB_M, float32(albedo), float32(height), _rough(0.78, sand), hold, 4e-3, KERB_REFLECTANCE)
 
 
 def _cement(rng: np.random.Generator, size_m: float) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array]:
@@ -101,12 +99,8 @@ def _cement(rng: np.random.Generator, size_m: float) -> tuple[Float32Array, Floa
 
 def _coloured(value: Float32Array, warmth: Float32Array) -> Float32Array:
     """Grey with a little more or less yellow, (..., 3)."""
-    return _f32(np.stack([value * (1.03 + warmth), value, value * (0.93 - warmth)], axis=-1))
+    return float32(np.stack([value * (1.03 + warmth), value, value * (0.93 - warmth)], axis=-1))
 
 
 def _rough(level: float, sand: Float32Array) -> Float32Array:
-    return _f32(np.clip(level + 0.04 * sand, 0.4, 1.0))
-
-
-def _f32(field: np.ndarray[tuple[int, ...], np.dtype[np.floating]]) -> Float32Array:
-    return np.asarray(field, dtype=np.float32)
+    return float32(np.clip(level + 0.04 * sand, 0.4, 1.0))

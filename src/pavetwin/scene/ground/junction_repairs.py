@@ -17,18 +17,15 @@ SEALED_M2: Final = 110.0
 """Carriageway area per sealed crack."""
 
 
-def junction_repairs(
-    layout: SurfaceLayout, junction: Junction
-) -> tuple[list[tuple[float, ...]], list[float], list[Float64Array]]:
-    """Patches of a junction, as bars, their tones, and the lines of its sealed cracks, (n, 2) each, world frame."""
+def junction_repairs(layout: SurfaceLayout, junction: Junction) -> tuple[list[tuple[float, ...]], list[Float64Array]]:
+    """Patches of a junction as `Repairs` holds them, and the lines of its sealed cracks, (n, 2) each, world frame."""
     area = shapely.intersection(layout.road_near(shapely.box(*junction.polygon.bounds)), junction.polygon)
     inner = area.buffer(-0.8)
     rng = child(layout.seed, Stream.SCENE, 8, layout.name_hash(f"junction {junction.id}"))
-    bars: list[tuple[float, ...]] = []
-    tones: list[float] = []
+    patches: list[tuple[float, ...]] = []
     lines: list[Float64Array] = []
     if inner.is_empty:
-        return bars, tones, lines
+        return patches, lines
     shapely.prepare(inner)
     low, high = np.array(inner.bounds).reshape(2, 2)
     edges = shapely.get_coordinates(shapely.minimum_rotated_rectangle(area))
@@ -37,8 +34,9 @@ def junction_repairs(
         x, y = rng.uniform(low, high)
         if inner.contains(shapely.Point(x, y)):
             long, wide = rng.uniform(0.4, 3.2), rng.uniform(0.3, 0.8)
-            bars.append((x, y, square + rng.choice([0.0, np.pi / 2]) + rng.normal(0.0, 0.06), long, wide))
-            tones.append(float(rng.uniform(0.68, 0.93) if rng.random() < 0.8 else rng.uniform(1.05, 1.15)))
+            turn = square + rng.choice([0.0, np.pi / 2]) + rng.normal(0.0, 0.06)
+            tone = rng.uniform(0.68, 0.93) if rng.random() < 0.8 else rng.uniform(1.05, 1.15)
+            patches.append((x, y, turn, long, wide, tone))
     for _ in range(rng.poisson(area.area / SEALED_M2)):
         steps = int(rng.uniform(1.5, 9.0) / 0.35)
         turn = rng.uniform(0.0, 2 * np.pi) + np.cumsum(rng.normal(0.0, 0.16, steps))
@@ -48,4 +46,4 @@ def junction_repairs(
         kept = path[: int(np.argmin(inside))] if not inside.all() else path
         if len(kept) > 4:
             lines.append(kept)
-    return bars, tones, lines
+    return patches, lines

@@ -153,10 +153,7 @@ class _Marker:
                 for back in ARROW_AT_M:
                     self._arrow(lane, station - back, turns, wear)
         elif self.plan.gives_way(approach) and self._draw(f"yield {lane.edge}") < (0.85 if street.main else 0.45):
-            if self.rules.yield_dash_m is None:
-                self._across(lane, station, self.rules.stop_m, wear, None)
-            else:
-                self._across(lane, station, self.rules.stop_m, wear, self.rules.yield_dash_m)
+            self._across(lane, station, self.rules.stop_m, wear, self.rules.yield_dash_m)
 
     def _across(
         self, lane: Lane, station: float, width_m: float, wear: float, dash_m: tuple[float, float] | None

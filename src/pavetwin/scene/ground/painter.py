@@ -11,6 +11,7 @@ from shapely import LineString
 from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float64Array
+from pavetwin.scene.ground.streets import ways_along
 
 _OVERLAP_M: Final = 0.3
 """Bars of one line overlap, so that no gap shows where they meet."""
@@ -95,7 +96,7 @@ def _dashes(length_m: float, dash_m: tuple[float, float] | None) -> Iterator[tup
 def _between(path: LineString, start: float, end: float) -> Float64Array:
     """The points of a path between two stations."""
     coords = shapely.get_coordinates(path)
-    ways = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(coords, axis=0).T))])
+    ways = ways_along(coords)
     inner = (ways > start + 0.05) & (ways < end - 0.05)
     at = np.concatenate([[start], ways[inner], [end]])
     return np.column_stack([np.interp(at, ways, coords[:, axis]) for axis in (0, 1)])

@@ -10,6 +10,7 @@ from pavetwin.arrays import Float32Array, Float64Array, Int64Array, UInt32Array
 from pavetwin.scene.ground.layout import SurfaceLayout, tile_box
 from pavetwin.scene.ground.regions import Face, faces_of
 from pavetwin.scene.ground.relief import PROFILE, Relief
+from pavetwin.scene.ground.streets import ways_along
 from pavetwin.scene.model import TILE_M, GroundKind, GroundPiece, Mesh
 
 
@@ -91,7 +92,7 @@ def _along(line: LineString, corners: Float64Array) -> Float64Array:
     coords = shapely.get_coordinates(line)
     points = corners.reshape(-1, 2)
     station = shapely.line_locate_point(line, shapely.points(points))
-    ways = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(coords, axis=0).T))])
+    ways = ways_along(coords)
     leg = np.clip(np.searchsorted(ways, station, side="right") - 1, 0, len(coords) - 2)
     start = coords[leg]
     dx, dy = ((coords[leg + 1] - start) / (ways[leg + 1] - ways[leg])[:, None]).T

@@ -18,7 +18,7 @@ from pavetwin.scene.ground.painter import Paint
 from pavetwin.scene.ground.raster import boxes_of
 from pavetwin.scene.ground.repairs import Repairs, repairs
 from pavetwin.scene.ground.streets import StreetPlan, streets_of
-from pavetwin.world.model import Lane, Segment, World
+from pavetwin.world.model import Lane, Segment, Surface, World
 
 WIDENED_M: Final = 3.0
 """How far from a street or junction the carriageway is still counted to it."""
@@ -55,9 +55,9 @@ class GroundPlan(SurfaceLayout):
         return boxes_of(line for line, _ in self.repairs.skids)
 
     @cached_property
-    def patch_bars(self) -> Float64Array:
-        """(n, 5) as `raster.bars` takes them."""
-        return np.array(self.repairs.patches, dtype=np.float64).reshape(-1, 5)
+    def patches(self) -> Float64Array:
+        """(n, 6): a bar as `raster.bars` takes it, and the factor on the reflectance around it."""
+        return np.array(self.repairs.patches, dtype=np.float64).reshape(-1, 6)
 
     @cached_property
     def spots(self) -> Float64Array:
@@ -90,10 +90,7 @@ class GroundPlan(SurfaceLayout):
         """Surfaces of one age each, and their reflectance factors; later ones cover earlier ones."""
         streets = {street.key: self.ageing(street).tone for street in self.streets}
         segments = [(segment.polygon, streets[street.key]) for segment, street in self.segments]
-        junctions = [
-            (junction.polygon, tone)
-            for junction, tone in zip(self.world.junctions, self._junction_tones(streets), strict=True)
-        ]
+        junctions = self._junction_tones(streets)
         # First all surfaces a little widened: rounded corners belong to the surface next to them.
         shapes: list[tuple[BaseGeometry, float]] = [
             (shape.buffer(WIDENED_M, quad_segs=2), tone) for shape, tone in (*segments, *junctions)
@@ -105,14 +102,14 @@ class GroundPlan(SurfaceLayout):
                 shapes.append((shapely.intersection(part, segment.polygon), tone * streets[street.key]))
         return SpatialIndex([shape for shape, _ in shapes]), tuple(tone for _, tone in shapes)
 
-    def _junction_tones(self, streets: dict[str, float]) -> list[float]:
-        """Each junction is as old as the most important street that meets there."""
+    def _junction_tones(self, streets: dict[str, float]) -> list[tuple[Surface, float]]:
+        """Each junction with its tone: it is as old as the most important street that meets there."""
         best: dict[str, tuple[int, float]] = {}
         for path in self.paths:
             street, junction = path.approach.street, path.approach.junction.id
             rank = (len(street.lanes), streets[street.key])
             best[junction] = max(rank, best.get(junction, rank))
-        return [best.get(junction.id, (0, 1.0))[1] for junction in self.world.junctions]
+        return [(junction.polygon, best.get(junction.id, (0, 1.0))[1]) for junction in self.world.junctions]
 
 
 def plan_ground(world: World, seed: int, holes: Sequence[Polygon] = ()) -> GroundPlan:

@@ -88,7 +88,6 @@ def tracks(
     """The nearest line of every cell.
 
     Args:
-        raster: grid over the tile.
         lines: (n, 2) each, world frame.
         reach_m: how far each is looked for.
         begins_m: the way at which each begins, 0 without.
@@ -166,7 +165,6 @@ def bars(raster: RasterGrid, bars_xyahw: Float64Array, reach_m: float) -> Iterat
     """Signed distances to oriented rectangles, positive inside, in the window where they exceed −reach.
 
     Args:
-        raster: grid over the tile.
         bars_xyahw: (n, 5): middle x and y in the world frame, direction [rad], half length, half width [m].
         reach_m: how far outside.
     """

@@ -1,5 +1,6 @@
 """One tile partitioned into faces of one kind each, all from one set of lines, so that neighbours share corners."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -165,26 +166,16 @@ class _Cut:
 _HARD: Final = frozenset({GroundKind.PAVING, GroundKind.CONCRETE, GroundKind.KERB})
 _SOFT: Final = frozenset({GroundKind.GRASS, GroundKind.EARTH})
 
-_BUILT_UP: Final = (
-    (GroundKind.PAVING, 0.4),
-    (GroundKind.CONCRETE, 0.25),
-    (GroundKind.GRASS, 0.25),
-    (GroundKind.EARTH, 0.1),
-)
-_GARDENS: Final = (
-    (GroundKind.GRASS, 0.72),
-    (GroundKind.EARTH, 0.1),
-    (GroundKind.PAVING, 0.1),
-    (GroundKind.CONCRETE, 0.08),
-)
+_BUILT_UP: Final = {GroundKind.PAVING: 0.4, GroundKind.CONCRETE: 0.25, GroundKind.GRASS: 0.25, GroundKind.EARTH: 0.1}
+_GARDENS: Final = {GroundKind.GRASS: 0.72, GroundKind.EARTH: 0.1, GroundKind.PAVING: 0.1, GroundKind.CONCRETE: 0.08}
 
 
-def _pick(draw: float, shares: tuple[tuple[GroundKind, float], ...]) -> GroundKind:
-    for kind, share in shares:
+def _pick(draw: float, shares: Mapping[GroundKind, float]) -> GroundKind:
+    for kind, share in shares.items():
         if draw < share:
             return kind
         draw -= share
-    return shares[-1][0]
+    return kind
 
 
 def _grown(shape: BaseGeometry, by_m: float) -> BaseGeometry:

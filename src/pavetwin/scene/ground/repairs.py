@@ -17,7 +17,7 @@ from pavetwin.scene.ground.fixtures import Fixture
 from pavetwin.scene.ground.junction_repairs import junction_repairs
 from pavetwin.scene.ground.layout import SurfaceLayout
 from pavetwin.scene.ground.seals import clear_of_defects, wander, wavering
-from pavetwin.scene.ground.streets import StreetPlan
+from pavetwin.scene.ground.streets import StreetPlan, ways_along
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Lane, Segment
 from pavetwin.world.segments import segment_key
@@ -44,9 +44,7 @@ class Repairs:
     """Marks on all carriageways, world frame, metres."""
 
     patches: list[tuple[float, ...]] = field(default_factory=list)
-    """Middle x and y, direction [rad], half length, half width."""
-    patch_tones: list[float] = field(default_factory=list)
-    """Factor on the reflectance around them."""
+    """Middle x and y, direction [rad], half length, half width, factor on the reflectance around them."""
     seals: list[Float64Array] = field(default_factory=list)
     """Lines of bitumen, (n, 2)."""
     seal_halves_m: list[float] = field(default_factory=list)
@@ -69,9 +67,8 @@ def repairs(plan: SurfaceLayout, fixtures: Sequence[Fixture]) -> Repairs:
         for lane in street.lanes:
             _drips(plan, lane, found)
     for junction in plan.world.junctions:
-        bars, tones, lines = junction_repairs(plan, junction)
-        found.patches += bars
-        found.patch_tones += tones
+        patches, lines = junction_repairs(plan, junction)
+        found.patches += patches
         for number, line in enumerate(lines):
             draw = plan.chance(f"seal {junction.id} {number}")
             width = SEAL_HALF_M[0] + 0.6 * (SEAL_HALF_M[1] - SEAL_HALF_M[0]) * draw
@@ -92,8 +89,7 @@ def _around(plan: SurfaceLayout, fixture: Fixture, found: Repairs) -> None:
     elif fixture.model.startswith("cover"):
         if rng.random() < 0.4:
             half = float(rng.uniform(0.48, 0.7))
-            found.patches.append((fixture.x, fixture.y, fixture.yaw_rad, half, half))
-            found.patch_tones.append(float(rng.uniform(0.68, 0.95)))
+            found.patches.append((fixture.x, fixture.y, fixture.yaw_rad, half, half, float(rng.uniform(0.68, 0.95))))
         if rng.random() < 0.6:
             turn = np.linspace(0.0, 2 * np.pi, 25)
             found.seals.append(at + 0.41 * np.column_stack([np.cos(turn), np.sin(turn)]))
@@ -105,16 +101,12 @@ class _OnSegment:
     """The marks of one segment, drawn in coordinates along its centre line and to its left."""
 
     def __init__(self, plan: SurfaceLayout, street: StreetPlan, segment: Segment, found: Repairs) -> None:
-        self.plan = plan
-        self.street = street
-        self.found = found
-        self.segment = segment
-        self.length = segment.length_m
-        self.half = segment.width_m / 2
+        self.plan, self.street, self.segment, self.found = plan, street, segment, found
+        self.length, self.half = segment.length_m, segment.width_m / 2
         self.cracked = plan.ageing(street).cracked * (0.3 + 1.4 * plan.chance(f"mended {street.name}"))
         self.rng = child(plan.seed, Stream.SCENE, 2, segment_key(segment))
         self.coords = shapely.get_coordinates(segment.centre_line)
-        self.ways = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(self.coords, axis=0).T))])
+        self.ways = ways_along(self.coords)
 
     def draw(self) -> None:
         self._stretch()
@@ -151,8 +143,7 @@ class _OnSegment:
         ax, ay = self._world(along - 0.5, left)
         bx, by = self._world(along + 0.5, left)
         turn = float(np.arctan2(by - ay, bx - ax)) + self._between(-0.03, 0.03)
-        self.found.patches.append((float(x), float(y), turn, half_along, half_across))
-        self.found.patch_tones.append(tone)
+        self.found.patches.append((float(x), float(y), turn, half_along, half_across, tone))
         if self.rng.random() < 0.4:
             cos, sin = np.cos(turn), np.sin(turn)
             corner = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1], [1, 1]]) * (half_along, half_across)
@@ -216,8 +207,7 @@ class _OnSegment:
             ends = self._world([at, at + step], [left, left])
             x, y = ends.mean(axis=0)
             turn = float(np.arctan2(*(ends[1] - ends[0])[::-1]))
-            self.found.patches.append((float(x), float(y), turn, step / 2, width))
-            self.found.patch_tones.append(tone)
+            self.found.patches.append((float(x), float(y), turn, step / 2, width, tone))
             at += step
         stations = np.arange(start, at, 0.8)
         for side in (-1, 1):

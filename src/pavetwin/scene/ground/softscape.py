@@ -4,8 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from pavetwin.arrays import Float32Array
-from pavetwin.scene.ground.grain import SIDE_PX, blurred, detail, noise, stones
+from pavetwin.scene.ground.grain import SIDE_PX, blurred, detail, float32, noise, stones
 from pavetwin.scene.model import Detail
 
 SIZE_M: Final = 2.0
@@ -28,7 +27,7 @@ def grass(rng: np.random.Generator) -> Detail:
     albedo = albedo * (1.0 - bare[..., None]) + np.array([0.15, 0.12, 0.085]) * bare[..., None]
     height = np.clip(0.42 + 0.15 * (blades - 1.0) + 0.12 * tufts - 0.3 * bare, 0.0, 1.0)
     rough = np.full_like(height, 0.9)
-    return detail(SIZE_M, _f32(albedo), _f32(height), _f32(rough), _f32(-height), 0.012, GRASS_REFLECTANCE)
+    return detail(SIZE_M, float32(albedo), float32(height), float32(rough), float32(-height), 0.012, GRASS_REFLECTANCE)
 
 
 def earth(rng: np.random.Generator) -> Detail:
@@ -46,8 +45,4 @@ def earth(rng: np.random.Generator) -> Detail:
     hollow = np.clip((blurred(height, 2.5) - height) * 1.5, 0.0, 0.5)
     albedo = albedo * (1.0 - hollow)[..., None]
     rough = np.full_like(height, 0.93)
-    return detail(SIZE_M, _f32(albedo), _f32(height), _f32(rough), _f32(-height), 0.010, EARTH_REFLECTANCE)
-
-
-def _f32(field: np.ndarray[tuple[int, ...], np.dtype[np.floating]]) -> Float32Array:
-    return np.asarray(field, dtype=np.float32)
+    return detail(SIZE_M, float32(albedo), float32(height), float32(rough), float32(-height), 0.010, EARTH_REFLECTANCE)

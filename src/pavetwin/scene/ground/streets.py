@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from shapely import LineString
 
+from pavetwin.arrays import Float64Array
 from pavetwin.world.model import Lane, LaneKind, Segment, Street, World
 
 MAIN_SPEED_MPS: Final = 12.5
@@ -52,6 +53,11 @@ def streets_of(world: World) -> tuple[StreetPlan, ...]:
         StreetPlan(street, tuple(segments[street.edges]), tuple(way for way in ways[street.id] if way))
         for street in world.streets
     )
+
+
+def ways_along(coords: Float64Array) -> Float64Array:
+    """(n,) way along a line to each of its points (n, 2)."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(coords, axis=0).T))])
 
 
 def direction(line: LineString, station_m: float, over_m: float = 1.0) -> tuple[float, float]:

@@ -141,8 +141,9 @@ def _age_tone(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> Flo
     image = Image.new("F", (raster.px, raster.px), 1.0)
     pen = ImageDraw.Draw(image)
     for index in spatial_index.near(tile_box(key, MAP_MARGIN_M + 0.1)):
-        for ring in _outer_rings(spatial_index.shapes[index]):
-            pen.polygon(_pixels(raster, ring), fill=tones[index])
+        for part in shapely.get_parts(spatial_index.shapes[index]):
+            if isinstance(part, shapely.Polygon):
+                pen.polygon(_pixels(raster, part.exterior), fill=tones[index])
     return np.asarray(image, dtype=np.float32)
 
 
@@ -206,9 +207,9 @@ def _road_share(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> F
 def _repair_tone(plan: GroundPlan, raster: RasterGrid) -> Float32Array:
     """Reflectance factor of patches and trenches, later ones over earlier ones."""
     tone = raster.full(1.0)
-    for number, window, inside in bars(raster, plan.patch_bars, 0.05):
+    for number, window, inside in bars(raster, plan.patches[:, :5], 0.05):
         share = np.clip(0.5 + inside / np.float32(raster.cell_m), 0.0, 1.0)
-        tone[window.at] += (np.float32(plan.repairs.patch_tones[number]) - tone[window.at]) * share
+        tone[window.at] += (np.float32(plan.patches[number, 5]) - tone[window.at]) * share
     return tone
 
 
@@ -274,10 +275,6 @@ def _inside(raster: RasterGrid, shape: BaseGeometry) -> BoolArray:
             for number, ring in enumerate(shapely.get_rings(part)):
                 pen.polygon(_pixels(raster, ring), fill=int(number == 0))
     return np.asarray(mask) > 0
-
-
-def _outer_rings(shape: BaseGeometry) -> list[BaseGeometry]:
-    return [part.exterior for part in shapely.get_parts(shape) if isinstance(part, shapely.Polygon)]
 
 
 def _pixels(raster: RasterGrid, ring: BaseGeometry) -> list[tuple[float, ...]]:

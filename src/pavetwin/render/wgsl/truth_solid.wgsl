@@ -1,0 +1,9 @@
+// All triangles of a mesh.
+
+@vertex fn vertex(at: Instance, @location(10) position: vec3f) -> Seen {
+    return seen_at(at, position, vec2f(0.0));
+}
+
+@fragment fn fragment(in: Seen) -> Truth {
+    return Truth(in.label, in.depth);
+}
