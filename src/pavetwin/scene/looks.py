@@ -25,13 +25,8 @@ _CLASSES: Final[Mapping[str, tuple[str, ...]]] = {
     "delivery": ("van", "light_truck"),
     "truck": ("light_truck", "heavy_truck"),
     "trailer": ("heavy_truck",),
-    "bus": ("bus",),
-    "coach": ("bus",),
-    "tram": ("bus",),
-    "motorcycle": ("motorcycle",),
-    "moped": ("motorcycle",),
-    "bicycle": ("motorcycle",),
-    "scooter": ("motorcycle",),
+    **dict.fromkeys(("bus", "coach", "tram"), ("bus",)),
+    **dict.fromkeys(("motorcycle", "moped", "bicycle", "scooter"), ("motorcycle",)),
 }
 """SUMO vehicle classes other than cars → models for them."""
 

@@ -55,13 +55,8 @@ MOST_TEXELS: Final = 1_500_000
 LUMINANCE: Final = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 
 
-def hole_of(defect: Defect) -> Polygon:
-    """The part of the carriageway that a defect's patch replaces, world frame."""
-    return holes_of((defect,))[0]
-
-
 def holes_of(defects: tuple[Defect, ...]) -> list[Polygon]:
-    """The holes of many defects, in one vectorised call."""
+    """The parts of the carriageway that the patches of defects replace, world frame."""
     outlines = np.array([defect.polygon for defect in defects], dtype=object)
     coarse = shapely.simplify(outlines, SMOOTHED_M)
     closed = shapely.buffer(shapely.buffer(coarse, BESIDE_M + BAY_M, quad_segs=4), -BAY_M, quad_segs=4)
@@ -79,7 +74,8 @@ def patch_of(defect: Defect) -> DefectPatch:
     """
     field = heightfield_of(defect)
     transform = upright(defect.centre.x, defect.centre.y, defect.yaw_rad)
-    ring = np.asarray(hole_of(defect).exterior.coords)[:-1] - transform[:2, 3]
+    (hole,) = holes_of((defect,))
+    ring = np.asarray(hole.exterior.coords)[:-1] - transform[:2, 3]
     if not shapely.LinearRing(ring).is_ccw:
         ring = ring[::-1]
     ring = np.ascontiguousarray(ring @ transform[:2, :2])

@@ -92,9 +92,8 @@ class Scene:
     def keys_near(self, x_m: float, y_m: float, radius_m: float) -> tuple[Key, ...]:
         """The tiles with any part within a disc, also of a house that extends beyond its tile; nearest first."""
         reach = radius_m + self._furthest_reach
-        columns = range(math.floor((x_m - reach) / TILE_M), math.floor((x_m + reach) / TILE_M) + 1)
-        rows = range(math.floor((y_m - reach) / TILE_M), math.floor((y_m + reach) / TILE_M) + 1)
-        distances = {key: _distance(self._box(key), x_m, y_m) for key in ((c, r) for c in columns for r in rows)}
+        around = keys_of((x_m - reach, y_m - reach, x_m + reach, y_m + reach))
+        distances = {key: _distance(self._boxes.get(key, tile_bounds(key)), x_m, y_m) for key in around}
         near = [key for key, distance in distances.items() if distance <= radius_m]
         return tuple(sorted(near, key=lambda key: (distances[key], key)))
 
@@ -201,9 +200,6 @@ class Scene:
             x, y = key[0] * TILE_M, key[1] * TILE_M
             reaches += [x - west, y - south, east - x - TILE_M, north - y - TILE_M]
         return max(reaches)
-
-    def _box(self, key: Key) -> Box:
-        return self._boxes.get(key, tile_bounds(key))
 
     # --- Making a tile ----------------------------------------------------------------------------------------------
 

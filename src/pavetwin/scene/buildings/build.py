@@ -79,7 +79,7 @@ class Buildings:
         return shapely.get_coordinates(points[shapely.distance(points, near) < TOUCHES_M])
 
     def _walls(self, plan: RoofPlan, touching: Float64Array, origin: tuple[float, float]) -> Sequence[Wall]:
-        walls = []
+        walls: list[Wall] = []
         for ring in (plan.footprint.exterior, *plan.footprint.interiors):
             corners = np.asarray(ring.coords)
             way = 0.0
@@ -87,27 +87,19 @@ class Buildings:
                 length = float(np.hypot(*(end - start)))
                 if length > 0.02:
                     party = _share_touching(start, end, touching) > 0.3
-                    walls.append((start - origin, end - origin, plan.eaves_m, party, way))
+                    walls.append(Wall(start - origin, end - origin, plan.eaves_m, party, False, way))
                 way += length
-        fronts = self._fronts([(wall[0] + origin, wall[1] + origin, wall[3]) for wall in walls])
-        return [
-            Wall(start, end, top, party, front, way)
-            for (start, end, top, party, way), front in zip(walls, fronts, strict=True)
-        ]
+        away = [self._street_m(wall, origin) for wall in walls]
+        nearest = min(away, default=FRONT_M)
+        fronts = [distance <= nearest + 0.01 and distance < FRONT_M for distance in away]
+        return [replace(wall, front=front) for wall, front in zip(walls, fronts, strict=True)]
 
-    def _fronts(self, walls: list[tuple[Float64Array, Float64Array, bool]]) -> list[bool]:
-        """The wall nearest to a carriageway, of those that face it."""
-        scores = []
-        for start, end, party in walls:
-            middle, out = (start + end) / 2, _outward(start, end)
-            before = shapely.Point(middle + 2.0 * out)
-            length = float(np.hypot(*(end - start)))
-            distance = FRONT_M
-            if not party and length > 2.2 and len(self._roads):
-                distance = float(self._roads.query_nearest(before, return_distance=True)[1][0]) - 0.15 * length
-            scores.append(distance)
-        nearest = min(scores, default=FRONT_M)
-        return [score <= nearest + 0.01 and score < FRONT_M for score in scores]
+    def _street_m(self, wall: Wall, origin: tuple[float, float]) -> float:
+        """How far the carriageway before a wall is, less for a long wall; `FRONT_M` for one that faces no street."""
+        if wall.party or wall.length_m <= 2.2 or not len(self._roads):
+            return FRONT_M
+        before = shapely.Point((wall.start + wall.end) / 2 + origin + 2.0 * wall.outward)
+        return float(self._roads.query_nearest(before, return_distance=True)[1][0]) - 0.15 * wall.length_m
 
 
 def _tidied(polygon: Polygon) -> Polygon:
@@ -115,11 +107,6 @@ def _tidied(polygon: Polygon) -> Polygon:
     simple = polygon.simplify(SMOOTHED_M)
     usable = simple if isinstance(simple, Polygon) and simple.is_valid and not simple.is_empty else polygon
     return orient(usable, 1.0)
-
-
-def _outward(start: Float64Array, end: Float64Array) -> Float64Array:
-    x, y = (end - start) / max(float(np.hypot(*(end - start))), 1e-9)
-    return np.array([y, -x])
 
 
 def _share_touching(start: Float64Array, end: Float64Array, touching: Float64Array) -> float:

@@ -72,10 +72,7 @@ class _Cut:
     """The lines of a tile and the names of what lies between them."""
 
     def __init__(self, plan: SurfaceLayout, box: Polygon, wide: Polygon, relief: Relief) -> None:
-        self.plan = plan
-        self.box = box
-        self.wide = wide
-        self.relief = relief
+        self.plan, self.box, self.wide, self.relief = plan, box, wide, relief
         self.road = shapely.intersection(relief.road, wide)
         self.kerb = _grown(self.road, KERB_WIDTH_M)
         self.walks = plan.sidewalks.near(wide)
