@@ -56,7 +56,7 @@ docs: setup .venv-docs/.done  ## The documentation as a site that opens offline:
 	@.venv-docs/bin/pip install --quiet --require-hashes --requirement docs/requirements.lock
 	@touch $@
 
-assets: .venv-assets/.done  ## The models of the scene (src/pavetwin/scene/models), made again with Blender's Python module
+assets: .venv-assets/.done  ## The models of the scene (src/pavetwin/scene/models), from Blender's Python module
 	@PYTHONPATH=src .venv-assets/bin/python -m assets.build
 
 .venv-assets/.done: assets/requirements.lock
@@ -68,7 +68,8 @@ test: setup  ## All tests but the slow ones
 	@rc=0; cargo test --release --locked --quiet --package pavetwin-core || rc=1; $(PYTEST) || rc=1; exit $$rc
 
 test-all: setup  ## All tests, the slow ones too, and with new random examples
-	@rc=0; cargo test --release --locked --quiet --package pavetwin-core || rc=1; $(PYTEST) -m '' --hypothesis-profile explore || rc=1; exit $$rc
+	@rc=0; cargo test --release --locked --quiet --package pavetwin-core || rc=1; \
+		$(PYTEST) -m '' --hypothesis-profile explore || rc=1; exit $$rc
 
 bench: setup  ## Measure the speed on this machine, beside the speed that is required
 	@.venv/bin/python -m benchmarks
@@ -88,5 +89,6 @@ lock:  ## Write the lock files again from what is asked for (UPGRADE=1: the newe
 	@git diff --stat -- requirements.lock docs/requirements.lock Cargo.lock
 
 clean:  ## Remove what these targets made, results in out/ excepted
-	rm -rf .venv .venv-assets .venv-docs .tools target .mypy_cache .pytest_cache .ruff_cache .hypothesis src/pavetwin/_core*.so
+	rm -rf .venv .venv-assets .venv-docs .tools target src/pavetwin/_core*.so
+	rm -rf .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -161,7 +161,8 @@ build_kernels() {
 }
 
 packages_key() {
-    { echo "$root" && "$python" -c 'import sys; print(sys.base_prefix, sys.version)' && cat requirements.lock scripts/setup.sh; } | hash_of
+    { echo "$root" && "$python" -c 'import sys; print(sys.base_prefix, sys.version)' &&
+        cat requirements.lock scripts/setup.sh; } | hash_of
 }
 
 kernels_key() {

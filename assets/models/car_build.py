@@ -123,7 +123,10 @@ class CarBody:
         self.skin.paint(dash, DASH, (GLASS,))
         seat = rounded([(0.16, 0.56), (0.20, 0.86), (0.52, 0.86), (0.56, 0.56)], 0.12)
         share = 0.55 / (0.62 * s.half_width)
-        seats: Field = lambda p: gate(polygon_distance(seat, p[:, 1] * share, high(p)), -s.screen(p) - 0.09)  # noqa: E731
+
+        def seats(p: np.ndarray) -> np.ndarray:
+            return gate(polygon_distance(seat, p[:, 1] * share, high(p)), -s.screen(p) - 0.09)
+
         self.skin.paint(seats, SEAT, (GLASS,))
         foot = rounded([(-0.2, 0.83), (0.05, 0.83), (0.07, 1.2), (-0.2, 1.2)], 0.02)
         sensor: Field = lambda p: gate(polygon_distance(foot, p[:, 1], high(p)), -s.screen(p) - 0.09)  # noqa: E731
@@ -176,7 +179,10 @@ class CarBody:
         spot: Field = lambda p: np.hypot((p[:, 1] - y + 0.02) / 1.2, p[:, 2] - z + 0.003) - 0.048  # noqa: E731
         self.skin.paint(lambda p: gate(spot(p), 0.7 - p[:, 0]), TRIM, (LAMP_FRONT,))
         self.skin.paint(lambda p: gate(spot(p) + 0.012, 0.7 - p[:, 0]), CHROME, (TRIM,))
-        outer: Field = lambda p: gate(lamp(p) + 0.02, self.front_x - 0.40 - p[:, 0], p[:, 0] - self.front_x + 0.35)  # noqa: E731
+
+        def outer(p: np.ndarray) -> np.ndarray:
+            return gate(lamp(p) + 0.02, self.front_x - 0.40 - p[:, 0], p[:, 0] - self.front_x + 0.35)
+
         self.skin.paint(outer, LAMP_INDICATOR, (LAMP_FRONT,))
 
     def _gaps(self) -> None:

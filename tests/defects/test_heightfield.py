@@ -105,7 +105,7 @@ def test_the_outline_is_the_masks(kind, seed: int) -> None:  # type: ignore[no-u
 @every_class
 @few
 @given(seeds)
-def test_the_mesh_follows_the_heightfield_and_closes_at_the_road(kind, seed: int) -> None:  # type: ignore[no-untyped-def]
+def test_the_mesh_follows_the_heightfield_and_closes_at_the_road(kind, seed: int) -> None:
     shape = generated(kind, seed)
     mesh = mesh_of(shape, tolerance_m=0.004)
     assert mesh.error_m <= 0.004

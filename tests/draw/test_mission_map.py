@@ -168,7 +168,7 @@ def test_the_file_is_small_and_the_same_every_time(tmp_path: Path) -> None:
 def test_a_mission_that_saw_nothing_has_a_map_too(tmp_path: Path) -> None:
     result = tiny.result("empty_street", "baseline")
     empty = {name: column[:0] for name, column in result.captures.items()}
-    save_mission_map(replace(result, captures=empty, rows=(), detections=()), tmp_path / "map.png")  # type: ignore[arg-type]
+    save_mission_map(replace(result, captures=empty, rows=(), detections=()), tmp_path / "map.png")
     assert (tmp_path / "map.png").is_file()
 
 

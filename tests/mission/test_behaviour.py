@@ -54,7 +54,7 @@ def told_by(scene: Scene, policy: str, settings: MissionSettings, told: Callable
 def test_in_an_empty_street_every_policy_flies_the_same_and_finds_everything(policy: str) -> None:
     ours, baseline = result("empty_street", policy), result("empty_street", "baseline")
     for column in ours.track:
-        assert np.array_equal(ours.track[column], baseline.track[column], equal_nan=True)  # type: ignore[literal-required]
+        assert np.array_equal(ours.track[column], baseline.track[column], equal_nan=True)
     assert ours.rows[0].coverage == 1.0
     assert ours.rows[0].surface_coverage == 1.0
     assert ours.rows[0].occlusions == 0

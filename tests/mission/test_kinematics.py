@@ -195,7 +195,7 @@ def test_in_a_town_the_limits_hold_and_a_mesh_read_is_flown_as_the_one_baked(
         targets = choose_targets(environment, count=4, seed=3)
         flights.append(fly_over(environment, scene.traffic(1200.0), settings, targets, policy))
     first, second = (flight.track for flight in flights)
-    assert all(np.array_equal(first[name], second[name], equal_nan=True) for name in first)  # type: ignore[literal-required]
+    assert all(np.array_equal(first[name], second[name], equal_nan=True) for name in first)
     assert flights[0].actions
     mesh = navmesh(town, altitude_m, 0.5)
     assert _inside(mesh, flights[0])

@@ -283,7 +283,7 @@ def test_a_revisit_is_somewhere() -> None:
 
 def occluded(snapshot: Snapshot = HALF_HIDDEN, **episode: float) -> Snapshot:
     assert snapshot.occlusion is not None
-    return replace(snapshot, occlusion=replace(snapshot.occlusion, episode=Episode(50.0, **episode)))  # type: ignore[arg-type]
+    return replace(snapshot, occlusion=replace(snapshot.occlusion, episode=Episode(50.0, **episode)))
 
 
 @pytest.mark.parametrize("moment", MOMENTS)

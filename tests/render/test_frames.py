@@ -29,7 +29,7 @@ VIEWS = {
 
 def frame(view: View, boxes: list[Box], **options: object) -> RenderedFrame:
     instances = tuple(box.instance for box in boxes)
-    return plane_renderer().frame(view, light=LIGHT, camera=CAMERA, instances=instances, **options)  # type: ignore[arg-type]
+    return plane_renderer().frame(view, light=LIGHT, camera=CAMERA, instances=instances, **options)
 
 
 def scattered(view: View, count: int, seed: int, small: bool = False) -> list[Box]:

@@ -21,7 +21,7 @@ WEST, LOW = 270.0, 45.0
 
 
 def sample(**instances: object):
-    return plane_renderer().frame(VIEW, light=Light(LOW, WEST), camera=find_camera("paper"), **instances)  # type: ignore[arg-type]
+    return plane_renderer().frame(VIEW, light=Light(LOW, WEST), camera=find_camera("paper"), **instances)
 
 
 def test_it_is_not_in_the_picture_but_its_shadow_is() -> None:

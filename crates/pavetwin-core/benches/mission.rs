@@ -9,12 +9,11 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use pavetwin_core::geometry::Vec2;
 use pavetwin_core::mission::{Battery, DefectTarget, DrainCurve, Event, Flight, Ground, Settings};
 use pavetwin_core::navigation::{BakeConfig, Limits, NavMesh};
-use pavetwin_core::sensing::{
-    Body, BodyClass, NadirCamera, Prism, Solids, SurfaceGrid, Trace, TraceColumns, WindowRule,
-};
+use pavetwin_core::sensing::{Body, BodyClass, Prism, Solids, SurfaceGrid, Trace, TraceColumns};
+use support::{AGENT, DEFAULT, camera};
 
-/// The paper's agent.
-const AGENT: Limits = Limits { speed_mps: 5.0, acceleration_mps2: 8.0, yaw_rate_rad_s: std::f64::consts::FRAC_PI_4 };
+#[path = "../tests/support/mod.rs"]
+mod support;
 
 const TIME_STEP_S: f64 = 0.05;
 const STREET_M: f64 = 136.0;
@@ -109,7 +108,7 @@ fn settings(altitude_m: f64) -> Settings {
         transit: Limits { speed_mps: 10.0, ..inspect },
         stopping_distance_m: 1.0,
         climb_speed_mps: 3.0,
-        camera: NadirCamera::new(1270, 950, 60f64.to_radians(), WindowRule::DEFAULT).expect("a camera"),
+        camera: camera(DEFAULT),
         look_steps: 6,
         capture_steps: 12,
         every_capture: false,

@@ -6,10 +6,11 @@ use std::time::Duration;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use pavetwin_core::geometry::Vec2;
-use pavetwin_core::navigation::{BakeConfig, Follower, Limits, Motion, NavMesh, Rail};
+use pavetwin_core::navigation::{BakeConfig, Follower, Motion, NavMesh, Rail};
+use support::AGENT;
 
-/// The paper's agent.
-const AGENT: Limits = Limits { speed_mps: 5.0, acceleration_mps2: 8.0, yaw_rate_rad_s: std::f64::consts::FRAC_PI_4 };
+#[path = "../tests/support/mod.rs"]
+mod support;
 
 /// Ten streets each way, `size_m` long and 18 m wide, turned by `yaw_rad`.
 fn street_grid(size_m: f64, yaw_rad: f64) -> (Vec<Vec2>, Vec<[u32; 3]>) {

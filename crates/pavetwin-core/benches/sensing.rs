@@ -3,10 +3,13 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use pavetwin_core::geometry::Vec2;
 use pavetwin_core::sensing::{
-    Body, BodyClass, NadirCamera, Observer, Predictor, Prism, Scene, Solids, SurfaceGrid, Trace, TraceColumns,
-    Viewpoint, WindowRule,
+    Body, BodyClass, Observer, Predictor, Prism, Scene, Solids, SurfaceGrid, Trace, TraceColumns, Viewpoint,
 };
 use std::hint::black_box;
+use support::{DEFAULT, PAPER, camera};
+
+#[path = "../tests/support/mod.rs"]
+mod support;
 
 const STEPS: u32 = 40;
 const STEP_S: f64 = 0.5;
@@ -130,14 +133,10 @@ fn look(i: u32) -> (Viewpoint, f64) {
     (Viewpoint { position, altitude_m: 15.0, yaw_rad: STREET_YAW_RAD }, f64::from(i % 64) * 0.3)
 }
 
-fn camera(rule: WindowRule) -> NadirCamera {
-    NadirCamera::new(1270, 950, 60f64.to_radians(), rule).expect("a camera")
-}
-
 fn sensing(criterion: &mut Criterion) {
     for (name, side_km) in [("town", 1), ("city_100x", 10)] {
         let city = City::new(side_km);
-        for (window, rule) in [("default", WindowRule::DEFAULT), ("paper", WindowRule::PAPER)] {
+        for (window, rule) in [("default", DEFAULT), ("paper", PAPER)] {
             let (camera, mut observer, mut i) = (camera(rule), Observer::new(), 0);
             criterion.bench_function(&format!("observe/{window}/{name}"), |bench| {
                 bench.iter(|| {
@@ -169,7 +168,7 @@ fn sensing(criterion: &mut Criterion) {
 }
 
 fn predict(criterion: &mut Criterion, city: &City, name: &str) {
-    let (camera, mut observer, mut predictor) = (camera(WindowRule::DEFAULT), Observer::new(), Predictor::new());
+    let (camera, mut observer, mut predictor) = (camera(DEFAULT), Observer::new(), Predictor::new());
     let (from, t_s) = look(0);
     let seen = observer.observe(&city.scene(), &camera, &from, t_s).expect("a look");
     assert!(seen.visible < seen.candidates, "nothing is hidden in this scene: {seen:?}");

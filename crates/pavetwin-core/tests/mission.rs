@@ -6,11 +6,11 @@ use pavetwin_core::mission::{
     shortened,
 };
 use pavetwin_core::navigation::{Limits, NavMesh};
-use pavetwin_core::sensing::{NadirCamera, Solids, SurfaceGrid, Trace, TraceColumns, WindowRule};
+use pavetwin_core::sensing::{Solids, SurfaceGrid, Trace, TraceColumns};
 use std::sync::Arc;
+use support::{AGENT, DEFAULT, camera};
 
-/// The paper's agent.
-const AGENT: Limits = Limits { speed_mps: 5.0, acceleration_mps2: 8.0, yaw_rate_rad_s: std::f64::consts::FRAC_PI_4 };
+mod support;
 
 fn at(x: f64, y: f64) -> Vec2 {
     Vec2::new(x, y)
@@ -123,7 +123,7 @@ fn settings() -> Settings {
         transit: limits(10.0),
         stopping_distance_m: 1.0,
         climb_speed_mps: 3.0,
-        camera: NadirCamera::new(1270, 950, 60f64.to_radians(), WindowRule::DEFAULT).expect("a camera"),
+        camera: camera(DEFAULT),
         look_steps: 6,
         capture_steps: 12,
         every_capture: false,

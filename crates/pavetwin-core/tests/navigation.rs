@@ -1,5 +1,7 @@
 //! The navigation mesh and the flight over it, by their laws, on small made-up scenes.
 
+mod support;
+
 #[path = "navigation/scenes.rs"]
 mod scenes;
 

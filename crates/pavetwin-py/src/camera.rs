@@ -12,7 +12,9 @@ pub struct NadirCamera(pub core::NadirCamera);
 #[pymethods]
 impl NadirCamera {
     #[new]
-    #[pyo3(signature = (*, image_px, vertical_fov_rad, window_rows, window_columns = None, window_across_per_altitude = None))]
+    #[pyo3(signature = (
+        *, image_px, vertical_fov_rad, window_rows, window_columns = None, window_across_per_altitude = None
+    ))]
     fn new(
         image_px: (u32, u32),
         vertical_fov_rad: f64,

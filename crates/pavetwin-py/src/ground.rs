@@ -19,7 +19,10 @@ pub struct Ground(pub Arc<core::Ground>);
 #[pymethods]
 impl Ground {
     #[new]
-    #[pyo3(signature = (mesh, *, cell_m, surface_rings, solid_offsets, solid_xy, solid_z0, solid_z1, defect_centres, defect_offsets, defect_points, defect_segments))]
+    #[pyo3(signature = (
+        mesh, *, cell_m, surface_rings, solid_offsets, solid_xy, solid_z0, solid_z1, defect_centres, defect_offsets,
+        defect_points, defect_segments
+    ))]
     #[allow(clippy::too_many_arguments)] // ragged arrays, each by name
     fn new(
         mesh: &NavMesh,
@@ -50,10 +53,6 @@ impl Ground {
         let defects = defects.map(|(centre, points)| core::DefectTarget { centre, points }).collect();
         let ground = core::Ground::new(mesh.0.clone(), solids, grids, defects, defect_segments.as_slice()?);
         ground.map(|ground| Self(Arc::new(ground))).map_err(plain)
-    }
-
-    fn cell_count(&self, segment: u32) -> PyResult<usize> {
-        Ok(self.surface(segment)?.grid.cell_count())
     }
 
     fn observe<'py>(

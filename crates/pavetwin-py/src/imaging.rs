@@ -9,7 +9,10 @@ use pyo3::prelude::*;
 use std::collections::HashMap;
 
 #[pyfunction]
-#[pyo3(signature = (light, *, seed, electrons_per_light, full_electrons, read_electrons, vignetting, blur_px, white_balance, saturation, sharpening, curve, depth=None, labels=None, focal_px=1.0, still_m=[0.0; 3], moving_m=HashMap::new()))]
+#[pyo3(signature = (
+    light, *, seed, electrons_per_light, full_electrons, read_electrons, vignetting, blur_px, white_balance, saturation,
+    sharpening, curve, depth=None, labels=None, focal_px=1.0, still_m=[0.0; 3], moving_m=HashMap::new()
+))]
 #[allow(clippy::too_many_arguments)] // a camera's settings, each by name
 pub fn expose<'py>(
     py: Python<'py>,

@@ -113,7 +113,10 @@ pub struct FlightSettings(pub core::Settings);
 #[pymethods]
 impl FlightSettings {
     #[new]
-    #[pyo3(signature = (*, altitude_m, time_step_s, radius_m, clearance_m, inspect, transit, stopping_distance_m, climb_speed_mps, camera, look_steps, capture_steps, threshold, min_visible_fraction, battery, every_capture = false))]
+    #[pyo3(signature = (
+        *, altitude_m, time_step_s, radius_m, clearance_m, inspect, transit, stopping_distance_m, climb_speed_mps,
+        camera, look_steps, capture_steps, threshold, min_visible_fraction, battery, every_capture = false
+    ))]
     #[allow(clippy::too_many_arguments)] // one mission's numbers, each by name
     fn new(
         altitude_m: f64,

@@ -14,7 +14,10 @@ pub struct Trace(pub Arc<core::Trace>);
 #[pymethods]
 impl Trace {
     #[new]
-    #[pyo3(signature = (*, step_s, step_offsets, agent, x_m, y_m, yaw_rad, speed_mps, length_m, width_m, height_m, base_m, is_pedestrian, known=None))]
+    #[pyo3(signature = (
+        *, step_s, step_offsets, agent, x_m, y_m, yaw_rad, speed_mps, length_m, width_m, height_m, base_m,
+        is_pedestrian, known=None
+    ))]
     #[allow(clippy::too_many_arguments)] // the columns of a recording, each by name
     fn new(
         py: Python<'_>,
@@ -65,11 +68,6 @@ impl Trace {
     #[getter]
     fn duration_s(&self) -> f64 {
         self.0.duration_s()
-    }
-
-    #[getter]
-    fn row_count(&self) -> usize {
-        self.0.row_count()
     }
 
     fn agents_at<'py>(&self, py: Python<'py>, time_s: f64) -> PyResult<Bound<'py, PyDict>> {

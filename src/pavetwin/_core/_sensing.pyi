@@ -57,8 +57,6 @@ class Trace:
         """`known`: a trace whose rows are the first of these, so that only what follows is computed."""
     @property
     def duration_s(self) -> float: ...
-    @property
-    def row_count(self) -> int: ...
     def agents_at(self, time_s: float) -> PoseColumns: ...
     def agents_near(self, east_m: float, north_m: float, radius_m: float, time_s: float) -> PoseColumns:
         """Those whose body may reach into the disc."""
@@ -140,7 +138,6 @@ class Ground:
         defect_points: Float64Array,
         defect_segments: UInt32Array,
     ) -> None: ...
-    def cell_count(self, segment: int) -> int: ...
     def observe(
         self, segment: int, trace: Trace, time_s: float, camera: NadirCamera, viewpoint: Viewpoint
     ) -> LookColumns:

@@ -19,7 +19,8 @@ pub(super) fn less(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// A picture's tones to find edges in. Those at its border go on outwards for a rim, so that looking there needs no care.
+/// A picture's tones to find edges in. Those at its border go on outwards for a rim, so that looking there needs no
+/// care.
 pub struct Tones {
     width: usize,
     height: usize,
@@ -97,8 +98,8 @@ impl Tones {
             .collect()
     }
 
-    /// Make one row's edges smooth. `line`: its reds, greens and blues; `pixel`: what the picture holds at (column, row);
-    /// `white`: what is mixed at most of either side.
+    /// Make one row's edges smooth. `line`: its reds, greens and blues; `pixel`: what the picture holds at (column,
+    /// row); `white`: what is mixed at most of either side.
     pub fn smooth(&self, row: usize, line: &mut [f32], white: [f32; 3], pixel: impl Fn(usize, usize) -> [f32; 3]) {
         for (column, _) in self.edges(row).into_iter().enumerate().filter(|(_, edge)| *edge) {
             if let Some(((dx, dy), share)) = self.share(column, row) {

@@ -29,7 +29,8 @@ pub fn course(mesh: &NavMesh, start: Vec2, line: &[Vec2]) -> Result<Vec<Vec2>, N
     Ok(flown)
 }
 
-/// The place nearest to `goal` that can be reached from `from`; the nearest of the whole mesh when `from` is outside it.
+/// The place nearest to `goal` that can be reached from `from`; the nearest of the whole mesh when `from` is outside
+/// it.
 pub fn nearest_reachable(mesh: &NavMesh, from: Vec2, goal: Vec2) -> Vec2 {
     let nearest = mesh.nearest(goal);
     if mesh.connected(from, nearest) {

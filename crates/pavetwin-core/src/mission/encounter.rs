@@ -161,7 +161,8 @@ impl Situation<'_> {
         })
     }
 
-    /// The place to fly to next, in a straight line within the mesh: where the UAV was to stay, else on its route ahead.
+    /// The place to fly to next, in a straight line within the mesh: where the UAV was to stay, else on its route
+    /// ahead.
     fn aim(&self, stay_at: Option<Vec2>) -> Vec2 {
         let position = self.uav.position;
         let goal = stay_at.unwrap_or_else(|| {
@@ -181,8 +182,9 @@ impl Situation<'_> {
         offset.normalized() * speed_mps
     }
 
-    /// ORCA alone looks no farther than its next velocity, and would press past a standing agent on the side of a wall. So
-    /// the place beside the first one that stands before the aim, to its right where the mesh has room, else to its left.
+    /// ORCA alone looks no farther than its next velocity, and would press past a standing agent on the side of a wall.
+    /// So the place beside the first one that stands before the aim, to its right where the mesh has room, else to its
+    /// left.
     fn beside(&self, aim: Vec2) -> Option<Vec2> {
         let position = self.uav.position;
         let ahead = (aim - position).normalized();

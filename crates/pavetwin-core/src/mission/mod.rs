@@ -4,8 +4,8 @@
 //! - [`Flight`] carries out commands (climb, fly, inspect, stay) step by step and stops at every [`Event`].
 //! - [`DisplacementPredictor`] keeps the state at one time and predicts visibility after displacements from it.
 //!
-//! A flight is composed of parts (clock, UAV state, charge, task, reaction, encounter, inspection, occlusions, coverage,
-//! way home, log). No part knows the flight, and no file uses one that uses it.
+//! A flight is composed of parts (clock, UAV state, charge, task, reaction, encounter, inspection, occlusions,
+//! coverage, way home, log). No part knows the flight, and no file uses one that uses it.
 
 mod battery;
 mod clock;

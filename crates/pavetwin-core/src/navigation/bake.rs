@@ -32,8 +32,8 @@ pub struct BakeConfig {
 }
 
 impl BakeConfig {
-    /// A mesh for an agent, with an edge error that suits voxels of 0.25 m: Recast's manual advises 1.1 to 1.5 voxels; at
-    /// 1.5 the staircase of an oblique street becomes one edge, which takes a third of the polygons that 1.2 takes.
+    /// A mesh for an agent, with an edge error that suits voxels of 0.25 m: Recast's manual advises 1.1 to 1.5 voxels;
+    /// at 1.5 the staircase of an oblique street becomes one edge, which takes a third of the polygons that 1.2 takes.
     pub fn new(cell_size_m: f64, agent_radius_m: f64) -> Self {
         Self { cell_size_m, agent_radius_m, max_edge_error_m: MAX_EDGE_ERROR_M.min(agent_radius_m) }
     }
@@ -64,8 +64,8 @@ impl NavMesh {
     ///
     /// A voxel counts as free when its centre lies in the domain. Recast then narrows the free area by the agent's
     /// radius, traces its contours, straightens them and cuts them into convex polygons. Half a voxel's diagonal of
-    /// rounding and the edge error eat into the radius: with voxels of 0.25 m and a radius of 0.5 m the mesh may at worst come 0.05 m
-    /// out of the domain, a fifth of a voxel.
+    /// rounding and the edge error eat into the radius: with voxels of 0.25 m and a radius of 0.5 m the mesh may at
+    /// worst come 0.05 m out of the domain, a fifth of a voxel.
     ///
     /// # Errors
     /// [`NavMeshError::Empty`], [`NavMeshError::NotFinite`], [`NavMeshError::UnknownVertex`],

@@ -31,7 +31,8 @@ pub trait Motion {
     fn turning(&self) -> bool;
 }
 
-/// Follows a [`Rail`]: first turns on the spot to the rail's direction, then flies along it and comes to rest at its end.
+/// Follows a [`Rail`]: first turns on the spot to the rail's direction, then flies along it and comes to rest at its
+/// end.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Follower {
     rail: Rail,

@@ -41,7 +41,8 @@ impl Bounds {
 }
 
 impl BinGrid {
-    /// Sorts the items into bins; `touches(item, bin)` may refuse a bin that lies in the item's box but not on the item.
+    /// Sorts the items into bins; `touches(item, bin)` may refuse a bin that lies in the item's box but not on the
+    /// item.
     pub fn new(extent: Bounds, boxes: &[Bounds], touches: impl Fn(usize, Bounds) -> bool) -> Self {
         let size = extent.max - extent.min;
         let bin_size_m = BIN_SIZE_M.max((size.x.max(1.0) * size.y.max(1.0) / MAX_BINS).sqrt());
@@ -85,8 +86,8 @@ impl BinGrid {
         self.bin(offset.x as usize, offset.y as usize)
     }
 
-    /// Visits the items around `point` in ever wider square rings of bins. `visit` gets each item (once for every bin it
-    /// covers) and returns the best distance found so far; the search ends when nothing further out can beat it.
+    /// Visits the items around `point` in ever wider square rings of bins. `visit` gets each item (once for every bin
+    /// it covers) and returns the best distance found so far; the search ends when nothing further out can beat it.
     pub fn visit_outward(&self, point: Vec2, mut visit: impl FnMut(u32) -> f64) {
         let size = Vec2::new(self.columns as f64, self.rows as f64) * self.bin_size_m;
         let inside =

@@ -20,7 +20,8 @@ const BESIDE_M: f64 = 1.0e-7;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bend {
     pub place: Vec2,
-    /// From the corner along the two walls that meet there; what lies between them, by less than half a turn, is no mesh.
+    /// From the corner along the two walls that meet there; what lies between them, by less than half a turn, is no
+    /// mesh.
     pub walls: [Vec2; 2],
 }
 

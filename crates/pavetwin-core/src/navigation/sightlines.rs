@@ -1,10 +1,10 @@
 //! The tangent graph of a mesh: which bends see each other along a line that a shortest way can follow.
 //!
-//! A shortest way bends at reflex corners of the border only, and around them: it leaves the obstacle on one side. Lines
-//! that would run into the obstacle at either end are left out (Liu, Arimoto 1992), which leaves a few for each corner.
-//! Over these, the distances from some far landmarks bound every distance from below by the triangle inequality, as
-//! Goldberg and Harrelson (2005) use them for road networks. Streets that cross at right angles need such a bound: there
-//! the straight line is far shorter than any way.
+//! A shortest way bends at reflex corners of the border only, and around them: it leaves the obstacle on one side.
+//! Lines that would run into the obstacle at either end are left out (Liu, Arimoto 1992), which leaves a few for each
+//! corner. Over these, the distances from some far landmarks bound every distance from below by the triangle
+//! inequality, as Goldberg and Harrelson (2005) use them for road networks. Streets that cross at right angles need
+//! such a bound: there the straight line is far shorter than any way.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;

@@ -1,7 +1,8 @@
 //! One tile of the bake: triangles → free voxels → Recast's erosion, contours and convex polygons.
 //!
 //! Two steps differ from Recast's usual chain, because the domain is flat:
-//! - the free voxels are filled in by their centres instead of "whatever a triangle touches", which halves the rounding;
+//! - the free voxels are filled in by their centres instead of "whatever a triangle touches", which halves the
+//!   rounding;
 //! - regions are cut by Recast's monotone partition (rows swept one after the other) instead of the watershed. Monotone
 //!   regions have no holes and only straight seams, so the polygons cover the free voxels and nothing else; their long
 //!   shapes, which mislead a search from centre to centre, do not matter to an any-angle search.

@@ -20,8 +20,8 @@ const COARSE: usize = 6 * TILE;
 /// Blocks of `sites` under the Minkowski metric of exponent `half_exponent / 2`, seen through a warp of the plane.
 ///
 /// `warp_x` and `warp_y` [m] are added to every cell's position before it is compared with the sites; exponents are
-/// halves of whole numbers because such powers need nothing but products and square roots. Squares of four cells of which
-/// none is `wanted` are left as if one block covered them.
+/// halves of whole numbers because such powers need nothing but products and square roots. Squares of four cells of
+/// which none is `wanted` are left as if one block covered them.
 pub fn blocks(
     grid: &Grid,
     wanted: &[bool],

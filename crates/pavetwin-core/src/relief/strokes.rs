@@ -23,7 +23,8 @@ pub struct Traced {
     pub distance_m: Vec<f32>,
 }
 
-/// Draws strokes. The section falls to the full depth in the middle: as a V when `steepness` is 1, as a U when it is large.
+/// Draws strokes. The section falls to the full depth in the middle: as a V when `steepness` is 1, as a U when it is
+/// large.
 ///
 /// A cell holds the *mean* over its square, so that an opening thinner than a cell keeps its area and its volume.
 pub fn trace(grid: &Grid, strokes: &Strokes<'_>, reach_m: f64, steepness: i32) -> Traced {

@@ -6,7 +6,8 @@ const LEAST: f32 = 0.02;
 /// The opening's width at every cell [cells]; 0 where there is none.
 ///
 /// Through a straight strip of width w a chord along x is h = w/|sin a| long and one along y is v = w/|cos a|, so
-/// w = h v / √(h² + v²) at any angle. The chords add up shares of cells, so strips thinner than a cell are measured too.
+/// w = h v / √(h² + v²) at any angle. The chords add up shares of cells, so strips thinner than a cell are measured
+/// too.
 pub fn widths(rows: usize, cols: usize, opening: &[f32]) -> Vec<f32> {
     let mut across = vec![0.0f32; opening.len()];
     for row in 0..rows {

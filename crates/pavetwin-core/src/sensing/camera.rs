@@ -35,11 +35,6 @@ pub struct WindowRule {
 }
 
 impl WindowRule {
-    /// The paper's window (arXiv 2606.20742): 260 of 950 rows, 0.6 m across for each metre of altitude.
-    pub const PAPER: Self = Self { rows_share: 260.0 / 950.0, across: AcrossRule::PerAltitude(0.6) };
-    /// The central half of the rows, the whole width.
-    pub const DEFAULT: Self = Self { rows_share: 0.5, across: AcrossRule::Columns(1.0) };
-
     fn check(&self) -> Result<(), CameraError> {
         let is_share = |share: f64| share > 0.0 && share <= 1.0;
         if !is_share(self.rows_share) {
@@ -182,12 +177,6 @@ impl NadirCamera {
         (along_m, along_m * f64::from(self.image_width_px) / f64::from(self.image_height_px))
     }
 
-    /// The whole footprint as a window.
-    pub fn footprint_window(&self, altitude_m: f64) -> Window {
-        let (along_m, across_m) = self.footprint(altitude_m);
-        Window { half_along_m: 0.5 * along_m, half_across_m: 0.5 * across_m }
-    }
-
     /// The inspection window.
     pub fn window(&self, altitude_m: f64) -> Window {
         let (along_m, across_m) = self.footprint(altitude_m);
@@ -198,81 +187,8 @@ impl NadirCamera {
         Window { half_along_m: 0.5 * self.window.rows_share * along_m, half_across_m: 0.5 * width_m }
     }
 
-    /// Metres on the ground for each pixel.
-    pub fn ground_resolution_m(&self, altitude_m: f64) -> f64 {
-        self.footprint(altitude_m).0 / f64::from(self.image_height_px)
-    }
-
-    /// The inspection window's corners in the world frame, counter-clockwise.
-    pub fn window_corners(&self, viewpoint: &Viewpoint) -> [Vec2; 4] {
-        viewpoint.corners(self.window(viewpoint.altitude_m))
-    }
-
-    /// The footprint's corners in the world frame, counter-clockwise.
-    pub fn footprint_corners(&self, viewpoint: &Viewpoint) -> [Vec2; 4] {
-        viewpoint.corners(self.footprint_window(viewpoint.altitude_m))
-    }
-
     /// The inspection window at its place on the ground.
     pub fn placed_window(&self, viewpoint: &Viewpoint) -> PlacedWindow {
         viewpoint.place(self.window(viewpoint.altitude_m))
-    }
-
-    /// The whole footprint at its place on the ground.
-    pub fn placed_footprint(&self, viewpoint: &Viewpoint) -> PlacedWindow {
-        viewpoint.place(self.footprint_window(viewpoint.altitude_m))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn camera(rule: WindowRule) -> NadirCamera {
-        NadirCamera::new(1270, 950, 60f64.to_radians(), rule).expect("a camera")
-    }
-
-    #[test]
-    fn the_papers_window_at_15_m() {
-        let window = camera(WindowRule::PAPER).window(15.0);
-        assert!((2.0 * window.half_along_m - 17.3205 * 260.0 / 950.0).abs() < 1e-3);
-        assert!((2.0 * window.half_across_m - 9.0).abs() < 1e-12);
-    }
-
-    #[test]
-    fn the_default_window_at_15_m() {
-        let window = camera(WindowRule::DEFAULT).window(15.0);
-        assert!((2.0 * window.half_along_m - 8.660).abs() < 1e-3);
-        assert!((2.0 * window.half_across_m - 23.155).abs() < 1e-3);
-        assert!((camera(WindowRule::DEFAULT).ground_resolution_m(15.0) - 0.018232).abs() < 1e-6);
-    }
-
-    #[test]
-    fn a_window_never_leaves_the_image() {
-        let rule = WindowRule { rows_share: 1.0, across: AcrossRule::PerAltitude(9.0) };
-        assert_eq!(camera(rule).window(10.0), camera(rule).footprint_window(10.0));
-    }
-
-    #[test]
-    fn rows_run_along_the_yaw_and_corners_turn_left() {
-        let camera = camera(WindowRule::DEFAULT);
-        let north = Viewpoint { position: Vec2::new(3.0, 4.0), altitude_m: 15.0, yaw_rad: std::f64::consts::FRAC_PI_2 };
-        assert!(camera.placed_window(&north).contains(Vec2::new(14.0, 8.0)));
-        assert!(!camera.placed_window(&north).contains(Vec2::new(3.0, 9.0)));
-        assert!(camera.placed_footprint(&north).contains(Vec2::new(3.0, 9.0)));
-        let corners = camera.window_corners(&north);
-        for i in 0..4 {
-            assert!((corners[(i + 1) % 4] - corners[i]).cross(corners[(i + 2) % 4] - corners[(i + 1) % 4]) > 0.0);
-        }
-    }
-
-    #[test]
-    fn what_is_no_camera_is_refused() {
-        let rule = WindowRule { rows_share: 0.0, across: AcrossRule::Columns(1.0) };
-        assert!(matches!(NadirCamera::new(10, 10, 1.0, rule), Err(CameraError::Share { side: "rows", .. })));
-        assert!(matches!(NadirCamera::new(0, 10, 1.0, WindowRule::PAPER), Err(CameraError::Image { .. })));
-        assert!(matches!(NadirCamera::new(10, 10, 3.2, WindowRule::PAPER), Err(CameraError::FieldOfView(_))));
-        let below = Viewpoint { position: Vec2::ZERO, altitude_m: 0.0, yaw_rad: 0.0 };
-        assert!(below.check().is_err());
     }
 }

@@ -28,7 +28,7 @@ pub enum GridError {
 pub struct GridShape {
     /// Side of a cell, metres.
     pub cell_m: f64,
-    /// Index on the world's lattice of the grid's first column: its cells span `[first · cell_m, (first + 1) · cell_m)`.
+    /// Index on the world's lattice of the grid's first column, whose cells span `[first, first + 1) · cell_m`.
     pub first_column: i64,
     /// Index on the world's lattice of the grid's first row.
     pub first_row: i64,
@@ -89,11 +89,6 @@ impl SurfaceGrid {
     /// Number of cells, at least 1.
     pub fn cell_count(&self) -> usize {
         self.cell_count
-    }
-
-    /// Area of the cells, square metres.
-    pub fn area_m2(&self) -> f64 {
-        self.cell_count as f64 * self.shape.cell_m * self.shape.cell_m
     }
 
     /// Whether the cell belongs to the surface; cells outside the grid do not.
@@ -190,18 +185,6 @@ impl CellSet {
         Self { shape: grid.shape, words: vec![0; grid.words.len()] }
     }
 
-    /// Adds the cells of `other`.
-    ///
-    /// # Errors
-    /// `Misaligned` when it belongs to another grid.
-    pub fn union(&mut self, other: &Self) -> Result<(), GridError> {
-        if self.shape != other.shape {
-            return Err(GridError::Misaligned);
-        }
-        self.words.iter_mut().zip(&other.words).for_each(|(mine, theirs)| *mine |= theirs);
-        Ok(())
-    }
-
     /// Adds the cells of a patch, such as those visible in a capture.
     ///
     /// # Errors
@@ -225,17 +208,6 @@ impl CellSet {
     pub fn count(&self) -> usize {
         count_bits(&self.words)
     }
-
-    /// The set's share of the grid's cells, in [0, 1].
-    ///
-    /// # Errors
-    /// `Misaligned` when the set belongs to another grid.
-    pub fn fraction(&self, grid: &SurfaceGrid) -> Result<f64, GridError> {
-        if self.shape != grid.shape {
-            return Err(GridError::Misaligned);
-        }
-        Ok(self.count() as f64 / grid.cell_count as f64)
-    }
 }
 
 #[cfg(test)]
@@ -251,7 +223,6 @@ mod tests {
         let rings = [rectangle(-10.0, -5.0, 30.0, 5.0), rectangle(0.0, -1.0, 2.0, 1.0)];
         let grid = SurfaceGrid::from_rings(&rings, 0.25).expect("a grid");
         assert_eq!(grid.cell_count(), (400 - 4) * 16);
-        assert_eq!(grid.area_m2(), 396.0);
         let (column, row) = (42, 20);
         assert_eq!(grid.centre(column, row), Vec2::new(0.625, 0.125));
         assert!(!grid.contains(column, row) && grid.contains(39, row) && !grid.contains(99_999, row));
@@ -282,12 +253,10 @@ mod tests {
     }
 
     #[test]
-    fn sets_count_their_cells_and_refuse_another_grids() {
+    fn a_set_refuses_cells_of_another_grid() {
         let grid = SurfaceGrid::from_rings(&[rectangle(0.0, 0.0, 20.0, 5.0)], 0.25).unwrap();
-        let other = SurfaceGrid::from_rings(&[rectangle(1.0, 0.0, 21.0, 5.0)], 0.25).unwrap();
         let mut set = CellSet::empty(&grid);
-        assert_eq!(set.fraction(&grid), Ok(0.0));
-        assert_eq!(set.union(&CellSet::empty(&other)), Err(GridError::Misaligned));
-        assert_eq!(set.fraction(&other), Err(GridError::Misaligned));
+        assert_eq!(set.insert(&Patch::default()), Err(GridError::Misaligned));
+        assert_eq!(set.count(), 0);
     }
 }

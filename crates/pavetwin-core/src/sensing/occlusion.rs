@@ -184,9 +184,9 @@ impl Observer {
         &self.hidden
     }
 
-    /// The share of `points` on the ground that nothing hides, neither solid nor agent, from `viewpoint` at `t_s`: for a
-    /// defect given by points spread over its area, the share of its area that is unoccluded. The frame does not count:
-    /// points outside it are judged like any others. `None` when there are no points.
+    /// The share of `points` on the ground that nothing hides, neither solid nor agent, from `viewpoint` at `t_s`: for
+    /// a defect given by points spread over its area, the share of its area that is unoccluded. The frame does not
+    /// count: points outside it are judged like any others. `None` when there are no points.
     ///
     /// # Errors
     /// For a viewpoint at or below the ground, and a time outside the recording.

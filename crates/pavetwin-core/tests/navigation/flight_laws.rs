@@ -7,9 +7,7 @@ use pavetwin_core::navigation::{
 use proptest::prelude::*;
 
 use crate::scenes::{any_board, any_corridors, any_shares, config, point_of, square_mesh};
-
-/// The paper's agent.
-const AGENT: Limits = Limits { speed_mps: 5.0, acceleration_mps2: 8.0, yaw_rate_rad_s: std::f64::consts::FRAC_PI_4 };
+use crate::support::AGENT;
 
 const DT_S: f64 = 0.05;
 
@@ -118,7 +116,8 @@ proptest! {
         // It would be at the UAV's place after `ahead_s`, give or take `miss` metres.
         let along = Vec2::from_yaw(from_yaw);
         let meeting = Vec2::new(-20.0 + 5.0 * ahead_s, miss);
-        let mut other = Neighbour { position: meeting - along * (speed * ahead_s), velocity_mps: along * speed, radius_m: other_m };
+        let position = meeting - along * (speed * ahead_s);
+        let mut other = Neighbour { position, velocity_mps: along * speed, radius_m: other_m };
         prop_assume!(other.position.distance(Vec2::new(-20.0, 0.0)) > 8.0);
         let closest = encounter(&mesh, Vec2::new(-20.0, 0.0), Vec2::new(60.0, 0.0), own_m, &mut [&mut other]);
         prop_assert!(closest >= own_m + other_m - 0.02, "{closest}");

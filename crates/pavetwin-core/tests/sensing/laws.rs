@@ -1,8 +1,9 @@
 //! What must hold of visibility whatever the scene.
 
 use crate::scenes::*;
+use crate::support::{DEFAULT, PAPER, camera};
 use pavetwin_core::geometry::Vec2;
-use pavetwin_core::sensing::{Patch, Prism, Solids, SurfaceGrid, Viewpoint, WindowRule};
+use pavetwin_core::sensing::{Body, Patch, Prism, Solids, SurfaceGrid, Viewpoint};
 use proptest::prelude::*;
 use std::collections::HashSet;
 
@@ -31,7 +32,7 @@ proptest! {
         let prism_there = prism.base().iter().map(|&corner| corner + shift).collect();
         let solids_there = Solids::new([Prism::new(prism_there, prism.base_m(), prism.top_m()).unwrap()]);
         let view_there = Viewpoint { position: from.position + shift, ..from };
-        let camera = camera(WindowRule::DEFAULT);
+        let camera = camera(DEFAULT);
         let (_, here) = look(&grid, &Solids::new([prism]), &standing(&agents), &camera, &from);
         let (_, there) = look(&grid_there, &solids_there, &standing(&moved(&agents, shift)), &camera, &view_there);
         prop_assert_eq!((here.candidates, here.visible), (there.candidates, there.visible));
@@ -48,7 +49,7 @@ proptest! {
         let quarter_rad = std::f64::consts::FRAC_PI_2;
         let agents_turned: Vec<Placed> = agents.iter().map(|a| (a.0, a.1.left(), a.2 + quarter_rad, a.3)).collect();
         let view_turned = Viewpoint { position: from.position.left(), yaw_rad: from.yaw_rad + quarter_rad, ..from };
-        let (camera, solids) = (camera(WindowRule::PAPER), Solids::default());
+        let (camera, solids) = (camera(PAPER), Solids::default());
         let (_, here) = look(&grid, &solids, &trace, &camera, &from);
         let (_, there) = look(&grid_turned, &solids, &standing(&agents_turned), &camera, &view_turned);
         // Yaws are single precision, so a cell on a rim may flip.
@@ -66,7 +67,7 @@ proptest! {
 
     #[test]
     fn one_agent_more_never_shows_more(agents in any_agents(), one in any_agent(), from in any_viewpoint()) {
-        let (grid, camera, solids) = (street(), camera(WindowRule::DEFAULT), Solids::default());
+        let (grid, camera, solids) = (street(), camera(DEFAULT), Solids::default());
         let (before, _) = look(&grid, &solids, &standing(&agents), &camera, &from);
         let mut more = agents.clone();
         more.push(one);
@@ -77,7 +78,7 @@ proptest! {
 
     #[test]
     fn a_taller_body_hides_what_the_lower_one_hid(agent in any_agent(), extra_m in 0.0..9.0, from in any_viewpoint()) {
-        let (grid, camera, solids) = (street(), camera(WindowRule::DEFAULT), Solids::default());
+        let (grid, camera, solids) = (street(), camera(DEFAULT), Solids::default());
         let mut taller = agent;
         taller.0.height_m += extra_m;
         let (low, _) = look(&grid, &solids, &standing(&[agent]), &camera, &from);
@@ -89,14 +90,17 @@ proptest! {
     fn agents_off_the_window_never_matter(agents in any_agents(), from in any_viewpoint(), rule in any_rule()) {
         let (grid, camera, solids) = (street(), camera(rule), Solids::default());
         let window = camera.window(from.altitude_m);
-        let is_off = |agent: &&Placed| agent.1.distance(from.position) > window.half_diagonal_m() + agent.0.half_diagonal_m();
+        let reach_m = |body: Body| window.half_diagonal_m() + body.half_diagonal_m();
+        let is_off = |agent: &&Placed| agent.1.distance(from.position) > reach_m(agent.0);
         let outside: Vec<Placed> = agents.iter().filter(is_off).copied().collect();
         let (_, seen) = look(&grid, &solids, &standing(&outside), &camera, &from);
         prop_assert_eq!(seen.candidates, seen.visible);
     }
 
     #[test]
-    fn a_used_observer_sees_like_a_new_one(looks in prop::collection::vec((any_agents(), any_viewpoint(), any_rule()), 1..6)) {
+    fn a_used_observer_sees_like_a_new_one(
+        looks in prop::collection::vec((any_agents(), any_viewpoint(), any_rule()), 1..6)
+    ) {
         let grid = street();
         let mut used = pavetwin_core::sensing::Observer::new();
         for (agents, from, rule) in looks {

@@ -1,18 +1,14 @@
 //! Tiny scenes whose answer is known.
 
 use crate::scenes::*;
+use crate::support::{DEFAULT, PAPER, camera};
 use pavetwin_core::geometry::Vec2;
-use pavetwin_core::sensing::{Body, Observer, Predictor, Prism, Scene, SenseError, Solids, TraceError, WindowRule};
+use pavetwin_core::sensing::{Body, Observer, Predictor, Prism, Scene, SenseError, Solids, TraceError};
 
 #[test]
 fn an_empty_street_is_wholly_visible() {
-    let (_, seen) = look(
-        &street(),
-        &Solids::default(),
-        &standing(&[]),
-        &camera(WindowRule::DEFAULT),
-        &viewpoint(-10.0, 0.0, 10.0, 0.0),
-    );
+    let (_, seen) =
+        look(&street(), &Solids::default(), &standing(&[]), &camera(DEFAULT), &viewpoint(-10.0, 0.0, 10.0, 0.0));
     // 0.5 · 11.547 m along the street, the whole 14 m across it.
     assert_eq!((seen.candidates, seen.visible, seen.share), (24 * 56, 24 * 56, 1.0));
     assert!(seen.has_candidates && seen.hidden_centroid.is_none());
@@ -20,13 +16,8 @@ fn an_empty_street_is_wholly_visible() {
 
 #[test]
 fn off_the_segment_there_are_no_candidates_and_no_share() {
-    let (observer, seen) = look(
-        &street(),
-        &Solids::default(),
-        &standing(&[]),
-        &camera(WindowRule::DEFAULT),
-        &viewpoint(500.0, 0.0, 10.0, 0.3),
-    );
+    let (observer, seen) =
+        look(&street(), &Solids::default(), &standing(&[]), &camera(DEFAULT), &viewpoint(500.0, 0.0, 10.0, 0.3));
     assert_eq!((seen.candidates, seen.visible, seen.share, seen.has_candidates), (0, 0, 0.0, false));
     assert!(observer.visible().is_empty());
 }
@@ -34,13 +25,8 @@ fn off_the_segment_there_are_no_candidates_and_no_share() {
 #[test]
 fn a_car_right_below_hides_its_own_enlarged_outline() {
     let car = (CAR, Vec2::new(-10.0, 0.0), 0.0, 0.0);
-    let (_, seen) = look(
-        &street(),
-        &Solids::default(),
-        &standing(&[car]),
-        &camera(WindowRule::DEFAULT),
-        &viewpoint(-10.0, 0.0, 15.0, 0.0),
-    );
+    let (_, seen) =
+        look(&street(), &Solids::default(), &standing(&[car]), &camera(DEFAULT), &viewpoint(-10.0, 0.0, 15.0, 0.0));
     // Its roof at 1.5 m is thrown on the ground 15/13.5 times as large: 5.11 m × 2.0 m, 20 × 8 cell centres.
     assert_eq!(seen.candidates - seen.visible, 20 * 8);
     assert!(seen.hidden_centroid.unwrap().distance(Vec2::new(-10.0, 0.0)) < 1e-9);
@@ -49,17 +35,12 @@ fn a_car_right_below_hides_its_own_enlarged_outline() {
 #[test]
 fn the_wall_of_a_truck_hides_the_far_side_only() {
     let truck = (TRUCK, Vec2::new(-10.0, 2.0), 0.0, 0.0);
-    let (observer, _) = look(
-        &street(),
-        &Solids::default(),
-        &standing(&[truck]),
-        &camera(WindowRule::DEFAULT),
-        &viewpoint(-10.0, -2.0, 6.0, 0.0),
-    );
+    let (observer, _) =
+        look(&street(), &Solids::default(), &standing(&[truck]), &camera(DEFAULT), &viewpoint(-10.0, -2.0, 6.0, 0.0));
     // Near side at y = 0.8; the roof's far edge, y = 3.2, is thrown from −2 to −2 + 5.2 · 6/2.6 = 10.
     let ys: Vec<f64> = observer.hidden().centres().map(|centre| centre.y).collect();
     assert!(ys.iter().all(|&y| y > 0.8) && !ys.is_empty());
-    let window_edge = -2.0 + camera(WindowRule::DEFAULT).window(6.0).half_across_m;
+    let window_edge = -2.0 + camera(DEFAULT).window(6.0).half_across_m;
     assert!(ys.iter().any(|&y| y > window_edge - 0.26));
 }
 
@@ -72,7 +53,7 @@ fn a_camera_below_the_roof_of_a_body_sees_nothing_behind_it() {
             &street(),
             &Solids::default(),
             &standing(&agents),
-            &camera(WindowRule::DEFAULT),
+            &camera(DEFAULT),
             &viewpoint(-10.0, 0.0, altitude_m, 0.0),
         );
         assert!(seen.visible < seen.candidates);
@@ -89,7 +70,7 @@ fn a_camera_inside_a_body_sees_nothing() {
             &street(),
             &Solids::default(),
             &standing(&agents),
-            &camera(WindowRule::DEFAULT),
+            &camera(DEFAULT),
             &viewpoint(-10.0, 0.0, 10.0, 0.0),
         );
         assert_eq!((seen.visible, seen.share, seen.has_candidates), (0, 0.0, true));
@@ -101,26 +82,16 @@ fn what_begins_above_the_camera_hides_nothing() {
     let bridge = Body { base_m: 10.0, height_m: 12.0, ..TRUCK };
     let crown = Prism::new(regular(Vec2::new(-10.0, 0.0), 3.0, 8, 0.0), 10.0, 14.0).unwrap();
     let agents = [(bridge, Vec2::new(-10.0, 0.0), 0.0, 0.0)];
-    let (_, seen) = look(
-        &street(),
-        &Solids::new([crown]),
-        &standing(&agents),
-        &camera(WindowRule::DEFAULT),
-        &viewpoint(-10.0, 0.0, 10.0, 0.0),
-    );
+    let (_, seen) =
+        look(&street(), &Solids::new([crown]), &standing(&agents), &camera(DEFAULT), &viewpoint(-10.0, 0.0, 10.0, 0.0));
     assert_eq!((seen.candidates, seen.visible), (24 * 56, 24 * 56));
 }
 
 #[test]
 fn a_crown_takes_candidates_away_and_leaves_the_share_alone() {
     let crown = Prism::new(regular(Vec2::new(-10.0, 5.0), 2.0, 12, 0.0), 3.0, 6.0).unwrap();
-    let (observer, seen) = look(
-        &street(),
-        &Solids::new([crown]),
-        &standing(&[]),
-        &camera(WindowRule::DEFAULT),
-        &viewpoint(-10.0, 0.0, 10.0, 0.0),
-    );
+    let (observer, seen) =
+        look(&street(), &Solids::new([crown]), &standing(&[]), &camera(DEFAULT), &viewpoint(-10.0, 0.0, 10.0, 0.0));
     assert!(seen.candidates < 24 * 56 && seen.share == 1.0 && seen.hidden_centroid.is_none());
     // The crown begins at 3 m: the ground below it, toward the camera, is seen: 3 · 10/7 = 4.29 is the first hidden.
     assert!(
@@ -143,12 +114,8 @@ fn a_defect_half_below_a_car_is_half_clear() {
 
 #[test]
 fn micro_finds_the_side_from_which_the_ground_beside_a_truck_is_seen() {
-    let (grid, trace, camera, solids) = (
-        street(),
-        standing(&[(TRUCK, Vec2::new(-10.0, 1.5), 0.0, 0.0)]),
-        camera(WindowRule::DEFAULT),
-        Solids::default(),
-    );
+    let (grid, trace, camera, solids) =
+        (street(), standing(&[(TRUCK, Vec2::new(-10.0, 1.5), 0.0, 0.0)]), camera(DEFAULT), Solids::default());
     let from = viewpoint(-10.0, -2.0, 10.0, 0.0);
     let (observer, _) = look(&grid, &solids, &trace, &camera, &from);
     let scene = Scene { grid: &grid, solids: &solids, trace: &trace };
@@ -161,12 +128,8 @@ fn micro_finds_the_side_from_which_the_ground_beside_a_truck_is_seen() {
 
 #[test]
 fn a_car_that_drives_on_is_predicted_to_clear_the_ground() {
-    let (grid, trace, camera, solids) = (
-        street(),
-        standing(&[(CAR, Vec2::new(-10.0, 0.0), 0.0, 10.0)]),
-        camera(WindowRule::DEFAULT),
-        Solids::default(),
-    );
+    let (grid, trace, camera, solids) =
+        (street(), standing(&[(CAR, Vec2::new(-10.0, 0.0), 0.0, 10.0)]), camera(DEFAULT), Solids::default());
     let from = viewpoint(-10.0, 0.0, 10.0, 0.0);
     let (observer, _) = look(&grid, &solids, &trace, &camera, &from);
     let scene = Scene { grid: &grid, solids: &solids, trace: &trace };
@@ -182,7 +145,7 @@ fn a_look_past_the_recording_or_from_below_the_ground_is_refused() {
     let scene = Scene { grid: &grid, solids: &solids, trace: &trace };
     let mut observer = Observer::new();
     let mut refusal = |altitude_m: f64, t_s: f64| {
-        observer.observe(&scene, &camera(WindowRule::PAPER), &viewpoint(0.0, 0.0, altitude_m, 0.0), t_s).unwrap_err()
+        observer.observe(&scene, &camera(PAPER), &viewpoint(0.0, 0.0, altitude_m, 0.0), t_s).unwrap_err()
     };
     assert_eq!(refusal(10.0, 0.1), SenseError::Trace(TraceError::PastEnd { t_s: 0.1, duration_s: 0.0 }));
     assert!(matches!(refusal(10.0, f64::NAN), SenseError::Trace(TraceError::NotATime { .. })));

@@ -2,6 +2,7 @@
 
 use crate::brute::{agent_hides, in_window, solid_hides};
 use crate::scenes::*;
+use crate::support::{DEFAULT, camera};
 use pavetwin_core::geometry::Vec2;
 use pavetwin_core::sensing::{CellSet, Observer, Predictor, Scene, Solids};
 use proptest::prelude::*;
@@ -32,10 +33,11 @@ proptest! {
                 let is_candidate = |slack: f64| grid.contains(column, row)
                     && in_window(&from, window, centre, -slack)
                     && !prisms.iter().any(|prism| solid_hides(&from, centre, prism, slack));
-                let is_visible =
-                    |slack: f64| is_candidate(slack) && !poses.iter().any(|pose| agent_hides(&from, centre, pose, slack));
+                let is_visible = |slack: f64| is_candidate(slack)
+                    && !poses.iter().any(|pose| agent_hides(&from, centre, pose, slack));
                 if is_candidate(RIM_M) == is_candidate(-RIM_M) {
-                    prop_assert_eq!(candidates.contains(&cell), is_candidate(0.0), "candidate {:?} at {:?}", cell, centre);
+                    let expected = is_candidate(0.0);
+                    prop_assert_eq!(candidates.contains(&cell), expected, "candidate {:?} at {:?}", cell, centre);
                 }
                 if is_visible(RIM_M) == is_visible(-RIM_M) {
                     prop_assert_eq!(visible.contains(&cell), is_visible(0.0), "visible {:?} at {:?}", cell, centre);
@@ -92,7 +94,7 @@ proptest! {
         shift in any_place(3.0),
         horizon_s in 0.0..3.0,
     ) {
-        let (grid, trace, camera) = (street(), standing(&agents), camera(pavetwin_core::sensing::WindowRule::DEFAULT));
+        let (grid, trace, camera) = (street(), standing(&agents), camera(DEFAULT));
         let solids = Solids::new(prisms);
         let (observer, _) = look(&grid, &solids, &trace, &camera, &from);
         let scene = Scene { grid: &grid, solids: &solids, trace: &trace };

@@ -1,5 +1,6 @@
 //! Random scenes, and the short ways to build small ones.
 
+use crate::support::{DEFAULT, PAPER};
 use pavetwin_core::geometry::Vec2;
 use pavetwin_core::sensing::{
     AcrossRule, AgentPose, Body, BodyClass, NadirCamera, Observer, Prism, Scene, Solids, SurfaceGrid, Trace,
@@ -14,10 +15,6 @@ pub const WALKER: Body =
 
 /// An agent that stands or moves: body, position, yaw, speed.
 pub type Placed = (Body, Vec2, f64, f64);
-
-pub fn camera(rule: WindowRule) -> NadirCamera {
-    NadirCamera::new(1270, 950, 60f64.to_radians(), rule).expect("a camera")
-}
 
 pub fn viewpoint(x: f64, y: f64, altitude_m: f64, yaw_rad: f64) -> Viewpoint {
     Viewpoint { position: Vec2::new(x, y), altitude_m, yaw_rad }
@@ -106,8 +103,8 @@ pub fn any_viewpoint() -> impl Strategy<Value = Viewpoint> {
 
 pub fn any_rule() -> impl Strategy<Value = WindowRule> {
     prop_oneof![
-        Just(WindowRule::PAPER),
-        Just(WindowRule::DEFAULT),
+        Just(PAPER),
+        Just(DEFAULT),
         (0.05..1.0, 0.05..1.0)
             .prop_map(|(rows_share, columns)| WindowRule { rows_share, across: AcrossRule::Columns(columns) }),
     ]

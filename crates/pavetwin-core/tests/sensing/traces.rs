@@ -2,7 +2,7 @@
 
 use crate::scenes::{CAR, WALKER, any_place};
 use pavetwin_core::geometry::{Vec2, wrap_angle};
-use pavetwin_core::sensing::{Body, TELEPORT_MPS, Trace, TraceColumns, TraceError};
+use pavetwin_core::sensing::{AgentPose, Body, TELEPORT_MPS, Trace, TraceColumns, TraceError};
 use proptest::prelude::*;
 
 /// `(agent, position, yaw)` of each step.
@@ -105,12 +105,17 @@ fn times_outside_the_recording_are_refused() {
 
 proptest! {
     #[test]
-    fn the_agents_near_are_those_of_a_walk_over_all(steps in any_steps(), centre in any_place(70.0), radius in 0.0..30.0, t_s in 0.0..=2.0) {
+    fn the_agents_near_are_those_of_a_walk_over_all(
+        steps in any_steps(),
+        centre in any_place(70.0),
+        radius in 0.0..30.0,
+        t_s in 0.0..=2.0,
+    ) {
         let trace = trace(&steps);
         let mut near = Vec::new();
         trace.agents_near(centre, radius, t_s, &mut |pose| near.push(pose)).unwrap();
         near.sort_by_key(|pose| pose.agent);
-        let is_near = |pose: &pavetwin_core::sensing::AgentPose| pose.position.distance(centre) <= radius + pose.body.half_diagonal_m();
+        let is_near = |pose: &AgentPose| pose.position.distance(centre) <= radius + pose.body.half_diagonal_m();
         let all: Vec<_> = trace.agents_at(t_s).unwrap().filter(is_near).collect();
         prop_assert_eq!(near, all);
     }

@@ -6,7 +6,8 @@ struct FrameInfo {
     to_shadow: mat4x4f,       // from positions relative to the camera to the shadow map: u, v, depth
     to_sun: vec4f,            // xyz unit, w: spread of the sun's half shadow [texels a metre between caster and ground]
     sun: vec4f,               // rgb [klx], w: texel of the shadow map [m]
-    sky: array<vec4f, 7>,     // irradiance [klx] by the normal x, y, z: for r, g, b each (1, y, z, x), (xy, yz, 3z² − 1, xz); rgb of x² − y²
+    // irradiance [klx] by the normal x, y, z: for r, g, b each (1, y, z, x), (xy, yz, 3z² − 1, xz); rgb of x² − y²
+    sky: array<vec4f, 7>,
     camera: vec4f,            // world position, w: metres a pixel at 1 m along the axis
     axis: vec4f,              // the camera's axis in the world, w: 1/e distance of haze [m]
     drift: vec4f,             // clip-space change for each second the camera moves on, w of it too

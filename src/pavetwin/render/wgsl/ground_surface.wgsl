@@ -1,4 +1,5 @@
-// The ground's appearance: the formula of scene/ground/compose.py, step by step. Its constants come from there (`GROUND`).
+// The ground's appearance: the formula of scene/ground/compose.py, step by step. Its constants come from there
+// (`GROUND`).
 
 @group(1) @binding(0) var detail_colour: texture_2d_array<f32>;   // roots of reflectance, hold of paint
 @group(1) @binding(1) var detail_relief: texture_2d_array<f32>;   // normal x, y, height, roughness

@@ -1,7 +1,7 @@
 // Foliage: lighting is computed per vertex of the cards, of which a crown has thousands; the leaf atlas adds detail.
 
-// Transmittance of a leaf relative to its reflectance, and its colour relative to that: yellower (Jacquemoud and Baret 1990,
-// PROSPECT: at 550 nm a thin leaf transmits about as much as it reflects, at 450 and 650 nm much less).
+// Transmittance of a leaf relative to its reflectance, and its colour relative to that: yellower (Jacquemoud and Baret
+// 1990, PROSPECT: at 550 nm a thin leaf transmits about as much as it reflects, at 450 and 650 nm much less).
 const THROUGH = vec3f(0.75, 0.85, 0.35);
 
 // Offset of shadow lookups in front of a card [m], past the leaves of its own twig.

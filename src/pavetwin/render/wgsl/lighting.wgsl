@@ -2,8 +2,8 @@
 
 const PI = 3.14159265;
 
-// For pictures that look down from nearby, known before they are drawn: no haze, no grazing reflections. The CPU executes
-// both sides of an `if`, but only one of this.
+// For pictures that look down from nearby, known before they are drawn: no haze, no grazing reflections. The CPU
+// executes both sides of an `if`, but only one of this.
 override looks_down: bool = false;
 
 @group(0) @binding(1) var shadow_map: texture_depth_2d;

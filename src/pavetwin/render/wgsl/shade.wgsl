@@ -12,7 +12,7 @@ struct Seen {
     @location(0) relative: vec3f,
     @location(1) local: vec2f,                        // metres from the middle of the footprint, along its axes
     @location(2) @interpolate(flat) half: vec2f,      // of the footprint [m]
-    @location(3) @interpolate(flat) body: vec4f,      // height of its top, of its underside [m], 1 for a crown, margin [m]
+    @location(3) @interpolate(flat) body: vec4f,      // height of its top, of its underside, 1 for a crown, margin [m]
     @location(4) shadow: vec3f,                       // where it is in the shadow map
     @location(5) @interpolate(flat) east: vec3f,      // what a step between looks is there, 0 for a single look
     @location(6) @interpolate(flat) north: vec3f,
@@ -42,7 +42,8 @@ struct Seen {
     out.sky = sky_irradiance(up);
     out.sun = lamp.sun.rgb * lamp.to_sun.z;
     out.shadow = in_shadow_map(out.relative, up);
-    // Samples one texel apart where texels are coarse: right beside a car the shadow is so dark that its edge would show.
+    // Samples one texel apart where texels are coarse: right beside a car the shadow is so dark that its edge would
+    // show.
     let step = select(0.0, 1.4 * lamp.sun.w, lamp.sun.w > COARSE_M);
     out.east = frame.to_shadow[0].xyz * step;
     out.north = frame.to_shadow[1].xyz * step;
