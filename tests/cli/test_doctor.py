@@ -18,7 +18,7 @@ def test_all_is_there(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize("package", ["libsumo", "pyogrio"])
-def test_a_missing_package_is_named_with_the_command_that_mends_it(
+def test_a_missing_package_is_named_with_the_command_that_installs_it(
     package: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(doctor, "find_spec", lambda name: None if name == package else object())

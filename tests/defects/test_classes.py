@@ -94,7 +94,7 @@ def test_a_crocodile_crack_has_about_the_asked_blocks(seed: int, count: int) -> 
     shape = crocodile_crack(rng(seed), asked)
     parts, found = label(shape.mask & (shape.opening == 0))
     sizes = np.bincount(parts.ravel())[1:] * shape.cell_m**2
-    # Blocks at the border are open to the sound road there and count as one with it.
+    # Blocks at the border are open to the intact road there and count as one with it.
     assert 0.25 * count <= np.count_nonzero(sizes > 0.2 * sizes.sum() / count) <= 1.3 * count, found
 
 

@@ -31,7 +31,7 @@ def generated(kind, seed: int) -> Heightfield:  # type: ignore[no-untyped-def]
 
 
 def flat(shape: tuple[int, int] = (80, 120), cell_m: float = 0.005) -> Heightfield:
-    """A sound road with its origin in the middle."""
+    """An intact road with its origin in the middle."""
     empty = np.zeros(shape, dtype=np.float32)
     origin = (-cell_m * (shape[1] // 2), -cell_m * (shape[0] // 2))
     return Heightfield(empty, empty, empty, cell_m, origin, Marking(), lambda: Stains.none(shape))
@@ -77,7 +77,7 @@ def test_the_mask_is_the_heightfields(kind, seed: int) -> None:  # type: ignore[
     assert count >= 1
     largest = parts == 1 + np.argmax([np.count_nonzero(parts == part) for part in range(1, count + 1)])
     assert np.array_equal(shape.mask, binary_fill_holes(largest))
-    assert (shape.height_m[~shape.mask] == 0).all(), "the road is sound outside"
+    assert (shape.height_m[~shape.mask] == 0).all(), "the road is intact outside"
     assert (shape.opening[~shape.mask] == 0).all()
     border = np.ones_like(shape.mask)
     border[1:-1, 1:-1] = False

@@ -116,7 +116,7 @@ def test_shares_of_the_variance_sum_to_one() -> None:
         assert effects(table, FACTORS)["eta2"].min() >= 0
 
 
-def test_no_effect_is_found_where_cells_share_a_lucky_recording() -> None:
+def test_no_effect_is_found_where_cells_share_one_unusual_recording() -> None:
     """Tested against the residual, traffic would be found in most of these studies."""
     levels = {**PAPER, "altitude_m": (6.0, 10.0)}
     p = [effects(study(levels, 10, seed=seed), FACTORS, MAIN) for seed in range(120)]

@@ -88,7 +88,7 @@ def test_an_aircraft_above_or_below_is_passed_by(altitude_m: float) -> None:
         np.testing.assert_array_equal(alone.track[column], together.track[column])
 
 
-def test_aircraft_come_first_so_that_prolonging_keeps_the_numbering() -> None:
+def test_aircraft_come_first_so_that_extending_keeps_the_numbering() -> None:
     ground = tiny.trace_of([tiny.parked(10, 0)], 5.0)
     assert ground.agents_at(0.0)["agent"].tolist() == [0]
     merged = Trace(**with_aircraft(empty_sky(), [HANGS, OPPOSES]))

@@ -293,7 +293,7 @@ def _fly(scene: Scene, traffic: TinyTraffic, settings: MissionSettings) -> Missi
     return fly_over(scene.environment(settings), traffic, settings, [0], "hover")
 
 
-def test_traffic_that_cannot_be_prolonged_is_one_plain_error() -> None:
+def test_traffic_that_cannot_be_extended_is_one_plain_error() -> None:
     class Ended(TinyTraffic):
         def extend(self, needed_s: float) -> Trace:
             self.extended.append(needed_s)

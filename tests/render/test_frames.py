@@ -129,7 +129,7 @@ def test_a_frame_tells_only_what_it_is_asked() -> None:
     assert np.array_equal(frame(view, boxes, defect_free=True).defect_free, asked.rgb)
 
 
-def test_the_same_shot_gives_the_same_bytes_in_any_order_and_in_any_size_between() -> None:
+def test_the_same_view_gives_the_same_bytes_in_any_order_and_in_any_size_between() -> None:
     samples = [(VIEWS[name], scattered(VIEWS[name], 8, seed=9)) for name in ("tilted", "nadir, turned", "level")]
     first = [frame(view, boxes, seed=4) for view, boxes in samples]
     wide = look((3, 4, 12), yaw_rad=0.0, pitch_rad=-1.2, size_px=(500, 200), vertical_fov_rad=1.0)

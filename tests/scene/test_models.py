@@ -1,4 +1,4 @@
-"""The committed models: real sizes, known materials, sound meshes, within their budgets. Needs no Blender."""
+"""The committed models: real sizes, known materials, valid meshes, within their budgets. Needs no Blender."""
 
 from collections.abc import Iterator
 from pathlib import Path

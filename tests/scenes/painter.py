@@ -59,7 +59,7 @@ def tired_painter(setting: CaptureContext) -> Painter:
     return Painter(setting, tires_after=6)
 
 
-def full_disk(setting: CaptureContext) -> Painter:  # noqa: ARG001 - the signature of who makes photographers
+def full_disk(setting: CaptureContext) -> Painter:  # noqa: ARG001 - the signature of a frame source's factory
     raise OSError(28, "No space left on device")
 
 

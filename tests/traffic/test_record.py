@@ -84,7 +84,7 @@ def test_a_recording_of_another_world_is_not_extended(cross: World) -> None:
         Recorder.of(recording, replace(cross, content_hash="rebuilt"))
 
 
-def test_a_damaged_file_is_recorded_anew(cross: World) -> None:
+def test_a_damaged_file_is_recorded_again(cross: World) -> None:
     first = record(cross, "low", 1, 10.0)
     before = bytes_of(first)
     assert first.path is not None

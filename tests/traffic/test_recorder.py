@@ -54,7 +54,7 @@ def test_parts_make_the_same_recording_as_one(cross: World, tmp_path: Path, traf
     assert not simulations(os.getpid())
 
 
-def test_a_recording_from_the_disk_is_gone_on_with_by_one_simulation(cross: World) -> None:
+def test_a_recording_from_the_disk_is_extended_by_one_simulation(cross: World) -> None:
     short = record(cross, "medium", 1, 10.0)
     begun: list[float] = []
     with Recorder(Inputs.of(cross, "medium", 1)) as recorder:

@@ -102,7 +102,7 @@ class FlightSettings:
             look_steps: time steps between two looks.
             capture_steps: time steps between two captures.
             threshold: τ_o; a look below it is an event.
-            min_visible_fraction: a defect is sighted when at least this share of its area is unoccluded.
+            min_visible_fraction: a defect is sighted when at least this share of its area is visible.
             every_capture: stop at every capture, not only at those that show a wanted defect.
 
         Raises:

@@ -62,7 +62,7 @@ def _aircraft(name: str, part: pl.DataFrame, path: Path) -> Aircraft:
 
 
 def with_aircraft(columns: TraceArguments, aircraft: Sequence[Aircraft]) -> TraceArguments:
-    """The trace of what moves on the ground, with the aircraft before it, so that prolonging keeps the numbering."""
+    """The trace of what moves on the ground, with the aircraft before it, so that extending it keeps the numbering."""
     if not aircraft:
         return columns
     offsets, step_s, count = columns["step_offsets"], columns["step_s"], len(aircraft)

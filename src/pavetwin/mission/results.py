@@ -163,7 +163,7 @@ def detections_geojson(result: MissionResult, frames: Sequence[str] = ()) -> dic
     """The confirmed defects as points in WGS 84 (RFC 7946), each with the capture that confirmed it.
 
     Args:
-        frames: for each finding, the file of its frame, where frames were taken.
+        frames: for each detection, the file of its frame, where frames were taken.
     """
     world = result.environment.world
     features = []

@@ -3,7 +3,7 @@
 use crate::geometry::Vec2;
 use crate::sensing::Viewpoint;
 
-/// A defect whose centre is in the inspection window and of whose area enough is unoccluded.
+/// A defect whose centre is in the inspection window and enough of whose area is visible.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sighting {
     pub defect: u32,

@@ -27,7 +27,7 @@ pub struct Settings {
     pub every_capture: bool,
     /// τ_o.
     pub threshold: f64,
-    /// A defect is sighted when at least this share of its area is unoccluded.
+    /// A defect is sighted when at least this share of its area is visible.
     pub min_visible_fraction: f64,
     pub battery: Battery,
 }

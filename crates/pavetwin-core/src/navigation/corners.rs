@@ -79,7 +79,7 @@ fn candidates(corner: Vec2, inward: Vec2, turn_rad: f64, widest_m: f64) -> impl 
     })
 }
 
-/// Whether the line around the discs near the `i`-th one is sound and stays on the mesh.
+/// Whether the line around the discs near the `i`-th one can be drawn and stays on the mesh.
 fn fits(mesh: &NavMesh, discs: &[Disc], i: usize) -> bool {
     let first = i.saturating_sub(2);
     let last = (i + 2).min(discs.len() - 1);

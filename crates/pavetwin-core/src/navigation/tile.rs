@@ -197,11 +197,11 @@ fn convex_parts(set: &ContourSet, contour: &Contour) -> Option<Vec<Vec<GridPoint
         .filter(|polygon| double_area(polygon) != 0)
         .collect();
     let covered: i64 = parts.iter().map(|part| double_area(part)).sum();
-    let sound = whole != 0
+    let is_partition = whole != 0
         && covered == whole
         && !crosses_itself(&outline)
         && parts.iter().all(|part| double_area(part).signum() == whole.signum() && is_convex(part, whole.signum()));
-    sound.then_some(parts)
+    is_partition.then_some(parts)
 }
 
 fn set_without_contours(set: &ContourSet) -> ContourSet {

@@ -185,7 +185,7 @@ impl Observer {
     }
 
     /// The share of `points` on the ground that nothing hides, neither solid nor agent, from `viewpoint` at `t_s`: for
-    /// a defect given by points spread over its area, the share of its area that is unoccluded. The frame does not
+    /// a defect given by points spread over its area, its visible fraction. The frame does not
     /// count: points outside it are judged like any others. `None` when there are no points.
     ///
     /// # Errors

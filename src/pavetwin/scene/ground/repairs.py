@@ -116,7 +116,7 @@ class _OnSegment:
         for _ in range(self._count(self.length / 170)):
             self._trench_along()
         for _ in range(self._count((0.25 + self.cracked) * self.length / 45)):
-            self._mended()
+            self._random_patch()
         for _ in range(self._count(self.cracked * self.length / 20)):
             self._crack_across()
         for _ in range(self._count(self.cracked * self.length / 70)):
@@ -215,7 +215,7 @@ class _OnSegment:
                 edge = left + side * width + wander(self.rng, stations, 0.008)
                 self._seal(self._world(stations, edge), self._between(*SEAM_HALF_M))
 
-    def _mended(self) -> None:
+    def _random_patch(self) -> None:
         self._patch(
             self._between(0.5, max(0.6, self.length - 0.5)),
             self._between(-self.half + 0.6, self.half - 0.6),
