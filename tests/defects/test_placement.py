@@ -178,7 +178,7 @@ def dents() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("dents")
-def test_a_fourth_class_is_placed_stored_drawn_and_made_anew(tmp_path: Path) -> None:
+def test_a_fourth_class_is_placed_stored_drawn_and_generated_again(tmp_path: Path) -> None:
     from pavetwin.draw.world_html import save_world_html
     from pavetwin.draw.world_map import legend
 

@@ -107,7 +107,7 @@ def test_every_mission_is_a_row_with_its_factors_and_seeds(reference: Path) -> N
     assert table["time_s"].min() > 5
 
 
-def test_a_replicate_shares_its_luck_and_another_has_its_own(reference: Path) -> None:
+def test_a_replicate_shares_its_random_numbers_and_another_has_its_own(reference: Path) -> None:
     table = Store(reference).table()
     shared = table.group_by("replicate").agg(
         pl.col("segment", "traffic_seed", "defect_seed", "sensing_seed", "defects").n_unique()
@@ -178,7 +178,7 @@ def test_a_unit_that_kills_whoever_flies_it_is_given_up(world: Path, tmp_path: P
 
 
 @pytest.mark.parametrize("defects", [{"per_100_m2": 4}, "placed"], ids=["by the design", "as the world has them"])
-def test_a_study_of_defects_by_area_is_read_and_gone_on_with(tmp_path: Path, defects: object) -> None:
+def test_a_study_of_defects_by_area_is_read_and_resumed(tmp_path: Path, defects: object) -> None:
     place, folder = tmp_path / "cross", tmp_path / "study"
     save_world(add_defects(built("cross"), DefectOptions(per_100_m2=4)), place)
     usual = {"densities": ["low"], "altitudes_m": [10], "defects": defects}
@@ -434,7 +434,7 @@ def test_a_folder_without_a_study_is_said(tmp_path: Path) -> None:
         query(tmp_path, "from segments")
 
 
-def test_a_damaged_part_is_flown_anew(world: Path, tmp_path: Path) -> None:
+def test_a_damaged_part_is_flown_again(world: Path, tmp_path: Path) -> None:
     design = small(world, replicates=1, densities=["low"])
     run(design, tmp_path / "study", Single())
     (part,) = (tmp_path / "study" / "segments.parquet").iterdir()
