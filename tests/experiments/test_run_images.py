@@ -40,7 +40,10 @@ class Dark(Sensor):
     every_capture = True
 
     def detect(self, frame):
-        found, _ = ndimage.label(frame.image()[:, :, 0] < 100)
+        dark = frame.image()[:, :, 0] < 100
+        if not dark.any():
+            return []
+        found, _ = ndimage.label(dark)
         boxes = ndimage.find_objects(found)
         return [Detection("pothole", 0.9, box_px=(x.start, y.start, x.stop, y.stop)) for y, x in boxes]
 
