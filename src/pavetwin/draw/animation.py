@@ -69,15 +69,9 @@ def _save_gif(path: Path, film: Film, on_progress: Callable[[float], None]) -> N
         frames.append(frame.quantize(palette=palette, dither=Image.Dither.NONE))
         on_progress((number + 1) / (len(film) + 1))
     ends_cs = np.round(np.arange(len(film) + 1) * 100 / film.fps).astype(int)
-    frames[0].save(
-        path,
-        format="GIF",
-        save_all=True,
-        append_images=frames[1:],
-        duration=[10 * int(lasts) for lasts in np.diff(ends_cs)],
-        loop=0,
-        optimize=False,
-    )
+    lasts_ms = [10 * int(lasts) for lasts in np.diff(ends_cs)]
+    first, *rest = frames
+    first.save(path, "GIF", save_all=True, append_images=rest, duration=lasts_ms, loop=0, optimize=False)
     on_progress(1.0)
 
 

@@ -48,8 +48,7 @@ class GroundRaster:
 
     def crop(self, left_px: int, top_px: int, size_px: tuple[int, int]) -> Image.Image:
         """A part of the raster, by its upper left pixel and its width and height."""
-        part = Image.new("RGB", size_px)
-        width, height = size_px
+        part, (width, height) = Image.new("RGB", size_px), size_px
         for row in range(top_px // TILE_PX, (top_px + height - 1) // TILE_PX + 1):
             for column in range(left_px // TILE_PX, (left_px + width - 1) // TILE_PX + 1):
                 part.paste(self._tile(column, row), (column * TILE_PX - left_px, row * TILE_PX - top_px))

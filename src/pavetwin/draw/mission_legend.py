@@ -56,15 +56,12 @@ def legend_of(results: Sequence[MissionResult], *, town: bool) -> tuple[list[Han
         recovered = outcome is DefectOutcome.RECOVERED
         entries.append((outcome in found, mark, "Defect recovered on a revisit" if recovered else f"Defect {outcome}"))
     tracks = [result.track for result in results]
+    gave_way = any(avoiding(track).any() for track in tracks)
     entries += [
         (any(map(waits, tracks)), _mark("o", WAIT, 8, mfc=WAIT + "38", mew=0.9), "Waiting; area by seconds"),
         (any(map(displacements, tracks)), _mark("^" if town else ">", STEP, 5), "Displacement"),
         (any(map(revisits, tracks)), _mark("s", REVISIT, 6, mfc="none", mew=0.9), "Place revisited"),
-        (
-            any(avoiding(track).any() for track in tracks),
-            Line2D([], [], color=AVOID, linewidth=5, alpha=0.4),
-            "Giving way to aircraft",
-        ),
+        (gave_way, Line2D([], [], color=AVOID, linewidth=5, alpha=0.4), "Giving way to aircraft"),
         (town and results[0].swaps, _mark("P", BATTERY, 6), "Battery low"),
         (town, _mark("o", style.BASE, 7), "Base"),
     ]

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, Final
 
 from matplotlib.axes import Axes
@@ -51,9 +52,8 @@ def options(group: Group, traffic: Any, gain: Metric, cost: Metric) -> list[Opti
     One that failed in a mission which another flew is not on the front: their means are over different missions.
     """
     pairs = [
-        (h, policy, group.cell(gain.name, traffic, h, policy), group.cell(cost.name, traffic, h, policy))
-        for h in group.altitudes
-        for policy in group.policies
+        (*cell, group.cell(gain.name, traffic, *cell), group.cell(cost.name, traffic, *cell))
+        for cell in product(group.altitudes, group.policies)
     ]
     known = [(h, p, a, b) for h, p, a, b in pairs if a and b and a["mean"] is not None and b["mean"] is not None]
     whole = [cell for cell in known if not group.failed_alone(traffic, *cell[:2])]
