@@ -110,3 +110,30 @@ def test_a_sensor_goes_by_its_file_and_keeps_the_rules(tmp_path: Path) -> None:
 def test_an_unknown_name_says_where_ones_own_comes_from() -> None:
     with pytest.raises(PaveTwinError, match="One of your own needs its file in `plugins`"):
         POLICIES.get("calm")
+
+
+def test_declared_data_and_helpers_are_part_of_a_plugin(tmp_path: Path) -> None:
+    file(tmp_path, "1.0", "weights.txt")
+    file(tmp_path, "table", "table.csv")
+    file(tmp_path, "not read", "other.txt")
+    file(tmp_path, 'DATA_FILES = ["table.csv"]\n', "helper_with_data.py")
+    mine = file(tmp_path, 'DATA_FILES = ["weights.txt"]\nimport helper_with_data\n')
+    load_plugins([mine])
+    before = plugin_hashes([mine])
+    assert {Path(path).name for path in before} == {"mine.py", "helper_with_data.py", "weights.txt", "table.csv"}
+    file(tmp_path, "2.00", "weights.txt")
+    after = plugin_hashes([mine])
+    assert {Path(path).name for path in before if before[path] != after[path]} == {"weights.txt"}
+
+
+@pytest.mark.parametrize(
+    ("declared", "complaint"),
+    [
+        ('["gone.onnx"]', r"DATA_FILES names '.*gone\.onnx', and there is no such file"),
+        ('"model.onnx"', "DATA_FILES must be a list of file names"),
+    ],
+)
+def test_declared_data_that_is_not_there_is_named(tmp_path: Path, declared: str, complaint: str) -> None:
+    with pytest.raises(PaveTwinError, match=rf"`plugins`: '.*mine\.py': {complaint}"):
+        load_plugins([file(tmp_path, f"{dedent(MINE)}\nDATA_FILES = {declared}\n")])
+    assert "calm" not in POLICIES.names()

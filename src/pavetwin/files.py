@@ -1,11 +1,13 @@
-"""Files written whole or not at all: to a temporary name beside the target, then renamed."""
+"""Files written whole or not at all: to a temporary name beside the target, then renamed. And their hashes."""
 
 import errno
+import hashlib
 import os
 import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
 from platform import node
@@ -16,6 +18,25 @@ from pavetwin.errors import PaveTwinError
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """A full disk, a used-up quota, and a file that may not grow."""
+
+
+def file_sha256(path: Path) -> str:
+    """SHA-256 of a file's content; read again only when its size or time has changed.
+
+    Raises:
+        PaveTwinError: it cannot be read.
+    """
+    try:
+        stat = path.stat()
+        return _digest(str(path), stat.st_size, stat.st_mtime_ns)
+    except OSError as error:
+        raise PaveTwinError(f"Cannot read '{path}': {error.strerror or error}.") from error
+
+
+@lru_cache(maxsize=64)
+def _digest(path: str, size: int, changed_ns: int) -> str:  # noqa: ARG001 - they are the cache's key
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 @contextmanager

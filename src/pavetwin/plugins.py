@@ -1,14 +1,20 @@
 """A user's own things from Python files: whatever a file registers, or a class that it holds, named `file.py:Class`.
 
 A plugin file registers as the package's own modules do: `@policy("careful")`, `@defect_class("rutting", …)`. It is read
-once in every process that works with it. Its content, and that of files it imports from beside it, is part of what
-names a study or a dataset.
+once in every process that works with it. What it does may depend on further files: those that it imports from beside
+it, and data that it reads, which it declares, relative to itself:
+
+```python
+DATA_FILES = ["model.onnx"]
+```
+
+The content of all of them is part of what names a mission, a study or a dataset.
 """
 
 import importlib.util
 import sys
 from collections.abc import Iterable
-from functools import lru_cache
+from functools import cache, lru_cache
 from hashlib import sha256
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
@@ -17,12 +23,16 @@ from types import CodeType, ModuleType
 from typing import Any, Final, TypeVar
 
 from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.files import file_sha256
 from pavetwin.registry import DuplicateNameError, Registry, reading
 
 T = TypeVar("T")
 
 KEY: Final = "`plugins`"
 """The parameter that takes plugin files, as messages name it."""
+
+DATA_FILES: Final = "DATA_FILES"
+"""Name in a user's module: the data files that it reads, relative to its file."""
 
 _OWN: Final = "pavetwin_user_"
 """How the names of modules read from a user's file begin."""
@@ -46,9 +56,13 @@ def load_plugins(paths: Iterable[str | Path]) -> None:
 
 
 def plugin_hashes(paths: Iterable[str | Path]) -> dict[str, str]:
-    """SHA-256 by path of plugin files, which have been loaded, and of what they import from beside them."""
-    files = dict.fromkeys(file for path in paths for file in (Path(path).absolute(), *helpers_of(Path(path))))
-    return {str(file): _hash(file, KEY) for file in files}
+    """SHA-256 by path of plugin files, which have been loaded, and of all that `files_of` finds of them.
+
+    Raises:
+        PaveTwinError: a file cannot be read, or declared data is not there.
+    """
+    files = dict.fromkeys(file for path in paths for file in files_of(path))
+    return {str(file): file_sha256(file) for file in files}
 
 
 def find_class(registry: Registry[type[T]], base: Any, name: str) -> type[T]:
@@ -66,20 +80,54 @@ def find_class(registry: Registry[type[T]], base: Any, name: str) -> type[T]:
     return registry.get(name, instead=", or path/to/file.py:ClassName")
 
 
-def helpers_of(path: Path) -> list[Path]:
-    """The imported modules' files in or below the folder of a user's file, sorted: what it does may depend on them.
+def files_of(path: str | Path) -> list[Path]:
+    """A user's file, which has been loaded, and the files that its work may depend on.
+
+    These are the imported modules' files in or below its folder, and the `DATA_FILES` that it or one of them declares.
     Installed packages and other plugin files are left out.
+
+    Raises:
+        PaveTwinError: declared data is not there.
     """
+    path = Path(path).absolute()
+    helpers = _helpers_of(path)
+    modules = [(path, sys.modules.get(_module_name(path))), *sorted(helpers.items())]
+    data = {file for source, module in modules for file in _data_files(source, module, KEY)}
+    return list(dict.fromkeys([path, *sorted(helpers), *sorted(data)]))
+
+
+def _helpers_of(path: Path) -> dict[Path, ModuleType]:
+    """By file, the modules beside or below a user's file that it may have imported."""
     folder, installed = path.resolve().parent, [Path(place).resolve() for place in set(get_paths().values())]
-    found = set()
+    found = {}
     for name, module in list(sys.modules.items()):
         source = getattr(module, "__file__", None)
         if not source or name.partition(".")[0] in ("__main__", "pavetwin") or name.startswith(_OWN):
             continue
-        file = Path(source).resolve()
+        file = _resolved(source)
         if folder in file.parents and not any(place in file.parents for place in installed):
-            found.add(file)
-    return sorted(found)
+            found[file] = module
+    return found
+
+
+@cache
+def _resolved(source: str) -> Path:
+    return Path(source).resolve()
+
+
+def _data_files(source: Path, module: ModuleType | None, key: str) -> list[Path]:
+    """The data that a module declares to read.
+
+    Raises:
+        PaveTwinError: it declares no list of names, or a file that is not there.
+    """
+    names = getattr(module, DATA_FILES, ())
+    if not isinstance(names, list | tuple) or not all(isinstance(name, str | Path) for name in names):
+        raise PaveTwinError(f"{key}: '{source}': {DATA_FILES} must be a list of file names, as in [\"model.onnx\"].")
+    files = [source.parent / name for name in names]
+    if missing := [file for file in files if not file.is_file()]:
+        raise PaveTwinError(f"{key}: '{source}': {DATA_FILES} names '{missing[0]}', and there is no such file.")
+    return files
 
 
 @lru_cache(maxsize=64)
@@ -110,8 +158,7 @@ class _Uncached(SourceFileLoader):
 
 def _read(path: Path, key: str, *, check: bool = False) -> ModuleType:
     """The module of a user's file; with `check`, what it registers must keep the rules of its kind."""
-    # Two files of the same name in different folders are two modules.
-    name = f"{_OWN}{path.stem}_{sha256(str(path.resolve()).encode()).hexdigest()[:8]}"
+    name = _module_name(path)
     loader = _Uncached(name, str(path))
     spec = importlib.util.spec_from_file_location(name, path, loader=loader)
     if spec is None:
@@ -124,6 +171,7 @@ def _read(path: Path, key: str, *, check: bool = False) -> ModuleType:
         sys.path.insert(0, beside)  # a script, too, imports what lies beside it
         with reading(f"'{path.resolve()}'") as source:
             loader.exec_module(module)
+            _data_files(path, module, key)
             if fault := source.broken_rule() if check else "":
                 raise PaveTwinError(f"{key}: '{path}': {fault}.")
     except BaseException as error:
@@ -139,6 +187,11 @@ def _read(path: Path, key: str, *, check: bool = False) -> ModuleType:
     finally:
         sys.path.remove(beside)
     return module
+
+
+def _module_name(path: Path) -> str:
+    """Of the module of a user's file. Two files of the same name in different folders are two modules."""
+    return f"{_OWN}{path.stem}_{sha256(str(path.resolve()).encode()).hexdigest()[:8]}"
 
 
 def _hash(path: Path, key: str) -> str:

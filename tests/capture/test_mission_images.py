@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pavetwin.capture.mission_images import MissionImages
+from pavetwin.capture.mission_images import MissionImages, check_frames
 from pavetwin.capture.settings import CaptureSettings
-from pavetwin.config import Conditions
+from pavetwin.config import Conditions, load_settings
 from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.errors import PaveTwinError
 from pavetwin.mission.replay import Replay
 from pavetwin.scene.view import View
 from pavetwin.sensing import Frame
@@ -23,7 +24,7 @@ from pavetwin.uav.cameras import find_camera
 from pavetwin.world.store import save_world
 from scenes import built
 from scenes.recordings import recording
-from scenes.tiny import empty_street
+from scenes.tiny import empty_street, straight
 
 LOOKER = """
 from pathlib import Path
@@ -102,3 +103,11 @@ def test_an_image_is_asked_for_with_the_captures_own_pose_motion_traffic_and_noi
     assert traffic[1] is longer
     assert times == (42.5, 42.5, 42.5)
     assert noise[0] == noise[1] != noise[2]
+
+
+@pytest.mark.needs_adapter
+def test_frames_at_night_are_refused_before_the_flight() -> None:
+    check_frames(load_settings(), straight())
+    night = load_settings(conditions={"time": "02:00"})
+    with pytest.raises(PaveTwinError, match=r"`time` 02:00: on 2025-03-20 the sun .* below the horizon"):
+        check_frames(night, straight())

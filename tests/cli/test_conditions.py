@@ -4,10 +4,9 @@ from typing import Any
 
 import pytest
 
-from pavetwin.cli.conditions import check_daylight, conditions_of
+from pavetwin.cli.conditions import conditions_of
 from pavetwin.config import load_settings
 from pavetwin.errors import PaveTwinError
-from scenes.tiny import straight
 
 
 @pytest.mark.parametrize(
@@ -42,10 +41,3 @@ def test_what_does_not_fit_is_said_by_its_option(options: dict[str, Any], words:
         conditions_of(**{"date": None, "time": None, "clouds": None, "wind": None, **options})
     assert words in str(refusal.value)
     assert "\n" not in str(refusal.value)
-
-
-def test_frames_at_night_are_refused_before_the_flight() -> None:
-    check_daylight(load_settings(), straight())
-    night = load_settings(conditions=conditions_of(None, "02:00", None, None))
-    with pytest.raises(PaveTwinError, match=r"`time` 02:00: on 2025-03-20 the sun .* below the horizon"):
-        check_daylight(night, straight())

@@ -144,7 +144,7 @@ def test_a_mission_is_flown_again_from_its_description_alone(world: Path, tmp_pa
     assert "The same as the first time." in done.stdout
     assert digests(tmp_path / "m-again") == digests(tmp_path / "m")
     done = pavetwin(*again, "--defect-seed", "7", "-o", tmp_path / "other")
-    assert "not the same mission as before" in done.stdout
+    assert "Not the same mission as before" in done.stdout
     assert "--seed" in plain_refusal(pavetwin(*again, "--seed", "1"))
     save_world(built("cross", seed=2), tmp_path / "elsewhere")
     line = plain_refusal(pavetwin("fly", tmp_path / "elsewhere", *again[1:]))
@@ -154,7 +154,7 @@ def test_a_mission_is_flown_again_from_its_description_alone(world: Path, tmp_pa
     for name, words, damage in (
         ("torn", "unknown key 'sead' (did you mean 'seed'?)", text.replace("\nseed: 4", "\nsead: 4")),
         ("none", "not a mission.yaml", "- 1"),
-        ("old", "format 3", text.replace("format: 3", "format: 2")),
+        ("old", "format 3 or 4", text.replace("format: 4", "format: 2")),
         ("odd", "max_wait_s", text.replace("max_wait_s: 33", "max_wait_s: soon")),
         ("moved", "is not at", text.replace(str(world), str(tmp_path / "gone"))),
     ):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from pavetwin.arrays import UInt8Array
 from pavetwin.capture.daylight import Daylight
+from pavetwin.config import MissionSettings
 from pavetwin.mission.replay import Replay
 from pavetwin.scene.view import nadir
 from pavetwin.seeds import Stream, child
@@ -19,6 +20,18 @@ from pavetwin.world.model import World
 if TYPE_CHECKING:
     from pavetwin.capture.scene_renderer import SceneRenderer
     from pavetwin.render.frame import RenderedFrame
+
+
+def check_frames(settings: MissionSettings, world: World) -> None:
+    """Whether frames of a mission can be taken.
+
+    Raises:
+        PaveTwinError: there is no adapter to draw with, or the sun is below the horizon.
+    """
+    from pavetwin.render.adapter import find_adapter
+
+    find_adapter()
+    Daylight.of(settings.conditions, world)
 
 
 @dataclass

@@ -1,15 +1,11 @@
 """Options for the date, the time of day and the weather of a mission."""
 
 import re
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import Annotated, Any, Final
 
 import typer
 
 from pavetwin.errors import PaveTwinError
-
-if TYPE_CHECKING:
-    from pavetwin.config import MissionSettings
-    from pavetwin.world.model import World
 
 Date = Annotated[str | None, typer.Option(metavar="YYYY-MM-DD", help="Date of the flight, for the light of frames.")]
 Time = Annotated[
@@ -43,17 +39,6 @@ def conditions_of(date: str | None, time: str | None, clouds: float | None, wind
         if text is not None:
             values |= _checked(option, text, given)
     return values
-
-
-def check_daylight(settings: "MissionSettings", world: "World") -> None:
-    """Whether frames of a mission have light.
-
-    Raises:
-        PaveTwinError: the sun is below the horizon.
-    """
-    from pavetwin.capture.daylight import Daylight
-
-    Daylight.of(settings.conditions, world)
 
 
 def _wind(text: str) -> dict[str, Any]:

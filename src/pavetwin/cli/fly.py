@@ -9,7 +9,7 @@ import typer
 
 from pavetwin.cli.arguments import OptionalWorldFolder, Plugins, paths_of
 from pavetwin.cli.conditions import OPTIONS as CONDITIONS
-from pavetwin.cli.conditions import Clouds, Date, Time, Wind, check_daylight, conditions_of
+from pavetwin.cli.conditions import Clouds, Date, Time, Wind, conditions_of
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -19,9 +19,8 @@ if TYPE_CHECKING:
     from pavetwin.mission.fly import MissionResult
     from pavetwin.mission.inputs import MissionInputs
     from pavetwin.mission.spec import MissionSpec
-    from pavetwin.sensing import ImageSource
 
-ALL, POLICY, SEGMENTS = "all", "hover", "8"
+POLICY, SEGMENTS = "hover", "8"
 
 FIXED_BY_AGAIN = (
     *("density", "altitude", "segments", "segment", "order", "seed", "preset", "set_"),
@@ -91,47 +90,35 @@ def fly(
     _refuse_pairs(context, (("density", "traffic", "routes"), ("segment", "segments")))
     if world is None and again is None and not settings:
         raise PaveTwinError("Name the folder of a world, or a mission.yaml by --again.")
-    former = None
-    if again is not None:
-        from pavetwin.mission.again import read_mission
-
-        _refuse_fixed(context)
-        former = read_mission(again, other_policy=policy is not None)
+    former = _former(context, again, other_policy=policy is not None)
     chosen = (
         former.spec.settings
         if former is not None
         else _settings(preset, altitude, set_, paths_of(plugin), conditions_of(date, time, clouds, wind))
     )
 
-    from pavetwin.capture.mission_images import MissionImages
     from pavetwin.cli import report
     from pavetwin.mission.environment import prepare
     from pavetwin.mission.inputs import defects_of, load_inputs, world_of
-    from pavetwin.mission.naming import folder_name
-    from pavetwin.mission.plan import check_names, defect_input, plan_mission
-    from pavetwin.mission.replay import Replay
+    from pavetwin.mission.naming import mission_folder
+    from pavetwin.mission.plan import check_names, defect_input, plan_mission, policies_named
     from pavetwin.mission.results import check_mission_folder
     from pavetwin.world.store import load_world
 
     if settings:
         out.print(report.settings_text(chosen), markup=False)
         return
-    names = _policies(policy or [POLICY if former is None else former.spec.policy.name])
-    for name in names:
-        check_names(chosen, name, seed)
-    if save_frames:
-        from pavetwin.render.adapter import find_adapter
-
-        find_adapter()
+    names = policies_named(policy or [POLICY if former is None else former.spec.policy.name])
+    check_names(chosen, names, seed)
     loaded = load_world(world) if world is not None else world_of(former.spec.world)  # type: ignore[union-attr]
     if save_frames:
-        check_daylight(chosen, loaded)
+        from pavetwin.capture.mission_images import check_frames
+
+        check_frames(chosen, loaded)
     with progress("Preparing the flight domain") as tell:
         environment = None
         if former is not None:
-            spec = former.spec.with_policy(names[0])
-            if defect_seed is not None:
-                spec = spec.model_copy(update={"defects": defect_input(defect_seed)})
+            spec = former.planned(loaded, policy=names[0], defect_seed=defect_seed)
         else:
             environment = prepare(loaded, chosen, defects_of(loaded, defect_input(defect_seed)))
             spec = plan_mission(
@@ -149,48 +136,62 @@ def fly(
                 environment=environment,
             )
         inputs = load_inputs(spec, world=loaded, environment=environment, on_progress=tell)
-    replay = inputs.traffic
-    assert isinstance(replay, Replay)
-    images = MissionImages(inputs.environment.inspected_world, replay, spec.seed)
-    label = names[0] if len(names) == 1 else ALL
     usual = not segment and order == "random" and segments == SEGMENTS
-    folder = output or (
-        again.absolute().parent.with_name(f"{again.absolute().parent.name}-again")
-        if again is not None
-        else Path(spec.world.path) / "missions" / folder_name(spec, label, preset, usual_targets=usual)
-    )
+    own_folder = former.folder_again if former is not None else mission_folder(spec, names, preset, usual_targets=usual)
+    folder = output or own_folder
     check_mission_folder(folder)
+    results = _fly_and_save(spec, names, inputs, folder, animate=animate, save_frames=save_frames)
+    report.tell(results, inputs, folder, former, animate=animate, frames=save_frames)
+
+
+def _former(context: typer.Context, again: Path | None, *, other_policy: bool) -> "FormerMission | None":
+    """The mission to fly again.
+
+    Raises:
+        PaveTwinError: it cannot be read, or an option was given whose value its mission.yaml holds.
+    """
+    if again is None:
+        return None
+    from pavetwin.mission.again import read_mission
+
+    for option in FIXED_BY_AGAIN:
+        if _given(context, option):
+            raise PaveTwinError(f"--again: the mission.yaml says --{option.rstrip('_')}; leave one of the two out.")
+    return read_mission(again, other_policy=other_policy)
+
+
+def _fly_and_save(
+    spec: "MissionSpec",
+    names: Sequence[str],
+    inputs: "MissionInputs",
+    folder: Path,
+    *,
+    animate: bool,
+    save_frames: bool,
+) -> list["MissionResult"]:
+    """Fly a mission with each policy, and write each as soon as it is flown."""
+    from pavetwin.capture.mission_images import MissionImages
+    from pavetwin.cli import report
+    from pavetwin.mission.fly import fly as fly_mission
+
+    replay = inputs.replay
+    images = MissionImages(inputs.environment.inspected_world, replay, spec.seed)
+
+    def missions() -> Iterator["MissionResult"]:
+        for name in names:
+            with progress(f"Flying {Path(name).name}") as tell:
+                inputs.on_extend(partial(tell, what="Recording more traffic"))
+                yield fly_mission(spec.with_policy(name), inputs=inputs, image_source=images, on_progress=tell)
+
     with replay:
-        results = report.save(
-            _missions(spec, names, inputs, images),
+        return report.save(
+            missions(),
             replay,
             folder,
             several=len(names) > 1,
             animated=lambda _: animate,
             frames=images if save_frames else None,
         )
-    for remark in replay.recording.remarks:
-        out.print(f"[yellow]Note:[/] {remark}")
-    out.print(report.segments_table(results[0]) if len(results) == 1 else report.comparison_table(results))
-    out.print(report.sentence(results), markup=False, soft_wrap=True)
-    if former is not None:
-        _compare(former, results[0])
-    out.print(
-        f"Results in {folder}/: {report.listing(results, animate=animate, frames=save_frames)}",
-        markup=False,
-        soft_wrap=True,
-    )
-
-
-def _missions(
-    spec: "MissionSpec", policies: Sequence[str], inputs: "MissionInputs", images: "ImageSource"
-) -> Iterator["MissionResult"]:
-    from pavetwin.mission.fly import fly as fly_mission
-
-    for name in policies:
-        with progress(f"Flying {Path(name).name}") as tell:
-            inputs.on_extend(partial(tell, what="Recording more traffic"))
-            yield fly_mission(spec.with_policy(name), inputs=inputs, image_source=images, on_progress=tell)
 
 
 def _settings(
@@ -214,16 +215,8 @@ def _settings(
     return load_settings(preset, overrides or (), **given)
 
 
-def _policies(given: Sequence[str]) -> list[str]:
-    """The policies to fly, each once; `all` stands for every registered one."""
-    from pavetwin.policies import policy_names
-
-    names = [name for each in given for name in (policy_names() if each == ALL else [each])]
-    return list(dict.fromkeys(names))
-
-
 def _count(segments: str) -> int | None:
-    if segments == ALL:
+    if segments == "all":
         return None
     try:
         return int(segments)
@@ -244,24 +237,3 @@ def _refuse_pairs(context: typer.Context, groups: Sequence[Sequence[str]]) -> No
         both = [f"--{option}" for option in group if _given(context, option)]
         if len(both) > 1:
             raise PaveTwinError(f"{' and '.join(both)} exclude each other; give one of them.")
-
-
-def _refuse_fixed(context: typer.Context) -> None:
-    """Raises:
-    PaveTwinError: an option was given with --again whose value the mission.yaml holds.
-    """
-    for option in FIXED_BY_AGAIN:
-        if _given(context, option):
-            raise PaveTwinError(f"--again: the mission.yaml says --{option.rstrip('_')}; leave one of the two out.")
-
-
-def _compare(former: "FormerMission", result: "MissionResult") -> None:
-    """Print whether a repeated mission gave the same results."""
-    for change in former.version_changes():
-        out.print(f"[yellow]Note:[/] flown before with {change}.", soft_wrap=True)
-    if result.spec != former.spec:
-        out.print("[yellow]Note:[/] not the same mission as before: an option changed it.", soft_wrap=True)
-    elif different := former.differences(result):
-        out.print(f"[yellow]Note:[/] not the same as the first time ({', '.join(different)}).", soft_wrap=True)
-    else:
-        out.print("The same as the first time.")

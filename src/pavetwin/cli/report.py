@@ -9,14 +9,16 @@ from rich.cells import cell_len
 from rich.table import Table
 from rich.text import Text
 
-from pavetwin.cli.console import progress
+from pavetwin.cli.console import out, progress
 from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.results import Drawing, Totals, save_mission, save_missions, totals
 
 if TYPE_CHECKING:
     from pavetwin.capture.mission_images import MissionImages
     from pavetwin.config import MissionSettings
+    from pavetwin.mission.again import FormerMission
     from pavetwin.mission.fly import MissionResult
+    from pavetwin.mission.inputs import MissionInputs
     from pavetwin.mission.replay import Replay
 
 
@@ -85,6 +87,28 @@ def _frames_of(images: "MissionImages") -> Drawing:
             save_frames(mission, images, path.parent, adapter=adapter, on_progress=tell)
 
     return take
+
+
+def tell(
+    results: Sequence["MissionResult"],
+    inputs: "MissionInputs",
+    folder: Path,
+    former: "FormerMission | None",
+    *,
+    animate: bool,
+    frames: bool,
+) -> None:
+    """Print what came out, how it compares with a former flight of the same mission, and where it is."""
+    for remark in inputs.replay.recording.remarks:
+        out.print(f"[yellow]Note:[/] {remark}")
+    out.print(segments_table(results[0]) if len(results) == 1 else comparison_table(results))
+    out.print(sentence(results), markup=False, soft_wrap=True)
+    if former is not None:
+        if changes := former.version_changes():
+            out.print(f"[yellow]Note:[/] flown before with {', '.join(changes)}.", soft_wrap=True)
+        out.print(former.verdict(results[0]), markup=False, soft_wrap=True)
+    written = listing(results, animate=animate, frames=frames)
+    out.print(f"Results in {folder}/: {written}", markup=False, soft_wrap=True)
 
 
 def listing(result: Sequence["MissionResult"], *, animate: bool, frames: bool = False) -> str:

@@ -15,7 +15,7 @@ from pavetwin.experiments.design import Design
 from pavetwin.experiments.metrics import FAILED, STATUS
 from pavetwin.experiments.plan import Plan, Unit, units_of
 from pavetwin.files import writing
-from pavetwin.plugins import helpers_of
+from pavetwin.plugins import files_of
 
 DESIGN, PARTS, FORMAT = "design.yaml", "segments.parquet", 2
 
@@ -241,9 +241,9 @@ def _description(plan: Plan) -> dict[str, Any]:
 
 
 def _scripts(name: str) -> list[str]:
-    """The files that a policy or sensor of the user's own is made of; it has been loaded."""
+    """The files that a policy or sensor of the user's own is made of, and its data; it has been loaded."""
     path, colon, _ = name.rpartition(":")
-    return [path, *map(str, helpers_of(Path(path)))] if colon else []
+    return [str(file) for file in files_of(path)] if colon else []
 
 
 def _flown_with(plan: Plan, file: str) -> pl.Expr:

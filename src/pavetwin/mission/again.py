@@ -1,28 +1,66 @@
 """Reading a mission's description, and comparing a mission that was flown again with what it was."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import yaml
 
 from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError
+from pavetwin.files import file_sha256
 from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.plan import defect_input
 from pavetwin.mission.results import TOTALS, detections_geojson, totals
-from pavetwin.mission.spec import FORMAT, FileInput, MissionSpec
+from pavetwin.mission.spec import FORMAT, FileInput, MissionSpec, WorldInput, software_versions
+from pavetwin.world.folder import DESCRIPTION, read_description
+from pavetwin.world.model import World
+
+READABLE: Final = (3, FORMAT)
 
 
 @dataclass(frozen=True, slots=True)
 class FormerMission:
     """A `mission.yaml`: the spec, and what came out of the mission."""
 
+    path: Path
     spec: MissionSpec
     totals: Mapping[str, Any]
     detections: Any
     """The `captures.geojson` beside it; None where it is not there any more."""
+
+    @property
+    def folder_again(self) -> Path:
+        """Where the results go when it is flown again: beside its own folder."""
+        folder = self.path.absolute().parent
+        return folder.with_name(f"{folder.name}-again")
+
+    def planned(self, world: World, *, policy: str | None = None, defect_seed: int | None = None) -> MissionSpec:
+        """The spec to fly it again.
+
+        Args:
+            world: its own, wherever that is now.
+            policy: in place of its own.
+            defect_seed: place the defects under this seed, in place of its defects.
+        """
+        changes: dict[str, Any] = {}
+        if world.content_hash == self.spec.world.content_hash:
+            changes["world"] = WorldInput.of(world)
+        if defect_seed is not None:
+            changes["defects"] = defect_input(defect_seed)
+        spec = self.spec.model_copy(update=changes)
+        return spec if policy is None else spec.with_policy(policy)
+
+    def verdict(self, result: MissionResult) -> str:
+        """Whether a mission that was flown again gave the same results, as a sentence."""
+        if not _is_same(result.spec, self.spec):
+            return "Not the same mission as before: an option changed it."
+        if different := self.differences(result):
+            return f"Not the same as the first time ({', '.join(different)})."
+        return "The same as the first time."
 
     def differences(self, result: MissionResult) -> list[str]:
         """Names of what came out differently; empty when all is the same."""
@@ -34,7 +72,7 @@ class FormerMission:
 
     def version_changes(self) -> list[str]:
         """Software that is another now than when the mission was flown, in words."""
-        now = MissionSpec.model_fields["versions"].get_default(call_default_factory=True)
+        now = software_versions(images=True)
         return [
             f"{name} {before} (now {now.get(name, 'not installed')})"
             for name, before in self.spec.versions.items()
@@ -42,8 +80,19 @@ class FormerMission:
         ]
 
 
+def _is_same(one: MissionSpec, other: MissionSpec) -> bool:
+    """Whether two specs describe the same mission, wherever its world is, and whatever software flies it."""
+    unlike = {"versions": {}, "world": one.world}
+    return one.world.content_hash == other.world.content_hash and one.model_copy(update=unlike) == other.model_copy(
+        update=unlike
+    )
+
+
 def read_mission(path: str | Path, *, other_policy: bool = False) -> FormerMission:
     """The mission that a `mission.yaml` describes.
+
+    A world or file that is not at its path any more is looked for by the last names of its path, in the folders that
+    the `mission.yaml` is in: results that were moved together with their world are found. Its content must be the same.
 
     Args:
         other_policy: it will be flown with another policy, so that its own need not be there any more.
@@ -54,20 +103,67 @@ def read_mission(path: str | Path, *, other_policy: bool = False) -> FormerMissi
     """
     path = Path(path)
     values = dict(_read(path))
-    if values.get("format") != FORMAT:
+    if values.get("format") not in READABLE:
         raise PaveTwinError(
-            f"'{path}' is no mission.yaml of format {FORMAT}, which this version reads; fly the mission again from its "
-            "options."
+            f"'{path}' is no mission.yaml of format {' or '.join(map(str, READABLE))}, which this version reads; fly "
+            "the mission again from its options."
         )
+    values["format"] = FORMAT
     sums = values.pop(TOTALS, None)
     if not isinstance(sums, Mapping):
         raise PaveTwinError(f"'{path}' is not a whole mission.yaml: it has no totals.")
+    values = dict(_relocated(values, path.resolve()))
     # Before the settings are read, which loads the user's own code.
     files = [file for key, value in values.items() if not (other_policy and key == "policy") for file in _files(value)]
     if changed := [difference for file in files if (difference := file.difference())]:
         raise PaveTwinError(f"The mission's inputs are not what they were: {'; '.join(changed)}.")
     spec = MissionSpec.parse(values, where=f"'{path}'")
-    return FormerMission(spec, dict(sums), _detections(path.with_name("captures.geojson")))
+    return FormerMission(path, spec, dict(sums), _detections(path.with_name("captures.geojson")))
+
+
+def _relocated(values: Mapping[str, Any], description: Path) -> Any:
+    """Plain values with the paths of what is gone replaced by where it is now, as far as it is found."""
+    moved: dict[str, str] = {}
+
+    def look_for(path: str, is_it: Callable[[Path], bool]) -> None:
+        place = Path(path)
+        if place.is_absolute() and not place.exists():
+            tails = [Path(*place.parts[-count:]) for count in range(len(place.parts) - 1, 0, -1)]
+            candidates = (folder / tail for folder in description.parents for tail in (*tails, Path()))
+            if found := next(filter(is_it, candidates), None):
+                moved[path] = str(found)
+
+    for file in _files(values):
+        look_for(file.path, partial(_is_file, sha256=file.sha256))
+    world = values.get("world")
+    if isinstance(world, Mapping):
+        look_for(str(world.get("path")), partial(_is_world, content_hash=world.get("content_hash")))
+    return _with_places(values, moved)
+
+
+def _is_file(place: Path, sha256: str) -> bool:
+    return place.is_file() and file_sha256(place) == sha256
+
+
+def _is_world(folder: Path, content_hash: Any) -> bool:
+    try:
+        return (folder / DESCRIPTION).is_file() and read_description(folder).get("content_hash") == content_hash
+    except PaveTwinError:
+        return False
+
+
+def _with_places(value: Any, moved: Mapping[str, str]) -> Any:
+    """Plain values with each path that is in `moved`, alone or before a class name, replaced."""
+    if isinstance(value, Mapping):
+        return {key: _with_places(inner, moved) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_with_places(inner, moved) for inner in value]
+    if isinstance(value, str):
+        path, colon, name = value.rpartition(":")
+        if colon and path in moved:
+            return f"{moved[path]}:{name}"
+        return moved.get(value, value)
+    return value
 
 
 def _files(value: Any) -> Iterator[FileInput]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pavetwin._core import Captured, Occluded
+from pavetwin.arrays import UInt8Array
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import MissionEnvironment
@@ -16,7 +17,16 @@ from pavetwin.mission.inputs import MissionInputs, load_inputs
 from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.mission import Mission, Traffic
 from pavetwin.mission.replay import Replay
-from pavetwin.mission.spec import HANDED_IN, DefectInput, MissionSpec, PolicyInput, TrafficInput, WorldInput
+from pavetwin.mission.spec import (
+    HANDED_IN,
+    AircraftTrack,
+    DefectInput,
+    MissionSpec,
+    PolicyInput,
+    TrafficInput,
+    WorldInput,
+    software_versions,
+)
 from pavetwin.policies import Action, Policy, load_policy
 from pavetwin.sensing import Detection, Frame, ImageSource, JudgedDetection, Outcome, Sensor, load_sensor
 from pavetwin.twin import InspectionMemory, Snapshot
@@ -119,11 +129,8 @@ def fly(
     chosen = policy or load_policy(spec.policy.name, spec.settings.policy)
     sensor = load_sensor(spec.settings.sensing, spec.seed)
     loaded = inputs or load_inputs(spec)
-    if loaded.environment.altitude_m != spec.settings.altitude_m:
-        raise PaveTwinError(
-            f"`inputs`: the environment was made for {loaded.environment.altitude_m:g} m, and the mission is to be "
-            f"flown at {spec.settings.altitude_m:g} m."
-        )
+    loaded.check(spec)
+    images = None if image_source is None else _CountedImages(image_source)
 
     def tell(event: MissionEvent) -> None:
         if on_progress is not None and isinstance(event, ProgressMade):
@@ -139,14 +146,15 @@ def fly(
         policy=chosen.name,
         sensor=sensor.name,
         other_classes=sensor.other_classes,
-        image_source=image_source,
+        image_source=images,
         every_capture=sensor.every_capture,
         observer=tell,
     )
     _answer(mission, chosen, sensor)
     flight = mission.flight
+    versions = software_versions(images=images is not None and images.taken > 0)
     return MissionResult(
-        spec=spec,
+        spec=spec.model_copy(update={"versions": versions}),
         environment=loaded.environment,
         policy=chosen.name,
         sensor=sensor.name,
@@ -210,11 +218,30 @@ def spec_of(
         world=WorldInput.of(world),
         defects=DefectInput(content_hash=environment.defects_hash),
         traffic=traffic.source() if isinstance(traffic, Replay) else TrafficInput(density=HANDED_IN),
+        aircraft=_tracks(traffic),
         targets=tuple(world.segments[index].id for index in targets),
         policy=PolicyInput.of(policy),
         seed=seed,
         settings=settings,
     )
+
+
+def _tracks(traffic: Traffic) -> tuple[AircraftTrack, ...] | None:
+    """The tracks of other aircraft in traffic that is a value."""
+    aircraft = traffic.aircraft if isinstance(traffic, Replay) else ()
+    return tuple(AircraftTrack.of(each) for each in aircraft) or None
+
+
+class _CountedImages:
+    """An image source, and how many images it has taken."""
+
+    def __init__(self, source: ImageSource) -> None:
+        self._source = source
+        self.taken = 0
+
+    def __call__(self, frame: Frame) -> UInt8Array:
+        self.taken += 1
+        return self._source(frame)
 
 
 def _answer(mission: Mission, policy: Policy, sensor: Sensor) -> None:

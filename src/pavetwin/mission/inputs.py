@@ -6,11 +6,11 @@ from pathlib import Path
 
 from pavetwin.defects import place
 from pavetwin.errors import PaveTwinError
-from pavetwin.mission.airspace import load_airspace
+from pavetwin.mission.airspace import Aircraft, load_airspace
 from pavetwin.mission.environment import MissionEnvironment, prepare
 from pavetwin.mission.mission import Traffic
 from pavetwin.mission.replay import Replay, replay_of
-from pavetwin.mission.spec import HANDED_IN, DefectInput, MissionSpec, TrafficInput, WorldInput
+from pavetwin.mission.spec import HANDED_IN, DefectInput, FileInput, MissionSpec, TrafficInput, WorldInput
 from pavetwin.traffic.recording import load_recording
 from pavetwin.world.content import defects_hash
 from pavetwin.world.model import Defect, World
@@ -27,10 +27,42 @@ class MissionInputs:
     environment: MissionEnvironment
     traffic: Traffic
 
+    @property
+    def replay(self) -> Replay:
+        """The traffic as a replay of a recording, which that of `load_inputs` is.
+
+        Raises:
+            TypeError: it was handed in as something else.
+        """
+        if not isinstance(self.traffic, Replay):
+            raise TypeError(f"the traffic is {type(self.traffic).__name__}, not a Replay")
+        return self.traffic
+
     def on_extend(self, tell: Callable[[float], None]) -> None:
         """Report the progress of extending the recording, when a mission takes longer than it."""
         if isinstance(self.traffic, Replay):
             self.traffic.on_extend = tell
+
+    def check(self, spec: MissionSpec) -> None:
+        """Whether these are the inputs that a spec names.
+
+        Raises:
+            PaveTwinError: they are not; the message names what differs.
+        """
+        environment, replay = self.environment, self.traffic if isinstance(self.traffic, Replay) else None
+        if environment.altitude_m != spec.settings.altitude_m:
+            raise PaveTwinError(
+                f"`inputs`: the environment was made for {environment.altitude_m:g} m, and the mission is to be "
+                f"flown at {spec.settings.altitude_m:g} m."
+            )
+        for what, differs in (
+            ("world", environment.world.content_hash != spec.world.content_hash),
+            ("defects", spec.defects.content_hash not in ("", environment.defects_hash)),
+            ("traffic", replay is not None and replay.source() != spec.traffic),
+            ("aircraft", replay is not None and bool(replay.aircraft) != bool(spec.aircraft)),
+        ):
+            if differs:
+                raise PaveTwinError(f"`inputs`: this is not the {what} that the mission's spec names.")
 
     def indices(self, spec: MissionSpec) -> list[int]:
         """Indices of the segments to inspect, among the world's segments.
@@ -69,8 +101,7 @@ def load_inputs(
             f"The mission's inputs are not what they were: seed {spec.defects.seed} places other defects than before."
         )
     traffic = traffic_of(loaded, spec.traffic, lambda share: tell(share, "Recording traffic"))
-    if spec.aircraft is not None:
-        traffic.aircraft = load_airspace(Path(spec.aircraft.path))
+    traffic.aircraft = aircraft_of(spec)
     return MissionInputs(ready, traffic)
 
 
@@ -116,6 +147,17 @@ def defects_of(world: World, source: DefectInput, targets: Sequence[str] = ()) -
     chosen = set(targets)
     segments = [segment for segment in world.segments if source.on == "world" or segment.id in chosen]
     return place(segments, source.seed, source.options)
+
+
+def aircraft_of(spec: MissionSpec) -> tuple[Aircraft, ...]:
+    """The tracks of other aircraft.
+
+    Raises:
+        PaveTwinError: their file is not a table of tracks.
+    """
+    if isinstance(spec.aircraft, FileInput):
+        return load_airspace(Path(spec.aircraft.path))
+    return tuple(track.value() for track in spec.aircraft or ())
 
 
 def traffic_of(world: World, source: TrafficInput, on_progress: Callable[[float], None] | None = None) -> Replay:

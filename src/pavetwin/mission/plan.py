@@ -1,7 +1,8 @@
 """From what a user asks for to the `MissionSpec` that answers it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Final
 
 from pavetwin.config import MissionSettings, load_settings
 from pavetwin.defects import DefectOptions
@@ -10,13 +11,16 @@ from pavetwin.mission.environment import MissionEnvironment, prepare
 from pavetwin.mission.inputs import defects_of
 from pavetwin.mission.spec import DefectInput, FileInput, MissionSpec, PolicyInput, TrafficInput, WorldInput
 from pavetwin.mission.targets import choose_targets
-from pavetwin.policies import load_policy
+from pavetwin.policies import load_policy, policy_names
 from pavetwin.sensing import load_sensor
 from pavetwin.traffic.demand import Density, density_named
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.recording import load_recording
 from pavetwin.uav import energy_curve, find_camera
 from pavetwin.world.model import World
+
+ALL: Final = "all"
+"""Stands for every registered policy."""
 
 
 def plan_mission(
@@ -56,7 +60,7 @@ def plan_mission(
         PaveTwinError: something that is named does not exist, or a segment cannot be reached.
     """
     chosen = settings or load_settings()
-    check_names(chosen, policy, seed)
+    check_names(chosen, [policy], seed)
     source = defect_input(defect_seed)
     ready = environment or prepare(world, chosen, defects_of(world, source))
     count = segments if isinstance(segments, int) or segments is None else None
@@ -76,7 +80,12 @@ def plan_mission(
     )
 
 
-def check_names(settings: MissionSettings, policy: str, seed: int) -> None:
+def policies_named(given: Iterable[str]) -> list[str]:
+    """Policies by their names, each once; `all` stands for every registered one."""
+    return list(dict.fromkeys(name for each in given for name in (policy_names() if each == ALL else [each])))
+
+
+def check_names(settings: MissionSettings, policies: Iterable[str], seed: int) -> None:
     """Whether all that a mission names is there, before anything takes time.
 
     Raises:
@@ -84,7 +93,8 @@ def check_names(settings: MissionSettings, policy: str, seed: int) -> None:
     """
     if seed < 0:
         raise PaveTwinError(f"`seed` {seed}: seeds are whole numbers from 0.")
-    load_policy(policy, settings.policy)
+    for policy in policies:
+        load_policy(policy, settings.policy)
     load_sensor(settings.sensing, seed)
     find_camera(settings.camera.model)
     energy_curve(settings.energy)

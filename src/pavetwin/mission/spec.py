@@ -4,58 +4,55 @@ Whoever has a `MissionSpec` and the files it names can fly the same mission agai
 `mission.yaml` holds. Every file is named with its SHA-256, so that an input which is not what it was is noticed.
 """
 
-import hashlib
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from platform import python_version
 from typing import Annotated, Any, Final, Literal, Self
 
+import numpy as np
 from pydantic import Field, NonNegativeFloat, NonNegativeInt
 
 from pavetwin.config import MissionSettings
 from pavetwin.config.base import Settings
 from pavetwin.defects import DefectOptions
-from pavetwin.errors import PaveTwinError
-from pavetwin.plugins import helpers_of, plugin_hashes
+from pavetwin.files import file_sha256
+from pavetwin.mission.airspace import Aircraft
+from pavetwin.plugins import files_of, plugin_hashes
 from pavetwin.traffic.demand import USER, Density
 from pavetwin.world.model import World
 
-FORMAT: Final = 3
-"""Of `mission.yaml`; raised when one written before cannot be read any more."""
+FORMAT: Final = 4
+"""Of `mission.yaml`. Format 3 lacks what has defaults here, and is read as well."""
 
 HANDED_IN: Final = "handed in"
 """The path of an input that a Python caller gave as a value: it cannot be found again from the spec alone."""
 
+ALWAYS: Final = ("pavetwin", "libsumo", "numpy", "scipy", "shapely")
+"""Distributions that decide a mission's numbers."""
 
-def software_versions() -> dict[str, str]:
-    """Versions of what decides a mission's numbers, by distribution."""
-    found = {}
-    for name in ("pavetwin", "libsumo"):
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return found
+WITH_IMAGES: Final = ("wgpu",)
+"""Those that decide its images as well."""
 
 
-def file_sha256(path: Path) -> str:
-    """SHA-256 of a file's content; read again only when its size or time has changed.
+def software_versions(*, images: bool = False) -> dict[str, str]:
+    """Versions of Python and of what decides a mission's numbers, by distribution.
 
-    Raises:
-        PaveTwinError: it cannot be read.
+    Args:
+        images: with what renders, for missions whose sensor looked at images.
     """
+    found = {name: _version(name) for name in (*ALWAYS, *(WITH_IMAGES if images else ()))}
+    return {"python": python_version()} | {name: known for name, known in found.items() if known}
+
+
+@cache
+def _version(name: str) -> str:
+    """Of a distribution; empty where it is not installed."""
     try:
-        stat = path.stat()
-        return _digest(str(path), stat.st_size, stat.st_mtime_ns)
-    except OSError as error:
-        raise PaveTwinError(f"Cannot read '{path}': {error.strerror or error}.") from error
-
-
-@lru_cache(maxsize=64)
-def _digest(path: str, size: int, changed_ns: int) -> str:  # noqa: ARG001 - they are the cache's key
-    with Path(path).open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+        return version(name)
+    except PackageNotFoundError:
+        return ""
 
 
 class FileInput(Settings):
@@ -91,7 +88,7 @@ class WorldInput(Settings):
 
     @classmethod
     def of(cls, world: World) -> Self:
-        path = HANDED_IN if world.folder is None else str(world.folder.absolute())
+        path = HANDED_IN if world.folder is None else str(world.folder.resolve())
         return cls(name=world.name, path=path, content_hash=world.content_hash)
 
 
@@ -120,6 +117,8 @@ class TrafficInput(Settings):
     recording: FileInput | None = None
     """The recording itself, where a file of it was given instead of a density or routes."""
     seed: NonNegativeInt = 0
+    area: Literal["all"] = "all"
+    """The part of the world that is simulated."""
     take_off_s: NonNegativeFloat = 0.0
     """When in the recording the mission begins."""
 
@@ -158,13 +157,32 @@ class TrafficInput(Settings):
         return Density(self.density, self.vehicles_per_lane_km, self.pedestrians_per_sidewalk_km)
 
 
+class AircraftTrack(Settings):
+    """The track of another aircraft that a Python caller gave as a value, whole."""
+
+    name: str
+    altitude_m: float
+    t_s: tuple[float, ...]
+    xy_m: tuple[tuple[float, float], ...]
+    """World frame."""
+
+    @classmethod
+    def of(cls, aircraft: Aircraft) -> Self:
+        return cls(
+            name=aircraft.name, altitude_m=aircraft.altitude_m, t_s=aircraft.t_s.tolist(), xy_m=aircraft.xy_m.tolist()
+        )
+
+    def value(self) -> Aircraft:
+        return Aircraft(self.name, np.array(self.t_s), np.array(self.xy_m).reshape(-1, 2), self.altitude_m)
+
+
 class PolicyInput(Settings):
     """The recovery policy: a registered name, or a class in a file."""
 
     name: str
     """As `load_policy` takes it: `hover`, or `path/to/file.py:ClassName`."""
     files: tuple[FileInput, ...] = ()
-    """The policy's file and what it imports from beside it."""
+    """The policy's file, what it imports from beside it, and the data that these declare to read."""
 
     @classmethod
     def of(cls, name: str) -> Self:
@@ -176,22 +194,21 @@ class PolicyInput(Settings):
         path, colon, class_name = name.rpartition(":")
         if not (colon and path.endswith(".py")):
             return cls(name=name)
-        place = Path(path).absolute()
-        files = dict.fromkeys([place, *helpers_of(place)])
-        return cls(name=f"{place}:{class_name}", files=tuple(FileInput.of(file) for file in files))
+        files = tuple(FileInput.of(file) for file in files_of(path))
+        return cls(name=f"{files[0].path}:{class_name}", files=files)
 
 
 class MissionSpec(Settings):
     """Everything a mission depends on."""
 
-    format: Literal[3] = FORMAT
+    format: Literal[4] = FORMAT
     versions: Mapping[str, str] = Field(default_factory=software_versions)
-    """Of what computes: pavetwin and SUMO."""
+    """Of the software that decides the numbers; `fly` sets those that it flies with."""
     world: WorldInput
     defects: DefectInput = DefectInput()
     traffic: TrafficInput
-    aircraft: FileInput | None = None
-    """Tracks of other aircraft."""
+    aircraft: FileInput | tuple[AircraftTrack, ...] | None = None
+    """Tracks of other aircraft: their file, or the tracks where they were given as values."""
     targets: Annotated[tuple[str, ...], Field(min_length=1)]
     """Ids of the segments to inspect, in this order."""
     policy: PolicyInput
@@ -199,7 +216,8 @@ class MissionSpec(Settings):
     """Of the sensor's random numbers."""
     settings: MissionSettings
     plugins: tuple[FileInput, ...] = ()
-    """The user's files that the settings name (plugins, sensor, camera), and what they import from beside them."""
+    """The user's files that the settings name (plugins, sensor, camera), and what they depend on, see
+    `pavetwin.plugins.files_of`."""
 
     def with_policy(self, name: str) -> Self:
         """The same mission under another policy, as `load_policy` takes it."""
@@ -218,7 +236,7 @@ class MissionSpec(Settings):
         files = {path: FileInput(path=path, sha256=content) for path, content in plugins.items()}
         sensor, colon, _ = settings.sensing.sensor.rpartition(":")
         if colon and sensor.endswith(".py"):
-            files |= {str(file): FileInput.of(file) for file in (Path(sensor), *helpers_of(Path(sensor)))}
+            files |= {str(file): FileInput.of(file) for file in files_of(sensor)}
         camera = settings.camera.model.partition(":")[0]
         if camera.endswith((".yaml", ".yml")):
             files[camera] = FileInput.of(camera)
@@ -231,5 +249,5 @@ class MissionSpec(Settings):
     def files(self) -> tuple[FileInput, ...]:
         """All files it names, the world's aside."""
         recording = (self.traffic.recording,) if self.traffic.recording else ()
-        aircraft = (self.aircraft,) if self.aircraft else ()
+        aircraft = (self.aircraft,) if isinstance(self.aircraft, FileInput) else ()
         return (*self.traffic.routes, *recording, *aircraft, *self.policy.files, *self.plugins)

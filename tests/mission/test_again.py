@@ -1,0 +1,140 @@
+"""A mission's description: read from anywhere, after a move, in its former format, and compared with what comes out."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+
+from pavetwin.config import load_settings
+from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.errors import PaveTwinError
+from pavetwin.mission import fly, load_inputs, plan_mission, save_mission
+from pavetwin.mission.again import FormerMission, read_mission
+from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.inputs import world_of
+from pavetwin.world.store import load_world, save_world
+from scenes import built
+
+POLICY = """
+from pathlib import Path
+from pavetwin.policies import GoOn, Policy
+DATA_FILES = ["seconds.txt"]
+class Patient(Policy):
+    def decide(self, snapshot):
+        float(Path(__file__).with_name("seconds.txt").read_text())
+        return GoOn()
+"""
+
+
+def place(folder: Path) -> Path:
+    """A folder with a world, a policy of the user's own with its data, and a mission of them. Its mission.yaml."""
+    save_world(add_defects(built("cross"), DefectOptions(per_segment=8)), folder / "town")
+    (folder / "patient.py").write_text(POLICY)
+    (folder / "seconds.txt").write_text("2.0")
+    world = load_world(folder / "town")
+    spec = plan_mission(
+        world, load_settings(), density="low", segments=1, policy=f"{folder / 'patient.py'}:Patient", seed=1
+    )
+    save_mission(fly(spec), folder / "results" / "m")
+    return folder / "results" / "m" / "mission.yaml"
+
+
+@pytest.fixture(scope="module")
+def described(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return place(tmp_path_factory.mktemp("again"))
+
+
+def flown_again(former: FormerMission) -> MissionResult:
+    world = world_of(former.spec.world)
+    spec = former.planned(world)
+    return fly(spec, inputs=load_inputs(spec, world=world))
+
+
+def changed(described: Path, folder: Path, **values: object) -> Path:
+    """The description with other values, in a folder of its own."""
+    path = folder / "mission.yaml"
+    path.write_text(yaml.safe_dump(yaml.safe_load(described.read_text()) | values, sort_keys=False))
+    return path
+
+
+def test_a_world_named_from_another_folder_is_found(
+    described: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    home = described.parents[2]
+    (home / "elsewhere").mkdir(exist_ok=True)
+    monkeypatch.chdir(home / "elsewhere")
+    spec = plan_mission(load_world(Path("../town")), density="low", segments=1)
+    assert spec.world.path == str(home / "town")
+    monkeypatch.chdir(tmp_path)
+    assert world_of(spec.world).name == "town"
+
+
+def test_results_moved_together_with_their_world_fly_again(described: Path, tmp_path: Path) -> None:
+    home = described.parents[2]
+    moved = tmp_path / "moved"
+    shutil.copytree(home, moved)
+    hidden = home.with_name("hidden")
+    home.rename(hidden)
+    try:
+        former = read_mission(moved / "results" / "m" / "mission.yaml")
+        assert former.spec.world.path == str(moved / "town")
+        assert former.spec.policy.name == f"{moved / 'patient.py'}:Patient"
+        assert {Path(file.path).name for file in former.spec.files()} == {"patient.py", "seconds.txt"}
+        assert all(Path(file.path).parent == moved for file in former.spec.files())
+        assert former.folder_again == moved / "results" / "m-again"
+        assert former.verdict(flown_again(former)) == "The same as the first time."
+        (moved / "seconds.txt").write_text("3.0")
+        with pytest.raises(PaveTwinError, match=f"'{home / 'seconds.txt'}' is gone"):
+            read_mission(moved / "results" / "m" / "mission.yaml")
+        other = tmp_path / "other"
+        shutil.copytree(moved / "results", other / "results")
+        save_world(built("cross", seed=2), other / "town")
+        with pytest.raises(PaveTwinError, match=f"is not at '{home / 'town'}' any more"):
+            world_of(read_mission(other / "results" / "m" / "mission.yaml", other_policy=True).spec.world)
+    finally:
+        hidden.rename(home)
+
+
+def test_data_that_a_policy_declares_is_an_input(described: Path) -> None:
+    data = described.parents[2] / "seconds.txt"
+    assert str(data) in {file.path for file in read_mission(described).spec.files()}
+    data.write_text("9.0")
+    try:
+        with pytest.raises(PaveTwinError, match=f"inputs are not what they were: '{data}' has changed"):
+            read_mission(described)
+        assert read_mission(described, other_policy=True).spec.seed == 1
+    finally:
+        data.write_text("2.0")
+
+
+def test_format_3_is_still_read(described: Path, tmp_path: Path) -> None:
+    values = yaml.safe_load(described.read_text())
+    versions = {name: values["versions"][name] for name in ("pavetwin", "libsumo")}
+    traffic = {key: value for key, value in values["traffic"].items() if key != "area"}
+    former = read_mission(changed(described, tmp_path, format=3, versions=versions, traffic=traffic))
+    assert former.version_changes() == []
+    result = flown_again(former)
+    assert former.verdict(result) == "The same as the first time."
+    assert result.spec.format == 4
+    assert {"python", "numpy"} <= set(result.spec.versions), "those that it was flown with"
+    with pytest.raises(PaveTwinError, match="format 3 or 4"):
+        read_mission(changed(described, tmp_path, format=2))
+
+
+def test_each_version_that_differs_is_named(described: Path, tmp_path: Path) -> None:
+    versions = yaml.safe_load(described.read_text())["versions"]
+    assert {"pavetwin", "libsumo", "python", "numpy"} <= set(versions)
+    assert "wgpu" not in versions, "no image was taken"
+    former = read_mission(changed(described, tmp_path, versions=versions | {"numpy": "1.0", "wgpu": "0.1"}))
+    numpy, wgpu = former.version_changes()
+    assert numpy == f"numpy 1.0 (now {versions['numpy']})"
+    assert wgpu.startswith("wgpu 0.1 (now ")
+
+
+def test_another_seed_of_the_defects_is_another_mission(described: Path) -> None:
+    former = read_mission(described)
+    world = world_of(former.spec.world)
+    spec = former.planned(world, defect_seed=5)
+    result = fly(spec, inputs=load_inputs(spec, world=world))
+    assert former.verdict(result).startswith("Not the same mission as before")
