@@ -16,6 +16,7 @@ struct Seen {
 }
 
 @fragment fn fragment(in: Seen) -> @location(0) vec4f {
-    let solid = Solid(in.relative, normalize(in.normal + vec3f(0.0, 0.0, 1e-6)), in.colour, in.surface.x, in.surface.y, in.glow);
+    let normal = normalize(in.normal + vec3f(0.0, 0.0, 1e-6));
+    let solid = Solid(in.relative, normal, in.colour, in.surface.x, in.surface.y, in.glow);
     return vec4f(solid_radiance(solid, pixel_jitter(in.clip.xy)), 1.0);
 }

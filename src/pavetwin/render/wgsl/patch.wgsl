@@ -24,7 +24,8 @@ struct Vertex {
     let relief = textureSample(relief_map, smooth_sampler, in.uv);
     let along = in.axis.xy;
     let across = vec2f(-along.y, along.x);
-    // Walls have the same grain as floors: it is projected from the side where the surface is steep over a few centimetres.
+    // Walls have the same grain as floors: it is projected from the side where the surface is steep over a few
+    // centimetres.
     let mean = (textureSampleLevel(relief_map, smooth_sampler, in.uv, WALL_LEVEL).xy * 255.0 - 128.0) / 127.0;
     let facing = abs(along * mean.x + across * mean.y);
     let beside = select(world.x, world.y, facing.x > facing.y);
