@@ -1,6 +1,6 @@
 """The flight: its settings, the events it stops for, and what it leaves behind."""
 
-from typing import TypedDict, overload
+from typing import Final, TypedDict, overload
 
 from pavetwin._core._navigation import Limits
 from pavetwin._core._sensing import Ground, NadirCamera, Trace
@@ -58,16 +58,11 @@ class Battery:
             PaveTwinError: a value is out of range.
         """
 
-    @property
-    def drain_per_s(self) -> Float64Array: ...
-    @property
-    def drain_step_mps(self) -> float: ...
-    @property
-    def drain_per_m_climbed(self) -> float: ...
-    @property
-    def wind_mps(self) -> Point: ...
-    @property
-    def reserve(self) -> float: ...
+    drain_per_s: Final[Float64Array]
+    drain_step_mps: Final[float]
+    drain_per_m_climbed: Final[float]
+    wind_mps: Final[Point]
+    reserve: Final[float]
 
 class FlightSettings:
     """How one mission is flown."""
@@ -109,36 +104,21 @@ class FlightSettings:
             PaveTwinError: a value is out of range.
         """
 
-    @property
-    def altitude_m(self) -> float: ...
-    @property
-    def time_step_s(self) -> float: ...
-    @property
-    def radius_m(self) -> float: ...
-    @property
-    def clearance_m(self) -> float: ...
-    @property
-    def inspect(self) -> Limits: ...
-    @property
-    def transit(self) -> Limits: ...
-    @property
-    def stopping_distance_m(self) -> float: ...
-    @property
-    def climb_speed_mps(self) -> float: ...
-    @property
-    def camera(self) -> NadirCamera: ...
-    @property
-    def look_steps(self) -> int: ...
-    @property
-    def capture_steps(self) -> int: ...
-    @property
-    def threshold(self) -> float: ...
-    @property
-    def min_visible_fraction(self) -> float: ...
-    @property
-    def battery(self) -> Battery: ...
-    @property
-    def every_capture(self) -> bool: ...
+    altitude_m: Final[float]
+    time_step_s: Final[float]
+    radius_m: Final[float]
+    clearance_m: Final[float]
+    inspect: Final[Limits]
+    transit: Final[Limits]
+    stopping_distance_m: Final[float]
+    climb_speed_mps: Final[float]
+    camera: Final[NadirCamera]
+    look_steps: Final[int]
+    capture_steps: Final[int]
+    threshold: Final[float]
+    min_visible_fraction: Final[float]
+    battery: Final[Battery]
+    every_capture: Final[bool]
 
 class Arrived:
     """The command has been carried out."""
@@ -155,51 +135,31 @@ class Paused:
 class Captured:
     """A capture, and the wanted defects in it: centre in the inspection window, enough of the area visible."""
 
-    @property
-    def number(self) -> int:
-        """Its row in `Flight.captures()`."""
-
-    @property
-    def time_s(self) -> float: ...
-    @property
-    def position(self) -> Point: ...
-    @property
-    def altitude_m(self) -> float: ...
-    @property
-    def yaw_rad(self) -> float: ...
-    @property
-    def velocity_mps(self) -> Point:
-        """Of the UAV over the ground, (east, north)."""
-
-    @property
-    def segment(self) -> int: ...
-    @property
-    def on_revisit(self) -> bool: ...
-    @property
-    def visibility(self) -> float | None:
-        """o; None when C is empty."""
-
-    @property
-    def sightings(self) -> list[tuple[int, float]]:
-        """(defect, visible fraction); may be empty when the flight stops at every capture."""
+    number: Final[int]
+    """Its row in `Flight.captures()`."""
+    time_s: Final[float]
+    position: Final[Point]
+    altitude_m: Final[float]
+    yaw_rad: Final[float]
+    velocity_mps: Final[Point]
+    """Of the UAV over the ground, (east, north)."""
+    segment: Final[int]
+    on_revisit: Final[bool]
+    visibility: Final[float | None]
+    """o; None when C is empty."""
+    sightings: Final[list[tuple[int, float]]]
+    """(defect, visible fraction); may be empty when the flight stops at every capture."""
 
 class Occluded:
     """A look below τ_o, and the episode of occlusion that it belongs to."""
 
-    @property
-    def time_s(self) -> float: ...
-    @property
-    def visibility(self) -> float: ...
-    @property
-    def hidden_place(self) -> Point | None: ...
-    @property
-    def since_s(self) -> float: ...
-    @property
-    def waited_s(self) -> float: ...
-    @property
-    def displacements(self) -> int: ...
-    @property
-    def since_displacement_m(self) -> float: ...
+    time_s: Final[float]
+    visibility: Final[float]
+    hidden_place: Final[Point | None]
+    since_s: Final[float]
+    waited_s: Final[float]
+    displacements: Final[int]
+    since_displacement_m: Final[float]
 
 class DisplacementPredictor:
     """Predicts visibility after displacements from the state of a flight at one time; immutable."""

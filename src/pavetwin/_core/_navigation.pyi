@@ -1,5 +1,7 @@
 """Where the UAV may fly, and what its airframe can do."""
 
+from typing import Final
+
 from pavetwin.arrays import Float64Array, UInt32Array
 
 Point = tuple[float, float]
@@ -50,9 +52,6 @@ class Limits:
             PaveTwinError: a value is not above 0.
         """
 
-    @property
-    def speed_mps(self) -> float: ...
-    @property
-    def acceleration_mps2(self) -> float: ...
-    @property
-    def yaw_rate_rad_s(self) -> float: ...
+    speed_mps: Final[float]
+    acceleration_mps2: Final[float]
+    yaw_rate_rad_s: Final[float]

@@ -1,6 +1,6 @@
 """The recorded traffic, the camera, and what it sees of the ground."""
 
-from typing import TypedDict
+from typing import Final, TypedDict
 
 from pavetwin._core._navigation import NavMesh
 from pavetwin.arrays import BoolArray, Float32Array, Float64Array, UInt32Array
@@ -55,8 +55,7 @@ class Trace:
         known: Trace | None = None,
     ) -> None:
         """`known`: a trace whose rows are the first of these, so that only what follows is computed."""
-    @property
-    def duration_s(self) -> float: ...
+    duration_s: Final[float]
     def agents_at(self, time_s: float) -> PoseColumns: ...
     def agents_near(self, east_m: float, north_m: float, radius_m: float, time_s: float) -> PoseColumns:
         """Those whose body may reach into the disc."""
@@ -86,16 +85,11 @@ class NadirCamera:
             PaveTwinError: a value is out of range.
         """
 
-    @property
-    def image_px(self) -> tuple[int, int]: ...
-    @property
-    def vertical_fov_rad(self) -> float: ...
-    @property
-    def window_rows(self) -> float: ...
-    @property
-    def window_columns(self) -> float | None: ...
-    @property
-    def window_across_per_altitude(self) -> float | None: ...
+    image_px: Final[tuple[int, int]]
+    vertical_fov_rad: Final[float]
+    window_rows: Final[float]
+    window_columns: Final[float | None]
+    window_across_per_altitude: Final[float | None]
     def window_m(self, altitude_m: float) -> tuple[float, float]:
         """The inspection window on the ground (across the track, along it)."""
 
@@ -113,12 +107,9 @@ class Viewpoint:
             PaveTwinError: a value is not finite, or the altitude not above 0.
         """
 
-    @property
-    def position(self) -> Point: ...
-    @property
-    def altitude_m(self) -> float: ...
-    @property
-    def yaw_rad(self) -> float: ...
+    position: Final[Point]
+    altitude_m: Final[float]
+    yaw_rad: Final[float]
 
 class Ground:
     """What stands still at one altitude. Ragged arrays are given as offsets (k + 1,) into their values."""
