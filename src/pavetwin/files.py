@@ -74,21 +74,15 @@ def writing_folder(target: Path, *, replace: bool = False) -> Iterator[Path]:
     """
     if target.exists() and not replace and (not target.is_dir() or any(target.iterdir())):
         raise PaveTwinError(f"'{target}' exists already; choose another name, or replace it (`force`).")
-    temporary = None
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        _clear_killed(target)
-        temporary = Path(tempfile.mkdtemp(dir=target.parent, prefix=f"{_mark(target)}{os.getpid()}-"))
-        yield temporary
-        temporary.chmod(0o755)
-        if target.exists():
-            shutil.rmtree(target)
-        temporary.replace(target)
+        with _temporary_folder(target) as temporary:
+            yield temporary
+            temporary.chmod(0o755)
+            if target.exists():
+                shutil.rmtree(target)
+            temporary.replace(target)
     except OSError as error:
         raise unwritable(target, error) from error
-    finally:
-        if temporary is not None:
-            shutil.rmtree(temporary, ignore_errors=True)
 
 
 @contextmanager
@@ -98,17 +92,36 @@ def staging_folder(target: Path) -> Iterator[Path]:
     Raises:
         PaveTwinError: it cannot be made, or the block failed to write. The folder is gone afterwards.
     """
-    temporary = None
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        _clear_killed(target)
-        temporary = Path(tempfile.mkdtemp(dir=target.parent, prefix=f"{_mark(target)}{os.getpid()}-"))
-        yield temporary
+        with _temporary_folder(target) as temporary:
+            yield temporary
     except OSError as error:
         raise unwritable(target.parent, error) from error
+
+
+@contextmanager
+def _temporary_folder(target: Path) -> Iterator[Path]:
+    """A folder beside `target`; gone at the end of the block, unless it was renamed."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    _clear_killed(target)
+    temporary = Path(tempfile.mkdtemp(dir=target.parent, prefix=f"{_mark(target)}{os.getpid()}-"))
+    try:
+        yield temporary
     finally:
-        if temporary is not None:
-            shutil.rmtree(temporary, ignore_errors=True)
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def sha256_of(path: Path) -> str:
+    """Of a file's content.
+
+    Raises:
+        PaveTwinError: it cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise PaveTwinError(f"Cannot read '{path}': {error.strerror}.") from error
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from typing import Final
 from xml.etree import ElementTree
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.files import sha256_of
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic import sumo_run
 from pavetwin.traffic.closed_loop import FULL, GOALS, PATIENCE, TRIP_M, WALK_M
@@ -74,10 +75,10 @@ class Inputs:
         parts = {
             "behaviour": BEHAVIOUR,
             "world": self.world.content_hash,
-            "network": _digest(self.world.network_file),
+            "network": sha256_of(self.world.network_file),
             "density": asdict(self.asked) if self.asked else None,
             "seed": self.seed,
-            "routes": [_digest(path) for path in self.routes],
+            "routes": [sha256_of(path) for path in self.routes],
             "types": sumo_types(),
             "options": [STEP_S, *sumo_run.OPTIONS, *sumo_run.CLOSED_LOOP_OPTIONS, *WARM_UP_S],
             "loop": [TRIP_M, *WALK_M, GOALS, PATIENCE, FULL],
@@ -123,14 +124,6 @@ class Inputs:
             sumo_version=part.sumo_version,
             warm_up_s=part.start_s - self.begin_s,
         )
-
-
-def _digest(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise PaveTwinError(f"Cannot read '{path}': {error.strerror}.") from error
 
 
 def _stem(path: Path) -> str:

@@ -19,7 +19,8 @@ from pavetwin.world.model import Building
 from pavetwin.world.network import copy_without_stamp
 from pavetwin.world.roadnet import read_roadnet
 from pavetwin.world.sumo import NO_VALIDATION, run_tool
-from pavetwin.world.town import build_town
+from pavetwin.world.town import SHIFT, build_town
+from pavetwin.world.town_roads import write_plain
 
 
 class NetworkKind(StrEnum):
@@ -107,7 +108,7 @@ def generate_network(
         made = Path(place) / "made.net.xml"
         if kind is NetworkKind.TOWN:
             town = build_town(seed)
-            nodes, edges = town.write(Path(place))
+            nodes, edges = write_plain(town.roads, Path(place), SHIFT)
             inputs = ("--node-files", str(nodes), "--edge-files", str(edges))
             _run("netconvert", (*inputs, *NETWORK_OPTIONS), made, kind)
             parks, buildings = town.parks, _clear_of_streets(town.buildings, made)

@@ -150,7 +150,10 @@ def collections_of(tables: Mapping[str, Sequence[Row]]) -> dict[str, Any]:
     lines = {row["id"]: row["geometry"] for row in tables["centre_lines"]}
     lanes = [*tables["lanes"], *tables["sidewalks"]]
     return {
-        "streets": tuple(_street(row) for row in tables["streets"]),
+        "streets": tuple(
+            _item(Street, row, "centre_line", edges=_edges(row), start=row["from_junction"], end=row["to_junction"])
+            for row in tables["streets"]
+        ),
         "segments": tuple(
             _item(Segment, row, "polygon", edges=_edges(row), centre_line=lines[row["id"]])
             for row in tables["segments"]
@@ -175,10 +178,6 @@ def _item(cls: type[Item], row: Row, shape: str, **other: Any) -> Item:
     """An item from the columns that it has attributes for, its geometry, and what takes more than one column."""
     values = {each.name: row[each.name] for each in fields(cls) if each.name in row}  # type: ignore[arg-type]
     return cls(**{**values, shape: row["geometry"], **other})
-
-
-def _street(row: Row) -> Street:
-    return _item(Street, row, "centre_line", edges=_edges(row), start=row["from_junction"], end=row["to_junction"])
 
 
 def _edges(row: Row) -> tuple[str, ...]:

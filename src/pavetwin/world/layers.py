@@ -1,6 +1,6 @@
 """A world's collections as layers of one GeoPackage, and back; `layer_tables` defines their columns."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ import shapely
 from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
-from pavetwin.arrays import Float64Array
+from pavetwin.arrays import AnyArray, Float64Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.content import round_to_grid
 from pavetwin.world.georeference import GeoReference
@@ -29,27 +29,45 @@ def write_layers(world: World, path: Path) -> None:
     Raises:
         OSError: the disk is full or the folder cannot be written.
     """
+    for layer in LAYERS:
+        rows = list(layer.rows(world))
+        data = {
+            name: np.array([row[name] for row in rows], dtype=_DTYPES[kind]) for name, kind in layer.columns.items()
+        }
+        write_layer(path, layer.name, layer.geometry, [row["geometry"] for row in rows], data, world.georeference)
+
+
+def write_layer(
+    path: Path,
+    name: str,
+    kind: str,
+    shapes: Sequence[BaseGeometry],
+    columns: Mapping[str, AnyArray],
+    place: GeoReference,
+) -> None:
+    """Write one layer of a GeoPackage: shapes in the world frame, of a geometry type in the words of GDAL.
+
+    Raises:
+        OSError: the disk is full or the folder cannot be written.
+    """
     import pyogrio
 
-    with _gdal_options():
-        for layer in LAYERS:
-            rows = list(layer.rows(world))
-            geometries = np.array([_projected(row["geometry"], world.georeference) for row in rows], dtype=object)
-            data = [np.array([row[name] for row in rows], dtype=_DTYPES[kind]) for name, kind in layer.columns.items()]
-            try:
-                pyogrio.raw.write(
-                    path,
-                    geometry=shapely.to_wkb(geometries),
-                    field_data=data,
-                    fields=np.array(list(layer.columns), dtype=object),
-                    layer=layer.name,
-                    driver="GPKG",
-                    geometry_type=layer.geometry,
-                    promote_to_multi=layer.geometry.startswith("Multi"),
-                    crs=f"EPSG:{world.georeference.epsg}",
-                )
-            except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, RuntimeError) as error:
-                raise OSError(f"{path.name} could not be written ({error})") from error
+    projected = np.array([shapely.transform(shape, place.to_projected) for shape in shapes], dtype=object)
+    try:
+        with _gdal_options():
+            pyogrio.raw.write(
+                path,
+                geometry=shapely.to_wkb(projected),
+                field_data=list(columns.values()),
+                fields=np.array(list(columns), dtype=object),
+                layer=name,
+                driver="GPKG",
+                geometry_type=kind,
+                promote_to_multi=kind.startswith("Multi"),
+                crs=f"EPSG:{place.epsg}",
+            )
+    except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, RuntimeError) as error:
+        raise OSError(f"{path.name} could not be written ({error})") from error
 
 
 @contextmanager
@@ -64,11 +82,6 @@ def _gdal_options() -> Iterator[None]:
         yield
     finally:
         pyogrio.set_gdal_config_options(before)
-
-
-def _projected(geometry: BaseGeometry, place: GeoReference) -> BaseGeometry:
-    moved: BaseGeometry = shapely.transform(geometry, lambda xy: place.to_projected(xy))
-    return moved
 
 
 def read_layers(path: Path, place: GeoReference, hint: str) -> dict[str, Any]:

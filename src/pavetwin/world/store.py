@@ -3,7 +3,6 @@
 The GeoPackage holds projected coordinates in the world's own CRS. The same world gives the same bytes.
 """
 
-import hashlib
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -12,18 +11,10 @@ import yaml
 from shapely import Point
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import writing_folder
+from pavetwin.files import sha256_of, writing_folder
 from pavetwin.world.build import BuildRecord, Built
 from pavetwin.world.content import content_hash
-from pavetwin.world.folder import (
-    DESCRIPTION,
-    FORMAT,
-    GEOPACKAGE,
-    NETWORK,
-    check_target,
-    read_description,
-    rebuild_hint,
-)
+from pavetwin.world.folder import DESCRIPTION, FORMAT, GEOPACKAGE, NETWORK, check_target, read_description, rebuild_hint
 from pavetwin.world.georeference import GeoReference
 from pavetwin.world.model import World
 
@@ -93,9 +84,7 @@ def load_world(folder: str | Path) -> World:
         folder=folder.absolute(),
         **layers,
     )
-    with (folder / NETWORK).open("rb") as stream:
-        network = hashlib.file_digest(stream, "sha256").hexdigest()
-    return replace(world, content_hash=content_hash(world, network))
+    return replace(world, content_hash=content_hash(world, sha256_of(folder / NETWORK)))
 
 
 def attribution(source: str) -> str | None:

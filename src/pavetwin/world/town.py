@@ -5,7 +5,6 @@ all are moved into the world frame, the whole town to the north-east of the orig
 """
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from shapely import Polygon
 from shapely.affinity import translate
@@ -15,7 +14,7 @@ from pavetwin.world.street_graph import Coordinate
 from pavetwin.world.town_buildings import largest, place_buildings, surfaces
 from pavetwin.world.town_edge import RADIUS
 from pavetwin.world.town_plan import plan_town
-from pavetwin.world.town_roads import RoadPlan, plan_roads, write_plain
+from pavetwin.world.town_roads import RoadPlan, plan_roads
 
 SHIFT: Coordinate = (RADIUS + 10.0, RADIUS + 10.0)
 """From the plan's frame, whose origin is the main crossing, to the world frame [m]."""
@@ -28,10 +27,6 @@ class Town:
     roads: RoadPlan
     parks: tuple[Polygon, ...]
     buildings: tuple[Building, ...]
-
-    def write(self, folder: Path) -> tuple[Path, Path]:
-        """SUMO's plain XML: the files of nodes and of edges, in the world frame."""
-        return write_plain(self.roads, folder, SHIFT)
 
 
 def build_town(seed: int) -> Town:
