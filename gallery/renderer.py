@@ -12,7 +12,6 @@ import numpy.typing as npt
 from pavetwin._core import Trace
 from pavetwin.cli.demo import TOWN_SEED
 from pavetwin.defects import DefectOptions, add_defects
-from pavetwin.mission.replay import to_trace
 from pavetwin.render.renderer import Renderer
 from pavetwin.scene.light import Light
 from pavetwin.scene.model import Instance, labelled_agent
@@ -20,6 +19,7 @@ from pavetwin.scene.scene import Scene
 from pavetwin.scene.view import View
 from pavetwin.traffic.record import record
 from pavetwin.traffic.recording import Recording
+from pavetwin.traffic.trace import trace_of
 from pavetwin.uav.cameras import Camera, find_camera
 from pavetwin.world.build import BuildOptions, build_world
 from pavetwin.world.model import World
@@ -55,7 +55,7 @@ class GalleryRenderer:
 
     @cached_property
     def trace(self) -> Trace:
-        return to_trace(self.recording)
+        return trace_of(self.recording)
 
     @cached_property
     def scene(self) -> Scene:

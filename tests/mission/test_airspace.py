@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,6 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.mission import choose_targets, prepare, totals
 from pavetwin.mission.airspace import SPAN_M, Aircraft, load_airspace, with_aircraft
 from pavetwin.mission.fly import MissionResult, fly_over
-from pavetwin.traffic.trace import TraceArguments
 from scenes import built, tiny
 
 HEADER = "aircraft,t_s,x_m,y_m,altitude_m\n"
@@ -21,12 +21,12 @@ ALTITUDE_M = 6.0
 FRAMES = 1201
 
 
-def empty_sky() -> TraceArguments:
+def empty_sky() -> dict[str, Any]:
     singles, indices = np.empty(0, dtype=np.float32), np.empty(0, dtype=np.uint32)
     moving = dict.fromkeys(("x_m", "y_m", "yaw_rad", "speed_mps"), singles)
     bodies = dict.fromkeys(("length_m", "width_m", "height_m", "base_m"), singles)
     offsets = np.zeros(FRAMES + 1, dtype=np.uint32)
-    return TraceArguments(
+    return dict(
         step_s=0.5, step_offsets=offsets, agent=indices, is_pedestrian=np.empty(0, dtype=np.bool_), **moving, **bodies
     )
 

@@ -22,7 +22,7 @@ def registered() -> Iterator[None]:
     before = set(SENSORS.names())
     yield
     for name in set(SENSORS.names()) - before:
-        SENSORS.remove(name)
+        SENSORS.restore(name, None)
 
 
 def fly_with(scene: Scene, kind: type[Sensor], **how: object) -> MissionResult:

@@ -12,7 +12,7 @@ from pavetwin.draw import shapes, style
 from pavetwin.draw.style import LegendEntry
 from pavetwin.draw.world_map import EVERYTHING, MapLayer, credit, draw_world, world_bounds
 from pavetwin.navigation.domain import obstacles
-from pavetwin.navigation.navmesh import navmesh, polygons
+from pavetwin.navigation.navmesh import navmesh, part_at, polygons, segments_in_reach
 from pavetwin.world.model import World
 from pavetwin.world.solids import solids
 
@@ -54,22 +54,15 @@ def bake(world: World, altitude_m: float, agent_radius_m: float) -> NavMeshRepor
     start = perf_counter()
     mesh = navmesh(replace(world, folder=None), altitude_m, agent_radius_m, standing)
     seconds = perf_counter() - start
-
-    def part(x: float, y: float) -> int | None:
-        return mesh.component_of(*mesh.nearest(x, y))
-
-    home = part(world.base.x, world.base.y)
-    cells = tuple(polygons(mesh))
-    centres = [cell.representative_point() for cell in cells]
-    middles = [segment.centre_line.interpolate(0.5, normalized=True) for segment in world.segments]
+    home, cells = part_at(mesh, world.base), tuple(polygons(mesh))
     return NavMeshReport(
         world=world,
         altitude_m=altitude_m,
         mesh=mesh,
         polygons=cells,
-        connected=tuple(part(point.x, point.y) == home for point in centres),
+        connected=tuple(part_at(mesh, cell.representative_point()) == home for cell in cells),
         obstacles=tuple(shapely.get_parts(shapely.union_all(obstacles(standing, altitude_m), grid_size=0.01))),
-        reachable=tuple(home is not None and part(point.x, point.y) == home for point in middles),
+        reachable=segments_in_reach(world, mesh),
         seconds=seconds,
     )
 

@@ -1,15 +1,15 @@
 """Other aircraft: given by the user as tracks, flown beside the recorded traffic, kept clear of by the UAV."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
 
-from pavetwin.arrays import Float32Array, Float64Array
+from pavetwin.arrays import Float64Array
 from pavetwin.errors import PaveTwinError
-from pavetwin.traffic.trace import TraceArguments
 
 COLUMNS = ("aircraft", "t_s", "x_m", "y_m", "altitude_m")
 
@@ -61,52 +61,43 @@ def _aircraft(name: str, part: pl.DataFrame, path: Path) -> Aircraft:
     return Aircraft(name, numbers[:, 0], numbers[:, 1:3], float(numbers[0, 3]))
 
 
-def with_aircraft(columns: TraceArguments, aircraft: Sequence[Aircraft]) -> TraceArguments:
-    """The trace of what moves on the ground, with the aircraft before it, so that extending it keeps the numbering."""
+def with_aircraft(columns: Mapping[str, Any], aircraft: Sequence[Aircraft]) -> Mapping[str, Any]:
+    """`trace_arguments` with the aircraft before what moves on the ground, so that extending keeps the numbering."""
     if not aircraft:
         return columns
-    offsets, step_s, count = columns["step_offsets"], columns["step_s"], len(aircraft)
-    steps = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
-    air = [_rows(number, craft, len(offsets) - 1, step_s) for number, craft in enumerate(aircraft)]
-    step = np.concatenate([*(rows["step"] for rows in air), steps])
-    agent = np.concatenate([*(rows["agent"] for rows in air), columns["agent"] + count])
-    order = np.lexsort((agent, step))
-
-    def merged(name: str, values: Float32Array) -> Float32Array:
-        return np.concatenate([*(rows[name] for rows in air), values]).astype(np.float32)[order]
-
-    def sized(value: Sequence[float], values: Float32Array) -> Float32Array:
-        return np.concatenate([np.asarray(value, dtype=np.float32), values])
-
-    return TraceArguments(
-        step_s=step_s,
-        step_offsets=np.searchsorted(step[order], np.arange(len(offsets))).astype(np.uint32),
-        agent=agent[order].astype(np.uint32),
-        x_m=merged("x", columns["x_m"]),
-        y_m=merged("y", columns["y_m"]),
-        yaw_rad=merged("yaw", columns["yaw_rad"]),
-        speed_mps=merged("speed", columns["speed_mps"]),
-        length_m=sized([SPAN_M] * count, columns["length_m"]),
-        width_m=sized([SPAN_M] * count, columns["width_m"]),
-        height_m=sized([craft.altitude_m + HALF_HEIGHT_M for craft in aircraft], columns["height_m"]),
-        base_m=sized([max(craft.altitude_m - HALF_HEIGHT_M, 0.0) for craft in aircraft], columns["base_m"]),
-        is_pedestrian=np.concatenate([np.zeros(count, dtype=np.bool_), columns["is_pedestrian"]]),
-    )
+    offsets, count = columns["step_offsets"], len(aircraft)
+    air = [_rows(number, craft, len(offsets) - 1, columns["step_s"]) for number, craft in enumerate(aircraft)]
+    ground = {
+        **columns,
+        "step": np.repeat(np.arange(len(offsets) - 1), np.diff(offsets)),
+        "agent": columns["agent"] + count,
+    }
+    rows = {name: np.concatenate([*(craft[name] for craft in air), ground[name]]) for name in air[0]}
+    order = np.lexsort((rows["agent"], rows["step"]))
+    altitude_m, span_m = np.array([craft.altitude_m for craft in aircraft]), np.full(count, SPAN_M)
+    bodies = {
+        "length_m": span_m,
+        "width_m": span_m,
+        "height_m": altitude_m + HALF_HEIGHT_M,
+        "base_m": np.maximum(altitude_m - HALF_HEIGHT_M, 0.0),
+        "is_pedestrian": np.zeros(count),
+    }
+    return {
+        "step_s": columns["step_s"],
+        "step_offsets": np.searchsorted(rows.pop("step")[order], np.arange(len(offsets))).astype(np.uint32),
+        **{name: values[order].astype(columns[name].dtype) for name, values in rows.items()},
+        **{name: np.append(values.astype(columns[name].dtype), columns[name]) for name, values in bodies.items()},
+    }
 
 
-def _rows(number: int, craft: Aircraft, frames: int, step_s: float) -> dict[str, Float64Array]:
+def _rows(number: int, craft: Aircraft, frames: int, step_s: float) -> dict[str, Any]:
     """The aircraft at every step of the recording that its track covers."""
     times = np.arange(frames) * step_s
     step = np.flatnonzero((times >= craft.t_s[0]) & (times <= craft.t_s[-1]))
     at = times[step]
-    x, y = (np.interp(at, craft.t_s, craft.xy_m[:, axis]) for axis in (0, 1))
+    x_m, y_m = (np.interp(at, craft.t_s, craft.xy_m[:, axis]) for axis in (0, 1))
     leg = np.clip(np.searchsorted(craft.t_s, at, side="right") - 1, 0, len(craft.t_s) - 2)
-    move = np.diff(craft.xy_m, axis=0)[leg] / np.diff(craft.t_s)[leg, None]
-    return {
-        "step": step,
-        "agent": np.full(len(step), number),
-        "x": x,
-        "y": y,
-        "yaw": np.arctan2(move[:, 1], move[:, 0]),
-        "speed": np.hypot(move[:, 0], move[:, 1]),
-    }
+    east, north = (np.diff(craft.xy_m, axis=0)[leg] / np.diff(craft.t_s)[leg, None]).T
+    agent, yaw_rad = np.full(len(step), number), np.arctan2(north, east)
+    columns = {"step": step, "agent": agent, "x_m": x_m, "y_m": y_m, "yaw_rad": yaw_rad}
+    return {**columns, "speed_mps": np.hypot(east, north)}

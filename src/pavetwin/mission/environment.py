@@ -15,7 +15,7 @@ from pavetwin.config import MissionSettings
 from pavetwin.config.altitude import VERTICAL_CLEARANCE_M
 from pavetwin.config.mission import CameraSettings, UavSettings
 from pavetwin.defects import sample_points
-from pavetwin.navigation.navmesh import navmesh
+from pavetwin.navigation.navmesh import navmesh, segments_in_reach
 from pavetwin.uav import energy_curve, find_camera
 from pavetwin.uav.energy import CURVE_STEP_MPS
 from pavetwin.world.content import defects_hash
@@ -31,9 +31,8 @@ class MissionEnvironment:
     defects: tuple[Defect, ...]
     altitude_m: float
     ground: Ground
-    components: tuple[int | None, ...]
-    """For each segment, the part of the mesh that its middle lies in (or next to)."""
-    base_component: int | None
+    segments_in_reach: tuple[bool, ...]
+    """For each segment, whether a way leads from the base to its middle."""
 
     @property
     def inspected_world(self) -> World:
@@ -55,7 +54,7 @@ class MissionEnvironment:
 
     def reachable(self, index: int) -> bool:
         """Whether a segment, by its index, can be reached from the base."""
-        return self.components[index] is not None and self.components[index] == self.base_component
+        return self.segments_in_reach[index]
 
 
 @dataclass(frozen=True)
@@ -64,8 +63,7 @@ class Surroundings:
 
     solids: Solids
     mesh: NavMesh
-    components: tuple[int | None, ...]
-    base_component: int | None
+    segments_in_reach: tuple[bool, ...]
 
     @classmethod
     def of(cls, world: World, altitude_m: float, radius_m: float) -> Self:
@@ -76,12 +74,7 @@ class Surroundings:
         """
         standing = solids(world)
         mesh = navmesh(world, altitude_m, radius_m, standing)
-        components = []
-        for segment in world.segments:
-            middle = segment.centre_line.interpolate(0.5, normalized=True)
-            components.append(mesh.component_of(*mesh.nearest(middle.x, middle.y)))
-        base = mesh.component_of(*mesh.nearest(world.base.x, world.base.y))
-        return cls(standing, mesh, tuple(components), base)
+        return cls(standing, mesh, segments_in_reach(world, mesh))
 
 
 def prepare(
@@ -117,7 +110,7 @@ def prepare(
         defect_points=np.concatenate(samples) if samples else np.empty((0, 2)),
         defect_segments=np.array([index[defect.segment] for defect in chosen], dtype=np.uint32),
     )
-    return MissionEnvironment(world, chosen, settings.altitude_m, ground, around.components, around.base_component)
+    return MissionEnvironment(world, chosen, settings.altitude_m, ground, around.segments_in_reach)
 
 
 def new_flight(
@@ -173,9 +166,7 @@ def window_m(settings: MissionSettings) -> tuple[float, float]:
 
 def _limits(uav: UavSettings, speed_mps: float) -> Limits:
     return Limits(
-        speed_mps=speed_mps,
-        acceleration_mps2=uav.acceleration_mps2,
-        yaw_rate_rad_s=radians(uav.yaw_rate_deg_s),
+        speed_mps=speed_mps, acceleration_mps2=uav.acceleration_mps2, yaw_rate_rad_s=radians(uav.yaw_rate_deg_s)
     )
 
 

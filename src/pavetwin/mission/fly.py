@@ -1,7 +1,8 @@
 """Flying a mission from take-off to landing, and what it leaves behind."""
 
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -27,9 +28,9 @@ from pavetwin.mission.spec import (
     WorldInput,
     software_versions,
 )
-from pavetwin.policies import Action, Policy, load_policy
-from pavetwin.sensing import Detection, Frame, ImageSource, JudgedDetection, Outcome, Sensor, load_sensor
-from pavetwin.twin import InspectionMemory, Snapshot
+from pavetwin.policies import Policy, load_policy
+from pavetwin.sensing import ImageSource, JudgedDetection, Outcome, Sensor, load_sensor
+from pavetwin.twin import InspectionMemory
 
 if TYPE_CHECKING:
     from pavetwin._core import CaptureColumns, TrackColumns
@@ -249,33 +250,27 @@ def _answer(mission: Mission, policy: Policy, sensor: Sensor) -> None:
     for event in mission:
         match event:
             case Captured():
-                mission.confirm(_detect(sensor, mission.frame(event)))
+                frame = mission.frame(event)
+                with _failures_named("sensor", sensor.name, frame.time_s):
+                    detections = sensor.detect(frame)
+                mission.confirm(detections)
             case Occluded():
-                mission.act(_decide(policy, mission.snapshot(event)))
+                snapshot = mission.snapshot(event)
+                with _failures_named("policy", policy.name, snapshot.time_s):
+                    action = policy.decide(snapshot)
+                mission.act(action)
 
 
-def _detect(sensor: Sensor, frame: Frame) -> Sequence[Detection]:
-    try:
-        return sensor.detect(frame)
-    except PaveTwinError:
-        raise
-    except Exception as error:
-        raise _failure("sensor", sensor.name, frame.time_s, error) from error
-
-
-def _decide(policy: Policy, snapshot: Snapshot) -> Action:
-    try:
-        return policy.decide(snapshot)
-    except PaveTwinError:
-        raise
-    except Exception as error:
-        raise _failure("policy", policy.name, snapshot.time_s, error) from error
-
-
-def _failure(what: str, name: str, time_s: float, error: Exception) -> PaveTwinError:
+@contextmanager
+def _failures_named(what: str, name: str, time_s: float) -> Iterator[None]:
     """A user's own code may fail in a situation that its check did not think of."""
-    where = traceback.extract_tb(error.__traceback__)[-1]
-    return PaveTwinError(
-        f"The {what} '{name}' failed {time_s:.1f} s into the mission: "
-        f"{type(error).__name__}: {error} ({Path(where.filename).name}, line {where.lineno})."
-    )
+    try:
+        yield
+    except PaveTwinError:
+        raise
+    except Exception as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        raise PaveTwinError(
+            f"The {what} '{name}' failed {time_s:.1f} s into the mission: "
+            f"{type(error).__name__}: {error} ({Path(where.filename).name}, line {where.lineno})."
+        ) from error

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from pavetwin._core import Flight
 from pavetwin.mission.environment import MissionEnvironment
@@ -49,16 +50,6 @@ class SegmentMetrics:
     """Of the surface that was seen."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Readings:
-    time_s: float
-    energy: float
-    wait_s: float
-    distance_m: float
-    occlusions: int
-    swaps: int
-
-
 class SegmentMeter:
     """Reads the kernel's counters when a segment is opened and when it is closed.
 
@@ -67,7 +58,10 @@ class SegmentMeter:
 
     def __init__(self, environment: MissionEnvironment) -> None:
         self._environment = environment
-        self._last = _Readings(0.0, 0.0, 0.0, 0.0, 0, 0)
+        self._last: dict[str, Any] = {
+            **{"time_s": 0.0, "energy": 0.0, "wait_s": 0.0, "distance_m": 0.0},
+            **{"occlusions": 0, "swaps": 0},
+        }
         self._judged = 0
 
     def close(
@@ -88,7 +82,10 @@ class SegmentMeter:
             detections: all of the mission so far.
         """
         segment = self._environment.world.segments[target]
-        now = _Readings(flight.time_s, flight.energy_used, flight.waited_s, flight.distance_m, flight.occlusions, swaps)
+        now = {
+            **{"time_s": flight.time_s, "energy": flight.energy_used, "wait_s": flight.waited_s},
+            **{"distance_m": flight.distance_m, "occlusions": flight.occlusions, "swaps": swaps},
+        }
         before, self._last = self._last, now
         defects = self._environment.defects_by_segment.get(segment.id, ())
         swept_flags = flight.swept()
@@ -116,15 +113,10 @@ class SegmentMeter:
             recovery=recovered / swept if swept else None,
             surface_coverage=surface_coverage,
             inspected=inspected,
-            start_s=before.time_s,
-            end_s=now.time_s,
-            time_s=now.time_s - before.time_s,
-            energy=now.energy - before.energy,
-            wait_s=now.wait_s - before.wait_s,
-            distance_m=now.distance_m - before.distance_m,
-            occlusions=now.occlusions - before.occlusions,
+            start_s=before["time_s"],
+            end_s=now["time_s"],
+            **{name: value - before[name] for name, value in now.items()},
             revisits=revisits,
-            swaps=now.swaps - before.swaps,
             duplicates=outcomes[Outcome.DUPLICATE],
             false_alarms=false_alarms,
             precision=matched / (matched + false_alarms) if matched + false_alarms else None,

@@ -6,6 +6,7 @@ from math import atan2, inf
 from typing import Protocol
 
 import numpy as np
+from shapely import LineString, Point
 
 from pavetwin import _core
 from pavetwin._core import Arrived, BatteryLow, Captured, Flight, Occluded, Paused, RecordingEnds, Trace
@@ -302,19 +303,16 @@ class Mission:
 
     def _fly_line(self, target: int, line: Pass) -> Generator[Event | Paused, None, bool]:
         """Fly to a line, turn and inspect along it; false when a battery was swapped before its end."""
-        commands = (
-            lambda: self.flight.fly_to(_place(line[0])),
-            lambda: self.flight.turn_to(_yaw(line)),
-            lambda: self.flight.inspect(target, line),
+        return (
+            (yield from self._carry_out(lambda: self.flight.fly_to(_place(line[0]))))
+            and (yield from self._carry_out(lambda: self.flight.turn_to(_yaw(line))))
+            and (yield from self._carry_out(lambda: self.flight.inspect(target, line)))
         )
-        for command in commands:
-            if not (yield from self._carry_out(command)):
-                return False
-        return True
 
     def _revisit_notes(self, target: int, line: Pass) -> Iterator[Event | Paused]:
         """Visit the places noted on this pass, in path order, each with a new attempt at what was tried before."""
-        notes = sorted(self.memory.notes, key=lambda note: _along(line, note.place))
+        route = LineString(line)
+        notes = sorted(self.memory.notes, key=lambda note: route.project(Point(note.place)))
         self.memory = self.memory.forget_notes()
         for note in notes:
             again = self._tried - set(self.memory.confirmed)
@@ -334,14 +332,9 @@ class Mission:
         raise self._too_far(target)
 
     def _stay_over(self, target: int, note: Note) -> Generator[Event | Paused, None, bool]:
-        commands = (
-            lambda: self.flight.fly_to(note.place, revisit=True, stop_short=True),
-            lambda: self.flight.revisit(target, note.stay_s),
+        return (yield from self._carry_out(lambda: self.flight.fly_to(note.place, revisit=True, stop_short=True))) and (
+            yield from self._carry_out(lambda: self.flight.revisit(target, note.stay_s))
         )
-        for command in commands:
-            if not (yield from self._carry_out(command)):
-                return False
-        return True
 
     def _carry_out(self, command: Callable[[], None]) -> Generator[Event | Paused, None, bool]:
         """Fly until the command is carried out; false when a battery was swapped instead, and the UAV is over its base.
@@ -418,13 +411,3 @@ def _yaw(line: Pass) -> float:
     steps = np.diff(line, axis=0)
     first = steps[np.flatnonzero(np.hypot(*steps.T) > 1e-6)[0]]
     return atan2(float(first[1]), float(first[0]))
-
-
-def _along(line: Pass, place: Place) -> float:
-    """How far along a line the nearest point to a place lies, in metres."""
-    start, step = line[:-1], np.diff(line, axis=0)
-    length = np.hypot(*step.T)
-    share = np.clip(np.sum((place - start) * step, axis=1) / np.maximum(length**2, 1e-12), 0, 1)
-    gap = np.hypot(*(start + share[:, None] * step - place).T)
-    leg = int(np.argmin(gap))
-    return float(length[:leg].sum() + share[leg] * length[leg])

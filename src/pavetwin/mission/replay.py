@@ -23,14 +23,6 @@ GROWTH = 1.15
 is known too often, more would simulate too much in vain."""
 
 
-def to_trace(recording: Recording, aircraft: Sequence[Aircraft] = (), known: Trace | None = None) -> Trace:
-    """A recording in the kernel's hands, and other aircraft with it, which come first among the agents.
-
-    `known` is the trace of its beginning, with the same aircraft, where there is one.
-    """
-    return Trace(**with_aircraft(trace_arguments(recording), aircraft), known=known)
-
-
 @dataclass
 class Replay:
     """One recording, shared by all missions that are to be compared."""
@@ -64,8 +56,12 @@ class Replay:
 
     def trace(self) -> Trace:
         if self._trace is None:
-            self._trace = to_trace(self.recording.after(self.start_s), self.aircraft)
+            self._trace = self._traced(known=None)
         return self._trace
+
+    def _traced(self, known: Trace | None) -> Trace:
+        """The recording from take-off on, with the aircraft before all others; `known` is its beginning, if traced."""
+        return Trace(**with_aircraft(trace_arguments(self.recording.after(self.start_s)), self.aircraft), known=known)
 
     def extend(self, needed_s: float) -> Trace:
         """A trace that begins with the present one and lasts beyond `needed_s`.
@@ -80,7 +76,7 @@ class Replay:
                 if self._entered:
                     self.recorder.__enter__()
             self.recording = self.recorder.beyond(longer_s, self.on_extend)
-            self._trace = to_trace(self.recording.after(self.start_s), self.aircraft, self._trace)
+            self._trace = self._traced(self._trace)
         return self.trace()
 
     def __enter__(self) -> Self:

@@ -17,10 +17,15 @@ from pavetwin import _core
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing, writing_folder
 from pavetwin.mission.fly import MissionResult
-from pavetwin.mission.metrics import SegmentMetrics
 
 TOTALS = "totals"
 """Key of a `mission.yaml` beside those of the spec."""
+
+_SUMMED = (
+    *("inspected", "defects", "swept", "confirmed", "recovered"),
+    *("wait_s", "occlusions", "revisits", "duplicates", "false_alarms"),
+)
+"""Totals that are sums over the segments."""
 
 _MODE_NAMES = pl.Enum(_core.MODES)
 
@@ -60,35 +65,21 @@ class Totals:
 def totals(result: MissionResult) -> Totals:
     """The sums over a mission's segments, and the whole flight's time, energy and distance."""
     rows = result.rows
-
-    def summed(value: Callable[[SegmentMetrics], float]) -> float:
-        return sum(value(row) for row in rows)
-
-    defects, swept = sum(row.defects for row in rows), sum(row.swept for row in rows)
-    confirmed, recovered = sum(row.confirmed for row in rows), sum(row.recovered for row in rows)
-    area_m2, seen_m2 = summed(lambda row: row.area_m2), summed(lambda row: row.surface_coverage * row.area_m2)
-    duplicates, false_alarms = sum(row.duplicates for row in rows), sum(row.false_alarms for row in rows)
-    matched = confirmed + duplicates
+    sums: dict[str, Any] = {name: sum(getattr(row, name) for row in rows) for name in _SUMMED}
+    defects, swept, confirmed, false_alarms = (sums[name] for name in ("defects", "swept", "confirmed", "false_alarms"))
+    area_m2, seen_m2 = sum(row.area_m2 for row in rows), sum(row.surface_coverage * row.area_m2 for row in rows)
+    matched = confirmed + sums["duplicates"]
     return Totals(
         segments=len(rows),
-        inspected=sum(row.inspected for row in rows),
-        defects=defects,
-        swept=swept,
-        confirmed=confirmed,
-        recovered=recovered,
+        **sums,
         coverage=confirmed / defects if defects else None,
         swath_coverage=confirmed / swept if swept else None,
-        recovery=recovered / swept if swept else None,
+        recovery=sums["recovered"] / swept if swept else None,
         surface_coverage=seen_m2 / area_m2 if area_m2 else None,
         time_s=result.duration_s,
         energy=result.energy,
-        wait_s=summed(lambda row: row.wait_s),
         distance_m=result.distance_m,
-        occlusions=sum(row.occlusions for row in rows),
-        revisits=sum(row.revisits for row in rows),
         swaps=result.swaps,
-        duplicates=duplicates,
-        false_alarms=false_alarms,
         precision=matched / (matched + false_alarms) if matched + false_alarms else None,
         false_alarms_per_100_m2=100 * false_alarms / seen_m2 if seen_m2 else None,
     )
@@ -114,15 +105,9 @@ def track_table(result: MissionResult) -> pl.DataFrame:
     lonlat = result.environment.world.georeference.to_wgs84(np.column_stack([track["x_m"], track["y_m"]]))
     return pl.DataFrame(
         {
-            "t_s": track["t_s"],
-            "x_m": track["x_m"],
-            "y_m": track["y_m"],
-            "longitude": lonlat[:, 0],
-            "latitude": lonlat[:, 1],
-            "altitude_m": track["altitude_m"],
-            "yaw_rad": track["yaw_rad"],
-            "speed_mps": track["speed_mps"],
-            "battery": track["battery"],
+            **{"t_s": track["t_s"], "x_m": track["x_m"], "y_m": track["y_m"]},
+            **{"longitude": lonlat[:, 0], "latitude": lonlat[:, 1], "altitude_m": track["altitude_m"]},
+            **{"yaw_rad": track["yaw_rad"], "speed_mps": track["speed_mps"], "battery": track["battery"]},
             "mode": pl.Series([_core.MODES[number] for number in track["mode"]], dtype=_MODE_NAMES),
             "segment": pl.Series(names[track["segment"]].tolist(), dtype=pl.String),
             "visibility": pl.Series(track["visibility"], nan_to_null=True),

@@ -12,6 +12,7 @@ from pavetwin.config.altitude import VERTICAL_CLEARANCE_M
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.navigation.domain import CORRIDOR_MARGIN_M, flight_domain
+from pavetwin.world.layers import write_layer
 from pavetwin.world.model import World
 from pavetwin.world.solids import Solids
 
@@ -45,27 +46,29 @@ def polygons(mesh: NavMesh) -> list[shapely.Polygon]:
     return [shapely.Polygon(vertices[corners[a:b]]) for a, b in itertools.pairwise(offsets)]
 
 
+def part_at(mesh: NavMesh, place: shapely.Point) -> int | None:
+    """The connected part of a mesh that a place lies in or next to."""
+    return mesh.component_of(*mesh.nearest(place.x, place.y))
+
+
+def segments_in_reach(world: World, mesh: NavMesh) -> tuple[bool, ...]:
+    """For each segment, whether a way leads from the base to its middle."""
+    base = part_at(mesh, world.base)
+    middles = (segment.centre_line.interpolate(0.5, normalized=True) for segment in world.segments)
+    return tuple(base is not None and part_at(mesh, middle) == base for middle in middles)
+
+
 def save_geopackage(mesh: NavMesh, world: World, path: Path) -> None:
     """The polygons as one georeferenced GeoPackage layer.
 
     Raises:
         PaveTwinError: it cannot be written.
     """
-    import pyogrio
-
-    shapes = [shapely.transform(polygon, world.georeference.to_projected) for polygon in polygons(mesh)]
+    shapes = polygons(mesh)
     with writing(path) as temporary:
         temporary.unlink()
-        pyogrio.raw.write(
-            temporary,
-            geometry=shapely.to_wkb(np.array(shapes, dtype=object)),
-            field_data=[np.arange(len(shapes))],
-            fields=["polygon"],
-            layer="navmesh",
-            driver="GPKG",
-            geometry_type="Polygon",
-            crs=f"EPSG:{world.georeference.epsg}",
-        )
+        numbers = {"polygon": np.arange(len(shapes))}
+        write_layer(temporary, "navmesh", "Polygon", shapes, numbers, world.georeference)
 
 
 def _cached(world: World, altitude_m: float, agent_radius_m: float) -> Path | None:

@@ -43,13 +43,7 @@ class ClosedLoop:
     """Holds the numbers of vehicles and pedestrians in the running simulation `sumo` (the libsumo module)."""
 
     def __init__(
-        self,
-        sumo: Any,
-        roads: Roads,
-        sidewalks: Sidewalks,
-        vehicles: int,
-        pedestrians: int,
-        rng: np.random.Generator,
+        self, sumo: Any, roads: Roads, sidewalks: Sidewalks, vehicles: int, pedestrians: int, rng: np.random.Generator
     ) -> None:
         self._sumo = sumo
         self._roads = roads

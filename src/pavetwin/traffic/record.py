@@ -17,13 +17,7 @@ from pavetwin.traffic.demand import Density
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.job import STEP_S
 from pavetwin.traffic.recording import Recording, frames_of, load_recording, save_recording
-from pavetwin.traffic.runner import (
-    OnProgress,
-    SimulationProcess,
-    require_sumo,
-    termination_as_exit,
-    workplace,
-)
+from pavetwin.traffic.runner import OnProgress, SimulationProcess, require_sumo, termination_as_exit, workplace
 from pavetwin.world.model import World
 
 LONGEST_S: Final = 86400.0

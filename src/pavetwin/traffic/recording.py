@@ -7,7 +7,7 @@ under the key `pavetwin`. The same recording gives the same bytes.
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
@@ -58,14 +58,7 @@ class Agents:
 
     def first(self, count: int) -> "Agents":
         """The first `count` to appear."""
-        return Agents(
-            self.id[:count],
-            self.kind[:count],
-            self.length_m[:count],
-            self.width_m[:count],
-            self.height_m[:count],
-            self.is_pedestrian[:count],
-        )
+        return Agents(*(getattr(self, each.name)[:count] for each in fields(self)))
 
 
 @dataclass(frozen=True, slots=True)
