@@ -35,14 +35,23 @@ LOST_SHARE, LOST_M = 0.06, 0.025
 
 
 @dataclass(frozen=True, eq=False)
-class BlockPattern:
-    """The pattern of blocks: for each cell its block, the block beyond the nearest joint, the distance to that
-    joint."""
+class Patch:
+    """A patch and its pattern of blocks; fields (rows, cols)."""
 
-    own: UInt16Array
-    other: UInt16Array
-    distance_m: Float32Array
+    lattice: Lattice
+    region: Float32Array
+    """1 in the middle of the patch, 0 at its border, below 0 outside it."""
+    wear: float
     sites: Float64Array
+    """(blocks, 2) of the blocks [m]."""
+    own: UInt16Array
+    """A cell's block."""
+    other: UInt16Array
+    """The block beyond the nearest joint."""
+    distance_m: Float32Array
+    """To that joint."""
+    near: IndexArray
+    """Flat indices of the cells near joints."""
 
 
 class CrocodileCrackParameters(Settings):
@@ -91,10 +100,10 @@ def crocodile_crack(rng: np.random.Generator, parameters: CrocodileCrackParamete
     low, high = parameters.crack_m
     beside = BESIDE_M[0] + wear * (BESIDE_M[1] - BESIDE_M[0])
     reach = 0.5 * log_between((low, high), 0.3 + 0.7 * wear) + beside
-    blocks = BlockPattern(*relief_blocks(lattice, region > 0, sites, halves, warp_x, warp_y, reach), sites)
-    near = np.flatnonzero((blocks.distance_m < reach) & (region > 0))
-    width = _widths(rng, parameters, lattice, blocks, near, region, wear)
-    return _painted(rng, lattice, blocks, near, width, region, wear, beside)
+    own, other, distance = relief_blocks(lattice, region > 0, sites, halves, warp_x, warp_y, reach)
+    near = np.flatnonzero((distance < reach) & (region > 0))
+    patch = Patch(lattice, region, wear, sites, own, other, distance, near)
+    return _painted(rng, patch, _widths(rng, parameters, patch), beside)
 
 
 def _region(rng: np.random.Generator, lattice: Lattice, half: Float64Array) -> tuple[Float32Array, float]:
@@ -137,46 +146,30 @@ def _sites(rng: np.random.Generator, half: Float64Array, area_m2: float, count: 
     return (places + rng.uniform(-0.36, 0.36, places.shape)) * size * stretch, size
 
 
-def _widths(
-    rng: np.random.Generator,
-    parameters: CrocodileCrackParameters,
-    lattice: Lattice,
-    blocks: BlockPattern,
-    near: IndexArray,
-    region: Float32Array,
-    wear: float,
-) -> Float32Array:
+def _widths(rng: np.random.Generator, parameters: CrocodileCrackParameters, patch: Patch) -> Float32Array:
     """(near,) width of the crack that the joint beside each of the near cells is [m].
 
     Main cracks follow a smooth field that is longer along the wheel path; every joint also has its own rank;
     all are thinner towards the border.
     """
-    low, high = parameters.crack_m
-    own, other = blocks.own.ravel()[near].astype(np.uint32), blocks.other.ravel()[near].astype(np.uint32)
+    (low, high), near, wear = parameters.crack_m, patch.near, patch.wear
+    own, other = patch.own.ravel()[near].astype(np.uint32), patch.other.ravel()[near].astype(np.uint32)
     mixed = np.minimum(own, other) * np.uint32(0x9E3779B1) + np.maximum(own, other) * np.uint32(0x85EBCA77)
     mixed = np.bitwise_xor(mixed, np.uint32(rng.integers(2**32))) * np.uint32(0xC2B2AE3D)
     rank = (mixed // np.uint32(2**8)).astype(np.float32) / np.float32(2**24)
-    mains = noise(rng, lattice, (0.9, 0.45), 3, 0.6).ravel()[near]
-    ripple = noise(rng, lattice, 0.05, 2, 0.7).ravel()[near]
-    worst = np.clip(2.2 * region.ravel()[near], 0, 1)
+    mains = noise(rng, patch.lattice, (0.9, 0.45), 3, 0.6).ravel()[near]
+    ripple = noise(rng, patch.lattice, 0.05, 2, 0.7).ravel()[near]
+    worst = np.clip(2.2 * patch.region.ravel()[near], 0, 1)
     share = (0.2 + 0.8 * wear) * (0.2 + 0.8 * worst) * np.clip(0.30 + 0.22 * mains + 0.55 * rank * rank, 0, 1)
     share = np.clip(share + (0.02 + 0.06 * share) * ripple, 0, 0.3 + 0.7 * wear)
     return np.asarray(low * np.exp(np.float32(math.log(high / low)) * share), dtype=np.float32)
 
 
-def _painted(
-    rng: np.random.Generator,
-    lattice: Lattice,
-    blocks: BlockPattern,
-    near: IndexArray,
-    width: Float32Array,
-    region: Float32Array,
-    wear: float,
-    beside_m: float,
-) -> Heightfield:
+def _painted(rng: np.random.Generator, patch: Patch, width: Float32Array, beside_m: float) -> Heightfield:
     """Cracks, moved and lost blocks, and their stains on the surface. Most of it lies near joints."""
+    lattice, near = patch.lattice, patch.near
     shape, cell = lattice[0], np.float32(lattice[1])
-    distance, half = blocks.distance_m.ravel()[near], 0.5 * width
+    distance, half = patch.distance_m.ravel()[near], 0.5 * width
     opening = spread(
         shape, near, (np.minimum(distance + cell / 2, half) - np.maximum(distance - cell / 2, -half)) / cell
     )
@@ -185,12 +178,12 @@ def _painted(
     out = np.clip(distance / (half + cell / 2), 0, 1)
     height = -np.clip(0.8 * width, 0.004, 0.02) * share * (1 - out * out)
     grain = noise(rng, lattice, 0.018, 2, 0.7)
-    worn = np.clip(1.6 * region.ravel()[near], 0, 1) * np.float32(wear)
+    worn = np.clip(1.6 * patch.region.ravel()[near], 0, 1) * np.float32(patch.wear)
     edge, rough = distance - half, grain.ravel()[near]
     spall = smooth(edge, beside_m, 0.0) * smooth(rough + 2.4 * worn, 1.3, 2.3)
     height -= 0.004 * spall * (1 - share)
     beside = smooth(edge, beside_m, 0.0)
-    sunken, gone = _moved(rng, lattice, blocks, region, grain, wear)
+    sunken, gone = _moved(rng, patch, grain)
     exposed = np.maximum(spread(shape, near, 0.8 * spall), 0.7 * gone) * (1 - opening)
     noise_seed = int(rng.integers(2**63))
 
@@ -214,22 +207,15 @@ def _painted(
     ).settled()
 
 
-def _moved(
-    rng: np.random.Generator,
-    lattice: Lattice,
-    blocks: BlockPattern,
-    region: Float32Array,
-    grain: Float32Array,
-    wear: float,
-) -> tuple[Float32Array, Float32Array]:
+def _moved(rng: np.random.Generator, patch: Patch, grain: Float32Array) -> tuple[Float32Array, Float32Array]:
     """(height of tilted and sunken blocks [m], share of lost ones)."""
-    count, own = len(blocks.sites), blocks.own
-    x, y = centres(lattice)
+    sites, own, region, wear = patch.sites, patch.own, patch.region, patch.wear
+    x, y = centres(patch.lattice)
     worst = np.square(np.clip(1.6 * region, 0, 1))
-    a, b, c = (TILT_M * wear * rng.normal(size=(3, count))).astype(np.float32)
+    a, b, c = (TILT_M * wear * rng.normal(size=(3, len(sites)))).astype(np.float32)
     b, c = b / np.float32(0.25), c / np.float32(0.25)
-    level = a - b * blocks.sites[:, 0].astype(np.float32) - c * blocks.sites[:, 1].astype(np.float32)
+    level = a - b * sites[:, 0].astype(np.float32) - c * sites[:, 1].astype(np.float32)
     sunken = -np.abs(level[own] + b[own] * x + c[own] * y) * worst
-    lost = rng.random(count) < LOST_SHARE * wear * wear
-    gone = (lost[own] & (region > 0.15)) * smooth(blocks.distance_m + 0.002 * grain, 0.0, 0.016)
+    lost = rng.random(len(sites)) < LOST_SHARE * wear * wear
+    gone = (lost[own] & (region > 0.15)) * smooth(patch.distance_m + 0.002 * grain, 0.0, 0.016)
     return sunken, np.asarray(gone, dtype=np.float32)
