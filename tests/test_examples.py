@@ -99,7 +99,7 @@ def test_the_documented_plugin_registers_a_policy(tmp_path: Path) -> None:
     try:
         assert "carefree" in POLICIES.names()
     finally:
-        POLICIES.remove("carefree")
+        POLICIES.restore("carefree", None)
 
 
 def test_the_documented_entry_points_are_those_of_registries() -> None:

@@ -42,7 +42,7 @@ def _forget() -> Iterator[None]:
     yield
     for registry, name in ((POLICIES, "calm"), (CAMERAS, "mine"), (SENSORS, "sharp")):
         if name in registry.names():
-            registry.remove(name)
+            registry.restore(name, None)
 
 
 def file(folder: Path, text: str, name: str = "mine.py") -> str:

@@ -30,36 +30,20 @@ if TYPE_CHECKING:
     from pavetwin.sensing import Sensor, sensor, sensor_names
     from pavetwin.world import BuildOptions, World, build_world, load_world, save_world
 
-_ROOMS = {
-    "__version__": "_core",
-    "MissionSettings": "config",
-    "load_settings": "config",
-    "add_defects": "defects",
-    "PaveTwinError": "errors",
-    "Mission": "mission",
-    "MissionInputs": "mission",
-    "MissionResult": "mission",
-    "MissionSpec": "mission",
-    "choose_targets": "mission",
-    "fly": "mission",
-    "fly_over": "mission",
-    "load_inputs": "mission",
-    "plan_mission": "mission",
-    "prepare": "mission",
-    "replay_of": "mission",
-    "save_mission": "mission",
-    "totals": "mission",
-    "Policy": "policies",
-    "policy": "policies",
-    "policy_names": "policies",
-    "Sensor": "sensing",
-    "sensor": "sensing",
-    "sensor_names": "sensing",
-    "BuildOptions": "world",
-    "World": "world",
-    "build_world": "world",
-    "load_world": "world",
-    "save_world": "world",
+_HOMES = {
+    name: home
+    for home, names in {
+        "_core": "__version__",
+        "config": "MissionSettings load_settings",
+        "defects": "add_defects",
+        "errors": "PaveTwinError",
+        "mission": "Mission MissionInputs MissionResult MissionSpec choose_targets fly fly_over load_inputs "
+        "plan_mission prepare replay_of save_mission totals",
+        "policies": "Policy policy policy_names",
+        "sensing": "Sensor sensor sensor_names",
+        "world": "BuildOptions World build_world load_world save_world",
+    }.items()
+    for name in names.split()
 }
 
 __all__ = [
@@ -96,8 +80,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _ROOMS:
+    if name not in _HOMES:
         raise AttributeError(f"module 'pavetwin' has no attribute '{name}'")
-    value = getattr(import_module(f"pavetwin.{_ROOMS[name]}"), name)
+    value = getattr(import_module(f"pavetwin.{_HOMES[name]}"), name)
     globals()[name] = value
     return value

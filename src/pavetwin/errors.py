@@ -31,6 +31,11 @@ def naming(names: Mapping[str, str], where: str = "") -> Iterator[None]:
         raise PaveTwinError(f"{where}: {text}" if where and told.startswith(tuple(names)) else text) from error
 
 
+def told(error: BaseException) -> str:
+    """Another error in one line: its type and what it says."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
+
+
 def nearest_name(word: str, known: Iterable[str]) -> str:
     """` (did you mean 'hover'?)` for the known name closest to `word`, or an empty string when none is near.
 

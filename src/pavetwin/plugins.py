@@ -22,7 +22,7 @@ from sysconfig import get_paths
 from types import CodeType, ModuleType
 from typing import Any, Final, TypeVar
 
-from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.errors import PaveTwinError, nearest_name, told
 from pavetwin.files import file_sha256
 from pavetwin.registry import DuplicateNameError, Registry, reading
 
@@ -142,9 +142,8 @@ def _class_in(registry: Registry[type[T]], base: Any, path: Path, class_name: st
             f"{registry.key}: '{path}' has no {registry.what} class '{class_name}'{near}. "
             f"It must be a subclass of {base.__module__.removesuffix('.base')}.{base.__name__}."
         )
-    if broken := registry.rules(kind):
-        more = f" (and {len(broken) - 1} more)" if len(broken) > 1 else ""
-        raise PaveTwinError(f"{registry.key}: '{path}:{class_name}' breaks a rule: {broken[0]}{more}.")
+    if broken := registry.broken_rule(kind):
+        raise PaveTwinError(f"{registry.key}: '{path}:{class_name}' {broken}.")
     found: type[T] = kind
     return found
 
@@ -182,8 +181,7 @@ def _read(path: Path, key: str, *, check: bool = False) -> ModuleType:
             raise PaveTwinError(f"{key}: '{path}' cannot be used: {error}.") from error
         if isinstance(error, PaveTwinError) or not isinstance(error, Exception | SystemExit):
             raise
-        told = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        raise PaveTwinError(f"{key}: '{path}' fails when read: {told}.") from error
+        raise PaveTwinError(f"{key}: '{path}' fails when read: {told(error)}.") from error
     finally:
         sys.path.remove(beside)
     return module

@@ -16,7 +16,7 @@ from pkgutil import iter_modules
 from types import ModuleType
 from typing import Any, Generic, TypeVar
 
-from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.errors import PaveTwinError, nearest_name, told
 
 T = TypeVar("T")
 
@@ -38,9 +38,8 @@ class Source:
     def broken_rule(self) -> str:
         """The first rule that something registered here breaks, as a sentence; empty when all keep theirs."""
         for registry, name, _ in self.added:
-            if broken := registry.rules(registry.get(name)):
-                more = f" (and {len(broken) - 1} more)" if len(broken) > 1 else ""
-                return f"the {registry.what} '{name}' breaks a rule: {broken[0]}{more}"
+            if broken := registry.broken_rule(registry.get(name)):
+                return f"the {registry.what} '{name}' {broken}"
         return ""
 
     def undo(self) -> None:
@@ -96,7 +95,7 @@ class Registry(Generic[T]):
         """
         self.what, self.group = what, group
         self.key = key if "." in key else f"`{key}`"  # settings have sections, parameters have options
-        self.rules, self._home, self._on_add = rules, home, on_add
+        self._rules, self._home, self._on_add = rules, home, on_add
         self._entries: dict[str, _Entry[T]] = {}
         self._has_own = self._has_installed = False
 
@@ -161,21 +160,18 @@ class Registry(Generic[T]):
         self._load_own()
         return [entry.value for entry in self._entries.values() if not (entry.source and entry.source.is_installed)]
 
+    def broken_rule(self, value: T) -> str:
+        """The end of a sentence about the first rule that a value breaks; empty when it keeps them."""
+        if not (broken := self._rules(value)):
+            return ""
+        return f"breaks a rule: {broken[0]}" + (f" (and {len(broken) - 1} more)" if len(broken) > 1 else "")
+
     def is_own(self, name: str) -> bool:
         """Whether a known name ships with PaveTwin."""
         return self._entries[name].source is None
 
-    def remove(self, name: str) -> None:
-        """Forget a name again.
-
-        Raises:
-            PaveTwinError: it is not known.
-        """
-        self.get(name)
-        del self._entries[name]
-
     def restore(self, name: str, before: _Entry[T] | None) -> None:
-        """Put back the entry that a failed reading replaced."""
+        """Put back the entry that was replaced; None removes the name."""
         if before is None:
             self._entries.pop(name, None)
         else:
@@ -208,7 +204,7 @@ class Registry(Generic[T]):
                         self.add(point.name, value)
                     fault = source.broken_rule()
                 except Exception as error:
-                    fault = f"{type(error).__name__}: {' '.join(str(error).split())}"
+                    fault = told(error)
                 if fault:
                     raise PaveTwinError(f"{source.name} cannot give its {self.what} '{point.name}': {fault}.")
 

@@ -32,10 +32,7 @@ class WorkerPool(Generic[Task, Result]):
     """Runs tasks in up to `workers` processes, which start when tasks need them and end with the `with` block."""
 
     def __init__(
-        self,
-        workers: int,
-        start: Callable[[OnTick], Callable[[Task], Result]],
-        on_tick: OnTick = lambda: None,
+        self, workers: int, start: Callable[[OnTick], Callable[[Task], Result]], on_tick: OnTick = lambda: None
     ) -> None:
         """Args:
         start: called once in each worker, before its first task; returns what runs a task. It is given a function that

@@ -38,7 +38,7 @@ def known(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     plugins.load_plugins([RUTTING])
     yield
     if "rutting" in DEFECT_CLASSES.names():
-        DEFECT_CLASSES.remove("rutting")
+        DEFECT_CLASSES.restore("rutting", None)
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def world(known: None, tmp_path: Path) -> Path:  # noqa: ARG001 - a fixture
 
 def forget(monkeypatch: pytest.MonkeyPatch) -> None:
     """As in a process that was given no plugin."""
-    DEFECT_CLASSES.remove("rutting")
+    DEFECT_CLASSES.restore("rutting", None)
     monkeypatch.setattr(plugins, "_loaded", {})
 
 
@@ -104,7 +104,7 @@ def test_another_plugin_is_another_dataset(world: Path, tmp_path: Path) -> None:
     own = tmp_path / "rutting.py"
     own.write_text(RUTTING.read_text())
     few = UAV.model_copy(update={"images": 2, "plugins": (str(own),)})
-    DEFECT_CLASSES.remove("rutting")
+    DEFECT_CLASSES.restore("rutting", None)
     capture(world, few, tmp_path / "dataset", frame_source_factory=Painter)
     own.write_text(RUTTING.read_text() + "# another\n")
     with pytest.raises(PaveTwinError, match="was begun with other plugins than now"):

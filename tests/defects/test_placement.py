@@ -174,7 +174,7 @@ def dents() -> Iterator[None]:
         weight=1.0,
     )(dent)
     yield
-    DEFECT_CLASSES.remove("dent")
+    DEFECT_CLASSES.restore("dent", None)
 
 
 @pytest.mark.usefixtures("dents")

@@ -222,7 +222,7 @@ def test_a_file_can_be_read_twice_even_when_it_registers_its_policy(tmp_path: Pa
     name = f"{own_file(tmp_path, text)}:Gentle"
     assert load_policy(name, SETTINGS).name == load_policy(name, SETTINGS).name == "gentle-for-the-test"
     assert load_policy("gentle-for-the-test", SETTINGS).decide(HALF_HIDDEN) == GoOn()
-    POLICIES.remove("gentle-for-the-test")
+    POLICIES.restore("gentle-for-the-test", None)
 
 
 def test_two_files_of_one_name_are_two_policies(tmp_path: Path) -> None:

@@ -113,10 +113,9 @@ def make(
         )
     _print(captured.statistics)
     there = settings.images - captured.taken
-    out.print(
+    out.line(
         f"{captured.taken} images taken" + (f", {there} were there" if there else "") + f". Dataset in {output}/. "
-        f"Next: pavetwin capture show {output}",
-        soft_wrap=True,
+        f"Next: pavetwin capture show {output}"
     )
 
 
@@ -140,7 +139,7 @@ def show(
     path = output or dataset / "contact-sheet.png"
     with progress("Drawing"):
         drawn = save_sheet(dataset, path, count=count, split=split)
-    out.print(f"{drawn} images on {path}", soft_wrap=True)
+    out.line(f"{drawn} images on {path}")
 
 
 @app.command()

@@ -43,6 +43,10 @@ class LateConsole:
         """As `rich.console.Console.print`."""
         self.rich.print(*things, **options)
 
+    def line(self, text: str) -> None:
+        """Plain text, not broken to the width of the terminal: paths and commands can be copied."""
+        self.print(text, markup=False, soft_wrap=True)
+
 
 out = LateConsole(stderr=False)
 err = LateConsole(stderr=True)

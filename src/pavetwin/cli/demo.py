@@ -70,7 +70,7 @@ def demo(
     )
     out.print()
     out.print(report.comparison_table(results))
-    out.print(report.sentence(results), markup=False, soft_wrap=True)
+    out.line(report.sentence(results))
     out.print(
         f"""
 [bold]Results[/] in {folder}/

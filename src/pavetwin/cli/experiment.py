@@ -58,11 +58,7 @@ def init(
         out.print(
             f"[yellow]Note:[/] there is no world in {place} yet; the path is relative to the design.", soft_wrap=True
         )
-    out.print(
-        f"Wrote {target}. Next: pavetwin experiment run {target} -o {target.with_suffix('')}",
-        markup=False,
-        soft_wrap=True,
-    )
+    out.line(f"Wrote {target}. Next: pavetwin experiment run {target} -o {target.with_suffix('')}")
 
 
 @app.command()
@@ -163,10 +159,10 @@ def report(
         place = output or folder
         written = write_report(study, place, lambda share: tell(share, "Drawing the report"), figures=figures)
     _note_unfinished(design, table)
-    out.print("\n".join(study.conclusions), markup=False, soft_wrap=True)
+    out.line("\n".join(study.conclusions))
     names = [str(path) for path in written if path.parent == place]
     drawn = [f"{len(written) - len(names)} files in {place}/figures/"] if figures else []
-    out.print(f"\nWritten: {', '.join(names + drawn)}", markup=False, soft_wrap=True)
+    out.line(f"\nWritten: {', '.join(names + drawn)}")
 
 
 @app.command()
@@ -222,7 +218,7 @@ def recommend(
         if assumed:
             out.print(f"\n[bold]{opened(setting(part.row(0, named=True), assumed))}[/]")
         out.print(_options_table(chosen))
-        out.print("\n".join(chosen.sentences), markup=False, soft_wrap=True)
+        out.line("\n".join(chosen.sentences))
     _note_unfinished(design, table)
     if any(chosen.best is None for chosen in advice):
         raise typer.Exit(FAILED_CODE)
@@ -316,18 +312,15 @@ def _engine(name: str, scheduler: str | None, jobs: int | None, design: "Design"
 def _print_run(ran: "Ran", folder: Path) -> None:
     total = ran.plan.missions
     before = f", {total - ran.missions_flown} of them before" if ran.missions_flown < total else ""
-    out.print(
-        f"{total} missions flown{before}: {len(ran.plan.units)} parts in {folder}/segments.parquet/", soft_wrap=True
-    )
+    out.line(f"{total} missions flown{before}: {len(ran.plan.units)} parts in {folder}/segments.parquet/")
     failed = sum(ran.failures.values())
     if failed:
         out.print(f"[yellow]{failed} of {ran.table.height} segment missions failed:[/]")
         for reason, count in list(ran.failures.items())[:MOST_REASONS]:
-            out.print(f"  {count} × {reason}", markup=False, soft_wrap=True)
-        out.print(
+            out.line(f"  {count} × {reason}")
+        out.line(
             "Fix the cause and give the same command with --retry-failed. A policy's file may be changed where all "
             "missions of that policy failed, a routes file where all over its world did; a study with any other "
-            "changed file, or a changed design, is refused there and needs another folder; recordings are kept.",
-            soft_wrap=True,
+            "changed file, or a changed design, is refused there and needs another folder; recordings are kept."
         )
-    out.print(f"Next: pavetwin experiment report {folder}", markup=False, soft_wrap=True)
+    out.line(f"Next: pavetwin experiment report {folder}")

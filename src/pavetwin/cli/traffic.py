@@ -139,4 +139,4 @@ def _print(recording: "Recording") -> None:
     for remark in recording.remarks:
         out.print(f"[yellow]Note:[/] {remark}.")
     if recording.path is not None:
-        out.print(f"File: {recording.path}", soft_wrap=True)
+        out.line(f"File: {recording.path}")

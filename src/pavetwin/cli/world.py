@@ -78,7 +78,7 @@ def build(
         world = save_world(damaged, output, force=force)
         report(1.0)
     _print_summary(world, built.record)
-    out.print(f"Written to {output}/ (world.gpkg opens in QGIS). Next: pavetwin world show {output}", soft_wrap=True)
+    out.line(f"Written to {output}/ (world.gpkg opens in QGIS). Next: pavetwin world show {output}")
 
 
 @app.command()

@@ -63,11 +63,7 @@ def export(
         made = export_scene(scene, target, bounds=part, texel_m=texel, moment=moment, on_progress=report)
     held = f"{made.tiles} tiles of 32 m, {made.defects} defects, {made.buildings} buildings"
     held += f", {made.agents} agents" if moment is not None else ""
-    out.print(
-        f"Written to {target}: {made.bytes / 1e6:.1f} MB; {held}; {made.texel_m * 100:g} cm a texel.",
-        soft_wrap=True,
-        markup=False,
-    )
+    out.line(f"Written to {target}: {made.bytes / 1e6:.1f} MB; {held}; {made.texel_m * 100:g} cm a texel.")
 
 
 def _parsed(bounds: str | None) -> tuple[float, float, float, float] | None:

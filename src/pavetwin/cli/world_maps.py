@@ -42,12 +42,10 @@ def show(
     said = f"Drawn to {picture}"
     if html:
         said += f", and to {picture.with_suffix('.html')} (open it in a browser; it needs no network)"
-    out.print(f"{said}.", soft_wrap=True, markup=False)
+    out.line(f"{said}.")
     if left_out:
-        out.print(
-            f"There was no room for {len(left_out)} of {len(loaded.segments)} ids; the page of --html has them all.",
-            soft_wrap=True,
-            markup=False,
+        out.line(
+            f"There was no room for {len(left_out)} of {len(loaded.segments)} ids; the page of --html has them all."
         )
 
 
@@ -89,7 +87,7 @@ def navmesh(
         report(1.0)
     _print(baked, settings.uav.radius_m)
     also = f" and its polygons saved to {geopackage}" if geopackage is not None else ""
-    out.print(f"Drawn to {picture}{also}.", soft_wrap=True, markup=False)
+    out.line(f"Drawn to {picture}{also}.")
 
 
 def _print(baked: "NavMeshReport", radius_m: float) -> None:

@@ -5,6 +5,7 @@ the file that computes its effect.
 """
 
 import datetime as dt
+from collections.abc import Callable
 from math import cos, radians, sin
 from typing import Annotated, Any, Final
 
@@ -18,12 +19,7 @@ LAST_YEAR: Final = 2050
 
 
 def _read_date(value: Any) -> dt.date:
-    day = value
-    if isinstance(value, str):
-        try:
-            day = dt.date.fromisoformat(value)
-        except ValueError:
-            day = None
+    day = _parsed(value, dt.date.fromisoformat)
     if not isinstance(day, dt.date) or isinstance(day, dt.datetime):
         raise ValueError("expected a date of the calendar, such as 2026-06-21")
     if not FIRST_YEAR <= day.year <= LAST_YEAR:
@@ -32,15 +28,18 @@ def _read_date(value: Any) -> dt.date:
 
 
 def _read_time(value: Any) -> dt.time:
-    clock = value
-    if isinstance(value, str):
-        try:
-            clock = dt.time.fromisoformat(value) if ":" in value else None
-        except ValueError:
-            clock = None
-    if not isinstance(clock, dt.time) or clock.tzinfo is not None:
+    clock = _parsed(value, dt.time.fromisoformat)
+    if not isinstance(clock, dt.time) or clock.tzinfo is not None or (isinstance(value, str) and ":" not in value):
         raise ValueError("expected a time of day without a time zone, such as 09:30")
     return clock
+
+
+def _parsed(value: Any, parse: Callable[[str], Any]) -> Any:
+    """A text as `parse` reads it, None where it cannot; anything else as it is."""
+    try:
+        return parse(value) if isinstance(value, str) else value
+    except ValueError:
+        return None
 
 
 class Conditions(Settings):

@@ -29,7 +29,7 @@ from pavetwin.mission.spec import (
     software_versions,
 )
 from pavetwin.policies import Policy, load_policy
-from pavetwin.sensing import ImageSource, JudgedDetection, Outcome, Sensor, load_sensor
+from pavetwin.sensing import Frame, ImageSource, JudgedDetection, Outcome, Sensor, load_sensor
 from pavetwin.twin import InspectionMemory
 
 if TYPE_CHECKING:

@@ -15,6 +15,7 @@ from shapely import LineString, Polygon
 
 from pavetwin.arrays import Float64Array
 from pavetwin.config.mission import PolicySettings
+from pavetwin.errors import told
 from pavetwin.policies.base import Action, Displace, GoOn, Policy, Revisit, Wait
 from pavetwin.twin import (
     Agent,
@@ -56,7 +57,7 @@ def check_policy(factory: Callable[[PolicySettings], Policy]) -> list[str]:
         try:
             first, second = factory(settings), factory(settings)
         except Exception as error:
-            return [f"it cannot be made from its settings: {_told(error)}"]
+            return [f"it cannot be made from its settings: {told(error)}"]
         cases = list(trial_snapshots(settings))
         answers = [_try(first, case, settings, broken) for case in cases]
         again = [_try(first, case, settings, broken) for case in cases]
@@ -86,7 +87,7 @@ def _try(policy: Policy, case: Case, settings: PolicySettings, broken: list[str]
     try:
         answer = policy.decide(case.snapshot)
     except Exception as error:
-        broken.append(f"with {case.name}, it fails: {_told(error)}")
+        broken.append(f"with {case.name}, it fails: {told(error)}")
         return None
     if perf_counter() - begun > SLOWEST_S:
         broken.append(f"with {case.name}, it takes longer than {SLOWEST_S:g} s to decide")
@@ -122,10 +123,6 @@ def _wrong_with(answer: object, snapshot: Snapshot, settings: PolicySettings) ->
             return "" if 0 < stay_s <= LONGEST_WAIT_S else f"a stay must be above 0 and at most {LONGEST_WAIT_S:g} s"
         case _:
             return "an answer must be GoOn, Wait, Displace or Revisit"
-
-
-def _told(error: Exception) -> str:
-    return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
 def _fingerprint(snapshot: Snapshot) -> str:
