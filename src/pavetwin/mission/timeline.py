@@ -14,6 +14,7 @@ from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import chain
 from math import inf
 from types import MappingProxyType
 from typing import TYPE_CHECKING, cast
@@ -124,6 +125,7 @@ class Timeline:
             raise PaveTwinError(f"The mission has no moment at {time_s:g} s; it lasts {self.duration_s:.1f} s so far.")
         row = self.row(time_s)
         segment, visibility = int(self.track["segment"][row]), float(self.track["visibility"][row])
+        segments, defects_of = self.environment.world.segments, self.environment.defects_by_segment
         found: dict[int, Confirmation] = {}
         finished: list[int] = []
         actions: list[ActionTaken] = []
@@ -155,14 +157,12 @@ class Timeline:
                 yaw_rad=float(np.interp(time_s, self.track["t_s"], self._yaw_rad)),
                 mode=MODES[int(self.activity[row])],
             ),
-            segment=None if segment < 0 else self.environment.world.segments[segment],
+            segment=None if segment < 0 else segments[segment],
             visibility=visibility if np.isfinite(visibility) else None,
             captures=self.capture_count(time_s),
             detections=self._detections[: bisect_right(self._detection_times_s, time_s)],
             found=MappingProxyType(found),
-            missed=frozenset(
-                defect for left in finished for defect in self._defects_of.get(left, ()) if defect not in found
-            ),
+            missed=frozenset(chain(*(defects_of.get(segments[left].id, ()) for left in finished))).difference(found),
             finished=tuple(finished),
             actions=tuple(actions),
             notes=tuple(notes),
@@ -225,15 +225,6 @@ class Timeline:
         """(n,) batteries used before each sample; the rise of a swap is no use."""
         return np.concatenate([[0.0], np.cumsum(np.maximum(0.0, -np.diff(self.track["battery"])))])
 
-    @cached_property
-    def _defects_of(self) -> dict[int, list[int]]:
-        """Ids of the defects by the index of their segment."""
-        index = {segment.id: number for number, segment in enumerate(self.environment.world.segments)}
-        found: dict[int, list[int]] = {}
-        for defect in self.environment.defects:
-            found.setdefault(index[defect.segment], []).append(defect.id)
-        return found
-
 
 def _track_until_now(mission: Mission) -> "TrackColumns":
     """The track of a mission in flight; its last row is of now."""
@@ -242,14 +233,8 @@ def _track_until_now(mission: Mission) -> "TrackColumns":
         return track
     (x_m, y_m), started = flight.position, len(track["t_s"]) > 0
     now = {
-        "t_s": flight.time_s,
-        "x_m": x_m,
-        "y_m": y_m,
-        "altitude_m": flight.altitude_m,
-        "yaw_rad": flight.yaw_rad,
-        "speed_mps": flight.speed_mps,
-        "battery": flight.battery,
-        "mode": flight.mode,
+        **{"t_s": flight.time_s, "x_m": x_m, "y_m": y_m},
+        **{name: getattr(flight, name) for name in ("altitude_m", "yaw_rad", "speed_mps", "battery", "mode")},
         "segment": track["segment"][-1] if started else -1,
         "visibility": track["visibility"][-1] if started else np.nan,
     }
