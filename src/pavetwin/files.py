@@ -111,19 +111,6 @@ def _temporary_folder(target: Path) -> Iterator[Path]:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def sha256_of(path: Path) -> str:
-    """Of a file's content.
-
-    Raises:
-        PaveTwinError: it cannot be read.
-    """
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise PaveTwinError(f"Cannot read '{path}': {error.strerror}.") from error
-
-
 @contextmanager
 def working_in(folder: Path) -> Iterator[None]:
     """While the block runs, no other process that asks the same works in `folder`, which need not exist.

@@ -13,7 +13,7 @@ from typing import Final
 from xml.etree import ElementTree
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import sha256_of
+from pavetwin.files import file_sha256
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic import sumo_run
 from pavetwin.traffic.closed_loop import FULL, GOALS, PATIENCE, TRIP_M, WALK_M
@@ -75,10 +75,10 @@ class Inputs:
         parts = {
             "behaviour": BEHAVIOUR,
             "world": self.world.content_hash,
-            "network": sha256_of(self.world.network_file),
+            "network": file_sha256(self.world.network_file),
             "density": asdict(self.asked) if self.asked else None,
             "seed": self.seed,
-            "routes": [sha256_of(path) for path in self.routes],
+            "routes": [file_sha256(path) for path in self.routes],
             "types": sumo_types(),
             "options": [STEP_S, *sumo_run.OPTIONS, *sumo_run.CLOSED_LOOP_OPTIONS, *WARM_UP_S],
             "loop": [TRIP_M, *WALK_M, GOALS, PATIENCE, FULL],

@@ -14,7 +14,7 @@ from shapely.ops import nearest_points
 
 from pavetwin.config.base import Settings
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import hint, sha256_of
+from pavetwin.files import file_sha256, hint
 from pavetwin.world.buildings import buildings_by_rule, clear_of_roads
 from pavetwin.world.connected import LeftOut
 from pavetwin.world.content import content_hash, snapped_world
@@ -125,7 +125,7 @@ def _prepare(
     else:
         lost = LeftOut()
         network_from_net(source, target)
-    record = BuildRecord(source=source.name, source_sha256=sha256_of(source), options=options, left_out=lost)
+    record = BuildRecord(source=source.name, source_sha256=file_sha256(source), options=options, left_out=lost)
     return SourceNetwork(target), record
 
 

@@ -11,7 +11,7 @@ import yaml
 from shapely import Point
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import sha256_of, writing_folder
+from pavetwin.files import file_sha256, writing_folder
 from pavetwin.world.build import BuildRecord, Built
 from pavetwin.world.content import content_hash
 from pavetwin.world.folder import DESCRIPTION, FORMAT, GEOPACKAGE, NETWORK, check_target, read_description, rebuild_hint
@@ -84,7 +84,7 @@ def load_world(folder: str | Path) -> World:
         folder=folder.absolute(),
         **layers,
     )
-    return replace(world, content_hash=content_hash(world, sha256_of(folder / NETWORK)))
+    return replace(world, content_hash=content_hash(world, file_sha256(folder / NETWORK)))
 
 
 def attribution(source: str) -> str | None:
