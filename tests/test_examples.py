@@ -26,7 +26,7 @@ SAYS = {
 }
 """What an example prints, at least, as a regular expression."""
 
-SLOW = {"01_first_flight"}
+SLOW = {"01_first_flight", "06_dataset"}
 DRAWS = {"06_dataset"}
 
 

@@ -48,6 +48,7 @@ def test_worlds_are_built_all_the_same(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_worlds_are_exported_all_the_same(world: Path, tmp_path: Path) -> None:
     exported = pavetwin("world", "export", world, tmp_path / "part.glb", "--segment", "s0001", "--texel", 0.1)
     assert exported.returncode == 0, exported.stderr
