@@ -9,7 +9,7 @@ import pytest
 
 from pavetwin._core import Trace
 from pavetwin.config import load_settings
-from pavetwin.defects import add_defects
+from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission import choose_targets, prepare, totals
 from pavetwin.mission.airspace import SPAN_M, Aircraft, load_airspace, with_aircraft
@@ -126,7 +126,7 @@ def test_a_table_that_is_none_is_refused_in_one_line(tmp_path: Path, text: str, 
 
 def test_an_aircraft_that_stands_anywhere_on_the_route_is_flown_round() -> None:
     """In a town, where corners, trees and the ends of passes leave less room than a straight street."""
-    world = add_defects(built("town")).world
+    world = add_defects(built("town"), DefectOptions(per_segment=4)).world
     settings = load_settings("default", altitude_m=ALTITUDE_M)
     environment = prepare(world, settings)
     targets = choose_targets(environment, count=4, seed=1)
