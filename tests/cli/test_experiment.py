@@ -25,21 +25,23 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     save_world(add_defects(built("cross"), DefectOptions(per_segment=6)), folder / "worlds" / "cross")
     made = pavetwin("experiment", "init", "study.yaml", "--world", "worlds/cross", cwd=folder)
     assert made.returncode == 0, made.stderr
-    assert "experiment run study.yaml -o study" in made.stdout
+    assert "Wrote study.yaml with the preset default. Next: pavetwin experiment run study.yaml -o study" in made.stdout
     values = yaml.safe_load((folder / "study.yaml").read_text())
+    assert values["presets"] == ["default"]
     values |= {"densities": ["low"], "replicates": 4, "policies": ["baseline", "hover"]}
     (folder / "study.yaml").write_text(yaml.safe_dump(values))
     done = pavetwin("experiment", "run", "study.yaml", "-o", "study", "--jobs", "1", cwd=folder)
     assert done.returncode == 0, done.stderr
-    assert "16 missions flown" in done.stdout
+    assert "16 missions flown, preset default" in done.stdout
     assert "16/16 (100%)" in done.stderr
     return folder
 
 
 def test_a_design_explains_itself_and_is_not_replaced(place: Path) -> None:
     fresh = pavetwin("experiment", "init", "paper.yaml", "--preset", "paper", cwd=place)
-    assert fresh.returncode == 0
+    assert "with the preset paper" in fresh.stdout
     text = (place / "paper.yaml").read_text()
+    assert yaml.safe_load(text)["presets"] == ["paper"]
     assert sum(line.startswith("#") for line in text.splitlines()) >= 8
     assert "already" in plain_refusal(pavetwin("experiment", "init", "paper.yaml", cwd=place))
     assert "did you mean 'paper'" in plain_refusal(

@@ -39,6 +39,7 @@ def test_a_mission_leaves_its_files_and_says_where(world: Path, tmp_path: Path) 
     done = pavetwin("fly", world, *SHORT, "--policy", "skip", "-o", tmp_path / "m")
     assert done.returncode == 0, done.stderr
     assert str(tmp_path / "m") in done.stdout
+    assert "Preset default.\n" in done.stdout
     assert {path.name for path in (tmp_path / "m").iterdir()} == {
         "mission.parquet",
         "track.parquet",

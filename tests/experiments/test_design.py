@@ -8,6 +8,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pavetwin.config import load_settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design, placed_at, preset_names, preset_text, read_design
 from pavetwin.experiments.plan import Plan, cells_of, plan, units_of
@@ -28,6 +29,11 @@ def test_the_paper_s_study_has_720_missions() -> None:
     assert plan_of(made).missions == 720
     assert [world.path for world in made.worlds] == ["worlds/town"]
     assert made.presets == ("paper",)
+
+
+def test_a_design_flies_as_a_single_mission_does_unless_it_says_otherwise() -> None:
+    (cell, *_) = cells_of(design(altitudes_m=[6], policies=["hover"]))
+    assert cell.settings(design()) == load_settings(altitude_m=6.0)
 
 
 @pytest.mark.parametrize("name", preset_names())

@@ -78,6 +78,7 @@ def small(world: Path, **values: object) -> Design:
         "densities": ["low", "medium"],
         "altitudes_m": [6, 10],
         "policies": ["baseline", "hover"],
+        "presets": ["paper"],
         "replicates": 3,
         "seed": 4,
     }

@@ -37,7 +37,9 @@ ASSUMED = ("sensor", "preset")
 def init(
     target: Annotated[Path, typer.Argument(metavar="DESIGN.yaml", help="File to write.")],
     world: Annotated[str, typer.Option(help="Folder of the world, relative to the file.")] = "worlds/town",
-    preset: Annotated[str, typer.Option(help="paper: the full study; quick: a first look.")] = "quick",
+    preset: Annotated[
+        str, typer.Option(help="default: a first look, flown as `fly` does; paper: the published study.")
+    ] = "default",
     force: Annotated[bool, typer.Option("--force", help="Replace the file.")] = False,
 ) -> None:
     """Write a commented design to start from.
@@ -58,7 +60,9 @@ def init(
         out.print(
             f"[yellow]Note:[/] there is no world in {place} yet; the path is relative to the design.", soft_wrap=True
         )
-    out.line(f"Wrote {target}. Next: pavetwin experiment run {target} -o {target.with_suffix('')}")
+    out.line(
+        f"Wrote {target} with the preset {preset}. Next: pavetwin experiment run {target} -o {target.with_suffix('')}"
+    )
 
 
 @app.command()
@@ -312,7 +316,8 @@ def _engine(name: str, scheduler: str | None, jobs: int | None, design: "Design"
 def _print_run(ran: "Ran", folder: Path) -> None:
     total = ran.plan.missions
     before = f", {total - ran.missions_flown} of them before" if ran.missions_flown < total else ""
-    out.line(f"{total} missions flown{before}: {len(ran.plan.units)} parts in {folder}/segments.parquet/")
+    presets = f"preset{'s' * (len(ran.plan.design.presets) > 1)} {', '.join(ran.plan.design.presets)}"
+    out.line(f"{total} missions flown{before}, {presets}: {len(ran.plan.units)} parts in {folder}/segments.parquet/")
     failed = sum(ran.failures.values())
     if failed:
         out.print(f"[yellow]{failed} of {ran.table.height} segment missions failed:[/]")

@@ -140,6 +140,8 @@ def fly(
     own_folder = former.folder_again if former is not None else mission_folder(spec, names, preset, usual_targets=usual)
     folder = output or own_folder
     check_mission_folder(folder)
+    if former is None:
+        out.line(f"Preset {preset}.")
     results = _fly_and_save(spec, names, inputs, folder, animate=animate, save_frames=save_frames)
     report.tell(results, inputs, folder, former, animate=animate, frames=save_frames)
 

@@ -36,20 +36,25 @@ ALIASES: Final[Mapping[str, str]] = {
 
 _PRESETS: Final = {
     "paper": {
+        "name": "paper",
+        "settings": "paper",
         "summary": "The paper's full study (arXiv 2606.20742): 3 densities × 3 altitudes × 4 policies × 20 replicates, "
         "720 segment missions.",
         "densities": "[low, medium, high]",
         "altitudes_m": "[6, 10, 15]",
         "replicates": "20",
     },
-    "quick": {
+    "default": {
+        "name": "study",
+        "settings": "default",
         "summary": "A first look: two altitudes, two densities, all four policies; a minute or two on a laptop.",
         "densities": "[medium, high]",
         "altitudes_m": "[6, 10]",
         "replicates": "8",
     },
 }
-"""What differs between the designs that ship with the package; see `design_template.yaml`."""
+"""What differs between the designs that ship with the package, each of missions with the preset of settings of its
+name; see `design_template.yaml`."""
 
 IN_DESIGN: Final = dict(
     zip(FACTORS, ("worlds", "densities", "altitudes_m", "policies", "sensors", "presets"), strict=True)
@@ -101,7 +106,7 @@ class Design(Settings):
     altitudes_m: Annotated[tuple[Altitude, ...], Field(min_length=1)] = (6.0, 10.0, 15.0)
     policies: Annotated[tuple[str, ...], Field(min_length=1)] = ("baseline", "hover", "micro", "skip")
     sensors: Annotated[tuple[str, ...], Field(min_length=1)] = ("recall",)
-    presets: Annotated[tuple[str, ...], Field(min_length=1)] = ("paper",)
+    presets: Annotated[tuple[str, ...], Field(min_length=1)] = ("default",)
     sweep: dict[str, Annotated[tuple[Value, ...], Field(min_length=1)]] = Field(default_factory=dict)
     """Setting → values; every value is combined with all else."""
     set: dict[str, Value] = Field(default_factory=dict)
@@ -244,7 +249,7 @@ def preset_text(name: str, world: str) -> str:
         raise PaveTwinError(f"No design '{name}'{near}.")
     template = (files("pavetwin.experiments") / "design_template.yaml").read_text(encoding="utf-8")
     entry = yaml.safe_dump(world, width=1000).removesuffix("\n...\n").strip()
-    return Template(template).substitute(_PRESETS[name], name=name, world=entry)
+    return Template(template).substitute(_PRESETS[name], world=entry)
 
 
 def _instead(key: str) -> str:
