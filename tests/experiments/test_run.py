@@ -157,7 +157,7 @@ class Disturbed(Engine):
         pytest.param(Pool(2), id="pool"),
         pytest.param(Cluster(jobs=2), id="dask"),
         pytest.param(Disturbed(Pool(2)), id="pool, a process killed"),
-        pytest.param(Disturbed(Cluster(jobs=2)), id="dask, a worker killed"),
+        pytest.param(Disturbed(Cluster(jobs=2)), id="dask, a worker killed", marks=pytest.mark.slow),
         pytest.param(Disturbed(Cluster(jobs=1)), id="dask, its only worker killed"),
     ],
 )
