@@ -60,7 +60,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ({"platform": "car", "altitude": [6.0]}, "--altitude: a car does not fly"),
         ({"platform": "car", "camera": "paper"}, "--camera: a car has cameras of its own"),
         ({"density": ["heigh"]}, "No density 'heigh' (did you mean 'high'?)"),
-        ({"density": ["extreme"]}, "No density 'extreme'. There are low, medium, high."),
+        ({"density": ["extreme"]}, "No density 'extreme'. There are low, medium, high, or numbers"),
         ({"camera": "phantom5"}, "no camera 'phantom5'"),
         ({"formats": "yolo,cocoo"}, "--formats: no label format 'cocoo' (did you mean 'coco'?)"),
         ({"jobs": 0}, "--jobs 0: at least one"),

@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 import pytest
@@ -33,9 +34,10 @@ from pavetwin.experiments.run import run
 from pavetwin.experiments.store import Store, query
 from pavetwin.mission.environment import prepare
 from pavetwin.mission.fly import fly, fly_over
-from pavetwin.mission.replay import GROWTH, replay_of
+from pavetwin.mission.metrics import SegmentMetrics
+from pavetwin.mission.replay import GROWTH, Replay, replay_of
 from pavetwin.traffic.inputs import Inputs
-from pavetwin.traffic.record import Recorder
+from pavetwin.traffic.record import Recorder, record
 from pavetwin.traffic.recording import load_recording, save_recording
 from pavetwin.world.store import load_world, save_world
 from scenes import built
@@ -118,20 +120,50 @@ def test_a_replicate_shares_its_random_numbers_and_another_has_its_own(reference
         assert table[name].n_unique() == 3
 
 
+def flown_alone(world: Path, row: dict[str, Any], replay: Replay) -> SegmentMetrics:
+    """A row's mission over some traffic, flown without a study."""
+    town, settings = load_world(world), load_settings("paper", altitude_m=row["altitude_m"])
+    target = next(index for index, segment in enumerate(town.segments) if segment.id == row["segment"])
+    defects = place([town.segments[target]], row["defect_seed"], DefectOptions(per_segment=6))
+    environment = prepare(town, settings, defects)
+    return fly_over(environment, replay, settings, [target], row["policy"], seed=row["sensing_seed"]).rows[0]
+
+
 def test_a_mission_of_a_study_is_the_one_that_fly_flies(reference: Path, world: Path) -> None:
     """With the seeds of the table, along a longer recording."""
     cell = {"policy": "hover", "altitude_m": 6.0, "traffic": "medium", "replicate": 1}
     row = Store(reference).table().filter(**cell).row(0, named=True)
-    town = load_world(world)
-    settings = load_settings("paper", altitude_m=6.0)
-    target = next(index for index, segment in enumerate(town.segments) if segment.id == row["segment"])
-    defects = place([town.segments[target]], row["defect_seed"], DefectOptions(per_segment=6))
-    environment = prepare(town, settings, defects)
-    replay = replay_of(town, "medium", row["traffic_seed"])
-    result = fly_over(environment, replay, settings, [target], "hover", seed=row["sensing_seed"])
-    (expected,) = result.rows
+    expected = flown_alone(world, row, replay_of(load_world(world), "medium", row["traffic_seed"]))
     for name in ("defects", "swept", "confirmed", "coverage", "time_s", "energy", "wait_s", "surface_coverage"):
         assert row[name] == getattr(expected, name), name
+
+
+def test_a_study_flies_over_recordings_that_were_made_before(world: Path, tmp_path: Path) -> None:
+    """Each is a level of traffic, from the drawn take-off on; a mission that outlasts one extends it."""
+    town = load_world(world)
+    for name, density in (("morning", "v12-p40"), ("night", "low")):
+        save_recording(record(town, density, 5, 12.0), tmp_path / f"{name}.parquet")
+    files = [str(tmp_path / f"{name}.parquet") for name in ("morning", "night")]
+    entry = {"path": str(world), "recordings": files, "take_off_s": [3, 9]}
+    design = small(world, worlds=[entry], densities=[], altitudes_m=[10], policies=["hover"], replicates=2)
+    ran = run(design, tmp_path / "study", Single())
+    assert not ran.failures
+    assert ran.table["traffic"].to_list() == ["morning", "night"] * 2
+    assert ran.table["traffic_seed"].is_null().all()
+    assert ran.table["take_off_s"].n_unique() == 2
+    row = ran.table.row(0, named=True)
+    assert row["time_s"] > 12
+    replay = replay_of(town, "v12-p40", 5)
+    replay.start_s = row["take_off_s"]
+    expected = flown_alone(world, row, replay)
+    assert (row["time_s"], row["coverage"], row["wait_s"]) == (expected.time_s, expected.coverage, expected.wait_s)
+
+
+def test_a_recording_that_ends_before_the_take_off_refuses_the_study(world: Path, tmp_path: Path) -> None:
+    save_recording(record(load_world(world), "low", 5, 12.0), tmp_path / "short.parquet")
+    entry = {"path": str(world), "recordings": [str(tmp_path / "short.parquet")], "take_off_s": [0, 12]}
+    with pytest.raises(PaveTwinError, match=r"short\.parquet' ends after 12 s, before the latest take-off"):
+        run(small(world, worlds=[entry], densities=[]), tmp_path / "study", Single())
 
 
 class Disturbed(Engine):

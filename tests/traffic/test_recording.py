@@ -149,6 +149,7 @@ def test_densities_by_name_and_number() -> None:
     with pytest.raises(PaveTwinError, match="did you mean 'medium'"):
         density_named("mediun")
     assert density_of(12, 40.5).name == "v12-p40.5"
+    assert density_named("v12-p40.5") == density_of(12, 40.5)
     for bad in (-1.0, float("nan"), 200.0):
         with pytest.raises(PaveTwinError):
             density_of(bad, 0)

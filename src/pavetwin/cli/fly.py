@@ -33,7 +33,7 @@ FIXED_BY_AGAIN = (
 def fly(
     context: typer.Context,
     world: OptionalWorldFolder = None,
-    density: Annotated[str, typer.Option(help="Traffic: low, medium or high.")] = "medium",
+    density: Annotated[str, typer.Option(help="Traffic: low, medium, high, or numbers: v12-p40.")] = "medium",
     altitude: Annotated[float | None, typer.Option(help="Metres above ground; 10 unless set otherwise.")] = None,
     policy: Annotated[
         list[str] | None,

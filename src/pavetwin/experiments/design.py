@@ -85,15 +85,31 @@ class WorldEntry(Settings):
     """Its folder; relative to the design's file."""
     routes: tuple[str, ...] = ()
     """SUMO route files that replace the densities."""
+    recordings: tuple[str, ...] = ()
+    """Files of recorded traffic that replace the densities: each is a level of traffic, named as its file."""
     take_off_s: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]] = (0.0, 0.0)
-    """With routes: earliest and latest take-off, in seconds after the first departure; drawn in each replicate."""
+    """With routes or recordings: earliest and latest take-off, in seconds after the first departure, or within the
+    recording; drawn in each replicate."""
+
+    @property
+    def traffics(self) -> tuple[str, ...]:
+        """The levels of traffic that are its own; empty where it has the design's densities."""
+        return (OWN_ROUTES,) if self.routes else tuple(Path(file).stem for file in self.recordings)
+
+    def recording(self, traffic: str) -> Path | None:
+        """The file of a level of traffic; None where it is not recorded yet."""
+        return next((Path(file) for file in self.recordings if Path(file).stem == traffic), None)
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
         if self.take_off_s[0] > self.take_off_s[1]:
             raise ValueError("take_off_s: the earliest comes first")
-        if self.take_off_s[1] > 0 and not self.routes:
-            raise ValueError("take_off_s: only with routes; the densities hold over time")
+        if self.take_off_s[1] > 0 and not self.traffics:
+            raise ValueError("take_off_s: only with routes or recordings; the densities hold over time")
+        if self.routes and self.recordings:
+            raise ValueError("recordings: a world has routes or recordings, not both")
+        if twice := [name for name in self.traffics if self.traffics.count(name) > 1]:
+            raise ValueError(f"recordings: two of them are called '{twice[0]}'; rename one")
         return self
 
 
@@ -103,6 +119,7 @@ class Design(Settings):
     name: Annotated[str, Field(min_length=1)] = "study"
     worlds: Annotated[tuple[WorldEntry, ...], Field(min_length=1)]
     densities: tuple[str, ...] = ("low", "medium", "high")
+    """Names, or numbers as `v12-p40`: vehicles per kilometre of lane, pedestrians per kilometre of sidewalk."""
     altitudes_m: Annotated[tuple[Altitude, ...], Field(min_length=1)] = (6.0, 10.0, 15.0)
     policies: Annotated[tuple[str, ...], Field(min_length=1)] = ("baseline", "hover", "micro", "skip")
     sensors: Annotated[tuple[str, ...], Field(min_length=1)] = ("recall",)
@@ -125,6 +142,12 @@ class Design(Settings):
         if isinstance(value, Value):
             raise ValueError(f"give a list, like [{value}]")
         return value
+
+    @field_validator("densities", mode="before")
+    @classmethod
+    def _texts(cls, value: Any) -> Any:
+        """A number is no density; what reads the names says so."""
+        return [str(each) for each in value] if isinstance(value, list | tuple) else value
 
     @field_validator("sweep", mode="before")
     @classmethod
@@ -150,10 +173,10 @@ class Design(Settings):
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
-        if not self.densities and any(not world.routes for world in self.worlds):
-            raise ValueError("densities: give at least one; only a world with routes of its own needs none")
-        if "densities" in self.model_fields_set and self.densities and all(world.routes for world in self.worlds):
-            raise ValueError("densities: every world has routes of its own, which take their place; give []")
+        if not self.densities and any(not world.traffics for world in self.worlds):
+            raise ValueError("densities: give at least one; only a world with its own traffic needs none")
+        if "densities" in self.model_fields_set and self.densities and all(world.traffics for world in self.worlds):
+            raise ValueError("densities: every world has its own traffic, which takes their place; give []")
         paths = [world.path for world in self.worlds]
         if len(set(paths)) < len(paths):
             raise ValueError("worlds: one of them is given twice")
@@ -181,7 +204,7 @@ class Design(Settings):
     def _as_flown(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Without densities that no world uses: a design that lists them is refused."""
         values: dict[str, Any] = dump(self)
-        if "densities" in values and all(world.routes for world in self.worlds):
+        if "densities" in values and all(world.traffics for world in self.worlds):
             values["densities"] = []
         return values
 
@@ -193,7 +216,7 @@ class Design(Settings):
 
     def traffics(self, world: int) -> tuple[str, ...]:
         """The levels of traffic over a world, by its place."""
-        return (OWN_ROUTES,) if self.worlds[world].routes else self.densities
+        return self.worlds[world].traffics or self.densities
 
 
 def read_design(path: Path) -> Design:
@@ -224,7 +247,13 @@ def placed_at(design: Design, folder: Path) -> Design:
         return str((folder / path).resolve())
 
     worlds = tuple(
-        world.model_copy(update={"path": whole(world.path), "routes": tuple(whole(route) for route in world.routes)})
+        world.model_copy(
+            update={
+                "path": whole(world.path),
+                "routes": tuple(map(whole, world.routes)),
+                "recordings": tuple(map(whole, world.recordings)),
+            }
+        )
         for world in design.worlds
     )
     policies = tuple(whole(name) if ":" in name else name for name in design.policies)

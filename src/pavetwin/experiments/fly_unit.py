@@ -28,6 +28,7 @@ from pavetwin.mission.spec import DefectInput, MissionSpec, PolicyInput, WorldIn
 from pavetwin.sensing import ImageSource
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder
+from pavetwin.traffic.recording import load_recording
 from pavetwin.world.model import Defect, World
 from pavetwin.world.store import load_record
 
@@ -152,7 +153,7 @@ def _factors(plan: Plan, unit: Unit, cell: Cell) -> Row:
         **{column: str(value) if texts[column] else value for column, value in swept},
         REPLICATE: unit.replicate,
         "seed": design.seed,
-        "traffic_seed": seeds.traffic,
+        "traffic_seed": None if design.worlds[unit.world].recordings else seeds.traffic,
         "defect_seed": seeds.defects,
         "sensing_seed": seeds.sensing,
         "take_off_s": plan.take_off_s(unit),
@@ -249,9 +250,12 @@ def _surroundings(path: str, content_hash: str, altitude_m: float, radius_m: flo
 
 
 def _replay(plan: Plan, unit: Unit, world: World, entry: WorldEntry) -> Replay:
+    take_off_s = plan.take_off_s(unit)
+    if file := entry.recording(unit.traffic):
+        return Replay(world, load_recording(file, world), file=file, start_s=take_off_s)
     routes = [Path(route) for route in entry.routes]
     density = None if unit.traffic == OWN_ROUTES else unit.traffic
-    seed, take_off_s = plan.seeds(unit.replicate).traffic, plan.take_off_s(unit)
+    seed = plan.seeds(unit.replicate).traffic
     recorder = Recorder(Inputs.of(world, density, seed, routes))
     recording = recorder.until(take_off_s + (QUIET_S if routes else RECORDED_S) * plan.design.segments)
     if routes and not len(recording.after(take_off_s).agent):

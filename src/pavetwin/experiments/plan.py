@@ -22,6 +22,7 @@ from pavetwin.policies import load_policy
 from pavetwin.seeds import Stream, child
 from pavetwin.sensing import ImageSource, load_sensor, sensor_class
 from pavetwin.traffic.demand import density_named
+from pavetwin.traffic.recording import load_recording
 from pavetwin.uav import energy_curve, find_camera
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world
@@ -183,6 +184,7 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
     with naming(IN_DESIGN_FILE, "the design"):
         load_plugins(design.plugins)
         policies = _check_levels(design)
+    _check_recordings(design, worlds)
     names = tuple(world.name for world in worlds)
     if len(set(names)) < len(names):
         raise PaveTwinError(
@@ -278,6 +280,16 @@ def _check_levels(design: Design) -> dict[str, str]:
         find_camera(settings.camera.model)
         energy_curve(settings.energy)
     return called
+
+
+def _check_recordings(design: Design, worlds: Sequence[World]) -> None:
+    for entry, world in zip(design.worlds, worlds, strict=True):
+        for file in entry.recordings:
+            if (duration_s := load_recording(file, world).duration_s) <= entry.take_off_s[1]:
+                raise PaveTwinError(
+                    f"the design: the recording '{file}' ends after {duration_s:g} s, before the latest take-off of "
+                    f"take_off_s, {entry.take_off_s[1]:g} s."
+                )
 
 
 def _reachable(design: Design, world: World, tell: Callable[[str], None]) -> tuple[int, ...]:

@@ -5,6 +5,7 @@ crossings count in the numerator.
 """
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -51,18 +52,23 @@ DENSITIES: Final[Mapping[str, Density]] = MappingProxyType(
 """The three densities of the design's section 4."""
 
 
+_NUMBERS: Final = re.compile(r"v(\d+(?:\.\d+)?)-p(\d+(?:\.\d+)?)")
+
+
 def density_named(name: str) -> Density:
-    """The density called `name`.
+    """The density called `name`: one of `DENSITIES`, or numbers as `density_of` names them (`v12-p40`).
 
     Raises:
         PaveTwinError: there is none; the message gives the nearest name.
     """
-    try:
+    if name in DENSITIES:
         return DENSITIES[name]
-    except KeyError:
-        raise PaveTwinError(
-            f"No density '{name}'{nearest_name(name, DENSITIES)}. There are {', '.join(DENSITIES)}."
-        ) from None
+    if numbers := _NUMBERS.fullmatch(name):
+        return density_of(float(numbers[1]), float(numbers[2]))
+    raise PaveTwinError(
+        f"No density '{name}'{nearest_name(name, DENSITIES)}. There are {', '.join(DENSITIES)}, or numbers: v12-p40 "
+        "is 12 vehicles per kilometre of lane and 40 pedestrians per kilometre of sidewalk."
+    )
 
 
 def density_of(vehicles_per_lane_km: float, pedestrians_per_sidewalk_km: float) -> Density:

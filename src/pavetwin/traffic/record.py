@@ -71,6 +71,11 @@ class Recorder:
         Raises:
             PaveTwinError: the recording is of another world or of other routes than these.
         """
+        if recording.origin.asked is None and not routes:
+            raise PaveTwinError(
+                f"A mission outlasts this recording of {recording.duration_s:g} s, and the routes it was made from are "
+                "not given; record longer, or give the routes instead."
+            )
         origin, inputs = recording.origin, Inputs.of(world, recording.origin.asked, recording.origin.seed, routes)
         if origin.world != world.content_hash or origin.inputs != inputs.hash:
             raise PaveTwinError(
