@@ -57,7 +57,7 @@ def test_show_says_where_the_map_is(
 
 def test_the_same_world_gives_the_same_bytes(cross: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("a", "b"):
-        assert run(monkeypatch, "world", "show", cross, "--names", "--html", "-o", tmp_path / f"{name}.png") == 0
+        assert run(monkeypatch, "world", "show", cross, "--ids", "--html", "-o", tmp_path / f"{name}.png") == 0
         assert run(monkeypatch, "world", "show", cross, "-o", tmp_path / f"{name}.svg") == 0
         assert run(monkeypatch, "world", "show", cross, "-o", tmp_path / f"{name}.pdf") == 0
     for kind in ("png", "html", "svg", "pdf"):
@@ -68,7 +68,7 @@ def test_a_town_fits_in_half_a_megabyte_and_has_room_for_all_ids(
     town: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert town.folder is not None
-    assert run(monkeypatch, "world", "show", town.folder, "--names", "--html", "-o", tmp_path / "t.png") == 0
+    assert run(monkeypatch, "world", "show", town.folder, "--ids", "--html", "-o", tmp_path / "t.png") == 0
     assert (tmp_path / "t.png").stat().st_size < 500_000
     assert (tmp_path / "t.html").stat().st_size < 1_500_000
     assert "no room" not in capsys.readouterr().out
@@ -81,7 +81,8 @@ def test_the_page_loads_nothing_and_tells_of_every_segment_and_defect(
     page = (tmp_path / "m.html").read_text(encoding="utf-8")
     assert not re.search(r"https?://|<link|<iframe|<img|@import|\bsrc=|url\(|%%", page)
     world = load_world(cross)
-    assert all(f"data-tip='{segment.id} · " in page for segment in world.segments)
+    assert all(f"data-tip='{segment.label}&#10;" in page for segment in world.segments)
+    assert "unnamed street, s0" in page
     assert page.count("data-d='") == len(world.defects)
     assert "© OpenStreetMap contributors" in page
 
@@ -157,7 +158,7 @@ def test_navmesh_is_drawn_counted_and_saved(
 def test_everything_lies_below_what_is_drawn_on_top(town: World) -> None:
     with style.styled():
         axes = style.new_figure(5, 5).add_subplot()
-        draw_world(axes, town, names=True)
+        draw_world(axes, town, ids=True)
     assert max(artist.get_zorder() for artist in [*axes.collections, *axes.lines, *axes.texts]) < ABOVE_WORLD
 
 

@@ -161,7 +161,7 @@ def _reason(
 
 def _defect(state: SceneState, defect: Defect) -> tuple[Category, Float64Array, dict[str, Any]]:
     """Category, middle (3,), details."""
-    details = defect.facts | {"street": state.world.segment(defect.segment).street}
+    details = defect.facts | {"street": state.world.segment(defect.segment).street_name}
     return category_of_defect(defect.kind), np.array([defect.centre.x, defect.centre.y, 0.0]), details
 
 

@@ -44,7 +44,12 @@ def fly(
     ] = None,
     segments: Annotated[str, typer.Option(metavar="N|all", help="How many segments to inspect.")] = SEGMENTS,
     segment: Annotated[
-        list[str] | None, typer.Option(help="Inspect this segment; may be given several times. Replaces --segments.")
+        list[str] | None,
+        typer.Option(
+            metavar="ID|STREET",
+            help='Inspect this segment, or all of this street, as in --segment "Bell Lane"; may be given several '
+            "times. Replaces --segments.",
+        ),
     ] = None,
     date: Date = None,
     time: Time = None,

@@ -24,7 +24,8 @@ def export(
         str | None, typer.Option(metavar="W,S,E,N", help="Only this part: west, south, east, north in metres.")
     ] = None,
     segment: Annotated[
-        str | None, typer.Option(help="Only the surroundings of this segment, for example s0003.")
+        str | None,
+        typer.Option(metavar="ID|STREET", help='Only the surroundings of a segment or street: s0003, "Bell Lane".'),
     ] = None,
     texel: Annotated[
         float | None, typer.Option(help="Size of the ground's texels, in metres; 0.02 unless the part is large.")
@@ -81,8 +82,11 @@ def _parsed(bounds: str | None) -> tuple[float, float, float, float] | None:
 
 
 def _segment_bounds(world: "World", segment: str) -> tuple[float, float, float, float]:
-    west, south, east, north = world.segment(segment).polygon.buffer(SEGMENT_AROUND_M).bounds
-    return west, south, east, north
+    import shapely
+
+    surfaces = [each.polygon for each in world.segments_named(segment)]
+    west, south, east, north = (float(value) for value in shapely.total_bounds(surfaces))
+    return west - SEGMENT_AROUND_M, south - SEGMENT_AROUND_M, east + SEGMENT_AROUND_M, north + SEGMENT_AROUND_M
 
 
 def _moment(world: "World", traffic: Path | None, at: float | None) -> "TrafficSnapshot | None":

@@ -18,14 +18,14 @@ def show(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="The picture: .png, .svg or .pdf; WORLD/map.png if not given.")
     ] = None,
-    names: Annotated[bool, typer.Option("--names", help="Write the segments' ids and mark where they end.")] = False,
+    ids: Annotated[bool, typer.Option("--ids", help="Write the segments' ids and mark where they end.")] = False,
     html: Annotated[bool, typer.Option("--html", help="Also write an interactive page beside the picture.")] = False,
 ) -> None:
     """Draw the map of a world.
 
     \b
     pavetwin world show worlds/berlin
-    pavetwin world show worlds/berlin --names --html -o berlin.png
+    pavetwin world show worlds/berlin --ids --html -o berlin.png
     """
     from pavetwin.draw.world_html import save_world_html
     from pavetwin.draw.world_map import save_world_map
@@ -34,7 +34,7 @@ def show(
     loaded = load_world(world)
     picture = output if output is not None else world / "map.png"
     with progress("Drawing the map") as report:
-        left_out = save_world_map(loaded, picture, names=names)
+        left_out = save_world_map(loaded, picture, ids=ids)
         report(0.7)
         if html:
             save_world_html(loaded, picture.with_suffix(".html"))

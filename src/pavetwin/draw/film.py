@@ -131,7 +131,7 @@ class Film:
         """The street's name above, a scale bar and the rate of time below."""
         pen, face = ImageDraw.Draw(image), font(15, bold=True)
         segment = self.timeline.at(time_s).segment
-        name = self.result.environment.world.name if segment is None else f"{segment.street} · {segment.id}"
+        name = self.result.environment.world.name if segment is None else segment.label
         pen.text((12, 24), name, fill=style.INK, font=face, anchor="ls", stroke_width=3, stroke_fill=style.PAPER)
         length_m = style.nice_length_m(self.width_m / 6)
         left, bottom = 12, SIZE_PX[1] - 12

@@ -103,7 +103,7 @@ def streets(segments: Iterable[Segment]) -> dict[str, list[Segment]]:
     """The segments of each street that has a name, the longest street first."""
     found: dict[str, list[Segment]] = {}
     for segment in segments:
-        if segment.street not in segment.edges and any(letter.isalpha() for letter in segment.street):
+        if segment.has_street_name and any(letter.isalpha() for letter in segment.street):
             found.setdefault(segment.street, []).append(segment)
     lengths = {name: sum(segment.length_m for segment in pieces) for name, pieces in found.items()}
     return {name: found[name] for name in sorted(found, key=lambda name: (-lengths[name], name))}

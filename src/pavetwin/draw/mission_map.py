@@ -115,7 +115,7 @@ def _comparison_figure(results: Sequence[MissionResult], segment: str) -> Figure
     height = HEAD_IN + len(results) * strip.with_caption_in + foot
     figure = style.new_figure(WIDTH_IN, height)
     world = results[0].environment.world
-    title = f"{world.name}: {world.segment(segment).street}, {segment}"
+    title = f"{world.name}: {world.segment(segment).label}"
     _heading(figure, title, "same traffic", results[0])
     y = height - HEAD_IN
     for number, result in enumerate(results):
@@ -217,13 +217,17 @@ def _heading(figure: Figure, title: str, what: str, result: MissionResult) -> No
         figure.text(right, 1 - 0.42 / height, named, fontsize=6.5, color=style.INK_SOFT, ha="right", va="top")
 
 
+def _label(result: MissionResult, segment: str) -> str:
+    return result.environment.world.segment(segment).label
+
+
 def _caption(
     figure: Figure, corner_in: tuple[float, float], result: MissionResult, strip: SegmentLayout, head: str, colour: str
 ) -> None:
     """Above a strip whose upper left is `corner_in`: which segment, and what happened there."""
     row = next(row for row in result.rows if row.segment == strip.segment)
     (width, height), (left, bottom) = figure.get_size_inches(), corner_in
-    words = [caption(row)] if head == result.policy else [f"{row.street}, {row.segment}", caption(row)]
+    words = [caption(row)] if head == result.policy else [_label(result, row.segment), caption(row)]
     two_lines = strip.caption_in > CAPTION_IN
     y = bottom + 0.07
     if two_lines and len(words) == 2:

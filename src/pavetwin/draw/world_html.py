@@ -126,10 +126,9 @@ def _segments(world: World, flip: _Flip) -> Iterable[str]:
     counts = Counter(defect.segment for defect in world.defects)
     yield "<g class='segments'>"
     for segment in world.segments:
-        street = segment.street if segment.street not in segment.edges else "unnamed street"
         lanes = "1 lane" if segment.lanes == 1 else f"{segment.lanes} lanes"
         tip = (
-            f"{segment.id} · {street}\n{segment.length_m:.0f} m × {segment.width_m:.1f} m, {lanes}, "
+            f"{segment.label}\n{segment.length_m:.0f} m × {segment.width_m:.1f} m, {lanes}, "
             f"{segment.area_m2:.0f} m²\n{counts[segment.id]} defects"
         )
         yield f"<path d='{flip.path(segment.polygon)}' data-tip='{_attribute(tip)}'/>"

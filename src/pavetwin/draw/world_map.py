@@ -60,7 +60,7 @@ def draw_world(
     *,
     bounds: Bounds | None = None,
     layers: Collection[MapLayer] = EVERYTHING,
-    names: bool = False,
+    ids: bool = False,
     defects: bool = True,
     muted: bool = False,
 ) -> list[str]:
@@ -71,7 +71,7 @@ def draw_world(
 
     Args:
         bounds: what the map shows; the whole world when not given.
-        names: segment ids and boundaries.
+        ids: those of the segments, and where segments end.
         defects: a small mark for each, by class; their outlines where the scale allows.
         muted: paler, as a background.
 
@@ -90,7 +90,7 @@ def draw_world(
     if MapLayer.BASE in layers:
         base_symbol(axes, world)
         occupied.take(world.base.buffer(6.0 / plan.per_m))
-    if names:
+    if ids:
         boundaries = [tick for s in world.segments for tick in shapes.ticks(s.centre_line, s.width_m / 2 + 0.6)]
         shapes.strokes(axes, boundaries, 38, style.BASE, 0.7)
         left_out = lettering.segment_ids(axes, world.segments, occupied)
@@ -201,7 +201,7 @@ def base_symbol(axes: Axes, world: World, zorder: float = ABOVE_WORLD - 1) -> No
     axes.plot(x, y, marker="$\\mathbf{H}$", ms=4.6, mfc=style.PAPER, mec="none", zorder=zorder)
 
 
-def save_world_map(world: World, path: Path, *, names: bool = False) -> list[str]:
+def save_world_map(world: World, path: Path, *, ids: bool = False) -> list[str]:
     """Write the map of a world as a picture. Returns the ids that did not fit.
 
     Raises:
@@ -210,7 +210,7 @@ def save_world_map(world: World, path: Path, *, names: bool = False) -> list[str
     with style.styled():
         bounds, about = world_bounds(world), subtitle(world)
         figure_ = style.map_figure(bounds, title=world.name, subtitle=about, credit=credit(world), legend=legend(world))
-        left_out = draw_world(figure_.axes, world, bounds=bounds, names=names)
+        left_out = draw_world(figure_.axes, world, bounds=bounds, ids=ids)
         style.save_figure(figure_.figure, path)
     return left_out
 

@@ -101,7 +101,7 @@ class SegmentMeter:
         return SegmentMetrics(
             order=order,
             segment=segment.id,
-            street=segment.street,
+            street=segment.street_name,
             length_m=segment.length_m,
             area_m2=segment.area_m2,
             defects=len(defects),

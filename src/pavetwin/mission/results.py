@@ -166,7 +166,7 @@ def detections_geojson(result: MissionResult, frames: Sequence[str] = ()) -> dic
                 "properties": {
                     "class": defect.kind,
                     "segment": defect.segment,
-                    "street": world.segment(defect.segment).street,
+                    "street": world.segment(defect.segment).street_name,
                     "time_s": round(detection.time_s, 3),
                     "on_revisit": detection.on_revisit,
                     "attempt": detection.attempt,

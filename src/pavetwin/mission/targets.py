@@ -24,7 +24,8 @@ def choose_targets(
 
     Args:
         count: how many; all that can be reached when not given.
-        names: inspect just these, in this order when `order` is random.
+        names: inspect just these, in this order when `order` is random: ids of segments, or names of streets, which
+            stand for all their segments.
         order: `random`, a randomised sequence; or `near`, a short tour from the base.
 
     Raises:
@@ -58,15 +59,17 @@ def _named(environment: MissionEnvironment, names: Sequence[str]) -> list[int]:
     index = {segment.id: number for number, segment in enumerate(environment.world.segments)}
     chosen = []
     for name in names:
-        number = index[environment.world.segment(name).id]
-        if not environment.reachable(number):
-            raise PaveTwinError(
-                f"`names` {name}: no way leads there from the base at {environment.altitude_m:g} m; "
-                "`pavetwin world navmesh` shows where one can fly. Choose another altitude or segment."
-            )
-        if number in chosen:
-            raise PaveTwinError(f"`names` {name}: given more than once; a mission inspects a segment once.")
-        chosen.append(number)
+        for segment in environment.world.segments_named(name):
+            number = index[segment.id]
+            what = name if name == segment.id else f"{name}, {segment.id}"
+            if not environment.reachable(number):
+                raise PaveTwinError(
+                    f"`names` {what}: no way leads there from the base at {environment.altitude_m:g} m; "
+                    "`pavetwin world navmesh` shows where one can fly. Choose another altitude or segment."
+                )
+            if number in chosen:
+                raise PaveTwinError(f"`names` {what}: given more than once; a mission inspects a segment once.")
+            chosen.append(number)
     return chosen
 
 

@@ -163,7 +163,10 @@ def _build(
             name=Path(source).name.split(".")[0],
             georeference=georeference,
             left_hand=net.left_hand,
-            streets=tuple(surface.street for surface in streets),
+            streets=tuple(
+                replace(surface.street, latin_name=features.latin_names.get(surface.street.name, ""))
+                for surface in streets
+            ),
             segments=segments,
             lanes=_lanes(net),
             connections=net.connections,

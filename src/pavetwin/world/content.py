@@ -81,7 +81,7 @@ def _parts(item: Any) -> Iterator[bytes]:
     if isinstance(item, BaseGeometry):
         yield _wkb(item)
         return
-    values = [_without_minus_zero(getattr(item, field.name)) for field in fields(item)]
+    values = [_without_minus_zero(getattr(item, field.name)) for field in fields(item) if field.hash is not False]
     yield json.dumps([value for value in values if not isinstance(value, BaseGeometry)], ensure_ascii=False).encode()
     yield from (_wkb(value) for value in values if isinstance(value, BaseGeometry))
 

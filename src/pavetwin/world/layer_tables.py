@@ -51,6 +51,8 @@ class Layer:
     columns: Mapping[str, type]
     computed: Mapping[str, Reader] = field(default_factory=dict)
     """The columns that are not the item's attribute of the same name."""
+    later: frozenset[str] = frozenset()
+    """Columns that worlds of an earlier version do not have."""
 
     def rows(self, world: World) -> Iterator[Row]:
         """Each row's columns, and its geometry under `geometry`."""
@@ -83,8 +85,9 @@ LAYERS = (
         "LineString",
         attrgetter("streets"),
         _LINE,
-        {**_STREET_COLUMNS, "length_m": float},
+        {**_STREET_COLUMNS, "length_m": float, "latin_name": str},
         {**_EDGES, **_LENGTH, "from_junction": attrgetter("start"), "to_junction": attrgetter("end")},
+        frozenset({"latin_name"}),
     ),
     Layer(
         "segments",

@@ -109,7 +109,8 @@ def _read(path: Path, layer: Layer, place: GeoReference, hint: str) -> Sequence[
     except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, RuntimeError) as error:
         raise PaveTwinError(f"'{path}' has no readable layer '{layer.name}'; {hint}") from error
     columns = dict(zip(meta["fields"], fields, strict=True))
-    for name in layer.columns:
+    wanted = {name: kind for name, kind in layer.columns.items() if name in columns or name not in layer.later}
+    for name in wanted:
         if name not in columns:
             raise PaveTwinError(f"'{path}' has no column '{name}' in the layer '{layer.name}'; {hint}")
 
@@ -119,7 +120,7 @@ def _read(path: Path, layer: Layer, place: GeoReference, hint: str) -> Sequence[
     shapes = shapely.transform(shapely.from_wkb(geometry), to_world)
     return [
         {
-            **{name: _plain(kind, columns[name][index]) for name, kind in layer.columns.items()},
+            **{name: _plain(kind, columns[name][index]) for name, kind in wanted.items()},
             "geometry": _single(shape),
         }
         for index, shape in enumerate(shapes)

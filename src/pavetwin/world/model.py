@@ -4,6 +4,7 @@ The world frame is east-north-up in metres and equal to the frame of the world's
 it to WGS 84.
 """
 
+import unicodedata
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -57,7 +58,7 @@ class Street:
     id: str
     """The ids of its edges, joined by spaces; it does not depend on other streets."""
     name: str
-    """On the map, or its edge's id when it has none."""
+    """On the map, or its edge's id when it has none; `Segment.street_name` is what people read."""
     kind: str
     """SUMO's edge type, such as `highway.residential`; empty where the source gives none."""
     edges: tuple[str, ...]
@@ -68,6 +69,8 @@ class Street:
     """The junction at which the centre line ends."""
     centre_line: LineString
     """Of the carriageway, from junction to junction."""
+    latin_name: str = field(default="", hash=False)
+    """The name in Latin letters where the map has one beside a name in another script; not part of content hashes."""
 
     @property
     def length_m(self) -> float:
@@ -125,7 +128,7 @@ class Segment:
 
     id: str
     street: str
-    """The street's name on the map, or its SUMO edge when it has none."""
+    """The street's name on the map, or its SUMO edge when it has none: what segments are grouped by."""
     edges: tuple[str, ...]
     """Its directed SUMO edges: one for a one-way street, two otherwise."""
     centre_line: LineString
@@ -137,6 +140,20 @@ class Segment:
     @property
     def length_m(self) -> float:
         return float(self.centre_line.length)
+
+    @property
+    def has_street_name(self) -> bool:
+        return self.street not in {name for edge in self.edges for name in (edge, edge.removeprefix("-"))}
+
+    @property
+    def street_name(self) -> str:
+        """The street's name as people read it: `Bell Lane`, or `unnamed street, s0002`."""
+        return self.street if self.has_street_name else f"unnamed street, {self.id}"
+
+    @property
+    def label(self) -> str:
+        """`Bell Lane, s0002`, or `unnamed street, s0002`."""
+        return f"{self.street}, {self.id}" if self.has_street_name else self.street_name
 
     @property
     def area_m2(self) -> float:
@@ -257,6 +274,11 @@ class Defect:
         }
 
 
+def _plain(name: str) -> str:
+    """A name as it is compared: composed, without regard to case and to spaces around it."""
+    return unicodedata.normalize("NFC", name).casefold().strip()
+
+
 @dataclass(frozen=True)
 class World:
     """The segments S and everything static around them."""
@@ -307,8 +329,38 @@ class World:
         except KeyError:
             raise PaveTwinError(
                 f"No segment '{segment_id}' in the world '{self.name}'"
-                f"{nearest_name(segment_id, self._segment_by_id)}. `pavetwin world show` draws their names."
+                f"{nearest_name(segment_id, self._segment_by_id)}. `pavetwin world show ids` draws their ids."
             ) from None
+
+    def segments_named(self, name: str) -> tuple[Segment, ...]:
+        """The segment of that id, or those of all streets of that name, in Latin letters too and in any case.
+
+        Raises:
+            PaveTwinError: there is none; the message names the nearest.
+        """
+        if found := self._segment_by_id.get(name):
+            return (found,)
+        by_name: dict[str, list[Segment]] = {}
+        shown: dict[str, str] = {}
+        for segment in self.segments:
+            for each in {segment.street, self.latin_name_of(segment)} if segment.has_street_name else ():
+                by_name.setdefault(_plain(each), []).append(segment)
+                shown[_plain(each)] = each
+        if _plain(name) in by_name:
+            return tuple(by_name[_plain(name)])
+        near = nearest_name(name, [*self._segment_by_id, *shown.values()])
+        raise PaveTwinError(
+            f"No segment or street '{name}' in the world '{self.name}'{near}. "
+            "`pavetwin world show ids` draws names and ids."
+        )
+
+    @cached_property
+    def _latin_names(self) -> dict[tuple[str, ...], str]:
+        return {street.edges: street.latin_name for street in self.streets if street.latin_name}
+
+    def latin_name_of(self, segment: Segment) -> str:
+        """The name of a segment's street in Latin letters; as it is where the map has no other."""
+        return self._latin_names.get(segment.edges, segment.street)
 
     @cached_property
     def _junction_by_id(self) -> dict[str, Junction]:

@@ -1,4 +1,5 @@
-"""Map features of OpenStreetMap besides streets: buildings, trees, street lamps, poles, signs, green areas.
+"""Map features of OpenStreetMap besides roads: buildings, trees, street lamps, poles, signs, green areas, and the
+names of streets in Latin letters.
 
 Coordinates are in the world frame (metres). Features further than `REACH` from every street are omitted.
 """
@@ -17,7 +18,7 @@ from pavetwin.world.georeference import GeoReference, from_wgs84
 from pavetwin.world.model import FurnitureKind, Surface
 from pavetwin.world.osm_file import osm_objects
 from pavetwin.world.streets import polygons_of
-from pavetwin.world.tags import building_height_m, metres
+from pavetwin.world.tags import building_height_m, latin_name, metres
 
 REACH = 100.0
 """Map features up to this distance from a street belong to the world [m]."""
@@ -53,6 +54,8 @@ class MapFeatures:
     """Footprints and heights [m]."""
     points: list[MappedPoint] = field(default_factory=list)
     parks: list[Polygon] = field(default_factory=list)
+    latin_names: dict[str, str] = field(default_factory=dict)
+    """By the name of a street in another script."""
 
 
 def read_features(source: Path, georeference: GeoReference, streets: Surface) -> MapFeatures:
@@ -70,6 +73,8 @@ def read_features(source: Path, georeference: GeoReference, streets: Surface) ->
             reader.take_node(item, tags)
         elif item.is_way() and tags.get("natural") == "tree_row":
             reader.take_tree_row(item, tags)
+        elif item.is_way() and "highway" in tags and (latin := latin_name(tags)):
+            reader.features.latin_names.setdefault(tags["name"], latin)
     return reader.features
 
 

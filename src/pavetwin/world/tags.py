@@ -1,6 +1,8 @@
-"""Numbers from OpenStreetMap's free-text tags, and the height of a building without a height tag."""
+"""Numbers from OpenStreetMap's free-text tags, names in Latin letters, and the height of a building without a height
+tag."""
 
 import re
+import unicodedata
 from collections.abc import Mapping
 
 FOOT = 0.3048
@@ -19,6 +21,9 @@ AREA_RULE = ((60.0, 3.0), (150.0, 6.5), (400.0, 9.5), (1500.0, 12.5))
 """Footprint up to [m²] → height [m] of a building without height tags; larger ones are 15 m."""
 
 LARGEST = 15.0
+
+LATIN_NAMES = ("int_name", "name:en", "name:latin", r"name:\w+[-_](Latn.*|rm|pinyin)", "official_name:en", "alt_name")
+"""Keys, as regular expressions, that may hold a name in Latin letters; the first that does counts."""
 
 _LENGTH = re.compile(
     r"""^\s*[~≈<>]?\s*(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>[a-zA-Z'′’]*)\s*(?:(?P<inch>\d+)\s*["″”])?"""
@@ -41,6 +46,20 @@ def _metres(text: str) -> float | None:
         return number * FOOT + float(match["inch"] or 0) * FOOT / 12
     scale = {"": 1.0, "m": 1.0, "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0, "cm": 0.01}.get(unit)
     return None if scale is None else number * scale
+
+
+def latin_name(tags: Mapping[str, str]) -> str:
+    """The name in Latin letters of what has a name in another script; empty where it has none or needs none."""
+    if not tags.get("name") or is_latin(tags["name"]):
+        return ""
+    named = (tags[key] for form in LATIN_NAMES for key in sorted(tags) if re.fullmatch(form, key))
+    return next((name for name in named if is_latin(name)), "")
+
+
+def is_latin(text: str) -> bool:
+    """Whether all letters of a text, and at least one, are Latin."""
+    letters = [letter for letter in text if letter.isalpha()]
+    return bool(letters) and all("LATIN" in unicodedata.name(letter, "") for letter in letters)
 
 
 def building_height_m(tags: Mapping[str, str], area_m2: float) -> float:
