@@ -75,6 +75,27 @@ impl Ground {
         columns.set_item("visible", to_array(py, &observer.visible().centres().collect::<Vec<_>>())?)?;
         Ok(columns)
     }
+
+    fn defect_shares<'py>(
+        &self,
+        py: Python<'py>,
+        defect: usize,
+        trace: &Trace,
+        time_s: f64,
+        viewpoint: &Viewpoint,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let defects = &self.0.defects;
+        let missing = || plain(format!("there is no defect {defect}; the ground has {}", defects.len()));
+        let points = &defects.get(defect).ok_or_else(missing)?.points;
+        let shares = Observer::new().point_shares(&self.0.solids, &trace.0, &viewpoint.0, time_s, points);
+        let shares = shares.map_err(plain)?.expect("a ground has no defect without points");
+        let columns = PyDict::new(py);
+        columns.set_item("visible", shares.visible)?;
+        columns.set_item("behind_solids", shares.behind_solids)?;
+        columns.set_item("behind_vehicles", shares.behind_vehicles)?;
+        columns.set_item("behind_pedestrians", shares.behind_pedestrians)?;
+        Ok(columns)
+    }
 }
 
 impl Ground {

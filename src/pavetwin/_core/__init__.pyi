@@ -31,7 +31,7 @@ from pavetwin._core._relief import (
     relief_trace,
     relief_widths,
 )
-from pavetwin._core._sensing import Ground, LookColumns, NadirCamera, PoseColumns, Trace, Viewpoint
+from pavetwin._core._sensing import DefectShares, Ground, LookColumns, NadirCamera, PoseColumns, Trace, Viewpoint
 
 __all__ = [
     "MODES",
@@ -40,6 +40,7 @@ __all__ = [
     "BatteryLow",
     "CaptureColumns",
     "Captured",
+    "DefectShares",
     "DisplacementPredictor",
     "Flight",
     "FlightSettings",

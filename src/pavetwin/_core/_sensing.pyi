@@ -34,6 +34,16 @@ class LookColumns(TypedDict):
     visible: Float64Array
     """(m, 2), the centres of the cells of V."""
 
+class DefectShares(TypedDict):
+    """What a camera sees of a defect, and what hides the rest: shares of its area. A part that several kinds of things
+    hide counts for each of them."""
+
+    visible: float
+    behind_solids: float
+    """Behind what stands still: buildings, trees, street furniture."""
+    behind_vehicles: float
+    behind_pedestrians: float
+
 class Trace:
     """The recorded traffic, interpolated between its steps."""
 
@@ -133,3 +143,10 @@ class Ground:
         self, segment: int, trace: Trace, time_s: float, camera: NadirCamera, viewpoint: Viewpoint
     ) -> LookColumns:
         """One look at a segment, without a mission: which cells are candidates, and which of them are visible."""
+
+    def defect_shares(self, defect: int, trace: Trace, time_s: float, viewpoint: Viewpoint) -> DefectShares:
+        """What is seen of a defect, without a mission; the frame does not count.
+
+        Raises:
+            PaveTwinError: there is no such defect, or the time is outside the recording.
+        """

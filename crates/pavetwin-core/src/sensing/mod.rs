@@ -17,7 +17,7 @@ mod trace_columns;
 
 pub use camera::{AcrossRule, CameraError, NadirCamera, PlacedWindow, Viewpoint, Window, WindowRule};
 pub use grid::{CellSet, GridError, GridShape, SurfaceGrid};
-pub use occlusion::{Observer, Scene, SenseError, Visibility};
+pub use occlusion::{Observer, PointShares, Scene, SenseError, Visibility};
 pub use patch::Patch;
 pub use predict::Predictor;
 pub use solids::{MIN_BASE_M2, Prism, Solid, SolidError, Solids};

@@ -7,7 +7,7 @@ use super::raster::Spans;
 use super::shadow::{Eye, Shadow};
 use super::solids::Solids;
 use super::trace::{AgentPose, Trace};
-use super::trace_columns::TraceError;
+use super::trace_columns::{BodyClass, TraceError};
 use crate::geometry::Vec2;
 
 /// Why nothing can be seen from there or then.
@@ -41,6 +41,20 @@ pub struct Visibility {
     /// Mean of the centres of the cells that agents hide, C ∖ V.
     pub hidden_centroid: Option<Vec2>,
 }
+
+/// What a camera sees of points on the ground, and what hides the others, as shares of the points. A point that several
+/// kinds of things hide counts for each of them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PointShares {
+    pub visible: f64,
+    pub behind_solids: f64,
+    pub behind_vehicles: f64,
+    pub behind_pedestrians: f64,
+}
+
+const BY_SOLID: u8 = 1;
+const BY_VEHICLE: u8 = 2;
+const BY_PEDESTRIAN: u8 = 4;
 
 /// An inspection window placed on the ground.
 #[derive(Debug, Clone, Copy)]
@@ -130,7 +144,8 @@ pub struct Observer {
     visible: Patch,
     hidden: Patch,
     caster: Caster,
-    is_clear: Vec<bool>,
+    /// Of each point, the kinds of things that hide it, as bits.
+    hidden_by: Vec<u8>,
 }
 
 impl Observer {
@@ -184,9 +199,7 @@ impl Observer {
         &self.hidden
     }
 
-    /// The share of `points` on the ground that nothing hides, neither solid nor agent, from `viewpoint` at `t_s`: for
-    /// a defect given by points spread over its area, its visible fraction. The frame does not
-    /// count: points outside it are judged like any others. `None` when there are no points.
+    /// The share of `points` on the ground that nothing hides, see [`Observer::point_shares`].
     ///
     /// # Errors
     /// For a viewpoint at or below the ground, and a time outside the recording.
@@ -198,29 +211,58 @@ impl Observer {
         t_s: f64,
         points: &[Vec2],
     ) -> Result<Option<f64>, SenseError> {
+        Ok(self.point_shares(solids, trace, viewpoint, t_s, points)?.map(|shares| shares.visible))
+    }
+
+    /// Which shares of `points` on the ground are visible and hidden from `viewpoint` at `t_s`: for a defect given by
+    /// points spread over its area, its visible fraction. The frame does not count: points outside it are judged like
+    /// any others. `None` when there are no points.
+    ///
+    /// # Errors
+    /// For a viewpoint at or below the ground, and a time outside the recording.
+    pub fn point_shares(
+        &mut self,
+        solids: &Solids,
+        trace: &Trace,
+        viewpoint: &Viewpoint,
+        t_s: f64,
+        points: &[Vec2],
+    ) -> Result<Option<PointShares>, SenseError> {
         viewpoint.check()?;
-        let Self { is_clear, caster: Caster { shadow, .. }, .. } = self;
+        if points.is_empty() {
+            return Ok(None);
+        }
+        let Self { hidden_by, caster: Caster { shadow, .. }, .. } = self;
         let eye = eye_of(viewpoint);
-        is_clear.clear();
-        is_clear.resize(points.len(), true);
-        let mut judge = |shadow: &Shadow| {
-            is_clear.iter_mut().zip(points).for_each(|(clear, point)| *clear = *clear && !shadow.covers(*point));
+        hidden_by.clear();
+        hidden_by.resize(points.len(), 0);
+        let mut judge = |shadow: &Shadow, kind: u8| {
+            for (kinds, point) in hidden_by.iter_mut().zip(points) {
+                if *kinds & kind == 0 && shadow.covers(*point) {
+                    *kinds |= kind;
+                }
+            }
         };
         // Only what stands between the nadir and a point can hide it.
         let (mut min, mut max) = bounding_box(points);
         (min, max) = bounding_box(&[min, max, eye.nadir]);
-        if !points.is_empty() {
-            solids.near(min, max, |solid| {
-                shadow.of_solid(eye, &solid);
-                judge(shadow);
-            });
-        }
+        solids.near(min, max, |solid| {
+            shadow.of_solid(eye, &solid);
+            judge(shadow, BY_SOLID);
+        });
         let reach_m = points.iter().map(|point| point.distance(eye.nadir)).fold(0.0, f64::max);
         trace.agents_near(eye.nadir, reach_m, t_s, &mut |pose| {
             shadow.of_agent(eye, &pose);
-            judge(shadow);
+            judge(shadow, if pose.body.class == BodyClass::Pedestrian { BY_PEDESTRIAN } else { BY_VEHICLE });
         })?;
-        let clear = self.is_clear.iter().filter(|clear| **clear).count();
-        Ok((!points.is_empty()).then(|| clear as f64 / points.len() as f64))
+        let share = |is_meant: &dyn Fn(u8) -> bool| {
+            self.hidden_by.iter().filter(|kinds| is_meant(**kinds)).count() as f64 / points.len() as f64
+        };
+        Ok(Some(PointShares {
+            visible: share(&|kinds| kinds == 0),
+            behind_solids: share(&|kinds| kinds & BY_SOLID != 0),
+            behind_vehicles: share(&|kinds| kinds & BY_VEHICLE != 0),
+            behind_pedestrians: share(&|kinds| kinds & BY_PEDESTRIAN != 0),
+        }))
     }
 }

@@ -3,7 +3,7 @@
 use crate::scenes::*;
 use crate::support::{DEFAULT, PAPER, camera};
 use pavetwin_core::geometry::Vec2;
-use pavetwin_core::sensing::{Body, Observer, Predictor, Prism, Scene, SenseError, Solids, TraceError};
+use pavetwin_core::sensing::{Body, Observer, PointShares, Predictor, Prism, Scene, SenseError, Solids, TraceError};
 
 #[test]
 fn an_empty_street_is_wholly_visible() {
@@ -110,6 +110,16 @@ fn a_defect_half_below_a_car_is_half_clear() {
     assert_eq!(share, Ok(Some(0.5)));
     let none = Observer::new().visible_fraction(&Solids::default(), &trace, &viewpoint(0.0, 0.0, 15.0, 0.0), 0.0, &[]);
     assert_eq!(none, Ok(None));
+}
+
+#[test]
+fn what_hides_a_defect_is_told_by_kind() {
+    let trace = standing(&[(CAR, Vec2::new(0.0, 0.0), 0.0, 0.0), (WALKER, Vec2::new(6.0, 0.0), 0.0, 0.0)]);
+    let crown = Solids::new([Prism::new(regular(Vec2::new(0.5, 0.0), 0.3, 12, 0.0), 3.0, 6.0).unwrap()]);
+    let points = [Vec2::new(0.0, 0.0), Vec2::new(0.5, 0.0), Vec2::new(6.0, 0.0), Vec2::new(0.0, -3.0)];
+    let shares = Observer::new().point_shares(&crown, &trace, &viewpoint(0.0, 0.0, 15.0, 0.0), 0.0, &points);
+    let expected = PointShares { visible: 0.25, behind_solids: 0.25, behind_vehicles: 0.5, behind_pedestrians: 0.25 };
+    assert_eq!(shares, Ok(Some(expected)));
 }
 
 #[test]
