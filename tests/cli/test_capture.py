@@ -21,9 +21,10 @@ from pavetwin.cli.capture import make, show, stats
 from pavetwin.cli.flags import with_flags
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
+from pavetwin.mission.defect_files import detections_geojson
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.replay import Replay
-from pavetwin.mission.results import detections_geojson, save_mission
+from pavetwin.mission.results import save_mission
 from pavetwin.render.adapter import find_adapter
 from pavetwin.render.exposure import Exposure
 from pavetwin.render.frame import RenderedFrame

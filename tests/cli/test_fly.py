@@ -45,6 +45,8 @@ def test_a_mission_leaves_its_files_and_says_where(world: Path, tmp_path: Path) 
         "track.parquet",
         "detections.parquet",
         "captures.geojson",
+        "defects.gpkg",
+        "defects.csv",
         "mission.yaml",
         "map.png",
     }

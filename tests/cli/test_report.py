@@ -20,7 +20,10 @@ from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.results import save_mission, save_missions
 from scenes import tiny
 
-NUMBERS = {"mission.parquet", "track.parquet", "detections.parquet", "captures.geojson", "mission.yaml"}
+NUMBERS = {
+    *("mission.parquet", "track.parquet", "detections.parquet", "captures.geojson"),
+    *("defects.gpkg", "defects.csv", "mission.yaml"),
+}
 REPLAY: Any = SimpleNamespace()
 
 

@@ -5,7 +5,6 @@ The mission itself draws nothing. Its camera, poses, times and traffic are in it
 its conditions. The light stays as it is when the mission begins.
 """
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import timedelta
@@ -26,9 +25,9 @@ from pavetwin.capture.record import Record
 from pavetwin.capture.settings import FILE, CaptureSettings, description
 from pavetwin.capture.store import link_image, write_image, write_over_all, write_yaml
 from pavetwin.capture.truth import SceneState, labelled_objects
-from pavetwin.files import writing, writing_folder
+from pavetwin.files import writing_folder
+from pavetwin.mission.defect_files import write_captures
 from pavetwin.mission.fly import MissionResult
-from pavetwin.mission.results import detections_geojson
 from pavetwin.sensing import Frame, JudgedDetection
 from pavetwin.traffic.trace import trace_of
 from pavetwin.uav.cameras import Camera, find_camera
@@ -79,9 +78,7 @@ def save_frames(
                     on_progress((number + 1) / len(captures))
             write_over_all(place, formats, (SPLIT,))
             write_yaml(place / FILE, description(settings, images.world, adapter))
-    content = detections_geojson(result, names)
-    with writing(folder / "captures.geojson") as path:
-        path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    write_captures(result, folder / "captures.geojson", names)
     return len(captures)
 
 

@@ -1,8 +1,9 @@
 """What `fly` prints and writes: tables, a sentence, files."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import yaml
 from rich.cells import cell_len
@@ -10,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from pavetwin.cli.console import out, progress
+from pavetwin.mission.inspected_defects import MissReason, inspected_defects
 from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.results import Drawing, Totals, save_mission, save_missions, totals
 
@@ -103,6 +105,8 @@ def tell(
         out.print(f"[yellow]Note:[/] {remark}")
     out.print(segments_table(results[0]) if len(results) == 1 else comparison_table(results))
     out.print(sentence(results), markup=False, soft_wrap=True)
+    for line in missed_lines(results):
+        out.print(line, markup=False, soft_wrap=True)
     if former is not None:
         if changes := former.version_changes():
             out.print(f"[yellow]Note:[/] flown before with {', '.join(changes)}.", soft_wrap=True)
@@ -117,7 +121,8 @@ def listing(result: Sequence["MissionResult"], *, animate: bool, frames: bool = 
         "map.png, "
         + ("mission.gif, " if animate else "")
         + ("frames/, " if frames else "")
-        + "mission.parquet, track.parquet, detections.parquet, captures.geojson, mission.yaml"
+        + "defects.gpkg, defects.csv, captures.geojson, "
+        + "mission.parquet, track.parquet, detections.parquet, mission.yaml"
     )
     return files if len(result) == 1 else f"comparison.png, mission.parquet, and a folder for each policy with {files}"
 
@@ -217,6 +222,29 @@ def sentence(result: Sequence["MissionResult"]) -> str:
         swaps = f" and {sums.swaps} battery swap{'s' if sums.swaps != 1 else ''}" if sums.swaps else ""
         return f"{found}, {surface}, in {sums.time_s / 60:.1f} min with {100 * sums.energy:.0f} % of a battery{swaps}."
     return "The same traffic, defects, order and sensor seed for every policy; one mission each, so no statistics yet."
+
+
+MISSED: Final[Mapping[MissReason, str]] = {
+    MissReason.HIDDEN_BY_VEHICLES: "hidden by vehicles",
+    MissReason.HIDDEN_BY_PEDESTRIANS: "hidden by pedestrians",
+    MissReason.HIDDEN_BY_FIXED_OBJECTS: "hidden by buildings, trees or street furniture",
+    MissReason.NOT_RECOGNISED: "seen but not recognised by the sensor",
+    MissReason.BETWEEN_CAPTURES: "between two captures",
+    MissReason.OUTSIDE_SWATH: "outside the camera's swath",
+}
+
+
+def missed_lines(results: Sequence["MissionResult"]) -> list[str]:
+    """For each mission that missed something, how many defects and why."""
+    lines = []
+    for result in results:
+        reasons = Counter(outcome.reason for outcome in inspected_defects(result))
+        found = reasons.pop(None, 0)
+        if missed := reasons.total():
+            whose = f"{result.policy} missed" if len(results) > 1 else "Missed"
+            why = ", ".join(f"{reasons[reason]} {words}" for reason, words in MISSED.items() if reasons[reason])
+            lines.append(f"{whose} {missed} of {missed + found}: {why}.")
+    return lines
 
 
 def _hundred(share: float | None) -> float | None:

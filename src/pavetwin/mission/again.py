@@ -12,9 +12,10 @@ import yaml
 from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
+from pavetwin.mission.defect_files import detections_geojson
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.plan import defect_input
-from pavetwin.mission.results import TOTALS, detections_geojson, totals
+from pavetwin.mission.results import TOTALS, totals
 from pavetwin.mission.spec import FORMAT, FileInput, MissionSpec, WorldInput, software_versions
 from pavetwin.world.folder import DESCRIPTION, read_description
 from pavetwin.world.model import World
@@ -66,7 +67,7 @@ class FormerMission:
         """Names of what came out differently; empty when all is the same."""
         now = asdict(totals(result))
         other = [name for name, value in self.totals.items() if now.get(name) != value]
-        if self.detections is not None and self.detections != detections_geojson(result):
+        if self.detections is not None and not _same_captures(self.detections, detections_geojson(result)):
             other.append("captures")
         return other
 
@@ -78,6 +79,16 @@ class FormerMission:
             for name, before in self.spec.versions.items()
             if now.get(name) != before
         ]
+
+
+def _same_captures(former: Any, now: Mapping[str, Any]) -> bool:
+    """Whether two `captures.geojson` agree in all that the former one holds: older ones have fewer properties."""
+    before, after = former["features"], now["features"]
+    return len(before) == len(after) and all(
+        (one.get("id"), one.get("geometry")) == (other["id"], other["geometry"])
+        and one["properties"].items() <= other["properties"].items()
+        for one, other in zip(before, after, strict=True)
+    )
 
 
 def _is_same(one: MissionSpec, other: MissionSpec) -> bool:

@@ -8,7 +8,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pavetwin._core import Captured, Occluded
+import numpy as np
+
+from pavetwin._core import Captured, Occluded, Trace
 from pavetwin.arrays import UInt8Array
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
@@ -61,6 +63,10 @@ class MissionResult:
     memory: InspectionMemory
     track: "TrackColumns"
     captures: "CaptureColumns"
+    swept: frozenset[int]
+    """Defects, by their id, whose centre the inspection window passed over."""
+    trace: Trace
+    """The recorded traffic that it was flown against, from take-off on."""
     duration_s: float
     energy: float
     """In batteries, over all swaps."""
@@ -164,6 +170,8 @@ def fly(
         memory=mission.memory,
         track=flight.track(),
         captures=flight.captures(),
+        swept=frozenset(np.flatnonzero(flight.swept()).tolist()),
+        trace=loaded.traffic.trace(),
         duration_s=flight.time_s,
         energy=flight.energy_used,
         distance_m=flight.distance_m,

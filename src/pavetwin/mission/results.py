@@ -1,6 +1,5 @@
-"""A mission's files: `mission.parquet`, `track.parquet`, `captures.geojson`, `mission.yaml`; and its totals."""
+"""A mission's folder: its tables, its defects, its description, its pictures; and its totals."""
 
-import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -16,6 +15,7 @@ import yaml
 from pavetwin import _core
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing, writing_folder
+from pavetwin.mission.defect_files import write_captures, write_defects
 from pavetwin.mission.fly import MissionResult
 
 TOTALS = "totals"
@@ -144,44 +144,6 @@ def detections_table(result: MissionResult) -> pl.DataFrame:
     return pl.DataFrame(rows, schema=columns, orient="row")
 
 
-def detections_geojson(result: MissionResult, frames: Sequence[str] = ()) -> dict[str, Any]:
-    """The confirmed defects as points in WGS 84 (RFC 7946), each with the capture that confirmed it.
-
-    Args:
-        frames: for each detection, the file of its frame, where frames were taken.
-    """
-    world = result.environment.world
-    features = []
-    for number, detection in enumerate(result.confirmed):
-        assert detection.defect is not None
-        assert detection.visible_fraction is not None
-        defect = result.environment.defects[detection.defect]
-        lon, lat = world.georeference.to_wgs84((defect.centre.x, defect.centre.y))
-        camera_lon, camera_lat = world.georeference.to_wgs84(detection.position)
-        features.append(
-            {
-                "type": "Feature",
-                "id": defect.id,
-                "geometry": {"type": "Point", "coordinates": [round(float(lon), 8), round(float(lat), 8)]},
-                "properties": {
-                    "class": defect.kind,
-                    "segment": defect.segment,
-                    "street": world.segment(defect.segment).street_name,
-                    "time_s": round(detection.time_s, 3),
-                    "on_revisit": detection.on_revisit,
-                    "attempt": detection.attempt,
-                    "visible_fraction": round(detection.visible_fraction, 4),
-                    "camera_longitude": round(float(camera_lon), 8),
-                    "camera_latitude": round(float(camera_lat), 8),
-                    "camera_altitude_m": result.settings.altitude_m,
-                    "camera_yaw_rad": round(detection.yaw_rad, 6),
-                    **({"frame": frames[number]} if frames else {}),
-                },
-            }
-        )
-    return {"type": "FeatureCollection", "features": features}
-
-
 def description(result: MissionResult) -> dict[str, Any]:
     """The mission's spec, from which it can be flown again, and its totals."""
     return {**result.spec.as_values(), TOTALS: asdict(totals(result))}
@@ -261,7 +223,8 @@ def _write(result: MissionResult, folder: Path) -> None:
     _write_table(segment_table(result), folder / "mission.parquet")
     _write_table(track_table(result), folder / "track.parquet")
     _write_table(detections_table(result), folder / "detections.parquet")
-    (folder / "captures.geojson").write_text(json.dumps(detections_geojson(result), indent=1) + "\n", encoding="utf-8")
+    write_captures(result, folder / "captures.geojson")
+    write_defects(result, folder)
     (folder / "mission.yaml").write_text(yaml.safe_dump(description(result), sort_keys=False), encoding="utf-8")
 
 

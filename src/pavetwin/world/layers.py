@@ -10,7 +10,7 @@ import shapely
 from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
-from pavetwin.arrays import AnyArray, Float64Array
+from pavetwin.arrays import AnyArray, BoolArray, Float64Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.content import round_to_grid
 from pavetwin.world.georeference import GeoReference
@@ -44,8 +44,12 @@ def write_layer(
     shapes: Sequence[BaseGeometry],
     columns: Mapping[str, AnyArray],
     place: GeoReference,
+    masks: Mapping[str, BoolArray] | None = None,
 ) -> None:
     """Write one layer of a GeoPackage: shapes in the world frame, of a geometry type in the words of GDAL.
+
+    Args:
+        masks: true where a column has no value; for columns that have one in each row, none is needed.
 
     Raises:
         OSError: the disk is full or the folder cannot be written.
@@ -60,6 +64,7 @@ def write_layer(
                 geometry=shapely.to_wkb(projected),
                 field_data=list(columns.values()),
                 fields=np.array(list(columns), dtype=object),
+                field_mask=[(masks or {}).get(name) for name in columns],
                 layer=name,
                 driver="GPKG",
                 geometry_type=kind,

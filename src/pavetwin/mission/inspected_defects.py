@@ -1,0 +1,207 @@
+"""What became of every defect of the inspected segments: found, or missed and why.
+
+The reasons follow from what the kernel saw. Each capture of a defect's segment with its centre in the inspection window
+is judged again, by the kernel, with the traffic of that moment: how much of the defect is visible, and what hides the
+rest. A mission flies its plan to the end, with as many batteries as it takes, so no defect is missed because it ended.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pavetwin._core import Viewpoint
+from pavetwin.arrays import Float64Array, IndexArray
+from pavetwin.mission.environment import window_m
+from pavetwin.mission.events import ActionTaken
+from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.timeline import LATE_S
+from pavetwin.sensing import JudgedDetection
+from pavetwin.world.model import Defect
+
+if TYPE_CHECKING:
+    from pavetwin._core import DefectShares
+
+
+class MissReason(StrEnum):
+    """Why a defect was missed; the first that applies."""
+
+    OUTSIDE_SWATH = "outside_swath"
+    """The inspection window never passed over its centre."""
+    BETWEEN_CAPTURES = "between_captures"
+    """The window passed over its centre, but no capture was taken then."""
+    NOT_RECOGNISED = "not_recognised"
+    """At least one capture showed enough of it, and the sensor reported nothing that matches."""
+    HIDDEN_BY_VEHICLES = "hidden_by_vehicles"
+    """Every capture showed too little of it; vehicles hid most of it, on average over these captures."""
+    HIDDEN_BY_PEDESTRIANS = "hidden_by_pedestrians"
+    HIDDEN_BY_FIXED_OBJECTS = "hidden_by_fixed_objects"
+    """Buildings, trees, street furniture."""
+
+
+HIDDEN: Mapping[MissReason, str] = {
+    MissReason.HIDDEN_BY_VEHICLES: "behind_vehicles",
+    MissReason.HIDDEN_BY_PEDESTRIANS: "behind_pedestrians",
+    MissReason.HIDDEN_BY_FIXED_OBJECTS: "behind_solids",
+}
+"""The reasons of hidden defects, each with the kernel's name of the share that it hides."""
+
+
+class PolicyResponse(StrEnum):
+    """What the policy did about a hidden defect."""
+
+    NOT_ASKED = "not_asked"
+    """Visibility of the window stayed at τ_o or above, so that no policy was asked."""
+    GO_ON = "go_on"
+    """It was asked, and flew on."""
+    WAIT = "wait"
+    DISPLACE = "displace"
+    REVISIT = "revisit"
+
+
+@dataclass(frozen=True, slots=True)
+class InspectedDefect:
+    """What became of one defect."""
+
+    defect: Defect
+    reason: MissReason | None
+    """None: it was found."""
+    captures: int
+    """Of its segment, with its centre in the inspection window."""
+    captures_on_revisit: int
+    """Those of them during revisits."""
+    capture: int | None
+    """Number of the capture that confirmed it; of a missed one, of the first that showed most of it."""
+    time_s: float | None
+    """Of that capture."""
+    visible_fraction: float | None
+    """Of its area, in that capture."""
+    on_revisit: bool | None
+    """Whether that capture was taken during a revisit."""
+    hidden_by: Mapping[MissReason, float] | None
+    """Of a hidden one: the shares of its area that were hidden, as means over the captures."""
+    responses: tuple[PolicyResponse, ...] = ()
+    """Of a hidden one: what the policy did while its centre was in the inspection window, and whether it came back."""
+
+    @property
+    def is_found(self) -> bool:
+        return self.reason is None
+
+
+def inspected_defects(result: MissionResult) -> tuple[InspectedDefect, ...]:
+    """The outcome of every defect of the inspected segments, in the order of inspection."""
+    return tuple(_Judge(result).outcomes())
+
+
+@dataclass(frozen=True)
+class _Judge:
+    result: MissionResult
+
+    def outcomes(self) -> Iterator[InspectedDefect]:
+        environment = self.result.environment
+        confirmations = {each.defect: each for each in self.result.confirmed}
+        for segment in dict.fromkeys(row.segment for row in self.result.rows):
+            for number in environment.defects_by_segment.get(segment, ()):
+                defect = environment.defects[number]
+                captures = self._captures_of(defect)
+                confirmation = confirmations.get(number)
+                yield self._missed(defect, captures) if confirmation is None else self._found(captures, confirmation)
+
+    def _found(self, captures: IndexArray, confirmation: JudgedDetection) -> InspectedDefect:
+        assert confirmation.defect is not None
+        return InspectedDefect(
+            defect=self.result.environment.defects[confirmation.defect],
+            reason=None,
+            captures=len(captures),
+            captures_on_revisit=self._on_revisit(captures),
+            capture=confirmation.capture,
+            time_s=confirmation.time_s,
+            visible_fraction=confirmation.visible_fraction,
+            on_revisit=confirmation.on_revisit,
+            hidden_by=None,
+        )
+
+    def _missed(self, defect: Defect, captures: IndexArray) -> InspectedDefect:
+        if not len(captures):
+            reason = MissReason.BETWEEN_CAPTURES if defect.id in self.result.swept else MissReason.OUTSIDE_SWATH
+            return InspectedDefect(defect, reason, 0, 0, None, None, None, None, None)
+        shares = [self._shares(defect.id, int(capture)) for capture in captures]
+        visible = [share["visible"] for share in shares]
+        best = int(np.argmax(visible))
+        means = {
+            reason: float(np.mean([share[column] for share in shares]))  # type: ignore[literal-required]
+            for reason, column in HIDDEN.items()
+        }
+        is_hidden = visible[best] < self.result.settings.sensing.min_visible_fraction
+        columns, capture = self.result.captures, int(captures[best])
+        return InspectedDefect(
+            defect=defect,
+            reason=max(means, key=lambda reason: means[reason]) if is_hidden else MissReason.NOT_RECOGNISED,
+            captures=len(captures),
+            captures_on_revisit=self._on_revisit(captures),
+            capture=capture,
+            time_s=float(columns["t_s"][capture]),
+            visible_fraction=visible[best],
+            on_revisit=bool(columns["on_revisit"][capture]),
+            hidden_by=means if is_hidden else None,
+            responses=self._responses(defect, captures) if is_hidden else (),
+        )
+
+    def _captures_of(self, defect: Defect) -> IndexArray:
+        """Rows of the captures of a defect's segment with its centre in the inspection window."""
+        columns = self.result.captures
+        rows = np.flatnonzero(columns["segment"] == self._indices[defect.segment])
+        inside = self._in_window(defect, columns["x_m"][rows], columns["y_m"][rows], columns["yaw_rad"][rows])
+        return rows[inside]
+
+    def _in_window(self, defect: Defect, x_m: Float64Array, y_m: Float64Array, yaw_rad: Float64Array) -> IndexArray:
+        """Indices of the places of the UAV from which a defect's centre is in the inspection window."""
+        across_m, along_m = window_m(self.result.settings)
+        east, north = defect.centre.x - x_m, defect.centre.y - y_m
+        ahead_east, ahead_north = np.cos(yaw_rad), np.sin(yaw_rad)
+        along, across = east * ahead_east + north * ahead_north, north * ahead_east - east * ahead_north
+        return np.flatnonzero((np.abs(along) <= along_m / 2) & (np.abs(across) <= across_m / 2))
+
+    def _shares(self, defect: int, capture: int) -> "DefectShares":
+        columns = self.result.captures
+        viewpoint = Viewpoint(
+            position=(float(columns["x_m"][capture]), float(columns["y_m"][capture])),
+            altitude_m=self.result.settings.altitude_m,
+            yaw_rad=float(columns["yaw_rad"][capture]),
+        )
+        time_s = float(columns["t_s"][capture])
+        return self.result.environment.ground.defect_shares(defect, self.result.trace, time_s, viewpoint)
+
+    def _on_revisit(self, captures: IndexArray) -> int:
+        return int(np.count_nonzero(self.result.captures["on_revisit"][captures]))
+
+    def _responses(self, defect: Defect, captures: IndexArray) -> tuple[PolicyResponse, ...]:
+        """What the policy did about it, each kind once, in order; see `InspectedDefect.responses`."""
+        track, rows = self.result.track, self._rows_of_actions
+        above = self._in_window(defect, track["x_m"][rows], track["y_m"][rows], track["yaw_rad"][rows])
+        above = above[track["segment"][rows[above]] == self._indices[defect.segment]]
+        done = [PolicyResponse(type(self._actions[number].action).__name__.lower()) for number in above]
+        if self._on_revisit(captures):
+            done.append(PolicyResponse.REVISIT)
+        if done:
+            return tuple(dict.fromkeys(done))
+        columns = self.result.captures
+        low = columns["visibility"][captures] < self.result.settings.visibility.threshold
+        return (PolicyResponse.GO_ON if low.any() else PolicyResponse.NOT_ASKED,)
+
+    @cached_property
+    def _indices(self) -> Mapping[str, int]:
+        return {segment.id: index for index, segment in enumerate(self.result.environment.world.segments)}
+
+    @cached_property
+    def _actions(self) -> list[ActionTaken]:
+        return [event for event in self.result.events if isinstance(event, ActionTaken)]
+
+    @cached_property
+    def _rows_of_actions(self) -> IndexArray:
+        """Rows of the track at which the policy acted: it is asked when the UAV looks, and every look is a row."""
+        times = np.array([action.time_s for action in self._actions])
+        return np.searchsorted(self.result.track["t_s"][:-1], times - LATE_S)
