@@ -131,9 +131,9 @@ def test_only_the_street_gives_way_on_a_narrow_page() -> None:
         ["1234", "699/700", "100.0", "100.0", "100.0", "12345", "12345", "23456", "123.4"],
         ["2468", "1398/1400", "99.9", "0.7", "100.0", "24690", "24690", "46912", "246.8"],
     ]
-    assert lines[-3].split()[1].startswith("Stra")
+    assert lines[-3].split()[1].startswith("Str")
     assert sum("…" in line for line in lines) == 2
-    assert len(lines) == 5
+    assert len(lines) == 7
     assert "Straße des 17. Juni [Ost]" in printed(report.segments_table(busy()), 120)[-3]
 
 
@@ -141,6 +141,27 @@ def test_only_the_policy_gives_way_in_a_comparison() -> None:
     missions = [replace(busy(), policy=f"a_very_long_name_of_a_policy_{number}") for number in "ab"]
     lines = printed(report.comparison_table(missions))
     assert all(len(line) <= 80 for line in lines)
-    assert len(lines) == 4
-    assert all(line.count("…") == 1 for line in lines[2:])
-    assert lines[2].split()[1:6] == ["1398", "99.9", "99.9", "0.7", "100.0"]
+    assert len(lines) == 6
+    assert all(line.count("…") == 1 for line in lines[4:])
+    assert lines[4].split()[1:6] == ["1398", "99.9", "99.9", "0.7", "100.0"]
+
+
+def test_the_headings_are_words_that_a_stranger_reads() -> None:
+    headings = " ".join(column.header.replace("\n", " ") for column in report.comparison_table([busy()]).columns)
+    assert "found of what the camera passed %" in headings
+    assert "found on return %" in headings
+
+
+def test_a_mission_over_several_batteries_says_how_many_to_bring() -> None:
+    tired = replace(tiny.result("queue_that_leaves", "skip"), swaps=2, energy=2.24)
+    tired = replace(tired, rows=tuple(replace(row, swaps=2) for row in tired.rows))
+    assert report.sentence([tired]).endswith("with 2 battery changes: bring 3 batteries.")
+    lines = printed(report.comparison_table([tired, tired]))
+    assert lines[-1].split()[-2] == "3"
+    assert "to bring" in lines[3]
+
+
+def test_what_was_missed_is_counted_by_reason() -> None:
+    hidden, all_found = tiny.result("queue_at_light", "baseline"), tiny.result("empty_street", "baseline")
+    assert report.missed_lines([hidden]) == ["Missed 7 of 7: 7 hidden by vehicles."]
+    assert report.missed_lines([all_found, hidden]) == ["baseline missed 7 of 7: 7 hidden by vehicles."]

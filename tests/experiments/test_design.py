@@ -156,7 +156,7 @@ def test_what_does_not_fit_is_refused_by_name(values: dict[str, object], words: 
         ({"sweep": {"tau_o": [0.5, 1.5]}}, "visibility.threshold"),
         ({"set": {"altitude_m.x": 3}}, "'altitude_m.x' is no setting"),
         ({"worlds": [{"path": "town", "routes": ["gone.rou.xml"]}]}, "no routes file 'gone.rou.xml'"),
-        ({"segments": 3}, "only 1 segments of 'tiny' can be reached"),
+        ({"segments": 3}, "segments: 3 are asked for, but 'tiny' has only 1"),
     ],
 )
 def test_levels_that_do_not_exist_are_refused_before_anything_is_flown(values: dict[str, object], words: str) -> None:

@@ -115,7 +115,7 @@ def test_the_files_hold_every_defect_with_its_sizes_and_its_reason(tmp_path: Pat
     assert set(table["reason"]) == {"hidden_by_vehicles"}
     assert table["policy_response"].str.contains("revisit").any()
     assert table.select("class", "severity", "width_m", "area_m2", "segment", "street").row(0) == (
-        *("pothole", "medium", 0.4, 0.16, "street", "street"),
+        *("pothole", "medium", 0.4, 0.16, "street", "unnamed street, street"),
     )
     assert table["longitude"].is_between(8.9, 9.1).all()
     meta, _, shapes, columns = pyogrio.raw.read(tmp_path / "m" / "defects.gpkg", layer="defects")

@@ -126,7 +126,7 @@ def test_columns_have_the_types_of_the_kernel() -> None:
 def test_a_density_that_was_missed_is_said() -> None:
     sparse = recording_of([3, 3, 3])  # 2 vehicles on 0.5 km: 4 instead of 6; 1 pedestrian on 0.05 km: 20 as asked
     assert sparse.remarks[0].startswith("4.0 vehicles per lane-kilometre instead of 6")
-    assert "taken away" in sparse.remarks[1]
+    assert "removed after blocking traffic (SUMO teleports); treat the density with care" in sparse.remarks[1]
     pathless = replace(sparse, origin=replace(sparse.origin, capacity=Capacity(2 / 6, 0.0)), removals=())
     assert pathless.remarks == ("the world has no sidewalks, so there are no pedestrians",)
 

@@ -127,6 +127,10 @@ def listing(result: Sequence["MissionResult"], *, animate: bool, frames: bool = 
     return files if len(result) == 1 else f"comparison.png, mission.parquet, and a folder for each policy with {files}"
 
 
+ON_RETURN: Final = "found\non\nreturn\n%"
+"""Heading of the share of defects that were found only on a revisit."""
+
+
 def segments_table(result: "MissionResult") -> Table:
     """One row a segment, and the sums."""
     sums, rows = totals(result), result.rows
@@ -135,23 +139,23 @@ def segments_table(result: "MissionResult") -> Table:
         ("street", "", lambda row: row.street),
         ("length\nm", f"{sum(row.length_m for row in rows):.0f}", lambda row: f"{row.length_m:.0f}"),
         ("defects\nfound", f"{sums.confirmed}/{sums.defects}", lambda row: f"{row.confirmed}/{row.defects}"),
-        ("cover-\nage %", _percent(sums.coverage), lambda row: _percent(row.coverage)),
-        ("recov-\nered %", _percent(sums.recovery), lambda row: _percent(row.recovery)),
+        ("found\n%", _percent(sums.coverage), lambda row: _percent(row.coverage)),
+        (ON_RETURN, _percent(sums.recovery), lambda row: _percent(row.recovery)),
         ("surface\nseen %", _percent(sums.surface_coverage), lambda row: _percent(row.surface_coverage)),
         ("false\nalarms", f"{sums.false_alarms}", lambda row: f"{row.false_alarms}"),
         ("hidden\ntimes", f"{sums.occlusions}", lambda row: f"{row.occlusions}"),
         ("waited\ns", f"{sums.wait_s:.0f}", lambda row: f"{row.wait_s:.0f}"),
         ("time\ns", f"{sum(row.time_s for row in rows):.0f}", lambda row: f"{row.time_s:.0f}"),
-        ("batt-\nery %", f"{100 * sum(row.energy for row in rows):.1f}", lambda row: f"{100 * row.energy:.1f}"),
+        ("battery\n%", f"{100 * sum(row.energy for row in rows):.1f}", lambda row: f"{100 * row.energy:.1f}"),
     ]
-    idle = {"recov-\nered %"} if not sums.revisits else set()
+    idle = {ON_RETURN} if not sums.revisits else set()
     idle |= {"waited\ns"} if not sums.wait_s else set()
     idle |= {"false\nalarms"} if not sums.false_alarms else set()
     shown = [column for column in columns if column[0] not in idle]
     table = _table(show_footer=True)
     for heading, footer, text in shown:
         if heading == "street":
-            table.add_column(heading)
+            table.add_column(heading, vertical="bottom")
         else:
             _add_rigid(table, heading, [text(row) for row in rows], footer, left=heading == "segment")
     for row in rows:
@@ -163,18 +167,20 @@ def comparison_table(result: Sequence["MissionResult"]) -> Table:
     """One row a policy, the best of each column in bold."""
     sums = [totals(mission) for mission in result]
     table = _table()
-    table.add_column("policy")
+    table.add_column("policy", vertical="bottom")
     measures: list[tuple[str, Callable[[Totals], float | None], str, int]] = [
         ("defects\nfound", lambda t: t.confirmed, "{:.0f}", 1),
-        ("cover-\nage %", lambda t: _hundred(t.coverage), "{:.1f}", 1),
-        ("of\nswath %", lambda t: _hundred(t.swath_coverage), "{:.1f}", 1),
-        ("recov-\nered %", lambda t: _hundred(t.recovery), "{:.1f}", 0),
+        ("found\n%", lambda t: _hundred(t.coverage), "{:.1f}", 1),
+        ("found of\nwhat the\ncamera\npassed %", lambda t: _hundred(t.swath_coverage), "{:.1f}", 1),
+        (ON_RETURN, lambda t: _hundred(t.recovery), "{:.1f}", 0),
         ("surface\nseen %", lambda t: _hundred(t.surface_coverage), "{:.1f}", 1),
         ("waited\ns", lambda t: t.wait_s, "{:.0f}", 0),
         ("time\nmin", lambda t: t.time_s / 60, "{:.1f}", -1),
-        ("batt-\nery %", lambda t: 100 * t.energy, "{:.1f}", -1),
+        ("battery\n%", lambda t: 100 * t.energy, "{:.1f}", -1),
         ("flown\nkm", lambda t: t.distance_m / 1000, "{:.2f}", -1),
     ]
+    if any(each.swaps for each in sums):
+        measures[-2] = ("batteries\nto bring", lambda t: t.batteries, "{:.0f}", -1)
     if any(each.false_alarms for each in sums):
         measures.insert(1, ("false\nalarms", lambda t: t.false_alarms, "{:.0f}", -1))
     columns = [_cells(value, form, better, sums) for _, value, form, better in measures]
@@ -193,7 +199,9 @@ def _add_rigid(table: Table, heading: str, cells: Sequence[str], footer: str = "
     """A column that is never shortened: half a number is a wrong number."""
     width = max(cell_len(line) for line in (*heading.split("\n"), *cells, footer))
     justify: Literal["left", "right"] = "left" if left else "right"
-    table.add_column(heading, footer, justify=justify, footer_style="bold", no_wrap=True, min_width=width)
+    table.add_column(
+        heading, footer, justify=justify, vertical="bottom", footer_style="bold", no_wrap=True, min_width=width
+    )
 
 
 def _name(text: str) -> Text:
@@ -215,12 +223,15 @@ def sentence(result: Sequence["MissionResult"]) -> str:
     """The result in one sentence."""
     if len(result) == 1:
         sums = totals(result[0])
-        found = f"{sums.confirmed} of {sums.defects} defects confirmed" if sums.defects else "No defects to find"
+        found = f"{sums.confirmed} of {sums.defects} defects found" if sums.defects else "No defects to find"
         if sums.false_alarms:
             found += f", {sums.false_alarms} false alarm{'s' if sums.false_alarms != 1 else ''}"
         surface = f"{_percent(sums.surface_coverage)} % of the surface seen"
-        swaps = f" and {sums.swaps} battery swap{'s' if sums.swaps != 1 else ''}" if sums.swaps else ""
-        return f"{found}, {surface}, in {sums.time_s / 60:.1f} min with {100 * sums.energy:.0f} % of a battery{swaps}."
+        minutes = f"{sums.time_s / 60:.1f} min"
+        if sums.swaps:
+            changes = f"{sums.swaps} battery change{'s' if sums.swaps != 1 else ''}"
+            return f"{found}, {surface}, in {minutes} with {changes}: bring {sums.batteries} batteries."
+        return f"{found}, {surface}, in {minutes} with {100 * sums.energy:.0f} % of a battery."
     return "The same traffic, defects, order and sensor seed for every policy; one mission each, so no statistics yet."
 
 

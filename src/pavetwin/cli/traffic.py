@@ -133,7 +133,8 @@ def _print(recording: "Recording") -> None:
     out.print("Kinds: " + ", ".join(f"{count} {kind}" for kind, count in kinds.most_common()))
     out.print(
         f"Network: {origin.capacity.lanes_km:.2f} km of lanes, {origin.capacity.sidewalks_km:.2f} km of sidewalks, "
-        f"{len(recording.signals)} traffic lights. {recording.removed} vehicles taken out of gridlock."
+        f"{len(recording.signals)} traffic lights. {recording.removed} vehicles removed after "
+        "blocking traffic (SUMO teleports)."
     )
     out.print(f"{origin.sumo_version}, {origin.warm_up_s:g} s of warm-up before.")
     for remark in recording.remarks:

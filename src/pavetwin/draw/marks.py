@@ -25,10 +25,10 @@ LEAD_S = 4.0
 
 
 class DefectOutcome(StrEnum):
-    """What became of a defect of an inspected segment."""
+    """What became of a defect of an inspected segment, as legends say it."""
 
-    CONFIRMED = "confirmed"
-    RECOVERED = "recovered"
+    CONFIRMED = "found"
+    RECOVERED = "found on return"
     """Confirmed first on a revisit."""
     MISSED = "missed"
 

@@ -24,19 +24,19 @@ def main_numbers(result: MissionResult) -> list[tuple[str, str]]:
     defects, confirmed = sum(row.defects for row in rows), sum(row.confirmed for row in rows)
     area = sum(row.area_m2 for row in rows)
     minutes, seconds = divmod(round(result.duration_s), 60)
-    recovered = sum(row.recovered for row in rows)
+    recovered, seen = sum(row.recovered for row in rows), 100 * result.settings.visibility.inspected_share
     covered = sum(row.surface_coverage * row.area_m2 for row in rows)
     numbers = (
-        (True, "Segments inspected", f"{sum(row.inspected for row in rows)} of {len(rows)}"),
-        (defects, "Coverage", f"{confirmed} of {defects} ({100 * confirmed / max(1, defects):.0f} %)"),
-        (recovered, "Recovered on revisits", f"{recovered}"),
-        (area, "Surface coverage", f"{100 * (covered / (area or 1)):.1f} %"),
+        (True, f"Segments at least {seen:g} % seen", f"{sum(row.inspected for row in rows)} of {len(rows)}"),
+        (defects, "Defects found", f"{confirmed} of {defects} ({100 * confirmed / max(1, defects):.0f} %)"),
+        (recovered, "Found on return", f"{recovered}"),
+        (area, "Surface seen", f"{100 * (covered / (area or 1)):.1f} %"),
         (True, "Time", f"{minutes}:{seconds:02d} min"),
         (True, "Waiting", f"{sum(row.wait_s for row in rows):.0f} s"),
         (True, "Occlusions", f"{sum(row.occlusions for row in rows)}"),
         (True, "Distance", f"{result.distance_m / 1000:.2f} km"),
         (True, "Energy", f"{100 * result.energy:.0f} % of a battery"),
-        (result.swaps, "Battery swaps", f"{result.swaps}"),
+        (result.swaps, "Batteries to bring", f"{result.swaps + 1}"),
     )
     return [(name, value) for applies, name, value in numbers if applies]
 
@@ -53,8 +53,7 @@ def legend_of(results: Sequence[MissionResult], *, town: bool) -> tuple[list[Han
     found = {outcome for result in results for outcome in outcomes(result).values()}
     for outcome in DefectOutcome:
         mark = _mark(style.OUTCOME_MARKERS[outcome], style.OUTCOME_COLOURS[outcome], 5, mec=style.PAPER, mew=0.4)
-        recovered = outcome is DefectOutcome.RECOVERED
-        entries.append((outcome in found, mark, "Defect recovered on a revisit" if recovered else f"Defect {outcome}"))
+        entries.append((outcome in found, mark, f"Defect {outcome}"))
     tracks = [result.track for result in results]
     gave_way = any(avoiding(track).any() for track in tracks)
     entries += [

@@ -95,8 +95,8 @@ def draw_strip(
 def caption(row: SegmentMetrics) -> str:
     """What happened on a segment, in one line."""
     parts = {
-        f"{row.confirmed} of {row.defects} defects confirmed": True,
-        f"{row.recovered} of them recovered": row.recovered,
+        f"{row.confirmed} of {row.defects} defects found": True,
+        f"{row.recovered} of them on return": row.recovered,
         f"surface {100 * row.surface_coverage:.0f} %": True,
         f"{row.occlusions} occlusion{'s' if row.occlusions != 1 else ''}": True,
         f"waited {row.wait_s:.0f} s": row.wait_s >= 0.5,

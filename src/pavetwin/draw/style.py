@@ -66,8 +66,8 @@ def defect_styles(found: Iterable[str]) -> list[tuple[str, str, str]]:
     ]
 
 
-OUTCOME_COLOURS: Mapping[str, str] = {"confirmed": "#00846B", "missed": "#D55E00", "recovered": "#0063B1"}
-OUTCOME_MARKERS: Mapping[str, str] = {"confirmed": "o", "missed": "X", "recovered": "D"}
+OUTCOME_COLOURS: Mapping[str, str] = {"found": "#00846B", "missed": "#D55E00", "found on return": "#0063B1"}
+OUTCOME_MARKERS: Mapping[str, str] = {"found": "o", "missed": "X", "found on return": "D"}
 
 VISIBILITY = LinearSegmentedColormap.from_list(
     "visibility", [(0.0, "#7F1734"), (0.4, "#D8593B"), (0.7, "#F0B64A"), (0.85, "#6FB1C9"), (1.0, "#1F6FB2")]

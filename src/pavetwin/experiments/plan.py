@@ -193,10 +193,13 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
     targets = tuple(_reachable(design, world, tell) for world in worlds)
     for world, found in zip(worlds, targets, strict=True):
         if len(found) < design.segments:
-            raise PaveTwinError(
-                f"the design: only {len(found)} segments of '{world.name}' can be reached at all altitudes, and "
-                f"segments: {design.segments} are asked for."
+            there_are = (
+                f"'{world.name}' has only {len(found)}"
+                if len(found) == len(world.segments)
+                else f"only {len(found)} of the {len(world.segments)} segments of '{world.name}' can be reached at all "
+                "altitudes"
             )
+            raise PaveTwinError(f"the design: segments: {design.segments} are asked for, but {there_are}.")
     return Plan(
         design, tuple(world.content_hash for world in worlds), names, targets, policies, plugin_hashes(design.plugins)
     )

@@ -61,6 +61,11 @@ class Totals:
     false_alarms_per_100_m2: float | None
     """Of the surface that was seen."""
 
+    @property
+    def batteries(self) -> int:
+        """Full batteries to bring."""
+        return self.swaps + 1
+
 
 def totals(result: MissionResult) -> Totals:
     """The sums over a mission's segments, and the whole flight's time, energy and distance."""

@@ -45,10 +45,13 @@ def choose_targets(
     if count is not None and count < 1:
         raise PaveTwinError(f"`count` {count}: at least one segment must be inspected.")
     if count is not None and count > len(reachable):
-        raise PaveTwinError(
-            f"`count` {count}: only {len(reachable)} of the {len(world.segments)} segments of '{world.name}' "
-            f"can be reached at {environment.altitude_m:g} m; `count=None` inspects these."
+        there_are = (
+            f"'{world.name}' has only {len(reachable)}"
+            if len(reachable) == len(world.segments)
+            else f"only {len(reachable)} of the {len(world.segments)} segments of '{world.name}' can be reached at "
+            f"{environment.altitude_m:g} m"
         )
+        raise PaveTwinError(f"`count` {count}: {there_are}; `count=None` inspects them all.")
     if order == "near":
         return _short_tour(environment, reachable)[:count]
     drawn = child(seed, Stream.ORDER).permutation(len(reachable))

@@ -98,7 +98,7 @@ class Recording:
     speed_mps: Float32Array
     """(rows,)"""
     removals: tuple[tuple[int, int], ...]
-    """(step, how many): vehicles that SUMO removed from gridlock."""
+    """(step, how many): vehicles that SUMO removed after they had blocked traffic (its teleports)."""
     signals: Mapping[str, tuple[tuple[int, str], ...]]
     """Per traffic light of the network: (step, state of its links, SUMO's letters) at step 0 and at each change."""
     path: Path | None = field(default=None)
@@ -149,7 +149,7 @@ class Recording:
 
     @property
     def removed(self) -> int:
-        """Number of vehicles removed from gridlock."""
+        """Number of vehicles removed after blocking traffic."""
         return sum(count for _, count in self.removals)
 
     @property
@@ -233,7 +233,10 @@ def _remarks(recording: Recording) -> list[str]:
         remarks += _missed("vehicles", "lane", asked.vehicles_per_lane_km, cars)
         remarks += _missed("pedestrians", "sidewalk", asked.pedestrians_per_sidewalk_km, walkers)
     if recording.removed > REMOVED_REMARK * max(1.0, float(vehicles.mean())):
-        remarks.append(f"{recording.removed} vehicles stood in gridlock and were taken away")
+        remarks.append(
+            f"{recording.removed} vehicles were removed after blocking traffic (SUMO teleports); treat the density "
+            "with care"
+        )
     return remarks
 
 
