@@ -246,7 +246,7 @@ def test_a_segment_that_cannot_be_reached_is_one_plain_error() -> None:
     assert [environment.reachable(index) for index in range(2)] == [True, False]
     with pytest.raises(PaveTwinError, match=r"`names` there: no way leads there from the base at 6 m"):
         choose_targets(environment, names=["here", "there"])
-    with pytest.raises(PaveTwinError, match="only 1 of the 2 segments"):
+    with pytest.raises(PaveTwinError, match="only 1 of the 2 segments of 'tiny' can be reached"):
         choose_targets(environment, count=2)
     assert choose_targets(environment) == [0]
     mission = Mission(environment, TinyTraffic(), settings, [1])
@@ -289,7 +289,9 @@ def test_targets_are_drawn_by_the_seed_or_toured() -> None:
     assert choose_targets(environment, order="near") == list(range(6))
     assert choose_targets(environment, names=["s4", "s1"]) == [4, 1]
     assert choose_targets(environment, names=["s4", "s1"], order="near") == [1, 4]
-    with pytest.raises(PaveTwinError, match="No segment 's44'"):
+    with pytest.raises(PaveTwinError, match=r"`count` 9: 'tiny' has only 6; `count=None` inspects them all"):
+        choose_targets(environment, count=9)
+    with pytest.raises(PaveTwinError, match="No segment or street 's44'"):
         choose_targets(environment, names=["s44"])
 
 
