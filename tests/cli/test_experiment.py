@@ -37,6 +37,11 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def test_the_next_command_can_be_copied_where_a_path_holds_spaces(tmp_path: Path) -> None:
+    made = pavetwin("experiment", "init", "my study.yaml", cwd=tmp_path)
+    assert "Next: pavetwin experiment run 'my study.yaml' -o 'my study'" in made.stdout
+
+
 def test_a_design_explains_itself_and_is_not_replaced(place: Path) -> None:
     fresh = pavetwin("experiment", "init", "paper.yaml", "--preset", "paper", cwd=place)
     assert "with the preset paper" in fresh.stdout

@@ -26,7 +26,7 @@ from pavetwin.cli.flags import FLAGS, with_flags
         ("`count` 0: at least one.", "capture show d", "--count 0: at least one."),
         ("with `picture=png`, not with `picture=jpg`", "capture town", "with --png, not with no --png"),
         ("it exists (`force`)", "world build town.osm", "it exists (--force)"),
-        ("it exists (`force`)", "fly town", "it exists (`force`)"),
+        ("it exists (`force`)", "world show town", "it exists (`force`)"),
         ("`plugins`: no file", "policy check hover", "--plugin: no file"),
         ("`policy`: no policy", "policy check hover", "`policy`: no policy"),
         ("`order` up", "fly town", "--order up"),

@@ -91,13 +91,21 @@ def test_the_policy_changes_neither_traffic_nor_defects_nor_order(world: Path, t
 def test_a_mission_is_replaced_but_nothing_else_is(world: Path, tmp_path: Path) -> None:
     assert pavetwin("fly", world, *SHORT, "-o", tmp_path / "m").returncode == 0
     assert pavetwin("fly", world, *SHORT, "-o", tmp_path / "m").returncode == 0
+    kept = digests(tmp_path / "m")
+    line = plain_refusal(pavetwin("fly", world, *SHORT, "--altitude", "9", "-o", tmp_path / "m"))
+    assert "holds another mission (other settings); choose another folder, or replace it (--force)" in line
+    assert digests(tmp_path / "m") == kept
+    assert pavetwin("fly", world, *SHORT, "--altitude", "9", "-o", tmp_path / "m", "--force").returncode == 0
+    assert digests(tmp_path / "m") != kept
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").write_text("precious")
     assert "holds no mission" in plain_refusal(pavetwin("fly", world, *SHORT, "-o", tmp_path / "mine"))
     assert (tmp_path / "mine" / "thesis.txt").read_text() == "precious"
 
 
-def test_ones_own_policy_from_a_file(world: Path, tmp_path: Path) -> None:
+def test_ones_own_policy_from_a_file(world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pavetwin.draw.mission_map.save_mission_map", lambda _, path: path.touch())  # takes longest
+    monkeypatch.setattr("pavetwin.draw.mission_map.save_comparison_map", lambda _, path: path.touch())
     file = tmp_path / "restless.py"
     file.write_text(
         "from pavetwin.policies import GoOn, Policy\n"
@@ -105,8 +113,23 @@ def test_ones_own_policy_from_a_file(world: Path, tmp_path: Path) -> None:
         "    def decide(self, snapshot):\n"
         "        return GoOn()\n"
     )
-    done = pavetwin("fly", world, *SHORT, "--policy", f"{file}:Restless", "-o", tmp_path / "m")
+    mine = f"{file}:Restless"
+    done = pavetwin("fly", world, *SHORT, "--policy", mine, "-o", tmp_path / "m")
     assert done.returncode == 0, done.stderr
+    line = plain_refusal(pavetwin("fly", world, *SHORT, "--policy", "all", "--policy", mine, "-o", tmp_path / "m"))
+    assert "holds another mission;" in line
+    done = pavetwin("fly", world, *SHORT, "--policy", "all", "--policy", mine, "-o", tmp_path / "all")
+    assert done.returncode == 0, done.stderr
+    assert pl.read_parquet(tmp_path / "all" / "mission.parquet")["policy"].unique(maintain_order=True).to_list() == [
+        *("baseline", "hover", "micro", "skip", "Restless")
+    ]
+    shutil.rmtree(tmp_path / "all")
+    (tmp_path / "namesake").mkdir()
+    shutil.copy(file, tmp_path / "namesake")
+    other = f"{tmp_path / 'namesake' / 'restless.py'}:Restless"
+    line = plain_refusal(pavetwin("fly", world, *SHORT, "--policy", mine, "--policy", other))
+    assert "are both named 'Restless'; rename one of them" in line
+    shutil.rmtree(tmp_path / "namesake")
     baseline = pavetwin("fly", world, *SHORT, "--policy", "baseline", "-o", tmp_path / "b")
     assert baseline.returncode == 0
     same = ("track.parquet", "captures.geojson")
@@ -131,13 +154,15 @@ def test_another_mission_gets_another_folder_and_the_same_one_the_same(
         (("--segment", "s0001"), 5),
         (("--defect-seed", "5"), 6),
         (("--segments", "8", "--altitude", "10"), 6),
+        (("--policy", "hover", "--policy", "skip"), 7),
+        (("--policy", "all"), 8),
     ):
         done = pavetwin("fly", own, *short, *options)
         assert done.returncode == 0, done.stderr
         names = {path.name for path in (own / "missions").iterdir()}
         assert len(names) == count, options
         assert plain in names
-        assert all(name.startswith(plain) for name in names)
+        assert all(name.partition("-")[2].startswith("low-1-10m-default-seed1") for name in names)
 
 
 def test_a_mission_is_flown_again_from_its_description_alone(world: Path, tmp_path: Path) -> None:
@@ -265,6 +290,9 @@ def test_policies_repeat_and_what_excludes_each_other_says_so(world: Path, tmp_p
         (("--order", "nearest"), "near"),
         (("--seed", "-1"), "seed"),
         (("--sgements", "3"), "--segments"),
+        (("--altitude", "9", "--altitude=12"), "--altitude is given more than once"),
+        (("--settings", "--set", "camera.model=phantom5"), "did you mean 'phantom4'"),
+        (("--settings", "--policy", "hovr"), "did you mean 'hover'"),
         (("--traffic", "nowhere.parquet"), "nowhere.parquet"),
         (("--airspace", "nowhere.csv"), "nowhere.csv"),
         (("--density", "low", "--again", "nowhere.yaml"), "--density"),
@@ -304,6 +332,14 @@ def test_a_half_deleted_world_is_named(world: Path, tmp_path: Path) -> None:
         (broken / missing).unlink()
         assert missing in plain_refusal(pavetwin("fly", broken, *SHORT))
     assert "nowhere" in plain_refusal(pavetwin("fly", tmp_path / "nowhere", *SHORT))
+
+
+def test_a_map_in_place_of_a_world_says_how_to_build_one(tmp_path: Path) -> None:
+    (tmp_path / "my town.osm").write_text("<osm/>")
+    line = plain_refusal(pavetwin("fly", "my town.osm", cwd=tmp_path))
+    assert "is a map and no world yet" in line
+    assert "`pavetwin world build 'my town.osm' --output 'my town'`" in line
+    assert "`pavetwin world build SOURCE --output town`" in plain_refusal(pavetwin("fly", "town", cwd=tmp_path))
 
 
 def test_a_network_that_was_cut_short_is_named_with_a_fix(world: Path, tmp_path: Path) -> None:

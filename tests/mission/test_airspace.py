@@ -109,6 +109,8 @@ def test_a_table_of_aircraft_is_read(tmp_path: Path) -> None:
     ("text", "words"),
     [
         ("aircraft,t_s,x_m,y_m\na,0,0,0\n", "altitude_m"),
+        (HEADER.replace(",", ";"), "separated by ';'"),
+        (HEADER.replace(",", "\t"), "separated by tabs"),
         (HEADER + "a,0,0,0,10\n", "two points"),
         (HEADER + "a,5,0,0,10\na,5,1,0,10\n", "rising"),
         (HEADER + "a,0,0,0,10\na,1,1,0,11\n", "altitude changes"),

@@ -7,6 +7,7 @@ import pytest
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.uav import CAMERAS, find_camera
+from pavetwin.uav.cameras import Camera
 
 
 def refused(model: str) -> str:
@@ -122,3 +123,11 @@ def test_a_camera_file_that_cannot_be_read_is_one_plain_line(tmp_path: Path) -> 
     assert "latin.yaml" in refused(str(tmp_path / "latin.yaml"))
     (tmp_path / "zero.yaml").write_bytes(b"a: \x00")
     assert "zero.yaml" in refused(str(tmp_path / "zero.yaml"))
+
+
+def test_the_camera_of_the_documentation_is_one(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "files.md").read_text(encoding="utf-8")
+    section = page.partition("## A camera\n")[2]
+    (tmp_path / "mine.yaml").write_text(section.partition("```yaml\n")[2].partition("```")[0], encoding="utf-8")
+    assert find_camera(str(tmp_path / "mine.yaml:survey")).fov_deg == pytest.approx(find_camera("phantom4pro").fov_deg)
+    assert [name for name in Camera.model_fields if f"`{name}`" not in section] == []

@@ -141,6 +141,11 @@ def bad_sources(folder: Path) -> dict[str, tuple[Path, str]]:
     for name, (text, word) in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
         sources[name] = (folder / name, word)
+    for name, suffix in (("packed.osm", ".osm.pbf"), ("zipped.osm", ".osm.gz")):
+        with osmium.SimpleWriter(str(folder / f"made{suffix}")) as writer:
+            writer.add_node(osmium.osm.mutable.Node(id=1, location=(13.4, 52.5)))
+        (folder / f"made{suffix}").rename(folder / name)
+        sources[name] = (folder / name, f"is {suffix} by its content; rename it so that it ends in {suffix}")
     packed = folder / "truncated.osm.gz"
     packed.write_bytes(gzip.compress(whole.encode())[:900])
     sources[packed.name] = (packed, "cut short")

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Any, Final, Literal, Self
 
 import yaml
@@ -156,7 +157,9 @@ def read_description(folder: Path) -> dict[str, Any]:
     """
     path = folder / FILE
     if not path.is_file():
-        raise PaveTwinError(f"'{folder}' holds no dataset; make one with `pavetwin capture WORLD output={folder}`.")
+        raise PaveTwinError(
+            f"'{folder}' holds no dataset; make one with `pavetwin capture WORLD output={quote(str(folder))}`."
+        )
     try:
         found = yaml.safe_load(path.read_text(encoding="utf-8"))
         found["format"], found["world"]["name"], found["settings"]["images"], found["made_by"]["adapter"]

@@ -13,7 +13,7 @@ from typer.exceptions import TyperException
 from typer.main import get_group
 
 from pavetwin.cli.console import fail
-from pavetwin.cli.flags import with_flags
+from pavetwin.cli.flags import refuse_repeated, with_flags
 from pavetwin.errors import PaveTwinError
 
 INTERRUPTED = 130
@@ -93,6 +93,7 @@ def main() -> None:
 def _run() -> int:
     try:
         signal.signal(signal.SIGTERM, _terminate)
+        refuse_repeated(sys.argv[1:], get_group(app))
         code = app(standalone_mode=False)
     except PaveTwinError as error:
         fail(with_flags(str(error), sys.argv[1:], get_group(app)))

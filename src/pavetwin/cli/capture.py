@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -115,7 +116,7 @@ def make(
     there = settings.images - captured.taken
     out.line(
         f"{captured.taken} images taken" + (f", {there} were there" if there else "") + f". Dataset in {output}/. "
-        f"Next: pavetwin capture show {output}"
+        f"Next: pavetwin capture show {quote(str(output))}"
     )
 
 

@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -61,7 +62,8 @@ def init(
             f"[yellow]Note:[/] there is no world in {place} yet; the path is relative to the design.", soft_wrap=True
         )
     out.line(
-        f"Wrote {target} with the preset {preset}. Next: pavetwin experiment run {target} -o {target.with_suffix('')}"
+        f"Wrote {target} with the preset {preset}. Next: pavetwin experiment run {quote(str(target))} "
+        f"-o {quote(str(target.with_suffix('')))}"
     )
 
 
@@ -328,4 +330,4 @@ def _print_run(ran: "Ran", folder: Path) -> None:
             "missions of that policy failed, a routes file where all over its world did; a study with any other "
             "changed file, or a changed design, is refused there and needs another folder; recordings are kept."
         )
-    out.line(f"Next: pavetwin experiment report {folder}")
+    out.line(f"Next: pavetwin experiment report {quote(str(folder))}")

@@ -9,6 +9,8 @@ import re
 from collections.abc import Sequence
 from typing import Any, Final
 
+from pavetwin.errors import PaveTwinError
+
 FLAGS: Final = {
     "altitude_m": "--altitude",
     "altitudes_m": "--altitude",
@@ -46,6 +48,21 @@ def with_flags(message: str, typed: Sequence[str], group: Any) -> str:
         return _option(text, command) or found[0]
 
     return re.sub(r"`([^`]+)`", shown, message)
+
+
+def refuse_repeated(typed: Sequence[str], group: Any) -> None:
+    """Refuse an option that takes one value and is given twice, of which the last would count.
+
+    Raises:
+        PaveTwinError: there is one.
+    """
+    for each in getattr(_command(typed, group), "params", ()):
+        if getattr(each, "multiple", True) or getattr(each, "is_flag", True):
+            continue
+        if sum(word.partition("=")[0] in each.opts for word in typed) > 1:
+            raise PaveTwinError(
+                f"{max(each.opts, key=len)} is given more than once, and takes one value; give it once."
+            )
 
 
 def _command(words: Sequence[str], group: Any) -> Any:

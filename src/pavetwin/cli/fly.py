@@ -77,6 +77,7 @@ def fly(
     ] = None,
     plugin: Plugins = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the results.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace another mission in the folder.")] = False,
     animate: Annotated[bool, typer.Option("--animate", help="Also draw an animation, mission.gif.")] = False,
     save_frames: Annotated[
         bool, typer.Option("--save-frames", help="Also render labelled frames of confirmed defects into frames/.")
@@ -103,6 +104,7 @@ def fly(
     )
 
     from pavetwin.cli import report
+    from pavetwin.mission.again import check_replaceable
     from pavetwin.mission.environment import prepare
     from pavetwin.mission.inputs import defects_of, load_inputs, world_of
     from pavetwin.mission.naming import mission_folder
@@ -110,11 +112,11 @@ def fly(
     from pavetwin.mission.results import check_mission_folder
     from pavetwin.world.store import load_world
 
+    names = policies_named(policy or [POLICY if former is None else former.spec.policy.name])
+    check_names(chosen, names, seed)
     if settings:
         out.print(report.settings_text(chosen), markup=False)
         return
-    names = policies_named(policy or [POLICY if former is None else former.spec.policy.name])
-    check_names(chosen, names, seed)
     loaded = load_world(world) if world is not None else world_of(former.spec.world)  # type: ignore[union-attr]
     if save_frames:
         from pavetwin.capture.mission_images import check_frames
@@ -145,6 +147,7 @@ def fly(
     own_folder = former.folder_again if former is not None else mission_folder(spec, names, preset, usual_targets=usual)
     folder = output or own_folder
     check_mission_folder(folder)
+    check_replaceable(folder, [spec.with_policy(name) for name in names], force=force)
     if former is None:
         out.line(f"Preset {preset}.")
     results = _fly_and_save(spec, names, inputs, folder, animate=animate, save_frames=save_frames)

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -78,7 +79,7 @@ def build(
         world = save_world(damaged, output, force=force)
         report(1.0)
     _print_summary(world, built.record)
-    out.line(f"Written to {output}/ (world.gpkg opens in QGIS). Next: pavetwin world show {output}")
+    out.line(f"Written to {output}/ (world.gpkg opens in QGIS). Next: pavetwin world show {quote(str(output))}")
 
 
 @app.command()

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
+from shlex import quote
 from typing import Any, Final
 
 import polars as pl
@@ -102,7 +103,7 @@ class Store:
         if not path.is_file():
             raise PaveTwinError(
                 f"'{self.folder}' holds no study; make one with "
-                f"`pavetwin experiment run DESIGN.yaml output={self.folder}`."
+                f"`pavetwin experiment run DESIGN.yaml output={quote(str(self.folder))}`."
             )
         try:
             found = yaml.safe_load(path.read_text(encoding="utf-8"))

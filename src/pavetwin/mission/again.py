@@ -1,7 +1,7 @@
 """Reading a mission's description, and comparing a mission that was flown again with what it was."""
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -130,6 +130,31 @@ def read_mission(path: str | Path, *, other_policy: bool = False) -> FormerMissi
         raise PaveTwinError(f"The mission's inputs are not what they were: {'; '.join(changed)}.")
     spec = MissionSpec.parse(values, where=f"'{path}'")
     return FormerMission(path, spec, dict(sums), _detections(path.with_name("captures.geojson")))
+
+
+def check_replaceable(folder: Path, specs: Iterable[MissionSpec], *, force: bool = False) -> None:
+    """Refuse to replace missions by others.
+
+    Args:
+        specs: what is to be flown into the folder.
+
+    Raises:
+        PaveTwinError: the folder holds other missions, and `force` is not given.
+    """
+    there = [*folder.glob("mission.yaml"), *folder.glob("*/mission.yaml")]
+    if force or not there:
+        return
+    new = [_without_results(spec.as_values()) for spec in specs]
+    old = [_without_results(_read(path)) for path in there]
+    if len(new) == len(old) and all(values in new for values in old):
+        return
+    differing = sorted({key for one in old for other in new for key in one if one[key] != other.get(key)})
+    words = f" (other {', '.join(differing)})" if len(new) == len(old) == 1 and differing else ""
+    raise PaveTwinError(f"'{folder}' holds another mission{words}; choose another folder, or replace it (`force`).")
+
+
+def _without_results(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in values.items() if key not in (TOTALS, "versions")}
 
 
 def _relocated(values: Mapping[str, Any], description: Path) -> Any:

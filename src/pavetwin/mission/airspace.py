@@ -43,6 +43,12 @@ def load_airspace(path: Path) -> tuple[Aircraft, ...]:
     except pl.exceptions.PolarsError as error:
         raise PaveTwinError(f"The airspace '{path}' is not a CSV table: {str(error).splitlines()[0]}.") from error
     missing = [name for name in COLUMNS if name not in table.columns]
+    if missing and (separator := next((each for each in ";\t|" if each in "".join(table.columns)), "")):
+        shown = "tabs" if separator == "\t" else f"'{separator}'"
+        raise PaveTwinError(
+            f"The airspace '{path}' is separated by {shown}; save it separated by commas, with points in numbers: "
+            f"{','.join(COLUMNS)}."
+        )
     if missing:
         raise PaveTwinError(f"The airspace '{path}' lacks {', '.join(missing)}; it needs {', '.join(COLUMNS)}.")
     return tuple(_aircraft(str(key[0]), part, path) for key, part in table.group_by("aircraft", maintain_order=True))

@@ -93,8 +93,13 @@ def check_names(settings: MissionSettings, policies: Iterable[str], seed: int) -
     """
     if seed < 0:
         raise PaveTwinError(f"`seed` {seed}: seeds are whole numbers from 0.")
+    called: dict[str, str] = {}
     for policy in policies:
-        load_policy(policy, settings.policy)
+        name = load_policy(policy, settings.policy).name
+        if called.setdefault(name, policy) != policy:
+            raise PaveTwinError(
+                f"`policy`: '{called[name]}' and '{policy}' are both named '{name}'; rename one of them."
+            )
     load_sensor(settings.sensing, seed)
     find_camera(settings.camera.model)
     energy_curve(settings.energy)

@@ -18,12 +18,13 @@ from pavetwin.files import file_sha256, hint
 from pavetwin.world.buildings import buildings_by_rule, clear_of_roads
 from pavetwin.world.connected import LeftOut
 from pavetwin.world.content import content_hash, snapped_world
+from pavetwin.world.folder import NET_SUFFIXES, OSM_SUFFIXES
 from pavetwin.world.furniture import furnish
 from pavetwin.world.generate import NetworkKind, SourceNetwork, generate_network
 from pavetwin.world.georeference import DEFAULT_ANCHOR, GeoReference, anchored, from_location
 from pavetwin.world.ground import PlacementGround
 from pavetwin.world.model import Lane, LaneKind, Segment, World
-from pavetwin.world.network import NET_SUFFIXES, OSM_SUFFIXES, network_from_net, network_from_osm, source_kind
+from pavetwin.world.network import network_from_net, network_from_osm, source_kind
 from pavetwin.world.osm import MapFeatures, read_features
 from pavetwin.world.roadnet import RoadNet, read_roadnet
 from pavetwin.world.segments import DEFAULT_SEGMENT_LENGTH, MIN_SEGMENT_LENGTH, segments_of

@@ -1,6 +1,7 @@
 """The folder of a world: the names of its files, its description, and whether it may be written or read."""
 
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from pavetwin.errors import PaveTwinError
@@ -10,6 +11,10 @@ FORMAT = 3
 
 DESCRIPTION, GEOPACKAGE, NETWORK = "world.yaml", "world.gpkg", "roads.net.xml"
 FILES = (DESCRIPTION, GEOPACKAGE, NETWORK)
+
+OSM_SUFFIXES = (".osm", ".osm.gz", ".osm.pbf")
+NET_SUFFIXES = (".net.xml", ".net.xml.gz")
+"""Of what a world is built from."""
 
 
 def check_target(folder: str | Path, *, force: bool = False) -> None:
@@ -34,10 +39,14 @@ def check_world(folder: Path) -> None:
         PaveTwinError: it does not exist, or a file of a world is missing in it.
     """
     if not folder.is_dir():
+        suffix = next((end for end in (*NET_SUFFIXES, *OSM_SUFFIXES) if folder.name.lower().endswith(end)), "")
+        target = folder.with_name(folder.name[: -len(suffix)] or "world") if suffix else folder
+        source = quote(str(folder)) if suffix else "SOURCE"
+        build = f"`pavetwin world build {source} output={quote(str(target))}`"
+        if suffix and folder.is_file():
+            raise PaveTwinError(f"'{folder}' is a map and no world yet; build one from it with {build}.")
         what = "is no folder" if folder.exists() else "does not exist"
-        raise PaveTwinError(
-            f"The world '{folder}' {what}; make one with `pavetwin world build SOURCE output={folder}`."
-        )
+        raise PaveTwinError(f"The world '{folder}' {what}; make one with {build}.")
     missing = [name for name in FILES if not (folder / name).is_file()]
     if len(missing) == len(FILES):
         raise PaveTwinError(f"'{folder}' is no world: it has no {DESCRIPTION}; {rebuild_hint(folder)}")
@@ -72,4 +81,4 @@ def read_description(folder: Path) -> dict[str, Any]:
 
 def rebuild_hint(folder: Path) -> str:
     """The end of a message about a world that cannot be read."""
-    return f"build it again with `pavetwin world build SOURCE output={folder} force`."
+    return f"build it again with `pavetwin world build SOURCE output={quote(str(folder))} force`."

@@ -16,11 +16,9 @@ from typing import Any
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.connected import LeftOut, left_out
+from pavetwin.world.folder import NET_SUFFIXES, OSM_SUFFIXES
 from pavetwin.world.osm_file import osm_objects
 from pavetwin.world.sumo import NO_VALIDATION, data_file, run_tool
-
-OSM_SUFFIXES = (".osm", ".osm.gz", ".osm.pbf")
-NET_SUFFIXES = (".net.xml", ".net.xml.gz")
 
 STREETS = frozenset(
     {"motorway", "trunk", "primary", "secondary", "tertiary", "unclassified", "residential", "living_street"}

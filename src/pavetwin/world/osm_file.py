@@ -27,6 +27,25 @@ def osm_objects(
             processor = processor.with_filter(each)
         yield from processor
     except (RuntimeError, OSError, EOFError) as error:
+        suffix = _suffix_of(source)
+        if not source.name.lower().endswith(suffix):
+            raise PaveTwinError(
+                f"'{source}' is {suffix} by its content; rename it so that it ends in {suffix}."
+            ) from error
         raise PaveTwinError(
             f"'{source}' cannot be read as OpenStreetMap data ({error}); it may be cut short: download it again."
         ) from error
+
+
+def _suffix_of(source: Path) -> str:
+    """How the name of an OSM file of this content ends; empty where it is none."""
+    try:
+        with source.open("rb") as file:
+            head = file.read(64)
+    except OSError:
+        return ""
+    if b"OSMHeader" in head[:24]:  # the type of the first blob, see the PBF format's description
+        return ".osm.pbf"
+    if head.startswith(b"\x1f\x8b"):
+        return ".osm.gz"
+    return ".osm" if head.lstrip(b"\xef\xbb\xbf \r\n").startswith((b"<?xml", b"<osm")) else ""
