@@ -14,7 +14,7 @@ folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/dataset_example")
 built = pt.add_defects(pt.build_world(Path(__file__).parent / "crossroads.osm"), DefectOptions(per_segment=20))
 pt.save_world(built, folder / "crossroads", force=True)
 settings = CaptureSettings(
-    platform="uav",
+    platforms=("uav",),
     images=6,
     altitudes_m=(10.0,),
     densities=("medium",),

@@ -26,7 +26,7 @@ def context(tmp_path_factory: pytest.TempPathFactory) -> CaptureContext:
     world = save_world(
         add_defects(built("cross"), DefectOptions(per_segment=24)), tmp_path_factory.mktemp("clear") / "w"
     )
-    return prepare(world, CaptureSettings(platform="uav", images=100, altitudes_m=(8.0, 19.0), seed=5, empty=0.5))
+    return prepare(world, CaptureSettings(platforms=("uav",), images=100, altitudes_m=(8.0, 19.0), seed=5, empty=0.5))
 
 
 def test_points_are_drawn_from_all_of_the_road_that_is_clear_and_from_nothing_else() -> None:
@@ -48,7 +48,7 @@ def test_no_defect_is_shown_wherever_none_is_asked_for(context: CaptureContext) 
     """24 defects a street leave little room for pictures from 19 m, and in some splits none: they are taken lower."""
     platform = Uav(context)
     defects = shapely.STRtree([defect.polygon for defect in context.world.defects])
-    empty = [spec for spec in image_specs(context.settings, context.world, 100) if not spec.aims]
+    empty = [spec for spec in image_specs(context.settings, context.world, "uav", 100) if not spec.aims]
     assert len(empty) > 45
     lower = 0
     for spec in empty:
@@ -68,11 +68,13 @@ def test_a_car_s_pictures_without_a_defect_show_road(
 ) -> None:
     """Where defects lie close, all that is free of them ahead is the meadow beyond a street's end."""
     world = save_world(add_defects(built("cross"), DefectOptions(per_segment=per_segment)), tmp_path / "w")
-    settings = CaptureSettings(platform="car", images=60, densities=("high",), seed=5, empty=0.5, size_px=(320, 320))
+    settings = CaptureSettings(
+        platforms=("car",), images=60, densities=("high",), seed=5, empty=0.5, size_px=(320, 320)
+    )
     platform = Car(prepare(world, settings))
     defect_index = platform.context.defect_index
     taken = []
-    for spec in image_specs(settings, world, 60):
+    for spec in image_specs(settings, world, "car", 60):
         sample = None if spec.aims else draw_sample(platform, spec, 0)
         if sample is not None:
             assert defect_index.road_share(sample.pose.view) >= ROAD_SHARE

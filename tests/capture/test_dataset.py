@@ -3,6 +3,7 @@
 import json
 import multiprocessing
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -20,8 +21,11 @@ from PIL import ExifTags, Image
 from pycocotools.coco import COCO
 
 from pavetwin.capture.contact_sheet import save_sheet
+from pavetwin.capture.context import _check_reached
 from pavetwin.capture.disk_space import bytes_of
+from pavetwin.capture.names import platform_prefix
 from pavetwin.capture.record import Record, read_records
+from pavetwin.capture.rle import decode
 from pavetwin.capture.run import capture
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.statistics import counted
@@ -32,7 +36,7 @@ from scenes import built
 from scenes.painter import Painter, full_disk, slow_painter
 
 UAV = CaptureSettings(
-    platform="uav", images=60, altitudes_m=(5.0, 6.0, 8.0), densities=("medium",), seed=3, size_px=(320, 320)
+    platforms=("uav",), images=60, altitudes_m=(5.0, 6.0, 8.0), densities=("medium",), seed=3, size_px=(320, 320)
 )
 SPLITS = ("train", "val", "test")
 
@@ -242,9 +246,32 @@ def test_the_yolo_folder_follows_ultralytics_rules(dataset: Path) -> None:
             assert len({tuple(row) for row in rows}) == len(rows)
 
 
+def test_polygons_of_yolo_are_the_masks(dataset: Path, records: list[Record]) -> None:
+    """Filled by another reader they are the exact masks, but for the simplification."""
+    shares = []
+    for split in SPLITS:
+        folder = dataset / "yolo-seg"
+        yolo = supervision.DetectionDataset.from_yolo(
+            str(folder / "images" / split), str(folder / "labels" / split), str(folder / "data.yaml"), force_masks=True
+        )
+        by_name = {Path(path).stem: found for path, found in yolo.annotations.items()}
+        ours = [record for record in records if record.split == split]
+        assert set(by_name) == {record.name for record in ours}
+        for record in ours:
+            found = by_name[record.name]
+            assert [yolo.classes[number] for number in found.class_id] == [obj.category for obj in record.labelled]
+            for mask, obj in zip(found.mask if record.labelled else (), record.labelled, strict=True):
+                wanted = decode(obj.mask, (320, 320))
+                shares.append((mask & wanted).sum() / (mask | wanted).sum())
+    assert len(shares) > 60
+    assert min(shares) > 0.8
+    assert np.mean(shares) > 0.97
+
+
 def test_pictures_are_stored_once(dataset: Path, records: list[Record]) -> None:
     for record in records:
-        assert (dataset / "voc" / "JPEGImages" / f"{record.name}.jpg").samefile(dataset / record.image)
+        for linked in (f"voc/JPEGImages/{record.name}.jpg", f"yolo-seg/{record.image}"):
+            assert (dataset / linked).samefile(dataset / record.image)
     names = [(dataset / "voc" / "ImageSets" / "Main" / f"{split}.txt").read_text().split() for split in SPLITS]
     assert sorted(name for part in names for name in part) == [record.name for record in records]
 
@@ -296,7 +323,13 @@ def test_a_contact_sheet_shows_the_labels(dataset: Path, tmp_path: Path) -> None
 
 def test_a_car_drives_in_the_recorded_traffic_and_does_not_see_itself(world: Path, tmp_path: Path) -> None:
     settings = CaptureSettings(
-        platform="car", images=12, densities=("high",), seed=3, size_px=(256, 256), split=(1, 0, 0), formats=("yolo",)
+        platforms=("car",),
+        images=12,
+        densities=("high",),
+        seed=3,
+        size_px=(256, 256),
+        split=(1, 0, 0),
+        formats=("yolo",),
     )
     capture(world, settings, tmp_path / "drive", frame_source_factory=Painter)
     taken = list(read_records(tmp_path / "drive"))
@@ -328,7 +361,7 @@ def test_where_no_hatchback_drives_another_car_gives_way(world: Path, tmp_path: 
     from pavetwin.traffic.trace import trace_of
 
     settings = CaptureSettings(
-        platform="car",
+        platforms=("car",),
         images=16,
         densities=("low",),
         seed=3,
@@ -353,6 +386,73 @@ def test_where_no_hatchback_drives_another_car_gives_way(world: Path, tmp_path: 
     assert driven[False] <= {"compact", "saloon", "suv", "van"}
 
 
+# --- Two platforms --------------------------------------------------------------------------------------------------
+
+
+def test_a_dataset_of_two_platforms_is_that_of_the_one_and_that_of_the_other(
+    world: Path, dataset: Path, tmp_path: Path
+) -> None:
+    both = UAV.model_copy(update={"platforms": ("uav", "car"), "images": 8})
+    taken = capture(world, both, tmp_path / "both", frame_source_factory=Painter)
+    assert taken.taken == 16
+    manifest = yaml.safe_load((tmp_path / "both" / "manifest.yaml").read_text())
+    assert {name: sum(row.values()) for name, row in manifest["images_by_platform"].items()} == {"uav": 8, "car": 8}
+    car = both.model_copy(update={"platforms": ("car",), "altitudes_m": ()})
+    capture(world, car, tmp_path / "car", frame_source_factory=Painter)
+    joined = files(tmp_path / "both")
+    alone = files(dataset) | files(tmp_path / "car")
+    images = [name for name in joined if name.startswith(("images/", "labels/", "yolo-seg/labels/", "voc/Ann"))]
+    assert len(images) == 4 * 16
+    assert all(joined[name] == alone[name] for name in images)
+    ids = [record.index for record in read_records(tmp_path / "both")]
+    assert len(set(ids)) == 16
+
+
+def test_datasets_of_one_world_and_seed_can_be_joined(world: Path, records: list[Record], tmp_path: Path) -> None:
+    """Whatever the platform, the traffic, the number and the size of the images: no street and no defect is in two
+    splits, and no two images have one name."""
+    others = [
+        {"platforms": ("car",), "altitudes_m": (), "densities": ("high",)},
+        {"altitudes_m": (8.0,), "densities": ("low", "high"), "size_px": (256, 320), "empty": 0.0},
+    ]
+    joined, manifests = list(records), []
+    for number, change in enumerate(others):
+        folder = tmp_path / str(number)
+        capture(world, UAV.model_copy(update={"images": 12, **change}), folder, frame_source_factory=Painter)
+        joined += read_records(folder)
+        manifests.append(yaml.safe_load((folder / "manifest.yaml").read_text())["streets"])
+    assert manifests[0] == manifests[1]
+    seen: dict[str, set[str]] = {}
+    for record in joined:
+        for obj in record.objects:
+            if "street" in obj.details:
+                seen.setdefault(obj.id, set()).add(record.split)
+                seen.setdefault(obj.details["street"], set()).add(record.split)
+    assert len(seen) > 20
+    assert all(len(splits) == 1 for splits in seen.values())
+    assert len({record.name for record in joined}) == len(joined) == 84
+
+
+def test_names_of_images_tell_world_seed_and_platform_apart(world: Path) -> None:
+    loaded = load_world(world)
+    other = replace(loaded, defects=loaded.defects[1:])
+    changes = [{"seed": 4}, {"size_px": (64, 64)}, {"densities": ("low",)}, {"altitudes_m": (6.0,)}]
+    names = {platform_prefix(loaded, UAV.model_copy(update=change), "uav") for change in changes}
+    names |= {platform_prefix(loaded, UAV, "uav"), platform_prefix(other, UAV, "uav")}
+    names |= {platform_prefix(loaded, UAV, "car")}
+    assert len(names) == 7
+    assert all(re.fullmatch(r"cross-s[34]-(uav|car)-[0-9a-f]{8}", name) for name in names)
+    more = UAV.model_copy(update={"images": 99, "platforms": ("car", "uav"), "formats": ("coco",)})
+    assert platform_prefix(loaded, more, "uav") == platform_prefix(loaded, UAV, "uav")
+
+
+def test_a_platform_that_can_not_reach_a_split_says_so() -> None:
+    splits = {"a": "train", "b": "val"}
+    with pytest.raises(PaveTwinError, match="No car comes to a street of the split val"):
+        _check_reached("car", splits, {"a", "c"})
+    _check_reached("car", splits, {"a", "b"})
+
+
 # --- Interruptions and refusals -------------------------------------------------------------------------------------
 
 
@@ -367,7 +467,7 @@ def test_a_killed_run_leaves_whole_images_and_goes_on(world: Path, dataset: Path
         f" capture(Path({str(world)!r}), settings, Path({str(folder)!r}), frame_source_factory=tired_painter, jobs=2)\n"
     )
     (tmp_path / "run.py").write_text(script)
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[1]), *sys.path])}
     run = subprocess.Popen([sys.executable, tmp_path / "run.py"], env=environment, start_new_session=True)
     deadline = time.monotonic() + 120
     while not list(folder.glob("truth/*/*.json")) and run.poll() is None and time.monotonic() < deadline:
@@ -417,7 +517,7 @@ def test_a_full_disk_is_said_plainly_and_leaves_nothing_half_written(
         f"try: capture(Path({str(world)!r}), settings, Path({str(folder)!r}), frame_source_factory=Painter)\n"
         "except PaveTwinError as error: print(error)"
     )
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[1]), *sys.path])}
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment, check=False)
     assert "Cannot write" in done.stdout, done.stderr
     assert "Free some space" in done.stdout
@@ -442,7 +542,7 @@ def test_a_disk_too_small_is_noticed_at_once(world: Path, tmp_path: Path) -> Non
 
 def test_the_room_that_is_asked_for_is_about_what_is_taken() -> None:
     """By the real renderer an image of 640 × 640 pixels at quality 92 takes 0.11 MB, labels included."""
-    assert bytes_of(CaptureSettings(platform="uav", images=1), 2235) == pytest.approx(0.13e6 * 2235, rel=0.1)
+    assert bytes_of(CaptureSettings(platforms=("uav",), images=1), 2235) == pytest.approx(0.13e6 * 2235, rel=0.1)
 
 
 def test_a_failure_in_another_process_is_ours_too(world: Path, tmp_path: Path) -> None:
@@ -476,12 +576,13 @@ def test_a_run_that_came_to_no_image_is_no_obstacle(
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
+        ({"platforms": ("uav", "car")}, "with `platforms` uav, not with `platforms` uav, car;"),
         ({"seed": 4}, "begun with `seed` 3, not with `seed` 4; give the same, or choose another folder"),
         ({"altitudes_m": (6.0,)}, "with `altitudes_m` 5, 6, 8, not with `altitudes_m` 6;"),
         ({"densities": ("low",)}, "with `densities` medium, not with `densities` low;"),
         ({"size_px": (320, 256)}, "with `size_px` 320x320, not with `size_px` 320x256;"),
         ({"split": (0.8, 0.1, 0.1)}, "with `split` 70/15/15, not with `split` 80/10/10;"),
-        ({"formats": ("yolo",)}, "with `formats` yolo,voc,coco, not with `formats` yolo;"),
+        ({"formats": ("yolo",)}, "with `formats` yolo,yolo-seg,voc,coco, not with `formats` yolo;"),
         ({"empty": 0.0}, r"with `empty` 0\.15, not with `empty` 0;"),
         ({"picture": "png"}, "begun with `picture=jpg`, not with `picture=png`;"),
         ({"images": 59}, "`images` 60, more than 59"),

@@ -26,7 +26,7 @@ from scenes.painter import Painter
 
 RUTTING = Path(__file__).resolve().parents[2] / "examples" / "rutting.py"
 UAV = CaptureSettings(
-    platform="uav", images=12, altitudes_m=(10.0,), seed=3, size_px=(320, 320), plugins=(str(RUTTING),), empty=0.0
+    platforms=("uav",), images=12, altitudes_m=(10.0,), seed=3, size_px=(320, 320), plugins=(str(RUTTING),), empty=0.0
 )
 CLASSES = ["Single Crack", "Crocodile Crack", "Pothole", "Person", "Car", "Rutting"]
 

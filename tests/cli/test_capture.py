@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -57,9 +58,9 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ({"split": "70/30"}, "--split 70/30: expected the percentages of train/val/test"),
         ({"split": "70/20/20"}, "--split 70/20/20: the shares of train, val and test sum to 1.1, not to 1."),
         ({"empty": 2.0}, "--empty 2: it must be less than or equal to 1."),
-        ({"platform": "boat"}, "--platform: no platform 'boat'"),
-        ({"platform": "car", "altitude": [6.0]}, "--altitude: a car does not fly"),
-        ({"platform": "car", "camera": "paper"}, "--camera: a car has cameras of its own"),
+        ({"platform": ["boat"]}, "--platform: no platform 'boat'"),
+        ({"platform": ["car"], "altitude": [6.0]}, "--altitude: a car does not fly"),
+        ({"platform": ["car"], "camera": "paper"}, "--camera: a car has cameras of its own"),
         ({"density": ["heigh"]}, "No density 'heigh' (did you mean 'high'?)"),
         ({"density": ["extreme"]}, "No density 'extreme'. There are low, medium, high, or numbers"),
         ({"camera": "phantom5"}, "no camera 'phantom5'"),
@@ -103,6 +104,7 @@ def test_a_dataset_by_the_real_renderer(world: Path, tmp_path: Path, capsys: pyt
     ]
     records = list(read_records(tmp_path / "d"))
     assert [record.index for record in records] == [0, 1, 2, 3]
+    assert all(re.fullmatch(r"cross-s2-uav-[0-9a-f]{8}-00000\d", record.name) for record in records)
     objects = [(record, obj) for record in records for obj in record.objects]
     assert objects
     for record, obj in objects:

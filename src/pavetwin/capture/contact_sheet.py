@@ -118,10 +118,12 @@ def _cell(folder: Path, record: Record, colour_of: Mapping[str, str]) -> Image.I
     cell.paste(drawn, (0, 0))
     pen = ImageDraw.Draw(cell)
     camera, light = record.camera, record.light
-    is_uav = camera["platform"] == "uav"
+    platform = camera["platform"]
+    is_uav = platform == "uav"
     height = f"{camera['altitude_m']:g} m" if is_uav else camera["mount"]
     tilt = f", tilted {90 + camera['pitch_deg']:.0f}°" if is_uav and camera["pitch_deg"] >= -87.5 else ""
-    pen.text((0, drawn.height + 5), f"{record.name}  {record.split}", INK, font(15, bold=True))
+    number = record.name.rpartition("-")[2]
+    pen.text((0, drawn.height + 5), f"{platform} {number}  {record.split}", INK, font(15, bold=True))
     sky = f"sun {light['sun_elevation_deg']:.0f}°, cloud {100 * light['cloud_cover']:.0f} %"
     text = f"{height}{tilt} · {record.traffic['density']} traffic · {sky}"
     pen.text((0, drawn.height + 25), text, INK_SOFT, font(13))
@@ -185,4 +187,5 @@ def _on(colour: str) -> str:
 
 def _summary(description: dict[str, Any], count: int, split: str | None) -> str:
     settings, images = description["settings"], f"{count} {split} images" if split else f"{count} images"
-    return f"{images} of the world {description['world']['name']}, {settings['platform']}, seed {settings['seed']}"
+    world, platforms = description["world"]["name"], " and ".join(settings["platforms"])
+    return f"{images} of the world {world}, {platforms}, seed {settings['seed']}"

@@ -1,29 +1,23 @@
 """The context that images are drawn from, made from a world and settings; each process makes the same one."""
 
-from collections.abc import Callable
-from typing import Final
+from collections.abc import Callable, Mapping, Set
+from functools import partial
 
 from pavetwin.capture.defect_index import AIMED_WITHIN_M, DefectIndex
 from pavetwin.capture.formats import find_formats
-from pavetwin.capture.plan import STREETS
 from pavetwin.capture.platforms import PLATFORMS, CaptureContext
-from pavetwin.capture.presence import presence
 from pavetwin.capture.settings import CaptureSettings
-from pavetwin.capture.splits import split_streets
+from pavetwin.capture.splits import RECORDED_S, street_splits
 from pavetwin.config.mission import UavSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.navigation.navmesh import navmesh
 from pavetwin.plugins import load_plugins
-from pavetwin.seeds import Stream, child
 from pavetwin.traffic.demand import density_named
 from pavetwin.traffic.record import record
 from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.trace import trace_of
 from pavetwin.uav.cameras import find_camera
 from pavetwin.world.model import World
-
-RECORDED_S: Final = 600.0
-"""Duration of the recorded traffic that images are taken from."""
 
 OnProgress = Callable[[float, str], None]
 """Called with the share done and the current step."""
@@ -37,15 +31,16 @@ def check(settings: CaptureSettings) -> None:
             of place.
     """
     load_plugins(settings.plugins)
-    platform = PLATFORMS.get(settings.platform)
+    platforms = {name: PLATFORMS.get(name) for name in settings.platforms}
     find_formats(settings.formats)
     find_camera(settings.camera)
     for name in settings.densities:
         density_named(name)
-    if platform.uses_altitude and not settings.altitudes_m:
-        raise PaveTwinError(f"`altitudes_m`: say how high the {settings.platform} flies, for example `altitudes_m` 10.")
-    if settings.altitudes_m and not platform.uses_altitude:
-        raise PaveTwinError(f"`altitudes_m`: a {settings.platform} does not fly; leave it out.")
+    flying = [name for name, platform in platforms.items() if platform.uses_altitude]
+    if flying and not settings.altitudes_m:
+        raise PaveTwinError(f"`altitudes_m`: say how high the {flying[0]} flies, for example `altitudes_m` 10.")
+    if settings.altitudes_m and not flying:
+        raise PaveTwinError(f"`altitudes_m`: a {settings.platforms[0]} does not fly; leave it out.")
     for altitude in settings.altitudes_m:
         if altitude >= AIMED_WITHIN_M:
             raise PaveTwinError(
@@ -70,15 +65,16 @@ def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | N
         report(number / len(settings.altitudes_m), f"Baking the NavMesh at {altitude:g} m")
         meshes[altitude] = navmesh(world, altitude, UavSettings().radius_m)
     recordings: dict[str, Recording] = {}
-    for number, name in enumerate(dict.fromkeys(settings.densities)):
+    densities = list(dict.fromkeys(settings.densities))
 
-        def part(share: float, done: int = number) -> None:
-            report((done + share) / len(settings.densities), "Recording traffic")
+    def part(done: int, share: float) -> None:
+        report((done + share) / (len(densities) + 1), "Recording traffic")
 
-        recordings[name] = record(world, name, settings.seed, RECORDED_S, on_progress=part)
-    reached = PLATFORMS.get(settings.platform).reaches(world, recordings)
-    rng, agents = child(settings.seed, Stream.CAPTURE, STREETS), presence(world, recordings.values())
-    splits = split_streets(world, settings.split, rng, reached, agents=agents)
+    for number, name in enumerate(densities):
+        recordings[name] = record(world, name, settings.seed, RECORDED_S, on_progress=partial(part, number))
+    splits = street_splits(world, settings.seed, settings.split, partial(part, len(densities)))
+    for name in settings.platforms:
+        _check_reached(name, splits, PLATFORMS.get(name).reaches(world, recordings))
     return CaptureContext(
         world=world,
         settings=settings,
@@ -87,3 +83,13 @@ def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | N
         traces={name: trace_of(recording) for name, recording in recordings.items()},
         meshes=meshes,
     )
+
+
+def _check_reached(platform: str, splits: Mapping[str, str], reached: Set[str]) -> None:
+    """Check that a platform can take images in every split, which may have been made for another."""
+    for split in dict.fromkeys(splits.values()):
+        if not any(street in reached for street, its in splits.items() if its == split):
+            raise PaveTwinError(
+                f"No {platform} comes to a street of the split {split} in the recorded traffic; choose another "
+                "density of `densities`, another `seed`, other `split` shares, or a larger world."
+            )

@@ -10,7 +10,7 @@ from shapely import Polygon
 
 from pavetwin.arrays import Float64Array, IndexArray, StrArray
 from pavetwin.capture.classes import category_of_defect
-from pavetwin.capture.plan import ImageSpec
+from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.scene.view import View
 from pavetwin.world.model import World
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from pavetwin.capture.context import prepare
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.images import FrameSource
-from pavetwin.capture.platforms import PLATFORMS, CaptureContext
+from pavetwin.capture.platforms import PLATFORMS, CaptureContext, Platform
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.shards import Order, finished_images, write_shard
 from pavetwin.errors import PaveTwinError
@@ -59,13 +59,13 @@ def image_workers(
 def _remaining(folder: Path, shard: Shard) -> list[Shard]:
     """The rest of a shard that a dead process has not taken."""
     there = finished_images(folder)
-    left = [order for order in shard if order[0].index not in there]
+    left = [order for order in shard if order[0].name not in there]
     return [left] if left else []
 
 
 def _give_up(shard: Shard) -> None:
     raise PaveTwinError(
-        f"Processes that took the images {shard[0][0].index} and following died several times, perhaps for want of "
+        f"Processes that took the image {shard[0][0].name} and others died several times, perhaps for want of "
         "memory. Give the same command again to resume, with fewer `jobs`."
     )
 
@@ -76,6 +76,11 @@ def _start(job: CaptureJob, on_image: OnTick) -> Callable[[Shard], None]:
 
 
 def _worker(job: CaptureJob, context: CaptureContext, on_image: OnTick) -> Callable[[Shard], None]:
-    platform = PLATFORMS.get(job.settings.platform)(context)
+    platforms = platforms_of(context)
     frame_source, formats = job.frame_source_factory(context), find_formats(job.settings.formats)
-    return lambda shard: write_shard(job.folder, shard, platform, frame_source, formats, on_image)
+    return lambda shard: write_shard(job.folder, shard, platforms, frame_source, formats, on_image)
+
+
+def platforms_of(context: CaptureContext) -> dict[str, Platform]:
+    """The platforms of a dataset, by name."""
+    return {name: PLATFORMS.get(name)(context) for name in context.settings.platforms}

@@ -4,8 +4,8 @@ from typing import Any, Protocol
 
 from pavetwin.capture.daylight import Daylight
 from pavetwin.capture.exif import ImageMetadata, encoded
-from pavetwin.capture.plan import ImageSpec
-from pavetwin.capture.platforms import CaptureContext, Platform, Pose
+from pavetwin.capture.image_spec import ImageSpec
+from pavetwin.capture.platforms import PLATFORMS, CaptureContext, Platform, Pose
 from pavetwin.capture.record import Record
 from pavetwin.capture.samples import CameraSample, draw_sample, next_attempt, relaxed
 from pavetwin.capture.settings import CaptureSettings
@@ -40,9 +40,11 @@ def take_image(
             frame = frame_source.frame(sample, context)
             seen = labelled_objects(frame, _scene_state(sample, context))
             if meets_spec(sample.spec, seen, context):
-                content = {"index": spec.index, "split": spec.split, "objects": tuple(seen)}
+                content = {"index": spec.number, "name": spec.name, "split": spec.split, "objects": tuple(seen)}
                 content |= {"traffic": _traffic(sample, context), "aim": _aim(sample, spec)}
-                return record_of(frame, sample.pose, sample.daylight, context.world, context.settings, **content)
+                return record_of(
+                    frame, sample.pose, sample.daylight, context.world, context.settings, spec.platform, **content
+                )
         attempt = next_attempt(spec, attempt, sample)
         sample = draw_sample(platform, relaxed(platform, spec, attempt), attempt)
 
@@ -65,18 +67,25 @@ def _scene_state(sample: CameraSample, context: CaptureContext) -> SceneState:
 
 
 def record_of(
-    frame: RenderedFrame, pose: Pose, daylight: Daylight, world: World, settings: CaptureSettings, **content: Any
+    frame: RenderedFrame,
+    pose: Pose,
+    daylight: Daylight,
+    world: World,
+    settings: CaptureSettings,
+    platform: str,
+    **content: Any,
 ) -> tuple[Record, bytes]:
     """The record of a frame, and the image file's content.
 
     Args:
-        content: of the record: `index`, `split`, `traffic`, `aim` and `objects`.
+        content: of the record: `index`, `name`, `split`, `traffic`, `aim` and `objects`.
     """
-    taken = ImageMetadata(pose, world.georeference, daylight.when, frame.exposure, bool(settings.altitudes_m))
+    flies = PLATFORMS.get(platform).uses_altitude
+    taken = ImageMetadata(pose, world.georeference, daylight.when, frame.exposure, flies)
     record = Record(
         suffix=f".{settings.picture}",
         size_px=pose.view.size_px,
-        camera={"platform": settings.platform, "mount": pose.mount, **taken.as_dict()},
+        camera={"platform": platform, "mount": pose.mount, **taken.as_dict()},
         light=daylight.as_dict(),
         **content,
     )

@@ -20,6 +20,7 @@ from pavetwin.capture.daylight import Daylight
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.images import record_of
 from pavetwin.capture.mission_images import MissionImages
+from pavetwin.capture.names import image_name, prefix
 from pavetwin.capture.platforms import Pose
 from pavetwin.capture.record import Record
 from pavetwin.capture.settings import FILE, CaptureSettings, description
@@ -39,6 +40,8 @@ FOLDER: Final = "frames"
 
 SPLIT: Final = "test"
 """Split of mission frames: a detector is tested on them, although it may have been trained on the same streets."""
+
+PLATFORM: Final = "uav"
 
 LARGEST_PX: Final = 2048
 """Limit of a frame's longer side; a camera with more pixels is rendered at a lower resolution with the same view."""
@@ -106,7 +109,7 @@ class _MissionCamera:
     def settings(self, images: int) -> CaptureSettings:
         """The settings of a dataset of such frames."""
         return CaptureSettings(
-            platform="uav",
+            platforms=(PLATFORM,),
             images=images,
             seed=self.result.seed,
             altitudes_m=(self.result.settings.altitude_m,),
@@ -144,12 +147,20 @@ class _MissionCamera:
             daylight,
             world,
             settings,
+            PLATFORM,
             index=number,
+            name=image_name(self.prefix, number),
             split=SPLIT,
             traffic={"density": recording.name, "seed": recording.origin.seed, "time_s": round(recorded_s, 4)},
             aim={"requested": aims, "met": aims, "attempt": 0, "confirmed": [f"defect {defect}" for defect in defects]},
             objects=tuple(labelled_objects(frame, state)),
         )
+
+    @cached_property
+    def prefix(self) -> str:
+        result = self.result
+        made_from = result.settings.model_dump(mode="json") | {"traffic": result.traffic, "policy": result.policy}
+        return prefix(self.images.world, result.seed, "mission", made_from)
 
     @cached_property
     def begin(self) -> Daylight:

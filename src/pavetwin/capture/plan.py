@@ -1,17 +1,20 @@
-"""What image i of a dataset must show, computed from the seed and i only.
+"""What image i of a platform must show, computed from the seed, the platform and i only.
 
 Each factor follows its own low-discrepancy sequence frac(start + i·√p) with its own prime p: each share holds in any
 run of images, and for any combination of factors (Kronecker, Weyl). So the first 100 images of a dataset of 200 are the
-dataset of 100.
+dataset of 100, and a dataset of two platforms is that of the one and that of the other.
 """
 
-from dataclasses import dataclass
 from math import sqrt
 from typing import Final, TypeVar
+from zlib import crc32
 
 import numpy as np
 
 from pavetwin.capture.classes import Category, category_of_defect
+from pavetwin.capture.image_spec import ImageSpec
+from pavetwin.capture.names import image_name, platform_prefix
+from pavetwin.capture.platforms import PLATFORMS
 from pavetwin.capture.settings import SPLITS, CaptureSettings
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import World
@@ -24,28 +27,19 @@ _PRIMES: Final = (2, 3, 5, 7, 11, 13)
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
-class ImageSpec:
-    """What one image must show, and in which conditions it is taken."""
-
-    index: int
-    split: str
-    aims: tuple[Category, ...]
-    """It must show one of these classes; empty: it must show no defect."""
-    density: str
-    altitude_m: float | None
-    """Of the UAV."""
-    share: float
-    """0 … 1, from which the platform derives its own choices."""
-
-
-def image_specs(settings: CaptureSettings, world: World, count: int, start: int = 0) -> list[ImageSpec]:
-    """The specs of images `start` … `start + count − 1`."""
+def image_specs(settings: CaptureSettings, world: World, platform: str, count: int, start: int = 0) -> list[ImageSpec]:
+    """The specs of a platform's images `start` … `start + count − 1`."""
     aims = aims_of(world)
-    starts = child(settings.seed, Stream.CAPTURE, PLAN).random(len(_PRIMES))
+    starts = child(settings.seed, Stream.CAPTURE, PLAN, platform_key(platform)).random(len(_PRIMES))
     steps = np.array([sqrt(prime) for prime in _PRIMES])
     draws = (starts + np.arange(start, start + count)[:, None] * steps) % 1.0
-    return [_spec(settings, aims, start + row, draw.tolist()) for row, draw in enumerate(draws)]
+    prefix = platform_prefix(world, settings, platform)
+    return [_spec(settings, aims, platform, prefix, start + row, draw.tolist()) for row, draw in enumerate(draws)]
+
+
+def platform_key(platform: str) -> int:
+    """Key of a platform's random streams."""
+    return crc32(platform.encode())
 
 
 def aims_of(world: World) -> list[Category]:
@@ -53,16 +47,22 @@ def aims_of(world: World) -> list[Category]:
     return [category_of_defect(kind) for kind in sorted({defect.kind for defect in world.defects})]
 
 
-def _spec(settings: CaptureSettings, aims: list[Category], index: int, draw: list[float]) -> ImageSpec:
+def _spec(
+    settings: CaptureSettings, aims: list[Category], platform: str, prefix: str, index: int, draw: list[float]
+) -> ImageSpec:
     open_splits = [split for split, share in enumerate(settings.split) if share > 0]
     reached = np.cumsum([settings.split[split] for split in open_splits])[:-1]
     is_empty = not aims or draw[1] < settings.empty
+    flies = PLATFORMS.get(platform).uses_altitude
     return ImageSpec(
+        platform=platform,
         index=index,
+        number=index * len(settings.platforms) + settings.platforms.index(platform),
+        name=image_name(prefix, index),
         split=SPLITS[open_splits[int(np.searchsorted(reached, draw[0], side="right"))]],
         aims=() if is_empty else (_pick(aims, draw[2]),),
         density=_pick(list(settings.densities), draw[3]),
-        altitude_m=_pick(list(settings.altitudes_m), draw[4]) if settings.altitudes_m else None,
+        altitude_m=_pick(list(settings.altitudes_m), draw[4]) if flies else None,
         share=draw[5],
     )
 

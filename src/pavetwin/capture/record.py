@@ -18,6 +18,9 @@ class Record:
     """Everything recorded about one image."""
 
     index: int
+    """Unique in its dataset."""
+    name: str
+    """Of its files, without suffix, see `pavetwin.capture.names`."""
     split: str
     suffix: str
     """Of the picture, with its dot."""
@@ -29,10 +32,6 @@ class Record:
     aim: dict[str, Any]
     """What the image had to show, and at which attempt it did."""
     objects: tuple[LabelledObject, ...]
-
-    @property
-    def name(self) -> str:
-        return image_name(self.index)
 
     @property
     def image(self) -> str:
@@ -54,13 +53,9 @@ def _text(value: object) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-def image_name(index: int) -> str:
-    return f"{index:06d}"
-
-
-def truth_path(split: str, index: int) -> str:
+def truth_path(split: str, name: str) -> str:
     """Of an image's file in the dataset."""
-    return f"{TRUTH}/{split}/{image_name(index)}.json"
+    return f"{TRUTH}/{split}/{name}.json"
 
 
 def read_record(path: Path) -> Record:
@@ -84,11 +79,11 @@ def _labelled_object(content: dict[str, Any]) -> LabelledObject:
 
 
 def read_records(folder: Path, split: str | None = None) -> Iterator[Record]:
-    """The records of a dataset by index, one in memory at a time; all splits unless one is named."""
+    """The records of a dataset by name, one in memory at a time; all splits unless one is named."""
     for path in record_paths(folder, split):
         yield read_record(path)
 
 
 def record_paths(folder: Path, split: str | None = None) -> Sequence[Path]:
-    """Their paths, by index."""
+    """Their paths, by name."""
     return sorted((folder / TRUTH).glob(f"{split or '*'}/*.json"), key=lambda path: path.name)

@@ -10,9 +10,11 @@ from typing import Any, Final
 from pavetwin.capture.context import OnProgress, check, prepare
 from pavetwin.capture.disk_space import check_disk_space
 from pavetwin.capture.formats import find_formats
-from pavetwin.capture.image_workers import CaptureJob, FrameSourceFactory, image_workers
-from pavetwin.capture.plan import ImageSpec, image_specs
-from pavetwin.capture.platforms import PLATFORMS, CaptureContext
+from pavetwin.capture.image_spec import ImageSpec
+from pavetwin.capture.image_workers import CaptureJob, FrameSourceFactory, image_workers, platforms_of
+from pavetwin.capture.names import image_name, platform_prefix
+from pavetwin.capture.plan import image_specs
+from pavetwin.capture.platforms import CaptureContext
 from pavetwin.capture.samples import draw_sample
 from pavetwin.capture.settings import FILE, SPLITS, CaptureSettings, check_same, description
 from pavetwin.capture.shards import finished_images, schedule, split_into_shards
@@ -70,7 +72,8 @@ def capture(
     with working_in(folder):
         check_same(folder, expected)
         existing = finished_images(folder)
-        missing = [index for index in range(settings.images) if index not in existing]
+        names = [platform_prefix(world, settings, platform) for platform in settings.platforms]
+        missing = {image_name(name, index) for name in names for index in range(settings.images)} - existing
         check_disk_space(settings, len(missing), folder)
         context = prepare(world, settings, report)
         if missing:
@@ -84,14 +87,15 @@ def capture(
 def _take(
     job: CaptureJob,
     context: CaptureContext,
-    missing: list[int],
+    missing: set[str],
     jobs: int,
     write_settings: Callable[[], None],
     report: OnProgress,
 ) -> None:
     """`write_settings` is called when poses have been drawn, before the first image is taken."""
-    total, ready = job.settings.images, job.settings.images - len(missing)
-    platform = PLATFORMS.get(job.settings.platform)(context)
+    total = job.settings.total_images
+    ready = total - len(missing)
+    platforms = platforms_of(context)
 
     def on_image() -> None:
         nonlocal ready
@@ -106,19 +110,18 @@ def _take(
             orders = []
             for number, spec in enumerate(block, start=1):
                 report(ready / total, f"Drawing poses {number}/{len(block)}")
-                orders.append((spec, draw_sample(platform, spec, 0)))
+                orders.append((spec, draw_sample(platforms[spec.platform], spec, 0)))
             write_settings()
             report(ready / total, preparing)
             work(schedule(split_into_shards(orders, workers), workers))
 
 
-def _blocks(settings: CaptureSettings, world: World, missing: list[int]) -> Iterator[list[ImageSpec]]:
+def _blocks(settings: CaptureSettings, world: World, missing: set[str]) -> Iterator[list[ImageSpec]]:
     """The specs whose images are missing, one block at a time."""
     for start in range(0, settings.images, BLOCK):
-        inside = set(range(start, min(start + BLOCK, settings.images))).intersection(missing)
-        if inside:
-            every = image_specs(settings, world, BLOCK, start)
-            yield [spec for spec in every if spec.index in inside]
+        every = [spec for name in settings.platforms for spec in image_specs(settings, world, name, BLOCK, start)]
+        if inside := [spec for spec in every if spec.name in missing]:
+            yield inside
 
 
 def _finish(world: World, settings: CaptureSettings, context: CaptureContext, folder: Path) -> Statistics:

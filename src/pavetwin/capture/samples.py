@@ -4,7 +4,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from pavetwin.capture.daylight import Daylight, base_lonlat, draw_compensation_ev, draw_conditions
-from pavetwin.capture.plan import SAMPLE, ImageSpec, aims_of
+from pavetwin.capture.image_spec import ImageSpec
+from pavetwin.capture.plan import SAMPLE, aims_of, platform_key
 from pavetwin.capture.platforms import Platform, Pose
 from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
@@ -28,11 +29,12 @@ class CameraSample:
 
 
 def draw_sample(platform: Platform, spec: ImageSpec, attempt: int) -> CameraSample | None:
-    """The n-th attempt at a spec, from the seed, the image's index and n only; None if no pose can meet it."""
+    """The n-th attempt at a spec, which the seed, the platform, the image's index and n determine; None if no pose can
+    meet it."""
     context = platform.context
     if spec.aims and not len(context.defect_index.candidates(spec)):
         return None
-    rng = child(context.settings.seed, Stream.CAPTURE, SAMPLE, spec.index, attempt)
+    rng = child(context.settings.seed, Stream.CAPTURE, SAMPLE, platform_key(spec.platform), spec.index, attempt)
     conditions = draw_conditions(rng, *base_lonlat(context.world))
     daylight = Daylight.of(conditions, context.world, draw_compensation_ev(rng))
     for _ in range(PROPOSALS):
@@ -51,15 +53,15 @@ def relaxed(platform: Platform, spec: ImageSpec, attempt: int) -> ImageSpec:
     """
     if attempt >= STRICT + EASIER + ANYWHERE:
         raise PaveTwinError(
-            f"Image {spec.index}: no place was found on the streets of {spec.split} where a defect can be seen; "
+            f"Image {spec.name}: no place was found on the streets of {spec.split} where a defect can be seen; "
             "choose another altitude, a larger `size_px`, other `split` shares, or a world with more defects."
         )
     if attempt < STRICT:
         return spec
     anything = replace(spec, aims=tuple(aims_of(platform.context.world)))
-    heights = platform.context.settings.altitudes_m
-    if not heights:
+    if spec.altitude_m is None:
         return anything
+    heights = platform.context.settings.altitudes_m
     height = heights[(attempt - STRICT) % len(heights)]
     if attempt >= STRICT + EASIER:
         return replace(anything, altitude_m=height)

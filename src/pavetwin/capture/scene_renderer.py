@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pavetwin._core import Trace
+from pavetwin.capture.plan import platform_key
 from pavetwin.capture.platforms import CaptureContext
 from pavetwin.capture.samples import CameraSample
 from pavetwin.render.frame import RenderedFrame
@@ -103,14 +104,15 @@ class SceneFrameSource:
 
     def frame(self, sample: CameraSample, context: CaptureContext) -> RenderedFrame:
         """The same sample gives the same frame, whatever was rendered before."""
-        noise = child(context.settings.seed, Stream.FRAME, sample.spec.index, sample.attempt).integers(1 << 62)
+        spec = sample.spec
+        rng = child(context.settings.seed, Stream.FRAME, platform_key(spec.platform), spec.index, sample.attempt)
         return self._scene_renderer.picture(
             sample.pose.view,
             sample.pose.camera,
             sample.daylight.light,
-            context.recordings[sample.spec.density],
+            context.recordings[spec.density],
             sample.pose.time_s,
-            noise=int(noise),
+            noise=int(rng.integers(1 << 62)),
             without=sample.pose.ego,
             compensation_ev=sample.daylight.compensation_ev,
         )

@@ -7,7 +7,7 @@ from shlex import quote
 from typing import Annotated, Any, Final, Literal, Self
 
 import yaml
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from pavetwin.capture.classes import categories
 from pavetwin.config.altitude import Altitude
@@ -20,8 +20,8 @@ from pavetwin.world.model import World
 Share = Annotated[float, Field(ge=0, le=1)]
 Pixels = Annotated[int, Field(ge=64, le=8192)]
 
-FORMAT: Final = 3
-"""Version of the dataset's format; raised when older datasets cannot be resumed."""
+FORMAT: Final = 4
+"""Version of the dataset's format; raised when older datasets cannot be read or resumed."""
 
 FILE: Final = "capture.yaml"
 
@@ -31,9 +31,10 @@ SPLITS: Final = ("train", "val", "test")
 class CaptureSettings(Settings):
     """Everything that one dataset is made from."""
 
-    platform: str
-    """A name of the registry in pavetwin.capture.platforms: uav or car."""
+    platforms: Annotated[tuple[str, ...], Field(min_length=1)]
+    """Names of the registry in pavetwin.capture.platforms: uav, car."""
     images: Annotated[int, Field(ge=1, le=10_000_000)]
+    """Of each platform."""
     seed: Annotated[int, Field(ge=0)] = 0
     altitudes_m: tuple[Altitude, ...] = ()
     """Of the UAV, one drawn for each image."""
@@ -43,7 +44,7 @@ class CaptureSettings(Settings):
     """Width, height. The camera's vertical field of view is kept, so that a square is its middle."""
     camera: str = "paper"
     """Of the UAV: a name of the camera database, or a path to a YAML file of the same form."""
-    formats: Annotated[tuple[str, ...], Field(min_length=1)] = ("yolo", "voc", "coco")
+    formats: Annotated[tuple[str, ...], Field(min_length=1)] = ("yolo", "yolo-seg", "voc", "coco")
     split: tuple[Share, Share, Share] = (0.70, 0.15, 0.15)
     """Shares of train, val and test: of the images, and about those of the streets' defects."""
     empty: Share = 0.15
@@ -53,6 +54,16 @@ class CaptureSettings(Settings):
     """Of JPEG."""
     plugins: PluginFiles = ()
     """Files of the user's own that register defect classes, platforms, formats or cameras."""
+
+    @field_validator("platforms")
+    @classmethod
+    def _once_each(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(names))
+
+    @property
+    def total_images(self) -> int:
+        """Over all platforms."""
+        return self.images * len(self.platforms)
 
     @model_validator(mode="after")
     def _shares_sum_to_one(self) -> Self:
@@ -117,8 +128,6 @@ def check_same(folder: Path, expected: dict[str, Any]) -> bool:
     if all(path.name == FILE or path.name.startswith(".") for path in folder.iterdir()):
         return False
     found = read_description(folder)
-    if found["format"] != FORMAT:
-        raise PaveTwinError(f"'{folder}' is of format {found['format']}, this version writes {FORMAT}; choose another.")
     for key, what, other in (("pavetwin", "version", "the same version"), ("adapter", "adapter", "the same adapter")):
         before, now = (each["made_by"].get(key) for each in (found, expected))
         if before != now:
@@ -153,7 +162,7 @@ def read_description(folder: Path) -> dict[str, Any]:
     """A dataset's `capture.yaml`.
 
     Raises:
-        PaveTwinError: there is none, or it is damaged.
+        PaveTwinError: there is none, it is damaged, or of another version's format.
     """
     path = folder / FILE
     if not path.is_file():
@@ -165,6 +174,10 @@ def read_description(folder: Path) -> dict[str, Any]:
         found["format"], found["world"]["name"], found["settings"]["images"], found["made_by"]["adapter"]
     except (yaml.YAMLError, OSError, UnicodeDecodeError, KeyError, TypeError) as error:
         raise PaveTwinError(f"'{path}' is damaged; capture into another folder.") from error
+    if found["format"] != FORMAT:
+        raise PaveTwinError(
+            f"'{folder}' is of format {found['format']}, this version's is {FORMAT}; capture into another folder."
+        )
     return dict(found)
 
 

@@ -3,13 +3,13 @@
 So an image whose record exists is complete, and a killed run loses at most the images in progress.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
 from pavetwin.capture.formats import Format
+from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.images import FrameSource, take_image
-from pavetwin.capture.plan import ImageSpec
 from pavetwin.capture.platforms import Platform
 from pavetwin.capture.record import Record, record_paths, truth_path
 from pavetwin.capture.samples import CameraSample
@@ -29,7 +29,7 @@ Order = tuple[ImageSpec, CameraSample | None]
 def write_shard(
     folder: Path,
     orders: Sequence[Order],
-    platform: Platform,
+    platforms: Mapping[str, Platform],
     frame_source: FrameSource,
     formats: Sequence[Format],
     on_image: Callable[[], None],
@@ -44,20 +44,20 @@ def write_shard(
     """
     with staging_folder(folder / _STAGING) as staging:
         for spec, first in orders:
-            record, picture = take_image(platform, frame_source, spec, first)
+            record, picture = take_image(platforms[spec.platform], frame_source, spec, first)
             write_image(staging, record, picture, formats)
             _move(staging, folder, record, formats)
             on_image()
 
 
-def finished_images(folder: Path) -> set[int]:
-    """The indices of a dataset's finished images."""
-    return {int(path.stem) for path in record_paths(folder)}
+def finished_images(folder: Path) -> set[str]:
+    """The names of a dataset's finished images."""
+    return {path.stem for path in record_paths(folder)}
 
 
 def split_into_shards(orders: Iterable[Order], workers: int) -> list[list[Order]]:
     """Shards of neighbouring images, so that a process makes few tiles of the scene; at least one shard per worker."""
-    along = sorted(orders, key=lambda order: (_morton_code(order[1]), order[0].index))
+    along = sorted(orders, key=lambda order: (_morton_code(order[1]), order[0].name))
     size = max(1, min(SHARD, -(-len(along) // workers)))
     return [along[start : start + size] for start in range(0, len(along), size)]
 
@@ -70,7 +70,7 @@ def schedule(shards: Sequence[list[Order]], workers: int) -> list[list[Order]]:
 
 
 def _move(staging: Path, folder: Path, record: Record, formats: Sequence[Format]) -> None:
-    truth = truth_path(record.split, record.index)
+    truth = truth_path(record.split, record.name)
     for path in (*files_of(record, formats), record.image):
         _move_file(staging / path, folder / path)
     link_image(folder, record, formats)

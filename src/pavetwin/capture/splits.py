@@ -1,11 +1,12 @@
 """Assignment of whole streets to train, val and test, so that no defect is seen in two of them.
 
-Of many assignments the one is taken that is nearest to the target shares of each class's defects and of the traffic,
-and that separates the fewest streets that meet: no image can be taken where streets of two splits meet.
+It depends on the world, the seed and the shares only: datasets of one world and seed can be joined, whatever took
+their images. Of many assignments the one is taken that is nearest to the target shares of each class's defects and of
+the traffic, and that separates the fewest streets that meet: no image can be taken where streets of two splits meet.
 """
 
 from collections import Counter
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -13,8 +14,12 @@ import numpy as np
 import shapely
 
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
+from pavetwin.capture.plan import STREETS
+from pavetwin.capture.presence import presence
 from pavetwin.capture.settings import SPLITS
 from pavetwin.errors import PaveTwinError
+from pavetwin.seeds import Stream, child
+from pavetwin.traffic.record import record
 from pavetwin.world.model import World
 
 STARTS: Final = 96
@@ -25,6 +30,13 @@ MEETING_M: Final = 30.0
 
 PARTING_WEIGHT: Final = 0.25
 """Cost of separating all streets that meet; 1 is the cost of missing every share completely."""
+
+
+TRAFFIC: Final = "medium"
+"""Density of the recording whose agents are shared out, whichever densities the images show."""
+
+RECORDED_S: Final = 600.0
+"""Duration of recorded traffic."""
 
 
 @dataclass(frozen=True)
@@ -39,39 +51,49 @@ class _Town:
     """(splits,)"""
 
 
+def street_splits(
+    world: World, seed: int, shares: Sequence[float], on_progress: Callable[[float], None] | None = None
+) -> Mapping[str, str]:
+    """The split of every street that has defects; traffic is recorded where no recording exists.
+
+    Raises:
+        PaveTwinError: there are fewer streets with defects than splits, or the traffic cannot be recorded.
+    """
+    recording = record(world, TRAFFIC, seed, RECORDED_S, on_progress=on_progress)
+    return split_streets(world, shares, child(seed, Stream.CAPTURE, STREETS), presence(world, [recording]))
+
+
 def split_streets(
     world: World,
     shares: Sequence[float],
     rng: np.random.Generator,
-    reached: Set[str] | None = None,
-    *,
     agents: Mapping[str, Float64Array] | None = None,
 ) -> Mapping[str, str]:
     """The split of every street that has defects.
 
     Args:
         shares: of train, val and test; one of 0 gets no street.
-        agents: street → (classes,) how many of each class are on it; none unless given.
-        reached: the streets that images can be taken of; all unless given. The others join the split that they meet
-            most.
+        agents: street → (2,) mean number of vehicles and people on it; none unless given. Streets without vehicles join
+            the split that they meet most, since no car takes images there; unless too few streets have any.
 
     Raises:
         PaveTwinError: there are fewer streets with defects than splits.
     """
     street_of = {segment.id: segment.street for segment in world.segments}
     names = sorted({street_of[defect.segment] for defect in world.defects})
-    within = np.array([reached is None or name in reached for name in names], dtype=np.bool_)
     target = np.array(shares, dtype=np.float64)
-    if within.sum() < np.count_nonzero(target):
-        streets = "1 street" if within.sum() == 1 else f"{within.sum()} streets"
-        driven = "" if within.all() else " that are driven in its recorded traffic"
+    if len(names) < np.count_nonzero(target):
+        streets = "1 street" if len(names) == 1 else f"{len(names)} streets"
         raise PaveTwinError(
-            f"The world '{world.name}' has {streets} with defects{driven}, and train, val and test each need streets "
-            "of their own; use a larger world, or `split` 100/0/0."
+            f"The world '{world.name}' has {streets} with defects, and train, val and test each need streets of their "
+            "own; use a larger world, or `split` 100/0/0."
         )
-    agents = agents or {}
-    none = np.zeros(len(next(iter(agents.values()), ())))
-    counts = np.hstack([_defects(world, names, street_of), np.array([agents.get(name, none) for name in names])])
+    none = np.zeros(2)
+    present = np.array([(agents or {}).get(name, none) for name in names])
+    within = present[:, 0] > 0
+    if within.sum() < np.count_nonzero(target):
+        within[:] = True
+    counts = np.hstack([_defects(world, names, street_of), present])
     counts[~within] = 0.0
     counts /= np.maximum(counts.sum(axis=0), np.finfo(np.float64).tiny)
     town = _Town(counts, _meetings(world, names), within, target)

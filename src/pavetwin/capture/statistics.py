@@ -22,6 +22,8 @@ class Statistics:
     """Of labels, by number."""
     images: Counter[str] = field(default_factory=Counter)
     """By split."""
+    platforms: Counter[tuple[str, str]] = field(default_factory=Counter)
+    """Images by platform and split."""
     empty: Counter[str] = field(default_factory=Counter)
     """Images that show no defect, by split."""
     missed_requests: int = 0
@@ -39,6 +41,7 @@ class Statistics:
 
     def add(self, record: Record) -> None:
         self.images[record.split] += 1
+        self.platforms[record.camera["platform"], record.split] += 1
         self.empty[record.split] += not any("severity" in obj.details for obj in record.objects)
         self.missed_requests += record.aim["requested"] != record.aim["met"]
         for obj in record.objects:
@@ -50,6 +53,10 @@ class Statistics:
             if "severity" in obj.details:
                 self.severities[obj.category, obj.details["severity"]] += 1
                 self.distinct.setdefault((obj.category, record.split), set()).add(obj.id)
+
+    @property
+    def platform_names(self) -> list[str]:
+        return sorted({name for name, _ in self.platforms})
 
     def missing_classes(self) -> dict[str, list[str]]:
         """Split → the classes without a label in it that another split has labels of."""
@@ -63,6 +70,7 @@ class Statistics:
         distinct = {name: {split: len(self.distinct.get((name, split), ())) for split in splits} for name in names}
         return {
             "images": {split: self.images[split] for split in splits},
+            "images_by_platform": {name: _row(self.platforms, name) for name in self.platform_names},
             "images_without_defects": {split: self.empty[split] for split in splits},
             "images_not_as_requested": self.missed_requests,
             "labels": {name: {split: self.labelled[name, split] for split in splits} for name in names},

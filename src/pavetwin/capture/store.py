@@ -20,7 +20,7 @@ def files_of(record: Record, formats: Sequence[Format]) -> dict[str, bytes]:
 
 def write_image(folder: Path, record: Record, picture: bytes, formats: Sequence[Format]) -> None:
     """An image's files, the picture once."""
-    last = {record.image: picture, truth_path(record.split, record.index): record.as_bytes()}
+    last = {record.image: picture, truth_path(record.split, record.name): record.as_bytes()}
     for path, content in (files_of(record, formats) | last).items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_bytes(content)

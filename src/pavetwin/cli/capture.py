@@ -49,8 +49,13 @@ _UAV_ALTITUDES = (6.0, 10.0, 15.0)
 def make(
     world: WorldFolder,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the dataset.")] = None,
-    platform: Annotated[str, typer.Option(help="What carries the camera: uav or car.")] = "uav",
-    images: Annotated[int, typer.Option(help="Number of images; a dataset may be extended later.")] = 100,
+    platform: Annotated[
+        list[str] | None,
+        typer.Option(help="What carries the camera: uav, car or uav,car; may be repeated. uav unless given."),
+    ] = None,
+    images: Annotated[
+        int, typer.Option(help="Number of images of each platform; a dataset may be extended later.")
+    ] = 100,
     altitude: Annotated[
         list[float] | None, typer.Option(help="Of the UAV, in metres; may be repeated. 6, 10 and 15 unless given.")
     ] = None,
@@ -62,7 +67,9 @@ def make(
     camera: Annotated[
         str | None, typer.Option(help="Of the UAV: paper, phantom4, phantom4pro, mavic3e, or a YAML file.")
     ] = None,
-    formats: Annotated[str, typer.Option(help="Label files: any of yolo, voc and coco.")] = "yolo,voc,coco",
+    formats: Annotated[
+        str, typer.Option(help="Label files: any of yolo, yolo-seg, voc and coco.")
+    ] = "yolo,yolo-seg,voc,coco",
     split: Annotated[str, typer.Option(help="Percent of train/val/test, by whole streets.")] = "70/15/15",
     empty: Annotated[float, typer.Option(help="Share of images that must show no defect.")] = 0.15,
     png: Annotated[bool, typer.Option("--png", help="Store images without loss.")] = False,
@@ -74,19 +81,20 @@ def make(
 
     \b
     pavetwin capture worlds/town -o datasets/town --images 500 --altitude 6 --altitude 10 --density high
-    pavetwin capture worlds/town -o datasets/drive --platform car --images 200 --seed 3 --jobs 2
+    pavetwin capture worlds/town -o datasets/both --platform uav,car --images 200 --seed 3 --jobs 2
     pavetwin capture worlds/town -o datasets/sharp --camera phantom4pro --size 1280x960 --png --formats yolo
 
     Missing traffic is recorded first. Labels are Single Crack, Crocodile Crack, Pothole, Person and Car.
     """
     if output is None:
         raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/town.")
-    if camera is not None and platform != "uav":
-        raise PaveTwinError(f"--camera: a {platform} has cameras of its own; leave it out.")
+    platforms = tuple(name for given in platform or ["uav"] for name in re.split(r"[,\s]+", given.strip()))
+    if camera is not None and "uav" not in platforms:
+        raise PaveTwinError(f"--camera: a {platforms[0]} has cameras of its own; leave it out.")
     values = {
-        "platform": platform,
+        "platforms": platforms,
         "images": images,
-        "altitudes_m": tuple(altitude or (_UAV_ALTITUDES if platform == "uav" else ())),
+        "altitudes_m": tuple(altitude or (_UAV_ALTITUDES if "uav" in platforms else ())),
         "densities": tuple(density or ("medium",)),
         "seed": seed,
         "size_px": _size(size),
@@ -113,7 +121,7 @@ def make(
             world, settings, output, frame_source_factory=SceneFrameSource, adapter=adapter, jobs=jobs, on_progress=tell
         )
     _print(captured.statistics)
-    there = settings.images - captured.taken
+    there = settings.total_images - captured.taken
     out.line(
         f"{captured.taken} images taken" + (f", {there} were there" if there else "") + f". Dataset in {output}/. "
         f"Next: pavetwin capture show {quote(str(output))}"
@@ -156,7 +164,8 @@ def stats(dataset: Annotated[Path, typer.Argument(help="Folder of a dataset.")])
     description = read_description(dataset)
     with progress("Counting"):
         statistics = count(dataset)
-    total, asked = sum(statistics.images.values()), description["settings"]["images"]
+    settings = description["settings"]
+    total, asked = sum(statistics.images.values()), settings["images"] * len(settings["platforms"])
     if total < asked:
         out.print(f"[yellow]Note:[/] {total} of {asked} images are there; run the same command again to continue.")
     _print(statistics)
@@ -164,7 +173,11 @@ def stats(dataset: Annotated[Path, typer.Argument(help="Folder of a dataset.")])
 
 def _print(statistics: "Statistics") -> None:
     out.print(_labels(statistics))
-    out.print()
+    by_platform = ", ".join(
+        f"{sum(statistics.platforms[name, split] for split in statistics.images)} {name}"
+        for name in statistics.platform_names
+    )
+    out.print(f"images by platform: {by_platform}\n")
     out.print(_kinds(statistics))
     if statistics.ignored:
         out.print()

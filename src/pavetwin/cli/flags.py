@@ -22,6 +22,7 @@ FLAGS: Final = {
     "overrides": "--set",
     "picture=jpg": "no --png",
     "picture=png": "--png",
+    "platforms": "--platform",
     "plugins": "--plugin",
     "retry": "--retry-failed",
     "size_px": "--size",

@@ -63,7 +63,7 @@ def _annotations(record: Record) -> Iterator[dict[str, Any]]:
     for place, obj in enumerate(record.objects):
         left, top, right, bottom = obj.box
         yield {
-            # Unique over all splits, and the same whatever else was captured.
+            # Unique over all splits and platforms.
             "id": record.index * 10_000 + place + 1,
             "image_id": record.index,
             "category_id": numbers[obj.category],

@@ -27,8 +27,12 @@ class Yolo(Format):
         return {f"labels/{record.split}/{record.name}.txt": "".join(lines).encode()}
 
     def of_all(self, splits: tuple[str, ...]) -> Mapping[str, bytes]:
-        # Without `path` Ultralytics looks beside this file, wherever the dataset is moved to. It requires train and
-        # val, which may be null.
-        content = {split: f"images/{split}" if split in splits else None for split in ("train", "val", *splits)}
-        names = {category.number: category.name for category in categories()}
-        return {"data.yaml": yaml.safe_dump(content | {"names": names}, sort_keys=False).encode()}
+        return {"data.yaml": data_yaml(splits)}
+
+
+def data_yaml(splits: tuple[str, ...]) -> bytes:
+    """The file that Ultralytics opens. Without `path` it looks beside this file, wherever the dataset is moved to. It
+    requires train and val, which may be null."""
+    content = {split: f"images/{split}" if split in splits else None for split in ("train", "val", *splits)}
+    names = {category.number: category.name for category in categories()}
+    return yaml.safe_dump(content | {"names": names}, sort_keys=False).encode()

@@ -8,7 +8,7 @@ import numpy as np
 
 from pavetwin._core import NavMesh, Trace
 from pavetwin.capture.defect_index import DefectIndex
-from pavetwin.capture.plan import ImageSpec
+from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.registry import Registry
 from pavetwin.scene.view import View

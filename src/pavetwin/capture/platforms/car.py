@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from pavetwin.arrays import IndexArray
-from pavetwin.capture.plan import ImageSpec
+from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.platforms.base import Platform, Pose, platform
 from pavetwin.scene.view import look
 from pavetwin.traffic.kinds import KINDS

@@ -10,7 +10,7 @@ import shapely
 from pavetwin.arrays import Float64Array
 from pavetwin.capture.clearings import Clearings
 from pavetwin.capture.defect_index import INNER
-from pavetwin.capture.plan import ImageSpec
+from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.platforms.base import CaptureContext, Platform, Pose, platform
 from pavetwin.scene.view import View, look
 from pavetwin.uav.cameras import find_camera

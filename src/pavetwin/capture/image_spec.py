@@ -1,0 +1,26 @@
+"""What one image of a dataset must show."""
+
+from dataclasses import dataclass
+
+from pavetwin.capture.classes import Category
+
+
+@dataclass(frozen=True)
+class ImageSpec:
+    """What one image must show, and in which conditions it is taken."""
+
+    platform: str
+    index: int
+    """Among its platform's images."""
+    number: int
+    """Unique in the dataset."""
+    name: str
+    """Of its files."""
+    split: str
+    aims: tuple[Category, ...]
+    """It must show one of these classes; empty: it must show no defect."""
+    density: str
+    altitude_m: float | None
+    """Of what flies."""
+    share: float
+    """0 … 1, from which the platform derives its own choices."""
