@@ -4,7 +4,6 @@ import sys
 from pathlib import Path
 
 import pavetwin as pt
-from pavetwin.defects import DefectOptions
 from pavetwin.policies import Action, GoOn, Policy, Revisit, Wait, check_policy
 from pavetwin.twin import Snapshot
 
@@ -32,7 +31,7 @@ class Patient(Policy):
 if __name__ == "__main__":
     assert check_policy(Patient) == []
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/own_policy")
-    built = pt.add_defects(pt.build_world(Path(__file__).parent / "crossroads.osm"), DefectOptions(per_segment=10))
+    built = pt.add_defects(pt.build_world(Path(__file__).parent / "crossroads.osm"), pt.DefectOptions(per_segment=10))
     world = pt.save_world(built, folder / "crossroads", force=True)
     settings = pt.load_settings("default", altitude_m=10.0)
     spec = pt.plan_mission(world, settings, density="high", segments=2, policy="baseline", seed=1)

@@ -5,13 +5,12 @@ from collections import Counter
 from pathlib import Path
 
 import pavetwin as pt
-from pavetwin.defects import DefectOptions, heightfield_of, measure
-from pavetwin.plugins import load_plugins
+from pavetwin.defects import heightfield_of, measure
 
 here = Path(__file__).parent
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/own_defect_class")
-load_plugins([here / "rutting.py"])
-options = DefectOptions(per_segment=6, mix={"rutting": 1, "pothole": 1})
+pt.load_plugins([here / "rutting.py"])
+options = pt.DefectOptions(per_segment=6, mix={"rutting": 1, "pothole": 1})
 built = pt.add_defects(pt.build_world(here / "crossroads.osm"), options)
 world = pt.save_world(built, folder / "crossroads", force=True)
 print("placed:", dict(Counter(defect.kind for defect in world.defects)))

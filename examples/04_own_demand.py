@@ -4,7 +4,6 @@ import sys
 from pathlib import Path
 
 import pavetwin as pt
-from pavetwin.defects import DefectOptions
 
 FLOWS = """<routes>
   <vType id="truck" vClass="trailer" length="16.5" width="2.55" height="4"/>
@@ -14,7 +13,7 @@ FLOWS = """<routes>
 """
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/own_demand")
-built = pt.add_defects(pt.build_world(Path(__file__).parent / "crossroads.osm"), DefectOptions(per_segment=10))
+built = pt.add_defects(pt.build_world(Path(__file__).parent / "crossroads.osm"), pt.DefectOptions(per_segment=10))
 world = pt.save_world(built, folder / "crossroads", force=True)
 routes = folder / "trucks.rou.xml"
 routes.write_text(FLOWS.format(west="102#0", east="102#1"), encoding="utf-8")

@@ -7,11 +7,10 @@ import pavetwin as pt
 from pavetwin.capture.run import capture
 from pavetwin.capture.scene_renderer import SceneFrameSource
 from pavetwin.capture.settings import CaptureSettings
-from pavetwin.defects import DefectOptions
 from pavetwin.render.adapter import find_adapter
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/dataset_example")
-built = pt.add_defects(pt.build_world(Path(__file__).parent / "crossroads.osm"), DefectOptions(per_segment=20))
+built = pt.add_defects(pt.build_world(Path(__file__).parent / "crossroads.osm"), pt.DefectOptions(per_segment=20))
 pt.save_world(built, folder / "crossroads", force=True)
 settings = CaptureSettings(
     platforms=("uav",),

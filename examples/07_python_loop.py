@@ -4,13 +4,8 @@ import sys
 from pathlib import Path
 
 import pavetwin as pt
-from pavetwin.defects import DefectOptions
-from pavetwin.mission import Captured, Mission, Occluded
 from pavetwin.mission.events import DefectsConfirmed, MissionEvent
 from pavetwin.mission.mission import Event
-from pavetwin.mission.timeline import Timeline
-from pavetwin.policies import load_policy
-from pavetwin.sensing import load_sensor
 
 
 def tell(event: MissionEvent) -> None:
@@ -20,21 +15,21 @@ def tell(event: MissionEvent) -> None:
 
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/python_loop")
-built = pt.add_defects(pt.build_world(Path(__file__).parent / "crossroads.osm"), DefectOptions(per_segment=10))
+built = pt.add_defects(pt.build_world(Path(__file__).parent / "crossroads.osm"), pt.DefectOptions(per_segment=10))
 world = pt.save_world(built, folder / "crossroads", force=True)
 traffic = pt.replay_of(world, "high", seed=1)
 settings = pt.load_settings("default", altitude_m=10.0)
 environment = pt.prepare(world, settings)
-policy, sensor = load_policy("hover", settings.policy), load_sensor(settings.sensing, 1)
-mission = Mission(environment, traffic, settings, [0], policy=policy.name, observer=tell)
+policy, sensor = pt.load_policy("hover", settings.policy), pt.load_sensor(settings.sensing, 1)
+mission = pt.Mission(environment, traffic, settings, [0], policy=policy.name, observer=tell)
 
 
 def answer(event: Event) -> None:
     """Answer an event: the sensor says what a capture shows, the policy what to do about an occlusion."""
     match event:
-        case Captured():
+        case pt.Captured():
             mission.confirm(sensor.detect(mission.frame(event)))
-        case Occluded():
+        case pt.Occluded():
             mission.act(policy.decide(mission.snapshot(event)))
 
 
@@ -42,7 +37,7 @@ happened = mission.advance_until(20.0, answer)
 print(f"paused at {mission.state().position}, battery {mission.state().battery:.3f}, after {len(happened)} events")
 for event in mission:
     answer(event)
-timeline = Timeline(mission, traffic)
+timeline = pt.Timeline(mission, traffic)
 for time_s in (15.0, 30.0, timeline.duration_s):
     state = timeline.at(time_s)
     print(

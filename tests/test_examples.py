@@ -23,6 +23,7 @@ SAYS = {
     "05_study": "hover",
     "06_dataset": "6 images in",
     "07_python_loop": "found",
+    "08_own_agent": r"found [1-9]\d* of",
 }
 """What an example prints, at least, as a regular expression."""
 

@@ -9,25 +9,33 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pavetwin._core import __version__
     from pavetwin.config import MissionSettings, load_settings
-    from pavetwin.defects import add_defects
+    from pavetwin.defects import DefectOptions, add_defects
     from pavetwin.errors import PaveTwinError
     from pavetwin.mission import (
+        BatteryLow,
+        Captured,
         Mission,
         MissionInputs,
         MissionResult,
         MissionSpec,
+        Occluded,
+        Timeline,
+        Totals,
         choose_targets,
         fly_over,
         load_inputs,
         plan_mission,
         prepare,
         replay_of,
+        result_of,
         save_mission,
         totals,
     )
     from pavetwin.mission.fly import fly
-    from pavetwin.policies import Policy, policy, policy_names
-    from pavetwin.sensing import Sensor, sensor, sensor_names
+    from pavetwin.plugins import load_plugins
+    from pavetwin.policies import Displace, GoOn, Policy, Revisit, Wait, load_policy, policy, policy_names
+    from pavetwin.sensing import Detection, Frame, Sensor, load_sensor, sensor, sensor_names
+    from pavetwin.twin import Snapshot
     from pavetwin.world import BuildOptions, World, build_world, load_world, save_world
 
 _HOMES = {
@@ -35,27 +43,42 @@ _HOMES = {
     for home, names in {
         "_core": "__version__",
         "config": "MissionSettings load_settings",
-        "defects": "add_defects",
+        "defects": "DefectOptions add_defects",
         "errors": "PaveTwinError",
-        "mission": "Mission MissionInputs MissionResult MissionSpec choose_targets fly fly_over load_inputs "
-        "plan_mission prepare replay_of save_mission totals",
-        "policies": "Policy policy policy_names",
-        "sensing": "Sensor sensor sensor_names",
+        "mission": "BatteryLow Captured Mission MissionInputs MissionResult MissionSpec Occluded Timeline Totals "
+        "choose_targets fly fly_over load_inputs plan_mission prepare replay_of result_of save_mission totals",
+        "plugins": "load_plugins",
+        "policies": "Displace GoOn Policy Revisit Wait load_policy policy policy_names",
+        "sensing": "Detection Frame Sensor load_sensor sensor sensor_names",
+        "twin": "Snapshot",
         "world": "BuildOptions World build_world load_world save_world",
     }.items()
     for name in names.split()
 }
 
 __all__ = [
+    "BatteryLow",
     "BuildOptions",
+    "Captured",
+    "DefectOptions",
+    "Detection",
+    "Displace",
+    "Frame",
+    "GoOn",
     "Mission",
     "MissionInputs",
     "MissionResult",
     "MissionSettings",
     "MissionSpec",
+    "Occluded",
     "PaveTwinError",
     "Policy",
+    "Revisit",
     "Sensor",
+    "Snapshot",
+    "Timeline",
+    "Totals",
+    "Wait",
     "World",
     "__version__",
     "add_defects",
@@ -64,6 +87,9 @@ __all__ = [
     "fly",
     "fly_over",
     "load_inputs",
+    "load_plugins",
+    "load_policy",
+    "load_sensor",
     "load_settings",
     "load_world",
     "plan_mission",
@@ -71,6 +97,7 @@ __all__ = [
     "policy_names",
     "prepare",
     "replay_of",
+    "result_of",
     "save_mission",
     "save_world",
     "sensor",
@@ -85,3 +112,7 @@ def __getattr__(name: str) -> Any:
     value = getattr(import_module(f"pavetwin.{_HOMES[name]}"), name)
     globals()[name] = value
     return value
+
+
+def __dir__() -> list[str]:
+    return __all__

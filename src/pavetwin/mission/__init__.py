@@ -2,7 +2,7 @@
 
 from pavetwin._core import BatteryLow, Captured, Occluded
 from pavetwin.mission.environment import MissionEnvironment, prepare
-from pavetwin.mission.fly import MissionResult, fly, fly_over
+from pavetwin.mission.fly import MissionResult, fly, fly_over, result_of
 from pavetwin.mission.inputs import MissionInputs, load_inputs
 from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.mission import Mission
@@ -33,6 +33,7 @@ __all__ = [
     "plan_mission",
     "prepare",
     "replay_of",
+    "result_of",
     "save_mission",
     "save_missions",
     "totals",

@@ -158,23 +158,39 @@ def fly(
         observer=tell,
     )
     _answer(mission, chosen, sensor)
-    flight = mission.flight
     versions = software_versions(images=images is not None and images.taken > 0)
+    return result_of(mission, spec.model_copy(update={"versions": versions}))
+
+
+def result_of(mission: Mission, spec: MissionSpec | None = None) -> MissionResult:
+    """What a mission leaves behind, for one whose events you answered yourself.
+
+    Args:
+        spec: that it was made from; unless given, one over values, which cannot be flown again from its description.
+
+    Raises:
+        PaveTwinError: the mission is not over.
+    """
+    if not mission.is_over:
+        raise PaveTwinError("The mission is not over: iterate over it to its end before you ask for its result.")
+    if spec is None:
+        spec = spec_of(mission.environment, mission.traffic, mission.settings, mission.targets, HANDED_IN, seed=0)
+    flight = mission.flight
     return MissionResult(
-        spec=spec.model_copy(update={"versions": versions}),
-        environment=loaded.environment,
-        policy=chosen.name,
-        sensor=sensor.name,
+        spec=spec,
+        environment=mission.environment,
+        policy=mission.policy,
+        sensor=mission.sensor,
         rows=tuple(mission.rows),
         detections=tuple(mission.detections.all),
         memory=mission.memory,
         track=flight.track(),
         captures=flight.captures(),
         swept=frozenset(np.flatnonzero(flight.swept()).tolist()),
-        trace=loaded.traffic.trace(),
-        duration_s=flight.time_s,
-        energy=flight.energy_used,
-        distance_m=flight.distance_m,
+        trace=mission.traffic.trace(),
+        duration_s=mission.duration_s,
+        energy=mission.energy,
+        distance_m=mission.distance_m,
         swaps=mission.swaps,
         events=tuple(mission.events),
     )

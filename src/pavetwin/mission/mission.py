@@ -157,6 +157,21 @@ class Mission:
             mode=MODES[flight.mode],
         )
 
+    @property
+    def duration_s(self) -> float:
+        """Since take-off."""
+        return self.flight.time_s
+
+    @property
+    def energy(self) -> float:
+        """Used so far, in batteries, over all swaps."""
+        return self.flight.energy_used
+
+    @property
+    def distance_m(self) -> float:
+        """Flown so far, over the ground."""
+        return self.flight.distance_m
+
     def act(self, action: Action) -> None:
         """Do what a policy decided."""
         match action:

@@ -17,6 +17,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing, writing_folder
 from pavetwin.mission.defect_files import write_captures, write_defects
 from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.mission import Mission
 
 TOTALS = "totals"
 """Key of a `mission.yaml` beside those of the spec."""
@@ -67,9 +68,13 @@ class Totals:
         return self.swaps + 1
 
 
-def totals(result: MissionResult) -> Totals:
-    """The sums over a mission's segments, and the whole flight's time, energy and distance."""
-    rows = result.rows
+def totals(mission: MissionResult | Mission) -> Totals:
+    """The sums over a mission's segments, and the whole flight's time, energy and distance.
+
+    Args:
+        mission: one that was flown, or one in flight: then the sums are over the segments that are finished.
+    """
+    rows = mission.rows
     sums: dict[str, Any] = {name: sum(getattr(row, name) for row in rows) for name in _SUMMED}
     defects, swept, confirmed, false_alarms = (sums[name] for name in ("defects", "swept", "confirmed", "false_alarms"))
     area_m2, seen_m2 = sum(row.area_m2 for row in rows), sum(row.surface_coverage * row.area_m2 for row in rows)
@@ -81,10 +86,10 @@ def totals(result: MissionResult) -> Totals:
         swath_coverage=confirmed / swept if swept else None,
         recovery=sums["recovered"] / swept if swept else None,
         surface_coverage=seen_m2 / area_m2 if area_m2 else None,
-        time_s=result.duration_s,
-        energy=result.energy,
-        distance_m=result.distance_m,
-        swaps=result.swaps,
+        time_s=mission.duration_s,
+        energy=mission.energy,
+        distance_m=mission.distance_m,
+        swaps=mission.swaps,
         precision=matched / (matched + false_alarms) if matched + false_alarms else None,
         false_alarms_per_100_m2=100 * false_alarms / seen_m2 if seen_m2 else None,
     )
