@@ -83,7 +83,7 @@ def test_the_readme_names_only_what_there_is() -> None:
 def test_the_documented_sensor_keeps_the_rules() -> None:
     from pavetwin.sensing import Sensor, check_sensor
 
-    (code,) = code_blocks("docs/how-to/own-sensor.md", "python")
+    code, *_ = code_blocks("docs/how-to/own-sensor.md", "python")
     names: dict[str, type[Sensor]] = {"__name__": "documented"}  # type: ignore[dict-item]
     exec(code, names)
     assert check_sensor(names["ByVisibility"]) == []
