@@ -40,6 +40,9 @@ _OWN: Final = "pavetwin_user_"
 _loaded: dict[Path, str] = {}
 """Plugin files that this process has read, with the hash of their content then."""
 
+_registered: dict[Path, list[tuple[str, str]]] = {}
+"""What each file registered when it was last read: the kind, and the name."""
+
 
 def load_plugins(paths: Iterable[str | Path]) -> None:
     """Read plugin files that this process has not read yet, or that have changed since.
@@ -53,6 +56,11 @@ def load_plugins(paths: Iterable[str | Path]) -> None:
         if _loaded.get(path) != content:
             _read(path, KEY, check=True)
             _loaded[path] = content
+
+
+def registered_in(path: str | Path) -> list[tuple[str, str]]:
+    """What a plugin file, which has been loaded, registers: kind and name of each, such as ("policy", "careful")."""
+    return _registered[Path(path).absolute()]
 
 
 def plugin_hashes(paths: Iterable[str | Path]) -> dict[str, str]:
@@ -173,6 +181,7 @@ def _read(path: Path, key: str, *, check: bool = False) -> ModuleType:
             _data_files(path, module, key)
             if fault := source.broken_rule() if check else "":
                 raise PaveTwinError(f"{key}: '{path}': {fault}.")
+        _registered[path] = [(registry.what, name) for registry, name, _ in source.added]
     except BaseException as error:
         del sys.modules[name]
         if before is not None:

@@ -36,6 +36,8 @@ from pavetwin.mission.environment import prepare
 from pavetwin.mission.fly import fly, fly_over
 from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.replay import GROWTH, Replay, replay_of
+from pavetwin.navigation.patterns import PATTERNS
+from pavetwin.policies import POLICIES
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder, record
 from pavetwin.traffic.recording import load_recording, save_recording
@@ -286,33 +288,99 @@ def test_a_mission_that_fails_is_a_row_with_its_reason_and_stops_nothing(
     assert not run(small(world), tmp_path / "study", Single(), retry=True).failures
 
 
-def test_a_fixed_policy_replaces_one_of_which_all_missions_failed(
+def test_failed_missions_are_flown_again_and_no_others(
     world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    file, folder = tmp_path / "mine.py", tmp_path / "study"
-
     def badly(spec, **how):
-        if spec.policy.name.endswith("Mine") and "broken" in file.read_text():
+        if spec.policy.name == "hover" and spec.settings.altitude_m == 6.0:
             raise ZeroDivisionError("of all things")
         return fly(spec, **how)
 
     monkeypatch.setattr(fly_unit, "fly", badly)
-    file.write_text(MINE.format("broken"))
-    design = small(world, policies=["baseline", f"{file}:Mine"], replicates=1)
-    assert sum(run(design, folder, Single()).failures.values()) == 4
-    before = digests(folder)
-    file.write_text(MINE.format("fixed"))
-    with pytest.raises(PaveTwinError, match="`retry` flies them again"):
-        run(design, folder, Single())
-    assert digests(folder) == before
-    assert not run(design, folder, Single(), retry=True).failures
+    design, folder = small(world, densities=["low"]), tmp_path / "study"
+    assert sum(run(design, folder, Single()).failures.values()) == 3
+    monkeypatch.undo()
+    again = run(design, folder, Single(), retry=True)
+    assert (again.missions_flown, again.failures) == (3, {})
+    run(design, tmp_path / "never failed", Single())
+    assert digests(folder) == digests(tmp_path / "never failed")
+
+
+# --- The user's own files change ------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def flights(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The policy of each mission as it is flown, the path of its file left out."""
+    found: list[str] = []
+
+    def noted(spec, **how):
+        found.append(spec.policy.name.rpartition(":")[2])
+        return fly(spec, **how)
+
+    monkeypatch.setattr(fly_unit, "fly", noted)
+    return found
+
+
+def test_only_the_missions_of_an_edited_policy_are_flown_again(world: Path, tmp_path: Path, flights: list[str]) -> None:
+    file, folder, notices = tmp_path / "mine.py", tmp_path / "study", []
+    file.write_text(MINE.format("first"))
+    design = small(world, policies=["baseline", f"{file}:Mine"], replicates=2)
+    run(design, folder, Single(), on_notice=notices.append)
+    before = Store(folder).table()
+    file.write_text(MINE.format("second"))
+    flights.clear()
+    assert notices == []
+    ran = run(design, folder, Single(), on_notice=notices.append)
+    assert (ran.missions_flown, set(flights)) == (8, {"Mine"})
+    assert notices == [
+        f"mine.py changed since: 8 of 16 missions are flown again; their former rows are kept in {folder / 'former'}."
+    ]
+    run(design, tmp_path / "from the second on", Single())
+    former = [path for path in digests(folder) if path.startswith("former/")]
+    assert {path: it for path, it in digests(folder).items() if path not in former} == digests(
+        tmp_path / "from the second on"
+    )
+    old = before.filter(policy="mine")
+    assert {Path(path).parts[1] for path in former} == set(old["files_hash"])
+    assert_frame_equal(Store(folder).former(), old, check_row_order=False)
+    assert set(old["files_hash"]).isdisjoint(ran.table.filter(policy="mine")["files_hash"])
+    assert ran.table.filter(policy="baseline")["files_hash"].is_null().all()
+    count = "select count(*) n from former where policy = 'mine'"
+    assert query(folder, count)["n"].to_list() == [8]
     assert run(design, folder, Single()).missions_flown == 0
-    file.write_text(MINE.format("thought over"))
-    with pytest.raises(PaveTwinError, match="only where every mission flown with it failed: 0 of 4 did"):
-        run(design, folder, Single(), retry=True)
 
 
-def test_what_a_policy_imports_is_part_of_it(world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_study_that_is_stopped_after_an_edit_holds_no_mission_of_before(
+    world: Path, tmp_path: Path, flights: list[str]
+) -> None:
+    file, folder = tmp_path / "mine.py", tmp_path / "study"
+    file.write_text(MINE.format("first"))
+    design = small(world, policies=["baseline", f"{file}:Mine"], densities=["low"])
+    run(design, folder, Single())
+    file.write_text(MINE.format("second"))
+
+    class Stopped(Single):
+        def fly(self, plan, units, on_ready, on_unit, tell):
+            super().fly(plan, units[:1], on_ready, on_unit, tell)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run(design, folder, Stopped())
+    left = Store(folder).table()
+    assert (left.filter(policy="baseline").height, left.filter(policy="mine").height) == (6, 2)
+    assert left.filter(policy="mine")["files_hash"].n_unique() == 1
+    assert Store(folder).former().height == 6
+    flights.clear()
+    run(design, folder, Single())
+    assert flights == ["Mine"] * 4
+    run(design, tmp_path / "never stopped", Single())
+    assert_frame_equal(Store(folder).table(), Store(tmp_path / "never stopped").table())
+
+
+def test_what_a_policy_imports_is_part_of_it(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flights: list[str]
+) -> None:
     monkeypatch.syspath_prepend(tmp_path)
     file, helper = tmp_path / "mine.py", tmp_path / "helper_of_mine.py"
     file.write_text("import helper_of_mine\n" + MINE)
@@ -322,11 +390,62 @@ def test_what_a_policy_imports_is_part_of_it(world: Path, tmp_path: Path, monkey
     assert set(Store(tmp_path / "study").description()["files"]) == {str(file), str(helper)}
     assert run(design, tmp_path / "study", Single()).missions_flown == 0
     helper.write_text("LIMIT = 2")
-    with pytest.raises(PaveTwinError, match=r"another file than '.*helper_of_mine.py' is now; choose another folder"):
-        run(design, tmp_path / "study", Single(), retry=True)
+    flights.clear()
+    run(design, tmp_path / "study", Single())
+    assert flights == ["Mine"] * 2
 
 
-def test_fixed_routes_replace_those_of_which_all_missions_failed(world: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("more", "again"),
+    [
+        pytest.param("", ["careful"], id="a policy alone"),
+        pytest.param(
+            "from pavetwin.navigation.patterns import PATTERNS\nPATTERNS.add('odd', PATTERNS.get('boustrophedon'))",
+            ["baseline", "careful"],
+            id="a pattern too",
+        ),
+    ],
+)
+def test_an_edited_plugin_concerns_what_it_registers(
+    world: Path, tmp_path: Path, flights: list[str], more: str, again: list[str]
+) -> None:
+    file, folder = tmp_path / "plugin.py", tmp_path / "study"
+    own = MINE.replace("class Mine", "@policy('careful')\nclass Careful").replace("Policy\n", "Policy, policy\n", 1)
+    file.write_text(f"{own.replace('mine', 'careful')}\n{more}")
+    design = small(
+        world, policies=["baseline", "careful"], plugins=[str(file)], replicates=1, densities=["low"], altitudes_m=[10]
+    )
+    try:
+        run(design, folder, Single())
+        file.write_text(file.read_text() + "\n# thought over")
+        flights.clear()
+        run(design, folder, Single())
+        assert flights == again
+    finally:
+        POLICIES.restore("careful", None)
+        if more:
+            PATTERNS.restore("odd", None)
+
+
+def test_a_file_that_is_edited_while_a_study_flies_fails_its_missions(world: Path, tmp_path: Path) -> None:
+    """They would stand in the table under another file than they were flown with."""
+    file, folder = tmp_path / "mine.py", tmp_path / "study"
+    file.write_text(MINE.format("first"))
+    design = small(world, policies=["baseline", f"{file}:Mine"], replicates=2, densities=["low"], altitudes_m=[10])
+
+    class Edited(Single):
+        def fly(self, plan, units, on_ready, on_unit, tell):
+            super().fly(plan, units[:1], on_ready, on_unit, tell)
+            file.write_text(MINE.format("second"))
+            super().fly(plan, units[1:], lambda: None, on_unit, tell)
+
+    ran = run(design, folder, Edited())
+    assert list(ran.failures) == [f"the design: '{file}' is not what the study began with."]
+    assert run(design, folder, Single(), retry=True).missions_flown == 3
+    assert not run(design, folder, Single()).failures
+
+
+def test_missions_over_changed_routes_are_flown_again(world: Path, tmp_path: Path) -> None:
     edge = next(lane.edge for lane in load_world(world).lanes if lane.kind == "driving")
     route, folder = tmp_path / "own.rou.xml", tmp_path / "study"
 
@@ -339,12 +458,9 @@ def test_fixed_routes_replace_those_of_which_all_missions_failed(world: Path, tm
     route.write_text(departing(0))
     assert sum(run(design, folder, Single()).failures.values()) == 2
     route.write_text(departing(0, *range(400, 900, 20)))
-    with pytest.raises(PaveTwinError, match="every mission flown with it failed, `retry` flies them again"):
-        run(design, folder, Single())
-    assert not run(design, folder, Single(), retry=True).failures
-    route.write_text(departing(0, *range(400, 900, 30)))
-    with pytest.raises(PaveTwinError, match="only where every mission flown with it failed: 0 of 2 did"):
-        run(design, folder, Single(), retry=True)
+    ran = run(design, folder, Single())
+    assert (ran.missions_flown, ran.failures) == (2, {})
+    assert (Store(folder).former()["status"] == "failed").all()
 
 
 def test_progress_says_what_is_done_before_the_first_mission(world: Path, tmp_path: Path) -> None:
@@ -476,7 +592,6 @@ def test_a_damaged_part_is_flown_again(world: Path, tmp_path: Path) -> None:
         part.write_bytes(damaged)
         with pytest.raises(PaveTwinError, match="is damaged; run the study again"):
             Store(tmp_path / "study").table()
-        Store(tmp_path / "study").forget_failed()
         assert run(design, tmp_path / "study", Single()).missions_flown == 4
         assert part.read_bytes() == whole
 

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pavetwin.cli.arguments import Plugins, paths_of
-from pavetwin.cli.console import out, progress
+from pavetwin.cli.console import err, out, progress
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
-    import polars as pl
     from rich.table import Table
 
     from pavetwin.experiments.design import Design
     from pavetwin.experiments.engines import Engine
     from pavetwin.experiments.run import Ran
     from pavetwin.experiments.statistics import Recommendation
+    from pavetwin.experiments.store import Store
     from pavetwin.world.model import World
 
 app = typer.Typer(
@@ -83,7 +83,8 @@ def run(
     plugin: Plugins = None,
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Fly failed missions again.")] = False,
 ) -> None:
-    """Fly a study. After an interruption the same command continues where it stopped.
+    """Fly a study. After an interruption the same command continues where it stopped, and after an edit of a policy of
+    your own it flies the missions of that policy again.
 
     \b
     pavetwin experiment run study.yaml -o studies/first
@@ -101,7 +102,15 @@ def run(
         chosen = chosen.model_copy(update={"plugins": (*chosen.plugins, *paths_of(plugin))})
     works = _engine(engine, scheduler, jobs, chosen)
     with progress("Reading worlds", lines=True) as tell:
-        ran = run_study(chosen, output, works, image_source_factory=MissionImages, retry=retry_failed, on_progress=tell)
+        ran = run_study(
+            chosen,
+            output,
+            works,
+            image_source_factory=MissionImages,
+            retry=retry_failed,
+            on_progress=tell,
+            on_notice=err.line,
+        )
     _print_run(ran, output)
     if ran.failures:
         raise typer.Exit(FAILED_CODE)
@@ -164,7 +173,7 @@ def report(
         study = gather(design.name, _plain(said), table, _worlds(design), seed=design.seed)
         place = output or folder
         written = write_report(study, place, lambda share: tell(share, "Drawing the report"), figures=figures)
-    _note_unfinished(design, table)
+    _note_unfinished(store)
     out.line("\n".join(study.conclusions))
     names = [str(path) for path in written if path.parent == place]
     drawn = [f"{len(written) - len(names)} files in {place}/figures/"] if figures else []
@@ -225,17 +234,18 @@ def recommend(
             out.print(f"\n[bold]{opened(setting(part.row(0, named=True), assumed))}[/]")
         out.print(_options_table(chosen))
         out.line("\n".join(chosen.sentences))
-    _note_unfinished(design, table)
+    _note_unfinished(store)
     if any(chosen.best is None for chosen in advice):
         raise typer.Exit(FAILED_CODE)
 
 
-def _note_unfinished(design: "Design", table: "pl.DataFrame") -> None:
-    replicates = table["replicate"].n_unique()
-    if replicates < design.replicates:
-        out.print(
-            f"[yellow]Note:[/] only {replicates} of {design.replicates} replicates are flown; run the study again."
-        )
+def _note_unfinished(store: "Store") -> None:
+    from pavetwin.experiments.plan import cells_of, units_of
+
+    design, flown = store.design(), store.table().height
+    planned = len(units_of(design)) * len(cells_of(design)) * design.segments
+    if flown < planned:
+        out.print(f"[yellow]Note:[/] only {flown} of {planned} segment missions are flown; run the study again.")
 
 
 def _options_table(chosen: "Recommendation") -> "Table":
@@ -326,8 +336,7 @@ def _print_run(ran: "Ran", folder: Path) -> None:
         for reason, count in list(ran.failures.items())[:MOST_REASONS]:
             out.line(f"  {count} × {reason}")
         out.line(
-            "Fix the cause and give the same command with --retry-failed. A policy's file may be changed where all "
-            "missions of that policy failed, a routes file where all over its world did; a study with any other "
-            "changed file, or a changed design, is refused there and needs another folder; recordings are kept."
+            "Fix the cause and give the same command with --retry-failed. Missions of a file that you changed (a "
+            "policy, a sensor, a plugin, routes) are flown again without it."
         )
     out.line(f"Next: pavetwin experiment report {quote(str(folder))}")

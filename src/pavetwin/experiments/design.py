@@ -100,6 +100,11 @@ class WorldEntry(Settings):
         """The file of a level of traffic; None where it is not recorded yet."""
         return next((Path(file) for file in self.recordings if Path(file).stem == traffic), None)
 
+    def files(self, traffic: str) -> tuple[str, ...]:
+        """The files that a level of traffic is made from."""
+        recording = self.recording(traffic)
+        return self.routes if recording is None else (str(recording),)
+
     @model_validator(mode="after")
     def _in_order(self) -> Self:
         if self.take_off_s[0] > self.take_off_s[1]:

@@ -2,7 +2,7 @@
 
 import io
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache, lru_cache
 from importlib.metadata import version
@@ -17,8 +17,8 @@ from pavetwin.defects import DefectOptions
 from pavetwin.defects import place as place_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import OWN_ROUTES, Design, WorldEntry
-from pavetwin.experiments.metrics import FACTORS, FAILED, FLOWN, REASON, REPLICATE, STATUS
-from pavetwin.experiments.plan import Cell, Plan, Unit, check_plugins, world_of_study
+from pavetwin.experiments.metrics import FACTORS, FAILED, FILES, FLOWN, REASON, REPLICATE, STATUS
+from pavetwin.experiments.plan import Cell, Plan, Unit, are_texts, check_files, recording_of, world_of_study
 from pavetwin.mission.environment import MissionEnvironment, Surroundings, prepare
 from pavetwin.mission.fly import fly
 from pavetwin.mission.inputs import MissionInputs
@@ -28,7 +28,6 @@ from pavetwin.mission.spec import DefectInput, MissionSpec, PolicyInput, WorldIn
 from pavetwin.sensing import ImageSource
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder
-from pavetwin.traffic.recording import load_recording
 from pavetwin.world.model import Defect, World
 from pavetwin.world.store import load_record
 
@@ -54,21 +53,23 @@ def fly_unit(plan: Plan, unit: Unit) -> bytes:
     failed are rows with their reason.
     """
     try:
-        check_plugins(plan)
+        check_files(plan)
         ground = _Ground.of(plan, unit)
         with ground.replay:
-            rows = [row for cell in plan.cells for row in _flown(plan, unit, cell, ground)]
+            rows = [row for cell in plan.cells_of(unit) for row in _flown(plan, unit, cell, ground)]
     except Exception as error:
         return failed_unit(plan, unit, _words(error))
-    return _part(plan, rows)
+    return part_of(pl.DataFrame(rows, schema=schema(plan)))
 
 
 def failed_unit(plan: Plan, unit: Unit, reason: str) -> bytes:
     """The part of a unit of which no mission could be flown."""
-    return _part(plan, (row for cell in plan.cells for row in _failed(plan, unit, cell, reason)))
+    rows = [row for cell in plan.cells_of(unit) for row in _failed(plan, unit, cell, reason)]
+    return part_of(pl.DataFrame(rows, schema=schema(plan)))
 
 
-def schema(design: Design) -> dict[str, Any]:
+def schema(plan: Plan) -> dict[str, Any]:
+    design = plan.design
     swept = {
         column: _type_of(values) for column, values in zip(design.sweep_columns, design.sweep.values(), strict=True)
     }
@@ -82,20 +83,21 @@ def schema(design: Design) -> dict[str, Any]:
         **swept,
         **dict.fromkeys((REPLICATE, "seed", "traffic_seed", "defect_seed", "sensing_seed"), pl.Int64),
         "take_off_s": pl.Float64,
+        **({FILES: pl.String} if plan.files else {}),
         **dict.fromkeys(("version", STATUS, REASON), pl.String),
         **measured,
     }
 
 
 def _type_of(values: Sequence[Any]) -> Any:
-    kinds = {type(value) for value in values}
-    if kinds == {bool}:
-        return pl.Boolean
-    return pl.Float64 if kinds <= {int, float} else pl.String
+    if are_texts(values):
+        return pl.String
+    return pl.Boolean if isinstance(values[0], bool) else pl.Float64
 
 
-def _part(plan: Plan, rows: Iterable[Row]) -> bytes:
-    table, buffer = pl.DataFrame(list(rows), schema=schema(plan.design)), io.BytesIO()
+def part_of(table: pl.DataFrame) -> bytes:
+    """Rows as a part of the study's table: a Parquet file."""
+    buffer = io.BytesIO()
     pyarrow.parquet.write_table(table.to_arrow(), buffer, compression="zstd")
     return buffer.getvalue()
 
@@ -141,22 +143,15 @@ def _failed(plan: Plan, unit: Unit, cell: Cell, reason: str) -> list[Row]:
 
 def _factors(plan: Plan, unit: Unit, cell: Cell) -> Row:
     design, seeds = plan.design, plan.seeds(unit.replicate)
-    texts = {column: kind == pl.String for column, kind in schema(design).items()}
-    swept = zip(design.sweep_columns, cell.swept, strict=True)
     return {
-        "world": plan.names[unit.world],
-        "traffic": unit.traffic,
-        "altitude_m": cell.altitude_m,
-        "policy": plan.policies[cell.policy],
-        "sensor": cell.sensor,
-        "preset": cell.preset,
-        **{column: str(value) if texts[column] else value for column, value in swept},
+        **plan.levels(unit, cell),
         REPLICATE: unit.replicate,
         "seed": design.seed,
         "traffic_seed": None if design.worlds[unit.world].recordings else seeds.traffic,
         "defect_seed": seeds.defects,
         "sensing_seed": seeds.sensing,
         "take_off_s": plan.take_off_s(unit),
+        **({FILES: plan.files_hash(unit, cell)} if plan.files else {}),
         "version": version("pavetwin"),
     }
 
@@ -252,7 +247,7 @@ def _surroundings(path: str, content_hash: str, altitude_m: float, radius_m: flo
 def _replay(plan: Plan, unit: Unit, world: World, entry: WorldEntry) -> Replay:
     take_off_s = plan.take_off_s(unit)
     if file := entry.recording(unit.traffic):
-        return Replay(world, load_recording(file, world), file=file, start_s=take_off_s)
+        return Replay(world, recording_of(plan, world, file), file=file, start_s=take_off_s)
     routes = [Path(route) for route in entry.routes]
     density = None if unit.traffic == OWN_ROUTES else unit.traffic
     seed = plan.seeds(unit.replicate).traffic

@@ -16,6 +16,9 @@ FACTORS: Final = ("world", "traffic", "altitude_m", "policy", "sensor", "preset"
 REPLICATE: Final = "replicate"
 """Missions with the same replicate and world share traffic, defects and segment: they are compared in pairs."""
 
+FILES: Final = "files_hash"
+"""Of the user's own files that a mission was flown with, null for none; in studies that name such files."""
+
 STATUS, FLOWN, FAILED, REASON = "status", "flown", "failed", "reason"
 
 REFERENCE: Final = "baseline"

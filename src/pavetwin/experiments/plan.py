@@ -8,6 +8,7 @@ changing the others.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
+from hashlib import sha256
 from itertools import product
 from pathlib import Path
 from typing import Any, Final
@@ -15,14 +16,16 @@ from typing import Any, Final
 from pavetwin.config import MissionSettings, load_settings
 from pavetwin.errors import PaveTwinError, naming, nearest_name
 from pavetwin.experiments.design import ALIASES, Design, Value
+from pavetwin.files import file_sha256
 from pavetwin.mission.environment import prepare
 from pavetwin.mission.replay import Replay
-from pavetwin.plugins import load_plugins, plugin_hashes
+from pavetwin.mission.spec import PolicyInput, files_of_settings
+from pavetwin.plugins import load_plugins, registered_in
 from pavetwin.policies import load_policy
 from pavetwin.seeds import Stream, child
 from pavetwin.sensing import ImageSource, load_sensor, sensor_class
 from pavetwin.traffic.demand import density_named
-from pavetwin.traffic.recording import load_recording
+from pavetwin.traffic.recording import Recording, load_recording
 from pavetwin.uav import energy_curve, find_camera
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world
@@ -36,6 +39,9 @@ IN_DESIGN_FILE: Final = {
 ImageSourceFactory = Callable[[World, Replay, int], ImageSource]
 """Makes what takes the images of missions: over a world with the defects that they look for, in a replayed traffic,
 with their sensors' seed. It is pickled: a function or class at the top of a module."""
+
+SHOWN: Final = 12
+"""Characters of a hash in `design.yaml` and in the table."""
 
 _LARGEST_SEED: Final = 2**31
 _SEEDS, _SEGMENTS = 0, 1
@@ -99,6 +105,8 @@ class Unit:
     """Its place in the design."""
     replicate: int
     traffic: str
+    cells: tuple[int, ...] | None = None
+    """Places in the plan of the cells to fly, where the others have been flown; None for all."""
 
     @property
     def name(self) -> str:
@@ -118,8 +126,11 @@ class Plan:
     """For each world the segments, by their place in it, that can be reached in every cell."""
     policies: Mapping[str, str]
     """The name of each policy of the design."""
-    plugins: Mapping[str, str] = field(default_factory=dict)
-    """SHA-256 of the plugin files and of what they import from beside them, by path."""
+    files: Mapping[str, str] = field(default_factory=dict)
+    """Hashes of the user's own files and of what they depend on, by path: of the content, or of what a recording was
+    made from, since it is extended in place."""
+    used: Mapping[Cell, tuple[str, ...]] = field(default_factory=dict)
+    """Those of the files that each cell depends on, traffic aside."""
     image_source_factory: ImageSourceFactory | None = None
     """For sensors that look at images; called in the worker processes."""
 
@@ -134,6 +145,29 @@ class Plan:
     @property
     def missions(self) -> int:
         return len(self.units) * len(self.cells)
+
+    def cells_of(self, unit: Unit) -> tuple[Cell, ...]:
+        """The cells of a unit that are flown."""
+        return self.cells if unit.cells is None else tuple(self.cells[at] for at in unit.cells)
+
+    def levels(self, unit: Unit, cell: Cell) -> dict[str, Any]:
+        """The factors of a mission and what is swept, as the table holds them."""
+        swept = zip(self.design.sweep_columns, self.design.sweep.values(), cell.swept, strict=True)
+        return {
+            "world": self.names[unit.world],
+            "traffic": unit.traffic,
+            "altitude_m": cell.altitude_m,
+            "policy": self.policies[cell.policy],
+            "sensor": cell.sensor,
+            "preset": cell.preset,
+            **{column: str(value) if are_texts(values) else value for column, values, value in swept},
+        }
+
+    def files_hash(self, unit: Unit, cell: Cell) -> str | None:
+        """Of the user's own files that a mission depends on; None where there are none."""
+        paths = {*self.used.get(cell, ()), *self.design.worlds[unit.world].files(unit.traffic)}
+        hashes = "".join(sorted(self.files[path] for path in paths))
+        return sha256(hashes.encode()).hexdigest()[:SHOWN] if hashes else None
 
     def seeds(self, replicate: int) -> ReplicateSeeds:
         rng = child(self.design.seed, Stream.EXPERIMENT, _SEEDS, replicate)
@@ -184,7 +218,7 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
     with naming(IN_DESIGN_FILE, "the design"):
         load_plugins(design.plugins)
         policies = _check_levels(design)
-    _check_recordings(design, worlds)
+    recordings = _check_recordings(design, worlds)
     names = tuple(world.name for world in worlds)
     if len(set(names)) < len(names):
         raise PaveTwinError(
@@ -200,8 +234,16 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
                 "altitudes"
             )
             raise PaveTwinError(f"the design: segments: {design.segments} are asked for, but {there_are}.")
+    used = {cell: _files_of(cell, design) for cell in cells_of(design)}
+    routes = {route: file_sha256(Path(route)) for entry in design.worlds for route in entry.routes}
     return Plan(
-        design, tuple(world.content_hash for world in worlds), names, targets, policies, plugin_hashes(design.plugins)
+        design,
+        tuple(world.content_hash for world in worlds),
+        names,
+        targets,
+        policies,
+        files={path: content for files in used.values() for path, content in files.items()} | routes | recordings,
+        used={cell: tuple(files) for cell, files in used.items()},
     )
 
 
@@ -227,18 +269,36 @@ def _options_of(sensor: str, sensors: Sequence[str], options: Mapping[str, Any])
     return {option: value for option, value in options.items() if option in has[sensor]}
 
 
-def check_plugins(plan: Plan) -> None:
-    """Load the plugins of a study in this process.
+def check_files(plan: Plan) -> None:
+    """Load the plugins of a study in this process, and see whether all files of the user's own are as they were.
 
     Raises:
         PaveTwinError: one is gone, fails, or is not what the study began with.
     """
+    recordings = {file for entry in plan.design.worlds for file in entry.recordings}  # checked where they are read
+    for path, content in plan.files.items():
+        if path not in recordings and file_sha256(Path(path)) != content:
+            raise PaveTwinError(f"the design: '{path}' is not what the study began with.")
     with naming(IN_DESIGN_FILE, "the design"):
         load_plugins(plan.design.plugins)
-        now = plugin_hashes(plan.design.plugins)
-    for path, content in plan.plugins.items():
-        if now.get(path) != content:
-            raise PaveTwinError(f"the design: plugins: '{path}' is not what the study began with.")
+
+
+def recording_of(plan: Plan, world: World, file: Path) -> Recording:
+    """A recording that the design names.
+
+    Raises:
+        PaveTwinError: it is gone, damaged, or not what the study began with.
+    """
+    recording = load_recording(file, world)
+    if recording.origin.inputs != plan.files[str(file)]:
+        raise PaveTwinError(f"the design: '{file}' is not what the study began with.")
+    return recording
+
+
+def are_texts(values: Sequence[Value]) -> bool:
+    """Whether the values of a swept setting are a column of texts."""
+    kinds = {type(value) for value in values}
+    return kinds != {bool} and not kinds <= {int, float}
 
 
 def check_worlds(plan: Plan) -> None:
@@ -285,14 +345,35 @@ def _check_levels(design: Design) -> dict[str, str]:
     return called
 
 
-def _check_recordings(design: Design, worlds: Sequence[World]) -> None:
+def _check_recordings(design: Design, worlds: Sequence[World]) -> dict[str, str]:
+    """By recording, the hash of what it was made from."""
+    hashes = {}
     for entry, world in zip(design.worlds, worlds, strict=True):
         for file in entry.recordings:
-            if (duration_s := load_recording(file, world).duration_s) <= entry.take_off_s[1]:
+            recording = load_recording(file, world)
+            if recording.duration_s <= entry.take_off_s[1]:
                 raise PaveTwinError(
-                    f"the design: the recording '{file}' ends after {duration_s:g} s, before the latest take-off of "
-                    f"take_off_s, {entry.take_off_s[1]:g} s."
+                    f"the design: the recording '{file}' ends after {recording.duration_s:g} s, before the latest "
+                    f"take-off of take_off_s, {entry.take_off_s[1]:g} s."
                 )
+            hashes[file] = recording.origin.inputs
+    return hashes
+
+
+def _files_of(cell: Cell, design: Design) -> dict[str, str]:
+    """SHA-256 by path of the user's own files that a cell depends on; all have been loaded.
+
+    A plugin file that registers policies and sensors alone concerns the cells with one of them.
+    """
+
+    def concerns(plugin: str) -> bool:
+        registered = registered_in(plugin)
+        kinds, names = {kind for kind, _ in registered}, {name for _, name in registered}
+        return not registered or not kinds <= {"policy", "sensor"} or not names.isdisjoint((cell.policy, cell.sensor))
+
+    settings = cell.settings(design)
+    own = settings.model_copy(update={"plugins": tuple(filter(concerns, settings.plugins))})
+    return {file.path: file.sha256 for file in (*PolicyInput.of(cell.policy).files, *files_of_settings(own))}
 
 
 def _reachable(design: Design, world: World, tell: Callable[[str], None]) -> tuple[int, ...]:

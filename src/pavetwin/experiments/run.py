@@ -11,7 +11,8 @@ from pavetwin.experiments.design import Design
 from pavetwin.experiments.engines import Engine
 from pavetwin.experiments.metrics import FAILED, REASON, STATUS
 from pavetwin.experiments.plan import ImageSourceFactory, Plan, Unit, load_worlds, plan
-from pavetwin.experiments.store import Store
+from pavetwin.experiments.store import FORMER, Store
+from pavetwin.experiments.words import listed
 from pavetwin.files import working_in
 
 OnProgress = Callable[[float, str], None]
@@ -40,13 +41,15 @@ def run(
     image_source_factory: ImageSourceFactory | None = None,
     retry: bool = False,
     on_progress: OnProgress | None = None,
+    on_notice: Callable[[str], None] = lambda _: None,
 ) -> Ran:
     """Fly what is not flown yet.
 
     Args:
         design: with absolute paths, as `read_design` gives it.
         image_source_factory: for sensors that look at images, such as `pavetwin.capture.mission_images.MissionImages`.
-        retry: fly those units again of which a mission failed.
+        retry: fly failed missions again.
+        on_notice: told before anything is flown which files have changed, and how much is flown again for that.
 
     Raises:
         PaveTwinError: the design does not fit its worlds, the folder holds another, or it cannot be written. Flown
@@ -58,18 +61,25 @@ def run(
     made = plan(design, load_worlds(design), lambda what: tell(0.0, what))
     made = replace(made, image_source_factory=image_source_factory)
     with working_in(folder):
-        store.check(made, retry=retry)
-        missing = store.missing(made.units, failed=retry)
-        cells, done = len(made.cells), made.missions - len(missing) * len(made.cells)
+        store.check(made)
+        missing = store.missing(made, failed=retry)
+        flying = sum(len(made.cells_of(unit)) for unit in missing)
+        done = made.missions - flying
+        if outdated := store.outdated(made):
+            files = listed(store.changed_files(made)) or "A file"
+            on_notice(
+                f"{files} changed since: {outdated} of {made.missions} missions are flown again; their former rows "
+                f"are kept in {folder / FORMER}."
+            )
 
         def on_ready() -> None:
-            store.begin(made, retry=retry)
+            store.begin(made)
             flown()
 
         def on_unit(unit: Unit, part: bytes) -> None:
             nonlocal done
-            store.write(unit, part)
-            done += cells
+            store.write(made, unit, part)
+            done += len(made.cells_of(unit))
             flown()
 
         def flown() -> None:
@@ -79,4 +89,4 @@ def run(
             engine.fly(made, missing, on_ready, on_unit, lambda what: tell(0.0, what))
         else:
             store.begin(made)
-        return Ran(made, store.table(), len(missing) * cells)
+        return Ran(made, store.table(), flying)

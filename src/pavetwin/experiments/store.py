@@ -1,27 +1,30 @@
-"""A study's folder: `design.yaml`, and its table `segments.parquet` in parts, one for each unit that was flown."""
+"""A study's folder: `design.yaml`, and its table `segments.parquet` in parts, one for each unit that was flown.
 
+When a file of the user's own changes, only the missions that depend on it are flown again. Their former rows move to
+`former/HASH/`, which is named by the hash of the files that they were flown with.
+"""
+
+import io
 import math
-from collections.abc import Iterable, Mapping
-from hashlib import sha256
+from collections.abc import Mapping
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from shlex import quote
-from typing import Any, Final
+from typing import Any
 
+import numpy as np
 import polars as pl
 import yaml
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
-from pavetwin.experiments.metrics import FAILED, STATUS
-from pavetwin.experiments.plan import Plan, Unit, units_of
+from pavetwin.experiments.fly_unit import part_of
+from pavetwin.experiments.metrics import FACTORS, FAILED, FILES, STATUS
+from pavetwin.experiments.plan import SHOWN, Plan, Unit, units_of
 from pavetwin.files import writing
-from pavetwin.plugins import files_of
 
-DESIGN, PARTS, FORMAT = "design.yaml", "segments.parquet", 2
-
-SHOWN: Final = 12
-"""Characters of a hash in `design.yaml`."""
+DESIGN, PARTS, FORMER, FORMAT = "design.yaml", "segments.parquet", "former", 2
 
 
 class Store:
@@ -45,12 +48,8 @@ class Store:
                     f"{design.replicates}; choose another folder."
                 )
 
-    def check(self, plan: Plan, *, retry: bool = False) -> None:
-        """As `check_design`, and whether it was begun over the same worlds and with the same files.
-
-        Args:
-            retry: a policy's file, or one that it imports, may be another where every mission of the policy failed; a
-                routes file where every mission over its world did.
+    def check(self, plan: Plan) -> None:
+        """As `check_design`, and whether it was begun over the same worlds.
 
         Raises:
             PaveTwinError: it holds something else; the message names the first difference.
@@ -58,40 +57,41 @@ class Store:
         self.check_design(plan.design)
         if not self._holds_anything():
             return
-        there, wanted = self.description(), _description(plan)
-        for key, what in (("worlds", "another world"), ("files", "another file")):
-            before = there.get(key, {})
-            for name in (name for name, content in wanted[key].items() if before.get(name) != content):
-                refused = f"'{self.folder}' was begun with {what} than '{name}' is now"
-                if key == "worlds":
-                    raise PaveTwinError(f"{refused}; choose another folder.")
-                self._check_replaced(_flown_with(plan, name), refused, retry=retry)
-
-    def _check_replaced(self, concerned: pl.Expr, refused: str, *, retry: bool) -> None:
-        """Whether a file may be replaced: no mission flown with it succeeded."""
-        flown = [
-            pl.read_parquet(self._part(unit), columns=["world", "policy", "sensor", STATUS]) for unit in self._flown()
-        ]
-        missions = pl.concat(flown).filter(concerned)
-        failed = missions.filter(pl.col(STATUS) == FAILED).height
-        if failed < missions.height or not missions.height:
+        there, wanted = self.description()["worlds"], _description(plan)["worlds"]
+        for name in (name for name, content in wanted.items() if there.get(name) != content):
             raise PaveTwinError(
-                f"{refused}; choose another folder. It may be another only where every mission flown with it failed: "
-                f"{failed} of {missions.height} did."
+                f"'{self.folder}' was begun with another world than '{name}' is now; choose another folder."
             )
-        if not retry:
-            raise PaveTwinError(f"{refused}. As every mission flown with it failed, `retry` flies them again.")
 
-    def begin(self, plan: Plan, *, retry: bool = False) -> None:
-        """Make the folder ready for a design that was checked.
+    def missing(self, plan: Plan, *, failed: bool = False) -> list[Unit]:
+        """What is to be flown: units without a part or with a damaged one, and of the others the cells that are not
+        there or were flown with other files than the user has now; with `failed` also those that failed."""
+        return [
+            replace(unit, cells=missing) if len(missing) < len(plan.cells) else unit
+            for unit in plan.units
+            if (missing := self._missing(plan, unit, failed=failed))
+        ]
 
-        Args:
-            retry: forget what failed.
-        """
+    def changed_files(self, plan: Plan) -> list[str]:
+        """Names of the user's own files that are not what they were when the study was last begun."""
+        there = self.description().get("files", {}) if self._holds_anything() else {}
+        wanted = _description(plan)["files"]
+        return [Path(path).name for path, content in wanted.items() if there.get(path, content) != content]
+
+    def outdated(self, plan: Plan) -> int:
+        """How many missions in the table were flown with other files than the user has now."""
+        count = 0
+        for unit in plan.units if plan.files else ():
+            if (rows := self._rows(plan, unit)) is not None:
+                count += len(set(_cells(plan, unit, _outdated(plan, unit, rows))))
+        return count
+
+    def begin(self, plan: Plan) -> None:
+        """Make the folder ready for a design that was checked; rows of files that have changed are set apart."""
         with writing(self.folder / DESIGN) as path:
             path.write_text(yaml.safe_dump(_description(plan), sort_keys=False, allow_unicode=True), encoding="utf-8")
-        if retry:
-            self.forget_failed()
+        for unit in plan.units if plan.files else ():
+            self._set_apart(plan, unit)
 
     def description(self) -> dict[str, Any]:
         """What `design.yaml` holds.
@@ -116,12 +116,15 @@ class Store:
     def design(self) -> Design:
         return Design.parse(self.description()["design"], where=str(self.folder / DESIGN))
 
-    def missing(self, units: Iterable[Unit], *, failed: bool = False) -> list[Unit]:
-        """Those that have no part yet, or a damaged one; with `failed` also those of which a mission failed."""
-        parts = {unit: self._part(unit) for unit in units}
-        return [unit for unit, part in parts.items() if not _is_whole(part) or (failed and _has_failed(part))]
-
-    def write(self, unit: Unit, part: bytes) -> None:
+    def write(self, plan: Plan, unit: Unit, part: bytes) -> None:
+        """Write what was flown of a unit, beside the cells that its part has already."""
+        if unit.cells is not None and (there := self._rows(plan, unit)) is not None:
+            rows = pl.read_parquet(io.BytesIO(part))
+            new = _cells(plan, unit, rows)
+            kept = there.filter([cell not in new for cell in _cells(plan, unit, there)])
+            both = pl.concat([kept, rows], how="diagonal").select(rows.columns)
+            order = np.argsort(_cells(plan, unit, both), kind="stable")
+            part = part_of(both[order].rechunk())
         with writing(self._part(unit)) as path:
             path.write_bytes(part)
 
@@ -149,13 +152,46 @@ class Store:
             if table.select("replicate", "traffic").unique().rows() != [(unit.replicate, unit.traffic)]:
                 raise PaveTwinError(f"'{part}' holds another part of a study; remove it and run the study again.")
             tables.append(table)
-        return pl.concat(tables)
+        return pl.concat(tables, how="diagonal")
 
-    def forget_failed(self) -> None:
-        """Remove the parts in which a mission failed, so that they are flown again."""
-        for part in (self.folder / PARTS).glob("*.parquet"):
-            if _is_whole(part) and _has_failed(part):
-                part.unlink()
+    def former(self) -> pl.DataFrame | None:
+        """The rows that were flown with files before they changed; None where there are none."""
+        parts = sorted((self.folder / FORMER).glob("*/*.parquet"))
+        return pl.concat([pl.read_parquet(part) for part in parts]) if parts else None
+
+    def _rows(self, plan: Plan, unit: Unit) -> pl.DataFrame | None:
+        """What was flown of a unit; None where its part is not there, or cannot be read to its end."""
+        try:
+            rows = pl.read_parquet(self._part(unit))
+        except (OSError, pl.exceptions.PolarsError):
+            return None
+        return rows.filter(world=plan.names[unit.world], traffic=unit.traffic, replicate=unit.replicate)
+
+    def _missing(self, plan: Plan, unit: Unit, *, failed: bool) -> tuple[int, ...]:
+        rows = self._rows(plan, unit)
+        if rows is None:
+            return tuple(range(len(plan.cells)))
+        unusable = _outdated(plan, unit, rows)
+        if failed:
+            unusable = pl.concat([unusable, rows.filter(pl.col(STATUS) == FAILED)])
+        there = set(_cells(plan, unit, rows)) - set(_cells(plan, unit, unusable))
+        return tuple(cell for cell in range(len(plan.cells)) if cell not in there)
+
+    def _set_apart(self, plan: Plan, unit: Unit) -> None:
+        """Move the rows that were flown with other files to a folder named by the hash of these: first they are written
+        there, then the part without them."""
+        rows = self._rows(plan, unit)
+        if rows is None or not (outdated := _outdated(plan, unit, rows)).height:
+            return
+        for (files_hash,), some in outdated.group_by(FILES):
+            with writing(self.folder / FORMER / str(files_hash) / self._part(unit).name) as path:
+                path.write_bytes(part_of(some))
+        kept = rows.join(outdated, on=[*FACTORS, *plan.design.sweep_columns], how="anti", maintain_order="left")
+        if kept.height:
+            with writing(self._part(unit)) as path:
+                path.write_bytes(part_of(kept))
+        else:
+            self._part(unit).unlink()
 
     def _flown(self) -> list[Unit]:
         there = [unit for unit in units_of(self.design()) if self._part(unit).is_file()]
@@ -181,16 +217,19 @@ class Store:
 
 
 def query(folder: Path, sql: str) -> pl.DataFrame:
-    """The result of an SQL query (DuckDB's) of the table `segments` of a study.
+    """The result of an SQL query (DuckDB's) of the table `segments` of a study, and of `former` where it has one.
 
     Raises:
         PaveTwinError: there is no study, or the query fails.
     """
     import duckdb
 
-    table = Store(folder).table().to_arrow()
+    store = Store(folder)
+    table, former = store.table().to_arrow(), store.former()
     with duckdb.connect() as connection:
         connection.register("segments", table)
+        if former is not None:
+            connection.register("former", former.to_arrow())
         connection.execute("set enable_external_access = false")
         try:
             kinds = {statement.type.name for statement in connection.extract_statements(sql)}
@@ -202,17 +241,20 @@ def query(folder: Path, sql: str) -> pl.DataFrame:
     return found
 
 
-def _is_whole(part: Path) -> bool:
-    """Whether a Parquet file is there and can be read to its end: its footer may be intact where its data are not."""
-    try:
-        pl.read_parquet(part)
-    except (OSError, pl.exceptions.PolarsError):
-        return False
-    return True
+def _cells(plan: Plan, unit: Unit, rows: pl.DataFrame) -> list[int]:
+    """The place in the plan of the cell that each row belongs to."""
+    places = {tuple(plan.levels(unit, cell).values()): at for at, cell in enumerate(plan.cells)}
+    return [places[row] for row in rows.select(*FACTORS, *plan.design.sweep_columns).rows()]
 
 
-def _has_failed(part: Path) -> bool:
-    return bool((pl.read_parquet(part, columns=[STATUS])[STATUS] == FAILED).any())
+def _outdated(plan: Plan, unit: Unit, rows: pl.DataFrame) -> pl.DataFrame:
+    """The rows that were flown with other files than the user has now."""
+    if not plan.files:
+        return rows.clear()
+    if FILES not in rows.columns:
+        rows = rows.with_columns(pl.lit(None, pl.String).alias(FILES))
+    hashes = [plan.files_hash(unit, plan.cells[cell]) for cell in _cells(plan, unit, rows)]
+    return rows.filter(pl.col(FILES).ne_missing(pl.Series(hashes, dtype=pl.String)))
 
 
 def _heading(design: Design) -> dict[str, Any]:
@@ -226,35 +268,13 @@ def _heading(design: Design) -> dict[str, Any]:
 
 
 def _description(plan: Plan) -> dict[str, Any]:
-    design = plan.design
-    scripts = [script for name in (*design.policies, *design.sensors) for script in _scripts(name)]
-    routes = [route for world in design.worlds for route in world.routes]
-    models = {cell.settings(design).camera.model.partition(":")[0] for cell in plan.cells}
-    cameras = sorted(model for model in models if model.endswith((".yaml", ".yml")))
-    heading = _heading(design)
+    heading = _heading(plan.design)
     return {
         **{key: heading[key] for key in ("format", "pavetwin", "sumo")},
         "worlds": dict(zip(plan.names, (content[:SHOWN] for content in plan.hashes), strict=True)),
-        "files": {path: sha256(Path(path).read_bytes()).hexdigest()[:SHOWN] for path in (*scripts, *routes, *cameras)}
-        | {path: content[:SHOWN] for path, content in plan.plugins.items()},
+        "files": {path: content[:SHOWN] for path, content in plan.files.items()},
         "design": heading["design"],
     }
-
-
-def _scripts(name: str) -> list[str]:
-    """The files that a policy or sensor of the user's own is made of, and its data; it has been loaded."""
-    path, colon, _ = name.rpartition(":")
-    return [str(file) for file in files_of(path)] if colon else []
-
-
-def _flown_with(plan: Plan, file: str) -> pl.Expr:
-    """The rows of the table that were flown with a file."""
-    if file in plan.plugins or file.endswith((".yaml", ".yml")):
-        return pl.lit(value=True)
-    policies = [called for policy, called in plan.policies.items() if file in _scripts(policy)]
-    worlds = [name for name, entry in zip(plan.names, plan.design.worlds, strict=True) if file in entry.routes]
-    sensors = [sensor for sensor in plan.design.sensors if file in _scripts(sensor)]
-    return pl.col("policy").is_in(policies) | pl.col("sensor").is_in(sensors) | pl.col("world").is_in(worlds)
 
 
 def _as_written(value: Any) -> str:

@@ -198,6 +198,23 @@ class PolicyInput(Settings):
         return cls(name=f"{files[0].path}:{class_name}", files=files)
 
 
+def files_of_settings(settings: MissionSettings) -> tuple[FileInput, ...]:
+    """The user's files that settings name (plugins, sensor, camera), and what they depend on.
+
+    Raises:
+        PaveTwinError: a file cannot be read.
+    """
+    plugins = plugin_hashes(settings.plugins)
+    files = {path: FileInput(path=path, sha256=content) for path, content in plugins.items()}
+    sensor, colon, _ = settings.sensing.sensor.rpartition(":")
+    if colon and sensor.endswith(".py"):
+        files |= {str(file): FileInput.of(file) for file in files_of(sensor)}
+    camera = settings.camera.model.partition(":")[0]
+    if camera.endswith((".yaml", ".yml")):
+        files[camera] = FileInput.of(camera)
+    return tuple(files.values())
+
+
 class MissionSpec(Settings):
     """Everything a mission depends on."""
 
@@ -216,8 +233,7 @@ class MissionSpec(Settings):
     """Of the sensor's random numbers."""
     settings: MissionSettings
     plugins: tuple[FileInput, ...] = ()
-    """The user's files that the settings name (plugins, sensor, camera), and what they depend on, see
-    `pavetwin.plugins.files_of`."""
+    """As `files_of_settings` finds them."""
 
     def with_policy(self, name: str) -> Self:
         """The same mission under another policy, as `load_policy` takes it."""
@@ -232,15 +248,7 @@ class MissionSpec(Settings):
         Raises:
             PaveTwinError: a file cannot be read.
         """
-        plugins = plugin_hashes(settings.plugins)
-        files = {path: FileInput(path=path, sha256=content) for path, content in plugins.items()}
-        sensor, colon, _ = settings.sensing.sensor.rpartition(":")
-        if colon and sensor.endswith(".py"):
-            files |= {str(file): FileInput.of(file) for file in files_of(sensor)}
-        camera = settings.camera.model.partition(":")[0]
-        if camera.endswith((".yaml", ".yml")):
-            files[camera] = FileInput.of(camera)
-        return cls(settings=settings, plugins=tuple(files.values()), **given)
+        return cls(settings=settings, plugins=files_of_settings(settings), **given)
 
     def as_values(self) -> dict[str, Any]:
         """In plain values, as `mission.yaml` holds them."""
