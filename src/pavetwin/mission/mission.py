@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from shapely import LineString, Point
 
-from pavetwin import _core
+from pavetwin._core import MODES as MODE_NAMES
 from pavetwin._core import Arrived, BatteryLow, Captured, Flight, Occluded, Paused, RecordingEnds, Trace
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
@@ -49,7 +49,7 @@ from pavetwin.uav import find_camera
 Event = Captured | Occluded | BatteryLow
 """What a mission stops for and shows to those who fly it."""
 
-MODES = tuple(Mode(name) for name in _core.MODES)
+MODES = tuple(Mode(name) for name in MODE_NAMES)
 """By the numbers that the kernel's track holds."""
 
 LEAST_PROGRESS_M = 1.0

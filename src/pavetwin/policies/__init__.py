@@ -1,21 +1,11 @@
 """Π: what to do when traffic hides the road. One file a policy, one registry."""
 
-from pavetwin.policies.base import (
-    POLICIES,
-    Action,
-    Displace,
-    GoOn,
-    Policy,
-    Revisit,
-    Wait,
-    load_policy,
-    policy,
-    policy_names,
-)
+from pavetwin.policies.base import Action, Displace, GoOn, Policy, Revisit, Wait
 from pavetwin.policies.baseline import Baseline
 from pavetwin.policies.conformance import check_policy
 from pavetwin.policies.hover import Hover
 from pavetwin.policies.micro import Micro
+from pavetwin.policies.registered import POLICIES, load_policy, policy, policy_names
 from pavetwin.policies.skip import Skip
 
 __all__ = [

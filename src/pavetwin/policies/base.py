@@ -1,12 +1,10 @@
-"""What a recovery policy is, what it may answer, and where it is registered."""
+"""What a recovery policy is, and what it may answer."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from math import hypot, isfinite
 
 from pavetwin.config.mission import PolicySettings
-from pavetwin.plugins import find_class
-from pavetwin.registry import Registry
 from pavetwin.twin import Place, Snapshot
 
 
@@ -69,37 +67,3 @@ class Policy(ABC):
     @abstractmethod
     def decide(self, snapshot: Snapshot) -> Action:
         """What to do now. Must depend on nothing but the snapshot and the settings."""
-
-
-def _named(name: str, kind: type[Policy]) -> None:
-    kind.name = name
-
-
-def _broken_rules(kind: type[Policy]) -> list[str]:
-    from pavetwin.policies.conformance import check_policy  # which knows what a policy is from here
-
-    return check_policy(kind)
-
-
-POLICIES: Registry[type[Policy]] = Registry(
-    "policy", key="policy", group="pavetwin.policies", home="pavetwin.policies", on_add=_named, rules=_broken_rules
-)
-policy = POLICIES.register
-"""Register a policy under a name, which `policy` then takes."""
-
-
-def policy_names() -> list[str]:
-    """The registered policies, in the order of registration."""
-    return POLICIES.names()
-
-
-def load_policy(name: str, settings: PolicySettings) -> Policy:
-    """A registered policy by name, or a user's own as `path/to/file.py:ClassName`, once it has passed `check_policy`.
-
-    Raises:
-        PaveTwinError: there is none, its file does not give a policy, or the policy breaks a rule.
-    """
-    kind = find_class(POLICIES, Policy, name)
-    if "name" not in vars(kind):
-        kind.name = kind.__name__  # not its base's: a changed hover is not hover
-    return kind(settings)

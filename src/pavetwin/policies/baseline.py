@@ -1,6 +1,7 @@
 """The policy that never reacts."""
 
-from pavetwin.policies.base import Action, GoOn, Policy, policy
+from pavetwin.policies.base import Action, GoOn, Policy
+from pavetwin.policies.registered import policy
 from pavetwin.twin import Snapshot
 
 

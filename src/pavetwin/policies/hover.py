@@ -1,6 +1,7 @@
 """The policy that waits for the traffic to clear."""
 
-from pavetwin.policies.base import Action, GoOn, Policy, Wait, policy
+from pavetwin.policies.base import Action, GoOn, Policy, Wait
+from pavetwin.policies.registered import policy
 from pavetwin.twin import Snapshot
 
 

@@ -5,7 +5,8 @@ from math import cos, sin, tau
 import numpy as np
 
 from pavetwin.config.mission import PolicySettings
-from pavetwin.policies.base import Action, Displace, GoOn, Policy, policy
+from pavetwin.policies.base import Action, Displace, GoOn, Policy
+from pavetwin.policies.registered import policy
 from pavetwin.twin import Snapshot
 
 DIRECTIONS = 16

@@ -1,6 +1,7 @@
 """The policy that notes a hidden place and comes back after the pass."""
 
-from pavetwin.policies.base import Action, GoOn, Policy, Revisit, policy
+from pavetwin.policies.base import Action, GoOn, Policy, Revisit
+from pavetwin.policies.registered import policy
 from pavetwin.twin import Snapshot
 
 

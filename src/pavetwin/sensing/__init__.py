@@ -1,12 +1,13 @@
 """What a sensor finds in a captured frame. One file a sensor, one registry."""
 
-from pavetwin.sensing.base import SENSORS, Sensor, load_sensor, sensor, sensor_class, sensor_names
+from pavetwin.sensing.base import Sensor
 from pavetwin.sensing.conformance import check_sensor
 from pavetwin.sensing.detection import OTHER_CLASSES, Detection, JudgedDetection, Outcome, unknown_class
 from pavetwin.sensing.frame import Box, Frame, ImageSource, Sighting
 from pavetwin.sensing.ideal import Ideal
 from pavetwin.sensing.matching import match
 from pavetwin.sensing.recall import Recall
+from pavetwin.sensing.registered import SENSORS, load_sensor, sensor, sensor_class, sensor_names
 
 __all__ = [
     "OTHER_CLASSES",

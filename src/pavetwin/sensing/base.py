@@ -1,4 +1,4 @@
-"""What a sensor is, and where sensors are registered."""
+"""What a sensor is."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -7,8 +7,6 @@ from typing import ClassVar
 
 from pavetwin.config.mission import OptionValue, SensingSettings
 from pavetwin.errors import PaveTwinError, nearest_name
-from pavetwin.plugins import find_class
-from pavetwin.registry import Registry
 from pavetwin.sensing.detection import Detection
 from pavetwin.sensing.frame import Frame
 
@@ -61,51 +59,3 @@ class Sensor(ABC):
 
 
 _TYPES: Mapping[type, str] = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
-
-
-def _named(name: str, kind: type[Sensor]) -> None:
-    kind.name = name
-
-
-def _broken_rules(kind: type[Sensor]) -> list[str]:
-    from pavetwin.sensing.conformance import check_sensor  # which knows what a sensor is from here
-
-    return check_sensor(kind)
-
-
-SENSORS: Registry[type[Sensor]] = Registry(
-    "sensor",
-    key="sensing.sensor",
-    group="pavetwin.sensors",
-    home="pavetwin.sensing",
-    on_add=_named,
-    rules=_broken_rules,
-)
-sensor = SENSORS.register
-"""Register a sensor under a name, which `sensing.sensor` then takes."""
-
-
-def sensor_names() -> list[str]:
-    """The registered sensors, in the order of registration."""
-    return SENSORS.names()
-
-
-def load_sensor(settings: SensingSettings, seed: int) -> Sensor:
-    """The sensor that the settings name, or a user's own as `path/to/file.py:ClassName`.
-
-    Raises:
-        PaveTwinError: as `sensor_class`, or an option does not fit.
-    """
-    return sensor_class(settings.sensor)(settings, seed)
-
-
-def sensor_class(name: str) -> type[Sensor]:
-    """The class of a sensor, by its name or as `path/to/file.py:ClassName`.
-
-    Raises:
-        PaveTwinError: there is none, its file does not give a sensor, or the sensor breaks a rule.
-    """
-    kind = find_class(SENSORS, Sensor, name)
-    if "name" not in vars(kind):
-        kind.name = kind.__name__
-    return kind

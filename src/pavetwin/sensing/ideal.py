@@ -2,9 +2,10 @@
 
 from collections.abc import Sequence
 
-from pavetwin.sensing.base import Sensor, sensor
+from pavetwin.sensing.base import Sensor
 from pavetwin.sensing.detection import Detection
 from pavetwin.sensing.frame import Frame
+from pavetwin.sensing.registered import sensor
 
 
 @sensor("ideal")

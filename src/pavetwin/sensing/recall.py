@@ -6,9 +6,10 @@ from functools import lru_cache
 import numpy as np
 
 from pavetwin.seeds import Stream, child
-from pavetwin.sensing.base import Sensor, sensor
+from pavetwin.sensing.base import Sensor
 from pavetwin.sensing.detection import Detection
 from pavetwin.sensing.frame import Frame, Sighting
+from pavetwin.sensing.registered import sensor
 
 
 @sensor("recall")

@@ -5,12 +5,14 @@ Each segment's polygon is its part of it, and densities per square metre use the
 belong to no segment.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import shapely
 from shapely import Polygon, STRtree
 from shapely.geometry.base import BaseGeometry
 
-from pavetwin.world.model import World
+from pavetwin.arrays import GeometryArray
 
 _TOUCH_M = 0.4
 """A segment that ends within this of a junction is one of its arms."""
@@ -25,29 +27,27 @@ _SPECK_M2 = 1.0
 """Smaller islands and holes have no kerb of their own."""
 
 
-def carriageway(world: World) -> BaseGeometry:
+def carriageway(arms: Sequence[BaseGeometry], junctions: Sequence[BaseGeometry]) -> BaseGeometry:
     """The surface as one shape, metres, world frame; `World.carriageway` keeps it.
 
-    Corners of junctions are rounded as kerbs are built. No segment reaches out of it by more than 2 cm.
+    Corners of junctions are rounded as kerbs are built. No arm reaches out of it by more than 2 cm.
+
+    Args:
+        arms: the polygons of segments and of crossings. A crossing counts as an arm for the places where two junctions
+            meet.
+        junctions: their polygons as SUMO has them, with the corners of sidewalks.
     """
-    whole = shapely.union_all([_unrounded(world)])
-    return _without_specks(_with_corners(whole, world))
+    whole = shapely.union_all([_unrounded(arms, np.array(junctions, dtype=object))])
+    return _without_specks(_with_corners(whole, junctions))
 
 
-def _unrounded(world: World) -> BaseGeometry:
-    """All segments and the driven part of all junctions.
-
-    SUMO's junctions include the corners of their sidewalks; the hull of the arms' ends excludes these.
-    A crossing counts as an arm, for the places where two junctions meet.
-    """
-    roads: list[BaseGeometry] = [segment.polygon for segment in world.segments]
-    roads += [crossing.polygon for crossing in world.crossings]
-    junctions = np.array([junction.polygon for junction in world.junctions], dtype=object)
-    parts = list(roads)
+def _unrounded(arms: Sequence[BaseGeometry], junctions: GeometryArray) -> BaseGeometry:
+    """All arms and the driven part of all junctions: the hull of the arms' ends excludes the corners of sidewalks."""
+    parts: list[BaseGeometry] = list(arms)
     if len(junctions):
         near = shapely.buffer(junctions, _TOUCH_M)
-        which, arm = shapely.STRtree(roads).query(near, predicate="intersects")
-        ends = shapely.intersection(np.array(roads, dtype=object)[arm], near[which])
+        which, arm = STRtree(arms).query(near, predicate="intersects")
+        ends = shapely.intersection(np.array(arms, dtype=object)[arm], near[which])
         for index in range(len(junctions)):
             hull = shapely.convex_hull(shapely.union_all(ends[which == index]))
             parts.append(shapely.intersection(hull, near[index]))
@@ -57,14 +57,13 @@ def _unrounded(world: World) -> BaseGeometry:
     return shapely.union(whole, shapely.buffer(at_junctions, 0))
 
 
-def _with_corners(road: BaseGeometry, world: World) -> BaseGeometry:
+def _with_corners(road: BaseGeometry, junctions: Sequence[BaseGeometry]) -> BaseGeometry:
     """The carriageway with rounded corners at junctions, as kerbs are built."""
-    if not world.junctions:
+    if not junctions:
         return road
     closed = road.buffer(_CORNER_RADIUS_M, quad_segs=8).buffer(-_CORNER_RADIUS_M, quad_segs=8)
     added = shapely.get_parts(shapely.difference(closed, road))
-    junctions = STRtree([junction.polygon for junction in world.junctions])
-    corners = np.unique(junctions.query(added, "dwithin", distance=1.0)[0])
+    corners = np.unique(STRtree(junctions).query(added, "dwithin", distance=1.0)[0])
     return shapely.union_all([road, *shapely.buffer(added[corners], 0.005)])
 
 

@@ -18,6 +18,7 @@ from shapely import LineString, MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.world.carriageway import carriageway
 from pavetwin.world.georeference import GeoReference
 
 Surface = Polygon | MultiPolygon
@@ -310,9 +311,8 @@ class World:
     @cached_property
     def carriageway(self) -> BaseGeometry:
         """The road surface as it is built: the one definition for scenes, maps, labels and placement."""
-        from pavetwin.world.carriageway import carriageway
-
-        return carriageway(self)
+        arms = [*(segment.polygon for segment in self.segments), *(crossing.polygon for crossing in self.crossings)]
+        return carriageway(arms, [junction.polygon for junction in self.junctions])
 
     @cached_property
     def _segment_by_id(self) -> dict[str, Segment]:

@@ -9,7 +9,7 @@ from typing import Final
 
 import shapely
 
-from pavetwin import __version__
+from pavetwin._core import __version__
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.scene.export.parts import PATCH_FINER, SceneWriter
