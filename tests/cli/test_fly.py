@@ -14,7 +14,7 @@ import yaml
 
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.world.store import load_world, save_world
-from scenes import built
+from scenes import HERE, built
 from scenes.command_line import command, pavetwin, pavetwin_process, plain_refusal
 from scenes.processes import is_over, simulations
 
@@ -260,9 +260,33 @@ def test_policies_repeat_and_what_excludes_each_other_says_so(world: Path, tmp_p
     assert "--density and --routes exclude each other" in line
 
 
+def test_missions_over_ones_own_demand_take_off_after_a_warm_up(world: Path, tmp_path: Path) -> None:
+    edges = [segment.edges[0] for segment in load_world(world).segments]
+    trips = "".join(
+        f'<trip id="{number}" depart="{10 * number}" from="{edges[number % 2]}" to="{edges[number % 2]}"/>'
+        for number in range(13)
+    )
+    (tmp_path / "own.rou.xml").write_text(f"<routes>{trips}</routes>")
+    mine = ("fly", world, "--segments", "1", "--routes", tmp_path / "own.rou.xml")
+    done = pavetwin(*mine, "-o", tmp_path / "m")
+    assert done.returncode == 0, done.stderr
+    assert "Take-off 120 s after the traffic begins, with " in done.stdout
+    assert yaml.safe_load((tmp_path / "m" / "mission.yaml").read_text())["traffic"]["take_off_s"] == 120
+    done = pavetwin(*mine, "--take-off", "0", "-o", tmp_path / "early")
+    assert "Take-off 0 s after the traffic begins, with 1 vehicle and 0 pedestrians" in done.stdout
+    line = plain_refusal(pavetwin(*mine, "--take-off", "1100", "-o", tmp_path / "late"))
+    assert "--take-off 1100: nothing moves from then on" in line
+    traffic = digests(world / "traffic")
+    for command_of in (("fly", world), ("traffic", "record", world)):
+        line = plain_refusal(pavetwin(*command_of, "--routes", HERE / "cross.osm"))
+        assert "is an OpenStreetMap map, no routes file of SUMO" in line
+    assert digests(world / "traffic") == traffic
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (("--take-off", "-3"), "--take-off -3: expected seconds from 0 up"),
         (("--policy", "hovr"), "did you mean 'hover'"),
         (("--policy", "no/such/file.py:Mine"), "no file"),
         (("--preset", "papper"), "did you mean 'paper'"),

@@ -74,6 +74,15 @@ def test_missions_over_one_s_own_routes_take_off_within_their_times(seed: int, r
     assert len({made.take_off_s(unit) for unit in plan_of(design(worlds=worlds, seed=seed)).units}) > 10
 
 
+def test_missions_over_ones_own_routes_take_off_after_a_warm_up_unless_told_otherwise(tmp_path: Path) -> None:
+    routes = tmp_path / "x.rou.xml"
+    trips = "".join(f'<trip id="{at}" depart="{at}" from="a" to="b"/>' for at in (30, 70))
+    routes.write_text(f"<routes>{trips}</routes>")
+    worlds = [{"path": "b", "routes": [str(routes)]}, {"path": "c"}]
+    made = plan_of(design(worlds=worlds, densities=["low"], replicates=2))
+    assert [made.take_off_s(unit) for unit in made.units] == [40, 40, 0, 0]
+
+
 @given(seed=st.integers(0, 2**40), replicate=st.integers(0, 1000), more=st.integers(1, 50))
 def test_more_replicates_leave_the_others_as_they_are(seed: int, replicate: int, more: int) -> None:
     few, many = (plan_of(design(seed=seed, replicates=count)) for count in (replicate + 1, replicate + 1 + more))

@@ -26,6 +26,7 @@ FLAGS: Final = {
     "plugins": "--plugin",
     "retry": "--retry-failed",
     "size_px": "--size",
+    "take_off_s": "--take-off",
     "texel_m": "--texel",
 }
 """Options of another name, by parameter, or by parameter and value where an option has no value of its own."""

@@ -24,7 +24,7 @@ POLICY, SEGMENTS = "hover", "8"
 
 FIXED_BY_AGAIN = (
     *("density", "altitude", "segments", "segment", "order", "seed", "preset", "set_"),
-    *("traffic", "routes", "airspace", "plugin"),
+    *("traffic", "routes", "take_off", "airspace", "plugin"),
     *CONDITIONS,
 )
 """Options whose values a mission.yaml holds."""
@@ -68,6 +68,14 @@ def fly(
     routes: Annotated[
         list[Path] | None, typer.Option(metavar="FILE.rou.xml", help="Your own SUMO demand. Replaces --density.")
     ] = None,
+    take_off: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            help="When in the traffic to take off. Unless given: at once in a density, which is warmed up; over "
+            "--routes 300 s after the first departure, or with the last one where that is earlier.",
+        ),
+    ] = None,
     airspace: Annotated[
         Path | None, typer.Option(metavar="FILE.csv", help="Other aircraft: aircraft, t_s, x_m, y_m, altitude_m.")
     ] = None,
@@ -90,6 +98,7 @@ def fly(
     pavetwin fly worlds/town --density high --altitude 10 --policy hover --segments 8 --seed 1
     pavetwin fly worlds/town --policy all --preset paper --altitude 6
     pavetwin fly worlds/town --date 2026-06-21 --time 09:30 --clouds 0.4 --wind 5@270 --save-frames
+    pavetwin fly worlds/town --routes rush.rou.xml --take-off 600
     pavetwin fly worlds/town --segment s0004 --policy my_policy.py:Careful --set policy.max_wait_s=60
     pavetwin fly --again worlds/town/missions/hover-high-1-10m-default-seed1/mission.yaml
     """
@@ -134,6 +143,7 @@ def fly(
                 density=density,
                 routes=routes or (),
                 recording=traffic,
+                take_off_s=take_off,
                 segments=segment or _count(segments),
                 order=order,
                 policy=names[0],
@@ -150,6 +160,11 @@ def fly(
     check_replaceable(folder, [spec.with_policy(name) for name in names], force=force)
     if former is None:
         out.line(f"Preset {preset}.")
+    vehicles, pedestrians = inputs.replay.recording.agents_at(spec.traffic.take_off_s)
+    out.line(
+        f"Take-off {spec.traffic.take_off_s:g} s after the traffic begins, with {vehicles} "
+        f"vehicle{'s' * (vehicles != 1)} and {pedestrians} pedestrian{'s' * (pedestrians != 1)} on the streets."
+    )
     results = _fly_and_save(spec, names, inputs, folder, animate=animate, save_frames=save_frames)
     report.tell(results, inputs, folder, former, animate=animate, frames=save_frames)
 

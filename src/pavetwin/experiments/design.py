@@ -87,9 +87,11 @@ class WorldEntry(Settings):
     """SUMO route files that replace the densities."""
     recordings: tuple[str, ...] = ()
     """Files of recorded traffic that replace the densities: each is a level of traffic, named as its file."""
-    take_off_s: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]] = (0.0, 0.0)
+    take_off_s: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]] | None = Field(
+        default_factory=lambda given: None if given.get("routes") or given.get("recordings") else (0.0, 0.0)
+    )
     """With routes or recordings: earliest and latest take-off, in seconds after the first departure, or within the
-    recording; drawn in each replicate."""
+    recording; drawn in each replicate. Unless given, after a warm-up, as `fly` does."""
 
     @property
     def traffics(self) -> tuple[str, ...]:
@@ -107,9 +109,9 @@ class WorldEntry(Settings):
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        if self.take_off_s[0] > self.take_off_s[1]:
+        if self.take_off_s and self.take_off_s[0] > self.take_off_s[1]:
             raise ValueError("take_off_s: the earliest comes first")
-        if self.take_off_s[1] > 0 and not self.traffics:
+        if self.take_off_s and self.take_off_s[1] > 0 and not self.traffics:
             raise ValueError("take_off_s: only with routes or recordings; the densities hold over time")
         if self.routes and self.recordings:
             raise ValueError("recordings: a world has routes or recordings, not both")

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from pavetwin.config import MissionSettings, load_settings
 from pavetwin.errors import PaveTwinError, naming, nearest_name
-from pavetwin.experiments.design import ALIASES, Design, Value
+from pavetwin.experiments.design import ALIASES, Design, Value, WorldEntry
 from pavetwin.files import file_sha256
 from pavetwin.mission.environment import prepare
 from pavetwin.mission.replay import Replay
@@ -25,6 +25,7 @@ from pavetwin.policies import load_policy
 from pavetwin.seeds import Stream, child
 from pavetwin.sensing import ImageSource, load_sensor, sensor_class
 from pavetwin.traffic.demand import density_named
+from pavetwin.traffic.own_demand import own_demand
 from pavetwin.traffic.recording import Recording, load_recording
 from pavetwin.uav import energy_curve, find_camera
 from pavetwin.world.model import World
@@ -176,7 +177,7 @@ class Plan:
 
     def take_off_s(self, unit: Unit) -> float:
         """When in its recording a unit's missions begin, on a whole step."""
-        earliest, latest = self.design.worlds[unit.world].take_off_s
+        earliest, latest = _take_offs(self.design.worlds[unit.world], unit.traffic)
         return float(round(earliest + self.seeds(unit.replicate).moment * (latest - earliest)))
 
     def segments(self, unit: Unit) -> list[int]:
@@ -184,6 +185,20 @@ class Plan:
         rng = child(self.design.seed, Stream.EXPERIMENT, _SEGMENTS, unit.replicate)
         reachable = self.targets[unit.world]
         return [reachable[index] for index in rng.permutation(len(reachable))[: self.design.segments].tolist()]
+
+
+def _take_offs(entry: WorldEntry, traffic: str) -> tuple[float, float]:
+    """The earliest and the latest take-off over one level of traffic."""
+    if entry.take_off_s is not None:
+        return entry.take_off_s
+    file = entry.recording(traffic)
+    warm_up_s = own_demand(entry.routes).warm_up_s if file is None else _warm_up_s(file)
+    return warm_up_s, warm_up_s
+
+
+@cache
+def _warm_up_s(recording: Path) -> float:
+    return load_recording(recording).warm_up_s
 
 
 def units_of(design: Design) -> tuple[Unit, ...]:
@@ -332,6 +347,7 @@ def _check_levels(design: Design) -> dict[str, str]:
         for route in world.routes:
             if not Path(route).is_file():
                 raise PaveTwinError(f"the design: there is no routes file '{route}'.")
+            own_demand([route])
     called: dict[str, str] = {}
     for cell in cells_of(design):
         settings = cell.settings(design)
@@ -350,11 +366,11 @@ def _check_recordings(design: Design, worlds: Sequence[World]) -> dict[str, str]
     hashes = {}
     for entry, world in zip(design.worlds, worlds, strict=True):
         for file in entry.recordings:
-            recording = load_recording(file, world)
-            if recording.duration_s <= entry.take_off_s[1]:
+            recording, latest_s = load_recording(file, world), _take_offs(entry, Path(file).stem)[1]
+            if recording.duration_s <= latest_s:
                 raise PaveTwinError(
                     f"the design: the recording '{file}' ends after {recording.duration_s:g} s, before the latest "
-                    f"take-off of take_off_s, {entry.take_off_s[1]:g} s."
+                    f"take-off of take_off_s, {latest_s:g} s."
                 )
             hashes[file] = recording.origin.inputs
     return hashes

@@ -174,7 +174,8 @@ def traffic_of(world: World, source: TrafficInput, on_progress: Callable[[float]
     routes = [file.path for file in source.routes]
     if source.recording is not None:
         recording = load_recording(source.recording.path, world)
-        return Replay(world, recording, routes, file=Path(source.recording.path), start_s=source.take_off_s)
-    replay = replay_of(world, source.asked(), source.seed, routes=routes, on_progress=on_progress)
-    replay.start_s = source.take_off_s
-    return replay
+        replay = Replay(world, recording, routes, file=Path(source.recording.path))
+    else:
+        asked, first_s = source.asked(), source.take_off_s
+        replay = replay_of(world, asked, source.seed, routes=routes, take_off_s=first_s, on_progress=on_progress)
+    return replay.taking_off_at(source.take_off_s)

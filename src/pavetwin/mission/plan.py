@@ -1,6 +1,7 @@
 """From what a user asks for to the `MissionSpec` that answers it."""
 
 from collections.abc import Iterable, Sequence
+from math import isfinite
 from pathlib import Path
 from typing import Final
 
@@ -15,6 +16,7 @@ from pavetwin.policies import load_policy, policy_names
 from pavetwin.sensing import load_sensor
 from pavetwin.traffic.demand import Density, density_named
 from pavetwin.traffic.inputs import Inputs
+from pavetwin.traffic.own_demand import own_demand
 from pavetwin.traffic.recording import load_recording
 from pavetwin.uav import energy_curve, find_camera
 from pavetwin.world.model import World
@@ -31,7 +33,7 @@ def plan_mission(
     routes: Sequence[Path | str] = (),
     recording: Path | str | None = None,
     traffic_seed: int | None = None,
-    take_off_s: float = 0.0,
+    take_off_s: float | None = None,
     segments: int | Sequence[str] | None = 8,
     order: str = "random",
     policy: str = "hover",
@@ -48,7 +50,8 @@ def plan_mission(
         routes: SUMO route files, driven as they are.
         recording: a file of recorded traffic.
         traffic_seed: `seed` when not given.
-        take_off_s: when in the recording the mission begins.
+        take_off_s: when in the recording the mission begins; by default at once where a density is held, and after a
+            warm-up over a user's own demand (`OwnDemand.warm_up_s`).
         segments: how many to inspect (None: all that can be reached), or the ids of those to inspect.
         order: `random`, or `near` for a short tour.
         seed: of traffic, order and sensor.
@@ -116,20 +119,22 @@ def traffic_input(
     routes: Sequence[Path | str],
     recording: Path | str | None,
     seed: int,
-    take_off_s: float = 0.0,
+    take_off_s: float | None = None,
 ) -> TrafficInput:
     """What the traffic of a mission is made from.
 
     Raises:
         PaveTwinError: there is no such density or file, or the recording is of another world.
     """
+    if take_off_s is not None and not (isfinite(take_off_s) and take_off_s >= 0):
+        raise PaveTwinError(f"`take_off_s` {take_off_s:g}: expected seconds from 0 up.")
     if recording is not None:
-        origin = load_recording(recording, world).origin
-        return TrafficInput.of(
-            origin.asked, origin.seed, routes=routes, recording=Path(recording), take_off_s=take_off_s
-        )
+        recorded = load_recording(recording, world)
+        origin, begin_s = recorded.origin, recorded.warm_up_s if take_off_s is None else take_off_s
+        return TrafficInput.of(origin.asked, origin.seed, routes=routes, recording=Path(recording), take_off_s=begin_s)
     if routes:
         Inputs.of(world, None, seed, routes)
-        return TrafficInput.of(None, seed, routes=routes, take_off_s=take_off_s)
+        begin_s = own_demand(routes).warm_up_s if take_off_s is None else take_off_s
+        return TrafficInput.of(None, seed, routes=routes, take_off_s=begin_s)
     asked = density_named(density) if isinstance(density, str) else density
-    return TrafficInput.of(asked, seed, take_off_s=take_off_s)
+    return TrafficInput.of(asked, seed, take_off_s=take_off_s or 0.0)

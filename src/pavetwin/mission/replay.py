@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from pavetwin._core import Trace
+from pavetwin.errors import PaveTwinError
 from pavetwin.mission.airspace import Aircraft, with_aircraft
 from pavetwin.mission.spec import TrafficInput
 from pavetwin.traffic.demand import Density
@@ -49,6 +50,23 @@ class Replay:
         return TrafficInput.of(
             origin.asked, origin.seed, routes=self.routes, recording=self.file, take_off_s=self.start_s
         )
+
+    def taking_off_at(self, start_s: float) -> Self:
+        """The same, with missions that take off at a moment of the recording.
+
+        Raises:
+            PaveTwinError: the recording ends before it, or a user's own demand has ended by then.
+        """
+        if self.recording.duration_s <= start_s:
+            raise PaveTwinError(
+                f"`take_off_s` {start_s:g}: the recording ends after {self.recording.duration_s:g} s; take off earlier."
+            )
+        if self.recording.origin.asked is None and not len(self.recording.after(start_s).agent):
+            raise PaveTwinError(
+                f"`take_off_s` {start_s:g}: nothing moves from then on, the demand has ended; take off earlier."
+            )
+        self.start_s = start_s
+        return self
 
     def recorded_s(self, time_s: float) -> float:
         """When in the recording a moment of the mission is; take-off is at a step of it."""
@@ -97,6 +115,7 @@ def replay_of(
     seed: int,
     *,
     routes: Sequence[str | Path] = (),
+    take_off_s: float = 0.0,
     on_progress: Callable[[float], None] | None = None,
 ) -> Replay:
     """The traffic of a world at a density, recorded by SUMO now if it was not before.
@@ -107,5 +126,5 @@ def replay_of(
         PaveTwinError: as `pavetwin.traffic.record.record`.
     """
     recorder = Recorder(Inputs.of(world, density, seed, routes))
-    recording = recorder.until(FIRST_DURATION_S, on_progress)
+    recording = recorder.until(take_off_s + FIRST_DURATION_S, on_progress)
     return Replay(world, recording, routes, recorder=recorder)

@@ -2,15 +2,12 @@
 
 import hashlib
 import json
-import math
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
-from xml.etree import ElementTree
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
@@ -20,6 +17,7 @@ from pavetwin.traffic.closed_loop import FULL, GOALS, PATIENCE, TRIP_M, WALK_M
 from pavetwin.traffic.demand import USER, Capacity, Density, density_named
 from pavetwin.traffic.job import STEP_S, Part, SimulationJob
 from pavetwin.traffic.kinds import sumo_types
+from pavetwin.traffic.own_demand import own_demand
 from pavetwin.traffic.recording import Origin
 from pavetwin.world.model import World
 
@@ -45,7 +43,7 @@ class Inputs:
         """`density` is ignored where `routes` are given.
 
         Raises:
-            PaveTwinError: both are missing, the density or a file is unknown, or the seed is negative.
+            PaveTwinError: both are missing, the density is unknown, a file is no demand, or the seed is negative.
         """
         files = tuple(Path(route) for route in routes)
         asked = None if files else density_named(density) if isinstance(density, str) else density
@@ -53,9 +51,9 @@ class Inputs:
             raise PaveTwinError("No traffic is given: name a density, or your own routes.")
         if seed < 0:
             raise PaveTwinError(f"The seed must be a whole number from 0 up, not {seed}.")
+        if files:
+            own_demand(files)
         for path in files:
-            if not path.is_file():
-                raise PaveTwinError(f"There is no routes file '{path}'.")
             if "," in str(path):
                 raise PaveTwinError(f"SUMO cannot read a file with a comma in its name: '{path}'. Rename it.")
         return cls(world, asked, seed, files)
@@ -93,7 +91,7 @@ class Inputs:
     @cached_property
     def begin_s(self) -> float:
         """SUMO's clock at its first step."""
-        return _first_departure_s(self.routes)
+        return own_demand(self.routes).begin_s if self.routes else 0.0
 
     def job(self, folder: Path) -> SimulationJob:
         """The job of a simulation in `folder`, which no other simulation uses."""
@@ -128,26 +126,3 @@ class Inputs:
 
 def _stem(path: Path) -> str:
     return path.name.removesuffix(".gz").removesuffix(".xml").removesuffix(".rou")
-
-
-def _first_departure_s(routes: Sequence[Path]) -> float:
-    """The first departure of a user's demand, in whole seconds, where SUMO starts."""
-    times = []
-    for path in routes:
-        if path.suffix == ".gz":
-            continue
-        try:
-            for _, element in ElementTree.iterparse(path):
-                time = element.get("depart") or element.get("begin") or ""
-                with suppress(ValueError):
-                    times.append(_seconds(time))
-                element.clear()
-        except (ElementTree.ParseError, OSError) as error:
-            raise PaveTwinError(f"The routes file '{path}' is not valid XML: {error}.") from error
-    return float(math.floor(max(0.0, min(times, default=0.0))))
-
-
-def _seconds(time: str) -> float:
-    """SUMO's times: seconds, or [days:]hours:minutes:seconds."""
-    parts = reversed(time.split(":"))
-    return sum(float(part) * worth for part, worth in zip(parts, (1, 60, 3600, 86400), strict=False))

@@ -21,6 +21,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.traffic.demand import TOLERANCE, USER, Capacity, Density
 from pavetwin.traffic.kinds import AgentClass
+from pavetwin.traffic.own_demand import WARM_UP_S
 from pavetwin.world.model import World
 
 FORMAT: Final = 1
@@ -156,6 +157,26 @@ class Recording:
     def remarks(self) -> tuple[str, ...]:
         """Warnings for the user: a density not reached, gridlock, routes that end early."""
         return tuple(_remarks(self))
+
+    @property
+    def warm_up_s(self) -> float:
+        """When missions take off unless told otherwise: at once where a density is held; as over a user's own demand
+        where it was recorded from one (see `own_demand`), but in its first half.
+        """
+        if self.origin.asked is not None:
+            return 0.0
+        agents, rows = np.unique(self.agent[~self.agents.is_pedestrian[self.agent]], return_index=True)
+        if not len(agents):
+            return 0.0
+        vehicle_rows = np.flatnonzero(~self.agents.is_pedestrian[self.agent])[rows]
+        last = int(np.searchsorted(self.step_offsets, vehicle_rows.max(), side="right")) - 1
+        return float(math.floor(min(WARM_UP_S, last * self.step_s, self.duration_s / 2)))
+
+    def agents_at(self, time_s: float) -> tuple[int, int]:
+        """How many vehicles and pedestrians are on the streets at a moment."""
+        vehicles, pedestrians = self.counts
+        frame = min(round(time_s / self.step_s), self.frames - 1)
+        return int(vehicles[frame]), int(pedestrians[frame])
 
     def until(self, duration_s: float) -> "Recording":
         """The first `duration_s` seconds.

@@ -27,7 +27,7 @@ def osm_objects(
             processor = processor.with_filter(each)
         yield from processor
     except (RuntimeError, OSError, EOFError) as error:
-        suffix = _suffix_of(source)
+        suffix = suffix_of_content(source)
         if not source.name.lower().endswith(suffix):
             raise PaveTwinError(
                 f"'{source}' is {suffix} by its content; rename it so that it ends in {suffix}."
@@ -37,7 +37,7 @@ def osm_objects(
         ) from error
 
 
-def _suffix_of(source: Path) -> str:
+def suffix_of_content(source: Path) -> str:
     """How the name of an OSM file of this content ends; empty where it is none."""
     try:
         with source.open("rb") as file:
