@@ -13,6 +13,7 @@ import pytest
 import yaml
 
 from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.world.folder import read_description
 from pavetwin.world.store import load_world, save_world
 from scenes import HERE, built
 from scenes.command_line import command, pavetwin, pavetwin_process, plain_refusal
@@ -246,7 +247,29 @@ def test_defects_that_changed_in_the_world_are_named(world: Path, tmp_path: Path
     assert done.returncode == 0, done.stderr
     save_world(add_defects(built("cross"), DefectOptions(per_segment=2)), own, force=True)
     line = plain_refusal(pavetwin("fly", "--again", tmp_path / "m" / "mission.yaml"))
-    assert "the defects of the world 'cross' have changed" in line
+    assert "the world 'cross' has other defects than those that were looked for" in line
+
+
+def test_two_worlds_that_differ_in_their_defects_alone_are_two(world: Path, tmp_path: Path) -> None:
+    save_world(built("cross"), tmp_path / "bare")
+    bare, full = (read_description(folder) for folder in (tmp_path / "bare", world))
+    assert bare["content_hash"] == full["content_hash"], "traffic and flight domains are shared"
+    assert bare["defects_hash"] != full["defects_hash"]
+    assert pavetwin("fly", tmp_path / "bare", *SHORT, "-o", tmp_path / "m").returncode == 0
+    line = plain_refusal(pavetwin("fly", world, "--again", tmp_path / "m" / "mission.yaml", "-o", tmp_path / "n"))
+    assert "the world 'cross' has other defects than those that were looked for" in line
+    assert not (tmp_path / "n").exists()
+
+
+def test_other_results_of_the_same_mission_are_a_failure(world: Path, tmp_path: Path) -> None:
+    assert pavetwin("fly", world, *SHORT, "-o", tmp_path / "m").returncode == 0
+    path = tmp_path / "m" / "mission.yaml"
+    values = yaml.safe_load(path.read_text())
+    values["totals"]["confirmed"] += 1
+    path.write_text(yaml.safe_dump(values))
+    done = pavetwin("fly", "--again", path)
+    assert done.returncode == 1, done.stderr
+    assert "Not the same as the first time (confirmed)." in done.stdout
 
 
 def test_policies_repeat_and_what_excludes_each_other_says_so(world: Path, tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ from typing import Any
 from pavetwin.capture.platforms import PLATFORMS
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.plugins import plugin_hashes
-from pavetwin.world.content import defects_hash
 from pavetwin.world.model import World
 
 
@@ -28,7 +27,7 @@ def platform_prefix(world: World, settings: CaptureSettings, platform: str) -> s
 
 def prefix(world: World, seed: int, taken_by: str, made_from: Mapping[str, Any]) -> str:
     """World, seed, what took the images, and the beginning of a hash of the world and all that they are made from."""
-    content = [world.content_hash, defects_hash(world.defects), seed, taken_by, dict(made_from)]
+    content = [world.content_hash, world.defects_hash, seed, taken_by, dict(made_from)]
     digest = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:8]
     name = re.sub(r"[^A-Za-z0-9]+", "-", world.name).strip("-")[:40] or "world"
     return f"{name}-s{seed}-{taken_by}-{digest}"

@@ -14,7 +14,6 @@ from pavetwin.config.altitude import Altitude
 from pavetwin.config.base import PluginFiles, Settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.plugins import plugin_hashes
-from pavetwin.world.content import defects_hash
 from pavetwin.world.model import World
 
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -103,7 +102,7 @@ def description(settings: CaptureSettings, world: World, adapter: str) -> dict[s
     Args:
         adapter: name of the graphics adapter.
     """
-    hashes = {"content_hash": world.content_hash, "defects_hash": defects_hash(world.defects)}
+    hashes = {"content_hash": world.content_hash, "defects_hash": world.defects_hash}
     return {
         "format": FORMAT,
         "made_by": {"pavetwin": version("pavetwin"), "adapter": adapter},

@@ -84,7 +84,8 @@ def _terminate(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - 
 def main() -> None:
     """Run one command.
 
-    Exit codes: 0 done, 1 an internal error or a problem found by `doctor`, 2 something the user can fix (one plain
+    Exit codes: 0 done, 1 an internal error, a problem found by `doctor`, or other results of a
+    mission that was flown again, 2 something the user can fix (one plain
     line), 130 interrupted, 143 terminated.
     """
     sys.exit(_run())

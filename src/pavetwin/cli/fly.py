@@ -167,6 +167,8 @@ def fly(
     )
     results = _fly_and_save(spec, names, inputs, folder, animate=animate, save_frames=save_frames)
     report.tell(results, inputs, folder, former, animate=animate, frames=save_frames)
+    if former is not None and former.is_contradicted_by(results[0]):
+        raise typer.Exit(1)
 
 
 def _former(context: typer.Context, again: Path | None, *, other_policy: bool) -> "FormerMission | None":

@@ -135,7 +135,7 @@ def _summary(world: "World", record: "BuildRecord") -> list[tuple[str, str]]:
         rows.append(("left out", f"{streets} ({record.left_out.length_m:.0f} m) that no street joins to the rest"))
     shares = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in sorted(classes.items()))
     rows.append(("defects", f"{len(world.defects)}" + (f" ({shares})" if shares else "")))
-    rows.append(("content", world.content_hash[:12]))
+    rows.append(("content", f"{world.content_hash[:12]}, defects {world.defects_hash[:12]}"))
     return rows
 
 

@@ -63,6 +63,10 @@ class FormerMission:
             return f"Not the same as the first time ({', '.join(different)})."
         return "The same as the first time."
 
+    def is_contradicted_by(self, result: MissionResult) -> bool:
+        """Whether the same mission, flown again, gave other results."""
+        return _is_same(result.spec, self.spec) and bool(self.differences(result))
+
     def differences(self, result: MissionResult) -> list[str]:
         """Names of what came out differently; empty when all is the same."""
         now = asdict(totals(result))

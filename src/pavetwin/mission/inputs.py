@@ -12,7 +12,6 @@ from pavetwin.mission.mission import Traffic
 from pavetwin.mission.replay import Replay, replay_of
 from pavetwin.mission.spec import HANDED_IN, DefectInput, FileInput, MissionSpec, TrafficInput, WorldInput
 from pavetwin.traffic.recording import load_recording
-from pavetwin.world.content import defects_hash
 from pavetwin.world.model import Defect, World
 from pavetwin.world.store import load_world
 
@@ -133,8 +132,8 @@ def check_unchanged(spec: MissionSpec, world: World) -> None:
             f"the world '{spec.world.name}' ({spec.world.content_hash[:12]}) is now '{world.name}' "
             f"({world.content_hash[:12]})"
         )
-    elif spec.defects.seed is None and defects_hash(world.defects) != spec.defects.content_hash:
-        changed.append(f"the defects of the world '{world.name}' have changed")
+    elif spec.defects.seed is None and world.defects_hash != spec.defects.content_hash:
+        changed.append(f"the world '{world.name}' has other defects than those that were looked for")
     changed += [difference for file in spec.files() if (difference := file.difference())]
     if changed:
         raise PaveTwinError(f"The mission's inputs are not what they were: {'; '.join(changed)}.")

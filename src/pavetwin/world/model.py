@@ -309,6 +309,13 @@ class World:
     """The folder that it was loaded from; holds `roads.net.xml` and `traffic/`."""
 
     @cached_property
+    def defects_hash(self) -> str:
+        """SHA-256 of the defects."""
+        from pavetwin.world.content import defects_hash
+
+        return defects_hash(self.defects)
+
+    @cached_property
     def carriageway(self) -> BaseGeometry:
         """The road surface as it is built: the one definition for scenes, maps, labels and placement."""
         arms = [*(segment.polygon for segment in self.segments), *(crossing.polygon for crossing in self.crossings)]

@@ -46,6 +46,7 @@ def _description(built: Built) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "content_hash": world.content_hash,
+        "defects_hash": world.defects_hash,
         **built.record.model_dump(mode="json"),
         "georeference": asdict(place),
         "left_hand": world.left_hand,
