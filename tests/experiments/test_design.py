@@ -1,5 +1,6 @@
 """Designs: what they accept, refuse in one line, and make of their factors."""
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,7 +12,9 @@ from hypothesis import strategies as st
 from pavetwin.config import load_settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design, placed_at, preset_names, preset_text, read_design
-from pavetwin.experiments.plan import Plan, cells_of, plan, units_of
+from pavetwin.experiments.plan import Plan, cells_of, units_of
+from pavetwin.experiments.planning import plan
+from pavetwin.world.model import World
 from scenes import tiny
 
 
@@ -101,6 +104,31 @@ def test_a_mission_s_segments_are_different_ones_and_the_same_in_all_traffic(see
         assert chosen == made.segments(made.units[unit.replicate * 3])
 
 
+def avenue(*names: str) -> World:
+    """Streets in a row, one segment each."""
+    pieces = [
+        replace(tiny.street(f"e{at}", (60 * at, 0), (60 * at + 60, 0)), id=f"s{at}", street=name)
+        for at, name in enumerate(names)
+    ]
+    return tiny.world(pieces)
+
+
+def test_missions_inspect_named_streets_and_segments_alone() -> None:
+    town = avenue("Bell Lane", "Mill Road", "High Street", "Bell Lane")
+    usual = {"altitudes_m": [10], "policies": ["baseline"], "densities": ["low"], "replicates": 40}
+    made = plan(design(streets=["bell lane", "s2"], **usual), [town])
+    assert {town.segments[at].id for unit in made.units for at in made.segments(unit)} == {"s0", "s2", "s3"}
+    assert plan(design(**usual), [town]).targets == ((0, 1, 2, 3),)
+
+
+def test_a_street_need_not_be_in_every_world() -> None:
+    first, other = (replace(avenue(name), name=name) for name in ("Bell Lane", "Mill Road"))
+    made = design(worlds=["a", "b"], streets=["Bell Lane", "Mill Road"], altitudes_m=[10], policies=["baseline"])
+    assert plan(made, [first, other]).targets == ((0,), (0,))
+    with pytest.raises(PaveTwinError, match="segments: 1 are asked for, but 'Mill Road' has only 0 of Bell Lane"):
+        plan(made.model_copy(update={"streets": ("Bell Lane",)}), [first, other])
+
+
 def test_replicates_inspect_segments_independently() -> None:
     """Over many replicates each segment is drawn about as often as any other, and neighbours are not linked."""
     made = plan_of(design(replicates=600, densities=["low"]))
@@ -165,6 +193,10 @@ def test_what_does_not_fit_is_refused_by_name(values: dict[str, object], words: 
         ({"sweep": {"tau_o": [0.5, 1.5]}}, "visibility.threshold"),
         ({"set": {"altitude_m.x": 3}}, "'altitude_m.x' is no setting"),
         ({"worlds": [{"path": "town", "routes": ["gone.rou.xml"]}]}, "no routes file 'gone.rou.xml'"),
+        (
+            {"streets": ["stret"]},
+            r"^the design: streets: No segment or street 'stret' in the world 'tiny' \(did you mean 'street'\?\)",
+        ),
         ({"segments": 3}, "segments: 3 are asked for, but 'tiny' has only 1"),
     ],
 )

@@ -72,6 +72,8 @@ OWN_ROUTES: Final = "routes"
 
 Value = bool | int | float | str
 
+_LISTS: Final = ("worlds", "densities", "altitudes_m", "policies", "sensors", "presets", "plugins", "streets")
+
 
 Placing = Annotated[
     Annotated[Literal["placed", "world"], Tag("how")] | Annotated[DefectOptions, Tag("options")],
@@ -138,22 +140,24 @@ class Design(Settings):
     plugins: tuple[str, ...] = ()
     """Python files that register what the design names or its worlds hold; relative to the design's file."""
     replicates: Annotated[int, Field(ge=1, le=100_000)] = 20
+    streets: tuple[str, ...] = ()
+    """Names of streets or ids of segments that missions inspect; all that can be reached where there are none."""
     segments: Annotated[int, Field(ge=1, le=1000)] = 1
     seed: Annotated[int, Field(ge=0)] = 1
     defects: Placing = "placed"
     """`placed` in each replicate as densely as the world was built, or by these options; `world` keeps its own."""
 
-    @field_validator("worlds", "densities", "altitudes_m", "policies", "sensors", "presets", "plugins", mode="before")
+    @field_validator(*_LISTS, mode="before")
     @classmethod
     def _listed(cls, value: Any) -> Any:
         if isinstance(value, Value):
             raise ValueError(f"give a list, like [{value}]")
         return value
 
-    @field_validator("densities", mode="before")
+    @field_validator("densities", "streets", mode="before")
     @classmethod
     def _texts(cls, value: Any) -> Any:
-        """A number is no density; what reads the names says so."""
+        """A number is no name of a density; what reads the names says so. Streets may be called by a number."""
         return [str(each) for each in value] if isinstance(value, list | tuple) else value
 
     @field_validator("sweep", mode="before")
@@ -171,7 +175,7 @@ class Design(Settings):
             return value
         return [{"path": entry} if isinstance(entry, str) else entry for entry in value]
 
-    @field_validator("densities", "altitudes_m", "policies", "sensors", "presets", "plugins")
+    @field_validator(*_LISTS[1:])
     @classmethod
     def _distinct(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
         if twice := [value for value in values if values.count(value) > 1]:

@@ -17,17 +17,12 @@ from pavetwin.config import MissionSettings, load_settings
 from pavetwin.errors import PaveTwinError, naming, nearest_name
 from pavetwin.experiments.design import ALIASES, Design, Value, WorldEntry
 from pavetwin.files import file_sha256
-from pavetwin.mission.environment import prepare
 from pavetwin.mission.replay import Replay
-from pavetwin.mission.spec import PolicyInput, files_of_settings
-from pavetwin.plugins import load_plugins, registered_in
-from pavetwin.policies import load_policy
+from pavetwin.plugins import load_plugins
 from pavetwin.seeds import Stream, child
-from pavetwin.sensing import ImageSource, load_sensor, sensor_class
-from pavetwin.traffic.demand import density_named
+from pavetwin.sensing import ImageSource, sensor_class
 from pavetwin.traffic.own_demand import own_demand
 from pavetwin.traffic.recording import Recording, load_recording
-from pavetwin.uav import energy_curve, find_camera
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world
 
@@ -177,7 +172,7 @@ class Plan:
 
     def take_off_s(self, unit: Unit) -> float:
         """When in its recording a unit's missions begin, on a whole step."""
-        earliest, latest = _take_offs(self.design.worlds[unit.world], unit.traffic)
+        earliest, latest = take_offs(self.design.worlds[unit.world], unit.traffic)
         return float(round(earliest + self.seeds(unit.replicate).moment * (latest - earliest)))
 
     def segments(self, unit: Unit) -> list[int]:
@@ -187,7 +182,7 @@ class Plan:
         return [reachable[index] for index in rng.permutation(len(reachable))[: self.design.segments].tolist()]
 
 
-def _take_offs(entry: WorldEntry, traffic: str) -> tuple[float, float]:
+def take_offs(entry: WorldEntry, traffic: str) -> tuple[float, float]:
     """The earliest and the latest take-off over one level of traffic."""
     if entry.take_off_s is not None:
         return entry.take_off_s
@@ -219,54 +214,6 @@ def cells_of(design: Design) -> tuple[Cell, ...]:
     return tuple(
         Cell(altitude_m, policy, sensor, preset, swept) for preset, swept, sensor, altitude_m, policy in combinations
     )
-
-
-def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = lambda _: None) -> Plan:
-    """Check a design against its worlds, and see which segments can be reached.
-
-    Args:
-        tell: called with the name of each long step.
-
-    Raises:
-        PaveTwinError: a factor's level does not exist, or the worlds leave nothing to inspect.
-    """
-    with naming(IN_DESIGN_FILE, "the design"):
-        load_plugins(design.plugins)
-        policies = _check_levels(design)
-    recordings = _check_recordings(design, worlds)
-    names = tuple(world.name for world in worlds)
-    if len(set(names)) < len(names):
-        raise PaveTwinError(
-            f"the design: two of its worlds are called '{names[0]}'; the table could not tell them apart."
-        )
-    targets = tuple(_reachable(design, world, tell) for world in worlds)
-    for world, found in zip(worlds, targets, strict=True):
-        if len(found) < design.segments:
-            there_are = (
-                f"'{world.name}' has only {len(found)}"
-                if len(found) == len(world.segments)
-                else f"only {len(found)} of the {len(world.segments)} segments of '{world.name}' can be reached at all "
-                "altitudes"
-            )
-            raise PaveTwinError(f"the design: segments: {design.segments} are asked for, but {there_are}.")
-    used = {cell: _files_of(cell, design) for cell in cells_of(design)}
-    routes = {route: file_sha256(Path(route)) for entry in design.worlds for route in entry.routes}
-    return Plan(
-        design,
-        tuple(world.content_hash for world in worlds),
-        names,
-        targets,
-        policies,
-        files={path: content for files in used.values() for path, content in files.items()} | routes | recordings,
-        used={cell: tuple(files) for cell, files in used.items()},
-    )
-
-
-def load_worlds(design: Design) -> list[World]:
-    """Raises:
-    PaveTwinError: one of them does not exist or is damaged.
-    """
-    return [load_world(Path(entry.path)) for entry in design.worlds]
 
 
 def _options_of(sensor: str, sensors: Sequence[str], options: Mapping[str, Any]) -> dict[str, Any]:
@@ -337,71 +284,3 @@ def world_of_study(path: str, content_hash: str) -> World:
     if world.content_hash != content_hash:
         raise PaveTwinError(f"The world '{path}' is not the one that the study began with.")
     return world
-
-
-def _check_levels(design: Design) -> dict[str, str]:
-    """Policy → its name."""
-    for name in design.densities:
-        density_named(name)
-    for world in design.worlds:
-        for route in world.routes:
-            if not Path(route).is_file():
-                raise PaveTwinError(f"the design: there is no routes file '{route}'.")
-            own_demand([route])
-    called: dict[str, str] = {}
-    for cell in cells_of(design):
-        settings = cell.settings(design)
-        name = load_policy(cell.policy, settings.policy).name
-        if name in (other for policy, other in called.items() if policy != cell.policy):
-            raise PaveTwinError(f"the design: two policies are named '{name}'; rename one of them.")
-        called[cell.policy] = name
-        load_sensor(settings.sensing, design.seed)
-        find_camera(settings.camera.model)
-        energy_curve(settings.energy)
-    return called
-
-
-def _check_recordings(design: Design, worlds: Sequence[World]) -> dict[str, str]:
-    """By recording, the hash of what it was made from."""
-    hashes = {}
-    for entry, world in zip(design.worlds, worlds, strict=True):
-        for file in entry.recordings:
-            recording, latest_s = load_recording(file, world), _take_offs(entry, Path(file).stem)[1]
-            if recording.duration_s <= latest_s:
-                raise PaveTwinError(
-                    f"the design: the recording '{file}' ends after {recording.duration_s:g} s, before the latest "
-                    f"take-off of take_off_s, {latest_s:g} s."
-                )
-            hashes[file] = recording.origin.inputs
-    return hashes
-
-
-def _files_of(cell: Cell, design: Design) -> dict[str, str]:
-    """SHA-256 by path of the user's own files that a cell depends on; all have been loaded.
-
-    A plugin file that registers policies and sensors alone concerns the cells with one of them.
-    """
-
-    def concerns(plugin: str) -> bool:
-        registered = registered_in(plugin)
-        kinds, names = {kind for kind, _ in registered}, {name for _, name in registered}
-        return not registered or not kinds <= {"policy", "sensor"} or not names.isdisjoint((cell.policy, cell.sensor))
-
-    settings = cell.settings(design)
-    own = settings.model_copy(update={"plugins": tuple(filter(concerns, settings.plugins))})
-    return {file.path: file.sha256 for file in (*PolicyInput.of(cell.policy).files, *files_of_settings(own))}
-
-
-def _reachable(design: Design, world: World, tell: Callable[[str], None]) -> tuple[int, ...]:
-    """Segments that can be reached in every cell; bakes and caches the NavMeshes."""
-    ways: Mapping[tuple[float, float], MissionSettings] = {
-        (settings.altitude_m, settings.uav.radius_m): settings
-        for settings in (cell.settings(design) for cell in cells_of(design))
-    }
-    stages = []
-    for settings in ways.values():
-        tell(f"Planning: where to fly over {world.name} at {settings.altitude_m:g} m")
-        stages.append(prepare(world, settings, ()))
-    return tuple(
-        index for index in range(len(world.segments)) if all(environment.reachable(index) for environment in stages)
-    )

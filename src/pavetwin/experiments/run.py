@@ -10,7 +10,8 @@ import polars as pl
 from pavetwin.experiments.design import Design
 from pavetwin.experiments.engines import Engine
 from pavetwin.experiments.metrics import FAILED, REASON, STATUS
-from pavetwin.experiments.plan import ImageSourceFactory, Plan, Unit, load_worlds, plan
+from pavetwin.experiments.plan import ImageSourceFactory, Plan, Unit
+from pavetwin.experiments.planning import load_worlds, plan
 from pavetwin.experiments.store import FORMER, Store
 from pavetwin.experiments.words import listed
 from pavetwin.files import working_in

@@ -289,9 +289,9 @@ def _check_same(folder: Path, there: Mapping[str, Any], wanted: Mapping[str, Any
             raise PaveTwinError(
                 f"'{folder}' was begun with {what} {there.get(key)}, not {wanted[key]}; choose another folder."
             )
+    begun = Design.parse(there["design"], where=str(folder / DESIGN)).model_dump(mode="json")  # its defaults, too
     for key, value in wanted["design"].items():
-        before = there["design"].get(key)
-        if key not in ("replicates", "name") and before != value:
+        if key not in ("replicates", "name") and (before := begun[key]) != value:
             raise PaveTwinError(
                 f"'{folder}' holds another design: its {key} is {_as_written(before)}, not "
                 f"{_as_written(value)}; choose another folder."

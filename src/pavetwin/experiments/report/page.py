@@ -59,10 +59,12 @@ def design_words(study: Study) -> str:
     so_far = f" Of {planned} replicates {result} are flown so far." if planned and planned > result else ""
     fixed = [f"{factor_text(name).lower()} {level_text(name, level)}" for name, level in constants(study).items()]
     same = f" The same throughout: {', '.join(fixed)}." if fixed else ""
+    streets = study.design.get("streets")
+    drawn = f" Segments are drawn from {listed(streets)} alone." if streets else ""
     return (
-        f"{counted(study.table.height, 'segment mission')}: {design}.{so_far}{same} A replicate has a street segment, "
-        "traffic and defects of its own, and every combination was flown over the same ones, so that policies and "
-        "altitudes are compared in pairs."
+        f"{counted(study.table.height, 'segment mission')}: {design}.{so_far}{same}{drawn} A replicate has a street "
+        "segment, traffic and defects of its own, and every combination was flown over the same ones, so that policies "
+        "and altitudes are compared in pairs."
     )
 
 

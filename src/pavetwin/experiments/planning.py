@@ -1,0 +1,179 @@
+"""A design checked against its worlds before anything is flown, which gives a plan."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from pavetwin.config import MissionSettings
+from pavetwin.errors import PaveTwinError, naming
+from pavetwin.experiments.design import Design
+from pavetwin.experiments.plan import IN_DESIGN_FILE, Cell, Plan, cells_of, take_offs
+from pavetwin.experiments.words import listed
+from pavetwin.files import file_sha256
+from pavetwin.mission.environment import prepare
+from pavetwin.mission.spec import PolicyInput, files_of_settings
+from pavetwin.plugins import load_plugins, registered_in
+from pavetwin.policies import load_policy
+from pavetwin.sensing import load_sensor
+from pavetwin.traffic.demand import density_named
+from pavetwin.traffic.own_demand import own_demand
+from pavetwin.traffic.recording import load_recording
+from pavetwin.uav import energy_curve, find_camera
+from pavetwin.world.model import World
+from pavetwin.world.store import load_world
+
+
+def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = lambda _: None) -> Plan:
+    """Check a design against its worlds, and see which segments can be reached.
+
+    Args:
+        tell: called with the name of each long step.
+
+    Raises:
+        PaveTwinError: a factor's level does not exist, or the worlds leave nothing to inspect.
+    """
+    with naming(IN_DESIGN_FILE, "the design"):
+        load_plugins(design.plugins)
+        policies = _check_levels(design)
+    recordings = _check_recordings(design, worlds)
+    names = tuple(world.name for world in worlds)
+    if len(set(names)) < len(names):
+        raise PaveTwinError(
+            f"the design: two of its worlds are called '{names[0]}'; the table could not tell them apart."
+        )
+    targets = tuple(
+        _targets(design, world, named, tell) for world, named in zip(worlds, _named(design, worlds), strict=True)
+    )
+    used = {cell: _files_of(cell, design) for cell in cells_of(design)}
+    routes = {route: file_sha256(Path(route)) for entry in design.worlds for route in entry.routes}
+    return Plan(
+        design,
+        tuple(world.content_hash for world in worlds),
+        names,
+        targets,
+        policies,
+        files={path: content for files in used.values() for path, content in files.items()} | routes | recordings,
+        used={cell: tuple(files) for cell, files in used.items()},
+    )
+
+
+def load_worlds(design: Design) -> list[World]:
+    """Raises:
+    PaveTwinError: one of them does not exist or is damaged.
+    """
+    return [load_world(Path(entry.path)) for entry in design.worlds]
+
+
+def _check_levels(design: Design) -> dict[str, str]:
+    """Policy → its name."""
+    for name in design.densities:
+        density_named(name)
+    for world in design.worlds:
+        for route in world.routes:
+            if not Path(route).is_file():
+                raise PaveTwinError(f"the design: there is no routes file '{route}'.")
+            own_demand([route])
+    called: dict[str, str] = {}
+    for cell in cells_of(design):
+        settings = cell.settings(design)
+        name = load_policy(cell.policy, settings.policy).name
+        if name in (other for policy, other in called.items() if policy != cell.policy):
+            raise PaveTwinError(f"the design: two policies are named '{name}'; rename one of them.")
+        called[cell.policy] = name
+        load_sensor(settings.sensing, design.seed)
+        find_camera(settings.camera.model)
+        energy_curve(settings.energy)
+    return called
+
+
+def _check_recordings(design: Design, worlds: Sequence[World]) -> dict[str, str]:
+    """By recording, the hash of what it was made from."""
+    hashes = {}
+    for entry, world in zip(design.worlds, worlds, strict=True):
+        for file in entry.recordings:
+            recording, latest_s = load_recording(file, world), take_offs(entry, Path(file).stem)[1]
+            if recording.duration_s <= latest_s:
+                raise PaveTwinError(
+                    f"the design: the recording '{file}' ends after {recording.duration_s:g} s, before the latest "
+                    f"take-off of take_off_s, {latest_s:g} s."
+                )
+            hashes[file] = recording.origin.inputs
+    return hashes
+
+
+def _files_of(cell: Cell, design: Design) -> dict[str, str]:
+    """SHA-256 by path of the user's own files that a cell depends on; all have been loaded.
+
+    A plugin file that registers policies and sensors alone concerns the cells with one of them.
+    """
+
+    def concerns(plugin: str) -> bool:
+        registered = registered_in(plugin)
+        kinds, names = {kind for kind, _ in registered}, {name for _, name in registered}
+        return not registered or not kinds <= {"policy", "sensor"} or not names.isdisjoint((cell.policy, cell.sensor))
+
+    settings = cell.settings(design)
+    own = settings.model_copy(update={"plugins": tuple(filter(concerns, settings.plugins))})
+    return {file.path: file.sha256 for file in (*PolicyInput.of(cell.policy).files, *files_of_settings(own))}
+
+
+def _named(design: Design, worlds: Sequence[World]) -> list[dict[str, list[int]]]:
+    """For each world, the places of the segments that go by each name of the design's streets.
+
+    Raises:
+        PaveTwinError: no world has a street or segment of one of the names.
+    """
+    found: list[dict[str, list[int]]] = [{} for _ in worlds]
+    for name in design.streets:
+        misses: list[PaveTwinError] = []
+        for world, named in zip(worlds, found, strict=True):
+            try:
+                ids = {segment.id for segment in world.segments_named(name)}
+            except PaveTwinError as error:
+                misses.append(error)
+            else:
+                named[name] = [at for at, segment in enumerate(world.segments) if segment.id in ids]
+        if len(misses) == len(worlds):
+            raise PaveTwinError(f"the design: streets: {misses[0]}")
+    return found
+
+
+def _targets(
+    design: Design, world: World, named: Mapping[str, Sequence[int]], tell: Callable[[str], None]
+) -> tuple[int, ...]:
+    """The segments that missions may inspect: those that can be reached in every cell, of those with a name of the
+    design's streets.
+
+    Raises:
+        PaveTwinError: none of a name can be reached, or they are fewer than a mission inspects.
+    """
+    reachable = _reachable(design, world, tell)
+    for name, places in named.items():
+        if not set(places) & set(reachable):
+            raise PaveTwinError(f"the design: streets: no way leads to {name} in '{world.name}' at all altitudes.")
+    asked = {at for places in named.values() for at in places} if design.streets else set(range(len(world.segments)))
+    found = tuple(at for at in reachable if at in asked)
+    if len(found) < design.segments:
+        which = f" of {listed(design.streets)}" if design.streets else ""
+        there_are = (
+            f"'{world.name}' has only {len(found)}{which}"
+            if len(found) == len(asked)
+            else f"only {len(found)} of the {len(asked)} segments{which} in '{world.name}' can be reached at all "
+            "altitudes"
+        )
+        raise PaveTwinError(f"the design: segments: {design.segments} are asked for, but {there_are}.")
+    return found
+
+
+def _reachable(design: Design, world: World, tell: Callable[[str], None]) -> tuple[int, ...]:
+    """Segments that can be reached in every cell; bakes and caches the NavMeshes."""
+    ways: Mapping[tuple[float, float], MissionSettings] = {
+        (settings.altitude_m, settings.uav.radius_m): settings
+        for settings in (cell.settings(design) for cell in cells_of(design))
+    }
+    stages = []
+    for settings in ways.values():
+        tell(f"Planning: where to fly over {world.name} at {settings.altitude_m:g} m")
+        stages.append(prepare(world, settings, ()))
+    return tuple(
+        index for index in range(len(world.segments)) if all(environment.reachable(index) for environment in stages)
+    )
