@@ -88,8 +88,6 @@ def test_the_page_loads_nothing_and_tells_of_every_segment_and_defect(
 
 
 def test_names_from_a_map_stay_text(cross: Path) -> None:
-    from dataclasses import replace
-
     from pavetwin.draw.world_html import world_page
 
     world = load_world(cross)
@@ -168,7 +166,7 @@ def test_letters_do_not_overlap(town: World) -> None:
         draw_world(axes, town, layers=())
         room = lettering.OccupiedSpace()
         lettering.segment_ids(axes, town.segments, room)
-        lettering.street_names(axes, town.segments, room)
+        lettering.write_street_names(axes, town, town.segments, room)
     taken = room.taken
     assert len(taken) > len(town.segments)
     assert not any(taken[a].intersects(taken[b]) for a in range(len(taken)) for b in range(a))
@@ -176,11 +174,12 @@ def test_letters_do_not_overlap(town: World) -> None:
 
 @pytest.mark.parametrize("name", ["A", "B ", "Ü", "IJ"])
 def test_a_street_may_have_the_shortest_of_names(town: World, name: str) -> None:
+    renamed = replace(town, segments=tuple(replace(segment, street=name) for segment in town.segments))
     with style.styled():
         axes = style.new_figure(9, 9).add_subplot()
         draw_world(axes, town, layers=())
         room = lettering.OccupiedSpace()
-        lettering.street_names(axes, [replace(segment, street=name) for segment in town.segments], room)
+        lettering.write_street_names(axes, renamed, renamed.segments, room)
     assert room.taken
 
 

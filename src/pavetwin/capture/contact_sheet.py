@@ -13,7 +13,7 @@ from pavetwin.capture.record import Record, read_record, record_paths
 from pavetwin.capture.rle import decode
 from pavetwin.capture.settings import SPLITS, read_description
 from pavetwin.capture.truth import LabelledObject
-from pavetwin.draw.mission_style import font
+from pavetwin.draw.mission_style import font, write
 from pavetwin.draw.style import INK, INK_SOFT, PAPER
 from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.files import writing
@@ -136,8 +136,8 @@ def _cell(folder: Path, record: Record, colour_of: Mapping[str, str]) -> Image.I
 def _header(sheet: Image.Image, title: str, colour_of: Mapping[str, str]) -> None:
     pen = ImageDraw.Draw(sheet)
     name, _, rest = title.partition("   ")
-    pen.text((_MARGIN_PX, _MARGIN_PX - 8), name, INK, font(26, bold=True))
-    pen.text((_MARGIN_PX + pen.textlength(name, font(26, bold=True)) + 16, _MARGIN_PX + 1), rest, INK_SOFT, font(17))
+    end = write(pen, (_MARGIN_PX, _MARGIN_PX - 8), name, 26, bold=True, fill=INK)
+    write(pen, (end + 16, _MARGIN_PX + 1), rest, 17, fill=INK_SOFT)
     x = float(_MARGIN_PX)
     for category, colour in colour_of.items():
         pen.rectangle((x, _MARGIN_PX + 40, x + 18, _MARGIN_PX + 58), fill=colour, outline=INK)

@@ -11,9 +11,10 @@ from pavetwin.draw import style
 from pavetwin.draw.frame import DefectMark, MapView, MissionState
 from pavetwin.draw.ground_raster import GroundRaster
 from pavetwin.draw.marks import DefectOutcome, Place, footprint_m, rectangles, start_of_interest_s
-from pavetwin.draw.mission_style import agent_group, font
+from pavetwin.draw.mission_style import agent_group, font, write
 from pavetwin.draw.readings import HEIGHT_PX, Readings
 from pavetwin.draw.shadows import SeenSurface, shadows
+from pavetwin.draw.street_names import shown_label
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
@@ -129,10 +130,11 @@ class Film:
 
     def _captions(self, image: Image.Image, time_s: float) -> None:
         """The street's name above, a scale bar and the rate of time below."""
-        pen, face = ImageDraw.Draw(image), font(15, bold=True)
+        pen, world = ImageDraw.Draw(image), self.result.environment.world
         segment = self.timeline.at(time_s).segment
-        name = self.result.environment.world.name if segment is None else segment.label
-        pen.text((12, 24), name, fill=style.INK, font=face, anchor="ls", stroke_width=3, stroke_fill=style.PAPER)
+        name = world.name if segment is None else shown_label(world, segment, by_pillow=True)
+        rim = {"stroke_width": 3, "stroke_fill": style.PAPER}
+        write(pen, (12, 24), name, 15, bold=True, fill=style.INK, anchor="ls", **rim)
         length_m = style.nice_length_m(self.width_m / 6)
         left, bottom = 12, SIZE_PX[1] - 12
         right = left + round(length_m * self.view.ground.scale)

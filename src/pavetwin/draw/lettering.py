@@ -3,7 +3,8 @@
 Positions are metres of the world frame; sizes of type are points of paper.
 """
 
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from itertools import product
 from math import ceil, hypot
@@ -11,7 +12,6 @@ from math import ceil, hypot
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
-from matplotlib.font_manager import FontProperties
 from matplotlib.path import Path as Outline
 from matplotlib.textpath import TextPath
 from matplotlib.transforms import Affine2D
@@ -19,8 +19,10 @@ from shapely import Geometry, LineString, Polygon, affinity
 
 from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
+from pavetwin.draw.fonts import font_properties, joins, runs_left
 from pavetwin.draw.shapes import fill, points_per_m
-from pavetwin.world.model import Segment
+from pavetwin.draw.street_names import shown_names
+from pavetwin.world.model import Segment, World
 
 SMALLEST_PT, LARGEST_PT = 4.4, 8.0
 """Of a street's name."""
@@ -70,19 +72,24 @@ def segment_ids(axes: Axes, segments: Iterable[Segment], occupied: OccupiedSpace
     return left_out
 
 
-def street_names(
-    axes: Axes, segments: Sequence[Segment], occupied: OccupiedSpace, colour: str = style.INK, zorder: float = 40
+def write_street_names(
+    axes: Axes,
+    world: World,
+    segments: Sequence[Segment],
+    occupied: OccupiedSpace,
+    colour: str = style.INK,
+    zorder: float = 40,
 ) -> list[str]:
-    """Write each street's name along it, repeated on a long one, where it fits.
+    """Write the name of each street of some segments along it, repeated on a long one, where it fits.
 
     Returns:
-        The names that did not fit.
+        The names that did not fit, as they would be written (`shown_names`).
     """
     per_m = points_per_m(axes)
     glyphs: list[Outline] = []
     spines: list[Polygon] = []
     left_out = []
-    for name, pieces in streets(segments).items():
+    for name, pieces in streets(segments, shown_names(world)).items():
         width_m = min(segment.width_m for segment in pieces)
         size = float(np.clip(0.72 * width_m * per_m, SMALLEST_PT, LARGEST_PT))
         before = len(glyphs)
@@ -99,12 +106,13 @@ def street_names(
     return left_out
 
 
-def streets(segments: Iterable[Segment]) -> dict[str, list[Segment]]:
-    """The segments of each street that has a name, the longest street first."""
+def streets(segments: Iterable[Segment], names: Mapping[str, str]) -> dict[str, list[Segment]]:
+    """The segments of each street that has a name, by the name that `names` gives each segment's id; the longest
+    street first."""
     found: dict[str, list[Segment]] = {}
     for segment in segments:
         if segment.has_street_name and any(letter.isalpha() for letter in segment.street):
-            found.setdefault(segment.street, []).append(segment)
+            found.setdefault(names[segment.id], []).append(segment)
     lengths = {name: sum(segment.length_m for segment in pieces) for name, pieces in found.items()}
     return {name: found[name] for name in sorted(found, key=lambda name: (-lengths[name], name))}
 
@@ -140,7 +148,9 @@ def _along(
 ) -> list[tuple[list[Outline], LineString]]:
     """A name along a line, as often as it is long: its glyphs and the line that they stand on."""
     spaced = size * 0.08
-    advances = np.array([style.text_width_pt(name[:end], size) + spaced * end for end in range(len(name) + 1)]) / per_m
+    pieces = _pieces(name)
+    ends = range(len(pieces) + 1)
+    advances = np.array([style.text_width_pt("".join(pieces[:end]), size) + spaced * end for end in ends]) / per_m
     length = float(advances[-1])
     if line.length < length * 1.05:
         return []
@@ -153,7 +163,7 @@ def _along(
             start = centred + float(shift)
             if start < 0 or start + length > line.length:
                 continue
-            written = _write(axes, line, name, size / per_m, advances, start, occupied)
+            written = _write(axes, line, pieces, size / per_m, advances, start, occupied)
             if written is not None:
                 found.append(written)
                 break
@@ -163,7 +173,7 @@ def _along(
 def _write(
     axes: Axes,
     line: LineString,
-    name: str,
+    pieces: Sequence[str],
     size_m: float,
     advances: Float64Array,
     start: float,
@@ -181,18 +191,26 @@ def _write(
     turns = np.abs(np.diff(angles))
     if np.ptp(angles) > _MAX_TURN or (len(turns) and turns.max() > _MAX_TURN_AT_ONCE):
         return None
-    # A single letter has one pose, which makes no line.
+    # A single piece has one pose, which makes no line.
     spine = LineString([(x, y) for x, y, _ in poses] if len(poses) > 1 else [first, last])
     strip = spine.buffer(0.62 * size_m)
     if not _inside(axes, strip) or not occupied.free(strip):
         return None
     occupied.take(strip)
     glyphs = []
-    for letter, (x, y, _), angle, left, middle in zip(name, poses, angles, advances[:-1], middles, strict=True):
-        if letter != " ":
+    for piece, (x, y, _), angle, left, middle in zip(pieces, poses, angles, advances[:-1], middles, strict=True):
+        if piece != " ":
             place = Affine2D().scale(size_m).translate(left - middle, -0.36 * size_m).rotate(angle).translate(x, y)
-            glyphs.append(_glyph(letter).transformed(place))
+            glyphs.append(_outline(piece).transformed(place))
     return glyphs, spine
+
+
+def _pieces(name: str) -> list[str]:
+    """What of a name is placed as a whole, from left to right: letters, or words where letters join."""
+    if not joins(name):
+        return list(name)
+    pieces = re.split("( )", name)
+    return pieces[::-1] if runs_left(name) else pieces
 
 
 def _pose(line: LineString, at_m: float, window_m: float = 6.0, *, upright: bool = True) -> tuple[float, float, float]:
@@ -225,7 +243,7 @@ def _plate(axes: Axes, text: str, x: float, y: float, angle_deg: float) -> None:
 
 
 @cache
-def _glyph(letter: str) -> Outline:
-    """A letter one unit high, from its own left edge on the base line."""
-    path = TextPath((0, 0), letter, size=100, prop=FontProperties(family="DejaVu Sans"))
+def _outline(piece: str) -> Outline:
+    """A letter or word one unit high, from its own left edge on the base line."""
+    path = TextPath((0, 0), piece, size=100, prop=font_properties(piece))
     return Outline(path.vertices / 100, path.codes)

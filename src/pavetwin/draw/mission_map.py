@@ -10,8 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.legend_handler import HandlerTuple
 
 from pavetwin.draw import lettering, mission_layers, shapes, style
+from pavetwin.draw.fonts import families
 from pavetwin.draw.marks import notable_segments
 from pavetwin.draw.mission_legend import legend_of, main_numbers, visibility_ramp
+from pavetwin.draw.street_names import shown_label, shown_names
 from pavetwin.draw.strip import CAPTION_IN, GAP_IN, TALLEST_IN, SegmentLayout, caption, draw_strip
 from pavetwin.draw.turned import MapTransform
 from pavetwin.draw.world_map import ABOVE_WORLD, MapLayer, credit, draw_world
@@ -115,7 +117,7 @@ def _comparison_figure(results: Sequence[MissionResult], segment: str) -> Figure
     height = HEAD_IN + len(results) * strip.with_caption_in + foot
     figure = style.new_figure(WIDTH_IN, height)
     world = results[0].environment.world
-    title = f"{world.name}: {world.segment(segment).label}"
+    title = f"{world.name}: {shown_label(world, world.segment(segment))}"
     _heading(figure, title, "same traffic", results[0])
     y = height - HEAD_IN
     for number, result in enumerate(results):
@@ -165,17 +167,18 @@ def _draw_town(axes: Axes, result: MissionResult, bounds: style.Bounds, strips: 
 
 def _name_streets(axes: Axes, result: MissionResult) -> None:
     """Outside the inspected segments where the street continues there, else across them."""
-    segments = result.environment.world.segments
+    world = result.environment.world
+    segments, names = world.segments, shown_names(world)
     inspected = {row.segment for row in result.rows}
-    base = result.environment.world.base.buffer(6.0 / shapes.points_per_m(axes))
+    base = world.base.buffer(6.0 / shapes.points_per_m(axes))
     clear, any_ = lettering.OccupiedSpace(), lettering.OccupiedSpace()
     for place in (base, *(segment.polygon for segment in segments if segment.id in inspected)):
         clear.take(place)
-    hidden = lettering.street_names(axes, segments, clear, style.INK_SOFT, mission_layers.NAMES)
+    hidden = lettering.write_street_names(axes, world, segments, clear, style.INK_SOFT, mission_layers.NAMES)
     for written in (base, *clear.taken[len(inspected) + 1 :]):
         any_.take(written)
-    rest = [segment for segment in segments if segment.street in hidden]
-    lettering.street_names(axes, rest, any_, style.INK_SOFT, mission_layers.NAMES)
+    rest = [segment for segment in segments if names[segment.id] in hidden]
+    lettering.write_street_names(axes, world, rest, any_, style.INK_SOFT, mission_layers.NAMES)
 
 
 def _draw_side(axes: Axes, result: MissionResult, inches_per_m: float, *, narrow: bool) -> None:
@@ -218,7 +221,8 @@ def _heading(figure: Figure, title: str, what: str, result: MissionResult) -> No
 
 
 def _label(result: MissionResult, segment: str) -> str:
-    return result.environment.world.segment(segment).label
+    world = result.environment.world
+    return shown_label(world, world.segment(segment))
 
 
 def _caption(
@@ -234,5 +238,6 @@ def _caption(
         figure.text(left / width, y / height, words.pop(), fontsize=7.5, color=style.INK, va="baseline")
         y += 0.16
     bold = figure.text(left / width, y / height, head, fontsize=9.5, fontweight="bold", color=colour, va="baseline")
+    bold.set_fontfamily(families(head))
     end = bold.get_window_extent().x1 / figure.dpi
     figure.text((end + 0.1) / width, y / height, "  ·  ".join(words), fontsize=8, va="baseline")

@@ -1,15 +1,14 @@
 """Colours and type of the animation, in addition to those of every figure."""
 
 from functools import cache
-from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-import matplotlib
 import numpy as np
 from matplotlib.colors import to_rgb
 from matplotlib.typing import ColorType
-from PIL import ImageFont
+from PIL import ImageDraw, ImageFont
 
+from pavetwin.draw.fonts import runs, usual_file
 from pavetwin.draw.style import VISIBILITY
 
 Rgb = tuple[int, int, int]
@@ -65,6 +64,17 @@ def rgb(colour: ColorType) -> Rgb:
 
 @cache
 def font(size_px: int, *, bold: bool = False) -> ImageFont.FreeTypeFont:
-    """The typeface of all pictures, at a size in pixels; matplotlib ships it, so it is the same everywhere."""
-    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
-    return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name), size_px)
+    """The typeface of all pictures, at a size in pixels."""
+    return ImageFont.truetype(usual_file(bold=bold), size_px)
+
+
+def write(
+    pen: ImageDraw.ImageDraw, place_px: tuple[float, float], text: str, size_px: int, *, bold: bool = False, **how: Any
+) -> float:
+    """Write a text in the fonts that it needs; `how` goes to Pillow. Returns the x at which it ends."""
+    x, y = place_px
+    for run, file in runs(text, bold=bold):
+        face = ImageFont.truetype(file, size_px)
+        pen.text((x, y), run, font=face, **how)
+        x += face.getlength(run)
+    return x

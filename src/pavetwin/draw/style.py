@@ -1,8 +1,7 @@
 """Common style of every map and plot: colours, type, scale bar, north arrow, attribution, reproducible files.
 
 Colours can be distinguished with the common forms of colour blindness; marks that must be distinguished also differ in
-shape, for grey print. The font is DejaVu Sans, which ships with Matplotlib, so that the same input gives the same bytes
-on any machine.
+shape, for grey print. `pavetwin.draw.fonts` says what text is written with.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -19,7 +18,6 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.textpath import text_to_path
@@ -27,6 +25,7 @@ from matplotlib.transforms import Affine2D
 from matplotlib.typing import ColorType
 from PIL import Image
 
+from pavetwin.draw.fonts import USUAL, choose_fonts, font_properties, readable
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 
@@ -77,7 +76,7 @@ VISIBILITY = LinearSegmentedColormap.from_list(
 DPI = 180
 
 _SETTINGS: Mapping[Any, Any] = {
-    "font.family": ["DejaVu Sans"],
+    "font.family": [USUAL],
     "font.size": 7.5,
     "text.color": INK,
     "axes.edgecolor": INK_SOFT,
@@ -243,7 +242,9 @@ _ROW_IN, _LEGEND_PT = 0.165, 6.4
 def text_width_pt(text: str, size_pt: float, *, bold: bool = False) -> float:
     if not text:
         return 0.0
-    prop = FontProperties(family="DejaVu Sans", weight="bold" if bold else "normal", size=100)
+    if not readable(text):
+        return len(text) * size_pt
+    prop = font_properties(text, bold=bold, size=100)
     width, _, _ = text_to_path.get_text_width_height_descent(text, prop, ismath=False)
     return float(width) * size_pt / 100
 
@@ -322,6 +323,7 @@ def save_figure(figure: Figure, path: Path) -> None:
         raise PaveTwinError(f"A picture cannot be written as '{path.name}'; end its name in .png, .svg or .pdf.")
     with writing(path) as temporary, styled():
         matplotlib.rcParams["svg.hashsalt"] = "pavetwin"
+        choose_fonts(figure)
         figure.savefig(temporary, format=kind[1:], dpi=DPI, metadata=metadata[kind])
         if kind == ".png":
             with Image.open(temporary) as image:

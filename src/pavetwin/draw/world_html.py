@@ -170,7 +170,7 @@ def _lettering(world: World, flip: _Flip) -> Iterable[str]:
     """Street names along their streets, and ids beside them."""
     yield "<g class='streets'>"
     number = 0
-    for name, pieces in lettering.streets(world.segments).items():
+    for name, pieces in lettering.streets(world.segments, {s.id: s.street for s in world.segments}).items():
         ordered = sorted(pieces, key=lambda segment: -segment.length_m)
         for segment in (s for place, s in enumerate(ordered) if place == 0 or s.length_m > _NAMED_AGAIN_M):
             size = min(4.5, 0.7 * segment.width_m)

@@ -98,7 +98,7 @@ def draw_world(
         if plan.per_m > 1.2:
             for crossing in world.crossings:
                 occupied.take(crossing.polygon)
-        lettering.street_names(axes, world.segments, occupied, style.INK_SOFT if muted else style.INK)
+        lettering.write_street_names(axes, world, world.segments, occupied, style.INK_SOFT if muted else style.INK)
     return left_out
 
 
