@@ -14,6 +14,7 @@ from typer.main import get_group
 
 from pavetwin.cli.console import fail
 from pavetwin.cli.flags import refuse_repeated, with_flags
+from pavetwin.cli.quiet import quiet
 from pavetwin.errors import PaveTwinError
 
 INTERRUPTED = 130
@@ -66,11 +67,17 @@ def _say_version(asked: bool) -> None:
 
 @app.callback()
 def _options(
-    asked: Annotated[
+    context: typer.Context,
+    asked: Annotated[  # noqa: ARG001 - its callback has answered
         bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version.")
+    ] = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="Show the warnings and messages of libraries, as in --verbose fly …")
     ] = False,
 ) -> None:
     """Options of the program itself."""
+    if not verbose and not os.environ.get("PAVETWIN_DEBUG"):
+        context.with_resource(quiet())
 
 
 class _Terminated(BaseException):

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
 
+    from pavetwin.world.model import World
+
 PIPE_COLUMNS = 120
 """Width of what goes into a file or a pipe, which has none of its own."""
 
@@ -123,6 +125,14 @@ def progress(what: str, *, lines: bool = False) -> Iterator[Bar | Lines]:
         *columns, TimeRemainingColumn(), console=err.rich, transient=True, disable=not err.rich.is_terminal
     ) as bar:
         yield Bar(bar, what)
+
+
+def note_fonts(*worlds: "World") -> None:
+    """Say which package helps where pictures could not show the names of streets."""
+    from pavetwin.draw.street_names import remark
+
+    for words in dict.fromkeys(filter(None, map(remark, worlds))):
+        out.line(f"Note: {words}")
 
 
 def fail(message: str) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pavetwin.cli.arguments import Plugins, paths_of
-from pavetwin.cli.console import err, out, progress
+from pavetwin.cli.console import err, note_fonts, out, progress
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
@@ -174,6 +174,7 @@ def report(
         place = output or folder
         written = write_report(study, place, lambda share: tell(share, "Drawing the report"), figures=figures)
     _note_unfinished(store)
+    note_fonts(*study.worlds.values())
     out.line("\n".join(study.conclusions))
     names = [str(path) for path in written if path.parent == place]
     drawn = [f"{len(written) - len(names)} files in {place}/figures/"] if figures else []

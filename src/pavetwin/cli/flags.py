@@ -7,6 +7,7 @@ command as one types it.
 
 import re
 from collections.abc import Sequence
+from itertools import dropwhile
 from typing import Any, Final
 
 from pavetwin.errors import PaveTwinError
@@ -69,7 +70,7 @@ def refuse_repeated(typed: Sequence[str], group: Any) -> None:
 
 def _command(words: Sequence[str], group: Any) -> Any:
     """The innermost command that words name, or that a group stands for without a name."""
-    for word in words:
+    for word in dropwhile(lambda word: word.startswith("-"), words):
         if not hasattr(group, "get_command"):
             break
         inner = group.get_command(None, word) or group.get_command(None, getattr(group, "default_command", ""))

@@ -10,7 +10,7 @@ from rich.cells import cell_len
 from rich.table import Table
 from rich.text import Text
 
-from pavetwin.cli.console import out, progress
+from pavetwin.cli.console import note_fonts, out, progress
 from pavetwin.mission.inspected_defects import MissReason, inspected_defects
 from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.results import Drawing, Totals, save_mission, save_missions, totals
@@ -111,6 +111,7 @@ def tell(
         if changes := former.version_changes():
             out.print(f"[yellow]Note:[/] flown before with {', '.join(changes)}.", soft_wrap=True)
         out.print(former.verdict(results[0]), markup=False, soft_wrap=True)
+    note_fonts(inputs.environment.world)
     written = listing(results, animate=animate, frames=frames)
     out.print(f"Results in {folder}/: {written}", markup=False, soft_wrap=True)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pavetwin.cli.arguments import WorldFolder
-from pavetwin.cli.console import out, progress
+from pavetwin.cli.console import note_fonts, out, progress
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ def show(
     if html:
         said += f", and to {picture.with_suffix('.html')} (open it in a browser; it needs no network)"
     out.line(f"{said}.")
+    note_fonts(loaded)
     if left_out:
         out.line(
             f"There was no room for {len(left_out)} of {len(loaded.segments)} ids; the page of --html has them all."
@@ -88,6 +89,7 @@ def navmesh(
     _print(baked, settings.uav.radius_m)
     also = f" and its polygons saved to {geopackage}" if geopackage is not None else ""
     out.line(f"Drawn to {picture}{also}.")
+    note_fonts(loaded)
 
 
 def _print(baked: "NavMeshReport", radius_m: float) -> None:

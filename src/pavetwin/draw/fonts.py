@@ -5,7 +5,8 @@ A text that DejaVu Sans can write is drawn with it alone, so that the same input
 
 import re
 import unicodedata
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -27,7 +28,7 @@ _STYLES: Final = ("Regular", "Bold")
 
 
 @dataclass(frozen=True)
-class Face:
+class FontFace:
     """A font of the machine."""
 
     path: str
@@ -44,11 +45,11 @@ class Fonts:
 
     def __init__(self, paths: Iterable[str]) -> None:
         self._paths = sorted(paths)
-        self._usual = Face(usual_file(), USUAL, frozenset(FT2Font(usual_file()).get_charmap()))
+        self._usual = FontFace(usual_file(), USUAL, frozenset(FT2Font(usual_file()).get_charmap()))
         self._chosen = [self._usual]
         self._nowhere = set[str]()
 
-    def faces(self, text: str) -> list[Face]:
+    def faces(self, text: str) -> list[FontFace]:
         """The fonts that write a text together, DejaVu Sans first."""
         lacking = self._lacking(text, self._chosen) - self._nowhere
         while lacking and (face := self._best(lacking)) is not None:
@@ -67,17 +68,13 @@ class Fonts:
         return self._lacking(text, self.faces(text))
 
     @staticmethod
-    def _lacking(text: str, faces: Sequence[Face]) -> set[str]:
+    def _lacking(text: str, faces: Sequence[FontFace]) -> set[str]:
         return {letter for letter in text if not _is_blank(letter) and not any(letter in face for face in faces)}
 
-    def _best(self, letters: set[str]) -> Face | None:
+    def _best(self, letters: set[str]) -> FontFace | None:
         """The font with the most of some letters, an upright one without serifs before others."""
         best, found, rank = None, "", (0, False, False)
-        for path in self._paths:
-            try:
-                font = FT2Font(path)
-            except (OSError, RuntimeError):  # no font, or damaged
-                continue
+        for path, font in self._opened():
             count = sum(font.get_char_index(ord(letter)) > 0 for letter in letters)
             own = (count, "sans" in font.family_name.lower(), font.style_name == _STYLES[0])
             if count and own > rank:
@@ -85,16 +82,19 @@ class Fonts:
         if best is None:
             return None
         self._register(best.family_name)
-        return Face(found, best.family_name, frozenset(best.get_charmap()))
+        return FontFace(found, best.family_name, frozenset(best.get_charmap()))
 
     def _register(self, family: str) -> None:
         """Tell Matplotlib of a family: what it knows of the machine may be older than the fonts."""
         known = {entry.fname for entry in fontManager.ttflist}
+        for path, font in self._opened():
+            if path not in known and font.family_name == family and font.style_name in _STYLES:
+                fontManager.addfont(path)
+
+    def _opened(self) -> Iterator[tuple[str, FT2Font]]:
         for path in self._paths:
-            if path not in known and Path(path).suffix.lower() in (".ttf", ".ttc", ".otf"):
-                font = FT2Font(path)
-                if font.family_name == family and font.style_name in _STYLES:
-                    fontManager.addfont(path)
+            with suppress(OSError, RuntimeError):  # what is damaged, or no font
+                yield path, FT2Font(path)
 
 
 def _is_blank(letter: str) -> bool:
