@@ -11,6 +11,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 import yaml
+from shapely import Point, union_all
 
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.world.folder import read_description
@@ -306,9 +307,37 @@ def test_missions_over_ones_own_demand_take_off_after_a_warm_up(world: Path, tmp
     assert digests(world / "traffic") == traffic
 
 
+def test_a_mission_takes_off_beside_the_road_or_where_it_is_told(world: Path, tmp_path: Path) -> None:
+    loaded = load_world(world)
+    middle = loaded.segments[0].centre_line.interpolate(0.5, normalized=True)
+    lon, lat = loaded.georeference.to_wgs84((middle.x, middle.y))
+    for name, options in (
+        ("usual", ()),
+        ("paper", ("--preset", "paper")),
+        ("told", ("--base", f"{lat:.8f},{lon:.8f}")),
+    ):
+        done = pavetwin("fly", world, *SHORT, *options, "-o", tmp_path / name)
+        assert done.returncode == 0, done.stderr
+    starts = {}
+    for name in ("usual", "paper", "told"):
+        track = pl.read_parquet(tmp_path / name / "track.parquet")
+        starts[name] = Point(track["x_m"][0], track["y_m"][0])
+        base = yaml.safe_load((tmp_path / name / "mission.yaml").read_text())["base"]
+        assert starts[name].distance(Point(base)) < 1e-6
+        assert starts[name].distance(Point(track["x_m"][-1], track["y_m"][-1])) < 1e-6
+    road = union_all([each.polygon for each in (*loaded.segments, *loaded.junctions)])
+    assert road.distance(starts["usual"]) > 1.49
+    assert starts["paper"].distance(loaded.base) < 1e-6
+    assert starts["told"].distance(middle) < 0.02
+    done = pavetwin("fly", "--again", tmp_path / "told" / "mission.yaml")
+    assert "The same as the first time." in done.stdout
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (("--base", "here"), "--base here: expected LAT,LON in degrees"),
+        (("--base", "5000,5000"), "--base 5000,5000: the nearest street is"),
         (("--take-off", "-3"), "--take-off -3: expected seconds from 0 up"),
         (("--policy", "hovr"), "did you mean 'hover'"),
         (("--policy", "no/such/file.py:Mine"), "no file"),

@@ -32,16 +32,18 @@ def demo(
     """
     from pavetwin.cli import report
     from pavetwin.config import load_settings
+    from pavetwin.config.mission import UavSettings
     from pavetwin.draw.world_map import save_world_map
     from pavetwin.mission.environment import prepare
     from pavetwin.mission.fly import fly
     from pavetwin.mission.inputs import MissionInputs
     from pavetwin.mission.plan import plan_mission
     from pavetwin.mission.replay import replay_of
+    from pavetwin.navigation.base import with_roadside_base
     from pavetwin.policies import policy_names
 
     world = _town(output / "town")
-    save_world_map(world, output / "town.png")
+    save_world_map(with_roadside_base(world, UavSettings().radius_m), output / "town.png")
     with progress(f"[2/4] Recording {DENSITY} traffic with SUMO") as tell:
         replay = replay_of(world, DENSITY, FLIGHT_SEED, on_progress=tell)
     agents = replay.recording.agents

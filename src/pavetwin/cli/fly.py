@@ -24,7 +24,7 @@ POLICY, SEGMENTS = "hover", "8"
 
 FIXED_BY_AGAIN = (
     *("density", "altitude", "segments", "segment", "order", "seed", "preset", "set_"),
-    *("traffic", "routes", "take_off", "airspace", "plugin"),
+    *("traffic", "routes", "take_off", "base", "airspace", "plugin"),
     *CONDITIONS,
 )
 """Options whose values a mission.yaml holds."""
@@ -76,6 +76,14 @@ def fly(
             "--routes 300 s after the first departure, or with the last one where that is earlier.",
         ),
     ] = None,
+    base: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LAT,LON|x,y",
+            help="Where to take off, in degrees or in metres of the world's frame. Unless given, beside the "
+            "carriageway in the middle of the streets; preset paper: on it.",
+        ),
+    ] = None,
     airspace: Annotated[
         Path | None, typer.Option(metavar="FILE.csv", help="Other aircraft: aircraft, t_s, x_m, y_m, altitude_m.")
     ] = None,
@@ -117,7 +125,7 @@ def fly(
     from pavetwin.mission.environment import prepare
     from pavetwin.mission.inputs import defects_of, load_inputs, world_of
     from pavetwin.mission.naming import mission_folder
-    from pavetwin.mission.plan import check_names, defect_input, plan_mission, policies_named
+    from pavetwin.mission.plan import base_point, check_names, defect_input, plan_mission, policies_named
     from pavetwin.mission.results import check_mission_folder
     from pavetwin.world.store import load_world
 
@@ -136,7 +144,8 @@ def fly(
         if former is not None:
             spec = former.planned(loaded, policy=names[0], defect_seed=defect_seed)
         else:
-            environment = prepare(loaded, chosen, defects_of(loaded, defect_input(defect_seed)))
+            defects = defects_of(loaded, defect_input(defect_seed))
+            environment = prepare(loaded, chosen, defects, base=base_point(base, loaded))
             spec = plan_mission(
                 loaded,
                 chosen,
@@ -154,7 +163,11 @@ def fly(
             )
         inputs = load_inputs(spec, world=loaded, environment=environment, on_progress=tell)
     usual = not segment and order == "random" and segments == SEGMENTS
-    own_folder = former.folder_again if former is not None else mission_folder(spec, names, preset, usual_targets=usual)
+    own_folder = (
+        former.folder_again
+        if former is not None
+        else mission_folder(spec, names, preset, usual_targets=usual, usual_base=base is None)
+    )
     folder = output or own_folder
     check_mission_folder(folder)
     check_replaceable(folder, [spec.with_policy(name) for name in names], force=force)

@@ -27,11 +27,13 @@ def show(
     pavetwin world show worlds/berlin
     pavetwin world show worlds/berlin --ids --html -o berlin.png
     """
+    from pavetwin.config.mission import UavSettings
     from pavetwin.draw.world_html import save_world_html
     from pavetwin.draw.world_map import save_world_map
+    from pavetwin.navigation.base import with_roadside_base
     from pavetwin.world.store import load_world
 
-    loaded = load_world(world)
+    loaded = with_roadside_base(load_world(world), UavSettings().radius_m)
     picture = output if output is not None else world / "map.png"
     with progress("Drawing the map") as report:
         left_out = save_world_map(loaded, picture, ids=ids)

@@ -13,6 +13,7 @@ import polars as pl
 import pyarrow.parquet
 
 from pavetwin.config import MissionSettings, load_settings
+from pavetwin.config.mission import UavSettings
 from pavetwin.defects import DefectOptions
 from pavetwin.defects import place as place_defects
 from pavetwin.errors import PaveTwinError
@@ -129,6 +130,7 @@ def _spec(
             content_hash=environment.defects_hash,
         ),
         traffic=replay.source(),
+        base=(world.base.x, world.base.y),
         targets=tuple(world.segments[index].id for index in plan.segments(unit)),
         policy=_policy_input(cell.policy),
         seed=seeds.sensing,
@@ -184,7 +186,8 @@ class _Ground:
         return cls(place, replay, None if factory is None else factory(world, replay, seeds.sensing))
 
     def environment(self, settings: MissionSettings) -> MissionEnvironment:
-        return _environment(self.place, settings.altitude_m, settings.uav.radius_m, settings.visibility.cell_m)
+        uav = UavSettings(radius_m=settings.uav.radius_m, base=settings.uav.base)
+        return _environment(self.place, settings.altitude_m, uav, settings.visibility.cell_m)
 
 
 @dataclass(frozen=True)
@@ -231,17 +234,17 @@ def _defect_options(path: str, defects: str) -> DefectOptions:
 
 
 @lru_cache(maxsize=16)
-def _environment(place: _Place, altitude_m: float, radius_m: float, cell_m: float) -> MissionEnvironment:
-    settings = load_settings(altitude_m=altitude_m, uav={"radius_m": radius_m}, visibility={"cell_m": cell_m})
+def _environment(place: _Place, altitude_m: float, uav: UavSettings, cell_m: float) -> MissionEnvironment:
+    settings = load_settings(altitude_m=altitude_m, uav=uav.model_dump(), visibility={"cell_m": cell_m})
     return prepare(
-        place.world, settings, _defects(place), _surroundings(place.path, place.content_hash, altitude_m, radius_m)
+        place.world, settings, _defects(place), _surroundings(place.path, place.content_hash, altitude_m, uav)
     )
 
 
 @lru_cache(maxsize=16)
-def _surroundings(path: str, content_hash: str, altitude_m: float, radius_m: float) -> Surroundings:
+def _surroundings(path: str, content_hash: str, altitude_m: float, uav: UavSettings) -> Surroundings:
     """The same in all replicates."""
-    return Surroundings.of(world_of_study(path, content_hash), altitude_m, radius_m)
+    return Surroundings.of(world_of_study(path, content_hash), altitude_m, uav)
 
 
 def _replay(plan: Plan, unit: Unit, world: World, entry: WorldEntry) -> Replay:

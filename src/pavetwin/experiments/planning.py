@@ -166,8 +166,8 @@ def _targets(
 
 def _reachable(design: Design, world: World, tell: Callable[[str], None]) -> tuple[int, ...]:
     """Segments that can be reached in every cell; bakes and caches the NavMeshes."""
-    ways: Mapping[tuple[float, float], MissionSettings] = {
-        (settings.altitude_m, settings.uav.radius_m): settings
+    ways: Mapping[tuple[float, float, str], MissionSettings] = {
+        (settings.altitude_m, settings.uav.radius_m, settings.uav.base): settings
         for settings in (cell.settings(design) for cell in cells_of(design))
     }
     stages = []

@@ -8,6 +8,7 @@ from typing import Self
 
 import numpy as np
 import shapely
+from shapely import Point
 
 from pavetwin._core import Battery, Flight, FlightSettings, Ground, Limits, NadirCamera, NavMesh, Trace
 from pavetwin.arrays import Float64Array
@@ -15,6 +16,7 @@ from pavetwin.config import MissionSettings
 from pavetwin.config.altitude import VERTICAL_CLEARANCE_M
 from pavetwin.config.mission import CameraSettings, UavSettings
 from pavetwin.defects import sample_points
+from pavetwin.navigation.base import check_base, roadside
 from pavetwin.navigation.navmesh import navmesh, segments_in_reach
 from pavetwin.uav import energy_curve, find_camera
 from pavetwin.uav.energy import CURVE_STEP_MPS
@@ -28,6 +30,7 @@ class MissionEnvironment:
     """A world at one altitude, ready to be flown over. Shared by every mission with the same altitude and cells."""
 
     world: World
+    """Its base is where missions take off."""
     defects: tuple[Defect, ...]
     altitude_m: float
     ground: Ground
@@ -61,20 +64,28 @@ class MissionEnvironment:
 class Surroundings:
     """What stands still around the flights at one altitude, whatever the defects and the cells."""
 
+    base: Point
+    """Where the UAV takes off."""
     solids: Solids
     mesh: NavMesh
     segments_in_reach: tuple[bool, ...]
 
     @classmethod
-    def of(cls, world: World, altitude_m: float, radius_m: float) -> Self:
-        """Bake or read the NavMesh.
+    def of(cls, world: World, altitude_m: float, uav: UavSettings, base: Point | None = None) -> Self:
+        """Bake or read the NavMesh, and find the base where none is given.
 
         Raises:
-            PaveTwinError: nothing is left to fly in at this altitude.
+            PaveTwinError: nothing is left to fly in at this altitude, or no UAV can take off from the base.
         """
         standing = solids(world)
-        mesh = navmesh(world, altitude_m, radius_m, standing)
-        return cls(standing, mesh, segments_in_reach(world, mesh))
+        if base is not None:
+            check_base(world, base, altitude_m, uav.radius_m, standing)
+        elif uav.base == "roadside":
+            base = roadside(world, uav.radius_m, standing)
+        else:
+            base = world.base
+        mesh = navmesh(world, altitude_m, uav.radius_m, standing)
+        return cls(base, standing, mesh, segments_in_reach(replace(world, base=base), mesh))
 
 
 def prepare(
@@ -82,18 +93,21 @@ def prepare(
     settings: MissionSettings,
     defects: Sequence[Defect] | None = None,
     surroundings: Surroundings | None = None,
+    *,
+    base: Point | None = None,
 ) -> MissionEnvironment:
     """Bake the flight domain, grid the segments' surfaces, and pass both to the kernel with all static objects.
 
     Args:
         defects: the defects to look for, ids 0 … n−1 in order; those of the world when not given.
         surroundings: of this world at this altitude, where they are known.
+        base: where the UAV takes off; as the settings say when not given.
 
     Raises:
-        PaveTwinError: nothing is left to fly in at this altitude.
+        PaveTwinError: nothing is left to fly in at this altitude, or no UAV can take off from the base.
     """
     chosen = tuple(world.defects if defects is None else defects)
-    around = surroundings or Surroundings.of(world, settings.altitude_m, settings.uav.radius_m)
+    around = surroundings or Surroundings.of(world, settings.altitude_m, settings.uav, base)
     standing = around.solids
     index = {segment.id: number for number, segment in enumerate(world.segments)}
     samples = [sample_points(defect) for defect in chosen]
@@ -110,7 +124,8 @@ def prepare(
         defect_points=np.concatenate(samples) if samples else np.empty((0, 2)),
         defect_segments=np.array([index[defect.segment] for defect in chosen], dtype=np.uint32),
     )
-    return MissionEnvironment(world, chosen, settings.altitude_m, ground, around.segments_in_reach)
+    flown = replace(world, base=around.base)
+    return MissionEnvironment(flown, chosen, settings.altitude_m, ground, around.segments_in_reach)
 
 
 def new_flight(

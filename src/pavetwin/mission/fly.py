@@ -244,6 +244,7 @@ def spec_of(
         defects=DefectInput(content_hash=environment.defects_hash),
         traffic=traffic.source() if isinstance(traffic, Replay) else TrafficInput(density=HANDED_IN),
         aircraft=_tracks(traffic),
+        base=(world.base.x, world.base.y),
         targets=tuple(world.segments[index].id for index in targets),
         policy=PolicyInput.of(policy),
         seed=seed,

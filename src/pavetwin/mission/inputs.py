@@ -4,6 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from shapely import Point
+
 from pavetwin.defects import place
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.airspace import Aircraft, load_airspace
@@ -57,6 +59,7 @@ class MissionInputs:
         for what, differs in (
             ("world", environment.world.content_hash != spec.world.content_hash),
             ("defects", spec.defects.content_hash not in ("", environment.defects_hash)),
+            ("base", spec.base not in (None, (environment.world.base.x, environment.world.base.y))),
             ("traffic", replay is not None and replay.source() != spec.traffic),
             ("aircraft", replay is not None and bool(replay.aircraft) != bool(spec.aircraft)),
         ):
@@ -94,7 +97,8 @@ def load_inputs(
     loaded = world or world_of(spec.world)
     check_unchanged(spec, loaded)
     tell(0.0, "Preparing the flight domain")
-    ready = environment or prepare(loaded, spec.settings, defects_of(loaded, spec.defects, spec.targets))
+    base = None if spec.base is None else Point(spec.base)
+    ready = environment or prepare(loaded, spec.settings, defects_of(loaded, spec.defects, spec.targets), base=base)
     if spec.defects.content_hash not in ("", ready.defects_hash):
         raise PaveTwinError(
             f"The mission's inputs are not what they were: seed {spec.defects.seed} places other defects than before."

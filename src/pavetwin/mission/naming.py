@@ -12,17 +12,22 @@ from pavetwin.mission.spec import FileInput, MissionSpec, PolicyInput
 from pavetwin.policies import policy_names
 
 
-def mission_folder(spec: MissionSpec, policies: Sequence[str], preset: str, *, usual_targets: bool) -> Path:
+def mission_folder(
+    spec: MissionSpec, policies: Sequence[str], preset: str, *, usual_targets: bool, usual_base: bool = True
+) -> Path:
     """In the world's folder `missions`, or in `missions/WORLD` here where nothing can be written there: what is asked
     for most, and a short hash of all that is unusual, as in `hover-high-1-10m-default-seed1-3f2a9c`.
 
     Args:
         policies: one, or several that are flown over the same.
         usual_targets: whether the targets follow from the seed alone.
+        usual_base: whether the base follows from the settings.
     """
     unusual: dict[str, object] = {}
     if not usual_targets:
         unusual["targets"] = spec.targets
+    if not usual_base:
+        unusual["base"] = spec.base
     if spec.defects.seed is not None:
         unusual["defect_seed"] = spec.defects.seed
     if spec.aircraft is not None:

@@ -5,6 +5,8 @@ from math import isfinite
 from pathlib import Path
 from typing import Final
 
+from shapely import Point
+
 from pavetwin.config import MissionSettings, load_settings
 from pavetwin.defects import DefectOptions
 from pavetwin.errors import PaveTwinError
@@ -12,6 +14,7 @@ from pavetwin.mission.environment import MissionEnvironment, prepare
 from pavetwin.mission.inputs import defects_of
 from pavetwin.mission.spec import DefectInput, FileInput, MissionSpec, PolicyInput, TrafficInput, WorldInput
 from pavetwin.mission.targets import choose_targets
+from pavetwin.navigation.base import parse_base
 from pavetwin.policies import load_policy, policy_names
 from pavetwin.sensing import load_sensor
 from pavetwin.traffic.demand import Density, density_named
@@ -40,6 +43,7 @@ def plan_mission(
     seed: int = 0,
     defect_seed: int | None = None,
     aircraft: Path | str | None = None,
+    base: tuple[float, float] | str | None = None,
     environment: MissionEnvironment | None = None,
 ) -> MissionSpec:
     """Decide everything about a mission; nothing is flown or recorded yet.
@@ -57,6 +61,8 @@ def plan_mission(
         seed: of traffic, order and sensor.
         defect_seed: place the defects again under this seed.
         aircraft: a CSV file of other aircraft's tracks.
+        base: where the UAV takes off: (x, y) in metres of the world's frame, or a text as `parse_base` reads it; as
+            `settings.uav.base` says when not given.
         environment: the world as `prepare` made it for these settings and defects, where that is done already.
 
     Raises:
@@ -65,7 +71,7 @@ def plan_mission(
     chosen = settings or load_settings()
     check_names(chosen, [policy], seed)
     source = defect_input(defect_seed)
-    ready = environment or prepare(world, chosen, defects_of(world, source))
+    ready = environment or prepare(world, chosen, defects_of(world, source), base=base_point(base, world))
     count = segments if isinstance(segments, int) or segments is None else None
     names = () if isinstance(segments, int) or segments is None else segments
     targets = choose_targets(ready, count=count, names=names, order=order, seed=seed)
@@ -76,6 +82,7 @@ def plan_mission(
             world, density, routes, recording, seed if traffic_seed is None else traffic_seed, take_off_s
         ),
         aircraft=FileInput.of(aircraft) if aircraft is not None else None,
+        base=(ready.world.base.x, ready.world.base.y),
         targets=tuple(world.segments[index].id for index in targets),
         policy=PolicyInput.of(policy),
         seed=seed,
@@ -106,6 +113,11 @@ def check_names(settings: MissionSettings, policies: Iterable[str], seed: int) -
     load_sensor(settings.sensing, seed)
     find_camera(settings.camera.model)
     energy_curve(settings.energy)
+
+
+def base_point(base: tuple[float, float] | str | None, world: World) -> Point | None:
+    """A base as given to `plan_mission`, as a point of the world's frame."""
+    return parse_base(base, world) if isinstance(base, str) else None if base is None else Point(base)
 
 
 def defect_input(seed: int | None) -> DefectInput:

@@ -226,6 +226,8 @@ class MissionSpec(Settings):
     traffic: TrafficInput
     aircraft: FileInput | tuple[AircraftTrack, ...] | None = None
     """Tracks of other aircraft: their file, or the tracks where they were given as values."""
+    base: tuple[float, float] | None = None
+    """Where the UAV takes off, in metres of the world's frame; as `settings.uav.base` says where it is not given."""
     targets: Annotated[tuple[str, ...], Field(min_length=1)]
     """Ids of the segments to inspect, in this order."""
     policy: PolicyInput
