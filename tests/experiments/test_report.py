@@ -154,12 +154,22 @@ def test_names_are_escaped() -> None:
 def test_without_baseline_policies_are_compared_with_the_first() -> None:
     table = table_of({"policy": ("skip", "hover"), "altitude_m": (6.0, 10.0)}, 8)
     study = gather("No baseline", {}, table, {})
-    (comparison,) = study.comparisons
+    comparison, of_altitudes = study.comparisons
     assert (comparison.factor, comparison.reference) == ("policy", "skip")
+    assert (of_altitudes.factor, of_altitudes.reference) == ("altitude_m", 6.0)
     text = page(study)
     assert {"differences", "tradeoffs"} <= sections(text)
     assert "Paired differences to skip" in text
     assert "baseline is not among them" in study.conclusions[0]
+
+
+def test_altitudes_are_compared_with_each_other() -> None:
+    study = gather("Heights", {}, table_of({"altitude_m": (6.0, 10.0, 15.0), "traffic": ("low", "high")}, 8), {})
+    text = " ".join(page(study).split())
+    assert "Altitudes against each other" in text
+    assert "corrected for all 18 comparisons between altitudes in coverage, time and energy together" in text
+    assert "Mean paired difference to 6 m" in text
+    assert "Mean paired difference to 10 m" in text
 
 
 def test_swept_values_are_compared_with_the_preset_s_own_or_the_first() -> None:

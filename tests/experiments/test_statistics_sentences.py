@@ -153,9 +153,7 @@ def test_energy_is_told_by_itself_where_time_is_not() -> None:
 def test_other_factors_are_named() -> None:
     table = study(PAPER, truth=lambda cell: {"coverage": 0.01 * cell["altitude_m"]})
     first = concluded(table, "altitude_m", 6.0)[0]
-    assert re.match(
-        r"In \w+ traffic with \w+, coverage is .* higher with an altitude of 15 m than with an altitude of 6 m", first
-    )
+    assert re.match(r"In \w+ traffic with \w+, coverage is .* higher at 15 m than at 6 m", first)
 
 
 def test_wording() -> None:

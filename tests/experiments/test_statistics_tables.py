@@ -9,7 +9,7 @@ from polars.testing import assert_frame_equal
 from scipy import stats
 
 from pavetwin.experiments.metrics import metric_named
-from pavetwin.experiments.statistics import differences, effects, recommend, summarise
+from pavetwin.experiments.statistics import differences, effects, every_pair, recommend, summarise
 from pavetwin.experiments.statistics.recommend import MissionLimits
 from scenes.studies import PAPER, SMALL, study, without
 
@@ -148,6 +148,18 @@ def test_other_factors_can_be_compared() -> None:
     assert compared["altitude_m"].unique().sort().to_list() == [10.0, 15.0]
     assert row(compared, altitude_m=15.0, policy="skip", metric="coverage")["mean"] == pytest.approx(0.09, abs=0.05)
     assert row(compared, altitude_m=15.0, policy="skip", metric="coverage")["pairs"] == 5
+
+
+def test_pairs_of_levels_are_one_family_stricter_than_each_reference_alone() -> None:
+    table = study(PAPER, 20, lambda cell: {"coverage": 0.02 * (cell["altitude_m"] > 6)})
+    low, middle = every_pair(table, ("altitude_m", "policy"), [6.0, 10.0, 15.0], factor="altitude_m")
+    assert (low.reference, middle.reference) == (6.0, 10.0)
+    assert low.number == middle.number == 3 * 4 * 3, "pairs of altitudes, policies, metrics"
+    assert middle.differences["altitude_m"].unique().to_list() == [15.0]
+    alone = differences(table, ("altitude_m", "policy"), factor="altitude_m", reference=6.0)
+    assert low.differences["mean"].to_list() == alone["mean"].to_list()
+    assert (low.differences["p_corrected"] >= alone["p_corrected"]).all()
+    assert (low.differences["p_corrected"] > alone["p_corrected"]).any()
 
 
 def test_a_reference_that_was_not_flown_gives_no_comparisons() -> None:

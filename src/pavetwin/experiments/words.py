@@ -73,10 +73,15 @@ def setting(cell: Mapping[str, Any], columns: Sequence[str]) -> str:
 
 
 def subject(factor: str, level: object) -> str:
-    """A level as what is compared: `hover`, `an altitude of 10 m`, `tau_o = 0.5`."""
+    """A level as what is compared: `hover`, `10 m`, `tau_o = 0.5`."""
     if factor == "altitude_m":
-        return f"an altitude of {level_name(level)} m"
+        return f"{level_name(level)} m"
     return level_name(level) if factor in _FACTORS else f"{factor} = {level_name(level)}"
+
+
+def among(factor: str, level: object) -> str:
+    """What was flown with a level: `with hover`, `at 10 m`, `with tau_o = 0.5`."""
+    return f"{'at' if factor == 'altitude_m' else 'with'} {subject(factor, level)}"
 
 
 def number(value: float | None, digits: int) -> str:

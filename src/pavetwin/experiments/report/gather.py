@@ -9,7 +9,7 @@ from pavetwin.config import load_settings
 from pavetwin.experiments.design import ALIASES
 from pavetwin.experiments.metrics import FACTORS, REFERENCE, REPLICATE, metrics_in
 from pavetwin.experiments.report.study import Study
-from pavetwin.experiments.statistics import Comparison, conclusions, differences, effects, summarise
+from pavetwin.experiments.statistics import Comparison, conclusions, differences, effects, every_pair, summarise
 from pavetwin.world.model import World
 
 
@@ -31,6 +31,9 @@ def gather(
         Comparison(factor, reference, reason, differences(table, by, factor=factor, reference=reference, seed=seed))
         for factor, (reference, reason) in references(levels, design).items()
     ]
+    after_policies = sum(found.factor == "policy" for found in compared)
+    heights = sorted(levels["altitude_m"])
+    compared[after_policies:after_policies] = every_pair(table, by, heights, factor="altitude_m", seed=seed)
     explained = effects(table, factors)
     sentences = conclusions(summary, compared, explained)
     return Study(title, design, factors, table, summary, compared, explained, sentences, worlds)

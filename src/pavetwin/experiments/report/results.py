@@ -14,13 +14,14 @@ from pavetwin.experiments.report.headline import FEW_MARK
 from pavetwin.experiments.report.parts import Block, Section, Table, TableCell, text_cells
 from pavetwin.experiments.report.plots import forest, intervals, spread, tradeoff
 from pavetwin.experiments.report.study import AXES, METRIC, Group, replicates
-from pavetwin.experiments.statistics.paired import is_significant
+from pavetwin.experiments.statistics.paired import Comparison, is_significant
 from pavetwin.experiments.statistics.simultaneous import ALPHA
 from pavetwin.experiments.statistics.summary import FEW
 from pavetwin.experiments.words import (
     MISSING,
     counted,
     factor_text,
+    factors_text,
     heading,
     level_text,
     listed,
@@ -46,7 +47,7 @@ def group_builders(group: Group, *, brief: bool = False) -> list[Callable[[str],
     Args:
         brief: only the tables of means.
     """
-    against = group.study.comparison("policy")
+    references = listed([level_text("policy", found.reference) for found in group.study.compared("policy")])
     builders: tuple[tuple[str, str, Callable[[Group], Iterator[Block]]], ...] = (
         ("means", "Mean values", _means),
         *(
@@ -56,9 +57,10 @@ def group_builders(group: Group, *, brief: bool = False) -> list[Callable[[str],
         ("intervals", "Intervals by density and altitude", _intervals),
         (
             "differences",
-            f"Paired differences to {level_text('policy', against.reference)}" if against else "",
+            f"Paired differences to {references}",
             partial(_differences, factor="policy"),
         ),
+        ("altitudes", "Altitudes against each other", partial(_differences, factor="altitude_m")),
         ("tradeoffs", "What coverage costs", _tradeoffs),
         ("spread", "Spread and tails", _spread),
     )
@@ -112,23 +114,34 @@ def _side_by_side(factor: str) -> str:
 
 
 def _differences(group: Group, factor: str) -> Iterator[Block]:
-    """Each level of a factor against its reference: the figure, and its numbers in a table."""
-    comparison, rows = group.study.comparison(factor), group.differences(factor)
-    known = set(rows[METRIC]) if rows is not None else set()
-    metrics = [metric for metric in _known(group, COMPARED) if metric.name in known]
-    if comparison is None or rows is None or not metrics:
-        return
-    other = subject(factor, comparison.reference)
-    why = f" ({comparison.reason})" if comparison.reason else ""
-    yield (
-        "Missions of one replicate flew the same segment with the same traffic, defects and seed, so each is compared "
-        f"with {other}{why} mission by mission. An interval that includes 0 leaves open which of the two is better."
-    )
-    if narrow := _narrow(group, metrics):
-        yield narrow
+    """Each level of a factor against its references: the figures, and their numbers in tables."""
+    compared = [found for found in group.study.compared(factor) if group.differences(found).height]
+    for comparison in compared:
+        rows = group.differences(comparison)
+        known = set(rows[METRIC])
+        metrics = [metric for metric in _known(group, COMPARED) if metric.name in known]
+        if metrics:
+            yield from _against(group, comparison, rows, metrics, first=comparison is compared[0])
+
+
+def _against(
+    group: Group, comparison: Comparison, rows: pl.DataFrame, metrics: Sequence[Metric], *, first: bool
+) -> Iterator[Block]:
+    """The differences to one reference; before the first of a section, how they are made."""
+    factor, other = comparison.factor, subject(comparison.factor, comparison.reference)
+    if first:
+        why = f" ({comparison.reason})" if comparison.reason else ""
+        whom = f"{other}{why}" if comparison.number == comparison.differences["p"].count() else "the others"
+        yield (
+            "Missions of one replicate flew the same segment with the same traffic, defects and seed, so each is "
+            f"compared with {whom} mission by mission. An interval that includes 0 leaves open which of the two is "
+            "better."
+        )
+        if narrow := _narrow(group, metrics):
+            yield narrow
+    family = f"{counted(comparison.number, 'comparison')} {_family(group, factor)} in {_COMPARED}"
     together = (
-        f"Intervals and p are corrected for all {counted(comparison.number, 'comparison')} with {other} in {_COMPARED} "
-        f"together: an interval excludes 0 just where p < {ALPHA:g}"
+        f"Intervals and p are corrected for all {family} together: an interval excludes 0 just where p < {ALPHA:g}"
     )
     for traffics in _fitting(group, rows):
         yield vector(
@@ -138,6 +151,12 @@ def _differences(group: Group, factor: str) -> Iterator[Block]:
             f"Forest plot of the differences to {other}, a row for each traffic density, altitude and policy.",
         )
     yield _difference_table(group, rows, other, metrics, together)
+
+
+def _family(group: Group, factor: str) -> str:
+    """`with baseline`, `between altitudes`."""
+    references = [found.reference for found in group.study.compared(factor)]
+    return f"between {factors_text(factor)}" if len(references) > 1 else f"with {subject(factor, references[0])}"
 
 
 def _narrow(group: Group, metrics: Sequence[Metric]) -> str:

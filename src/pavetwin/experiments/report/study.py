@@ -38,7 +38,8 @@ class Study:
     """One row a segment mission; see `pavetwin.experiments.metrics`."""
     summary: pl.DataFrame
     comparisons: Sequence[Comparison]
-    """Paired differences of policies, then of each swept setting; those with nothing to compare are left out."""
+    """Paired differences of policies, then of altitudes, each with every lower one, then of each swept setting; those
+    with nothing to compare are left out."""
     effects: pl.DataFrame
     """Which factor explains how much; empty where nothing varies."""
     conclusions: Sequence[str]
@@ -61,8 +62,9 @@ class Study:
         """Those of the others that are settings: shown together, as further rows of tables and along an axis."""
         return tuple(name for name in self.others if name not in FACTORS)
 
-    def comparison(self, factor: str) -> Comparison | None:
-        return next((found for found in self.comparisons if found.factor == factor), None)
+    def compared(self, factor: str) -> list[Comparison]:
+        """The comparisons of a factor's levels, one a reference."""
+        return [found for found in self.comparisons if found.factor == factor]
 
     @cached_property
     def usual(self) -> Mapping[str, Any]:
@@ -138,11 +140,9 @@ class Group:
         """Its part at the usual level of all that is swept."""
         return self.at({name: self.study.usual[name] for name in self.swept})
 
-    def differences(self, factor: str) -> pl.DataFrame | None:
-        """The comparisons of a factor's levels in this group; None where there are none."""
-        comparison = self.study.comparison(factor)
-        found = self._placed(comparison.differences) if comparison else None
-        return found if found is not None and found.height else None
+    def differences(self, comparison: Comparison) -> pl.DataFrame:
+        """The rows of a comparison in this group."""
+        return self._placed(comparison.differences)
 
     @cached_property
     def result(self) -> pl.DataFrame:

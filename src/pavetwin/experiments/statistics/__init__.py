@@ -1,7 +1,7 @@
 """The statistics of a study: summaries, paired differences, effects, sentences, a recommendation."""
 
 from pavetwin.experiments.statistics.effects import effects
-from pavetwin.experiments.statistics.paired import Comparison, differences
+from pavetwin.experiments.statistics.paired import Comparison, differences, every_pair
 from pavetwin.experiments.statistics.recommend import MissionLimits, Recommendation, recommend
 from pavetwin.experiments.statistics.sentences import conclusions
 from pavetwin.experiments.statistics.summary import summarise
@@ -13,6 +13,7 @@ __all__ = [
     "conclusions",
     "differences",
     "effects",
+    "every_pair",
     "recommend",
     "summarise",
 ]

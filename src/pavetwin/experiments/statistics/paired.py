@@ -27,11 +27,13 @@ class Comparison:
     """Why it is this one that the others are compared with; empty where everyone expects it."""
     differences: pl.DataFrame
     """As the function of this name makes them."""
+    family: int = 0
+    """How many tests were made together where these are only some of them, else 0."""
 
     @property
     def number(self) -> int:
         """How many tests were made together."""
-        return self.differences["p"].count()
+        return self.family or self.differences["p"].count()
 
 
 def is_significant(difference: Mapping[str, Any]) -> bool:
@@ -67,21 +69,53 @@ def differences(
     """
     if factor not in by:
         raise ValueError(f"by: {list(by)} lacks the factor '{factor}' whose levels are compared.")
-    pairing = _Pairing(table, by, factor, reference)
-    made = [pairing.differences(values_of(table, metric.name)) for metric in metrics]
-    tests = np.stack(simultaneous(np.concatenate([units for units, _ in made]), pairing.cells.worlds, seed))
-    size = len(pairing.keys)
-    frames = [
-        _frame(metric, *parts, tests[:, at * size : (at + 1) * size])
-        for at, (metric, parts) in enumerate(zip(metrics, made, strict=True))
+    others = [level for level in table[factor].unique(maintain_order=True) if level != reference]
+    return _together(table, by, metrics, [_Pairing(table, by, factor, reference, others)], seed)[0]
+
+
+def every_pair(
+    table: pl.DataFrame, by: Sequence[str], levels: Sequence[Any], *, factor: str, seed: int = 0
+) -> list[Comparison]:
+    """Each level of `factor` with every one before it in `levels`: all tests are one family.
+
+    Returns:
+        One comparison a reference, with the later levels.
+    """
+    pairings = [_Pairing(table, by, factor, level, levels[at:]) for at, level in enumerate(levels[:-1], start=1)]
+    frames = _together(table, by, _COMPARED, pairings, seed)
+    family = sum(frame["p"].count() for frame in frames)
+    return [
+        Comparison(factor, reference, "", frame, family)
+        for reference, frame in zip(levels[:-1], frames, strict=True)
+        if frame.height
     ]
-    return interleaved(key_columns(table, by, pairing.keys), frames)
+
+
+def _together(
+    table: pl.DataFrame, by: Sequence[str], metrics: Sequence[Metric], pairings: "Sequence[_Pairing]", seed: int
+) -> list[pl.DataFrame]:
+    """The differences of each pairing, all tested together."""
+    if not pairings:
+        return []
+    made = [[pairing.differences(values_of(table, metric.name)) for metric in metrics] for pairing in pairings]
+    units = np.concatenate([units for parts in made for units, _ in parts])
+    tests = np.stack(simultaneous(units, pairings[0].cells.worlds, seed))
+    frames, start = [], 0
+    for pairing, parts in zip(pairings, made, strict=True):
+        of_metrics = []
+        for metric, part in zip(metrics, parts, strict=True):
+            of_metrics.append(_frame(metric, *part, tests[:, start : start + len(pairing.keys)]))
+            start += len(pairing.keys)
+        frames.append(interleaved(key_columns(table, by, pairing.keys), of_metrics))
+    return frames
 
 
 class _Pairing:
     """Which cells of the whole design are compared, and which cell of `by` each comparison belongs to."""
 
-    def __init__(self, table: pl.DataFrame, by: Sequence[str], factor: str, reference: Any) -> None:
+    def __init__(
+        self, table: pl.DataFrame, by: Sequence[str], factor: str, reference: Any, levels: Sequence[Any]
+    ) -> None:
         others = [column for column in varied_columns(table) if column not in by]
         self.table = table
         # `by` comes first, so that its cells keep the order that `summarise` gives them.
@@ -91,7 +125,7 @@ class _Pairing:
         pairs: list[tuple[int, int]] = []
         for key, cell in number.items():
             partner = number.get((*key[:at], reference, *key[at + 1 :]))
-            if partner is not None and key[at] != reference:
+            if partner is not None and key[at] in levels:
                 pairs.append((cell, partner))
         self.level = np.array([cell for cell, _ in pairs], dtype=np.intp)
         self.reference = np.array([cell for _, cell in pairs], dtype=np.intp)

@@ -11,6 +11,7 @@ from pavetwin.experiments.statistics.effects import RESIDUAL, TIMES
 from pavetwin.experiments.statistics.paired import Comparison, holm, is_significant
 from pavetwin.experiments.statistics.summary import FEW
 from pavetwin.experiments.words import (
+    among,
     amount,
     difference,
     factor_name,
@@ -69,7 +70,8 @@ class _Claims:
     """The sentences about the comparisons of one family."""
 
     def __init__(self, comparison: Comparison, most: Mapping[str, int]) -> None:
-        self.factor, self.reference = comparison.factor, subject(comparison.factor, comparison.reference)
+        self.factor, self.level = comparison.factor, comparison.reference
+        self.reference = subject(self.factor, self.level)
         self.reason, self.number, self.most = comparison.reason, comparison.number, most
         differences = comparison.differences
         columns = differences.columns[: differences.columns.index("metric")]
@@ -122,7 +124,7 @@ class _Claims:
         low, high = sorted((abs(largest["low"]), abs(largest["high"])))
         settings = sum(row["metric"] == name and self._level(row) == self._level(largest) for row in self.rows)
         gap = f"{difference(metric, abs(largest['mean']))} {side}"
-        levels = f"with {subject(self.factor, largest[self.factor])} than with {self.reference}"
+        levels = f"{among(self.factor, largest[self.factor])} than {among(self.factor, self.level)}"
         evidence = f"(95 % interval {span(metric, low, high)}, {probability(largest['p_corrected'])})"
         text = f"{setting(largest, self.others)}, {metric.label.lower()} is {gap} {levels} {evidence}"
         if rest:
