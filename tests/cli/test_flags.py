@@ -19,9 +19,9 @@ from pavetwin.cli.flags import FLAGS, with_flags
     [
         ("`altitude_m` 2: too low.", "fly town", "--altitude 2: too low."),
         (
-            "`count` 99: only 8; `count=None` inspects these.",
+            "`count` 99: only 8; `count=None` inspects them all.",
             "fly town",
-            "--segments 99: only 8; --segments all inspects these.",
+            "--segments 99: only 8; --segments all inspects them all.",
         ),
         ("`count` 0: at least one.", "capture show d", "--count 0: at least one."),
         ("with `picture=png`, not with `picture=jpg`", "capture town", "with --png, not with no --png"),

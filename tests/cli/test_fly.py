@@ -356,7 +356,7 @@ def test_a_mission_takes_off_beside_the_road_or_where_it_is_told(world: Path, tm
         (("--altitude", "3000"), "120 m or lower"),
         (("--density", "hihg"), "did you mean 'high'"),
         (("--segments", "0"), "at least one"),
-        (("--segments", "99"), "--segments all inspects these"),
+        (("--segments", "99"), "--segments all inspects them all"),
         (("--segments", "few"), "'all'"),
         (("--segment", "s9999"), "No segment or street 's9999'"),
         (("--segment", "Bogn"), "did you mean 'Bogen'"),

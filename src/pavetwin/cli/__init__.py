@@ -10,8 +10,9 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
-from typer.main import get_group
+from typer.main import get_command, get_group
 
+from pavetwin.cli.arguments import LoadedPlugins
 from pavetwin.cli.console import fail
 from pavetwin.cli.flags import refuse_repeated, with_flags
 from pavetwin.cli.quiet import quiet
@@ -44,7 +45,28 @@ class LateGroup(TyperGroup):
             else:
                 held.command(cmd_name)(command)
             self.commands[cmd_name] = get_group(held).commands[cmd_name]
+            _accept_plugins(self.commands[cmd_name])
         return super().get_command(ctx, cmd_name)
+
+
+def _accept_plugins(command: Any) -> None:
+    """Give a command, or each in a group, `--plugin`; those whose settings name plugins have it already."""
+    for inner in getattr(command, "commands", {}).values():
+        _accept_plugins(inner)
+    if not hasattr(command, "commands") and all(parameter.name != "plugin" for parameter in command.params):
+        command.params.append(_plugin_option())
+
+
+def _plugin_option() -> Any:
+    """The option as typer makes it of a function's parameter. It is acted on as it is read, before the command runs."""
+    held = typer.Typer(add_completion=False)
+
+    @held.command()
+    def _(plugin: LoadedPlugins = None) -> None: ...
+
+    (option,) = get_command(held).params
+    option.expose_value = False
+    return option
 
 
 app = typer.Typer(

@@ -1,7 +1,7 @@
 """Arguments that several commands share."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Final
 
 import typer
 
@@ -21,14 +21,24 @@ OptionalWorldFolder = Annotated[
     Path | None, typer.Argument(help="Folder of the world; may be left out with --again.", callback=_existing)
 ]
 
-Plugins = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--plugin",
-        metavar="FILE.py",
-        help="A file that registers your own policies, defect classes …; may be repeated.",
-    ),
-]
+_PLUGIN: Final[Any] = {
+    "metavar": "FILE.py",
+    "help": "A file that registers your own policies, sensors, defect classes …; may be repeated.",
+}
+
+Plugins = Annotated[list[Path] | None, typer.Option("--plugin", **_PLUGIN)]
+"""Of commands whose settings name plugins."""
+
+
+def _load(context: typer.Context, plugins: list[Path] | None) -> None:
+    if plugins and not context.resilient_parsing:
+        from pavetwin.plugins import load_plugins
+
+        load_plugins(plugins)
+
+
+LoadedPlugins = Annotated[list[Path] | None, typer.Option("--plugin", callback=_load, **_PLUGIN)]
+"""Of all other commands, see `pavetwin.cli`."""
 
 
 def paths_of(plugins: list[Path] | None) -> tuple[str, ...]:

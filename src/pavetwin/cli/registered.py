@@ -6,7 +6,6 @@ from typing import Annotated, Any
 
 import typer
 
-from pavetwin.cli.arguments import Plugins, paths_of
 from pavetwin.cli.console import out
 from pavetwin.errors import naming
 
@@ -15,15 +14,9 @@ def _group(kind: str, plural: str, package: str, example: str, load: Callable[[A
     """The commands of one registry: `load` makes an instance from the package's module and a name."""
     group = typer.Typer(help=f"List {plural}, and check your own.", no_args_is_help=True)
 
-    def module_with(plugins: Plugins) -> Any:
-        from pavetwin.plugins import load_plugins
-
-        load_plugins(paths_of(plugins))
-        return import_module(package)
-
     @group.command("list", help=_help(f"Name the {plural} and what each does.", f"{kind} list --plugin my_things.py"))
-    def list_registered(plugin: Plugins = None) -> None:
-        registry = getattr(module_with(plugin), plural.upper())
+    def list_registered() -> None:
+        registry = getattr(import_module(package), plural.upper())
         for name, value in zip(registry.names(), registry.values(), strict=True):
             words = (value.__doc__ or "").split("\n\n")[0]
             out.print(f"[bold]{name}[/]: {' '.join(words.split())}")
@@ -31,9 +24,8 @@ def _group(kind: str, plural: str, package: str, example: str, load: Callable[[A
     @group.command(help=_help(f"Try a {kind} in many situations: does it keep the rules?", f"{kind} check {example}"))
     def check(
         name: Annotated[str, typer.Argument(metavar="FILE.py:ClassName", help=f"Your own {kind}, or a known one.")],
-        plugin: Plugins = None,
     ) -> None:
-        module = module_with(plugin)
+        module = import_module(package)
         with naming({getattr(module, plural.upper()).key: f"{kind} check"}):
             out.print(f"{load(module, name).name}: keeps the rules.")
 

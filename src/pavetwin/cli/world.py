@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pavetwin.cli import world_export, world_maps
-from pavetwin.cli.arguments import Plugins, WorldFolder, paths_of
+from pavetwin.cli.arguments import WorldFolder
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -38,7 +38,6 @@ def build(
         str | None, typer.Option(metavar="LAT,LON", help="Place of the origin of a SUMO network without a projection.")
     ] = None,
     left_hand: Annotated[bool, typer.Option("--left-hand", help="Traffic keeps left (OSM maps only).")] = False,
-    plugin: Plugins = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing world.")] = False,
 ) -> None:
     """Build a world from a map, a SUMO network, or generated streets.
@@ -49,7 +48,6 @@ def build(
     pavetwin world build --generate town --seed 7 -o worlds/town
     """
     from pavetwin.defects import DefectOptions, add_defects
-    from pavetwin.plugins import load_plugins
     from pavetwin.world.build import BuildOptions, build_world
     from pavetwin.world.folder import check_target
     from pavetwin.world.generate import network_kind
@@ -67,7 +65,6 @@ def build(
     if anchor is not None:
         values["anchor"] = parse_anchor(anchor)
     options = BuildOptions.parse(values, where="world build")
-    load_plugins(paths_of(plugin))
     asked = {"per_segment": defects_per_segment, "per_100_m2": defects_per_100_m2}
     density = {name: value for name, value in asked.items() if value is not None}
     defects = DefectOptions.parse(density, where="world build")

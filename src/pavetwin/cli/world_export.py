@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pavetwin.cli.arguments import Plugins, WorldFolder, paths_of
+from pavetwin.cli.arguments import WorldFolder
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -37,7 +37,6 @@ def export(
         float | None, typer.Option(help="That moment, in seconds from the recording's beginning; 0 unless given.")
     ] = None,
     seed: Annotated[int, typer.Option(help="Random seed of the appearance: colours, wear, leaves.")] = 0,
-    plugin: Plugins = None,
 ) -> None:
     """Write the scene as one binary glTF file: ground, defects, buildings, furniture, and traffic at a moment.
 
@@ -46,14 +45,12 @@ def export(
     pavetwin world export worlds/berlin street.glb --segment s0003 --texel 0.01
     pavetwin world export worlds/berlin rush.glb --traffic worlds/berlin/traffic/high-0.parquet --at 60
     """
-    from pavetwin.plugins import load_plugins
     from pavetwin.scene.export import estimate, export_scene, tiles_of, usual_texel_m
     from pavetwin.scene.scene import Scene
     from pavetwin.world.store import load_world
 
     if bounds is not None and segment is not None:
         raise PaveTwinError("Give either --bounds or --segment, not both.")
-    load_plugins(paths_of(plugin))
     loaded = load_world(world)
     part = _segment_bounds(loaded, segment) if segment is not None else _parsed(bounds)
     moment = _moment(loaded, traffic, at)

@@ -1,0 +1,79 @@
+"""`--plugin`: the same flag for every command, and a defect class of one's own on the command line."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import pytest
+from typer.main import get_group
+
+from pavetwin import plugins
+from pavetwin.cli import COMMANDS, app
+from pavetwin.defects import DEFECT_CLASSES, DefectOptions, add_defects
+from pavetwin.world.store import save_world
+from scenes import built
+from scenes.command_line import pavetwin, plain_refusal
+
+RUTTING = Path(__file__).resolve().parents[2] / "examples" / "rutting.py"
+
+
+def leaves(command: Any, path: str) -> Iterator[tuple[str, Any]]:
+    inner = getattr(command, "commands", None)
+    if inner is None:
+        yield path, command
+    else:
+        for name, each in inner.items():
+            yield from leaves(each, f"{path} {name}")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_takes_plugins(name: str) -> None:
+    for path, command in leaves(get_group(app).get_command(None, name), name):
+        flags = [flag for parameter in command.params for flag in parameter.opts]
+        assert flags.count("--plugin") == 1, path
+
+
+@pytest.fixture
+def forgotten(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """As in a process that was given no plugin, before and after the test."""
+    monkeypatch.setattr(plugins, "_loaded", {})
+    yield
+    DEFECT_CLASSES.restore("rutting", None)
+
+
+@pytest.mark.usefixtures("forgotten")
+def test_a_class_of_ones_own_from_the_command_line(tmp_path: Path) -> None:
+    plugins.load_plugins([RUTTING])
+    options = DefectOptions(per_segment=3, mix={"rutting": 1.0})
+    save_world(add_defects(built("cross"), options), tmp_path / "rutted")
+    DEFECT_CLASSES.restore("rutting", None)
+    plugins._loaded.clear()
+    assert "rutting" in pavetwin("world", "info", tmp_path / "rutted").stdout, "looking at it needs no plugin"
+    segment = built("cross").world.segments[0].id
+    export = ("world", "export", tmp_path / "rutted", tmp_path / "r.glb", "--segment", segment)
+    assert "needs its file in --plugin" in plain_refusal(pavetwin(*export))
+    assert "there is no file" in plain_refusal(pavetwin("world", "info", tmp_path / "rutted", "--plugin", "nosuch.py"))
+    fly = ("fly", tmp_path / "rutted", "--density", "low", "--segments", "1", "--plugin", RUTTING, "-o", tmp_path / "m")
+    done = pavetwin(*fly)
+    assert done.returncode == 0, done.stderr
+    assert pl.read_csv(tmp_path / "m" / "defects.csv")["class"].unique().to_list() == ["rutting"]
+    assert "rutting" in DEFECT_CLASSES.names()
+
+
+@pytest.mark.usefixtures("forgotten")
+def test_what_a_plugin_registers_is_listed(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "from pavetwin.sensing import Sensor, sensor\n"
+        "@sensor('blind_one')\n"
+        "class Blind(Sensor):\n"
+        '    """Finds nothing."""\n'
+        "    def detect(self, frame):\n"
+        "        return []\n"
+    )
+    from pavetwin.sensing import SENSORS
+
+    done = pavetwin("sensor", "list", "--plugin", file)
+    SENSORS.restore("blind_one", None)
+    assert "blind_one: Finds nothing." in done.stdout
