@@ -11,6 +11,7 @@ from typer.main import get_group
 from pavetwin import plugins
 from pavetwin.cli import COMMANDS, app
 from pavetwin.defects import DEFECT_CLASSES, DefectOptions, add_defects
+from pavetwin.experiments.design import read_design
 from pavetwin.world.store import save_world
 from scenes import built
 from scenes.command_line import pavetwin, plain_refusal
@@ -59,6 +60,12 @@ def test_a_class_of_ones_own_from_the_command_line(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert pl.read_csv(tmp_path / "m" / "defects.csv")["class"].unique().to_list() == ["rutting"]
     assert "rutting" in DEFECT_CLASSES.names()
+
+
+def test_a_design_names_the_plugins_that_it_was_written_with(tmp_path: Path) -> None:
+    done = pavetwin("experiment", "init", tmp_path / "d.yaml", "--plugin", RUTTING)
+    assert done.returncode == 0, done.stderr
+    assert read_design(tmp_path / "d.yaml").plugins == (str(RUTTING),)
 
 
 @pytest.mark.usefixtures("forgotten")

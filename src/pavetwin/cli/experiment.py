@@ -42,6 +42,7 @@ def init(
         str, typer.Option(help="default: a first look, flown as `fly` does; paper: the published study.")
     ] = "default",
     force: Annotated[bool, typer.Option("--force", help="Replace the file.")] = False,
+    plugin: Plugins = None,
 ) -> None:
     """Write a commented design to start from.
 
@@ -52,7 +53,7 @@ def init(
     from pavetwin.experiments.design import preset_text
     from pavetwin.files import writing
 
-    text, place = preset_text(preset, world), target.absolute().parent / world
+    text, place = preset_text(preset, world, paths_of(plugin)), target.absolute().parent / world
     if target.exists() and not force:
         raise PaveTwinError(f"'{target}' exists already; choose another name or add --force to replace it.")
     with writing(target) as path:

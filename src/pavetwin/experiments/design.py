@@ -1,5 +1,6 @@
 """What a study varies, holds fixed and repeats: a YAML file, typed, unknown keys refused."""
 
+import json
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -278,8 +279,8 @@ def preset_names() -> list[str]:
     return sorted(_PRESETS)
 
 
-def preset_text(name: str, world: str) -> str:
-    """The commented text of a design that ships with the package, over a world.
+def preset_text(name: str, world: str, plugins: Sequence[str] = ()) -> str:
+    """The commented text of a design that ships with the package, over a world, with a user's plugin files.
 
     Raises:
         PaveTwinError: there is no such design.
@@ -289,7 +290,9 @@ def preset_text(name: str, world: str) -> str:
         raise PaveTwinError(f"No design '{name}'{near}.")
     template = (files("pavetwin.experiments") / "design_template.yaml").read_text(encoding="utf-8")
     entry = yaml.safe_dump(world, width=1000).removesuffix("\n...\n").strip()
-    return Template(template).substitute(_PRESETS[name], world=entry)
+    return Template(template).substitute(
+        _PRESETS[name], world=entry, plugins=json.dumps([*plugins], ensure_ascii=False)
+    )
 
 
 def _instead(key: str) -> str:
