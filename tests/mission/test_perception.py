@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from shapely import Point
 
+from pavetwin.config import Conditions
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission import MissionInputs
 from pavetwin.mission.fly import MissionResult, fly, fly_over
@@ -25,9 +26,9 @@ def registered() -> Iterator[None]:
         SENSORS.restore(name, None)
 
 
-def fly_with(scene: Scene, kind: type[Sensor], **how: object) -> MissionResult:
+def fly_with(scene: Scene, kind: type[Sensor], *overrides: str, **how: object) -> MissionResult:
     sensor("trial")(kind)
-    settings = scene.settings("sensing.sensor=trial")
+    settings = scene.settings("sensing.sensor=trial", *overrides)
     return fly_over(scene.environment(settings), scene.traffic(), settings, [0], "baseline", **how)
 
 
@@ -59,7 +60,8 @@ def test_a_frame_carries_pose_camera_light_and_motion() -> None:
             return []
 
     scene = Scene(straight((30, 0)), altitude_m=10.0)
-    result = fly_with(scene, Watching)
+    dusk = ("conditions.date=2026-11-02", "conditions.time=16:30", "conditions.clouds=0.7", "conditions.wind_mps=2")
+    result = fly_with(scene, Watching, *dusk)
     captures = result.captures
     assert [frame.time_s for frame in frames] == captures["t_s"].tolist()
     assert np.array([frame.position for frame in frames]) == pytest.approx(
@@ -70,7 +72,7 @@ def test_a_frame_carries_pose_camera_light_and_motion() -> None:
     assert np.hypot(*fastest.velocity_mps) == pytest.approx(5.0)
     assert np.arctan2(*fastest.velocity_mps[::-1]) == pytest.approx(fastest.yaw_rad)
     assert frames[0].camera.image_px == (1270, 950)
-    assert frames[0].conditions == scene.settings().conditions
+    assert frames[0].conditions == scene.settings(*dusk).conditions != Conditions()
     seen = [frame for frame in frames if frame.sightings]
     assert seen
     assert all(frame.footprint.contains(frame.sightings[0].defect.centre) for frame in seen)
@@ -119,6 +121,28 @@ def test_a_detection_of_a_defect_outside_the_window_is_neither_right_nor_wrong()
     assert outcomes.count(Outcome.CONFIRMED) == 1
     assert Outcome.FALSE_ALARM not in outcomes
     assert result.rows[0].precision == 1.0
+
+
+@pytest.mark.usefixtures("registered")
+def test_a_second_detection_of_a_defect_is_a_duplicate_only_once_the_defect_is_confirmed() -> None:
+    """Defect 0 is reported twice in every capture that shows it, the more certain detection last."""
+
+    class Twice(Sensor):
+        every_capture = True
+
+        def detect(self, frame: Frame) -> Sequence[Detection]:
+            place = Point(30, 0).buffer(0.2, cap_style="square")
+            if not frame.footprint.contains(place):
+                return []
+            return [Detection("pothole", confidence, footprint=place) for confidence in (0.5, 0.9)]
+
+    result = fly_with(Scene(straight((30, 0)), altitude_m=15.0), Twice)
+    outcomes = [each.outcome for each in result.detections]
+    found = outcomes.index(Outcome.CONFIRMED)
+    assert found > 2
+    assert set(outcomes[: found - 1]) == {Outcome.IGNORED}
+    assert set(outcomes[found - 1 : found] + outcomes[found + 1 :]) == {Outcome.DUPLICATE}
+    assert result.rows[0].duplicates == len(outcomes) - found
 
 
 @pytest.mark.usefixtures("registered")

@@ -61,7 +61,7 @@ class DetectionLog:
         for detection, (index, is_first) in zip(detections, match(frame, detections, candidates), strict=True):
             defect = None if index is None else candidates[index].id
             sighting = None if defect is None else sightings.get(defect)
-            outcome = self._outcome(detection, defect, sighting, is_known=defect in known or not is_first)
+            outcome = self._outcome(detection, defect, sighting, is_known=defect in known, is_first=is_first)
             if outcome is Outcome.CONFIRMED and defect is not None:
                 known.add(defect)
             judged.append(
@@ -86,7 +86,7 @@ class DetectionLog:
         return judged
 
     def _outcome(
-        self, detection: Detection, defect: int | None, sighting: Sighting | None, *, is_known: bool
+        self, detection: Detection, defect: int | None, sighting: Sighting | None, *, is_known: bool, is_first: bool
     ) -> Outcome:
         if detection.kind not in self._classes:
             return Outcome.IGNORED
@@ -94,7 +94,9 @@ class DetectionLog:
             return Outcome.FALSE_ALARM
         if is_known:
             return Outcome.DUPLICATE
-        return Outcome.IGNORED if sighting is None else Outcome.CONFIRMED
+        if sighting is None:
+            return Outcome.IGNORED
+        return Outcome.CONFIRMED if is_first else Outcome.DUPLICATE  # the first of the frame may come later in the list
 
     @cached_property
     def _classes(self) -> frozenset[str]:
