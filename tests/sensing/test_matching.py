@@ -1,5 +1,6 @@
 """Which defect a detection means: hand-made boxes with known answers, and the laws of the measures."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import Polygon
 
+from pavetwin.defects import DEFECT_CLASSES, defect_class
+from pavetwin.defects.pothole import pothole as pothole_shape
+from pavetwin.defects.pothole import sample_pothole_poses
+from pavetwin.defects.severity import pothole_severity
 from pavetwin.sensing import Detection, Frame, match
 from pavetwin.sensing.conformance import trial_defect, trial_frames
 from pavetwin.sensing.matching import iou, shared_extent
@@ -69,6 +74,38 @@ def test_a_thin_crack_is_matched_by_its_extent_on_the_ground() -> None:
     assert match(FRAME, [away], [CRACK]) == [(None, False)]
     behind = Detection("single_crack", 0.9, footprint=box(0.6, -1.0, 1.6, -0.97))
     assert match(FRAME, [behind], [CRACK]) == [(None, False)]  # shares 0.4 m of 1 m
+
+
+@pytest.fixture
+def own_classes() -> Iterator[None]:
+    for name, is_thin in (("hairline", True), ("stripe", False)):
+        defect_class(
+            name,
+            sample_poses=sample_pothole_poses,
+            rate=pothole_severity,
+            width=lambda _: 0.0,
+            weight=1.0,
+            is_thin=is_thin,
+        )(pothole_shape)
+    yield
+    for name in ("hairline", "stripe"):
+        DEFECT_CLASSES.restore(name, None)
+
+
+@pytest.mark.usefixtures("own_classes")
+@pytest.mark.parametrize(
+    ("kind", "found"), [("hairline", (0, True)), ("stripe", (None, False)), ("odd", (None, False))]
+)
+def test_a_class_of_ones_own_is_thin_where_it_says_so(kind: str, found: tuple[int | None, bool]) -> None:
+    """The last is of a world whose classes were not registered here."""
+    beside = Detection(kind, 0.9, footprint=box(-1, -0.93, 1, -0.9))
+    assert match(FRAME, [beside], [replace(CRACK, kind=kind)]) == [found]
+
+
+@pytest.mark.usefixtures("own_classes")
+def test_sensors_are_tried_on_every_registered_class() -> None:
+    shown = {sighting.defect.kind for each in trial_frames() for sighting in each.sightings}
+    assert shown == set(DEFECT_CLASSES.names()) > {"hairline", "single_crack"}
 
 
 def test_a_box_in_the_image_means_the_ground_under_it() -> None:

@@ -42,6 +42,8 @@ class DefectKind:
     weight: float
     """Among all defects, unless a mix says otherwise."""
     label: LabelRule
+    is_thin: bool
+    """Whether its outlines are so thin that boxes around them hardly overlap, see `pavetwin.sensing.match`."""
 
 
 def _check(name: str, kind: DefectKind) -> None:
@@ -64,6 +66,7 @@ def defect_class(
     width: Callable[[Measures], float],
     weight: float,
     label: LabelRule | None = None,
+    is_thin: bool = False,
 ) -> Callable[[Generate], Generate]:
     """Register what is decorated, which makes the shapes of a class, under the name of the class.
 
@@ -74,13 +77,15 @@ def defect_class(
         width: which of its measures is its width.
         weight: its share among all defects, relative to the weights of the other classes.
         label: from which size in a picture it is labelled.
+        is_thin: its outlines are so thin that boxes around them hardly overlap; detections match by other rules.
 
     Raises:
         ValueError: the name is taken or cannot name a class, or the weight is negative.
     """
 
     def register(generate: Generate) -> Generate:
-        DEFECT_CLASSES.add(name, DefectKind(name, generate, sample_poses, rate, width, weight, label or LabelRule()))
+        kind = DefectKind(name, generate, sample_poses, rate, width, weight, label or LabelRule(), is_thin)
+        DEFECT_CLASSES.add(name, kind)
         return generate
 
     return register

@@ -98,6 +98,7 @@ def sample_single_crack_poses(rng: np.random.Generator, road: poses.RoadSection,
     weight=0.5,
     # A line covers few pixels, and is visible at a lower contrast than a patch.
     label=LabelRule(least_side_px=16, least_short_side_px=2, least_area_px=8, least_contrast=10.0),
+    is_thin=True,
 )
 def single_crack(rng: np.random.Generator, parameters: SingleCrackParameters | None = None) -> Heightfield:
     """A crack with the middle of its chord at the origin, its chord on x."""

@@ -27,8 +27,6 @@ SEEDS = (0, 1, 7)
 FRESH = 5
 """Every such frame is also shown to a sensor of its own: making one may take long, where it loads a detector."""
 
-_CLASSES = ("single_crack", "crocodile_crack", "pothole")
-
 
 def check_sensor(factory: Callable[[SensingSettings, int], Sensor]) -> list[str]:
     """The rules that a sensor breaks, each as a sentence; none for one that keeps them.
@@ -81,12 +79,13 @@ def trial_frames(count: int = 24) -> list[Frame]:
 
 
 def trial_defect(number: int, east_m: float = 0.0) -> Defect:
-    """One of 40 small defects around a place, every class in turn."""
+    """One of 40 small defects around a place, every registered class in turn."""
+    classes = DEFECT_CLASSES.names()
     centre = Point(east_m + 0.5 * (number % 8) - 2.0, 0.6 * (number // 8) - 1.5)
     return Defect(
         id=number,
         segment="s0001",
-        kind=_CLASSES[number % len(_CLASSES)],
+        kind=classes[number % len(classes)],
         centre=centre,
         polygon=centre.buffer(0.2, quad_segs=2),
         seed=number,

@@ -1,8 +1,9 @@
 """Which defect a detection means. One set of rules for every sensor (docs/explanation/definitions.md, "Matching").
 
 A detection matches a defect of its own class when the intersection over union (IoU) of their image boxes is at least
-0.5. Boxes of thin cracks overlap badly when one is shifted by a few pixels: for them 0.3 is enough, or that the two
-share at least half of the shorter one's extent along the crack, at most `ASIDE_M` apart. In the order of falling
+0.5. Boxes of thin defects (classes registered with `is_thin`) overlap badly when one is shifted by a few pixels: for
+them 0.3 is enough, or that the two share at least half of the shorter one's extent along the defect, at most `ASIDE_M`
+apart. In the order of falling
 confidence each detection takes the defect with the greatest IoU that no other has taken.
 """
 
@@ -13,6 +14,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
+from pavetwin.defects.registry import DEFECT_CLASSES
 from pavetwin.sensing.detection import Detection
 from pavetwin.sensing.frame import Box, Frame
 from pavetwin.world.model import Defect
@@ -24,9 +26,6 @@ LEAST_EXTENT_THIN: Final = 0.5
 
 ASIDE_M: Final = 0.1
 """A detection further from a crack than this means another one."""
-
-THIN: Final = frozenset({"single_crack"})
-"""Classes whose outlines are so thin that boxes hardly overlap."""
 
 
 def match(frame: Frame, detections: Sequence[Detection], defects: Sequence[Defect]) -> list[tuple[int | None, bool]]:
@@ -56,16 +55,21 @@ def match(frame: Frame, detections: Sequence[Detection], defects: Sequence[Defec
 def _scores(frame: Frame, detection: Detection, defects: Sequence[Defect]) -> dict[int, float]:
     """IoU of every defect that the detection may mean, by its index."""
     scores: dict[int, float] = {}
+    is_thin = _is_thin(detection.kind)
     for index, defect in enumerate(defects):
         if defect.kind != detection.kind:
             continue
         score = iou(detection.box(frame), frame.box_of(defect.polygon))
-        is_thin = defect.kind in THIN
         if score >= (LEAST_IOU_THIN if is_thin else LEAST_IOU) or (
             is_thin and shared_extent(detection.ground(frame), defect.polygon) >= LEAST_EXTENT_THIN
         ):
             scores[index] = score
     return scores
+
+
+def _is_thin(kind: str) -> bool:
+    """By its registration; a class of the world alone, whose file was not given, is not."""
+    return kind in DEFECT_CLASSES.names() and DEFECT_CLASSES.get(kind).is_thin
 
 
 def _best(scores: dict[int, float]) -> int | None:
