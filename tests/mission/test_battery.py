@@ -10,7 +10,8 @@ from shapely import Polygon, box
 from pavetwin._core import BatteryLow
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.fly import MissionResult
-from pavetwin.mission.mission import MODES, Mission
+from pavetwin.mission.mission import Mission
+from pavetwin.mission.track import MODES
 from pavetwin.twin import Mode
 from pavetwin.world.model import Junction
 from scenes.tiny import SCENES, Scene, parked, straight, street, world

@@ -11,7 +11,8 @@ from pavetwin._core import Captured, Occluded, Trace
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.fly import MissionResult, fly_over
-from pavetwin.mission.mission import MODES, Mission
+from pavetwin.mission.mission import Mission
+from pavetwin.mission.track import MODES
 from pavetwin.policies import Displace, Revisit, load_policy, policy_names
 from pavetwin.sensing import Detection
 from pavetwin.twin import Mode, Note, Snapshot

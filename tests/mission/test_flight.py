@@ -8,7 +8,7 @@ import pytest
 
 from pavetwin._core import Arrived, Captured, Flight, Occluded, Paused
 from pavetwin.mission.environment import new_flight
-from pavetwin.mission.mission import MODES
+from pavetwin.mission.track import MODES
 from pavetwin.twin import Mode
 from scenes.tiny import CAR, TRUCK, Scene, Size, lively_street, parked, passing, straight
 

@@ -1,12 +1,15 @@
 """The kernel's values: checked when they are made, equal by value, shown as they are written."""
 
+import runpy
 from typing import Any
 
 import numpy as np
 import pytest
 
+from pavetwin import _core
 from pavetwin._core import MODES, Battery, FlightSettings, Limits, NadirCamera, Viewpoint
 from pavetwin.errors import PaveTwinError
+from pavetwin.mission import track
 from pavetwin.mission.environment import flight_settings, window_m
 from pavetwin.twin import Mode
 from pavetwin.uav import find_camera
@@ -118,6 +121,16 @@ def test_a_wrong_number_is_refused_by_its_name(
 def test_the_kernel_and_the_twin_have_the_same_modes() -> None:
     assert {Mode(name) for name in MODES} == set(Mode)
     assert len(MODES) == len(Mode)
+
+
+def test_the_numbers_of_modes_are_the_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also of a kernel that has them in another order than `Mode`."""
+    monkeypatch.setattr(_core, "MODES", MODES[::-1])
+    numbers = runpy.run_path(track.__file__)
+    assert [str(mode) for mode in numbers["MODES"]] == list(MODES[::-1])
+    assert {str(mode): number for mode, number in numbers["MODE_NUMBER"].items()} == {
+        name: number for number, name in enumerate(MODES[::-1])
+    }
 
 
 def test_settings_reach_the_kernel_in_its_units() -> None:

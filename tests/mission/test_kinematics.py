@@ -11,8 +11,8 @@ import shapely
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.mission.environment import prepare
 from pavetwin.mission.fly import MissionResult, fly_over
-from pavetwin.mission.mission import MODES
 from pavetwin.mission.targets import choose_targets
+from pavetwin.mission.track import MODES
 from pavetwin.navigation.domain import flight_domain
 from pavetwin.navigation.navmesh import navmesh, polygons
 from pavetwin.twin import Mode

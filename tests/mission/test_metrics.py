@@ -11,7 +11,7 @@ from shapely import Polygon
 
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
-from pavetwin.mission.mission import MODES
+from pavetwin.mission.track import MODES
 from pavetwin.policies import policy_names
 from pavetwin.twin import Confirmation, InspectionMemory, Mode, Note, SegmentStatus
 from scenes.tiny import SCENES, Scene, bent, parked, result, straight

@@ -7,7 +7,7 @@ import pytest
 
 from pavetwin.config.mission import EnergySettings
 from pavetwin.errors import PaveTwinError
-from pavetwin.mission.mission import MODES
+from pavetwin.mission.track import MODES
 from pavetwin.twin import Mode
 from pavetwin.uav import energy_curve, energy_model
 from pavetwin.uav.energy import CURVE_STEP_MPS

@@ -8,7 +8,6 @@ from typing import Protocol
 import numpy as np
 from shapely import LineString, Point
 
-from pavetwin._core import MODES as MODE_NAMES
 from pavetwin._core import Arrived, BatteryLow, Captured, Flight, Occluded, Paused, RecordingEnds, Trace
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
@@ -29,6 +28,7 @@ from pavetwin.mission.events import (
 )
 from pavetwin.mission.metrics import SegmentMeter, SegmentMetrics
 from pavetwin.mission.moment import KernelMoment
+from pavetwin.mission.track import MODES
 from pavetwin.navigation.patterns import Pass, from_nearest_end, passes
 from pavetwin.policies import Action, Displace, GoOn, Revisit, Wait
 from pavetwin.sensing import Detection, Frame, ImageSource, JudgedDetection, Outcome, Sighting
@@ -36,7 +36,6 @@ from pavetwin.twin import (
     Confirmation,
     Episode,
     InspectionMemory,
-    Mode,
     Note,
     Occlusion,
     Place,
@@ -48,9 +47,6 @@ from pavetwin.uav import find_camera
 
 Event = Captured | Occluded | BatteryLow
 """What a mission stops for and shows to those who fly it."""
-
-MODES = tuple(Mode(name) for name in MODE_NAMES)
-"""By the numbers that the kernel's track holds."""
 
 LEAST_PROGRESS_M = 1.0
 """A full battery that does not bring a mission this much further never will."""

@@ -12,12 +12,12 @@ import pyarrow.parquet
 import shapely
 import yaml
 
-from pavetwin._core import MODES
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing, writing_folder
 from pavetwin.mission.defect_files import write_captures, write_defects
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.mission import Mission
+from pavetwin.mission.track import MODES
 
 TOTALS = "totals"
 """Key of a `mission.yaml` beside those of the spec."""
@@ -28,7 +28,7 @@ _SUMMED = (
 )
 """Totals that are sums over the segments."""
 
-_MODE_NAMES = pl.Enum(MODES)
+_MODE_NAMES = [mode.value for mode in MODES]
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +118,7 @@ def track_table(result: MissionResult) -> pl.DataFrame:
             **{"t_s": track["t_s"], "x_m": track["x_m"], "y_m": track["y_m"]},
             **{"longitude": lonlat[:, 0], "latitude": lonlat[:, 1], "altitude_m": track["altitude_m"]},
             **{"yaw_rad": track["yaw_rad"], "speed_mps": track["speed_mps"], "battery": track["battery"]},
-            "mode": pl.Series([MODES[number] for number in track["mode"]], dtype=_MODE_NAMES),
+            "mode": pl.Series([_MODE_NAMES[number] for number in track["mode"]], dtype=pl.Enum(_MODE_NAMES)),
             "segment": pl.Series(names[track["segment"]].tolist(), dtype=pl.String),
             "visibility": pl.Series(track["visibility"], nan_to_null=True),
         }

@@ -35,9 +35,9 @@ from pavetwin.mission.events import (
     SegmentFinished,
 )
 from pavetwin.mission.fly import MissionResult
-from pavetwin.mission.mission import MODES, Mission, Traffic
+from pavetwin.mission.mission import Mission, Traffic
 from pavetwin.mission.moment import agents_of
-from pavetwin.mission.track import MODE_NUMBER, activity, inspecting
+from pavetwin.mission.track import MODE_NUMBER, MODES, activity, inspecting
 from pavetwin.policies import Revisit
 from pavetwin.sensing import JudgedDetection
 from pavetwin.twin import Agent, Confirmation, Mode, Note, Place, UavState

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pavetwin._core import MODES as MODE_NAMES
 from pavetwin.arrays import BoolArray, UInt8Array
 from pavetwin.twin import Mode, Place
 
@@ -21,7 +22,10 @@ SAME_PLACE_M = 1.5
 STILL_MPS = 0.2
 """Below this speed the UAV stands over a place."""
 
-MODE_NUMBER = {mode: number for number, mode in enumerate(Mode)}
+MODES = tuple(Mode(name) for name in MODE_NAMES)
+"""By the numbers that the kernel's track holds."""
+
+MODE_NUMBER = {mode: number for number, mode in enumerate(MODES)}
 """Of a mode in the track."""
 
 
