@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 import shutil
 import sys
 import tempfile
@@ -18,6 +19,7 @@ from pavetwin.cli.console import fail, out, progress
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.mission.replay import FIRST_DURATION_S
+from pavetwin.world.folder import CACHE_VARIABLE
 from pavetwin.world.store import load_world
 
 
@@ -38,6 +40,7 @@ QUICK = Size(segments=3, runs=3, recorded_s=600.0, crowd_s=60.0)
 def measure(world_folder: Path | None, size: Size, folder: Path, begin: Callable[[str], None]) -> Iterator[Line]:
     """All lines, one after the other; `begin` is called with the next step."""
     quick = size is QUICK
+    os.environ[CACHE_VARIABLE] = str(folder / "cache")
     if world_folder is not None:
         load_world(world_folder)  # checked before the first measurement
         # A copy: the user's own recordings are neither used nor replaced.

@@ -23,6 +23,7 @@ from pavetwin.mission.replay import Replay
 from pavetwin.mission.targets import choose_targets
 from pavetwin.policies import policy_names
 from pavetwin.traffic.recording import load_recording
+from pavetwin.world.cache import cached
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world
 
@@ -146,7 +147,7 @@ def main(folder: Path, segments: int) -> None:
     """Fly once over what was recorded; print the peak resident memory before and after, in MiB."""
     libraries = _peak_mib()
     world = load_world(folder)
-    recording = load_recording(folder / "traffic" / f"high-{SEED}.parquet")
+    recording = load_recording(next(cached(world, f"traffic/high-{SEED}.parquet")))
     Course.over(world, Replay(world, recording), segments).fly("hover")
     print(libraries, _peak_mib())
 

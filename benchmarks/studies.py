@@ -5,6 +5,7 @@ import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from unittest.mock import patch
 
 import yaml
 
@@ -12,6 +13,7 @@ from benchmarks.measure import Kind, Line
 from pavetwin.experiments.design import Design, placed_at, preset_text
 from pavetwin.experiments.engines import Pool, Single
 from pavetwin.experiments.run import run
+from pavetwin.world.folder import CACHE_VARIABLE
 
 FROM_NOTHING_TARGET_S, RECORDED_TARGET_S = 120.0, 20.0
 REPLICATES = {True: 2, False: 20}
@@ -19,7 +21,7 @@ REPLICATES = {True: 2, False: 20}
 
 
 def lines(world_folder: Path, folder: Path, *, quick: bool) -> Iterator[Line]:
-    """Over a copy of a world without its recordings, by as many processes as there are cores."""
+    """Over a copy of a world, with an empty cache, by as many processes as there are cores."""
     world = shutil.copytree(world_folder, folder / "studied", ignore=shutil.ignore_patterns("traffic", "navmesh*"))
     processes, replicates = os.cpu_count() or 1, REPLICATES[quick]
     values = yaml.safe_load(preset_text("paper", str(world))) | {"replicates": replicates}
@@ -27,7 +29,8 @@ def lines(world_folder: Path, folder: Path, *, quick: bool) -> Iterator[Line]:
     engine = Single() if processes == 1 else Pool(processes)
     for what, target_s in (("from nothing", FROM_NOTHING_TARGET_S), ("its traffic recorded", RECORDED_TARGET_S)):
         begun = time.perf_counter()
-        ran = run(design, folder / what, engine)
+        with patch.dict(os.environ, {CACHE_VARIABLE: str(folder / "studied-cache")}):
+            ran = run(design, folder / what, engine)
         took_s = time.perf_counter() - begun
         yield Line(
             f"the paper's study, {what}",

@@ -30,6 +30,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
 
 
+@pytest.fixture(scope="session", autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What tests record and bake goes here, not into the cache of who runs them."""
+    folder = tmp_path_factory.mktemp("cache")
+    os.environ["PAVETWIN_CACHE"] = str(folder)
+    return folder
+
+
 @pytest.fixture(scope="session")
 def shared_file(request: pytest.FixtureRequest) -> Callable[[str], Path]:
     """The path of a file of real input, by its name below `--shared-data`; skips, naming it, where it is absent."""

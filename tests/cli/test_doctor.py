@@ -1,5 +1,7 @@
 """`pavetwin doctor` finds what is missing by looking for it, not by what was noted of it."""
 
+from pathlib import Path
+
 import pytest
 import typer
 
@@ -39,3 +41,19 @@ def test_without_an_adapter_it_names_the_package(
         doctor.doctor()
     said = capsys.readouterr().out
     assert "fix: sudo apt-get install mesa-vulkan-drivers" in " ".join(said.split())
+
+
+def test_the_cache_is_shown_and_cleared(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("PAVETWIN_CACHE", str(tmp_path))
+    monkeypatch.setattr(doctor, "_adapter", lambda: doctor.Check("adapter", "there"))
+    kept = tmp_path / "worlds" / "abc" / "traffic" / "high-1.parquet"
+    kept.parent.mkdir(parents=True)
+    kept.write_bytes(bytes(2_000_000))
+    (tmp_path / "thesis.txt").write_text("precious")
+    doctor.doctor()
+    assert f"Cache: {tmp_path}, 1 world, 2.0 MB" in capsys.readouterr().out
+    doctor.doctor(clear_cache=True)
+    assert f"Cache: {tmp_path}, 0 worlds, 0.0 MB" in capsys.readouterr().out
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import resource
 import shutil
 import signal
@@ -14,6 +15,7 @@ import yaml
 from shapely import Point, union_all
 
 from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.world.cache import cached
 from pavetwin.world.folder import read_description
 from pavetwin.world.store import load_world, save_world
 from scenes import HERE, built
@@ -73,11 +75,11 @@ def test_the_same_command_twice_gives_the_same_bytes(world: Path, tmp_path: Path
     assert digests(tmp_path / "a") == digests(tmp_path / "b")
 
 
-def test_the_policy_changes_neither_traffic_nor_defects_nor_order(world: Path, tmp_path: Path) -> None:
-    before = digests(world / "traffic") | {"world": hashlib.sha256((world / "world.gpkg").read_bytes()).hexdigest()}
+def test_the_policy_changes_neither_traffic_nor_defects_nor_order(world: Path, cache: Path, tmp_path: Path) -> None:
+    before = digests(cache) | {"world": hashlib.sha256((world / "world.gpkg").read_bytes()).hexdigest()}
     done = pavetwin("fly", world, *SHORT, "--policy", "all", "-o", tmp_path / "all")
     assert done.returncode == 0, done.stderr
-    after = digests(world / "traffic") | {"world": hashlib.sha256((world / "world.gpkg").read_bytes()).hexdigest()}
+    after = digests(cache) | {"world": hashlib.sha256((world / "world.gpkg").read_bytes()).hexdigest()}
     assert before == after
     rows = pl.read_parquet(tmp_path / "all" / "mission.parquet")
     for name in ("segment", "defects", "length_m"):
@@ -284,7 +286,7 @@ def test_policies_repeat_and_what_excludes_each_other_says_so(world: Path, tmp_p
     assert "--density and --routes exclude each other" in line
 
 
-def test_missions_over_ones_own_demand_take_off_after_a_warm_up(world: Path, tmp_path: Path) -> None:
+def test_missions_over_ones_own_demand_take_off_after_a_warm_up(world: Path, cache: Path, tmp_path: Path) -> None:
     edges = [segment.edges[0] for segment in load_world(world).segments]
     trips = "".join(
         f'<trip id="{number}" depart="{10 * number}" from="{edges[number % 2]}" to="{edges[number % 2]}"/>'
@@ -300,11 +302,11 @@ def test_missions_over_ones_own_demand_take_off_after_a_warm_up(world: Path, tmp
     assert "Take-off 0 s after the traffic begins, with 1 vehicle and 0 pedestrians" in done.stdout
     line = plain_refusal(pavetwin(*mine, "--take-off", "1100", "-o", tmp_path / "late"))
     assert "--take-off 1100: nothing moves from then on" in line
-    traffic = digests(world / "traffic")
+    traffic = digests(cache)
     for command_of in (("fly", world), ("traffic", "record", world)):
         line = plain_refusal(pavetwin(*command_of, "--routes", HERE / "cross.osm"))
         assert "is an OpenStreetMap map, no routes file of SUMO" in line
-    assert digests(world / "traffic") == traffic
+    assert digests(cache) == traffic
 
 
 def test_a_mission_takes_off_beside_the_road_or_where_it_is_told(world: Path, tmp_path: Path) -> None:
@@ -401,6 +403,28 @@ def test_frames_at_night_are_refused_before_anything_is_flown(world: Path, tmp_p
     assert not (tmp_path / "m").exists()
 
 
+def test_a_flight_writes_into_the_cache_and_not_into_the_world(world: Path, tmp_path: Path) -> None:
+    own = tmp_path / "cross"
+    shutil.copytree(world, own)
+    before = digests(own)
+    done = pavetwin("fly", own, *SHORT, "--cache", tmp_path / "cache", "-o", tmp_path / "m")
+    assert done.returncode == 0, done.stderr
+    assert digests(own) == before
+    assert {path.suffix for path in (tmp_path / "cache").rglob("*.*")} == {".parquet", ".npz"}
+
+
+def test_a_world_that_cannot_be_written_is_flown_all_the_same(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pavetwin.mission.naming.os.access", lambda _path, mode: mode != os.W_OK)
+    done = pavetwin("fly", world, *SHORT, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert [path.name for path in (tmp_path / "missions" / "cross").iterdir()] == [
+        f"hover-low-1-10m-default-seed1-{next((tmp_path / 'missions' / 'cross').iterdir()).name[-6:]}"
+    ]
+    assert not (world / "missions").exists()
+
+
 def test_a_half_deleted_world_is_named(world: Path, tmp_path: Path) -> None:
     for missing in ("world.gpkg", "world.yaml", "roads.net.xml"):
         broken = tmp_path / missing.replace(".", "-")
@@ -431,7 +455,7 @@ def test_a_network_that_was_cut_short_is_named_with_a_fix(world: Path, tmp_path:
 def test_a_trace_of_another_world_is_refused(world: Path, tmp_path: Path) -> None:
     other = tmp_path / "other"
     save_world(built("cross", seed=2), other)
-    trace = next((world / "traffic").glob("*.parquet"))
+    trace = next(cached(load_world(world), "traffic/low-1.parquet"))
     assert "world" in plain_refusal(pavetwin("fly", other, "--traffic", trace))
 
 
@@ -465,15 +489,17 @@ def test_an_interrupted_run_leaves_nothing_half_written(
 ) -> None:
     target = tmp_path / "cross"
     shutil.copytree(world, target)
-    shutil.rmtree(target / "traffic")
+    cache = tmp_path / "cache"
     before = set(digests(target))
     arguments = command(
         "fly", target, "--density", "high", "--segments", "all", "--policy", "all", "-o", tmp_path / "m"
     )
-    process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [*arguments, "--cache", str(cache)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     has_come = {
         "recording": lambda: simulations(process.pid),
-        "flying": lambda: (target / "traffic" / "high-0.parquet").exists(),
+        "flying": lambda: list(cache.rglob("high-0.parquet")),
         "writing": lambda: (tmp_path / "m").exists(),
     }[moment]
     assert is_over(lambda: bool(has_come()))
@@ -481,9 +507,8 @@ def test_an_interrupted_run_leaves_nothing_half_written(
     _, words = process.communicate(timeout=60)
     assert process.returncode == code, words
     assert words == f"Error: {said}; nothing half-written was left behind.\n"
-    assert [path.name for path in tmp_path.iterdir() if path.name not in ("cross", "m")] == []
+    assert [path.name for path in tmp_path.iterdir() if path.name not in ("cache", "cross", "m")] == []
     for result in (tmp_path / "m").glob("*/"):  # missions that were whole by then
         assert {"mission.parquet", "track.parquet", "captures.geojson", "mission.yaml"} <= set(digests(result))
     assert not [name for name in digests(tmp_path) if Path(name).name.startswith(".")]
-    left = set(digests(target)) - before
-    assert all(Path(name).parts[0] in ("traffic", "navmesh") and not Path(name).name.startswith(".") for name in left)
+    assert set(digests(target)) == before

@@ -6,7 +6,8 @@ import pytest
 
 from pavetwin.traffic.recording import load_recording
 from pavetwin.world.build import BuildOptions, build_world
-from pavetwin.world.store import save_world
+from pavetwin.world.cache import cached
+from pavetwin.world.store import load_world, save_world
 from scenes.command_line import pavetwin, plain_refusal
 from scenes.traffic import make_network
 
@@ -19,16 +20,21 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "cross"
 
 
-def test_recording_says_what_it_did_and_then_that_it_is_done(world: Path) -> None:
+def test_recording_says_what_it_did_and_then_that_it_is_done(world: Path, tmp_path: Path) -> None:
     first = pavetwin("traffic", "record", world, "--density", "low", "--seed", 1, "--duration", 30)
     assert first.returncode == 0, first.stderr
     assert "× real time" in first.stdout
     assert "vehicles per lane-km" in first.stdout
-    file = world / "traffic" / "low-1.parquet"
+    file = next(cached(load_world(world), "traffic/low-1.parquet"))
     assert str(file) in first.stdout
     assert load_recording(file).duration_s == 30.0
+    assert not (world / "traffic").exists()
     again = pavetwin("traffic", "record", world, "--density", "low", "--seed", 1, "--duration", 10)
     assert "Recorded before" in again.stdout
+    own = tmp_path / "mine" / "low.parquet"
+    written = pavetwin("traffic", "record", world, "--density", "low", "--seed", 1, "--duration", 10, "-o", own)
+    assert f"File: {own}" in written.stdout
+    assert load_recording(own).duration_s == 10.0
     info = pavetwin("traffic", "info", file)
     assert info.returncode == 0
     assert "low traffic, seed 1, 30 s" in info.stdout

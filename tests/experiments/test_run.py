@@ -41,6 +41,7 @@ from pavetwin.policies import POLICIES
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder, record
 from pavetwin.traffic.recording import load_recording, save_recording
+from pavetwin.world.cache import cached
 from pavetwin.world.store import load_world, save_world
 from scenes import built
 
@@ -505,7 +506,7 @@ def test_killed_at_many_moments_and_resumed_it_is_the_same_study(
     killed = 0
     while killed < kills:
         if killed % 3 == 0:
-            for file in (world / "traffic").glob("*.parquet"):
+            for file in traffic_of(world).glob("*.parquet"):
                 file.unlink()
         for part in _parts(folder)[2:]:  # so that there is always something left to be killed in
             part.unlink()
@@ -532,7 +533,7 @@ def test_what_is_kept_of_the_traffic_does_not_depend_on_kills(
     world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(fly_unit, "RECORDED_S", 10.0)
-    traffic, design = world / "traffic", small(world, replicates=1)
+    traffic, design = traffic_of(world), small(world, replicates=1)
     for file in traffic.glob("*.parquet"):
         file.unlink()
     run(design, tmp_path / "whole", Single())
@@ -545,6 +546,10 @@ def test_what_is_kept_of_the_traffic_does_not_depend_on_kills(
         run(design, tmp_path / f"killed at {left_s}", Single())
         assert digests(traffic) == kept
         assert digests(tmp_path / f"killed at {left_s}") == digests(tmp_path / "whole")
+
+
+def traffic_of(world: Path) -> Path:
+    return next(cached(load_world(world), "traffic"))
 
 
 def _parts(folder: Path) -> list[Path]:

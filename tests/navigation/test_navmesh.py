@@ -295,20 +295,22 @@ def test_targets_are_drawn_by_the_seed_or_toured() -> None:
         choose_targets(environment, names=["s44"])
 
 
-# Kept beside the world.
+# Kept in the cache.
 
 
-def test_a_mesh_is_kept_beside_its_world_and_read_again(tmp_path: Path) -> None:
-    town = replace(bent(), content_hash="abc", folder=tmp_path)
+def test_a_mesh_is_kept_in_the_cache_and_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PAVETWIN_CACHE", str(tmp_path / "cache"))
+    town = replace(bent(), content_hash="abc", folder=tmp_path / "town")
+    folder = tmp_path / "cache" / "worlds" / "abc" / "navmesh"
     first = navmesh(town, 10.0, 0.5)
-    kept = list((tmp_path / "navmesh").iterdir())
+    kept = list(folder.iterdir())
     assert len(kept) == 1
     again = navmesh(town, 10.0, 0.5)
     assert np.array_equal(first.vertices(), again.vertices())
     assert first.path((0, 0), (100, 60)) == pytest.approx(again.path((0, 0), (100, 60)))
     navmesh(town, 12.0, 0.5)
     navmesh(town, 10.0, 0.6)
-    assert len(list((tmp_path / "navmesh").iterdir())) == 3
+    assert len(list(folder.iterdir())) == 3
     whole = kept[0].read_bytes()
     torn = whole[:400] + bytes(255 - byte for byte in whole[400:450]) + whole[450:]
     for damage in (b"", b"PK\x03\x04 no", b"\x93NUMPY", whole[:200], whole[:-30], torn):

@@ -18,12 +18,14 @@ from pavetwin.traffic.demand import density_of
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder, record
 from pavetwin.traffic.recording import load_recording
+from pavetwin.world.cache import cached
 from pavetwin.world.model import World
 from scenes.traffic import ROUTES, SOURCES, bytes_of, scene_world, world_on
 
 
 @pytest.fixture
-def cross(tmp_path: Path) -> World:
+def cross(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> World:
+    monkeypatch.setenv("PAVETWIN_CACHE", str(tmp_path / "cache"))
     return scene_world("cross", tmp_path)
 
 
@@ -53,7 +55,8 @@ def test_traffic_runs_on_lanes_with_ids_of_the_users_own(cross: World) -> None:
 def test_what_was_recorded_is_used_again(cross: World) -> None:
     shares: list[float] = []
     first = record(cross, "low", 3, 20.0, on_progress=told(shares))
-    assert first.path == cross.network_file.parent / "traffic" / "low-3.parquet"
+    assert first.path == next(cached(cross, "traffic/low-3.parquet"))
+    assert [path.name for path in cross.network_file.parent.iterdir()] == ["roads.net.xml"]
     assert shares[-1] == 1.0
     assert shares == sorted(shares)
     shares.clear()
@@ -62,7 +65,29 @@ def test_what_was_recorded_is_used_again(cross: World) -> None:
     record(replace(cross, content_hash="rebuilt"), "low", 3, 20.0, on_progress=told(shares))
     assert shares
     with pytest.raises(PaveTwinError, match="another world"):
-        load_recording(Inputs.of(cross, first.origin.asked, 3).path, cross)
+        load_recording(Inputs.of(cross, first.origin.asked, 3).path, replace(cross, content_hash="rebuilt"))
+
+
+def test_what_lies_in_the_worlds_folder_is_used_and_extended_in_the_cache(cross: World) -> None:
+    first = record(cross, "low", 3, 20.0)
+    assert first.path is not None
+    old = cross.network_file.parent / "traffic" / "low-3.parquet"
+    old.parent.mkdir()
+    first.path.rename(old)
+    shares: list[float] = []
+    again = record(cross, "low", 3, 20.0, on_progress=told(shares))
+    assert not shares
+    assert again.path == old
+    assert not first.path.exists()
+    before = old.read_bytes()
+    longer = record(cross, "low", 3, 30.0)
+    assert longer.until(20.0).same_traffic(first)
+    assert load_recording(first.path).duration_s == 30.0
+    assert old.read_bytes() == before
+
+
+def test_another_world_never_reads_it(cross: World) -> None:
+    assert next(cached(cross, "x")) != next(cached(replace(cross, content_hash="rebuilt"), "x"))
 
 
 def test_what_comes_back_does_not_depend_on_how_long_the_file_is(cross: World) -> None:
@@ -145,7 +170,7 @@ def test_broken_routes_are_refused_in_sumos_words(cross: World, tmp_path: Path, 
     with pytest.raises(PaveTwinError, match=words) as caught:
         record(cross, None, 1, 10.0, routes=[routes])
     assert "\n" not in str(caught.value)
-    assert not (cross.network_file.parent / "traffic").exists()
+    assert not list(cross.network_file.parent.parent.rglob("*.parquet"))
 
 
 @pytest.mark.parametrize("duration", [0.0, -5.0, float("nan"), float("inf")])
@@ -155,9 +180,11 @@ def test_a_duration_that_is_none_is_refused(cross: World, duration: float) -> No
 
 
 def test_an_unwritable_folder_is_found_before_the_simulation(cross: World) -> None:
-    (cross.network_file.parent / "traffic").write_text("in the way")
+    folder = Inputs.of(cross, "low", 1).path.parent
+    folder.parent.mkdir(parents=True)
+    folder.write_text("in the way")
     shares: list[float] = []
-    with pytest.raises(PaveTwinError, match="Cannot write"):
+    with pytest.raises(PaveTwinError, match=r"Cannot write.*PAVETWIN_CACHE names one"):
         record(cross, "low", 1, 10.0, on_progress=told(shares))
     assert not shares
 
@@ -209,4 +236,4 @@ def test_an_interruption_leaves_nothing(cross: World, tmp_path: Path, number: si
     while list(temporary.iterdir()) and time.monotonic() < patience:  # after kill -9 SUMO's process tidies up
         time.sleep(0.1)
     assert not list(temporary.iterdir())
-    assert not (cross.network_file.parent / "traffic").exists()
+    assert not list(cross.network_file.parent.parent.rglob("*.parquet"))

@@ -1,11 +1,12 @@
 """Arguments that several commands share."""
 
+import os
 from pathlib import Path
 from typing import Annotated, Any, Final
 
 import typer
 
-from pavetwin.world.folder import check_world
+from pavetwin.world.folder import CACHE_VARIABLE, check_world
 
 
 def _existing(context: typer.Context, folder: Path | None) -> Path | None:
@@ -39,6 +40,23 @@ def _load(context: typer.Context, plugins: list[Path] | None) -> None:
 
 LoadedPlugins = Annotated[list[Path] | None, typer.Option("--plugin", callback=_load, **_PLUGIN)]
 """Of all other commands, see `pavetwin.cli`."""
+
+
+def _use_cache(folder: Path | None) -> Path | None:
+    if folder is not None:
+        os.environ[CACHE_VARIABLE] = str(folder.absolute())  # for worker processes, too
+    return folder
+
+
+CacheFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--cache",
+        metavar="FOLDER",
+        help=f"Keep recorded traffic and baked NavMeshes there; in {CACHE_VARIABLE} or ~/.cache/pavetwin unless given.",
+        callback=_use_cache,
+    ),
+]
 
 
 def paths_of(plugins: list[Path] | None) -> tuple[str, ...]:

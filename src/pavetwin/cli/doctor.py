@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.util import find_spec
 from platform import machine, system
+from typing import Annotated
 
 import typer
 
@@ -21,12 +22,21 @@ class Check:
     hint: str = ""
 
 
-def doctor() -> None:
+def doctor(
+    clear_cache: Annotated[
+        bool, typer.Option("--clear-cache", help="Remove recorded traffic and baked NavMeshes from the cache.")
+    ] = False,
+) -> None:
     """Check what is missing on this machine, and print the command that fixes it. Exit code 1 when something is.
 
     \b
     pavetwin doctor
+    pavetwin doctor --clear-cache
     """
+    from pavetwin.world import cache
+
+    if clear_cache:
+        cache.clear_cache()
     packages = (_package("libsumo", "libsumo"), _package("GeoPackage files (pyogrio)", "pyogrio"))
     checks = [_python(), _kernels(), _sumo(), *packages, _adapter()]
     for check in checks:
@@ -34,6 +44,8 @@ def doctor() -> None:
         out.print(f"{mark} {check.what}: {check.found}", soft_wrap=True)
         if check.hint:
             out.print(f"  fix: {check.hint}", markup=False)
+    worlds, size = cache.cache_size()
+    out.line(f"Cache: {cache.cache_folder()}, {worlds} world{'s' * (worlds != 1)}, {size / 1e6:.1f} MB")
     if any(check.hint for check in checks):
         raise typer.Exit(1)
     out.print("Nothing is missing.")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pavetwin.cli.arguments import Plugins, paths_of
+from pavetwin.cli.arguments import CacheFolder, Plugins, paths_of
 from pavetwin.cli.console import err, note_fonts, out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -82,6 +82,7 @@ def run(
         str | None, typer.Option(metavar="tcp://HOST:PORT", help="With dask: address of a running scheduler.")
     ] = None,
     plugin: Plugins = None,
+    cache: CacheFolder = None,  # noqa: ARG001 - its callback does it
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Fly failed missions again.")] = False,
 ) -> None:
     """Fly a study. After an interruption the same command continues where it stopped, and after an edit of a policy of

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pavetwin.cli.arguments import OptionalWorldFolder, Plugins, paths_of
+from pavetwin.cli.arguments import CacheFolder, OptionalWorldFolder, Plugins, paths_of
 from pavetwin.cli.conditions import OPTIONS as CONDITIONS
 from pavetwin.cli.conditions import Clouds, Date, Time, Wind, conditions_of
 from pavetwin.cli.console import out, progress
@@ -93,6 +93,7 @@ def fly(
     ] = None,
     plugin: Plugins = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the results.")] = None,
+    cache: CacheFolder = None,  # noqa: ARG001 - its callback does it
     force: Annotated[bool, typer.Option("--force", help="Replace another mission in the folder.")] = False,
     animate: Annotated[bool, typer.Option("--animate", help="Also draw an animation, mission.gif.")] = False,
     save_frames: Annotated[

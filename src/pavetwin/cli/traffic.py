@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pavetwin.cli.arguments import WorldFolder
+from pavetwin.cli.arguments import CacheFolder, WorldFolder
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -33,16 +33,21 @@ def record(
     ] = None,
     seed: Annotated[int, typer.Option(help="Random seed of the traffic; 0 is a seed like any other.")] = 0,
     duration: Annotated[float, typer.Option(help="How long to record, in seconds.")] = 600.0,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE.parquet", help="Also write the recording there.")
+    ] = None,
+    cache: CacheFolder = None,  # noqa: ARG001 - its callback does it
     force: Annotated[bool, typer.Option("--force", help="Record again, even if this traffic exists.")] = False,
 ) -> None:
     """Record traffic over a world; what was recorded before from the same inputs is used again.
 
     \b
-    pavetwin traffic record worlds/town --density high --seed 1 --duration 600
+    pavetwin traffic record worlds/town --density high --seed 1 --duration 600 -o high.parquet
     pavetwin traffic record worlds/town --vehicles-per-lane-km 12 --pedestrians-per-sidewalk-km 0
     pavetwin traffic record worlds/town --routes mine.rou.xml --duration 900
     """
     from pavetwin.traffic.record import record as record_traffic
+    from pavetwin.traffic.recording import save_recording
     from pavetwin.world.store import load_world
 
     asked = _density(density, vehicles_per_lane_km, pedestrians_per_sidewalk_km, routes or [])
@@ -57,6 +62,8 @@ def record(
         recording = record_traffic(
             loaded, asked, seed, duration, routes=routes or (), force=force, on_progress=advance
         )  # fmt: skip
+        if output is not None:
+            recording = save_recording(recording, output)
     taken_s = time.perf_counter() - started
     _print(recording)
     if simulated[0]:
@@ -70,7 +77,7 @@ def info(file: Annotated[Path, typer.Argument(metavar="FILE.parquet", help="A re
     """Say what a recording holds.
 
     \b
-    pavetwin traffic info worlds/town/traffic/high-1.parquet
+    pavetwin traffic info high.parquet
     """
     from pavetwin.traffic.recording import load_recording
 

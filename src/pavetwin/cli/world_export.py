@@ -43,7 +43,7 @@ def export(
     \b
     pavetwin world export worlds/berlin berlin.glb
     pavetwin world export worlds/berlin street.glb --segment s0003 --texel 0.01
-    pavetwin world export worlds/berlin rush.glb --traffic worlds/berlin/traffic/high-0.parquet --at 60
+    pavetwin world export worlds/berlin rush.glb --traffic high.parquet --at 60
     """
     from pavetwin.scene.export import estimate, export_scene, tiles_of, usual_texel_m
     from pavetwin.scene.scene import Scene

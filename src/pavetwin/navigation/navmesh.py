@@ -1,4 +1,4 @@
-"""The baked NavMesh of a world at an altitude, cached in the world's folder."""
+"""The baked NavMesh of a world at an altitude, cached."""
 
 import itertools
 from hashlib import sha256
@@ -12,6 +12,7 @@ from pavetwin.config.altitude import VERTICAL_CLEARANCE_M
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.navigation.domain import CORRIDOR_MARGIN_M, flight_domain
+from pavetwin.world.cache import cached
 from pavetwin.world.layers import write_layer
 from pavetwin.world.model import World
 from pavetwin.world.solids import Solids
@@ -27,15 +28,14 @@ def navmesh(world: World, altitude_m: float, agent_radius_m: float, standing: So
     Raises:
         PaveTwinError: nothing is left to fly in at this altitude.
     """
-    cached = _cached(world, altitude_m, agent_radius_m)
-    if cached is not None and cached.is_file():
-        mesh = _load(cached)
-        if mesh is not None:
+    places = _places(world, altitude_m, agent_radius_m)
+    for place in places:
+        if place.is_file() and (mesh := _load(place)) is not None:
             return mesh
     vertices, triangles = flight_domain(world, altitude_m, standing).triangles()
     mesh = NavMesh.bake(vertices, triangles, cell_size_m=VOXEL_M, agent_radius_m=agent_radius_m)
-    if cached is not None:
-        _save(mesh, cached)
+    if places:
+        _save(mesh, places[0])
     # Equal to the cached mesh: building it from polygons renumbers them, which decides between equal paths.
     return NavMesh.from_polygons(mesh.vertices(), mesh.offsets(), mesh.corners())
 
@@ -71,12 +71,12 @@ def save_geopackage(mesh: NavMesh, world: World, path: Path) -> None:
         write_layer(temporary, "navmesh", "Polygon", shapes, numbers, world.georeference)
 
 
-def _cached(world: World, altitude_m: float, agent_radius_m: float) -> Path | None:
+def _places(world: World, altitude_m: float, agent_radius_m: float) -> list[Path]:
     if world.folder is None or not world.content_hash:
-        return None
+        return []
     inputs = (_FORMAT, world.content_hash, altitude_m, agent_radius_m, VOXEL_M, CORRIDOR_MARGIN_M, VERTICAL_CLEARANCE_M)
     name = sha256(repr(inputs).encode()).hexdigest()[:12]
-    return world.folder / "navmesh" / f"{altitude_m:g}m-{name}.npz"
+    return list(cached(world, f"navmesh/{altitude_m:g}m-{name}.npz"))
 
 
 def _save(mesh: NavMesh, path: Path) -> None:

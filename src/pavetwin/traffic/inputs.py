@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
@@ -19,6 +19,7 @@ from pavetwin.traffic.job import STEP_S, Part, SimulationJob
 from pavetwin.traffic.kinds import sumo_types
 from pavetwin.traffic.own_demand import own_demand
 from pavetwin.traffic.recording import Origin
+from pavetwin.world.cache import cached
 from pavetwin.world.model import World
 
 BEHAVIOUR: Final = 1
@@ -60,9 +61,13 @@ class Inputs:
 
     @property
     def path(self) -> Path:
-        """The recording's file: `NAME/traffic/<density>-<seed>.parquet` in the world's folder."""
+        """The recording's file, `traffic/<density>-<seed>.parquet` in the world's cache."""
+        return next(self.places())
+
+    def places(self) -> Iterator[Path]:
+        """Where the recording may be: in the world's cache, or in its folder."""
         name = self.asked.name if self.asked else "-".join([USER, *(_stem(path) for path in self.routes)])
-        return self.world.network_file.parent / "traffic" / f"{name}-{self.seed}.parquet"
+        return cached(self.world, f"traffic/{name}-{self.seed}.parquet")
 
     @cached_property
     def hash(self) -> str:

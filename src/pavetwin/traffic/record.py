@@ -4,7 +4,7 @@ import math
 import os
 import tempfile
 from collections.abc import Sequence
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, Self
@@ -18,6 +18,7 @@ from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.job import STEP_S
 from pavetwin.traffic.recording import Recording, frames_of, load_recording, save_recording
 from pavetwin.traffic.runner import OnProgress, SimulationProcess, require_sumo, termination_as_exit, workplace
+from pavetwin.world.folder import CACHE_VARIABLE
 from pavetwin.world.model import World
 
 LONGEST_S: Final = 86400.0
@@ -33,7 +34,7 @@ def record(
     force: bool = False,
     on_progress: OnProgress | None = None,
 ) -> Recording:
-    """Traffic over `world` for `duration_s` seconds, from the world's `traffic/` folder or from SUMO.
+    """Traffic over `world` for `duration_s` seconds, from the world's cache or from SUMO.
 
     The result depends on the world, the density, the seed and the routes alone, not on earlier recordings.
     `density` is ignored where `routes` (unchanged SUMO route files) are given; `force` records even if the file exists.
@@ -171,14 +172,13 @@ class Recorder:
 
 
 def _kept(inputs: Inputs) -> Recording | None:
-    """The recording on disk, if it was made from the same inputs. None for a damaged file."""
-    if not inputs.path.exists():
-        return None
-    try:
-        recording = load_recording(inputs.path)
-    except PaveTwinError:
-        return None
-    return recording if recording.origin.inputs == inputs.hash else None
+    """The longest recording on disk that was made from the same inputs. None for damaged files."""
+    found = []
+    for path in filter(Path.exists, inputs.places()):
+        with suppress(PaveTwinError):
+            found.append(load_recording(path))
+    same = (recording for recording in found if recording.origin.inputs == inputs.hash)
+    return max(same, key=lambda recording: recording.frames, default=None)
 
 
 def _check_writable(path: Path) -> None:
@@ -189,4 +189,4 @@ def _check_writable(path: Path) -> None:
         os.close(handle)
         Path(name).unlink()
     except OSError as error:
-        raise unwritable(path, error) from error
+        raise PaveTwinError(f"{unwritable(path, error)} {CACHE_VARIABLE} names one.") from error

@@ -12,6 +12,9 @@ FORMAT = 3
 DESCRIPTION, GEOPACKAGE, NETWORK = "world.yaml", "world.gpkg", "roads.net.xml"
 FILES = (DESCRIPTION, GEOPACKAGE, NETWORK)
 
+CACHE_VARIABLE = "PAVETWIN_CACHE"
+"""Environment variable that names the folder of the cache, see `pavetwin.world.cache`."""
+
 OSM_SUFFIXES = (".osm", ".osm.gz", ".osm.pbf")
 NET_SUFFIXES = (".net.xml", ".net.xml.gz")
 """Of what a world is built from."""
