@@ -224,7 +224,7 @@ def test_a_mission_with_files_of_its_own_needs_nothing_else_and_names_what_chang
     )
     aircraft.write_text("aircraft,t_s,x_m,y_m,altitude_m\nother,0,900,900,10\nother,60,950,900,10\n")
     mine = ("--routes", routes, "--airspace", aircraft, "--policy", f"{policy}:Calm", "--segments", "1")
-    eyes = ("--set", "sensing.sensor=keen.py:Keen", "--set", "camera.model=cam.yaml")  # relative to where one is
+    eyes = ("--sensor", "keen.py:Keen", "--set", "camera.model=cam.yaml")  # relative to where one is
     done = pavetwin("fly", world, *mine, *eyes, "-o", tmp_path / "m", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     again = ("fly", "--again", tmp_path / "m" / "mission.yaml")
@@ -348,6 +348,7 @@ def test_a_mission_takes_off_beside_the_road_or_where_it_is_told(world: Path, tm
         (("--set", "policy.max_wait_s=soon"), "max_wait_s"),
         (("--set", "nonsense"), "key=value"),
         (("--set", "sensing.sensor=idael"), "did you mean 'ideal'"),
+        (("--sensor", "keen.py"), "lacks the name of the class"),
         (("--set", "camera.model=phantom5"), "did you mean 'phantom4'"),
         (("--set", "pattern.kind=boustrofedon"), "did you mean 'boustrophedon'"),
         (("--altitude", "0"), "--altitude 0: the UAV flies at 5 m or higher"),

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 POLICY, SEGMENTS = "hover", "8"
 
 FIXED_BY_AGAIN = (
-    *("density", "altitude", "segments", "segment", "order", "seed", "preset", "set_"),
+    *("density", "altitude", "segments", "segment", "order", "seed", "preset", "sensor", "set_"),
     *("traffic", "routes", "take_off", "base", "airspace", "plugin"),
     *CONDITIONS,
 )
@@ -41,6 +41,9 @@ def fly(
             help="baseline, hover, micro, skip; all for every registered one; or your own, file.py:ClassName. "
             "May be repeated. hover unless given."
         ),
+    ] = None,
+    sensor: Annotated[
+        str | None, typer.Option(help="recall, ideal, or your own, file.py:ClassName. recall unless set otherwise.")
     ] = None,
     segments: Annotated[str, typer.Option(metavar="N|all", help="How many segments to inspect.")] = SEGMENTS,
     segment: Annotated[
@@ -118,7 +121,7 @@ def fly(
     chosen = (
         former.spec.settings
         if former is not None
-        else _settings(preset, altitude, set_, paths_of(plugin), conditions_of(date, time, clouds, wind))
+        else _settings(preset, altitude, sensor, set_, paths_of(plugin), conditions_of(date, time, clouds, wind))
     )
 
     from pavetwin.cli import report
@@ -238,6 +241,7 @@ def _fly_and_save(
 def _settings(
     preset: str,
     altitude: float | None,
+    sensor: str | None,
     overrides: Sequence[str] | None,
     plugins: Sequence[str],
     conditions: Mapping[str, Any],
@@ -249,6 +253,8 @@ def _settings(
     if altitude is not None:
         check_altitude(altitude)
         given["altitude_m"] = altitude
+    if sensor is not None:
+        given["sensing"] = {"sensor": sensor}
     if plugins:
         given["plugins"] = plugins
     if conditions:
