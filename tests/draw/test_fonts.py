@@ -1,5 +1,6 @@
 """Names in any script are readable on pictures: by a font that has their letters, or in Latin letters or as an id."""
 
+import re
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -174,8 +175,10 @@ def test_letters_that_join_are_placed_as_words_in_their_direction(name: str, pie
 
 
 def test_a_page_holds_names_as_they_are(machine: Machine) -> None:
-    """The browser has fonts of its own."""
+    """The browser has fonts of its own; where it has not, a segment's tip tells the Latin name."""
     machine([])
     page = world_page(scripts.built("chinese").world)
     assert "青石路</textPath>" in page
+    assert re.search(r"data-tip='青石路, s\d+ \(Bluestone Road\)&#10;", page)
+    assert re.search(r"data-tip='無英名巷, s\d+&#10;", page)
     assert "unnamed street, s0001" in page

@@ -127,8 +127,10 @@ def _segments(world: World, flip: _Flip) -> Iterable[str]:
     yield "<g class='segments'>"
     for segment in world.segments:
         lanes = "1 lane" if segment.lanes == 1 else f"{segment.lanes} lanes"
+        latin = world.latin_name_of(segment)
+        other = f" ({latin})" if latin != segment.street else ""
         tip = (
-            f"{segment.label}\n{segment.length_m:.0f} m × {segment.width_m:.1f} m, {lanes}, "
+            f"{segment.label}{other}\n{segment.length_m:.0f} m × {segment.width_m:.1f} m, {lanes}, "
             f"{segment.area_m2:.0f} m²\n{counts[segment.id]} defects"
         )
         yield f"<path d='{flip.path(segment.polygon)}' data-tip='{_attribute(tip)}'/>"
