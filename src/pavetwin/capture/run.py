@@ -134,14 +134,15 @@ def _finish(world: World, settings: CaptureSettings, context: CaptureContext, fo
 
 def _manifest(world: World, context: CaptureContext, statistics: Statistics) -> dict[str, Any]:
     """A summary of the dataset for human readers."""
-    streets: dict[str, list[str]] = {}
-    for street, split in sorted(context.defect_index.splits.items()):
-        streets.setdefault(split, []).append(street)
+    streets: dict[str, set[str]] = {}
+    for segment in world.segments:
+        if split := context.defect_index.splits.get(segment.street):
+            streets.setdefault(split, set()).add(segment.street_name)
     credit = attribution(load_record(world.folder).source) if world.folder is not None else None
     return {
         "pavetwin": version("pavetwin"),
         "world": world.name,
         **({"credit": credit} if credit else {}),
-        "streets": {split: streets[split] for split in SPLITS if split in streets},
+        "streets": {split: sorted(streets[split]) for split in SPLITS if split in streets},
         **statistics.as_dict(),
     }
