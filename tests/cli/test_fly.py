@@ -371,6 +371,7 @@ def test_a_mission_takes_off_beside_the_road_or_where_it_is_told(world: Path, tm
         (("--sgements", "3"), "--segments"),
         (("--altitude", "9", "--altitude=12"), "--altitude is given more than once"),
         (("--settings", "--set", "camera.model=phantom5"), "did you mean 'phantom4'"),
+        (("--settings", "--set", "pattern.kind=boustro"), "did you mean 'boustrophedon'"),
         (("--settings", "--policy", "hovr"), "did you mean 'hover'"),
         (("--traffic", "nowhere.parquet"), "nowhere.parquet"),
         (("--airspace", "nowhere.csv"), "nowhere.csv"),

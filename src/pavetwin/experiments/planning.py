@@ -10,14 +10,12 @@ from pavetwin.experiments.plan import IN_DESIGN_FILE, Cell, Plan, cells_of, take
 from pavetwin.experiments.words import listed
 from pavetwin.files import file_sha256
 from pavetwin.mission.environment import prepare
+from pavetwin.mission.plan import check_names
 from pavetwin.mission.spec import PolicyInput, files_of_settings
 from pavetwin.plugins import load_plugins, registered_in
-from pavetwin.policies import load_policy
-from pavetwin.sensing import load_sensor
 from pavetwin.traffic.demand import density_named
 from pavetwin.traffic.own_demand import own_demand
 from pavetwin.traffic.recording import load_recording
-from pavetwin.uav import energy_curve, find_camera
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world
 
@@ -72,17 +70,11 @@ def _check_levels(design: Design) -> dict[str, str]:
             if not Path(route).is_file():
                 raise PaveTwinError(f"the design: there is no routes file '{route}'.")
             own_demand([route])
-    called: dict[str, str] = {}
+    names: dict[str, str] = {}
     for cell in cells_of(design):
-        settings = cell.settings(design)
-        name = load_policy(cell.policy, settings.policy).name
-        if name in (other for policy, other in called.items() if policy != cell.policy):
-            raise PaveTwinError(f"the design: two policies are named '{name}'; rename one of them.")
-        called[cell.policy] = name
-        load_sensor(settings.sensing, design.seed)
-        find_camera(settings.camera.model)
-        energy_curve(settings.energy)
-    return called
+        if cell.policy == design.policies[0]:  # the settings of a cell do not depend on its policy
+            names = check_names(cell.settings(design), design.policies, design.seed)
+    return names
 
 
 def _check_recordings(design: Design, worlds: Sequence[World]) -> dict[str, str]:

@@ -15,6 +15,7 @@ from pavetwin.mission.inputs import defects_of
 from pavetwin.mission.spec import DefectInput, FileInput, MissionSpec, PolicyInput, TrafficInput, WorldInput
 from pavetwin.mission.targets import choose_targets
 from pavetwin.navigation.base import parse_base
+from pavetwin.navigation.patterns import PATTERNS
 from pavetwin.policies import load_policy, policy_names
 from pavetwin.sensing import load_sensor
 from pavetwin.traffic.demand import Density, density_named
@@ -95,24 +96,27 @@ def policies_named(given: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(name for each in given for name in (policy_names() if each == ALL else [each])))
 
 
-def check_names(settings: MissionSettings, policies: Iterable[str], seed: int) -> None:
+def check_names(settings: MissionSettings, policies: Iterable[str], seed: int) -> dict[str, str]:
     """Whether all that a mission names is there, before anything takes time.
+
+    Returns:
+        The name that each policy has, by what was given for it.
 
     Raises:
         PaveTwinError: it is not; the message names the nearest.
     """
     if seed < 0:
         raise PaveTwinError(f"`seed` {seed}: seeds are whole numbers from 0.")
-    called: dict[str, str] = {}
-    for policy in policies:
-        name = load_policy(policy, settings.policy).name
-        if called.setdefault(name, policy) != policy:
-            raise PaveTwinError(
-                f"`policy`: '{called[name]}' and '{policy}' are both named '{name}'; rename one of them."
-            )
+    names = {policy: load_policy(policy, settings.policy).name for policy in policies}
+    for policy, name in names.items():
+        first = next(other for other, its in names.items() if its == name)
+        if first != policy:
+            raise PaveTwinError(f"`policy`: '{first}' and '{policy}' are both named '{name}'; rename one of them.")
+    PATTERNS.get(settings.pattern.kind)
     load_sensor(settings.sensing, seed)
     find_camera(settings.camera.model)
     energy_curve(settings.energy)
+    return names
 
 
 def base_point(base: tuple[float, float] | str | None, world: World) -> Point | None:
