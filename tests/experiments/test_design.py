@@ -14,6 +14,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design, placed_at, preset_names, preset_text, read_design
 from pavetwin.experiments.plan import Plan, cells_of, units_of
 from pavetwin.experiments.planning import plan
+from pavetwin.uav import find_camera
 from pavetwin.world.model import World
 from scenes import tiny
 
@@ -188,6 +189,11 @@ def test_what_does_not_fit_is_refused_by_name(values: dict[str, object], words: 
         ({"worlds": [{"path": "town", "recordings": ["gone.parquet"]}]}, "no recording 'gone.parquet'"),
         ({"policies": ["hoover"]}, r"did you mean 'hover'\?"),
         ({"sensors": ["eye"]}, "eye"),
+        (
+            {"set": {"pattern.kind": "boustro"}},
+            r"pattern.kind: no pattern 'boustro' \(did you mean 'boustrophedon'\?\)",
+        ),
+        ({"sweep": {"pattern.kind": ["out_and_back", "spiral"]}}, "no pattern 'spiral'"),
         ({"presets": ["papre"]}, r"did you mean 'paper'\?"),
         ({"sweep": {"policy.wait": [1]}}, r"unknown key 'wait'"),
         ({"sweep": {"tau_o": [0.5, 1.5]}}, "visibility.threshold"),
@@ -249,6 +255,32 @@ def test_paths_are_relative_to_the_design_s_file(tmp_path: Path) -> None:
     assert made.worlds[0].path == str(tmp_path / "towns" / "a")
     assert made.policies == ("baseline", f"{tmp_path / 'mine.py'}:Careful")
     assert placed_at(made, Path("/elsewhere")) == made
+
+
+CAMERAS = """
+a: {title: A, image_px: [640, 480], vertical_fov_deg: 60}
+b: {title: B, image_px: [640, 480], vertical_fov_deg: 30}
+"""
+
+
+@pytest.mark.parametrize(
+    ("values", "titles"),
+    [
+        ("set: {camera.model: 'cameras.yaml:b'}", ["B"]),
+        ("sweep: {camera.model: [paper, 'cameras.yaml:a', cameras.yaml:b]}", ["Virtual camera", "A", "B"]),
+    ],
+)
+def test_a_camera_file_is_relative_to_the_design_s_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, values: str, titles: list[str]
+) -> None:
+    (tmp_path / "studies").mkdir()
+    (tmp_path / "studies" / "cameras.yaml").write_text(CAMERAS, encoding="utf-8")
+    (tmp_path / "studies" / "d.yaml").write_text(f"worlds: [town]\naltitudes_m: [10]\n{values}\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    made = plan(read_design(Path("studies/d.yaml")), [tiny.straight()])
+    found = dict.fromkeys(find_camera(cell.settings(made.design).camera.model).title for cell in made.cells)
+    assert [title.partition(" of ")[0] for title in found] == titles
+    assert str(tmp_path / "studies" / "cameras.yaml") in made.files
 
 
 @pytest.mark.parametrize(

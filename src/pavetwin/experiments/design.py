@@ -24,6 +24,7 @@ from pavetwin.config.text import parse_yaml
 from pavetwin.defects import DefectOptions
 from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.experiments.metrics import ERROR_METRICS, FACTORS, METRICS
+from pavetwin.uav.cameras import camera_file
 
 ALIASES: Final[Mapping[str, str]] = {
     "tau_o": "visibility.threshold",
@@ -70,6 +71,9 @@ ENVIRONMENT: Final = tuple(f"conditions.{name}" for name in Conditions.model_fie
 
 OWN_ROUTES: Final = "routes"
 """The level of the factor traffic in a world with the user's own routes."""
+
+CAMERA: Final = "camera.model"
+"""The setting that may name a file, beside the factors that do."""
 
 Value = bool | int | float | str
 
@@ -271,7 +275,16 @@ def placed_at(design: Design, folder: Path) -> Design:
     policies = tuple(whole(name) if ":" in name else name for name in design.policies)
     sensors = tuple(whole(name) if ":" in name else name for name in design.sensors)
     plugins = tuple(whole(path) for path in design.plugins)
-    return design.model_copy(update={"worlds": worlds, "policies": policies, "sensors": sensors, "plugins": plugins})
+
+    def placed(key: str, value: Value) -> Value:
+        if ALIASES.get(key, key) != CAMERA or not isinstance(value, str) or camera_file(value) is None:
+            return value
+        return whole(value)
+
+    held = {key: placed(key, value) for key, value in design.set.items()}
+    sweep = {key: tuple(placed(key, value) for value in values) for key, values in design.sweep.items()}
+    changes = {"worlds": worlds, "policies": policies, "sensors": sensors, "plugins": plugins}
+    return design.model_copy(update={**changes, "set": held, "sweep": sweep})
 
 
 def preset_names() -> list[str]:

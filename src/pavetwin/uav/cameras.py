@@ -93,14 +93,20 @@ CAMERAS: Registry[Camera] = Registry(
 """The cameras of the database; a plugin adds one by `CAMERAS.add("name", Camera(...))`."""
 
 
+def camera_file(model: str) -> str | None:
+    """The YAML file of the user's own that a camera comes from; None for a registered name."""
+    path = model.partition(":")[0]
+    return path if path.endswith((".yaml", ".yml")) else None
+
+
 def find_camera(model: str) -> Camera:
     """A camera by its name, or from a YAML file: `my.yaml` (its only camera) or `my.yaml:name`.
 
     Raises:
         PaveTwinError: no such camera or file.
     """
-    path, colon, name = model.partition(":")
-    if not path.endswith((".yaml", ".yml")):
+    path, (_, colon, name) = camera_file(model), model.partition(":")
+    if path is None:
         return CAMERAS.get(model, instead=", or a path to a YAML file")
     try:
         own = parse_cameras(Path(path).read_text(encoding="utf-8"), path)
