@@ -10,7 +10,7 @@ from pavetwin.config import load_settings
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission import fly, load_inputs, plan_mission, save_mission
-from pavetwin.mission.again import FormerMission, read_mission
+from pavetwin.mission.again import FormerMission, check_replaceable, read_mission
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.inputs import world_of
 from pavetwin.world.store import load_world, save_world
@@ -111,8 +111,7 @@ def test_data_that_a_policy_declares_is_an_input(described: Path) -> None:
 def test_format_3_is_still_read(described: Path, tmp_path: Path) -> None:
     values = yaml.safe_load(described.read_text())
     versions = {name: values["versions"][name] for name in ("pavetwin", "libsumo")}
-    traffic = {key: value for key, value in values["traffic"].items() if key != "area"}
-    former = read_mission(changed(described, tmp_path, format=3, versions=versions, traffic=traffic))
+    former = read_mission(changed(described, tmp_path, format=3, versions=versions))
     assert former.version_changes() == []
     result = flown_again(former)
     assert former.verdict(result) == "The same as the first time."
@@ -120,6 +119,15 @@ def test_format_3_is_still_read(described: Path, tmp_path: Path) -> None:
     assert {"python", "numpy"} <= set(result.spec.versions), "those that it was flown with"
     with pytest.raises(PaveTwinError, match="format 3 or 4"):
         read_mission(changed(described, tmp_path, format=2))
+
+
+def test_format_4_with_the_area_that_it_once_held_is_the_same_mission(described: Path, tmp_path: Path) -> None:
+    traffic = yaml.safe_load(described.read_text())["traffic"]
+    assert "area" not in traffic
+    path = changed(described, tmp_path, traffic=traffic | {"area": "all"})
+    spec = read_mission(path).spec
+    assert spec == read_mission(described).spec
+    check_replaceable(tmp_path, [spec])
 
 
 def test_each_version_that_differs_is_named(described: Path, tmp_path: Path) -> None:

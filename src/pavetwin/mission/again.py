@@ -226,6 +226,9 @@ def _read(path: Path) -> Mapping[str, Any]:
         raise PaveTwinError(f"'{path}' is not a whole mission.yaml.") from error
     if not isinstance(values, Mapping):
         raise PaveTwinError(f"'{path}' is not a mission.yaml.")
+    if isinstance(traffic := values.get("traffic"), Mapping):
+        # Format 4 once had the area that is simulated: always the whole world.
+        return {**values, "traffic": {key: value for key, value in traffic.items() if key != "area"}}
     return values
 
 

@@ -21,6 +21,7 @@ from pavetwin.files import file_sha256
 from pavetwin.mission.airspace import Aircraft
 from pavetwin.plugins import files_of, plugin_hashes
 from pavetwin.traffic.demand import USER, Density
+from pavetwin.uav.cameras import camera_file
 from pavetwin.world.model import World
 
 FORMAT: Final = 4
@@ -117,8 +118,6 @@ class TrafficInput(Settings):
     recording: FileInput | None = None
     """The recording itself, where a file of it was given instead of a density or routes."""
     seed: NonNegativeInt = 0
-    area: Literal["all"] = "all"
-    """The part of the world that is simulated."""
     take_off_s: NonNegativeFloat = 0.0
     """When in the recording the mission begins."""
 
@@ -209,8 +208,8 @@ def files_of_settings(settings: MissionSettings) -> tuple[FileInput, ...]:
     sensor, colon, _ = settings.sensing.sensor.rpartition(":")
     if colon and sensor.endswith(".py"):
         files |= {str(file): FileInput.of(file) for file in files_of(sensor)}
-    camera = settings.camera.model.partition(":")[0]
-    if camera.endswith((".yaml", ".yml")):
+    camera = camera_file(settings.camera.model)
+    if camera is not None:
         files[camera] = FileInput.of(camera)
     return tuple(files.values())
 
