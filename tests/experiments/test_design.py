@@ -10,13 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pavetwin.config import load_settings
+from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design, placed_at, preset_names, preset_text, read_design
-from pavetwin.experiments.plan import Plan, cells_of, units_of
-from pavetwin.experiments.planning import plan
+from pavetwin.experiments.plan import Plan, cells_of, units_of, world_of_study
+from pavetwin.experiments.planning import load_worlds, plan
 from pavetwin.uav import find_camera
 from pavetwin.world.model import World
-from scenes import tiny
+from pavetwin.world.store import save_world
+from scenes import built, tiny
 
 
 def design(**values: object) -> Design:
@@ -332,3 +334,17 @@ def test_the_design_of_a_study_s_folder_is_a_design(tmp_path: Path, values: dict
     read = read_design(tmp_path / "design.yaml")
     assert units_of(read) == units_of(made)
     assert read.model_dump() == placed_at(made, tmp_path).model_dump()
+
+
+def test_a_study_over_a_world_s_own_defects_notices_that_they_changed(tmp_path: Path) -> None:
+    made = design(worlds=[str(tmp_path / "cross")], altitudes_m=[10], densities=["low"], defects="world")
+    placed = made.model_copy(update={"defects": "placed"})
+    save_world(add_defects(built("cross"), DefectOptions(per_segment=2)), tmp_path / "cross")
+    before = {each.defects: plan(each, load_worlds(each)).hashes[0] for each in (made, placed)}
+    save_world(add_defects(built("cross"), DefectOptions(per_segment=3)), tmp_path / "cross", force=True)
+    after = {each.defects: plan(each, load_worlds(each)).hashes[0] for each in (made, placed)}
+    assert after["placed"] == before["placed"]
+    assert after["world"] != before["world"]
+    assert world_of_study(made.worlds[0].path, after["world"]).name == "cross"
+    with pytest.raises(PaveTwinError, match="is not the one that the study began with"):
+        world_of_study(made.worlds[0].path, before["world"])

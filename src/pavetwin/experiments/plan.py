@@ -115,7 +115,7 @@ class Plan:
 
     design: Design
     hashes: tuple[str, ...]
-    """Of the worlds' content."""
+    """Of the worlds' content, see `content_of`."""
     names: tuple[str, ...]
     """Of the worlds, all distinct."""
     targets: tuple[tuple[int, ...], ...]
@@ -273,6 +273,13 @@ def check_worlds(plan: Plan) -> None:
         world_of_study(entry.path, content)
 
 
+def content_of(world: World, *, with_defects: bool) -> str:
+    """What names a world in a study: its content hash, and that of its defects where the study flies over them."""
+    return (
+        sha256(f"{world.content_hash}{world.defects_hash}".encode()).hexdigest() if with_defects else world.content_hash
+    )
+
+
 @cache
 def world_of_study(path: str, content_hash: str) -> World:
     """A world, read once a process.
@@ -281,6 +288,6 @@ def world_of_study(path: str, content_hash: str) -> World:
         PaveTwinError: it is gone, damaged, or another than the study began with.
     """
     world = load_world(Path(path))
-    if world.content_hash != content_hash:
+    if content_hash not in (content_of(world, with_defects=False), content_of(world, with_defects=True)):
         raise PaveTwinError(f"The world '{path}' is not the one that the study began with.")
     return world

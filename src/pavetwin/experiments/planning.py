@@ -6,7 +6,7 @@ from pathlib import Path
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError, naming
 from pavetwin.experiments.design import Design
-from pavetwin.experiments.plan import IN_DESIGN_FILE, Cell, Plan, cells_of, take_offs
+from pavetwin.experiments.plan import IN_DESIGN_FILE, Cell, Plan, cells_of, content_of, take_offs
 from pavetwin.experiments.words import listed
 from pavetwin.files import file_sha256
 from pavetwin.mission.environment import prepare
@@ -45,7 +45,7 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
     routes = {route: file_sha256(Path(route)) for entry in design.worlds for route in entry.routes}
     return Plan(
         design,
-        tuple(world.content_hash for world in worlds),
+        tuple(content_of(world, with_defects=design.defects == "world") for world in worlds),
         names,
         targets,
         policies,
