@@ -1,6 +1,7 @@
 """The glTF file of a world: what goes in comes out, in its place, for readers that know nothing of us."""
 
 import json
+import re
 from dataclasses import dataclass
 from functools import cache
 from io import BytesIO
@@ -17,7 +18,7 @@ from typer.testing import CliRunner
 from pavetwin.cli.world import app
 from pavetwin.defects import DefectOptions, place
 from pavetwin.errors import PaveTwinError
-from pavetwin.scene.export import ExportSummary, TrafficSnapshot, estimate, export_scene, tiles_of, usual_texel_m
+from pavetwin.scene.export import LEVELS, ExportSummary, TrafficSnapshot, estimate, export_scene, tiles_of
 from pavetwin.scene.foliage import leaf_atlas
 from pavetwin.scene.glb import Glb, read_glb
 from pavetwin.scene.model import TILE_M, Instance, defect_label
@@ -71,7 +72,13 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
     path = tmp_path_factory.mktemp("export") / "street.glb"
     shares: list[float] = []
     made = export_scene(
-        scene(), path, bounds=BOUNDS, texel_m=TEXEL_M, moment=TrafficSnapshot(traffic(), 0.5), on_progress=shares.append
+        scene(),
+        path,
+        bounds=BOUNDS,
+        detail="high",
+        texel_m=TEXEL_M,
+        moment=TrafficSnapshot(traffic(), 0.5),
+        on_progress=shares.append,
     )
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
@@ -248,17 +255,61 @@ def test_every_defect_is_a_node_with_its_label(written: Written) -> None:
 
 def test_the_same_scene_gives_the_same_bytes(written: Written, tmp_path: Path) -> None:
     again = tmp_path / "again.glb"
-    export_scene(Scene(world(), seed=1), again, bounds=BOUNDS, texel_m=TEXEL_M, moment=TrafficSnapshot(traffic(), 0.5))
+    moment = TrafficSnapshot(traffic(), 0.5)
+    export_scene(Scene(world(), seed=1), again, bounds=BOUNDS, detail="high", texel_m=TEXEL_M, moment=moment)
     assert again.read_bytes() == written.path.read_bytes()
+
+
+def test_more_processes_write_the_same_file(written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pavetwin.scene.export.write.LEAST_TILES", 1)
+    monkeypatch.setattr("pavetwin.scene.export.pieces.RUN", 1)
+    again, shares = tmp_path / "again.glb", []
+    moment = TrafficSnapshot(traffic(), 0.5)
+    options = {"bounds": BOUNDS, "detail": "high", "texel_m": TEXEL_M, "moment": moment, "jobs": 2}
+    export_scene(scene(), again, **options, on_progress=shares.append)
+    assert again.read_bytes() == written.path.read_bytes()
+    assert shares == sorted(shares)
+    assert len(shares) == written.made.tiles + 1
+
+
+def test_less_detail_has_the_same_things_in_fewer_bytes(written: Written, tmp_path: Path) -> None:
+    """Without normal maps, with the coarse meshes of defects; every defect and object is there, under its label."""
+    path, moment = tmp_path / "medium.glb", TrafficSnapshot(traffic(), 0.5)
+    made = export_scene(scene(), path, bounds=BOUNDS, texel_m=TEXEL_M, moment=moment)
+    medium, high = read_glb(path).document, written.glb.document
+    assert made.bytes < written.made.bytes - 50_000
+    assert [node["name"] for node in medium["nodes"]] == [node["name"] for node in high["nodes"]]
+    assert [node.get("extras") for node in medium["nodes"]] == [node.get("extras") for node in high["nodes"]]
+    assert not any("normalTexture" in material for material in medium["materials"])
+    assert not any("TANGENT" in each["attributes"] for mesh in medium["meshes"] for each in mesh["primitives"])
+    found = trimesh.load_scene(path, process=False)
+    assert found.bounds == pytest.approx(read(written.path).bounds, abs=0.02)
+    (name,) = {name for name in found.geometry if name.startswith("ground 0 0")}
+    uv = [scene.geometry[name].visual.uv for scene in (found, read(written.path))]
+    assert uv[0] == pytest.approx(uv[1], abs=1e-4)
+
+
+def test_the_same_bytes_are_written_once(written: Written) -> None:
+    views = range(len(written.glb.document["bufferViews"]))
+    kinds = [written.glb.document["bufferViews"][view].get("target") for view in views]
+    content = [(kind, view_bytes(written, view)) for view, kind in zip(views, kinds, strict=True)]
+    assert len(set(content)) == len(content)
 
 
 def test_sizes_are_foretold(written: Written) -> None:
     keys = tiles_of(scene(), BOUNDS)
     assert len(keys) == written.made.tiles
     assert written.made.bytes == written.path.stat().st_size
-    assert estimate(scene(), keys, TEXEL_M) == pytest.approx(written.made.bytes, rel=0.7)
-    assert usual_texel_m(8) == 0.02
-    assert 0.02 < usual_texel_m(400) < usual_texel_m(4000)
+    expected = estimate(scene(), keys, detail="high", texel_m=TEXEL_M)
+    assert expected.bytes == pytest.approx(written.made.bytes, rel=0.7)
+    low, medium, high = (estimate(scene(), keys, detail=name) for name in ("low", "medium", "high"))
+    assert low.bytes < medium.bytes < high.bytes
+    assert low.seconds < medium.seconds < high.seconds
+    many = [(column, 0) for column in range(400)]
+    assert estimate(scene(), many, jobs=2).seconds < 0.7 * estimate(scene(), many).seconds
+    level = LEVELS["high"]
+    assert level.texel_of(8) == 0.02
+    assert 0.02 < level.texel_of(400) < level.texel_of(4000)
 
 
 def test_what_lies_outside_the_bounds_is_left_out() -> None:
@@ -272,6 +323,8 @@ def test_what_lies_outside_the_bounds_is_left_out() -> None:
     ("options", "words"),
     [
         ({"target": "town.obj"}, "should end in .glb"),
+        ({"detail": "medum"}, "did you mean 'medium'"),
+        ({"jobs": 0}, "at least one process"),
         ({"texel_m": 0.0}, "not within 0.005"),
         ({"texel_m": 9.0}, "not within 0.005"),
         ({"bounds": (900.0, 900.0, 950.0, 950.0)}, "no streets within these bounds"),
@@ -320,6 +373,9 @@ def test_the_command_writes_and_says_what(tmp_path: Path) -> None:
     segment = loaded.segments[0].id
     target = tmp_path / "out.glb"
     arguments = ["export", str(tmp_path / "grid"), str(target), "--segment", segment, "--texel", "0.5"]
+    result = CliRunner().invoke(app, [*arguments, "--dry-run"])
+    assert re.match(r"\d+ tiles of 32 m at medium detail: about \d+ MB, \d+ s on an idle machine\.\n$", result.stdout)
+    assert not target.exists()
     result = CliRunner().invoke(app, arguments)
     assert result.exception is None, result.output
     assert target.read_bytes()[:4] == b"glTF"

@@ -1,11 +1,12 @@
 """`pavetwin world export`: everything of a world as one file that Blender and web pages open."""
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pavetwin.cli.arguments import WorldFolder
+from pavetwin.cli.arguments import Plugins, WorldFolder, paths_of
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -27,8 +28,9 @@ def export(
         str | None,
         typer.Option(metavar="ID|STREET", help='Only the surroundings of a segment or street: s0003, "Bell Lane".'),
     ] = None,
+    detail: Annotated[str, typer.Option(help="Level of detail: low, medium or high.")] = "medium",
     texel: Annotated[
-        float | None, typer.Option(help="Size of the ground's texels, in metres; 0.02 unless the part is large.")
+        float | None, typer.Option(help="Size of the ground's texels, in metres; by the level of detail unless given.")
     ] = None,
     traffic: Annotated[
         Path | None, typer.Option(metavar="FILE.parquet", help="A recording, to show its traffic at one moment.")
@@ -37,31 +39,60 @@ def export(
         float | None, typer.Option(help="That moment, in seconds from the recording's beginning; 0 unless given.")
     ] = None,
     seed: Annotated[int, typer.Option(help="Random seed of the appearance: colours, wear, leaves.")] = 0,
+    plugin: Plugins = None,
+    jobs: Annotated[int, typer.Option(help="Number of worker processes; the file does not depend on it.")] = min(
+        4, os.cpu_count() or 1
+    ),
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only estimate the size and the time.")] = False,
 ) -> None:
     """Write the scene as one binary glTF file: ground, defects, buildings, furniture, and traffic at a moment.
 
     \b
     pavetwin world export worlds/berlin berlin.glb
-    pavetwin world export worlds/berlin street.glb --segment s0003 --texel 0.01
+    pavetwin world export worlds/berlin berlin.glb --detail low --dry-run
+    pavetwin world export worlds/berlin street.glb --segment s0003 --detail high
     pavetwin world export worlds/berlin rush.glb --traffic high.parquet --at 60
     """
-    from pavetwin.scene.export import estimate, export_scene, tiles_of, usual_texel_m
+    from pavetwin.plugins import load_plugins
+    from pavetwin.scene.export import estimate, export_scene, tiles_of
     from pavetwin.scene.scene import Scene
     from pavetwin.world.store import load_world
 
     if bounds is not None and segment is not None:
         raise PaveTwinError("Give either --bounds or --segment, not both.")
+    plugins = paths_of(plugin)
+    load_plugins(plugins)
     loaded = load_world(world)
     part = _segment_bounds(loaded, segment) if segment is not None else _parsed(bounds)
     moment = _moment(loaded, traffic, at)
     scene = Scene(loaded, seed=seed)
     keys = tiles_of(scene, part)
-    size = estimate(scene, keys, texel if texel is not None else usual_texel_m(len(keys)))
-    with progress(f"Exporting {len(keys)} tiles, about {size / 1e6:.0f} MB") as report:
-        made = export_scene(scene, target, bounds=part, texel_m=texel, moment=moment, on_progress=report)
+    expected = estimate(scene, keys, detail=detail, texel_m=texel, jobs=jobs)
+    out.line(
+        f"{len(keys)} tiles of 32 m at {detail} detail: about {expected.bytes / 1e6:.0f} MB, "
+        f"{_duration(expected.seconds)} on an idle machine."
+    )
+    if dry_run:
+        return
+    with progress(f"Exporting {len(keys)} tiles", lines=True) as report:
+        made = export_scene(
+            scene,
+            target,
+            bounds=part,
+            detail=detail,
+            texel_m=texel,
+            moment=moment,
+            jobs=jobs,
+            plugins=plugins,
+            on_progress=report,
+        )
     held = f"{made.tiles} tiles of 32 m, {made.defects} defects, {made.buildings} buildings"
     held += f", {made.agents} agents" if moment is not None else ""
     out.line(f"Written to {target}: {made.bytes / 1e6:.1f} MB; {held}; {made.texel_m * 100:g} cm a texel.")
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds / 60:.0f} min" if seconds >= 90 else f"{round(seconds, -1):.0f} s"
 
 
 def _parsed(bounds: str | None) -> tuple[float, float, float, float] | None:

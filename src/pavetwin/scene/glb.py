@@ -8,6 +8,7 @@ both, pygltflib has no types and would keep all images of a town in memory. Test
 
 import json
 from collections.abc import Mapping, Sequence
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
@@ -66,12 +67,14 @@ class Glb:
 class GlbWriter:
     """Writes a file part by part: binary data goes to `spool` at once, the document is kept in memory.
 
-    References are indices into the document's lists. Call `finish` after the last part.
+    References are indices into the document's lists. The same bytes are written once. Call `finish` after the last
+    part.
     """
 
     def __init__(self, spool: BinaryIO) -> None:
         self._spool = spool
         self._size = 0
+        self._known: dict[bytes, int] = {}
         self.nodes: list[dict[str, Any]] = []
         self.meshes: list[dict[str, Any]] = []
         self.materials: list[dict[str, Any]] = []
@@ -137,11 +140,17 @@ class GlbWriter:
             target.write(chunk)
 
     def _view(self, raw: bytes, target: int | None) -> int:
+        digest = sha256(raw + str(target).encode()).digest()
+        if digest in self._known:
+            return self._known[digest]
         view = {"buffer": 0, "byteOffset": self._size, "byteLength": len(raw)}
         padded = raw + b"\0" * (-len(raw) % 4)
         self._spool.write(padded)
         self._size += len(padded)
-        return _appended(self._lists["bufferViews"], view if target is None else {**view, "target": target})
+        self._known[digest] = _appended(
+            self._lists["bufferViews"], view if target is None else {**view, "target": target}
+        )
+        return self._known[digest]
 
 
 def read_glb(path: Path) -> Glb:

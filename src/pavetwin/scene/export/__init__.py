@@ -1,5 +1,15 @@
 """A world as one file that Blender, game engines and web pages open."""
 
-from pavetwin.scene.export.write import ExportSummary, TrafficSnapshot, estimate, export_scene, tiles_of, usual_texel_m
+from pavetwin.scene.export.detail import LEVELS, Estimate, level_named
+from pavetwin.scene.export.write import ExportSummary, TrafficSnapshot, estimate, export_scene, tiles_of
 
-__all__ = ["ExportSummary", "TrafficSnapshot", "estimate", "export_scene", "tiles_of", "usual_texel_m"]
+__all__ = [
+    "LEVELS",
+    "Estimate",
+    "ExportSummary",
+    "TrafficSnapshot",
+    "estimate",
+    "export_scene",
+    "level_named",
+    "tiles_of",
+]

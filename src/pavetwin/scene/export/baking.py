@@ -15,7 +15,6 @@ from pavetwin.scene.ground.sampling import srgb_of_linear
 from pavetwin.scene.model import TILE_M, DefectPatch, GroundKind, GroundPiece, Tile
 from pavetwin.scene.patches import averaged
 
-QUALITY_COLOUR, QUALITY_NORMAL = 86, 88
 MOST_POINTS = 1 << 19
 """Texels baked at once: some 200 MB."""
 
@@ -30,10 +29,10 @@ class BakedTexture:
     """Tangent space: 128 for 0 and 255 for 1; red to the right, green up the picture."""
 
 
-def jpeg(pixels: UInt8Array, quality: int) -> bytes:
+def jpeg(pixels: UInt8Array, quality: int, subsampling: str = "4:4:4") -> bytes:
     """The bytes of a JPEG file of (rows, cols, 3)."""
     stream = BytesIO()
-    Image.fromarray(pixels).save(stream, "JPEG", quality=quality, subsampling="4:4:4", optimize=True)
+    Image.fromarray(pixels).save(stream, "JPEG", quality=quality, subsampling=subsampling, optimize=True)
     return stream.getvalue()
 
 

@@ -10,16 +10,13 @@ from PIL import Image
 
 from pavetwin.arrays import Float64Array, FloatArray, UInt8Array, UInt32Array
 from pavetwin.scene.buildings import FACADE_REPEAT_M, FacadeTexture
-from pavetwin.scene.export.baking import QUALITY_COLOUR, QUALITY_NORMAL, BakedTexture, bake_patch, bake_tile, jpeg
+from pavetwin.scene.export.baking import jpeg
+from pavetwin.scene.export.pieces import PatchPiece, Picture, TilePiece
 from pavetwin.scene.export.shared import SharedModels, attributes_of, indices_of
 from pavetwin.scene.glb import TO_FILE, GlbWriter
-from pavetwin.scene.ground.compose import MapPyramids
-from pavetwin.scene.model import TILE_M, DefectPatch, GroundMaps, Instance, Mesh, Model, Tile, labelled_defect
+from pavetwin.scene.model import TILE_M, Instance, Mesh, Model, Tile, labelled_defect
 from pavetwin.scene.models import merged
 from pavetwin.world.model import Defect
-
-PATCH_FINER: Final = 0.25
-"""Texels of defects are this share of the ground's, down to those of their maps."""
 
 _ROUGH_GROUND: Final = 0.92
 _GLASSY: Final = frozenset({FacadeTexture.WINDOWS, FacadeTexture.GLAZING, FacadeTexture.DOORS})
@@ -42,25 +39,22 @@ class SceneWriter:
     def __post_init__(self) -> None:
         self._shared = SharedModels(self.writer, self.models)
 
-    def tile(self, tile: Tile, maps: GroundMaps, patches: Sequence[DefectPatch], texel_m: float) -> int:
+    def tile(self, piece: TilePiece) -> int:
         """A node with the ground, patches, buildings and instances of a tile."""
-        levels = MapPyramids.of(maps)
-        children = [self._ground(tile, bake_tile(tile, levels, texel_m))]
-        pictures = (bake_patch(patch, tile.origin, levels, texel_m * PATCH_FINER) for patch in patches)
-        children += [self._patch(patch, picture) for patch, picture in zip(patches, pictures, strict=True)]
+        tile = piece.tile
+        children = [self._ground(tile, piece.ground)]
+        children += [self._patch(patch) for patch in piece.patches]
         children += self._facades(tile)
         children += [self.instance(instance) for instance in tile.instances]
         return self.writer.node(name=f"tile {tile.key[0]} {tile.key[1]}", children=children)
 
-    def _patch(self, patch: DefectPatch, picture: BakedTexture) -> int:
-        """The node of a defect's patch, or of the part of it that lies on one tile."""
+    def _patch(self, patch: PatchPiece) -> int:
         if patch.mesh.uv is None:
             raise ValueError(f"the patch of defect {patch.label} has no uv")
         number = labelled_defect(patch.label)
         assert number is not None
         name = f"defect {number}"
-        attributes = attributes_of(self.writer, patch.mesh, uv=patch.mesh.uv * (1, -1) + (0, 1), seen_from_above=True)
-        mesh = self._mesh(name, attributes, patch.mesh.indices, self._pictured(picture, name))
+        mesh = self._seen_from_above(name, patch.mesh, patch.mesh.uv * (1, -1) + (0, 1), patch.picture)
         extras = {"label": patch.label} | self.defects[number].facts
         return self.writer.node(name=name, mesh=mesh, matrix=self._matrix(patch.transform), extras=extras)
 
@@ -72,12 +66,11 @@ class SceneWriter:
         matrix = self._matrix(instance.transform)
         return self.writer.node(name=f"{instance.model} {instance.part}", mesh=mesh, matrix=matrix, **values)
 
-    def _ground(self, tile: Tile, picture: BakedTexture) -> int:
+    def _ground(self, tile: Tile, picture: Picture) -> int:
         mesh = merged([piece.mesh for piece in tile.ground])
         uv = np.stack([mesh.positions[:, 0] / TILE_M, 1 - mesh.positions[:, 1] / TILE_M], axis=1)
         name = f"ground {tile.key[0]} {tile.key[1]}"
-        material = self._pictured(picture, name)
-        index = self._mesh(name, attributes_of(self.writer, mesh, uv=uv, seen_from_above=True), mesh.indices, material)
+        index = self._seen_from_above(name, mesh, uv, picture)
         return self.writer.node(name=name, mesh=index, translation=self._place(*tile.origin))
 
     def _facades(self, tile: Tile) -> list[int]:
@@ -111,22 +104,17 @@ class SceneWriter:
             self._layers[layer] = self.writer.material(name=f"facade {name}", pbrMetallicRoughness=values)
         return self._layers[layer]
 
-    def _pictured(self, picture: BakedTexture, name: str) -> int:
-        """A material from a picture."""
-        colour = self.writer.texture(jpeg(picture.colour, QUALITY_COLOUR), "image/jpeg", clamped=True)
-        normal = self.writer.texture(jpeg(picture.normal, QUALITY_NORMAL), "image/jpeg", clamped=True)
-        return self.writer.material(
-            name=name,
-            pbrMetallicRoughness={
-                "baseColorTexture": {"index": colour},
-                "metallicFactor": 0.0,
-                "roughnessFactor": _ROUGH_GROUND,
-            },
-            normalTexture={"index": normal},
-        )
-
-    def _mesh(self, name: str, attributes: dict[str, int], indices: UInt32Array, material: int) -> int:
-        return self.writer.mesh(name, [self._primitive(attributes, indices, material)])
+    def _seen_from_above(self, name: str, mesh: Mesh, uv: FloatArray, picture: Picture) -> int:
+        """A mesh with a picture of it from above."""
+        values: dict[str, Any] = {}
+        if picture.normal is not None:
+            normal = self.writer.texture(picture.normal, "image/jpeg", clamped=True)
+            values["normalTexture"] = {"index": normal}
+        pbr: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": _ROUGH_GROUND}
+        pbr["baseColorTexture"] = {"index": self.writer.texture(picture.colour, "image/jpeg", clamped=True)}
+        material = self.writer.material(name=name, pbrMetallicRoughness=pbr, **values)
+        attributes = attributes_of(self.writer, mesh, uv=uv, has_tangents=picture.normal is not None)
+        return self.writer.mesh(name, [self._primitive(attributes, mesh.indices, material)])
 
     def _primitive(self, attributes: dict[str, int], indices: UInt32Array, material: int) -> dict[str, Any]:
         return {"attributes": attributes, "indices": indices_of(self.writer, indices), "material": material}

@@ -121,7 +121,7 @@ def attributes_of(
     *,
     uv: FloatArray | None = None,
     colours: Float32Array | None = None,
-    seen_from_above: bool = False,
+    has_tangents: bool = False,
 ) -> dict[str, int]:
     """Write a mesh's vertices.
 
@@ -129,13 +129,13 @@ def attributes_of(
         mesh: in our axes.
         uv: (n, 2) as glTF has it: (0, 0) is a picture's upper left corner.
         colours: (n, 3) linear.
-        seen_from_above: its normal map has x to the right and y up the picture; tangents are written for that.
+        has_tangents: for a normal map seen from above, which has x to the right and y up the picture.
     """
     attributes = {
         "POSITION": writer.array(to_file_axes(mesh.positions)),
         "NORMAL": writer.array(_unit(to_file_axes(mesh.normals))),
     }
-    if seen_from_above:
+    if has_tangents:
         attributes["TANGENT"] = writer.array(_tangents(mesh.normals))
     if uv is not None:
         attributes["TEXCOORD_0"] = writer.array(uv.astype(np.float32))

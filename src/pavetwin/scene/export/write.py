@@ -12,7 +12,9 @@ import shapely
 from pavetwin._core import __version__
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
-from pavetwin.scene.export.parts import PATCH_FINER, SceneWriter
+from pavetwin.scene.export.detail import USUAL, Estimate, estimated, level_named
+from pavetwin.scene.export.parts import SceneWriter
+from pavetwin.scene.export.pieces import Job, TilePiece, make_pieces
 from pavetwin.scene.glb import LARGEST, GlbWriter
 from pavetwin.scene.model import TILE_M, Instance
 from pavetwin.scene.scene import Scene, keys_of, tile_bounds
@@ -21,22 +23,11 @@ from pavetwin.traffic.recording import Recording
 Key = tuple[int, int]
 Bounds = tuple[float, float, float, float]
 
+LEAST_TILES: Final = 12
+"""Of a process: making the world's plan and textures takes as long."""
+
 AROUND_M: Final = 40.0
 """Land farther than this from any street is left out."""
-
-FINEST_TEXEL_M, COARSEST_TEXEL_M = 0.005, 0.5
-USUAL_TEXEL_M: Final = 0.02
-TEXELS: Final = 200e6
-"""Default number of texels of the ground's textures: some 50 MB."""
-
-BYTES_A_TEXEL: Final = 0.24
-"""Bytes per texel of a pair of JPEG files, colour and normals."""
-
-DEFECT_M2: Final = 5.2
-"""Mean texture area of a defect: its maps' rectangle."""
-
-BYTES_A_DEFECT, BYTES_A_TILE, BYTES_OF_MODELS = 40_000, 150_000, 2_000_000
-"""Bytes of the meshes of a patch, of a tile's ground and houses, and of all models; measured over a generated town."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,24 +74,23 @@ def tiles_of(scene: Scene, bounds: Bounds | None = None) -> tuple[Key, ...]:
     return tuple(key for key, square in squares.items() if area.intersects(square) and not area.touches(square))
 
 
-def usual_texel_m(tiles: int) -> float:
-    """The size of a texel for a number of tiles: 2 cm, and coarser where pictures would hold too many."""
-    least = math.sqrt(tiles * TILE_M**2 / TEXELS)
-    return max(USUAL_TEXEL_M, math.ceil(least / 0.005 - 1e-9) * 0.005)
-
-
-def estimate(scene: Scene, keys: Sequence[Key], texel_m: float) -> int:
-    """Estimated size of an export in bytes.
+def estimate(
+    scene: Scene, keys: Sequence[Key], *, detail: str = USUAL, texel_m: float | None = None, jobs: int = 1
+) -> Estimate:
+    """Size and time of an export of these tiles.
 
     Raises:
-        PaveTwinError: the texel size is out of range.
+        PaveTwinError: the level of detail is not known, or the texel size is out of range.
     """
-    if not FINEST_TEXEL_M <= texel_m <= COARSEST_TEXEL_M:
-        raise PaveTwinError(f"A texel of {texel_m:g} m is not within {FINEST_TEXEL_M} … {COARSEST_TEXEL_M} m.")
+    level = level_named(detail)
     defects = len({number for key in keys for number in scene.holes_on(key)})
-    texels = len(keys) * (TILE_M / texel_m) ** 2 + defects * DEFECT_M2 / (texel_m * PATCH_FINER) ** 2
-    meshes = defects * BYTES_A_DEFECT + len(keys) * BYTES_A_TILE + BYTES_OF_MODELS
-    return round(texels * BYTES_A_TEXEL + meshes)
+    texel = level.texel_of(len(keys)) if texel_m is None else texel_m
+    return estimated(level, texel, len(keys), defects, jobs_for(keys, jobs))
+
+
+def jobs_for(keys: Sequence[Key], jobs: int) -> int:
+    """How many of `jobs` processes are worth starting for these tiles: each makes the world's plan again."""
+    return max(1, min(jobs, len(keys) // LEAST_TILES))
 
 
 def export_scene(
@@ -108,8 +98,11 @@ def export_scene(
     target: str | Path,
     *,
     bounds: Bounds | None = None,
+    detail: str = USUAL,
     texel_m: float | None = None,
     moment: TrafficSnapshot | None = None,
+    jobs: int = 1,
+    plugins: tuple[str, ...] = (),
     on_progress: Callable[[float], None] = lambda _: None,
 ) -> ExportSummary:
     """Write a scene to a .glb file, whole or not at all.
@@ -119,20 +112,26 @@ def export_scene(
     Args:
         target: a path that ends in .glb.
         bounds: west, south, east, north in metres of the world frame; everything when not given. Tiles are whole.
-        texel_m: side of a texel of the ground's pictures.
+        detail: low, medium or high, see `LEVELS`.
+        texel_m: side of a texel of the ground's pictures; the level's when not given.
         moment: traffic to be shown.
+        jobs: number of processes; it does not change the file.
+        plugins: files that register the world's classes of defects, for those processes.
         on_progress: called with the share done.
 
     Raises:
-        PaveTwinError: the name has another suffix, the texel size is out of range, the bounds hold no street, or the
-            file would be too large for the format or cannot be written.
+        PaveTwinError: the name has another suffix, the level of detail is not known, the texel size is out of range,
+            the bounds hold no street, or the file would be too large for the format or cannot be written.
     """
     target = Path(target)
     if target.suffix.lower() != ".glb":
         raise PaveTwinError(f"'{target}' should end in .glb: the scene is written as one binary glTF file.")
     keys = tiles_of(scene, bounds)
-    texel_m = usual_texel_m(len(keys)) if texel_m is None else texel_m
-    if (size := estimate(scene, keys, texel_m)) > LARGEST:
+    if jobs < 1:
+        raise PaveTwinError(f"`jobs` {jobs}: at least one process must make the tiles.")
+    level = level_named(detail)
+    texel_m = level.texel_of(len(keys)) if texel_m is None else texel_m
+    if (size := estimate(scene, keys, detail=detail, texel_m=texel_m).bytes) > LARGEST:
         raise PaveTwinError(
             f"The file would have about {size / 1e9:.1f} GB, and binary glTF ends at 4.3 GB; take a coarser `texel_m` "
             f"than {texel_m:g} or fewer streets with `bounds`."
@@ -144,11 +143,18 @@ def export_scene(
         parts = SceneWriter(writer, scene.models, scene.facade_textures, middle, scene.world.defects)
         roots = []
         defects: set[int] = set()
-        for number, key in enumerate(keys):
-            patches = tuple(scene.patches_on(key))
-            roots.append(parts.tile(scene.tile(key), scene.maps(key), patches, texel_m))
-            defects |= {patch.label for patch in patches}
-            on_progress((number + 1) / (len(keys) + 1))
+        made = 0
+
+        def write(piece: TilePiece) -> None:
+            roots.append(parts.tile(piece))
+            defects.update(patch.label for patch in piece.patches)
+
+        def on_tile() -> None:
+            nonlocal made
+            made += 1
+            on_progress(min(made, len(keys)) / (len(keys) + 1))
+
+        make_pieces(scene, keys, Job(texel_m, level, plugins), jobs_for(keys, jobs), write, on_tile)
         agents = _agents(scene, keys, moment)
         roots += [parts.instance(instance) for instance in agents]
         with temporary.open("wb") as file:
@@ -158,6 +164,7 @@ def export_scene(
                     "world": scene.world.name,
                     "seed": scene.seed,
                     "origin_m": list(middle),
+                    "detail": detail,
                     "texel_m": texel_m,
                 },
             }
