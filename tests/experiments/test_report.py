@@ -163,6 +163,25 @@ def test_without_baseline_policies_are_compared_with_the_first() -> None:
     assert "baseline is not among them" in study.conclusions[0]
 
 
+def test_a_design_may_compare_every_pair_of_policies(tmp_path: Path) -> None:
+    table = table_of({"policy": ("baseline", "hover", "skip"), "traffic": ("low", "high")}, 8)
+    study = gather("Pairs", {"compare": "all"}, table, {})
+    write_report(study, tmp_path)
+    pairs = pl.read_csv(tmp_path / "differences.csv").select("reference", "policy").unique().rows()
+    assert set(pairs) == {("baseline", "hover"), ("baseline", "skip"), ("hover", "skip")}
+    assert {found.number for found in study.comparisons} == {3 * 2 * 3}, "pairs of policies, densities, metrics"
+    text = " ".join(page(study).split())
+    assert "corrected for all 18 comparisons between policies in coverage, time and energy together" in text
+    assert "Mean paired difference to hover" in text
+
+
+def test_a_design_may_name_the_policy_that_others_are_compared_with() -> None:
+    table = table_of({"policy": ("baseline", "hover", "skip")}, 8)
+    (comparison,) = gather("Reference", {"compare": "hover"}, table, {}).comparisons
+    assert comparison.reference == "hover"
+    assert set(comparison.differences["policy"]) == {"baseline", "skip"}
+
+
 def test_altitudes_are_compared_with_each_other() -> None:
     study = gather("Heights", {}, table_of({"altitude_m": (6.0, 10.0, 15.0), "traffic": ("low", "high")}, 8), {})
     text = " ".join(page(study).split())

@@ -242,6 +242,7 @@ def test_a_complete_study_is_left_as_it_is(reference: Path, world: Path) -> None
 @pytest.mark.parametrize(
     ("values", "words"),
     [
+        ({"compare": "hoover"}, r"no policy 'hoover' \(did you mean 'hover'\?\); give all or one of baseline, hover"),
         ({"seed": 5}, "its seed is 4, not 5"),
         ({"altitudes_m": [6, 15]}, "its altitudes_m is"),
         ({"sweep": {"tau_o": [0.5]}}, "its sweep is"),

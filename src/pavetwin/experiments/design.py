@@ -23,7 +23,7 @@ from pavetwin.config.altitude import Altitude
 from pavetwin.config.text import parse_yaml
 from pavetwin.defects import DefectOptions
 from pavetwin.errors import PaveTwinError, nearest_name
-from pavetwin.experiments.metrics import ERROR_METRICS, FACTORS, METRICS
+from pavetwin.experiments.metrics import ERROR_METRICS, FACTORS, METRICS, REFERENCE
 from pavetwin.uav.cameras import camera_file
 
 ALIASES: Final[Mapping[str, str]] = {
@@ -149,6 +149,8 @@ class Design(Settings):
     """Names of streets or ids of segments that missions inspect; all that can be reached where there are none."""
     segments: Annotated[int, Field(ge=1, le=1000)] = 1
     seed: Annotated[int, Field(ge=0)] = 1
+    compare: str = REFERENCE
+    """The policy that the others are compared with, by the name that the table has; `all` for every pair."""
     defects: Placing = "placed"
     """`placed` in each replicate as densely as the world was built, or by these options; `world` keeps its own."""
 

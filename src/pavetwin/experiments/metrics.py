@@ -22,7 +22,10 @@ FILES: Final = "files_hash"
 STATUS, FLOWN, FAILED, REASON = "status", "flown", "failed", "reason"
 
 REFERENCE: Final = "baseline"
-"""The policy that the others are compared with."""
+"""The policy that the others are compared with unless the design says otherwise."""
+
+EVERY_PAIR: Final = "all"
+"""What a design says to compare every pair of policies."""
 
 
 @dataclass(frozen=True)

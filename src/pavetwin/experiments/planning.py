@@ -4,8 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from pavetwin.config import MissionSettings
-from pavetwin.errors import PaveTwinError, naming
+from pavetwin.errors import PaveTwinError, naming, nearest_name
 from pavetwin.experiments.design import Design
+from pavetwin.experiments.metrics import EVERY_PAIR, REFERENCE
 from pavetwin.experiments.plan import IN_DESIGN_FILE, Cell, Plan, cells_of, content_of, take_offs
 from pavetwin.experiments.words import listed
 from pavetwin.files import file_sha256
@@ -32,6 +33,12 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
     with naming(IN_DESIGN_FILE, "the design"):
         load_plugins(design.plugins)
         policies = _check_levels(design)
+    if design.compare not in (known := [EVERY_PAIR, REFERENCE, *policies.values()]):
+        near = nearest_name(design.compare, known)
+        raise PaveTwinError(
+            f"the design: compare: no policy '{design.compare}'{near}; give {EVERY_PAIR} or one of "
+            f"{', '.join(policies.values())}."
+        )
     recordings = _check_recordings(design, worlds)
     names = tuple(world.name for world in worlds)
     if len(set(names)) < len(names):

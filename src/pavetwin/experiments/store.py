@@ -34,7 +34,7 @@ class Store:
     def check_design(self, design: Design) -> None:
         """Whether the folder is a new one, or was begun with the same design and versions; nothing is written.
 
-        More replicates than before may be asked for.
+        More replicates than before, another name and other comparisons may be asked for.
 
         Raises:
             PaveTwinError: the folder holds something else; the message names the first difference.
@@ -291,7 +291,7 @@ def _check_same(folder: Path, there: Mapping[str, Any], wanted: Mapping[str, Any
             )
     begun = Design.parse(there["design"], where=str(folder / DESIGN)).model_dump(mode="json")  # its defaults, too
     for key, value in wanted["design"].items():
-        if key not in ("replicates", "name") and (before := begun[key]) != value:
+        if key not in ("replicates", "name", "compare") and (before := begun[key]) != value:
             raise PaveTwinError(
                 f"'{folder}' holds another design: its {key} is {_as_written(before)}, not "
                 f"{_as_written(value)}; choose another folder."

@@ -1,7 +1,7 @@
 """Figures embedded in the page: vector drawings or small images inside data URIs."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from math import ceil, floor, log10
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -81,16 +81,23 @@ def beside_each_other(panels: int, height_in: float) -> tuple[Figure, Sequence[A
     return figure, figure.subplots(1, panels, squeeze=False, sharey=True)[0]
 
 
-def policy_legend(figure: Figure, chosen: Looks, more: Sequence[Line2D] = ()) -> None:
-    """One line above the panels. Nothing when there is nothing to tell apart."""
+def policy_legend(
+    figure: Figure, chosen: Looks, more: Sequence[Line2D] = (), drawn: Collection[str] | None = None
+) -> None:
+    """One line above the panels. Nothing when there is nothing to tell apart.
+
+    Args:
+        drawn: those of the policies that are in the figure; all unless given.
+    """
     marks = [
         Line2D(
             [], [], color=look.colour, marker=look.marker, linestyle=look.dash, markersize=4.5, linewidth=1.0,
             label=level_text("policy", policy),
         )
         for policy, look in chosen.items()
+        if drawn is None or policy in drawn
     ]  # fmt: skip
-    handles = [*(marks if len(marks) > 1 else []), *more]
+    handles = [*(marks if len(chosen) > 1 else []), *more]
     if handles:
         figure.legend(
             handles=handles, loc="outside upper left", ncols=min(len(handles), 9), borderaxespad=0.2,

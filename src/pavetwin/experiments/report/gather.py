@@ -7,7 +7,7 @@ import polars as pl
 
 from pavetwin.config import load_settings
 from pavetwin.experiments.design import ALIASES
-from pavetwin.experiments.metrics import FACTORS, REFERENCE, REPLICATE, metrics_in
+from pavetwin.experiments.metrics import EVERY_PAIR, FACTORS, REFERENCE, REPLICATE, metrics_in
 from pavetwin.experiments.report.study import Study
 from pavetwin.experiments.statistics import Comparison, conclusions, differences, effects, every_pair, summarise
 from pavetwin.world.model import World
@@ -27,10 +27,13 @@ def gather(
     factors = tuple(name for name in by if table[name].n_unique() > 1)
     summary = summarise(table, by, metrics_in(table), seed=seed)
     levels = {name: table[name].unique(maintain_order=True).to_list() for name in by}
-    compared = [
-        Comparison(factor, reference, reason, differences(table, by, factor=factor, reference=reference, seed=seed))
-        for factor, (reference, reason) in references(levels, design).items()
-    ]
+    compared: list[Comparison] = []
+    for factor, (reference, reason) in references(levels, design).items():
+        if factor == "policy" and design.get("compare") == EVERY_PAIR:
+            compared += every_pair(table, by, levels[factor], factor=factor, seed=seed)
+        else:
+            found = differences(table, by, factor=factor, reference=reference, seed=seed)
+            compared.append(Comparison(factor, reference, reason, found))
     after_policies = sum(found.factor == "policy" for found in compared)
     heights = sorted(levels["altitude_m"])
     compared[after_policies:after_policies] = every_pair(table, by, heights, factor="altitude_m", seed=seed)
@@ -51,8 +54,9 @@ def references(levels: Mapping[str, Sequence[Any]], design: Mapping[str, Any]) -
 
 
 def _reference(factor: str, levels: list[Any], design: Mapping[str, Any]) -> tuple[Any, str]:
-    if factor == "policy" and REFERENCE in levels:
-        return REFERENCE, ""
+    wanted = design.get("compare", REFERENCE)
+    if factor == "policy" and wanted in levels:
+        return wanted, "" if wanted == REFERENCE else "as the design has it"
     if factor not in FACTORS:
         usual = _of_presets(factor, design)
         if len(usual) == 1 and usual[0] in levels:

@@ -41,13 +41,12 @@ def forest(group: Group, differences: pl.DataFrame, metrics: Sequence[Metric], s
     """A panel a metric over the same rows. Filled marks are significant."""
     with style.styled():
         chosen = canvas.looks(group.policies)
-        figure, panels = canvas.beside_each_other(len(metrics), 0.75 + _ROW_IN * len(shown))
+        figure, panels = canvas.beside_each_other(len(metrics), 0.75 + _ROW_IN * max(len(shown), 2))
         for axes, metric in zip(panels, metrics, strict=True):
             rows = differences.filter(pl.col(METRIC) == metric.name).iter_rows(named=True)
             _panel(axes, metric, shown, {tuple(row[name] for name in axes_of(group)): row for row in rows}, chosen)
         _name_rows(panels[0], axes_of(group), shown)
-        there = {place[-1] for place in shown}
-        canvas.policy_legend(figure, {policy: look for policy, look in chosen.items() if policy in there})
+        canvas.policy_legend(figure, chosen, drawn={place[-1] for place in shown})
     return figure
 
 
