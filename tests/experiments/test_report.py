@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 import polars as pl
 import pytest
+from matplotlib.colors import to_hex, to_rgb
 
 from pavetwin.draw.style import POLICY_COLOURS
 from pavetwin.errors import PaveTwinError
@@ -19,8 +20,10 @@ from pavetwin.experiments.report.canvas import looks
 from pavetwin.experiments.report.headline import headline_table
 from pavetwin.experiments.report.maps import street_map, street_means
 from pavetwin.experiments.report.plots.intervals import by_altitude
+from pavetwin.experiments.report.plots.overview import overview
 from pavetwin.experiments.report.plots.spread import spread
 from pavetwin.experiments.report.plots.tradeoff import options, tradeoff
+from pavetwin.experiments.statistics import MissionLimits
 from pavetwin.experiments.statistics.summary import summarise
 from scenes import tiny
 from scenes.report_studies import PAPER, SMALL, study_of, table_of, with_failures
@@ -78,7 +81,8 @@ def sections(text: str) -> set[str]:
 
 def test_every_section_is_there(small: str) -> None:
     results = {"means", "intervals", "differences", "tradeoffs", "spread"}
-    assert sections(small) == {*results, "effects", "streets", "findings", "methods", "repeat"}
+    front = {"overview", "flown"}
+    assert sections(small) == {*results, *front, "effects", "streets", "findings", "methods", "repeat"}
 
 
 def test_the_page_needs_nothing_from_elsewhere(small: str) -> None:
@@ -182,6 +186,38 @@ def test_a_design_may_name_the_policy_that_others_are_compared_with() -> None:
     assert set(comparison.differences["policy"]) == {"baseline", "skip"}
 
 
+def test_the_first_page_answers_the_question() -> None:
+    design = {"presets": ["paper"], "sensors": ["recall"], "set": {"d_max": 4.0, "recall": 0.84}}
+    study = gather("First", design, table_of(SMALL, 12), {}, limits=MissionLimits(max_time_s=60.0))
+    text = page(study)
+    front = " ".join("".join(Outline(text[text.index("<body") : text.index("<nav")] + "</main></body>").words).split())
+    assert "Which altitude and policy finds most of the pavement's defects in low and high traffic with" in front
+    best = study.advice[0].recommendation.best
+    assert best is not None
+    assert f"Fly {best['policy']} at {best['altitude_m']:g} m" in front
+    assert "In each traffic" in front
+    assert len(study.findings) == 3
+    assert all(" ".join(sentence.split()) in front for sentence in study.findings)
+    assert "Settings that differ from the preset paper: d_max 4 (preset: 3)." in front
+    assert "Figure 1." in front
+    plain = page(gather("Plain", {**design, "set": {"recall": 0.84}}, table_of(SMALL, 12), {}))
+    assert "No setting differs from the preset paper." in plain
+    assert "No limit of time, battery or coverage was set" in plain
+
+
+def test_marks_of_the_first_figure_differ_in_grey() -> None:
+    """Shapes tell policies apart, and fillings of falling lightness altitudes."""
+    (group,) = study_of(table_of(PAPER, 6)).groups()
+    figure = overview(group, metric_named("coverage"), metric_named("time_s"), group.traffics)
+    marks = [line for line in figure.axes[0].lines if line.get_marker() not in (None, "None", "")]
+    looks_of = {(line.get_marker(), to_hex(line.get_markerfacecolor())) for line in marks}
+    assert len(marks) == len(looks_of) == 12
+    for marker in {line.get_marker() for line in marks}:
+        greys = [sum(to_rgb(line.get_markerfacecolor())) for line in marks if line.get_marker() == marker]
+        assert greys == sorted(greys, reverse=True)
+        assert min(one - other for one, other in pairwise(greys)) > 0.3
+
+
 def test_altitudes_are_compared_with_each_other() -> None:
     study = gather("Heights", {}, table_of({"altitude_m": (6.0, 10.0, 15.0), "traffic": ("low", "high")}, 8), {})
     text = " ".join(page(study).split())
@@ -230,6 +266,7 @@ def test_one_level_of_the_others_is_enough(varied: str) -> None:
 def test_a_single_cell_flown_once() -> None:
     text = page(study_of(table_of({}, 1)))
     assert {"means", "spread", "methods", "repeat"} <= sections(text)
+    assert "overview" not in sections(text)
     assert not {"differences", "tradeoffs", "effects", "across", "failures", "streets"} & sections(text)
 
 

@@ -226,7 +226,8 @@ def test_limits_are_judged_in_each_resample_and_told_so() -> None:
     )
     easy = recommend(table, MissionLimits(max_time_s=90.0), ("policy",))
     assert easy.sentences[1:] == (
-        "Within the limit, micro leads; 20 replicates separate it from hover and baseline.",
+        "Within the limit, micro leads; 20 replicates separate it from hover and baseline "
+        "(each p < 0.05, not corrected).",
         "This is an average over traffic (low and high).",
     )
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pavetwin.experiments.design import Design
     from pavetwin.experiments.engines import Engine
     from pavetwin.experiments.run import Ran
-    from pavetwin.experiments.statistics import Recommendation
+    from pavetwin.experiments.statistics import MissionLimits, Recommendation
     from pavetwin.experiments.store import Store
     from pavetwin.world.model import World
 
@@ -30,8 +30,14 @@ Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a study."
 
 FAILED_CODE = 1
 MOST_REASONS, MOST_COLUMNS = 5, 14
-ASSUMED = ("sensor", "preset")
-"""Factors that are assumptions of a study, not options to choose from."""
+
+MaxTime = Annotated[
+    float | None, typer.Option(metavar="S", min=0.001, help="Longest mean time of a segment mission, in seconds.")
+]
+MaxEnergy = Annotated[
+    float | None, typer.Option(metavar="%", min=0.001, help="Largest mean energy of one, in % of a battery.")
+]
+MinCoverage = Annotated[float | None, typer.Option(metavar="%", min=0, max=100, help="Least mean coverage, in %.")]
 
 
 @app.command()
@@ -158,11 +164,17 @@ def report(
         Path | None, typer.Option("--output", "-o", help="Folder for the files; the study's own unless given.")
     ] = None,
     figures: Annotated[bool, typer.Option("--figures", help="Also every figure as a file, SVG or PNG.")] = False,
+    max_time: MaxTime = None,
+    max_energy: MaxEnergy = None,
+    min_coverage: MinCoverage = None,
 ) -> None:
     """Write report.html, which opens offline, and the table as CSV, Markdown and LaTeX.
 
+    Its first page holds the recommendation, under limits where you give some.
+
     \b
     pavetwin experiment report studies/first
+    pavetwin experiment report studies/first --max-time 120
     pavetwin experiment report studies/first --figures
     """
     from pavetwin.experiments.report import gather, write_report
@@ -172,12 +184,15 @@ def report(
     said, table = store.description(), store.table()
     design = store.design()
     with progress("Statistics", lines=True) as tell:
-        study = gather(design.name, _plain(said), table, _worlds(design), seed=design.seed)
+        limits = _limits(max_time, max_energy, min_coverage)
+        study = gather(design.name, _plain(said), table, _worlds(design), limits=limits, seed=design.seed)
         place = output or folder
         written = write_report(study, place, lambda share: tell(share, "Drawing the report"), figures=figures)
     _note_unfinished(store)
     note_fonts(*study.worlds.values())
-    out.line("\n".join(study.conclusions))
+    for each in study.advice:
+        out.line(" ".join([each.assumption, *each.recommendation.sentences]).strip())
+    out.line("\n".join(study.findings or study.conclusions))
     names = [str(path) for path in written if path.parent == place]
     drawn = [f"{len(written) - len(names)} files in {place}/figures/"] if figures else []
     out.line(f"\nWritten: {', '.join(names + drawn)}")
@@ -186,15 +201,9 @@ def report(
 @app.command()
 def recommend(
     folder: Folder,
-    max_time: Annotated[
-        float | None, typer.Option(metavar="S", min=0.001, help="Longest mean time of a segment mission, in seconds.")
-    ] = None,
-    max_energy: Annotated[
-        float | None, typer.Option(metavar="%", min=0.001, help="Largest mean energy of one, in % of a battery.")
-    ] = None,
-    min_coverage: Annotated[
-        float | None, typer.Option(metavar="%", min=0, max=100, help="Least mean coverage, in %.")
-    ] = None,
+    max_time: MaxTime = None,
+    max_energy: MaxEnergy = None,
+    min_coverage: MinCoverage = None,
     traffic: Annotated[str | None, typer.Option(help="In this traffic; else over all that was flown.")] = None,
     world: Annotated[str | None, typer.Option(help="Over this world; else over all.")] = None,
 ) -> None:
@@ -206,12 +215,8 @@ def recommend(
     pavetwin experiment recommend studies/first --traffic high --max-time 120
     pavetwin experiment recommend studies/first --max-energy 5 --min-coverage 80
     """
-    from pavetwin.experiments.design import ALIASES, ENVIRONMENT
-    from pavetwin.experiments.metrics import REPLICATE
-    from pavetwin.experiments.statistics import MissionLimits
-    from pavetwin.experiments.statistics import recommend as choose
+    from pavetwin.experiments.advice import advise
     from pavetwin.experiments.store import Store
-    from pavetwin.experiments.words import opened, setting
 
     store = Store(folder)
     table = store.table()
@@ -221,25 +226,24 @@ def recommend(
             if value not in levels:
                 raise PaveTwinError(f"--{option} {value}: the study has {', '.join(levels)}.")
             table = table.filter(table[column] == value)
-    varied = table.columns[table.columns.index("altitude_m") : table.columns.index(REPLICATE)]
     design = store.design()
-    swept = zip(design.sweep_columns, design.sweep, strict=True)
-    given = {column for column, key in swept if ALIASES.get(key, key) in ENVIRONMENT}
-    chosen_by = {name for name in varied if name not in {*ASSUMED, *given} and table[name].n_unique() > 1}
-    by = [name for name in varied if name in chosen_by | {"altitude_m", "policy"}]
-    energy, coverage = (None if percent is None else percent / 100 for percent in (max_energy, min_coverage))
-    limits = MissionLimits(max_time_s=max_time, max_energy=energy, min_coverage=coverage)
-    assumed = [name for name in ASSUMED if table[name].n_unique() > 1]
-    parts = table.partition_by(assumed, maintain_order=True) if assumed else [table]
-    advice = [choose(part, limits, by, seed=design.seed) for part in parts]
-    for part, chosen in zip(parts, advice, strict=True):
-        if assumed:
-            out.print(f"\n[bold]{opened(setting(part.row(0, named=True), assumed))}[/]")
-        out.print(_options_table(chosen))
-        out.line("\n".join(chosen.sentences))
+    advice = advise(table, _limits(max_time, max_energy, min_coverage), seed=design.seed)
+    for each in advice:
+        if each.assumption:
+            out.print(f"\n[bold]{each.assumption}[/]")
+        out.print(_options_table(each.recommendation))
+        out.line("\n".join(each.recommendation.sentences))
     _note_unfinished(store)
-    if any(chosen.best is None for chosen in advice):
+    if any(each.recommendation.best is None for each in advice):
         raise typer.Exit(FAILED_CODE)
+
+
+def _limits(max_time_s: float | None, max_energy: float | None, min_coverage: float | None) -> "MissionLimits":
+    """Limits from the options, which give shares in per cent."""
+    from pavetwin.experiments.statistics import MissionLimits
+
+    energy, coverage = (None if percent is None else percent / 100 for percent in (max_energy, min_coverage))
+    return MissionLimits(max_time_s=max_time_s, max_energy=energy, min_coverage=coverage)
 
 
 def _note_unfinished(store: "Store") -> None:

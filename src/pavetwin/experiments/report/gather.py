@@ -6,21 +6,41 @@ from typing import Any
 import polars as pl
 
 from pavetwin.config import load_settings
+from pavetwin.experiments.advice import advise
 from pavetwin.experiments.design import ALIASES
 from pavetwin.experiments.metrics import EVERY_PAIR, FACTORS, REFERENCE, REPLICATE, metrics_in
 from pavetwin.experiments.report.study import Study
-from pavetwin.experiments.statistics import Comparison, conclusions, differences, effects, every_pair, summarise
+from pavetwin.experiments.statistics import (
+    Comparison,
+    MissionLimits,
+    conclusions,
+    differences,
+    effects,
+    every_pair,
+    key_findings,
+    summarise,
+)
 from pavetwin.world.model import World
+
+_MOST_TRAFFICS = 6
+"""With more kinds of traffic there is no recommendation for each."""
 
 
 def gather(
-    title: str, design: Mapping[str, Any], table: pl.DataFrame, worlds: Mapping[str, World], *, seed: int = 0
+    title: str,
+    design: Mapping[str, Any],
+    table: pl.DataFrame,
+    worlds: Mapping[str, World],
+    *,
+    limits: MissionLimits | None = None,
+    seed: int = 0,
 ) -> Study:
     """The statistics of a table over everything that it varies.
 
     Args:
         design: plain values of `design.yaml`, and the `version` that flew it.
         worlds: by the names in the table; those that are not here get no map.
+        limits: of the recommendation.
         seed: of the resamples.
     """
     by = table.columns[: table.columns.index(REPLICATE)]
@@ -39,7 +59,15 @@ def gather(
     compared[after_policies:after_policies] = every_pair(table, by, heights, factor="altitude_m", seed=seed)
     explained = effects(table, factors)
     sentences = conclusions(summary, compared, explained)
-    return Study(title, design, factors, table, summary, compared, explained, sentences, worlds)
+    within = limits or MissionLimits()
+    traffics = levels["traffic"] if 1 < len(levels["traffic"]) <= _MOST_TRAFFICS else []
+    advice_in = {name: advise(table.filter(traffic=name), within, seed=seed) for name in traffics}
+    return Study(
+        *(title, design, factors, table, summary, compared, explained, sentences, worlds),
+        findings=key_findings(compared),
+        advice=advise(table, within, seed=seed),
+        advice_in=advice_in,
+    )
 
 
 def references(levels: Mapping[str, Sequence[Any]], design: Mapping[str, Any]) -> dict[str, tuple[Any, str]]:

@@ -10,8 +10,9 @@ import yaml
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from pavetwin.draw import style
+from pavetwin.experiments.advice import Advice
 from pavetwin.experiments.metrics import FACTORS, FAILED, STATUS
-from pavetwin.experiments.report import whole
+from pavetwin.experiments.report import front, whole
 from pavetwin.experiments.report.parts import Block, ReportFigure, Section, Table
 from pavetwin.experiments.report.results import group_builders
 from pavetwin.experiments.report.study import AXES, Study, constants, replicates
@@ -33,9 +34,16 @@ def page(study: Study, sections: Sequence[Section]) -> str:
     environment.filters["identity"] = id
     return environment.get_template("page.html.jinja").render(
         study=study,
+        question=front.question(study),
+        answers=[(each.assumption, each.recommendation.sentences) for each in study.advice],
+        by_traffic=[(name, _first_sentences(advice)) for name, advice in study.advice_in.items()],
+        limited=any(each.recommendation.limits.named for each in study.advice),
+        changed=front.changed_settings(study.design),
+        presets=listed(list(study.design.get("presets") or ())),
+        overview=[section for section in sections if section.anchor == front.OVERVIEW],
         summary=design_words(study),
         facts=facts(study),
-        sections=sections,
+        sections=[section for section in sections if section.anchor != front.OVERVIEW],
         numbers=_numbers(sections),
         design=design_text(study.design),
         metrics={metric.name for metric in study.metrics},
@@ -101,7 +109,7 @@ def sections_of(study: Study, on_progress: Callable[[float], None] = lambda _: N
     builders = (whole.effects_section, whole.streets_section, whole.failures_section)
     parts = [group_builders(group, brief=at > MOST_WHOLE) for at, group in enumerate(groups, start=1)]
     # Of the table's files and the page, which take as long as a section.
-    total, done = len(builders) + sum(map(len, parts)) + 2, 0
+    total, done = len(builders) + sum(map(len, parts)) + 3, 0
 
     def made(build: Callable[[], Section]) -> list[Section]:
         nonlocal done
@@ -109,7 +117,7 @@ def sections_of(study: Study, on_progress: Callable[[float], None] = lambda _: N
         on_progress(done / total)
         return [] if section.empty else [section]
 
-    sections = made(partial(whole.across_section, study))
+    sections = made(partial(front.overview_section, study)) + made(partial(whole.across_section, study))
     for at, (group, part) in enumerate(zip(groups, parts, strict=True), start=1):
         prefix = f"results-{at}-" if group.key else ""
         inner = [section for build in part for section in made(partial(build, prefix))]
@@ -124,6 +132,11 @@ def sections_of(study: Study, on_progress: Callable[[float], None] = lambda _: N
 
 def figures(sections: Sequence[Section]) -> list[ReportFigure]:
     return [block for block in _blocks(sections) if isinstance(block, ReportFigure)]
+
+
+def _first_sentences(advice: Sequence[Advice]) -> str:
+    """What each recommendation says first, and what it leaves open."""
+    return " ".join(" ".join(each.recommendation.sentences[:2]) for each in advice)
 
 
 def _numbers(sections: Sequence[Section]) -> dict[int, int]:

@@ -2,12 +2,13 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Final
 
 import polars as pl
 
+from pavetwin.experiments.advice import Advice
 from pavetwin.experiments.design import IN_DESIGN
 from pavetwin.experiments.metrics import ERROR_METRICS, FACTORS, FLOWN, METRICS, REFERENCE, REPLICATE, STATUS, Metric
 from pavetwin.experiments.statistics import Comparison
@@ -45,6 +46,12 @@ class Study:
     conclusions: Sequence[str]
     worlds: Mapping[str, World]
     """By the names in the table; worlds that are not here get no map."""
+    findings: Sequence[str] = ()
+    """The few conclusions that stand on the first page."""
+    advice: Sequence[Advice] = ()
+    """What it recommends; one for each combination of its assumptions."""
+    advice_in: Mapping[str, Sequence[Advice]] = field(default_factory=dict)
+    """The same in each traffic, where there are several."""
 
     @cached_property
     def others(self) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """The statistics of a study: summaries, paired differences, effects, sentences, a recommendation."""
 
 from pavetwin.experiments.statistics.effects import effects
+from pavetwin.experiments.statistics.key_findings import key_findings
 from pavetwin.experiments.statistics.paired import Comparison, differences, every_pair
 from pavetwin.experiments.statistics.recommend import MissionLimits, Recommendation, recommend
 from pavetwin.experiments.statistics.sentences import conclusions
@@ -14,6 +15,7 @@ __all__ = [
     "differences",
     "effects",
     "every_pair",
+    "key_findings",
     "recommend",
     "summarise",
 ]

@@ -229,7 +229,8 @@ def _lead(best: Row, others: Sequence[Row], by: Sequence[str], limits: MissionLi
     if close:
         sentences.append(f"{leads}; {count} replicates cannot separate it from {_first(close)}")
     elif apart:
-        sentences.append(f"{leads}; {count} replicates separate it from {_first([_option(o, by) for o in apart])}")
+        rest = _first([_option(other, by) for other in apart])
+        sentences.append(f"{leads}; {count} replicates separate it from {rest} (each p < {_SHOWN:g}, not corrected)")
     if same:
         sentences.append(f"{_first(same)} {'are' if len(same) > 1 else 'is'} the same in everything")
     if dearer:
