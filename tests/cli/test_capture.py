@@ -199,7 +199,8 @@ def test_the_frames_of_a_mission_show_where_each_defect_was_confirmed(tmp_path: 
     taken = save_frames(result, images_by(scene_renderer, result), tmp_path / "m")
     content = json.loads((tmp_path / "m" / "captures.geojson").read_text())
     named = {feature["properties"]["frame"] for feature in content["features"]}
-    assert {str(path.relative_to(tmp_path / "m")) for path in (tmp_path / "m").rglob("images/test/*.jpg")} == named
+    taken_files = (tmp_path / "m").glob("frames/images/test/*.jpg")
+    assert {str(path.relative_to(tmp_path / "m")) for path in taken_files} == named
     assert (
         taken == len(named) == len(scene_renderer.views) == len({detection.time_s for detection in result.detections})
     )
