@@ -222,7 +222,9 @@ def test_limits_are_judged_in_each_resample_and_told_so() -> None:
     assert 1 - kept == pytest.approx(stats.binom.sf(10, 20, 0.5), abs=0.03), "more of the slow half are drawn"
     assert made.sentences[1:3] == (
         "No other option keeps the limit.",
-        f"Its means break the limit in {1 - by['baseline']['kept']:.0%} of the resamples.".replace("%", " %"),
+        f"Other replicates may break the limit: {1 - by['baseline']['kept']:.0%} of the resamples do.".replace(
+            "%", " %"
+        ),
     )
     easy = recommend(table, MissionLimits(max_time_s=90.0), ("policy",))
     assert easy.sentences[1:] == (

@@ -243,7 +243,10 @@ def _warnings(best: Row, limits: MissionLimits) -> list[str]:
     late = limits.max_time_s is not None and best["time_s_p95"] > limits.max_time_s
     p95 = amount(metric_named(_TIME), best["time_s_p95"])
     warnings = (
-        (unsure, f"its means break {limits.words} in {percent(1 - (best['kept'] or 0.0))} of the resamples"),
+        (
+            unsure,
+            f"other replicates may break {limits.words}: {percent(1 - (best['kept'] or 0.0))} of the resamples do",
+        ),
         (late, f"the limit of time holds for the mean, not for every mission: the 95th percentile is {p95}"),
         (best["failed"], f"{best['failed']} of its missions failed, as with every option, and are in no mean"),
         (best["undefined"], f"in {best['undefined']} of its missions coverage is undefined"),
