@@ -6,15 +6,15 @@ a new file is all there is to add. A user's own come from plugin files (`pavetwi
 whose entry points of the registry's group are loaded when names are listed or one is not known.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from importlib import import_module
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pkgutil import iter_modules
 from types import ModuleType
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from pavetwin.errors import PaveTwinError, nearest_name, told
 
@@ -25,13 +25,27 @@ class DuplicateNameError(ValueError):
     """A name is registered already."""
 
 
+class InstalledPackage(NamedTuple):
+    """A distribution whose entry points register something."""
+
+    name: str
+    version: str
+
+    @classmethod
+    def of(cls, point: EntryPoint) -> "InstalledPackage":
+        if point.dist is None:
+            return cls(point.value, "")  # not from metadata of a distribution
+        return cls(point.dist.name, point.dist.version)
+
+
 @dataclass(eq=False)
 class Source:
     """One reading of a plugin file or of an installed package, and what it registered."""
 
     name: str
     """As messages call it."""
-    is_installed: bool = False
+    package: InstalledPackage | None = None
+    """None for a file."""
     added: list[tuple["Registry[Any]", str, Any]] = field(default_factory=list)
     """Registry, name, and the entry that it replaced."""
 
@@ -53,9 +67,9 @@ _reading: ContextVar[Source | None] = ContextVar("_reading", default=None)
 
 
 @contextmanager
-def reading(name: str, *, is_installed: bool = False) -> Iterator[Source]:
+def reading(name: str, package: InstalledPackage | None = None) -> Iterator[Source]:
     """While the block runs, what is registered comes from `name`; all of it is taken back when the block fails."""
-    source = Source(name, is_installed)
+    source = Source(name, package)
     token = _reading.set(source)
     try:
         yield source
@@ -158,7 +172,13 @@ class Registry(Generic[T]):
         if installed:
             return [self._entries[name].value for name in self.names()]
         self._load_own()
-        return [entry.value for entry in self._entries.values() if not (entry.source and entry.source.is_installed)]
+        return [entry.value for entry in self._entries.values() if not (entry.source and entry.source.package)]
+
+    def package_of(self, name: str) -> InstalledPackage | None:
+        """The installed package that gives what was found under a name; None for what ships with PaveTwin, comes from a
+        file, or was not asked for yet."""
+        entry = self._entries.get(name)
+        return entry.source.package if entry is not None and entry.source is not None else None
 
     def broken_rule(self, value: T) -> str:
         """The end of a sentence about the first rule that a value breaks; empty when it keeps them."""
@@ -195,8 +215,8 @@ class Registry(Generic[T]):
             return
         self._has_installed = True
         for point in entry_points(group=self.group):
-            package = point.dist.name if point.dist is not None else point.value
-            with reading(f"the installed package '{package}'", is_installed=True) as source:
+            package = InstalledPackage.of(point)
+            with reading(f"the installed package '{package.name}'", package) as source:
                 try:
                     value = point.load()
                     is_known = any(entry.value is value for entry in self._entries.values())
@@ -207,6 +227,12 @@ class Registry(Generic[T]):
                     fault = told(error)
                 if fault:
                     raise PaveTwinError(f"{source.name} cannot give its {self.what} '{point.name}': {fault}.")
+
+
+def packages_of(named: Iterable[tuple[Registry[Any], str]]) -> dict[str, str]:
+    """Versions by name of the installed packages that give some things, which were found in their registries before."""
+    found = {package for registry, name in named if (package := registry.package_of(name)) is not None}
+    return {package.name: package.version for package in sorted(found) if package.version}
 
 
 def _is_read_again(before: _Entry[T], value: T, source: Source | None) -> bool:

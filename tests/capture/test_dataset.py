@@ -31,6 +31,7 @@ from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.statistics import counted
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
+from pavetwin.mission import versions
 from pavetwin.world.store import load_world, save_world
 from scenes import built
 from scenes.painter import Painter, full_disk, slow_painter
@@ -596,13 +597,15 @@ def test_a_folder_with_other_settings_is_refused(world: Path, dataset: Path, cha
 def test_a_folder_of_another_version_or_adapter_is_refused(
     world: Path, dataset: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    before = files(dataset)
+    before, real = files(dataset), versions._version
     more = UAV.model_copy(update={"images": 61})
-    with pytest.raises(PaveTwinError, match=r"begun with the adapter , not a card.*the same adapter"):
+    with pytest.raises(PaveTwinError, match=r"begun with adapter none \(now a card\), whose pictures may differ"):
         capture(world, more, dataset, frame_source_factory=Painter, adapter="a card")
-    monkeypatch.setattr("pavetwin.capture.settings.version", lambda _: "99.0")
-    with pytest.raises(PaveTwinError, match=r"begun with the version \S+, not 99\.0.*the same version"):
-        capture(world, more, dataset, frame_source_factory=Painter)
+    for name in ("pavetwin", "numpy", "wgpu"):
+        with monkeypatch.context() as patch:
+            patch.setattr(versions, "_version", lambda asked, name=name: "99.0" if asked == name else real(asked))
+            with pytest.raises(PaveTwinError, match=rf"begun with {name} \S+ \(now 99\.0\), whose"):
+                capture(world, more, dataset, frame_source_factory=Painter)
     assert files(dataset) == before
 
 

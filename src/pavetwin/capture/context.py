@@ -4,19 +4,21 @@ from collections.abc import Callable, Mapping, Set
 from functools import partial
 
 from pavetwin.capture.defect_index import AIMED_WITHIN_M, DefectIndex
-from pavetwin.capture.formats import find_formats
+from pavetwin.capture.formats import FORMATS, find_formats
 from pavetwin.capture.platforms import PLATFORMS, CaptureContext
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.splits import RECORDED_S, street_splits
 from pavetwin.config.mission import UavSettings
+from pavetwin.defects.registry import DEFECT_CLASSES, kinds
 from pavetwin.errors import PaveTwinError
 from pavetwin.navigation.navmesh import navmesh
 from pavetwin.plugins import load_plugins
+from pavetwin.registry import packages_of
 from pavetwin.traffic.demand import density_named
 from pavetwin.traffic.record import record
 from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.trace import trace_of
-from pavetwin.uav.cameras import find_camera
+from pavetwin.uav.cameras import CAMERAS, find_camera
 from pavetwin.world.model import World
 
 OnProgress = Callable[[float, str], None]
@@ -47,6 +49,21 @@ def check(settings: CaptureSettings) -> None:
                 f"`altitudes_m` {altitude:g}: images are to show defects, which must be nearer than "
                 f"{AIMED_WITHIN_M:g} m; choose a lower altitude."
             )
+
+
+def packages_in_use(settings: CaptureSettings, world: World) -> dict[str, str]:
+    """Versions by name of the installed packages that give what checked settings name or a world holds."""
+    classes = {defect.kind for defect in world.defects}
+    if not classes <= {kind.name for kind in kinds()}:
+        DEFECT_CLASSES.names()  # finds those of installed packages
+    return packages_of(
+        (
+            *((PLATFORMS, name) for name in settings.platforms),
+            *((FORMATS, name) for name in settings.formats),
+            *((DEFECT_CLASSES, name) for name in classes),
+            (CAMERAS, settings.camera),
+        )
+    )
 
 
 def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | None = None) -> CaptureContext:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from pavetwin.capture.classes import category_of_defect
+from pavetwin.capture.context import packages_in_use
 from pavetwin.capture.daylight import Daylight
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.images import record_of
@@ -29,6 +30,7 @@ from pavetwin.capture.truth import SceneState, labelled_objects
 from pavetwin.files import writing_folder
 from pavetwin.mission.defect_files import write_captures
 from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.versions import software_versions
 from pavetwin.sensing import Frame, JudgedDetection
 from pavetwin.traffic.trace import trace_of
 from pavetwin.uav.cameras import Camera, find_camera
@@ -80,7 +82,9 @@ def save_frames(
                 if on_progress is not None:
                     on_progress((number + 1) / len(captures))
             write_over_all(place, formats, (SPLIT,))
-            write_yaml(place / FILE, description(settings, images.world, adapter))
+            packages = packages_in_use(settings, images.world)
+            versions = software_versions(images=True, adapter=adapter, packages=packages)
+            write_yaml(place / FILE, description(settings, images.world, versions))
     write_captures(result, folder / "captures.geojson", names)
     return len(captures)
 

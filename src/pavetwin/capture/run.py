@@ -7,7 +7,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
-from pavetwin.capture.context import OnProgress, check, prepare
+from pavetwin.capture.context import OnProgress, check, packages_in_use, prepare
 from pavetwin.capture.disk_space import check_disk_space
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.image_spec import ImageSpec
@@ -22,6 +22,7 @@ from pavetwin.capture.statistics import Statistics, count
 from pavetwin.capture.store import write_over_all, write_yaml
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import working_in
+from pavetwin.mission.versions import software_versions
 from pavetwin.world.model import World
 from pavetwin.world.store import attribution, load_record, load_world
 
@@ -68,7 +69,8 @@ def capture(
     check(settings)
     report(0.0, "Loading the world")
     world = load_world(world_folder)
-    expected = description(settings, world, adapter)
+    versions = software_versions(images=True, adapter=adapter, packages=packages_in_use(settings, world))
+    expected = description(settings, world, versions)
     with working_in(folder):
         check_same(folder, expected)
         existing = finished_images(folder)

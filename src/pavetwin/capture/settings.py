@@ -1,7 +1,6 @@
 """The settings that determine a dataset, together with the world."""
 
 from collections.abc import Mapping
-from importlib.metadata import version
 from pathlib import Path
 from shlex import quote
 from typing import Annotated, Any, Final, Literal, Self
@@ -13,6 +12,7 @@ from pavetwin.capture.classes import categories
 from pavetwin.config.altitude import Altitude
 from pavetwin.config.base import PluginFiles, Settings
 from pavetwin.errors import PaveTwinError
+from pavetwin.mission.versions import ADAPTER, version_changes
 from pavetwin.plugins import plugin_hashes
 from pavetwin.world.model import World
 
@@ -96,16 +96,16 @@ def settings_of(values: Mapping[str, Any], typed: Mapping[str, str]) -> CaptureS
         raise PaveTwinError(f"`{name}` {typed.get(name, shown)}: {what}{got}.") from error
 
 
-def description(settings: CaptureSettings, world: World, adapter: str) -> dict[str, Any]:
-    """What a dataset's `capture.yaml` holds before its first image; plugins must have been loaded.
+def description(settings: CaptureSettings, world: World, versions: Mapping[str, str]) -> dict[str, Any]:
+    """What a dataset's `capture.yaml` holds before its first image, plugins must have been loaded.
 
     Args:
-        adapter: name of the graphics adapter.
+        versions: of the software that takes the images.
     """
     hashes = {"content_hash": world.content_hash, "defects_hash": world.defects_hash}
     return {
         "format": FORMAT,
-        "made_by": {"pavetwin": version("pavetwin"), "adapter": adapter},
+        "made_by": dict(versions),
         "world": {"name": world.name, **hashes},
         "plugins": {Path(path).name: content for path, content in plugin_hashes(settings.plugins).items()},
         "classes": [category.name for category in categories()],
@@ -127,13 +127,11 @@ def check_same(folder: Path, expected: dict[str, Any]) -> bool:
     if all(path.name == FILE or path.name.startswith(".") for path in folder.iterdir()):
         return False
     found = read_description(folder)
-    for key, what, other in (("pavetwin", "version", "the same version"), ("adapter", "adapter", "the same adapter")):
-        before, now = (each["made_by"].get(key) for each in (found, expected))
-        if before != now:
-            raise PaveTwinError(
-                f"'{folder}' was begun with the {what} {before}, not {now}, whose pictures may differ; choose another "
-                f"folder or {other}."
-            )
+    if changes := version_changes(found["made_by"], adapter=expected["made_by"][ADAPTER]):
+        raise PaveTwinError(
+            f"'{folder}' was begun with {', '.join(changes)}, whose pictures may differ; choose another folder or "
+            "these versions."
+        )
     for key, what in (("content_hash", "another world"), ("defects_hash", "other defects")):
         if found["world"].get(key) != expected["world"][key]:
             raise PaveTwinError(

@@ -296,8 +296,11 @@ def _plain(said: dict[str, Any]) -> dict[str, Any]:
     """The design and the versions it was flown with, as a report shows them."""
     return {
         **said["design"],
-        "version": said["pavetwin"],
-        "made_with": {"SUMO": said["sumo"], **{f"world {name}": content for name, content in said["worlds"].items()}},
+        "version": said["versions"]["pavetwin"],
+        "made_with": {
+            "SUMO": said["versions"]["libsumo"],
+            **{f"world {name}": content for name, content in said["worlds"].items()},
+        },
         "worlds": [world if world["routes"] else world["path"] for world in said["design"]["worlds"]],
     }
 

@@ -18,7 +18,7 @@ from pavetwin.defects import DefectOptions
 from pavetwin.defects import place as place_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import OWN_ROUTES, Design, WorldEntry
-from pavetwin.experiments.metrics import FACTORS, FAILED, FILES, FLOWN, REASON, REPLICATE, STATUS
+from pavetwin.experiments.metrics import FACTORS, FAILED, FILES, FLOWN, REASON, RENDERER, REPLICATE, STATUS
 from pavetwin.experiments.plan import Cell, Plan, Unit, are_texts, check_files, recording_of, world_of_study
 from pavetwin.mission.environment import MissionEnvironment, Surroundings, prepare
 from pavetwin.mission.fly import fly
@@ -26,6 +26,7 @@ from pavetwin.mission.inputs import MissionInputs
 from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.replay import Replay
 from pavetwin.mission.spec import DefectInput, MissionSpec, PolicyInput, WorldInput
+from pavetwin.mission.versions import renderer_of
 from pavetwin.sensing import ImageSource
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder
@@ -85,7 +86,7 @@ def schema(plan: Plan) -> dict[str, Any]:
         **dict.fromkeys((REPLICATE, "seed", "traffic_seed", "defect_seed", "sensing_seed"), pl.Int64),
         "take_off_s": pl.Float64,
         **({FILES: pl.String} if plan.files else {}),
-        **dict.fromkeys(("version", STATUS, REASON), pl.String),
+        **dict.fromkeys(("version", RENDERER, STATUS, REASON), pl.String),
         **measured,
     }
 
@@ -98,6 +99,8 @@ def _type_of(values: Sequence[Any]) -> Any:
 
 def part_of(table: pl.DataFrame) -> bytes:
     """Rows as a part of the study's table: a Parquet file."""
+    if RENDERER in table.columns and table[RENDERER].null_count() == table.height:
+        table = table.drop(RENDERER)
     buffer = io.BytesIO()
     pyarrow.parquet.write_table(table.to_arrow(), buffer, compression="zstd")
     return buffer.getvalue()
@@ -112,7 +115,8 @@ def _flown(plan: Plan, unit: Unit, cell: Cell, ground: "_Ground") -> list[Row]:
         result = fly(spec, inputs=MissionInputs(environment, ground.replay), image_source=ground.image_source)
     except Exception as error:
         return _failed(plan, unit, cell, _words(error))
-    return [_factors(plan, unit, cell) | {STATUS: FLOWN} | _measured(row) for row in result.rows]
+    said = {RENDERER: renderer_of(result.spec.versions), STATUS: FLOWN}
+    return [_factors(plan, unit, cell) | said | _measured(row) for row in result.rows]
 
 
 def _spec(

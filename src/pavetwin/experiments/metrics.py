@@ -19,6 +19,9 @@ REPLICATE: Final = "replicate"
 FILES: Final = "files_hash"
 """Of the user's own files that a mission was flown with, null for none; in studies that name such files."""
 
+RENDERER: Final = "renderer"
+"""What drew the images that a mission's sensor looked at; in parts of the table where one did."""
+
 STATUS, FLOWN, FAILED, REASON = "status", "flown", "failed", "reason"
 
 REFERENCE: Final = "baseline"

@@ -127,6 +127,8 @@ class Plan:
     made from, since it is extended in place."""
     used: Mapping[Cell, tuple[str, ...]] = field(default_factory=dict)
     """Those of the files that each cell depends on, traffic aside."""
+    packages: Mapping[str, str] = field(default_factory=dict)
+    """Versions by name of the installed packages that give a policy, a sensor or the like."""
     image_source_factory: ImageSourceFactory | None = None
     """For sensors that look at images; called in the worker processes."""
 

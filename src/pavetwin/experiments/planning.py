@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from pavetwin.config import MissionSettings
+from pavetwin.defects.registry import DEFECT_CLASSES, kinds, mixed
 from pavetwin.errors import PaveTwinError, naming, nearest_name
 from pavetwin.experiments.design import Design
 from pavetwin.experiments.metrics import EVERY_PAIR, REFERENCE
@@ -13,6 +14,7 @@ from pavetwin.files import file_sha256
 from pavetwin.mission.environment import prepare
 from pavetwin.mission.plan import check_names
 from pavetwin.mission.spec import PolicyInput, files_of_settings
+from pavetwin.mission.versions import packages_in_use
 from pavetwin.plugins import load_plugins, registered_in
 from pavetwin.traffic.demand import density_named
 from pavetwin.traffic.own_demand import own_demand
@@ -58,6 +60,7 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
         policies,
         files={path: content for files in used.values() for path, content in files.items()} | routes | recordings,
         used={cell: tuple(files) for cell, files in used.items()},
+        packages=_packages(design, worlds),
     )
 
 
@@ -113,6 +116,18 @@ def _files_of(cell: Cell, design: Design) -> dict[str, str]:
     settings = cell.settings(design)
     own = settings.model_copy(update={"plugins": tuple(filter(concerns, settings.plugins))})
     return {file.path: file.sha256 for file in (*PolicyInput.of(cell.policy).files, *files_of_settings(own))}
+
+
+def _packages(design: Design, worlds: Sequence[World]) -> dict[str, str]:
+    """Versions by name of the installed packages that give what a design's missions name or look for."""
+    if isinstance(design.defects, str):
+        classes = {defect.kind for world in worlds for defect in world.defects}
+    else:
+        classes = {kind.name for kind in mixed(design.defects.mix)}
+    if not classes <= {kind.name for kind in kinds()}:
+        DEFECT_CLASSES.names()  # finds those of installed packages
+    used = [packages_in_use(cell.settings(design), cell.policy, classes) for cell in cells_of(design)]
+    return {name: version for packages in used for name, version in packages.items()}
 
 
 def _named(design: Design, worlds: Sequence[World]) -> list[dict[str, list[int]]]:

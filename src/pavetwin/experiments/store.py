@@ -7,8 +7,8 @@ When a file of the user's own changes, only the missions that depend on it are f
 import io
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
-from importlib.metadata import version
 from pathlib import Path
 from shlex import quote
 from typing import Any
@@ -19,10 +19,12 @@ import yaml
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
-from pavetwin.experiments.fly_unit import part_of
-from pavetwin.experiments.metrics import FACTORS, FAILED, FILES, STATUS
+from pavetwin.experiments.fly_unit import part_of, schema
+from pavetwin.experiments.metrics import FACTORS, FAILED, FILES, RENDERER, STATUS
 from pavetwin.experiments.plan import SHOWN, Plan, Unit, units_of
+from pavetwin.experiments.words import listed
 from pavetwin.files import writing
+from pavetwin.mission.versions import renderer_of, software_versions, version_changes
 
 DESIGN, PARTS, FORMER, FORMAT = "design.yaml", "segments.parquet", "former", 2
 
@@ -41,7 +43,7 @@ class Store:
         """
         if self._holds_anything():
             there = self.description()
-            _check_same(self.folder, there, _heading(design))
+            _check_same(self.folder, there, design)
             if there["design"]["replicates"] > design.replicates:
                 raise PaveTwinError(
                     f"'{self.folder}' was begun with {there['design']['replicates']} replicates, more than "
@@ -57,6 +59,7 @@ class Store:
         self.check_design(plan.design)
         if not self._holds_anything():
             return
+        self._check_renderer()
         there, wanted = self.description()["worlds"], _description(plan)["worlds"]
         for name in (name for name, content in wanted.items() if there.get(name) != content):
             raise PaveTwinError(
@@ -108,7 +111,9 @@ class Store:
         try:
             found = yaml.safe_load(path.read_text(encoding="utf-8"))
             Design.parse(found["design"], where=str(path))
-            found["format"], found["pavetwin"], found["worlds"]
+            if "versions" not in found:  # format 2 once named only these
+                found["versions"] = {"pavetwin": found.pop("pavetwin"), "libsumo": found.pop("sumo")}
+            found["format"], found["worlds"]
         except (yaml.YAMLError, OSError, UnicodeDecodeError, KeyError, TypeError) as error:
             raise PaveTwinError(f"'{path}' is damaged; run the study into another folder.") from error
         return dict(found)
@@ -122,7 +127,8 @@ class Store:
             rows = pl.read_parquet(io.BytesIO(part))
             new = _cells(plan, unit, rows)
             kept = there.filter([cell not in new for cell in _cells(plan, unit, there)])
-            both = pl.concat([kept, rows], how="diagonal").select(rows.columns)
+            both = pl.concat([kept, rows], how="diagonal")
+            both = both.select([name for name in schema(plan) if name in both.columns])
             order = np.argsort(_cells(plan, unit, both), kind="stable")
             part = part_of(both[order].rechunk())
         with writing(self._part(unit)) as path:
@@ -157,7 +163,20 @@ class Store:
     def former(self) -> pl.DataFrame | None:
         """The rows that were flown with files before they changed; None where there are none."""
         parts = sorted((self.folder / FORMER).glob("*/*.parquet"))
-        return pl.concat([pl.read_parquet(part) for part in parts]) if parts else None
+        return pl.concat([pl.read_parquet(part) for part in parts], how="diagonal") if parts else None
+
+    def _check_renderer(self) -> None:
+        """Raises:
+        PaveTwinError: missions looked at images that something else drew than would draw them now.
+        """
+        drawn: set[str] = set()
+        for part in (self.folder / PARTS).glob("*.parquet"):
+            with suppress(OSError, pl.exceptions.PolarsError):  # damaged parts are flown again
+                if RENDERER in pl.read_parquet_schema(part):
+                    drawn.update(pl.read_parquet(part, columns=[RENDERER])[RENDERER].drop_nulls())
+        now = renderer_of(software_versions(images=True)) if drawn else None
+        for renderer in sorted(drawn - {now}):
+            raise PaveTwinError(f"'{self.folder}' was begun with {renderer} (now {now}); choose another folder.")
 
     def _rows(self, plan: Plan, unit: Unit) -> pl.DataFrame | None:
         """What was flown of a unit; None where its part is not there, or cannot be read to its end."""
@@ -257,23 +276,13 @@ def _outdated(plan: Plan, unit: Unit, rows: pl.DataFrame) -> pl.DataFrame:
     return rows.filter(pl.col(FILES).ne_missing(pl.Series(hashes, dtype=pl.String)))
 
 
-def _heading(design: Design) -> dict[str, Any]:
-    """What a study's description says before its worlds were read."""
+def _description(plan: Plan) -> dict[str, Any]:
     return {
         "format": FORMAT,
-        "pavetwin": version("pavetwin"),
-        "sumo": version("libsumo"),
-        "design": design.model_dump(mode="json"),
-    }
-
-
-def _description(plan: Plan) -> dict[str, Any]:
-    heading = _heading(plan.design)
-    return {
-        **{key: heading[key] for key in ("format", "pavetwin", "sumo")},
+        "versions": software_versions(packages=plan.packages),
         "worlds": dict(zip(plan.names, (content[:SHOWN] for content in plan.hashes), strict=True)),
         "files": {path: content[:SHOWN] for path, content in plan.files.items()},
-        "design": heading["design"],
+        "design": plan.design.model_dump(mode="json"),
     }
 
 
@@ -283,14 +292,13 @@ def _as_written(value: Any) -> str:
     return text.removesuffix("\n...\n").strip()
 
 
-def _check_same(folder: Path, there: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
-    for key, what in (("format", "format"), ("pavetwin", "PaveTwin's version"), ("sumo", "SUMO's version")):
-        if there.get(key) != wanted[key]:
-            raise PaveTwinError(
-                f"'{folder}' was begun with {what} {there.get(key)}, not {wanted[key]}; choose another folder."
-            )
+def _check_same(folder: Path, there: Mapping[str, Any], design: Design) -> None:
+    if there["format"] != FORMAT:
+        raise PaveTwinError(f"'{folder}' was begun with format {there['format']}, not {FORMAT}; choose another folder.")
+    if changes := version_changes(there["versions"]):
+        raise PaveTwinError(f"'{folder}' was begun with {listed(changes)}; choose another folder or these versions.")
     begun = Design.parse(there["design"], where=str(folder / DESIGN)).model_dump(mode="json")  # its defaults, too
-    for key, value in wanted["design"].items():
+    for key, value in design.model_dump(mode="json").items():
         if key not in ("replicates", "name", "compare") and (before := begun[key]) != value:
             raise PaveTwinError(
                 f"'{folder}' holds another design: its {key} is {_as_written(before)}, not "

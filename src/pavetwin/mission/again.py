@@ -16,7 +16,8 @@ from pavetwin.mission.defect_files import detections_geojson
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.plan import defect_input
 from pavetwin.mission.results import TOTALS, totals
-from pavetwin.mission.spec import FORMAT, FileInput, MissionSpec, WorldInput, software_versions
+from pavetwin.mission.spec import FORMAT, FileInput, MissionSpec, WorldInput
+from pavetwin.mission.versions import version_changes
 from pavetwin.world.folder import DESCRIPTION, read_description
 from pavetwin.world.model import World
 
@@ -77,12 +78,7 @@ class FormerMission:
 
     def version_changes(self) -> list[str]:
         """Software that is another now than when the mission was flown, in words."""
-        now = software_versions(images=True)
-        return [
-            f"{name} {before} (now {now.get(name, 'not installed')})"
-            for name, before in self.spec.versions.items()
-            if now.get(name) != before
-        ]
+        return version_changes(self.spec.versions)
 
 
 def _same_captures(former: Any, now: Mapping[str, Any]) -> bool:

@@ -28,7 +28,6 @@ from pavetwin.mission.spec import (
     PolicyInput,
     TrafficInput,
     WorldInput,
-    software_versions,
 )
 from pavetwin.policies import Policy, load_policy
 from pavetwin.sensing import Frame, ImageSource, JudgedDetection, Outcome, Sensor, load_sensor
@@ -158,8 +157,9 @@ def fly(
         observer=tell,
     )
     _answer(mission, chosen, sensor)
-    versions = software_versions(images=images is not None and images.taken > 0)
-    return result_of(mission, spec.model_copy(update={"versions": versions}))
+    defect_classes = {defect.kind for defect in loaded.environment.defects}
+    looked = images is not None and images.taken > 0
+    return result_of(mission, spec.with_versions(images=looked, defect_classes=defect_classes))
 
 
 def result_of(mission: Mission, spec: MissionSpec | None = None) -> MissionResult:

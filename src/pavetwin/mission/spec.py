@@ -4,11 +4,8 @@ Whoever has a `MissionSpec` and the files it names can fly the same mission agai
 `mission.yaml` holds. Every file is named with its SHA-256, so that an input which is not what it was is noticed.
 """
 
-from collections.abc import Mapping, Sequence
-from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from platform import python_version
 from typing import Annotated, Any, Final, Literal, Self
 
 import numpy as np
@@ -19,6 +16,7 @@ from pavetwin.config.base import Settings
 from pavetwin.defects import DefectOptions
 from pavetwin.files import file_sha256
 from pavetwin.mission.airspace import Aircraft
+from pavetwin.mission.versions import packages_in_use, software_versions
 from pavetwin.plugins import files_of, plugin_hashes
 from pavetwin.traffic.demand import USER, Density
 from pavetwin.uav.cameras import camera_file
@@ -29,31 +27,6 @@ FORMAT: Final = 4
 
 HANDED_IN: Final = "handed in"
 """The path of an input that a Python caller gave as a value: it cannot be found again from the spec alone."""
-
-ALWAYS: Final = ("pavetwin", "libsumo", "numpy", "scipy", "shapely")
-"""Distributions that decide a mission's numbers."""
-
-WITH_IMAGES: Final = ("wgpu",)
-"""Those that decide its images as well."""
-
-
-def software_versions(*, images: bool = False) -> dict[str, str]:
-    """Versions of Python and of what decides a mission's numbers, by distribution.
-
-    Args:
-        images: with what renders, for missions whose sensor looked at images.
-    """
-    found = {name: _version(name) for name in (*ALWAYS, *(WITH_IMAGES if images else ()))}
-    return {"python": python_version()} | {name: known for name, known in found.items() if known}
-
-
-@cache
-def _version(name: str) -> str:
-    """Of a distribution; empty where it is not installed."""
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return ""
 
 
 class FileInput(Settings):
@@ -219,7 +192,8 @@ class MissionSpec(Settings):
 
     format: Literal[4] = FORMAT
     versions: Mapping[str, str] = Field(default_factory=software_versions)
-    """Of the software that decides the numbers; `fly` sets those that it flies with."""
+    """Of the software that decides the numbers, installed packages whose policy, sensor or the like it names included;
+    `fly` sets those that it flies with."""
     world: WorldInput
     defects: DefectInput = DefectInput()
     traffic: TrafficInput
@@ -240,7 +214,17 @@ class MissionSpec(Settings):
         """The same mission under another policy, as `load_policy` takes it."""
         if name == self.policy.name:
             return self
-        return self.model_copy(update={"policy": PolicyInput.of(name)})
+        return self.model_copy(update={"policy": PolicyInput.of(name)}).with_versions()
+
+    def with_versions(self, *, images: bool = False, defect_classes: Iterable[str] = ()) -> Self:
+        """The same mission, with the versions of now.
+
+        Args:
+            images: its sensor looked at images.
+            defect_classes: names of the classes of its defects.
+        """
+        packages = packages_in_use(self.settings, self.policy.name, defect_classes)
+        return self.model_copy(update={"versions": software_versions(images=images, packages=packages)})
 
     @classmethod
     def of(cls, settings: MissionSettings, **given: Any) -> Self:
@@ -249,7 +233,7 @@ class MissionSpec(Settings):
         Raises:
             PaveTwinError: a file cannot be read.
         """
-        return cls(settings=settings, plugins=files_of_settings(settings), **given)
+        return cls(settings=settings, plugins=files_of_settings(settings), **given).with_versions()
 
     def as_values(self) -> dict[str, Any]:
         """In plain values, as `mission.yaml` holds them."""
