@@ -10,10 +10,12 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from pavetwin.capture.classes import categories
 from pavetwin.config.altitude import Altitude
-from pavetwin.config.base import PluginFiles, Settings
+from pavetwin.config.base import NameOrFile, PluginFiles, Settings
 from pavetwin.errors import PaveTwinError
+from pavetwin.files import file_sha256
 from pavetwin.mission.versions import ADAPTER, version_changes
 from pavetwin.plugins import plugin_hashes
+from pavetwin.uav.cameras import camera_file
 from pavetwin.world.model import World
 
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -21,6 +23,9 @@ Pixels = Annotated[int, Field(ge=64, le=8192)]
 
 FORMAT: Final = 4
 """Version of the dataset's format; raised when older datasets cannot be read or resumed."""
+
+CAMERA_HASH: Final = "camera_sha256"
+"""Key of a dataset's description: of the file that its camera comes from."""
 
 FILE: Final = "capture.yaml"
 
@@ -41,7 +46,7 @@ class CaptureSettings(Settings):
     """Of the traffic, one drawn for each image."""
     size_px: tuple[Pixels, Pixels] = (640, 640)
     """Width, height. The camera's vertical field of view is kept, so that a square is its middle."""
-    camera: str = "paper"
+    camera: NameOrFile = "paper"
     """Of the UAV: a name of the camera database, or a path to a YAML file of the same form."""
     formats: Annotated[tuple[str, ...], Field(min_length=1)] = ("yolo", "yolo-seg", "voc", "coco")
     split: tuple[Share, Share, Share] = (0.70, 0.15, 0.15)
@@ -102,11 +107,13 @@ def description(settings: CaptureSettings, world: World, versions: Mapping[str, 
     Args:
         versions: of the software that takes the images.
     """
+    own = camera_file(settings.camera)
     hashes = {"content_hash": world.content_hash, "defects_hash": world.defects_hash}
     return {
         "format": FORMAT,
         "made_by": dict(versions),
         "world": {"name": world.name, **hashes},
+        **({CAMERA_HASH: file_sha256(Path(own))} if own else {}),
         "plugins": {Path(path).name: content for path, content in plugin_hashes(settings.plugins).items()},
         "classes": [category.name for category in categories()],
         "settings": settings.model_dump(mode="json"),
@@ -137,10 +144,18 @@ def check_same(folder: Path, expected: dict[str, Any]) -> bool:
             raise PaveTwinError(
                 f"'{folder}' holds images of {what} than '{expected['world']['name']}' has now; choose another folder."
             )
+    both_own = all(camera_file(each["settings"]["camera"]) for each in (found, expected))
+    if both_own and found.get(CAMERA_HASH) != expected[CAMERA_HASH]:
+        raise PaveTwinError(
+            f"'{folder}' was begun with another `camera` than '{expected['settings']['camera']}' holds now; "
+            "choose another folder."
+        )
     for key, what in (("plugins", "plugins"), ("classes", "classes of labels")):
         if found.get(key, expected[key]) != expected[key]:
             raise PaveTwinError(f"'{folder}' was begun with other {what} than now; choose another folder.")
     existing, requested = found["settings"], expected["settings"]
+    if both_own:  # the same content, in whichever folder
+        existing, requested = ({**each, "camera": Path(each["camera"]).name} for each in (existing, requested))
     for key, value in requested.items():
         if key not in ("images", "plugins") and existing.get(key) != value:
             raise PaveTwinError(
