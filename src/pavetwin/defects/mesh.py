@@ -23,8 +23,6 @@ class DefectMesh:
     indices: UInt32Array
     """(m, 3)."""
     border: int
-    error_m: float
-    """Largest vertical distance from a cell's mean height."""
 
 
 def mesh_of(
@@ -43,6 +41,6 @@ def mesh_of(
     made = relief_mesh(heightfield.lattice, heightfield.height_m, ring, tolerance_m, most_vertices)
     if made is None:
         raise ValueError("the outline crosses itself")
-    positions, indices, error = made
+    positions, indices, _ = made
     uv = heightfield.uv(positions[:, :2].astype(np.float64))
-    return DefectMesh(positions, uv, indices, len(ring), error)
+    return DefectMesh(positions, uv, indices, len(ring))

@@ -184,10 +184,12 @@ def _reachable(design: Design, world: World, tell: Callable[[str], None]) -> tup
         (settings.altitude_m, settings.uav.radius_m, settings.uav.base): settings
         for settings in (cell.settings(design) for cell in cells_of(design))
     }
-    stages = []
+    environments = []
     for settings in ways.values():
         tell(f"Planning: where to fly over {world.name} at {settings.altitude_m:g} m")
-        stages.append(prepare(world, settings, ()))
+        environments.append(prepare(world, settings, ()))
     return tuple(
-        index for index in range(len(world.segments)) if all(environment.reachable(index) for environment in stages)
+        index
+        for index in range(len(world.segments))
+        if all(environment.reachable(index) for environment in environments)
     )
