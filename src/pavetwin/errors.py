@@ -31,6 +31,29 @@ def naming(names: Mapping[str, str], where: str = "") -> Iterator[None]:
         raise PaveTwinError(f"{where}: {text}" if where and told.startswith(tuple(names)) else text) from error
 
 
+@contextmanager
+def about(parameter: str) -> Iterator[None]:
+    """Errors in the block begin with the parameter whose value they are about."""
+    try:
+        yield
+    except PaveTwinError as error:
+        text = str(error)
+        starts_plainly = text.partition(" ")[0].istitle()  # as `There`, not as `SUMO`
+        raise PaveTwinError(f"`{parameter}`: {text[0].lower() if starts_plainly else text[0]}{text[1:]}") from error
+
+
+def no_such(what: str, name: str, known: Iterable[str], *, key: str, instead: str = "") -> str:
+    """The message about a name that is not known, with the nearest and all known ones.
+
+    Args:
+        what: it would name, such as `label format`.
+        key: the parameter or setting that takes the names, as messages name it.
+        instead: what may be given in place of a name.
+    """
+    names = list(known)
+    return f"{key}: no {what} '{name}'{nearest_name(name, names)}; known are {', '.join(names)}{instead}."
+
+
 def told(error: BaseException) -> str:
     """Another error in one line: its type and what it says."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}"

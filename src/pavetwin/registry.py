@@ -16,7 +16,7 @@ from pkgutil import iter_modules
 from types import ModuleType
 from typing import Any, Generic, NamedTuple, TypeVar
 
-from pavetwin.errors import PaveTwinError, nearest_name, told
+from pavetwin.errors import PaveTwinError, no_such, told
 
 T = TypeVar("T")
 
@@ -150,11 +150,8 @@ class Registry(Generic[T]):
         if name not in self._entries:
             self._load_installed()
         if name not in self._entries:
-            known = ", ".join(self._entries)
-            raise PaveTwinError(
-                f"{self.key}: no {self.what} '{name}'{nearest_name(name, self._entries)}; known are {known}{instead}. "
-                "One of your own needs its file in `plugins`."
-            )
+            unknown = no_such(self.what, name, self._entries, key=self.key, instead=instead)
+            raise PaveTwinError(f"{unknown} One of your own needs its file in `plugins`.")
         return self._entries[name].value
 
     def names(self) -> list[str]:

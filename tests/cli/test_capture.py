@@ -3,7 +3,7 @@
 import json
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,11 @@ import yaml
 from PIL import ExifTags, Image
 from typer.main import get_group
 
+from pavetwin.capture.contact_sheet import pose_text
+from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.mission_frames import frame_size, save_frames
 from pavetwin.capture.mission_images import MissionImages
+from pavetwin.capture.platforms import PLATFORMS, Platform, Pose
 from pavetwin.capture.record import read_records
 from pavetwin.capture.rle import decode
 from pavetwin.cli import app
@@ -61,9 +64,9 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ({"platform": ["boat"]}, "--platform: no platform 'boat'"),
         ({"platform": ["car"], "altitude": [6.0]}, "--altitude: a car does not fly"),
         ({"platform": ["car"], "camera": "paper"}, "--camera: a car has cameras of its own"),
-        ({"density": ["heigh"]}, "No density 'heigh' (did you mean 'high'?)"),
-        ({"density": ["extreme"]}, "No density 'extreme'. There are low, medium, high, or numbers"),
-        ({"camera": "phantom5"}, "no camera 'phantom5'"),
+        ({"density": ["heigh"]}, "--density: no density 'heigh' (did you mean 'high'?)"),
+        ({"density": ["extreme"]}, "--density: no density 'extreme'; known are low, medium, high, or numbers"),
+        ({"camera": "phantom5"}, "--camera: no camera 'phantom5'"),
         ({"formats": "yolo,cocoo"}, "--formats: no label format 'cocoo' (did you mean 'coco'?)"),
         ({"jobs": 0}, "--jobs 0: at least one"),
         ({"altitude": [2.0]}, "--altitude 2: the UAV flies at 5 m or higher, 1 m clear of vehicles of up to 4 m"),
@@ -80,6 +83,45 @@ def test_what_is_wrong_is_said_plainly_and_leaves_nothing(
     assert words in with_flags(str(refusal.value), ["capture", "make"], get_group(app))
     assert "\n" not in str(refusal.value)
     assert not (tmp_path / "d").exists()
+
+
+@pytest.fixture
+def glider() -> Iterator[None]:
+    class Glider(Platform):
+        uses_altitude = True
+
+        def propose(self, spec: ImageSpec, rng: np.random.Generator) -> Pose | None:  # noqa: ARG002 - of the class
+            return None
+
+    PLATFORMS.add("glider", Glider)
+    yield
+    PLATFORMS.restore("glider", None)
+
+
+@pytest.mark.usefixtures("glider")
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"camera": "phantom5"}, "--camera: no camera 'phantom5'"),
+        ({"jobs": 0}, "--jobs 0: at least one"),
+        ({"altitude": [3000.0]}, "--altitude 3000: the UAV flies at 120 m or lower"),
+    ],
+)
+def test_a_platform_of_ones_own_takes_altitudes_and_a_camera_where_it_flies(
+    world: Path, tmp_path: Path, options: dict[str, Any], words: str
+) -> None:
+    _needs_an_adapter()
+    with pytest.raises(PaveTwinError) as refusal:
+        make(world, tmp_path / "d", platform=["car,glider"], **options)
+    assert words in with_flags(str(refusal.value), ["capture", "make"], get_group(app))
+
+
+@pytest.mark.usefixtures("glider")
+@pytest.mark.parametrize(
+    ("platform", "text"), [("glider", "7.5 m, tilted 30°"), ("uav", "7.5 m, tilted 30°"), ("car", "eye"), ("?", "eye")]
+)
+def test_a_contact_sheet_says_how_high_a_platform_flew(platform: str, text: str) -> None:
+    assert pose_text({"platform": platform, "altitude_m": 7.5, "pitch_deg": -60.0, "mount": "eye"}) == text
 
 
 @pytest.mark.needs_adapter

@@ -138,7 +138,7 @@ def test_a_report_lies_in_the_study_s_folder(place: Path) -> None:
         (("query", "nowhere", "from segments"), "holds no study"),
         (("query", "study", "drop view segments"), "not a query"),
         (("report", "worlds"), "holds no study"),
-        (("recommend", "study", "--traffic", "hihg"), "the study has low"),
+        (("recommend", "study", "--traffic", "hihg"), "--traffic hihg: the study has low"),
         (("recommend", "study", "--min-coverage", "120"), "less than or equal to 100"),
     ],
 )

@@ -4,14 +4,17 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, get_args
 
 import pytest
 from typer.main import get_group
 
 from pavetwin.cli import COMMANDS, app
 from pavetwin.cli.flags import FLAGS, with_flags
+from scenes.command_line import pavetwin, plain_refusal
 
 
 @pytest.mark.parametrize(
@@ -56,6 +59,113 @@ def test_every_option_named_there_is_one() -> None:
     known = {flag for command in commands() for parameter in command.params for flag in parameter.opts}
     named = {flag for text in FLAGS.values() for flag in text.split() if flag.startswith("--")}
     assert sorted(named - known) == []
+
+
+USUAL: dict[str, tuple[str, ...]] = {
+    "world build": ("-o", "new"),
+    "world build --anchor": ("-o", "new", "--generate", "grid"),
+    "world navmesh": ("town",),
+    "world export": ("town", "new.glb"),
+    "traffic record": ("town",),
+    "fly": ("town", "-o", "new"),
+    "capture make": ("town", "-o", "new"),
+    "experiment init": ("new.yaml",),
+    "experiment run": ("plain.yaml", "-o", "new"),
+}
+"""What else is typed, by command, or by command and option."""
+
+NEEDS_RESULTS = {"capture show --split", "experiment recommend --traffic", "experiment recommend --world"}
+"""Options of commands that read a dataset or a study; tested with those commands."""
+
+NEW = {"--output", "--geopackage", "--cache"}
+"""Options that name a file or folder to be written."""
+
+LATER = {"experiment init --world", "experiment init --plugin"}
+"""What may be made later."""
+
+
+def options_with_texts() -> Iterator[tuple[str, str]]:
+    """Every option that takes a name or a file: command and option."""
+    group: Any = get_group(app)
+    left = [(name, group.get_command(None, name)) for name in COMMANDS]
+    while left:
+        path, command = left.pop()
+        left += [(f"{path} {name}", each) for name, each in getattr(command, "commands", {}).items()]
+        for each in command.params if not hasattr(command, "commands") else ():
+            flag = max(each.opts, key=len)
+            of = each.type_descriptor.annotation
+            if flag.startswith("-") and {str, Path}.intersection(get_args(of) or (of,)):
+                yield path, flag
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    from pavetwin.world.store import save_world
+    from scenes import built
+
+    folder = tmp_path_factory.mktemp("flags")
+    save_world(built("cross"), folder / "town")
+    (folder / "plain.yaml").write_text("worlds: [town]\n")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("path", "flag"),
+    [
+        (path, flag)
+        for path, flag in sorted(options_with_texts())
+        if f"{path} {flag}" not in NEEDS_RESULTS | LATER and flag not in NEW
+    ],
+)
+def test_a_wrong_name_or_file_is_refused_by_its_option(place: Path, path: str, flag: str) -> None:
+    before = sorted(place.iterdir())
+    usual = USUAL.get(f"{path} {flag}") or USUAL.get(path) or ("town",)
+    line = plain_refusal(pavetwin(*path.split(), *usual, flag, "nosuch", cwd=place))
+    assert line.startswith(f"Error: {flag}"), line
+    assert "nosuch" in line or flag == "--scheduler", line
+    assert sorted(place.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (
+            ("fly", "town", "--preset", "papr"),
+            "--preset: no preset 'papr' (did you mean 'paper'?); known are default, ",
+        ),
+        (("experiment", "init", "n.yaml", "--preset", "papr"), "--preset: no design 'papr' (did you mean 'paper'?)"),
+        (("fly", "town", "--density", "hihg"), "--density: no density 'hihg' (did you mean 'high'?); known are low, "),
+        (("capture", "town", "-o", "n", "--camera", "phantom"), "--camera: no camera 'phantom' (did you mean 'phantom"),
+        (("fly", "town", "--set", "camera.model=phantom"), "camera.model: no camera 'phantom' (did you mean 'phantom"),
+        (("fly", "town", "--clouds", "2"), "--clouds 2.0: it must be less than or equal to 1."),
+        (
+            ("fly", "town", "--set", "conditions.clouds=5"),
+            "settings (preset 'default'): conditions.clouds: it must be less than or equal to 1 (got 5).",
+        ),
+    ],
+)
+def test_names_and_values_are_refused_in_one_form(place: Path, arguments: tuple[str, ...], line: str) -> None:
+    assert plain_refusal(pavetwin(*arguments, cwd=place)).startswith(f"Error: {line}")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "module", "registry"),
+    [
+        (("capture", "make"), "pavetwin.capture.platforms", "PLATFORMS"),
+        (("capture", "make"), "pavetwin.capture.formats", "FORMATS"),
+        (("capture", "make"), "pavetwin.uav", "CAMERAS"),
+        (("fly",), "pavetwin.policies", "POLICIES"),
+        (("fly",), "pavetwin.sensing", "SENSORS"),
+    ],
+)
+def test_help_lists_what_is_registered(arguments: tuple[str, ...], module: str, registry: str) -> None:
+    names = getattr(import_module(module), registry)
+    names.add("of-my-own", SimpleNamespace())
+    try:
+        told = pavetwin(*arguments, "--help", columns=400).stdout
+    finally:
+        names.restore("of-my-own", None)
+    assert ", ".join([*names.names(), "of-my-own"]) in told
 
 
 @pytest.mark.parametrize(

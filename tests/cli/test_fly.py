@@ -361,7 +361,7 @@ def test_a_mission_takes_off_beside_the_road_or_where_it_is_told(world: Path, tm
         (("--segments", "0"), "at least one"),
         (("--segments", "99"), "--segments all inspects them all"),
         (("--segments", "few"), "'all'"),
-        (("--segment", "s9999"), "No segment or street 's9999'"),
+        (("--segment", "s9999"), "--segment: no segment or street 's9999'"),
         (("--segment", "Bogn"), "did you mean 'Bogen'"),
         (("--segment", "s1"), "did you mean 's0001'"),
         (("--segment", "12"), "did you mean 's0012'"),

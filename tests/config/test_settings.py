@@ -206,5 +206,5 @@ def test_where_it_was_wrong_is_named() -> None:
     class Small(Settings):
         count: int = 1
 
-    with pytest.raises(PaveTwinError, match=r"^world\.yaml: count: .*\(got 'many'\)$"):
+    with pytest.raises(PaveTwinError, match=r"^world\.yaml: count: .*\(got 'many'\)\.$"):
         Small.parse({"count": "many"}, where="world.yaml")

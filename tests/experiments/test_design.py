@@ -186,7 +186,10 @@ def test_what_does_not_fit_is_refused_by_name(values: dict[str, object], words: 
     ("values", "words"),
     [
         ({"densities": ["dense"]}, "dense"),
-        ({"densities": ["low", 600]}, "No density '600'.* v12-p40 is 12 vehicles per kilometre of lane"),
+        (
+            {"densities": ["low", 600]},
+            "^the design: densities: no density '600'.* v12-p40 is 12 vehicles per kilometre of lane",
+        ),
         ({"densities": ["v200-p0"]}, "do not fit on a lane"),
         ({"worlds": [{"path": "town", "recordings": ["gone.parquet"]}]}, "no recording 'gone.parquet'"),
         ({"policies": ["hoover"]}, r"did you mean 'hover'\?"),

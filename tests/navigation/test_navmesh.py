@@ -291,7 +291,7 @@ def test_targets_are_drawn_by_the_seed_or_toured() -> None:
     assert choose_targets(environment, names=["s4", "s1"], order="near") == [1, 4]
     with pytest.raises(PaveTwinError, match=r"`count` 9: 'tiny' has only 6; `count=None` inspects them all"):
         choose_targets(environment, count=9)
-    with pytest.raises(PaveTwinError, match="No segment or street 's44'"):
+    with pytest.raises(PaveTwinError, match="no segment or street 's44'"):
         choose_targets(environment, names=["s44"])
 
 

@@ -350,7 +350,7 @@ def test_a_file_that_would_be_too_large_is_refused(tmp_path: Path, monkeypatch: 
         (["--bounds", "1,2,3"], "four numbers"),
         (["--bounds", "5,0,1,9"], "west must be less"),
         (["--bounds", "0,0,9,9", "--segment", "s0001"], "not both"),
-        (["--segment", "nowhere"], "No segment or street 'nowhere'"),
+        (["--segment", "nowhere"], "no segment or street 'nowhere'"),
         (["--traffic", "missing.parquet"], "no recording"),
         (["--at", "60"], "of which recording"),
         (["--texel", "0"], "not within 0.005"),

@@ -9,6 +9,7 @@ import numpy as np
 from PIL import Image, ImageColor, ImageDraw
 
 from pavetwin.capture.classes import categories, colours
+from pavetwin.capture.platforms import PLATFORMS, flying
 from pavetwin.capture.record import Record, read_record, record_paths
 from pavetwin.capture.rle import decode
 from pavetwin.capture.settings import SPLITS, read_description
@@ -106,6 +107,15 @@ def annotated(
     return small
 
 
+def pose_text(camera: Mapping[str, Any]) -> str:
+    """Height and tilt of a camera that flies (`10 m, tilted 12°`); else which of the platform's cameras it is."""
+    platform = camera["platform"]
+    if platform not in PLATFORMS.names() or not flying([platform]):  # the plugin of another may not be given here
+        return str(camera["mount"])
+    tilt = f", tilted {90 + camera['pitch_deg']:.0f}°" if camera["pitch_deg"] >= -87.5 else ""
+    return f"{camera['altitude_m']:g} m{tilt}"
+
+
 def _cell(folder: Path, record: Record, colour_of: Mapping[str, str]) -> Image.Image:
     path = folder / record.image
     try:
@@ -118,14 +128,10 @@ def _cell(folder: Path, record: Record, colour_of: Mapping[str, str]) -> Image.I
     cell.paste(drawn, (0, 0))
     pen = ImageDraw.Draw(cell)
     camera, light = record.camera, record.light
-    platform = camera["platform"]
-    is_uav = platform == "uav"
-    height = f"{camera['altitude_m']:g} m" if is_uav else camera["mount"]
-    tilt = f", tilted {90 + camera['pitch_deg']:.0f}°" if is_uav and camera["pitch_deg"] >= -87.5 else ""
     number = record.name.rpartition("-")[2]
-    pen.text((0, drawn.height + 5), f"{platform} {number}  {record.split}", INK, font(15, bold=True))
+    pen.text((0, drawn.height + 5), f"{camera['platform']} {number}  {record.split}", INK, font(15, bold=True))
     sky = f"sun {light['sun_elevation_deg']:.0f}°, cloud {100 * light['cloud_cover']:.0f} %"
-    text = f"{height}{tilt} · {record.traffic['density']} traffic · {sky}"
+    text = f"{pose_text(camera)} · {record.traffic['density']} traffic · {sky}"
     pen.text((0, drawn.height + 25), text, INK_SOFT, font(13))
     ignored = sum(obj.ignored is not None for obj in record.objects)
     right = f"{len(record.labelled)} labels" + (f", {ignored} ignored" if ignored else "")

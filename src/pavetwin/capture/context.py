@@ -5,12 +5,12 @@ from functools import partial
 
 from pavetwin.capture.defect_index import AIMED_WITHIN_M, DefectIndex
 from pavetwin.capture.formats import FORMATS, find_formats
-from pavetwin.capture.platforms import PLATFORMS, CaptureContext
+from pavetwin.capture.platforms import PLATFORMS, CaptureContext, flying
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.splits import RECORDED_S, street_splits
 from pavetwin.config.mission import UavSettings
 from pavetwin.defects.registry import DEFECT_CLASSES, kinds
-from pavetwin.errors import PaveTwinError
+from pavetwin.errors import PaveTwinError, naming
 from pavetwin.navigation.navmesh import navmesh
 from pavetwin.plugins import load_plugins
 from pavetwin.registry import packages_of
@@ -33,15 +33,15 @@ def check(settings: CaptureSettings) -> None:
             of place.
     """
     load_plugins(settings.plugins)
-    platforms = {name: PLATFORMS.get(name) for name in settings.platforms}
+    flyers = flying(settings.platforms)
     find_formats(settings.formats)
-    find_camera(settings.camera)
+    with naming({CAMERAS.key: "`camera`"}):
+        find_camera(settings.camera)
     for name in settings.densities:
         density_named(name)
-    flying = [name for name, platform in platforms.items() if platform.uses_altitude]
-    if flying and not settings.altitudes_m:
-        raise PaveTwinError(f"`altitudes_m`: say how high the {flying[0]} flies, for example `altitudes_m` 10.")
-    if settings.altitudes_m and not flying:
+    if flyers and not settings.altitudes_m:
+        raise PaveTwinError(f"`altitudes_m`: say how high the {flyers[0]} flies, for example `altitudes_m` 10.")
+    if settings.altitudes_m and not flyers:
         raise PaveTwinError(f"`altitudes_m`: a {settings.platforms[0]} does not fly; leave it out.")
     for altitude in settings.altitudes_m:
         if altitude >= AIMED_WITHIN_M:

@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from pavetwin.capture.classes import categories
 from pavetwin.config.altitude import Altitude
-from pavetwin.config.base import NameOrFile, PluginFiles, Settings
+from pavetwin.config.base import NameOrFile, PluginFiles, Settings, complaint
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
 from pavetwin.mission.versions import ADAPTER, version_changes
@@ -36,7 +36,7 @@ class CaptureSettings(Settings):
     """Everything that one dataset is made from."""
 
     platforms: Annotated[tuple[str, ...], Field(min_length=1)]
-    """Names of the registry in pavetwin.capture.platforms: uav, car."""
+    """Names of the registry in pavetwin.capture.platforms."""
     images: Annotated[int, Field(ge=1, le=10_000_000)]
     """Of each platform."""
     seed: Annotated[int, Field(ge=0)] = 0
@@ -96,9 +96,8 @@ def settings_of(values: Mapping[str, Any], typed: Mapping[str, str]) -> CaptureS
         name = str(first["loc"][0]) if first["loc"] else "split"  # only the shares of the splits are validated together
         given = first["input"]
         shown = f"{given:g}" if isinstance(given, int | float) else str(given)
-        what = first["msg"].removeprefix("Value error, ").replace("Input should be", "it must be")
         got = f" (got {shown})" if name in typed and first["loc"] else ""
-        raise PaveTwinError(f"`{name}` {typed.get(name, shown)}: {what}{got}.") from error
+        raise PaveTwinError(f"`{name}` {typed.get(name, shown)}: {complaint(error)}{got}.") from error
 
 
 def description(settings: CaptureSettings, world: World, versions: Mapping[str, str]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
 from typer.main import get_command, get_group
 
-from pavetwin.cli.arguments import LoadedPlugins
+from pavetwin.cli.arguments import LoadedPlugins, NamingCommand
 from pavetwin.cli.console import fail
 from pavetwin.cli.flags import refuse_repeated, with_flags
 from pavetwin.cli.quiet import quiet
@@ -43,7 +43,7 @@ class LateGroup(TyperGroup):
             if isinstance(command, typer.Typer):
                 held.add_typer(command, name=cmd_name)
             else:
-                held.command(cmd_name)(command)
+                held.command(cmd_name, cls=NamingCommand)(command)
             self.commands[cmd_name] = get_group(held).commands[cmd_name]
             _accept_plugins(self.commands[cmd_name])
         return super().get_command(ctx, cmd_name)

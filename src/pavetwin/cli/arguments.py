@@ -1,12 +1,38 @@
 """Arguments that several commands share."""
 
 import os
+import re
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Final
 
 import typer
+from typer.core import TyperCommand
 
 from pavetwin.world.folder import CACHE_VARIABLE, check_world
+
+NAMES: Final = {
+    "cameras": ("pavetwin.uav", "CAMERAS"),
+    "formats": ("pavetwin.capture.formats", "FORMATS"),
+    "platforms": ("pavetwin.capture.platforms", "PLATFORMS"),
+    "policies": ("pavetwin.policies", "POLICIES"),
+    "sensors": ("pavetwin.sensing", "SENSORS"),
+}
+"""Registries whose names an option's help may list, as in `{cameras}`: module and registry."""
+
+
+class NamingCommand(TyperCommand):
+    """A command whose options say in their help which names are registered; read only when help is asked for."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        for option in self.params:
+            option.help = re.sub(r"\{([a-z]+)\}", _registered, getattr(option, "help", None) or "")  # type: ignore[attr-defined]
+        super().format_help(ctx, formatter)
+
+
+def _registered(found: re.Match[str]) -> str:
+    module, registry = NAMES[found[1]]
+    return ", ".join(getattr(import_module(module), registry).names())
 
 
 def _existing(context: typer.Context, folder: Path | None) -> Path | None:

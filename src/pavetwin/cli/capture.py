@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from pavetwin.cli.arguments import Plugins, WorldFolder, paths_of
+from pavetwin.cli.arguments import NamingCommand, Plugins, WorldFolder, paths_of
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -45,13 +45,13 @@ app = typer.Typer(
 _UAV_ALTITUDES = (6.0, 10.0, 15.0)
 
 
-@app.command()
+@app.command(cls=NamingCommand)
 def make(
     world: WorldFolder,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the dataset.")] = None,
     platform: Annotated[
         list[str] | None,
-        typer.Option(help="What carries the camera: uav, car or uav,car; may be repeated. uav unless given."),
+        typer.Option(help="What carries the camera: {platforms}; several with commas. uav unless given."),
     ] = None,
     images: Annotated[
         int, typer.Option(help="Number of images of each platform; a dataset may be extended later.")
@@ -64,11 +64,9 @@ def make(
     ] = None,
     seed: Annotated[int, typer.Option(help="Random seed of places, light and traffic; 0 is a seed too.")] = 0,
     size: Annotated[str, typer.Option(metavar="WxH", help="Of the images, in pixels.")] = "640x640",
-    camera: Annotated[
-        str | None, typer.Option(help="Of the UAV: paper, phantom4, phantom4pro, mavic3e, or a YAML file.")
-    ] = None,
+    camera: Annotated[str | None, typer.Option(help="Of the UAV: {cameras}, or a YAML file.")] = None,
     formats: Annotated[
-        str, typer.Option(help="Label files: any of yolo, yolo-seg, voc and coco.")
+        str, typer.Option(help="Label files: any of {formats}, with commas.")
     ] = "yolo,yolo-seg,voc,coco",
     split: Annotated[str, typer.Option(help="Percent of train/val/test, by whole streets.")] = "70/15/15",
     empty: Annotated[float, typer.Option(help="Share of images that must show no defect.")] = 0.15,
@@ -89,12 +87,10 @@ def make(
     if output is None:
         raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/town.")
     platforms = tuple(name for given in platform or ["uav"] for name in re.split(r"[,\s]+", given.strip()))
-    if camera is not None and "uav" not in platforms:
-        raise PaveTwinError(f"--camera: a {platforms[0]} has cameras of its own; leave it out.")
     values = {
         "platforms": platforms,
         "images": images,
-        "altitudes_m": tuple(altitude or (_UAV_ALTITUDES if "uav" in platforms else ())),
+        "altitudes_m": tuple(altitude or ()),
         "densities": tuple(density or ("medium",)),
         "seed": seed,
         "size_px": _size(size),
@@ -109,11 +105,19 @@ def make(
     with progress("Starting", lines=True) as tell:
         # Inside, since these take seconds to import.
         from pavetwin.capture.context import check
+        from pavetwin.capture.platforms import flying
         from pavetwin.capture.run import capture
         from pavetwin.capture.scene_renderer import SceneFrameSource
         from pavetwin.capture.settings import settings_of
+        from pavetwin.plugins import load_plugins
         from pavetwin.render.adapter import find_adapter
 
+        load_plugins(paths_of(plugin))
+        flies = bool(flying(platforms))
+        if camera is not None and not flies:
+            raise PaveTwinError(f"--camera: a {platforms[0]} has cameras of its own; leave it out.")
+        if flies and not altitude:
+            values["altitudes_m"] = _UAV_ALTITUDES
         settings = settings_of(values, typed={"size_px": size, "split": split})
         check(settings)
         adapter = str(find_adapter())

@@ -55,10 +55,10 @@ def _checked(option: str, text: object, given: dict[str, Any]) -> dict[str, Any]
     from pydantic import ValidationError
 
     from pavetwin.config import Conditions
+    from pavetwin.config.base import complaint
 
     try:
         Conditions.model_validate(given)
     except ValidationError as error:
-        what = error.errors()[0]["msg"].removeprefix("Value error, ").replace("Input should be", "it must be")
-        raise PaveTwinError(f"--{option} {text}: {what}.") from error
+        raise PaveTwinError(f"--{option} {text}: {complaint(error)}.") from error
     return given

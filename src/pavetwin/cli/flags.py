@@ -13,6 +13,7 @@ from typing import Any, Final
 from pavetwin.errors import PaveTwinError
 
 FLAGS: Final = {
+    "aircraft": "--airspace",
     "altitude_m": "--altitude",
     "altitudes_m": "--altitude",
     "count": "--segments",
@@ -25,6 +26,7 @@ FLAGS: Final = {
     "picture=png": "--png",
     "platforms": "--platform",
     "plugins": "--plugin",
+    "recording": "--traffic",
     "retry": "--retry-failed",
     "size_px": "--size",
     "take_off_s": "--take-off",

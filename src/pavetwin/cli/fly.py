@@ -11,7 +11,7 @@ from pavetwin.cli.arguments import CacheFolder, OptionalWorldFolder, Plugins, pa
 from pavetwin.cli.conditions import OPTIONS as CONDITIONS
 from pavetwin.cli.conditions import Clouds, Date, Time, Wind, conditions_of
 from pavetwin.cli.console import out, progress
-from pavetwin.errors import PaveTwinError
+from pavetwin.errors import PaveTwinError, about, naming
 
 if TYPE_CHECKING:
     from pavetwin.config import MissionSettings
@@ -38,12 +38,12 @@ def fly(
     policy: Annotated[
         list[str] | None,
         typer.Option(
-            help="baseline, hover, micro, skip; all for every registered one; or your own, file.py:ClassName. "
+            help="{policies}; all for every registered one; or your own, file.py:ClassName. "
             "May be repeated. hover unless given."
         ),
     ] = None,
     sensor: Annotated[
-        str | None, typer.Option(help="recall, ideal, or your own, file.py:ClassName. recall unless set otherwise.")
+        str | None, typer.Option(help="{sensors}, or your own, file.py:ClassName. recall unless set otherwise.")
     ] = None,
     segments: Annotated[str, typer.Option(metavar="N|all", help="How many segments to inspect.")] = SEGMENTS,
     segment: Annotated[
@@ -134,7 +134,8 @@ def fly(
     from pavetwin.world.store import load_world
 
     names = policies_named(policy or [POLICY if former is None else former.spec.policy.name])
-    check_names(chosen, names, seed)
+    with naming({"sensing.sensor:": "`sensor`:"} if sensor is not None else {}):
+        check_names(chosen, names, seed)
     if settings:
         out.print(report.settings_text(chosen), markup=False)
         return
@@ -201,7 +202,8 @@ def _former(context: typer.Context, again: Path | None, *, other_policy: bool) -
     for option in FIXED_BY_AGAIN:
         if _given(context, option):
             raise PaveTwinError(f"--again: the mission.yaml says --{option.rstrip('_')}; leave one of the two out.")
-    return read_mission(again, other_policy=other_policy)
+    with about("again"):
+        return read_mission(again, other_policy=other_policy)
 
 
 def _fly_and_save(

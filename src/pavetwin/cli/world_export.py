@@ -8,7 +8,7 @@ import typer
 
 from pavetwin.cli.arguments import Plugins, WorldFolder, paths_of
 from pavetwin.cli.console import out, progress
-from pavetwin.errors import PaveTwinError
+from pavetwin.errors import PaveTwinError, about
 
 if TYPE_CHECKING:
     from pavetwin.scene.export import TrafficSnapshot
@@ -112,7 +112,8 @@ def _parsed(bounds: str | None) -> tuple[float, float, float, float] | None:
 def _segment_bounds(world: "World", segment: str) -> tuple[float, float, float, float]:
     import shapely
 
-    surfaces = [each.polygon for each in world.segments_named(segment)]
+    with about("segment"):
+        surfaces = [each.polygon for each in world.segments_named(segment)]
     west, south, east, north = (float(value) for value in shapely.total_bounds(surfaces))
     return west - SEGMENT_AROUND_M, south - SEGMENT_AROUND_M, east + SEGMENT_AROUND_M, north + SEGMENT_AROUND_M
 
@@ -126,7 +127,8 @@ def _moment(world: "World", traffic: Path | None, at: float | None) -> "TrafficS
             raise PaveTwinError(f"--at {at:g}: say with --traffic of which recording.")
         return None
     at_s = at or 0.0
-    recording = load_recording(traffic, world)
+    with about("recording"):
+        recording = load_recording(traffic, world)
     if not 0 <= at_s <= recording.duration_s:
         raise PaveTwinError(f"--at {at_s:g}: the recording lasts from 0 to {recording.duration_s:g} s.")
     return TrafficSnapshot(recording, at_s)

@@ -63,17 +63,25 @@ class Settings(BaseModel):
         try:
             return cls.model_validate(values)
         except ValidationError as error:
-            raise PaveTwinError(f"{where}: {describe(error)}") from error
+            raise PaveTwinError(f"{where}: {describe(error)}.") from error
 
 
 def describe(error: ValidationError) -> str:
-    """The first complaint of a validation error, as `key: what is wrong`."""
+    """The first complaint of a validation error, as `key: what is wrong`, without a full stop."""
     first = error.errors()[0]
     place = ".".join(str(part) for part in first["loc"])
-    message = "give at least one" if first["type"] == "too_short" else first["msg"].removeprefix("Value error, ")
+    message = complaint(error)
     given = first["input"]
     shown = f" (got {given!r})" if isinstance(given, str | int | float | bool) else ""
     return f"{place}: {message}{shown}" if place else message
+
+
+def complaint(error: ValidationError) -> str:
+    """What a validation error says first, without its place and a full stop."""
+    first = error.errors()[0]
+    if first["type"] == "too_short":
+        return "give at least one"
+    return first["msg"].removeprefix("Value error, ").replace("Input should be", "it must be").removesuffix(".")
 
 
 def with_overrides(values: Mapping[str, Any], overrides: Iterable[str]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from pavetwin.config.altitude import Altitude
 from pavetwin.config.base import NameOrFile, PluginFiles, Settings, overlay, with_overrides
 from pavetwin.config.conditions import Conditions
 from pavetwin.config.text import parse_yaml
-from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.plugins import load_plugins
 
 Positive = Annotated[float, Field(gt=0)]
@@ -167,8 +167,7 @@ def load_settings(preset: str = "default", overrides: Iterable[str] = (), **give
     """
     names = preset_names()
     if preset not in names:
-        near = nearest_name(preset, names) or f"; known are {', '.join(names)}"
-        raise PaveTwinError(f"No preset '{preset}'{near}.")
+        raise PaveTwinError(no_such("preset", preset, names, key="`preset`"))
     values = overlay(_values(preset), given)
     return MissionSettings.parse(with_overrides(values, overrides), where=f"settings (preset '{preset}')")
 

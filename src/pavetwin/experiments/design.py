@@ -22,7 +22,7 @@ from pavetwin.config import Conditions, MissionSettings, Settings
 from pavetwin.config.altitude import Altitude
 from pavetwin.config.text import parse_yaml
 from pavetwin.defects import DefectOptions
-from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.errors import PaveTwinError, nearest_name, no_such
 from pavetwin.experiments.metrics import ERROR_METRICS, FACTORS, METRICS, REFERENCE
 from pavetwin.uav.cameras import camera_file
 
@@ -301,8 +301,7 @@ def preset_text(name: str, world: str, plugins: Sequence[str] = ()) -> str:
         PaveTwinError: there is no such design.
     """
     if name not in _PRESETS:
-        near = nearest_name(name, _PRESETS) or f"; known are {', '.join(preset_names())}"
-        raise PaveTwinError(f"No design '{name}'{near}.")
+        raise PaveTwinError(no_such("design", name, preset_names(), key="`preset`"))
     template = (files("pavetwin.experiments") / "design_template.yaml").read_text(encoding="utf-8")
     entry = yaml.safe_dump(world, width=1000).removesuffix("\n...\n").strip()
     return Template(template).substitute(

@@ -27,7 +27,8 @@ from pavetwin.world.model import World
 from pavetwin.world.store import load_world
 
 IN_DESIGN_FILE: Final = {
-    **{"`plugins`": "plugins", "`policy`": "policies"},
+    **{"`plugins`": "plugins", "`policy`": "policies", "`density`": "densities", "`preset`": "presets"},
+    **{"`routes`": "routes", "`recording`": "recordings"},
     **{"sensing.sensor": "sensors", "sensing.options": "sensing.options"},
 }
 """Parameter, as messages name it → the key of a design that gives it."""

@@ -9,7 +9,8 @@ from shapely import Point
 
 from pavetwin.config import MissionSettings, load_settings
 from pavetwin.defects import DefectOptions
-from pavetwin.errors import PaveTwinError
+from pavetwin.errors import PaveTwinError, about
+from pavetwin.mission.airspace import load_airspace
 from pavetwin.mission.environment import MissionEnvironment, prepare
 from pavetwin.mission.inputs import defects_of
 from pavetwin.mission.spec import DefectInput, FileInput, MissionSpec, PolicyInput, TrafficInput, WorldInput
@@ -71,6 +72,9 @@ def plan_mission(
     """
     chosen = settings or load_settings()
     check_names(chosen, [policy], seed)
+    if aircraft is not None:
+        with about("aircraft"):
+            load_airspace(Path(aircraft))
     source = defect_input(defect_seed)
     ready = environment or prepare(world, chosen, defects_of(world, source), base=base_point(base, world))
     count = segments if isinstance(segments, int) or segments is None else None
@@ -145,7 +149,8 @@ def traffic_input(
     if take_off_s is not None and not (isfinite(take_off_s) and take_off_s >= 0):
         raise PaveTwinError(f"`take_off_s` {take_off_s:g}: expected seconds from 0 up.")
     if recording is not None:
-        recorded = load_recording(recording, world)
+        with about("recording"):
+            recorded = load_recording(recording, world)
         origin, begin_s = recorded.origin, recorded.warm_up_s if take_off_s is None else take_off_s
         return TrafficInput.of(origin.asked, origin.seed, routes=routes, recording=Path(recording), take_off_s=begin_s)
     if routes:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from pavetwin.errors import PaveTwinError
+from pavetwin.errors import PaveTwinError, about
 from pavetwin.mission.environment import MissionEnvironment
 from pavetwin.seeds import Stream, child
 
@@ -62,7 +62,9 @@ def _named(environment: MissionEnvironment, names: Sequence[str]) -> list[int]:
     index = {segment.id: number for number, segment in enumerate(environment.world.segments)}
     chosen = []
     for name in names:
-        for segment in environment.world.segments_named(name):
+        with about("names"):
+            segments = environment.world.segments_named(name)
+        for segment in segments:
             number = index[segment.id]
             what = name if name == segment.id else f"{name}, {segment.id}"
             if not environment.reachable(number):

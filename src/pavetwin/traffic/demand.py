@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
-from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.world.model import LaneKind, World
 
 TOLERANCE: Final = 0.20
@@ -65,10 +65,8 @@ def density_named(name: str) -> Density:
         return DENSITIES[name]
     if numbers := _NUMBERS.fullmatch(name):
         return density_of(float(numbers[1]), float(numbers[2]))
-    raise PaveTwinError(
-        f"No density '{name}'{nearest_name(name, DENSITIES)}. There are {', '.join(DENSITIES)}, or numbers: v12-p40 "
-        "is 12 vehicles per kilometre of lane and 40 pedestrians per kilometre of sidewalk."
-    )
+    form = "v12-p40 is 12 vehicles per kilometre of lane and 40 pedestrians per kilometre of sidewalk"
+    raise PaveTwinError(no_such("density", name, DENSITIES, key="`density`", instead=f", or numbers: {form}"))
 
 
 def density_of(vehicles_per_lane_km: float, pedestrians_per_sidewalk_km: float) -> Density:

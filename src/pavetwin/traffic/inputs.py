@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
 
-from pavetwin.errors import PaveTwinError
+from pavetwin.errors import PaveTwinError, about
 from pavetwin.files import file_sha256
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic import sumo_run
@@ -53,7 +53,8 @@ class Inputs:
         if seed < 0:
             raise PaveTwinError(f"The seed must be a whole number from 0 up, not {seed}.")
         if files:
-            own_demand(files)
+            with about("routes"):
+                own_demand(files)
         for path in files:
             if "," in str(path):
                 raise PaveTwinError(f"SUMO cannot read a file with a comma in its name: '{path}'. Rename it.")

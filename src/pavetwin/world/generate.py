@@ -13,7 +13,7 @@ from pathlib import Path
 from pyproj import CRS
 from shapely import Polygon, STRtree
 
-from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.world.georeference import DEFAULT_ANCHOR, GeoReference, anchored
 from pavetwin.world.model import Building
 from pavetwin.world.network import copy_without_stamp
@@ -84,9 +84,7 @@ def network_kind(name: str) -> NetworkKind:
         return NetworkKind(name)
     except ValueError:
         known = [kind.value for kind in NetworkKind]
-        raise PaveTwinError(
-            f"Unknown kind of network '{name}'{nearest_name(name, known)}. Known: {', '.join(known)}."
-        ) from None
+        raise PaveTwinError(no_such("kind of network", name, known, key="`generate`")) from None
 
 
 def generate_network(

@@ -1,7 +1,7 @@
 """What a platform is, and where platforms are registered."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,6 +52,7 @@ class Platform(ABC):
     """Proposes camera poses. The caller checks each against the image spec and requests another if it does not fit."""
 
     uses_altitude: bool = False
+    """Whether it flies, at an altitude of the settings and with their camera; else it has cameras of its own."""
 
     def __init__(self, context: CaptureContext) -> None:
         self.context = context
@@ -74,3 +75,12 @@ PLATFORMS: Registry[type[Platform]] = Registry(
 )
 platform = PLATFORMS.register
 """Register a platform under a name, which `platform` then takes."""
+
+
+def flying(names: Iterable[str]) -> list[str]:
+    """Those of some platforms that fly at an altitude with the camera of the settings.
+
+    Raises:
+        PaveTwinError: there is no such platform.
+    """
+    return [name for name in names if PLATFORMS.get(name).uses_altitude]
