@@ -31,6 +31,13 @@ def row(agent: int, _: float) -> Pose:
     return (14.0 * agent, 0.0, 0.0, 0.0)
 
 
+def test_models_of_people_are_found_by_what_they_show() -> None:
+    models = {"walker": library()["pedestrian_child"], "pedestrian_child": library()["van"]}
+    assert people(models, "child") == ["walker"]
+    assert people(models, "senior") == ["walker"]
+    assert people(library(), "senior") == ["pedestrian_senior_cap", "pedestrian_senior_coat"]
+
+
 def test_every_vehicle_is_drawn_in_its_own_size() -> None:
     kinds = [kind.name for kind in VEHICLES]
     made = recording(kinds, row)

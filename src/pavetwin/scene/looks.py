@@ -47,7 +47,7 @@ class AgentAppearance:
 
 
 def look_of(agents: Agents, agent: int, seed: int, models: Mapping[str, Model]) -> AgentAppearance:
-    """The appearance of one agent. `models` must hold those of `traffic.kinds` and people called `pedestrian_*`."""
+    """The appearance of one agent. `models` must hold those of `traffic.kinds`, and people."""
     rng = child(seed, Stream.SCENE, KEY, agent)
     if agents.is_pedestrian[agent]:
         return _person(agents.kind[agent], float(agents.height_m[agent]), rng, models)
@@ -66,8 +66,8 @@ def vehicle_model(kind: str, size_m: Float64Array) -> str:
 
 def people(models: Mapping[str, Model], kind: str) -> Sequence[str]:
     """The models for a kind of person, by name; all people where the kind has none of its own."""
-    everyone = sorted(name for name in models if name.startswith("pedestrian_"))
-    return [name for name in everyone if name.split("_")[1] == kind] or everyone
+    everyone = sorted(name for name, model in models.items() if model.person)
+    return [name for name in everyone if models[name].person == kind] or everyone
 
 
 def tints(*colours: Colour | None) -> Float32Array:

@@ -92,6 +92,8 @@ class Model:
     parts: Mapping[str, Mesh]
     extras: Mapping[str, float] = field(default_factory=dict)
     """Metadata of the model: stride_m, crown_radius_m …"""
+    person: str = ""
+    """Which kind of person it shows, by the names of `traffic.kinds`; empty where it shows none."""
 
 
 @dataclass(frozen=True)

@@ -57,8 +57,9 @@ def load_model(path: Path) -> Model:
         extras |= {
             key: float(value) for key, value in holder.get("extras", {}).items() if isinstance(value, int | float)
         }
+    person = str(glb.document["asset"].get("extras", {}).get("kind", ""))
     parts = {name: _merged(glb, node["mesh"]) for name, node in zip(names, nodes, strict=True)}
-    return Model(path.stem, MappingProxyType(parts), MappingProxyType(extras))
+    return Model(path.stem, MappingProxyType(parts), MappingProxyType(extras), person=person)
 
 
 def bounds(mesh: Mesh) -> tuple[Float64Array, Float64Array]:
