@@ -48,10 +48,17 @@ def _picture(figure: Figure, caption: str, alt: str, suffix: Literal["svg", "png
 
 
 def slim(svg: str) -> str:
-    """Matplotlib's SVG as one line, without comments; coordinates keep hundredths of a point."""
+    """Matplotlib's SVG as one line, without comments; coordinates keep hundredths of a point.
+
+    Scales of glyphs are small numbers and keep all their digits.
+    """
     body = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
     body = re.sub(r">\s+<", "><", re.sub(r"\s*\n\s*", " ", body)).strip()
-    return re.sub(r"-?\d+\.\d{3,}", lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), body)
+    return re.sub(
+        r"scale\([^)]*\)|-?\d+\.\d{3,}",
+        lambda found: found[0] if found[0].startswith("scale") else f"{float(found[0]):.2f}".rstrip("0").rstrip("."),
+        body,
+    )
 
 
 def looks(policies: Sequence[Any]) -> Looks:
