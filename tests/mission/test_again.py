@@ -121,6 +121,13 @@ def test_format_3_is_still_read(described: Path, tmp_path: Path) -> None:
         read_mission(changed(described, tmp_path, format=2))
 
 
+def test_a_mission_of_format_3_takes_off_in_the_street(described: Path, tmp_path: Path) -> None:
+    settings = yaml.safe_load(described.read_text())["settings"]
+    del settings["uav"]["base"]
+    former = read_mission(changed(described, tmp_path, format=3, settings=settings))
+    assert former.spec.settings.uav.base == "street"
+
+
 def test_format_4_with_the_area_that_it_once_held_is_the_same_mission(described: Path, tmp_path: Path) -> None:
     traffic = yaml.safe_load(described.read_text())["traffic"]
     assert "area" not in traffic

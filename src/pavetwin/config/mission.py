@@ -33,7 +33,7 @@ class UavSettings(Settings):
     stopping_distance_m: NonNegative = 1.0
     climb_speed_mps: Positive = 3.0
     """Between the ground and the altitude; a Phantom 4 climbs at up to 6 m/s and descends at up to 4 m/s."""
-    base: Literal["street", "roadside"] = "street"
+    base: Literal["street", "roadside"] = "roadside"
     """Where it takes off unless a mission says so: in the middle of the world's streets, or beside the carriageway
     there."""
 

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import yaml
 
+from pavetwin.config.base import overlay
 from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
@@ -119,6 +120,8 @@ def read_mission(path: str | Path, *, other_policy: bool = False) -> FormerMissi
             f"'{path}' is no mission.yaml of format {' or '.join(map(str, READABLE))}, which this version reads; fly "
             "the mission again from its options."
         )
+    if values["format"] == 3:
+        values["settings"] = overlay({"uav": {"base": "street"}}, values.get("settings", {}))  # there was no other
     values["format"] = FORMAT
     sums = values.pop(TOTALS, None)
     if not isinstance(sums, Mapping):
