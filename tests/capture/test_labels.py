@@ -124,7 +124,7 @@ def test_a_thing_says_what_it_is_and_how_much_of_it_is_seen(moment: SceneState) 
     assert hole.position_m == (30.0, -2.0, 0.0)
     assert hole.distance_m == pytest.approx(np.hypot(10.0, 2.0), abs=1e-3)
     assert hole.details["severity"] == moment.world.defects[0].severity.value
-    assert hole.details["street"] == moment.world.segments[0].street
+    assert hole.details["street"] == moment.world.segments[0].street_name
     assert (car.category, car.visible_fraction, car.details["kind"]) == ("Car", 1.0, "hatchback")
     assert car.details["speed_mps"] == pytest.approx(3.0)
     assert car.details["length_m"] == pytest.approx(3.77, abs=1e-3)

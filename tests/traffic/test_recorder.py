@@ -28,9 +28,10 @@ def cross(tmp_path: Path) -> World:
 
 @pytest.fixture
 def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where the folders of simulations are made."""
+    """Where the folders of simulations are made. The cache holds no recording of other tests."""
     folder = tmp_path / "tmp"
     folder.mkdir()
+    monkeypatch.setenv("PAVETWIN_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr("tempfile.tempdir", str(folder))
     return folder
 
