@@ -11,6 +11,8 @@ SLOW_TO_LOAD = {
     *("matplotlib", "PIL", "wgpu", "jinja2", "distributed", "libsumo", "traci", "sumolib", "osmium"),
 }
 PRINTING = {"rich"}
+NEEDED_BY_POLICIES = {"numpy", "shapely", "pyproj"}
+"""A help text that lists the registered policies and sensors has to load them."""
 
 RUN = """
 import sys
@@ -34,7 +36,7 @@ except SystemExit as ended:
         (["traffic", "record", "nosuch", "--density", "high"], 2, SLOW_TO_LOAD | PRINTING),
         (["flyy"], 2, SLOW_TO_LOAD | PRINTING),
         (["--help"], 0, SLOW_TO_LOAD),
-        (["fly", "--help"], 0, SLOW_TO_LOAD),
+        (["fly", "--help"], 0, SLOW_TO_LOAD - NEEDED_BY_POLICIES),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
