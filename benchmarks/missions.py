@@ -91,8 +91,10 @@ def _kernel_share(course: Course, policy: str) -> float:
     """Of one mission's time, what passes between asking the kernel for the next event and getting it."""
     clocked: list[_Clocked] = []
 
-    def made(environment: MissionEnvironment, trace: Trace, settings: MissionSettings) -> _Clocked:
-        clocked.append(_Clocked(new_flight(environment, trace, settings)))
+    def made(
+        environment: MissionEnvironment, trace: Trace, settings: MissionSettings, *, every_capture: bool
+    ) -> _Clocked:
+        clocked.append(_Clocked(new_flight(environment, trace, settings, every_capture=every_capture)))
         return clocked[-1]
 
     with patch.object(loop, "new_flight", made):
