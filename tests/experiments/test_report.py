@@ -18,7 +18,7 @@ from pavetwin.experiments.report import Study, gather, write_report
 from pavetwin.experiments.report import page as pages
 from pavetwin.experiments.report.canvas import looks
 from pavetwin.experiments.report.headline import headline_table
-from pavetwin.experiments.report.maps import street_map, street_means
+from pavetwin.experiments.report.maps import colour_range, street_map, street_means
 from pavetwin.experiments.report.plots.intervals import by_altitude
 from pavetwin.experiments.report.plots.overview import overview
 from pavetwin.experiments.report.plots.spread import spread
@@ -478,6 +478,17 @@ def test_a_map_shows_the_segments_that_were_flown() -> None:
     assert picture.source.startswith("data:image/png;base64,")
     assert "2 segments" in picture.alt, "the third of the table is in no tiny world"
     assert street_map(tiny.straight(), means.filter(pl.col("segment") == "side")) is None
+
+
+@pytest.mark.parametrize(
+    ("values", "ends"),
+    [((100.0, 100.0), (90, 100)), ((0.0, 0.0), (0, 10)), ((83.0, 88.0), (80, 90)), ((41.0, 100.0), (40, 100))],
+)
+def test_the_colours_of_a_map_span_tens_that_coverage_can_have(
+    values: tuple[float, float], ends: tuple[float, float]
+) -> None:
+    norm = colour_range(values)
+    assert (norm.vmin, norm.vmax) == ends
 
 
 def test_gathered_statistics_fit_the_report() -> None:

@@ -52,7 +52,7 @@ def street_map(world: World, means: pl.DataFrame) -> ReportFigure | None:
     if not segments:
         return None
     values = [100 * float(found[segment.id]["coverage"]) for segment in segments]
-    norm = _range(values)
+    norm = colour_range(values)
     with style.styled():
         framed = style.map_figure(
             world_bounds(world),
@@ -70,9 +70,10 @@ def street_map(world: World, means: pl.DataFrame) -> ReportFigure | None:
         return raster(framed.figure, _caption(world, found, segments), _alt(world, segments, values))
 
 
-def _range(values: Sequence[float]) -> Normalize:
-    low, high = np.floor(min(values) / 10) * 10, np.ceil(max(values) / 10) * 10
-    return Normalize(float(low), float(high if high > low else low + 10))
+def colour_range(values: Sequence[float]) -> Normalize:
+    """The tens around some percentages: ten of them at least, and none above 100."""
+    low = min(np.floor(min(values) / 10) * 10, 90.0)
+    return Normalize(float(low), float(max(np.ceil(max(values) / 10) * 10, low + 10)))
 
 
 def _segments(axes: Axes, segments: Sequence[Segment], colours: Any) -> None:
