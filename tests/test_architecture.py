@@ -179,7 +179,7 @@ def test_a_headless_mission_loads_nothing_heavy(module: str) -> None:
 
 
 def options_named_in(path: Path) -> Iterator[tuple[int, str]]:
-    """Line and text of every string that tells a reader of an option; docstrings are no messages."""
+    """Line and text of every string that tells a reader of an option; docstrings are not messages."""
     tree = ast.parse(path.read_text(encoding="utf-8"), str(path))
     told = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     for node in ast.walk(tree):

@@ -23,7 +23,7 @@ PROGRESS = re.compile(r".* …|.* \(\d+%\)")
 
 
 def readme_commands() -> list[str]:
-    """In the README's order; `…` and file names in running text are no commands."""
+    """In the README's order; `…` and file names in running text are not commands."""
     blocks = re.findall(r"^```\w*\n(.*?)^```", (ROOT / "README.md").read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
     return [line for block in blocks for line in block.splitlines() if line.startswith("pavetwin ")]
 

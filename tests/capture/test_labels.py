@@ -168,7 +168,7 @@ def test_what_the_picture_hardly_shows_is_ignored_and_its_contrast_kept(moment: 
 
 
 def test_a_contrast_is_that_of_the_defect_alone() -> None:
-    """A white line or the edge of a shadow across it, a dark joint or a car beside it are no part of it."""
+    """A white line or the edge of a shadow across it, a dark joint or a car beside it are not part of it."""
     labels = np.zeros((SIZE, SIZE), dtype=np.uint32)
     labels[96:98, 60:120] = CRACK
     (crack,) = instance_masks(labels)

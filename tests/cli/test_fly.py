@@ -305,7 +305,7 @@ def test_missions_over_ones_own_demand_take_off_after_a_warm_up(world: Path, cac
     traffic = digests(cache)
     for command_of in (("fly", world), ("traffic", "record", world)):
         line = plain_refusal(pavetwin(*command_of, "--routes", HERE / "cross.osm"))
-        assert "is an OpenStreetMap map, no routes file of SUMO" in line
+        assert "is an OpenStreetMap map, not a routes file of SUMO" in line
     assert digests(cache) == traffic
 
 
@@ -439,7 +439,7 @@ def test_a_half_deleted_world_is_named(world: Path, tmp_path: Path) -> None:
 def test_a_map_in_place_of_a_world_says_how_to_build_one(tmp_path: Path) -> None:
     (tmp_path / "my town.osm").write_text("<osm/>")
     line = plain_refusal(pavetwin("fly", "my town.osm", cwd=tmp_path))
-    assert "is a map and no world yet" in line
+    assert "is a map, not a world yet" in line
     assert "`pavetwin world build 'my town.osm' --output 'my town'`" in line
     assert "`pavetwin world build SOURCE --output town`" in plain_refusal(pavetwin("fly", "town", cwd=tmp_path))
 

@@ -41,7 +41,7 @@ def save(
     return report.save(missions, REPLAY, folder, several=several, animated=lambda _: False)
 
 
-@pytest.mark.parametrize("error", [ValueError("one point is no line"), PaveTwinError("No segment in common.")])
+@pytest.mark.parametrize("error", [ValueError("one point is not a line"), PaveTwinError("No segment in common.")])
 def test_a_picture_that_fails_leaves_the_numbers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
 ) -> None:

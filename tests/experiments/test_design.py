@@ -202,7 +202,7 @@ def test_what_does_not_fit_is_refused_by_name(values: dict[str, object], words: 
         ({"presets": ["papre"]}, r"did you mean 'paper'\?"),
         ({"sweep": {"policy.wait": [1]}}, r"unknown key 'wait'"),
         ({"sweep": {"tau_o": [0.5, 1.5]}}, "visibility.threshold"),
-        ({"set": {"altitude_m.x": 3}}, "'altitude_m.x' is no setting"),
+        ({"set": {"altitude_m.x": 3}}, "'altitude_m.x' is not a setting"),
         ({"worlds": [{"path": "town", "routes": ["gone.rou.xml"]}]}, "no routes file 'gone.rou.xml'"),
         (
             {"streets": ["stret"]},

@@ -498,7 +498,7 @@ def test_gathered_statistics_fit_the_report() -> None:
     assert study.others == ()
     text = page(study)
     assert {"means", "differences", "effects", "findings"} <= sections(text)
-    assert "version:" not in text, "it is no key of a design"
+    assert "version:" not in text, "it is not a key of a design"
     assert "made_with" not in text
     assert "PaveTwin\n0.0.0, SUMO 1.2.3, world tiny 0123abcd" in text
 

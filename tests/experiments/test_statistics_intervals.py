@@ -74,7 +74,7 @@ def test_one_replicate_has_no_interval() -> None:
 
 
 def test_replicates_are_resampled_within_their_world() -> None:
-    """Two worlds that differ much and vary little: what lies between them is no chance."""
+    """Two worlds that differ much and vary little: the difference between them is not chance."""
     rng = np.random.default_rng(0)
     units = np.concatenate([rng.normal(0, 1, 12), rng.normal(100, 1, 12)])[np.newaxis]
     low, high = limits(units, np.repeat([0, 1], 12))

@@ -301,7 +301,7 @@ def test_how_sure_a_choice_is_does_not_depend_on_how_many_do_the_same(twins: lis
     assert made.options["policy"].to_list()[: 1 + len(twins)] == ["hover", *twins]
     assert made.options["same"].to_list() == [True] * (1 + len(twins)) + [False, False]
     assert made.options["certainty"].to_list()[: 1 + len(twins)] == [share] * (1 + len(twins))
-    assert made.sentences[1] == alone.sentences[1], "they are no rivals"
+    assert made.sentences[1] == alone.sentences[1], "they are not rivals"
     assert said in made.sentences
     assert not any("the choice is by time" in sentence for sentence in made.sentences)
 

@@ -205,7 +205,9 @@ def test_a_misspelt_class_is_an_error_that_names_sensor_class_and_the_nearest(ca
     with pytest.raises(PaveTwinError) as caught:
         fly_with(Scene(straight((30, 0))), Naming.calling(called))
     told = str(caught.value)
-    assert f"sensor 'trial' reports the class '{called}', which is no class of defects (did you mean '{near}'?)" in told
+    assert (
+        f"sensor 'trial' reports the class '{called}', which is not a class of defects (did you mean '{near}'?)" in told
+    )
     assert "known are crocodile_crack, pothole, single_crack" in told
     assert "`other_classes`" in told
 

@@ -242,7 +242,7 @@ def test_haze_and_slants_are_drawn_where_they_may_be_seen(
 
 @pytest.mark.parametrize("tree", ["tree_oval", "tree_round", "tree_spreading", "tree_young"])
 def test_boughs_high_up_hide_little_sky_from_the_ground_below(tree: str) -> None:
-    """They are no car whose underside is near the ground: only the trunk's foot shades what is right beside it."""
+    """They are not cars whose underside is near the ground: only the trunk's foot shades what is right beside it."""
     overcast = Light(40.0, 0.0, cloud_cover=1.0)
     renderer = Renderer(Plane(models={tree: library()[tree]}))
     trunk = Instance(tree, "trunk", np.eye(4), np.tile(np.float32([1, 1, 1, 0]), (TINTS, 1)))

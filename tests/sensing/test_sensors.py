@@ -102,11 +102,11 @@ class Failing(Sensor):
 @pytest.mark.parametrize(
     ("kind", "complaint"),
     [
-        (Numbering, "which is no Detection"),
+        (Numbering, "which is not a Detection"),
         (Wandering, "depends on what it was shown before"),
         (Unseeded, "depends on what it was shown before"),
         (Falsy, "with seed 0"),
-        (Misspelling, "it reports the class 'Pothole', which is no class of defects (did you mean 'pothole'?)"),
+        (Misspelling, "it reports the class 'Pothole', which is not a class of defects (did you mean 'pothole'?)"),
         (Failing, "it fails: IndexError"),
     ],
 )

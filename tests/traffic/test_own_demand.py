@@ -1,4 +1,4 @@
-"""A user's own demand: its departures, when missions over it take off, and files that are no demand."""
+"""A user's own demand: its departures, when missions over it take off, and files that are not demand."""
 
 import gzip
 from pathlib import Path
@@ -54,7 +54,7 @@ def test_what_holds_no_vehicle_is_refused_by_its_kind(tmp_path: Path) -> None:
     table = tmp_path / "high-1.parquet"
     table.write_bytes(b"PAR1....")
     for file, words in (
-        (HERE / "cross.osm", "is an OpenStreetMap map, no routes file of SUMO: it holds no vehicle"),
+        (HERE / "cross.osm", "is an OpenStreetMap map, not a routes file of SUMO: it holds no vehicle"),
         (net, "is a SUMO network"),
         (none, "is a routes file of SUMO, but holds no vehicle"),
         (types, "holds no vehicle"),

@@ -142,7 +142,7 @@ def test_a_users_routes_are_driven_as_they_are(cross: World, tmp_path: Path) -> 
     assert recording.name == "user"
     rider = agents.id.index("rider")
     last = int(np.flatnonzero(recording.agent == rider)[-1])
-    assert np.searchsorted(recording.step_offsets, last, side="right") - 1 < 40  # inside the taxi she is no pedestrian
+    assert np.searchsorted(recording.step_offsets, last, side="right") - 1 < 40  # inside the taxi she is not on foot
     routes.write_text(ROUTES.replace('depart="3601"', 'depart="3601.5"'))
     shares: list[float] = []
     record(cross, None, 1, 40.0, routes=[routes], on_progress=told(shares))

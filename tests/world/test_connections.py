@@ -143,7 +143,7 @@ def test_a_network_that_contradicts_itself_is_refused(tmp_path: Path, old: str, 
     assert old in text
     path = tmp_path / "broken.net.xml"
     path.write_text(text.replace(old, new), encoding="utf-8")
-    with pytest.raises(PaveTwinError, match=r"broken\.net\.xml' is no complete SUMO network") as caught:
+    with pytest.raises(PaveTwinError, match=r"broken\.net\.xml' is not a complete SUMO network") as caught:
         build_world(path)
     assert words in str(caught.value)
 

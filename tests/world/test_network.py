@@ -123,7 +123,7 @@ def test_a_users_network_is_taken_as_it_is(tmp_path: Path) -> None:
 
 
 def bad_sources(folder: Path) -> dict[str, tuple[Path, str]]:
-    """Files that are no source, each with a word of the message."""
+    """Files that are not a source, each with a word of the message."""
     whole = (HERE / "cross.osm").read_text(encoding="utf-8")
     texts = {
         "truncated.osm": (whole[: len(whole) // 2], "cut short"),
@@ -132,7 +132,7 @@ def bad_sources(folder: Path) -> dict[str, tuple[Path, str]]:
         "streetless.osm": ("<osm version='0.6'><node id='1' version='1' lat='1' lon='1'/></osm>", "no streets"),
         "roads.txt": ("hello", "suffix"),
         "plain.net.xml": ("hello", "not readable as XML"),
-        "other.net.xml": ("<routes/>", "no SUMO network"),
+        "other.net.xml": ("<routes/>", "not a SUMO network"),
         "half.net.xml": ("<net><edge id='a'></net>", "not readable as XML"),
         "edgeless.net.xml": ("<net><location netOffset='0,0' projParameter='!'/></net>", "no streets"),
         "odd.net.xml": ("<net><edge id='a' from='b'/></net>", "no complete SUMO network"),

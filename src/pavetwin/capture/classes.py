@@ -44,7 +44,7 @@ def colours(names: Sequence[str]) -> dict[str, str]:
 
 PERSON: Final = Category(3, "Person", "traffic", 8, 20, _FAR_M)
 CAR: Final = Category(4, "Car", "traffic", 12, 60, _FAR_M)
-"""Every motor vehicle: cars, vans, trucks, buses, and a motorcycle with its rider, who is no Person beside it."""
+"""Every motor vehicle: cars, vans, trucks, buses, and a motorcycle with its rider, who is not a Person beside it."""
 
 
 def categories() -> tuple[Category, ...]:

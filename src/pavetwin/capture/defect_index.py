@@ -28,7 +28,7 @@ AIMED_WIDTH_PX = 0.4
 """Least width of the widest opening, seen from straight above: finer cracks are seldom visible."""
 
 ROAD_SHARE = 0.2
-"""Least share of road in an image without defects: a meadow is no example of defect-free pavement."""
+"""Least share of road in an image without defects: a meadow is not an example of defect-free pavement."""
 
 _BORDER = np.linspace(0.0, 1.0, 5)
 _EVERYWHERE = (np.stack(np.meshgrid(np.arange(12), np.arange(12)), axis=-1).reshape(-1, 2) + 0.5) / 12

@@ -9,7 +9,7 @@ from pavetwin.arrays import Float64Array
 from pavetwin.world.model import LaneKind, World
 
 _KERB_M = 0.7
-"""Lines closer to the kerb than this are no lane lines."""
+"""Lines closer to the kerb than this are not lane lines."""
 
 
 def sidewalks(world: World) -> BaseGeometry:

@@ -164,7 +164,7 @@ class Design(Settings):
     @field_validator("densities", "streets", mode="before")
     @classmethod
     def _texts(cls, value: Any) -> Any:
-        """A number is no name of a density; what reads the names says so. Streets may be called by a number."""
+        """A number is not a name of a density; what reads the names says so. Streets may be called by a number."""
         return [str(each) for each in value] if isinstance(value, list | tuple) else value
 
     @field_validator("sweep", mode="before")

@@ -75,7 +75,7 @@ class Cell:
             for section in sections:
                 layer = layer.setdefault(section, {})
                 if not isinstance(layer, dict):
-                    raise PaveTwinError(f"the design: '{key}' is no setting.")
+                    raise PaveTwinError(f"the design: '{key}' is not a setting.")
             layer[leaf] = value
         sensing = nested["sensing"]
         if len(design.sensors) > 1 and isinstance(options := sensing.get("options"), Mapping):

@@ -117,8 +117,8 @@ def read_mission(path: str | Path, *, other_policy: bool = False) -> FormerMissi
     values = dict(_read(path))
     if values.get("format") not in READABLE:
         raise PaveTwinError(
-            f"'{path}' is no mission.yaml of format {' or '.join(map(str, READABLE))}, which this version reads; fly "
-            "the mission again from its options."
+            f"'{path}' is not a mission.yaml of format {' or '.join(map(str, READABLE))}, which this version reads; "
+            "fly the mission again from its options."
         )
     if values["format"] == 3:
         values["settings"] = overlay({"uav": {"base": "street"}}, values.get("settings", {}))  # there was no other

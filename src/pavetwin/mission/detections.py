@@ -27,7 +27,7 @@ class DetectionLog:
     ) -> None:
         """Args:
         sensor: its name, for messages.
-        other_classes: what it reports that is no defect.
+        other_classes: what it reports that is not a defect.
         """
         self._defects = environment.defects
         self._sensor, self._other_classes = sensor, other_classes

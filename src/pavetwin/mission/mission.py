@@ -86,7 +86,7 @@ class Mission:
     sensor: str = ""
     """Its name, for messages."""
     other_classes: Collection[str] = ()
-    """Classes it reports that are no defects, see `pavetwin.sensing.Sensor`."""
+    """Classes it reports that are not defects, see `pavetwin.sensing.Sensor`."""
     image_source: ImageSource | None = None
     """Takes the images of frames, for sensors that look at them."""
     every_capture: bool = False

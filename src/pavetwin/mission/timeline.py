@@ -222,7 +222,7 @@ class Timeline:
 
     @cached_property
     def _used(self) -> Float64Array:
-        """(n,) batteries used before each sample; the rise of a swap is no use."""
+        """(n,) batteries used before each sample; the rise of a swap is not a use."""
         return np.concatenate([[0.0], np.cumsum(np.maximum(0.0, -np.diff(self.track["battery"])))])
 
 

@@ -44,7 +44,7 @@ class Glb:
     """A file that has been read: its document, and its accessors as arrays."""
 
     def __init__(self, data: bytes) -> None:
-        """Raises ValueError where this is no binary glTF 2."""
+        """Raises ValueError where this is not a binary glTF 2."""
         if data[:4] != MAGIC or int.from_bytes(data[4:8], "little") != 2 or data[16:20] != _JSON:
             raise ValueError("no binary glTF 2.0 file")
         size = int.from_bytes(data[12:16], "little")
@@ -157,7 +157,7 @@ def read_glb(path: Path) -> Glb:
     """Read a file whole.
 
     Raises:
-        ValueError: it is no binary glTF 2.0 file.
+        ValueError: it is not a binary glTF 2.0 file.
     """
     return Glb(path.read_bytes())
 

@@ -93,7 +93,7 @@ def merged(meshes: list[Mesh]) -> Mesh:
 def _primitive(glb: Glb, primitive: Mapping[str, Any]) -> Mesh:
     attributes = primitive["attributes"]
     if primitive.get("mode", 4) != 4 or "NORMAL" not in attributes or "indices" not in primitive:
-        raise ValueError("a primitive of a model is no indexed list of triangles with normals")
+        raise ValueError("a primitive of a model is not an indexed list of triangles with normals")
     positions = from_file_axes(glb.array(attributes["POSITION"]))
     material = glb.document["materials"][primitive["material"]]
     pbr = material.get("pbrMetallicRoughness", {})

@@ -19,7 +19,7 @@ class Sensor(ABC):
     """Whether it is shown every capture; else only those that see a defect which is not confirmed yet."""
 
     other_classes: ClassVar[frozenset[str]] = frozenset()
-    """Classes it reports that are no defects, beside `person` and `car`: such detections are ignored. Any other class
+    """Classes it reports that are not defects, beside `person` and `car`: such detections are ignored. Any other class
     that is not registered is an error."""
     default_options: ClassVar[Mapping[str, OptionValue]] = MappingProxyType({})
     """The options that it has, with the values that hold where `sensing.options` gives none. A value must have the type

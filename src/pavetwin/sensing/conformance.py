@@ -115,7 +115,7 @@ def _reported(sensor: Sensor, frames: Sequence[Frame], broken: list[str]) -> lis
         answer = list(sensor.detect(frame))
         strangers = [each for each in answer if not isinstance(each, Detection)]
         if strangers:
-            broken.append(f"it answers {strangers[0]!r}, which is no Detection")
+            broken.append(f"it answers {strangers[0]!r}, which is not a Detection")
             answer = []
         known = DEFECT_CLASSES.names()
         told = [unknown_class(kind, known, sensor.other_classes) for kind in sorted({each.kind for each in answer})]

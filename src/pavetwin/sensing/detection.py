@@ -12,7 +12,7 @@ from pavetwin.sensing.frame import Box, Frame, Sighting
 from pavetwin.twin import Place
 
 OTHER_CLASSES: Final = frozenset({"person", "car", "Person", "Car"})
-"""What every sensor may report that is no defect, also spelled as in label files."""
+"""What every sensor may report that is not a defect, also spelled as in label files."""
 
 
 def unknown_class(kind: str, defects: Collection[str], others: Collection[str]) -> str:
@@ -26,8 +26,8 @@ def unknown_class(kind: str, defects: Collection[str], others: Collection[str]) 
         return ""
     near = nearest_name(kind.lower().replace(" ", "_"), defects)
     return (
-        f"the class '{kind}', which is no class of defects{near}; known are {', '.join(sorted(defects))}. A class that "
-        "is no defect belongs in its `other_classes`"
+        f"the class '{kind}', which is not a class of defects{near}; known are {', '.join(sorted(defects))}. A class "
+        "that is not a defect belongs in its `other_classes`"
     )
 
 
@@ -84,7 +84,7 @@ class Outcome(StrEnum):
     """Nothing of its class is there."""
     IGNORED = "ignored"
     """Neither right nor wrong: a defect that the capture does not see (outside the window, or too much of it is
-    hidden), or an object that is no defect."""
+    hidden), or an object that is not a defect."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ class JudgedDetection:
     kind: str
     confidence: float
     defect: int | None
-    """The defect it matches; None for a false alarm and for what is no defect."""
+    """The defect it matches; None for a false alarm and for what is not a defect."""
     segment: int
     """Index of the segment under inspection."""
     capture: int

@@ -44,7 +44,7 @@ class Inputs:
         """`density` is ignored where `routes` are given.
 
         Raises:
-            PaveTwinError: both are missing, the density is unknown, a file is no demand, or the seed is negative.
+            PaveTwinError: both are missing, the density is unknown, a file is not demand, or the seed is negative.
         """
         files = tuple(Path(route) for route in routes)
         asked = None if files else density_named(density) if isinstance(density, str) else density

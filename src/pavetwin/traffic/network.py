@@ -18,7 +18,7 @@ SIDE_STREET_SPEED_MPS: Final = 14.0
 """Up to 50 km/h (13.89 m/s) and with one lane: a street where a parked car may depart."""
 
 SHORTEST_START_M: Final = 15.0
-"""Shorter edges are no kerbside starts: a bus must fit."""
+"""Shorter edges are not kerbside starts: a bus must fit."""
 
 
 @dataclass(frozen=True, slots=True)

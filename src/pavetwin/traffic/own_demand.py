@@ -89,13 +89,13 @@ def _read(path: Path, _content: str) -> OwnDemand:
     except (ElementTree.ParseError, EOFError, OSError) as error:
         kind = _binary_kind(path)
         raise PaveTwinError(
-            f"'{path}' is {kind}, no routes file of SUMO."
+            f"'{path}' is {kind}, not a routes file of SUMO."
             if kind
             else f"The routes file '{path}' is not valid XML: {error}."
         ) from error
     if not agents:
         kind = _KINDS.get(root, f"XML with the root <{root}>")
-        what = f"is {kind}, no routes file of SUMO: it" if root != "routes" else "is a routes file of SUMO, but"
+        what = f"is {kind}, not a routes file of SUMO: it" if root != "routes" else "is a routes file of SUMO, but"
         raise PaveTwinError(
             f"'{path}' {what} holds no vehicle. Give routes (.rou.xml), as SUMO's duarouter or randomTrips.py write."
         )
@@ -104,7 +104,7 @@ def _read(path: Path, _content: str) -> OwnDemand:
 
 
 def _binary_kind(path: Path) -> str:
-    """What a file is that is no XML; empty where it is not known."""
+    """What a file is that is not XML; empty where it is not known."""
     with path.open("rb") as file:
         head = file.read(4)
     if head == b"PAR1":

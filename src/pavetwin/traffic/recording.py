@@ -319,7 +319,7 @@ def load_recording(path: str | Path, world: World | None = None) -> Recording:
     """Read a recording, and check that it was made for `world` where one is given.
 
     Raises:
-        PaveTwinError: there is no such file, it is no recording of ours, or it belongs to another world.
+        PaveTwinError: there is no such file, it is not a recording of ours, or it belongs to another world.
     """
     path = Path(path)
     if not path.is_file():

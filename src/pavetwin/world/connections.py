@@ -113,7 +113,7 @@ class ConnectionReader:
         points = [start.centre_line.coords[-1]]
         for lane in inner:
             if lane not in self._inner_shapes:
-                raise ValueError(f"the connection from '{start.id}' to '{end.id}' runs over '{lane}', which is no lane")
+                raise ValueError(f"the connection from '{start.id}' to '{end.id}' runs over '{lane}', not a lane")
             points += self._inner_shapes[lane]
         points.append(end.centre_line.coords[0])
         apart = [point for point, _ in groupby(points)]

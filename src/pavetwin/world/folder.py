@@ -30,13 +30,13 @@ def check_target(folder: str | Path, *, force: bool = False) -> None:
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return
     if not folder.is_dir() or not any((folder / name).exists() for name in FILES):
-        raise PaveTwinError(f"'{folder}' exists and is no world, so it is not replaced; choose another name.")
+        raise PaveTwinError(f"'{folder}' exists and is not a world, so it is not replaced; choose another name.")
     if not force:
         raise PaveTwinError(f"The world '{folder}' exists already; choose another name, or replace it (`force`).")
 
 
 def check_world(folder: Path) -> None:
-    """Refuse a folder that is no world, in a fraction of the time that reading one takes.
+    """Refuse a folder that is not a world, in a fraction of the time that reading one takes.
 
     Raises:
         PaveTwinError: it does not exist, or a file of a world is missing in it.
@@ -47,12 +47,12 @@ def check_world(folder: Path) -> None:
         source = quote(str(folder)) if suffix else "SOURCE"
         build = f"`pavetwin world build {source} output={quote(str(target))}`"
         if suffix and folder.is_file():
-            raise PaveTwinError(f"'{folder}' is a map and no world yet; build one from it with {build}.")
-        what = "is no folder" if folder.exists() else "does not exist"
+            raise PaveTwinError(f"'{folder}' is a map, not a world yet; build one from it with {build}.")
+        what = "is not a folder" if folder.exists() else "does not exist"
         raise PaveTwinError(f"The world '{folder}' {what}; make one with {build}.")
     missing = [name for name in FILES if not (folder / name).is_file()]
     if len(missing) == len(FILES):
-        raise PaveTwinError(f"'{folder}' is no world: it has no {DESCRIPTION}; {rebuild_hint(folder)}")
+        raise PaveTwinError(f"'{folder}' is not a world: it has no {DESCRIPTION}; {rebuild_hint(folder)}")
     if missing:
         raise PaveTwinError(
             f"The world '{folder}' is not complete: {', '.join(missing)} is missing; {rebuild_hint(folder)}"

@@ -163,6 +163,6 @@ def _proj(epsg: int) -> str:
     """SUMO's way of naming a UTM zone."""
     zone = CRS.from_epsg(epsg).utm_zone
     if zone is None:
-        raise PaveTwinError(f"EPSG:{epsg} is no UTM zone.")
+        raise PaveTwinError(f"EPSG:{epsg} is not a UTM zone.")
     south = " +south" if zone.endswith("S") else ""
     return f"+proj=utm +zone={zone[:-1]}{south} +ellps=WGS84 +datum=WGS84 +units=m +no_defs"

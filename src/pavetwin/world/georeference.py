@@ -51,7 +51,7 @@ def anchored(latitude: float, longitude: float) -> GeoReference:
     """
     if not (-80.0 <= latitude <= 84.0 and -180.0 <= longitude <= 180.0):
         raise PaveTwinError(
-            f"The anchor {latitude:g},{longitude:g} is no place for a world: "
+            f"The anchor {latitude:g},{longitude:g} is not a place for a world: "
             "latitude must be -80 … 84 and longitude -180 … 180 degrees, as in 52.47,13.44."
         )
     epsg = utm_epsg(latitude, longitude)
@@ -80,7 +80,7 @@ def from_location(location: Mapping[str, str], where: str) -> GeoReference | Non
     SUMO writes world = projected + netOffset, so the offset here is its negative.
 
     Raises:
-        PaveTwinError: the projection has no EPSG code, or the offset is no pair of numbers; `where` names the file.
+        PaveTwinError: the projection has no EPSG code, or the offset is not a pair of numbers; `where` names the file.
     """
     projection = location.get("projParameter", "!")
     if projection in ("", "!", "-", "."):

@@ -93,7 +93,7 @@ def read_layers(path: Path, place: GeoReference, hint: str) -> dict[str, Any]:
     """The collections of a world, as keyword arguments of `World`.
 
     Raises:
-        PaveTwinError: the file is no GeoPackage, a layer or column is missing, or a layer contradicts another one;
+        PaveTwinError: the file is not a GeoPackage, a layer or column is missing, or a layer contradicts another one;
             `hint` ends the message.
     """
     tables = {layer.name: _read(path, layer, place, hint) for layer in LAYERS}

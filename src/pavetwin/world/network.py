@@ -31,7 +31,7 @@ WITHOUT_SIDEWALK = frozenset({"motorway", "trunk", "living_street"})
 NETCONVERT_OPTIONS = (
     "--osm.sidewalks",
     "--osm.oneway-reverse-sidewalk",  # a one-way street's left sidewalk needs an edge of its own
-    "--geometry.remove",  # nodes that only bend a street are no junctions
+    "--geometry.remove",  # nodes that only bend a street are not junctions
     "--geometry.min-dist=0.5",
     "--ramps.guess",
     "--junctions.join",

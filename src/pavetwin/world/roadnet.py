@@ -80,7 +80,7 @@ def read_roadnet(path: Path, shown_as: str | None = None) -> RoadNet:
             depth += 1 if event == "start" else -1
             if event == "start" and depth == 1:
                 if element.tag != "net":
-                    raise PaveTwinError(f"'{shown}' is no SUMO network: it begins with <{element.tag}>, not <net>.")
+                    raise PaveTwinError(f"'{shown}' is not a SUMO network: it begins with <{element.tag}>, not <net>.")
                 reader.left_hand = element.get("lefthand") in ("1", "true")
             elif event == "end" and depth == 1:
                 reader.take(element)
@@ -94,7 +94,7 @@ def read_roadnet(path: Path, shown_as: str | None = None) -> RoadNet:
         raise PaveTwinError(f"Cannot read '{shown}': {error.strerror or error}.") from error
     except (KeyError, ValueError) as error:
         raise PaveTwinError(
-            f"'{shown}' is no complete SUMO network ({error}); generate it again with netconvert."
+            f"'{shown}' is not a complete SUMO network ({error}); generate it again with netconvert."
         ) from error
 
 

@@ -26,7 +26,7 @@ def save_world(built: Built, folder: str | Path, *, force: bool = False) -> Worl
     """Write a world as a folder, whole or not at all, and return it with its name and place.
 
     Raises:
-        PaveTwinError: the folder exists (and `force` is false, or it is no world), or cannot be written.
+        PaveTwinError: the folder exists (and `force` is false, or it is not a world), or cannot be written.
     """
     from pavetwin.world.layers import write_layers
 
@@ -61,7 +61,7 @@ def load_world(folder: str | Path) -> World:
     The content hash is computed again, so that recordings of a world are not reused after an edit in QGIS.
 
     Raises:
-        PaveTwinError: it is no world, a file of it is missing or damaged, or it is of another version.
+        PaveTwinError: it is not a world, a file of it is missing or damaged, or it is of another version.
     """
     from pavetwin.world.layers import read_layers
 

@@ -2,7 +2,7 @@
 //! much from the other side as the edge, followed to its ends, cuts off it (Lottes 2009, FXAA). On a processor this
 //! costs a tenth of drawing four samples a pixel.
 
-/// Differences of tone below this are no edge; grain and noise stay as they are.
+/// Differences of tone below this are not edges; grain and noise stay as they are.
 const LEAST: f32 = 0.06;
 
 /// And below this share of the brighter side.

@@ -28,7 +28,7 @@ impl Light<'_> {
     }
 }
 
-/// A half float's value. What is no number counts as dark, what is infinite as the largest there is.
+/// A half float's value. What is not a number counts as dark, what is infinite as the largest there is.
 fn single(half: u16) -> f32 {
     let magnitude = half & 0x7fff;
     // Moved to where a single's exponent and mantissa lie, then scaled by the difference of the two biases, 2^112.

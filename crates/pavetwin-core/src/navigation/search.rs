@@ -10,7 +10,7 @@ use crate::geometry::Vec2;
 
 /// A turn away from the obstacle by less than this, in radians, is rounding.
 const STRAIGHT_RAD: f64 = 1.0e-6;
-/// A way that gains less than this, in metres, is no better.
+/// A way that gains less than this, in metres, is not better.
 const EQUAL_M: f64 = 1.0e-9;
 
 #[derive(Debug)]

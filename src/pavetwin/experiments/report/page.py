@@ -92,7 +92,7 @@ def facts(study: Study) -> list[tuple[str, str]]:
 
 
 def design_text(design: Mapping[str, Any]) -> str:
-    """The design as YAML, without what it was flown with, which is no part of the file."""
+    """The design as YAML, without what it was flown with, which is not part of the file."""
     values = {key: value for key, value in design.items() if key not in {"version", "made_with"}}
     plain = json.loads(json.dumps(values, default=str))
     return yaml.safe_dump(plain, sort_keys=False, default_flow_style=None, allow_unicode=True, width=100).rstrip()

@@ -62,7 +62,7 @@ class Pairs:
         self._rounding = _ROUNDING * float(np.abs(known).max())
         self._gaps = np.where(self._here, row, 0.0)
         rest = np.where(self._here, row - self._mean, 0.0)
-        # What rounding leaves of equal differences is no variance.
+        # What rounding leaves of equal differences is not a variance.
         self._rest = np.where(np.abs(rest) > self._rounding, rest, 0.0)
         self._error = float(np.sqrt((self._rest**2).sum() / (self._n * (self._n - 1))))
 

@@ -178,7 +178,7 @@ def holm(p: Float64Array) -> Float64Array:
     """p-values corrected for being the smallest of many (Holm 1979): holds the family-wise error under any dependence.
 
     Args:
-        p: (comparisons,) NaN where there was no test; such are no part of the family.
+        p: (comparisons,) NaN where there was no test; such are not part of the family.
     """
     corrected = np.full(len(p), np.nan)
     tested = np.flatnonzero(~np.isnan(p))

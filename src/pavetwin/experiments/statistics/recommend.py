@@ -51,9 +51,9 @@ class MissionLimits:
     def __post_init__(self) -> None:
         for name, value in (("max_time_s", self.max_time_s), ("max_energy", self.max_energy)):
             if value is not None and not (isfinite(value) and value > 0):
-                raise PaveTwinError(f"`{name}`: {value:g} is no limit; give a positive number.")
+                raise PaveTwinError(f"`{name}`: {value:g} is not a limit; give a positive number.")
         if self.min_coverage is not None and not 0 <= self.min_coverage <= 1:
-            raise PaveTwinError(f"`min_coverage`: {self.min_coverage:g} is no share; give a number from 0 to 1.")
+            raise PaveTwinError(f"`min_coverage`: {self.min_coverage:g} is not a share; give a number from 0 to 1.")
 
     @property
     def named(self) -> dict[str, float]:

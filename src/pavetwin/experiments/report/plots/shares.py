@@ -17,7 +17,7 @@ from pavetwin.experiments.statistics.simultaneous import ALPHA
 from pavetwin.experiments.words import number, term_text
 
 _BLOCKS: Final = ("replicate", "residual")
-"""Terms that are no factor of the design."""
+"""Terms that are not factors of the design."""
 
 
 def effect_bars(effects: pl.DataFrame, metrics: Sequence[Metric], most: int = 16) -> Figure:
