@@ -135,7 +135,7 @@ def bad_sources(folder: Path) -> dict[str, tuple[Path, str]]:
         "other.net.xml": ("<routes/>", "not a SUMO network"),
         "half.net.xml": ("<net><edge id='a'></net>", "not readable as XML"),
         "edgeless.net.xml": ("<net><location netOffset='0,0' projParameter='!'/></net>", "no streets"),
-        "odd.net.xml": ("<net><edge id='a' from='b'/></net>", "no complete SUMO network"),
+        "odd.net.xml": ("<net><edge id='a' from='b'/></net>", "not a complete SUMO network"),
     }
     sources = {"missing.osm": (folder / "missing.osm", "does not exist")}
     for name, (text, word) in texts.items():
