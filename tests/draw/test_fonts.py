@@ -15,7 +15,7 @@ from pavetwin.draw import fonts, lettering, style
 from pavetwin.draw.mission_style import write
 from pavetwin.draw.street_names import remark, shown_label, shown_names
 from pavetwin.draw.world_html import world_page
-from pavetwin.draw.world_map import save_world_map
+from pavetwin.draw.world_map import save_world_map, world_bounds
 from scenes import scripts
 
 Machine = Callable[[Sequence[Path]], None]
@@ -182,3 +182,30 @@ def test_a_page_holds_names_as_they_are(machine: Machine) -> None:
     assert re.search(r"data-tip='青石路, s\d+ \(Bluestone Road\)&#10;", page)
     assert re.search(r"data-tip='無英名巷, s\d+&#10;", page)
     assert "unnamed street, s0001" in page
+
+
+def test_a_text_that_begins_with_an_arabic_name_still_runs_from_the_left(machine: Machine) -> None:
+    machine([])
+    with style.styled():
+        figure = style.new_figure(3, 1)
+        texts = [
+            figure.text(0.0, 0.5, words) for words in ("زقاق الورد, s0004", "West: زقاق الورد", "Häuserstraße, s0004")
+        ]
+        for _ in range(2):
+            fonts.choose_fonts(figure)
+    assert [text.get_text() for text in texts] == [
+        "\N{LEFT-TO-RIGHT MARK}زقاق الورد, s0004",
+        "West: زقاق الورد",
+        "Häuserstraße, s0004",
+    ]
+
+
+def test_ids_leave_room_for_the_names_of_streets(machine: Machine) -> None:
+    machine([])
+    world = scripts.built("chinese").world
+    with style.styled():
+        axes = style.map_figure(world_bounds(world), title="", subtitle="", legend=[], credit=None).axes
+        style.frame_axes(axes, world_bounds(world))
+        occupied = lettering.OccupiedSpace()
+        assert lettering.segment_ids(axes, world.segments, occupied) == []
+        assert lettering.write_street_names(axes, world, world.segments, occupied) == []

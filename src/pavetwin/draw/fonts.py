@@ -24,6 +24,7 @@ USUAL_FILES: Final = {bold: f"DejaVuSans{'-Bold' * bold}.ttf" for bold in (False
 
 _EAST_ASIAN = ("CJK", "HIRAGANA", "KATAKANA", "HANGUL", "BOPOMOFO", "IDEOGRAPHIC")
 _LEFTWARDS = ("R", "AL")
+_LEFT_TO_RIGHT: Final = "\N{LEFT-TO-RIGHT MARK}"
 _STYLES: Final = ("Regular", "Bold")
 
 
@@ -168,7 +169,10 @@ def package_for(letters: Iterable[str]) -> str:
 
 
 def choose_fonts(figure: Figure) -> None:
-    """Give every text of a figure the fonts that it needs; letters without any become an ellipsis."""
+    """Give every text of a figure the fonts that it needs; letters without any become an ellipsis.
+
+    Every text runs from the left as a whole, also one that begins with an Arabic or Hebrew name.
+    """
     for axes in figure.get_axes():
         axes.xaxis.get_ticklabels()  # makes Matplotlib write them
         axes.yaxis.get_ticklabels()
@@ -178,6 +182,7 @@ def choose_fonts(figure: Figure) -> None:
         if words.isascii():
             continue
         if lacking := fonts().lacking(words):
-            text.set_text(re.sub(f"[{re.escape(''.join(sorted(lacking)))}]+", "…", words))
+            words = re.sub(f"[{re.escape(''.join(sorted(lacking)))}]+", "…", words)
+        text.set_text(_LEFT_TO_RIGHT + words if runs_left(words) else words)
         if len(needed := families(words)) > 1:
             text.set_fontfamily(needed)

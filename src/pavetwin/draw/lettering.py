@@ -28,6 +28,9 @@ SMALLEST_PT, LARGEST_PT = 4.4, 8.0
 """Of a street's name."""
 
 _ID_PT = 4.4
+_FROM_END_PT = 2.0
+"""Between the end of a segment and the plate of its id."""
+
 _GAP_M = 45.0
 """Parts of one street farther apart than this are labelled separately."""
 
@@ -53,13 +56,18 @@ class OccupiedSpace:
 
 
 def segment_ids(axes: Axes, segments: Iterable[Segment], occupied: OccupiedSpace) -> list[str]:
-    """Write the id of each segment on it, in a small plate. Returns those that did not fit."""
+    """Write the id of each segment on it, in a small plate near one of its ends, which leaves room for a street's name.
+
+    Returns:
+        Those that did not fit.
+    """
     per_m = points_per_m(axes)
     left_out = []
     for segment in segments:
         half_w = (style.text_width_pt(segment.id, _ID_PT, bold=True) / 2 + 1.4) / per_m
         half_h = (_ID_PT / 2 + 1.2) / per_m
-        for share in (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8):
+        end = (half_w + _FROM_END_PT / per_m) / segment.length_m
+        for share in (end, 1 - end, 0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8):
             x, y, angle = _pose(segment.centre_line, share * segment.length_m)
             level = shapely.box(x - half_w, y - half_h, x + half_w, y + half_h)
             plate = affinity.rotate(level, angle, use_radians=True)
