@@ -1,7 +1,10 @@
 """False alarms, precision and duplicates of a study: shown where a sensor made such errors, and only there."""
 
+from io import StringIO
+
 import polars as pl
 import pytest
+from rich.console import Console
 
 from pavetwin.cli.experiment import _options_table
 from pavetwin.experiments.metrics import ERROR_METRICS, METRICS, metrics_in
@@ -66,7 +69,7 @@ def test_the_report_of_a_sensor_that_errs_never_says_nothing_of_errors() -> None
 
 def test_the_recommendation_shows_errors_beside_the_options() -> None:
     table = _options_table(recommend(erring(false_alarms=2), MissionLimits()))
-    columns = {str(column.header): list(column.cells) for column in table.columns}
+    columns = {str(column.header).replace("\n", " "): list(column.cells) for column in table.columns}
     assert dict(zip(columns["policy"], columns["precision %"], strict=True)) == {
         "baseline": "100.0",
         "hover": "75.0",
@@ -74,3 +77,15 @@ def test_the_recommendation_shows_errors_beside_the_options() -> None:
     }
     assert sorted(columns["false alarms per 100 m²"]) == ["0.00", "0.00", "0.50"]
     assert "duplicates" not in columns
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_no_number_of_the_recommendation_is_shortened(width: int) -> None:
+    chosen = recommend(erring(), MissionLimits(max_time_s=1000.0))
+    console = Console(width=width, file=StringIO())
+    console.print(_options_table(chosen))
+    said = console.file.getvalue()  # type: ignore[attr-defined]
+    assert "…" not in said
+    for low, high in chosen.options.select("time_s_low", "time_s_high").iter_rows():
+        assert f"({low:.1f}–{high:.1f})" in said
+    assert all(word in said for word in ("limits", "perc.", "in\n"))

@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -261,25 +261,35 @@ def _options_table(chosen: "Recommendation") -> "Table":
     from pavetwin.experiments.metrics import ERROR_METRICS
     from pavetwin.experiments.words import shown
 
-    table = Table(box=None, header_style="bold", pad_edge=False)
+    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
     kept = "within limits" if chosen.limits.named else "all flown"
     errors = [metric for metric in ERROR_METRICS if metric.name in chosen.options.columns]
     names = [f"{metric.label.lower()} {metric.unit}".strip() for metric in errors]
-    for name in (*chosen.by, "coverage %", "time s", "95th perc.", "battery %", *names, kept, "best in"):
-        table.add_column(name.removesuffix("_m"), justify="left" if name in chosen.by else "right")
+    headings = [*chosen.by, "coverage %", "time s", "95th perc.", "battery %", *names, kept, "best in"]
+    rows, styles = [], []
     for row in chosen.options.iter_rows(named=True):
         factors = [f"{row[name]:g} m" if name == "altitude_m" else str(row[name]) for name in chosen.by]
-        table.add_row(
-            *factors,
-            _span(row, "coverage", 100),
-            _span(row, "time_s", 1),
-            "–" if row["time_s_p95"] is None else f"{row['time_s_p95']:.0f}",
-            _span(row, "energy", 100),
-            *(shown(metric, row[metric.name]) for metric in errors),
-            f"{row['failed_alone']} failed" if row["failed_alone"] else "yes" if row["feasible"] else "no",
-            "–" if row["certainty"] is None else f"{row['certainty']:.0%}",
-            style="" if row["feasible"] else "dim",
+        rows.append(
+            (
+                *factors,
+                _span(row, "coverage", 100),
+                _span(row, "time_s", 1),
+                "–" if row["time_s_p95"] is None else f"{row['time_s_p95']:.0f}",
+                _span(row, "energy", 100),
+                *(shown(metric, row[metric.name]) for metric in errors),
+                f"{row['failed_alone']} failed" if row["failed_alone"] else "yes" if row["feasible"] else "no",
+                "–" if row["certainty"] is None else f"{row['certainty']:.0%}",
+            )
         )
+        styles.append("" if row["feasible"] else "dim")
+    for name, *cells in zip(headings, *rows, strict=True):
+        justify: Literal["left", "right"] = "left" if name in chosen.by else "right"
+        heading = name.removesuffix("_m").replace(" ", "\n")
+        # An interval may go below its mean, but is never shortened.
+        longest = max(len(word) for text in (heading, *cells) for word in text.split())
+        table.add_column(heading, justify=justify, min_width=longest)
+    for row_cells, row_style in zip(rows, styles, strict=True):
+        table.add_row(*row_cells, style=row_style)
     return table
 
 
