@@ -107,7 +107,7 @@ def test_other_damage_is_one_plain_line(saved: World, tmp_path: Path) -> None:
         (newer, "format 99"),
         (torn, "cannot be read"),
         (bare, "damaged"),
-        (empty, "no world"),
+        (empty, "not a world"),
         (tmp_path / "nowhere", "does not exist"),
         (folder / "world.gpkg", "no folder"),
     ):
@@ -126,7 +126,7 @@ def test_only_a_world_is_replaced_and_only_by_force(saved: World, tmp_path: Path
     other = tmp_path / "other"
     other.mkdir()
     (other / "diary.txt").write_text("mine")
-    with pytest.raises(PaveTwinError, match="no world"):
+    with pytest.raises(PaveTwinError, match="not a world"):
         check_target(other, force=True)
     assert (other / "diary.txt").is_file()
 
