@@ -109,7 +109,7 @@ def test_other_damage_is_one_plain_line(saved: World, tmp_path: Path) -> None:
         (bare, "damaged"),
         (empty, "not a world"),
         (tmp_path / "nowhere", "does not exist"),
-        (folder / "world.gpkg", "no folder"),
+        (folder / "world.gpkg", "not a folder"),
     ):
         with pytest.raises(PaveTwinError, match=word) as caught:
             load_world(place)
