@@ -7,8 +7,9 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from pavetwin.capture import context, splits
 from pavetwin.capture.presence import SAMPLED_S, presence
-from pavetwin.capture.settings import SPLITS
+from pavetwin.capture.settings import SPLITS, CaptureSettings
 from pavetwin.capture.splits import split_streets
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
@@ -31,10 +32,10 @@ def test_every_split_gets_a_street_that_is_driven_where_there_are_enough(world: 
     for seed in range(8):
         for driven in (set(streets[:3]), set(streets[:2])):
             agents = {street: np.array([float(street in driven), 0.0]) for street in streets}
-            splits = split_streets(world, (0.7, 0.15, 0.15), np.random.default_rng(seed), agents)
-            assert set(splits) == set(streets)
-            assert set(splits.values()) == set(SPLITS)
-            assert len(driven) == 2 or {splits[street] for street in driven} == set(SPLITS)
+            assigned = split_streets(world, (0.7, 0.15, 0.15), np.random.default_rng(seed), agents)
+            assert set(assigned) == set(streets)
+            assert set(assigned.values()) == set(SPLITS)
+            assert len(driven) == 2 or {assigned[street] for street in driven} == set(SPLITS)
 
 
 def test_a_world_with_one_street_can_not_be_split(world: World) -> None:
@@ -43,6 +44,20 @@ def test_a_world_with_one_street_can_not_be_split(world: World) -> None:
     with pytest.raises(PaveTwinError, match=r"1 street with defects.*`split` 100/0/0"):
         split_streets(lone, (0.7, 0.15, 0.15), np.random.default_rng(0))
     assert set(split_streets(lone, (1, 0, 0), np.random.default_rng(0)).values()) == {"train"}
+
+
+def test_a_world_with_one_street_is_refused_before_traffic_is_recorded(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    street = world.segments[0].street
+    lone = replace(world, defects=tuple(d for d in world.defects if world.segment(d.segment).street == street))
+    asked: list[str] = []
+    for module in (context, splits):
+        monkeypatch.setattr(module, "record", lambda _world, density, *_, **__: asked.append(density))
+    monkeypatch.setattr(context, "navmesh", lambda *_: asked.append("a NavMesh"))
+    with pytest.raises(PaveTwinError, match="1 street with defects"):
+        context.prepare(lone, CaptureSettings(platforms=("uav",), images=3, altitudes_m=(10.0,)))
+    assert asked == []
 
 
 def test_splits_share_out_the_traffic_too(world: World) -> None:
@@ -56,8 +71,8 @@ def test_splits_share_out_the_traffic_too(world: World) -> None:
     even = replace(world, defects=tuple(left))
     for busy in combinations(sorted(taken), 2):
         agents = {street: np.array([50.0 if street in busy else 0.0, 10.0]) for street in taken}
-        splits = split_streets(even, (0.5, 0.0, 0.5), np.random.default_rng(0), agents)
-        assert {splits[street] for street in busy} == {"train", "test"}
+        assigned = split_streets(even, (0.5, 0.0, 0.5), np.random.default_rng(0), agents)
+        assert {assigned[street] for street in busy} == {"train", "test"}
 
 
 def test_an_agent_is_present_on_the_street_it_is_on(world: World) -> None:

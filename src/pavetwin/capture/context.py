@@ -7,7 +7,7 @@ from pavetwin.capture.defect_index import AIMED_WITHIN_M, DefectIndex
 from pavetwin.capture.formats import FORMATS, find_formats
 from pavetwin.capture.platforms import PLATFORMS, CaptureContext, flying
 from pavetwin.capture.settings import CaptureSettings
-from pavetwin.capture.splits import RECORDED_S, street_splits
+from pavetwin.capture.splits import RECORDED_S, defect_streets, street_splits
 from pavetwin.config.mission import UavSettings
 from pavetwin.defects.registry import DEFECT_CLASSES, kinds
 from pavetwin.errors import PaveTwinError, naming
@@ -76,6 +76,7 @@ def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | N
     check(settings)
     if not world.defects:
         raise PaveTwinError(f"The world '{world.name}' has no defects to take images of; build it with some.")
+    defect_streets(world, settings.split)  # checked before traffic is recorded
     report = on_progress or (lambda _share, _what: None)
     meshes = {}
     for number, altitude in enumerate(settings.altitudes_m):

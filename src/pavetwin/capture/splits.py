@@ -79,15 +79,9 @@ def split_streets(
     Raises:
         PaveTwinError: there are fewer streets with defects than splits.
     """
+    names = defect_streets(world, shares)
     street_of = {segment.id: segment.street for segment in world.segments}
-    names = sorted({street_of[defect.segment] for defect in world.defects})
     target = np.array(shares, dtype=np.float64)
-    if len(names) < np.count_nonzero(target):
-        streets = "1 street" if len(names) == 1 else f"{len(names)} streets"
-        raise PaveTwinError(
-            f"The world '{world.name}' has {streets} with defects, and train, val and test each need streets of their "
-            "own; use a larger world, or `split` 100/0/0."
-        )
     none = np.zeros(2)
     present = np.array([(agents or {}).get(name, none) for name in names])
     within = present[:, 0] > 0
@@ -104,6 +98,26 @@ def split_streets(
         if cost < least - 1e-12:
             best, least = chosen, cost
     return {name: SPLITS[split] for name, split in zip(names, best.tolist(), strict=True)}
+
+
+def defect_streets(world: World, shares: Sequence[float]) -> list[str]:
+    """The streets that have defects, sorted.
+
+    Args:
+        shares: of train, val and test.
+
+    Raises:
+        PaveTwinError: there are fewer of them than splits that get any.
+    """
+    street_of = {segment.id: segment.street for segment in world.segments}
+    names = sorted({street_of[defect.segment] for defect in world.defects})
+    if len(names) < np.count_nonzero(shares):
+        streets = "1 street" if len(names) == 1 else f"{len(names)} streets"
+        raise PaveTwinError(
+            f"The world '{world.name}' has {streets} with defects, and train, val and test each need streets of their "
+            "own; use a larger world, or `split` 100/0/0."
+        )
+    return names
 
 
 def _defects(world: World, names: Sequence[str], street_of: Mapping[str, str]) -> Float64Array:
