@@ -12,6 +12,7 @@ class Patient(Policy):
     """Waits for moving traffic, comes back later for what stands."""
 
     name = "patient"
+    default_options = {"patience_s": 20.0}  # noqa: RUF012
 
     def decide(self, snapshot: Snapshot) -> Action:
         occlusion = snapshot.occlusion
@@ -20,7 +21,7 @@ class Patient(Policy):
         x, y = occlusion.hidden_place
         near = [a for a in snapshot.agents if abs(a.position[0] - x) < 8 and abs(a.position[1] - y) < 8]
         moving = any(abs(a.velocity_mps[0]) + abs(a.velocity_mps[1]) > 0.5 for a in near)
-        patience_s = min(self.settings.options.get("patience_s", 20), self.settings.max_wait_s)
+        patience_s = min(self.options["patience_s"], self.settings.max_wait_s)
         if moving and occlusion.episode.waited_s + 1.0 <= patience_s:
             return Wait(1.0)
         if snapshot.memory.noted_near(occlusion.hidden_place, 3.0):

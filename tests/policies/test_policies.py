@@ -8,8 +8,10 @@ from textwrap import dedent
 import numpy as np
 import pytest
 
+from pavetwin.config import load_settings
 from pavetwin.config.mission import PolicySettings
 from pavetwin.errors import PaveTwinError
+from pavetwin.mission.plan import check_names, settings_under
 from pavetwin.policies import (
     POLICIES,
     Displace,
@@ -151,6 +153,56 @@ def test_a_policy_that_cannot_be_made_is_caught(tmp_path: Path) -> None:
         load_policy(f"{path}:Undecided", SETTINGS)
     with pytest.raises(PaveTwinError, match="cannot be made from its settings: KeyError"):
         load_policy(f"{path}:Choosy", SETTINGS)
+
+
+OPTIONS = """
+    from pavetwin.policies import GoOn, Policy
+    class Patient(Policy):
+        default_options = {"patience_s": 20.0, "eager": False}
+        def decide(self, snapshot):
+            return GoOn()
+"""
+
+
+def test_an_option_of_a_policy_has_its_default_until_it_is_set(tmp_path: Path) -> None:
+    name = f"{own_file(tmp_path, OPTIONS)}:Patient"
+    assert load_policy(name, SETTINGS).options == {"patience_s": 20.0, "eager": False}
+    changed = load_policy(name, PolicySettings(options={"patience_s": 3}))
+    assert changed.options == {"patience_s": 3.0, "eager": False}
+    assert type(changed.options["patience_s"]) is float
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        (
+            {"patiense_s": 3.0},
+            "policy.options: the policy 'Patient' has no option 'patiense_s' (did you mean 'patience_s'?); known are",
+        ),
+        ({"eager": 1}, "policy.options.eager: the policy 'Patient' expects true or false such as False (got 1)."),
+    ],
+)
+def test_an_option_that_does_not_fit_a_policy_is_one_plain_line(
+    tmp_path: Path, options: dict[str, float], complaint: str
+) -> None:
+    with pytest.raises(PaveTwinError) as caught:
+        load_policy(f"{own_file(tmp_path, OPTIONS)}:Patient", PolicySettings(options=options))
+    assert complaint in str(caught.value)
+
+
+def test_a_built_in_policy_takes_no_options() -> None:
+    with pytest.raises(PaveTwinError, match="the policy 'hover' has no option 'patience_s'; it has none"):
+        load_policy("hover", PolicySettings(options={"patience_s": 3.0}))
+
+
+def test_each_of_several_policies_gets_the_options_that_it_has(tmp_path: Path) -> None:
+    own = f"{own_file(tmp_path, OPTIONS)}:Patient"
+    settings = load_settings("default", ["policy.options.patience_s=3"])
+    assert settings_under("hover", ["hover", own], settings).policy.options == {}
+    assert settings_under(own, ["hover", own], settings).policy.options == {"patience_s": 3}
+    check_names(settings, ["hover", own], 0)
+    with pytest.raises(PaveTwinError, match=r"no policy .* has an option 'patience' \(did you mean 'patience_s'"):
+        check_names(load_settings("default", ["policy.options.patience=3"]), ["hover", own], 0)
 
 
 def test_the_check_tells_every_rule_that_is_broken_once() -> None:

@@ -129,7 +129,14 @@ def fly(
     from pavetwin.mission.environment import prepare
     from pavetwin.mission.inputs import defects_of, load_inputs, world_of
     from pavetwin.mission.naming import mission_folder
-    from pavetwin.mission.plan import base_point, check_names, defect_input, plan_mission, policies_named
+    from pavetwin.mission.plan import (
+        base_point,
+        check_names,
+        defect_input,
+        plan_mission,
+        policies_named,
+        settings_under,
+    )
     from pavetwin.mission.results import check_mission_folder
     from pavetwin.world.store import load_world
 
@@ -147,13 +154,14 @@ def fly(
     with progress("Preparing the flight domain") as tell:
         environment = None
         if former is not None:
-            spec = former.planned(loaded, policy=names[0], defect_seed=defect_seed)
+            specs = [former.planned(loaded, policy=name, defect_seed=defect_seed) for name in names]
         else:
             defects = defects_of(loaded, defect_input(defect_seed))
             environment = prepare(loaded, chosen, defects, base=base_point(base, loaded))
+            own = [settings_under(name, names, chosen) for name in names]
             spec = plan_mission(
                 loaded,
-                chosen,
+                own[0],
                 density=density,
                 routes=routes or (),
                 recording=traffic,
@@ -166,24 +174,25 @@ def fly(
                 aircraft=airspace,
                 environment=environment,
             )
-        inputs = load_inputs(spec, world=loaded, environment=environment, on_progress=tell)
+            specs = [spec.with_policy(name, its) for name, its in zip(names, own, strict=True)]
+        inputs = load_inputs(specs[0], world=loaded, environment=environment, on_progress=tell)
     usual = not segment and order == "random" and segments == SEGMENTS
     own_folder = (
         former.folder_again
         if former is not None
-        else mission_folder(spec, names, preset, usual_targets=usual, usual_base=base is None)
+        else mission_folder(specs[0], names, preset, usual_targets=usual, usual_base=base is None)
     )
     folder = output or own_folder
     check_mission_folder(folder)
-    check_replaceable(folder, [spec.with_policy(name) for name in names], force=force)
+    check_replaceable(folder, specs, force=force)
     if former is None:
         out.line(f"Preset {preset}.")
-    vehicles, pedestrians = inputs.replay.recording.agents_at(spec.traffic.take_off_s)
+    vehicles, pedestrians = inputs.replay.recording.agents_at(specs[0].traffic.take_off_s)
     out.line(
-        f"Take-off {spec.traffic.take_off_s:g} s after the traffic begins, with {vehicles} "
+        f"Take-off {specs[0].traffic.take_off_s:g} s after the traffic begins, with {vehicles} "
         f"vehicle{'s' * (vehicles != 1)} and {pedestrians} pedestrian{'s' * (pedestrians != 1)} on the streets."
     )
-    results = _fly_and_save(spec, names, inputs, folder, animate=animate, save_frames=save_frames)
+    results = _fly_and_save(specs, inputs, folder, animate=animate, save_frames=save_frames)
     report.tell(results, inputs, folder, former, animate=animate, frames=save_frames)
     if former is not None and former.is_contradicted_by(results[0]):
         raise typer.Exit(1)
@@ -207,34 +216,32 @@ def _former(context: typer.Context, again: Path | None, *, other_policy: bool) -
 
 
 def _fly_and_save(
-    spec: "MissionSpec",
-    names: Sequence[str],
+    specs: Sequence["MissionSpec"],
     inputs: "MissionInputs",
     folder: Path,
     *,
     animate: bool,
     save_frames: bool,
 ) -> list["MissionResult"]:
-    """Fly a mission with each policy, and write each as soon as it is flown."""
+    """Fly missions that differ in their policy, and write each as soon as it is flown."""
     from pavetwin.capture.mission_images import MissionImages
     from pavetwin.cli import report
     from pavetwin.mission.fly import fly as fly_mission
 
     replay = inputs.replay
-    images = MissionImages(inputs.environment.inspected_world, replay, spec.seed)
+    images = MissionImages(inputs.environment.inspected_world, replay, specs[0].seed)
 
     def missions() -> Iterator["MissionResult"]:
-        for name in names:
-            with progress(f"Flying {Path(name).name}") as tell:
+        for spec in specs:
+            with progress(f"Flying {Path(spec.policy.name).name}") as tell:
                 inputs.on_extend(partial(tell, what="Recording more traffic"))
-                yield fly_mission(spec.with_policy(name), inputs=inputs, image_source=images, on_progress=tell)
+                yield fly_mission(spec, inputs=inputs, image_source=images, on_progress=tell)
 
     with replay:
         return report.save(
             missions(),
-            replay,
             folder,
-            several=len(names) > 1,
+            several=len(specs) > 1,
             animated=lambda _: animate,
             frames=images if save_frames else None,
         )

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from pavetwin.config.altitude import Altitude
 from pavetwin.config.base import NameOrFile, PluginFiles, Settings, overlay, with_overrides
 from pavetwin.config.conditions import Conditions
+from pavetwin.config.options import OptionValue
 from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.plugins import load_plugins
@@ -17,9 +18,6 @@ from pavetwin.plugins import load_plugins
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
-
-
-OptionValue = float | int | str | bool
 
 
 class UavSettings(Settings):
@@ -74,7 +72,7 @@ class PatternSettings(Settings):
 
 
 class PolicySettings(Settings):
-    """What the built-in policies read; `options` is free for a user's own."""
+    """What the built-in policies read, and the options of a user's own."""
 
     wait_s: Positive = 2.0
     max_wait_s: Positive = 300.0
@@ -83,6 +81,7 @@ class PolicySettings(Settings):
     note_interval_s: NonNegative = 2.0
     revisit_stay_s: Positive = 5.0
     options: Mapping[str, OptionValue] = Field(default_factory=dict)
+    """Of a user's own policy, which says what options it has (`Policy.default_options`)."""
 
 
 class SensingSettings(Settings):

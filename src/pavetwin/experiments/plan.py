@@ -14,11 +14,13 @@ from pathlib import Path
 from typing import Any, Final
 
 from pavetwin.config import MissionSettings, load_settings
-from pavetwin.errors import PaveTwinError, naming, nearest_name
+from pavetwin.config.options import OptionValue, options_of_one
+from pavetwin.errors import PaveTwinError, naming
 from pavetwin.experiments.design import ALIASES, Design, Value, WorldEntry
 from pavetwin.files import file_sha256
 from pavetwin.mission.replay import Replay
 from pavetwin.plugins import load_plugins
+from pavetwin.policies import policy_class
 from pavetwin.seeds import Stream, child
 from pavetwin.sensing import ImageSource, sensor_class
 from pavetwin.traffic.own_demand import own_demand
@@ -29,7 +31,7 @@ from pavetwin.world.store import load_world
 IN_DESIGN_FILE: Final = {
     **{"`plugins`": "plugins", "`policy`": "policies", "`density`": "densities", "`preset`": "presets"},
     **{"`routes`": "routes", "`recording`": "recordings"},
-    **{"sensing.sensor": "sensors", "sensing.options": "sensing.options"},
+    **{"sensing.sensor": "sensors", "sensing.options": "sensing.options", "policy.options": "policy.options"},
 }
 """Parameter, as messages name it → the key of a design that gives it."""
 
@@ -77,9 +79,12 @@ class Cell:
                 if not isinstance(layer, dict):
                     raise PaveTwinError(f"the design: '{key}' is not a setting.")
             layer[leaf] = value
-        sensing = nested["sensing"]
-        if len(design.sensors) > 1 and isinstance(options := sensing.get("options"), Mapping):
-            sensing["options"] = _options_of(self.sensor, design.sensors, options)
+        if len(design.sensors) > 1:
+            has = {name: sensor_class(name).default_options for name in design.sensors}
+            _keep_own_options(nested, "sensing", self.sensor, has, owners="sensor of the design")
+        if len(design.policies) > 1:
+            has = {name: policy_class(name).default_options for name in design.policies}
+            _keep_own_options(nested, "policy", self.policy, has, owners="policy of the design")
         return load_settings(self.preset, **nested)
 
 
@@ -219,19 +224,17 @@ def cells_of(design: Design) -> tuple[Cell, ...]:
     )
 
 
-def _options_of(sensor: str, sensors: Sequence[str], options: Mapping[str, Any]) -> dict[str, Any]:
-    """Those options that one of several sensors has.
+def _keep_own_options(
+    values: dict[str, Any], section: str, name: str, has: Mapping[str, Mapping[str, OptionValue]], *, owners: str
+) -> None:
+    """Leave of a section's options those that one of several policies or sensors has.
 
     Raises:
         PaveTwinError: none of them has an option.
     """
-    has = {name: sensor_class(name).default_options for name in sensors}
-    known = [option for each in has.values() for option in each]
-    for option in options:
-        if option not in known:
-            near = nearest_name(option, known)
-            raise PaveTwinError(f"sensing.options: no sensor of the design has an option '{option}'{near}.")
-    return {option: value for option, value in options.items() if option in has[sensor]}
+    inner = values.get(section)
+    if isinstance(inner, dict) and isinstance(options := inner.get("options"), Mapping):
+        inner["options"] = options_of_one(name, has, options, key=f"{section}.options", owners=owners)
 
 
 def check_files(plan: Plan) -> None:

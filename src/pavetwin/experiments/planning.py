@@ -12,7 +12,7 @@ from pavetwin.experiments.plan import IN_DESIGN_FILE, Cell, Plan, cells_of, cont
 from pavetwin.experiments.words import listed
 from pavetwin.files import file_sha256
 from pavetwin.mission.environment import prepare
-from pavetwin.mission.plan import check_names
+from pavetwin.mission.plan import check_distinct, check_names
 from pavetwin.mission.spec import PolicyInput, files_of_settings
 from pavetwin.mission.versions import packages_in_use
 from pavetwin.plugins import load_plugins, registered_in
@@ -82,8 +82,8 @@ def _check_levels(design: Design) -> dict[str, str]:
             own_demand([route])
     names: dict[str, str] = {}
     for cell in cells_of(design):
-        if cell.policy == design.policies[0]:  # the settings of a cell do not depend on its policy
-            names = check_names(cell.settings(design), design.policies, design.seed)
+        names |= check_names(cell.settings(design), [cell.policy], design.seed)
+    check_distinct(names)
     return names
 
 

@@ -1,6 +1,6 @@
 """From what a user asks for to the `MissionSpec` that answers it."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Final
@@ -8,6 +8,7 @@ from typing import Final
 from shapely import Point
 
 from pavetwin.config import MissionSettings, load_settings
+from pavetwin.config.options import options_of_one
 from pavetwin.defects import DefectOptions
 from pavetwin.errors import PaveTwinError, about
 from pavetwin.mission.airspace import load_airspace
@@ -17,7 +18,7 @@ from pavetwin.mission.spec import DefectInput, FileInput, MissionSpec, PolicyInp
 from pavetwin.mission.targets import choose_targets
 from pavetwin.navigation.base import parse_base
 from pavetwin.navigation.patterns import PATTERNS
-from pavetwin.policies import load_policy, policy_names
+from pavetwin.policies import load_policy, policy_class, policy_names
 from pavetwin.sensing import load_sensor
 from pavetwin.traffic.demand import Density, density_named
 from pavetwin.traffic.inputs import Inputs
@@ -100,6 +101,20 @@ def policies_named(given: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(name for each in given for name in (policy_names() if each == ALL else [each])))
 
 
+def settings_under(policy: str, policies: Iterable[str], settings: MissionSettings) -> MissionSettings:
+    """The settings of one of several policies that are flown with the same: of their options it gets those it has.
+
+    Raises:
+        PaveTwinError: none of the policies has an option, or one of them is not known.
+    """
+    options = settings.policy.options
+    if not options or [*policies] == [policy]:
+        return settings
+    has = {name: policy_class(name).default_options for name in policies}
+    own = options_of_one(policy, has, options, key="policy.options", owners="policy of these missions")
+    return settings.model_copy(update={"policy": settings.policy.model_copy(update={"options": own})})
+
+
 def check_names(settings: MissionSettings, policies: Iterable[str], seed: int) -> dict[str, str]:
     """Whether all that a mission names is there, before anything takes time.
 
@@ -111,16 +126,29 @@ def check_names(settings: MissionSettings, policies: Iterable[str], seed: int) -
     """
     if seed < 0:
         raise PaveTwinError(f"`seed` {seed}: seeds are whole numbers from 0.")
-    names = {policy: load_policy(policy, settings.policy).name for policy in policies}
-    for policy, name in names.items():
-        first = next(other for other, its in names.items() if its == name)
-        if first != policy:
-            raise PaveTwinError(f"`policy`: '{first}' and '{policy}' are both named '{name}'; rename one of them.")
+    given = list(policies)
+    names = {policy: load_policy(policy, settings_under(policy, given, settings).policy).name for policy in given}
+    check_distinct(names)
     PATTERNS.get(settings.pattern.kind)
     load_sensor(settings.sensing, seed)
     find_camera(settings.camera.model)
     energy_curve(settings.energy)
     return names
+
+
+def check_distinct(names: Mapping[str, str]) -> None:
+    """Whether policies can be told apart by their names.
+
+    Args:
+        names: the name that each policy has, by what was given for it.
+
+    Raises:
+        PaveTwinError: two have the same.
+    """
+    for policy, name in names.items():
+        first = next(other for other, its in names.items() if its == name)
+        if first != policy:
+            raise PaveTwinError(f"`policy`: '{first}' and '{policy}' are both named '{name}'; rename one of them.")
 
 
 def base_point(base: tuple[float, float] | str | None, world: World) -> Point | None:

@@ -18,6 +18,7 @@ from pavetwin.files import file_sha256
 from pavetwin.mission.airspace import Aircraft
 from pavetwin.mission.versions import packages_in_use, software_versions
 from pavetwin.plugins import files_of, plugin_hashes
+from pavetwin.policies import policy_class
 from pavetwin.traffic.demand import USER, Density
 from pavetwin.uav.cameras import camera_file
 from pavetwin.world.model import World
@@ -210,11 +211,20 @@ class MissionSpec(Settings):
     plugins: tuple[FileInput, ...] = ()
     """As `files_of_settings` finds them."""
 
-    def with_policy(self, name: str) -> Self:
-        """The same mission under another policy, as `load_policy` takes it."""
+    def with_policy(self, name: str, settings: MissionSettings | None = None) -> Self:
+        """The same mission under another policy, as `load_policy` takes it.
+
+        Args:
+            settings: with the options of that policy; unless given, it keeps those of its options that are set here.
+        """
         if name == self.policy.name:
             return self
-        return self.model_copy(update={"policy": PolicyInput.of(name)}).with_versions()
+        own = settings or self.settings
+        if settings is None and own.policy.options:
+            has = policy_class(name).default_options
+            options = {option: value for option, value in own.policy.options.items() if option in has}
+            own = own.model_copy(update={"policy": own.policy.model_copy(update={"options": options})})
+        return self.model_copy(update={"policy": PolicyInput.of(name), "settings": own}).with_versions()
 
     def with_versions(self, *, images: bool = False, defect_classes: Iterable[str] = ()) -> Self:
         """The same mission, with the versions of now.

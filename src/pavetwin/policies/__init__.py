@@ -5,7 +5,7 @@ from pavetwin.policies.baseline import Baseline
 from pavetwin.policies.conformance import check_policy
 from pavetwin.policies.hover import Hover
 from pavetwin.policies.micro import Micro
-from pavetwin.policies.registered import POLICIES, load_policy, policy, policy_names
+from pavetwin.policies.registered import POLICIES, load_policy, policy, policy_class, policy_names
 from pavetwin.policies.skip import Skip
 
 __all__ = [
@@ -23,5 +23,6 @@ __all__ = [
     "check_policy",
     "load_policy",
     "policy",
+    "policy_class",
     "policy_names",
 ]

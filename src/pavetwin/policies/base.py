@@ -1,10 +1,14 @@
 """What a recovery policy is, and what it may answer."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import hypot, isfinite
+from types import MappingProxyType
+from typing import ClassVar
 
 from pavetwin.config.mission import PolicySettings
+from pavetwin.config.options import OptionValue, checked_options
 from pavetwin.twin import Place, Snapshot
 
 
@@ -60,9 +64,22 @@ class Policy(ABC):
     """Π: asked whenever o_{s*,t} < τ_o while inspecting. Decides from the snapshot alone."""
 
     name: str = ""
+    default_options: ClassVar[Mapping[str, OptionValue]] = MappingProxyType({})
+    """The options that it has, with the values that hold where `policy.options` gives none. A value must have the type
+    of its default; a whole number is a number too."""
 
     def __init__(self, settings: PolicySettings) -> None:
+        """Raises:
+        PaveTwinError: it has no such option, or a value is of another type.
+        """
         self.settings = settings
+        self.options: Mapping[str, OptionValue] = checked_options(
+            settings.options,
+            self.default_options,
+            key="policy.options",
+            owner=f"the policy '{self.name or type(self).__name__}'",
+        )
+        """The value of every option."""
 
     @abstractmethod
     def decide(self, snapshot: Snapshot) -> Action:

@@ -24,7 +24,16 @@ def policy_names() -> list[str]:
 
 
 def load_policy(name: str, settings: PolicySettings) -> Policy:
-    """A registered policy by name, or a user's own as `path/to/file.py:ClassName`, once it has passed `check_policy`.
+    """The policy of a name, or a user's own as `path/to/file.py:ClassName`.
+
+    Raises:
+        PaveTwinError: as `policy_class`, or an option does not fit.
+    """
+    return policy_class(name)(settings)
+
+
+def policy_class(name: str) -> type[Policy]:
+    """A registered policy's class, or that of `path/to/file.py:ClassName`, once it has passed `check_policy`.
 
     Raises:
         PaveTwinError: there is none, its file does not give a policy, or the policy breaks a rule.
@@ -32,4 +41,4 @@ def load_policy(name: str, settings: PolicySettings) -> Policy:
     kind = find_class(POLICIES, Policy, name)
     if "name" not in vars(kind):
         kind.name = kind.__name__  # not its base's: a changed hover is not hover
-    return kind(settings)
+    return kind

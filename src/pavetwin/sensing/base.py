@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import ClassVar
 
-from pavetwin.config.mission import OptionValue, SensingSettings
-from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.config.mission import SensingSettings
+from pavetwin.config.options import OptionValue, checked_options
 from pavetwin.sensing.detection import Detection
 from pavetwin.sensing.frame import Frame
 
@@ -31,7 +31,12 @@ class Sensor(ABC):
         """
         self.settings = settings
         self.seed = seed
-        self.options: Mapping[str, OptionValue] = {**self.default_options, **self._given(settings.options)}
+        self.options: Mapping[str, OptionValue] = checked_options(
+            settings.options,
+            self.default_options,
+            key="sensing.options",
+            owner=f"the sensor '{self.name or type(self).__name__}'",
+        )
         """The value of every option."""
 
     @abstractmethod
@@ -41,21 +46,3 @@ class Sensor(ABC):
         Policies are compared under the same random numbers: what a sensor draws for a defect's k-th attempt must
         depend on (seed, defect, k) alone, and what it draws for a false alarm on the seed and the frame alone.
         """
-
-    def _given(self, options: Mapping[str, OptionValue]) -> dict[str, OptionValue]:
-        """The options that were set, once they fit."""
-        name, known = self.name or type(self).__name__, self.default_options
-        for option, value in options.items():
-            if option not in known:
-                near = f"{nearest_name(option, known)}; known are {', '.join(known)}" if known else "; it has none"
-                raise PaveTwinError(f"sensing.options: the sensor '{name}' has no option '{option}'{near}.")
-            wanted = type(known[option])
-            if type(value) is not wanted and not (wanted is float and type(value) is int):
-                raise PaveTwinError(
-                    f"sensing.options.{option}: the sensor '{name}' expects {_TYPES[wanted]} such as {known[option]!r} "
-                    f"(got {value!r})."
-                )
-        return {option: float(value) if type(known[option]) is float else value for option, value in options.items()}
-
-
-_TYPES: Mapping[type, str] = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}

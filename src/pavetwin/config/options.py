@@ -1,0 +1,62 @@
+"""Options of a policy or a sensor: declared by it with their defaults, checked when a user sets them."""
+
+from collections.abc import Mapping
+
+from pavetwin.errors import PaveTwinError, nearest_name
+
+OptionValue = float | int | str | bool
+
+_TYPES: Mapping[type, str] = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
+
+
+def checked_options(
+    given: Mapping[str, OptionValue], defaults: Mapping[str, OptionValue], *, key: str, owner: str
+) -> dict[str, OptionValue]:
+    """The value of every option: what is given, or else its default.
+
+    A value must have the type of its default; a whole number is a number too.
+
+    Args:
+        key: the setting that gives them, such as `sensing.options`.
+        owner: who has them, such as `the sensor 'sharp'`.
+
+    Raises:
+        PaveTwinError: there is no such option, or a value is of another type.
+    """
+    for option, value in given.items():
+        if option not in defaults:
+            known = (
+                f"{nearest_name(option, defaults)}; known are {', '.join(defaults)}" if defaults else "; it has none"
+            )
+            raise PaveTwinError(f"{key}: {owner} has no option '{option}'{known}.")
+        wanted = type(defaults[option])
+        if type(value) is not wanted and not (wanted is float and type(value) is int):
+            raise PaveTwinError(
+                f"{key}.{option}: {owner} expects {_TYPES[wanted]} such as {defaults[option]!r} (got {value!r})."
+            )
+    return {**defaults, **{name: float(it) if type(defaults[name]) is float else it for name, it in given.items()}}
+
+
+def options_of_one(
+    name: str,
+    has: Mapping[str, Mapping[str, OptionValue]],
+    given: Mapping[str, OptionValue],
+    *,
+    key: str,
+    owners: str,
+) -> dict[str, OptionValue]:
+    """Those of the given options that one of several has, where all share one setting.
+
+    Args:
+        has: the options of each, by its name.
+        key: the setting that gives them.
+        owners: what they are together, such as `sensor of the design`.
+
+    Raises:
+        PaveTwinError: none of them has an option.
+    """
+    known = [option for each in has.values() for option in each]
+    for option in given:
+        if option not in known:
+            raise PaveTwinError(f"{key}: no {owners} has an option '{option}'{nearest_name(option, known)}.")
+    return {option: value for option, value in given.items() if option in has[name]}
