@@ -37,7 +37,7 @@ happened = mission.advance_until(20.0, answer)
 print(f"paused at {mission.state().position}, battery {mission.state().battery:.3f}, after {len(happened)} events")
 for event in mission:
     answer(event)
-timeline = pt.Timeline(mission, traffic)
+timeline = pt.Timeline(mission)
 for time_s in (15.0, 30.0, timeline.duration_s):
     state = timeline.at(time_s)
     print(

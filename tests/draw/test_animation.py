@@ -22,7 +22,7 @@ from scenes import tiny
 
 
 def film_of(scene: str, policy: str, start_s: float | None = None, duration_s: float = 20.0) -> Film:
-    return Film(tiny.result(scene, policy), tiny.SCENES[scene]().traffic(), start_s, duration_s, 4.0, 12)
+    return Film(tiny.result(scene, policy), start_s, duration_s, 4.0, 12)
 
 
 def inspection_times(film: Film) -> list[float]:
@@ -89,7 +89,7 @@ def test_a_shadow_grows_with_the_agents_height() -> None:
 def test_the_seen_pavement_agrees_with_the_kernels_surface_coverage() -> None:
     for scene, policy in (("lively_street", "baseline"), ("queue_at_light", "micro"), ("truck_beside_defects", "skip")):
         result = tiny.result(scene, policy)
-        seen = SeenSurface(Timeline(result, tiny.SCENES[scene]().traffic())).until(result.duration_s)
+        seen = SeenSurface(Timeline(result)).until(result.duration_s)
         (row,) = result.rows
         assert shapely.area(seen) / row.area_m2 == pytest.approx(row.surface_coverage, abs=0.03)
 
@@ -122,8 +122,7 @@ def test_tiles_fit_together() -> None:
 def test_the_gif_is_small_and_the_same_every_time(tmp_path: Path) -> None:
     result, told = tiny.result("lively_street", "hover"), list[float]()
     for name in ("one.gif", "two.gif"):
-        traffic = tiny.lively_street().traffic()
-        save_animation(result, traffic, tmp_path / name, duration_s=12.0, on_progress=told.append)
+        save_animation(result, tmp_path / name, duration_s=12.0, on_progress=told.append)
     assert (tmp_path / "one.gif").read_bytes() == (tmp_path / "two.gif").read_bytes()
     assert (tmp_path / "one.gif").stat().st_size < 12 / 60 * 8_000_000
     assert told[-1] == 1.0
@@ -156,22 +155,22 @@ def test_the_palette_keeps_the_colours_that_carry_meaning() -> None:
     ],
 )
 def test_what_does_not_fit_is_said(tmp_path: Path, name: str, options: dict[str, float], message: str) -> None:
-    result, traffic = tiny.result("empty_street", "baseline"), tiny.empty_street((30, 0)).traffic()
+    result = tiny.result("empty_street", "baseline")
     with pytest.raises(PaveTwinError, match=message):
-        save_animation(result, traffic, tmp_path / name, **options)  # type: ignore[arg-type]
+        save_animation(result, tmp_path / name, **options)  # type: ignore[arg-type]
     assert list(tmp_path.iterdir()) == []
 
 
 def test_mp4_without_ffmpeg_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "which", lambda _: None)
-    result, traffic = tiny.result("empty_street", "baseline"), tiny.empty_street((30, 0)).traffic()
+    result = tiny.result("empty_street", "baseline")
     with pytest.raises(PaveTwinError, match=r"ffmpeg.*\.gif"):
-        save_animation(result, traffic, tmp_path / "mission.mp4")
+        save_animation(result, tmp_path / "mission.mp4")
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="the program ffmpeg is not installed")
 def test_mp4_by_ffmpeg(tmp_path: Path) -> None:
-    result, traffic = tiny.result("empty_street", "baseline"), tiny.empty_street((30, 0)).traffic()
-    save_animation(result, traffic, tmp_path / "mission.mp4", duration_s=4.0)
+    result = tiny.result("empty_street", "baseline")
+    save_animation(result, tmp_path / "mission.mp4", duration_s=4.0)
     assert (tmp_path / "mission.mp4").read_bytes()[4:8] == b"ftyp"

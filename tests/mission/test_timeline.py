@@ -20,7 +20,7 @@ FLOWN = (("lively_street", "hover"), ("queue_at_light", "skip"), ("truck_beside_
 
 def timeline_of(scene: str, policy: str) -> tuple[MissionResult, Timeline]:
     ours = result(scene, policy)
-    return ours, Timeline(ours, SCENES[scene]().traffic())
+    return ours, Timeline(ours)
 
 
 @pytest.mark.parametrize(("scene", "policy"), FLOWN)
@@ -78,9 +78,8 @@ def test_what_is_found_and_missed_changes_when_it_happens(scene: str, policy: st
 
 
 def test_a_missed_defect_is_missed_once_its_segment_is_left() -> None:
-    scene = SCENES["parked_car_over_defect"]()
     ours = result("parked_car_over_defect", "baseline")
-    timeline = Timeline(ours, scene.traffic())
+    timeline = Timeline(ours)
     (row,) = ours.rows
     assert timeline.at(row.end_s - 0.01).missed == frozenset()
     assert timeline.at(row.end_s).missed == {0}
@@ -102,7 +101,7 @@ def test_the_counters_end_at_the_missions_totals(scene: str, policy: str) -> Non
 def test_energy_counts_on_over_a_swap() -> None:
     scene = Scene(straight(length_m=300.0), altitude_m=10.0)
     ours = scene.fly("baseline", "energy.capacity_wh=4", "energy.hover_endurance_s=83")
-    timeline = Timeline(ours, scene.traffic())
+    timeline = Timeline(ours)
     end = timeline.at(ours.duration_s)
     assert end.swaps == ours.swaps > 0
     assert end.energy == pytest.approx(ours.energy, abs=0.01)
@@ -119,7 +118,7 @@ def test_while_it_looks_whether_to_wait_on_it_waits() -> None:
 def test_agents_are_those_of_the_traffic() -> None:
     scene = Scene(straight((30, 0)), (parked(30, 0, until_s=5.0),))
     ours = scene.fly("baseline")
-    timeline = Timeline(ours, scene.traffic())
+    timeline = Timeline(ours)
     (agent,) = timeline.at(3.0).agents
     assert agent.position == (30.0, 0.0)
     assert len(timeline.at(3.0).agents_near((30.0, 0.0), 5.0)["agent"]) == 1
@@ -143,7 +142,7 @@ def test_a_mission_in_flight_tells_what_the_flown_one_tells(scene: str, policy: 
     pilot = Pilot(SCENES[scene](), policy)
     for until_s in (0.0, 3.3, 11.15, 31.7):
         mission = pilot.advance(until_s)
-        timeline = Timeline(mission, mission.traffic)
+        timeline = Timeline(mission)
         assert timeline.duration_s == pytest.approx(until_s)
         now, then = timeline.at(timeline.duration_s), whole.at(timeline.duration_s)
         # Within one look of now the flown track knows the next sample; here the state itself is the last.
@@ -180,5 +179,5 @@ def test_there_is_no_state_outside_the_mission() -> None:
 def test_two_segments_are_finished_in_order() -> None:
     two = Scene(world([street("west", (0, 0), (40, 0), width_m=7), street("east", (40, 0), (80, 0), width_m=7)]))
     ours = two.fly("baseline")
-    timeline = Timeline(ours, two.traffic())
+    timeline = Timeline(ours)
     assert [timeline.at(row.end_s).finished for row in ours.rows] == [(0,), (0, 1)]

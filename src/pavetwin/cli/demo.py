@@ -68,7 +68,7 @@ def demo(
     out.print(f"[3/4] Flown: {len(results)} missions over {SEGMENTS} segments at {ALTITUDE_M:g} m, {minutes:.0f} min.")
     folder = output / "missions"
     report.save(
-        results, replay, folder, several=True, animated=lambda mission: mission.policy == "hover", title="[4/4] Drawing"
+        results, folder, several=True, animated=lambda mission: mission.policy == "hover", title="[4/4] Drawing"
     )
     out.print()
     out.print(report.comparison_table(results))

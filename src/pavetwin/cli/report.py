@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from pavetwin.mission.again import FormerMission
     from pavetwin.mission.fly import MissionResult
     from pavetwin.mission.inputs import MissionInputs
-    from pavetwin.mission.replay import Replay
 
 
 def settings_text(settings: "MissionSettings") -> str:
@@ -31,7 +30,6 @@ def settings_text(settings: "MissionSettings") -> str:
 
 def save(
     missions: Iterable["MissionResult"],
-    replay: "Replay",
     folder: Path,
     *,
     several: bool,
@@ -61,7 +59,7 @@ def save(
 
     def draw_animation(mission: "MissionResult", path: Path) -> None:
         with progress(f"{title}: {mission.policy}, moving") as tell:
-            save_animation(mission, replay, path, on_progress=tell)
+            save_animation(mission, path, on_progress=tell)
 
     def drawn() -> Iterator[tuple["MissionResult", list[tuple[str, Drawing]]]]:
         for mission in missions:

@@ -14,7 +14,6 @@ from pavetwin.draw.mission_style import AGENT_COLOURS, OPEN_DEFECT, UAV, rgb, vi
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.mission.fly import MissionResult
-from pavetwin.mission.mission import Traffic
 
 SAMPLES = 12
 """Frames that the palette of a GIF is chosen from."""
@@ -25,7 +24,6 @@ COLOURS = 128
 
 def save_animation(
     result: MissionResult,
-    traffic: Traffic,
     path: Path,
     *,
     start_s: float | None = None,
@@ -37,7 +35,6 @@ def save_animation(
     """Write a part of a mission as a `.gif`, or as an `.mp4` where the program `ffmpeg` is installed.
 
     Args:
-        traffic: what the mission was flown against.
         start_s: mission time of the first frame; shortly before the policy's first reaction when not given.
         duration_s: how much mission time is shown; less where the mission ends before.
         speed: mission seconds per second of the animation.
@@ -56,7 +53,7 @@ def save_animation(
         )
     if not (duration_s > 0 and speed > 0 and 1 <= fps <= 50):
         raise PaveTwinError("An animation needs a positive duration and speed, and 1 to 50 frames a second.")
-    film = Film(result, traffic, start_s, duration_s, speed, fps)
+    film = Film(result, start_s, duration_s, speed, fps)
     save = _save_gif if kind == ".gif" else _save_mp4
     with writing(path) as temporary:
         save(temporary, film, on_progress or (lambda _: None))

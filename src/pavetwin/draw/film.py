@@ -18,7 +18,6 @@ from pavetwin.draw.street_names import shown_label
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
-from pavetwin.mission.mission import Traffic
 from pavetwin.mission.timeline import Timeline, TimelineState
 
 WIDTH_M = 70.0
@@ -34,11 +33,9 @@ TRAIL_S = 20.0
 
 
 class Film:
-    def __init__(
-        self, result: MissionResult, traffic: Traffic, start_s: float | None, duration_s: float, speed: float, fps: int
-    ) -> None:
+    def __init__(self, result: MissionResult, start_s: float | None, duration_s: float, speed: float, fps: int) -> None:
         self.result, self.speed, self.fps = result, speed, fps
-        self.timeline = Timeline(result, traffic)
+        self.timeline = Timeline(result)
         start = start_of_interest_s(self.timeline) if start_s is None else start_s
         if not 0 <= start < result.duration_s:
             raise PaveTwinError(

@@ -1,7 +1,7 @@
 """A mission over time: the whole twin at any moment, of a mission that was flown or is in flight.
 
 ```python
-timeline = Timeline(result, traffic)          # or Timeline(mission, mission.traffic), at any pause
+timeline = Timeline(result)                   # or Timeline(mission), at any pause
 state = timeline.at(73.5)
 state.uav.position, state.visibility, state.found, state.missed
 timeline.events(60.0, 90.0)                   # what happened in between
@@ -35,7 +35,7 @@ from pavetwin.mission.events import (
     SegmentFinished,
 )
 from pavetwin.mission.fly import MissionResult
-from pavetwin.mission.mission import Mission, Traffic
+from pavetwin.mission.mission import Mission
 from pavetwin.mission.moment import agents_of
 from pavetwin.mission.track import MODE_NUMBER, MODES, activity, inspecting
 from pavetwin.policies import Revisit
@@ -95,20 +95,18 @@ class TimelineState:
 class Timeline:
     """A mission's columns over time (`track`, `captures`), its events, and its state at any moment."""
 
-    def __init__(self, mission: MissionResult | Mission, traffic: Traffic) -> None:
-        """`traffic` is what the mission is flown against."""
+    def __init__(self, mission: MissionResult | Mission) -> None:
         self.environment: MissionEnvironment = mission.environment
         self.settings = mission.settings
         self.policy = mission.policy
-        self.trace = traffic.trace()
         self.captures: CaptureColumns
         self.track: TrackColumns
         if isinstance(mission, Mission):
-            self.duration_s = mission.flight.time_s
+            self.duration_s, self.trace = mission.flight.time_s, mission.traffic.trace()
             self.track, self.captures = _track_until_now(mission), mission.flight.captures()
             self._detections = tuple(mission.detections.all)
         else:
-            self.duration_s = mission.duration_s
+            self.duration_s, self.trace = mission.duration_s, mission.trace
             self.track, self.captures = mission.track, mission.captures
             self._detections = mission.detections
         self._events = tuple(mission.events)
