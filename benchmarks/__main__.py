@@ -8,12 +8,11 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 
 from benchmarks import defects, frames, growing, machine, missions, startup, streets, studies, worlds
-from benchmarks.measure import Line
+from benchmarks.measure import Line, Size
 from benchmarks.table import as_json, notes, table
 from pavetwin.cli.console import fail, out, progress
 from pavetwin.errors import PaveTwinError
@@ -22,24 +21,12 @@ from pavetwin.mission.replay import FIRST_DURATION_S
 from pavetwin.world.folder import CACHE_VARIABLE
 from pavetwin.world.store import load_world
 
-
-@dataclass(frozen=True)
-class Size:
-    """The extent of the measurement."""
-
-    segments: int
-    runs: int
-    recorded_s: float
-    crowd_s: float
-
-
-FULL = Size(segments=8, runs=9, recorded_s=FIRST_DURATION_S, crowd_s=worlds.RECORDED_S)
-QUICK = Size(segments=3, runs=3, recorded_s=600.0, crowd_s=60.0)
+FULL = Size(segments=8, runs=9, recorded_s=FIRST_DURATION_S, crowd_s=worlds.RECORDED_S, streets_m=(1000.0, 3000.0))
+QUICK = Size(segments=3, runs=3, recorded_s=600.0, crowd_s=60.0, study={"replicates": 2})
 
 
 def measure(world_folder: Path | None, size: Size, folder: Path, begin: Callable[[str], None]) -> Iterator[Line]:
     """All lines, one after the other; `begin` is called with the next step."""
-    quick = size is QUICK
     os.environ[CACHE_VARIABLE] = str(folder / "cache")
     if world_folder is not None:
         load_world(world_folder)  # checked before the first measurement
@@ -48,7 +35,7 @@ def measure(world_folder: Path | None, size: Size, folder: Path, begin: Callable
     begin("starting")
     yield from startup.lines(size.runs)
     begin("NavMesh")
-    yield from streets.lines(quick)
+    yield from streets.lines(size)
     begin("world")
     if world_folder is None:
         world_folder = folder / "town"
@@ -56,7 +43,7 @@ def measure(world_folder: Path | None, size: Size, folder: Path, begin: Callable
     world = load_world(world_folder)
     yield worlds.load_line(world_folder)
     begin("defects")
-    yield from defects.lines(world, size.runs)
+    yield from defects.lines(world, size)
     begin("recording")
     replay, line = worlds.record_high(world, size.recorded_s)
     yield line
@@ -64,17 +51,17 @@ def measure(world_folder: Path | None, size: Size, folder: Path, begin: Callable
     course = missions.Course.over(world, replay, min(size.segments, len(world.segments)))
     yield from missions.lines(course, size.runs)
     begin("the paper's study")
-    yield from studies.lines(world_folder, folder, quick=quick)
+    yield from studies.lines(world_folder, folder, size.study)
     begin("visibility")
     yield missions.look_line(course, size.runs)
     begin("frames")
-    yield from frames.lines(world, replay, size.runs)
+    yield from frames.lines(world, replay, size)
     begin("memory")
     yield missions.memory_line(world_folder, len(course.targets))
     begin("city × 100")
-    yield growing.line(course, 2 * size.runs + 1)
-    begin("600 + 600 agents")
-    yield from worlds.record_crowd(folder / "random", size.crowd_s)
+    yield growing.line(course, 2 * size.runs + 1, size.copies)
+    begin("a crowd")
+    yield from worlds.record_crowd(folder / "random", size.crowd, size.crowd_s)
 
 
 PARTS = 12

@@ -18,6 +18,9 @@ RESAMPLES: Final = 1999
 BATCH: Final = 50
 """Samples that scipy resamples at a time, to bound memory."""
 
+PAIRS: Final = 16
+"""Of the exact sign-flip tests that are timed."""
+
 Limits = tuple[np.ndarray, np.ndarray]
 
 
@@ -96,7 +99,7 @@ def main() -> None:
 
 def _tests() -> None:
     """What one sign-flip test costs."""
-    gaps = np.random.default_rng(0).normal(0.3, 1, (20, 16))
+    gaps = np.random.default_rng(0).normal(0.3, 1, (20, PAIRS))
     begun = time.process_time()
     own = sign_flip_p(gaps)
     middle = time.process_time()
@@ -105,7 +108,7 @@ def _tests() -> None:
     ).pvalue
     took = (middle - begun, time.process_time() - middle)
     print(
-        f"\n20 exact sign-flip tests of 16 pairs: ours {took[0]:.2f} s, scipy's {took[1]:.2f} s; the largest "
+        f"\n20 exact sign-flip tests of {PAIRS} pairs: ours {took[0]:.2f} s, scipy's {took[1]:.2f} s; the largest "
         f"difference of their p: {np.abs(own - theirs).max():.1g}"
     )
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from benchmarks.measure import Kind, Line, median_s
+from benchmarks.measure import Kind, Line, Size, median_s
 from pavetwin.mission.replay import Replay
 from pavetwin.render.adapter import find_adapter
 from pavetwin.render.renderer import Renderer
@@ -20,25 +20,22 @@ from pavetwin.world.model import World
 from pavetwin.world.segments import direction_at, point_at
 
 PICTURE_TARGET_S, LABELLED_TARGET_S = 0.080, 0.120
-SIZE_PX = (640, 640)
 ALTITUDE_M, CAR_CAMERA_M = 10.0, 1.3
 TIME_S, SEED = 300.0, 1
 NEAR_M = 60.0
-PLACES = 9
-"""Over streets, evenly along their whole length, each at another time of the recording."""
 
 
-def lines(world: World, replay: Replay, runs: int) -> Iterator[Line]:
+def lines(world: World, replay: Replay, size: Size) -> Iterator[Line]:
     """With the tiles made and uploaded; and what a tile takes."""
-    adapter = find_adapter()
+    adapter, runs, size_px = find_adapter(), size.runs, size.frame_px
     scene = Scene(world, seed=SEED)
     renderer, camera, light = Renderer(scene), find_camera("phantom4pro"), Light(40.0, 140.0)
     x, y, yaw = _busiest(replay)
     instances = scene.agents(replay.recording, TIME_S, near=(x, y, NEAR_M))
-    above = nadir(camera, (x, y, ALTITUDE_M), yaw_rad=yaw, size_px=SIZE_PX, velocity_mps=(3.0, 4.0, 0.0))
+    above = nadir(camera, (x, y, ALTITUDE_M), yaw_rad=yaw, size_px=size_px, velocity_mps=(3.0, 4.0, 0.0))
     behind = np.array([x, y]) - 9.0 * np.array([math.cos(yaw), math.sin(yaw)])
     along = look(
-        (*behind, CAR_CAMERA_M), yaw_rad=yaw, pitch_rad=-0.12, size_px=SIZE_PX, vertical_fov_rad=math.radians(50)
+        (*behind, CAR_CAMERA_M), yaw_rad=yaw, pitch_rad=-0.12, size_px=size_px, vertical_fov_rad=math.radians(50)
     )
 
     def shoot(view: View, seen: tuple[Instance, ...], *, labels: bool, defect_free: bool = False) -> None:
@@ -50,14 +47,14 @@ def lines(world: World, replay: Replay, runs: int) -> Iterator[Line]:
     shoot(above, instances, labels=True)
     first_s = time.perf_counter() - begun
     plain, labelled, doubled = [], [], []
-    for place, at_s in _along_streets(world):
+    for place, at_s in _along_streets(world, size.places):
         near = scene.agents(replay.recording, at_s, near=(*place[:2], NEAR_M))
-        view = nadir(camera, (*place[:2], ALTITUDE_M), yaw_rad=place[2], size_px=SIZE_PX, velocity_mps=(3.0, 4.0, 0.0))
+        view = nadir(camera, (*place[:2], ALTITUDE_M), yaw_rad=place[2], size_px=size_px, velocity_mps=(3.0, 4.0, 0.0))
         shoot(view, near, labels=True)
         plain.append(median_s(lambda: shoot(_still(view), near, labels=False), runs))  # noqa: B023
         labelled.append(median_s(lambda: shoot(view, near, labels=True), runs))  # noqa: B023
         doubled.append(median_s(lambda: shoot(view, near, labels=True, defect_free=True), runs))  # noqa: B023
-    note = f"{SIZE_PX[0]} × {SIZE_PX[1]} px, {ALTITUDE_M:g} m, shadows, median of {PLACES} places; {adapter}"
+    note = f"{size_px[0]} × {size_px[1]} px, {ALTITUDE_M:g} m, shadows, median of {size.places} places; {adapter}"
     yield Line("a UAV's frame over a street", float(np.median(plain)), Kind.SECONDS, PICTURE_TARGET_S, note=note)
     note = "with labels, depth, amodal pixels, and 5 m/s"
     yield Line("the same with its labels", float(np.median(labelled)), Kind.SECONDS, LABELLED_TARGET_S, note=note)
@@ -79,10 +76,10 @@ def _still(view: View) -> View:
     return View(view.position, view.rotation, view.size_px, view.focal_px)
 
 
-def _along_streets(world: World) -> Iterator[tuple[tuple[float, float, float], float]]:
+def _along_streets(world: World, places: int) -> Iterator[tuple[tuple[float, float, float], float]]:
     """East, north and heading of the street, and a time of the recording."""
     ends = np.cumsum([segment.length_m for segment in world.segments])
-    for number, station in enumerate(((np.arange(PLACES) + 0.5) / PLACES * ends[-1]).tolist()):
+    for number, station in enumerate(((np.arange(places) + 0.5) / places * ends[-1]).tolist()):
         row = int(np.searchsorted(ends, station))
         line = world.segments[row].centre_line
         along = line.length - (float(ends[row]) - station)

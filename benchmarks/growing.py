@@ -21,16 +21,15 @@ from pavetwin.traffic.trace import trace_arguments
 from pavetwin.world.model import Surface
 from pavetwin.world.solids import solids
 
-SIDE = 10
-"""Copies of the town, east and north."""
 TRAFFIC_S = 60.0
 GAP_M = 50.0
 TARGET = 1.5
 
 
-def line(course: Course, runs: int) -> Line:
-    """The same 60 s of flight over the single town, and over it in the middle of 99 copies with their traffic."""
-    town, city = (_copied(course, side) for side in (1, SIDE))
+def line(course: Course, runs: int, copies: int) -> Line:
+    """The same 60 s of flight over the single town, and over it in the middle of `copies` × `copies` of it with their
+    traffic."""
+    town, city = (_copied(course, side) for side in (1, copies))
     _fly(course, *town)
     _fly(course, *city)
     ratios, step_s = [], []
@@ -38,9 +37,13 @@ def line(course: Course, runs: int) -> Line:
         in_town, in_city = _fly(course, *town), _fly(course, *city)
         ratios.append(in_city / in_town)
         step_s.append(in_city)
-    note = f"{statistics.median(step_s) * 1e6:.2f} µs a step in the city of {SIDE * SIDE} towns"
+    note = f"{statistics.median(step_s) * 1e6:.2f} µs a step in the city of {copies * copies} towns"
     return Line(
-        f"cost of a step in a city {SIDE * SIDE} × as large", statistics.median(ratios), Kind.RATIO, TARGET, note=note
+        f"cost of a step in a city {copies * copies} × as large",
+        statistics.median(ratios),
+        Kind.RATIO,
+        TARGET,
+        note=note,
     )
 
 

@@ -2,9 +2,11 @@
 
 import statistics
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from enum import Enum
+from math import inf
+from typing import Any
 
 
 class Kind(Enum):
@@ -24,7 +26,7 @@ class Kind(Enum):
             case Kind.SECONDS:
                 unit, factor = next(
                     (unit, factor)
-                    for unit, factor, least in (("s", 1, 1.0), ("ms", 1e3, 1e-3), ("µs", 1e6, 0.0))
+                    for unit, factor, least in (("s", 1, 1.0), ("ms", 1e3, 1e-3), ("µs", 1e6, -inf))
                     if value >= least
                 )
                 return f"{value * factor:.3g} {unit}"
@@ -34,6 +36,33 @@ class Kind(Enum):
                 return f"{value:.2f} times"
             case Kind.MEBIBYTES:
                 return f"{value:,.0f} MiB"
+
+
+@dataclass(frozen=True)
+class Size:
+    """The extent of the measurement."""
+
+    segments: int
+    """Inspected by a mission."""
+    runs: int
+    """Of which the median counts."""
+    recorded_s: float
+    """Traffic of the missions, and of the frames."""
+    crowd_s: float
+    """Traffic of the crowd."""
+    crowd: int = 600
+    """Vehicles, and as many pedestrians."""
+    shapes: int = 40
+    """Defects that are generated."""
+    places: int = 9
+    """Of frames: over streets, evenly along their whole length, each at another time of the recording."""
+    frame_px: tuple[int, int] = (640, 640)
+    copies: int = 10
+    """Of the town, east and north, for the city that is larger."""
+    streets_m: tuple[float, ...] = (1000.0,)
+    """Sides of the squares of made-up streets: of the first all is measured, of the others one path query."""
+    study: Mapping[str, Any] = field(default_factory=dict)
+    """What is not as in the paper's design; without anything its times have targets."""
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from math import cos, pi, sin
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.measure import Kind, Line, median_s
+from benchmarks.measure import Kind, Line, Size, median_s
 from pavetwin._core import NavMesh
 from pavetwin.config.mission import UavSettings
 from pavetwin.navigation.navmesh import VOXEL_M
@@ -34,15 +34,22 @@ def street_grid(size_m: float) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.
     return np.array(corners), triangles.astype(np.uint32)
 
 
-def lines(quick: bool) -> Iterator[Line]:
-    """Bake and path on 1 km², and a path on 9 km²."""
-    vertices, triangles = street_grid(1000.0)
-    bake_s = median_s(lambda: bake(vertices, triangles), runs=3 if quick else 7)
+def lines(size: Size) -> Iterator[Line]:
+    """Bake and path on the first square, and a path on each other one."""
+    first_m, *others_m = size.streets_m
+    vertices, triangles = street_grid(first_m)
+    bake_s = median_s(lambda: bake(vertices, triangles), size.runs)
     mesh = bake(vertices, triangles)
-    polygons = len(mesh.offsets()) - 1
-    yield Line("NavMesh of 1 km² of streets", bake_s, Kind.SECONDS, 3.0, note=f"20 streets, {polygons} polygons")
-    runs = 100 if quick else 1000
-    across_s = _across_s(mesh, 1000.0, runs)
+    streets, polygons = 2 * round(first_m / SPACING_M), len(mesh.offsets()) - 1
+    yield Line(
+        f"NavMesh of {_area(first_m)} of streets",
+        bake_s,
+        Kind.SECONDS,
+        3.0,
+        note=f"{streets} streets, {polygons} polygons",
+    )
+    runs = 100 * size.runs
+    across_s = _across_s(mesh, first_m, runs)
     yield Line("path query on it, corner to corner", across_s, Kind.SECONDS, 0.2e-3)
     rng = np.random.default_rng(1)
     points = [tuple(point) for point in mesh.vertices()[rng.integers(0, len(mesh.vertices()), 2 * runs)]]
@@ -53,10 +60,13 @@ def lines(quick: bool) -> Iterator[Line]:
         Kind.SECONDS,
         0.2e-3,
     )
-    if not quick:
-        large = bake(*street_grid(3000.0))
-        across_s = _across_s(large, 3000.0, 200)
-        yield Line("path query on 9 km², corner to corner", across_s, Kind.SECONDS)
+    for side_m in others_m:
+        across_s = _across_s(bake(*street_grid(side_m)), side_m, 20 * size.runs)
+        yield Line(f"path query on {_area(side_m)}, corner to corner", across_s, Kind.SECONDS)
+
+
+def _area(side_m: float) -> str:
+    return f"{side_m**2 / 1e6:g} km²"
 
 
 def _across_s(mesh: NavMesh, size_m: float, runs: int) -> float:

@@ -3,8 +3,9 @@
 import os
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import yaml
@@ -16,15 +17,17 @@ from pavetwin.experiments.run import run
 from pavetwin.world.folder import CACHE_VARIABLE
 
 FROM_NOTHING_TARGET_S, RECORDED_TARGET_S = 120.0, 20.0
-REPLICATES = {True: 2, False: 20}
-"""Quick or not."""
 
 
-def lines(world_folder: Path, folder: Path, *, quick: bool) -> Iterator[Line]:
-    """Over a copy of a world, with an empty cache, by as many processes as there are cores."""
+def lines(world_folder: Path, folder: Path, changes: Mapping[str, Any]) -> Iterator[Line]:
+    """Over a copy of a world, with an empty cache, by as many processes as there are cores.
+
+    Args:
+        changes: what is not as in the paper's design.
+    """
     world = shutil.copytree(world_folder, folder / "studied", ignore=shutil.ignore_patterns("traffic", "navmesh*"))
-    processes, replicates = os.cpu_count() or 1, REPLICATES[quick]
-    values = yaml.safe_load(preset_text("paper", str(world))) | {"replicates": replicates}
+    processes = os.cpu_count() or 1
+    values = yaml.safe_load(preset_text("paper", str(world))) | changes
     design = placed_at(Design.parse(values, where="the paper's design"), folder)
     engine = Single() if processes == 1 else Pool(processes)
     for what, target_s in (("from nothing", FROM_NOTHING_TARGET_S), ("its traffic recorded", RECORDED_TARGET_S)):
@@ -36,6 +39,6 @@ def lines(world_folder: Path, folder: Path, *, quick: bool) -> Iterator[Line]:
             f"the paper's study, {what}",
             took_s,
             Kind.SECONDS,
-            None if quick else target_s,
+            None if changes else target_s,
             note=f"{ran.missions_flown} missions, {len(ran.plan.units)} recordings, {processes} processes; one run",
         )

@@ -14,18 +14,22 @@ from pavetwin.world.model import World
 from pavetwin.world.store import load_world, save_world
 
 RECORDED_S = 600.0
-AGENTS = 600
 SEED = 1
 
 
-def build(folder: Path) -> Line:
-    """The generated town, into a folder."""
+def build(folder: Path, source: Path | str = "town", defects_per_segment: float = 30.0) -> Line:
+    """The generated town, or the world of a file, into a folder."""
     begun = time.perf_counter()
-    world = save_world(add_defects(build_world("town", BuildOptions(seed=SEED)), DefectOptions()), folder)
+    world = save_world(
+        add_defects(build_world(source, BuildOptions(seed=SEED)), DefectOptions(per_segment=defects_per_segment)),
+        folder,
+    )
     took_s = time.perf_counter() - begun
     length_km = sum(segment.length_m for segment in world.segments) / 1000
     note = f"{len(world.segments)} segments, {length_km:.1f} km of streets, {len(world.defects)} defects; one run"
-    return Line("building a world (the generated town)", took_s, Kind.SECONDS, note=note)
+    return Line(
+        f"building a world ({'the generated town' if source == 'town' else source})", took_s, Kind.SECONDS, note=note
+    )
 
 
 def load_line(folder: Path) -> Line:
@@ -52,16 +56,16 @@ def record_high(world: World, duration_s: float) -> tuple[Replay, Line]:
     return Replay(world, recording), line
 
 
-def record_crowd(folder: Path, duration_s: float) -> Iterator[Line]:
-    """600 vehicles and 600 pedestrians at any time, over a network of random streets that has room for them."""
+def record_crowd(folder: Path, agents: int, duration_s: float) -> Iterator[Line]:
+    """As many vehicles and as many pedestrians at any time, over a network of random streets that has room for them."""
     world = save_world(build_world("random", BuildOptions(seed=SEED)), folder)
     capacity = Capacity.of(world)
-    density = density_of(AGENTS / capacity.lanes_km, AGENTS / capacity.sidewalks_km)
+    density = density_of(agents / capacity.lanes_km, agents / capacity.sidewalks_km)
     begun = time.perf_counter()
     record(world, density, SEED, duration_s)
     took_s = time.perf_counter() - begun
     yield Line(
-        f"recording {duration_s / 60:.0f} min of {AGENTS} vehicles and {AGENTS} pedestrians",
+        f"recording {duration_s / 60:.0f} min of {agents} vehicles and {agents} pedestrians",
         duration_s / took_s,
         Kind.REAL_TIME,
         RECORDED_S / 2.0,

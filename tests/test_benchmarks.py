@@ -1,15 +1,38 @@
-"""The benchmarks' own arithmetic, and one measurement of each kind that needs no SUMO."""
+"""The benchmarks' own arithmetic, and every measurement on the smallest input, without a word on its speed."""
 
+import ast
+import inspect
 import json
+import math
+import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from benchmarks import machine, startup, streets
-from benchmarks.__main__ import main
-from benchmarks.measure import Kind, Line, median_s
+from benchmarks import coverage, machine, startup, streets, waiting, worlds
+from benchmarks.__main__ import PARTS, main, measure
+from benchmarks.measure import Kind, Line, Size, median_s
 from benchmarks.table import as_json, notes, table
 from rich.console import Console
+
+from pavetwin.world.folder import CACHE_VARIABLE
+from scenes.traffic import make_network
+
+SMOKE = Size(
+    segments=1,
+    runs=1,
+    recorded_s=340.0,
+    crowd_s=5.0,
+    crowd=20,
+    shapes=3,
+    places=1,
+    frame_px=(96, 96),
+    copies=2,
+    streets_m=(200.0, 300.0),
+    study={"replicates": 1, "densities": ["high"], "altitudes_m": [10], "policies": ["hover"]},
+)
+"""The least that every measurement takes."""
 
 
 @pytest.mark.parametrize(
@@ -43,7 +66,7 @@ def test_the_median_leaves_the_warm_up_out() -> None:
 
 
 def test_streets_are_measured_and_tabled() -> None:
-    measured = list(streets.lines(quick=True))
+    measured = list(streets.lines(replace(SMOKE, streets_m=(1000.0,))))
     assert all(line.value > 0 for line in measured)
     assert [line.target for line in measured] == [3.0, 0.2e-3, 0.2e-3]
     lines = [replace(line, value=line.target) for line in measured]
@@ -67,3 +90,66 @@ def test_a_world_that_is_not_there_is_one_plain_line(tmp_path: Path, capsys: pyt
     assert main(["--quick", "--world", str(tmp_path / "nowhere"), "--json", str(tmp_path / "out.json")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert not (tmp_path / "out.json").exists()
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], list[Line], Path]:
+    """The parts that were begun, all lines, and the folder, over a world of one short street."""
+    folder = tmp_path_factory.mktemp("benchmarks")
+    network = make_network("short", folder / "roads.net.xml")
+    begun: list[str] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(CACHE_VARIABLE, "")
+        patch.setattr(os, "cpu_count", lambda: 1)  # the study without worker processes
+        built = worlds.build(folder / "short", network, defects_per_segment=3)
+        lines = [built, *measure(folder / "short", SMOKE, folder, begun.append)]
+    return begun, lines, folder
+
+
+@pytest.mark.needs_adapter
+def test_every_part_measures_something(measured: tuple[list[str], list[Line], Path]) -> None:
+    begun, lines, _ = measured
+    assert len(begun) == PARTS
+    assert all(math.isfinite(line.value) and line.value > 0 for line in lines if line.kind is not Kind.SECONDS)
+    Console(width=100, record=True).print(table(lines))
+    assert len({line.what for line in lines}) > 2 * PARTS
+
+
+def line_functions() -> set[str]:
+    """Module and name of every function of the benchmarks that gives lines."""
+    names: set[str] = set()
+    for path in sorted(Path(worlds.__file__).parent.glob("*.py")):
+        functions = [
+            node for node in ast.parse(path.read_text(encoding="utf-8")).body if isinstance(node, ast.FunctionDef)
+        ]
+        given = [node.name for node in functions if node.returns and re.search(r"\bLine\b", ast.unparse(node.returns))]
+        names |= {f"{path.stem}.{name}" for name in given if not name.startswith("_")}
+    return names - {"__main__.measure"}
+
+
+def test_every_line_function_is_measured() -> None:
+    called = {
+        ast.unparse(node.func) for node in ast.walk(ast.parse(inspect.getsource(measure))) if isinstance(node, ast.Call)
+    }
+    assert len(line_functions()) >= 11
+    assert line_functions() - called == set()
+
+
+def test_what_waits_correlate_with_is_counted(
+    measured: tuple[list[str], list[Line], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    waiting.main([str(measured[2] / "from nothing"), "--altitude", "10"])
+    printed = capsys.readouterr().out
+    assert "are on the fullest fifth" in printed
+    assert "of 1 segments hold five standing vehicles or more" in printed
+
+
+def test_the_coverage_of_intervals_is_tabled(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, value in {"SAMPLES": 4, "RESAMPLES": 99, "BATCH": 2, "PAIRS": 6}.items():
+        monkeypatch.setattr(coverage, name, value)
+    coverage.main()
+    printed = capsys.readouterr().out
+    assert printed.count("| 20, ") == len(coverage.KINDS)
+    assert "of 6 pairs" in printed

@@ -26,6 +26,7 @@ ROUTES = """<routes>
 
 _NODES = {
     "straight": [("a", 0, 0, "priority"), ("b", 600, 0, "priority")],
+    "short": [("a", 0, 0, "priority"), ("b", 120, 0, "priority")],
     "cross": [
         ("c", 0, 0, "traffic_light"),
         ("w", -300, 0, "priority"),
@@ -34,7 +35,7 @@ _NODES = {
         ("n", 0, 250, "priority"),
     ],
 }
-_STREETS = {"straight": [("a", "b")], "cross": [("w", "c"), ("c", "e"), ("s", "c"), ("c", "n")]}
+_STREETS = {"straight": [("a", "b")], "short": [("a", "b")], "cross": [("w", "c"), ("c", "e"), ("s", "c"), ("c", "n")]}
 
 
 def make_network(scene: str, target: Path, *, sidewalks: bool = True) -> Path:
