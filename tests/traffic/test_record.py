@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.mission.replay import Replay
 from pavetwin.traffic.demand import density_of
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder, record
@@ -84,6 +86,20 @@ def test_what_lies_in_the_worlds_folder_is_used_and_extended_in_the_cache(cross:
     assert longer.until(20.0).same_traffic(first)
     assert load_recording(first.path).duration_s == 30.0
     assert old.read_bytes() == before
+
+
+def test_a_recording_that_a_mission_names_is_extended_elsewhere(cross: World) -> None:
+    """A mission names it with its hash, which must still fit when the mission is flown again."""
+    made = record(cross, "low", 4, 10.0).path
+    assert made is not None
+    own = cross.network_file.parent / "traffic" / "low-4.parquet"
+    own.parent.mkdir(exist_ok=True)
+    shutil.copy(made, own)
+    for file in (made, own):
+        before = file.read_bytes()
+        with Replay(cross, load_recording(file, cross), file=file) as replay:
+            assert replay.extend(20.0).duration_s > 20.0
+        assert file.read_bytes() == before
 
 
 def test_another_world_never_reads_it(cross: World) -> None:

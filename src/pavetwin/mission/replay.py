@@ -90,7 +90,7 @@ class Replay:
         if self.recording.duration_s - self.start_s <= needed_s + self.recording.step_s:
             longer_s = max(self.recording.duration_s, self.start_s + needed_s) * GROWTH
             if self.recorder is None:
-                self.recorder = Recorder.of(self.recording, self.world, self.routes)
+                self.recorder = Recorder.of(self.recording, self.world, self.routes, unchanged=self.file)
                 if self._entered:
                     self.recorder.__enter__()
             self.recording = self.recorder.beyond(longer_s, self.on_extend)

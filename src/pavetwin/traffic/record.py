@@ -59,6 +59,7 @@ class Recorder:
         self._longest = None if force else _kept(inputs)
         """The longest recording so far."""
         self._written = self._longest
+        self._unchanged: Path | None = None
         self._entered = False
         self._simulation: SimulationProcess | None = None
         """A running simulation is at the end of `_longest`."""
@@ -66,8 +67,14 @@ class Recorder:
         finalize(self, self._alive.close)
 
     @classmethod
-    def of(cls, recording: Recording, world: World, routes: Sequence[str | Path] = ()) -> Self:
+    def of(
+        cls, recording: Recording, world: World, routes: Sequence[str | Path] = (), *, unchanged: Path | None = None
+    ) -> Self:
         """For traffic that begins with `recording`.
+
+        Args:
+            unchanged: a file that is never written, even where it is the one in the cache: a mission names it with its
+                hash.
 
         Raises:
             PaveTwinError: the recording is of another world or of other routes than these.
@@ -84,6 +91,7 @@ class Recorder:
                 "record again."
             )
         recorder = cls(inputs)
+        recorder._unchanged = unchanged
         recorder._take(recording)
         return recorder
 
@@ -126,8 +134,11 @@ class Recorder:
             self._write()
 
     def _write(self) -> None:
+        path = self._inputs.path
+        if self._unchanged is not None and path.exists() and path.samefile(self._unchanged):
+            return
         if self._longest is not None and self._longest is not self._written:
-            save_recording(self._longest, self._inputs.path)
+            save_recording(self._longest, path)
             self._written = self._longest
 
     def _take(self, recording: Recording) -> None:
