@@ -16,6 +16,7 @@ from pavetwin.mission.again import read_mission
 from pavetwin.mission.fly import fly
 from pavetwin.mission.plan import plan_mission
 from pavetwin.mission.results import save_mission
+from pavetwin.mission.spec import files_of_settings
 from pavetwin.sensing import Detection, Frame, Ideal, Sensor, load_sensor
 from pavetwin.world.store import load_world, save_world
 from scenes import built
@@ -89,6 +90,24 @@ def test_a_sensor_without_options_takes_none() -> None:
 
     with pytest.raises(PaveTwinError, match="has no option 'every'"):
         Renamed(SensingSettings(options={"every": 2}), 0)
+
+
+def test_a_file_that_an_option_names_belongs_to_the_mission(
+    choosy: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, kind = tmp_path / "model.onnx", tmp_path / "fast"
+    model.write_bytes(b"weights")
+    kind.write_bytes(b"no model")
+    monkeypatch.chdir(tmp_path)
+    settings = load_settings("default", [f"sensing.sensor={choosy}", "sensing.options.model=model.onnx"])
+    assert settings.sensing.options == {"model": str(model)}
+    files = {file.path: file for file in files_of_settings(settings)}
+    assert files[str(model)].difference() is None
+    model.write_bytes(b"other weights")
+    assert files[str(model)].difference() == f"'{model}' has changed"
+    plain = load_settings("default", [f"sensing.sensor={choosy}", "sensing.options.model=fast"])
+    assert plain.sensing.options == {"model": "fast"}
+    assert str(kind) not in {file.path for file in files_of_settings(plain)}
 
 
 def test_a_mission_is_flown_again_with_its_options(choosy: str, world: Path, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from pavetwin.config.altitude import Altitude
 from pavetwin.config.base import NameOrFile, PluginFiles, Settings, overlay, with_overrides
 from pavetwin.config.conditions import Conditions
-from pavetwin.config.options import OptionValue
+from pavetwin.config.options import Options
 from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.plugins import load_plugins
@@ -80,8 +80,9 @@ class PolicySettings(Settings):
     note_spacing_m: NonNegative = 1.5
     note_interval_s: NonNegative = 2.0
     revisit_stay_s: Positive = 5.0
-    options: Mapping[str, OptionValue] = Field(default_factory=dict)
-    """Of a user's own policy, which says what options it has (`Policy.default_options`)."""
+    options: Options = Field(default_factory=dict)
+    """Of a user's own policy, which says what options it has (`Policy.default_options`). A file that one names is
+    hashed into the mission."""
 
 
 class SensingSettings(Settings):
@@ -91,8 +92,9 @@ class SensingSettings(Settings):
     min_visible_fraction: Share = 0.35
     attempts: Literal["every_capture", "first_capture"] = "every_capture"
     """`first_capture`: a defect gets one attempt, and one more for each revisit."""
-    options: Mapping[str, OptionValue] = Field(default_factory=dict)
-    """Of a user's own sensor, which says what options it has (`Sensor.default_options`)."""
+    options: Options = Field(default_factory=dict)
+    """Of a user's own sensor, which says what options it has (`Sensor.default_options`). A file that one names, such as
+    a model, is hashed into the mission."""
 
 
 class EnergySettings(Settings):

@@ -1,10 +1,33 @@
 """Options of a policy or a sensor: declared by it with their defaults, checked when a user sets them."""
 
 from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import AfterValidator
 
 from pavetwin.errors import PaveTwinError, nearest_name
 
 OptionValue = float | int | str | bool
+
+
+def _with_absolute_files(options: Mapping[str, OptionValue]) -> Mapping[str, OptionValue]:
+    files = {name: str(path.absolute()) for name, path in option_files(options).items()}
+    return {**options, **files}
+
+
+def option_files(options: Mapping[str, OptionValue]) -> dict[str, Path]:
+    """By option, the existing file that its value names, such as a detector's model.
+
+    A text without a suffix and without a folder (`fast`) names no file, whatever lies in the current folder.
+    """
+    texts = {name: value for name, value in options.items() if isinstance(value, str)}
+    paths = {name: Path(text) for name, text in texts.items() if Path(text).suffix or Path(text).name != text}
+    return {name: path for name, path in paths.items() if path.is_file()}
+
+
+Options = Annotated[Mapping[str, OptionValue], AfterValidator(_with_absolute_files)]
+"""Option → value; the path of an existing file is made absolute."""
 
 _TYPES: Mapping[type, str] = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
 

@@ -13,6 +13,7 @@ from pydantic import Field, NonNegativeFloat, NonNegativeInt
 
 from pavetwin.config import MissionSettings
 from pavetwin.config.base import Settings
+from pavetwin.config.options import option_files
 from pavetwin.defects import DefectOptions
 from pavetwin.files import file_sha256
 from pavetwin.mission.airspace import Aircraft
@@ -172,7 +173,7 @@ class PolicyInput(Settings):
 
 
 def files_of_settings(settings: MissionSettings) -> tuple[FileInput, ...]:
-    """The user's files that settings name (plugins, sensor, camera), and what they depend on.
+    """The user's files that settings name (plugins, sensor, camera, options), and what they depend on.
 
     Raises:
         PaveTwinError: a file cannot be read.
@@ -185,6 +186,8 @@ def files_of_settings(settings: MissionSettings) -> tuple[FileInput, ...]:
     camera = camera_file(settings.camera.model)
     if camera is not None:
         files[camera] = FileInput.of(camera)
+    for options in (settings.sensing.options, settings.policy.options):
+        files |= {str(path): FileInput.of(path) for path in option_files(options).values()}
     return tuple(files.values())
 
 
