@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from pavetwin.cli.arguments import NamingCommand, Plugins, WorldFolder, paths_of
+from pavetwin.cli.arguments import CacheFolder, NamingCommand, Plugins, WorldFolder, paths_of
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -72,6 +72,7 @@ def make(
     empty: Annotated[float, typer.Option(help="Share of images that must show no defect.")] = 0.15,
     png: Annotated[bool, typer.Option("--png", help="Store images without loss.")] = False,
     quality: Annotated[int, typer.Option(help="Of JPEG, 50 to 100.")] = 92,
+    cache: CacheFolder = None,  # noqa: ARG001 - its callback does it
     plugin: Plugins = None,
     jobs: Annotated[int, typer.Option(help="Number of worker processes; the images do not depend on it.")] = 1,
 ) -> None:

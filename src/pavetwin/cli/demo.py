@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pavetwin.cli.arguments import CacheFolder
 from pavetwin.cli.console import err, out, progress
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ def demo(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the town and the results.")] = Path(
         "out/demo"
     ),
+    cache: CacheFolder = None,  # noqa: ARG001 - its callback does it
 ) -> None:
     """Generate a town, record dense traffic in it, and fly the four policies over the same eight segments.
 

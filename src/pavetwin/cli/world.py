@@ -107,9 +107,13 @@ def _print_summary(world: "World", record: "BuildRecord") -> None:
 
 def _summary(world: "World", record: "BuildRecord") -> list[tuple[str, str]]:
     """What the table says: names and values."""
+    from pavetwin.config.mission import UavSettings
+    from pavetwin.navigation.base import with_roadside_base
     from pavetwin.world.model import LaneKind
 
     lon, lat = world.georeference.to_wgs84((world.base.x, world.base.y))
+    beside = with_roadside_base(world, UavSettings().radius_m).base
+    take_off = "{1:.5f}, {0:.5f}".format(*world.georeference.to_wgs84((beside.x, beside.y)))
     mapped = record.mapped
     lights = {thing.controller for thing in world.furniture if thing.controller}
     kinds = Counter(thing.kind.value for thing in world.furniture)
@@ -120,6 +124,7 @@ def _summary(world: "World", record: "BuildRecord") -> list[tuple[str, str]]:
     rows = [
         ("source", f"{record.source}, seed {record.options.seed}"),
         ("place", f"EPSG:{world.georeference.epsg}, base at {lat:.5f}, {lon:.5f}"),
+        ("take-off", f"{take_off}, beside the carriageway; preset paper: at the base"),
         ("segments", f"{len(world.segments)} ({length / 1000:.2f} km, {area:.0f} m²)"),
         ("lanes", f"{world.length_km(LaneKind.DRIVING):.2f} km"),
         ("sidewalks", f"{world.length_km(LaneKind.SIDEWALK):.2f} km"),
