@@ -8,15 +8,19 @@ import os
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import create_autospec
 
 import pytest
-from benchmarks import coverage, machine, startup, streets, waiting, worlds
+from benchmarks import coverage, frames, machine, startup, streets, waiting, worlds
 from benchmarks.__main__ import PARTS, main, measure
 from benchmarks.measure import Kind, Line, Size, median_s
 from benchmarks.table import as_json, notes, table
 from rich.console import Console
 
+from pavetwin.mission.replay import replay_of
 from pavetwin.world.folder import CACHE_VARIABLE
+from pavetwin.world.store import load_world
 from scenes.traffic import make_network
 
 SMOKE = Size(
@@ -101,18 +105,32 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], list[
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(CACHE_VARIABLE, "")
         patch.setattr(os, "cpu_count", lambda: 1)  # the study without worker processes
+        # Real frames take 17 s of processor time, see the slow test; here their calls are checked.
+        renderer = create_autospec(frames.Renderer)
+        renderer.return_value.gpu = SimpleNamespace(held_bytes=2**20)
+        patch.setattr(frames, "Renderer", renderer)
+        patch.setattr(frames, "find_adapter", lambda: "none")
         built = worlds.build(folder / "short", network, defects_per_segment=3)
         lines = [built, *measure(folder / "short", SMOKE, folder, begun.append)]
     return begun, lines, folder
 
 
-@pytest.mark.needs_adapter
 def test_every_part_measures_something(measured: tuple[list[str], list[Line], Path]) -> None:
     begun, lines, _ = measured
     assert len(begun) == PARTS
     assert all(math.isfinite(line.value) and line.value > 0 for line in lines if line.kind is not Kind.SECONDS)
     Console(width=100, record=True).print(table(lines))
     assert len({line.what for line in lines}) > 2 * PARTS
+
+
+@pytest.mark.slow
+@pytest.mark.needs_adapter
+def test_frames_are_measured(measured: tuple[list[str], list[Line], Path]) -> None:
+    world = load_world(measured[2] / "short")
+    replay = replay_of(world, "high", 1)
+    lines = list(frames.lines(world, replay, SMOKE))
+    assert {line.what for line in lines} <= {line.what for line in measured[1]}
+    assert all(line.value > 0 for line in lines)
 
 
 def line_functions() -> set[str]:
@@ -144,6 +162,7 @@ def test_what_waits_correlate_with_is_counted(
     assert "of 1 segments hold five standing vehicles or more" in printed
 
 
+@pytest.mark.filterwarnings("ignore")  # scipy's, about samples that do not vary
 def test_the_coverage_of_intervals_is_tabled(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

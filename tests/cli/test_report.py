@@ -38,7 +38,7 @@ def digests(folder: Path) -> dict[str, str]:
 def save(
     missions: Iterator[MissionResult] | list[MissionResult], folder: Path, *, several: bool
 ) -> list[MissionResult]:
-    return report.save(missions, REPLAY, folder, several=several, animated=lambda _: False)
+    return report.save(missions, folder, several=several, animated=lambda _: False)
 
 
 @pytest.mark.parametrize("error", [ValueError("one point is not a line"), PaveTwinError("No segment in common.")])
