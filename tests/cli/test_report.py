@@ -5,8 +5,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import polars as pl
 import pytest
@@ -24,7 +22,6 @@ NUMBERS = {
     *("mission.parquet", "track.parquet", "detections.parquet", "captures.geojson"),
     *("defects.gpkg", "defects.csv", "mission.yaml"),
 }
-REPLAY: Any = SimpleNamespace()
 
 
 def names(folder: Path) -> set[str]:
