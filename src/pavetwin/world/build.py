@@ -21,16 +21,16 @@ from pavetwin.world.content import content_hash, snapped_world
 from pavetwin.world.folder import NET_SUFFIXES, OSM_SUFFIXES
 from pavetwin.world.furniture import furnish
 from pavetwin.world.generate import NetworkKind, SourceNetwork, generate_network
-from pavetwin.world.georeference import DEFAULT_ANCHOR, GeoReference, anchored, from_location
+from pavetwin.world.georeference import DEFAULT_ANCHOR_DEG, GeoReference, anchored, from_location
 from pavetwin.world.ground import PlacementGround
 from pavetwin.world.model import Lane, LaneKind, Segment, World
 from pavetwin.world.network import network_from_net, network_from_osm, source_kind
 from pavetwin.world.osm import MapFeatures, read_features
 from pavetwin.world.roadnet import RoadNet, read_roadnet
-from pavetwin.world.segments import DEFAULT_SEGMENT_LENGTH, MIN_SEGMENT_LENGTH, segments_of
+from pavetwin.world.segments import DEFAULT_SEGMENT_LENGTH_M, MIN_SEGMENT_LENGTH_M, segments_of
 from pavetwin.world.streets import polygons_of, streets_of, union_of
 
-SMALLEST_PARK = 20.0
+SMALLEST_PARK_M2 = 20.0
 """A park's part below this is dropped [m²]."""
 
 Progress = Callable[[str, float], None]
@@ -41,7 +41,7 @@ class BuildOptions(Settings):
     """How a world is built. The same source and options give the same bytes."""
 
     seed: Annotated[int, Field(ge=0)] = 0
-    segment_length_m: Annotated[float, Field(ge=2 * MIN_SEGMENT_LENGTH, le=2000.0)] = DEFAULT_SEGMENT_LENGTH
+    segment_length_m: Annotated[float, Field(ge=2 * MIN_SEGMENT_LENGTH_M, le=2000.0)] = DEFAULT_SEGMENT_LENGTH_M
     anchor: tuple[float, float] | None = None
     """(latitude, longitude) in degrees of the origin of a network without a location or with an unknown projection."""
     left_hand: bool = False
@@ -116,7 +116,7 @@ def _prepare(
     source: str | Path | NetworkKind, options: BuildOptions, folder: Path
 ) -> tuple[SourceNetwork, BuildRecord]:
     if not isinstance(source, Path):
-        made = generate_network(source, options.seed, folder, anchor=options.anchor or DEFAULT_ANCHOR)
+        made = generate_network(source, options.seed, folder, anchor=options.anchor or DEFAULT_ANCHOR_DEG)
         return made, BuildRecord(source=f"generated {source!s}", options=options)
     target = folder / "roads.net.xml"
     if source_kind(source) == "osm":
@@ -186,7 +186,7 @@ def _build(
 def _georeference(net: RoadNet, options: BuildOptions, shown: str) -> GeoReference:
     if options.anchor is not None:
         return anchored(*options.anchor)
-    return from_location(net.location, shown) or anchored(*DEFAULT_ANCHOR)
+    return from_location(net.location, shown) or anchored(*DEFAULT_ANCHOR_DEG)
 
 
 def _lanes(net: RoadNet) -> tuple[Lane, ...]:
@@ -200,7 +200,7 @@ def _parks(given: Iterable[Polygon], ground: PlacementGround) -> tuple[Polygon, 
     for park in given:
         roads = ground.roads_near(park, 0.0)
         rest = park.difference(union_of(roads, 0.01)) if roads else park
-        parks += [part for part in polygons_of(rest) if part.area >= SMALLEST_PARK]
+        parks += [part for part in polygons_of(rest) if part.area >= SMALLEST_PARK_M2]
     return tuple(parks)
 
 

@@ -17,14 +17,14 @@ from pavetwin.world.model import Building, Segment
 from pavetwin.world.segments import segment_key
 from pavetwin.world.streets import polygons_of, union_of
 
-ROAD_CLEARANCE = 0.2
+ROAD_CLEARANCE_M = 0.2
 """A mapped building is cut back to this distance from the road [m]."""
 
 KEPT_SHARE = 0.3
 """A mapped building of which less than this is off the road is dropped; so is one below 6 m²."""
 
-SMALLEST = 6.0
-STOREY = 3.0
+SMALLEST_M2 = 6.0
+STOREY_M = 3.0
 KEY = 1
 """This file's child of the furniture stream."""
 
@@ -34,10 +34,10 @@ def clear_of_roads(footprints: Iterable[tuple[Polygon, float]], ground: Placemen
     buildings: list[Building] = []
     for polygon, height in footprints:
         rest = polygon
-        near = ground.roads_near(polygon, ROAD_CLEARANCE)
+        near = ground.roads_near(polygon, ROAD_CLEARANCE_M)
         if near:
-            left = polygons_of(polygon.difference(union_of(near, ROAD_CLEARANCE)))
-            if not left or left[0].area < max(SMALLEST, KEPT_SHARE * polygon.area):
+            left = polygons_of(polygon.difference(union_of(near, ROAD_CLEARANCE_M)))
+            if not left or left[0].area < max(SMALLEST_M2, KEPT_SHARE * polygon.area):
                 continue
             rest = left[0]
         buildings.append(Building(f"b{len(buildings) + 1:04d}", rest, height))
@@ -75,7 +75,7 @@ class _Street:
             depth = float(rng.uniform(9.0, 16.0))
             setback = sidewalk + min(6.0, max(3.0, usual_setback + float(rng.normal(0.0, 0.4))))
             storeys = min(6, max(2, usual_storeys + int(rng.integers(-1, 2))))
-            height = round(STOREY * storeys + float(rng.uniform(0.0, 0.9)) * (storeys < 6), 2)
+            height = round(STOREY_M * storeys + float(rng.uniform(0.0, 0.9)) * (storeys < 6), 2)
             notch = (float(rng.uniform(0.35, 0.6)), float(rng.uniform(0.3, 0.5))) if rng.random() < 0.25 else None
             gap = float(rng.uniform(0.5, 3.0) if rng.random() < 0.7 else rng.uniform(4.0, 10.0))
             for shrink in (1.0, 0.7, 0.5):

@@ -36,17 +36,17 @@ from pavetwin.world.streets import StreetSurface
 
 LIGHT_SPACING, LIGHT_HEIGHT, LIGHT_ARM, LIGHT_SETBACK = 30.0, 8.0, 1.5, 0.6
 POLE_SPACING, POLE_HEIGHT, POLE_SETBACK = 40.0, 9.0, 0.5
-SIGN_HEIGHT = 2.5
-TREE_SPACING, TREE_OVERHANG = (11.0, 16.0), 1.0
-PARK_AREA_A_TREE = 180.0
+SIGN_HEIGHT_M = 2.5
+TREE_SPACING_M, TREE_OVERHANG = (11.0, 16.0), 1.0
+PARK_AREA_A_TREE_M2 = 180.0
 CROWN_RADIUS, CROWN_BASE, TREE_HEIGHT = (2.0, 4.0), (2.5, 4.0), (6.0, 12.0)
-MAPPED_NEAR = 25.0
+MAPPED_NEAR_M = 25.0
 """With mapped trees (or poles) this near to a segment, none are added by rule [m]."""
 
 CALM_STREET_MPS = 14.0
 """Trees and poles stand along streets with at most this limit: 50 km/h [m/s]."""
 
-RADIUS = {
+RADIUS_M = {
     FurnitureKind.STREET_LIGHT: 0.10,
     FurnitureKind.POLE: 0.12,
     FurnitureKind.SIGN: 0.05,
@@ -54,7 +54,7 @@ RADIUS = {
 }
 """Of a mast [m]."""
 
-LARGEST_MOVE = {FurnitureKind.SIGN: 12.0}
+LARGEST_MOVE_M = {FurnitureKind.SIGN: 12.0}
 """How far a mapped thing may be moved off the road [m]; signs are mapped on the middle of the street. Others: 4."""
 
 KEY = 0
@@ -89,13 +89,13 @@ class Placed:
         return any(kind in (None, thing.kind) and thing.position.distance(at) < within_m for thing in close)
 
     def mapped_near(self, kind: FurnitureKind, segment: Segment) -> bool:
-        """Whether the map has an object of a kind within `MAPPED_NEAR` of a segment; for use after `_place_mapped`."""
+        """Whether the map has an object of a kind within `MAPPED_NEAR_M` of a segment; only after `_place_mapped`."""
         if self._mapped_trees is None:
             mapped = self.things[: self.mapped.total()]
             self._mapped_trees = {
                 each: STRtree([thing.position for thing in mapped if thing.kind is each]) for each in FurnitureKind
             }
-        return len(self._mapped_trees[kind].query(segment.centre_line, "dwithin", distance=MAPPED_NEAR)) > 0
+        return len(self._mapped_trees[kind].query(segment.centre_line, "dwithin", distance=MAPPED_NEAR_M)) > 0
 
     def numbered(self) -> tuple[Furniture, ...]:
         """By kind in the order of placing, ids such as `tree0001`."""
@@ -126,9 +126,9 @@ def furnish(
         houses.add(building.polygon.bounds, building.polygon)
     placed = Placed(ground, houses)
     _place_mapped(placed, points, child(seed, Stream.FURNITURE, KEY))
-    for signal in signals_of(net, RADIUS[FurnitureKind.SIGNAL]):
+    for signal in signals_of(net, RADIUS_M[FurnitureKind.SIGNAL]):
         _first_free(placed, signal)
-    for candidates in signs_of(net, streets, SIGN_HEIGHT, RADIUS[FurnitureKind.SIGN]):
+    for candidates in signs_of(net, streets, SIGN_HEIGHT_M, RADIUS_M[FurnitureKind.SIGN]):
         if not placed.is_near(candidates[0].position, 15.0, FurnitureKind.SIGN):
             _first_free(placed, candidates)
     for segment in segments:
@@ -152,7 +152,7 @@ def _place_mapped(placed: Placed, points: Iterable[MappedPoint], rng: np.random.
     for point in points:
         draw = rng.random(3)
         clearance = 0.5 if point.kind is FurnitureKind.TREE else LIGHT_SETBACK
-        at = placed.ground.beside_road(point.position, clearance, LARGEST_MOVE.get(point.kind, 4.0))
+        at = placed.ground.beside_road(point.position, clearance, LARGEST_MOVE_M.get(point.kind, 4.0))
         if at is None:
             continue
         if point.kind is FurnitureKind.TREE:
@@ -164,9 +164,9 @@ def _place_mapped(placed: Placed, points: Iterable[MappedPoint], rng: np.random.
 
 
 def _mast(placed: Placed, at: Point, point: MappedPoint) -> Furniture:
-    usual = {FurnitureKind.STREET_LIGHT: LIGHT_HEIGHT, FurnitureKind.POLE: POLE_HEIGHT}.get(point.kind, SIGN_HEIGHT)
+    usual = {FurnitureKind.STREET_LIGHT: LIGHT_HEIGHT, FurnitureKind.POLE: POLE_HEIGHT}.get(point.kind, SIGN_HEIGHT_M)
     height = min(20.0, max(2.0, point.height_m or usual))
-    mast = Furniture("", point.kind, at, height, RADIUS[point.kind])
+    mast = Furniture("", point.kind, at, height, RADIUS_M[point.kind])
     roads = placed.ground.roads_near(at, 12.0)
     if point.kind is not FurnitureKind.STREET_LIGHT or not roads:
         return mast
@@ -206,7 +206,7 @@ def _place_lights(placed: Placed, segment: Segment, rng: np.random.Generator) ->
             if placed.is_near(at, 20.0, FurnitureKind.STREET_LIGHT):
                 break
             yaw = math.atan2(-out[1], -out[0])
-            light = Furniture("", FurnitureKind.STREET_LIGHT, at, LIGHT_HEIGHT, RADIUS[FurnitureKind.STREET_LIGHT])
+            light = Furniture("", FurnitureKind.STREET_LIGHT, at, LIGHT_HEIGHT, RADIUS_M[FurnitureKind.STREET_LIGHT])
             if placed.add(replace(light, yaw_rad=yaw, arm_m=LIGHT_ARM)):
                 break
 
@@ -221,7 +221,7 @@ def _place_green(placed: Placed, segment: Segment, street_rng: np.random.Generat
             while station < segment.length_m - 3.0:
                 draw, present = rng.random(3), rng.random() < 0.85
                 at, _ = _behind_kerb(segment, station, side, setback + float(rng.uniform(0.0, 0.5)))
-                station += float(rng.uniform(*TREE_SPACING))
+                station += float(rng.uniform(*TREE_SPACING_M))
                 if present and not placed.is_near(at, 4.0):
                     tree = _tree(placed, at, draw)
                     if tree is not None and tree.radius_m >= 1.5:
@@ -229,13 +229,13 @@ def _place_green(placed: Placed, segment: Segment, street_rng: np.random.Generat
     if with_poles and not placed.mapped_near(FurnitureKind.POLE, segment):
         for station in evenly(segment.length_m, POLE_SPACING):
             at, _ = _behind_kerb(segment, station, 1 if pole_side else -1, POLE_SETBACK)
-            placed.add(Furniture("", FurnitureKind.POLE, at, POLE_HEIGHT, RADIUS[FurnitureKind.POLE]), apart_m=2.5)
+            placed.add(Furniture("", FurnitureKind.POLE, at, POLE_HEIGHT, RADIUS_M[FurnitureKind.POLE]), apart_m=2.5)
 
 
 def _plant(placed: Placed, park: Polygon, rng: np.random.Generator) -> None:
     low_x, low_y, high_x, high_y = park.bounds
     inner = park.buffer(-2.0)
-    for _ in range(int(park.area / PARK_AREA_A_TREE) * 2):
+    for _ in range(int(park.area / PARK_AREA_A_TREE_M2) * 2):
         share, draw = rng.random(2), rng.random(3)
         at = Point(low_x + share[0] * (high_x - low_x), low_y + share[1] * (high_y - low_y))
         if inner.contains(at):

@@ -14,12 +14,12 @@ from pyproj import CRS
 from shapely import Polygon, STRtree
 
 from pavetwin.errors import PaveTwinError, no_such
-from pavetwin.world.georeference import DEFAULT_ANCHOR, GeoReference, anchored
+from pavetwin.world.georeference import DEFAULT_ANCHOR_DEG, GeoReference, anchored
 from pavetwin.world.model import Building
 from pavetwin.world.network import copy_without_stamp
 from pavetwin.world.roadnet import read_roadnet
 from pavetwin.world.sumo import NO_VALIDATION, run_tool
-from pavetwin.world.town import SHIFT, build_town
+from pavetwin.world.town import SHIFT_M, build_town
 from pavetwin.world.town_roads import write_plain
 
 
@@ -88,7 +88,7 @@ def network_kind(name: str) -> NetworkKind:
 
 
 def generate_network(
-    kind: NetworkKind | str, seed: int, folder: Path, *, anchor: tuple[float, float] = DEFAULT_ANCHOR
+    kind: NetworkKind | str, seed: int, folder: Path, *, anchor: tuple[float, float] = DEFAULT_ANCHOR_DEG
 ) -> SourceNetwork:
     """Write `roads.net.xml` of a kind and seed into `folder`; `anchor` is (latitude, longitude) of its origin, degrees.
 
@@ -106,7 +106,7 @@ def generate_network(
         made = Path(place) / "made.net.xml"
         if kind is NetworkKind.TOWN:
             town = build_town(seed)
-            nodes, edges = write_plain(town.roads, Path(place), SHIFT)
+            nodes, edges = write_plain(town.roads, Path(place), SHIFT_M)
             inputs = ("--node-files", str(nodes), "--edge-files", str(edges))
             _run("netconvert", (*inputs, *NETWORK_OPTIONS), made, kind)
             parks, buildings = town.parks, _clear_of_streets(town.buildings, made)

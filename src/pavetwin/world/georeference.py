@@ -11,7 +11,7 @@ from pyproj.exceptions import CRSError
 from pavetwin.arrays import Float64Array
 from pavetwin.errors import PaveTwinError
 
-DEFAULT_ANCHOR = (0.0, 0.0)
+DEFAULT_ANCHOR_DEG = (0.0, 0.0)
 """(latitude, longitude) in degrees of the origin of a network without a location: the Gulf of Guinea."""
 
 WGS84 = 4326

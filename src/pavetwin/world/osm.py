@@ -1,7 +1,7 @@
 """Map features of OpenStreetMap besides roads: buildings, trees, street lamps, poles, signs, green areas, and the
 names of streets in Latin letters.
 
-Coordinates are in the world frame (metres). Features further than `REACH` from every street are omitted.
+Coordinates are in the world frame (metres). Features further than `REACH_M` from every street are omitted.
 """
 
 import math
@@ -20,10 +20,10 @@ from pavetwin.world.osm_file import osm_objects
 from pavetwin.world.streets import polygons_of
 from pavetwin.world.tags import building_height_m, latin_name, metres
 
-REACH = 100.0
+REACH_M = 100.0
 """Map features up to this distance from a street belong to the world [m]."""
 
-TREE_SPACING = 10.0
+TREE_SPACING_M = 10.0
 """Distance between the trees of a `natural=tree_row` [m]."""
 
 KEYS = ("building", "natural", "leisure", "landuse", "highway", "power", "man_made", "traffic_sign")
@@ -59,12 +59,12 @@ class MapFeatures:
 
 
 def read_features(source: Path, georeference: GeoReference, streets: Surface) -> MapFeatures:
-    """The features of an OSM file within `REACH` of the streets, in the order of the file.
+    """The features of an OSM file within `REACH_M` of the streets, in the order of the file.
 
     Raises:
         PaveTwinError: the file cannot be read to its end.
     """
-    reader = _FeatureReader(georeference, streets.buffer(REACH))
+    reader = _FeatureReader(georeference, streets.buffer(REACH_M))
     for item in osm_objects(source, areas=True, keys=KEYS):
         tags = {tag.k: tag.v for tag in item.tags}
         if item.is_area():
@@ -118,7 +118,7 @@ class _FeatureReader:
         if len(corners) < 2:
             return
         line = LineString(corners)
-        count = max(1, math.floor(line.length / TREE_SPACING))
+        count = max(1, math.floor(line.length / TREE_SPACING_M))
         for share in np.linspace(0.0, 1.0, count + 1):
             self._add(FurnitureKind.TREE, line.interpolate(float(share), normalized=True), tags)
 

@@ -16,7 +16,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.world.connections import ConnectionReader, points_of
 from pavetwin.world.model import Connection, Crossing, Junction, Lane, LaneKind
 
-DEFAULT_LANE_WIDTH = 3.2
+DEFAULT_LANE_WIDTH_M = 3.2
 """SUMO's width of a lane without one of its own [m]."""
 
 MOTOR = frozenset({"passenger", "private", "taxi", "bus", "coach", "delivery", "truck", "trailer", "motorcycle"})
@@ -181,7 +181,7 @@ def _edge(element: Element) -> Edge:
                 index=int(lane.attrib["index"]),
                 kind=kind,
                 centre_line=LineString(points),
-                width_m=float(lane.get("width", str(DEFAULT_LANE_WIDTH))),
+                width_m=float(lane.get("width", str(DEFAULT_LANE_WIDTH_M))),
                 speed_limit_mps=float(lane.attrib["speed"]),
             )
         )

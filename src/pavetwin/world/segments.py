@@ -17,21 +17,21 @@ from shapely.ops import split, substring
 from pavetwin.world.model import Segment, Surface
 from pavetwin.world.streets import StreetSurface, polygons_of, surface_of
 
-DEFAULT_SEGMENT_LENGTH = 135.0
-MIN_SEGMENT_LENGTH = 20.0
+DEFAULT_SEGMENT_LENGTH_M = 135.0
+MIN_SEGMENT_LENGTH_M = 20.0
 """No piece is shorter, unless its whole street is [m]."""
 
 
 def segments_of(
-    streets: Iterable[StreetSurface], segment_length_m: float = DEFAULT_SEGMENT_LENGTH
+    streets: Iterable[StreetSurface], segment_length_m: float = DEFAULT_SEGMENT_LENGTH_M
 ) -> tuple[Segment, ...]:
     """Segments `s0001` … in the order of the streets, and along each street's centre line.
 
     Raises:
         ValueError: `segment_length_m` is below 40, so that equal pieces could fall below 20 m.
     """
-    if segment_length_m < 2 * MIN_SEGMENT_LENGTH:
-        raise ValueError(f"a segment length of {segment_length_m:g} m is below {2 * MIN_SEGMENT_LENGTH:g} m")
+    if segment_length_m < 2 * MIN_SEGMENT_LENGTH_M:
+        raise ValueError(f"a segment length of {segment_length_m:g} m is below {2 * MIN_SEGMENT_LENGTH_M:g} m")
     segments: list[Segment] = []
     for street in streets:
         for line, polygon in pieces_of(street, segment_length_m):

@@ -11,12 +11,12 @@ from pavetwin.world.roadnet import Edge, RoadNet
 from pavetwin.world.segments import direction_at, point_at
 from pavetwin.world.streets import StreetSurface
 
-SIGNAL_HEIGHT = 6.0
+SIGNAL_HEIGHT_M = 6.0
 """Underside of the arm above the road [m]; 5.5 is the least that is allowed over a road."""
 
 SIGNAL_SETBACK, SIGN_SETBACK = 0.8, 0.5
-LONGEST_ARM = 7.0
-BACK_FROM_LINE = (1.0, 2.0, 3.5, 5.0, 7.0)
+LONGEST_ARM_M = 7.0
+BACK_FROM_LINE_M = (1.0, 2.0, 3.5, 5.0, 7.0)
 """Distances before the stop line at which a place is tried [m]."""
 
 
@@ -28,9 +28,9 @@ def signals_of(net: RoadNet, radius_m: float) -> Iterator[list[Furniture]]:
             continue
         lanes = edge.carriageway
         arm = SIGNAL_SETBACK + sum(lane.width_m for lane in lanes) - lanes[-1].width_m / 2
-        mast = Furniture("", FurnitureKind.SIGNAL, Point(0, 0), SIGNAL_HEIGHT, radius_m, controller=controller)
+        mast = Furniture("", FurnitureKind.SIGNAL, Point(0, 0), SIGNAL_HEIGHT_M, radius_m, controller=controller)
         yield [
-            replace(mast, position=at, yaw_rad=yaw, arm_m=round(min(arm, LONGEST_ARM), 2))
+            replace(mast, position=at, yaw_rad=yaw, arm_m=round(min(arm, LONGEST_ARM_M), 2))
             for at, yaw in _places(edge, SIGNAL_SETBACK, net.left_hand)
         ]
 
@@ -56,7 +56,7 @@ def _places(edge: Edge, setback_m: float, left_hand: bool) -> Iterator[tuple[Poi
     """Points behind the kerb near the end of an edge, and the direction from there over the road (yaw, radians)."""
     lane = edge.carriageway[0]
     side = 1.0 if left_hand else -1.0
-    for back in BACK_FROM_LINE:
+    for back in BACK_FROM_LINE_M:
         station = max(0.0, lane.length_m - back)
         x, y = point_at(lane.centre_line, station)
         dx, dy = direction_at(lane.centre_line, station)

@@ -12,14 +12,14 @@ from shapely import Polygon
 from pavetwin.arrays import Float64Array, Int64Array, UInt8Array
 from pavetwin.world.model import Building, Furniture, FurnitureKind, World
 
-ARM_HALF_HEIGHT = 0.15
+ARM_HALF_HEIGHT_M = 0.15
 """An arm reaches this far above and below its height [m]."""
 
-ARM_HALF_WIDTH = 0.1
+ARM_HALF_WIDTH_M = 0.1
 PLATE_WIDTH, PLATE_HALF_DEPTH, PLATE_BOTTOM = 0.75, 0.03, 0.7
 """Of a sign: its width, half its thickness, and how far below the mast's top it begins [m]."""
 
-TRUNK_RADIUS = 0.2
+TRUNK_RADIUS_M = 0.2
 CROWN_SIDES, MAST_SIDES = 12, 8
 
 Ring = Float64Array
@@ -103,15 +103,15 @@ def convex_parts(building: Building) -> Iterator[Ring]:
 def furniture_prisms(thing: Furniture) -> list[tuple[SolidKind, Prism]]:
     """Trunk and crown of a tree; mast, arm and plate of everything else."""
     if thing.kind is FurnitureKind.TREE:
-        trunk = _round(thing, min(TRUNK_RADIUS, thing.radius_m / 2), MAST_SIDES)
+        trunk = _round(thing, min(TRUNK_RADIUS_M, thing.radius_m / 2), MAST_SIDES)
         crown = _round(thing, thing.radius_m, CROWN_SIDES)
         leaves = (SolidKind.CROWN, (crown, thing.clear_height_m, thing.height_m))
         stem = (SolidKind.TRUNK, (trunk, 0.0, thing.clear_height_m))
         return [stem, leaves] if thing.clear_height_m > 0 else [leaves]
     prisms = [(SolidKind.MAST, (_round(thing, thing.radius_m, MAST_SIDES), 0.0, thing.height_m))]
     if thing.arm_m > 0:
-        arm = _box(thing, 0.0, thing.arm_m, ARM_HALF_WIDTH)
-        prisms.append((SolidKind.ARM, (arm, thing.height_m - ARM_HALF_HEIGHT, thing.height_m + ARM_HALF_HEIGHT)))
+        arm = _box(thing, 0.0, thing.arm_m, ARM_HALF_WIDTH_M)
+        prisms.append((SolidKind.ARM, (arm, thing.height_m - ARM_HALF_HEIGHT_M, thing.height_m + ARM_HALF_HEIGHT_M)))
     if thing.kind is FurnitureKind.SIGN:
         plate = _box(thing, -PLATE_WIDTH / 2, PLATE_WIDTH / 2, PLATE_HALF_DEPTH)
         prisms.append((SolidKind.SIGN, (plate, max(0.0, thing.height_m - PLATE_BOTTOM), thing.height_m)))

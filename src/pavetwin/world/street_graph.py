@@ -18,13 +18,13 @@ from pavetwin.world.groups import groups
 
 Coordinate = tuple[float, float]
 
-CURVE_STEP = 7.0
+CURVE_STEP_M = 7.0
 """Distance between the points of a drawn curve [m]."""
-NODE_SPACING = 36.0
+NODE_SPACING_M = 36.0
 """Least distance between two junctions on a side street [m]; room for queues and crossings."""
-MAIN_SPACING = 52.0
+MAIN_SPACING_M = 52.0
 """The same on the main street and the through road."""
-CLEARANCE = 30.0
+CLEARANCE_M = 30.0
 """Least distance between streets that do not meet [m]: two rows of gardens, or one of houses."""
 MAIN, THROUGH = 0, 1
 """Strokes of the two main roads."""
@@ -167,7 +167,7 @@ def turned(vector: Float64Array, angle_deg: float) -> Float64Array:
 
 def hermite(start: Float64Array, leave: Float64Array, end: Float64Array, arrive: Float64Array) -> LineString:
     """The cubic from `start` with velocity `leave` to `end` with velocity `arrive`, as a polyline."""
-    count = max(3, round(float(np.hypot(*(end - start))) * 1.15 / CURVE_STEP) + 1)
+    count = max(3, round(float(np.hypot(*(end - start))) * 1.15 / CURVE_STEP_M) + 1)
     t = np.linspace(0, 1, count)[:, None]
     points = (
         (2 * t**3 - 3 * t**2 + 1) * start
@@ -232,9 +232,9 @@ def fits(graph: StreetGraph, line: LineString, *, ends: int = 2) -> bool:
     """Whether a new street keeps its distance from all others, except at its first end or both `ends`."""
     if line.length < 50 or not line.is_simple:
         return False
-    free = part_of(line, CLEARANCE + 8, line.length - (CLEARANCE + 8) * (ends - 1))
+    free = part_of(line, CLEARANCE_M + 8, line.length - (CLEARANCE_M + 8) * (ends - 1))
     near_ends = part_of(line, 12, line.length - 12 * (ends - 1))
     return all(
-        piece.line.distance(free) > CLEARANCE and piece.line.distance(near_ends) > 9.5
+        piece.line.distance(free) > CLEARANCE_M and piece.line.distance(near_ends) > 9.5
         for piece in graph.pieces.values()
     )

@@ -15,13 +15,13 @@ from pavetwin.arrays import Float64Array
 from pavetwin.world.model import Lane, LaneKind, Street, Surface
 from pavetwin.world.roadnet import Edge, RoadNet
 
-MAX_MEDIAN = 3.0
+MAX_MEDIAN_M = 3.0
 """Two directions further apart than this are two streets with a median between them [m]."""
 
-MIN_STREET = 8.0
+MIN_STREET_M = 8.0
 """A shorter street counts as part of a junction and is not inspected [m]."""
 
-CLOSING = 0.3
+CLOSING_M = 0.3
 """Slivers between neighbouring lanes up to twice this are closed [m]."""
 
 
@@ -49,7 +49,7 @@ class StreetSurface:
 def streets_of(net: RoadNet) -> tuple[StreetSurface, ...]:
     """All streets for cars of at least 8 m, by name and then along its main direction; polygons are disjoint."""
     streets = [_street(edges, net.left_hand) for edges in pair_edges(net.edges.values())]
-    kept = [street for street in streets if street.length_m >= MIN_STREET and street.polygon.area > 0]
+    kept = [street for street in streets if street.length_m >= MIN_STREET_M and street.polygon.area > 0]
     return _disjoint(_in_order(kept))
 
 
@@ -70,7 +70,7 @@ def pair_edges(edges: Iterable[Edge]) -> list[tuple[Edge, ...]]:
             if other.id in open_edges
         ]
         gap, partner = min(beside, default=(math.inf, ""))
-        pairs.append((edge, open_edges.pop(partner)) if gap <= MAX_MEDIAN else (edge,))
+        pairs.append((edge, open_edges.pop(partner)) if gap <= MAX_MEDIAN_M else (edge,))
     return pairs
 
 
@@ -103,10 +103,10 @@ def _street(edges: tuple[Edge, ...], left_hand: bool) -> StreetSurface:
         end=first.end,
         centre_line=middle_line(edges, left_hand),
     )
-    return StreetSurface(street, edges, lanes_polygon(lanes, CLOSING + gap / 2))
+    return StreetSurface(street, edges, lanes_polygon(lanes, CLOSING_M + gap / 2))
 
 
-def lanes_polygon(lanes: Sequence[Lane], closing_m: float = CLOSING) -> Surface:
+def lanes_polygon(lanes: Sequence[Lane], closing_m: float = CLOSING_M) -> Surface:
     """Union of lanes with flat ends; gaps of up to twice `closing_m` between them are closed, holes filled."""
     strips = [lane.centre_line.buffer(lane.width_m / 2, cap_style="flat", join_style="mitre") for lane in lanes]
     return solid_parts(union_of(strips, closing_m).buffer(-closing_m, join_style="mitre"))

@@ -5,11 +5,11 @@ import re
 import unicodedata
 from collections.abc import Mapping
 
-FOOT = 0.3048
-LEVEL_HEIGHT = 3.0
+FOOT_M = 0.3048
+LEVEL_HEIGHT_M = 3.0
 """Height of one storey [m]."""
 
-ROOF_HEIGHT = 1.5
+ROOF_HEIGHT_M = 1.5
 """Added to `building:levels` for a roof whose height and levels the map does not say [m]."""
 
 LOW_KINDS = frozenset(
@@ -20,7 +20,7 @@ LOW_KINDS = frozenset(
 AREA_RULE = ((60.0, 3.0), (150.0, 6.5), (400.0, 9.5), (1500.0, 12.5))
 """Footprint up to [m²] → height [m] of a building without height tags; larger ones are 15 m."""
 
-LARGEST = 15.0
+LARGEST_AREA_HEIGHT_M = 15.0
 
 LATIN_NAMES = ("int_name", "name:en", "name:latin", r"name:\w+[-_](Latn.*|rm|pinyin)", "official_name:en", "alt_name")
 """Keys, as regular expressions, that may hold a name in Latin letters; the first that does counts."""
@@ -43,7 +43,7 @@ def _metres(text: str) -> float | None:
     number = float(match["number"].replace(",", "."))
     unit = match["unit"].lower()
     if unit in ("'", "′", "’", "ft", "feet", "foot"):
-        return number * FOOT + float(match["inch"] or 0) * FOOT / 12
+        return number * FOOT_M + float(match["inch"] or 0) * FOOT_M / 12
     scale = {"": 1.0, "m": 1.0, "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0, "cm": 0.01}.get(unit)
     return None if scale is None else number * scale
 
@@ -71,8 +71,8 @@ def building_height_m(tags: Mapping[str, str], area_m2: float) -> float:
         if roof is None:
             roof_levels = metres(tags.get("roof:levels"))
             flat = tags.get("roof:shape") == "flat"
-            roof = 0.0 if flat else roof_levels * LEVEL_HEIGHT if roof_levels is not None else ROOF_HEIGHT
-        height = levels * LEVEL_HEIGHT + roof
+            roof = 0.0 if flat else roof_levels * LEVEL_HEIGHT_M if roof_levels is not None else ROOF_HEIGHT_M
+        height = levels * LEVEL_HEIGHT_M + roof
     if not height:
         height = height_by_rule_m(tags.get("building", "yes"), area_m2)
     return round(min(400.0, max(2.0, height)), 2)
@@ -82,4 +82,4 @@ def height_by_rule_m(kind: str, area_m2: float) -> float:
     """The height that a kind of building and its footprint suggest."""
     if kind in LOW_KINDS:
         return 3.0
-    return next((height for largest, height in AREA_RULE if area_m2 <= largest), LARGEST)
+    return next((height for largest, height in AREA_RULE if area_m2 <= largest), LARGEST_AREA_HEIGHT_M)

@@ -12,11 +12,11 @@ from shapely.affinity import translate
 from pavetwin.world.model import Building
 from pavetwin.world.street_graph import Coordinate
 from pavetwin.world.town_buildings import largest, place_buildings, surfaces
-from pavetwin.world.town_edge import RADIUS
+from pavetwin.world.town_edge import RADIUS_M
 from pavetwin.world.town_plan import plan_town
 from pavetwin.world.town_roads import RoadPlan, plan_roads
 
-SHIFT: Coordinate = (RADIUS + 10.0, RADIUS + 10.0)
+SHIFT_M: Coordinate = (RADIUS_M + 10.0, RADIUS_M + 10.0)
 """From the plan's frame, whose origin is the main crossing, to the world frame [m]."""
 
 
@@ -41,5 +41,5 @@ def build_town(seed: int) -> Town:
 
 def _moved(polygon: Polygon) -> Polygon:
     """A polygon in the world frame, to the centimetre."""
-    shifted = translate(polygon, *SHIFT)
+    shifted = translate(polygon, *SHIFT_M)
     return Polygon([(round(x, 2), round(y, 2)) for x, y in shifted.exterior.coords])

@@ -23,11 +23,11 @@ from pavetwin.world.streets import polygons_of, surface_of
 from pavetwin.world.town_plan import TownPlan
 from pavetwin.world.town_roads import Rank, RoadPlan
 
-CENTRE_RADIUS = 145.0
+CENTRE_RADIUS_M = 145.0
 """Blocks whose middle is nearer to the crossing are built up in closed rows [m]."""
-EDGE_RADIUS = 262.0
+EDGE_RADIUS_M = 262.0
 """Beyond this there are only single farms [m]."""
-LEAST_AREA = 28.0
+LEAST_AREA_M2 = 28.0
 """Smaller left-overs are not built [m²]."""
 FORECOURT_WIDTH, FORECOURT_DEPTH = 44.0, 50.0
 """The plot of the church with its square [m]."""
@@ -53,7 +53,7 @@ class _Site:
 
     def build(self, polygon: Polygon, height_m: float, *, gap_m: float = 0.0) -> bool:
         """Build unless another building is within the gap on any side."""
-        if not polygon.is_valid or polygon.area < LEAST_AREA or polygon.intersects(self.forbidden):
+        if not polygon.is_valid or polygon.area < LEAST_AREA_M2 or polygon.intersects(self.forbidden):
             return False
         needed = polygon.buffer(gap_m, join_style="mitre") if gap_m else polygon.buffer(-0.02)
         if self.polygons and shapely.intersects(np.array(self.polygons), needed).any():
@@ -70,11 +70,11 @@ def place_buildings(plan: TownPlan, roads: RoadPlan, park: Polygon, seed: int) -
     site = _Site(union([paved, park.buffer(3)]), rng)
     blocks = _blocks(plan, paved, park)
     deep = [block for block in blocks if block.buffer(-16).area > 60]
-    central = [block for block in deep if block.centroid.distance(Point(0, 0)) < CENTRE_RADIUS]
+    central = [block for block in deep if block.centroid.distance(Point(0, 0)) < CENTRE_RADIUS_M]
     square = _church(site, central)
     for block in deep:
         if block in central or block.distance(Point(0, 0)) < 40:
-            _closed_rows(site, block, square, math.inf if block in central else CENTRE_RADIUS)
+            _closed_rows(site, block, square, math.inf if block in central else CENTRE_RADIUS_M)
     side_streets = unary_union([road.centre_line for road in roads.roads if road.rank not in (Rank.MAIN, Rank.THROUGH)])
     _line_streets(site, paved, union([*central, square]).buffer(1), side_streets.buffer(22))
     for block in blocks:
@@ -186,12 +186,12 @@ def _line_streets(site: _Site, paved: Surface, skip: Surface, near_side_street: 
             while along < ring.length:
                 spot, _ = _on_ring(ring, along)
                 remote = float(np.hypot(*spot))
-                open_land = remote > EDGE_RADIUS and not near_side_street.intersects(Point(spot))
-                if (open_land and remote > EDGE_RADIUS + 50) or skip.intersects(Point(spot)):
+                open_land = remote > EDGE_RADIUS_M and not near_side_street.intersects(Point(spot))
+                if (open_land and remote > EDGE_RADIUS_M + 50) or skip.intersects(Point(spot)):
                     along += 5.0
                 elif open_land and rng.random() < 0.7:
                     along += 22.0
-                elif remote < CENTRE_RADIUS - 10 and rng.random() < 0.6:
+                elif remote < CENTRE_RADIUS_M - 10 and rng.random() < 0.6:
                     along += _terrace(site, ring, along, 1.0, tall=True)
                 elif remote < 205 and rng.random() < 0.12:
                     along += _terrace(site, ring, along, setback)

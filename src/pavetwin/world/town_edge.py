@@ -10,8 +10,8 @@ from shapely import LineString, Point, Polygon, union_all
 
 from pavetwin.world.street_graph import (
     MAIN,
-    MAIN_SPACING,
-    NODE_SPACING,
+    MAIN_SPACING_M,
+    NODE_SPACING_M,
     THROUGH,
     Door,
     StreetGraph,
@@ -23,7 +23,7 @@ from pavetwin.world.street_graph import (
     turned,
 )
 
-RADIUS = 340.0
+RADIUS_M = 340.0
 """From the centre to where the two main roads leave the map [m]."""
 
 
@@ -75,12 +75,12 @@ def _outer_doors(graph: StreetGraph, *, inside: bool) -> list[Door]:
     town = union_all(graph.faces())
     doors = []
     for piece in graph.pieces.values():
-        spacing = MAIN_SPACING if piece.stroke in (MAIN, THROUGH) else NODE_SPACING
+        spacing = MAIN_SPACING_M if piece.stroke in (MAIN, THROUGH) else NODE_SPACING_M
         for along in np.arange(spacing, piece.length_m - spacing, 8.0):
             spot = np.array(piece.line.interpolate(along).coords[0])
             for side in (90, -90):
                 outward = turned(tangent(piece.line, along), side)
-                if np.hypot(*spot) < RADIUS - 45 and (inside or not town.covers(Point(*(spot + 12 * outward)))):
+                if np.hypot(*spot) < RADIUS_M - 45 and (inside or not town.covers(Point(*(spot + 12 * outward)))):
                     doors.append(Door(spot, outward, junction=False))
     return doors
 
@@ -121,4 +121,4 @@ def closes(graph: StreetGraph, park: Polygon, rng: np.random.Generator, count: i
 
 
 def _inside_map(line: LineString) -> bool:
-    return max(math.hypot(x, y) for x, y in line.coords) < RADIUS - 12
+    return max(math.hypot(x, y) for x, y in line.coords) < RADIUS_M - 12

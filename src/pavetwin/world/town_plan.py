@@ -16,10 +16,10 @@ from pavetwin.arrays import Float64Array, IndexArray
 from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
 from pavetwin.world.street_graph import (
-    CLEARANCE,
+    CLEARANCE_M,
     MAIN,
-    MAIN_SPACING,
-    NODE_SPACING,
+    MAIN_SPACING_M,
+    NODE_SPACING_M,
     THROUGH,
     Coordinate,
     Door,
@@ -34,7 +34,7 @@ from pavetwin.world.street_graph import (
     turned,
     unit,
 )
-from pavetwin.world.town_edge import RADIUS, choose_park, closes, crescents, remove_some
+from pavetwin.world.town_edge import RADIUS_M, choose_park, closes, crescents, remove_some
 
 LEAST_ANGLE_DEG = 40.0
 
@@ -97,7 +97,7 @@ def faults(plan: TownPlan) -> list[str]:
         for b in pieces[i + 1 :]:
             shared = {a.start, a.end} & {b.start, b.end}
             inner = part_of(b.line, 16.0, b.length_m - 16.0) if shared else b.line
-            if a.line.distance(inner) < (9.0 if shared else CLEARANCE * 0.8):
+            if a.line.distance(inner) < (9.0 if shared else CLEARANCE_M * 0.8):
                 found.append("two streets too close")
     length = sum(piece.length_m for piece in pieces)
     if not 3_400 <= length <= 4_800:
@@ -121,9 +121,9 @@ def _main_roads(rng: np.random.Generator) -> tuple[StreetGraph, list[LineString]
         base = heading + (k % 2) * oblique + (k // 2) * 180
         lean = bend if k % 2 == 0 else float(rng.uniform(-16, 16))
         leave = unit(turned(np.array([1.0, 0.0]), base))
-        near = leave * RADIUS * 0.3
-        middle = near + unit(turned(leave, lean * 0.7)) * RADIUS * 0.35
-        far = middle + unit(turned(leave, lean * (1.2 if k % 2 == 0 else -0.6))) * RADIUS * 0.42
+        near = leave * RADIUS_M * 0.3
+        middle = near + unit(turned(leave, lean * 0.7)) * RADIUS_M * 0.35
+        far = middle + unit(turned(leave, lean * (1.2 if k % 2 == 0 else -0.6))) * RADIUS_M * 0.42
         arms.append(through(np.array([(0.0, 0.0), near, middle, far])))
         end = graph.add_node(arms[-1].coords[-1])
         graph.new_stroke() if k < 2 else None
@@ -154,7 +154,7 @@ def _settle(graph: StreetGraph, point: Float64Array, rng: np.random.Generator) -
     """A point on a street moved onto a junction that is near, or none when it is too near to one to stand alone."""
     nearest = min((n for n in range(len(graph.nodes))), key=lambda n: math.dist(graph.nodes[n], point))
     gap = math.dist(graph.nodes[nearest], point)
-    if gap > MAIN_SPACING:
+    if gap > MAIN_SPACING_M:
         return point
     if gap < 30 and graph.degree(nearest) == 3 and rng.random() < 0.4:
         return np.array(graph.nodes[nearest])
@@ -194,7 +194,7 @@ def _doors(graph: StreetGraph, block: Polygon) -> list[Door]:
         spot = ring.interpolate(along)
         before, after = ring.interpolate((along - 4) % ring.length), ring.interpolate((along + 4) % ring.length)
         inward = turned(unit(np.array([after.x - before.x, after.y - before.y])), 90)
-        spacing = MAIN_SPACING if any(line.distance(spot) < 0.1 for line in main) else NODE_SPACING
+        spacing = MAIN_SPACING_M if any(line.distance(spot) < 0.1 for line in main) else NODE_SPACING_M
         if all(spot.distance(Point(graph.nodes[n])) > spacing for n in corners):
             doors.append(Door(np.array([spot.x, spot.y]), inward, junction=False, along_m=float(along)))
     for n in corners:

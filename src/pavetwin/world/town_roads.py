@@ -20,7 +20,7 @@ from pavetwin.world.street_graph import MAIN, THROUGH, Coordinate, Piece, Street
 from pavetwin.world.town_plan import TownPlan
 
 KMH = 1 / 3.6
-CENTRE_REACH = 190.0
+CENTRE_REACH_M = 190.0
 """How far from the crossing the main street keeps two lanes each way [m]."""
 
 _MAIN_NAMES = ("Main Street", "High Street", "Market Street")
@@ -105,7 +105,7 @@ def _road(plan: TownPlan, piece: Piece, slug: str, name: str, one_way: bool, tas
     dead_end = min(graph.degree(piece.start), graph.degree(piece.end)) == 1
     width, walk = (float(x) for x in taste)
     if piece.stroke == MAIN:
-        central = max(math.hypot(*graph.nodes[n]) for n in (piece.start, piece.end)) < CENTRE_REACH
+        central = max(math.hypot(*graph.nodes[n]) for n in (piece.start, piece.end)) < CENTRE_REACH_M
         shape = (Rank.MAIN, 2, 3.25, 3.0, 50) if central else (Rank.MAIN, 1, 3.75, 2.5, 50)
     elif piece.stroke == THROUGH:
         shape = (Rank.THROUGH, 1, 3.5, 2.5, 50)
