@@ -234,6 +234,29 @@ def test_each_class_name_has_one_meaning() -> None:
     assert {name: places for name, places in defined.items() if len(places) > 1} == {}
 
 
+def type_aliases(path: Path) -> Iterator[str]:
+    """Public aliases of types at the top of a module: `Name = tuple[…]`, and not a TypeVar or a value."""
+    for node in ast.parse(path.read_text(encoding="utf-8"), str(path)).body:
+        if isinstance(node, ast.Assign) and isinstance(target := node.targets[0], ast.Name):
+            is_type = isinstance(node.value, ast.Subscript | ast.BinOp | ast.Name | ast.Attribute)
+            if is_type and re.fullmatch(r"[A-Z][a-z]\w*", target.id):
+                yield target.id
+
+
+def test_each_type_alias_has_one_meaning() -> None:
+    """One definition, imported where it is used. Rows of a study's tables are plain mappings wherever they are made."""
+    defined: dict[str, list[str]] = {}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        for name in type_aliases(path):
+            defined.setdefault(name, []).append(str(path.relative_to(PACKAGE)))
+    assert len(defined) > 50, "no type aliases found"
+    several = {name: places for name, places in defined.items() if len(places) > 1}
+    assert {
+        name for name, places in several.items() if not all(it.startswith("experiments/") for it in places)
+    } == set()
+    assert set(several) <= {"Row"}
+
+
 def used_files(folder: Path) -> dict[str, set[str]]:
     """For each Rust file of a folder, the files beside it that it uses, by `super::` or by the crate's path."""
     names = {path.stem for path in folder.glob("*.rs")} - {"mod"}

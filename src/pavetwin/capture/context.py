@@ -1,6 +1,6 @@
 """The context that images are drawn from, made from a world and settings; each process makes the same one."""
 
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Mapping, Set
 from functools import partial
 
 from pavetwin.capture.defect_index import AIMED_WITHIN_M, DefectIndex
@@ -11,6 +11,7 @@ from pavetwin.capture.splits import RECORDED_S, defect_streets, street_splits
 from pavetwin.config.mission import UavSettings
 from pavetwin.defects.registry import DEFECT_CLASSES, kinds
 from pavetwin.errors import PaveTwinError, naming
+from pavetwin.mission.inputs import OnProgress
 from pavetwin.navigation.navmesh import navmesh
 from pavetwin.plugins import load_plugins
 from pavetwin.registry import packages_of
@@ -20,9 +21,6 @@ from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.trace import trace_of
 from pavetwin.uav.cameras import CAMERAS, find_camera
 from pavetwin.world.model import World
-
-OnProgress = Callable[[float, str], None]
-"""Called with the share done and the current step."""
 
 
 def check(settings: CaptureSettings) -> None:

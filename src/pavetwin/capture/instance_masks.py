@@ -6,7 +6,7 @@ import numpy as np
 
 from pavetwin.arrays import BoolArray, IndexArray, UInt32Array
 
-Box = tuple[int, int, int, int]
+PixelBox = tuple[int, int, int, int]
 """Left, top, right, bottom in pixels; right and bottom are exclusive."""
 
 
@@ -15,7 +15,7 @@ class InstanceMask:
     """The visible pixels of one object in one image."""
 
     label: int
-    box: Box
+    box: PixelBox
     bits: BoolArray
     """(bottom − top, right − left): which pixels of the box show it. Each edge of the box has at least one."""
 

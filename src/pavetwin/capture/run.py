@@ -7,7 +7,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
-from pavetwin.capture.context import OnProgress, check, packages_in_use, prepare
+from pavetwin.capture.context import check, packages_in_use, prepare
 from pavetwin.capture.disk_space import check_disk_space
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.image_spec import ImageSpec
@@ -22,6 +22,7 @@ from pavetwin.capture.statistics import Statistics, count
 from pavetwin.capture.store import write_over_all, write_yaml
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import working_in
+from pavetwin.mission.inputs import OnProgress
 from pavetwin.mission.versions import software_versions
 from pavetwin.world.model import World
 from pavetwin.world.store import attribution, load_record, load_world

@@ -11,6 +11,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from pavetwin.capture.classes import categories
 from pavetwin.config.altitude import Altitude
 from pavetwin.config.base import NameOrFile, PluginFiles, Settings, complaint
+from pavetwin.config.mission import Share
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
 from pavetwin.mission.versions import ADAPTER, version_changes
@@ -18,8 +19,7 @@ from pavetwin.plugins import plugin_hashes
 from pavetwin.uav.cameras import camera_file
 from pavetwin.world.model import World
 
-Share = Annotated[float, Field(ge=0, le=1)]
-Pixels = Annotated[int, Field(ge=64, le=8192)]
+ImageSidePx = Annotated[int, Field(ge=64, le=8192)]
 
 FORMAT: Final = 4
 """Version of the dataset's format; raised when older datasets cannot be read or resumed."""
@@ -44,7 +44,7 @@ class CaptureSettings(Settings):
     """Of the UAV, one drawn for each image."""
     densities: Annotated[tuple[str, ...], Field(min_length=1)] = ("medium",)
     """Of the traffic, one drawn for each image."""
-    size_px: tuple[Pixels, Pixels] = (640, 640)
+    size_px: tuple[ImageSidePx, ImageSidePx] = (640, 640)
     """Width, height. The camera's vertical field of view is kept, so that a square is its middle."""
     camera: NameOrFile = "paper"
     """Of the UAV: a name of the camera database, or a path to a YAML file of the same form."""

@@ -14,7 +14,7 @@ from pavetwin.arrays import Float64Array
 from pavetwin.capture.classes import Category, category_of_agent, category_of_defect
 from pavetwin.capture.contrast import ContrastMeter
 from pavetwin.capture.defect_index import footprint
-from pavetwin.capture.instance_masks import Box, InstanceMask, instance_masks
+from pavetwin.capture.instance_masks import InstanceMask, PixelBox, instance_masks
 from pavetwin.capture.rle import encode
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.scene.model import labelled_agent, labelled_defect
@@ -51,7 +51,7 @@ class LabelledObject:
     id: str
     """`defect 12`, or `agent 7` of the image's recording."""
     category: str
-    box: Box
+    box: PixelBox
     """Tight around its visible pixels: left, top, and the first column and row beyond it."""
     area_px: int
     """Its visible pixels."""

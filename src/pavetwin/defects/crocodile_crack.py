@@ -14,7 +14,17 @@ from pavetwin.defects.heightfield import Heightfield, Lattice, Stains
 from pavetwin.defects.marking import Marking
 from pavetwin.defects.registry import LabelRule, defect_class
 from pavetwin.defects.severity import crocodile_severity
-from pavetwin.defects.shapes import Range, Share, between, centres, lattice_around, log_between, noise, smooth, spread
+from pavetwin.defects.shapes import (
+    Range,
+    ShareRange,
+    between,
+    centres,
+    lattice_around,
+    log_between,
+    noise,
+    smooth,
+    spread,
+)
 
 CELL_M = 0.005
 MARKING = Marking(margin_m=0.03, closing_m=0.12)
@@ -64,7 +74,7 @@ class CrocodileCrackParameters(Settings):
     """Width of its thinnest and of its widest cracks."""
     exponent: Range = (1.5, 3.0)
     """Of the Minkowski metric that shapes the blocks; rounded to halves."""
-    wear: Share = (0.0, 1.0)
+    wear: ShareRange = (0.0, 1.0)
     """Progress of the damage: width of the cracks, broken edges, tilted and lost blocks."""
 
 

@@ -26,7 +26,7 @@ def _ordered_share(limits: tuple[float, float]) -> tuple[float, float]:
 Range = Annotated[tuple[float, float], AfterValidator(_ordered)]
 """Least and largest value of a size."""
 
-Share = Annotated[tuple[float, float], AfterValidator(_ordered_share)]
+ShareRange = Annotated[tuple[float, float], AfterValidator(_ordered_share)]
 """Least and largest value of a share."""
 
 

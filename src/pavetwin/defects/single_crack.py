@@ -16,7 +16,17 @@ from pavetwin.defects.heightfield import Heightfield, Lattice, Stains
 from pavetwin.defects.marking import Marking
 from pavetwin.defects.registry import LabelRule, defect_class
 from pavetwin.defects.severity import crack_severity
-from pavetwin.defects.shapes import Range, Share, between, lattice_around, log_between, noise, smooth, spread, turned
+from pavetwin.defects.shapes import (
+    Range,
+    ShareRange,
+    between,
+    lattice_around,
+    log_between,
+    noise,
+    smooth,
+    spread,
+    turned,
+)
 from pavetwin.defects.strokes import STEP_M, Stroke, flaked, frayed, traced, wandering
 
 CELL_M = 0.005
@@ -68,7 +78,7 @@ class SingleCrackParameters(Settings):
     """Number of interruptions, where it continues with an offset."""
     branches: Annotated[float, Field(ge=0, le=5)] = 0.7
     """Mean number of branches per metre."""
-    spalled: Share = (0.0, 0.7)
+    spalled: ShareRange = (0.0, 0.7)
     """Share of its length along which an edge has chipped."""
 
 

@@ -10,7 +10,7 @@ from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
 from pavetwin.draw.frame import DefectMark, MapView, MissionState
 from pavetwin.draw.ground_raster import GroundRaster
-from pavetwin.draw.marks import DefectOutcome, Place, footprint_m, rectangles, start_of_interest_s
+from pavetwin.draw.marks import DefectOutcome, footprint_m, rectangles, start_of_interest_s
 from pavetwin.draw.mission_style import agent_group, font, write
 from pavetwin.draw.readings import HEIGHT_PX, Readings
 from pavetwin.draw.shadows import SeenSurface, shadows
@@ -19,6 +19,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.timeline import Timeline, TimelineState
+from pavetwin.twin import Place
 
 WIDTH_M = 70.0
 """Least width of street in the view; more where the camera's footprint is wide."""

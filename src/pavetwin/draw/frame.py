@@ -12,11 +12,11 @@ from PIL import Image
 from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
 from pavetwin.draw.ground_raster import GroundRaster
-from pavetwin.draw.marks import DefectOutcome, Place, rectangles
+from pavetwin.draw.marks import DefectOutcome, rectangles
 from pavetwin.draw.mission_style import AGENT_COLOURS, HIDDEN, OPEN_DEFECT, SEEN, UAV, Rgb, rgb, visibility_rgb
 from pavetwin.draw.pen import SMOOTHING, Pen
 from pavetwin.draw.shadows import bodies
-from pavetwin.twin import UavState
+from pavetwin.twin import Place, UavState
 
 if TYPE_CHECKING:
     from pavetwin._core import PoseColumns

@@ -16,7 +16,7 @@ from shapely.ops import substring
 from pavetwin.draw import shapes, style
 from pavetwin.draw.carriageway import sidewalks
 from pavetwin.draw.mission_style import rgb
-from pavetwin.draw.pen import SMOOTHING, Colour, Pen
+from pavetwin.draw.pen import SMOOTHING, Pen, PixelColour
 from pavetwin.draw.world_map import TALL_M
 from pavetwin.world.model import CARRIAGEWAY_LANES, FurnitureKind, World
 
@@ -64,7 +64,7 @@ class GroundRaster:
         return pen.finished()
 
 
-def _paint(world: World) -> Iterator[tuple[BaseGeometry, Colour]]:
+def _paint(world: World) -> Iterator[tuple[BaseGeometry, PixelColour]]:
     """Shapes and colours, from the ground up."""
     for park in world.parks:
         yield park, rgb(style.PARK)

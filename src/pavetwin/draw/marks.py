@@ -16,8 +16,6 @@ from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.timeline import Timeline
 from pavetwin.uav import find_camera
 
-Place = tuple[float, float]
-
 SAME_WINDOW_M = 0.5
 
 LEAD_S = 4.0

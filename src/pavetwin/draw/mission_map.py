@@ -20,6 +20,7 @@ from pavetwin.draw.world_map import ABOVE_WORLD, MapLayer, credit, draw_world
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
+from pavetwin.world.ground import Bounds
 
 WIDTH_IN = 10.0
 MARGIN_IN = 0.25
@@ -137,7 +138,7 @@ def _comparison_figure(results: Sequence[MissionResult], segment: str) -> Figure
     return figure
 
 
-def flown_bounds(result: MissionResult) -> style.Bounds:
+def flown_bounds(result: MissionResult) -> Bounds:
     """What a map of the mission shows: the route, the inspected segments and some ground around them, in metres."""
     world = result.environment.world
     route = np.column_stack([result.track["x_m"], result.track["y_m"]])
@@ -147,7 +148,7 @@ def flown_bounds(result: MissionResult) -> style.Bounds:
     return west - AROUND_M, south - AROUND_M, east + AROUND_M, north + AROUND_M
 
 
-def _draw_town(axes: Axes, result: MissionResult, bounds: style.Bounds, strips: Sequence[SegmentLayout]) -> None:
+def _draw_town(axes: Axes, result: MissionResult, bounds: Bounds, strips: Sequence[SegmentLayout]) -> None:
     draw_world(axes, result.environment.world, bounds=bounds, layers=_QUIET, defects=False, muted=True)
     weights = mission_layers.TOWN.times(float(np.clip(shapes.points_per_m(axes), 0.45, 1.0)))
     for strip, letter in zip(strips, "abc", strict=False):

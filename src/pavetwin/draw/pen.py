@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw
 
 from pavetwin.arrays import Float64Array
 
-Colour = tuple[int, ...]
+PixelColour = tuple[int, ...]
 """Red, green, blue and, where given, opacity; 0 … 255."""
 
 SMOOTHING = 2
@@ -31,11 +31,11 @@ class Pen:
         """World (..., 2) in metres to pixels (..., 2) of the enlarged image."""
         return np.asarray(xy, dtype=np.float64) * (self.scale, -self.scale) - self.corner
 
-    def fill(self, corners: npt.ArrayLike, colour: Colour) -> None:
+    def fill(self, corners: npt.ArrayLike, colour: PixelColour) -> None:
         """A polygon (n, 2)."""
         self.on.polygon(self.at(corners).ravel().tolist(), fill=colour)
 
-    def line(self, points: npt.ArrayLike, colour: Colour, width_px: float, *, closed: bool = False) -> None:
+    def line(self, points: npt.ArrayLike, colour: PixelColour, width_px: float, *, closed: bool = False) -> None:
         """A line through points (n, 2)."""
         xy = self.at(points)
         if len(xy) > 1:
@@ -43,14 +43,19 @@ class Pen:
             self.on.line(xy.ravel().tolist(), fill=colour, width=_wide(width_px), joint="curve")
 
     def disc(
-        self, centre: npt.ArrayLike, radius_px: float, fill: Colour | None, rim: Colour | None = None, rim_px: float = 1
+        self,
+        centre: npt.ArrayLike,
+        radius_px: float,
+        fill: PixelColour | None,
+        rim: PixelColour | None = None,
+        rim_px: float = 1,
     ) -> None:
         """A disc, or a ring where `fill` is None."""
         x, y = self.at(centre)
         reach = radius_px * SMOOTHING
         self.on.ellipse((x - reach, y - reach, x + reach, y + reach), fill=fill, outline=rim, width=_wide(rim_px))
 
-    def area(self, shape: shapely.Geometry, colour: Colour) -> None:
+    def area(self, shape: shapely.Geometry, colour: PixelColour) -> None:
         """A geometry of polygons filled; its holes stay open."""
         parts = [part for part in shapely.get_parts(shape) if isinstance(part, shapely.Polygon) and not part.is_empty]
         if not parts:

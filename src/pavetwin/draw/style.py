@@ -28,9 +28,7 @@ from PIL import Image
 from pavetwin.draw.fonts import USUAL, choose_fonts, font_properties, readable
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
-
-Bounds = tuple[float, float, float, float]
-"""West, south, east, north in metres of the world frame."""
+from pavetwin.world.ground import Bounds
 
 PAPER, INK, INK_SOFT, INK_FAINT = "#FFFFFF", "#2B2B2B", "#6E6A64", "#B5AFA6"
 GROUND, PARK, PARK_EDGE = "#F4F1EB", "#DDE9CF", "#C3D6B0"

@@ -13,7 +13,8 @@ from matplotlib.typing import ColorType
 from pavetwin.arrays import Float64Array
 from pavetwin.draw import lettering, shapes, style
 from pavetwin.draw.carriageway import lane_lines, sidewalks
-from pavetwin.draw.style import Bounds, LegendEntry
+from pavetwin.draw.style import LegendEntry
+from pavetwin.world.ground import Bounds
 from pavetwin.world.model import Furniture, FurnitureKind, LaneKind, World
 from pavetwin.world.store import attribution, load_record
 

@@ -15,9 +15,7 @@ from pavetwin.experiments.planning import load_worlds, plan
 from pavetwin.experiments.store import FORMER, Store
 from pavetwin.experiments.words import listed
 from pavetwin.files import working_in
-
-OnProgress = Callable[[float, str], None]
-"""Told the share done, and what is being done."""
+from pavetwin.mission.inputs import OnProgress
 
 
 @dataclass(frozen=True)

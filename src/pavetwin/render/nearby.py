@@ -9,7 +9,7 @@ from pavetwin.arrays import Float64Array
 from pavetwin.render.projection import planes, seen_points
 from pavetwin.render.tiles import Drawable
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import TILE_M
+from pavetwin.scene.model import TILE_M, TileKey
 from pavetwin.scene.view import View
 
 FAR_M: Final = 150.0
@@ -32,15 +32,13 @@ _CASTERS_REACH_M: Final = 48.0
 
 _STEP_M: Final = 12.0
 
-Key = tuple[int, int]
 
-
-def wanted_keys(scene: Drawable, view: View, light: Light) -> tuple[Key, ...]:
+def wanted_keys(scene: Drawable, view: View, light: Light) -> tuple[TileKey, ...]:
     """The keys of the tiles to draw for a view under a light."""
     points = seen_points(view, FAR_M)[:, :2]
     x, y = ((points.min(axis=0) + points.max(axis=0)) / 2).tolist()
     radius = float(np.linalg.norm(points - (x, y), axis=1).max())
-    found: dict[Key, None] = {}
+    found: dict[TileKey, None] = {}
     if radius < _WIDE_M:
         steep = math.tan(math.radians(light.sun_elevation_deg))
         reach = min(_CASTERS_UP_TO_M / steep, _CASTERS_REACH_M) if light.sun_klux.any() else 0.0

@@ -15,7 +15,7 @@ from pavetwin.arrays import UInt8Array
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.instances import InstanceBatch, PartTable
 from pavetwin.render.meshes import GpuMesh, upload_facades, upload_ground, upload_kerbs, upload_patch
-from pavetwin.scene.model import DefectPatch, Detail, GroundKind, GroundMaps, Model, Tile
+from pavetwin.scene.model import DefectPatch, Detail, GroundKind, GroundMaps, Model, Tile, TileKey
 
 TILES_HELD: Final = 192
 """Tiles on the device, each of 1 MB at most."""
@@ -23,7 +23,6 @@ TILES_HELD: Final = 192
 PAVEMENTS_HELD: Final = 64
 """Their maps and defects, each of some 12 MB."""
 
-Key = tuple[int, int]
 Held = TypeVar("Held")
 
 
@@ -36,11 +35,11 @@ class Drawable(Protocol):
     def details(self) -> Mapping[GroundKind, Detail]: ...
     @property
     def facade_textures(self) -> UInt8Array: ...
-    def tile(self, key: Key) -> Tile: ...
-    def maps(self, key: Key) -> GroundMaps: ...
-    def holes_on(self, key: Key) -> Mapping[int, tuple[float, float, float, float]]: ...
-    def patch_on(self, key: Key, number: int) -> DefectPatch | None: ...
-    def keys_near(self, x_m: float, y_m: float, radius_m: float, /) -> tuple[Key, ...]: ...
+    def tile(self, key: TileKey) -> Tile: ...
+    def maps(self, key: TileKey) -> GroundMaps: ...
+    def holes_on(self, key: TileKey) -> Mapping[int, tuple[float, float, float, float]]: ...
+    def patch_on(self, key: TileKey, number: int) -> DefectPatch | None: ...
+    def keys_near(self, x_m: float, y_m: float, radius_m: float, /) -> tuple[TileKey, ...]: ...
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ class GpuPatch:
 class GpuTile:
     """The objects on one tile and the shape of its ground, ready to be drawn."""
 
-    key: Key
+    key: TileKey
     origin: tuple[float, float]
     ground: GpuMesh | None
     kerbs: GpuMesh | None
@@ -95,18 +94,18 @@ class TileCache:
 
     def __init__(self, gpu: Gpu, scene: Drawable, parts: PartTable, layouts: TileLayouts) -> None:
         self._gpu, self._scene, self._parts, self._layouts = gpu, scene, parts, layouts
-        self._tiles: OrderedDict[Key, GpuTile] = OrderedDict()
-        self._pavements: OrderedDict[Key, GpuPavement] = OrderedDict()
+        self._tiles: OrderedDict[TileKey, GpuTile] = OrderedDict()
+        self._pavements: OrderedDict[TileKey, GpuPavement] = OrderedDict()
 
     def __len__(self) -> int:
         """Number of pavements on the device."""
         return len(self._pavements)
 
-    def tile(self, key: Key) -> GpuTile:
+    def tile(self, key: TileKey) -> GpuTile:
         """The objects and ground shape of a tile."""
         return _latest(self._tiles, key, lambda: self._upload(self._scene.tile(key)))
 
-    def pavement(self, key: Key) -> GpuPavement:
+    def pavement(self, key: TileKey) -> GpuPavement:
         """The appearance of a tile's ground: its maps and defects."""
         return _latest(self._pavements, key, lambda: self._pave(self._scene.maps(key)))
 
@@ -167,7 +166,7 @@ class TileCache:
                     self._gpu.free(*patch.coarse.buffers)
 
 
-def _latest(held: OrderedDict[Key, Held], key: Key, make: Callable[[], Held]) -> Held:
+def _latest(held: OrderedDict[TileKey, Held], key: TileKey, make: Callable[[], Held]) -> Held:
     """The cached value of a key, made if missing; marks it as the latest used."""
     if key not in held:
         held[key] = make()

@@ -18,6 +18,9 @@ import numpy as np
 
 from pavetwin.arrays import Float32Array, Float64Array, UInt8Array, UInt32Array
 
+TileKey = tuple[int, int]
+"""Column and row of a tile, counted from the origin of the world frame."""
+
 TILE_M: Final = 32.0
 """Side of a tile [m]."""
 

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 Colour = tuple[float, float, float]
+"""Red, green and blue: linear reflectance, or a factor of one."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,11 +35,13 @@ from pavetwin.scene.model import (
     Instance,
     Model,
     Tile,
+    TileKey,
 )
 from pavetwin.scene.models import BODY, library
 from pavetwin.scene.patches import holes_of, part_on, patch_of
 from pavetwin.scene.shafts import shafts
 from pavetwin.traffic.recording import Recording
+from pavetwin.world.ground import Bounds
 from pavetwin.world.model import Furniture, World
 
 TILES_KEPT: Final = 8
@@ -51,8 +53,6 @@ PATCHES_KEPT: Final = 96
 EAVES_M: Final = 0.35
 """Greatest overhang of roofs beyond walls."""
 
-Key = tuple[int, int]
-Box = tuple[float, float, float, float]
 """West, south, east, north."""
 
 
@@ -66,30 +66,30 @@ class Scene:
         self._patch = lru_cache(PATCHES_KEPT)(lambda number: patch_of(world.defects[number]))
         self._actors: Actors | None = None
 
-    def tile(self, key: Key) -> Tile:
+    def tile(self, key: TileKey) -> Tile:
         """One tile; made if it is not in the cache."""
         return self._tile(key)
 
-    def maps(self, key: Key) -> GroundMaps:
+    def maps(self, key: TileKey) -> GroundMaps:
         """The weathering and marking maps of a tile's ground; not cached."""
         made = ground_maps(self._plan, key)
         give_back()
         return made
 
-    def holes_on(self, key: Key) -> Mapping[int, Box]:
+    def holes_on(self, key: TileKey) -> Mapping[int, Bounds]:
         """The holes in a tile's ground that defects fill, by the defects' places in the world's list."""
         return {number: self._holes[number].bounds for number in self._defects.get(key, [])}
 
-    def patch_on(self, key: Key, number: int) -> DefectPatch | None:
+    def patch_on(self, key: TileKey, number: int) -> DefectPatch | None:
         """The part of a defect's patch that lies on a tile; None if there is none."""
         return part_on(self._patch(number), key)
 
-    def patches_on(self, key: Key) -> Iterator[DefectPatch]:
+    def patches_on(self, key: TileKey) -> Iterator[DefectPatch]:
         """All patches that fill the holes in a tile's ground."""
         parts = (self.patch_on(key, number) for number in self._defects.get(key, []))
         return (part for part in parts if part is not None)
 
-    def keys_near(self, x_m: float, y_m: float, radius_m: float) -> tuple[Key, ...]:
+    def keys_near(self, x_m: float, y_m: float, radius_m: float) -> tuple[TileKey, ...]:
         """The tiles with any part within a disc, also of a house that extends beyond its tile; nearest first."""
         reach = radius_m + self._furthest_reach
         around = keys_of((x_m - reach, y_m - reach, x_m + reach, y_m + reach))
@@ -136,21 +136,21 @@ class Scene:
         """Height of the ground [m] at points (n, 2) in the world frame."""
         return heights(self._plan, xy)
 
-    def buildings_on(self, key: Key) -> Sequence[int]:
+    def buildings_on(self, key: TileKey) -> Sequence[int]:
         """Places in the world's list of the buildings that a tile holds."""
         return self._buildings.get(key, [])
 
     # --- Objects by tile --------------------------------------------------------------------------------------------
 
     @cached_property
-    def _buildings(self) -> Mapping[Key, list[int]]:
+    def _buildings(self) -> Mapping[TileKey, list[int]]:
         """Places in the world's list, by the tile in which a building's middle lies; it is drawn there whole."""
         return _by_tile(
             [(building.polygon.centroid.x, building.polygon.centroid.y) for building in self.world.buildings]
         )
 
     @cached_property
-    def _furniture(self) -> Mapping[Key, list[int]]:
+    def _furniture(self) -> Mapping[TileKey, list[int]]:
         return _by_tile([(item.position.x, item.position.y) for item in self.world.furniture])
 
     @cached_property
@@ -158,22 +158,22 @@ class Scene:
         return holes_of(self.world.defects)
 
     @cached_property
-    def _defects(self) -> Mapping[Key, list[int]]:
+    def _defects(self) -> Mapping[TileKey, list[int]]:
         """Places in the world's list of all whose hole may reach into a tile."""
-        found: defaultdict[Key, list[int]] = defaultdict(list)
+        found: defaultdict[TileKey, list[int]] = defaultdict(list)
         for index, hole in enumerate(self._holes):
             for key in keys_of(hole.bounds):
                 found[key].append(index)
         return dict(found)
 
     @cached_property
-    def _walker_poles(self) -> Mapping[Key, list[tuple[float, float]]]:
+    def _walker_poles(self) -> Mapping[TileKey, list[tuple[float, float]]]:
         """Positions of poles with pedestrian signal heads."""
         places = [(head.x_m, head.y_m) for head in self._heads if head.model == signals.WALKERS]
         return {key: [places[index] for index in indices] for key, indices in _by_tile(places).items()}
 
     @cached_property
-    def _extras(self) -> Mapping[Key, list[StreetObject]]:
+    def _extras(self) -> Mapping[TileKey, list[StreetObject]]:
         extras = StreetObjects(self.world, seed=self.seed).extras()
         places = [(extra.x_m, extra.y_m) for extra in extras]
         return {key: [extras[index] for index in indices] for key, indices in _by_tile(places).items()}
@@ -183,9 +183,9 @@ class Scene:
         return signals.heads_of(self.world, self._plan.road)
 
     @cached_property
-    def _boxes(self) -> Mapping[Key, Box]:
+    def _boxes(self) -> Mapping[TileKey, Bounds]:
         """The bounds of every tile with parts beyond its square."""
-        boxes: dict[Key, Box] = {}
+        boxes: dict[TileKey, Bounds] = {}
         for key, houses in self._buildings.items():
             _widen(boxes, key, [_wider(self.world.buildings[house].polygon.bounds, EAVES_M) for house in houses])
         for key, items in self._furniture.items():
@@ -211,7 +211,7 @@ class Scene:
     def _builder(self) -> Buildings:
         return Buildings(self.world, seed=self.seed)
 
-    def _make(self, key: Key) -> Tile:
+    def _make(self, key: TileKey) -> Tile:
         origin = key[0] * TILE_M, key[1] * TILE_M
         facades = [self._builder.pieces(number, origin) for number in self._buildings.get(key, [])]
         return Tile(
@@ -221,7 +221,7 @@ class Scene:
             instances=(*self._standing(key), *fixtures(self._plan, key)),
         )
 
-    def _standing(self, key: Key) -> Iterator[Instance]:
+    def _standing(self, key: TileKey) -> Iterator[Instance]:
         """The furniture and objects on a tile as instances."""
         numbers = self._furniture.get(key, [])
         items = [self.world.furniture[number] for number in numbers]
@@ -237,42 +237,42 @@ class Scene:
             yield Instance(extra.model, BODY, place, extra.tints)
 
 
-def _by_tile(places: Sequence[tuple[float, float]]) -> Mapping[Key, list[int]]:
+def _by_tile(places: Sequence[tuple[float, float]]) -> Mapping[TileKey, list[int]]:
     """Indices of places by the tile that they lie in."""
-    found: defaultdict[Key, list[int]] = defaultdict(list)
+    found: defaultdict[TileKey, list[int]] = defaultdict(list)
     for index, (x, y) in enumerate(places):
         found[math.floor(x / TILE_M), math.floor(y / TILE_M)].append(index)
     return dict(found)
 
 
-def keys_of(bounds: Box) -> Iterator[Key]:
+def keys_of(bounds: Bounds) -> Iterator[TileKey]:
     """The tiles that a box meets, row by row."""
     west, south, east, north = (math.floor(value / TILE_M) for value in bounds)
     return ((column, row) for row in range(south, north + 1) for column in range(west, east + 1))
 
 
-def tile_bounds(key: Key) -> Box:
+def tile_bounds(key: TileKey) -> Bounds:
     """A tile's square, in metres of the world frame."""
     return key[0] * TILE_M, key[1] * TILE_M, (key[0] + 1) * TILE_M, (key[1] + 1) * TILE_M
 
 
-def _wider(bounds: Box, by_m: float) -> Box:
+def _wider(bounds: Bounds, by_m: float) -> Bounds:
     west, south, east, north = bounds
     return west - by_m, south - by_m, east + by_m, north + by_m
 
 
-def _around(item: Furniture) -> Box:
+def _around(item: Furniture) -> Bounds:
     reach = max(item.radius_m, item.arm_m) + 1.0
     x, y = item.position.x, item.position.y
     return x - reach, y - reach, x + reach, y + reach
 
 
-def _widen(boxes: dict[Key, Box], key: Key, bounds: list[Box]) -> None:
+def _widen(boxes: dict[TileKey, Bounds], key: TileKey, bounds: list[Bounds]) -> None:
     corners = np.array([boxes.get(key, tile_bounds(key)), *bounds])
     low, high = corners[:, :2].min(axis=0), corners[:, 2:].max(axis=0)
     boxes[key] = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
 
 
-def _distance(box: Box, x_m: float, y_m: float) -> float:
+def _distance(box: Bounds, x_m: float, y_m: float) -> float:
     west, south, east, north = box
     return math.hypot(max(west - x_m, 0.0, x_m - east), max(south - y_m, 0.0, y_m - north))

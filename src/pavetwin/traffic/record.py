@@ -17,7 +17,7 @@ from pavetwin.traffic.demand import Density
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.job import STEP_S
 from pavetwin.traffic.recording import Recording, frames_of, load_recording, save_recording
-from pavetwin.traffic.runner import OnProgress, SimulationProcess, require_sumo, termination_as_exit, workplace
+from pavetwin.traffic.runner import OnRecorded, SimulationProcess, require_sumo, termination_as_exit, workplace
 from pavetwin.world.folder import CACHE_VARIABLE
 from pavetwin.world.model import World
 
@@ -32,7 +32,7 @@ def record(
     *,
     routes: Sequence[str | Path] = (),
     force: bool = False,
-    on_progress: OnProgress | None = None,
+    on_progress: OnRecorded | None = None,
 ) -> Recording:
     """Traffic over `world` for `duration_s` seconds, from the world's cache or from SUMO.
 
@@ -95,7 +95,7 @@ class Recorder:
         recorder._take(recording)
         return recorder
 
-    def until(self, duration_s: float, on_progress: OnProgress | None = None) -> Recording:
+    def until(self, duration_s: float, on_progress: OnRecorded | None = None) -> Recording:
         """The first `duration_s` seconds.
 
         Raises:
@@ -103,7 +103,7 @@ class Recorder:
         """
         return self.beyond(duration_s, on_progress).until(duration_s)
 
-    def beyond(self, duration_s: float, on_progress: OnProgress | None = None) -> Recording:
+    def beyond(self, duration_s: float, on_progress: OnRecorded | None = None) -> Recording:
         """The longest recording so far, `duration_s` seconds at least.
 
         Raises:
@@ -154,7 +154,7 @@ class Recorder:
         if known is None or known.frames < recording.frames:
             self._longest = recording
 
-    def _simulate(self, frames: int, on_progress: OnProgress | None) -> None:
+    def _simulate(self, frames: int, on_progress: OnRecorded | None) -> None:
         """Record the first `frames` frames, by the running simulation or by a new one."""
         before = self._longest if self._simulation is not None else None
         try:

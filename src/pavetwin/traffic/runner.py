@@ -25,7 +25,7 @@ GRACE_S: Final = 5.0
 UNSORTED: Final = "should be sorted by departure time"
 """In SUMO's warning that it ignores the rest of a routes file."""
 
-OnProgress = Callable[[float], None]
+OnRecorded = Callable[[float], None]
 """Called with the share done, 0 … 1."""
 
 
@@ -71,7 +71,7 @@ class SimulationProcess:
         with suppress(ConnectionError):  # `record` reports the failure
             self._owner.send(job)
 
-    def record(self, frames: int, on_progress: OnProgress | None = None) -> Part:
+    def record(self, frames: int, on_progress: OnRecorded | None = None) -> Part:
         """The next `frames` frames; the first time the warm-up comes before them.
 
         Raises:

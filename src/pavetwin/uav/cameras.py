@@ -8,11 +8,11 @@ import yaml
 from pydantic import Field, model_validator
 
 from pavetwin.config.base import Settings
+from pavetwin.config.mission import Positive
 from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError
 from pavetwin.registry import Registry
 
-Positive = Annotated[float, Field(gt=0)]
 Pixels = Annotated[int, Field(gt=0)]
 
 

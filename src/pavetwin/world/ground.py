@@ -13,6 +13,8 @@ from pavetwin.world.segments import direction_at, point_at
 from pavetwin.world.streets import lanes_polygon, polygons_of, union_of
 
 Bounds = tuple[float, float, float, float]
+"""West, south, east, north in metres of the world frame."""
+
 Item = TypeVar("Item")
 
 

@@ -33,7 +33,7 @@ from pavetwin.world.model import (
 UNSIGNALLED = -1
 """In a column `link`: no traffic light controls it."""
 
-Row = dict[str, Any]
+LayerRow = dict[str, Any]
 Item = TypeVar("Item")
 Reader = Callable[[Any], Any]
 
@@ -54,7 +54,7 @@ class Layer:
     later: frozenset[str] = frozenset()
     """Columns that worlds of an earlier version do not have."""
 
-    def rows(self, world: World) -> Iterator[Row]:
+    def rows(self, world: World) -> Iterator[LayerRow]:
         """Each row's columns, and its geometry under `geometry`."""
         readers = {name: self.computed.get(name) or attrgetter(name) for name in self.columns}
         for item in self.items(world):
@@ -144,7 +144,7 @@ LAYERS = (
 )
 
 
-def collections_of(tables: Mapping[str, Sequence[Row]]) -> dict[str, Any]:
+def collections_of(tables: Mapping[str, Sequence[LayerRow]]) -> dict[str, Any]:
     """The collections of a world, as keyword arguments of `World`, from the rows of each layer.
 
     Raises:
@@ -177,21 +177,21 @@ def collections_of(tables: Mapping[str, Sequence[Row]]) -> dict[str, Any]:
     }
 
 
-def _item(cls: type[Item], row: Row, shape: str, **other: Any) -> Item:
+def _item(cls: type[Item], row: LayerRow, shape: str, **other: Any) -> Item:
     """An item from the columns that it has attributes for, its geometry, and what takes more than one column."""
     values = {each.name: row[each.name] for each in fields(cls) if each.name in row}  # type: ignore[arg-type]
     return cls(**{**values, shape: row["geometry"], **other})
 
 
-def _edges(row: Row) -> tuple[str, ...]:
+def _edges(row: LayerRow) -> tuple[str, ...]:
     return tuple(row["edges"].split(" "))
 
 
-def _signal(row: Row) -> SignalLink | None:
+def _signal(row: LayerRow) -> SignalLink | None:
     return SignalLink(row["controller"], row["link"]) if row["controller"] else None
 
 
-def _defect(row: Row) -> Defect:
+def _defect(row: LayerRow) -> Defect:
     centre = Point(row["centre_east_m"], row["centre_north_m"])
     return _item(Defect, row, "polygon", centre=centre, severity=Severity(row["severity"]))
 

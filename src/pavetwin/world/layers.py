@@ -14,7 +14,7 @@ from pavetwin.arrays import AnyArray, BoolArray, Float64Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.content import round_to_grid
 from pavetwin.world.georeference import GeoReference
-from pavetwin.world.layer_tables import LAYERS, Layer, Row, collections_of, conflicts_of
+from pavetwin.world.layer_tables import LAYERS, Layer, LayerRow, collections_of, conflicts_of
 from pavetwin.world.model import World
 
 STAMP = "2000-01-01T00:00:00.000Z"
@@ -106,7 +106,7 @@ def read_layers(path: Path, place: GeoReference, hint: str) -> dict[str, Any]:
     return world
 
 
-def _read(path: Path, layer: Layer, place: GeoReference, hint: str) -> Sequence[Row]:
+def _read(path: Path, layer: Layer, place: GeoReference, hint: str) -> Sequence[LayerRow]:
     import pyogrio
 
     try:

@@ -10,7 +10,7 @@ import polars as pl
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 from pavetwin.experiments.metrics import FAILED, REPLICATE, STATUS
 
-Key = tuple[Any, ...]
+CellKey = tuple[Any, ...]
 """The levels of a cell, in the order of its columns."""
 
 
@@ -18,7 +18,7 @@ Key = tuple[Any, ...]
 class Layout:
     """Where every row of a table belongs. What is independent is a *block*: one replicate in one world."""
 
-    keys: tuple[Key, ...]
+    keys: tuple[CellKey, ...]
     """The cells, sorted by the first appearance of their levels, column by column."""
     cell: IndexArray
     """(rows,) index into `keys`."""
@@ -103,7 +103,7 @@ def varied_columns(table: pl.DataFrame) -> list[str]:
     return table.columns[: table.columns.index(REPLICATE)]
 
 
-def key_columns(table: pl.DataFrame, by: Sequence[str], keys: Sequence[Key]) -> pl.DataFrame:
+def key_columns(table: pl.DataFrame, by: Sequence[str], keys: Sequence[CellKey]) -> pl.DataFrame:
     """One row a key, its columns `by` typed as in `table`."""
     return pl.DataFrame(keys, schema={column: table.schema[column] for column in by}, orient="row")
 

@@ -10,7 +10,7 @@ import polars as pl
 from pavetwin.arrays import BoolArray, Float64Array
 from pavetwin.experiments.metrics import COMPARED, REFERENCE, Metric, metric_named
 from pavetwin.experiments.statistics.bootstrap import centres
-from pavetwin.experiments.statistics.cells import Key, key_columns, layout, nullable, values_of, varied_columns
+from pavetwin.experiments.statistics.cells import CellKey, key_columns, layout, nullable, values_of, varied_columns
 from pavetwin.experiments.statistics.simultaneous import ALPHA, simultaneous
 from pavetwin.experiments.statistics.summary import interleaved
 
@@ -129,7 +129,7 @@ class _Pairing:
                 pairs.append((cell, partner))
         self.level = np.array([cell for cell, _ in pairs], dtype=np.intp)
         self.reference = np.array([cell for _, cell in pairs], dtype=np.intp)
-        ordered: dict[Key, int] = {}
+        ordered: dict[CellKey, int] = {}
         self.group = [ordered.setdefault(self.cells.keys[cell][: len(by)], len(ordered)) for cell, _ in pairs]
         self.keys = tuple(ordered)
 

@@ -11,9 +11,9 @@ from pavetwin.arrays import Float64Array, GeometryArray
 from pavetwin.scene.buildings.layers import FacadeTexture
 from pavetwin.scene.model import Mesh
 from pavetwin.scene.models import merged
+from pavetwin.scene.palettes import Colour
 from pavetwin.world.model import Surface
 
-Colour = tuple[float, float, float]
 ROUGH = 0.85
 
 

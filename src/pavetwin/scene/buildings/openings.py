@@ -10,7 +10,8 @@ import numpy as np
 
 from pavetwin.arrays import Float32Array
 from pavetwin.scene.buildings.layers import CELLS, FACADE_PX
-from pavetwin.scene.buildings.pixels import Colour, TextureCanvas
+from pavetwin.scene.buildings.pixels import TextureCanvas
+from pavetwin.scene.palettes import Colour
 
 CELL_PX = FACADE_PX // CELLS
 WHITE: Colour = (0.66, 0.66, 0.64)

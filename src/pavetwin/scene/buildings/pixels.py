@@ -6,8 +6,7 @@ import numpy as np
 
 from pavetwin.arrays import Float32Array
 from pavetwin.scene.buildings.layers import FACADE_PX
-
-Colour = tuple[float, float, float]
+from pavetwin.scene.palettes import Colour
 
 
 def noise(rng: np.random.Generator, wavelength_px: float, *, along: float = 1.0, size: int = FACADE_PX) -> Float32Array:

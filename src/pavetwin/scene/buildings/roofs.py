@@ -16,9 +16,10 @@ from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from pavetwin.arrays import Float64Array
-from pavetwin.scene.buildings.faces import Colour, Faces, corners_of
+from pavetwin.scene.buildings.faces import Faces, corners_of
 from pavetwin.scene.buildings.layers import FacadeTexture
 from pavetwin.scene.buildings.styles import TOWER, FacadeStyle, Roof
+from pavetwin.scene.palettes import Colour
 
 STEP_M: Final = 0.35
 """Hipped roofs are cut into contours this far apart in plan; their ridge is flat over at most twice this."""

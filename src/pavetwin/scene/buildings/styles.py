@@ -11,8 +11,7 @@ from enum import Enum, auto
 import numpy as np
 
 from pavetwin.scene.buildings.layers import FacadeTexture
-
-Colour = tuple[float, float, float]
+from pavetwin.scene.palettes import Colour
 
 
 class Roof(Enum):

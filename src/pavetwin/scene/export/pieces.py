@@ -11,12 +11,10 @@ from pavetwin.plugins import load_plugins
 from pavetwin.scene.export.baking import BakedTexture, bake_patch, bake_tile, jpeg
 from pavetwin.scene.export.detail import PATCH_FINER, LevelOfDetail
 from pavetwin.scene.ground.compose import MapPyramids
-from pavetwin.scene.model import Mesh, Tile
+from pavetwin.scene.model import Mesh, Tile, TileKey
 from pavetwin.scene.scene import Scene
 from pavetwin.workers import OnTick, WorkerPool
 from pavetwin.world.model import World
-
-Key = tuple[int, int]
 
 RUN: Final = 6
 """Neighbouring tiles that a process makes in one task: they share patches at their borders."""
@@ -61,7 +59,7 @@ class Job:
 
 
 def make_pieces(
-    scene: Scene, keys: Sequence[Key], job: Job, jobs: int, write: Callable[[TilePiece], None], on_tile: OnTick
+    scene: Scene, keys: Sequence[TileKey], job: Job, jobs: int, write: Callable[[TilePiece], None], on_tile: OnTick
 ) -> None:
     """Make all tiles with `jobs` processes, and hand them to `write` in the order of `keys`.
 
@@ -74,11 +72,11 @@ def make_pieces(
             on_tile()
         return
     runs = [tuple(keys[first : first + RUN]) for first in range(0, len(keys), RUN)]
-    made: dict[tuple[Key, ...], list[TilePiece]] = {}
+    made: dict[tuple[TileKey, ...], list[TilePiece]] = {}
     waiting = iter([*runs, ()])
     due = next(waiting)
 
-    def on_result(run: tuple[Key, ...], pieces: list[TilePiece]) -> None:
+    def on_result(run: tuple[TileKey, ...], pieces: list[TilePiece]) -> None:
         nonlocal due
         made[run] = pieces
         while due in made:
@@ -90,12 +88,12 @@ def make_pieces(
         pool.run(runs, on_result, give_up=_give_up)
 
 
-def _start(world: World, seed: int, job: Job, on_tile: OnTick) -> Callable[[tuple[Key, ...]], list[TilePiece]]:
+def _start(world: World, seed: int, job: Job, on_tile: OnTick) -> Callable[[tuple[TileKey, ...]], list[TilePiece]]:
     """In a worker process."""
     load_plugins(job.plugins)
     scene = Scene(world, seed=seed)
 
-    def made(run: tuple[Key, ...]) -> list[TilePiece]:
+    def made(run: tuple[TileKey, ...]) -> list[TilePiece]:
         pieces = []
         for key in run:
             pieces.append(_piece(scene, key, job))
@@ -105,14 +103,14 @@ def _start(world: World, seed: int, job: Job, on_tile: OnTick) -> Callable[[tupl
     return made
 
 
-def _give_up(run: tuple[Key, ...]) -> None:
+def _give_up(run: tuple[TileKey, ...]) -> None:
     raise PaveTwinError(
         f"Processes that made the tiles from {run[0]} on died several times, perhaps for want of memory; give fewer "
         "`jobs`."
     )
 
 
-def _piece(scene: Scene, key: Key, job: Job) -> TilePiece:
+def _piece(scene: Scene, key: TileKey, job: Job) -> TilePiece:
     tile, maps, level = scene.tile(key), MapPyramids.of(scene.maps(key)), job.level
     patches = tuple(
         PatchPiece(

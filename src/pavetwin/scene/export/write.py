@@ -16,12 +16,10 @@ from pavetwin.scene.export.detail import USUAL, Estimate, estimated, level_named
 from pavetwin.scene.export.parts import SceneWriter
 from pavetwin.scene.export.pieces import Job, TilePiece, make_pieces
 from pavetwin.scene.glb import LARGEST, GlbWriter
-from pavetwin.scene.model import TILE_M, Instance
+from pavetwin.scene.model import TILE_M, Instance, TileKey
 from pavetwin.scene.scene import Scene, keys_of, tile_bounds
 from pavetwin.traffic.recording import Recording
-
-Key = tuple[int, int]
-Bounds = tuple[float, float, float, float]
+from pavetwin.world.ground import Bounds
 
 LEAST_TILES: Final = 12
 """Of a process: making the world's plan and textures takes as long."""
@@ -51,7 +49,7 @@ class ExportSummary:
     texel_m: float
 
 
-def tiles_of(scene: Scene, bounds: Bounds | None = None) -> tuple[Key, ...]:
+def tiles_of(scene: Scene, bounds: Bounds | None = None) -> tuple[TileKey, ...]:
     """The tiles to be exported: all within `AROUND_M` of a street, of those that meet the bounds (west, south, east,
     north, metres).
 
@@ -75,7 +73,7 @@ def tiles_of(scene: Scene, bounds: Bounds | None = None) -> tuple[Key, ...]:
 
 
 def estimate(
-    scene: Scene, keys: Sequence[Key], *, detail: str = USUAL, texel_m: float | None = None, jobs: int = 1
+    scene: Scene, keys: Sequence[TileKey], *, detail: str = USUAL, texel_m: float | None = None, jobs: int = 1
 ) -> Estimate:
     """Size and time of an export of these tiles.
 
@@ -88,7 +86,7 @@ def estimate(
     return estimated(level, texel, len(keys), defects, jobs_for(keys, jobs))
 
 
-def jobs_for(keys: Sequence[Key], jobs: int) -> int:
+def jobs_for(keys: Sequence[TileKey], jobs: int) -> int:
     """How many of `jobs` processes are worth starting for these tiles: each makes the world's plan again."""
     return max(1, min(jobs, len(keys) // LEAST_TILES))
 
@@ -181,7 +179,7 @@ def export_scene(
     )
 
 
-def _agents(scene: Scene, keys: Sequence[Key], moment: TrafficSnapshot | None) -> list[Instance]:
+def _agents(scene: Scene, keys: Sequence[TileKey], moment: TrafficSnapshot | None) -> list[Instance]:
     """Agents and signal heads on the tiles."""
     found = scene.agents(moment.recording if moment else None, moment.time_s if moment else 0.0)
     on = set(keys)

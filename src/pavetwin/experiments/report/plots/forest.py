@@ -16,7 +16,7 @@ from pavetwin.experiments.statistics.paired import is_significant
 from pavetwin.experiments.words import factor_text, level_text, p_text
 
 _ROW_IN: Final = 0.15
-Place = tuple[Any, ...]
+RowLevels = tuple[Any, ...]
 """Density, altitude, levels of what is swept, and policy of a row."""
 
 
@@ -24,7 +24,7 @@ def axes_of(group: Group) -> tuple[str, ...]:
     return ("traffic", "altitude_m", *group.swept, "policy")
 
 
-def places(group: Group, differences: pl.DataFrame, traffics: Sequence[Any]) -> list[Place]:
+def places(group: Group, differences: pl.DataFrame, traffics: Sequence[Any]) -> list[RowLevels]:
     """The comparisons of these densities in the order of the table, from the top."""
     found = set(differences.select(axes_of(group)).iter_rows())
     grid = [
@@ -37,7 +37,7 @@ def places(group: Group, differences: pl.DataFrame, traffics: Sequence[Any]) -> 
     return [place for place in grid if place in found]
 
 
-def forest(group: Group, differences: pl.DataFrame, metrics: Sequence[Metric], shown: Sequence[Place]) -> Figure:
+def forest(group: Group, differences: pl.DataFrame, metrics: Sequence[Metric], shown: Sequence[RowLevels]) -> Figure:
     """A panel a metric over the same rows. Filled marks are significant."""
     with style.styled():
         chosen = canvas.looks(group.policies)
@@ -50,7 +50,9 @@ def forest(group: Group, differences: pl.DataFrame, metrics: Sequence[Metric], s
     return figure
 
 
-def _panel(axes: Axes, metric: Metric, shown: Sequence[Place], rows: Mapping[Place, Row], chosen: canvas.Looks) -> None:
+def _panel(
+    axes: Axes, metric: Metric, shown: Sequence[RowLevels], rows: Mapping[RowLevels, Row], chosen: canvas.Looks
+) -> None:
     axes.axvline(0.0, color=style.INK_SOFT, linewidth=0.8, zorder=1)
     axes.grid(axis="y", visible=False)
     for y, place in enumerate(shown):
@@ -83,7 +85,7 @@ def _mark(axes: Axes, y: int, row: Row, scale: float, look: style.PolicyStyle) -
     )
 
 
-def _name_rows(axes: Axes, factors: Sequence[str], shown: Sequence[Place]) -> None:
+def _name_rows(axes: Axes, factors: Sequence[str], shown: Sequence[RowLevels]) -> None:
     """The common label of a block of policies beside it, with every second block shaded in all panels."""
     blocks = [(place, [y for y, _ in rows]) for place, rows in groupby(enumerate(shown), key=lambda item: item[1][:-1])]
     figure = axes.get_figure(root=True)

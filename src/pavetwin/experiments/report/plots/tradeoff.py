@@ -21,7 +21,7 @@ _SIZES_PT: Final = (3.4, 5.0, 6.6, 8.0, 9.2)
 _WIDE: Final = 2.5
 """From this ratio of costs on their axis is logarithmic: most options are cheap and would overlap."""
 
-Point = tuple[float, float]
+GainAndCost = tuple[float, float]
 """Gain (more is better) and cost (less is better)."""
 
 
@@ -36,12 +36,12 @@ class Option:
     on_front: bool
 
 
-def dominates(one: Point, other: Point) -> bool:
+def dominates(one: GainAndCost, other: GainAndCost) -> bool:
     """Whether `one` is at least as good in both and better in one."""
     return one[0] >= other[0] and one[1] <= other[1] and one != other
 
 
-def on_front(points: Sequence[Point]) -> list[bool]:
+def on_front(points: Sequence[GainAndCost]) -> list[bool]:
     """For each point, whether none dominates it (the Pareto front). Equal points are on the front together."""
     return [not any(dominates(one, point) for one in points) for point in points]
 
