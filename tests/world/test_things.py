@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from shapely import Point, Polygon
 
 from pavetwin.world.buildings import clear_of_roads
-from pavetwin.world.furniture import TREE_OVERHANG
+from pavetwin.world.furniture import TREE_OVERHANG_M
 from pavetwin.world.ground import Nearby, PlacementGround
 from pavetwin.world.model import Building, Furniture, FurnitureKind, LaneKind, World
 from pavetwin.world.solids import SolidKind, Solids, convex_parts, furniture_prisms, solids
@@ -92,7 +92,7 @@ def test_crowns_reach_over_the_road_by_a_metre_at_most(name: str) -> None:
     surface = roads(world)
     for tree in world.furniture:
         if tree.kind is FurnitureKind.TREE:
-            assert surface.distance(tree.position) >= tree.radius_m - TREE_OVERHANG - 0.01
+            assert surface.distance(tree.position) >= tree.radius_m - TREE_OVERHANG_M - 0.01
             assert 0 < tree.clear_height_m < tree.height_m
 
 

@@ -34,12 +34,12 @@ from pavetwin.world.segments import segment_key
 from pavetwin.world.signals import signals_of, signs_of
 from pavetwin.world.streets import StreetSurface
 
-LIGHT_SPACING, LIGHT_HEIGHT, LIGHT_ARM, LIGHT_SETBACK = 30.0, 8.0, 1.5, 0.6
-POLE_SPACING, POLE_HEIGHT, POLE_SETBACK = 40.0, 9.0, 0.5
+LIGHT_SPACING_M, LIGHT_HEIGHT_M, LIGHT_ARM_M, LIGHT_SETBACK_M = 30.0, 8.0, 1.5, 0.6
+POLE_SPACING_M, POLE_HEIGHT_M, POLE_SETBACK_M = 40.0, 9.0, 0.5
 SIGN_HEIGHT_M = 2.5
-TREE_SPACING_M, TREE_OVERHANG = (11.0, 16.0), 1.0
+TREE_SPACING_M, TREE_OVERHANG_M = (11.0, 16.0), 1.0
 PARK_AREA_A_TREE_M2 = 180.0
-CROWN_RADIUS, CROWN_BASE, TREE_HEIGHT = (2.0, 4.0), (2.5, 4.0), (6.0, 12.0)
+CROWN_RADIUS_M, CROWN_BASE_M, TREE_HEIGHT_M = (2.0, 4.0), (2.5, 4.0), (6.0, 12.0)
 MAPPED_NEAR_M = 25.0
 """With mapped trees (or poles) this near to a segment, none are added by rule [m]."""
 
@@ -151,7 +151,7 @@ def _first_free(placed: Placed, candidates: Iterable[Furniture]) -> None:
 def _place_mapped(placed: Placed, points: Iterable[MappedPoint], rng: np.random.Generator) -> None:
     for point in points:
         draw = rng.random(3)
-        clearance = 0.5 if point.kind is FurnitureKind.TREE else LIGHT_SETBACK
+        clearance = 0.5 if point.kind is FurnitureKind.TREE else LIGHT_SETBACK_M
         at = placed.ground.beside_road(point.position, clearance, LARGEST_MOVE_M.get(point.kind, 4.0))
         if at is None:
             continue
@@ -164,7 +164,9 @@ def _place_mapped(placed: Placed, points: Iterable[MappedPoint], rng: np.random.
 
 
 def _mast(placed: Placed, at: Point, point: MappedPoint) -> Furniture:
-    usual = {FurnitureKind.STREET_LIGHT: LIGHT_HEIGHT, FurnitureKind.POLE: POLE_HEIGHT}.get(point.kind, SIGN_HEIGHT_M)
+    usual = {FurnitureKind.STREET_LIGHT: LIGHT_HEIGHT_M, FurnitureKind.POLE: POLE_HEIGHT_M}.get(
+        point.kind, SIGN_HEIGHT_M
+    )
     height = min(20.0, max(2.0, point.height_m or usual))
     mast = Furniture("", point.kind, at, height, RADIUS_M[point.kind])
     roads = placed.ground.roads_near(at, 12.0)
@@ -172,7 +174,7 @@ def _mast(placed: Placed, at: Point, point: MappedPoint) -> Furniture:
         return mast
     nearest = min(roads, key=at.distance)
     foot = nearest.boundary.interpolate(nearest.boundary.project(at))
-    return replace(mast, yaw_rad=math.atan2(foot.y - at.y, foot.x - at.x), arm_m=LIGHT_ARM)
+    return replace(mast, yaw_rad=math.atan2(foot.y - at.y, foot.x - at.x), arm_m=LIGHT_ARM_M)
 
 
 def _tree(
@@ -187,27 +189,27 @@ def _tree(
     def between(limits: tuple[float, float], share: float) -> float:
         return limits[0] + (limits[1] - limits[0]) * float(share)
 
-    room = placed.ground.road_distance_m(at) + TREE_OVERHANG
+    room = placed.ground.road_distance_m(at) + TREE_OVERHANG_M
     beside_house = building_distance_m(at, placed.buildings, 8.0) + 0.5
-    crown = min(crown_m or between(CROWN_RADIUS, draw[0]), room, beside_house, 8.0)
+    crown = min(crown_m or between(CROWN_RADIUS_M, draw[0]), room, beside_house, 8.0)
     if crown < 1.0:
         return None
-    height = min(35.0, max(3.0, height_m or between(TREE_HEIGHT, draw[1])))
-    base = min(between(CROWN_BASE, draw[2]), height * 0.5)
+    height = min(35.0, max(3.0, height_m or between(TREE_HEIGHT_M, draw[1])))
+    base = min(between(CROWN_BASE_M, draw[2]), height * 0.5)
     return Furniture("", FurnitureKind.TREE, at, round(height, 2), round(crown, 2), clear_height_m=round(base, 2))
 
 
 def _place_lights(placed: Placed, segment: Segment, rng: np.random.Generator) -> None:
     first = 1 if rng.random() < 0.5 else -1
-    for index, station in enumerate(evenly(segment.length_m, LIGHT_SPACING)):
+    for index, station in enumerate(evenly(segment.length_m, LIGHT_SPACING_M)):
         side = first * (-1) ** index
         for shift, where in ((0.0, side), (3.0, side), (-3.0, side), (0.0, -side)):
-            at, out = _behind_kerb(segment, station + shift, where, LIGHT_SETBACK)
+            at, out = _behind_kerb(segment, station + shift, where, LIGHT_SETBACK_M)
             if placed.is_near(at, 20.0, FurnitureKind.STREET_LIGHT):
                 break
             yaw = math.atan2(-out[1], -out[0])
-            light = Furniture("", FurnitureKind.STREET_LIGHT, at, LIGHT_HEIGHT, RADIUS_M[FurnitureKind.STREET_LIGHT])
-            if placed.add(replace(light, yaw_rad=yaw, arm_m=LIGHT_ARM)):
+            light = Furniture("", FurnitureKind.STREET_LIGHT, at, LIGHT_HEIGHT_M, RADIUS_M[FurnitureKind.STREET_LIGHT])
+            if placed.add(replace(light, yaw_rad=yaw, arm_m=LIGHT_ARM_M)):
                 break
 
 
@@ -227,9 +229,9 @@ def _place_green(placed: Placed, segment: Segment, street_rng: np.random.Generat
                     if tree is not None and tree.radius_m >= 1.5:
                         placed.add(tree, apart_m=4.0)
     if with_poles and not placed.mapped_near(FurnitureKind.POLE, segment):
-        for station in evenly(segment.length_m, POLE_SPACING):
-            at, _ = _behind_kerb(segment, station, 1 if pole_side else -1, POLE_SETBACK)
-            placed.add(Furniture("", FurnitureKind.POLE, at, POLE_HEIGHT, RADIUS_M[FurnitureKind.POLE]), apart_m=2.5)
+        for station in evenly(segment.length_m, POLE_SPACING_M):
+            at, _ = _behind_kerb(segment, station, 1 if pole_side else -1, POLE_SETBACK_M)
+            placed.add(Furniture("", FurnitureKind.POLE, at, POLE_HEIGHT_M, RADIUS_M[FurnitureKind.POLE]), apart_m=2.5)
 
 
 def _plant(placed: Placed, park: Polygon, rng: np.random.Generator) -> None:

@@ -14,7 +14,7 @@ from pavetwin.world.streets import StreetSurface
 SIGNAL_HEIGHT_M = 6.0
 """Underside of the arm above the road [m]; 5.5 is the least that is allowed over a road."""
 
-SIGNAL_SETBACK, SIGN_SETBACK = 0.8, 0.5
+SIGNAL_SETBACK_M, SIGN_SETBACK_M = 0.8, 0.5
 LONGEST_ARM_M = 7.0
 BACK_FROM_LINE_M = (1.0, 2.0, 3.5, 5.0, 7.0)
 """Distances before the stop line at which a place is tried [m]."""
@@ -27,11 +27,11 @@ def signals_of(net: RoadNet, radius_m: float) -> Iterator[list[Furniture]]:
         if not edge.for_cars or not edge.carriageway:
             continue
         lanes = edge.carriageway
-        arm = SIGNAL_SETBACK + sum(lane.width_m for lane in lanes) - lanes[-1].width_m / 2
+        arm = SIGNAL_SETBACK_M + sum(lane.width_m for lane in lanes) - lanes[-1].width_m / 2
         mast = Furniture("", FurnitureKind.SIGNAL, Point(0, 0), SIGNAL_HEIGHT_M, radius_m, controller=controller)
         yield [
             replace(mast, position=at, yaw_rad=yaw, arm_m=round(min(arm, LONGEST_ARM_M), 2))
-            for at, yaw in _places(edge, SIGNAL_SETBACK, net.left_hand)
+            for at, yaw in _places(edge, SIGNAL_SETBACK_M, net.left_hand)
         ]
 
 
@@ -48,7 +48,7 @@ def signs_of(
             if edge.id not in net.signalled and arms.get(edge.end, 0) >= 3:
                 sign = Furniture("", FurnitureKind.SIGN, Point(0, 0), height_m, radius_m)
                 yield [
-                    replace(sign, position=at, yaw_rad=yaw) for at, yaw in _places(edge, SIGN_SETBACK, net.left_hand)
+                    replace(sign, position=at, yaw_rad=yaw) for at, yaw in _places(edge, SIGN_SETBACK_M, net.left_hand)
                 ]
 
 

@@ -16,7 +16,7 @@ ARM_HALF_HEIGHT_M = 0.15
 """An arm reaches this far above and below its height [m]."""
 
 ARM_HALF_WIDTH_M = 0.1
-PLATE_WIDTH, PLATE_HALF_DEPTH, PLATE_BOTTOM = 0.75, 0.03, 0.7
+PLATE_WIDTH_M, PLATE_HALF_DEPTH_M, PLATE_BOTTOM_M = 0.75, 0.03, 0.7
 """Of a sign: its width, half its thickness, and how far below the mast's top it begins [m]."""
 
 TRUNK_RADIUS_M = 0.2
@@ -113,8 +113,8 @@ def furniture_prisms(thing: Furniture) -> list[tuple[SolidKind, Prism]]:
         arm = _box(thing, 0.0, thing.arm_m, ARM_HALF_WIDTH_M)
         prisms.append((SolidKind.ARM, (arm, thing.height_m - ARM_HALF_HEIGHT_M, thing.height_m + ARM_HALF_HEIGHT_M)))
     if thing.kind is FurnitureKind.SIGN:
-        plate = _box(thing, -PLATE_WIDTH / 2, PLATE_WIDTH / 2, PLATE_HALF_DEPTH)
-        prisms.append((SolidKind.SIGN, (plate, max(0.0, thing.height_m - PLATE_BOTTOM), thing.height_m)))
+        plate = _box(thing, -PLATE_WIDTH_M / 2, PLATE_WIDTH_M / 2, PLATE_HALF_DEPTH_M)
+        prisms.append((SolidKind.SIGN, (plate, max(0.0, thing.height_m - PLATE_BOTTOM_M), thing.height_m)))
     return prisms
 
 

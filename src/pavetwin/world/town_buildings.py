@@ -29,7 +29,7 @@ EDGE_RADIUS_M = 262.0
 """Beyond this there are only single farms [m]."""
 LEAST_AREA_M2 = 28.0
 """Smaller left-overs are not built [m²]."""
-FORECOURT_WIDTH, FORECOURT_DEPTH = 44.0, 50.0
+FORECOURT_WIDTH_M, FORECOURT_DEPTH_M = 44.0, 50.0
 """The plot of the church with its square [m]."""
 
 
@@ -109,7 +109,7 @@ def _church(site: _Site, central: Sequence[Polygon]) -> Polygon:
             middle, ahead = _on_ring(ring, along)
             bend = max(1 - float(ahead @ _on_ring(ring, along + d)[1]) for d in (-20.0, 20.0))
             inward = turned(ahead, 90)
-            plot = _rectangle(middle, ahead, inward, FORECOURT_WIDTH, -1.0, FORECOURT_DEPTH)
+            plot = _rectangle(middle, ahead, inward, FORECOURT_WIDTH_M, -1.0, FORECOURT_DEPTH_M)
             outside = 1 - float(plot.intersection(block).area) / float(plot.area)
             score = float(np.hypot(*middle)) / 150 + 12 * bend + 8 * outside
             if best is None or score < best[0]:
@@ -126,7 +126,7 @@ def _church(site: _Site, central: Sequence[Polygon]) -> Polygon:
                  (-6, 37), (-11, 37), (-11, 30), (-6, 30))  # fmt: skip
     site.build(nave, 12.5)
     site.build(local((-3.2, 11.5), (3.2, 11.5), (3.2, 17.9), (-3.2, 17.9)), 27.0)
-    return _rectangle(middle, ahead, inward, FORECOURT_WIDTH, -3.0, FORECOURT_DEPTH)
+    return _rectangle(middle, ahead, inward, FORECOURT_WIDTH_M, -3.0, FORECOURT_DEPTH_M)
 
 
 def _closed_rows(site: _Site, block: Polygon, square: Polygon, reach_m: float) -> None:
