@@ -34,6 +34,9 @@ NUMBERS_IN = 3.0
 """Height of numbers and legend where they stand beside each other."""
 LEGEND_ROW_IN = 0.182
 
+_AROUND_FRAME_PT = 12.0
+"""Free of street names, for the letter of a frame and for labels of waits."""
+
 AROUND_M = 25.0
 """Margin around everything that was flown over."""
 
@@ -158,7 +161,7 @@ def _draw_town(axes: Axes, result: MissionResult, bounds: Bounds, strips: Sequen
         disc = {"boxstyle": "circle,pad=0.18", "facecolor": style.PAPER, "edgecolor": style.INK, "linewidth": 0.8}
         text = axes.text(float(corner[0]), float(corner[1]), letter, fontsize=9, fontweight="bold", bbox=disc)
         text.set(ha="center", va="center", zorder=ABOVE_WORLD + 40)
-    _name_streets(axes, result)
+    _name_streets(axes, result, [strip.outline() for strip in strips])
     mission_layers.draw_surfaces(axes, result, _PLAIN)
     mission_layers.draw_route(axes, result, _PLAIN, weights)
     mission_layers.draw_defects(axes, result, _PLAIN, weights)
@@ -166,17 +169,20 @@ def _draw_town(axes: Axes, result: MissionResult, bounds: Bounds, strips: Sequen
     mission_layers.draw_stations(axes, result, _PLAIN)
 
 
-def _name_streets(axes: Axes, result: MissionResult) -> None:
-    """Outside the inspected segments where the street continues there, else across them."""
+def _name_streets(axes: Axes, result: MissionResult, frames: Sequence[shapely.Polygon]) -> None:
+    """Outside the inspected segments and frames where the street continues there, else across them."""
     world = result.environment.world
     segments, names = world.segments, shown_names(world)
     inspected = {row.segment for row in result.rows}
-    base = world.base.buffer(6.0 / shapes.points_per_m(axes))
+    per_m = shapes.points_per_m(axes)
+    base = world.base.buffer(6.0 / per_m)
     clear, any_ = lettering.OccupiedSpace(), lettering.OccupiedSpace()
-    for place in (base, *(segment.polygon for segment in segments if segment.id in inspected)):
+    around = [frame.buffer(_AROUND_FRAME_PT / per_m) for frame in frames]
+    kept_clear = (base, *around, *(segment.polygon for segment in segments if segment.id in inspected))
+    for place in kept_clear:
         clear.take(place)
     hidden = lettering.write_street_names(axes, world, segments, clear, style.INK_SOFT, mission_layers.NAMES)
-    for written in (base, *clear.taken[len(inspected) + 1 :]):
+    for written in (base, *clear.taken[len(kept_clear) :]):
         any_.take(written)
     rest = [segment for segment in segments if names[segment.id] in hidden]
     lettering.write_street_names(axes, world, rest, any_, style.INK_SOFT, mission_layers.NAMES)
