@@ -8,10 +8,12 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
 
-from pavetwin.draw import style
+from pavetwin.draw import lettering, style
+from pavetwin.draw.lettering import OccupiedSpace
 from pavetwin.draw.marks import DefectOutcome, notable_segments, outcomes, rectangles, windows
 from pavetwin.draw.mission_map import flown_bounds, mission_figure, save_comparison_map, save_mission_map
 from pavetwin.draw.turned import MapTransform
@@ -20,6 +22,7 @@ from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.track import MODE_NUMBER, displacements, revisits, waits
 from pavetwin.twin import Mode
+from pavetwin.world.model import World
 from scenes import tiny
 
 POLICIES = ("baseline", "hover", "micro", "skip")
@@ -152,6 +155,23 @@ def test_the_map_shows_all_that_was_flown_over() -> None:
     assert result.track["x_m"].max() < east
     assert south < result.track["y_m"].min()
     assert result.track["y_m"].max() < north
+
+
+def test_names_of_streets_find_a_place_clear_of_the_frames_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    kept_clear: list[shapely.Geometry] = []
+
+    def recorded(_axes: Axes, _world: World, _segments: object, space: OccupiedSpace, *_style: object) -> set[str]:
+        kept_clear.append(shapely.union_all(space.taken))
+        return set()
+
+    monkeypatch.setattr(lettering, "write_street_names", recorded)
+    result = tiny.result("queue_that_leaves", "hover")
+    figure = figure_of(result)
+    (row,) = result.rows
+    (letter,) = [text for text in figure.axes[0].texts if text.get_text() == "a"]
+    assert kept_clear[0].contains(result.environment.world.segment(row.segment).polygon)
+    assert kept_clear[0].contains(shapely.Point(letter.get_position())), "the frame's letter stands on its corner"
+    assert kept_clear[0].area > kept_clear[1].area
 
 
 def test_the_file_is_small_and_the_same_every_time(tmp_path: Path) -> None:
