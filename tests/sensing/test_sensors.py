@@ -16,19 +16,25 @@ from pavetwin.sensing import (
     Ideal,
     Recall,
     Sensor,
-    Sighting,
     check_sensor,
     load_sensor,
     sensor,
     sensor_names,
 )
-from pavetwin.sensing.conformance import trial_defect, trial_frames
+from pavetwin.sensing.conformance import trial_defect, trial_frames, trial_sighting
 
 
 def frame(*sightings: tuple[int, int]) -> Frame:
     """A capture of (defect, attempt) pairs."""
-    shown = tuple(Sighting(replace(trial_defect(defect), id=defect), 1.0, attempt) for defect, attempt in sightings)
+    shown = tuple(
+        trial_sighting(replace(trial_defect(defect), id=defect), 1.0, attempt) for defect, attempt in sightings
+    )
     return replace(trial_frames(1)[0], sightings=shown)
+
+
+def independent(recall: float = 0.84) -> SensingSettings:
+    """Every look a draw of its own, whatever the size in pixels: as the paper has it."""
+    return SensingSettings(recall=recall, look_correlation=0, least_px=None)
 
 
 def reported(one: Sensor, shown: Frame) -> list[int]:
@@ -39,7 +45,7 @@ def reported(one: Sensor, shown: Frame) -> list[int]:
 
 def found(seed: int, *sightings: tuple[int, int], recall: float = 0.84) -> set[tuple[int, int]]:
     """Which sightings a fresh sensor reports."""
-    confirmed = set(reported(Recall(SensingSettings(recall=recall), seed), frame(*sightings)))
+    confirmed = set(reported(Recall(independent(recall), seed), frame(*sightings)))
     return {sighting for sighting in sightings if sighting[0] in confirmed}
 
 
@@ -134,7 +140,7 @@ def test_the_ideal_sensor_confirms_all_it_is_shown() -> None:
 def test_an_attempts_draw_depends_on_seed_defect_and_attempt_alone(seed: int) -> None:
     pairs = [(defect, attempt) for defect in range(40) for attempt in range(5)]
     alone = {pair for pair in pairs if found(seed, pair)}
-    settings = SensingSettings()
+    settings = independent()
     for order in (pairs, pairs[::-1], [pairs[k] for k in np.random.default_rng(1).permutation(len(pairs))]):
         one = Recall(settings, seed)
         assert {pair for pair in order if reported(one, frame(pair))} == alone
@@ -155,7 +161,7 @@ def test_the_draws_are_the_defects_own_child_of_the_seed() -> None:
 @pytest.mark.parametrize("recall", [0.0, 0.3, 0.84, 1.0])
 def test_the_rate_is_the_recall(recall: float) -> None:
     count = 6000
-    confirmed = reported(Recall(SensingSettings(recall=recall), 0), frame(*((defect, 0) for defect in range(count))))
+    confirmed = reported(Recall(independent(recall), 0), frame(*((defect, 0) for defect in range(count))))
     assert len(confirmed) / count == pytest.approx(recall, abs=4 * (recall * (1 - recall) / count) ** 0.5 + 1e-12)
 
 
@@ -163,7 +169,7 @@ def test_seeds_and_attempts_are_independent() -> None:
     def outcomes(seed: int, attempt: int) -> np.ndarray:
         shown = frame(*((defect, attempt) for defect in range(4000)))
         confirmed = np.zeros(4000)
-        confirmed[reported(Recall(SensingSettings(recall=0.5), seed), shown)] = 1
+        confirmed[reported(Recall(independent(0.5), seed), shown)] = 1
         return confirmed
 
     zero, one, later = outcomes(0, 0), outcomes(1, 0), outcomes(0, 1)

@@ -29,6 +29,7 @@ from pavetwin.capture.store import link_image, write_image, write_over_all, writ
 from pavetwin.capture.truth import SceneState, labelled_objects
 from pavetwin.files import writing_folder
 from pavetwin.mission.defect_files import write_captures
+from pavetwin.mission.environment import shutter_s
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.versions import software_versions
 from pavetwin.sensing import Frame, JudgedDetection
@@ -138,6 +139,7 @@ class _MissionCamera:
             camera=self.camera,
             conditions=self.result.settings.conditions,
             velocity_mps=at.velocity_mps,
+            exposure_s=shutter_s(self.result.settings.camera),
         )
         frame = self.images.rendered(capture, settings.size_px)
         daylight = replace(self.begin, when=self.begin.when + timedelta(seconds=at.time_s))

@@ -238,6 +238,7 @@ MISSED: Final[Mapping[MissReason, str]] = {
     MissReason.HIDDEN_BY_VEHICLES: "hidden by vehicles",
     MissReason.HIDDEN_BY_PEDESTRIANS: "hidden by pedestrians",
     MissReason.HIDDEN_BY_FIXED_OBJECTS: "hidden by buildings, trees or street furniture",
+    MissReason.TOO_SMALL: "too small for the pixels",
     MissReason.NOT_RECOGNISED: "seen but not recognised by the sensor",
     MissReason.BETWEEN_CAPTURES: "between two captures",
     MissReason.OUTSIDE_SWATH: "outside the camera's swath",

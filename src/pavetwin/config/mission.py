@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib.resources import files
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from pavetwin.config.altitude import Altitude
 from pavetwin.config.base import NameOrFile, PluginFiles, Settings, overlay, with_overrides
@@ -42,6 +42,9 @@ class CameraSettings(Settings):
     model: NameOrFile = "paper"
     """A name of the camera database, or a path to a YAML file of the same form."""
     capture_interval_s: Positive = 0.6
+    exposure_s: Positive = 0.001
+    """Shutter time of the captures that a mission judges without rendering them; never shorter than the camera's
+    shortest. The motion meanwhile blurs the image."""
     window_rows: Annotated[float, Field(gt=0, le=1)] = 0.5
     """Share of the image rows (along the track) in which a defect counts as centred."""
     window_columns: Annotated[float, Field(gt=0, le=1)] | None = 1.0
@@ -85,6 +88,10 @@ class PolicySettings(Settings):
     hashed into the mission."""
 
 
+LEAST_PX: Final[Mapping[str, float]] = {"single_crack": 2.0, "crocodile_crack": 16.0, "pothole": 8.0}
+"""Assumptions until a sensor is fitted to a detector (docs/explanation/definitions.md, "Detection and resolution")."""
+
+
 class SensingSettings(Settings):
     sensor: NameOrFile = "recall"
     recall: Share = 0.840
@@ -92,9 +99,22 @@ class SensingSettings(Settings):
     min_visible_fraction: Share = 0.35
     attempts: Literal["every_capture", "first_capture"] = "every_capture"
     """`first_capture`: a defect gets one attempt, and one more for each revisit."""
+    look_correlation: Share = 0.8
+    """Of `recall`: correlation between looks at one defect. 0: every look is a new draw; 1: a defect that one look
+    missed is missed by all that show as much."""
+    least_px: Mapping[str, NonNegative] | None = Field(default_factory=lambda: dict(LEAST_PX), validate_default=True)
+    """Of `recall`, by class: what covers fewer pixels across is not seen: a crack across its width, any other defect
+    across its shorter side. Classes that are not named keep their defaults; null: size does not matter."""
+    full_recall_ratio: Annotated[float, Field(gt=1, le=100)] = 3.0
+    """Of `recall`: at so many times `least_px` a defect is found with the probability `recall`; below, less often."""
     options: Options = Field(default_factory=dict)
     """Of a user's own sensor, which says what options it has (`Sensor.default_options`). A file that one names, such as
     a model, is hashed into the mission."""
+
+    @field_validator("least_px", mode="after")
+    @classmethod
+    def _least_of_every_class(cls, given: Mapping[str, float] | None) -> Mapping[str, float] | None:
+        return None if given is None else {**LEAST_PX, **given}
 
 
 class EnergySettings(Settings):

@@ -18,6 +18,7 @@ from pavetwin.config.mission import CameraSettings, UavSettings
 from pavetwin.defects import sample_points
 from pavetwin.navigation.base import check_base, roadside
 from pavetwin.navigation.navmesh import navmesh, segments_in_reach
+from pavetwin.sensing.resolution import smallest_extent_m
 from pavetwin.uav import energy_curve, find_camera
 from pavetwin.uav.energy import CURVE_STEP_MPS
 from pavetwin.world.content import defects_hash
@@ -46,6 +47,11 @@ class MissionEnvironment:
     def defects_hash(self) -> str:
         """SHA-256 over the defects."""
         return defects_hash(self.defects)
+
+    @cached_property
+    def extents_m(self) -> tuple[float, ...]:
+        """The smallest extent of each defect, see `smallest_extent_m`."""
+        return tuple(map(smallest_extent_m, self.defects))
 
     @cached_property
     def defects_by_segment(self) -> Mapping[str, Sequence[int]]:
@@ -172,6 +178,11 @@ def nadir_camera(settings: CameraSettings) -> NadirCamera:
         window_columns=settings.window_columns,
         window_across_per_altitude=settings.window_across_per_altitude,
     )
+
+
+def shutter_s(settings: CameraSettings) -> float:
+    """Shutter time of the captures: as set, and no shorter than the camera can."""
+    return max(settings.exposure_s, find_camera(settings.model).shortest_exposure_s or 0.0)
 
 
 def window_m(settings: MissionSettings) -> tuple[float, float]:

@@ -5,7 +5,7 @@ is judged again, by the kernel, with the traffic of that moment: how much of the
 rest. A mission flies its plan to the end, with as many batteries as it takes, so no defect is missed because it ended.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -15,11 +15,13 @@ import numpy as np
 
 from pavetwin._core import Viewpoint
 from pavetwin.arrays import Float64Array, IndexArray
-from pavetwin.mission.environment import window_m
+from pavetwin.mission.environment import shutter_s, window_m
 from pavetwin.mission.events import ActionTaken
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.timeline import LATE_S
-from pavetwin.sensing import JudgedDetection
+from pavetwin.sensing import Frame, JudgedDetection, sensor_class
+from pavetwin.sensing.resolution import resolved_share
+from pavetwin.uav import find_camera
 from pavetwin.world.model import Defect
 
 if TYPE_CHECKING:
@@ -33,6 +35,9 @@ class MissReason(StrEnum):
     """The inspection window never passed over its centre."""
     BETWEEN_CAPTURES = "between_captures"
     """The window passed over its centre, but no capture was taken then."""
+    TOO_SMALL = "too_small"
+    """At least one capture showed enough of it, and in each that did it covered too few pixels for the sensor to see
+    it (`sensing.least_px`)."""
     NOT_RECOGNISED = "not_recognised"
     """At least one capture showed enough of it, and the sensor reported nothing that matches."""
     HIDDEN_BY_VEHICLES = "hidden_by_vehicles"
@@ -137,9 +142,10 @@ class _Judge:
         }
         is_hidden = visible[best] < self.result.settings.sensing.min_visible_fraction
         columns, capture = self.result.captures, int(captures[best])
+        not_found = MissReason.TOO_SMALL if self._too_small(defect, captures, visible) else MissReason.NOT_RECOGNISED
         return InspectedDefect(
             defect=defect,
-            reason=max(means, key=lambda reason: means[reason]) if is_hidden else MissReason.NOT_RECOGNISED,
+            reason=max(means, key=lambda reason: means[reason]) if is_hidden else not_found,
             captures=len(captures),
             captures_on_revisit=self._on_revisit(captures),
             capture=capture,
@@ -174,6 +180,35 @@ class _Judge:
         )
         time_s = float(columns["t_s"][capture])
         return self.result.environment.ground.defect_shares(defect, self.result.trace, time_s, viewpoint)
+
+    def _too_small(self, defect: Defect, captures: IndexArray, visible: Sequence[float]) -> bool:
+        """Whether the sensor had no chance in any capture that showed enough of it: at every one it covered too few
+        pixels."""
+        sensing, across_m = self.result.settings.sensing, self.result.environment.extents_m[defect.id]
+        if not sensor_class(sensing.sensor).judges_size:
+            return False
+        return not any(
+            resolved_share(sensing, defect.kind, across_m, self._blurred_pixel_m(int(capture)), fraction)
+            for capture, fraction in zip(captures, visible, strict=True)
+            if fraction >= sensing.min_visible_fraction
+        )
+
+    def _blurred_pixel_m(self, capture: int) -> float:
+        """As its frame had it."""
+        settings, track, captures = self.result.settings, self.result.track, self.result.captures
+        time_s = float(captures["t_s"][capture])
+        frame = Frame(
+            number=capture,
+            time_s=time_s,
+            position=(float(captures["x_m"][capture]), float(captures["y_m"][capture])),
+            altitude_m=settings.altitude_m,
+            yaw_rad=float(captures["yaw_rad"][capture]),
+            camera=find_camera(settings.camera.model),
+            conditions=settings.conditions,
+            velocity_mps=(float(np.interp(time_s, track["t_s"], track["speed_mps"])), 0.0),
+            exposure_s=shutter_s(settings.camera),
+        )
+        return frame.blurred_pixel_m
 
     def _on_revisit(self, captures: IndexArray) -> int:
         return int(np.count_nonzero(self.result.captures["on_revisit"][captures]))

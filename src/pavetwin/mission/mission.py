@@ -12,7 +12,7 @@ from pavetwin._core import Arrived, BatteryLow, Captured, Flight, Occluded, Paus
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.detections import DetectionLog
-from pavetwin.mission.environment import MissionEnvironment, new_flight, window_m
+from pavetwin.mission.environment import MissionEnvironment, new_flight, shutter_s, window_m
 from pavetwin.mission.events import (
     ActionTaken,
     BatteryRanLow,
@@ -191,7 +191,8 @@ class Mission:
         for defect, fraction in event.sightings:
             attempt = self._attempts.get(defect, 0)
             self._attempts[defect] = attempt + 1
-            sightings.append(Sighting(self.environment.defects[defect], fraction, attempt))
+            across_m = self.environment.extents_m[defect]
+            sightings.append(Sighting(self.environment.defects[defect], fraction, attempt, across_m))
             if self.settings.sensing.attempts == "first_capture":
                 self.flight.set_wanted(defect, False)
                 self._tried.add(defect)
@@ -204,6 +205,7 @@ class Mission:
             camera=self._camera,
             conditions=self.settings.conditions,
             velocity_mps=event.velocity_mps,
+            exposure_s=shutter_s(self.settings.camera),
             sightings=tuple(sightings),
             source=self.image_source,
         )

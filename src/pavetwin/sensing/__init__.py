@@ -8,6 +8,7 @@ from pavetwin.sensing.ideal import Ideal
 from pavetwin.sensing.matching import match
 from pavetwin.sensing.recall import Recall
 from pavetwin.sensing.registered import SENSORS, load_sensor, sensor, sensor_class, sensor_names
+from pavetwin.sensing.resolution import resolved_share, smallest_extent_m
 
 __all__ = [
     "OTHER_CLASSES",
@@ -25,8 +26,10 @@ __all__ = [
     "check_sensor",
     "load_sensor",
     "match",
+    "resolved_share",
     "sensor",
     "sensor_class",
     "sensor_names",
+    "smallest_extent_m",
     "unknown_class",
 ]

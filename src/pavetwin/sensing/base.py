@@ -18,6 +18,9 @@ class Sensor(ABC):
     every_capture: ClassVar[bool] = False
     """Whether it is shown every capture; else only those that see a defect which is not confirmed yet."""
 
+    judges_size: ClassVar[bool] = False
+    """Whether it misses what covers too few pixels, by `sensing.least_px`."""
+
     other_classes: ClassVar[frozenset[str]] = frozenset()
     """Classes it reports that are not defects, beside `person` and `car`: such detections are ignored. Any other class
     that is not registered is an error."""

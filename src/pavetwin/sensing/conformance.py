@@ -19,6 +19,7 @@ from pavetwin.defects.registry import DEFECT_CLASSES
 from pavetwin.sensing.base import Sensor
 from pavetwin.sensing.detection import Detection, unknown_class
 from pavetwin.sensing.frame import Frame, Sighting
+from pavetwin.sensing.resolution import smallest_extent_m
 from pavetwin.uav.cameras import find_camera
 from pavetwin.world.model import Defect, Severity
 
@@ -58,7 +59,8 @@ def trial_frames(count: int = 24) -> list[Frame]:
     for number in range(count):
         defects = np.random.default_rng(number).permutation(40)[: (0, 1, 3, 12)[number % 4]]
         sightings = tuple(
-            Sighting(trial_defect(int(d), 3.0 * number), 0.35 + 0.65 * (int(d) % 5) / 4, number // 4) for d in defects
+            trial_sighting(trial_defect(int(d), 3.0 * number), 0.35 + 0.65 * (int(d) % 5) / 4, number // 4)
+            for d in defects
         )
         place = (3.0 * number, 0.0)
         frames.append(
@@ -76,6 +78,10 @@ def trial_frames(count: int = 24) -> list[Frame]:
             )
         )
     return frames
+
+
+def trial_sighting(defect: Defect, visible_fraction: float = 1.0, attempt: int = 0) -> Sighting:
+    return Sighting(defect, visible_fraction, attempt, smallest_extent_m(defect))
 
 
 def trial_defect(number: int, east_m: float = 0.0) -> Defect:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from math import hypot
 
 import numpy as np
 import shapely
@@ -33,6 +34,8 @@ class Sighting:
     """Share of its area that no agent and no static object hides, 0 … 1."""
     attempt: int
     """0 for the first capture in which a sensor may find it."""
+    across_m: float
+    """Its size where it is smallest, whole: the width of a crack, else the shorter side (`smallest_extent_m`)."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +57,8 @@ class Frame:
     """Date, time of the mission's beginning, clouds and wind."""
     velocity_mps: Place = (0.0, 0.0)
     """Of the camera over the ground (east, north): what blurs the image."""
+    exposure_s: float = 0.001
+    """Shutter time."""
     sightings: Sequence[Sighting] = ()
     source: ImageSource | None = field(default=None, repr=False, compare=False)
 
@@ -69,6 +74,24 @@ class Frame:
                 "(parameter image_source)."
             )
         return self.source(self)
+
+    @property
+    def ground_resolution_m(self) -> float:
+        """What a pixel covers on the ground, in metres; the same for every defect on a level road."""
+        return self.camera.ground_resolution_m(self.altitude_m)
+
+    @property
+    def blur_px(self) -> float:
+        """Motion blur: how far the image moves during the exposure, in pixels."""
+        return hypot(*self.velocity_mps) * self.exposure_s / self.ground_resolution_m
+
+    @property
+    def blurred_pixel_m(self) -> float:
+        """What a pixel covers on the ground with its blur: √(1 + blur_px²) pixels, in metres.
+
+        A pixel one wide, smeared over b pixels, has the variance (1 + b²) / 12 of a pixel of that width.
+        """
+        return self.ground_resolution_m * hypot(1.0, self.blur_px)
 
     @cached_property
     def view(self) -> View:

@@ -14,9 +14,9 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from pavetwin.defects.registry import DEFECT_CLASSES
 from pavetwin.sensing.detection import Detection
 from pavetwin.sensing.frame import Box, Frame
+from pavetwin.sensing.resolution import is_thin
 from pavetwin.world.model import Defect
 
 LEAST_IOU: Final = 0.5
@@ -55,21 +55,16 @@ def match(frame: Frame, detections: Sequence[Detection], defects: Sequence[Defec
 def _scores(frame: Frame, detection: Detection, defects: Sequence[Defect]) -> dict[int, float]:
     """IoU of every defect that the detection may mean, by its index."""
     scores: dict[int, float] = {}
-    is_thin = _is_thin(detection.kind)
+    thin = is_thin(detection.kind)
     for index, defect in enumerate(defects):
         if defect.kind != detection.kind:
             continue
         score = iou(detection.box(frame), frame.box_of(defect.polygon))
-        if score >= (LEAST_IOU_THIN if is_thin else LEAST_IOU) or (
-            is_thin and shared_extent(detection.ground(frame), defect.polygon) >= LEAST_EXTENT_THIN
+        if score >= (LEAST_IOU_THIN if thin else LEAST_IOU) or (
+            thin and shared_extent(detection.ground(frame), defect.polygon) >= LEAST_EXTENT_THIN
         ):
             scores[index] = score
     return scores
-
-
-def _is_thin(kind: str) -> bool:
-    """By its registration; a class of the world alone, whose file was not given, is not."""
-    return kind in DEFECT_CLASSES.names() and DEFECT_CLASSES.get(kind).is_thin
 
 
 def _best(scores: dict[int, float]) -> int | None:

@@ -66,6 +66,10 @@ class Camera(Settings):
         along = 2 * altitude_m * tan(self.fov_rad / 2)
         return along * self.image_px[0] / self.image_px[1], along
 
+    def ground_resolution_m(self, altitude_m: float) -> float:
+        """What a pixel covers on level ground, in metres; the same all over the image of a pinhole camera."""
+        return self.footprint_m(altitude_m)[1] / self.image_px[1]
+
 
 def parse_cameras(text: str, where: str) -> dict[str, Camera]:
     """The cameras of a YAML file's text, by name.
