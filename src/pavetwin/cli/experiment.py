@@ -191,7 +191,7 @@ def report(
     _note_unfinished(store)
     note_fonts(*study.worlds.values())
     for each in study.advice:
-        out.line(" ".join([each.assumption, *each.recommendation.sentences]).strip())
+        out.line(" ".join([each.assumption, *each.sentences]).strip())
     out.line("\n".join(study.findings or study.conclusions))
     names = [str(path) for path in written if path.parent == place]
     drawn = [f"{len(written) - len(names)} files in {place}/figures/"] if figures else []
@@ -227,12 +227,13 @@ def recommend(
                 raise PaveTwinError(f"--{option} {value}: the study has {', '.join(levels)}.")
             table = table.filter(table[column] == value)
     design = store.design()
-    advice = advise(table, _limits(max_time, max_energy, min_coverage), seed=design.seed)
+    limits = _limits(max_time, max_energy, min_coverage)
+    advice = advise(table, limits, seed=design.seed, design=design.model_dump(mode="json"))
     for each in advice:
         if each.assumption:
             out.print(f"\n[bold]{each.assumption}[/]")
         out.print(_options_table(each.recommendation))
-        out.line("\n".join(each.recommendation.sentences))
+        out.line("\n".join(each.sentences))
     _note_unfinished(store)
     if any(each.recommendation.best is None for each in advice):
         raise typer.Exit(FAILED_CODE)
@@ -265,7 +266,7 @@ def _options_table(chosen: "Recommendation") -> "Table":
     kept = "within limits" if chosen.limits.named else "all flown"
     errors = [metric for metric in ERROR_METRICS if metric.name in chosen.options.columns]
     names = [f"{metric.label.lower()} {metric.unit}".strip() for metric in errors]
-    headings = [*chosen.by, "coverage %", "time s", "95th perc.", "battery %", *names, kept, "best in"]
+    headings = [*chosen.by, "coverage %", "corrected", "time s", "95th perc.", "battery %", *names, kept, "best with"]
     rows, styles = [], []
     for row in chosen.options.iter_rows(named=True):
         factors = [f"{row[name]:g} m" if name == "altitude_m" else str(row[name]) for name in chosen.by]
@@ -273,6 +274,7 @@ def _options_table(chosen: "Recommendation") -> "Table":
             (
                 *factors,
                 _span(row, "coverage", 100),
+                "–" if row["coverage_expected"] is None else f"{100 * row['coverage_expected']:.1f}",
                 _span(row, "time_s", 1),
                 "–" if row["time_s_p95"] is None else f"{row['time_s_p95']:.0f}",
                 _span(row, "energy", 100),

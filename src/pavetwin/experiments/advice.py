@@ -1,10 +1,13 @@
 """What a study advises: a recommendation for each combination of its assumptions."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import polars as pl
 
 from pavetwin.experiments.design import ALIASES, ENVIRONMENT
+from pavetwin.experiments.ground_view import GroundView, ground_view
 from pavetwin.experiments.metrics import REPLICATE
 from pavetwin.experiments.statistics import MissionLimits, Recommendation, recommend
 from pavetwin.experiments.words import opened, setting
@@ -18,20 +21,42 @@ class Advice:
     assumption: str
     """The sensor and the preset as a sentence; empty where the study has one of each."""
     recommendation: Recommendation
+    view: GroundView | None = None
+    """From the option that is recommended or nearest; None where there is none, or the design is not known."""
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The first says what to fly, and the second what the camera shows from there."""
+        first, *others = self.recommendation.sentences
+        return (first, *([self.view.sentence] if self.view else []), *others)
 
 
-def advise(table: pl.DataFrame, limits: MissionLimits, *, seed: int = 0) -> list[Advice]:
-    """A recommendation among altitudes, policies and swept settings, over the worlds and traffic of the table."""
+def advise(
+    table: pl.DataFrame, limits: MissionLimits, *, seed: int = 0, design: Mapping[str, Any] | None = None
+) -> list[Advice]:
+    """A recommendation among altitudes, policies and swept settings, over the worlds and traffic of the table.
+
+    Args:
+        design: plain values of `design.yaml`, for what the camera shows.
+    """
     varied = table.columns[table.columns.index("altitude_m") : table.columns.index(REPLICATE)]
     given = {name for name in varied if ALIASES.get(name, name) in ENVIRONMENT}
     chosen_by = {name for name in varied if name not in {*ASSUMED, *given} and table[name].n_unique() > 1}
     by = [name for name in varied if name in chosen_by | {"altitude_m", "policy"}]
     assumed = [name for name in ASSUMED if table[name].n_unique() > 1]
     parts = table.partition_by(assumed, maintain_order=True) if assumed else [table]
-    return [
-        Advice(
-            opened(setting(part.row(0, named=True), assumed)) if assumed else "",
-            recommend(part, limits, by, seed=seed),
-        )
-        for part in parts
-    ]
+    return [_advice(part, limits, by, assumed, seed, design) for part in parts]
+
+
+def _advice(
+    table: pl.DataFrame,
+    limits: MissionLimits,
+    by: list[str],
+    assumed: list[str],
+    seed: int,
+    design: Mapping[str, Any] | None,
+) -> Advice:
+    made, first = recommend(table, limits, by, seed=seed), table.row(0, named=True)
+    option = made.best or made.nearest
+    view = ground_view({**first, **option}, design) if option and design else None
+    return Advice(opened(setting(first, assumed)) if assumed else "", made, view)

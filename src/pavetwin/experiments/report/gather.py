@@ -61,11 +61,11 @@ def gather(
     sentences = conclusions(summary, compared, explained)
     within = limits or MissionLimits()
     traffics = levels["traffic"] if 1 < len(levels["traffic"]) <= _MOST_TRAFFICS else []
-    advice_in = {name: advise(table.filter(traffic=name), within, seed=seed) for name in traffics}
+    advice_in = {name: advise(table.filter(traffic=name), within, seed=seed, design=design) for name in traffics}
     return Study(
         *(title, design, factors, table, summary, compared, explained, sentences, worlds),
         findings=key_findings(compared),
-        advice=advise(table, within, seed=seed),
+        advice=advise(table, within, seed=seed, design=design),
         advice_in=advice_in,
     )
 

@@ -35,7 +35,7 @@ def page(study: Study, sections: Sequence[Section]) -> str:
     return environment.get_template("page.html.jinja").render(
         study=study,
         question=front.question(study),
-        answers=[(each.assumption, each.recommendation.sentences) for each in study.advice],
+        answers=[(each.assumption, each.sentences) for each in study.advice],
         by_traffic=[(name, _first_sentences(advice)) for name, advice in study.advice_in.items()],
         limited=any(each.recommendation.limits.named for each in study.advice),
         changed=front.changed_settings(study.design),
@@ -135,8 +135,8 @@ def figures(sections: Sequence[Section]) -> list[ReportFigure]:
 
 
 def _first_sentences(advice: Sequence[Advice]) -> str:
-    """What each recommendation says first, and what it leaves open."""
-    return " ".join(" ".join(each.recommendation.sentences[:2]) for each in advice)
+    """What each recommendation says first: the option, what its camera shows, and how sure the choice is."""
+    return " ".join(" ".join(each.sentences[:3]) for each in advice)
 
 
 def _numbers(sections: Sequence[Section]) -> dict[int, int]:

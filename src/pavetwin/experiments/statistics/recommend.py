@@ -11,9 +11,9 @@ import polars as pl
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.metrics import ERROR_METRICS, metric_named, metrics_in
-from pavetwin.experiments.statistics.bootstrap import resamples, strata
 from pavetwin.experiments.statistics.cells import failed_alone, layout, nullable, values_of, varied_columns
 from pavetwin.experiments.statistics.flips import sign_flip_p
+from pavetwin.experiments.statistics.shrinkage import true_means
 from pavetwin.experiments.statistics.summary import FEW, summarise
 from pavetwin.experiments.words import (
     amount,
@@ -74,13 +74,14 @@ class Recommendation:
     by: tuple[str, ...]
     options: pl.DataFrame
     """Best first, then those that break a limit, then those that failed alone. Columns: `*by`, `n` (missions with a
-    coverage), `undefined`, `failed`; of coverage, time_s and energy each the mean and `…_low`, `…_high` (95 %
-    interval); `time_s_p95`; the means of `ERROR_METRICS` where a sensor made such errors; `failed_alone` (missions that
-    failed and that another option flew: its means leave out what it failed on); `replicates` (with a coverage);
-    `feasible` (it failed in none alone and its means keep the limits), `kept` (share of the resamples in which they do)
-    and `certainty` (in which it also is the best of all that do, or level with the best: these shares may add up to
-    more than 1), both null where there are fewer than five replicates; `p` (of its coverage against that of the first);
-    `same` (as the first in coverage, time and energy of every replicate)."""
+    coverage), `undefined`, `failed`; of coverage, time_s and energy each the mean, `…_low`, `…_high` (95 % interval)
+    and `…_expected` (the mean corrected for the choice among many, see `true_means`); `time_s_p95`; the means of
+    `ERROR_METRICS` where a sensor made such errors; `failed_alone` (missions that failed and that another option flew:
+    its means leave out what it failed on); `replicates` (with a coverage); `feasible` (it failed in none alone and its
+    means keep the limits), `kept` (the probability that its true means do) and `certainty` (that it also is the best of
+    all that do, or level with the best: these may add up to more than 1), as `…_expected` null where there are fewer
+    than five replicates; `p` (of its coverage against that of the first); `same` (as the first in coverage, time and
+    energy of every replicate)."""
     best: Row | None
     """The first row of `options`; None when no option is feasible."""
     nearest: Row | None
@@ -97,10 +98,10 @@ def recommend(
     """The option with the best expected coverage of all whose expected time, energy and coverage keep the limits.
 
     Equal coverages are told apart by time, then by energy. An option that failed in a mission which another flew is not
-    recommended: the two means are over different missions. How sure: replicates are resampled for all options at once,
-    which share their traffic, defects and segments, within each world, and the choice is made again; `certainty` is the
-    share of resamples in which the option is the best or level with the best, so that it does not depend on how many
-    others do the same.
+    recommended: the two means are over different missions. How sure: the choice is made again in each draw of the true
+    means (`true_means`: shrunk, so that the best of many is not believed for its random errors); `certainty` is the
+    share of draws in which the option is the best or level with the best, so that it does not depend on how many others
+    do the same.
     """
     errors = [metric for metric in metrics_in(table) if metric in ERROR_METRICS]
     summary = summarise(table, by, [*map(metric_named, _MEASURED), *errors], seed=seed)
@@ -110,15 +111,17 @@ def recommend(
     alone = np.bincount(cells.cell[failed_alone(table, by)], minlength=len(cells.keys))
     units[:, alone > 0] = means[:, alone > 0] = np.nan
     replicates = np.isfinite(cells.means(values_of(table, _COVERAGE))).sum(axis=1)
-    kept, certainty = _resampled(units, cells.worlds, limits, seed)
+    levels = [np.unique([str(key[at]) for key in cells.keys], return_inverse=True)[1] for at in range(len(by))]
+    chances = choice_under(limits, units, cells.worlds, levels, seed)
     if replicates.max() < FEW:
-        kept[:] = certainty[:] = np.nan
+        chances = Chances(*(np.full(shape, np.nan) for shape in (len(alone), len(alone), units.shape[:2])))
     options = _options(summary, by).with_columns(
         failed_alone=alone,
         replicates=replicates,
         feasible=_feasible(means[:, np.newaxis], limits)[0],
-        kept=nullable(kept),
-        certainty=nullable(certainty),
+        kept=nullable(chances.kept),
+        certainty=nullable(chances.certainty),
+        **{f"{name}_expected": nullable(row) for name, row in zip(_MEASURED, chances.expected, strict=True)},
     )
     order = ["feasible", pl.col("failed_alone") > 0, _COVERAGE, _TIME, _ENERGY]
     options = options.with_row_index("at").sort(
@@ -148,26 +151,38 @@ def _options(summary: pl.DataFrame, by: Sequence[str]) -> pl.DataFrame:
     return frame.with_columns(parts[_TIME]["p95"].alias("time_s_p95"), *shown)
 
 
-def _resampled(
-    units: Float64Array, worlds: IndexArray, limits: MissionLimits, seed: int
-) -> tuple[Float64Array, Float64Array]:
-    """(options,) shares of the resamples in which an option keeps the limits, and in which it also is the best of all
-    that do, or level with the best.
+@dataclass(frozen=True)
+class Chances:
+    """What the replicates say of the options' true means, NaN where undefined."""
+
+    kept: Float64Array
+    """(options,) the probability that they keep the limits."""
+    certainty: Float64Array
+    """(options,) that the option also is the best of all that do, or level with the best."""
+    expected: Float64Array
+    """(3, options) true means of coverage, time and energy."""
+
+
+def choice_under(
+    limits: MissionLimits, units: Float64Array, worlds: IndexArray, levels: Sequence[IndexArray], seed: int
+) -> Chances:
+    """How likely each option keeps the limits and is the best, in draws of the true means.
 
     Args:
         units: (3, options, blocks) coverage, time and energy of each replicate, NaN where undefined.
+        worlds, levels: as `true_means` takes them.
     """
-    counts = resamples(strata(worlds), seed)
-    drawn = np.einsum("mob,rb->mro", np.isfinite(units), counts, optimize=True).astype(np.float64)
-    sums = np.einsum("mob,rb->mro", np.nan_to_num(units), counts, optimize=True)
-    means = np.divide(sums, drawn, out=np.full(drawn.shape, np.nan), where=drawn > 0)
-    feasible = _feasible(means, limits)
+    likely = [true_means(values, worlds, levels, seed) for values in units]
+    draws = np.stack([each.draws for each in likely])
+    coverage, *costs = (each.expected for each in likely)
+    possible = np.stack([np.clip(coverage, 0.0, 1.0), *(np.maximum(cost, 0.0) for cost in costs)])
+    feasible = _feasible(draws, limits)
     chosen = feasible.copy()
     for name, sign in ((_COVERAGE, -1.0), (_TIME, 1.0), (_ENERGY, 1.0)):
-        value = np.where(chosen, sign * means[_MEASURED.index(name)], np.inf)
+        value = np.where(chosen, sign * draws[_MEASURED.index(name)], np.inf)
         least = value.min(axis=1, keepdims=True)
         chosen &= value <= least + _SAME * np.maximum(np.abs(np.where(np.isfinite(least), least, 0.0)), 1.0)
-    return feasible.mean(axis=0), chosen.mean(axis=0)
+    return Chances(feasible.mean(axis=0), chosen.mean(axis=0), possible)
 
 
 def _feasible(means: Float64Array, limits: MissionLimits) -> BoolArray:
@@ -204,10 +219,23 @@ def _sentences(table: pl.DataFrame, options: Sequence[Row], by: Sequence[str], l
     expected = listed([f"{metric_named(name).label.lower()} {_expected(best, name)}" for name in _MEASURED])
     return [
         f"fly {_option(best, by)}: expected {expected} a segment, the flight from the base included",
+        *_corrected(options),
         *_lead(best, others, by, limits),
         *_warnings(best, limits),
         *_left_out(others, by),
         *_averaged(table, by),
+    ]
+
+
+def _corrected(options: Sequence[Row]) -> list[str]:
+    """What is left of the best mean once it is allowed for that it was chosen, and how likely the choice is right."""
+    best, rivals = options[0], [other for other in options[1:] if other["certainty"] is not None]
+    if best["certainty"] is None or not rivals:
+        return []
+    expected = amount(metric_named(_COVERAGE), best[f"{_COVERAGE}_expected"])
+    return [
+        f"corrected for its choice as the best of {len(rivals) + 1}, its coverage is expected at {expected}, and it is "
+        f"the best with a probability of {percent(best['certainty'])}"
     ]
 
 
@@ -245,7 +273,7 @@ def _warnings(best: Row, limits: MissionLimits) -> list[str]:
     warnings = (
         (
             unsure,
-            f"other replicates may break {limits.words}: {percent(1 - (best['kept'] or 0.0))} of the resamples do",
+            f"its true means may break {limits.words}: with a probability of {percent(1 - (best['kept'] or 0.0))}",
         ),
         (late, f"the limit of time holds for the mean, not for every mission: the 95th percentile is {p95}"),
         (best["failed"], f"{best['failed']} of its missions failed, as with every option, and are in no mean"),

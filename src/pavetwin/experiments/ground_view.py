@@ -1,0 +1,107 @@
+"""What the camera of an option shows of the ground, and which defects it cannot show."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import hypot
+from typing import Any, Final
+
+from pavetwin.config import MissionSettings, load_settings
+from pavetwin.config.mission import LEAST_PX
+from pavetwin.defects.registry import DEFECT_CLASSES
+from pavetwin.experiments.design import ALIASES
+from pavetwin.experiments.words import listed
+from pavetwin.mission.environment import shutter_s
+from pavetwin.sensing import sensor_class
+from pavetwin.sensing.resolution import is_thin, least_px_of
+from pavetwin.uav import find_camera
+
+_WORDS: Final[Mapping[str, str]] = {
+    "single_crack": "cracks thinner than {}",
+    "crocodile_crack": "crocodile cracks narrower than {}",
+    "pothole": "potholes narrower than {}",
+}
+
+
+@dataclass(frozen=True)
+class GroundView:
+    """From one altitude, with one camera, at the speed of inspection."""
+
+    altitude_m: float
+    camera: str
+    """As `camera.model` names it."""
+    pixel_m: float
+    """What a pixel covers on the ground."""
+    blur_px: float
+    """Motion blur at the speed of inspection."""
+    unseen_m: Mapping[str, float]
+    """By class the extent below which a defect covers fewer than `sensing.least_px` pixels, blur included: a crack's
+    width, else the shorter side."""
+    is_counted: bool
+    """Whether the missions counted this. Else their sensor finds a defect whatever its size in pixels."""
+
+    @property
+    def sentence(self) -> str:
+        """`From 10 m with the camera paper a pixel covers 12 mm on the ground: cracks thinner than 26 mm …`."""
+        small = listed(
+            [
+                _WORDS.get(kind, f"{kind} narrower than {{}}").format(_length(extent_m))
+                for kind, extent_m in self.unseen_m.items()
+            ]
+        )
+        begin = f"From {self.altitude_m:g} m with the camera {self.camera} a pixel covers {_length(self.pixel_m)}"
+        if self.is_counted:
+            return f"{begin}: {small} are not seen from here."
+        return f"{begin}; these missions do not count pixels, a real detector may miss {small} from here."
+
+
+def ground_view(option: Mapping[str, Any], design: Mapping[str, Any]) -> GroundView:
+    """The view of one option of a study.
+
+    Args:
+        option: its altitude and preset, its sensor and what else is swept, by the table's columns.
+        design: plain values of `design.yaml`.
+
+    Raises:
+        PaveTwinError: the preset, a setting or the camera is not known here any more.
+    """
+    settings = _settings(option, design)
+    sensing, camera = settings.sensing, find_camera(settings.camera.model)
+    pixel_m = camera.ground_resolution_m(settings.altitude_m)
+    blur_px = settings.uav.inspect_speed_mps * shutter_s(settings.camera) / pixel_m
+    is_counted = sensing.least_px is not None and sensor_class(sensing.sensor).judges_size
+    counting = sensing if sensing.least_px is not None else sensing.model_copy(update={"least_px": dict(LEAST_PX)})
+    kinds = sorted(
+        (set(counting.least_px or ()) & set(DEFECT_CLASSES.names())), key=lambda kind: (not is_thin(kind), kind)
+    )
+    return GroundView(
+        altitude_m=settings.altitude_m,
+        camera=settings.camera.model,
+        pixel_m=pixel_m,
+        blur_px=blur_px,
+        unseen_m={kind: least_px_of(counting, kind) * pixel_m * hypot(1.0, blur_px) for kind in kinds},
+        is_counted=is_counted,
+    )
+
+
+def _settings(option: Mapping[str, Any], design: Mapping[str, Any]) -> MissionSettings:
+    """How its missions were flown. Where a swept setting is averaged over, the first of its values counts."""
+    values = dict(design.get("set") or {})
+    for key, levels in (design.get("sweep") or {}).items():
+        shown = option.get(key, option.get(f"{key}_set"))
+        values[key] = next((level for level in levels if str(level) == str(shown)), levels[0])
+    overrides = [f"{ALIASES.get(key, key)}={value}" for key, value in values.items()]
+    return load_settings(
+        str(option["preset"]),
+        overrides,
+        altitude_m=option["altitude_m"],
+        sensing={"sensor": option.get("sensor", "recall")},
+        plugins=tuple(design.get("plugins") or ()),
+    )
+
+
+def _length(metres: float) -> str:
+    """`1.6 mm`, `12 mm`, `0.29 m`."""
+    millimetres = 1000 * metres
+    if millimetres < 10:
+        return f"{millimetres:.1f} mm"
+    return f"{millimetres:.0f} mm" if millimetres < 300 else f"{metres:.1f} m"
