@@ -195,8 +195,8 @@ def test_the_best_under_the_limits_is_recommended(limits: MissionLimits, policy:
     assert "traffic (low and high)" in made.sentences[-1]
 
 
-def test_certainty_agrees_with_a_bootstrap_of_its_own() -> None:
-    table = study(truth=lambda cell: {"coverage": {"baseline": 0.0, "hover": 0.004, "micro": 0.002}[cell["policy"]]})
+def test_where_options_differ_clearly_the_limits_are_judged_as_a_bootstrap_of_its_own_would() -> None:
+    table = study(truth=lambda cell: {"coverage": {"baseline": 0.0, "hover": 0.1, "micro": 0.05}[cell["policy"]]})
     made = recommend(table, MissionLimits(max_time_s=61.0), ("policy",))
     wide = table.group_by("policy", "replicate").agg(pl.col("coverage", "time_s").mean()).sort("policy", "replicate")
     coverage, seconds = (wide[name].to_numpy().reshape(3, 20) for name in ("coverage", "time_s"))
@@ -205,8 +205,8 @@ def test_certainty_agrees_with_a_bootstrap_of_its_own() -> None:
     best = np.where(kept, coverage[:, drawn].mean(axis=2), -1.0)
     expected = [float(((best.argmax(axis=0) == at) & kept.any(axis=0)).mean()) for at in range(3)]
     found = made.options.sort("policy")
-    assert found["certainty"].to_list() == pytest.approx(expected, abs=0.02)
-    assert found["kept"].to_list() == pytest.approx(kept.mean(axis=1).tolist(), abs=0.02)
+    assert found["certainty"].to_list() == pytest.approx(expected, abs=0.12)
+    assert found["kept"].to_list() == pytest.approx(kept.mean(axis=1).tolist(), abs=0.12)
 
 
 def test_limits_are_judged_in_each_resample_and_told_so() -> None:
@@ -220,14 +220,15 @@ def test_limits_are_judged_in_each_resample_and_told_so() -> None:
     assert (made.options["policy"][0], by["hover"]["feasible"]) == ("baseline", False)
     kept = by["baseline"]["certainty"] + by["hover"]["certainty"]
     assert 1 - kept == pytest.approx(stats.binom.sf(10, 20, 0.5), abs=0.03), "more of the slow half are drawn"
-    assert made.sentences[1:3] == (
+    assert made.sentences[1:4] == (
         "No other option keeps the limit.",
-        f"Other replicates may break the limit: {1 - by['baseline']['kept']:.0%} of the resamples do.".replace(
-            "%", " %"
-        ),
+        f"Corrected for its choice as the best of 3, its coverage is expected at "
+        f"{100 * by['baseline']['coverage_expected']:.1f} %, and it is the best with a probability of "
+        f"{100 * by['baseline']['certainty']:.0f} %.",
+        f"Its true means may break the limit: with a probability of {100 * (1 - by['baseline']['kept']):.0f} %.",
     )
     easy = recommend(table, MissionLimits(max_time_s=90.0), ("policy",))
-    assert easy.sentences[1:] == (
+    assert (easy.sentences[1], easy.sentences[-1]) == (
         "Within the limit, micro leads; 20 replicates separate it from hover and baseline "
         "(each p < 0.05, not corrected).",
         "This is an average over traffic (low and high).",
@@ -260,7 +261,7 @@ def test_a_choice_that_three_replicates_make_is_not_called_sure() -> None:
     made = recommend(table, MissionLimits(), ("policy",))
     assert made.best is not None
     assert made.best["policy"] == "hover"
-    assert made.best["certainty"] > 0.95
+    assert 0.5 < made.best["certainty"] < 0.95
     assert made.sentences[1] == "Hover leads; 10 replicates cannot separate it from baseline (p = 0.25)."
     limited = recommend(table, MissionLimits(max_time_s=600.0), ("policy",))
     assert limited.sentences[1] == (
@@ -360,7 +361,7 @@ def test_few_replicates_recommend_without_a_share_and_without_limits_of_none(rep
     assert made.best is not None
     assert made.sentences[1] == f"{replicates} replicates are too few to separate options: fly at least 5."
     assert made.options["certainty"].null_count() == made.options.height
-    assert not any("limit" in sentence or "resamples" in sentence for sentence in made.sentences)
+    assert not any("limit" in sentence or "probability" in sentence for sentence in made.sentences)
 
 
 def three_or_skip(cell: dict[str, Any]) -> dict[str, float]:

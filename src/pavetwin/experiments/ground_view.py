@@ -100,8 +100,8 @@ def _settings(option: Mapping[str, Any], design: Mapping[str, Any]) -> MissionSe
 
 
 def _length(metres: float) -> str:
-    """`1.6 mm`, `12 mm`, `0.29 m`."""
+    """`1.6 mm`, `292 mm`, `2.3 m`."""
     millimetres = 1000 * metres
     if millimetres < 10:
         return f"{millimetres:.1f} mm"
-    return f"{millimetres:.0f} mm" if millimetres < 300 else f"{metres:.1f} m"
+    return f"{millimetres:.0f} mm" if millimetres < 1000 else f"{metres:.1f} m"

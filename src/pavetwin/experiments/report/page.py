@@ -136,7 +136,7 @@ def figures(sections: Sequence[Section]) -> list[ReportFigure]:
 
 def _first_sentences(advice: Sequence[Advice]) -> str:
     """What each recommendation says first: the option, what its camera shows, and how sure the choice is."""
-    return " ".join(" ".join(each.sentences[:3]) for each in advice)
+    return " ".join(" ".join(each.sentences[:4]) for each in advice)
 
 
 def _numbers(sections: Sequence[Section]) -> dict[int, int]:

@@ -219,8 +219,8 @@ def _sentences(table: pl.DataFrame, options: Sequence[Row], by: Sequence[str], l
     expected = listed([f"{metric_named(name).label.lower()} {_expected(best, name)}" for name in _MEASURED])
     return [
         f"fly {_option(best, by)}: expected {expected} a segment, the flight from the base included",
-        *_corrected(options),
         *_lead(best, others, by, limits),
+        *_corrected(options),
         *_warnings(best, limits),
         *_left_out(others, by),
         *_averaged(table, by),

@@ -17,13 +17,14 @@ How well the claims hold stands in docs/explanation/statistics.md (`python -m be
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
 from scipy.special import gammainc, gammaincinv
 
 from pavetwin.arrays import Float64Array, IndexArray
-from pavetwin.experiments.statistics.bootstrap import resamples, strata
+from pavetwin.experiments.statistics.bootstrap import Sizes, resamples, strata
 
 DRAWS: Final = 4000
 _SHRINKAGE: Final = 3
@@ -75,12 +76,18 @@ def _distinct(units: Float64Array) -> tuple[IndexArray, IndexArray]:
 
 def _resampled(units: Float64Array, worlds: IndexArray, seed: int) -> tuple[Float64Array, Float64Array]:
     """(options,) observed means and (draws, options) how far those of resamples lie from them."""
-    counts, here = resamples(strata(worlds), seed)[:DRAWS], np.isfinite(units)
+    counts, here = _counts(strata(worlds), seed), np.isfinite(units)
     values = np.nan_to_num(units)
     observed = values.sum(axis=1) / here.sum(axis=1)
     drawn, sums = counts @ here.T.astype(np.float64), counts @ values.T
     means = np.divide(sums, drawn, out=np.tile(observed, (len(counts), 1)), where=drawn > 0)
     return observed, means - observed
+
+
+@lru_cache(maxsize=4)
+def _counts(sizes: Sizes, seed: int) -> Float64Array:
+    """(draws, replicates) how often each replicate is drawn: the same for all metrics of a study."""
+    return resamples(sizes, seed)[:DRAWS]
 
 
 def _parts(levels: Sequence[IndexArray], options: int) -> list[Float64Array]:

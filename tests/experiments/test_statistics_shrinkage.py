@@ -1,0 +1,100 @@
+"""The winner's curse: true means are shrunk, claims hold in simulated studies, and nothing depends on names."""
+
+import numpy as np
+import polars as pl
+import pytest
+from benchmarks.calibration import ALTITUDE, OPTIONS, POLICY, outcomes, simulated, truth
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pavetwin.experiments.statistics.shrinkage import TrueMeans, true_means
+
+LEVELS = (ALTITUDE, POLICY)
+
+
+def of(units: np.ndarray, seed: int = 0) -> TrueMeans:
+    return true_means(units, np.zeros(units.shape[1], dtype=np.intp), LEVELS, seed)
+
+
+def noise(seed: int, replicates: int = 12) -> np.ndarray:
+    """Options that differ by chance alone, on streets that differ more."""
+    rng = np.random.default_rng(seed)
+    return 0.8 + rng.normal(0, 0.05, replicates) + rng.normal(0, 0.02, (OPTIONS, replicates))
+
+
+def test_pure_noise_shrinks_together_and_clear_effects_stay() -> None:
+    same, effects = noise(1), noise(1) + np.where(ALTITUDE == 2, 0.2, 0.0)[:, np.newaxis]
+    assert np.ptp(of(same).expected) < 0.6 * np.ptp(same.mean(axis=1))
+    shown = of(effects).expected
+    assert shown[ALTITUDE == 2].mean() - shown[ALTITUDE < 2].mean() == pytest.approx(0.2, abs=0.02)
+
+
+def test_the_average_of_all_options_is_not_shrunk() -> None:
+    units = noise(2)
+    assert of(units).expected.mean() == pytest.approx(units.mean())
+    assert of(units).draws.mean() == pytest.approx(units.mean(), abs=0.002)
+
+
+def test_the_best_mean_of_equal_options_is_not_believed() -> None:
+    """Over many studies the best observed mean is too high; what is expected of it much less so."""
+    raw, corrected = [], []
+    for seed in range(20):
+        units = noise(seed)
+        best = int(units.mean(axis=1).argmax())
+        raw.append(units.mean(axis=1)[best] - units.mean())
+        corrected.append(of(units).expected[best] - units.mean())
+    assert np.mean(raw) > 0.007
+    assert np.mean(corrected) < 0.55 * np.mean(raw)
+
+
+@given(st.integers(0, 10**6), st.floats(-3, 3), st.floats(0.01, 100))
+@settings(max_examples=6)
+def test_units_and_zero_do_not_matter(seed: int, shift: float, scale: float) -> None:
+    units = noise(seed)
+    plain, moved = of(units), of(shift + scale * units)
+    np.testing.assert_allclose(moved.expected, shift + scale * plain.expected, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(moved.draws, shift + scale * plain.draws, rtol=1e-6, atol=1e-5 * scale)
+
+
+def test_options_equal_in_every_replicate_have_equal_draws_and_count_once() -> None:
+    units = noise(3)[:4]
+    twice = np.concatenate([units, units[1:2]])
+    levels = [np.array([0, 1, 2, 3, 4])]
+    alone = true_means(units, np.zeros(12, dtype=np.intp), [levels[0][:4]], 0)
+    made = true_means(twice, np.zeros(12, dtype=np.intp), levels, 0)
+    assert (made.draws[:, 1] == made.draws[:, 4]).all()
+    np.testing.assert_allclose(made.draws[:, :4], alone.draws)
+
+
+def test_what_is_undefined_stays_so_and_the_others_do_without_it() -> None:
+    units = noise(4)
+    units[5], units[2, :3] = np.nan, np.nan
+    made = of(units)
+    assert np.isnan(made.expected).tolist() == [at == 5 for at in range(OPTIONS)]
+    assert np.isfinite(made.draws[:, np.arange(OPTIONS) != 5]).all()
+    alone = true_means(np.full((1, 6), 0.5), np.zeros(6, dtype=np.intp), [np.array([0])], 0)
+    assert alone.expected.tolist() == [0.5]
+
+
+def test_simulated_studies_have_the_means_that_they_were_given() -> None:
+    for kind in ("as in the paper's study", "limit of time", "unstructured"):
+        rng = np.random.default_rng(5)
+        known = truth(kind, rng)
+        coverage, time_s, energy = simulated(known, 40_000, rng).mean(axis=2)
+        np.testing.assert_allclose(coverage, known.coverage, atol=0.003)
+        np.testing.assert_allclose(time_s, known.time_s, rtol=0.06)
+        np.testing.assert_allclose(energy, time_s / 1800)
+
+
+@pytest.mark.slow
+def test_claims_hold_in_simulated_studies_and_those_of_resampling_alone_did_not() -> None:
+    """Over 90 studies: how sure `recommend` was on average against how often it was right."""
+    rows = pl.DataFrame(list(outcomes(7)))
+    right = rows["right"].cast(pl.Float64).mean()
+    assert rows.height > 90
+    assert rows["before"].mean() - right > 0.09
+    assert abs(rows["after"].mean() - right) < 0.07
+    sure = rows.filter(pl.col("after") >= 0.6)
+    assert sure["right"].cast(pl.Float64).mean() > sure["after"].mean() - 0.1
+    assert rows["error_before"].mean() > 0.007
+    assert abs(rows["error_after"].mean()) < 0.005
