@@ -16,7 +16,8 @@ world = pt.save_world(built, folder / "crossroads", force=True)
 print("placed:", dict(Counter(defect.kind for defect in world.defects)))
 for defect in [each for each in world.defects if each.kind == "rutting"][:3]:
     sizes = measure(heightfield_of(defect))
-    print(f"  rutting {defect.id}: {sizes.depth_m * 1000:.0f} mm deep, {defect.severity}")
+    size = f"{sizes.extent_length_m:.1f} m x {sizes.extent_width_m:.1f} m, {sizes.depth_m * 1000:.0f} mm deep"
+    print(f"  rutting {defect.id}: {size}, {defect.severity}")
 
 spec = pt.plan_mission(world, pt.load_settings("default", altitude_m=10.0), segments=4, seed=1)
 result = pt.fly(spec)

@@ -43,7 +43,7 @@ def severity(sizes: Measures) -> Severity:
     "rutting",
     sample_poses=in_lanes,
     rate=severity,
-    width=lambda sizes: sizes.diameter_m,
+    width=lambda sizes: sizes.extent_width_m,
     weight=0.05,
     label=LabelRule(least_side_px=40, least_short_side_px=12, least_area_px=400, least_contrast=3.0),
 )

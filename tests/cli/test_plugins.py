@@ -58,7 +58,10 @@ def test_a_class_of_ones_own_from_the_command_line(tmp_path: Path) -> None:
     fly = ("fly", tmp_path / "rutted", "--density", "low", "--segments", "1", "--plugin", RUTTING, "-o", tmp_path / "m")
     done = pavetwin(*fly)
     assert done.returncode == 0, done.stderr
-    assert pl.read_csv(tmp_path / "m" / "defects.csv")["class"].unique().to_list() == ["rutting"]
+    table = pl.read_csv(tmp_path / "m" / "defects.csv")
+    assert table["class"].unique().to_list() == ["rutting"]
+    assert table["length_m"].is_between(2.0, 6.2).all(), "its extent, as it has no cracks"
+    assert table["width_m"].is_between(1.7, 2.6).all()
     assert "rutting" in DEFECT_CLASSES.names()
 
 

@@ -19,7 +19,7 @@ from pavetwin.world.model import Severity
 seeds = st.integers(0, 2**32 - 1)
 some = settings(max_examples=10, deadline=None)
 LOW, MEDIUM, HIGH = Severity.LOW, Severity.MEDIUM, Severity.HIGH
-NOTHING = Measures(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+NOTHING = Measures(1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def rng(seed: int) -> np.random.Generator:

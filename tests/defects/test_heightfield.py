@@ -21,6 +21,7 @@ from pavetwin.defects import (
     normal_map,
     occlusion_map,
 )
+from pavetwin.defects.measures import length_of
 
 seeds = st.integers(0, 2**32 - 1)
 every_class = pytest.mark.parametrize("kind", kinds(), ids=lambda kind: kind.name)
@@ -172,6 +173,20 @@ def test_widths_lengths_and_volumes_are_measured_whatever_the_cell(width_cells: 
     assert sizes.crack_length_m == pytest.approx(0.5, rel=0.02)
     assert sizes.volume_m3 == pytest.approx(0.5 * width * 0.02, rel=1e-3)
     assert sizes.depth_m == pytest.approx(0.02 * min(1, width_cells), rel=1e-3)
+
+
+def test_a_long_shape_at_an_angle_has_the_extents_of_its_rectangle_and_no_crack() -> None:
+    x, y = 0.005 * np.arange(-120, 121), 0.005 * np.arange(-120, 121)[:, None]
+    along, across = (x + 2 * y) / np.sqrt(5), (y - 2 * x) / np.sqrt(5)
+    trough = np.where((np.abs(along) < 0.4) & (np.abs(across) < 0.1), -0.01, 0.0).astype(np.float32)
+    plain = Marking(margin_m=0.0, closing_m=0.0)
+    sizes = measure(replace(flat((241, 241)), height_m=trough, marking=plain))
+    assert sizes.extent_length_m == pytest.approx(0.8, abs=0.012)
+    assert sizes.extent_width_m == pytest.approx(0.2, abs=0.012)
+    assert sizes.crack_length_m == 0.0
+    assert length_of(sizes) == sizes.extent_length_m
+    crack = measure(with_trench(1.0, 0.02))
+    assert length_of(crack) == crack.crack_length_m != crack.extent_length_m
 
 
 def test_what_is_no_heightfield_is_refused() -> None:

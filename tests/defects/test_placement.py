@@ -119,6 +119,9 @@ def test_a_placed_defect_is_its_heightfield_turned_and_moved() -> None:
         assert defect.severity is kind.rate(sizes)
         assert defect.width_m == pytest.approx(kind.width(sizes), abs=1e-5)
         assert defect.depth_m == pytest.approx(sizes.depth_m, abs=1e-5)
+        assert defect.length_m == pytest.approx(sizes.crack_length_m, abs=1e-3), (
+            "of a pothole too, those that leave its rim"
+        )
         assert defect.area_m2 == pytest.approx(sizes.area_m2, rel=1e-4)
 
 

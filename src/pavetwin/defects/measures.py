@@ -4,6 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
+from shapely import Polygon
 
 from pavetwin._core import relief_widths
 from pavetwin.arrays import Float32Array, Float64Array
@@ -20,25 +22,43 @@ HOLE_SHARE = 0.15
 
 @dataclass(frozen=True, slots=True)
 class Measures:
-    """Sizes in metres, m² and m³; lengths and widths of openings are 0 without an opening."""
+    """Sizes of a defect; those of openings are 0 where no cell has one."""
 
     area_m2: float
-    """Of the outline."""
+    """Area of the outline [m²]."""
+    extent_length_m: float
+    """Longer side of the smallest rectangle around the outline, at any angle [m]."""
+    extent_width_m: float
+    """Shorter side of that rectangle [m]."""
     depth_m: float
-    """Of the deepest cell."""
+    """Depth of the deepest cell below the defect-free road [m]."""
     volume_m3: float
-    """Below the road's height."""
+    """Volume between the defect and the defect-free road [m³]; what stands above the road does not count."""
     crack_length_m: float
-    """Total length of the openings along their centre lines."""
+    """Total length of the openings along their centre lines [m]."""
     width_m: float
-    """Width of the openings that 2 % of their length exceed."""
+    """Width of the openings that 2 % of their length exceed [m]: the opening of a crack, not the size of the defect."""
     mean_width_m: float
+    """Mean width of the openings over their length [m]."""
     diameter_m: float
-    """Of a circle of the area that lies deeper than 15 % of the depth."""
+    """Diameter of a circle of the area that lies deeper than 15 % of the depth [m]: for round holes. Of a long shape it
+    lies between length and width; use `extent_width_m` there."""
     exposed_m2: float
-    """Of broken surface."""
+    """Area of broken surface [m²]: the cells' shares `exposed`, added up."""
     sunken_m: float
-    """Depth that 5 % of the area between the openings exceeds: blocks that sank, tilted or are lost."""
+    """Depth that 5 % of the area between the openings exceeds [m]: blocks that sank, tilted or are lost."""
+
+
+def length_of(measures: Measures) -> float:
+    """The length of a defect unless its class says otherwise [m]: of its openings, or without them its extent."""
+    return measures.crack_length_m if measures.crack_length_m > 0 else measures.extent_length_m
+
+
+def extents_m(outline: Polygon) -> tuple[float, float]:
+    """The longer and the shorter side of the smallest rectangle around an outline, at any angle [m]."""
+    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(outline))
+    first, second = np.hypot(*np.diff(corners[:3], axis=0).T).tolist()
+    return max(first, second), min(first, second)
 
 
 def measure(heightfield: Heightfield) -> Measures:
@@ -56,8 +76,11 @@ def measure(heightfield: Heightfield) -> Measures:
     length = float(lengths.sum())
     hole = np.count_nonzero(height < -HOLE_SHARE * depth) if depth > 0 else 0
     between = height[heightfield.mask & (opening == 0)]
+    along, across = extents_m(heightfield.outline)
     return Measures(
         area_m2=float(heightfield.outline.area),
+        extent_length_m=along,
+        extent_width_m=across,
         depth_m=depth,
         volume_m3=-float(np.minimum(height, 0).sum(dtype=np.float64)) * cell**2,
         crack_length_m=length,

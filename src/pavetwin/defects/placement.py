@@ -151,7 +151,7 @@ def _on_segment(
                 severity=kind.rate(sizes),
                 width_m=round(kind.width(sizes), 5),
                 depth_m=round(sizes.depth_m, 5),
-                length_m=round(sizes.crack_length_m, 3),
+                length_m=round(kind.length(sizes), 3),
                 volume_m3=round(sizes.volume_m3, 7),
             )
             break

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pavetwin.defects.heightfield import Heightfield
-from pavetwin.defects.measures import Measures
+from pavetwin.defects.measures import Measures, length_of
 from pavetwin.defects.poses import PoseSampler
 from pavetwin.registry import Registry
 from pavetwin.world.model import Defect, Severity, is_class_name
@@ -39,6 +39,8 @@ class DefectKind:
     rate: Callable[[Measures], Severity]
     width: Callable[[Measures], float]
     """Which of its measures is its width."""
+    length: Callable[[Measures], float]
+    """Which is its length."""
     weight: float
     """Among all defects, unless a mix says otherwise."""
     label: LabelRule
@@ -65,6 +67,7 @@ def defect_class(
     rate: Callable[[Measures], Severity],
     width: Callable[[Measures], float],
     weight: float,
+    length: Callable[[Measures], float] = length_of,
     label: LabelRule | None = None,
     is_thin: bool = False,
 ) -> Callable[[Generate], Generate]:
@@ -75,6 +78,7 @@ def defect_class(
         sample_poses: where on a road it is found.
         rate: its severity, from its measures.
         width: which of its measures is its width.
+        length: which is its length; that of its openings, or of a shape without openings its extent, unless given.
         weight: its share among all defects, relative to the weights of the other classes.
         label: from which size in a picture it is labelled.
         is_thin: its outlines are so thin that boxes around them hardly overlap; detections match by other rules.
@@ -84,7 +88,7 @@ def defect_class(
     """
 
     def register(generate: Generate) -> Generate:
-        kind = DefectKind(name, generate, sample_poses, rate, width, weight, label or LabelRule(), is_thin)
+        kind = DefectKind(name, generate, sample_poses, rate, width, length, weight, label or LabelRule(), is_thin)
         DEFECT_CLASSES.add(name, kind)
         return generate
 

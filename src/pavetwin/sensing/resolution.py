@@ -9,10 +9,8 @@ from collections.abc import Mapping
 from math import sqrt
 from typing import Final
 
-import numpy as np
-import shapely
-
 from pavetwin.config.mission import SensingSettings
+from pavetwin.defects.measures import extents_m
 from pavetwin.defects.registry import DEFECT_CLASSES
 from pavetwin.world.model import Defect
 
@@ -30,8 +28,7 @@ def smallest_extent_m(defect: Defect) -> float:
     """The width of a crack; of any other defect the shorter side of the smallest rectangle around it."""
     if is_thin(defect.kind):
         return defect.width_m
-    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(defect.polygon))
-    return float(np.hypot(*np.diff(corners[:3], axis=0).T).min())
+    return extents_m(defect.polygon)[1]
 
 
 def least_px_of(settings: SensingSettings, kind: str) -> float:

@@ -246,11 +246,12 @@ class Defect:
     """Direction of its local x axis."""
     severity: Severity
     width_m: float
-    """Widest opening of a crack; mean diameter of a pothole."""
+    """Widest opening of a crack; mean diameter of a pothole; of a user's class what its `width` says."""
     depth_m: float
     """Maximum depth."""
     length_m: float
-    """Total length of its cracks; 0 without cracks."""
+    """Total length of its cracks; of a user's class without cracks the longer side of the smallest rectangle around
+    it, unless its `length` says otherwise."""
     volume_m3: float
     """Volume missing below the road surface."""
 
