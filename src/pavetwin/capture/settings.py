@@ -16,6 +16,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
 from pavetwin.mission.versions import ADAPTER, version_changes
 from pavetwin.plugins import plugin_hashes
+from pavetwin.traffic.demand import DEFAULT_TRAFFIC
 from pavetwin.uav.cameras import camera_file
 from pavetwin.world.model import World
 
@@ -42,8 +43,8 @@ class CaptureSettings(Settings):
     seed: Annotated[int, Field(ge=0)] = 0
     altitudes_m: tuple[Altitude, ...] = ()
     """Of the UAV, one drawn for each image."""
-    densities: Annotated[tuple[str, ...], Field(min_length=1)] = ("medium",)
-    """Of the traffic, one drawn for each image."""
+    densities: Annotated[tuple[str, ...], Field(min_length=1)] = (DEFAULT_TRAFFIC,)
+    """Names of the traffic (`pavetwin.traffic.demand.density_named`), one drawn for each image."""
     size_px: tuple[ImageSidePx, ImageSidePx] = (640, 640)
     """Width, height. The camera's vertical field of view is kept, so that a square is its middle."""
     camera: NameOrFile = "paper"

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Final
 import typer
 from typer.core import TyperCommand
 
+from pavetwin.errors import PaveTwinError
 from pavetwin.world.folder import CACHE_VARIABLE, check_world
 
 NAMES: Final = {
@@ -35,17 +36,17 @@ def _registered(found: re.Match[str]) -> str:
     return ", ".join(getattr(import_module(module), registry).names())
 
 
-def _existing(context: typer.Context, folder: Path | None) -> Path | None:
+def existing_world(context: typer.Context, folder: Path | None) -> Path | None:
     if folder is not None and not context.resilient_parsing:  # a shell that completes a line asks for no errors
         check_world(folder)
     return folder
 
 
-WorldFolder = Annotated[Path, typer.Argument(help="Folder of the world.", callback=_existing)]
+WorldFolder = Annotated[Path, typer.Argument(help="Folder of the world.", callback=existing_world)]
 """Checked before a command loads anything that takes long."""
 
 OptionalWorldFolder = Annotated[
-    Path | None, typer.Argument(help="Folder of the world; may be left out with --again.", callback=_existing)
+    Path | None, typer.Argument(help="Folder of the world; may be left out with --again.", callback=existing_world)
 ]
 
 _PLUGIN: Final[Any] = {
@@ -72,6 +73,42 @@ def _use_cache(folder: Path | None) -> Path | None:
     if folder is not None:
         os.environ[CACHE_VARIABLE] = str(folder.absolute())  # for worker processes, too
     return folder
+
+
+Los = Annotated[
+    str | None,
+    typer.Option(
+        "--los",
+        metavar="A…F",
+        help="Traffic by level of service: A free, C stable, E at capacity, F broken down; as in --los E.",
+    ),
+]
+Hour = Annotated[
+    int | None,
+    typer.Option("--hour", metavar="0…23", help="Traffic of an hour of a weekday, as in --hour 8 for 8 to 9 o'clock."),
+]
+Mix = Annotated[
+    str | None,
+    typer.Option("--mix", help="Vehicles: europe, north_america, east_asia or south_asia. europe unless given."),
+]
+
+
+def traffic_name(density: str | None, los: str | None, hour: int | None, mix: str | None) -> str | None:
+    """The name of the traffic that options ask for, as `density_named` reads it; None where none of them is given.
+
+    Raises:
+        PaveTwinError: two of them exclude each other, or a name is not known.
+    """
+    given = {"--density": density, "--los": los, "--hour": hour}
+    named = [option for option, value in given.items() if value is not None]
+    if len(named) > 1:
+        raise PaveTwinError(f"{' and '.join(named)} exclude each other; give one of them.")
+    if not named and mix is None:
+        return None
+    from pavetwin.traffic.demand import DEFAULT_TRAFFIC, density_named, hour_density, level_density
+
+    base = level_density(los).name if los is not None else hour_density(hour).name if hour is not None else density
+    return density_named(base or DEFAULT_TRAFFIC, mix or "").name
 
 
 CacheFolder = Annotated[

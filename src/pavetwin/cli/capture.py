@@ -1,6 +1,7 @@
 """`pavetwin capture …`: datasets of labelled images."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
@@ -8,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from pavetwin.cli.arguments import CacheFolder, NamingCommand, Plugins, WorldFolder, paths_of
+from pavetwin.cli.arguments import CacheFolder, Mix, NamingCommand, Plugins, WorldFolder, paths_of, traffic_name
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
@@ -59,9 +60,17 @@ def make(
     altitude: Annotated[
         list[float] | None, typer.Option(help="Of the UAV, in metres; may be repeated. 6, 10 and 15 unless given.")
     ] = None,
-    density: Annotated[
-        list[str] | None, typer.Option(help="Traffic: low, medium or high; may be repeated. medium unless given.")
+    los: Annotated[
+        list[str] | None,
+        typer.Option(metavar="A…F", help="Traffic by level of service; may be repeated. C unless given."),
     ] = None,
+    hour: Annotated[
+        list[int] | None, typer.Option(metavar="0…23", help="Traffic of an hour of a weekday; may be repeated.")
+    ] = None,
+    density: Annotated[
+        list[str] | None, typer.Option(help="Traffic by density: low, medium, high, or v12-p40; may be repeated.")
+    ] = None,
+    mix: Mix = None,
     seed: Annotated[int, typer.Option(help="Random seed of places, light and traffic; 0 is a seed too.")] = 0,
     size: Annotated[str, typer.Option(metavar="WxH", help="Of the images, in pixels.")] = "640x640",
     camera: Annotated[str | None, typer.Option(help="Of the UAV: {cameras}, or a YAML file.")] = None,
@@ -79,7 +88,7 @@ def make(
     """Capture labelled images of a world, or continue an unfinished dataset.
 
     \b
-    pavetwin capture worlds/town -o datasets/town --images 500 --altitude 6 --altitude 10 --density high
+    pavetwin capture worlds/town -o datasets/town --images 500 --altitude 6 --altitude 10 --los B --los E
     pavetwin capture worlds/town -o datasets/both --platform uav,car --images 200 --seed 3 --jobs 2
     pavetwin capture worlds/town -o datasets/sharp --camera phantom4pro --size 1280x960 --png --formats yolo
 
@@ -92,7 +101,7 @@ def make(
         "platforms": platforms,
         "images": images,
         "altitudes_m": tuple(altitude or ()),
-        "densities": tuple(density or ("medium",)),
+        "densities": _traffics(los or (), hour or (), density or (), mix),
         "seed": seed,
         "size_px": _size(size),
         "camera": camera or "paper",
@@ -131,6 +140,18 @@ def make(
         f"{captured.taken} images taken" + (f", {there} were there" if there else "") + f". Dataset in {output}/. "
         f"Next: pavetwin capture show {quote(str(output))}"
     )
+
+
+def _traffics(los: Sequence[str], hours: Sequence[int], densities: Sequence[str], mix: str | None) -> tuple[str, ...]:
+    """The names of all traffic that is asked for."""
+    from pavetwin.traffic.demand import DEFAULT_TRAFFIC
+
+    named = [
+        *(traffic_name(None, each, None, mix) for each in los),
+        *(traffic_name(None, None, each, mix) for each in hours),
+        *(traffic_name(each, None, None, mix) for each in densities),
+    ]
+    return tuple(dict.fromkeys(name or DEFAULT_TRAFFIC for name in named or [traffic_name(None, None, None, mix)]))
 
 
 @app.command()

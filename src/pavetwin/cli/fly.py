@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pavetwin.cli.arguments import CacheFolder, OptionalWorldFolder, Plugins, paths_of
+from pavetwin.cli.arguments import CacheFolder, Hour, Los, Mix, OptionalWorldFolder, Plugins, paths_of, traffic_name
 from pavetwin.cli.conditions import OPTIONS as CONDITIONS
 from pavetwin.cli.conditions import Clouds, Date, Time, Wind, conditions_of
 from pavetwin.cli.console import out, progress
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 POLICY, SEGMENTS = "hover", "8"
 
 FIXED_BY_AGAIN = (
-    *("density", "altitude", "segments", "segment", "order", "seed", "preset", "sensor", "set_"),
+    *("los", "hour", "density", "mix", "altitude", "segments", "segment", "order", "seed", "preset", "sensor", "set_"),
     *("traffic", "routes", "take_off", "base", "airspace", "plugin"),
     *CONDITIONS,
 )
@@ -33,7 +33,13 @@ FIXED_BY_AGAIN = (
 def fly(
     context: typer.Context,
     world: OptionalWorldFolder = None,
-    density: Annotated[str, typer.Option(help="Traffic: low, medium, high, or numbers: v12-p40.")] = "medium",
+    los: Los = None,
+    hour: Hour = None,
+    density: Annotated[
+        str | None,
+        typer.Option(help="Traffic by density: low, medium, high, or numbers: v12-p40. Unless any is given, --los C."),
+    ] = None,
+    mix: Mix = None,
     altitude: Annotated[float | None, typer.Option(help="Metres above ground; 10 unless set otherwise.")] = None,
     policy: Annotated[
         list[str] | None,
@@ -66,10 +72,10 @@ def fly(
         typer.Option("--set", metavar="KEY=VALUE", help="Override a setting; may be repeated."),
     ] = None,
     traffic: Annotated[
-        Path | None, typer.Option(metavar="FILE.parquet", help="A recording of this world. Replaces --density.")
+        Path | None, typer.Option(metavar="FILE.parquet", help="A recording of this world. Replaces --los.")
     ] = None,
     routes: Annotated[
-        list[Path] | None, typer.Option(metavar="FILE.rou.xml", help="Your own SUMO demand. Replaces --density.")
+        list[Path] | None, typer.Option(metavar="FILE.rou.xml", help="Your own SUMO demand. Replaces --los.")
     ] = None,
     take_off: Annotated[
         float | None,
@@ -108,13 +114,21 @@ def fly(
 
     \b
     pavetwin fly worlds/town --density high --altitude 10 --policy hover --segments 8 --seed 1
-    pavetwin fly worlds/town --policy all --preset paper --altitude 6
+    pavetwin fly worlds/town --los E --mix south_asia --policy hover --policy skip
+    pavetwin fly worlds/town --policy all --preset paper --density medium --altitude 6
     pavetwin fly worlds/town --date 2026-06-21 --time 09:30 --clouds 0.4 --wind 5@270 --save-frames
     pavetwin fly worlds/town --routes rush.rou.xml --take-off 600
     pavetwin fly worlds/town --segment s0004 --policy my_policy.py:Careful --set policy.max_wait_s=60
     pavetwin fly --again worlds/town/missions/hover-high-1-10m-default-seed1/mission.yaml
     """
-    _refuse_pairs(context, (("density", "traffic", "routes"), ("segment", "segments")))
+    _refuse_pairs(
+        context,
+        (
+            *((option, "traffic", "routes") for option in ("los", "hour", "density", "mix")),
+            ("segment", "segments"),
+        ),
+    )
+    asked = traffic_name(density, los, hour, mix)
     if world is None and again is None and not settings:
         raise PaveTwinError("Name the folder of a world, or a mission.yaml by --again.")
     former = _former(context, again, other_policy=policy is not None)
@@ -138,6 +152,8 @@ def fly(
         settings_under,
     )
     from pavetwin.mission.results import check_mission_folder
+    from pavetwin.traffic.demand import DEFAULT_TRAFFIC
+    from pavetwin.traffic.flow import flow_of
     from pavetwin.world.store import load_world
 
     names = policies_named(policy or [POLICY if former is None else former.spec.policy.name])
@@ -162,7 +178,7 @@ def fly(
             spec = plan_mission(
                 loaded,
                 own[0],
-                density=density,
+                density=asked or DEFAULT_TRAFFIC,
                 routes=routes or (),
                 recording=traffic,
                 take_off_s=take_off,
@@ -192,6 +208,8 @@ def fly(
         f"Take-off {specs[0].traffic.take_off_s:g} s after the traffic begins, with {vehicles} "
         f"vehicle{'s' * (vehicles != 1)} and {pedestrians} pedestrian{'s' * (pedestrians != 1)} on the streets."
     )
+    flow = flow_of(inputs.replay.recording, inputs.environment.world)
+    out.line(f"Traffic {inputs.replay.recording.name}: {flow.sentence} {flow.removals_sentence}")
     results = _fly_and_save(specs, inputs, folder, animate=animate, save_frames=save_frames)
     report.tell(results, inputs, folder, former, animate=animate, frames=save_frames)
     if former is not None and former.is_contradicted_by(results[0]):

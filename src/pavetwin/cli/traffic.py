@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pavetwin.cli.arguments import CacheFolder, WorldFolder
+from pavetwin.cli.arguments import CacheFolder, Hour, Los, Mix, WorldFolder, existing_world, traffic_name
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
     from pavetwin.traffic.demand import Density
     from pavetwin.traffic.recording import Recording
+    from pavetwin.world.model import World
 
 app = typer.Typer(help="Record traffic over a world with SUMO.", no_args_is_help=True)
 
@@ -20,13 +21,16 @@ app = typer.Typer(help="Record traffic over a world with SUMO.", no_args_is_help
 @app.command()
 def record(
     world: WorldFolder,
-    density: Annotated[str | None, typer.Option(help="Density of the traffic: low, medium or high.")] = None,
+    los: Los = None,
+    hour: Hour = None,
+    density: Annotated[str | None, typer.Option(help="Traffic by density: low, medium or high.")] = None,
     vehicles_per_lane_km: Annotated[
         float | None, typer.Option(help="Vehicles per kilometre of driving lane, instead.")
     ] = None,
     pedestrians_per_sidewalk_km: Annotated[
         float | None, typer.Option(help="Pedestrians per kilometre of sidewalk, instead.")
     ] = None,
+    mix: Mix = None,
     routes: Annotated[
         list[Path] | None,
         typer.Option(metavar="FILE.rou.xml", help="Your own SUMO demand, unchanged; may be repeated."),
@@ -42,7 +46,9 @@ def record(
     """Record traffic over a world; what was recorded before from the same inputs is used again.
 
     \b
-    pavetwin traffic record worlds/town --density high --seed 1 --duration 600 -o high.parquet
+    pavetwin traffic record worlds/town --los E --mix east_asia --seed 1 --duration 600 -o busy.parquet
+    pavetwin traffic record worlds/town --hour 8
+    pavetwin traffic record worlds/town --density high
     pavetwin traffic record worlds/town --vehicles-per-lane-km 12 --pedestrians-per-sidewalk-km 0
     pavetwin traffic record worlds/town --routes mine.rou.xml --duration 900
     """
@@ -50,7 +56,9 @@ def record(
     from pavetwin.traffic.recording import save_recording
     from pavetwin.world.store import load_world
 
-    asked = _density(density, vehicles_per_lane_km, pedestrians_per_sidewalk_km, routes or [])
+    if routes and mix is not None:
+        raise PaveTwinError("--mix: routes name the types of their vehicles; leave it out.")
+    asked = _density(density, los, hour, vehicles_per_lane_km, pedestrians_per_sidewalk_km, mix, routes or [])
     loaded = load_world(world)
     started, simulated = time.perf_counter(), [False]
     with progress(f"Recording {duration:g} s of traffic") as tell:
@@ -73,19 +81,37 @@ def record(
 
 
 @app.command()
-def info(file: Annotated[Path, typer.Argument(metavar="FILE.parquet", help="A recording.")]) -> None:
-    """Say what a recording holds.
+def info(
+    file: Annotated[Path, typer.Argument(metavar="FILE.parquet", help="A recording.")],
+    world: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of its world: needed for the level of service of a recording by an earlier version.",
+            callback=existing_world,
+        ),
+    ] = None,
+) -> None:
+    """Say what a recording holds, and how its traffic flows.
 
     \b
     pavetwin traffic info high.parquet
+    pavetwin traffic info old.parquet --world worlds/town
     """
     from pavetwin.traffic.recording import load_recording
+    from pavetwin.world.store import load_world
 
-    _print(load_recording(file))
+    loaded = None if world is None else load_world(world)
+    _print(load_recording(file, loaded), loaded)
 
 
 def _density(
-    name: str | None, vehicles: float | None, pedestrians: float | None, routes: list[Path]
+    name: str | None,
+    los: str | None,
+    hour: int | None,
+    vehicles: float | None,
+    pedestrians: float | None,
+    mix: str | None,
+    routes: list[Path],
 ) -> "Density | None":
     """What was asked for; None for the user's own routes.
 
@@ -95,22 +121,30 @@ def _density(
     from pavetwin.traffic.demand import density_named, density_of
 
     own = vehicles is not None or pedestrians is not None
-    if sum((name is not None, own, bool(routes))) > 1:
-        raise PaveTwinError("Choose one: --density, the two densities of your own, or --routes.")
+    named = any(option is not None for option in (name, los, hour))
+    if sum((named, own, bool(routes))) > 1:
+        raise PaveTwinError("Choose one: --los, --hour, --density, the two densities of your own, or --routes.")
     if routes:
         return None
     if own:
-        return density_of(vehicles or 0.0, pedestrians or 0.0)
-    if name is None:
-        raise PaveTwinError("Say how much traffic: --density low, medium or high, your own numbers, or --routes.")
-    return density_named(name)
+        return density_named(density_of(vehicles or 0.0, pedestrians or 0.0).name, mix or "")
+    asked = traffic_name(name, los, hour, mix)
+    if asked is None:
+        raise PaveTwinError(
+            "Say how much traffic: --los A to F, --hour 0 to 23, --density low, medium or high, your own numbers, or "
+            "--routes."
+        )
+    return density_named(asked)
 
 
-def _print(recording: "Recording") -> None:
+def _print(recording: "Recording", world: "World | None" = None) -> None:
     from collections import Counter
 
     from rich.table import Table
 
+    from pavetwin.traffic.flow import flow_of
+
+    flow = flow_of(recording, world)
     origin, (vehicles, pedestrians) = recording.origin, recording.counts
     table = Table(box=None, pad_edge=False)
     for heading in ("", "asked", "achieved", "at a time", "in all"):
@@ -136,12 +170,15 @@ def _print(recording: "Recording") -> None:
         )
     out.print(f"{recording.name} traffic, seed {origin.seed}, {recording.duration_s:g} s every {recording.step_s:g} s")
     out.print(table)
+    out.print(flow.sentence)
+    if flow.speed_kmh is not None and flow.ratio is None:
+        out.print("Its level of service needs its world: `--world FOLDER`.", markup=False)
+    out.print(flow.removals_sentence)
     kinds = Counter(recording.agents.kind)
     out.print("Kinds: " + ", ".join(f"{count} {kind}" for kind, count in kinds.most_common()))
     out.print(
         f"Network: {origin.capacity.lanes_km:.2f} km of lanes, {origin.capacity.sidewalks_km:.2f} km of sidewalks, "
-        f"{len(recording.signals)} traffic lights. {recording.removed} vehicles removed after "
-        "blocking traffic (SUMO teleports)."
+        f"{len(recording.signals)} traffic lights."
     )
     out.print(f"{origin.sumo_version}, {origin.warm_up_s:g} s of warm-up before.")
     for remark in recording.remarks:

@@ -215,7 +215,8 @@ def _heading(figure: Figure, title: str, what: str, result: MissionResult) -> No
     """Title, `what` and how it was flown, and whom the world's data come from."""
     world, (across, along) = result.environment.world, window_m(result.settings)
     parts = [what, f"altitude {result.environment.altitude_m:g} m"]
-    parts += [f"traffic {result.traffic}"] if result.traffic else []
+    flow = f" ({result.flow.short})" if result.flow and result.flow.short else ""
+    parts += [f"traffic {result.traffic}{flow}"] if result.traffic else []
     parts += [result.settings.pattern.kind.replace("_", " "), f"window {across:.1f} × {along:.1f} m"]
     parts += [f"sensor {result.sensor}", f"seed {result.seed}"]
     width, height = figure.get_size_inches()

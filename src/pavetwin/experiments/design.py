@@ -49,8 +49,9 @@ _PRESETS: Final = {
     "default": {
         "name": "study",
         "settings": "default",
-        "summary": "A first look: two altitudes, two densities, all four policies; a minute or two on a laptop.",
-        "densities": "[medium, high]",
+        "summary": "A first look: two altitudes, traffic at levels of service B, C and E, all four policies; some "
+        "minutes on a laptop.",
+        "densities": "[los-B, los-C, los-E]",
         "altitudes_m": "[6, 10]",
         "replicates": "8",
     },
@@ -133,7 +134,9 @@ class Design(Settings):
     name: Annotated[str, Field(min_length=1)] = "study"
     worlds: Annotated[tuple[WorldEntry, ...], Field(min_length=1)]
     densities: tuple[str, ...] = ("low", "medium", "high")
-    """Names, or numbers as `v12-p40`: vehicles per kilometre of lane, pedestrians per kilometre of sidewalk."""
+    """Names of traffic as `density_named` reads them: low, `los-C` (level of service), `hour-08` (of a weekday),
+    numbers as `v12-p40` (vehicles per kilometre of lane, pedestrians per kilometre of sidewalk), each with a mix of vehicles
+    behind a plus sign (`los-C+south_asia`)."""
     altitudes_m: Annotated[tuple[Altitude, ...], Field(min_length=1)] = (6.0, 10.0, 15.0)
     policies: Annotated[tuple[str, ...], Field(min_length=1)] = ("baseline", "hover", "micro", "skip")
     sensors: Annotated[tuple[str, ...], Field(min_length=1)] = ("recall",)

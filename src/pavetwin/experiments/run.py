@@ -2,11 +2,13 @@
 
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import polars as pl
 
+from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
 from pavetwin.experiments.engines import Engine
 from pavetwin.experiments.metrics import FAILED, REASON, STATUS
@@ -16,6 +18,9 @@ from pavetwin.experiments.store import FORMER, Store
 from pavetwin.experiments.words import listed
 from pavetwin.files import working_in
 from pavetwin.mission.inputs import OnProgress
+from pavetwin.traffic.demand_search import found
+from pavetwin.traffic.inputs import Inputs
+from pavetwin.world.model import World
 
 
 @dataclass(frozen=True)
@@ -57,7 +62,8 @@ def run(
     tell = on_progress or (lambda _share, _what: None)
     store = Store(folder)
     store.check_design(design)
-    made = plan(design, load_worlds(design), lambda what: tell(0.0, what))
+    worlds = load_worlds(design)
+    made = plan(design, worlds, lambda what: tell(0.0, what))
     made = replace(made, image_source_factory=image_source_factory)
     with working_in(folder):
         store.check(made)
@@ -84,8 +90,20 @@ def run(
         def flown() -> None:
             tell(done / made.missions, f"Flying missions {done}/{made.missions}")
 
+        for world, traffic in dict.fromkeys((unit.world, unit.traffic) for unit in missing):
+            if traffic in design.densities:
+                _find_demand(worlds[world], traffic, tell)
         if missing:
             engine.fly(made, missing, on_ready, on_unit, lambda what: tell(0.0, what))
         else:
             store.begin(made)
         return Ran(made, store.table(), flying)
+
+
+def _find_demand(world: World, traffic: str, tell: OnProgress) -> None:
+    """Search for the density of a level of service or an hour once, before every worker process would.
+
+    A world that cannot reach it is no failure of the study: its units say so.
+    """
+    with suppress(PaveTwinError):
+        found(Inputs.of(world, traffic, 0), lambda _: tell(0.0, f"Finding the demand of {traffic} in {world.name}"))

@@ -31,6 +31,8 @@ from pavetwin.mission.spec import (
 )
 from pavetwin.policies import Policy, load_policy
 from pavetwin.sensing import Frame, ImageSource, JudgedDetection, Outcome, Sensor, load_sensor
+from pavetwin.traffic.flow import Flow, flow_of
+from pavetwin.traffic.recording import Recording
 from pavetwin.twin import InspectionMemory
 
 if TYPE_CHECKING:
@@ -73,6 +75,13 @@ class MissionResult:
     swaps: int
     events: tuple[MissionEvent, ...]
     """Everything that happened, in the order of time."""
+    recording: Recording | None = None
+    """The recorded traffic; None where it was handed in as a value."""
+
+    @cached_property
+    def flow(self) -> Flow | None:
+        """How the recorded traffic flows."""
+        return None if self.recording is None else flow_of(self.recording)
 
     @property
     def settings(self) -> MissionSettings:
@@ -193,6 +202,7 @@ def result_of(mission: Mission, spec: MissionSpec | None = None) -> MissionResul
         distance_m=mission.distance_m,
         swaps=mission.swaps,
         events=tuple(mission.events),
+        recording=mission.traffic.recording if isinstance(mission.traffic, Replay) else None,
     )
 
 

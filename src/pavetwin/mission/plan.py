@@ -20,7 +20,7 @@ from pavetwin.navigation.base import parse_base
 from pavetwin.navigation.patterns import PATTERNS
 from pavetwin.policies import load_policy, policy_class, policy_names
 from pavetwin.sensing import load_sensor
-from pavetwin.traffic.demand import Density, density_named
+from pavetwin.traffic.demand import DEFAULT_TRAFFIC, Density, density_named
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.own_demand import own_demand
 from pavetwin.traffic.recording import load_recording
@@ -35,7 +35,7 @@ def plan_mission(
     world: World,
     settings: MissionSettings | None = None,
     *,
-    density: Density | str = "medium",
+    density: Density | str = DEFAULT_TRAFFIC,
     routes: Sequence[Path | str] = (),
     recording: Path | str | None = None,
     traffic_seed: int | None = None,
@@ -53,7 +53,8 @@ def plan_mission(
 
     Args:
         settings: the preset `default` when not given.
-        density: of the traffic: a name or numbers; ignored where `routes` or a `recording` are given.
+        density: of the traffic: a name (`los-C`, `hour-08`, `high`) or numbers; ignored where `routes` or a `recording`
+            are given.
         routes: SUMO route files, driven as they are.
         recording: a file of recorded traffic.
         traffic_seed: `seed` when not given.

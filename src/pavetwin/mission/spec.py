@@ -85,8 +85,9 @@ class TrafficInput(Settings):
     """The recorded traffic that a mission is flown against."""
 
     density: str | None = None
-    """Name of the density; None for routes of the user's own."""
+    """Name of the density, level of service or hour, with its mix of vehicles; None for routes of the user's own."""
     vehicles_per_lane_km: float | None = None
+    """None where the closed loop finds it: for a level of service or an hour."""
     pedestrians_per_sidewalk_km: float | None = None
     routes: tuple[FileInput, ...] = ()
     """SUMO demand of the user's own."""
@@ -111,7 +112,7 @@ class TrafficInput(Settings):
         """
         return cls(
             density=density.name if density else None,
-            vehicles_per_lane_km=density.vehicles_per_lane_km if density else None,
+            vehicles_per_lane_km=None if density is None or density.is_found else density.vehicles_per_lane_km,
             pedestrians_per_sidewalk_km=density.pedestrians_per_sidewalk_km if density else None,
             routes=tuple(FileInput.of(route) for route in routes),
             recording=FileInput.of(recording) if recording else None,
@@ -126,7 +127,7 @@ class TrafficInput(Settings):
 
     def asked(self) -> Density | None:
         """The density that SUMO is to hold; None for routes."""
-        if self.density is None or self.vehicles_per_lane_km is None or self.pedestrians_per_sidewalk_km is None:
+        if self.density is None or self.pedestrians_per_sidewalk_km is None:
             return None
         return Density(self.density, self.vehicles_per_lane_km, self.pedestrians_per_sidewalk_km)
 

@@ -58,7 +58,7 @@ def look_of(agents: Agents, agent: int, seed: int, models: Mapping[str, Model]) 
 def vehicle_model(kind: str, size_m: Float64Array) -> str:
     """The model for a kind of ours, or for a SUMO vehicle class: the one of that class whose size is nearest."""
     if kind in KINDS:
-        return kind
+        return KINDS[kind].model or kind
     candidates = _CLASSES.get(kind, _CARS)
     sizes = {each.name: np.array([each.length_m, each.width_m, each.height_m]) for each in VEHICLES}
     return min(candidates, key=lambda name: float(np.abs(np.log(sizes[name] / size_m)).sum()))

@@ -14,7 +14,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from pavetwin.traffic.kinds import PEDESTRIANS, VEHICLES, Kind
+from pavetwin.traffic.kinds import PEDESTRIANS, Kind
+from pavetwin.traffic.mix import DEFAULT_MIX, mix_named
 from pavetwin.traffic.network import Roads, Sidewalks
 
 TRIP_M: Final = 400.0
@@ -43,7 +44,14 @@ class ClosedLoop:
     """Holds the numbers of vehicles and pedestrians in the running simulation `sumo` (the libsumo module)."""
 
     def __init__(
-        self, sumo: Any, roads: Roads, sidewalks: Sidewalks, vehicles: int, pedestrians: int, rng: np.random.Generator
+        self,
+        sumo: Any,
+        roads: Roads,
+        sidewalks: Sidewalks,
+        vehicles: int,
+        pedestrians: int,
+        rng: np.random.Generator,
+        mix: str = DEFAULT_MIX,
     ) -> None:
         self._sumo = sumo
         self._roads = roads
@@ -57,8 +65,13 @@ class ClosedLoop:
         self._exit = _Draw(roads.lanes[roads.exits])
         self._kerb = _Draw(roads.length_m[roads.kerbsides])
         self._sidewalk = _Draw(sidewalks.length_m)
-        self._vehicle_kind = _Draw(np.array([kind.share for kind in VEHICLES]))
+        self._vehicle_kinds, shares = zip(*mix_named(mix).vehicles, strict=True)
+        self._vehicle_kind = _Draw(np.array(shares))
         self._pedestrian_kind = _Draw(np.array([kind.share for kind in PEDESTRIANS]))
+
+    def hold(self, vehicles: int) -> None:
+        """From now on hold another number of vehicles."""
+        self._vehicles = vehicles if self._roads.ids else 0
 
     def fill(self, *, warming: bool) -> None:
         """Insert the missing agents; `warming` before the recording begins."""
@@ -110,7 +123,7 @@ class ClosedLoop:
 
     def _start(self, edge: int, **departure: str) -> None:
         """One vehicle of a random kind from `edge` on; nothing where its kind may not drive."""
-        sumo, kind = self._sumo, VEHICLES[self._vehicle_kind(self._rng)]
+        sumo, kind = self._sumo, self._vehicle_kinds[self._vehicle_kind(self._rng)]
         route = self._trip(edge, kind)
         if not route:
             return

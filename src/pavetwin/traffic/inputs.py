@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -14,9 +14,11 @@ from pavetwin.files import file_sha256
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic import sumo_run
 from pavetwin.traffic.closed_loop import FULL, GOALS, PATIENCE, TRIP_M, WALK_M
-from pavetwin.traffic.demand import USER, Capacity, Density, density_named
+from pavetwin.traffic.demand import BUSIEST, HOURLY_SHARES, SEARCH, USER, Capacity, Density, density_named
+from pavetwin.traffic.flow import SpeedLimits
 from pavetwin.traffic.job import STEP_S, Part, SimulationJob
 from pavetwin.traffic.kinds import sumo_types
+from pavetwin.traffic.mix import DEFAULT_MIX, kinds_of, mix_named
 from pavetwin.traffic.own_demand import own_demand
 from pavetwin.traffic.recording import Origin
 from pavetwin.world.cache import cached
@@ -28,6 +30,9 @@ BEHAVIOUR: Final = 1
 WARM_UP_S: Final = (120.0, 300.0)
 """The shortest and the longest warm-up before a recording: queues at signals need a few cycles to form."""
 
+LEVEL_WARM_UP_S: Final = (300.0, 600.0)
+"""The same where traffic is to flow at a level of service: queues that spill over several junctions take longer."""
+
 
 @dataclass(frozen=True)
 class Inputs:
@@ -38,6 +43,8 @@ class Inputs:
     """None for a user's own routes."""
     seed: int
     routes: tuple[Path, ...] = ()
+    speed_ratio: float | None = None
+    """That a level of service means in this world, once it is found."""
 
     @classmethod
     def of(cls, world: World, density: Density | str | None, seed: int, routes: Sequence[str | Path] = ()) -> "Inputs":
@@ -76,19 +83,43 @@ class Inputs:
             sumo = version("libsumo")
         except PackageNotFoundError:
             sumo = ""
+        asked = self.asked
+        if asked and asked.is_found:
+            asked = replace(asked, vehicles_per_lane_km=None)  # the same before and after it was found
         parts = {
             "behaviour": BEHAVIOUR,
             "world": self.world.content_hash,
             "network": file_sha256(self.world.network_file),
-            "density": asdict(self.asked) if self.asked else None,
+            "density": asdict(asked) if asked else None,
             "seed": self.seed,
             "routes": [file_sha256(path) for path in self.routes],
-            "types": sumo_types(),
-            "options": [STEP_S, *sumo_run.OPTIONS, *sumo_run.CLOSED_LOOP_OPTIONS, *WARM_UP_S],
+            **({"search": [SEARCH, *HOURLY_SHARES, BUSIEST]} if asked and asked.is_found else {}),
+            "types": sumo_types(kinds_of(self.mix)),
+            **({"mix": dict(mix_named(self.mix).shares)} if self.mix != DEFAULT_MIX else {}),
+            "options": [STEP_S, *sumo_run.OPTIONS, *sumo_run.CLOSED_LOOP_OPTIONS, *self.level_options, *self.warm_up_s],
             "loop": [TRIP_M, *WALK_M, GOALS, PATIENCE, FULL],
             "sumo": sumo,
         }
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+    @property
+    def mix(self) -> str:
+        """Of the vehicles; of no meaning for a user's own routes."""
+        return self.asked.mix if self.asked else DEFAULT_MIX
+
+    @property
+    def level_options(self) -> tuple[str, ...]:
+        """Options of SUMO for traffic that is to flow at a level of service."""
+        return sumo_run.LEVEL_OPTIONS if self.asked and self.asked.is_found else ()
+
+    @property
+    def warm_up_s(self) -> tuple[float, float]:
+        """The shortest and the longest warm-up."""
+        return LEVEL_WARM_UP_S if self.asked and self.asked.is_found else WARM_UP_S
+
+    @cached_property
+    def speed_limits(self) -> SpeedLimits:
+        return SpeedLimits.of(self.world)
 
     @cached_property
     def capacity(self) -> Capacity:
@@ -102,7 +133,7 @@ class Inputs:
     def job(self, folder: Path) -> SimulationJob:
         """The job of a simulation in `folder`, which no other simulation uses."""
         types = folder / "types.add.xml"
-        types.write_text(sumo_types(), encoding="utf-8")
+        types.write_text(sumo_types(kinds_of(self.mix)), encoding="utf-8")
         return SimulationJob(
             folder=str(folder),
             network=str(self.world.network_file.resolve()),
@@ -112,7 +143,11 @@ class Inputs:
             seed=self.seed,
             sumo_seed=int(child(self.seed, Stream.TRAFFIC).integers(1, 2**31 - 1)),
             begin_s=self.begin_s,
-            warm_up_s=(0.0, 0.0) if self.asked is None else WARM_UP_S,
+            warm_up_s=(0.0, 0.0) if self.asked is None else self.warm_up_s,
+            options=self.level_options,
+            mix=self.mix,
+            speed_ratio=self.speed_ratio,
+            speed_limits=None if self.speed_ratio is None else self.speed_limits,
             vehicles=self.capacity.vehicles(self.asked) if self.asked else 0,
             pedestrians=self.capacity.pedestrians(self.asked) if self.asked else 0,
         )

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from pavetwin.arrays import Float64Array, UInt32Array
+from pavetwin.traffic.flow import SpeedLimits
+from pavetwin.traffic.mix import DEFAULT_MIX
 
 STEP_S: Final = 0.5
 """SUMO's step and the recording's."""
@@ -30,6 +32,14 @@ class SimulationJob:
     """SUMO's clock at its first step."""
     vehicles: int = 0
     pedestrians: int = 0
+    options: Sequence[str] = ()
+    """Of SUMO, in place of those of every recording that set the same."""
+    mix: str = DEFAULT_MIX
+    """Of the closed loop's vehicles."""
+    speed_ratio: float | None = None
+    """That is held by changing the number of vehicles (`level_control`)."""
+    speed_limits: SpeedLimits | None = None
+    """Needed for that."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ acceleration, deceleration and gaps are the defaults of the kind's SUMO vehicle 
 (https://sumo.dlr.de/docs/Vehicle_Type_Parameter_Defaults.html) unless `behaviour` differs.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from types import MappingProxyType
@@ -52,6 +52,8 @@ class Kind:
     """Standard deviation of the height between individuals, cut at two of them."""
     behaviour: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     """SUMO attributes that differ from the class's defaults."""
+    model: str = ""
+    """The kind whose 3-D model it is drawn with, scaled to its own size; empty for a model of its own."""
 
     @property
     def sumo_id(self) -> str:
@@ -66,10 +68,19 @@ class Kind:
 
 
 def _vehicle(
-    name: str, sumo_class: str, size_m: tuple[float, float, float], share: float, source: str, **behaviour: str
+    name: str,
+    sumo_class: str,
+    size_m: tuple[float, float, float],
+    share: float,
+    source: str,
+    model: str = "",
+    **behaviour: str,
 ) -> Kind:
     behaviour = {"impatience": IMPATIENCE, **behaviour}
-    return Kind(name, AgentClass.VEHICLE, sumo_class, *size_m, share, source, behaviour=MappingProxyType(behaviour))
+    return Kind(
+        name, AgentClass.VEHICLE, sumo_class, *size_m, share, source,
+        behaviour=MappingProxyType(behaviour), model=model,
+    )  # fmt: skip
 
 
 def _pedestrian(
@@ -99,7 +110,25 @@ VEHICLES: Final[tuple[Kind, ...]] = (
     _vehicle("bus", "bus", (12.00, 2.50, 3.40), 0.02, f"{_SUMO_DEFAULTS}: bus", speedFactor=_CALM),
     _vehicle("motorcycle", "motorcycle", (2.20, 0.90, 1.50), 0.03, _RIDDEN, maxSpeed="30", accel="4"),
 )
-"""A light truck moves as SUMO's delivery vehicle, a van like a passenger car."""
+"""The default mix. A light truck moves as SUMO's delivery vehicle, a van like a passenger car."""
+
+OTHER_VEHICLES: Final[tuple[Kind, ...]] = (
+    _vehicle(
+        "pickup", "passenger", (5.89, 2.03, 1.96), 0.0, "Ford F-150 SuperCrew (2021): 231.7 × 79.9 × 77.2 in", "suv"
+    ),
+    _vehicle("minibus", "bus", (6.99, 2.08, 2.63), 0.0, "Toyota Coaster: 6990 × 2080 × 2635 mm", "van"),
+    _vehicle(
+        "scooter", "moped", (1.83, 0.70, 1.50), 0.0,
+        "Honda Activa 6G: 1833 × 697 mm; height with a rider as the motorcycle's", "motorcycle",
+        maxSpeed="20", accel="3",
+    ),
+    _vehicle(
+        "auto_rickshaw", "passenger", (2.64, 1.30, 1.70), 0.0, "Bajaj RE: 2635 × 1300 × 1704 mm", "hatchback",
+        maxSpeed="16", accel="1.5",
+    ),
+)  # fmt: skip
+"""Kinds that other mixes have (`pavetwin.traffic.mixes`); each is drawn with another kind's model, scaled. Their
+top speed and acceleration are our assumptions."""
 
 PEDESTRIANS: Final[tuple[Kind, ...]] = (
     _pedestrian("man", (0.28, 0.50, 1.77), 0.07, 0.42, 1.41, f"{_BODY} {_NCD} Speed: Weidmann 1993."),
@@ -113,13 +142,15 @@ PEDESTRIANS: Final[tuple[Kind, ...]] = (
 )
 """Length is the depth of the body, width that of its shoulders."""
 
-KINDS: Final[Mapping[str, Kind]] = MappingProxyType({kind.name: kind for kind in (*VEHICLES, *PEDESTRIANS)})
+KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
+    {kind.name: kind for kind in (*VEHICLES, *PEDESTRIANS, *OTHER_VEHICLES)}
+)
 
 
-def sumo_types(kinds: Mapping[str, Kind] = KINDS) -> str:
+def sumo_types(kinds: Iterable[Kind] = (*VEHICLES, *PEDESTRIANS)) -> str:
     """A SUMO additional file that defines the kinds as vTypes."""
     root = ElementTree.Element("additional")
-    for kind in kinds.values():
+    for kind in kinds:
         attributes = {
             "id": kind.sumo_id,
             "vClass": kind.sumo_class,

@@ -14,6 +14,8 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import unwritable
 from pavetwin.traffic.convert import to_recording
 from pavetwin.traffic.demand import Density
+from pavetwin.traffic.demand_search import found
+from pavetwin.traffic.flow import free_flow_mps
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.job import STEP_S
 from pavetwin.traffic.recording import Recording, frames_of, load_recording, save_recording
@@ -158,13 +160,17 @@ class Recorder:
         """Record the first `frames` frames, by the running simulation or by a new one."""
         before = self._longest if self._simulation is not None else None
         try:
+            if self._simulation is None:
+                self._inputs, on_progress = found(self._inputs, on_progress)
             simulation = self._simulation or self._begin()
             part = simulation.record(frames - (before.frames if before is not None else 0), on_progress)
         except BaseException:
             self._end()  # its position is unknown
             raise
         self._simulation = simulation
-        recording = replace(to_recording(part, self._inputs.origin(part), before), path=self._inputs.path)
+        recording = to_recording(part, self._inputs.origin(part), before)
+        free_flow = free_flow_mps(recording, self._inputs.speed_limits)
+        recording = replace(recording, path=self._inputs.path, free_flow_mps=free_flow)
         if before is None:
             self._take(recording)
         else:

@@ -21,6 +21,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.traffic.demand import TOLERANCE, USER, Capacity, Density
 from pavetwin.traffic.kinds import AgentClass
+from pavetwin.traffic.level_of_service import level_of
 from pavetwin.traffic.own_demand import WARM_UP_S
 from pavetwin.world.model import World
 
@@ -104,6 +105,9 @@ class Recording:
     """Per traffic light of the network: (step, state of its links, SUMO's letters) at step 0 and at each change."""
     path: Path | None = field(default=None)
     """Its file, which may hold a longer recording."""
+    free_flow_mps: float | None = field(default=None)
+    """The mean speed that the vehicles would have had at the speed limits (`flow.free_flow_mps`); None where nothing
+    moved, or in a file of an earlier version."""
 
     def __post_init__(self) -> None:
         rows = len(self.agent)
@@ -124,7 +128,7 @@ class Recording:
 
     @property
     def name(self) -> str:
-        """Of its density: low, medium, high, one from numbers, or `user`."""
+        """Of its density: low, medium, high, one from numbers, a level of service, an hour, or `user`."""
         return self.origin.asked.name if self.origin.asked else USER
 
     @cached_property
@@ -147,6 +151,19 @@ class Recording:
         """Achieved: the mean over the recording; None in a world without sidewalks."""
         sidewalks_km = self.origin.capacity.sidewalks_km
         return float(self.counts[1].mean()) / sidewalks_km if sidewalks_km > 0 else None
+
+    @cached_property
+    def speed_mps_of_vehicles(self) -> float | None:
+        """Space mean speed: distance over time of all vehicles; None without vehicles."""
+        speed = self.speed_mps[~self.agents.is_pedestrian[self.agent]]
+        return float(speed.mean(dtype=np.float64)) if len(speed) else None
+
+    @property
+    def speed_ratio(self) -> float | None:
+        """Mean speed over free-flow speed; None where either is not known."""
+        if self.speed_mps_of_vehicles is None or not self.free_flow_mps:
+            return None
+        return self.speed_mps_of_vehicles / self.free_flow_mps
 
     @property
     def removed(self) -> int:
@@ -251,8 +268,15 @@ def _remarks(recording: Recording) -> list[str]:
             remarks.append(f"the routes end early: from {last:g} s on no vehicle is on the streets")
     else:
         cars, walkers = recording.vehicles_per_lane_km, recording.pedestrians_per_sidewalk_km
-        remarks += _missed("vehicles", "lane", asked.vehicles_per_lane_km, cars)
+        wanted = None if asked.is_found else asked.vehicles_per_lane_km
+        remarks += _missed("vehicles", "lane", wanted, cars)
         remarks += _missed("pedestrians", "sidewalk", asked.pedestrians_per_sidewalk_km, walkers)
+        if asked.level and recording.speed_ratio is not None and not asked.level.holds(recording.speed_ratio):
+            flows = f"{100 * recording.speed_ratio:.0f} % of the free-flow speed"
+            remarks.append(
+                f"traffic keeps {flows}, which is level of service {level_of(recording.speed_ratio)} instead of "
+                f"{asked.level}"
+            )
     if recording.removed > REMOVED_REMARK * max(1.0, float(vehicles.mean())):
         remarks.append(
             f"{recording.removed} vehicles were removed after blocking traffic (SUMO teleports); treat the density "
@@ -261,7 +285,9 @@ def _remarks(recording: Recording) -> list[str]:
     return remarks
 
 
-def _missed(who: str, way: str, wanted: float, achieved: float | None) -> list[str]:
+def _missed(who: str, way: str, wanted: float | None, achieved: float | None) -> list[str]:
+    if wanted is None:
+        return []
     if achieved is None:
         return [f"the world has no {way}s, so there are no {who}"] if wanted > 0 else []
     if abs(achieved - wanted) > TOLERANCE * wanted:
@@ -303,6 +329,7 @@ def _metadata(recording: Recording) -> dict[str, Any]:
             "vehicles_per_lane_km": recording.vehicles_per_lane_km,
             "pedestrians_per_sidewalk_km": recording.pedestrians_per_sidewalk_km,
         },
+        "free_flow_mps": recording.free_flow_mps,
         "remarks": recording.remarks,
         "removals": recording.removals,
         "signals": recording.signals,
@@ -361,5 +388,6 @@ def _recording(table: pa.Table, metadata: dict[str, Any], path: Path) -> Recordi
         removals=tuple((int(step), int(count)) for step, count in metadata["removals"]),
         signals={name: tuple((int(s), str(t)) for s, t in states) for name, states in metadata["signals"].items()},
         path=path,
+        free_flow_mps=metadata.get("free_flow_mps"),
         **{name: table[name].to_numpy() for name in _COLUMNS},
     )

@@ -16,6 +16,7 @@ from typing import Any, Final
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.closed_loop import ClosedLoop
 from pavetwin.traffic.job import STEP_S, Part, SimulationJob
+from pavetwin.traffic.level_control import EVERY_S, LevelControl
 from pavetwin.traffic.network import read_roads, read_sidewalks
 from pavetwin.traffic.readout import Readout
 
@@ -49,12 +50,17 @@ CLOSED_LOOP_OPTIONS: Final[tuple[str, ...]] = (
 )
 """With our own demand only; a user's routes are driven as they are written."""
 
+LEVEL_OPTIONS: Final[tuple[str, ...]] = ("--time-to-teleport=300",)
+"""For traffic that is to flow at a level of service. In towns a vehicle may wait two minutes at a busy street without
+being in gridlock; after five minutes it is."""
+
 
 class Simulation:
     """SUMO at work on a job, in this process."""
 
     def __init__(self, sumo: Any, job: SimulationJob, report: Callable[[float], None]) -> None:
         self._sumo, self._job, self._report = sumo, job, report
+        replaced = {option.partition("=")[0] for option in job.options}
         sumo.start(
             [
                 "sumo",
@@ -63,7 +69,8 @@ class Simulation:
                 f"--step-length={STEP_S}",
                 f"--seed={job.sumo_seed}",
                 f"--begin={job.begin_s}",
-                *OPTIONS,
+                *(option for option in OPTIONS if option.partition("=")[0] not in replaced),
+                *job.options,
                 *([f"--route-files={','.join(job.routes)}"] if job.routes else CLOSED_LOOP_OPTIONS),
             ]
         )
@@ -74,10 +81,13 @@ class Simulation:
         self._removals: list[tuple[int, int]] = []
         self._states = dict.fromkeys(sumo.trafficlight.getIDList(), "")
         self._loop: ClosedLoop | None = None
+        self._control: LevelControl | None = None
         if not job.routes:
             rng = child(job.seed, Stream.DEMAND)
             ways = read_roads(sumo, job.lanes_of), read_sidewalks(sumo, job.lanes_of)
-            self._loop = ClosedLoop(sumo, *ways, job.vehicles, job.pedestrians, rng)
+            self._loop = ClosedLoop(sumo, *ways, job.vehicles, job.pedestrians, rng, job.mix)
+        if job.speed_ratio is not None and job.speed_limits is not None:
+            self._control = LevelControl(sumo, job.speed_limits, job.speed_ratio, job.vehicles)
 
     def record(self, frames: int) -> Part:
         """The next `frames` frames; the first time the warm-up comes before them."""
@@ -123,6 +133,8 @@ class Simulation:
         return steps
 
     def _step(self, step: int, *, warming: bool) -> None:
+        if self._loop is not None and self._control is not None and step >= 0 and step % round(EVERY_S / STEP_S) == 0:
+            self._loop.hold(self._control.vehicles())
         if self._loop is not None and step % 2 == 0:
             self._loop.fill(warming=warming)
         self._sumo.simulationStep()

@@ -1,0 +1,248 @@
+"""The density at which a world's traffic flows at a level of service, or carries that of an hour of a weekday.
+
+Found by closed loop: short simulations at trial densities, each with its speed ratio and flow measured as of any
+recording (`flow`). Over a network's density k speed falls like v₀ exp(−½ (k/kₘ)²) (Drake, Schofer and May 1967; for
+whole networks Geroliminis and Daganzo 2008), with v₀ from a nearly empty network and its own kₘ from the last trial:
+that gives the next one, and trials on both sides bound it. The result is read off the curve that fits them best.
+
+The search is the same under every seed of traffic, since the density is a property of the streets. Its trials are kept
+beside the recordings.
+"""
+
+import hashlib
+import json
+from contextlib import closing, suppress
+from dataclasses import dataclass, replace
+from math import log, sqrt
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import writing
+from pavetwin.traffic.convert import to_recording
+from pavetwin.traffic.demand import BUSIEST, JAM_VEHICLES_PER_LANE_KM, Density, density_named, share_of_busiest
+from pavetwin.traffic.flow import flow_of, free_flow_mps
+from pavetwin.traffic.inputs import Inputs
+from pavetwin.traffic.job import STEP_S
+from pavetwin.traffic.level_of_service import LevelOfService, level_of
+from pavetwin.traffic.runner import OnProgress, SimulationProcess, require_sumo, workplace
+from pavetwin.world.cache import cached
+from pavetwin.world.model import World
+
+NEAR: Final = 0.10
+"""A trial within this of the target, as a share of it, is near: what a recording may miss it by."""
+
+NEAREST: Final = 0.04
+"""One such trial ends the search, or two near ones."""
+
+WEIGHED: Final = 0.25
+"""A trial whose speed ratio is off the target by this much (natural logarithm) weighs 0.6 of one that is on it."""
+
+MOST_TRIALS: Final = 8
+"""Of one search, the first included."""
+
+SEED: Final = 0
+"""Of the trials."""
+
+EMPTY_PER_LANE_KM: Final = 1.0
+FEWEST: Final = 4
+"""Vehicles of the nearly empty network: so many per kilometre of lane, and no fewer."""
+
+MEASURED_VEHICLE_S: Final = 24_000.0
+MEASURED_S: Final = (240.0, 600.0)
+"""A trial is measured for so many vehicle-seconds, within these limits of time."""
+
+FULLEST_PER_LANE_KM: Final = 0.75 * JAM_VEHICLES_PER_LANE_KM
+"""No trial is denser."""
+
+FIRST_SCALE_PER_LANE_KM: Final = 11.0
+"""kₘ before the first trial: of the towns tried it was 9 to 13."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A density, and what it led to."""
+
+    per_lane_km: float
+    ratio: float
+    flow_per_lane_h: float
+    removed_per_vehicle_hour: float
+
+
+def found(inputs: Inputs, on_progress: OnProgress | None = None) -> tuple[Inputs, OnProgress | None]:
+    """The inputs with a density, searched for where it is not known yet; and who is told of the progress after that.
+
+    Raises:
+        PaveTwinError: the world cannot reach the level of service, or SUMO fails.
+    """
+    asked = inputs.asked
+    if asked is None or not asked.is_found:
+        return inputs, on_progress
+    share_of = 0.5
+    tell = on_progress and (lambda share: on_progress(share_of * share))
+    search = DemandSearch(inputs.world, asked.mix, tell)
+    ratio = search.target(asked.level)[1] if asked.level else None
+    inputs = replace(inputs, asked=search.density(asked), speed_ratio=ratio)
+    return inputs, on_progress and (lambda share: on_progress(share_of + (1 - share_of) * share))
+
+
+class DemandSearch:
+    """Searches in one world under one mix of vehicles."""
+
+    def __init__(self, world: World, mix: str, on_progress: OnProgress | None = None) -> None:
+        self._inputs = Inputs(world, replace(_level_of_trials(mix), vehicles_per_lane_km=EMPTY_PER_LANE_KM), SEED)
+        self._tell = on_progress or (lambda _: None)
+        self._name = f"traffic/demand-{mix}.json"
+        self._hash = hashlib.sha256(
+            json.dumps([self._inputs.hash, MEASURED_VEHICLE_S, *MEASURED_S]).encode()
+        ).hexdigest()
+        self._known = self._read()
+        self._done = 0
+
+    def density(self, asked: Density) -> Density:
+        """`asked` with the density that was found.
+
+        Raises:
+            PaveTwinError: the world cannot reach the level of service.
+        """
+        if asked.hour is not None:
+            return replace(asked, vehicles_per_lane_km=self._of_hour(asked.hour))
+        return replace(asked, vehicles_per_lane_km=self.of_level(asked.level)[0]) if asked.level else asked
+
+    def of_level(self, level: LevelOfService) -> tuple[float, list[Trial]]:
+        """Vehicles per kilometre of lane, and the trials that say so, of which the first is nearly empty.
+
+        Raises:
+            PaveTwinError: the world cannot reach the level of service.
+        """
+        empty, target = self.target(level)
+        trials: list[Trial] = []
+        guess, below, above = FIRST_SCALE_PER_LANE_KM * _bell(empty.ratio, target), 0.0, FULLEST_PER_LANE_KM
+        while len(trials) < MOST_TRIALS - 1 and not _ends(trials, target):
+            trial = self._trial(guess)
+            if trial in trials:
+                break  # no vehicle more or less
+            trials.append(trial)
+            if trial.ratio > target:
+                below = max(below, trial.per_lane_km)
+            else:
+                above = min(above, trial.per_lane_km)
+            width = max(above - below, 0.0)
+            guess = min(max(_projected(trial, empty, target), below + 0.1 * width), above - 0.1 * width)
+        best = min(trials, key=lambda it: abs(it.ratio / target - 1))
+        if not level.holds(best.ratio):
+            raise PaveTwinError(
+                f"No density was found at which traffic in '{self._inputs.world.name}' flows at level of service "
+                f"{level}: {best.per_lane_km:.0f} vehicles per lane-kilometre keep {100 * best.ratio:.0f} % of the "
+                f"speed limits, which is {level_of(best.ratio)}. The network is too small for that; ask for another."
+            )
+        return round(min(FULLEST_PER_LANE_KM, _fitted([empty, *trials], target, best)), 3), [empty, *trials]
+
+    def target(self, level: LevelOfService) -> tuple[Trial, float]:
+        """The nearly empty network, and the speed ratio that stands for a level of service in this world.
+
+        Raises:
+            PaveTwinError: the world cannot reach it.
+        """
+        name, lanes_km = self._inputs.world.name, self._inputs.capacity.lanes_km
+        if not lanes_km > 0:
+            raise PaveTwinError(f"The world '{name}' has no lanes, so its traffic has no level of service.")
+        self._done = 0
+        empty = self._trial(max(EMPTY_PER_LANE_KM, FEWEST / lanes_km))
+        if empty.ratio <= level.above + 0.01:
+            best = level_of(empty.ratio)
+            raise PaveTwinError(
+                f"Traffic cannot flow at level of service {level} (above {100 * level.above:.0f} % of the speed "
+                f"limits) in '{name}': even nearly empty streets allow {100 * empty.ratio:.0f} %, since vehicles stop "
+                f"at signals and slow down to turn. Ask for {best if best is not level else 'the next'} or worse."
+            )
+        return empty, level.target(empty.ratio)
+
+    def _of_hour(self, hour: int) -> float:
+        """The density with the flow of an hour: on the uncongested side, between the trials of the busiest hour."""
+        busiest, trials = self.of_level(BUSIEST)
+        trials = sorted((it for it in trials if it.per_lane_km <= busiest), key=lambda it: it.per_lane_km)
+        densities = [0.0, *(it.per_lane_km for it in trials)]
+        flows = np.maximum.accumulate([0.0, *(it.flow_per_lane_h for it in trials)])
+        return round(float(np.interp(flows[-1] * share_of_busiest(hour), flows, densities)), 3)
+
+    def _trial(self, per_lane_km: float) -> Trial:
+        capacity = self._inputs.capacity
+        count = max(1, round(per_lane_km * capacity.lanes_km))
+        if count not in self._known:
+            self._known[count] = self._simulated(count)
+            self._write()
+        self._done += 1
+        self._tell(min(1.0, self._done / MOST_TRIALS))
+        return self._known[count]
+
+    def _simulated(self, count: int) -> Trial:
+        require_sumo()
+        inputs = self._inputs
+        per_lane_km = round(count / inputs.capacity.lanes_km, 3)
+        asked = replace(_level_of_trials(inputs.mix), vehicles_per_lane_km=per_lane_km)
+        inputs = replace(inputs, asked=asked)
+        least, most = MEASURED_S
+        frames = round(min(most, max(least, MEASURED_VEHICLE_S / count)) / STEP_S)
+        done = self._done
+        with workplace() as folder, closing(SimulationProcess(inputs.job(folder))) as simulation:
+            part = simulation.record(frames, lambda share: self._tell(min(1.0, (done + share) / MOST_TRIALS)))
+        recording = to_recording(part, inputs.origin(part))
+        flow = flow_of(replace(recording, free_flow_mps=free_flow_mps(recording, self._inputs.speed_limits)))
+        return Trial(
+            per_lane_km,
+            round(flow.ratio or 0.0, 4),
+            round(flow.flow_per_lane_h or 0.0, 2),
+            round(flow.removed_per_vehicle_hour or 0.0, 4),
+        )
+
+    def _read(self) -> dict[int, Trial]:
+        """The trials on disk that were made from the same inputs."""
+        for path in filter(Path.exists, cached(self._inputs.world, self._name)):
+            with suppress(OSError, ValueError, KeyError, TypeError):
+                found = json.loads(path.read_text(encoding="utf-8"))
+                if found["inputs"] == self._hash:
+                    return {int(count): Trial(*values) for count, values in found["trials"].items()}
+        return {}
+
+    def _write(self) -> None:
+        trials = {
+            str(count): [it.per_lane_km, it.ratio, it.flow_per_lane_h, it.removed_per_vehicle_hour]
+            for count, it in sorted(self._known.items())
+        }
+        with writing(next(cached(self._inputs.world, self._name))) as temporary:
+            temporary.write_text(json.dumps({"inputs": self._hash, "trials": trials}, indent=1), encoding="utf-8")
+
+
+def _ends(trials: list[Trial], target: float) -> bool:
+    missed = [abs(trial.ratio / target - 1) for trial in trials]
+    return any(miss <= NEAREST for miss in missed) or sum(miss <= NEAR for miss in missed) >= 2
+
+
+def _bell(empty: float, ratio: float) -> float:
+    """k/kₘ at which the speed ratio has fallen from that of the empty network to `ratio`."""
+    return sqrt(2 * max(0.0, log(empty / max(ratio, 0.01))))
+
+
+def _projected(trial: Trial, empty: Trial, target: float) -> float:
+    """The density of the target on the curve through a trial."""
+    fallen = max(_bell(empty.ratio, trial.ratio), 0.1)
+    return trial.per_lane_km * _bell(empty.ratio, target) / fallen
+
+
+def _fitted(trials: list[Trial], target: float, best: Trial) -> float:
+    """The density of the target on the curve ln v = a − b k² through the trials, those near the target weighing most."""
+    square = np.array([trial.per_lane_km**2 for trial in trials])
+    fallen = np.array([log(max(trial.ratio, 0.01) / target) for trial in trials])
+    weight = np.exp(-0.5 * (fallen / WEIGHED) ** 2)
+    b, a = np.polyfit(square, fallen, 1, w=np.sqrt(weight))
+    if not (b < 0 < a):
+        return best.per_lane_km
+    return float(np.clip(np.sqrt(-a / b), best.per_lane_km / 1.5, best.per_lane_km * 1.5))
+
+
+def _level_of_trials(mix: str) -> Density:
+    """Any level of service: all have the same pedestrians and options."""
+    return density_named(f"los-{BUSIEST}", mix)

@@ -1,0 +1,219 @@
+"""What a recording is, in a traffic engineer's numbers: speed, speed ratio, flow, standing vehicles, removals.
+
+All are computed from the recording's own rows, of vehicles only. The free-flow speed of a vehicle is the speed limit of
+the lane whose centre line it is nearest to, of those in its direction; inside a junction, that of the lane before or
+behind. The speed ratio is the time that the distance driven takes at these speeds, over the time that it took (the
+inverse of the travel time index): waiting at signals and turning count as losses, so that even a nearly empty network
+stays below 1.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from pavetwin.arrays import Float64Array
+from pavetwin.traffic.level_of_service import LevelOfService, level_of
+from pavetwin.traffic.recording import Recording
+from pavetwin.world.model import LaneKind, World
+
+STANDING_MPS: Final = 0.1
+"""A slower vehicle stands; SUMO's threshold of waiting."""
+
+SAMPLED_S: Final = 5.0
+"""Speed limits are looked up in frames this far apart: within it a vehicle rarely changes the kind of street."""
+
+SPACING_M: Final = 4.0
+"""Between the points of a lane's centre line that stand for it."""
+
+TURNED_M: Final = 12.0
+"""A lane in the opposite direction counts as twice this much farther away."""
+
+MOST_REMOVALS_PER_HOUR: Final = 0.05
+"""Vehicles taken out of gridlock per vehicle-hour; more of them say that traffic is beyond the network's capacity."""
+
+
+@dataclass(frozen=True, slots=True)
+class Flow:
+    """Means over a recording, of its vehicles. None where there is no vehicle, or the world is not known."""
+
+    vehicle_hours: float
+    speed_kmh: float | None
+    """Distance over time, of all vehicles together (space mean speed)."""
+    free_flow_kmh: float | None
+    """The same distances over their time at the speed limits."""
+    standing: float | None
+    """Share of vehicles slower than `STANDING_MPS`."""
+    per_lane_km: float | None
+    """Density."""
+    flow_per_lane_h: float | None
+    """Vehicles per hour and lane: density times speed, or vehicle-kilometres per hour and kilometre of lane."""
+    removed_per_vehicle_hour: float | None
+    """Taken out after blocking traffic (SUMO's teleports): for five minutes where a level of service or an hour is
+    asked for, for two elsewhere."""
+
+    @property
+    def ratio(self) -> float | None:
+        """Speed over free-flow speed."""
+        if self.speed_kmh is None or not self.free_flow_kmh:
+            return None
+        return self.speed_kmh / self.free_flow_kmh
+
+    @property
+    def level(self) -> LevelOfService | None:
+        return None if self.ratio is None else level_of(self.ratio)
+
+    @property
+    def short(self) -> str:
+        """`LOS C, 23 km/h` for titles and legends; empty without vehicles."""
+        if self.speed_kmh is None:
+            return ""
+        return (f"LOS {self.level}, " if self.level else "") + f"{self.speed_kmh:.0f} km/h"
+
+    @property
+    def sentence(self) -> str:
+        """What the traffic is, in one line."""
+        if self.speed_kmh is None or self.standing is None:
+            return "There are no vehicles."
+        ratio = "" if self.ratio is None else f", {100 * self.ratio:.0f} % of free flow: level of service {self.level}"
+        flow = "" if self.flow_per_lane_h is None else f"; {self.flow_per_lane_h:.0f} vehicles/h per lane"
+        return f"Mean speed {self.speed_kmh:.0f} km/h{ratio}; {100 * self.standing:.0f} % of vehicles stand{flow}."
+
+    @property
+    def removals_sentence(self) -> str:
+        """How many vehicles were taken out of gridlock, and what that means for the result."""
+        removed = self.removed_per_vehicle_hour
+        if not removed:
+            return "No vehicle was taken out of gridlock."
+        said = f"{removed:.2f} vehicles per vehicle-hour were taken out of gridlock"
+        if removed <= MOST_REMOVALS_PER_HOUR:
+            return f"{said}: too few to change what the camera sees."
+        return (
+            f"{said}: the streets are beyond capacity and would stand still without that, so a policy that waits for "
+            "traffic to move waits less here than it would in reality."
+        )
+
+
+class SpeedLimits:
+    """The speed limit at places of a world, by direction of travel."""
+
+    def __init__(self, places: Float64Array, limits: Float64Array) -> None:
+        """
+        Args:
+            places: (n, 4) as of `_key`.
+            limits: (n,) metres per second.
+        """
+        from scipy.spatial import cKDTree  # takes long to import
+
+        self.places, self.limits = places, limits
+        self._tree = cKDTree(places)
+
+    @classmethod
+    def of(cls, world: World) -> Self:
+        points, limits = [np.zeros((0, 4))], [np.zeros(0)]
+        for lane in world.lanes_of(LaneKind.DRIVING):
+            at_m = np.linspace(0.0, lane.length_m, max(2, int(lane.length_m / SPACING_M) + 1))
+            line = np.asarray(lane.centre_line.coords)[:, :2]
+            along_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+            xy = np.stack([np.interp(at_m, along_m, line[:, axis]) for axis in (0, 1)], axis=-1)
+            ahead = np.gradient(xy, axis=0)
+            points.append(_key(xy[:, 0], xy[:, 1], np.arctan2(ahead[:, 1], ahead[:, 0])))
+            limits.append(np.full(len(at_m), lane.speed_limit_mps))
+        return cls(np.concatenate(points), np.concatenate(limits))
+
+    def __reduce__(self) -> tuple[type[Self], tuple[Float64Array, Float64Array]]:
+        return type(self), (self.places, self.limits)
+
+    def __bool__(self) -> bool:
+        """Whether the world has lanes."""
+        return len(self.limits) > 0
+
+    def at(self, x: npt.ArrayLike, y: npt.ArrayLike, yaw_rad: npt.ArrayLike) -> Float64Array:
+        """Metres per second at places (n,) of the world's frame, headed by `yaw_rad` counter-clockwise from east."""
+        nearest = self._tree.query(_key(x, y, yaw_rad))[1]
+        limits: Float64Array = self.limits[nearest]
+        return limits
+
+
+def _key(x: npt.ArrayLike, y: npt.ArrayLike, yaw_rad: npt.ArrayLike) -> Float64Array:
+    """(n, 4): what is near in place and direction is near here."""
+    yaw = np.asarray(yaw_rad, dtype=np.float64)
+    key: Float64Array = np.stack(
+        [np.asarray(x, np.float64), np.asarray(y, np.float64), TURNED_M * np.cos(yaw), TURNED_M * np.sin(yaw)], axis=-1
+    )
+    return key
+
+
+@dataclass(frozen=True, eq=False)
+class _Vehicles:
+    """The rows of a recording that are vehicles."""
+
+    recording: Recording
+
+    @cached_property
+    def rows(self) -> npt.NDArray[np.intp]:
+        return np.flatnonzero(~self.recording.agents.is_pedestrian[self.recording.agent])
+
+    def sampled(self) -> npt.NDArray[np.intp]:
+        """Those of every frame that is a multiple of `SAMPLED_S`."""
+        every = max(1, round(SAMPLED_S / self.recording.step_s))
+        frame = np.repeat(np.arange(self.recording.frames), np.diff(self.recording.step_offsets))
+        kept: npt.NDArray[np.intp] = self.rows[frame[self.rows] % every == 0]
+        return kept
+
+
+def free_flow_mps(recording: Recording, limits: SpeedLimits) -> float | None:
+    """The free-flow speed of a recording's vehicles where they drove; None where none moved."""
+    if not limits:
+        return None
+    rows = _Vehicles(recording).sampled()
+    speed = recording.speed_mps[rows].astype(np.float64)
+    if not speed.sum() > 0:
+        return None
+    free = limits.at(recording.x[rows], recording.y[rows], recording.yaw_rad[rows])
+    return float(speed.sum() / (speed / free).sum())
+
+
+def flow_of(recording: Recording, world: World | None = None) -> Flow:
+    """The flow of a recording.
+
+    Args:
+        world: that it was made for; a recording that an earlier version made does not know its free-flow speed without.
+    """
+    rows = _Vehicles(recording).rows
+    hours = len(rows) * recording.step_s / 3600
+    lanes_km = recording.origin.capacity.lanes_km
+    if not len(rows):
+        return Flow(0.0, None, None, None, 0.0 if lanes_km > 0 else None, None, None)
+    speed_kmh = 3.6 * (recording.speed_mps_of_vehicles or 0.0)
+    free_mps = recording.free_flow_mps if world is None else free_flow_mps(recording, SpeedLimits.of(world))
+    density = len(rows) / recording.frames / lanes_km if lanes_km > 0 else None
+    return Flow(
+        vehicle_hours=hours,
+        speed_kmh=speed_kmh,
+        free_flow_kmh=None if free_mps is None else 3.6 * free_mps,
+        standing=float((recording.speed_mps[rows] < STANDING_MPS).mean()),
+        per_lane_km=density,
+        flow_per_lane_h=None if density is None else density * speed_kmh,
+        removed_per_vehicle_hour=recording.removed / hours,
+    )
+
+
+def as_values(flow: Flow) -> Mapping[str, float | str | None]:
+    """For files: rounded, in the order of reading."""
+    return {
+        "speed_kmh": _rounded(flow.speed_kmh, 2),
+        "free_flow_kmh": _rounded(flow.free_flow_kmh, 2),
+        "speed_ratio": _rounded(flow.ratio, 4),
+        "level_of_service": None if flow.level is None else str(flow.level),
+        "standing_share": _rounded(flow.standing, 4),
+        "flow_per_lane_h": _rounded(flow.flow_per_lane_h, 1),
+        "removed_per_vehicle_hour": _rounded(flow.removed_per_vehicle_hour, 4),
+    }
+
+
+def _rounded(value: float | None, digits: int) -> float | None:
+    return None if value is None else round(value, digits)
