@@ -162,7 +162,7 @@ def test_the_kinds_are_whole() -> None:
     hatchback = KINDS["hatchback"]
     assert (hatchback.length_m, hatchback.width_m, hatchback.height_m) == (3.77, 1.66, 1.52)
     assert KINDS["bus"].length_m == 12.0
-    assert sumo_types().count("<vType") == len(KINDS)
+    assert sumo_types(KINDS.values()).count("<vType") == len(KINDS)
     rng = np.random.default_rng(0)
     heights = [KINDS["man"].height_of_one(rng) for _ in range(500)]
     assert 1.6 < min(heights) < 1.7 < 1.83 < max(heights) < 1.92

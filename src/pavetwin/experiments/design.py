@@ -135,8 +135,8 @@ class Design(Settings):
     worlds: Annotated[tuple[WorldEntry, ...], Field(min_length=1)]
     densities: tuple[str, ...] = ("low", "medium", "high")
     """Names of traffic as `density_named` reads them: low, `los-C` (level of service), `hour-08` (of a weekday),
-    numbers as `v12-p40` (vehicles per kilometre of lane, pedestrians per kilometre of sidewalk), each with a mix of vehicles
-    behind a plus sign (`los-C+south_asia`)."""
+    numbers as `v12-p40` (vehicles per kilometre of lane, pedestrians per kilometre of sidewalk), each with a mix of
+    vehicles behind a plus sign (`los-C+south_asia`)."""
     altitudes_m: Annotated[tuple[Altitude, ...], Field(min_length=1)] = (6.0, 10.0, 15.0)
     policies: Annotated[tuple[str, ...], Field(min_length=1)] = ("baseline", "hover", "micro", "skip")
     sensors: Annotated[tuple[str, ...], Field(min_length=1)] = ("recall",)

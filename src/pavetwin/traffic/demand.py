@@ -37,8 +37,8 @@ DEFAULT_TRAFFIC: Final = f"{_LEVEL}{LevelOfService.C}"
 """Of missions and datasets, where none is named."""
 
 PEDESTRIANS: Final = 60.0
-"""Per kilometre of sidewalk in every level of service, and in the busiest hour: those of the density medium. The Highway
-Capacity Manual grades vehicles only."""
+"""Per kilometre of sidewalk in every level of service, and in the busiest hour: those of the density medium. The
+Highway Capacity Manual grades vehicles only."""
 
 HOURLY_SHARES: Final = (
     *(0.9, 0.5, 0.2, 0.2, 0.5, 1.3, 7.0, 9.3, 6.7, 4.2, 4.0, 3.8),

@@ -233,7 +233,7 @@ def _projected(trial: Trial, empty: Trial, target: float) -> float:
 
 
 def _fitted(trials: list[Trial], target: float, best: Trial) -> float:
-    """The density of the target on the curve ln v = a − b k² through the trials, those near the target weighing most."""
+    """The density of the target on the curve ln v = a − b k² through the trials, of which near ones weigh most."""
     square = np.array([trial.per_lane_km**2 for trial in trials])
     fallen = np.array([log(max(trial.ratio, 0.01) / target) for trial in trials])
     weight = np.exp(-0.5 * (fallen / WEIGHED) ** 2)

@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from pavetwin.draw import style
 from pavetwin.experiments.advice import Advice
 from pavetwin.experiments.metrics import FACTORS, FAILED, STATUS
-from pavetwin.experiments.report import front, whole
+from pavetwin.experiments.report import front, traffic, whole
 from pavetwin.experiments.report.parts import Block, ReportFigure, Section, Table
 from pavetwin.experiments.report.results import group_builders
 from pavetwin.experiments.report.study import AXES, Study, constants, replicates
@@ -106,7 +106,7 @@ def sections_of(study: Study, on_progress: Callable[[float], None] = lambda _: N
     """
     every = list(study.groups())
     groups = every[:MOST_GROUPS]
-    builders = (whole.effects_section, whole.streets_section, whole.failures_section)
+    builders = (traffic.traffic_section, whole.effects_section, whole.streets_section, whole.failures_section)
     parts = [group_builders(group, brief=at > MOST_WHOLE) for at, group in enumerate(groups, start=1)]
     # Of the table's files and the page, which take as long as a section.
     total, done = len(builders) + sum(map(len, parts)) + 3, 0

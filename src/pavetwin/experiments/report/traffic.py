@@ -1,0 +1,81 @@
+"""The section of a report that says how the recorded traffic of each level flows."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from typing import Final
+
+import numpy as np
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.experiments.report.parts import Section, Table, TableCell, text_cells
+from pavetwin.experiments.report.study import Study
+from pavetwin.experiments.words import MISSING, level_text
+from pavetwin.traffic.flow import MOST_REMOVALS_PER_HOUR, STANDING_MPS, Flow, flow_of
+from pavetwin.traffic.inputs import Inputs
+from pavetwin.traffic.level_of_service import level_of
+from pavetwin.traffic.recording import load_recording
+from pavetwin.world.model import World
+
+MOST_RECORDINGS: Final = 4
+"""Of one traffic in one world that are read."""
+
+HEADS: Final = (
+    *("World", "Traffic", "Recordings", "Mean speed (km/h)", "Of free flow", "Level of service", "Standing"),
+    *("Flow (vehicles/h per lane)", "Taken out (per vehicle-hour)"),
+)
+
+
+def traffic_section(study: Study) -> Section:
+    """How the traffic of each level flows, from its recordings; empty where none is at hand."""
+    rows = tuple(_rows(study))
+    if not rows:
+        return Section("traffic", "What the traffic is", [])
+    words = (
+        "Mean speed over the speed limits where vehicles drove is the share of free flow, whose classes are the levels "
+        "of service of the Highway Capacity Manual: A above 80 %, B 67, C 50, D 40, E 30, F below. A vehicle slower "
+        f"than {STANDING_MPS:g} m/s stands. Vehicles are taken out after blocking traffic for minutes; above "
+        f"{MOST_REMOVALS_PER_HOUR:g} per vehicle-hour the streets are beyond capacity, and policies that wait do so "
+        "for less time than they would in reality."
+    )
+    return Section("traffic", "What the traffic is", [words, Table("How the traffic flows", HEADS, rows)])
+
+
+def _rows(study: Study) -> Iterator[tuple[TableCell, ...]]:
+    if "traffic_seed" not in study.table.columns:
+        return
+    for name, world in study.worlds.items():
+        for traffic in study.levels("traffic"):
+            here = study.table.filter(world=name, traffic=traffic)["traffic_seed"].drop_nulls()
+            flows = list(_flows(world, traffic, here.unique(maintain_order=True).to_list()[:MOST_RECORDINGS]))
+            if flows:
+                yield text_cells(name, level_text("traffic", traffic), f"{len(flows)}", *_means(flows))
+
+
+def _flows(world: World, traffic: str, seeds: Sequence[int]) -> Iterator[Flow]:
+    """Of the recordings that are on this machine."""
+    for seed in seeds:
+        with suppress(PaveTwinError):
+            file = next((path for path in Inputs.of(world, traffic, seed).places() if path.is_file()), None)
+            if file is not None:
+                yield flow_of(load_recording(file, world), world)
+
+
+def _means(flows: Sequence[Flow]) -> list[str]:
+    ratio = _mean([flow.ratio for flow in flows])
+    return [
+        _text(_mean([flow.speed_kmh for flow in flows]), "{:.0f}"),
+        _text(ratio, "{:.0%}").replace("%", " %"),
+        MISSING if ratio is None else str(level_of(ratio)),
+        _text(_mean([flow.standing for flow in flows]), "{:.0%}").replace("%", " %"),
+        _text(_mean([flow.flow_per_lane_h for flow in flows]), "{:.0f}"),
+        _text(_mean([flow.removed_per_vehicle_hour for flow in flows]), "{:.2f}"),
+    ]
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None
+
+
+def _text(value: float | None, form: str) -> str:
+    return MISSING if value is None else form.format(value)

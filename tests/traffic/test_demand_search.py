@@ -1,0 +1,130 @@
+"""Demand for a level of service, found by closed loop on a signalled cross; and held over the recording."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.traffic.demand import density_named
+from pavetwin.traffic.demand_search import NEAR, DemandSearch, Trial, _fitted, found
+from pavetwin.traffic.flow import MOST_REMOVALS_PER_HOUR, flow_of
+from pavetwin.traffic.inputs import Inputs
+from pavetwin.traffic.level_control import EVERY_S, LARGEST, LevelControl
+from pavetwin.traffic.level_of_service import LevelOfService
+from pavetwin.traffic.record import Recorder, record
+from pavetwin.world.model import World
+from scenes.traffic import bytes_of, scene_world
+
+
+@pytest.fixture(scope="module")
+def cross(tmp_path_factory: pytest.TempPathFactory) -> World:
+    return scene_world("cross", tmp_path_factory.mktemp("worlds"), sidewalks=False)
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """One for the module: what one test finds, another need not search for."""
+    folder = tmp_path_factory.getbasetemp() / "demand-cache"
+    monkeypatch.setenv("PAVETWIN_CACHE", str(folder))
+    return folder
+
+
+def test_the_search_converges_and_the_recording_holds_the_level(cross: World) -> None:
+    _, target = DemandSearch(cross, "europe").target(LevelOfService.D)
+    recording = record(cross, "los-D", 1, 600.0)
+    flow = flow_of(recording, cross)
+    assert flow.level == "D"
+    assert flow.ratio == pytest.approx(target, rel=NEAR)
+    assert flow.ratio == pytest.approx(recording.speed_ratio or 0.0)
+    assert (flow.removed_per_vehicle_hour or 0.0) <= MOST_REMOVALS_PER_HOUR
+    assert recording.remarks == ()
+    assert recording.origin.asked is not None
+    assert recording.origin.asked.vehicles_per_lane_km is not None
+    assert recording.path is not None
+    assert recording.path.name == "los-D-1.parquet"
+
+
+def test_the_same_seed_gives_the_same_bytes_whether_the_demand_was_known_or_not(cross: World, cache: Path) -> None:
+    first = bytes_of(record(cross, "los-D", 2, 60.0, force=True))
+    (kept,) = cache.rglob("demand-europe.json")
+    kept.unlink()
+    assert bytes_of(record(cross, "los-D", 2, 60.0, force=True)) == first
+    assert kept.is_file()
+
+
+def test_another_seed_begins_with_the_demand_that_was_found(cross: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    once = found(Inputs.of(cross, "los-D", 1))[0].asked
+    monkeypatch.setattr(DemandSearch, "_simulated", lambda *_: pytest.fail("a trial was simulated again"))
+    other = found(Inputs.of(cross, "los-D", 7))[0]
+    assert other.asked == once
+    assert other.hash == Inputs.of(cross, "los-D", 7).hash  # a recording is found before its demand is
+
+
+def test_a_longer_recording_begins_with_the_shorter_one(cross: World) -> None:
+    with Recorder(Inputs.of(cross, "los-D", 3), force=True) as recorder:
+        short = recorder.until(35.0)
+        longer = recorder.until(90.0)
+    assert longer.until(35.0).same_traffic(short)
+    assert bytes_of(longer) == bytes_of(record(cross, "los-D", 3, 90.0, force=True))
+
+
+def test_a_level_beyond_the_network_is_refused_with_what_it_can_reach(cross: World) -> None:
+    with pytest.raises(PaveTwinError, match=r"level of service A .* even nearly empty streets allow \d\d %.*Ask for"):
+        record(cross, "los-A", 1, 10.0)
+
+
+def test_quiet_hours_have_fewer_vehicles_than_busy_ones(cross: World) -> None:
+    search = DemandSearch(cross, "europe")
+    night, morning, busiest = (search.density(density_named(f"hour-{hour:02}")) for hour in (3, 12, 16))
+    level_d, _ = search.of_level(LevelOfService.D)
+    of = [each.vehicles_per_lane_km or 0.0 for each in (night, morning, busiest)]
+    assert of[0] < 0.1 * of[1] < of[1] < of[2] <= level_d
+
+
+def test_the_kept_trials_are_of_these_inputs_alone(cross: World, cache: Path) -> None:
+    search = DemandSearch(cross, "europe")
+    search.target(LevelOfService.D)
+    (kept,) = cache.rglob("demand-europe.json")
+    stored = json.loads(kept.read_text())
+    kept.write_text(json.dumps({**stored, "inputs": "of another version"}))
+    assert DemandSearch(cross, "europe")._known == {}
+    kept.write_text(json.dumps(stored))
+    assert DemandSearch(cross, "europe")._known == search._known
+
+
+def test_a_curve_through_noisy_trials_is_nearer_than_the_best_of_them() -> None:
+    trials = [Trial(k, 0.72 * 2.718281828 ** (-0.5 * (k / 12) ** 2) * noise, 0.0, 0.0) for k, noise in
+              ((1.0, 1.0), (10.0, 1.06), (14.0, 0.95), (15.0, 1.05), (16.0, 0.95))]  # fmt: skip
+    target = 0.72 * 2.718281828 ** (-0.5 * (14.5 / 12) ** 2)
+    best = min(trials, key=lambda it: abs(it.ratio / target - 1))
+    assert abs(_fitted(trials, target, best) - 14.5) < 0.7
+
+
+class _Jam:
+    """A simulation whose vehicles all drive at one speed."""
+
+    def __init__(self, speed_mps: float) -> None:
+        self.vehicle = self
+        self.speed_mps = speed_mps
+
+    def getIDList(self) -> list[str]:  # noqa: N802 - SUMO's names
+        return ["a", "b"]
+
+    def getPosition(self, _: str) -> tuple[float, float]:  # noqa: N802
+        return 100.0, 0.0
+
+    def getAngle(self, _: str) -> float:  # noqa: N802
+        return 90.0
+
+    def getSpeed(self, _: str) -> float:  # noqa: N802
+        return self.speed_mps
+
+
+@pytest.mark.parametrize(("speed_mps", "sign"), [(2.0, -1), (6.945, 0), (12.0, 1)])
+def test_slow_traffic_gets_fewer_vehicles_and_fast_traffic_more(cross: World, speed_mps: float, sign: int) -> None:
+    inputs = Inputs.of(cross, "los-D", 1)
+    control = LevelControl(_Jam(speed_mps), inputs.speed_limits, 0.5, 100)
+    counts = [control.vehicles() for _ in range(0, 1200, EVERY_S)]
+    assert [counts[-1] < 99, counts[-1] == 100, counts[-1] > 101][sign + 1]
+    assert 100 * 2.7182**-LARGEST - 1 <= counts[-1] <= 100 * 2.7183**LARGEST + 1
