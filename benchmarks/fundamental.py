@@ -1,7 +1,8 @@
 """`python -m benchmarks.fundamental WORLD …`: the fundamental diagram of worlds, and the table of levels of service.
 
-For each world traffic is recorded at each level of service and at a row of densities. Speed ratio over density is drawn
-for each (`docs/images/fundamental.png`), and a Markdown table is printed, as `docs/explanation/traffic.md` has it.
+For each world traffic is recorded at each level of service. Speed ratio and flow over density, of these recordings and
+of the trials of the search, are drawn (`docs/images/fundamental.png`), and a Markdown table is printed, as
+`docs/explanation/traffic.md` has it.
 """
 
 import argparse
@@ -16,17 +17,13 @@ from matplotlib.axes import Axes
 from pavetwin.cli.console import fail, out, progress
 from pavetwin.draw import style
 from pavetwin.errors import PaveTwinError
-from pavetwin.traffic.demand import PEDESTRIANS, Density, density_of
-from pavetwin.traffic.demand_search import DemandSearch
+from pavetwin.traffic.demand_search import DemandSearch, Trial
 from pavetwin.traffic.flow import Flow, flow_of
 from pavetwin.traffic.level_of_service import LevelOfService
 from pavetwin.traffic.mix import DEFAULT_MIX
 from pavetwin.traffic.record import record
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world
-
-DENSITIES = (2.0, 4.0, 7.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0)
-"""Vehicles per kilometre of lane, held without a target."""
 
 SEEDS = (1, 2)
 RECORDED_S = 1200.0
@@ -59,12 +56,6 @@ def levels(world: World, recorded_s: float) -> Iterator[Level]:
         yield Level(level, target, flows, found_s)
 
 
-def held(world: World, recorded_s: float) -> list[Flow]:
-    """Flows at the densities."""
-    asked: list[Density] = [density_of(density, PEDESTRIANS) for density in DENSITIES]
-    return [flow_of(record(world, density, SEEDS[0], recorded_s)) for density in asked]
-
-
 def rows(world: World, found: Sequence[Level]) -> Iterator[str]:
     """Of the Markdown table."""
     for each in found:
@@ -80,13 +71,12 @@ def rows(world: World, found: Sequence[Level]) -> Iterator[str]:
             )
 
 
-def draw(axes: tuple[Axes, Axes], world: World, found: Sequence[Level], curve: Sequence[Flow]) -> None:
-    """Speed ratio, and flow, over density."""
+def draw(axes: tuple[Axes, Axes], world: World, found: Sequence[Level], trials: Sequence[Trial]) -> None:
+    """Speed ratio, and flow, over density: of the trials, whose density is held, and of the recordings."""
     speed, flow = axes
-    ordered = sorted(curve, key=lambda it: it.per_lane_km or 0.0)
-    density = [it.per_lane_km for it in ordered]
-    speed.plot(density, [it.ratio for it in ordered], "o-", color=style.INK_SOFT, ms=3.5, lw=1)
-    flow.plot(density, [it.flow_per_lane_h for it in ordered], "o-", color=style.INK_SOFT, ms=3.5, lw=1)
+    density = [trial.per_lane_km for trial in trials]
+    speed.plot(density, [trial.ratio for trial in trials], "o", color=style.INK_FAINT, ms=3.5, label="trials")
+    flow.plot(density, [trial.flow_per_lane_h for trial in trials], "o", color=style.INK_FAINT, ms=3.5)
     for each in found:
         colour = plt.get_cmap("viridis")(list(LevelOfService).index(each.level) / 5.5)
         xs = [it.per_lane_km for it in each.flows]
@@ -120,7 +110,7 @@ def main() -> int:
         for at, world in enumerate(worlds):
             tell(at / len(worlds))
             found = list(levels(world, asked.duration))
-            draw((axes[0][at], axes[1][at]), world, found, held(world, asked.duration))
+            draw((axes[0][at], axes[1][at]), world, found, DemandSearch(world, DEFAULT_MIX).trials)
             lines += rows(world, found)
             notes += [each.why for each in found if each.why]
             taken = ", ".join(f"{each.level} {each.found_s:.0f} s" for each in found)

@@ -27,7 +27,7 @@ from pavetwin.traffic.flow import flow_of, free_flow_mps
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.job import STEP_S
 from pavetwin.traffic.level_of_service import LevelOfService, level_of
-from pavetwin.traffic.runner import OnProgress, SimulationProcess, require_sumo, workplace
+from pavetwin.traffic.runner import OnRecorded, SimulationProcess, require_sumo, workplace
 from pavetwin.world.cache import cached
 from pavetwin.world.model import World
 
@@ -71,7 +71,7 @@ class Trial:
     removed_per_vehicle_hour: float
 
 
-def found(inputs: Inputs, on_progress: OnProgress | None = None) -> tuple[Inputs, OnProgress | None]:
+def found(inputs: Inputs, on_progress: OnRecorded | None = None) -> tuple[Inputs, OnRecorded | None]:
     """The inputs with a density, searched for where it is not known yet; and who is told of the progress after that.
 
     Raises:
@@ -91,7 +91,7 @@ def found(inputs: Inputs, on_progress: OnProgress | None = None) -> tuple[Inputs
 class DemandSearch:
     """Searches in one world under one mix of vehicles."""
 
-    def __init__(self, world: World, mix: str, on_progress: OnProgress | None = None) -> None:
+    def __init__(self, world: World, mix: str, on_progress: OnRecorded | None = None) -> None:
         self._inputs = Inputs(world, replace(_level_of_trials(mix), vehicles_per_lane_km=EMPTY_PER_LANE_KM), SEED)
         self._tell = on_progress or (lambda _: None)
         self._name = f"traffic/demand-{mix}.json"
@@ -100,6 +100,11 @@ class DemandSearch:
         ).hexdigest()
         self._known = self._read()
         self._done = 0
+
+    @property
+    def trials(self) -> list[Trial]:
+        """All that were made so far in this world, by density."""
+        return [trial for _, trial in sorted(self._known.items())]
 
     def density(self, asked: Density) -> Density:
         """`asked` with the density that was found.
