@@ -78,6 +78,8 @@ def draw(axes: tuple[Axes, Axes], world: World, found: Sequence[Level], trials: 
     speed.plot(density, [trial.ratio for trial in trials], "o", color=style.INK_FAINT, ms=3.5, label="trials")
     flow.plot(density, [trial.flow_per_lane_h for trial in trials], "o", color=style.INK_FAINT, ms=3.5)
     for each in found:
+        if not each.flows:
+            continue
         colour = plt.get_cmap("viridis")(list(LevelOfService).index(each.level) / 5.5)
         xs = [it.per_lane_km for it in each.flows]
         speed.plot(xs, [it.ratio for it in each.flows], "D", color=colour, ms=6, label=f"LOS {each.level}")
