@@ -1,9 +1,12 @@
 """The one exception that a user may see: a plain sentence that says what is wrong, where, and how to fix it."""
 
 import re
+import traceback
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from difflib import get_close_matches
+from pathlib import Path
+from sysconfig import get_paths
 
 
 class PaveTwinError(Exception):
@@ -57,6 +60,15 @@ def no_such(what: str, name: str, known: Iterable[str], *, key: str, instead: st
 def told(error: BaseException) -> str:
     """Another error in one line: its type and what it says."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
+
+
+def told_at(error: BaseException) -> str:
+    """Another error in one line, with the place in the user's own code that it comes from, or else where it arose."""
+    frames = traceback.extract_tb(error.__traceback__)
+    others = (str(Path(__file__).parent), *get_paths().values())
+    own = [frame for frame in frames if not frame.filename.startswith(("<", *others))]
+    where = (own or frames)[-1] if frames else None
+    return f"{told(error)} ({where.filename}, line {where.lineno})" if where is not None else told(error)
 
 
 def nearest_name(word: str, known: Iterable[str]) -> str:

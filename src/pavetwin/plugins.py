@@ -24,7 +24,7 @@ from typing import Any, Final, TypeVar
 
 from pavetwin.errors import PaveTwinError, nearest_name, told
 from pavetwin.files import file_sha256
-from pavetwin.registry import DuplicateNameError, Registry, reading
+from pavetwin.registry import BrokenRulesError, DuplicateNameError, Registry, one_of, reading
 
 T = TypeVar("T")
 
@@ -44,8 +44,11 @@ _registered: dict[Path, list[tuple[str, str]]] = {}
 """What each file registered when it was last read: the kind, and the name."""
 
 
-def load_plugins(paths: Iterable[str | Path]) -> None:
+def load_plugins(paths: Iterable[str | Path], *, check: bool = True) -> None:
     """Read plugin files that this process has not read yet, or that have changed since.
+
+    Args:
+        check: what they register must keep the rules of its kind.
 
     Raises:
         PaveTwinError: one is not there, fails when read, takes a name that is taken, or registers what breaks a rule of
@@ -54,7 +57,7 @@ def load_plugins(paths: Iterable[str | Path]) -> None:
     for path in (Path(each).absolute() for each in paths):
         content = _hash(path, KEY)
         if _loaded.get(path) != content:
-            _read(path, KEY, check=True)
+            _read(path, KEY, check=check)
             _loaded[path] = content
 
 
@@ -150,8 +153,8 @@ def _class_in(registry: Registry[type[T]], base: Any, path: Path, class_name: st
             f"{registry.key}: '{path}' has no {registry.what} class '{class_name}'{near}. "
             f"It must be a subclass of {base.__module__.removesuffix('.base')}.{base.__name__}."
         )
-    if broken := registry.broken_rule(kind):
-        raise PaveTwinError(f"{registry.key}: '{path}:{class_name}' {broken}.")
+    if broken := registry.broken_rules(kind):
+        raise BrokenRulesError(f"{registry.key}: '{path}:{class_name}' {one_of(broken)}.", broken)
     found: type[T] = kind
     return found
 
@@ -179,8 +182,8 @@ def _read(path: Path, key: str, *, check: bool = False) -> ModuleType:
         with reading(f"'{path.resolve()}'") as source:
             loader.exec_module(module)
             _data_files(path, module, key)
-            if fault := source.broken_rule() if check else "":
-                raise PaveTwinError(f"{key}: '{path}': {fault}.")
+            for what, broken in source.broken_rules() if check else ():
+                raise BrokenRulesError(f"{key}: '{path}': {what} {one_of(broken)}.", broken)
         _registered[path] = [(registry.what, name) for registry, name, _ in source.added]
     except BaseException as error:
         del sys.modules[name]

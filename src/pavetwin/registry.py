@@ -6,7 +6,7 @@ a new file is all there is to add. A user's own come from plugin files (`pavetwi
 whose entry points of the registry's group are loaded when names are listed or one is not known.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -23,6 +23,20 @@ T = TypeVar("T")
 
 class DuplicateNameError(ValueError):
     """A name is registered already."""
+
+
+class BrokenRulesError(PaveTwinError):
+    """Something of a user's own breaks rules of its kind. The message names the first."""
+
+    def __init__(self, message: str, rules: Sequence[str]) -> None:
+        super().__init__(message)
+        self.rules = tuple(rules)
+        """All of them, each as a sentence."""
+
+
+def one_of(rules: Sequence[str]) -> str:
+    """The end of a sentence about the first of several broken rules."""
+    return f"breaks a rule: {rules[0]}" + (f" (and {len(rules) - 1} more)" if len(rules) > 1 else "")
 
 
 class InstalledPackage(NamedTuple):
@@ -49,12 +63,11 @@ class Source:
     added: list[tuple["Registry[Any]", str, Any]] = field(default_factory=list)
     """Registry, name, and the entry that it replaced."""
 
-    def broken_rule(self) -> str:
-        """The first rule that something registered here breaks, as a sentence; empty when all keep theirs."""
+    def broken_rules(self) -> Iterator[tuple[str, list[str]]]:
+        """What was registered here and breaks rules: what it is, in words, and the rules, each as a sentence."""
         for registry, name, _ in self.added:
-            if broken := registry.broken_rule(registry.get(name)):
-                return f"the {registry.what} '{name}' {broken}"
-        return ""
+            if broken := registry.broken_rules(registry.get(name)):
+                yield f"the {registry.what} '{name}'", broken
 
     def undo(self) -> None:
         """Take back what was registered, after a failure."""
@@ -177,11 +190,9 @@ class Registry(Generic[T]):
         entry = self._entries.get(name)
         return entry.source.package if entry is not None and entry.source is not None else None
 
-    def broken_rule(self, value: T) -> str:
-        """The end of a sentence about the first rule that a value breaks; empty when it keeps them."""
-        if not (broken := self._rules(value)):
-            return ""
-        return f"breaks a rule: {broken[0]}" + (f" (and {len(broken) - 1} more)" if len(broken) > 1 else "")
+    def broken_rules(self, value: T) -> list[str]:
+        """The rules of its kind that a value breaks, each as a sentence; none when it keeps them."""
+        return self._rules(value)
 
     def is_own(self, name: str) -> bool:
         """Whether a known name ships with PaveTwin."""
@@ -219,7 +230,7 @@ class Registry(Generic[T]):
                     is_known = any(entry.value is value for entry in self._entries.values())
                     if not isinstance(value, ModuleType) and not is_known:
                         self.add(point.name, value)
-                    fault = source.broken_rule()
+                    fault = next((f"{what} {one_of(broken)}" for what, broken in source.broken_rules()), "")
                 except Exception as error:
                     fault = told(error)
                 if fault:

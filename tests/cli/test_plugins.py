@@ -87,3 +87,19 @@ def test_what_a_plugin_registers_is_listed(tmp_path: Path) -> None:
     done = pavetwin("sensor", "list", "--plugin", file)
     SENSORS.restore("blind_one", None)
     assert "blind_one: Finds nothing." in done.stdout
+
+
+def test_a_check_lists_every_broken_rule_of_a_policy(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "from pavetwin.policies import Policy\n"
+        "class Vague(Policy):\n"
+        "    def decide(self, snapshot):\n"
+        "        return 3\n"
+    )
+    said = plain_refusal(pavetwin("policy", "check", f"{file}:Vague"))
+    assert "more; --verbose lists them)" in said
+    more = int(said.rpartition("(and ")[2].split()[0])
+    listed = pavetwin("policy", "check", f"{file}:Vague", "--verbose")
+    assert listed.returncode == 2
+    assert len(listed.stdout.splitlines()) == more + 1

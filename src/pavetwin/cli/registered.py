@@ -7,7 +7,8 @@ from typing import Annotated, Any
 import typer
 
 from pavetwin.cli.console import out
-from pavetwin.errors import naming
+from pavetwin.errors import PaveTwinError, naming
+from pavetwin.registry import BrokenRulesError
 
 
 def _group(kind: str, plural: str, package: str, example: str, load: Callable[[Any, str], Any]) -> typer.Typer:
@@ -24,10 +25,18 @@ def _group(kind: str, plural: str, package: str, example: str, load: Callable[[A
     @group.command(help=_help(f"Try a {kind} in many situations: does it keep the rules?", f"{kind} check {example}"))
     def check(
         name: Annotated[str, typer.Argument(metavar="FILE.py:ClassName", help=f"Your own {kind}, or a known one.")],
+        verbose: Annotated[bool, typer.Option("--verbose", help="List every rule that it breaks.")] = False,
     ) -> None:
         module = import_module(package)
         with naming({getattr(module, plural.upper()).key: f"{kind} check"}):
-            out.print(f"{load(module, name).name}: keeps the rules.")
+            try:
+                checked = load(module, name)
+            except BrokenRulesError as error:
+                if verbose:
+                    out.line("\n".join(f"  {rule}" for rule in error.rules))
+                    raise
+                raise PaveTwinError(str(error).replace(" more).", " more; --verbose lists them).")) from error
+            out.print(f"{checked.name}: keeps the rules.")
 
     return group
 

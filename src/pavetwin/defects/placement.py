@@ -24,20 +24,24 @@ from shapely import Point, Polygon
 
 from pavetwin.arrays import Float64Array
 from pavetwin.config.base import Settings
+from pavetwin.defects.heightfield import Heightfield
 from pavetwin.defects.measures import measure
 from pavetwin.defects.poses import Poses, RoadSection
-from pavetwin.defects.registry import DEFECT_CLASSES, DefectKind, kinds, mixed
+from pavetwin.defects.registry import DEFECT_CLASSES, DefectKind, failures_named, kinds, mixed
 from pavetwin.defects.shapes import turned
 from pavetwin.seeds import Stream, child
 from pavetwin.world.build import Built
 from pavetwin.world.content import snapped
 from pavetwin.world.gutters import GUTTER_M, has_gutter
-from pavetwin.world.model import Defect, Segment
+from pavetwin.world.model import Defect, Segment, Severity
 from pavetwin.world.segments import direction_at, point_at, segment_key
 
 SHAPES, PLACES = 3, 30
 LARGEST_SHARE = 0.15
 EDGE_M, APART_M = 0.05, 0.10
+
+Placed = tuple[Point, float, Polygon]
+"""Where a shape lies: its centre, its direction [rad], and its outline there."""
 
 
 class DefectOptions(Settings):
@@ -128,38 +132,46 @@ def _on_segment(
     known, weights = weighted
     for _ in range(options.count_on(segment, rng)):
         kind = known[int(rng.choice(len(known), p=weights))]
-        for shape_seed in rng.integers(2**32, size=SHAPES).tolist():
-            poses = kind.sample_poses(rng, road, PLACES)
-            shape = kind.generate(np.random.default_rng(shape_seed))
-            if shape.outline.area > budget:
+        with failures_named(kind.name):
+            for shape_seed in rng.integers(2**32, size=SHAPES).tolist():
+                poses = kind.sample_poses(rng, road, PLACES)
+                shape = kind.generate(np.random.default_rng(shape_seed))
+                if shape.outline.area > budget:
+                    continue
+                placed = _first_place(segment, shape.outline, poses, allowed, taken)
+                if placed is None:
+                    continue
+                taken.append(placed[2])
+                budget -= placed[2].area
+                defect = _defect(segment, kind, shape, shape_seed, placed)
+                break
+            else:
                 continue
-            placed = _first_place(segment, shape.outline, poses, allowed, taken)
-            if placed is None:
-                continue
-            centre, yaw, polygon = placed
-            taken.append(polygon)
-            budget -= polygon.area
-            sizes = measure(shape)
-            yield Defect(
-                id=-1,
-                segment=segment.id,
-                kind=kind.name,
-                centre=snapped(centre),
-                polygon=snapped(polygon),
-                seed=shape_seed,
-                yaw_rad=yaw,
-                severity=kind.rate(sizes),
-                width_m=round(kind.width(sizes), 5),
-                depth_m=round(sizes.depth_m, 5),
-                length_m=round(kind.length(sizes), 3),
-                volume_m3=round(sizes.volume_m3, 7),
-            )
-            break
+        yield defect
+
+
+def _defect(segment: Segment, kind: DefectKind, shape: Heightfield, seed: int, placed: Placed) -> Defect:
+    sizes = measure(shape)
+    centre, yaw, polygon = placed
+    return Defect(
+        id=-1,
+        segment=segment.id,
+        kind=kind.name,
+        centre=snapped(centre),
+        polygon=snapped(polygon),
+        seed=seed,
+        yaw_rad=yaw,
+        severity=Severity(kind.rate(sizes)),
+        width_m=round(kind.width(sizes), 5),
+        depth_m=round(sizes.depth_m, 5),
+        length_m=round(kind.length(sizes), 3),
+        volume_m3=round(sizes.volume_m3, 7),
+    )
 
 
 def _first_place(
     segment: Segment, outline: Polygon, poses: Poses, allowed: shapely.Geometry, taken: list[Polygon]
-) -> tuple[Point, float, Polygon] | None:
+) -> Placed | None:
     ring = np.asarray(outline.exterior.coords)[:-1]
     others = np.array(taken)
     boxes = shapely.bounds(others) if taken else np.empty((0, 4))

@@ -1,13 +1,17 @@
 """What a class of defects is, and where classes are registered. A new one is one file with one `@defect_class`."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
+from pavetwin.defects.conformance import SHAPES_WHEN_READ, check_defect_class
 from pavetwin.defects.heightfield import Heightfield
 from pavetwin.defects.measures import Measures, length_of
 from pavetwin.defects.poses import PoseSampler
+from pavetwin.errors import PaveTwinError, told_at
 from pavetwin.registry import Registry
 from pavetwin.world.model import Defect, Severity, is_class_name
 
@@ -56,7 +60,12 @@ def _check(name: str, kind: DefectKind) -> None:
 
 
 DEFECT_CLASSES: Registry[DefectKind] = Registry(
-    "defect class", key="defects", group="pavetwin.defect_classes", home="pavetwin.defects", on_add=_check
+    "defect class",
+    key="defects",
+    group="pavetwin.defect_classes",
+    home="pavetwin.defects",
+    on_add=_check,
+    rules=partial(check_defect_class, shapes=SHAPES_WHEN_READ),
 )
 
 
@@ -112,12 +121,31 @@ def mixed(mix: Mapping[str, float]) -> tuple[DefectKind, ...]:
     return tuple(DEFECT_CLASSES.get(name) for name in sorted(mix)) or kinds()
 
 
+@contextmanager
+def failures_named(name: str) -> Iterator[None]:
+    """Errors of a user's class in the block are one plain line that names the class, its file and its line.
+
+    Raises:
+        PaveTwinError: the class failed.
+    """
+    try:
+        yield
+    except PaveTwinError:
+        raise
+    except Exception as error:
+        if DEFECT_CLASSES.is_own(name):
+            raise
+        raise PaveTwinError(f"The defect class '{name}' failed: {told_at(error)}.") from error
+
+
 def heightfield_of(defect: Defect) -> Heightfield:
     """The shape of a placed defect, regenerated from its seed.
 
     Its outline turned by `yaw_rad` about the origin and moved to `centre` is the defect's polygon.
 
     Raises:
-        PaveTwinError: its class is not registered here.
+        PaveTwinError: its class is not registered here, or a class of the user's own fails.
     """
-    return DEFECT_CLASSES.get(defect.kind).generate(np.random.default_rng(defect.seed))
+    kind = DEFECT_CLASSES.get(defect.kind)
+    with failures_named(kind.name):
+        return kind.generate(np.random.default_rng(defect.seed))

@@ -18,6 +18,7 @@ from shapely import Polygon
 from pavetwin._core import relief_mesh
 from pavetwin.arrays import Float32Array, Float64Array, UInt8Array
 from pavetwin.defects import Heightfield, albedo_factor, heightfield_of, normal_map, occlusion_map
+from pavetwin.defects.registry import failures_named
 from pavetwin.scene.agents import upright
 from pavetwin.scene.model import TILE_M, DefectPatch, Mesh, defect_label
 from pavetwin.world.model import Defect
@@ -72,7 +73,11 @@ def patch_of(defect: Defect) -> DefectPatch:
         PaveTwinError: its class is not registered.
         ValueError: its outline crosses itself.
     """
-    field = heightfield_of(defect)
+    with failures_named(defect.kind):
+        return _patch(defect, heightfield_of(defect))
+
+
+def _patch(defect: Defect, field: Heightfield) -> DefectPatch:
     transform = upright(defect.centre.x, defect.centre.y, defect.yaw_rad)
     (hole,) = holes_of((defect,))
     ring = np.asarray(hole.exterior.coords)[:-1] - transform[:2, 3]
