@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from pavetwin.defects import DefectKind
-    from pavetwin.defects.conformance import Trial
+    from pavetwin.defects.conformance import TriedShape
 
 app = typer.Typer(help="List defect classes, and check your own.", no_args_is_help=True)
 
@@ -91,13 +91,13 @@ def _classes(name: str) -> "list[DefectKind]":
         return [DEFECT_CLASSES.get(known) for known in (own if file == name else [one])]
 
 
-def _sizes(name: str, trials: "Sequence[Trial]") -> "Table":
+def _sizes(name: str, trials: "Sequence[TriedShape]") -> "Table":
     """A row a size: least, median and largest of the shapes."""
     from statistics import median
 
     from rich.table import Table
 
-    rows: tuple[tuple[str, str, Callable[[Trial], float], float], ...] = (
+    rows: tuple[tuple[str, str, Callable[[TriedShape], float], float], ...] = (
         ("extent along", "m", lambda trial: trial.measures.extent_length_m, 1),
         ("extent across", "m", lambda trial: trial.measures.extent_width_m, 1),
         ("length_m", "m", lambda trial: trial.length_m, 1),
@@ -120,7 +120,7 @@ def _short(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
-def _said(kind: "DefectKind", trials: "Sequence[Trial]") -> list[str]:
+def _said(kind: "DefectKind", trials: "Sequence[TriedShape]") -> list[str]:
     """Severities, room, and from which size and contrast it is labelled."""
     from statistics import median
 

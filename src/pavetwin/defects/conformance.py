@@ -36,7 +36,7 @@ _NAMED_SEEDS = 3
 
 
 @dataclass(frozen=True)
-class Trial:
+class TriedShape:
     """One shape of a class and what the class says of it."""
 
     measures: Measures
@@ -74,7 +74,7 @@ def check_defect_class(kind: "DefectKind", shapes: int = SHAPES) -> list[str]:
     return tried(kind, shapes)[1]
 
 
-def tried(kind: "DefectKind", shapes: int = SHAPES) -> tuple[list[Trial], list[str]]:
+def tried(kind: "DefectKind", shapes: int = SHAPES) -> tuple[list[TriedShape], list[str]]:
     """The shapes of the first seeds, and the rules that they break."""
     broken = _Broken()
     _check_label(kind, broken)
@@ -95,7 +95,7 @@ def _check_label(kind: "DefectKind", broken: _Broken) -> None:
         broken.say("its label rule asks for a shorter side that is longer than the longer side")
 
 
-def _trial(kind: "DefectKind", seed: int, broken: _Broken) -> Trial | None:
+def _trial(kind: "DefectKind", seed: int, broken: _Broken) -> TriedShape | None:
     """What is known of the shape of a seed; None where it cannot be measured."""
 
     def call(what: str, function: Callable[..., Any], *arguments: Any) -> Any:
@@ -127,7 +127,7 @@ def _trial(kind: "DefectKind", seed: int, broken: _Broken) -> Trial | None:
     has_room, *_ = [_room(kind, shape, road, seed, broken, call) for road in ROADS]
     if not (_is_number(width) and _is_number(length) and isinstance(severity, Severity)):
         return None
-    return Trial(sizes, float(width), float(length), severity, has_room)
+    return TriedShape(sizes, float(width), float(length), severity, has_room)
 
 
 def _wrong_shape(shape: Heightfield, sizes: Measures) -> Iterator[str]:
