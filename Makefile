@@ -44,6 +44,7 @@ pictures: demo study  ## The pictures of the documentation, made again from the 
 	@cp out/demo/missions/comparison.png docs/images/comparison.png
 	@cp out/demo/missions/hover/map.png docs/images/mission.png
 	@cp out/study/figures/figure-1.svg docs/images/study.svg
+	@.venv/bin/python -m gallery.aircraft
 
 gallery: setup  ## The pictures of docs/gallery: defects, frames from above and from a car, rendered again
 	@.venv/bin/python -m gallery

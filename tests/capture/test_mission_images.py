@@ -55,7 +55,7 @@ def test_a_sensor_of_ones_own_sees_the_image_that_is_saved(tmp_path: Path) -> No
     flown = ("--density", "high", "--segments", "1", "--seed", "1", "--policy", "baseline", "--save-frames")
     sensor = f"sensing.sensor={tmp_path / 'looker.py'}:Looker"
     command = [sys.executable, "-c", "from pavetwin.cli import main; main()", "fly", tmp_path / "cross", *flown]
-    command += ["--set", sensor, "-o", tmp_path / "m"]
+    command += ["--set", sensor, "--set", "camera.model=paper", "-o", tmp_path / "m"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, "COLUMNS": "200"})
     assert done.returncode == 0, done.stderr
     seen = np.load(tmp_path / "seen.npz")

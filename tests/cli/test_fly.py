@@ -189,7 +189,7 @@ def test_a_mission_is_flown_again_from_its_description_alone(world: Path, tmp_pa
     for name, words, damage in (
         ("torn", "unknown key 'sead' (did you mean 'seed'?)", text.replace("\nseed: 4", "\nsead: 4")),
         ("none", "not a mission.yaml", "- 1"),
-        ("old", "format 3 or 4", text.replace("format: 4", "format: 2")),
+        ("old", "format 3 or 4 or 5", text.replace("format: 5", "format: 2")),
         ("odd", "max_wait_s", text.replace("max_wait_s: 33", "max_wait_s: soon")),
         ("moved", "is not at", text.replace(str(world), str(tmp_path / "gone"))),
     ):

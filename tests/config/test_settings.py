@@ -47,6 +47,8 @@ def test_presets_are_there_and_differ_as_documented() -> None:
     assert paper.camera.window_rows == pytest.approx(260 / 950)
     assert (paper.camera.window_columns, paper.camera.window_across_per_altitude) == (None, 0.6)
     assert (default.camera.window_rows, default.camera.window_columns) == (0.5, 1.0)
+    assert (default.aircraft, default.camera.model) == ("mavic3e", None)
+    assert (paper.aircraft, paper.camera.model) == (None, "paper")
 
 
 @pytest.mark.parametrize("preset", ["default", "paper"])
@@ -59,8 +61,7 @@ def test_the_designs_numbers_are_the_defaults(preset: str) -> None:
     assert (s.policy.wait_s, s.policy.max_wait_s, s.policy.max_displacement_m) == (2.0, 300.0, 3.0)
     assert (s.policy.note_spacing_m, s.policy.note_interval_s, s.policy.revisit_stay_s) == (1.5, 2.0, 5.0)
     assert (s.sensing.recall, s.sensing.min_visible_fraction) == (0.840, 0.35)
-    assert (s.energy.endurance_s, s.energy.capacity_wh, s.energy.hover_endurance_s) == (1800.0, 81.3, 1680.0)
-    assert s.energy.mass_kg == 1.38
+    assert (s.energy.endurance_s, s.energy.usable, s.energy.reserve, s.energy.health) == (1800.0, 0.8, 0.15, 1.0)
 
 
 @pytest.mark.parametrize(("key", "default"), KEYS, ids=[key for key, _ in KEYS])

@@ -2,6 +2,7 @@
 
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -18,6 +19,7 @@ from scenes import built
 
 POLICY = """
 from pathlib import Path
+from typing import Any
 from pavetwin.policies import GoOn, Policy
 DATA_FILES = ["seconds.txt"]
 class Patient(Policy):
@@ -108,27 +110,37 @@ def test_data_that_a_policy_declares_is_an_input(described: Path) -> None:
         data.write_text("2.0")
 
 
-def test_format_3_is_still_read(described: Path, tmp_path: Path) -> None:
-    values = yaml.safe_load(described.read_text())
-    versions = {name: values["versions"][name] for name in ("pavetwin", "libsumo")}
-    former = read_mission(changed(described, tmp_path, format=3, versions=versions))
-    assert former.version_changes() == []
-    result = flown_again(former)
-    assert former.verdict(result) == "The same as the first time."
-    assert result.spec.format == 4
-    assert {"python", "numpy"} <= set(result.spec.versions), "those that it was flown with"
-    with pytest.raises(PaveTwinError, match="format 3 or 4"):
+def of_old(described: Path, model: str) -> dict[str, Any]:
+    """The settings as they were before there were aircraft."""
+    settings: dict[str, Any] = yaml.safe_load(described.read_text())["settings"]
+    del settings["aircraft"]
+    settings["camera"]["model"] = "paper"
+    settings["energy"] = {"model": model, "capacity_wh": 81.3, "hover_endurance_s": 1680.0, "mass_kg": 1.38}
+    return settings
+
+
+@pytest.mark.parametrize("old", [3, 4])
+def test_missions_from_before_aircraft_are_read_when_their_battery_was_linear(
+    old: int, described: Path, tmp_path: Path
+) -> None:
+    versions = {"pavetwin": yaml.safe_load(described.read_text())["versions"]["pavetwin"]}
+    linear = of_old(described, "linear")
+    spec = read_mission(changed(described, tmp_path, format=old, versions=versions, settings=linear)).spec
+    assert (spec.format, spec.settings.aircraft, spec.settings.energy.model) == (5, None, "linear")
+    with pytest.raises(PaveTwinError, match=r"a model of the battery that this version does not have"):
+        read_mission(changed(described, tmp_path, format=old, settings=of_old(described, "rotor")))
+    with pytest.raises(PaveTwinError, match="format 3 or 4 or 5"):
         read_mission(changed(described, tmp_path, format=2))
 
 
 def test_a_mission_of_format_3_takes_off_in_the_street(described: Path, tmp_path: Path) -> None:
-    settings = yaml.safe_load(described.read_text())["settings"]
+    settings = of_old(described, "linear")
     del settings["uav"]["base"]
     former = read_mission(changed(described, tmp_path, format=3, settings=settings))
     assert former.spec.settings.uav.base == "street"
 
 
-def test_format_4_with_the_area_that_it_once_held_is_the_same_mission(described: Path, tmp_path: Path) -> None:
+def test_a_spec_with_the_area_that_it_once_held_is_the_same_mission(described: Path, tmp_path: Path) -> None:
     traffic = yaml.safe_load(described.read_text())["traffic"]
     assert "area" not in traffic
     path = changed(described, tmp_path, traffic=traffic | {"area": "all"})

@@ -110,7 +110,7 @@ def test_events_are_in_order_and_agree_with_the_tables() -> None:
 
 def test_battery_swaps_are_told() -> None:
     scene = Scene(straight(length_m=300.0), altitude_m=10.0)
-    ours = scene.fly("baseline", "energy.capacity_wh=4", "energy.hover_endurance_s=83")
+    ours = scene.fly("baseline", "energy.capacity_wh=4.2")
     low = [event for event in ours.events if isinstance(event, BatteryRanLow)]
     swapped = [event for event in ours.events if isinstance(event, BatterySwapped)]
     assert len(low) == len(swapped) == ours.swaps > 0

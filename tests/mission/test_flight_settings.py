@@ -12,13 +12,20 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.mission import track
 from pavetwin.mission.environment import flight_settings, window_m
 from pavetwin.twin import Mode
-from pavetwin.uav import find_camera
+from pavetwin.uav import camera_of
 from scenes.tiny import Scene, straight
 
-LIMITS: dict[str, Any] = {"speed_mps": 5.0, "acceleration_mps2": 8.0, "yaw_rate_rad_s": 0.75}
+LIMITS: dict[str, Any] = {
+    "speed_mps": 5.0,
+    "acceleration_mps2": 8.0,
+    "yaw_rate_rad_s": 0.75,
+    "airspeed_mps": 15.0,
+    "wind_mps": (3.0, -1.5),
+}
 CAMERA: dict[str, Any] = {"image_px": (1270, 950), "vertical_fov_rad": 1.0, "window_rows": 0.5, "window_columns": 1.0}
 BATTERY: dict[str, Any] = {
     "drain_per_s": np.array([0.001, 0.002]),
+    "lift_per_s": np.array([0.004, 0.003]),
     "drain_step_mps": 5.0,
     "drain_per_m_climbed": 0.004,
     "wind_mps": (1.0, -2.0),
@@ -67,7 +74,8 @@ def test_values_are_equal_when_all_their_parts_are(kind: type, given: dict[str, 
         "image_px": (100, 950),
         "position": (1.0, 3.0),
         "wind_mps": (0.0, 0.0),
-        "drain_per_s": np.array([0.001]),
+        "drain_per_s": np.array([0.001, 0.003]),
+        "lift_per_s": np.array([0.004, 0.002]),
         "inspect": Limits(**LIMITS | {"speed_mps": 1.0}),
         "transit": Limits(**LIMITS),
         "camera": NadirCamera(**CAMERA | {"window_rows": 0.75}),
@@ -97,6 +105,8 @@ def test_settings_show_every_part() -> None:
     [
         (Limits, LIMITS, {"speed_mps": 0.0}, "speed_mps is 0"),
         (Limits, LIMITS, {"yaw_rate_rad_s": np.nan}, "yaw_rate_rad_s is NaN"),
+        (Limits, LIMITS, {"airspeed_mps": 3.0}, "airspeed_mps is 3 in a wind of 3.35"),
+        (Battery, BATTERY, {"lift_per_s": np.array([0.004])}, "lift_per_s"),
         (NadirCamera, CAMERA, {"image_px": (0, 950)}, "at least one row and one column"),
         (NadirCamera, CAMERA, {"vertical_fov_rad": 3.2}, "between 0 and 180 degrees"),
         (NadirCamera, CAMERA, {"window_across_per_altitude": 0.6}, "exactly one of"),
@@ -149,7 +159,7 @@ def test_settings_reach_the_kernel_in_its_units() -> None:
 @pytest.mark.parametrize("preset", ["default", "paper"])
 def test_the_window_is_the_footprints_share(preset: str) -> None:
     settings = Scene(straight(), altitude_m=15.0).settings(preset=preset)
-    across, along = find_camera(settings.camera.model).footprint_m(15.0)
+    across, along = camera_of(settings).footprint_m(15.0)
     rows = settings.camera.window_rows
     expected = (0.6 * 15.0, along * rows) if preset == "paper" else (across, along * rows)
     assert window_m(settings) == pytest.approx(expected)

@@ -28,8 +28,8 @@ def test_the_papers_window_is_260_rows_of_950_and_six_tenths_of_the_altitude(alt
 @pytest.mark.parametrize("altitude_m", [6.0, 10.0, 15.0])
 def test_the_default_window_is_half_the_rows_and_the_whole_width(altitude_m: float) -> None:
     across, along = window_m(load_settings("default", altitude_m=altitude_m))
-    assert along == pytest.approx(altitude_m * tan(radians(30)))
-    assert across == pytest.approx(2 * altitude_m * tan(radians(30)) * 1270 / 950)
+    assert along == pytest.approx(altitude_m * 13.0 / 12.3 / 2)  # of the Mavic 3 Enterprise
+    assert across == pytest.approx(altitude_m * 13.0 / 12.3 * 5280 / 3956)
 
 
 @pytest.mark.parametrize(

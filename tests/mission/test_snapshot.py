@@ -13,6 +13,7 @@ from pavetwin.mission.mission import Mission
 from pavetwin.policies import Displace, Wait
 from pavetwin.sensing import Detection
 from pavetwin.twin import Agent, AgentClass, InspectionMemory, Mode, Snapshot, UavState
+from pavetwin.uav import camera_of
 from pavetwin.world.model import Segment
 from scenes.tiny import SCENES, TRUCK, Scene, parked, passing, straight
 
@@ -153,7 +154,7 @@ def look(mission: Mission, position: tuple[float, float], yaw_rad: float, time_s
         0,
         mission.traffic.trace(),
         time_s,
-        nadir_camera(settings.camera),
+        nadir_camera(camera_of(settings), settings.camera),
         Viewpoint(position=position, altitude_m=settings.altitude_m, yaw_rad=yaw_rad),
     )
     return {tuple(cell) for cell in seen["candidates"]}, {tuple(cell) for cell in seen["visible"]}

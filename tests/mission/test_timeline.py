@@ -100,7 +100,7 @@ def test_the_counters_end_at_the_missions_totals(scene: str, policy: str) -> Non
 
 def test_energy_counts_on_over_a_swap() -> None:
     scene = Scene(straight(length_m=300.0), altitude_m=10.0)
-    ours = scene.fly("baseline", "energy.capacity_wh=4", "energy.hover_endurance_s=83")
+    ours = scene.fly("baseline", "energy.capacity_wh=4.2")
     timeline = Timeline(ours)
     end = timeline.at(ours.duration_s)
     assert end.swaps == ours.swaps > 0

@@ -229,8 +229,9 @@ class Scene:
     altitude_m: float = 6.0
 
     def settings(self, *overrides: str, preset: str = "default", **given: Any) -> MissionSettings:
-        """The preset at the scene's altitude, with the sensor that misses nothing unless another is asked for."""
-        usual = [f"altitude_m={self.altitude_m}", "sensing.sensor=ideal"]
+        """The preset at the scene's altitude, with the camera that the stories are written for, and the sensor
+        that misses nothing, unless others are asked for."""
+        usual = [f"altitude_m={self.altitude_m}", "sensing.sensor=ideal", "camera.model=paper"]
         return load_settings(preset, [*usual, *overrides], **given)
 
     def traffic(self, duration_s: float = 600.0) -> TinyTraffic:

@@ -115,7 +115,13 @@ fn settings(altitude_m: f64) -> Settings {
         threshold: 0.7,
         min_visible_fraction: 0.35,
         battery: Battery {
-            drain: DrainCurve { per_s: vec![1.0 / 1680.0; 32], step_mps: 0.5, per_m_climbed: 0.0, wind: Vec2::ZERO },
+            drain: DrainCurve {
+                per_s: vec![1.0 / 1680.0; 32],
+                lift_per_s: vec![0.0; 32],
+                step_mps: 0.5,
+                per_m_climbed: 0.0,
+                wind: Vec2::ZERO,
+            },
             reserve: 0.15,
         },
     }

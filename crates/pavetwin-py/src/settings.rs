@@ -15,9 +15,21 @@ pub struct Limits(navigation::Limits);
 #[pymethods]
 impl Limits {
     #[new]
-    #[pyo3(signature = (*, speed_mps, acceleration_mps2, yaw_rate_rad_s))]
-    fn new(speed_mps: f64, acceleration_mps2: f64, yaw_rate_rad_s: f64) -> PyResult<Self> {
-        let limits = navigation::Limits { speed_mps, acceleration_mps2, yaw_rate_rad_s };
+    #[pyo3(signature = (*, speed_mps, acceleration_mps2, yaw_rate_rad_s, airspeed_mps = None, wind_mps = (0.0, 0.0)))]
+    fn new(
+        speed_mps: f64,
+        acceleration_mps2: f64,
+        yaw_rate_rad_s: f64,
+        airspeed_mps: Option<f64>,
+        wind_mps: (f64, f64),
+    ) -> PyResult<Self> {
+        let limits = navigation::Limits {
+            speed_mps,
+            acceleration_mps2,
+            yaw_rate_rad_s,
+            airspeed_mps: airspeed_mps.unwrap_or(f64::INFINITY),
+            wind: Vec2::new(wind_mps.0, wind_mps.1),
+        };
         limits.check().map_err(plain)?;
         Ok(Self(limits))
     }
@@ -37,9 +49,28 @@ impl Limits {
         self.0.yaw_rate_rad_s
     }
 
+    #[getter]
+    fn airspeed_mps(&self) -> Option<f64> {
+        Some(self.0.airspeed_mps).filter(|airspeed_mps| airspeed_mps.is_finite())
+    }
+
+    #[getter]
+    fn wind_mps(&self) -> (f64, f64) {
+        (self.0.wind.x, self.0.wind.y)
+    }
+
+    fn speed_towards(&self, yaw_rad: f64) -> f64 {
+        self.0.speed_towards(yaw_rad)
+    }
+
     fn __repr__(&self) -> String {
-        let navigation::Limits { speed_mps, acceleration_mps2, yaw_rate_rad_s } = self.0;
-        format!("Limits(speed_mps={speed_mps}, acceleration_mps2={acceleration_mps2}, yaw_rate_rad_s={yaw_rate_rad_s})")
+        let navigation::Limits { speed_mps, acceleration_mps2, yaw_rate_rad_s, wind, .. } = self.0;
+        let airspeed_mps = self.airspeed_mps().map_or_else(|| "None".to_string(), |mps| mps.to_string());
+        format!(
+            "Limits(speed_mps={speed_mps}, acceleration_mps2={acceleration_mps2}, yaw_rate_rad_s={yaw_rate_rad_s}, \
+             airspeed_mps={airspeed_mps}, wind_mps=({}, {}))",
+            wind.x, wind.y
+        )
     }
 }
 
@@ -50,9 +81,10 @@ pub struct Battery(core::Battery);
 #[pymethods]
 impl Battery {
     #[new]
-    #[pyo3(signature = (*, drain_per_s, drain_step_mps, drain_per_m_climbed, wind_mps, reserve))]
+    #[pyo3(signature = (*, drain_per_s, lift_per_s, drain_step_mps, drain_per_m_climbed, wind_mps, reserve))]
     fn new(
         drain_per_s: PyReadonlyArray1<'_, f64>,
+        lift_per_s: PyReadonlyArray1<'_, f64>,
         drain_step_mps: f64,
         drain_per_m_climbed: f64,
         wind_mps: (f64, f64),
@@ -60,6 +92,7 @@ impl Battery {
     ) -> PyResult<Self> {
         let drain = DrainCurve {
             per_s: drain_per_s.as_array().to_vec(),
+            lift_per_s: lift_per_s.as_array().to_vec(),
             step_mps: drain_step_mps,
             per_m_climbed: drain_per_m_climbed,
             wind: Vec2::new(wind_mps.0, wind_mps.1),
@@ -69,9 +102,19 @@ impl Battery {
         Ok(Self(battery))
     }
 
+    #[pyo3(signature = (velocity_mps, *, climb_mps = 0.0, seconds = 1.0))]
+    fn drained(&self, velocity_mps: (f64, f64), climb_mps: f64, seconds: f64) -> f64 {
+        self.0.drain.drained(Vec2::new(velocity_mps.0, velocity_mps.1), climb_mps, seconds)
+    }
+
     #[getter]
     fn drain_per_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.0.drain.per_s.to_pyarray(py)
+    }
+
+    #[getter]
+    fn lift_per_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.0.drain.lift_per_s.to_pyarray(py)
     }
 
     #[getter]
@@ -95,11 +138,12 @@ impl Battery {
     }
 
     fn __repr__(&self) -> String {
-        let core::Battery { drain: DrainCurve { per_s, step_mps, per_m_climbed, wind }, reserve } = &self.0;
+        let core::Battery { drain: DrainCurve { per_s, lift_per_s, step_mps, per_m_climbed, wind }, reserve } = &self.0;
         format!(
-            "Battery(drain_per_s=<{} values>, drain_step_mps={step_mps}, drain_per_m_climbed={per_m_climbed}, \
-             wind_mps=({}, {}), reserve={reserve})",
+            "Battery(drain_per_s=<{} values>, lift_per_s=<{} values>, drain_step_mps={step_mps}, \
+             drain_per_m_climbed={per_m_climbed}, wind_mps=({}, {}), reserve={reserve})",
             per_s.len(),
+            lift_per_s.len(),
             wind.x,
             wind.y
         )

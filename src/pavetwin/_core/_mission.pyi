@@ -41,6 +41,7 @@ class Battery:
         self,
         *,
         drain_per_s: Float64Array,
+        lift_per_s: Float64Array,
         drain_step_mps: float,
         drain_per_m_climbed: float,
         wind_mps: Point,
@@ -48,7 +49,10 @@ class Battery:
     ) -> None:
         """
         Args:
-            drain_per_s: (n,) a second at airspeeds 0, 1, 2 … times `drain_step_mps`; linear between, constant beyond.
+            drain_per_s: (n,) a second at airspeeds 0, 1, 2 … times `drain_step_mps`, without `lift_per_s`; linear
+                between, constant beyond.
+            lift_per_s: (n,) the part that moving through the air saves, at the airspeed, or at the ground speed where
+                that is lower.
             drain_step_mps: airspeed between two entries.
             drain_per_m_climbed: a metre of climb, on top; a descent gives nothing back.
             wind_mps: velocity of the air over the ground, (east, north).
@@ -58,7 +62,11 @@ class Battery:
             PaveTwinError: a value is out of range.
         """
 
+    def drained(self, velocity_mps: Point, *, climb_mps: float = 0.0, seconds: float = 1.0) -> float:
+        """Share of the battery that flying at a velocity over the ground (east, north) drains in the wind."""
+
     drain_per_s: Final[Float64Array]
+    lift_per_s: Final[Float64Array]
     drain_step_mps: Final[float]
     drain_per_m_climbed: Final[float]
     wind_mps: Final[Point]

@@ -41,17 +41,32 @@ class NavMesh:
 class Limits:
     """What the airframe can do."""
 
-    def __init__(self, *, speed_mps: float, acceleration_mps2: float, yaw_rate_rad_s: float) -> None:
+    def __init__(
+        self,
+        *,
+        speed_mps: float,
+        acceleration_mps2: float,
+        yaw_rate_rad_s: float,
+        airspeed_mps: float | None = None,
+        wind_mps: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
         """
         Args:
-            speed_mps: cruise speed.
+            speed_mps: cruise speed over the ground.
             acceleration_mps2: acceleration, braking and centripetal acceleration.
             yaw_rate_rad_s: angular speed about the vertical.
+            airspeed_mps: highest speed through the air; None for an airframe that the wind does not slow down.
+            wind_mps: velocity of the air over the ground, (east, north).
 
         Raises:
-            PaveTwinError: a value is not above 0.
+            PaveTwinError: a value is not above 0, or the airspeed is not above the wind's speed.
         """
 
     speed_mps: Final[float]
     acceleration_mps2: Final[float]
     yaw_rate_rad_s: Final[float]
+    airspeed_mps: Final[float | None]
+    wind_mps: Final[tuple[float, float]]
+
+    def speed_towards(self, yaw_rad: float) -> float:
+        """Highest ground speed towards a yaw: the cruise speed, or less where the wind leaves less of the airspeed."""

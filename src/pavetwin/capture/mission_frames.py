@@ -34,7 +34,8 @@ from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.versions import software_versions
 from pavetwin.sensing import Frame, JudgedDetection
 from pavetwin.traffic.trace import trace_of
-from pavetwin.uav.cameras import Camera, find_camera
+from pavetwin.uav.aircraft import camera_name, camera_of
+from pavetwin.uav.cameras import Camera
 
 if TYPE_CHECKING:
     from pavetwin._core import Trace
@@ -105,7 +106,7 @@ class _MissionCamera:
 
     @cached_property
     def camera(self) -> Camera:
-        return find_camera(self.result.settings.camera.model)
+        return camera_of(self.result.settings)
 
     @cached_property
     def trace(self) -> "Trace":
@@ -120,7 +121,7 @@ class _MissionCamera:
             altitudes_m=(self.result.settings.altitude_m,),
             densities=(self.images.replay.recording.name,),
             size_px=frame_size(self.camera.image_px),
-            camera=self.result.settings.camera.model,
+            camera=camera_name(self.result.settings),
             split=(0.0, 0.0, 1.0),
             empty=0.0,
         )
@@ -139,7 +140,7 @@ class _MissionCamera:
             camera=self.camera,
             conditions=self.result.settings.conditions,
             velocity_mps=at.velocity_mps,
-            exposure_s=shutter_s(self.result.settings.camera),
+            exposure_s=shutter_s(self.result.settings),
         )
         frame = self.images.rendered(capture, settings.size_px)
         daylight = replace(self.begin, when=self.begin.when + timedelta(seconds=at.time_s))

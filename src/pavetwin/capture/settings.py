@@ -17,7 +17,7 @@ from pavetwin.files import file_sha256
 from pavetwin.mission.versions import ADAPTER, version_changes
 from pavetwin.plugins import plugin_hashes
 from pavetwin.traffic.demand import DEFAULT_TRAFFIC
-from pavetwin.uav.cameras import camera_file
+from pavetwin.uav.entries import own_file
 from pavetwin.world.model import World
 
 ImageSidePx = Annotated[int, Field(ge=64, le=8192)]
@@ -107,7 +107,7 @@ def description(settings: CaptureSettings, world: World, versions: Mapping[str, 
     Args:
         versions: of the software that takes the images.
     """
-    own = camera_file(settings.camera)
+    own = own_file(settings.camera)
     hashes = {"content_hash": world.content_hash, "defects_hash": world.defects_hash}
     return {
         "format": FORMAT,
@@ -144,7 +144,7 @@ def check_same(folder: Path, expected: dict[str, Any]) -> bool:
             raise PaveTwinError(
                 f"'{folder}' holds images of {what} than '{expected['world']['name']}' has now; choose another folder."
             )
-    both_own = all(camera_file(each["settings"]["camera"]) for each in (found, expected))
+    both_own = all(own_file(each["settings"]["camera"]) for each in (found, expected))
     if both_own and found.get(CAMERA_HASH) != expected[CAMERA_HASH]:
         raise PaveTwinError(
             f"'{folder}' was begun with another `camera` than '{expected['settings']['camera']}' holds now; "

@@ -21,7 +21,10 @@ from pavetwin.errors import PaveTwinError
 INTERRUPTED = 130
 """The exit code after Ctrl-C: of shells, and what typer makes of a KeyboardInterrupt within a command."""
 
-COMMANDS = ("world", "traffic", "fly", "policy", "sensor", "defect", "capture", "experiment", "demo", "doctor")
+COMMANDS = (
+    *("world", "traffic", "fly", "aircraft", "policy", "sensor", "defect"),
+    *("capture", "experiment", "demo", "doctor"),
+)
 """Each a module of this package with a group `app`, or a function of its own name."""
 
 MODULES = {"policy": "registered", "sensor": "registered"}

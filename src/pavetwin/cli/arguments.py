@@ -13,6 +13,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.world.folder import CACHE_VARIABLE, check_world
 
 NAMES: Final = {
+    "aircraft": ("pavetwin.uav", "AIRCRAFT"),
     "cameras": ("pavetwin.uav", "CAMERAS"),
     "formats": ("pavetwin.capture.formats", "FORMATS"),
     "platforms": ("pavetwin.capture.platforms", "PLATFORMS"),

@@ -33,6 +33,7 @@ def doctor(
     pavetwin doctor
     pavetwin doctor --clear-cache
     """
+    from pavetwin.uav import AIRCRAFT
     from pavetwin.world import cache
 
     if clear_cache:
@@ -44,6 +45,7 @@ def doctor(
         out.print(f"{mark} {check.what}: {check.found}", soft_wrap=True)
         if check.hint:
             out.print(f"  fix: {check.hint}", markup=False)
+    out.line(f"Aircraft: {', '.join(AIRCRAFT.names())} (`pavetwin aircraft list` shows their figures)")
     worlds, size = cache.cache_size()
     out.line(f"Cache: {cache.cache_folder()}, {worlds} world{'s' * (worlds != 1)}, {size / 1e6:.1f} MB")
     if any(check.hint for check in checks):

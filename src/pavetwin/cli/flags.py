@@ -13,7 +13,6 @@ from typing import Any, Final
 from pavetwin.errors import PaveTwinError
 
 FLAGS: Final = {
-    "aircraft": "--airspace",
     "altitude_m": "--altitude",
     "altitudes_m": "--altitude",
     "count": "--segments",

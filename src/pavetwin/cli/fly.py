@@ -24,7 +24,7 @@ POLICY, SEGMENTS = "hover", "8"
 
 FIXED_BY_AGAIN = (
     *("los", "hour", "density", "mix", "altitude", "segments", "segment", "order", "seed", "preset", "sensor", "set_"),
-    *("traffic", "routes", "take_off", "base", "airspace", "plugin"),
+    *("traffic", "routes", "take_off", "base", "aircraft", "airspace", "plugin"),
     *CONDITIONS,
 )
 """Options whose values a mission.yaml holds."""
@@ -50,6 +50,13 @@ def fly(
     ] = None,
     sensor: Annotated[
         str | None, typer.Option(help="{sensors}, or your own, file.py:ClassName. recall unless set otherwise.")
+    ] = None,
+    aircraft: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME|FILE.yaml",
+            help="{aircraft}, or your own, as in --aircraft mine.yaml:survey. mavic3e unless set otherwise.",
+        ),
     ] = None,
     segments: Annotated[str, typer.Option(metavar="N|all", help="How many segments to inspect.")] = SEGMENTS,
     segment: Annotated[
@@ -116,6 +123,7 @@ def fly(
     pavetwin fly worlds/town --density high --altitude 10 --policy hover --segments 8 --seed 1
     pavetwin fly worlds/town --los E --mix south_asia --policy hover --policy skip
     pavetwin fly worlds/town --policy all --preset paper --density medium --altitude 6
+    pavetwin fly worlds/town --aircraft phantom4pro --wind 6@270
     pavetwin fly worlds/town --date 2026-06-21 --time 09:30 --clouds 0.4 --wind 5@270 --save-frames
     pavetwin fly worlds/town --routes rush.rou.xml --take-off 600
     pavetwin fly worlds/town --segment s0004 --policy my_policy.py:Careful --set policy.max_wait_s=60
@@ -135,7 +143,9 @@ def fly(
     chosen = (
         former.spec.settings
         if former is not None
-        else _settings(preset, altitude, sensor, set_, paths_of(plugin), conditions_of(date, time, clouds, wind))
+        else _settings(
+            preset, altitude, sensor, aircraft, set_, paths_of(plugin), conditions_of(date, time, clouds, wind)
+        )
     )
 
     from pavetwin.cli import report
@@ -187,7 +197,7 @@ def fly(
                 policy=names[0],
                 seed=seed,
                 defect_seed=defect_seed,
-                aircraft=airspace,
+                airspace=airspace,
                 environment=environment,
             )
             specs = [spec.with_policy(name, its) for name, its in zip(names, own, strict=True)]
@@ -269,6 +279,7 @@ def _settings(
     preset: str,
     altitude: float | None,
     sensor: str | None,
+    aircraft: str | None,
     overrides: Sequence[str] | None,
     plugins: Sequence[str],
     conditions: Mapping[str, Any],
@@ -282,6 +293,8 @@ def _settings(
         given["altitude_m"] = altitude
     if sensor is not None:
         given["sensing"] = {"sensor": sensor}
+    if aircraft is not None:
+        given["aircraft"] = aircraft
     if plugins:
         given["plugins"] = plugins
     if conditions:

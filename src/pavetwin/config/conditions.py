@@ -55,12 +55,22 @@ class Conditions(Settings):
     turbidity: Annotated[float, Field(ge=1.7, le=10)] = 3.0
     """Of the air, after Preetham: 2 very clear, 3 clear, 6 hazy."""
     wind_mps: Annotated[float, Field(ge=0)] = 0.0
+    """Mean speed of the wind at the altitude of flight."""
     wind_from_deg: Annotated[float, Field(ge=0, lt=360)] = 270.0
     """Direction that the wind comes from, clockwise from north."""
+    gust_factor: Annotated[float, Field(ge=1, le=3)] = 1.0
+    """Speed of gusts over the wind's mean speed: 1 for none; 1.5 is usual above built-up ground."""
+    temperature_c: Annotated[float, Field(ge=-30, le=50)] = 20.0
+    """Of the batteries when they are put in: the air's, unless they were kept warm."""
 
     def utc(self, longitude_deg: float) -> dt.datetime:
         """The date and time in UTC at a longitude, east positive."""
         return dt.datetime.combine(self.date, self.time, dt.UTC) - solar_offset(longitude_deg)
+
+    @property
+    def gust_mps(self) -> float:
+        """Highest speed of the wind, gusts included."""
+        return self.wind_mps * self.gust_factor
 
     @property
     def wind_velocity_mps(self) -> tuple[float, float]:

@@ -30,7 +30,7 @@ class UavSettings(Settings):
     yaw_rate_deg_s: Positive = 45.0
     stopping_distance_m: NonNegative = 1.0
     climb_speed_mps: Positive = 3.0
-    """Between the ground and the altitude; a Phantom 4 climbs at up to 6 m/s and descends at up to 4 m/s."""
+    """Between the ground and the altitude, as far as the aircraft climbs and descends so fast."""
     base: Literal["street", "roadside"] = "roadside"
     """Where it takes off unless a mission says so: in the middle of the world's streets, or beside the carriageway
     there."""
@@ -39,8 +39,8 @@ class UavSettings(Settings):
 class CameraSettings(Settings):
     """Which camera looks straight down, how often it captures, and its inspection window."""
 
-    model: NameOrFile = "paper"
-    """A name of the camera database, or a path to a YAML file of the same form."""
+    model: NameOrFile | None = None
+    """A name of the camera database, or a path to a YAML file of the same form; null for the aircraft's own."""
     capture_interval_s: Positive = 0.6
     exposure_s: Positive = 0.001
     """Shutter time of the captures that a mission judges without rendering them; never shorter than the camera's
@@ -121,19 +121,27 @@ class EnergySettings(Settings):
     MOVED: ClassVar[Mapping[str, str]] = {
         "wind_mps": "conditions.wind_mps",
         "wind_from_deg": "conditions.wind_from_deg",
+        "hover_endurance_s": "aircraft",
+        "mass_kg": "aircraft",
     }
 
     model: str = "rotor"
     """A name of the registry in pavetwin.uav.energy: rotor or linear."""
     endurance_s: Positive = 1800.0
-    """Of the linear model."""
-    capacity_wh: Positive = 81.3
-    hover_endurance_s: Positive = 28 * 60.0
-    mass_kg: Positive = 1.38
+    """Of the linear model, which reads none of the capacities below."""
+    capacity_wh: Positive | None = None
+    """Nominal energy of the batteries flown with at once; null for the aircraft's own."""
+    usable: Annotated[float, Field(gt=0, le=1)] = 0.8
+    """Share of the nominal energy that flights may use: below it the voltage sags and the maker's own warnings begin.
+    Everything that is said of a battery, the reserve too, is a share of this part."""
+    health: Annotated[float, Field(gt=0, le=1)] = 1.0
+    """Share of its nominal energy that an aged battery still holds."""
+    payload_kg: NonNegative = 0.0
+    """Carried on top of the aircraft and its own camera."""
     climb_efficiency: Annotated[float, Field(gt=0, le=1)] = 0.7
     """Share of the battery's power that a climb turns into potential energy."""
     reserve: Annotated[float, Field(ge=0, lt=0.9)] = 0.15
-    """Share of the battery that must be left after landing."""
+    """Share of the usable energy that must be left after landing: for a landing that is put off, or wind that rises."""
     swap_s: NonNegative = 120.0
     """From landing with an empty battery to take-off with a full one."""
 
@@ -143,6 +151,9 @@ class MissionSettings(Settings):
 
     altitude_m: Altitude = 10.0
     time_step_s: Annotated[float, Field(gt=0, le=0.1)] = 0.05
+    aircraft: NameOrFile | None = "mavic3e"
+    """A name of the aircraft profiles, or a path to a YAML file of the same form. It gives mass, power, batteries, top
+    speed, wind limit and camera; null for the paper's UAV, which has none of these and takes a camera by name."""
     uav: UavSettings = UavSettings()
     camera: CameraSettings = CameraSettings()
     visibility: VisibilitySettings = VisibilitySettings()

@@ -14,7 +14,7 @@ from pavetwin.arrays import Float64Array
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.timeline import Timeline
-from pavetwin.uav import find_camera
+from pavetwin.uav import camera_of
 
 SAME_WINDOW_M = 0.5
 
@@ -84,7 +84,7 @@ def windows(result: MissionResult, segment: int | None = None) -> tuple[Float64A
 
 def footprint_m(result: MissionResult) -> tuple[float, float]:
     """The camera's whole footprint (across the track, along it) in metres."""
-    return find_camera(result.settings.camera.model).footprint_m(result.settings.altitude_m)
+    return camera_of(result.settings).footprint_m(result.settings.altitude_m)
 
 
 def notable_segments(results: Sequence[MissionResult]) -> list[str]:

@@ -24,7 +24,7 @@ from pavetwin.config.text import parse_yaml
 from pavetwin.defects import DefectOptions
 from pavetwin.errors import PaveTwinError, nearest_name, no_such
 from pavetwin.experiments.metrics import ERROR_METRICS, FACTORS, METRICS, REFERENCE
-from pavetwin.uav.cameras import camera_file
+from pavetwin.uav.entries import own_file
 
 ALIASES: Final[Mapping[str, str]] = {
     "tau_o": "visibility.threshold",
@@ -73,8 +73,8 @@ ENVIRONMENT: Final = tuple(f"conditions.{name}" for name in Conditions.model_fie
 OWN_ROUTES: Final = "routes"
 """The level of the factor traffic in a world with the user's own routes."""
 
-CAMERA: Final = "camera.model"
-"""The setting that may name a file, beside the factors that do."""
+FROM_FILES: Final = ("aircraft", "camera.model")
+"""The settings that may name a file, beside the factors that do."""
 
 Value = bool | int | float | str
 
@@ -282,7 +282,7 @@ def placed_at(design: Design, folder: Path) -> Design:
     plugins = tuple(whole(path) for path in design.plugins)
 
     def placed(key: str, value: Value) -> Value:
-        if ALIASES.get(key, key) != CAMERA or not isinstance(value, str) or camera_file(value) is None:
+        if ALIASES.get(key, key) not in FROM_FILES or not isinstance(value, str) or own_file(value) is None:
             return value
         return whole(value)
 

@@ -13,7 +13,8 @@ from pavetwin.experiments.words import listed
 from pavetwin.mission.environment import shutter_s
 from pavetwin.sensing import sensor_class
 from pavetwin.sensing.resolution import is_thin, least_px_of
-from pavetwin.uav import find_camera
+from pavetwin.uav import camera_of
+from pavetwin.uav.aircraft import camera_name
 
 _WORDS: Final[Mapping[str, str]] = {
     "single_crack": "cracks thinner than {}",
@@ -65,9 +66,9 @@ def ground_view(option: Mapping[str, Any], design: Mapping[str, Any]) -> GroundV
         PaveTwinError: the preset, a setting or the camera is not known here any more.
     """
     settings = _settings(option, design)
-    sensing, camera = settings.sensing, find_camera(settings.camera.model)
+    sensing, camera = settings.sensing, camera_of(settings)
     pixel_m = camera.ground_resolution_m(settings.altitude_m)
-    blur_px = settings.uav.inspect_speed_mps * shutter_s(settings.camera) / pixel_m
+    blur_px = settings.uav.inspect_speed_mps * shutter_s(settings) / pixel_m
     is_counted = sensing.least_px is not None and sensor_class(sensing.sensor).judges_size
     counting = sensing if sensing.least_px is not None else sensing.model_copy(update={"least_px": dict(LEAST_PX)})
     kinds = sorted(
@@ -75,7 +76,7 @@ def ground_view(option: Mapping[str, Any], design: Mapping[str, Any]) -> GroundV
     )
     return GroundView(
         altitude_m=settings.altitude_m,
-        camera=settings.camera.model,
+        camera=camera_name(settings),
         pixel_m=pixel_m,
         blur_px=blur_px,
         unseen_m={kind: least_px_of(counting, kind) * pixel_m * hypot(1.0, blur_px) for kind in kinds},

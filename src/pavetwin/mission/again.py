@@ -22,7 +22,10 @@ from pavetwin.mission.versions import version_changes
 from pavetwin.world.folder import DESCRIPTION, read_description
 from pavetwin.world.model import World
 
-READABLE: Final = (3, FORMAT)
+READABLE: Final = (3, 4, FORMAT)
+
+OF_ROTOR: Final = ("capacity_wh", "hover_endurance_s", "mass_kg")
+"""Keys of `settings.energy` that described the aircraft before format 5."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +125,8 @@ def read_mission(path: str | Path, *, other_policy: bool = False) -> FormerMissi
         )
     if values["format"] == 3:
         values["settings"] = overlay({"uav": {"base": "street"}}, values.get("settings", {}))  # there was no other
+    if values["format"] < FORMAT:
+        values["settings"] = _without_aircraft(path, values.get("settings", {}))
     values["format"] = FORMAT
     sums = values.pop(TOTALS, None)
     if not isinstance(sums, Mapping):
@@ -133,6 +138,22 @@ def read_mission(path: str | Path, *, other_policy: bool = False) -> FormerMissi
         raise PaveTwinError(f"The mission's inputs are not what they were: {'; '.join(changed)}.")
     spec = MissionSpec.parse(values, where=f"'{path}'")
     return FormerMission(path, spec, dict(sums), _detections(path.with_name("captures.geojson")))
+
+
+def _without_aircraft(path: Path, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings from before there were aircraft.
+
+    Raises:
+        PaveTwinError: the mission was flown with the rotor model of then.
+    """
+    energy = settings.get("energy", {})
+    if energy.get("model") != "linear":
+        raise PaveTwinError(
+            f"'{path}' was flown with a model of the battery that this version does not have; fly the mission again "
+            "from its options, with an aircraft."
+        )
+    kept = {key: value for key, value in energy.items() if key not in OF_ROTOR}
+    return {**settings, "aircraft": None, "energy": kept}
 
 
 def check_replaceable(folder: Path, specs: Iterable[MissionSpec], *, force: bool = False) -> None:

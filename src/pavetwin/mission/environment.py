@@ -19,8 +19,9 @@ from pavetwin.defects import sample_points
 from pavetwin.navigation.base import check_base, roadside
 from pavetwin.navigation.navmesh import navmesh, segments_in_reach
 from pavetwin.sensing.resolution import smallest_extent_m
-from pavetwin.uav import energy_curve, find_camera
+from pavetwin.uav import AircraftProfile, Camera, aircraft_of, camera_of, energy_curve
 from pavetwin.uav.energy import CURVE_STEP_MPS
+from pavetwin.uav.wind import check_wind
 from pavetwin.world.content import defects_hash
 from pavetwin.world.model import Defect, Surface, World
 from pavetwin.world.solids import Solids, solids
@@ -147,18 +148,26 @@ def new_flight(
 
 
 def flight_settings(settings: MissionSettings, *, every_capture: bool = False) -> FlightSettings:
-    """The settings as the kernel takes them: limits, drain curve and camera worked out, intervals in time steps."""
-    uav, step_s = settings.uav, settings.time_step_s
+    """The settings as the kernel takes them: limits, drain curve and camera worked out, intervals in time steps.
+
+    Raises:
+        PaveTwinError: there is no such aircraft, camera or energy model, or the wind is above the aircraft's limit.
+    """
+    check_wind(settings)
+    uav, step_s, profile = settings.uav, settings.time_step_s, aircraft_of(settings)
+    climb_mps = (
+        (uav.climb_speed_mps,) if profile is None else (uav.climb_speed_mps, profile.climb_mps, profile.descent_mps)
+    )
     return FlightSettings(
         altitude_m=settings.altitude_m,
         time_step_s=step_s,
         radius_m=uav.radius_m,
         clearance_m=VERTICAL_CLEARANCE_M,
-        inspect=_limits(uav, uav.inspect_speed_mps),
-        transit=_limits(uav, uav.transit_speed_mps),
+        inspect=_limits(settings, profile, uav.inspect_speed_mps),
+        transit=_limits(settings, profile, uav.transit_speed_mps),
         stopping_distance_m=uav.stopping_distance_m,
-        climb_speed_mps=uav.climb_speed_mps,
-        camera=nadir_camera(settings.camera),
+        climb_speed_mps=min(climb_mps),
+        camera=nadir_camera(camera_of(settings), settings.camera),
         look_steps=round(settings.visibility.interval_s / step_s),
         capture_steps=round(settings.camera.capture_interval_s / step_s),
         threshold=settings.visibility.threshold,
@@ -168,9 +177,8 @@ def flight_settings(settings: MissionSettings, *, every_capture: bool = False) -
     )
 
 
-def nadir_camera(settings: CameraSettings) -> NadirCamera:
-    """The camera that the settings name, with their inspection window."""
-    camera = find_camera(settings.model)
+def nadir_camera(camera: Camera, settings: CameraSettings) -> NadirCamera:
+    """A camera with the inspection window of the settings."""
     return NadirCamera(
         image_px=camera.image_px,
         vertical_fov_rad=camera.fov_rad,
@@ -180,26 +188,31 @@ def nadir_camera(settings: CameraSettings) -> NadirCamera:
     )
 
 
-def shutter_s(settings: CameraSettings) -> float:
+def shutter_s(settings: MissionSettings) -> float:
     """Shutter time of the captures: as set, and no shorter than the camera can."""
-    return max(settings.exposure_s, find_camera(settings.model).shortest_exposure_s or 0.0)
+    return max(settings.camera.exposure_s, camera_of(settings).shortest_exposure_s or 0.0)
 
 
 def window_m(settings: MissionSettings) -> tuple[float, float]:
     """The inspection window (across the track, along it) at the mission's altitude, in metres."""
-    return nadir_camera(settings.camera).window_m(settings.altitude_m)
+    return nadir_camera(camera_of(settings), settings.camera).window_m(settings.altitude_m)
 
 
-def _limits(uav: UavSettings, speed_mps: float) -> Limits:
+def _limits(settings: MissionSettings, profile: AircraftProfile | None, speed_mps: float) -> Limits:
     return Limits(
-        speed_mps=speed_mps, acceleration_mps2=uav.acceleration_mps2, yaw_rate_rad_s=radians(uav.yaw_rate_deg_s)
+        speed_mps=speed_mps,
+        acceleration_mps2=settings.uav.acceleration_mps2,
+        yaw_rate_rad_s=radians(settings.uav.yaw_rate_deg_s),
+        airspeed_mps=None if profile is None else profile.top_speed_mps,
+        wind_mps=settings.conditions.wind_velocity_mps,
     )
 
 
 def _battery(settings: MissionSettings) -> Battery:
-    curve = energy_curve(settings.energy)
+    curve = energy_curve(settings)
     return Battery(
-        drain_per_s=curve.drain_per_s,
+        drain_per_s=curve.drain_per_s - curve.lift_per_s,
+        lift_per_s=curve.lift_per_s,
         drain_step_mps=CURVE_STEP_MPS,
         drain_per_m_climbed=curve.drain_per_m_climbed,
         wind_mps=settings.conditions.wind_velocity_mps,

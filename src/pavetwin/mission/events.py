@@ -78,6 +78,13 @@ class BatteryRanLow(MissionEvent):
 
 
 @dataclass(frozen=True, slots=True)
+class SegmentOutOfReach(MissionEvent):
+    """A full battery does not bring the UAV to a segment, along it and home: the mission ends with an error."""
+
+    segment: int
+
+
+@dataclass(frozen=True, slots=True)
 class BatterySwapped(MissionEvent):
     """The full battery is in place; the UAV takes off again."""
 

@@ -21,7 +21,7 @@ from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.timeline import LATE_S
 from pavetwin.sensing import Frame, JudgedDetection, sensor_class
 from pavetwin.sensing.resolution import resolved_share
-from pavetwin.uav import find_camera
+from pavetwin.uav import camera_of
 from pavetwin.world.model import Defect
 
 if TYPE_CHECKING:
@@ -203,10 +203,10 @@ class _Judge:
             position=(float(captures["x_m"][capture]), float(captures["y_m"][capture])),
             altitude_m=settings.altitude_m,
             yaw_rad=float(captures["yaw_rad"][capture]),
-            camera=find_camera(settings.camera.model),
+            camera=camera_of(settings),
             conditions=settings.conditions,
             velocity_mps=(float(np.interp(time_s, track["t_s"], track["speed_mps"])), 0.0),
-            exposure_s=shutter_s(settings.camera),
+            exposure_s=shutter_s(settings),
         )
         return frame.blurred_pixel_m
 

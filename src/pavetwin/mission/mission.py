@@ -24,6 +24,7 @@ from pavetwin.mission.events import (
     OcclusionStarted,
     ProgressMade,
     SegmentFinished,
+    SegmentOutOfReach,
     SegmentStarted,
 )
 from pavetwin.mission.metrics import SegmentMeter, SegmentMetrics
@@ -43,7 +44,8 @@ from pavetwin.twin import (
     Snapshot,
     UavState,
 )
-from pavetwin.uav import find_camera
+from pavetwin.uav import aircraft_of, camera_of
+from pavetwin.uav.wind import shake_mps
 
 Event = Captured | Occluded | BatteryLow
 """What a mission stops for and shows to those who fly it."""
@@ -107,7 +109,7 @@ class Mission:
         """Whether the UAV has landed after its last segment."""
         self.detections = DetectionLog(self.environment, sensor=self.sensor, other_classes=self.other_classes)
         self._meter = SegmentMeter(self.environment)
-        self._camera = find_camera(self.settings.camera.model)
+        self._camera, self._aircraft = camera_of(self.settings), aircraft_of(self.settings)
         self._frame: Frame | None = None
         self._attempts: dict[int, int] = {}
         self._tried: set[int] = set()
@@ -204,12 +206,20 @@ class Mission:
             yaw_rad=event.yaw_rad,
             camera=self._camera,
             conditions=self.settings.conditions,
-            velocity_mps=event.velocity_mps,
-            exposure_s=shutter_s(self.settings.camera),
+            velocity_mps=self._seen_velocity(event),
+            exposure_s=shutter_s(self.settings),
             sightings=tuple(sightings),
             source=self.image_source,
         )
         return self._frame
+
+    def _seen_velocity(self, event: Captured) -> Place:
+        """How the camera moves over the ground: the UAV's own velocity, and what gusts add."""
+        east, north = event.velocity_mps
+        if self._aircraft is None:
+            return east, north
+        shaken = shake_mps(self._aircraft, self.settings, event.velocity_mps, event.time_s)
+        return east + shaken[0], north + shaken[1]
 
     def confirm(self, detections: Sequence[Detection]) -> list[JudgedDetection]:
         """Judge what a sensor reports of the last frame, and note the defects that it confirms.
@@ -381,15 +391,24 @@ class Mission:
         self.flight.extend(longer)
 
     def _too_far(self, target: int) -> PaveTwinError:
+        self._tell(SegmentOutOfReach(self.flight.time_s, target))
         return PaveTwinError(
-            f"One battery is too small to inspect '{self.environment.world.segments[target].id}' and to come back; "
-            "lower energy.reserve or policy.max_wait_s, raise the capacity, or choose a segment nearer to the base."
+            f"One battery is too small to inspect '{self.environment.world.segments[target].id}' and to come back"
+            f"{self._against_wind()}; lower energy.reserve or policy.max_wait_s, raise the capacity, fly another "
+            "aircraft, or choose a segment nearer to the base."
         )
+
+    def _against_wind(self) -> str:
+        wind_mps = self.settings.conditions.wind_mps
+        return f" in a wind of {wind_mps:g} m/s" if wind_mps else ""
 
     def _swap_battery(self) -> Iterator[Event | Paused]:
         if self.flight.distance_m - self._swapped_at_m < LEAST_PROGRESS_M:
+            if self._segment is not None:
+                self._tell(SegmentOutOfReach(self.flight.time_s, self._segment))
             raise PaveTwinError(
-                "One battery is too small to get anywhere and back; lower energy.reserve or raise the capacity."
+                f"One battery is too small to get anywhere and back{self._against_wind()}; lower energy.reserve, raise "
+                "the capacity, or fly another aircraft."
             )
         yield from self._go_home()
         yield from self._carry_out(lambda: self.flight.swap_battery(self.settings.energy.swap_s))

@@ -24,7 +24,8 @@ from pavetwin.traffic.demand import DEFAULT_TRAFFIC, Density, density_named
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.own_demand import own_demand
 from pavetwin.traffic.recording import load_recording
-from pavetwin.uav import energy_curve, find_camera
+from pavetwin.uav import camera_of, energy_curve
+from pavetwin.uav.wind import check_wind
 from pavetwin.world.model import World
 
 ALL: Final = "all"
@@ -45,7 +46,7 @@ def plan_mission(
     policy: str = "hover",
     seed: int = 0,
     defect_seed: int | None = None,
-    aircraft: Path | str | None = None,
+    airspace: Path | str | None = None,
     base: tuple[float, float] | str | None = None,
     environment: MissionEnvironment | None = None,
 ) -> MissionSpec:
@@ -64,7 +65,7 @@ def plan_mission(
         order: `random`, or `near` for a short tour.
         seed: of traffic, order and sensor.
         defect_seed: place the defects again under this seed.
-        aircraft: a CSV file of other aircraft's tracks.
+        airspace: a CSV file of other aircraft's tracks.
         base: where the UAV takes off: (x, y) in metres of the world's frame, or a text as `parse_base` reads it; as
             `settings.uav.base` says when not given.
         environment: the world as `prepare` made it for these settings and defects, where that is done already.
@@ -74,9 +75,9 @@ def plan_mission(
     """
     chosen = settings or load_settings()
     check_names(chosen, [policy], seed)
-    if aircraft is not None:
-        with about("aircraft"):
-            load_airspace(Path(aircraft))
+    if airspace is not None:
+        with about("airspace"):
+            load_airspace(Path(airspace))
     source = defect_input(defect_seed)
     ready = environment or prepare(world, chosen, defects_of(world, source), base=base_point(base, world))
     count = segments if isinstance(segments, int) or segments is None else None
@@ -88,7 +89,7 @@ def plan_mission(
         traffic=traffic_input(
             world, density, routes, recording, seed if traffic_seed is None else traffic_seed, take_off_s
         ),
-        aircraft=FileInput.of(aircraft) if aircraft is not None else None,
+        aircraft=FileInput.of(airspace) if airspace is not None else None,
         base=(ready.world.base.x, ready.world.base.y),
         targets=tuple(world.segments[index].id for index in targets),
         policy=PolicyInput.of(policy),
@@ -132,8 +133,9 @@ def check_names(settings: MissionSettings, policies: Iterable[str], seed: int) -
     check_distinct(names)
     PATTERNS.get(settings.pattern.kind)
     load_sensor(settings.sensing, seed)
-    find_camera(settings.camera.model)
-    energy_curve(settings.energy)
+    camera_of(settings)
+    energy_curve(settings)
+    check_wind(settings)
     return names
 
 

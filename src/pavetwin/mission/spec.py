@@ -21,11 +21,12 @@ from pavetwin.mission.versions import packages_in_use, software_versions
 from pavetwin.plugins import files_of, plugin_hashes
 from pavetwin.policies import policy_class
 from pavetwin.traffic.demand import USER, Density
-from pavetwin.uav.cameras import camera_file
+from pavetwin.uav.aircraft import camera_name
+from pavetwin.uav.entries import own_file
 from pavetwin.world.model import World
 
-FORMAT: Final = 4
-"""Of `mission.yaml`. Format 3 lacks what has defaults here, and is read as well."""
+FORMAT: Final = 5
+"""Of `mission.yaml`. Formats 3 and 4 knew no aircraft; of them, missions with the linear battery are read as well."""
 
 HANDED_IN: Final = "handed in"
 """The path of an input that a Python caller gave as a value: it cannot be found again from the spec alone."""
@@ -174,7 +175,7 @@ class PolicyInput(Settings):
 
 
 def files_of_settings(settings: MissionSettings) -> tuple[FileInput, ...]:
-    """The user's files that settings name (plugins, sensor, camera, options), and what they depend on.
+    """The user's files that settings name (plugins, sensor, aircraft, camera, options), and what they depend on.
 
     Raises:
         PaveTwinError: a file cannot be read.
@@ -184,9 +185,10 @@ def files_of_settings(settings: MissionSettings) -> tuple[FileInput, ...]:
     sensor, colon, _ = settings.sensing.sensor.rpartition(":")
     if colon and sensor.endswith(".py"):
         files |= {str(file): FileInput.of(file) for file in files_of(sensor)}
-    camera = camera_file(settings.camera.model)
-    if camera is not None:
-        files[camera] = FileInput.of(camera)
+    for name in (settings.aircraft, camera_name(settings)):
+        own = None if name is None else own_file(name)
+        if own is not None:
+            files[own] = FileInput.of(own)
     for options in (settings.sensing.options, settings.policy.options):
         files |= {str(path): FileInput.of(path) for path in option_files(options).values()}
     return tuple(files.values())
@@ -195,7 +197,7 @@ def files_of_settings(settings: MissionSettings) -> tuple[FileInput, ...]:
 class MissionSpec(Settings):
     """Everything a mission depends on."""
 
-    format: Literal[4] = FORMAT
+    format: Literal[5] = FORMAT
     versions: Mapping[str, str] = Field(default_factory=software_versions)
     """Of the software that decides the numbers, installed packages whose policy, sensor or the like it names included;
     `fly` sets those that it flies with."""

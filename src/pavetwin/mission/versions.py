@@ -14,6 +14,7 @@ from pavetwin.navigation.patterns import PATTERNS
 from pavetwin.policies.registered import POLICIES
 from pavetwin.registry import packages_of
 from pavetwin.sensing.registered import SENSORS
+from pavetwin.uav.aircraft import AIRCRAFT, camera_name
 from pavetwin.uav.cameras import CAMERAS
 from pavetwin.uav.energy.base import ENERGY_MODELS
 
@@ -54,7 +55,8 @@ def packages_in_use(settings: MissionSettings, policy: str, defect_classes: Iter
             (SENSORS, settings.sensing.sensor),
             (PATTERNS, settings.pattern.kind),
             (ENERGY_MODELS, settings.energy.model),
-            (CAMERAS, settings.camera.model),
+            *(() if settings.aircraft is None else ((AIRCRAFT, settings.aircraft),)),
+            (CAMERAS, camera_name(settings)),
             *((DEFECT_CLASSES, name) for name in defect_classes),
         )
     )

@@ -56,7 +56,8 @@ class Frame:
     conditions: Conditions
     """Date, time of the mission's beginning, clouds and wind."""
     velocity_mps: Place = (0.0, 0.0)
-    """Of the camera over the ground (east, north): what blurs the image."""
+    """How fast the camera sees the ground pass (east, north), which blurs the image: the velocity of the UAV, and what
+    gusts add to it."""
     exposure_s: float = 0.001
     """Shutter time."""
     sightings: Sequence[Sighting] = ()

@@ -1,17 +1,14 @@
 """The camera database: image size, field of view, shutter. The user's own file extends it."""
 
 from math import atan, degrees, radians, tan
-from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
-import yaml
 from pydantic import Field, model_validator
 
 from pavetwin.config.base import Settings
 from pavetwin.config.mission import Positive
-from pavetwin.config.text import parse_yaml
-from pavetwin.errors import PaveTwinError
 from pavetwin.registry import Registry
+from pavetwin.uav.entries import find_entry, parse_entries
 
 Pixels = Annotated[int, Field(gt=0)]
 
@@ -72,23 +69,12 @@ class Camera(Settings):
 
 
 def parse_cameras(text: str, where: str) -> dict[str, Camera]:
-    """The cameras of a YAML file's text, by name.
-
-    Args:
-        where: names the file in messages.
+    """The cameras of a YAML file's text, by name; `where` names the file in messages.
 
     Raises:
         PaveTwinError: it is not valid YAML, or does not hold cameras.
     """
-    try:
-        entries: Any = parse_yaml(text, where)
-    except (yaml.YAMLError, ValueError) as error:  # a ValueError comes from an invalid date
-        raise PaveTwinError(f"{where} is not valid YAML: {' '.join(str(error).split())}.") from error
-    if not isinstance(entries, dict) or not all(isinstance(entry, dict) for entry in entries.values()):
-        raise PaveTwinError(f"{where}: expected a mapping from camera names to their values.")
-    if not entries:
-        raise PaveTwinError(f"{where} holds no camera.")
-    return {str(name): Camera.parse(entry, where=f"{where}, camera '{name}'") for name, entry in entries.items()}
+    return parse_entries(Camera, "camera", text, where)
 
 
 CAMERAS: Registry[Camera] = Registry(
@@ -97,29 +83,10 @@ CAMERAS: Registry[Camera] = Registry(
 """The cameras of the database; a plugin adds one by `CAMERAS.add("name", Camera(...))`."""
 
 
-def camera_file(model: str) -> str | None:
-    """The YAML file of the user's own that a camera comes from; None for a registered name."""
-    path = model.partition(":")[0]
-    return path if path.endswith((".yaml", ".yml")) else None
-
-
 def find_camera(model: str) -> Camera:
     """A camera by its name, or from a YAML file: `my.yaml` (its only camera) or `my.yaml:name`.
 
     Raises:
         PaveTwinError: no such camera or file.
     """
-    path, (_, colon, name) = camera_file(model), model.partition(":")
-    if path is None:
-        return CAMERAS.get(model, instead=", or a path to a YAML file")
-    try:
-        own = parse_cameras(Path(path).read_text(encoding="utf-8"), path)
-    except OSError as error:
-        raise PaveTwinError(f"camera.model: cannot read '{path}': {error.strerror}.") from error
-    except UnicodeDecodeError as error:
-        raise PaveTwinError(f"camera.model: '{path}' is not text in UTF-8.") from error
-    if not colon and len(own) == 1:
-        return next(iter(own.values()))
-    if name not in own:
-        raise PaveTwinError(f"camera.model: '{path}' holds {', '.join(own)}; choose one as {path}:NAME.")
-    return own[name]
+    return find_entry(CAMERAS, parse_cameras, model)

@@ -6,8 +6,12 @@ use crate::geometry::Vec2;
 /// Battery drained at each airspeed: the model is chosen above, the kernel only integrates it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrainCurve {
-    /// Share of the battery a second at airspeeds 0, `step_mps`, 2·`step_mps` …; linear between, constant beyond.
+    /// Share of the battery a second at airspeeds 0, `step_mps`, 2·`step_mps` …, without `lift_per_s`; linear between,
+    /// constant beyond.
     pub per_s: Vec<f64>,
+    /// The part that lift takes and that moving through the air saves (induced power): it falls with airspeed. As many
+    /// entries.
+    pub lift_per_s: Vec<f64>,
     pub step_mps: f64,
     /// Share of the battery a metre climbed, on top.
     pub per_m_climbed: f64,
@@ -16,28 +20,35 @@ pub struct DrainCurve {
 }
 
 impl DrainCurve {
-    /// Share of the battery a second at an airspeed.
-    pub fn at(&self, airspeed_mps: f64) -> f64 {
-        let last = self.per_s.len() - 1;
-        let place = (airspeed_mps / self.step_mps).clamp(0.0, last as f64);
+    /// Share of the battery a second at an airspeed, and at a ground speed.
+    ///
+    /// The lift of moving through the air counts up to the ground speed only: wind alone saves nothing.
+    pub fn at(&self, airspeed_mps: f64, ground_mps: f64) -> f64 {
+        self.read(&self.per_s, airspeed_mps) + self.read(&self.lift_per_s, airspeed_mps.min(ground_mps))
+    }
+
+    fn read(&self, per_s: &[f64], speed_mps: f64) -> f64 {
+        let last = per_s.len() - 1;
+        let place = (speed_mps / self.step_mps).clamp(0.0, last as f64);
         let below = (place as usize).min(last.saturating_sub(1));
         let above = (below + 1).min(last);
-        self.per_s[below] + (self.per_s[above] - self.per_s[below]) * (place - below as f64)
+        per_s[below] + (per_s[above] - per_s[below]) * (place - below as f64)
     }
 
     /// Share drained in `dt_s` at a ground velocity and a climb rate (negative when sinking, which gives nothing back).
     pub fn drained(&self, velocity: Vec2, climb_mps: f64, dt_s: f64) -> f64 {
         let airspeed = (velocity - self.wind).length();
-        (self.at(airspeed) + self.per_m_climbed * climb_mps.max(0.0)) * dt_s
+        (self.at(airspeed, velocity.length()) + self.per_m_climbed * climb_mps.max(0.0)) * dt_s
     }
 
     /// Upper bound of the share that flying `distance_m` and landing from `altitude_m` drains, turns and braking
     /// allowed for by `manoeuvre_s` of the costlier of hovering and cruising.
     pub fn home(&self, distance_m: f64, speed_mps: f64, altitude_m: f64, sink_mps: f64, manoeuvre_s: f64) -> f64 {
-        let head_wind = self.at(speed_mps + self.wind.length());
-        let tail_wind = self.at((speed_mps - self.wind.length()).max(0.0));
+        let wind = self.wind.length();
+        let head_wind = self.at(speed_mps + wind, speed_mps);
+        let tail_wind = self.at((speed_mps - wind).max(0.0), speed_mps);
         let cruise = head_wind.max(tail_wind);
-        let hover = self.at(self.wind.length());
+        let hover = self.at(wind, 0.0);
         distance_m / speed_mps * cruise + altitude_m / sink_mps * hover + manoeuvre_s * hover.max(cruise)
     }
 }
@@ -59,6 +70,11 @@ impl Battery {
         SettingsError::unless_positive("number of drain_per_s entries", self.drain.per_s.len() as f64)?;
         for &per_s in &self.drain.per_s {
             SettingsError::unless_zero_or_more("drain_per_s", per_s)?;
+        }
+        let missing = self.drain.per_s.len().abs_diff(self.drain.lift_per_s.len());
+        SettingsError::unless_zero("number of lift_per_s entries, less those of drain_per_s,", missing as f64)?;
+        for &per_s in &self.drain.lift_per_s {
+            SettingsError::unless_zero_or_more("lift_per_s", per_s)?;
         }
         SettingsError::unless_positive("drain_step_mps", self.drain.step_mps)?;
         SettingsError::unless_zero_or_more("drain_per_m_climbed", self.drain.per_m_climbed)?;
@@ -96,14 +112,15 @@ mod tests {
     use super::*;
 
     fn curve() -> DrainCurve {
-        DrainCurve { per_s: vec![1.0, 0.8, 2.0], step_mps: 5.0, per_m_climbed: 0.1, wind: Vec2::ZERO }
+        let per_s = vec![1.0, 0.8, 2.0];
+        DrainCurve { per_s, lift_per_s: vec![0.0; 3], step_mps: 5.0, per_m_climbed: 0.1, wind: Vec2::ZERO }
     }
 
     #[test]
     fn is_linear_between_entries_and_constant_beyond() {
-        assert!((curve().at(2.5) - 0.9).abs() < 1e-12);
-        assert!((curve().at(7.5) - 1.4).abs() < 1e-12);
-        assert_eq!(curve().at(99.0), 2.0);
+        assert!((curve().at(2.5, 2.5) - 0.9).abs() < 1e-12);
+        assert!((curve().at(7.5, 7.5) - 1.4).abs() < 1e-12);
+        assert_eq!(curve().at(99.0, 99.0), 2.0);
     }
 
     #[test]
@@ -111,6 +128,15 @@ mod tests {
         let windy = DrainCurve { wind: Vec2::new(5.0, 0.0), ..curve() };
         assert!((windy.drained(Vec2::new(5.0, 0.0), 0.0, 1.0) - 1.0).abs() < 1e-12);
         assert!((windy.drained(Vec2::new(-5.0, 0.0), 0.0, 1.0) - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn wind_alone_lifts_nothing() {
+        let lifted =
+            DrainCurve { per_s: vec![1.0, 1.2, 2.0], lift_per_s: vec![1.0, 0.5, 0.1], wind: Vec2::new(5.0, 0.0), ..curve() };
+        assert!((lifted.drained(Vec2::ZERO, 0.0, 1.0) - (1.2 + 1.0)).abs() < 1e-12);
+        assert!((lifted.drained(Vec2::new(-5.0, 0.0), 0.0, 1.0) - (2.0 + 0.5)).abs() < 1e-12);
+        assert!((lifted.drained(Vec2::new(10.0, 0.0), 0.0, 1.0) - (1.2 + 0.5)).abs() < 1e-12);
     }
 
     #[test]
@@ -128,6 +154,11 @@ mod tests {
                 "number of drain_per_s entries",
                 Battery { drain: DrainCurve { per_s: Vec::new(), ..curve() }, reserve: 0.1 },
             ),
+            (
+                "number of lift_per_s entries, less those of drain_per_s,",
+                Battery { drain: DrainCurve { lift_per_s: vec![0.0], ..curve() }, reserve: 0.1 },
+            ),
+            ("lift_per_s", Battery { drain: DrainCurve { lift_per_s: vec![0.0, 0.0, -1.0], ..curve() }, reserve: 0.1 }),
             ("drain_per_s", Battery { drain: DrainCurve { per_s: vec![1.0, f64::NAN], ..curve() }, reserve: 0.1 }),
             ("drain_step_mps", Battery { drain: DrainCurve { step_mps: 0.0, ..curve() }, reserve: 0.1 }),
             ("drain_per_m_climbed", Battery { drain: DrainCurve { per_m_climbed: -1.0, ..curve() }, reserve: 0.1 }),

@@ -25,6 +25,10 @@ impl SettingsError {
         Self::unless(found.is_finite() && found >= 0.0, name, "zero or more", found)
     }
 
+    pub(super) fn unless_zero(name: &'static str, found: f64) -> Result<(), Self> {
+        Self::unless(found == 0.0, name, "zero", found)
+    }
+
     fn unless(fits: bool, name: &'static str, expected: &'static str, found: f64) -> Result<(), Self> {
         if fits { Ok(()) } else { Err(Self { name, expected, found }) }
     }

@@ -47,7 +47,7 @@ impl WayHome {
     pub fn cost(&self, altitude_m: f64, settings: &Settings) -> f64 {
         settings.battery.drain.home(
             self.bound_m,
-            settings.transit.speed_mps,
+            settings.transit.least_speed_mps(),
             altitude_m,
             settings.climb_speed_mps,
             MANOEUVRES_S + turn_s(PI, &settings.transit) + self.turns_s,

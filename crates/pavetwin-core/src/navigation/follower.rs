@@ -158,6 +158,8 @@ impl Motion for Follower {
             }
         } else if self.s_m < self.rail.length_m() {
             self.advance(limits, dt_s);
+        } else {
+            self.speed_mps = 0.0; // rounding may bring it to the end with a breath of speed left
         }
     }
 

@@ -33,14 +33,15 @@ impl Strafe {
         if !mesh.segment_inside(start, goal) {
             return Err(NavMeshError::LeavesMesh { from, to });
         }
+        let along = (goal - start).normalized();
         Ok(Self {
             from: start,
-            along: (goal - start).normalized(),
+            along,
             length_m: start.distance(goal),
             s_m: 0.0,
             speed_mps: 0.0,
             yaw_rad: wrap_angle(yaw_rad),
-            limits: *limits,
+            limits: Limits { speed_mps: limits.speed_towards(along.yaw_rad()), ..*limits },
             braking: false,
         })
     }
@@ -49,7 +50,11 @@ impl Strafe {
 impl Motion for Strafe {
     fn step(&mut self, dt_s: f64) {
         let (remaining_m, acceleration_mps2) = (self.remaining_m(), self.limits.acceleration_mps2);
-        if dt_s <= 0.0 || remaining_m <= 0.0 {
+        if dt_s <= 0.0 {
+            return;
+        }
+        if remaining_m <= 0.0 {
+            self.speed_mps = 0.0;
             return;
         }
         let (speed_mps, way_m) = if self.braking {

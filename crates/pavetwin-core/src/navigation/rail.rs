@@ -19,6 +19,10 @@ pub struct Limits {
     pub acceleration_mps2: f64,
     /// Angular speed about the vertical, in rad/s.
     pub yaw_rate_rad_s: f64,
+    /// Highest speed through the air, in m/s; infinite for an airframe that the wind does not slow down.
+    pub airspeed_mps: f64,
+    /// Velocity of the air over the ground, in m/s.
+    pub wind: Vec2,
 }
 
 /// A line to fly along, with the tangent (`yaw_rad`) and the speed limit at every distance `s` from its start.
@@ -90,11 +94,12 @@ impl Rail {
                 continue;
             }
             let bend_rad = wrap_angle(piece.yaw_end_rad - piece.yaw_start_rad).abs();
+            let speed_mps = limits.speed_towards(piece.yaw_start_rad).min(limits.speed_towards(piece.yaw_end_rad));
             let cap_mps = if bend_rad > 0.0 {
                 let radius_m = length_m / bend_rad;
-                limits.speed_mps.min(limits.yaw_rate_rad_s * radius_m).min((limits.acceleration_mps2 * radius_m).sqrt())
+                speed_mps.min(limits.yaw_rate_rad_s * radius_m).min((limits.acceleration_mps2 * radius_m).sqrt())
             } else {
-                limits.speed_mps
+                speed_mps
             };
             rail.points.push(piece.to);
             rail.distances_m.push(rail.length_m() + length_m);
@@ -215,8 +220,15 @@ impl Limits {
     /// Whether the numbers describe an airframe.
     ///
     /// # Errors
-    /// [`NavMeshError::BadConfig`] for the first that is not above zero.
+    /// [`NavMeshError::BadConfig`] for the first that is not above zero, or when the wind is faster than the airspeed.
     pub fn check(&self) -> Result<(), NavMeshError> {
+        let wind_mps = self.wind.length();
+        if !(wind_mps.is_finite() && self.airspeed_mps > wind_mps) {
+            return Err(NavMeshError::BadConfig {
+                what: format!("airspeed_mps is {} in a wind of {wind_mps} m/s", self.airspeed_mps),
+                hint: "give an airspeed above the wind's speed",
+            });
+        }
         let named = [
             ("speed_mps", self.speed_mps),
             ("acceleration_mps2", self.acceleration_mps2),
@@ -229,5 +241,20 @@ impl Limits {
                 hint: "give a finite number above zero",
             }),
         }
+    }
+
+    /// The highest ground speed towards a yaw: the cruise speed, or less where the wind leaves less of the airspeed.
+    pub fn speed_towards(&self, yaw_rad: f64) -> f64 {
+        if self.airspeed_mps == f64::INFINITY {
+            return self.speed_mps;
+        }
+        let along = Vec2::from_yaw(yaw_rad);
+        let (with, across) = (self.wind.dot(along), self.wind.cross(along));
+        self.speed_mps.min(with + (self.airspeed_mps * self.airspeed_mps - across * across).sqrt())
+    }
+
+    /// The highest ground speed straight against the wind.
+    pub fn least_speed_mps(&self) -> f64 {
+        self.speed_mps.min(self.airspeed_mps - self.wind.length())
     }
 }

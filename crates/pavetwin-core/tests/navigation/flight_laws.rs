@@ -63,7 +63,8 @@ fn any_limits() -> impl Strategy<Value = Limits> {
         (0.5..15.0, 1.0..10.0, 0.3..3.0).prop_map(|(speed_mps, acceleration_mps2, yaw_rate_rad_s)| Limits {
             speed_mps,
             acceleration_mps2,
-            yaw_rate_rad_s
+            yaw_rate_rad_s,
+            ..AGENT
         }),
     ]
 }

@@ -2,11 +2,18 @@
 
 #![allow(dead_code)] // no target uses all of it
 
+use pavetwin_core::geometry::Vec2;
 use pavetwin_core::navigation::Limits;
 use pavetwin_core::sensing::{AcrossRule, NadirCamera, WindowRule};
 
 pub const AGENT: Limits =
-    Limits { speed_mps: 5.0, acceleration_mps2: 8.0, yaw_rate_rad_s: std::f64::consts::FRAC_PI_4 };
+    Limits {
+    speed_mps: 5.0,
+    acceleration_mps2: 8.0,
+    yaw_rate_rad_s: std::f64::consts::FRAC_PI_4,
+    airspeed_mps: f64::INFINITY,
+    wind: Vec2::ZERO,
+};
 
 /// The paper's window: 260 of 950 rows, 0.6 m across for each metre of altitude.
 pub const PAPER: WindowRule = WindowRule { rows_share: 260.0 / 950.0, across: AcrossRule::PerAltitude(0.6) };

@@ -1,0 +1,77 @@
+"""What wind does to an aircraft: whether it may fly, how far it tilts, how its camera moves in gusts."""
+
+from math import atan, cos, degrees, pi, radians, tan
+from typing import Final
+
+from pavetwin.config.mission import MissionSettings
+from pavetwin.errors import PaveTwinError
+from pavetwin.uav.aircraft import AIR_KG_M3, GRAVITY_MPS2, AircraftProfile, aircraft_of
+
+GUST_HZ: Final = 1.0
+"""Gusts come and go once a second: an assumption of ours, about the time in which an airframe answers to them."""
+
+GIMBAL_LEAK: Final = 0.02
+"""Share of the airframe's swing in tilt that a stabilised camera still makes: an assumption of ours."""
+
+Velocity = tuple[float, float]
+"""East and north, m/s."""
+
+
+def check_wind(settings: MissionSettings) -> None:
+    """Refuse what the aircraft is not rated for.
+
+    Raises:
+        PaveTwinError: the wind, or its gusts, are above the aircraft's limit.
+    """
+    profile, conditions = aircraft_of(settings), settings.conditions
+    if profile is None or conditions.gust_mps <= profile.wind_limit_mps:
+        return
+    wind = f"a wind of {conditions.wind_mps:g} m/s"
+    if conditions.gust_factor > 1:
+        wind += f" with gusts of {conditions.gust_mps:g} m/s"
+    raise PaveTwinError(
+        f"conditions.wind_mps: {wind} is above the {profile.wind_limit_mps:g} m/s that the {profile.title} is rated "
+        "for; wait for less wind, or fly another aircraft."
+    )
+
+
+def tilt_deg(profile: AircraftProfile, airspeed_mps: float, payload_kg: float = 0.0) -> float:
+    """Tilt of the airframe in steady level flight, at which the rotors' thrust balances weight and drag:
+    tan θ = ½ ρ f V² / W."""
+    weight_n = profile.flown_kg(payload_kg) * GRAVITY_MPS2
+    return degrees(atan(AIR_KG_M3 * profile.drag_area_m2 * airspeed_mps**2 / 2 / weight_n))
+
+
+def off_nadir_deg(profile: AircraftProfile, tilt: float) -> float:
+    """How far the camera looks away from straight down at a tilt of the airframe [°]: what the gimbal cannot hold."""
+    return max(0.0, tilt - profile.gimbal.holds_deg)
+
+
+def shake_mps(profile: AircraftProfile, settings: MissionSettings, velocity_mps: Velocity, time_s: float) -> Velocity:
+    """How gusts move what the camera sees, over the ground, at a moment.
+
+    Gusts of ± (gust factor − 1) times the wind speed swing the tilt (θ) and push the airframe, once a second:
+    a sine along the wind. The camera turns with a share of the swing, and with all of it that the gimbal cannot hold,
+    which moves the picture by altitude times rate; the push moves it by g Δtan θ / 2πf. Zero without gusts.
+
+    Args:
+        velocity_mps: of the UAV over the ground.
+    """
+    conditions = settings.conditions
+    swing_mps = conditions.gust_mps - conditions.wind_mps
+    if swing_mps <= 0:
+        return 0.0, 0.0
+    wind = conditions.wind_velocity_mps
+    airspeed = ((velocity_mps[0] - wind[0]) ** 2 + (velocity_mps[1] - wind[1]) ** 2) ** 0.5
+    tilts = [
+        tilt_deg(profile, max(0.0, airspeed + change), settings.energy.payload_kg)
+        for change in (-swing_mps, 0.0, swing_mps)
+    ]
+    leak = GIMBAL_LEAK if profile.gimbal.axes else 1.0
+    held = [tilt - off_nadir_deg(profile, tilt) for tilt in tilts] if profile.gimbal.axes else tilts
+    lost = off_nadir_deg(profile, tilts[2]) - off_nadir_deg(profile, tilts[0]) if profile.gimbal.axes else 0.0
+    turned_rad = radians(leak * (held[2] - held[0]) / 2 + lost / 2)
+    turning_mps = settings.altitude_m * 2 * pi * GUST_HZ * turned_rad
+    pushed_mps = GRAVITY_MPS2 * (tan(radians(tilts[2])) - tan(radians(tilts[1]))) / (2 * pi * GUST_HZ)
+    along = (turning_mps + pushed_mps) * cos(2 * pi * GUST_HZ * time_s) / conditions.wind_mps
+    return along * wind[0], along * wind[1]
