@@ -395,7 +395,7 @@ def test_date_time_clouds_and_wind_are_the_missions_conditions(world: Path) -> N
     options = ("--date", "2026-06-21", "--time", "10:30", "--clouds", "0.4", "--wind", "5@90")
     settings = yaml.safe_load(pavetwin("fly", world, *options, "--settings").stdout)
     expected = {"date": "2026-06-21", "time": "10:30:00", "clouds": 0.4, "wind_mps": 5.0, "wind_from_deg": 90.0}
-    assert settings["conditions"] == {**expected, "turbidity": 3.0}
+    assert settings["conditions"] == {**expected, "gust_factor": 1.0, "temperature_c": 20.0, "turbidity": 3.0}
 
 
 @pytest.mark.needs_adapter
