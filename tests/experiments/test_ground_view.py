@@ -8,16 +8,21 @@ from pavetwin.experiments.statistics import MissionLimits
 from scenes.studies import SMALL, study
 
 HIGH = {"altitude_m": 120.0, "preset": "default", "sensor": "recall"}
+PAPERS_CAMERA = {"set": {"camera.model": "paper"}}
 
 
 def test_from_120_m_the_papers_camera_shows_no_crack() -> None:
-    view = ground_view(HIGH, {})
+    view = ground_view(HIGH, PAPERS_CAMERA)
     assert 1000 * view.pixel_m == pytest.approx(145.9, abs=0.1)
     assert view.unseen_m["single_crack"] == pytest.approx(2 * view.pixel_m, rel=1e-3)
     assert view.sentence == (
         "From 120 m with the camera paper a pixel covers 146 mm: cracks thinner than 292 mm, crocodile cracks narrower "
         "than 2.3 m and potholes narrower than 1.2 m are not seen from here."
     )
+
+
+def test_an_aircraft_brings_its_camera() -> None:
+    assert ground_view(HIGH, {"set": {"aircraft": "phantom4pro"}}).camera == "phantom4pro"
 
 
 def test_camera_limits_and_blur_are_those_of_the_design() -> None:
@@ -35,7 +40,7 @@ def test_camera_limits_and_blur_are_those_of_the_design() -> None:
 
 @pytest.mark.parametrize("changed", [{"preset": "paper"}, {"sensor": "ideal"}])
 def test_missions_that_do_not_count_pixels_say_so(changed: dict[str, str]) -> None:
-    view = ground_view({**HIGH, "altitude_m": 15.0, **changed}, {})
+    view = ground_view({**HIGH, "altitude_m": 15.0, **changed}, PAPERS_CAMERA)
     assert not view.is_counted
     assert "these missions do not count pixels, a real detector may miss cracks thinner than 3" in view.sentence
 

@@ -1,5 +1,6 @@
 """Wind: what is refused, how far the airframe tilts, what gusts do to frames, and how fast the UAV gets on."""
 
+from dataclasses import replace
 from math import atan, degrees, hypot, pi
 
 import numpy as np
