@@ -65,7 +65,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ({"platform": ["car"], "altitude": [6.0]}, "--altitude: a car does not fly"),
         ({"platform": ["car"], "camera": "paper"}, "--camera: a car has cameras of its own"),
         ({"density": ["heigh"]}, "--density: no density 'heigh' (did you mean 'high'?)"),
-        ({"density": ["extreme"]}, "--density: no density 'extreme'; known are low, medium, high, or numbers"),
+        ({"density": ["extreme"]}, "--density: no density 'extreme'; known are low, medium, high, los-A"),
         ({"camera": "phantom5"}, "--camera: no camera 'phantom5'"),
         ({"formats": "yolo,cocoo"}, "--formats: no label format 'cocoo' (did you mean 'coco'?)"),
         ({"jobs": 0}, "--jobs 0: at least one"),
