@@ -90,7 +90,7 @@ def test_wind_is_no_option_and_an_unfinished_study_says_so(place: Path) -> None:
     assert pavetwin("experiment", "run", "windy.yaml", "-o", "windy", cwd=place).returncode == 0
     next((place / "windy" / "segments.parquet").glob("*r00001*")).unlink()
     done = pavetwin("experiment", "recommend", "windy", cwd=place)
-    assert "only 16 of 32 segment missions are flown" in done.stdout
+    assert "only 16 of 32 missions are flown" in done.stdout
     headings = done.stdout.partition("0.5")[0]
     assert "tau_o" in headings
     assert "wind" not in headings

@@ -32,10 +32,13 @@ FAILED_CODE = 1
 MOST_REASONS, MOST_COLUMNS = 5, 14
 
 MaxTime = Annotated[
-    float | None, typer.Option(metavar="S", min=0.001, help="Longest mean time of a segment mission, in seconds.")
+    float | None,
+    typer.Option(
+        metavar="S", min=0.001, help="Longest mean time, in seconds, of a segment; in a study of tours of a mission."
+    ),
 ]
 MaxEnergy = Annotated[
-    float | None, typer.Option(metavar="%", min=0.001, help="Largest mean energy of one, in % of a battery.")
+    float | None, typer.Option(metavar="%", min=0.001, help="Largest mean energy of the same, in % of a battery.")
 ]
 MinCoverage = Annotated[float | None, typer.Option(metavar="%", min=0, max=100, help="Least mean coverage, in %.")]
 
@@ -130,7 +133,7 @@ def query(
     sql: Annotated[str, typer.Argument(metavar="SQL", help="A query of the table `segments`, in DuckDB's SQL.")],
     csv: Annotated[bool, typer.Option("--csv", help="Print everything as CSV instead of a table.")] = False,
 ) -> None:
-    """Query the study's table with SQL; it has one row per segment mission.
+    """Query the study's table with SQL; it has one row per segment mission, the part of a mission over one segment.
 
     \b
     pavetwin experiment query studies/first "select policy, avg(coverage) from segments group by all order by 1"
@@ -248,25 +251,30 @@ def _limits(max_time_s: float | None, max_energy: float | None, min_coverage: fl
 
 
 def _note_unfinished(store: "Store") -> None:
+    from pavetwin.experiments.metrics import REPLICATE
     from pavetwin.experiments.plan import cells_of, units_of
 
-    design, flown = store.design(), store.table().height
-    planned = len(units_of(design)) * len(cells_of(design)) * design.segments
+    design, table = store.design(), store.table()
+    flown = table.select(table.columns[: table.columns.index(REPLICATE) + 1]).n_unique()
+    planned = len(units_of(design)) * len(cells_of(design))
     if flown < planned:
-        out.print(f"[yellow]Note:[/] only {flown} of {planned} segment missions are flown; run the study again.")
+        out.print(f"[yellow]Note:[/] only {flown} of {planned} missions are flown; run the study again.")
 
 
 def _options_table(chosen: "Recommendation") -> "Table":
     from rich.table import Table
 
-    from pavetwin.experiments.metrics import ERROR_METRICS
+    from pavetwin.experiments.metrics import BATTERIES, ERROR_METRICS
+    from pavetwin.experiments.statistics.recommend import batteries_to_bring
     from pavetwin.experiments.words import shown
 
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
     kept = "within limits" if chosen.limits.named else "all flown"
     errors = [metric for metric in ERROR_METRICS if metric.name in chosen.options.columns]
     names = [f"{metric.label.lower()} {metric.unit}".strip() for metric in errors]
-    headings = [*chosen.by, "coverage %", "corrected", "time s", "95th perc.", "battery %", *names, kept, "best with"]
+    bring = ["batteries to bring"] if BATTERIES in chosen.options.columns else []
+    costs = ["time s", "95th perc.", "battery %", *bring]
+    headings = [*chosen.by, "coverage %", "corrected", *costs, *names, kept, "best with"]
     rows, styles = [], []
     for row in chosen.options.iter_rows(named=True):
         factors = [f"{row[name]:g} m" if name == "altitude_m" else str(row[name]) for name in chosen.by]
@@ -278,6 +286,7 @@ def _options_table(chosen: "Recommendation") -> "Table":
                 _span(row, "time_s", 1),
                 "–" if row["time_s_p95"] is None else f"{row['time_s_p95']:.0f}",
                 _span(row, "energy", 100),
+                *("–" if row[BATTERIES] is None else f"{batteries_to_bring(row)}" for _ in bring),
                 *(shown(metric, row[metric.name]) for metric in errors),
                 f"{row['failed_alone']} failed" if row["failed_alone"] else "yes" if row["feasible"] else "no",
                 "–" if row["certainty"] is None else f"{row['certainty']:.0%}",
@@ -351,7 +360,10 @@ def _print_run(ran: "Ran", folder: Path) -> None:
     total = ran.plan.missions
     before = f", {total - ran.missions_flown} of them before" if ran.missions_flown < total else ""
     presets = f"preset{'s' * (len(ran.plan.design.presets) > 1)} {', '.join(ran.plan.design.presets)}"
-    out.line(f"{total} missions flown{before}, {presets}: {len(ran.plan.units)} parts in {folder}/segments.parquet/")
+    parts = f"{len(ran.plan.units)} parts in {folder}/segments.parquet/"
+    rows = ran.plan.segment_missions
+    each = f", {rows} segment missions, a row each" if rows > total else ""
+    out.line(f"{total} missions flown{before}, {presets}{each}: {parts}")
     failed = sum(ran.failures.values())
     if failed:
         out.print(f"[yellow]{failed} of {ran.table.height} segment missions failed:[/]")

@@ -8,8 +8,9 @@ import polars as pl
 
 from pavetwin.experiments.design import ALIASES, ENVIRONMENT
 from pavetwin.experiments.ground_view import GroundView, ground_view
-from pavetwin.experiments.metrics import REPLICATE
+from pavetwin.experiments.metrics import BATTERIES, REPLICATE
 from pavetwin.experiments.statistics import MissionLimits, Recommendation, recommend
+from pavetwin.experiments.tours import by_mission
 from pavetwin.experiments.words import opened, setting
 
 ASSUMED = ("sensor", "preset")
@@ -25,6 +26,11 @@ class Advice:
     """From the option that is recommended or nearest; None where there is none, or the design is not known."""
 
     @property
+    def is_of_tours(self) -> bool:
+        """Whether whole missions are judged, and batteries counted."""
+        return BATTERIES in self.recommendation.options.columns
+
+    @property
     def sentences(self) -> tuple[str, ...]:
         """The first says what to fly, and the second what the camera shows from there."""
         first, *others = self.recommendation.sentences
@@ -37,8 +43,10 @@ def advise(
     """A recommendation among altitudes, policies and swept settings, over the worlds and traffic of the table.
 
     Args:
+        table: of segment missions; where these are parts of tours, whole missions are judged.
         design: plain values of `design.yaml`, for what the camera shows.
     """
+    table = by_mission(table)
     varied = table.columns[table.columns.index("altitude_m") : table.columns.index(REPLICATE)]
     given = {name for name in varied if ALIASES.get(name, name) in ENVIRONMENT}
     chosen_by = {name for name in varied if name not in {*ASSUMED, *given} and table[name].n_unique() > 1}

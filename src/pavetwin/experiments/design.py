@@ -23,7 +23,7 @@ from pavetwin.config.altitude import Altitude
 from pavetwin.config.text import parse_yaml
 from pavetwin.defects import DefectOptions
 from pavetwin.errors import PaveTwinError, nearest_name, no_such
-from pavetwin.experiments.metrics import ERROR_METRICS, FACTORS, METRICS, REFERENCE
+from pavetwin.experiments.metrics import ERROR_METRICS, FACTORS, METRICS, REFERENCE, TOUR_METRICS
 from pavetwin.uav.entries import own_file
 
 ALIASES: Final[Mapping[str, str]] = {
@@ -77,6 +77,15 @@ FROM_FILES: Final = ("aircraft", "camera.model")
 """The settings that may name a file, beside the factors that do."""
 
 Value = bool | int | float | str
+
+ALL: Final = "all"
+"""What a design says to inspect every segment that can be reached."""
+
+SegmentCount = Annotated[
+    Annotated[Literal["all"], Tag("all")] | Annotated[int, Field(ge=1, le=1000), Tag("number")],
+    Discriminator(lambda value: "all" if value == ALL else "number"),
+]
+"""How many segments a mission inspects. Discriminated first, so that an error does not speak of both."""
 
 _LISTS: Final = ("worlds", "densities", "altitudes_m", "policies", "sensors", "presets", "plugins", "streets")
 
@@ -150,7 +159,10 @@ class Design(Settings):
     replicates: Annotated[int, Field(ge=1, le=100_000)] = 20
     streets: tuple[str, ...] = ()
     """Names of streets or ids of segments that missions inspect; all that can be reached where there are none."""
-    segments: Annotated[int, Field(ge=1, le=1000)] = 1
+    segments: SegmentCount = 1
+    """How many a mission inspects, drawn in each replicate; `all` that can be reached."""
+    order: Literal["random", "near"] = "random"
+    """Of the segments of a mission: drawn in each replicate, or a short tour from the base."""
     seed: Annotated[int, Field(ge=0)] = 1
     compare: str = REFERENCE
     """The policy that the others are compared with, by the name that the table has; `all` for every pair."""
@@ -201,7 +213,7 @@ class Design(Settings):
         paths = [world.path for world in self.worlds]
         if len(set(paths)) < len(paths):
             raise ValueError("worlds: one of them is given twice")
-        measured = [metric.name for metric in (*METRICS, *ERROR_METRICS)]
+        measured = [metric.name for metric in (*METRICS, *ERROR_METRICS, *TOUR_METRICS)]
         taken = {*FACTORS, *measured, "replicate", "seed", "segment", "status"}
         settings = [ALIASES.get(key, key) for key in (*self.sweep, *self.set)]
         for key, values in self.sweep.items():
@@ -228,6 +240,11 @@ class Design(Settings):
         if "densities" in values and all(world.traffics for world in self.worlds):
             values["densities"] = []
         return values
+
+    @property
+    def tours(self) -> bool:
+        """Whether a mission is a tour, which is judged as a whole, from take-off to landing, and not by segment."""
+        return self.segments == ALL or self.order == "near"
 
     @property
     def sweep_columns(self) -> tuple[str, ...]:

@@ -20,11 +20,13 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import OWN_ROUTES, Design, WorldEntry
 from pavetwin.experiments.metrics import FACTORS, FAILED, FILES, FLOWN, REASON, RENDERER, REPLICATE, STATUS
 from pavetwin.experiments.plan import Cell, Plan, Unit, are_texts, check_files, recording_of, world_of_study
+from pavetwin.experiments.tours import MISSION_COLUMNS
 from pavetwin.mission.environment import MissionEnvironment, Surroundings, prepare
-from pavetwin.mission.fly import fly
+from pavetwin.mission.fly import MissionResult, fly
 from pavetwin.mission.inputs import MissionInputs
 from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.replay import Replay
+from pavetwin.mission.results import totals
 from pavetwin.mission.spec import DefectInput, MissionSpec, PolicyInput, WorldInput
 from pavetwin.mission.versions import renderer_of
 from pavetwin.sensing import ImageSource
@@ -88,6 +90,7 @@ def schema(plan: Plan) -> dict[str, Any]:
         **({FILES: pl.String} if plan.files else {}),
         **dict.fromkeys(("version", RENDERER, STATUS, REASON), pl.String),
         **measured,
+        **(MISSION_COLUMNS if design.tours else {}),
     }
 
 
@@ -115,8 +118,16 @@ def _flown(plan: Plan, unit: Unit, cell: Cell, ground: "_Ground") -> list[Row]:
         result = fly(spec, inputs=MissionInputs(environment, ground.replay), image_source=ground.image_source)
     except Exception as error:
         return _failed(plan, unit, cell, _words(error))
-    said = {RENDERER: renderer_of(result.spec.versions), STATUS: FLOWN}
+    said: Row = {RENDERER: renderer_of(result.spec.versions), STATUS: FLOWN}
+    if plan.design.tours:
+        said |= dict(zip(MISSION_COLUMNS, _whole(result), strict=True))
     return [_factors(plan, unit, cell) | said | _measured(row) for row in result.rows]
+
+
+def _whole(result: MissionResult) -> tuple[float, float, float, int]:
+    """The values of `MISSION_COLUMNS`."""
+    sums = totals(result)
+    return sums.time_s, sums.energy, sums.distance_m, sums.batteries
 
 
 def _spec(
@@ -259,7 +270,7 @@ def _replay(plan: Plan, unit: Unit, world: World, entry: WorldEntry) -> Replay:
     density = None if unit.traffic == OWN_ROUTES else unit.traffic
     seed = plan.seeds(unit.replicate).traffic
     recorder = Recorder(Inputs.of(world, density, seed, routes))
-    recording = recorder.until(take_off_s + (QUIET_S if routes else RECORDED_S) * plan.design.segments)
+    recording = recorder.until(take_off_s + (QUIET_S if routes else RECORDED_S) * len(plan.segments(unit)))
     if routes and not len(recording.after(take_off_s).agent):
         raise PaveTwinError(
             f"Nothing moves {take_off_s:.0f} s after the first departure: its demand has ended; change take_off_s."

@@ -1,7 +1,8 @@
 """What a study measures of every mission, and the other columns of its table.
 
-The table has one row a segment mission: its factors, `replicate`, what it was seeded with, `status`, the metrics. A
-metric that is undefined (no defects on the segment), and every metric of a mission that failed, is null.
+The table has one row a segment mission, the part of a mission over one of its segments: its factors, `replicate`, what
+it was seeded with, `status`, the metrics. A metric that is undefined (no defects on the segment), and every metric of
+a mission that failed, is null.
 """
 
 from dataclasses import dataclass
@@ -67,16 +68,23 @@ ERROR_METRICS: Final = (
 )
 """Of sensors that report what is not there, or one defect twice. Shown where one did: see `metrics_in`."""
 
+BATTERIES: Final = "batteries"
+
+TOUR_METRICS: Final = (Metric(BATTERIES, "Batteries", "", 1.0, 1, more_is_better=False),)
+"""Of missions that are tours (`experiments.tours`): full batteries that one took."""
+
 COMPARED: Final = ("coverage", "time_s", "energy")
 """What options are compared by: all tests of these together are one family."""
 
 
 def metric_named(name: str) -> Metric:
     """The metric of a column; KeyError when it is none."""
-    return {metric.name: metric for metric in (*METRICS, *ERROR_METRICS)}[name]
+    return {metric.name: metric for metric in (*METRICS, *TOUR_METRICS, *ERROR_METRICS)}[name]
 
 
 def metrics_in(table: "pl.DataFrame") -> tuple[Metric, ...]:
-    """What there is to show of a table: `METRICS`, and those of a sensor's errors where a mission has such errors."""
+    """What there is to show of a table: `METRICS`, those of tours where missions are such, and those of a sensor's
+    errors where a mission has such errors."""
+    tours = [metric for metric in TOUR_METRICS if metric.name in table.columns]
     has = {name: name in table.columns and bool(table[name].sum()) for name in ("false_alarms", "duplicates")}
-    return (*METRICS, *(each for each in ERROR_METRICS if has.get(each.name, has["false_alarms"])))
+    return (*METRICS, *tours, *(each for each in ERROR_METRICS if has.get(each.name, has["false_alarms"])))

@@ -16,7 +16,7 @@ from typing import Any, Final
 from pavetwin.config import MissionSettings, load_settings
 from pavetwin.config.options import OptionValue, options_of_one
 from pavetwin.errors import PaveTwinError, naming
-from pavetwin.experiments.design import ALIASES, Design, Value, WorldEntry
+from pavetwin.experiments.design import ALIASES, ALL, Design, Value, WorldEntry
 from pavetwin.files import file_sha256
 from pavetwin.mission.replay import Replay
 from pavetwin.plugins import load_plugins
@@ -125,7 +125,8 @@ class Plan:
     names: tuple[str, ...]
     """Of the worlds, all distinct."""
     targets: tuple[tuple[int, ...], ...]
-    """For each world the segments, by their place in it, that can be reached in every cell."""
+    """For each world the segments, by their place in it, that can be reached in every cell; where the order of the
+    design is `near`, along a short tour from the base."""
     policies: Mapping[str, str]
     """The name of each policy of the design."""
     files: Mapping[str, str] = field(default_factory=dict)
@@ -184,10 +185,17 @@ class Plan:
         return float(round(earliest + self.seeds(unit.replicate).moment * (latest - earliest)))
 
     def segments(self, unit: Unit) -> list[int]:
-        """What the missions of a unit inspect, in this order: drawn in each replicate."""
+        """What the missions of a unit inspect, in this order: drawn in each replicate, or along the short tour."""
         rng = child(self.design.seed, Stream.EXPERIMENT, _SEGMENTS, unit.replicate)
         reachable = self.targets[unit.world]
-        return [reachable[index] for index in rng.permutation(len(reachable))[: self.design.segments].tolist()]
+        count = len(reachable) if self.design.segments == ALL else self.design.segments
+        drawn = rng.permutation(len(reachable))[:count].tolist()
+        return [reachable[index] for index in (sorted(drawn) if self.design.order == "near" else drawn)]
+
+    @property
+    def segment_missions(self) -> int:
+        """Rows of the table once everything is flown."""
+        return sum(len(self.segments(unit)) for unit in self.units) * len(self.cells)
 
 
 def take_offs(entry: WorldEntry, traffic: str) -> tuple[float, float]:

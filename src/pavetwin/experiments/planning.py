@@ -6,14 +6,15 @@ from pathlib import Path
 from pavetwin.config import MissionSettings
 from pavetwin.defects.registry import DEFECT_CLASSES, kinds, mixed
 from pavetwin.errors import PaveTwinError, naming, nearest_name
-from pavetwin.experiments.design import Design
+from pavetwin.experiments.design import ALL, Design
 from pavetwin.experiments.metrics import EVERY_PAIR, REFERENCE
 from pavetwin.experiments.plan import IN_DESIGN_FILE, Cell, Plan, cells_of, content_of, take_offs
 from pavetwin.experiments.words import listed
 from pavetwin.files import file_sha256
-from pavetwin.mission.environment import prepare
+from pavetwin.mission.environment import MissionEnvironment, prepare
 from pavetwin.mission.plan import check_distinct, check_names
 from pavetwin.mission.spec import PolicyInput, files_of_settings
+from pavetwin.mission.targets import short_tour
 from pavetwin.mission.versions import packages_in_use
 from pavetwin.plugins import load_plugins, registered_in
 from pavetwin.traffic.demand import density_named
@@ -160,13 +161,15 @@ def _targets(
     Raises:
         PaveTwinError: none of a name can be reached, or they are fewer than a mission inspects.
     """
-    reachable = _reachable(design, world, tell)
+    environments = _environments(design, world, tell)
+    reachable = [at for at in range(len(world.segments)) if all(each.reachable(at) for each in environments)]
     for name, places in named.items():
         if not set(places) & set(reachable):
             raise PaveTwinError(f"the design: streets: no way leads to {name} in '{world.name}' at all altitudes.")
     asked = {at for places in named.values() for at in places} if design.streets else set(range(len(world.segments)))
     found = tuple(at for at in reachable if at in asked)
-    if len(found) < design.segments:
+    least = 1 if design.segments == ALL else design.segments
+    if len(found) < least:
         which = f" of {listed(design.streets)}" if design.streets else ""
         there_are = (
             f"'{world.name}' has only {len(found)}{which}"
@@ -175,11 +178,11 @@ def _targets(
             "altitudes"
         )
         raise PaveTwinError(f"the design: segments: {design.segments} are asked for, but {there_are}.")
-    return found
+    return tuple(short_tour(environments[0].world, found)) if design.order == "near" else found
 
 
-def _reachable(design: Design, world: World, tell: Callable[[str], None]) -> tuple[int, ...]:
-    """Segments that can be reached in every cell; bakes and caches the NavMeshes."""
+def _environments(design: Design, world: World, tell: Callable[[str], None]) -> list[MissionEnvironment]:
+    """Where the missions of all cells fly; bakes and caches the NavMeshes."""
     ways: Mapping[tuple[float, float, str], MissionSettings] = {
         (settings.altitude_m, settings.uav.radius_m, settings.uav.base): settings
         for settings in (cell.settings(design) for cell in cells_of(design))
@@ -188,8 +191,4 @@ def _reachable(design: Design, world: World, tell: Callable[[str], None]) -> tup
     for settings in ways.values():
         tell(f"Planning: where to fly over {world.name} at {settings.altitude_m:g} m")
         environments.append(prepare(world, settings, ()))
-    return tuple(
-        index
-        for index in range(len(world.segments))
-        if all(environment.reachable(index) for environment in environments)
-    )
+    return environments

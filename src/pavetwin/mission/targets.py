@@ -8,6 +8,7 @@ import shapely
 from pavetwin.errors import PaveTwinError, about
 from pavetwin.mission.environment import MissionEnvironment
 from pavetwin.seeds import Stream, child
+from pavetwin.world.model import World
 
 ORDERS = ("random", "near")
 
@@ -35,7 +36,8 @@ def choose_targets(
         raise PaveTwinError(f"`order` {order}: known are {', '.join(ORDERS)}.")
     world = environment.world
     if names:
-        return _named(environment, names) if order == "random" else _short_tour(environment, _named(environment, names))
+        named = _named(environment, names)
+        return named if order == "random" else short_tour(world, named)
     reachable = [index for index in range(len(world.segments)) if environment.reachable(index)]
     if not reachable:
         raise PaveTwinError(
@@ -53,7 +55,7 @@ def choose_targets(
         )
         raise PaveTwinError(f"`count` {count}: {there_are}; `count=None` inspects them all.")
     if order == "near":
-        return _short_tour(environment, reachable)[:count]
+        return short_tour(world, reachable)[:count]
     drawn = child(seed, Stream.ORDER).permutation(len(reachable))
     return [reachable[index] for index in drawn[:count]]
 
@@ -78,10 +80,14 @@ def _named(environment: MissionEnvironment, names: Sequence[str]) -> list[int]:
     return chosen
 
 
-def _short_tour(environment: MissionEnvironment, chosen: Sequence[int]) -> list[int]:
-    """Always the nearest next, then straightened by 2-opt: a short open tour from the base."""
-    middles = [environment.world.segments[index].centre_line.interpolate(0.5, normalized=True) for index in chosen]
-    places = np.vstack([[(environment.world.base.x, environment.world.base.y)], shapely.get_coordinates(middles)])
+def short_tour(world: World, chosen: Sequence[int]) -> list[int]:
+    """Always the nearest next, then straightened by 2-opt: a short open tour from the base.
+
+    Args:
+        chosen: indices of the segments to inspect.
+    """
+    middles = [world.segments[index].centre_line.interpolate(0.5, normalized=True) for index in chosen]
+    places = np.vstack([[(world.base.x, world.base.y)], shapely.get_coordinates(middles)])
     distance = np.hypot(*np.moveaxis(places[:, None] - places[None], -1, 0))
     tour, left = [0], set(range(1, len(places)))
     while left:

@@ -26,12 +26,16 @@ def question(study: Study) -> str:
     limits = study.advice[0].recommendation.limits.named if study.advice else {}
     words = {"coverage": "at least {} coverage", "time_s": "at most {} of time", "energy": "at most {}"}
     named = [words[name].format(amount(metric_named(name), limit)) for name, limit in limits.items()]
-    within = f" with {listed(named)} a segment" if named else ""
+    within = f" with {listed(named)} a {_unit(study)}" if named else ""
     traffic = [level_text("traffic", level) for level in study.levels("traffic")]
     where = f"in {listed(traffic)} traffic" if len(traffic) <= _MOST_PANELS else f"in {len(traffic)} kinds of traffic"
     if not choices:
         return f"How many of the pavement's defects are found {where}{within}, and what does it cost?"
     return f"Which {listed(choices)} finds most of the pavement's defects {where}{within}?"
+
+
+def _unit(study: Study) -> str:
+    return "mission" if study.tours else "segment"
 
 
 def changed_settings(design: Mapping[str, Any]) -> list[tuple[str, str, str]]:
@@ -66,8 +70,8 @@ def overview_section(study: Study) -> Section:
     of = f" ({group.title})" if group.title else ""
     picture = vector(
         overview.overview(group, gain, cost, group.traffics[:_MOST_PANELS]),
-        f"Mean coverage against mean time of a segment{of}, with 95 % intervals. The shape of a mark is the policy, "
-        "its filling the altitude: the darker, the higher. Up and to the left is better.",
+        f"Mean coverage against mean time of a {_unit(study)}{of}, with 95 % intervals. The shape of a mark is the "
+        "policy, its filling the altitude: the darker, the higher. Up and to the left is better.",
         "Scatter of mean coverage over mean time with intervals, a panel for each traffic density, by policy and "
         "altitude.",
     )

@@ -20,6 +20,7 @@ from pavetwin.experiments.statistics import (
     key_findings,
     summarise,
 )
+from pavetwin.experiments.tours import by_mission, is_by_mission
 from pavetwin.world.model import World
 
 _MOST_TRAFFICS = 6
@@ -43,6 +44,7 @@ def gather(
         limits: of the recommendation.
         seed: of the resamples.
     """
+    rows, table = table, by_mission(table)
     by = table.columns[: table.columns.index(REPLICATE)]
     factors = tuple(name for name in by if table[name].n_unique() > 1)
     summary = summarise(table, by, metrics_in(table), seed=seed)
@@ -58,12 +60,13 @@ def gather(
     heights = sorted(levels["altitude_m"])
     compared[after_policies:after_policies] = every_pair(table, by, heights, factor="altitude_m", seed=seed)
     explained = effects(table, factors)
-    sentences = conclusions(summary, compared, explained)
+    sentences = conclusions(summary, compared, explained, tours=is_by_mission(table))
     within = limits or MissionLimits()
     traffics = levels["traffic"] if 1 < len(levels["traffic"]) <= _MOST_TRAFFICS else []
     advice_in = {name: advise(table.filter(traffic=name), within, seed=seed, design=design) for name in traffics}
     return Study(
         *(title, design, factors, table, summary, compared, explained, sentences, worlds),
+        rows=rows,
         findings=key_findings(compared),
         advice=advise(table, within, seed=seed, design=design),
         advice_in=advice_in,

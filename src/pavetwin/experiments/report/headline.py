@@ -6,14 +6,14 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from pavetwin.experiments.metrics import ERROR_METRICS, Metric, metric_named
+from pavetwin.experiments.metrics import BATTERIES, ERROR_METRICS, Metric, metric_named
 from pavetwin.experiments.report.parts import Table, TableCell, text_cells
 from pavetwin.experiments.report.study import Group, Row
 from pavetwin.experiments.statistics.summary import FEW
 from pavetwin.experiments.words import MISSING, counted, factor_text, heading, level_text, shown
 
 HEADLINE: Final = (
-    *("coverage", "swath_coverage", "recovery", "time_s", "energy"),
+    *("coverage", "swath_coverage", "recovery", "time_s", "energy", BATTERIES),
     *(metric.name for metric in ERROR_METRICS),
 )
 FEW_MARK: Final = "†"

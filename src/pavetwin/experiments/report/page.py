@@ -15,8 +15,8 @@ from pavetwin.experiments.metrics import FACTORS, FAILED, STATUS
 from pavetwin.experiments.report import front, traffic, whole
 from pavetwin.experiments.report.parts import Block, ReportFigure, Section, Table
 from pavetwin.experiments.report.results import group_builders
-from pavetwin.experiments.report.study import AXES, Study, constants, replicates
-from pavetwin.experiments.words import counted, factor_text, factors_text, level_text, listed
+from pavetwin.experiments.report.study import AXES, Study, constants, missions_of, replicates
+from pavetwin.experiments.words import counted, factor_text, factors_text, level_text, listed, percent
 
 MOST_WHOLE, MOST_GROUPS = 4, 16
 """Combinations of the other factors that have figures, and that have tables; all are in the files beside the page."""
@@ -69,11 +69,37 @@ def design_words(study: Study) -> str:
     same = f" The same throughout: {', '.join(fixed)}." if fixed else ""
     streets = study.design.get("streets")
     drawn = f" Segments are drawn from {listed(streets)} alone." if streets else ""
+    has = "traffic, defects and an order of the segments" if study.tours else "a street segment, traffic and defects"
+    if study.tours and study.design.get("order") == "near":
+        has = "traffic and defects"
     return (
-        f"{counted(study.table.height, 'segment mission')}: {design}.{so_far}{same}{drawn} A replicate has a street "
-        "segment, traffic and defects of its own, and every combination was flown over the same ones, so that policies "
-        "and altitudes are compared in pairs."
-    )
+        f"{_missions_words(study)}: {design}.{so_far}{same}{drawn} A replicate has {has} of its own, and every "
+        "combination was flown over the same ones, so that policies and altitudes are compared in pairs. "
+        f"{grounds(study)}"
+    ).strip()
+
+
+def _missions_words(study: Study) -> str:
+    """How many missions were flown, and how many rows that makes where one inspects several segments."""
+    missions = counted(missions_of(study), "mission")
+    rows = study.rows.height or study.table.height
+    if study.tours:
+        return f"{missions}, each a tour judged as a whole ({counted(rows, 'segment mission')} in the table)"
+    if rows == missions_of(study):
+        return counted(rows, "segment mission")
+    return f"{missions} over several segments each, which makes {counted(rows, 'segment mission')}"
+
+
+def grounds(study: Study) -> str:
+    """On how much of each world the numbers rest."""
+    parts = []
+    for name, world in study.worlds.items():
+        flown = set(study.by_segment.filter(world=name)["segment"].to_list())
+        area_m2 = sum(segment.area_m2 for segment in world.segments if segment.id in flown)
+        share = percent(area_m2 / sum(segment.area_m2 for segment in world.segments))
+        there = counted(len(world.segments), "segment")
+        parts.append(f"{len(flown)} of the {there} of {name} ({share} of their area)")
+    return f"The numbers rest on {listed(parts)}." if parts else ""
 
 
 def facts(study: Study) -> list[tuple[str, str]]:
@@ -81,7 +107,7 @@ def facts(study: Study) -> list[tuple[str, str]]:
     failed = study.table.filter(pl.col(STATUS) == FAILED).height
     cells = study.table.select(name for name in study.table.columns if name in {*FACTORS, *study.factors}).n_unique()
     numbers = {
-        "Missions": f"{study.table.height:,}".replace(",", "\u2009"),
+        "Missions": f"{missions_of(study):,}".replace(",", "\u2009"),
         "Cells": cells,
         "Replicates": replicates(study),
         "Failed": failed,
@@ -135,8 +161,9 @@ def figures(sections: Sequence[Section]) -> list[ReportFigure]:
 
 
 def _first_sentences(advice: Sequence[Advice]) -> str:
-    """What each recommendation says first: the option, what its camera shows, and how sure the choice is."""
-    return " ".join(" ".join(each.sentences[:4]) for each in advice)
+    """What each recommendation says first: the option, what its camera shows, the batteries of a tour, and how sure the
+    choice is."""
+    return " ".join(" ".join(each.sentences[: 5 if each.is_of_tours else 4]) for each in advice)
 
 
 def _numbers(sections: Sequence[Section]) -> dict[int, int]:

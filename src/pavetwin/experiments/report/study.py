@@ -10,9 +10,20 @@ import polars as pl
 
 from pavetwin.experiments.advice import Advice
 from pavetwin.experiments.design import IN_DESIGN
-from pavetwin.experiments.metrics import ERROR_METRICS, FACTORS, FLOWN, METRICS, REFERENCE, REPLICATE, STATUS, Metric
+from pavetwin.experiments.metrics import (
+    ERROR_METRICS,
+    FACTORS,
+    FLOWN,
+    METRICS,
+    REFERENCE,
+    REPLICATE,
+    STATUS,
+    TOUR_METRICS,
+    Metric,
+)
 from pavetwin.experiments.statistics import Comparison
 from pavetwin.experiments.statistics.cells import failed_alone
+from pavetwin.experiments.tours import is_by_mission
 from pavetwin.experiments.words import factor_text, level_text
 from pavetwin.world.model import World
 
@@ -36,7 +47,7 @@ class Study:
     """Plain values of `design.yaml`."""
     factors: tuple[str, ...]
     table: pl.DataFrame
-    """One row a segment mission; see `pavetwin.experiments.metrics`."""
+    """One row a segment mission, or one a mission where missions are tours; see `pavetwin.experiments.metrics`."""
     summary: pl.DataFrame
     comparisons: Sequence[Comparison]
     """Paired differences of policies, then of altitudes, each with every lower one, then of each swept setting; those
@@ -52,6 +63,20 @@ class Study:
     """What it recommends; one for each combination of its assumptions."""
     advice_in: Mapping[str, Sequence[Advice]] = field(default_factory=dict)
     """The same in each traffic, where there are several."""
+
+    rows: pl.DataFrame = field(default_factory=pl.DataFrame)
+    """The same with one row a segment mission; empty: the table is that."""
+
+    @property
+    def tours(self) -> bool:
+        """Whether missions are judged as a whole, and not by segment."""
+        return is_by_mission(self.table)
+
+    @property
+    def by_segment(self) -> pl.DataFrame:
+        """What was flown, with one row a segment mission."""
+        rows = self.rows if self.rows.height else self.table
+        return rows.filter(pl.col(STATUS) == FLOWN)
 
     @cached_property
     def others(self) -> tuple[str, ...]:
@@ -83,7 +108,7 @@ class Study:
     def metrics(self) -> tuple[Metric, ...]:
         """Those with a defined value anywhere."""
         defined = self.summary.filter(pl.col("mean").is_not_null())[METRIC].unique().to_list()
-        return tuple(metric for metric in (*METRICS, *ERROR_METRICS) if metric.name in defined)
+        return tuple(metric for metric in (*METRICS, *TOUR_METRICS, *ERROR_METRICS) if metric.name in defined)
 
     @cached_property
     def result(self) -> pl.DataFrame:
@@ -202,6 +227,12 @@ class Group:
 def replicates(study: Study) -> int:
     """How many replicates a world has, at most."""
     return study.table[REPLICATE].n_unique() if study.table.height else 0
+
+
+def missions_of(study: Study) -> int:
+    """How many missions were flown or failed; one over several segments is several segment missions."""
+    table = study.table
+    return table.select(table.columns[: table.columns.index(REPLICATE) + 1]).n_unique()
 
 
 def constants(study: Study) -> dict[str, Any]:

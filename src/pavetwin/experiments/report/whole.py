@@ -83,7 +83,7 @@ def streets_section(study: Study) -> Section:
     """A map of each world, and its least covered segments."""
     blocks: list[Block] = []
     for name in list(study.worlds)[:_MOST_MAPS]:
-        means = maps.street_means(study.result, name)
+        means = maps.street_means(study.by_segment, name)
         picture = maps.street_map(study.worlds[name], means) if means.height else None
         if picture is not None:
             blocks += [picture, _worst(name, means)]

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import ceil, isfinite
 from typing import Any, Final
 
 import numpy as np
@@ -10,11 +10,12 @@ import polars as pl
 
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments.metrics import ERROR_METRICS, metric_named, metrics_in
+from pavetwin.experiments.metrics import BATTERIES, ERROR_METRICS, TOUR_METRICS, metric_named, metrics_in
 from pavetwin.experiments.statistics.cells import failed_alone, layout, nullable, values_of, varied_columns
 from pavetwin.experiments.statistics.flips import sign_flip_p
 from pavetwin.experiments.statistics.shrinkage import true_means
 from pavetwin.experiments.statistics.summary import FEW, summarise
+from pavetwin.experiments.tours import SEGMENTS, is_by_mission
 from pavetwin.experiments.words import (
     amount,
     factor_name,
@@ -40,7 +41,8 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class MissionLimits:
-    """What an option must keep on average, per segment mission. None: no limit."""
+    """What an option must keep on average, per segment mission, or per mission where these are tours.
+    None: no limit."""
 
     max_time_s: float | None = None
     max_energy: float | None = None
@@ -76,7 +78,8 @@ class Recommendation:
     """Best first, then those that break a limit, then those that failed alone. Columns: `*by`, `n` (missions with a
     coverage), `undefined`, `failed`; of coverage, time_s and energy each the mean, `…_low`, `…_high` (95 % interval)
     and `…_expected` (the mean corrected for the choice among many, see `true_means`); `time_s_p95`; the means of
-    `ERROR_METRICS` where a sensor made such errors; `failed_alone` (missions that failed and that another option flew:
+    `ERROR_METRICS` where a sensor made such errors; of tours `batteries` (mean) and `batteries_p95`;
+    `failed_alone` (missions that failed and that another option flew:
     its means leave out what it failed on); `replicates` (with a coverage); `feasible` (it failed in none alone and its
     means keep the limits), `kept` (the probability that its true means do) and `certainty` (that it also is the best of
     all that do, or level with the best: these may add up to more than 1), as `…_expected` null where there are fewer
@@ -103,7 +106,7 @@ def recommend(
     share of draws in which the option is the best or level with the best, so that it does not depend on how many others
     do the same.
     """
-    errors = [metric for metric in metrics_in(table) if metric in ERROR_METRICS]
+    errors = [metric for metric in metrics_in(table) if metric in (*TOUR_METRICS, *ERROR_METRICS)]
     summary = summarise(table, by, [*map(metric_named, _MEASURED), *errors], seed=seed)
     cells = layout(table, by)
     units = np.stack([cells.means(values_of(table, name)) for name in _MEASURED])
@@ -146,8 +149,9 @@ def _options(summary: pl.DataFrame, by: Sequence[str]) -> pl.DataFrame:
         frame = frame.with_columns(
             part["mean"].alias(name), part["low"].alias(f"{name}_low"), part["high"].alias(f"{name}_high")
         )
-    errors = {metric.name: summary.filter(metric=metric.name)["mean"] for metric in ERROR_METRICS}
-    shown = [means.alias(name) for name, means in errors.items() if len(means)]
+    others = {metric.name: summary.filter(metric=metric.name) for metric in (*TOUR_METRICS, *ERROR_METRICS)}
+    shown = [part["mean"].alias(name) for name, part in others.items() if part.height]
+    shown += [part["p95"].alias(f"{BATTERIES}_p95") for part in [others[BATTERIES]] if part.height]
     return frame.with_columns(parts[_TIME]["p95"].alias("time_s_p95"), *shown)
 
 
@@ -218,13 +222,45 @@ def _sentences(table: pl.DataFrame, options: Sequence[Row], by: Sequence[str], l
     best, *others = options
     expected = listed([f"{metric_named(name).label.lower()} {_expected(best, name)}" for name in _MEASURED])
     return [
-        f"fly {_option(best, by)}: expected {expected} a segment, the flight from the base included",
+        f"fly {_option(best, by)}: expected {expected} {_of_what(table)}",
+        *_batteries(best),
         *_lead(best, others, by, limits),
         *_corrected(options),
         *_warnings(best, limits),
         *_left_out(others, by),
         *_averaged(table, by),
     ]
+
+
+def _of_what(table: pl.DataFrame) -> str:
+    """What time and energy are of."""
+    if not is_by_mission(table):
+        return "a segment, the flight from the base included"
+    return f"a mission over {_segments(table)}, the way out and home included"
+
+
+def _segments(table: pl.DataFrame) -> str:
+    """`19 segments`, `17 or 19 segments`."""
+    counts = sorted(table[SEGMENTS].unique().to_list())
+    words = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
+    return f"{words} segment{'s' * (counts != [1])}"
+
+
+def _batteries(best: Row) -> list[str]:
+    """How many to bring to a tour: enough for 95 % of the missions; each is changed above its reserve."""
+    if best.get(BATTERIES) is None:
+        return []
+    bring = batteries_to_bring(best)
+    mean = amount(metric_named(BATTERIES), best[BATTERIES])
+    return [
+        f"bring {bring} batter{'y' if bring == 1 else 'ies'}: a mission took {mean} on average, {bring} at the 95th "
+        "percentile, each changed in time to be home with its reserve"
+    ]
+
+
+def batteries_to_bring(option: Row) -> int:
+    """Full batteries that are enough for 95 % of the missions of an option."""
+    return ceil(float(option[f"{BATTERIES}_p95"]) - _SAME)
 
 
 def _corrected(options: Sequence[Row]) -> list[str]:

@@ -43,7 +43,9 @@ _MOST_OF_OTHERS = {_MAIN: 1, "time_s": 1}
 Row = dict[str, Any]
 
 
-def conclusions(summary: pl.DataFrame, comparisons: Sequence[Comparison], effects: pl.DataFrame) -> list[str]:
+def conclusions(
+    summary: pl.DataFrame, comparisons: Sequence[Comparison], effects: pl.DataFrame, *, tours: bool = False
+) -> list[str]:
     """At most a dozen sentences, and four for each comparison after the first: coverage first, then time and energy,
     tails, what explains most, what is missing.
 
@@ -54,6 +56,7 @@ def conclusions(summary: pl.DataFrame, comparisons: Sequence[Comparison], effect
     Args:
         summary, effects: of the same table, as the functions of these names make them.
         comparisons: the first is what the study is about.
+        tours: of a table with one row a mission.
     """
     claims = [_Claims(comparison, _MOST_OF_OTHERS if at else _MOST) for at, comparison in enumerate(comparisons)]
     return [
@@ -61,7 +64,7 @@ def conclusions(summary: pl.DataFrame, comparisons: Sequence[Comparison], effect
         *_few(summary),
         *_tail(summary, "wait_s", "waiting"),
         *(_tail(summary, "time_s", "time") if "wait_s" not in summary["metric"] else []),
-        *_explained(effects),
+        *_explained(effects, tours=tours),
         *_missing(summary),
     ]
 
@@ -219,7 +222,7 @@ def _tail(summary: pl.DataFrame, name: str, what: str) -> list[str]:
     ]
 
 
-def _explained(effects: pl.DataFrame) -> list[str]:
+def _explained(effects: pl.DataFrame, *, tours: bool) -> list[str]:
     """How the variance of the main metric falls to replicates and factors; a factor is named where its test allows."""
     rows = effects.filter(pl.col("replicates") > 1, metric=_MAIN).drop_nulls("eta2").to_dicts()
     if not rows:
@@ -228,7 +231,8 @@ def _explained(effects: pl.DataFrame) -> list[str]:
     named = [row for row, value in zip(rows, p, strict=True) if value < EFFECT_ALPHA and row["eta2"] >= 0.005]
     named.sort(key=lambda row: -row["eta2"])
     share = {row["term"]: row["eta2"] for row in rows}
-    parts = [f"{percent(share[REPLICATE])} lies between segments (replicates)"] if share.get(REPLICATE) else []
+    between = "replicates" if tours else "segments (replicates)"
+    parts = [f"{percent(share[REPLICATE])} lies between {between}"] if share.get(REPLICATE) else []
     parts += [f"{percent(row['eta2'])} is explained by {_term(row['term'])}" for row in named[:3]]
     if not named:
         parts.append("none could be shown to be explained by a factor")

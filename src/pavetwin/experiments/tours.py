@@ -1,0 +1,74 @@
+"""Missions that are tours: the table with one row a mission instead of one a segment."""
+
+from typing import Final
+
+import polars as pl
+
+from pavetwin.experiments.metrics import BATTERIES, FLOWN, REPLICATE, STATUS
+
+MISSION_COLUMNS: Final = {
+    **dict.fromkeys(("mission_time_s", "mission_energy", "mission_distance_m"), pl.Float64),
+    "mission_batteries": pl.Int64,
+}
+"""Of missions that are tours: the whole flight from take-off to landing, battery changes included, the same in each row
+of a mission."""
+
+SEGMENTS: Final = "segments"
+"""Column of a mission: how many segments it inspected."""
+
+_SUMMED: Final = (
+    *("length_m", "area_m2", "defects", "swept", "confirmed", "recovered", "wait_s", "occlusions", "revisits"),
+    *("duplicates", "false_alarms"),
+)
+
+
+def is_by_mission(table: pl.DataFrame) -> bool:
+    """Whether a table has one row a mission, as `by_mission` makes it."""
+    return SEGMENTS in table.columns
+
+
+def by_mission(table: pl.DataFrame) -> pl.DataFrame:
+    """A study's table with one row a mission where its missions are tours; any other table as it is.
+
+    Shares are of the mission's defects and of its surface, time, energy and distance those of the whole flight, the way
+    home included, and `batteries` is how many full ones it took. Of a mission that failed all of these are null.
+    """
+    flown = table.filter(pl.col(STATUS) == FLOWN)
+    if not set(MISSION_COLUMNS) <= set(table.columns) or flown["mission_time_s"].null_count():
+        return table
+    before = table.columns[: table.columns.index("order")]
+    keys = before[: before.index(REPLICATE) + 1]
+    sums = [pl.col(name).sum() for name in _SUMMED]
+    missions = table.group_by(keys, maintain_order=True).agg(
+        *(pl.col(name).first() for name in before if name not in keys),
+        pl.len().alias(SEGMENTS),
+        *sums,
+        (pl.col("surface_coverage") * pl.col("area_m2")).sum().alias("_seen_m2"),
+        *(pl.col(name).first() for name in MISSION_COLUMNS),
+    )
+    matched, reported = (
+        pl.col("confirmed") + pl.col("duplicates"),
+        pl.col("confirmed") + pl.col("duplicates") + pl.col("false_alarms"),
+    )
+    measured = {
+        **{name: pl.col(name) for name in _SUMMED},
+        "coverage": _share(pl.col("confirmed"), pl.col("defects")),
+        "swath_coverage": _share(pl.col("confirmed"), pl.col("swept")),
+        "recovery": _share(pl.col("recovered"), pl.col("swept")),
+        "surface_coverage": _share(pl.col("_seen_m2"), pl.col("area_m2")),
+        "time_s": pl.col("mission_time_s"),
+        "energy": pl.col("mission_energy"),
+        "distance_m": pl.col("mission_distance_m"),
+        BATTERIES: pl.col("mission_batteries"),
+        "precision": _share(matched, reported),
+        "false_alarms_per_100_m2": 100 * _share(pl.col("false_alarms"), pl.col("_seen_m2")),
+    }
+    done = pl.col(STATUS) == FLOWN
+    return missions.select(
+        *before, SEGMENTS, *(pl.when(done).then(value).alias(name) for name, value in measured.items())
+    )
+
+
+def _share(part: pl.Expr, whole: pl.Expr) -> pl.Expr:
+    """Null where there is nothing to be a share of."""
+    return pl.when(whole > 0).then(part / whole)
