@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import polars as pl
 import pytest
@@ -11,11 +12,20 @@ from typer.main import get_group
 from pavetwin import plugins
 from pavetwin.cli import COMMANDS, app
 from pavetwin.defects import DEFECT_CLASSES, DefectOptions, add_defects
+from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import read_design
+from pavetwin.policies import POLICIES
 from pavetwin.world.store import save_world
 from scenes import built
 from scenes.command_line import pavetwin, plain_refusal
 
+CALM = """
+from pavetwin.policies import GoOn, Policy, policy
+@policy("calm")
+class Calm(Policy):
+    def decide(self, snapshot):
+        return GoOn()
+"""
 RUTTING = Path(__file__).resolve().parents[2] / "examples" / "rutting.py"
 
 
@@ -69,6 +79,23 @@ def test_a_design_names_the_plugins_that_it_was_written_with(tmp_path: Path) -> 
     done = pavetwin("experiment", "init", tmp_path / "d.yaml", "--plugin", RUTTING)
     assert done.returncode == 0, done.stderr
     assert read_design(tmp_path / "d.yaml").plugins == (str(RUTTING),)
+    (tmp_path / "mine.py").write_text(CALM)
+    (tmp_path / "studies").mkdir()
+    pavetwin("experiment", "init", "studies/m.yaml", "--plugin", "mine.py", cwd=tmp_path)
+    POLICIES.restore("calm", None)
+    text = (tmp_path / "studies" / "m.yaml").read_text()
+    assert 'plugins: ["../mine.py"]' in text
+    assert "policies: [baseline, hover, micro, skip, calm] " in text
+
+
+def test_a_mix_of_classes_is_placed(tmp_path: Path) -> None:
+    build = ("world", "build", "--generate", "grid", "--defects-per-segment", "2", "-o", tmp_path / "w")
+    assert "did you mean 'pothole'" in plain_refusal(pavetwin(*build, "--defect-mix", "pothol=1"))
+    assert "as in --defect-mix pothole=2" in plain_refusal(pavetwin(*build, "--defect-mix", "pothole"))
+    options = DefectOptions(per_segment=2, mix={"pothole": 2.0})
+    with patch("pavetwin.defects.add_defects", side_effect=PaveTwinError("enough")) as added:
+        pavetwin(*build, "--defect-mix", "pothole=2")
+    assert added.call_args.args[1] == options
 
 
 @pytest.mark.usefixtures("forgotten")

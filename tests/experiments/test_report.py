@@ -196,6 +196,8 @@ def test_the_first_page_answers_the_question() -> None:
     assert best is not None
     assert f"Fly {best['policy']} at {best['altitude_m']:g} m" in front
     assert "In each traffic" in front
+    for advice in study.advice_in.values():
+        assert all(" ".join(sentence.split()) in front for each in advice for sentence in each.sentences)
     assert len(study.findings) == 3
     assert all(" ".join(sentence.split()) in front for sentence in study.findings)
     assert "Settings that differ from the preset paper: d_max 4 (preset: 3)." in front
@@ -203,6 +205,26 @@ def test_the_first_page_answers_the_question() -> None:
     plain = page(gather("Plain", {**design, "set": {"recall": 0.84}}, table_of(SMALL, 12), {}))
     assert "No setting differs from the preset paper." in plain
     assert "No limit of time, battery or coverage was set" in plain
+
+
+@pytest.mark.parametrize(
+    ("placing", "words"),
+    [
+        ("world", "Defects are those of the world."),
+        ("placed", "Defects are placed in each replicate, as densely and of the classes as in the world."),
+        (
+            {"per_segment": 6, "mix": {"rutting": 2.0, "pothole": 1}},
+            "Defects are placed in each replicate: 6 a segment, of the classes pothole 1 and rutting 2 (weights).",
+        ),
+        ({"per_100_m2": 4}, "Defects are placed in each replicate: 4 per 100 m², of all classes by their own weights."),
+    ],
+)
+def test_what_was_flown_says_the_defects_and_the_files(placing: object, words: str) -> None:
+    design = {"defects": placing, "files": {"/home/me/rutting.py": "3f9c2a81"}}
+    said = pages.design_words(gather("Own", design, table_of(SMALL, 3), {}))
+    assert words in said
+    assert "Files of your own, with the beginning of their SHA-256: rutting.py (3f9c2a81)." in said
+    assert "Files of your own" not in pages.design_words(gather("Own", {"defects": placing}, table_of(SMALL, 3), {}))
 
 
 def test_marks_of_the_first_figure_differ_in_grey() -> None:

@@ -16,6 +16,7 @@ from pavetwin.experiments.statistics import (
     conclusions,
     differences,
     effects,
+    key_findings,
     recommend,
     summarise,
 )
@@ -81,6 +82,21 @@ def test_no_claim_has_an_interval_with_zero_in_it() -> None:
                 assert 0 < float(low) <= float(high)
 
 
+def test_a_finding_names_its_one_setting_or_counts_within_its_traffic() -> None:
+    def found(*altitudes: float) -> str:
+        def helped(cell: dict[str, Any]) -> dict[str, float]:
+            helps = cell["policy"] == "hover" and cell["traffic"] == "high" and cell["altitude_m"] in altitudes
+            return {"coverage": 0.2 * helps}
+
+        table = study({**SMALL, "altitude_m": (6.0, 10.0, 15.0)}, truth=helped)
+        rows = differences(table, BY, factor="policy", reference="baseline")
+        return key_findings([Comparison("policy", "baseline", "", rows)])[0]
+
+    assert found(10.0).startswith("In high traffic, coverage is ")
+    assert "higher with hover than with baseline (at 10 m)" in found(10.0)
+    assert "higher with hover than with baseline (2 of 3 settings)" in found(6.0, 10.0)
+
+
 def test_at_most_a_dozen_sentences() -> None:
     policies = ("baseline", *(f"policy {k}" for k in range(9)))
     table = study({**PAPER, "policy": policies}, 18, lambda cell: {
@@ -94,6 +110,7 @@ def test_at_most_a_dozen_sentences() -> None:
 def test_too_few_replicates_are_said_to_be_too_few() -> None:
     said = concluded(study(PAPER, 5, hover_helps_in_high_traffic))
     assert any("With 5 replicates no difference from baseline, however large" in sentence for sentence in said)
+    assert any("; with so few pairs a difference cannot be excluded there." in sentence for sentence in said)
     assert not any(re.search("p [=<]", sentence) for sentence in said)
 
 

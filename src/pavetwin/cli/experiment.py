@@ -58,11 +58,18 @@ def init(
     \b
     pavetwin experiment init study.yaml --world worlds/my-town
     pavetwin experiment init paper.yaml --preset paper --world out/demo/town
+    pavetwin experiment init mine.yaml --world worlds/rutted --plugin my_policy.py
     """
     from pavetwin.experiments.design import preset_text
     from pavetwin.files import writing
+    from pavetwin.plugins import load_plugins, registered_in
+    from pavetwin.policies import POLICIES
 
-    text, place = preset_text(preset, world, paths_of(plugin)), target.absolute().parent / world
+    load_plugins(plugin or ())
+    own = [name for path in plugin or () for what, name in registered_in(path) if what == POLICIES.what]
+    folder = target.absolute().parent
+    beside = [os.path.relpath(path, folder) for path in paths_of(plugin)]
+    text, place = preset_text(preset, world, beside, own), folder / world
     if target.exists() and not force:
         raise PaveTwinError(f"'{target}' exists already; choose another name or add --force to replace it.")
     with writing(target) as path:
@@ -318,6 +325,7 @@ def _plain(said: dict[str, Any]) -> dict[str, Any]:
     return {
         **said["design"],
         "version": said["versions"]["pavetwin"],
+        "files": said.get("files") or {},
         "made_with": {
             "SUMO": said["versions"]["libsumo"],
             **{f"world {name}": content for name, content in said["worlds"].items()},

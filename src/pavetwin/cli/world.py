@@ -34,6 +34,14 @@ def build(
     defects_per_100_m2: Annotated[
         float | None, typer.Option("--defects-per-100-m2", help="Instead: number of defects per 100 m² of a segment.")
     ] = None,
+    defect_mix: Annotated[
+        str | None,
+        typer.Option(
+            metavar="CLASS=WEIGHT,…",
+            help="Classes of the defects and their weights, as in pothole=2,single_crack=1; unless given all classes "
+            "with their own.",
+        ),
+    ] = None,
     anchor: Annotated[
         str | None, typer.Option(metavar="LAT,LON", help="Place of the origin of a SUMO network without a projection.")
     ] = None,
@@ -46,8 +54,10 @@ def build(
     pavetwin world build berlin.osm.pbf -o worlds/berlin
     pavetwin world build my.net.xml -o worlds/mine --anchor 48.14,11.58
     pavetwin world build --generate town --seed 7 -o worlds/town
+    pavetwin world build --generate town -o worlds/holes --defects-per-100-m2 2 --defect-mix pothole=3,single_crack=1
     """
     from pavetwin.defects import DefectOptions, add_defects
+    from pavetwin.defects.registry import mixed
     from pavetwin.world.build import BuildOptions, build_world
     from pavetwin.world.folder import check_target
     from pavetwin.world.generate import network_kind
@@ -67,7 +77,9 @@ def build(
     options = BuildOptions.parse(values, where="world build")
     asked = {"per_segment": defects_per_segment, "per_100_m2": defects_per_100_m2}
     density = {name: value for name, value in asked.items() if value is not None}
-    defects = DefectOptions.parse(density, where="world build")
+    mix = {} if defect_mix is None else {"mix": _weights(defect_mix)}
+    defects = DefectOptions.parse({**density, **mix}, where="world build")
+    mixed(defects.mix)
     check_target(output, force=force)
     with progress("Building the world") as report:
         chosen = source if source is not None else network_kind(generate or "")
@@ -77,6 +89,21 @@ def build(
         report(1.0)
     _print_summary(world, built.record)
     out.line(f"Written to {output}/ (world.gpkg opens in QGIS). Next: pavetwin world show {quote(str(output))}")
+
+
+def _weights(text: str) -> dict[str, float]:
+    """`pothole=2,single_crack=1` as weights by class.
+
+    Raises:
+        PaveTwinError: it is written differently.
+    """
+    pairs = [part.partition("=") for part in text.split(",")]
+    try:
+        return {name.strip(): float(weight) for name, _, weight in pairs}
+    except ValueError:
+        raise PaveTwinError(
+            f"--defect-mix {text}: expected classes with weights, as in --defect-mix pothole=2,single_crack=1."
+        ) from None
 
 
 @app.command()

@@ -314,8 +314,9 @@ def preset_names() -> list[str]:
     return sorted(_PRESETS)
 
 
-def preset_text(name: str, world: str, plugins: Sequence[str] = ()) -> str:
-    """The commented text of a design that ships with the package, over a world, with a user's plugin files.
+def preset_text(name: str, world: str, plugins: Sequence[str] = (), policies: Sequence[str] = ()) -> str:
+    """The commented text of a design that ships with the package, over a world, with a user's plugin files and
+    policies.
 
     Raises:
         PaveTwinError: there is no such design.
@@ -325,7 +326,10 @@ def preset_text(name: str, world: str, plugins: Sequence[str] = ()) -> str:
     template = (files("pavetwin.experiments") / "design_template.yaml").read_text(encoding="utf-8")
     entry = yaml.safe_dump(world, width=1000).removesuffix("\n...\n").strip()
     return Template(template).substitute(
-        _PRESETS[name], world=entry, plugins=json.dumps([*plugins], ensure_ascii=False)
+        _PRESETS[name],
+        world=entry,
+        plugins=json.dumps([*plugins], ensure_ascii=False),
+        policies=", ".join((*Design.model_fields["policies"].default, *policies)),
     )
 
 

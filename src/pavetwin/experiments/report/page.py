@@ -3,14 +3,15 @@
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import polars as pl
 import yaml
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from pavetwin.defects import DefectOptions
 from pavetwin.draw import style
-from pavetwin.experiments.advice import Advice
 from pavetwin.experiments.metrics import FACTORS, FAILED, STATUS
 from pavetwin.experiments.report import front, traffic, whole
 from pavetwin.experiments.report.parts import Block, ReportFigure, Section, Table
@@ -36,7 +37,9 @@ def page(study: Study, sections: Sequence[Section]) -> str:
         study=study,
         question=front.question(study),
         answers=[(each.assumption, each.sentences) for each in study.advice],
-        by_traffic=[(name, _first_sentences(advice)) for name, advice in study.advice_in.items()],
+        by_traffic=[
+            (name, " ".join(" ".join(each.sentences) for each in advice)) for name, advice in study.advice_in.items()
+        ],
         limited=any(each.recommendation.limits.named for each in study.advice),
         changed=front.changed_settings(study.design),
         presets=listed(list(study.design.get("presets") or ())),
@@ -68,7 +71,8 @@ def design_words(study: Study) -> str:
     fixed = [f"{factor_text(name).lower()} {level_text(name, level)}" for name, level in constants(study).items()]
     same = f" The same throughout: {', '.join(fixed)}." if fixed else ""
     streets = study.design.get("streets")
-    drawn = f" Segments are drawn from {listed(streets)} alone." if streets else ""
+    drawn = f" {placed}" if (placed := defect_words(study.design)) else ""
+    drawn += f" Segments are drawn from {listed(streets)} alone." if streets else ""
     has = "traffic, defects and an order of the segments" if study.tours else "a street segment, traffic and defects"
     if study.tours and study.design.get("order") == "near":
         has = "traffic and defects"
@@ -102,6 +106,28 @@ def grounds(study: Study) -> str:
     return f"The numbers rest on {listed(parts)}." if parts else ""
 
 
+def defect_words(design: Mapping[str, Any]) -> str:
+    """How many defects of which classes were placed, and which files of the user's own were used; empty where the
+    design does not say."""
+    placing, sentences = design.get("defects"), []
+    if placing == "world":
+        sentences.append("Defects are those of the world.")
+    elif placing == "placed":
+        sentences.append("Defects are placed in each replicate, as densely and of the classes as in the world.")
+    elif isinstance(placing, Mapping):
+        options = DefectOptions.model_validate(placing)
+        number = (
+            f"{options.per_segment:g} a segment" if options.per_100_m2 is None else f"{options.per_100_m2:g} per 100 m²"
+        )
+        shares = [f"{name} {weight:g}" for name, weight in sorted(options.mix.items())]
+        mix = f"of the classes {listed(shares)} (weights)" if shares else "of all classes by their own weights"
+        sentences.append(f"Defects are placed in each replicate: {number}, {mix}.")
+    hashes = design.get("files") or {}
+    if own := [f"{Path(path).name} ({content})" for path, content in hashes.items()]:
+        sentences.append(f"Files of your own, with the beginning of their SHA-256: {listed(own)}.")
+    return " ".join(sentences)
+
+
 def facts(study: Study) -> list[tuple[str, str]]:
     """The numbers that a reader looks for first."""
     failed = study.table.filter(pl.col(STATUS) == FAILED).height
@@ -119,7 +145,7 @@ def facts(study: Study) -> list[tuple[str, str]]:
 
 def design_text(design: Mapping[str, Any]) -> str:
     """The design as YAML, without what it was flown with, which is not part of the file."""
-    values = {key: value for key, value in design.items() if key not in {"version", "made_with"}}
+    values = {key: value for key, value in design.items() if key not in {"version", "made_with", "files"}}
     plain = json.loads(json.dumps(values, default=str))
     return yaml.safe_dump(plain, sort_keys=False, default_flow_style=None, allow_unicode=True, width=100).rstrip()
 
@@ -158,12 +184,6 @@ def sections_of(study: Study, on_progress: Callable[[float], None] = lambda _: N
 
 def figures(sections: Sequence[Section]) -> list[ReportFigure]:
     return [block for block in _blocks(sections) if isinstance(block, ReportFigure)]
-
-
-def _first_sentences(advice: Sequence[Advice]) -> str:
-    """What each recommendation says first: the option, what its camera shows, the batteries of a tour, and how sure the
-    choice is."""
-    return " ".join(" ".join(each.sentences[: 5 if each.is_of_tours else 4]) for each in advice)
 
 
 def _numbers(sections: Sequence[Section]) -> dict[int, int]:

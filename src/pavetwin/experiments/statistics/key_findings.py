@@ -1,13 +1,14 @@
 """The few findings that a decision rests on: one plain sentence for each comparison that matters most."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 import polars as pl
 
 from pavetwin.experiments.metrics import Metric, metric_named
 from pavetwin.experiments.statistics.paired import Comparison, is_significant
-from pavetwin.experiments.words import among, factors_text, level_text, listed, nonzero, opened
+from pavetwin.experiments.words import among, factors_text, level_text, listed, nonzero, opened, setting
 
 MOST: Final = 3
 _FIRST: Final = (("altitude_m", "coverage"), ("policy", "coverage"), ("policy", "time_s"), ("altitude_m", "time_s"))
@@ -33,52 +34,90 @@ def key_findings(comparisons: Sequence[Comparison]) -> list[str]:
     return found[:MOST]
 
 
+@dataclass(frozen=True)
+class _Claim:
+    """That a level differs from a reference in one direction."""
+
+    comparison: Comparison
+    level: Any
+    side: int
+    shown: list[Row]
+    """The settings in which it was shown."""
+    settings: list[Row]
+    """All in which it was tested."""
+
+
 def _sentence(compared: Sequence[Comparison], metric: Metric) -> str:
     factor, number = compared[0].factor, compared[0].number
-    clauses: list[str] = []
-    shown: list[Row] = []
-    settings, before = 0, None
+    claims: list[_Claim] = []
+    settings = 0
     for comparison in compared:
         rows = comparison.differences.filter(pl.col("p").is_not_null(), metric=metric.name).to_dicts()
         settings += len(rows)
         for level in dict.fromkeys(row[factor] for row in rows):
             of_level = [row for row in rows if row[factor] == level]
             for side in (1, -1):
-                claimed = [row for row in of_level if is_significant(row) and side * row["mean"] > 0]
-                if claimed:
-                    same = (comparison.reference, side)
-                    than = "" if same == before else among(factor, comparison.reference)
-                    clauses.append(_clause(metric, among(factor, level), than, claimed, len(of_level)))
-                    shown, before = shown + claimed, same
+                shown = [row for row in of_level if is_significant(row) and side * row["mean"] > 0]
+                claims += [_Claim(comparison, level, side, shown, of_level)] if shown else []
     if not settings:
         return ""
     references = listed([level_text(factor, comparison.reference) for comparison in compared])
     whom = f"between {factors_text(factor)}" if len(compared) > 1 else f"from {references}"
     family = f"corrected for {number} comparison{'s' if number > 1 else ''}"
-    if not shown:
+    if not claims:
         return opened(f"no difference in {metric.label.lower()} {whom} could be shown ({family})")
+    traffic = _only_traffic(compared, [row for claim in claims for row in claim.shown])
+    clauses = [
+        _clause(metric, claim, follows=bool(at) and _aim(claims[at - 1]) == _aim(claim), traffic=traffic)
+        for at, claim in enumerate(claims)
+    ]
     more = len(clauses) - _MOST_CLAUSES
     rest = f"; {more} more in the tables of differences" if more > 0 else ""
-    where = _where(compared, shown)
-    silent = "; no other difference could be shown" if len(shown) < settings else ""
+    where = f"in {traffic} traffic, " if traffic else ""
+    silent = "; no other difference could be shown" if sum(len(claim.shown) for claim in claims) < settings else ""
     text = f"{where}{metric.label.lower()} is {'; '.join(clauses[:_MOST_CLAUSES])}{rest}{silent}"
     return f"{opened(text)} Each: p < 0.05, {family}."
 
 
-def _clause(metric: Metric, level: str, than: str, claimed: Sequence[Row], settings: int) -> str:
-    """`4.9 to 5.2 percentage points higher with hover than with baseline (2 of 9 settings)`; the next one like it, of
-    which `than` is empty, `7.7 with micro (1 of 9)`."""
-    sizes = sorted(abs(row["mean"]) * metric.scale for row in claimed)
+def _aim(claim: _Claim) -> tuple[Any, int]:
+    return claim.comparison.reference, claim.side
+
+
+def _clause(metric: Metric, claim: _Claim, *, follows: bool, traffic: str) -> str:
+    """`4.9 to 5.2 percentage points higher with hover than with baseline (2 of 9 settings)`; one that follows another
+    like it, `7.7 with micro (at 10 m)`.
+
+    Args:
+        traffic: the only one in which anything was shown, which the sentence names; empty otherwise.
+    """
+    factor = claim.comparison.factor
+    sizes = sorted(abs(row["mean"]) * metric.scale for row in claim.shown)
     ends = list(dict.fromkeys(nonzero(size, metric.digits) for size in (sizes[0], sizes[-1])))
     unit = "percentage points" if metric.unit == "%" else metric.unit
-    side = "higher" if claimed[0]["mean"] > 0 else "lower"
-    if not than:
-        return f"{' to '.join(ends)} {level} ({len(claimed)} of {settings})"
-    return f"{' to '.join(ends)} {unit} {side} {level} than {than} ({len(claimed)} of {settings} settings)"
+    side = "higher" if claim.side > 0 else "lower"
+    level = among(factor, claim.level)
+    tested = [row for row in claim.settings if not traffic or row["traffic"] == traffic]
+    where = _where(claim, tested, follows=follows)
+    if follows:
+        return f"{' to '.join(ends)} {level}{where}"
+    return f"{' to '.join(ends)} {unit} {side} {level} than {among(factor, claim.comparison.reference)}{where}"
 
 
-def _where(compared: Sequence[Comparison], shown: Sequence[Row]) -> str:
-    """`In high traffic, ` where all that was shown was in one of several densities."""
+def _where(claim: _Claim, tested: Sequence[Row], *, follows: bool) -> str:
+    """The setting in brackets where it is one of several, else how many of them; nothing where there is only one."""
+    if len(claim.shown) == 1 and len(tested) > 1:
+        columns = claim.comparison.differences.columns
+        varied = [
+            name
+            for name in columns[: columns.index("metric")]
+            if name != claim.comparison.factor and len({row[name] for row in tested}) > 1
+        ]
+        return f" ({setting(claim.shown[0], varied)})"
+    return f" ({len(claim.shown)} of {len(tested)}{'' if follows else ' settings'})" if len(tested) > 1 else ""
+
+
+def _only_traffic(compared: Sequence[Comparison], shown: Sequence[Row]) -> str:
+    """The one of several densities in which all was shown; empty where it was in more."""
     densities = {row["traffic"] for comparison in compared for row in comparison.differences.to_dicts()}
     only = {row["traffic"] for row in shown}
-    return f"in {only.pop()} traffic, " if len(densities) > 1 and len(only) == 1 else ""
+    return str(only.pop()) if len(densities) > 1 and len(only) == 1 else ""

@@ -172,7 +172,7 @@ def _not_excluded(name: str, rows: Sequence[Row]) -> str:
     """What the intervals of these comparisons leave possible."""
     metric = metric_named(name)
     if any(row["low"] is None for row in rows):
-        return "so few pairs exclude none there"
+        return "with so few pairs a difference cannot be excluded there"
     low, high = min(row["low"] for row in rows), max(row["high"] for row in rows)
     if low == high == 0:
         return "all pairs are equal there"
