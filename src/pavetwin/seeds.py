@@ -19,6 +19,7 @@ class Stream(IntEnum):
     CAPTURE = 8
     FRAME = 9
     EXPERIMENT = 10
+    PARKING = 11
 
 
 def child(seed: int, stream: Stream, *keys: int) -> np.random.Generator:

@@ -11,6 +11,7 @@ from pavetwin.config.altitude import Altitude
 from pavetwin.config.base import NameOrFile, PluginFiles, Settings, overlay, with_overrides
 from pavetwin.config.conditions import Conditions
 from pavetwin.config.options import Options
+from pavetwin.config.parking import ParkingSettings
 from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.plugins import load_plugins
@@ -162,6 +163,7 @@ class MissionSettings(Settings):
     sensing: SensingSettings = SensingSettings()
     energy: EnergySettings = EnergySettings()
     conditions: Conditions = Conditions()
+    parking: ParkingSettings = ParkingSettings()
     plugins: PluginFiles = ()
     """Files of the user's own that register what a setting names; read when settings are made."""
 

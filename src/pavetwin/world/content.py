@@ -25,7 +25,10 @@ Geometry = TypeVar("Geometry", bound=BaseGeometry)
 HASHED = ("streets", "segments", "lanes", "connections", "junctions", "crossings", "buildings", "furniture", "parks")
 """Fields that identify the world of a recording or a navmesh; defects are not among them."""
 
-COLLECTIONS = (*HASHED, "defects")
+HASHED_IF_THERE = ("parking",)
+"""As `HASHED`; a world that has none of them keeps the hash that earlier versions gave it."""
+
+COLLECTIONS = (*HASHED, *HASHED_IF_THERE, "defects")
 
 
 def round_to_grid(xy: Float64Array) -> Float64Array:
@@ -69,7 +72,7 @@ def content_hash(world: World, network_sha256: str) -> str:
     frame = [place.epsg, place.offset_east_m, place.offset_north_m, world.left_hand, network_sha256]
     digest.update(json.dumps(frame).encode())
     digest.update(_wkb(world.base))
-    for name in HASHED:
+    for name in (*HASHED, *(name for name in HASHED_IF_THERE if getattr(world, name))):
         digest.update(name.encode())
         for item in getattr(world, name):
             for part in _parts(item):

@@ -1,7 +1,7 @@
 """The tables of a world's GeoPackage: how each collection becomes rows of a layer, and values again.
 
 Layers: streets (centre lines), segments (polygons), centre_lines (of segments), lanes, sidewalks, connections,
-junctions, crossings, buildings, furniture, parks, defects.
+junctions, crossings, buildings, furniture, parks, parking, defects.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -29,6 +29,7 @@ from pavetwin.world.model import (
     Street,
     World,
 )
+from pavetwin.world.parking.model import ParkingOrientation, ParkingPlace, ParkingPosition, ParkingSource, StreetSide
 
 UNSIGNALLED = -1
 """In a column `link`: no traffic light controls it."""
@@ -53,6 +54,8 @@ class Layer:
     """The columns that are not the item's attribute of the same name."""
     later: frozenset[str] = frozenset()
     """Columns that worlds of an earlier version do not have."""
+    optional: bool = False
+    """Worlds of an earlier version do not have the layer."""
 
     def rows(self, world: World) -> Iterator[LayerRow]:
         """Each row's columns, and its geometry under `geometry`."""
@@ -73,6 +76,7 @@ _SIGNAL: dict[str, Reader] = {
     "controller": lambda item: item.signal.controller if item.signal else "",
     "link": lambda item: item.signal.link if item.signal else UNSIGNALLED,
 }
+_CENTRE: dict[str, Reader] = {"centre_east_m": attrgetter("centre.x"), "centre_north_m": attrgetter("centre.y")}
 _STREET_COLUMNS = dict.fromkeys(("id", "name", "kind", "edges", "from_junction", "to_junction"), str)
 _LANE_COLUMNS = {"id": str, "edge": str, "index": int, "kind": str, "width_m": float, "speed_limit_mps": float}
 _SIGNAL_COLUMNS = {"controller": str, "link": int}
@@ -127,6 +131,18 @@ LAYERS = (
         {"id": lambda numbered: f"k{numbered[0]:04d}"},
     ),
     Layer(
+        "parking",
+        "Polygon",
+        attrgetter("parking"),
+        _AREA,
+        {
+            **dict.fromkeys(("id", "street", "segment", "side", "position", "orientation", "source", "closed"), str),
+            **dict.fromkeys(("centre_east_m", "centre_north_m", "yaw_rad", "length_m", "width_m"), float),
+        },
+        _CENTRE,
+        optional=True,
+    ),
+    Layer(
         "defects",
         "Polygon",
         attrgetter("defects"),
@@ -135,11 +151,7 @@ LAYERS = (
             **{"id": int, "segment": str, "kind": str, "centre_east_m": float, "centre_north_m": float},
             **{"seed": int, "yaw_rad": float, "severity": str, **_DEFECT_SIZES},
         },
-        {
-            "centre_east_m": attrgetter("centre.x"),
-            "centre_north_m": attrgetter("centre.y"),
-            "area_m2": lambda item: round(item.area_m2, 6),
-        },
+        {**_CENTRE, "area_m2": lambda item: round(item.area_m2, 6)},
     ),
 )
 
@@ -173,6 +185,7 @@ def collections_of(tables: Mapping[str, Sequence[LayerRow]]) -> dict[str, Any]:
             _item(Furniture, row, "position", kind=FurnitureKind(row["kind"])) for row in tables["furniture"]
         ),
         "parks": tuple(row["geometry"] for row in tables["parks"]),
+        "parking": tuple(_parking_place(row) for row in tables["parking"]),
         "defects": tuple(_defect(row) for row in tables["defects"]),
     }
 
@@ -194,6 +207,17 @@ def _signal(row: LayerRow) -> SignalLink | None:
 def _defect(row: LayerRow) -> Defect:
     centre = Point(row["centre_east_m"], row["centre_north_m"])
     return _item(Defect, row, "polygon", centre=centre, severity=Severity(row["severity"]))
+
+
+def _parking_place(row: LayerRow) -> ParkingPlace:
+    return ParkingPlace(
+        **{name: row[name] for name in ("id", "street", "segment", "yaw_rad", "length_m", "width_m", "closed")},
+        side=StreetSide(row["side"]),
+        position=ParkingPosition(row["position"]),
+        orientation=ParkingOrientation(row["orientation"]),
+        source=ParkingSource(row["source"]),
+        centre=Point(row["centre_east_m"], row["centre_north_m"]),
+    )
 
 
 def conflicts_of(world: Mapping[str, Any]) -> Iterator[str]:

@@ -109,6 +109,8 @@ def read_layers(path: Path, place: GeoReference, hint: str) -> dict[str, Any]:
 def _read(path: Path, layer: Layer, place: GeoReference, hint: str) -> Sequence[LayerRow]:
     import pyogrio
 
+    if layer.optional and layer.name not in _layer_names(path):
+        return []
     try:
         meta, _, geometry, fields = pyogrio.raw.read(path, layer=layer.name)
     except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, RuntimeError) as error:
@@ -130,6 +132,16 @@ def _read(path: Path, layer: Layer, place: GeoReference, hint: str) -> Sequence[
         }
         for index, shape in enumerate(shapes)
     ]
+
+
+def _layer_names(path: Path) -> list[str]:
+    """Empty where the file is no GeoPackage."""
+    import pyogrio
+
+    try:
+        return [str(name) for name, _ in pyogrio.list_layers(path)]
+    except (pyogrio.errors.DataSourceError, RuntimeError):
+        return []
 
 
 def _plain(kind: type, value: Any) -> Any:

@@ -20,6 +20,7 @@ from shapely.geometry.base import BaseGeometry
 from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.world.carriageway import carriageway
 from pavetwin.world.georeference import GeoReference
+from pavetwin.world.parking.model import ParkingPlace
 
 Surface = Polygon | MultiPolygon
 
@@ -304,6 +305,8 @@ class World:
     defects: tuple[Defect, ...]
     base: Point
     """Where the UAV takes off and lands."""
+    parking: tuple[ParkingPlace, ...] = ()
+    """Along the streets, in their order."""
     content_hash: str = ""
     """SHA-256 of everything above except the defects; identifies the world of a recording or a navmesh."""
     folder: Path | None = field(default=None, compare=False)

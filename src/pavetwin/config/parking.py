@@ -1,0 +1,17 @@
+"""Whether parked vehicles stand in a world's parking places, and how many."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from pavetwin.config.base import Settings
+
+
+class ParkingSettings(Settings):
+    """Parked vehicles of a mission."""
+
+    enabled: bool = True
+    """False: all places are empty."""
+    occupancy: Annotated[float, Field(ge=0, le=1)] | None = None
+    """Share of the places that are taken; null: by the daily curve for the type of street, the day of the week and the
+    time (`pavetwin.traffic.occupancy`)."""

@@ -1,0 +1,57 @@
+"""How many parking places are taken: a daily curve for each kind of surroundings.
+
+The curves are in `occupancy.yaml`, which names its sources. Between full hours they are straight lines.
+"""
+
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from pydantic import Field
+
+from pavetwin.config.base import Settings
+from pavetwin.config.conditions import Conditions
+from pavetwin.config.mission import Share
+from pavetwin.config.text import parse_yaml
+
+SATURDAY: Final = 5
+"""Of `datetime.date.weekday`: from here on it is the weekend."""
+
+Surroundings = Literal["residential", "mixed"]
+DayKind = Literal["weekday", "weekend"]
+DailyCurve = Annotated[tuple[Share, ...], Field(min_length=24, max_length=24)]
+"""At each full hour, 0 to 23."""
+
+
+class OccupancyCurves(Settings):
+    """The contents of `occupancy.yaml`."""
+
+    surroundings: Mapping[str, Surroundings]
+    """By OSM's class of the street."""
+    otherwise: Surroundings
+    """Of all other streets."""
+    curves: Mapping[Surroundings, Mapping[DayKind, DailyCurve]]
+
+
+@cache
+def occupancy_curves() -> OccupancyCurves:
+    """The curves that ship with the package."""
+    name = "occupancy.yaml"
+    text = (files("pavetwin.traffic") / name).read_text(encoding="utf-8")
+    return OccupancyCurves.parse(parse_yaml(text, where=name), where=name)
+
+
+def surroundings_of(street_kind: str) -> Surroundings:
+    """From SUMO's type of an edge, such as `highway.residential`."""
+    data = occupancy_curves()
+    return data.surroundings.get(street_kind.removeprefix("highway.").removesuffix("_link"), data.otherwise)
+
+
+def occupancy(surroundings: Surroundings, conditions: Conditions) -> float:
+    """The share of places that are taken at the date and time of the conditions, 0 … 1."""
+    day: DayKind = "weekend" if conditions.date.weekday() >= SATURDAY else "weekday"
+    curve = occupancy_curves().curves[surroundings][day]
+    hour = conditions.time.hour + conditions.time.minute / 60
+    return float(np.interp(hour, np.arange(25), [*curve, curve[0]]))
