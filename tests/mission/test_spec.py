@@ -74,20 +74,3 @@ def test_the_renderers_version_is_named_where_images_were_taken(tmp_path: Path) 
             image_source=lambda frame: np.zeros((*frame.camera.image_px[::-1], 3), dtype=np.uint8),
         )
         assert ("wgpu" in result.spec.versions) is named
-
-
-def test_a_file_that_only_a_later_policy_reads_is_hashed_with_it(tmp_path: Path) -> None:
-    policy, table = tmp_path / "guided.py", tmp_path / "guide.csv"
-    policy.write_text(
-        'from pavetwin.policies import Baseline\nclass Guided(Baseline):\n    default_options = {"table": ""}\n'
-    )
-    table.write_text("1,2\n")
-    spec, _ = flown(())
-    options = {"policy": spec.settings.policy.model_copy(update={"options": {"table": str(table)}})}
-    guided = spec.with_policy(f"{policy}:Guided", spec.settings.model_copy(update=options))
-    (file,) = guided.plugins
-    assert (Path(file.path), spec.plugins) == (table, ())
-    assert file.difference() is None
-    table.write_text("1,3\n")
-    assert file.difference() is not None
-    assert guided.with_policy("hover").plugins == ()

@@ -46,6 +46,13 @@ def build(
         str | None, typer.Option(metavar="LAT,LON", help="Place of the origin of a SUMO network without a projection.")
     ] = None,
     left_hand: Annotated[bool, typer.Option("--left-hand", help="Traffic keeps left (OSM maps only).")] = False,
+    parking_rule: Annotated[
+        str,
+        typer.Option(
+            metavar="RULE",
+            help="Where one parks: europe, north_america, an own rule.yaml, or none; mapped places come first.",
+        ),
+    ] = "europe",
     force: Annotated[bool, typer.Option("--force", help="Replace an existing world.")] = False,
 ) -> None:
     """Build a world from a map, a SUMO network, or generated streets.
@@ -55,6 +62,7 @@ def build(
     pavetwin world build my.net.xml -o worlds/mine --anchor 48.14,11.58
     pavetwin world build --generate town --seed 7 -o worlds/town
     pavetwin world build --generate town -o worlds/holes --defects-per-100-m2 2 --defect-mix pothole=3,single_crack=1
+    pavetwin world build seattle.osm --parking-rule north_america -o worlds/seattle
     """
     from pavetwin.defects import DefectOptions, add_defects
     from pavetwin.defects.registry import mixed
@@ -72,6 +80,7 @@ def build(
     if output is None:
         raise PaveTwinError("Say where the world goes with -o, for example -o worlds/town.")
     values: dict[str, Any] = {"seed": seed, "segment_length_m": segment_length, "left_hand": left_hand}
+    values["parking_rule"] = parking_rule
     if anchor is not None:
         values["anchor"] = parse_anchor(anchor)
     options = BuildOptions.parse(values, where="world build")
@@ -159,6 +168,7 @@ def _summary(world: "World", record: "BuildRecord") -> list[tuple[str, str]]:
         ("buildings", _of_map(len(world.buildings), houses)),
     ]
     rows += [(name.replace("_", " ") + "s", _of_map(kinds[name], mapped.get(name, 0))) for name in sorted(kinds)]
+    rows += _parking_rows(world)
     if lost := record.left_out.streets:
         streets = "1 street" if lost == 1 else f"{lost} streets"
         rows.append(("left out", f"{streets} ({record.left_out.length_m:.0f} m) that no street joins to the rest"))
@@ -166,6 +176,25 @@ def _summary(world: "World", record: "BuildRecord") -> list[tuple[str, str]]:
     rows.append(("defects", f"{len(world.defects)}" + (f" ({shares})" if shares else "")))
     rows.append(("content", f"{world.content_hash[:12]}, defects {world.defects_hash[:12]}"))
     return rows
+
+
+def _parking_rows(world: "World") -> list[tuple[str, str]]:
+    """Parking places by where they are from, and by how much of them lies on the carriageway."""
+    from pavetwin.world.parking.summary import on_carriageway
+
+    if not world.parking:
+        return [("parking places", "0")]
+    words = {"tagged": "from tags of streets", "area": "from areas beside streets", "rule": "by rule"}
+    sources = Counter(place.source.value for place in world.parking)
+    orientations = Counter(place.orientation.value for place in world.parking)
+    origins = [f"{sources[name]} {text}" for name, text in words.items() if sources[name]]
+    shares = on_carriageway(world)
+    wholly, beside = int((shares > 0.95).sum()), int((shares < 0.05).sum())
+    return [
+        ("parking places", f"{len(world.parking)} ({', '.join(origins)})"),
+        ("", ", ".join(f"{count} {name}" for name, count in sorted(orientations.items()))),
+        ("", f"{wholly} on the carriageway, {len(shares) - wholly - beside} partly, {beside} beside it"),
+    ]
 
 
 def _of_map(total: int, mapped: int) -> str:

@@ -230,8 +230,7 @@ class MissionSpec(Settings):
             has = policy_class(name).default_options
             options = {option: value for option, value in own.policy.options.items() if option in has}
             own = own.model_copy(update={"policy": own.policy.model_copy(update={"options": options})})
-        given = {"policy": PolicyInput.of(name), "settings": own, "plugins": files_of_settings(own)}
-        return self.model_copy(update=given).with_versions()
+        return self.model_copy(update={"policy": PolicyInput.of(name), "settings": own}).with_versions()
 
     def with_versions(self, *, images: bool = False, defect_classes: Iterable[str] = ()) -> Self:
         """The same mission, with the versions of now.

@@ -12,7 +12,7 @@ from pydantic import Field
 from shapely import MultiPoint, MultiPolygon, Point, Polygon
 from shapely.ops import nearest_points
 
-from pavetwin.config.base import Settings
+from pavetwin.config.base import NameOrFile, Settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256, hint
 from pavetwin.world.buildings import buildings_by_rule, clear_of_roads
@@ -26,6 +26,8 @@ from pavetwin.world.ground import PlacementGround
 from pavetwin.world.model import Lane, LaneKind, Segment, World
 from pavetwin.world.network import network_from_net, network_from_osm, source_kind
 from pavetwin.world.osm import MapFeatures, read_features
+from pavetwin.world.parking.places import parking_places
+from pavetwin.world.parking.rule import parking_rule
 from pavetwin.world.roadnet import RoadNet, read_roadnet
 from pavetwin.world.segments import DEFAULT_SEGMENT_LENGTH_M, MIN_SEGMENT_LENGTH_M, segments_of
 from pavetwin.world.streets import polygons_of, streets_of, union_of
@@ -46,6 +48,9 @@ class BuildOptions(Settings):
     """(latitude, longitude) in degrees of the origin of a network without a location or with an unknown projection."""
     left_hand: bool = False
     """Traffic keeps left (OSM sources; a SUMO network states it itself)."""
+    parking_rule: NameOrFile = "europe"
+    """Sizes of parking places, what is kept clear, and where one parks if the map does not say: `europe`,
+    `north_america`, a YAML file of the same form, or `none` for a world without parking places."""
 
 
 class BuildRecord(Settings):
@@ -158,6 +163,11 @@ def _build(
     planted = parks if made.parks else ()
     furniture, of_map = furnish(net, streets, segments, ground, buildings, features.points, planted, options.seed)
     mapped.update({kind.value: count for kind, count in of_map.items()})
+    report("parking", 0.9)
+    rule = parking_rule(options.parking_rule)
+    parking = (
+        parking_places(net, streets, segments, buildings, furniture, features.parking, rule) if rule is not None else ()
+    )
     report("world", 0.95)
     world = snapped_world(
         World(
@@ -178,6 +188,7 @@ def _build(
             parks=parks,
             defects=(),
             base=base_of(segments),
+            parking=parking,
         )
     )
     return world, dict(sorted(mapped.items()))

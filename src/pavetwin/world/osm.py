@@ -17,6 +17,8 @@ from shapely import LineString, Point, Polygon
 from pavetwin.world.georeference import GeoReference, from_wgs84
 from pavetwin.world.model import FurnitureKind, Surface
 from pavetwin.world.osm_file import osm_objects
+from pavetwin.world.parking.mapped import MappedArea, Obstacle, ParkingMap, obstacle_kind
+from pavetwin.world.parking.tags import area_parking
 from pavetwin.world.streets import polygons_of
 from pavetwin.world.tags import building_height_m, latin_name, metres
 
@@ -26,7 +28,10 @@ REACH_M = 100.0
 TREE_SPACING_M = 10.0
 """Distance between the trees of a `natural=tree_row` [m]."""
 
-KEYS = ("building", "natural", "leisure", "landuse", "highway", "power", "man_made", "traffic_sign")
+KEYS = (
+    *("building", "natural", "leisure", "landuse", "highway", "power", "man_made", "traffic_sign"),
+    *("amenity", "emergency"),
+)
 
 GREEN = {
     "leisure": {"park", "garden", "playground", "pitch", "golf_course", "dog_park", "nature_reserve"},
@@ -56,6 +61,7 @@ class MapFeatures:
     parks: list[Polygon] = field(default_factory=list)
     latin_names: dict[str, str] = field(default_factory=dict)
     """By the name of a street in another script."""
+    parking: ParkingMap = field(default_factory=ParkingMap)
 
 
 def read_features(source: Path, georeference: GeoReference, streets: Surface) -> MapFeatures:
@@ -73,8 +79,8 @@ def read_features(source: Path, georeference: GeoReference, streets: Surface) ->
             reader.take_node(item, tags)
         elif item.is_way() and tags.get("natural") == "tree_row":
             reader.take_tree_row(item, tags)
-        elif item.is_way() and "highway" in tags and (latin := latin_name(tags)):
-            reader.features.latin_names.setdefault(tags["name"], latin)
+        elif item.is_way() and "highway" in tags:
+            reader.take_way(item, tags)
     return reader.features
 
 
@@ -93,6 +99,9 @@ class _FeatureReader:
             self.features.buildings += [(polygon, building_height_m(tags, polygon.area)) for polygon in found]
         elif any(tags.get(key) in values for key, values in GREEN.items()):
             self.features.parks += self._polygons(area)
+        elif parking := area_parking(tags):
+            name = tags.get("street:name", "")
+            self.features.parking.areas += [MappedArea(shape, parking, name) for shape in self._polygons(area)]
 
     def _polygons(self, area: Any) -> list[Polygon]:
         found: list[Polygon] = []
@@ -106,12 +115,22 @@ class _FeatureReader:
         degrees = [(node.lon, node.lat) for node in nodes if node.location.valid()]
         return [(float(x), float(y)) for x, y in from_wgs84(self._georeference, np.array(degrees))] if degrees else []
 
+    def take_way(self, way: Any, tags: Mapping[str, str]) -> None:
+        if latin := latin_name(tags):
+            self.features.latin_names.setdefault(tags["name"], latin)
+        corners = self._metres(way.nodes)
+        if len(corners) > 1 and self._reach.intersects(line := LineString(corners)):
+            self.features.parking.take_way(line, tags)
+
     def take_node(self, node: Any, tags: Mapping[str, str]) -> None:
-        kind = _point_kind(tags)
-        if kind is None or not node.location.valid():
+        kind, obstacle = _point_kind(tags), obstacle_kind(tags)
+        if (kind is None and obstacle is None) or not node.location.valid():
             return
         x, y = from_wgs84(self._georeference, (node.lon, node.lat))
-        self._add(kind, Point(x, y), tags)
+        if kind is not None:
+            self._add(kind, Point(x, y), tags)
+        if obstacle is not None and self._reach.intersects(at := Point(x, y)):
+            self.features.parking.obstacles.append(Obstacle(obstacle, at))
 
     def take_tree_row(self, way: Any, tags: Mapping[str, str]) -> None:
         corners = self._metres(way.nodes)

@@ -18,7 +18,7 @@ from pavetwin.world.folder import DESCRIPTION, FORMAT, GEOPACKAGE, NETWORK, chec
 from pavetwin.world.georeference import GeoReference
 from pavetwin.world.model import World
 
-COUNTED = ("streets", "segments", "connections", "buildings", "furniture", "defects")
+COUNTED = ("streets", "segments", "connections", "buildings", "furniture", "parking", "defects")
 """Collections whose sizes are in the description."""
 
 

@@ -1,0 +1,154 @@
+"""The kerbs of a world's streets, along which one parks.
+
+A street has a kerb on each side. Its line is the outer border of the carriageway, in the direction of the traffic
+beside it: along a two-way street each kerb belongs to one directed edge, along a one-way street both to the same.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from shapely import LineString, Point, STRtree
+from shapely.geometry.base import BaseGeometry
+
+from pavetwin.arrays import GeometryArray
+from pavetwin.world.model import Lane
+from pavetwin.world.parking.mapped import MappedWay
+from pavetwin.world.parking.model import StreetSide
+from pavetwin.world.streets import StreetSurface
+
+STEP_M = 1.0
+"""Distance at which a kerb is compared with the map [m]."""
+
+MAX_ANGLE_RAD = math.radians(30.0)
+"""A way of the map that runs at a larger angle to a kerb is another street."""
+
+REACH_BESIDE_M = 6.0
+"""How far the line of a mapped way may be from a street's carriageway [m]."""
+
+SHORTEST_M = 2.0
+"""Shorter pieces have no room for a vehicle [m]."""
+
+KerbInterval = tuple[float, float]
+"""From station to station along a kerb [m]."""
+
+
+@dataclass(frozen=True)
+class Kerb:
+    """One side of a street."""
+
+    street: StreetSurface
+    edge: str
+    """The directed edge beside it."""
+    side: StreetSide
+    """Of the street, along its centre line."""
+    line: LineString
+    """In the direction of traffic."""
+    outward: int
+    """Which side of `line` is away from the carriageway: 1 left, −1 right."""
+
+    @property
+    def length_m(self) -> float:
+        return float(self.line.length)
+
+    @cached_property
+    def width_m(self) -> float:
+        """Mean width of the street's carriageway."""
+        return float(self.street.polygon.area) / self.street.length_m
+
+    def at(self, station_m: float) -> tuple[Point, tuple[float, float]]:
+        """The point at a station and the unit vector (dx, dy) along the kerb there, over 4 m."""
+        before, after = (
+            self.line.interpolate(min(max(station_m + shift, 0.0), self.length_m)) for shift in (-2.0, 2.0)
+        )
+        length = math.hypot(after.x - before.x, after.y - before.y) or 1.0
+        return self.line.interpolate(station_m), ((after.x - before.x) / length, (after.y - before.y) / length)
+
+    def stations_within(self, shape: BaseGeometry) -> Iterator[KerbInterval]:
+        """The parts of the kerb that lie within a shape."""
+        for part in shapely.get_parts(self.line.intersection(shape)):
+            if isinstance(part, Point | LineString) and not part.is_empty:
+                stations = shapely.line_locate_point(self.line, shapely.points(part.coords))
+                yield float(stations.min()), float(stations.max())
+
+
+def kerbs_of(streets: Sequence[StreetSurface], left_hand: bool) -> Iterator[Kerb]:
+    """The kerbs of all streets, the right one of each street first."""
+    outer = 1 if left_hand else -1  # of the lane at the kerb
+    for street in streets:
+        first = street.edges[0]
+        two_way = len(street.edges) == 2
+        other = street.edges[1] if two_way else first
+        near = _kerb(street, first.id, first.carriageway[0], outer, _side(outer))
+        far = (
+            _kerb(street, other.id, other.carriageway[0], outer, _side(-outer))
+            if two_way
+            else _kerb(street, first.id, first.carriageway[-1], -outer, _side(-outer))
+        )
+        yield from (kerb for kerb in (near, far) if kerb is not None)
+
+
+def _side(left: int) -> StreetSide:
+    return StreetSide.LEFT if left > 0 else StreetSide.RIGHT
+
+
+def _kerb(street: StreetSurface, edge: str, lane: Lane, outward: int, side: StreetSide) -> Kerb | None:
+    moved = shapely.offset_curve(lane.centre_line, outward * lane.width_m / 2, join_style="mitre", mitre_limit=2.0)
+    parts = [part for part in shapely.get_parts(moved) if isinstance(part, LineString)]
+    line = max(parts, key=lambda part: part.length, default=None)
+    if line is None or line.length < SHORTEST_M:
+        return None
+    return Kerb(street, edge, side, line, outward)
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """A part of a kerb along one way of the map, or along none."""
+
+    start_m: float
+    end_m: float
+    way: MappedWay | None
+    side: StreetSide
+    """Of the way, in its own direction."""
+
+
+class WayIndex:
+    """Finds the way of the map that a kerb belongs to."""
+
+    def __init__(self, ways: Sequence[MappedWay]) -> None:
+        self._ways = ways
+        pieces = [(index, start, end) for index, way in enumerate(ways) for start, end in pairwise(way.line.coords)]
+        self._owner = np.array([index for index, *_ in pieces], dtype=np.intp)
+        self._yaw = np.array([math.atan2(end[1] - start[1], end[0] - start[0]) for _, start, end in pieces])
+        self._pieces: GeometryArray = np.array([LineString(ends) for _, *ends in pieces], dtype=object)
+        self._tree = STRtree(self._pieces)
+
+    def stretches(self, kerb: Kerb) -> list[Stretch]:
+        """The kerb cut where the way beside it changes."""
+        count = max(1, math.ceil(kerb.length_m / STEP_M))
+        borders = np.linspace(0.0, kerb.length_m, count + 1)
+        found: list[Stretch] = []
+        for start, end in pairwise(borders):
+            way, side = self._beside(kerb, float(start + end) / 2)
+            if found and found[-1].way is way and found[-1].side is side:
+                found[-1] = Stretch(found[-1].start_m, float(end), way, side)
+            else:
+                found.append(Stretch(float(start), float(end), way, side))
+        return found
+
+    def _beside(self, kerb: Kerb, station_m: float) -> tuple[MappedWay | None, StreetSide]:
+        point, (dx, dy) = kerb.at(station_m)
+        near = self._tree.query(point, predicate="dwithin", distance=kerb.width_m + REACH_BESIDE_M)
+        turn = self._yaw[near] - math.atan2(dy, dx)
+        along = np.cos(turn)
+        near, along = near[np.abs(along) >= math.cos(MAX_ANGLE_RAD)], along[np.abs(along) >= math.cos(MAX_ANGLE_RAD)]
+        if not len(near):
+            return None, StreetSide.RIGHT
+        apart = shapely.distance(self._pieces[near], point)
+        named = np.array([self._ways[owner].name == kerb.street.street.name for owner in self._owner[near]])
+        best = int(np.lexsort((apart, ~named))[0])
+        return self._ways[self._owner[near[best]]], _side(kerb.outward if along[best] > 0 else -kerb.outward)

@@ -1,0 +1,124 @@
+"""The rule for parking: sizes of places, what must be kept clear, and where one parks if the map does not say.
+
+A rule is a YAML file of the form of `ParkingRule`. `europe` and `north_america` ship with the package; each names its
+sources.
+"""
+
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+from pydantic import Field
+from yaml import YAMLError
+
+from pavetwin.config.base import Settings
+from pavetwin.config.text import parse_yaml
+from pavetwin.errors import PaveTwinError, no_such
+from pavetwin.world.parking.model import ParkingOrientation, ParkingPosition
+
+Metres = Annotated[float, Field(ge=0, le=100)]
+PositiveMetres = Annotated[float, Field(gt=0, le=100)]
+
+NO_RULE: Final = "none"
+"""Instead of a rule's name: the world gets no parking places."""
+
+
+class PlaceSize(Settings):
+    """Of one place by its orientation."""
+
+    spacing_m: PositiveMetres
+    """Along the kerb."""
+    length_m: PositiveMetres
+    """Along the parked vehicle."""
+    width_m: PositiveMetres
+    """Across the parked vehicle."""
+    angle_deg: Annotated[float, Field(ge=0, le=90)]
+    """Between the kerb and the parked vehicle."""
+
+
+class Clearances(Settings):
+    """What stays clear along the kerb, in metres."""
+
+    junction_m: Metres
+    """Before and behind a junction, from where the edges of the two carriageways would meet."""
+    signal_m: Metres
+    """Before a traffic light."""
+    marked_crossing_m: Metres
+    """Before a marked crossing, from its edge."""
+    crossing_half_width_m: Metres
+    """From the middle of any crossing, to both sides."""
+    bus_stop_m: Metres
+    """Before and behind the sign of a bus stop."""
+    driveway_m: Metres
+    """From the middle of a driveway or of a service road's mouth, to both sides."""
+    hydrant_m: Metres
+    """From a fire hydrant, to both sides."""
+    curve_radius_m: Metres
+    """A kerb that is curved with a smaller radius stays clear."""
+    mast_m: Metres
+    """From a mast or trunk that stands where one would park, to both sides."""
+    walkway_m: Metres
+    """Between a place and a building."""
+
+
+class StreetRule(Settings):
+    """Where one parks along a type of street."""
+
+    sides: Literal["both", "right", "none"]
+    """`right`: of the direction in which the street was drawn."""
+    position: ParkingPosition = ParkingPosition.LANE
+    orientation: ParkingOrientation = ParkingOrientation.PARALLEL
+    max_lanes: Annotated[int, Field(ge=1, le=20)] = 2
+    """No places along streets with more driving lanes, both directions together."""
+    max_speed_kmh: Annotated[float, Field(gt=0, le=200)] = 50.0
+    passage_m: PositiveMetres = 3.05
+    """Narrowest carriageway that parked vehicles leave."""
+    built_up_share: Annotated[float, Field(ge=0, le=1)] = 0.33
+    """Places only where buildings are near along at least this share of the street."""
+
+
+class ParkingRule(Settings):
+    """A rule: how large places are, what stays clear, and where one parks if the map does not say."""
+
+    places: Mapping[ParkingOrientation, PlaceSize]
+    clear: Clearances
+    built_up_reach_m: PositiveMetres
+    """A building at most this far from the kerb is near a street."""
+    streets: Mapping[str, StreetRule]
+    """By OSM's class of street (`highway=*`)."""
+    otherwise: StreetRule
+    """Of streets without a class, as in generated worlds and SUMO networks."""
+
+    def of_street(self, kind: str) -> StreetRule:
+        """The rule for SUMO's type of an edge, such as `highway.residential`; none for a class that is not listed."""
+        name = kind.removeprefix("highway.").removesuffix("_link")
+        return self.streets.get(name, StreetRule(sides="none")) if kind.startswith("highway.") else self.otherwise
+
+
+def rule_names() -> list[str]:
+    """The rules that ship with the package."""
+    folder = files("pavetwin.world.parking") / "rules"
+    return sorted(entry.name.removesuffix(".yaml") for entry in folder.iterdir() if entry.name.endswith(".yaml"))
+
+
+@cache
+def parking_rule(name: str) -> ParkingRule | None:
+    """The rule of a name, or of a YAML file of the user's own; None for `none`.
+
+    Raises:
+        PaveTwinError: there is no such rule or file, or the file is no rule.
+    """
+    if name == NO_RULE:
+        return None
+    if name.endswith((".yaml", ".yml")):
+        try:
+            text = Path(name).read_text(encoding="utf-8")
+            return ParkingRule.parse(parse_yaml(text, where=f"'{name}'") or {}, where=f"parking rule '{name}'")
+        except (OSError, UnicodeDecodeError, YAMLError) as error:
+            raise PaveTwinError(f"The parking rule '{name}' cannot be read: {error}.") from error
+    if name not in rule_names():
+        raise PaveTwinError(no_such("parking rule", name, [*rule_names(), NO_RULE], key="`parking_rule`"))
+    text = (files("pavetwin.world.parking") / "rules" / f"{name}.yaml").read_text(encoding="utf-8")
+    return ParkingRule.parse(parse_yaml(text, where=name), where=f"parking rule '{name}'")
