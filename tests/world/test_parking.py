@@ -134,6 +134,18 @@ def test_an_area_beside_the_street_is_filled() -> None:
     assert all(area.buffer(0.3).contains(place.polygon) for place in places)
 
 
+def test_of_places_that_overlap_those_in_areas_stay() -> None:
+    area = box(20, -10.5, 50, -5.4)
+    bay = {"parking": "street_side", "orientation": "perpendicular"}
+    tags = {"parking:right": "street_side", "parking:left": "no"}
+    places = Scene(lane_m=KERB, tags=tags, areas=[(area, bay)]).places()
+    sources = Counter(place.source for place in places)
+    assert sources[ParkingSource.AREA] == 12
+    assert sources[ParkingSource.TAGGED] == 12
+    cores = [place.polygon.buffer(-0.03) for place in places]
+    assert shapely.STRtree(cores).query(cores, predicate="intersects").shape[1] == len(places)
+
+
 def test_a_car_park_is_no_parking_along_the_street() -> None:
     tags = {"parking": "surface"}
     scene = Scene(lane_m=KERB, tags={"parking:both": "no"}, areas=[(box(20, -10, 50, -5.4), tags)])
