@@ -10,8 +10,8 @@ from pavetwin.config.base import Settings
 class ParkingSettings(Settings):
     """Parked vehicles of a mission."""
 
-    enabled: bool = True
-    """False: all places are empty."""
+    enabled: bool = False
+    """False: all places are empty. Off by default: recorded traffic does not keep clear of parked vehicles yet."""
     occupancy: Annotated[float, Field(ge=0, le=1)] | None = None
     """Share of the places that are taken; null: by the daily curve for the type of street, the day of the week and the
     time (`pavetwin.traffic.occupancy`)."""
