@@ -46,6 +46,31 @@ def test_a_file_is_told_every_tenth_of_the_way(capsys: pytest.CaptureFixture[str
     assert said == [f"Flying {4 * tenth}/40 ({10 * tenth}%)" for tenth in range(1, 11)]
 
 
+def test_counts_in_the_middle_of_a_line_begin_no_stage_of_their_own(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(console, "STAGE_S", 0.2)
+    with Lines("Starting") as tell:
+        for step in range(30):
+            tell(0.0, f"Recording traffic {step}/99, flying missions 0/8")
+            time.sleep(0.02)
+    assert "Recording traffic" in capsys.readouterr().err
+
+
+def test_what_takes_long_says_so_in_a_file_and_what_is_quick_is_silent(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with console.progress("Preparing") as tell:
+        for step in range(10):
+            tell(step / 10)
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr(console, "STAGE_S", 0.05)
+    with console.progress("Preparing") as tell:
+        tell(0.3)
+        time.sleep(0.3)
+    assert "Preparing (30%)\n" in capsys.readouterr().err
+
+
 def test_the_version_is_said_without_a_command(capsys: pytest.CaptureFixture[str]) -> None:
     app(["--version"], standalone_mode=False)
     assert capsys.readouterr().out == f"PaveTwin {version('pavetwin')}\n"

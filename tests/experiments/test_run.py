@@ -176,14 +176,14 @@ class Disturbed(Engine):
         self._engine = engine
         self.killed = 0
 
-    def fly(self, plan: Plan, units: list[Unit], on_stand, on_unit, tell) -> None:
+    def fly(self, plan: Plan, units: list[Unit], on_stand, on_unit, tell, on_recorded) -> None:
         def kill_one(unit: Unit, part: bytes) -> None:
             on_unit(unit, part)
             if not self.killed:
                 os.kill(multiprocessing.active_children()[0].pid, signal.SIGKILL)
                 self.killed += 1
 
-        self._engine.fly(plan, units, on_stand, kill_one, tell)
+        self._engine.fly(plan, units, on_stand, kill_one, tell, on_recorded)
 
 
 @pytest.mark.parametrize(
@@ -468,12 +468,12 @@ def test_missions_over_changed_routes_are_flown_again(world: Path, tmp_path: Pat
 def test_progress_says_what_is_done_before_the_first_mission(world: Path, tmp_path: Path) -> None:
     told: list[str] = []
     run(small(world, replicates=1), tmp_path / "study", Pool(2), on_progress=lambda _share, what: told.append(what))
-    assert [what for what in told if not what.startswith("Flying")] == [
+    assert [what for what in told if "lying missions" not in what] == [
         "Planning: where to fly over cross at 6 m",
         "Planning: where to fly over cross at 10 m",
         "Starting 2 processes",
     ]
-    assert told[3] == "Flying missions 0/8"
+    assert told[3:5] == [f"Recording traffic {recorded}/2, flying missions 0/8" for recorded in (0, 1)]
     assert told[-1] == "Flying missions 8/8"
 
 

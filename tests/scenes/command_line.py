@@ -1,6 +1,7 @@
 """`pavetwin …` as a user types it: in this process, or in one of its own where that matters."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -52,7 +53,7 @@ def pavetwin(*arguments: object, cwd: Path | str = ".", columns: int = COLUMNS) 
 def plain_refusal(done: subprocess.CompletedProcess[str]) -> str:
     """The one line of an error; asserts that it is one, with exit code 2."""
     assert done.returncode == 2, done.stdout + done.stderr
-    # On a slow machine, a line says before what is being done.
-    (line,) = [line for line in done.stderr.splitlines() if not line.endswith(" …")]
+    # On a slow machine, lines say before what is being done and how far it is.
+    (line,) = [line for line in done.stderr.splitlines() if not re.search(r"( …| \(\d+ ?%\)| … \(\d+ ?%\))$", line)]
     assert line.startswith("Error: ")
     return line

@@ -15,6 +15,7 @@ from typer.main import get_command, get_group
 from pavetwin.cli.arguments import LoadedPlugins, NamingCommand
 from pavetwin.cli.console import fail
 from pavetwin.cli.flags import refuse_repeated, with_flags
+from pavetwin.cli.hints import words_of
 from pavetwin.cli.quiet import quiet
 from pavetwin.errors import PaveTwinError
 
@@ -132,7 +133,7 @@ def _run() -> int:
         fail(with_flags(str(error), sys.argv[1:], get_group(app)))
         return 2
     except TyperException as error:
-        words = _words_of(error)
+        words = words_of(error)
         fail(f"{words} `{_command_of(error)} --help` lists what there is." if words else "Give one of these commands.")
         return 2
     except (KeyboardInterrupt, typer.Abort):
@@ -156,9 +157,3 @@ def _run() -> int:
 def _command_of(error: Exception) -> str:
     context = getattr(error, "ctx", None)
     return context.command_path if context is not None else "pavetwin"
-
-
-def _words_of(error: Exception) -> str:
-    """A sentence; empty where a group was given without a command, and its help has been printed."""
-    words = getattr(error, "format_message", lambda: str(error))()
-    return words if not words or words.endswith((".", "?")) else f"{words}."

@@ -1,6 +1,7 @@
 """What every command shares on the terminal: the console, the progress bar, and how an error is shown."""
 
 import os
+import re
 import sys
 import threading
 import time
@@ -71,10 +72,11 @@ class Bar:
 
 
 class Lines:
-    """Replaces the progress bar where the error stream is a file: a plain line at the start of a stage, at every tenth
-    of it and every 10 s, also between calls."""
+    """Replaces the progress bar where the error stream is a file: a plain line 2 s into a stage and every 10 s, also
+    between calls, and with `tenths` at every tenth of it."""
 
-    def __init__(self, what: str) -> None:
+    def __init__(self, what: str, *, tenths: bool = True) -> None:
+        self._tenths = tenths
         self._what, self._text, self._share, self._stage, self._tenth = what, what, 0.0, "", 0
         self._due_s = time.monotonic() + STAGE_S
         self._lock, self._ended = threading.Lock(), threading.Event()
@@ -91,10 +93,10 @@ class Lines:
     def __call__(self, share: float, what: str | None = None) -> None:
         with self._lock:
             self._text, self._share = what or self._what, share
-            stage, tenth = self._text.rstrip("0123456789/ "), int(10 * share + 1e-9)
+            stage, tenth = re.sub(r"[0-9/]+", "", self._text), int(10 * share + 1e-9)
             if stage != self._stage:
                 self._stage, self._tenth, self._due_s = stage, 0, time.monotonic() + STAGE_S
-            if tenth > self._tenth:
+            if self._tenths and tenth > self._tenth:
                 self._tenth = tenth
                 self._tell()
 
@@ -112,18 +114,16 @@ class Lines:
 
 @contextmanager
 def progress(what: str, *, lines: bool = False) -> Iterator[Bar | Lines]:
-    """A progress bar on the error stream, so that results can be piped. When that is not a terminal, nothing, or
-    with `lines` plain lines."""
-    if lines and not err.rich.is_terminal:
-        with Lines(what) as told:
+    """A progress bar on the error stream, so that results can be piped. When that is not a terminal, a plain line now
+    and then while it takes long, and with `lines` also at every tenth."""
+    if not err.rich.is_terminal:
+        with Lines(what, tenths=lines) as told:
             yield told
         return
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
-    with Progress(
-        *columns, TimeRemainingColumn(), console=err.rich, transient=True, disable=not err.rich.is_terminal
-    ) as bar:
+    with Progress(*columns, TimeRemainingColumn(), console=err.rich, transient=True) as bar:
         yield Bar(bar, what)
 
 

@@ -32,6 +32,18 @@ NameOrFile = Annotated[str, AfterValidator(_file_absolute)]
 """A registered name, or a file of the user's own (`cameras.yaml:name`, `sensors.py:ClassName`), made absolute."""
 
 
+ASKED: Final = "?"
+"""A value that asks what there is; YAML would read a mapping."""
+
+MEANT: Final[Mapping[str, str]] = {
+    **dict.fromkeys(("battery", "battery_wh", "power"), "energy"),
+    **dict.fromkeys(("drone", "uas"), "aircraft"),
+    **dict.fromkeys(("height", "height_m", "altitude"), "altitude_m"),
+    **dict.fromkeys(("wind", "wind_mps"), "conditions"),
+}
+"""Names from memory, each with the one that is meant."""
+
+
 class Settings(BaseModel):
     """The base of every configuration of ours."""
 
@@ -49,7 +61,9 @@ class Settings(BaseModel):
                     raise ValueError(f"'{key}' has moved: give '{cls.MOVED[key]}'")
                 if key not in cls.model_fields:
                     known = ", ".join(cls.model_fields)
-                    near = nearest_name(str(key), cls.model_fields)
+                    meant = MEANT.get(str(key), "")
+                    named = f" (did you mean '{meant}'?)" if meant in cls.model_fields else ""
+                    near = named or nearest_name(str(key), cls.model_fields)
                     raise ValueError(f"unknown key '{key}'{near or f'; known are {known}'}")
         return values
 
@@ -96,7 +110,7 @@ def with_overrides(values: Mapping[str, Any], overrides: Iterable[str]) -> dict[
         if not equals or not key.strip():
             raise PaveTwinError(f"`overrides` {override}: expected key=value, for example policy.max_wait_s=60.")
         try:
-            value = parse_yaml(text, where=f"`overrides` {override}")
+            value = text if text == ASKED else parse_yaml(text, where=f"`overrides` {override}")
         except (YAMLError, ValueError):  # a ValueError comes from what looks like a date and is none
             value = text
         layer = merged

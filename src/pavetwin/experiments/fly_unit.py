@@ -2,7 +2,7 @@
 
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache, lru_cache
 from importlib.metadata import version
@@ -50,15 +50,19 @@ _TYPES: Final = {int: pl.Int64, float: pl.Float64, str: pl.String, bool: pl.Bool
 Row = dict[str, Any]
 
 
-def fly_unit(plan: Plan, unit: Unit) -> bytes:
+def fly_unit(plan: Plan, unit: Unit, on_recorded: Callable[[], None] = lambda: None) -> bytes:
     """Fly a unit's missions, and give its part of the table as a Parquet file.
 
     The same plan and unit give the same bytes in every process. Failures are not raised: the missions that
     failed are rows with their reason.
+
+    Args:
+        on_recorded: called once the traffic is recorded, before the first mission.
     """
     try:
         check_files(plan)
         ground = _Ground.of(plan, unit)
+        on_recorded()
         with ground.replay:
             rows = [row for cell in plan.cells_of(unit) for row in _flown(plan, unit, cell, ground)]
     except Exception as error:

@@ -69,7 +69,7 @@ def run(
         store.check(made)
         missing = store.missing(made, failed=retry)
         flying = sum(len(made.cells_of(unit)) for unit in missing)
-        done = made.missions - flying
+        done, recorded = made.missions - flying, 0
         if outdated := store.outdated(made):
             files = listed(store.changed_files(made)) or "A file"
             on_notice(
@@ -87,14 +87,20 @@ def run(
             done += len(made.cells_of(unit))
             flown()
 
+        def on_recorded() -> None:
+            nonlocal recorded
+            recorded = min(recorded + 1, len(missing))  # that of a unit whose process died is recorded again
+            flown()
+
         def flown() -> None:
-            tell(done / made.missions, f"Flying missions {done}/{made.missions}")
+            recording = f"Recording traffic {recorded}/{len(missing)}, flying" if recorded < len(missing) else "Flying"
+            tell(done / made.missions, f"{recording} missions {done}/{made.missions}")
 
         for world, traffic in dict.fromkeys((unit.world, unit.traffic) for unit in missing):
             if traffic in design.densities:
                 _find_demand(worlds[world], traffic, tell)
         if missing:
-            engine.fly(made, missing, on_ready, on_unit, lambda what: tell(0.0, what))
+            engine.fly(made, missing, on_ready, on_unit, lambda what: tell(0.0, what), on_recorded)
         else:
             store.begin(made)
         return Ran(made, store.table(), flying)

@@ -14,7 +14,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from pavetwin.errors import PaveTwinError
+from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.world.connected import LeftOut, left_out
 from pavetwin.world.folder import NET_SUFFIXES, OSM_SUFFIXES
 from pavetwin.world.osm_file import osm_objects
@@ -57,7 +57,10 @@ def source_kind(source: Path) -> str:
     """
     if not source.is_file():
         what = "is a folder" if source.is_dir() else "does not exist"
-        raise PaveTwinError(f"The source '{source}' {what}; give an .osm, .osm.gz, .osm.pbf or .net.xml file.")
+        there = source.parent.iterdir() if source.parent.is_dir() else ()
+        beside = sorted(path.name for path in there if path.name.lower().endswith((*OSM_SUFFIXES, *NET_SUFFIXES)))
+        near = nearest_name(source.name, beside)
+        raise PaveTwinError(f"The source '{source}' {what}{near}; give an .osm, .osm.gz, .osm.pbf or .net.xml file.")
     name = source.name.lower()
     if name.endswith(OSM_SUFFIXES):
         return "osm"

@@ -20,6 +20,10 @@ Tell = Callable[[str], None]
 """Called with what is waited for before that."""
 
 
+OnTrafficRecorded = Callable[[], None]
+"""Called when the traffic of another unit is recorded, by engines that know of it."""
+
+
 def in_batches(units: Sequence[Unit], workers: int) -> list[list[Unit]]:
     """Units for one process: all of a replicate, which share defects, where there are enough replicates."""
     together = [list(batch) for _, batch in groupby(units, key=lambda unit: (unit.world, unit.replicate))]
@@ -30,7 +34,15 @@ class Engine(ABC):
     """Flies units, each once, in any order."""
 
     @abstractmethod
-    def fly(self, plan: Plan, units: Sequence[Unit], on_ready: OnReady, on_unit: OnUnit, tell: Tell) -> None:
+    def fly(
+        self,
+        plan: Plan,
+        units: Sequence[Unit],
+        on_ready: OnReady,
+        on_unit: OnUnit,
+        tell: Tell,
+        on_recorded: OnTrafficRecorded = lambda: None,
+    ) -> None:
         """Fly all units. An exception from `on_ready` or `on_unit` ends it.
 
         Raises:

@@ -13,7 +13,7 @@ from importlib.metadata import version
 from typing import Any, Final
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments.engines.base import DIED, Engine, OnReady, OnUnit, Tell, in_batches
+from pavetwin.experiments.engines.base import DIED, Engine, OnReady, OnTrafficRecorded, OnUnit, Tell, in_batches
 from pavetwin.experiments.fly_unit import failed_unit, fly_unit
 from pavetwin.experiments.plan import Plan, Unit, check_worlds
 
@@ -28,7 +28,15 @@ class Cluster(Engine):
         """`scheduler`: the address of one that runs (tcp://10.0.0.1:8786); else `jobs` workers are started here."""
         self._scheduler, self._jobs = scheduler, jobs
 
-    def fly(self, plan: Plan, units: Sequence[Unit], on_ready: OnReady, on_unit: OnUnit, tell: Tell) -> None:
+    def fly(
+        self,
+        plan: Plan,
+        units: Sequence[Unit],
+        on_ready: OnReady,
+        on_unit: OnUnit,
+        tell: Tell,
+        on_recorded: OnTrafficRecorded = lambda: None,  # noqa: ARG002 - a task tells nothing before its end
+    ) -> None:
         dask: Any = import_module("distributed")
         scheduler = f"the Dask scheduler {self._scheduler}"
         tell(f"Waiting for {scheduler}" if self._scheduler else f"Starting {self._jobs} Dask workers")

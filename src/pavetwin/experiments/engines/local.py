@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from pavetwin.experiments.engines.base import DIED, Engine, OnReady, OnUnit, Tell, in_batches
+from pavetwin.experiments.engines.base import DIED, Engine, OnReady, OnTrafficRecorded, OnUnit, Tell, in_batches
 from pavetwin.experiments.fly_unit import failed_unit, fly_unit
 from pavetwin.experiments.plan import Plan, Unit
 from pavetwin.workers import OnTick, WorkerPool
@@ -17,10 +17,11 @@ class Single(Engine):
         on_ready: OnReady,
         on_unit: OnUnit,
         tell: Tell,  # noqa: ARG002 - there is nothing to wait for
+        on_recorded: OnTrafficRecorded = lambda: None,
     ) -> None:
         on_ready()
         for unit in units:
-            on_unit(unit, fly_unit(plan, unit))
+            on_unit(unit, fly_unit(plan, unit, on_recorded))
 
 
 class Pool(Engine):
@@ -29,7 +30,15 @@ class Pool(Engine):
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
 
-    def fly(self, plan: Plan, units: Sequence[Unit], on_ready: OnReady, on_unit: OnUnit, tell: Tell) -> None:
+    def fly(
+        self,
+        plan: Plan,
+        units: Sequence[Unit],
+        on_ready: OnReady,
+        on_unit: OnUnit,
+        tell: Tell,
+        on_recorded: OnTrafficRecorded = lambda: None,
+    ) -> None:
         tell(f"Starting {self._jobs} processes")
         on_ready()
 
@@ -41,7 +50,7 @@ class Pool(Engine):
             for unit in batch:
                 on_unit(unit, failed_unit(plan, unit, DIED))
 
-        with WorkerPool(self._jobs, partial(_start, plan)) as pool:
+        with WorkerPool(self._jobs, partial(_start, plan), on_recorded) as pool:
             pool.run(
                 in_batches(units, self._jobs),
                 on_result,
@@ -50,5 +59,5 @@ class Pool(Engine):
             )
 
 
-def _start(plan: Plan, on_tick: OnTick) -> Callable[[list[Unit]], list[bytes]]:  # noqa: ARG001 - a unit is one step
-    return lambda batch: [fly_unit(plan, unit) for unit in batch]
+def _start(plan: Plan, on_tick: OnTick) -> Callable[[list[Unit]], list[bytes]]:
+    return lambda batch: [fly_unit(plan, unit, on_tick) for unit in batch]
