@@ -51,6 +51,7 @@ gallery: setup  ## The pictures of docs/gallery: defects, frames from above and 
 
 docs: setup .venv-docs/.done  ## The documentation as a site that opens offline: out/site/index.html
 	@NO_MKDOCS_2_WARNING=1 .venv-docs/bin/python -m mkdocs build --strict --quiet --site-dir out/site
+	@echo "The documentation is in out/site/index.html"
 
 .venv-docs/.done: docs/requirements.lock
 	@$(PYTHON) -m venv --clear .venv-docs

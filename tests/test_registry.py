@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from textwrap import dedent
@@ -46,6 +47,20 @@ def test_a_new_file_in_the_home_is_all_there_is_to_add(sounds: Registry[Sound], 
     add_file(tmp_path / "sounds_for_the_test" / "siren.py", "siren")
     assert sounds.names() == ["bell", "horn", "siren"]
     assert sounds.get("siren")() == "siren"
+
+
+def test_what_ships_is_nobodys_own_and_keeps_its_order_where_a_users_file_imports_it_first(
+    sounds: Registry[Sound], tmp_path: Path
+) -> None:
+    package = "sounds_for_the_test"
+    (tmp_path / package / "__init__.py").write_text(f"from {package} import horn\nfrom {package} import bell\n")
+    with reading("'mine.py'") as source:
+        import_module(package)
+        sounds.add("whistle", lambda: "whistle")
+    assert sounds.names() == ["horn", "bell", "whistle"]
+    assert [name for _, name, _ in source.added] == ["whistle"]
+    assert sounds.is_own("horn")
+    assert not sounds.is_own("whistle")
 
 
 def test_an_unknown_name_is_answered_with_the_nearest_and_all(sounds: Registry[Sound]) -> None:

@@ -6,6 +6,7 @@ a new file is all there is to add. A user's own come from plugin files (`pavetwi
 whose entry points of the registry's group are loaded when names are listed or one is not known.
 """
 
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -137,8 +138,9 @@ class Registry(Generic[T]):
 
     def add(self, name: str, value: T) -> T:
         """Make `value` known under `name`; see `register`."""
-        source = _reading.get()
-        if source is not None or not str(getattr(value, "__module__", "")).startswith("pavetwin."):
+        is_own = self._is_being_imported()
+        source = None if is_own else _reading.get()
+        if not is_own and (source or not str(getattr(value, "__module__", "")).startswith("pavetwin.")):
             self._load_own()  # they keep their names
         before = self._entries.get(name)
         if before is not None and not _is_read_again(before, value, source):
@@ -204,6 +206,12 @@ class Registry(Generic[T]):
             self._entries.pop(name, None)
         else:
             self._entries[name] = before
+
+    def _is_being_imported(self) -> bool:
+        """Whether the home is being imported right now, if only because a user's file asked for it: what it adds is not
+        the user's."""
+        spec = getattr(sys.modules.get(self._home), "__spec__", None)
+        return bool(getattr(spec, "_initializing", False))
 
     def _load_own(self) -> None:
         if self._has_own:

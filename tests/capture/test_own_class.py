@@ -11,7 +11,7 @@ import yaml
 from pavetwin import plugins
 from pavetwin.capture.contact_sheet import save_sheet
 from pavetwin.capture.run import capture
-from pavetwin.capture.settings import CaptureSettings
+from pavetwin.capture.settings import CaptureSettings, _plugins_differ
 from pavetwin.capture.statistics import count
 from pavetwin.defects import DEFECT_CLASSES, DefectOptions, add_defects, heightfield_of, measure
 from pavetwin.draw.world_map import legend
@@ -107,8 +107,29 @@ def test_another_plugin_is_another_dataset(world: Path, tmp_path: Path) -> None:
     DEFECT_CLASSES.restore("rutting", None)
     capture(world, few, tmp_path / "dataset", frame_source_factory=Painter)
     own.write_text(RUTTING.read_text() + "# another\n")
-    with pytest.raises(PaveTwinError, match="was begun with other plugins than now"):
+    with pytest.raises(PaveTwinError, match=r"begun with another content of rutting\.py; give the former file"):
         capture(world, few, tmp_path / "dataset", frame_source_factory=Painter)
+
+
+def test_a_plugin_that_is_missing_or_too_many_is_named() -> None:
+    assert _plugins_differ({"rutting.py": "a"}, {}) == "with rutting.py, which is not given now; add it by `plugins`"
+    assert _plugins_differ({}, {"rutting.py": "a"}) == "without rutting.py; leave it out of `plugins`"
+
+
+def test_a_class_whose_plugin_is_missing_is_named_before_anything_is_baked(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    forget(monkeypatch)
+    said: list[str] = []
+    with pytest.raises(PaveTwinError, match=r"`defects`: no defect class 'rutting'.*needs its file in `plugins`"):
+        capture(
+            world,
+            UAV.model_copy(update={"plugins": ()}),
+            tmp_path / "dataset",
+            frame_source_factory=Painter,
+            on_progress=lambda _, what: said.append(what),
+        )
+    assert said == ["Loading the world"]
 
 
 def test_a_study_flies_over_it_in_two_processes(world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,9 +15,17 @@ from PIL import Image
 from pavetwin.draw import lettering, style
 from pavetwin.draw.lettering import OccupiedSpace
 from pavetwin.draw.marks import DefectOutcome, notable_segments, outcomes, rectangles, windows
-from pavetwin.draw.mission_map import flown_bounds, mission_figure, save_comparison_map, save_mission_map
+from pavetwin.draw.mission_map import (
+    _comparison_figure,
+    flown_bounds,
+    mission_figure,
+    save_comparison_map,
+    save_mission_map,
+)
+from pavetwin.draw.strip import caption
 from pavetwin.draw.turned import MapTransform
 from pavetwin.errors import PaveTwinError
+from pavetwin.experiments.report.canvas import looks
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.track import MODE_NUMBER, displacements, revisits, waits
@@ -190,6 +198,21 @@ def test_a_mission_that_saw_nothing_has_a_map_too(tmp_path: Path) -> None:
     empty = {name: column[:0] for name, column in result.captures.items()}
     save_mission_map(replace(result, captures=empty, rows=(), detections=()), tmp_path / "map.png")
     assert (tmp_path / "map.png").is_file()
+
+
+def test_a_policy_of_ones_own_has_one_colour_in_a_comparison_and_in_a_report() -> None:
+    results = [tiny.result("queue_that_leaves", policy) for policy in ("baseline", "hover")]
+    calm = replace(results[1], policy="calm")
+    with style.styled():
+        figure = _comparison_figure([*results, calm], notable_segments(results)[0])
+    (named,) = [text for text in figure.texts if text.get_text() == "calm"]
+    assert named.get_color() == looks(["baseline", "calm"])["calm"].colour
+
+
+def test_one_revisit_is_not_several() -> None:
+    row = tiny.result("queue_that_leaves", "skip").rows[0]
+    assert "1 revisit " in caption(replace(row, revisits=1))
+    assert "2 revisits " in caption(replace(row, revisits=2))
 
 
 def test_policies_are_compared_over_one_segment(tmp_path: Path) -> None:

@@ -68,12 +68,14 @@ def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | N
     """The context for a world and settings; traffic is recorded where no recording exists.
 
     Raises:
-        PaveTwinError: the world has no defects or too few streets, an altitude leaves nothing to fly in, or the
-            traffic cannot be recorded.
+        PaveTwinError: the world has no defects, defects of a class that is not known, or too few streets; an altitude
+            leaves nothing to fly in; or the traffic cannot be recorded.
     """
     check(settings)
     if not world.defects:
         raise PaveTwinError(f"The world '{world.name}' has no defects to take images of; build it with some.")
+    for kind in sorted({defect.kind for defect in world.defects}):
+        DEFECT_CLASSES.get(kind)  # a class whose plugin is missing is named before anything takes time
     defect_streets(world, settings.split)  # checked before traffic is recorded
     report = on_progress or (lambda _share, _what: None)
     meshes = {}

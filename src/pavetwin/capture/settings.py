@@ -150,9 +150,14 @@ def check_same(folder: Path, expected: dict[str, Any]) -> bool:
             f"'{folder}' was begun with another `camera` than '{expected['settings']['camera']}' holds now; "
             "choose another folder."
         )
-    for key, what in (("plugins", "plugins"), ("classes", "classes of labels")):
-        if found.get(key, expected[key]) != expected[key]:
-            raise PaveTwinError(f"'{folder}' was begun with other {what} than now; choose another folder.")
+    if (before := found.get("plugins", {})) != (now := expected["plugins"]):
+        raise PaveTwinError(f"'{folder}' was begun {_plugins_differ(before, now)}, or choose another folder.")
+    if (labels := found.get("classes", expected["classes"])) != expected["classes"]:
+        only = [name for name in (*labels, *expected["classes"]) if (name in labels) != (name in expected["classes"])]
+        raise PaveTwinError(
+            f"'{folder}' was begun with other classes of labels than now ({', '.join(only) or 'in another order'}); "
+            "give the `plugins` that it was begun with, or choose another folder."
+        )
     existing, requested = found["settings"], expected["settings"]
     if both_own:  # the same content, in whichever folder
         existing, requested = ({**each, "camera": Path(each["camera"]).name} for each in (existing, requested))
@@ -191,6 +196,20 @@ def read_description(folder: Path) -> dict[str, Any]:
             f"'{folder}' is of format {found['format']}, this version's is {FORMAT}; capture into another folder."
         )
     return dict(found)
+
+
+def _plugins_differ(before: Mapping[str, str], now: Mapping[str, str]) -> str:
+    """What a dataset was begun with, and what to do about it.
+
+    Args:
+        before, now: hashes of the plugin files and of what they read, by name.
+    """
+    changed = sorted(name for name in before.keys() & now.keys() if before[name] != now[name])
+    if changed:
+        return f"with another content of {', '.join(changed)}; give the former file as `plugins`"
+    if missing := sorted(before.keys() - now.keys()):
+        return f"with {', '.join(missing)}, which is not given now; add it by `plugins`"
+    return f"without {', '.join(sorted(now.keys() - before.keys()))}; leave it out of `plugins`"
 
 
 def _as_parameter(key: str, value: Any) -> str:

@@ -39,7 +39,9 @@ app = typer.Typer(
     pavetwin capture show datasets/town
     pavetwin capture stats datasets/town
 
-    `make` may be left out; `pavetwin capture make --help` lists its options.""",
+    [bold]pavetwin capture make --help[/] lists the options; `make` itself may be left out.
+
+    Labels are Single Crack, Crocodile Crack, Pothole, Person, Car, and your own classes with --plugin.""",
     no_args_is_help=True,
 )
 
@@ -92,7 +94,8 @@ def make(
     pavetwin capture worlds/town -o datasets/both --platform uav,car --images 200 --seed 3 --jobs 2
     pavetwin capture worlds/town -o datasets/sharp --camera phantom4pro --size 1280x960 --png --formats yolo
 
-    Missing traffic is recorded first. Labels are Single Crack, Crocodile Crack, Pothole, Person and Car.
+    Missing traffic is recorded first. Labels are Single Crack, Crocodile Crack, Pothole, Person and Car, then
+    your own defect classes by name, from the file that --plugin gives.
     """
     if output is None:
         raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/town.")

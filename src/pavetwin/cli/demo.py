@@ -45,7 +45,8 @@ def demo(
     from pavetwin.policies import policy_names
 
     world = _town(output / "town")
-    save_world_map(with_roadside_base(world, UavSettings().radius_m), output / "town.png")
+    with progress("[1/4] Drawing the town"):
+        save_world_map(with_roadside_base(world, UavSettings().radius_m), output / "town.png")
     with progress(f"[2/4] Recording {DENSITY} traffic with SUMO") as tell:
         replay = replay_of(world, DENSITY, FLIGHT_SEED, on_progress=tell)
     agents = replay.recording.agents

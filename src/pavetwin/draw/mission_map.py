@@ -124,10 +124,10 @@ def _comparison_figure(results: Sequence[MissionResult], segment: str) -> Figure
     title = f"{world.name}: {shown_label(world, world.segment(segment))}"
     _heading(figure, title, "same traffic", results[0])
     y = height - HEAD_IN
+    looks = style.policy_styles([result.policy for result in results])
     for number, result in enumerate(results):
         y -= strip.caption_in
-        colour = style.policy_style(result.policy, number).colour
-        _caption(figure, (MARGIN_IN, y), result, strip, result.policy, colour)
+        _caption(figure, (MARGIN_IN, y), result, strip, result.policy, looks[result.policy].colour)
         y -= strip.height_in
         draw_strip(figure, strip, result, (MARGIN_IN, y), scale=number == 0)
         y -= GAP_IN

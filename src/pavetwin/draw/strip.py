@@ -100,7 +100,7 @@ def caption(row: SegmentMetrics) -> str:
         f"surface {100 * row.surface_coverage:.0f} %": True,
         f"{row.occlusions} occlusion{'s' if row.occlusions != 1 else ''}": True,
         f"waited {row.wait_s:.0f} s": row.wait_s >= 0.5,
-        f"{row.revisits} revisits": row.revisits,
+        f"{row.revisits} revisit{'s' if row.revisits != 1 else ''}": row.revisits,
         f"{row.time_s:.0f} s in all": True,
     }
     return " · ".join(part for part, applies in parts.items() if applies)

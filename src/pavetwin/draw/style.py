@@ -146,6 +146,12 @@ def policy_style(name: str, order: int = 0) -> PolicyStyle:
     return PolicyStyle(_MORE_COLOURS[spare], _MORE_MARKERS[spare], _DASHES[(spare >= 4) + (spare >= 7)])
 
 
+def policy_styles(policies: Sequence[str]) -> dict[str, PolicyStyle]:
+    """How policies that are shown together are drawn; the user's own take the spare styles in turn."""
+    own = [policy for policy in policies if policy not in POLICY_COLOURS]
+    return {policy: policy_style(policy, own.index(policy) if policy in own else 0) for policy in policies}
+
+
 def halo(width_pt: float = 1.6) -> list[patheffects.AbstractPathEffect]:
     """A rim around text or lines that keeps them readable over the map; its width in points."""
     return [patheffects.withStroke(linewidth=width_pt, foreground=PAPER)]

@@ -63,8 +63,7 @@ def slim(svg: str) -> str:
 
 def looks(policies: Sequence[Any]) -> Looks:
     """Styles of the built-in policies; the user's own policies take the spare ones in turn."""
-    own = [policy for policy in policies if policy not in style.POLICY_COLOURS]
-    return {policy: style.policy_style(policy, own.index(policy) if policy in own else 0) for policy in policies}
+    return style.policy_styles(policies)
 
 
 def lattice(
