@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from pavetwin.mission.again import FormerMission
     from pavetwin.mission.fly import MissionResult
     from pavetwin.mission.inputs import MissionInputs
+    from pavetwin.world.model import World
 
 
 def settings_text(settings: "MissionSettings") -> str:
@@ -105,6 +106,7 @@ def tell(
     out.print(sentence(results), markup=False, soft_wrap=True)
     for line in missed_lines(results):
         out.print(line, markup=False, soft_wrap=True)
+    out.line(limits_line(inputs))
     if former is not None:
         if changes := former.version_changes():
             out.print(f"[yellow]Note:[/] flown before with {', '.join(changes)}.", soft_wrap=True)
@@ -124,6 +126,20 @@ def listing(result: Sequence["MissionResult"], *, animate: bool, frames: bool = 
         + "mission.parquet, track.parquet, detections.parquet, mission.yaml"
     )
     return files if len(result) == 1 else f"comparison.png, mission.parquet, and a folder for each policy with {files}"
+
+
+PLACED: Final = "placed by the program, not surveyed"
+
+
+def outside_words(world: "World") -> str:
+    """How much of the carriageway belongs to no segment."""
+    outside_m2, whole_m2 = world.outside_segments_m2, world.carriageway.area
+    return f"{outside_m2:.0f} m² of junctions and crossings, {100 * outside_m2 / whole_m2:.0f} % of the carriageway"
+
+
+def limits_line(inputs: "MissionInputs") -> str:
+    """What the numbers are not of."""
+    return f"Defects are {PLACED}; not inspected: {outside_words(inputs.environment.world)}."
 
 
 ON_RETURN: Final = "found\non\nreturn\n%"

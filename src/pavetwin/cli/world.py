@@ -13,8 +13,10 @@ from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from pavetwin.world.build import BuildRecord
-    from pavetwin.world.model import World
+    from pavetwin.world.model import Segment, World
 
 app = typer.Typer(help="Build, inspect and draw worlds: streets, buildings, furniture, defects.", no_args_is_help=True)
 
@@ -116,20 +118,48 @@ def _weights(text: str) -> dict[str, float]:
 
 
 @app.command()
-def info(world: WorldFolder) -> None:
+def info(
+    world: WorldFolder,
+    streets: Annotated[
+        bool, typer.Option("--streets", help="List the streets with their segments, lengths and areas.")
+    ] = False,
+) -> None:
     """Say what is in a world and what it was made from.
 
     \b
     pavetwin world info worlds/berlin
+    pavetwin world info worlds/berlin --streets
     """
     from pavetwin.world.store import load_record, load_world
 
-    _print_summary(load_world(world), load_record(world))
+    loaded = load_world(world)
+    if streets:
+        out.print(_streets_table(loaded))
+        return
+    _print_summary(loaded, load_record(world))
 
 
 app.command()(world_maps.show)
 app.command()(world_maps.navmesh)
 app.command()(world_export.export)
+
+
+def _streets_table(world: "World") -> "Table":
+    """One row a street: what `--segment` takes, and how much of it there is."""
+    from rich.table import Table
+    from rich.text import Text
+
+    grouped: dict[str, list[Segment]] = {}
+    for segment in world.segments:
+        grouped.setdefault(segment.street_name, []).append(segment)
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for heading in ("street", "segments", "length m", "area m²"):
+        table.add_column(heading, justify="left" if heading in ("street", "segments") else "right", overflow="fold")
+    for name, segments in sorted(grouped.items()):
+        length_m, area_m2 = sum(each.length_m for each in segments), sum(each.area_m2 for each in segments)
+        ids = " ".join(each.id for each in segments)
+        table.add_row(Text(name), Text(ids), f"{length_m:.0f}", f"{area_m2:.0f}")
+    return table
 
 
 def _print_summary(world: "World", record: "BuildRecord") -> None:
@@ -143,9 +173,11 @@ def _print_summary(world: "World", record: "BuildRecord") -> None:
 
 def _summary(world: "World", record: "BuildRecord") -> list[tuple[str, str]]:
     """What the table says: names and values."""
+    from pavetwin.cli.report import PLACED, outside_words
     from pavetwin.config.mission import UavSettings
     from pavetwin.navigation.base import with_roadside_base
     from pavetwin.world.model import LaneKind
+    from pavetwin.world.paving import paving_words
 
     lon, lat = world.georeference.to_wgs84((world.base.x, world.base.y))
     beside = with_roadside_base(world, UavSettings().radius_m).base
@@ -162,6 +194,7 @@ def _summary(world: "World", record: "BuildRecord") -> list[tuple[str, str]]:
         ("place", f"EPSG:{world.georeference.epsg}, base at {lat:.5f}, {lon:.5f}"),
         ("take-off", f"{take_off}, beside the carriageway; preset paper: at the base"),
         ("segments", f"{len(world.segments)} ({length / 1000:.2f} km, {area:.0f} m²)"),
+        ("not inspected", outside_words(world)),
         ("lanes", f"{world.length_km(LaneKind.DRIVING):.2f} km"),
         ("sidewalks", f"{world.length_km(LaneKind.SIDEWALK):.2f} km"),
         ("junctions", f"{len(world.junctions)}, {len(world.crossings)} crossings, {len(lights)} traffic lights"),
@@ -173,7 +206,9 @@ def _summary(world: "World", record: "BuildRecord") -> list[tuple[str, str]]:
         streets = "1 street" if lost == 1 else f"{lost} streets"
         rows.append(("left out", f"{streets} ({record.left_out.length_m:.0f} m) that no street joins to the rest"))
     shares = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in sorted(classes.items()))
-    rows.append(("defects", f"{len(world.defects)}" + (f" ({shares})" if shares else "")))
+    rows.append(("defects", f"{len(world.defects)}" + (f" ({shares}); {PLACED}" if shares else "")))
+    if paved := paving_words(record.paving_m2):
+        rows.append(("pavement", paved))
     rows.append(("content", f"{world.content_hash[:12]}, defects {world.defects_hash[:12]}"))
     return rows
 

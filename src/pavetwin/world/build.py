@@ -28,6 +28,7 @@ from pavetwin.world.network import network_from_net, network_from_osm, source_ki
 from pavetwin.world.osm import MapFeatures, read_features
 from pavetwin.world.parking.places import parking_places
 from pavetwin.world.parking.rule import parking_rule
+from pavetwin.world.paving import paving_m2, surfaces_in
 from pavetwin.world.roadnet import RoadNet, read_roadnet
 from pavetwin.world.segments import DEFAULT_SEGMENT_LENGTH_M, MIN_SEGMENT_LENGTH_M, segments_of
 from pavetwin.world.streets import polygons_of, streets_of, union_of
@@ -64,6 +65,8 @@ class BuildRecord(Settings):
     """How many buildings and how much of each kind of furniture came from the source; the rest was placed by rule."""
     left_out: LeftOut = LeftOut()
     """Streets of the source that are not connected with the rest."""
+    paving_m2: dict[str, float] = Field(default_factory=dict)
+    """Area of segments [m²] whose street's `surface` in OSM is no asphalt, by its value; see `world.paving`."""
     defects: dict[str, Any] = Field(default_factory=dict)
     """How the defects were placed."""
 
@@ -107,7 +110,8 @@ def build_world(
     world, mapped = _build(made, osm_file, net, record.source, options, report)
     world = replace(world, content_hash=content_hash(world, hashlib.sha256(network).hexdigest()))
     report("world", 1.0)
-    return Built(world, network, record.model_copy(update={"mapped": mapped}))
+    paving = paving_m2(world.segments, surfaces_in(osm_file)) if osm_file is not None else {}
+    return Built(world, network, record.model_copy(update={"mapped": mapped, "paving_m2": paving}))
 
 
 def _file_or_kind(source: str | Path | NetworkKind) -> str | Path | NetworkKind:

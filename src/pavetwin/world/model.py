@@ -326,6 +326,12 @@ class World:
         return carriageway(arms, [junction.polygon for junction in self.junctions])
 
     @cached_property
+    def outside_segments_m2(self) -> float:
+        """Area of the carriageway that belongs to no segment: junctions and crossings, never inspected [m²]."""
+        inspected = shapely.union_all([segment.polygon for segment in self.segments])
+        return float(self.carriageway.difference(inspected).area)
+
+    @cached_property
     def _segment_by_id(self) -> dict[str, Segment]:
         return {segment.id: segment for segment in self.segments}
 

@@ -122,6 +122,8 @@ def defect_words(design: Mapping[str, Any]) -> str:
         shares = [f"{name} {weight:g}" for name, weight in sorted(options.mix.items())]
         mix = f"of the classes {listed(shares)} (weights)" if shares else "of all classes by their own weights"
         sentences.append(f"Defects are placed in each replicate: {number}, {mix}.")
+    if sentences and placing != "world":
+        sentences.append("They are placed by the program, not surveyed.")
     hashes = design.get("files") or {}
     if own := [f"{Path(path).name} ({content})" for path, content in hashes.items()]:
         sentences.append(f"Files of your own, with the beginning of their SHA-256: {listed(own)}.")
