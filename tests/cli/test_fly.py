@@ -39,6 +39,26 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def test_streets_are_compared_on_the_screen_and_in_a_file(world: Path, tmp_path: Path) -> None:
+    policies = ("--policy", "baseline", "--policy", "skip")
+    done = pavetwin("fly", world, *SHORT[:2], "--segments", "3", *policies, "-o", tmp_path / "m")
+    assert done.returncode == 0, done.stderr
+    rows = pl.read_parquet(tmp_path / "m" / "mission.parquet")
+    streets = pl.read_csv(tmp_path / "m" / "streets.csv")
+    assert streets["policy"].unique(maintain_order=True).to_list() == ["baseline", "skip"]
+    sums = rows.group_by("policy", "street", maintain_order=True).agg(pl.col("defects", "confirmed", "area_m2").sum())
+    assert (
+        streets.select("policy", "street", "defects", "found").rows()
+        == sums.select("policy", "street", "defects", "confirmed").rows()
+    )
+    assert (streets["area_m2"] - sums["area_m2"]).abs().max() < 0.1
+    missed = streets.select(pl.sum_horizontal("hidden", "not_recognised", "other_missed"))
+    assert (missed.to_series() == streets["defects"] - streets["found"]).all()
+    for street, found in sums.filter(policy="skip").select("street", pl.col("confirmed") / pl.col("defects")).rows():
+        (line,) = [line for line in done.stdout.splitlines() if line.startswith(street)]
+        assert line.split()[-1] == f"{100 * found:.1f}"
+
+
 def test_a_mission_leaves_its_files_and_says_where(world: Path, tmp_path: Path) -> None:
     done = pavetwin("fly", world, *SHORT, "--policy", "skip", "-o", tmp_path / "m")
     assert done.returncode == 0, done.stderr
@@ -49,6 +69,7 @@ def test_a_mission_leaves_its_files_and_says_where(world: Path, tmp_path: Path) 
         "track.parquet",
         "detections.parquet",
         "captures.geojson",
+        "streets.csv",
         "defects.gpkg",
         "defects.csv",
         "mission.yaml",

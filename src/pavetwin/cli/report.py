@@ -103,6 +103,8 @@ def tell(
     for remark in inputs.replay.recording.remarks:
         out.print(f"[yellow]Note:[/] {remark}")
     out.print(segments_table(results[0]) if len(results) == 1 else comparison_table(results))
+    if len(results) > 1:
+        out.print(streets_table(results))
     out.print(sentence(results), markup=False, soft_wrap=True)
     for line in missed_lines(results):
         out.print(line, markup=False, soft_wrap=True)
@@ -122,10 +124,14 @@ def listing(result: Sequence["MissionResult"], *, animate: bool, frames: bool = 
         "map.png, "
         + ("mission.gif, " if animate else "")
         + ("frames/, " if frames else "")
-        + "defects.gpkg, defects.csv, captures.geojson, "
+        + "streets.csv, defects.gpkg, defects.csv, captures.geojson, "
         + "mission.parquet, track.parquet, detections.parquet, mission.yaml"
     )
-    return files if len(result) == 1 else f"comparison.png, mission.parquet, and a folder for each policy with {files}"
+    return (
+        files
+        if len(result) == 1
+        else f"comparison.png, mission.parquet, streets.csv, and a folder for each policy with {files}"
+    )
 
 
 PLACED: Final = "placed by the program, not surveyed"
@@ -204,6 +210,33 @@ def comparison_table(result: Sequence["MissionResult"]) -> Table:
     for mission, *cells in zip(result, *columns, strict=True):
         table.add_row(_name(mission.policy), *cells)
     return table
+
+
+def streets_table(result: Sequence["MissionResult"]) -> Table:
+    """One row a street, with the share of its defects that each policy found."""
+    table = _table()
+    table.add_column("street", vertical="bottom")
+    names = list(dict.fromkeys(row.street for row in result[0].rows))
+    by_street = [[[row for row in mission.rows if row.street == name] for name in names] for mission in result]
+    first = by_street[0]
+    columns = [
+        ("segments", [f"{len(rows)}" for rows in first]),
+        ("length\nm", [f"{sum(row.length_m for row in rows):.0f}" for rows in first]),
+        ("area\nm²", [f"{sum(row.area_m2 for row in rows):.0f}" for rows in first]),
+        ("defects", [f"{sum(row.defects for row in rows)}" for rows in first]),
+    ]
+    for mission, streets in zip(result, by_street, strict=True):
+        columns.append((f"{mission.policy}\nfound %", [_percent(_found(rows)) for rows in streets]))
+    for heading, cells in columns:
+        _add_rigid(table, heading, cells)
+    for name, *cells in zip(names, *(cells for _, cells in columns), strict=True):
+        table.add_row(_name(name), *cells)
+    return table
+
+
+def _found(rows: Sequence[SegmentMetrics]) -> float | None:
+    defects = sum(row.defects for row in rows)
+    return sum(row.confirmed for row in rows) / defects if defects else None
 
 
 def _table(*, show_footer: bool = False) -> Table:

@@ -1,5 +1,6 @@
 """A mission's folder: its tables, its defects, its description, its pictures; and its totals."""
 
+import shutil
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -17,6 +18,7 @@ from pavetwin.files import writing, writing_folder
 from pavetwin.mission.defect_files import write_captures, write_defects
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.mission import Mission
+from pavetwin.mission.street_table import STREETS, street_table
 from pavetwin.mission.track import MODES
 
 TOTALS = "totals"
@@ -27,6 +29,8 @@ _SUMMED = (
     *("wait_s", "occlusions", "revisits", "duplicates", "false_alarms"),
 )
 """Totals that are sums over the segments."""
+
+_TEXTS = {"segment": pl.String, "reason": pl.String}
 
 _MODE_NAMES = [mode.value for mode in MODES]
 
@@ -206,11 +210,17 @@ def save_missions(
                 (temporary / result.policy).mkdir()
                 _write(result, temporary / result.policy)
                 _write_table(tables[0], temporary / "mission.parquet")
+                shutil.copyfile(temporary / result.policy / STREETS, temporary / STREETS)
         else:
             with writing_folder(folder / result.policy, replace=True) as temporary:
                 _write(result, temporary)
             with writing(folder / "mission.parquet") as path:
                 _write_table(pl.concat(tables), path)
+            streets = [folder / STREETS, folder / result.policy / STREETS]
+            both = "".join(file.read_text(encoding="utf-8").partition("\n")[2] for file in streets)
+            heads = streets[0].read_text(encoding="utf-8").partition("\n")[0]
+            with writing(folder / STREETS) as path:
+                path.write_text(f"{heads}\n{both}", encoding="utf-8")
         failures += _draw(result, folder / result.policy, drawings)
     for name, draw in extras:
         failures += _failures(draw, folder / name)
@@ -235,6 +245,8 @@ def _write(result: MissionResult, folder: Path) -> None:
     _write_table(detections_table(result), folder / "detections.parquet")
     write_captures(result, folder / "captures.geojson")
     write_defects(result, folder)
+    reasons = pl.read_csv(folder / "defects.csv", columns=["segment", "reason"], schema_overrides=_TEXTS)
+    street_table(result, reasons).write_csv(folder / STREETS)
     (folder / "mission.yaml").write_text(yaml.safe_dump(description(result), sort_keys=False), encoding="utf-8")
 
 
