@@ -19,6 +19,7 @@ from pavetwin.mission.results import save_mission, save_missions
 from scenes import tiny
 
 NUMBERS = {
+    "streets.csv",
     *("mission.parquet", "track.parquet", "detections.parquet", "captures.geojson"),
     *("defects.gpkg", "defects.csv", "mission.yaml"),
 }
@@ -54,7 +55,7 @@ def test_a_picture_that_fails_leaves_the_numbers(
     assert names(tmp_path / "m") == NUMBERS
     with pytest.raises(PaveTwinError, match=r"hover/map\.png"):
         save([result, tiny.result("lively_street", "skip")], tmp_path / "all", several=True)
-    assert names(tmp_path / "all") == {"hover", "skip", "mission.parquet", "comparison.png"}
+    assert names(tmp_path / "all") == {"hover", "skip", "mission.parquet", "streets.csv", "comparison.png"}
     assert names(tmp_path / "all" / "skip") == NUMBERS
 
 
@@ -76,7 +77,7 @@ def test_a_flight_that_ends_badly_costs_none_before_it(tmp_path: Path) -> None:
 
     with pytest.raises(KeyboardInterrupt):
         save(missions(), tmp_path / "all", several=True)
-    assert names(tmp_path / "all") == {"baseline", "hover", "mission.parquet"}
+    assert names(tmp_path / "all") == {"baseline", "hover", "mission.parquet", "streets.csv"}
     assert pl.read_parquet(tmp_path / "all" / "mission.parquet")["policy"].to_list() == ["baseline", "hover"]
     assert names(tmp_path / "all" / "hover") == {*NUMBERS, "map.png"}
 
@@ -97,7 +98,7 @@ def test_nothing_of_a_former_mission_stays(tmp_path: Path) -> None:
     save_mission(result, tmp_path / "m", [("mission.gif", moving)])
     assert names(tmp_path / "m") == {*NUMBERS, "mission.gif"}
     save_missions([(result, [])], tmp_path / "m")
-    assert names(tmp_path / "m") == {"hover", "mission.parquet"}
+    assert names(tmp_path / "m") == {"hover", "mission.parquet", "streets.csv"}
     save_mission(result, tmp_path / "m")
     assert names(tmp_path / "m") == NUMBERS
 

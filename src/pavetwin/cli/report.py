@@ -130,7 +130,8 @@ def listing(result: Sequence["MissionResult"], *, animate: bool, frames: bool = 
     return (
         files
         if len(result) == 1
-        else f"comparison.png, mission.parquet, streets.csv, and a folder for each policy with {files}"
+        else "comparison.png (the segment hidden most often), mission.parquet, streets.csv, "
+        f"and a folder for each policy with {files}"
     )
 
 
