@@ -400,6 +400,8 @@ def test_a_mission_takes_off_beside_the_road_or_where_it_is_told(world: Path, tm
         (("--segment", "s0001", "--segments", "2"), "exclude each other"),
         (("--date", "2026-02-30"), "--date 2026-02-30: expected a date of the calendar"),
         (("--wind", "west"), "--wind west"),
+        (("--parking", "1.5"), "--parking 1.5: expected a share of the places from 0 to 1"),
+        (("--parking", "few"), "--parking few: expected a share of the places from 0 to 1"),
         (("--set", "energy.wind_mps=6"), "'wind_mps' has moved: give 'conditions.wind_mps'"),
     ],
 )
@@ -417,6 +419,23 @@ def test_date_time_clouds_and_wind_are_the_missions_conditions(world: Path) -> N
     settings = yaml.safe_load(pavetwin("fly", world, *options, "--settings").stdout)
     expected = {"date": "2026-06-21", "time": "10:30:00", "clouds": 0.4, "wind_mps": 5.0, "wind_from_deg": 90.0}
     assert settings["conditions"] == {**expected, "gust_factor": 1.0, "temperature_c": 20.0, "turbidity": 3.0}
+
+
+@pytest.mark.parametrize(
+    ("options", "enabled", "occupancy"),
+    [
+        ((), True, None),
+        (("--preset", "paper"), False, None),
+        (("--parking", "none"), False, None),
+        (("--parking", "0.9"), True, 0.9),
+        (("--preset", "paper", "--parking", "0.9"), True, 0.9),
+    ],
+)
+def test_parking_is_by_the_hour_or_as_asked(
+    world: Path, options: tuple[str, ...], enabled: bool, occupancy: float | None
+) -> None:
+    settings = yaml.safe_load(pavetwin("fly", world, *options, "--settings").stdout)
+    assert settings["parking"] == {"enabled": enabled, "occupancy": occupancy}
 
 
 @pytest.mark.needs_adapter

@@ -17,6 +17,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.results import save_mission, save_missions
 from scenes import tiny
+from scenes.parking import EMPTY, FULL, narrow_street
 
 NUMBERS = {
     "streets.csv",
@@ -37,6 +38,19 @@ def save(
     missions: Iterator[MissionResult] | list[MissionResult], folder: Path, *, several: bool
 ) -> list[MissionResult]:
     return report.save(missions, folder, several=several, animated=lambda _: False)
+
+
+def test_what_parked_vehicles_leave_to_be_seen_is_told_beside_what_was_seen() -> None:
+    stands, empty = (narrow_street().fly("hover", parking) for parking in (FULL, EMPTY))
+    at_most = f"{100 * (1 - stands.rows[0].permanently_hidden):.1f}"
+    for table in (report.segments_table(stands), report.comparison_table([stands, stands])):
+        (column,) = [column for column in table.columns if column.header == report.AT_MOST]
+        assert at_most in [str(cell) for cell in column.cells]
+    assert f"% of the surface seen (of at most {at_most} % beside parked vehicles)" in report.sentence([stands])
+    assert report.missed_lines([stands]) == ["Missed 1 of 2: 1 under or behind a parked vehicle."]
+    for table in (report.segments_table(empty), report.comparison_table([empty, empty])):
+        assert report.AT_MOST not in [column.header for column in table.columns]
+    assert "at most" not in report.sentence([empty])
 
 
 @pytest.mark.parametrize("error", [ValueError("one point is not a line"), PaveTwinError("No segment in common.")])
@@ -161,5 +175,5 @@ def test_a_mission_over_several_batteries_says_how_many_to_bring() -> None:
 
 def test_what_was_missed_is_counted_by_reason() -> None:
     hidden, all_found = tiny.result("queue_at_light", "baseline"), tiny.result("empty_street", "baseline")
-    assert report.missed_lines([hidden]) == ["Missed 7 of 7: 7 hidden by vehicles."]
-    assert report.missed_lines([all_found, hidden]) == ["baseline missed 7 of 7: 7 hidden by vehicles."]
+    assert report.missed_lines([hidden]) == ["Missed 7 of 7: 7 hidden by vehicles in traffic."]
+    assert report.missed_lines([all_found, hidden]) == ["baseline missed 7 of 7: 7 hidden by vehicles in traffic."]

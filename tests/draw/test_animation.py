@@ -19,6 +19,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.mission.timeline import Timeline
 from pavetwin.traffic.kinds import VEHICLES
 from scenes import tiny
+from scenes.parking import EMPTY, FULL, full_street
 
 
 def film_of(scene: str, policy: str, start_s: float | None = None, duration_s: float = 20.0) -> Film:
@@ -92,6 +93,23 @@ def test_the_seen_pavement_agrees_with_the_kernels_surface_coverage() -> None:
         seen = SeenSurface(Timeline(result)).until(result.duration_s)
         (row,) = result.rows
         assert shapely.area(seen) / row.area_m2 == pytest.approx(row.surface_coverage, abs=0.03)
+
+
+def test_a_parked_car_is_drawn_and_the_pavement_behind_it_stays_unseen() -> None:
+    scene = full_street()
+    films = [Film(scene.fly("baseline", parked), None, 20.0, 4.0, 12) for parked in (FULL, EMPTY)]
+    (row,) = films[0].result.rows
+    seen = SeenSurface(films[0].timeline).until(films[0].result.duration_s)
+    assert shapely.area(seen) / row.area_m2 == pytest.approx(row.surface_coverage, abs=0.03)
+    time_s = inspection_times(films[0])[8]
+    counts = []
+    for film in films:
+        colour = rgb(mission_style.AGENT_COLOURS["parked"])
+        counts.append(int((np.asarray(film.frame(time_s))[: SIZE_PX[1]] == colour).all(axis=-1).sum()))
+    assert counts[0] > 500
+    assert counts[1] < 50
+    assert films[0].scene(time_s).hidden.area > 1.0
+    assert films[1].scene(time_s).hidden.is_empty
 
 
 def test_every_kind_of_vehicle_falls_into_its_group() -> None:

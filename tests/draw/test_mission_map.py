@@ -15,6 +15,7 @@ from PIL import Image
 from pavetwin.draw import lettering, style
 from pavetwin.draw.lettering import OccupiedSpace
 from pavetwin.draw.marks import DefectOutcome, notable_segments, outcomes, rectangles, windows
+from pavetwin.draw.mission_legend import legend_of, main_numbers
 from pavetwin.draw.mission_map import (
     _comparison_figure,
     flown_bounds,
@@ -32,6 +33,7 @@ from pavetwin.mission.track import MODE_NUMBER, displacements, revisits, waits
 from pavetwin.twin import Mode
 from pavetwin.world.model import World
 from scenes import tiny
+from scenes.parking import EMPTY, FULL, narrow_street
 
 POLICIES = ("baseline", "hover", "micro", "skip")
 
@@ -72,6 +74,22 @@ def test_the_map_has_a_mark_for_every_defect(policy: str) -> None:
     for outcome in DefectOutcome:
         town, *_ = marks(figure, f"defects-{outcome}")
         assert town == found.count(outcome)
+
+
+def test_parked_vehicles_and_what_they_hide_are_on_the_map_and_in_its_legend() -> None:
+    result = narrow_street().fly("hover", FULL)
+    assert [outcome.value for outcome in outcomes(result).values()] == ["behind parked vehicle", "found"]
+    figure = figure_of(result)
+    boxes = [c for axes in figure.axes for c in axes.collections if c.get_gid() == "parked"]
+    assert len(boxes) == 2, "the town and the close view"
+    assert all(len(each.get_paths()) == 1 for each in boxes)
+    legend, _ = legend_of([result], town=True)[::-1]
+    assert {"Parked vehicle", "Defect behind parked vehicle"} <= set(legend)
+    empty = narrow_street().fly("hover", EMPTY)
+    assert "Parked vehicle" not in legend_of([empty], town=True)[1]
+    names = [name for name, _ in main_numbers(result)]
+    assert "Surface that can be seen" in names
+    assert "Surface that can be seen" not in [name for name, _ in main_numbers(empty)]
 
 
 def test_waits_are_as_long_as_the_metrics_say() -> None:

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from pavetwin.experiments.design import Design, read_design
 from pavetwin.experiments.engines import Engine, Pool, Single
 from pavetwin.experiments.engines.base import DIED, in_batches
 from pavetwin.experiments.engines.cluster import Cluster
+from pavetwin.experiments.metrics import metrics_in
 from pavetwin.experiments.plan import Plan, Unit, units_of
 from pavetwin.experiments.report import gather, write_report
 from pavetwin.experiments.run import run
@@ -44,6 +46,7 @@ from pavetwin.traffic.recording import load_recording, save_recording
 from pavetwin.world.cache import cached
 from pavetwin.world.store import load_world, save_world
 from scenes import built
+from scenes.parking import kerb_place, with_places
 
 DEADLY = """
 import multiprocessing, os
@@ -111,6 +114,53 @@ def test_every_mission_is_a_row_with_its_factors_and_seeds(reference: Path) -> N
     assert table["traffic"].unique(maintain_order=True).to_list() == ["low", "medium"]
     assert (table["coverage"] * table["defects"] - table["confirmed"]).abs().max() < 1e-9
     assert table["time_s"].min() > 5
+
+
+@pytest.fixture(scope="module")
+def lined(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The cross with a row of parking places on the carriageway of every segment."""
+    folder = tmp_path_factory.mktemp("lined") / "cross"
+    bare = add_defects(built("cross"), DefectOptions(per_segment=6))
+    places = [
+        kerb_place(at.x, at.y, name=f"{segment.id}-{number}-", segment=segment.id, length_m=6.0, width_m=2.4)
+        for segment in bare.world.segments
+        for number in range(4)
+        for at in [segment.centre_line.interpolate((number + 1) / 5, normalized=True)]
+    ]
+    save_world(replace(bare, world=with_places(bare.world, *places)), folder)
+    return folder
+
+
+def test_a_study_sweeps_how_full_the_streets_are(lined: Path, tmp_path: Path) -> None:
+    design = small(
+        lined, densities=["low"], altitudes_m=[6], replicates=2, presets=["default"],
+        sweep={"parking.occupancy": [0.0, 1.0]},
+    )  # fmt: skip
+    run(design, tmp_path / "study", Single())
+    table = Store(tmp_path / "study").table()
+    assert (table["status"] == "flown").all()
+    hidden = table.select("replicate", "policy", "parking.occupancy", "permanently_hidden")
+    full = hidden.filter(pl.col("parking.occupancy") == 1.0)
+    assert (hidden.filter(pl.col("parking.occupancy") == 0.0)["permanently_hidden"] == 0.0).all()
+    assert (full["permanently_hidden"] > 0.01).all()
+    assert (full.group_by("replicate").agg(pl.col("permanently_hidden").n_unique())["permanently_hidden"] == 1).all()
+    assert table["parking_seed"].n_unique() == 2
+    assert table.group_by("replicate").agg(pl.col("parking_seed").n_unique())["parking_seed"].to_list() == [1, 1]
+    assert "permanently_hidden" in {metric.name for metric in metrics_in(table)}
+    before = digests(tmp_path / "study")
+    run(design, tmp_path / "study", Single())
+    assert digests(tmp_path / "study") == before, "a finished study is not flown again"
+
+
+def test_a_study_is_not_resumed_with_other_parking_places(lined: Path, tmp_path: Path) -> None:
+    town = tmp_path / "cross"
+    shutil.copytree(lined, town)
+    design = small(town, densities=["low"], altitudes_m=[6], policies=["baseline"], replicates=1)
+    run(design, tmp_path / "study", Single())
+    fewer = add_defects(built("cross"), DefectOptions(per_segment=6))
+    save_world(replace(fewer, world=with_places(fewer.world, *load_world(lined).parking[1:])), town, force=True)
+    with pytest.raises(PaveTwinError, match="was begun with another world than 'cross' is now"):
+        run(design, tmp_path / "study", Single())
 
 
 def test_a_replicate_shares_its_random_numbers_and_another_has_its_own(reference: Path) -> None:

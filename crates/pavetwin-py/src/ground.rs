@@ -8,7 +8,7 @@ use crate::trace::Trace;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pavetwin_core::geometry::Vec2;
 use pavetwin_core::mission as core;
-use pavetwin_core::sensing::{Observer, Prism, Scene, Solids, SurfaceGrid};
+use pavetwin_core::sensing::{self as core_sensing, Observer, Prism, Reach, Scene, Solids, SurfaceGrid};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
@@ -20,8 +20,8 @@ pub struct Ground(pub Arc<core::Ground>);
 impl Ground {
     #[new]
     #[pyo3(signature = (
-        mesh, *, cell_m, surface_rings, solid_offsets, solid_xy, solid_z0, solid_z1, defect_centres, defect_offsets,
-        defect_points, defect_segments
+        mesh, *, cell_m, surface_rings, solid_offsets, solid_xy, solid_z0, solid_z1, solid_is_parked, defect_centres,
+        defect_offsets, defect_points, defect_segments
     ))]
     #[allow(clippy::too_many_arguments)] // ragged arrays, each by name
     fn new(
@@ -32,6 +32,7 @@ impl Ground {
         solid_xy: PyReadonlyArray2<'_, f64>,
         solid_z0: PyReadonlyArray1<'_, f64>,
         solid_z1: PyReadonlyArray1<'_, f64>,
+        solid_is_parked: PyReadonlyArray1<'_, bool>,
         defect_centres: PyReadonlyArray2<'_, f64>,
         defect_offsets: PyReadonlyArray1<'_, u32>,
         defect_points: PyReadonlyArray2<'_, f64>,
@@ -46,7 +47,11 @@ impl Ground {
         let heights = solid_z0.as_slice()?.iter().zip(solid_z1.as_slice()?);
         let prisms: Result<Vec<_>, _> =
             bases.into_iter().zip(heights).map(|(base, (z0, z1))| Prism::new(base, *z0, *z1)).collect();
-        let solids = Solids::new(prisms.map_err(plain)?);
+        let (mut fixed, mut parked) = (Vec::new(), Vec::new());
+        for (prism, &is_parked) in prisms.map_err(plain)?.into_iter().zip(solid_is_parked.as_slice()?) {
+            if is_parked { &mut parked } else { &mut fixed }.push(prism);
+        }
+        let solids = Solids::new(fixed).with_parked(parked);
         let samples = ragged(&defect_offsets, &points(&defect_points)?)?;
         let centres = points(&defect_centres)?;
         let defects = centres.into_iter().zip(samples);
@@ -71,8 +76,30 @@ impl Ground {
         let columns = PyDict::new(py);
         columns.set_item("visibility", look.has_candidates.then_some(look.share))?;
         columns.set_item("hidden_place", look.hidden_centroid.map(|place| (place.x, place.y)))?;
+        columns.set_item("permanently_hidden", look.permanently_hidden())?;
         columns.set_item("candidates", to_array(py, &observer.candidates().centres().collect::<Vec<_>>())?)?;
         columns.set_item("visible", to_array(py, &observer.visible().centres().collect::<Vec<_>>())?)?;
+        Ok(columns)
+    }
+
+    /// What the windows of several viewpoints, all at one altitude, show together without traffic.
+    fn reach<'py>(
+        &self,
+        py: Python<'py>,
+        segment: u32,
+        camera: &NadirCamera,
+        altitude_m: f64,
+        places: PyReadonlyArray2<'_, f64>,
+        yaws_rad: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let grid = &self.surface(segment)?.grid;
+        let viewpoint = |(position, &yaw_rad): (Vec2, &f64)| core_sensing::Viewpoint { position, altitude_m, yaw_rad };
+        let viewpoints: Vec<_> = points(&places)?.into_iter().zip(yaws_rad.as_slice()?).map(viewpoint).collect();
+        let reach = Reach::of(grid, &self.0.solids, &camera.0, &viewpoints).map_err(plain)?;
+        let columns = PyDict::new(py);
+        columns.set_item("cells", grid.cell_count())?;
+        columns.set_item("visible", reach.visible().count())?;
+        columns.set_item("permanently_hidden", reach.permanently_hidden().count())?;
         Ok(columns)
     }
 
@@ -92,6 +119,7 @@ impl Ground {
         let columns = PyDict::new(py);
         columns.set_item("visible", shares.visible)?;
         columns.set_item("behind_solids", shares.behind_solids)?;
+        columns.set_item("behind_parked", shares.behind_parked)?;
         columns.set_item("behind_vehicles", shares.behind_vehicles)?;
         columns.set_item("behind_pedestrians", shares.behind_pedestrians)?;
         Ok(columns)

@@ -164,6 +164,8 @@ class Occluded:
     time_s: Final[float]
     visibility: Final[float]
     hidden_place: Final[Point | None]
+    permanently_hidden: Final[float]
+    """Of the cells in the window, the share that parked vehicles hide; they do not count in o."""
     since_s: Final[float]
     waited_s: Final[float]
     displacements: Final[int]

@@ -29,6 +29,8 @@ class LookColumns(TypedDict):
     """o; None when C is empty."""
     hidden_place: Point | None
     """Centroid of C less V."""
+    permanently_hidden: float
+    """Share that parked vehicles hide, of the cells in the window that no building, tree or street furniture hides."""
     candidates: Float64Array
     """(n, 2), the centres of the cells of C."""
     visible: Float64Array
@@ -40,9 +42,22 @@ class DefectShares(TypedDict):
 
     visible: float
     behind_solids: float
-    """Behind what stands still: buildings, trees, street furniture."""
+    """Behind buildings, trees, street furniture."""
+    behind_parked: float
+    """Under or behind parked vehicles."""
     behind_vehicles: float
+    """Behind moving ones."""
     behind_pedestrians: float
+
+class ReachColumns(TypedDict):
+    """Counts of a segment's cells."""
+
+    cells: int
+    """All."""
+    visible: int
+    """Seen from at least one viewpoint."""
+    permanently_hidden: int
+    """Seen from none, and not so if nothing were parked."""
 
 class Trace:
     """The recorded traffic, interpolated between its steps."""
@@ -134,6 +149,7 @@ class Ground:
         solid_xy: Float64Array,
         solid_z0: Float64Array,
         solid_z1: Float64Array,
+        solid_is_parked: BoolArray,
         defect_centres: Float64Array,
         defect_offsets: UInt32Array,
         defect_points: Float64Array,
@@ -143,6 +159,15 @@ class Ground:
         self, segment: int, trace: Trace, time_s: float, camera: NadirCamera, viewpoint: Viewpoint
     ) -> LookColumns:
         """One look at a segment, without a mission: which cells are candidates, and which of them are visible."""
+
+    def reach(
+        self, segment: int, camera: NadirCamera, altitude_m: float, places: Float64Array, yaws_rad: Float64Array
+    ) -> ReachColumns:
+        """What the inspection windows over n places (n, 2) with yaws (n,) show together of a segment, without traffic.
+
+        Raises:
+            PaveTwinError: there is no such segment, or a value is not finite.
+        """
 
     def defect_shares(self, defect: int, trace: Trace, time_s: float, viewpoint: Viewpoint) -> DefectShares:
         """What is seen of a defect, without a mission; the frame does not count.

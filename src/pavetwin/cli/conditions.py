@@ -7,7 +7,10 @@ import typer
 
 from pavetwin.errors import PaveTwinError
 
-Date = Annotated[str | None, typer.Option(metavar="YYYY-MM-DD", help="Date of the flight, for the light of frames.")]
+Date = Annotated[
+    str | None,
+    typer.Option(metavar="YYYY-MM-DD", help="Date of the flight, for parked vehicles and the light of frames."),
+]
 Time = Annotated[
     str | None, typer.Option(metavar="HH:MM", help="Time of day at take-off: mean solar time at the world's base.")
 ]

@@ -57,7 +57,7 @@ def demo(
     )
     with replay, progress("[3/4] Flying the four policies") as tell:
         settings = load_settings(altitude_m=ALTITUDE_M)
-        environment = prepare(world, settings)
+        environment = prepare(world, settings, parking_seed=FLIGHT_SEED)
         spec = plan_mission(
             world, settings, density=DENSITY, segments=SEGMENTS, seed=FLIGHT_SEED, environment=environment
         )

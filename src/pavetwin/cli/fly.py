@@ -24,7 +24,7 @@ POLICY, SEGMENTS = "hover", "8"
 
 FIXED_BY_AGAIN = (
     *("los", "hour", "density", "mix", "altitude", "segments", "segment", "order", "seed", "preset", "sensor", "set_"),
-    *("traffic", "routes", "take_off", "base", "aircraft", "airspace", "plugin"),
+    *("traffic", "routes", "take_off", "base", "aircraft", "airspace", "plugin", "parking"),
     *CONDITIONS,
 )
 """Options whose values a mission.yaml holds."""
@@ -65,6 +65,14 @@ def fly(
             metavar="ID|STREET",
             help='Inspect this segment, or all of this street, as in --segment "Bell Lane"; may be given several '
             "times. Replaces --segments.",
+        ),
+    ] = None,
+    parking: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SHARE|by-time|none",
+            help="Share of the parking places that are taken, 0…1, or by the daily curve of the date and time. None "
+            "unless given.",
         ),
     ] = None,
     date: Date = None,
@@ -126,6 +134,7 @@ def fly(
     pavetwin fly worlds/town --aircraft phantom4pro --wind 6@270
     pavetwin fly worlds/town --date 2026-06-21 --time 09:30 --clouds 0.4 --wind 5@270 --save-frames
     pavetwin fly worlds/town --routes rush.rou.xml --take-off 600
+    pavetwin fly worlds/town --parking 0.9
     pavetwin fly worlds/town --segment s0004 --policy my_policy.py:Careful --set policy.max_wait_s=60
     pavetwin fly --again worlds/town/missions/hover-high-1-10m-default-seed1/mission.yaml
     """
@@ -144,7 +153,14 @@ def fly(
         former.spec.settings
         if former is not None
         else _settings(
-            preset, altitude, sensor, aircraft, set_, paths_of(plugin), conditions_of(date, time, clouds, wind)
+            preset,
+            altitude,
+            sensor,
+            aircraft,
+            set_,
+            paths_of(plugin),
+            conditions_of(date, time, clouds, wind),
+            {} if parking is None else _parking(parking),
         )
     )
 
@@ -183,7 +199,7 @@ def fly(
             specs = [former.planned(loaded, policy=name, defect_seed=defect_seed) for name in names]
         else:
             defects = defects_of(loaded, defect_input(defect_seed))
-            environment = prepare(loaded, chosen, defects, base=base_point(base, loaded))
+            environment = prepare(loaded, chosen, defects, base=base_point(base, loaded), parking_seed=seed)
             own = [settings_under(name, names, chosen) for name in names]
             spec = plan_mission(
                 loaded,
@@ -214,6 +230,9 @@ def fly(
     if former is None:
         out.line(f"Preset {preset}.")
     vehicles, pedestrians = inputs.replay.recording.agents_at(specs[0].traffic.take_off_s)
+    if parked := len(inputs.environment.parked):
+        places = len(loaded.parking)
+        out.line(f"{parked} vehicle{'s' * (parked != 1)} parked in {places} place{'s' * (places != 1)}.")
     out.line(
         f"Take-off {specs[0].traffic.take_off_s:g} s after the traffic begins, with {vehicles} "
         f"vehicle{'s' * (vehicles != 1)} and {pedestrians} pedestrian{'s' * (pedestrians != 1)} on the streets."
@@ -283,6 +302,7 @@ def _settings(
     overrides: Sequence[str] | None,
     plugins: Sequence[str],
     conditions: Mapping[str, Any],
+    parking: Mapping[str, Any],
 ) -> "MissionSettings":
     from pavetwin.config import load_settings
     from pavetwin.config.altitude import check_altitude
@@ -299,7 +319,30 @@ def _settings(
         given["plugins"] = plugins
     if conditions:
         given["conditions"] = conditions
+    if parking:
+        given["parking"] = parking
     return load_settings(preset, overrides or (), **given)
+
+
+def _parking(text: str) -> dict[str, Any]:
+    """Values for the settings' `parking`.
+
+    Raises:
+        PaveTwinError: the text is neither `none`, `by-time` nor a share.
+    """
+    if text == "none":
+        return {"enabled": False}
+    if text == "by-time":
+        return {"enabled": True, "occupancy": None}
+    try:
+        share = float(text)
+    except ValueError:
+        share = -1.0
+    if not 0 <= share <= 1:
+        raise PaveTwinError(
+            f"--parking {text}: expected a share of the places from 0 to 1, as in 0.9, by-time, or none."
+        )
+    return {"enabled": True, "occupancy": share}
 
 
 def _count(segments: str) -> int | None:

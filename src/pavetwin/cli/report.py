@@ -152,6 +152,9 @@ def limits_line(inputs: "MissionInputs") -> str:
 ON_RETURN: Final = "found\non\nreturn\n%"
 """Heading of the share of defects that were found only on a revisit."""
 
+AT_MOST: Final = "of at\nmost %"
+"""Heading of the share of the surface that parked vehicles leave to be seen; where there are some."""
+
 
 def segments_table(result: "MissionResult") -> Table:
     """One row a segment, and the sums."""
@@ -164,6 +167,7 @@ def segments_table(result: "MissionResult") -> Table:
         ("found\n%", _percent(sums.coverage), lambda row: _percent(row.coverage)),
         (ON_RETURN, _percent(sums.recovery), lambda row: _percent(row.recovery)),
         ("surface\nseen %", _percent(sums.surface_coverage), lambda row: _percent(row.surface_coverage)),
+        (AT_MOST, _percent(_reachable(sums)), lambda row: _percent(_reachable(row))),
         ("false\nalarms", f"{sums.false_alarms}", lambda row: f"{row.false_alarms}"),
         ("hidden\ntimes", f"{sums.occlusions}", lambda row: f"{row.occlusions}"),
         ("waited\ns", f"{sums.wait_s:.0f}", lambda row: f"{row.wait_s:.0f}"),
@@ -173,6 +177,7 @@ def segments_table(result: "MissionResult") -> Table:
     idle = {ON_RETURN} if not sums.revisits else set()
     idle |= {"waited\ns"} if not sums.wait_s else set()
     idle |= {"false\nalarms"} if not sums.false_alarms else set()
+    idle |= {AT_MOST} if not sums.permanently_hidden else set()
     shown = [column for column in columns if column[0] not in idle]
     table = _table(show_footer=True)
     for heading, footer, text in shown:
@@ -201,6 +206,8 @@ def comparison_table(result: Sequence["MissionResult"]) -> Table:
         ("battery\n%", lambda t: 100 * t.energy, "{:.1f}", -1),
         ("flown\nkm", lambda t: t.distance_m / 1000, "{:.2f}", -1),
     ]
+    if any(each.permanently_hidden for each in sums):
+        measures.insert(5, (AT_MOST, lambda t: _hundred(_reachable(t)), "{:.1f}", 0))
     if any(each.swaps for each in sums):
         measures[-2] = ("batteries\nto bring", lambda t: t.batteries, "{:.0f}", -1)
     if any(each.false_alarms for each in sums):
@@ -276,6 +283,8 @@ def sentence(result: Sequence["MissionResult"]) -> str:
         if sums.false_alarms:
             found += f", {sums.false_alarms} false alarm{'s' if sums.false_alarms != 1 else ''}"
         surface = f"{_percent(sums.surface_coverage)} % of the surface seen"
+        if sums.permanently_hidden:
+            surface += f" (of at most {_percent(_reachable(sums))} % beside parked vehicles)"
         minutes = f"{sums.time_s / 60:.1f} min"
         if sums.swaps:
             changes = f"{sums.swaps} battery change{'s' if sums.swaps != 1 else ''}"
@@ -285,7 +294,8 @@ def sentence(result: Sequence["MissionResult"]) -> str:
 
 
 MISSED: Final[Mapping[MissReason, str]] = {
-    MissReason.HIDDEN_BY_VEHICLES: "hidden by vehicles",
+    MissReason.HIDDEN_BY_VEHICLES: "hidden by vehicles in traffic",
+    MissReason.HIDDEN_BY_PARKED_VEHICLES: "under or behind a parked vehicle",
     MissReason.HIDDEN_BY_PEDESTRIANS: "hidden by pedestrians",
     MissReason.HIDDEN_BY_FIXED_OBJECTS: "hidden by buildings, trees or street furniture",
     MissReason.TOO_SMALL: "too small for the pixels",
@@ -306,6 +316,11 @@ def missed_lines(results: Sequence["MissionResult"]) -> list[str]:
             why = ", ".join(f"{reasons[reason]} {words}" for reason, words in MISSED.items() if reasons[reason])
             lines.append(f"{whose} {missed} of {missed + found}: {why}.")
     return lines
+
+
+def _reachable(measured: SegmentMetrics | Totals) -> float | None:
+    """The share of the surface that parked vehicles leave to be seen."""
+    return None if measured.permanently_hidden is None else 1 - measured.permanently_hidden
 
 
 def _hundred(share: float | None) -> float | None:

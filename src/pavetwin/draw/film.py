@@ -13,7 +13,7 @@ from pavetwin.draw.ground_raster import GroundRaster
 from pavetwin.draw.marks import DefectOutcome, footprint_m, rectangles, start_of_interest_s
 from pavetwin.draw.mission_style import agent_group, font, write
 from pavetwin.draw.readings import HEIGHT_PX, Readings
-from pavetwin.draw.shadows import SeenSurface, shadows
+from pavetwin.draw.shadows import SeenSurface, columns_near, shadows
 from pavetwin.draw.street_names import shown_label
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import window_m
@@ -88,13 +88,15 @@ class Film:
         """D_t at a time of the mission, as far as it can be seen."""
         state, centre = self.timeline.at(time_s), self.centre(time_s)
         agents = state.agents_near(centre, 0.6 * self.width_m)
+        parked = columns_near(self.timeline.parked, centre, 0.6 * self.width_m)
         sizes = (agents[name].tolist() for name in ("length_m", "height_m", "is_pedestrian"))
         uav = state.uav
         hidden: shapely.Geometry = shapely.Polygon()
-        if state.visibility is not None and len(agents["x_m"]):
+        if state.visibility is not None:
             east, north = uav.position
             window = shapely.Polygon(rectangles(east, north, uav.yaw_rad, *self.view.window_m))
-            dark = shapely.union_all(shadows(agents, (east, north, uav.altitude_m)))
+            eye = (east, north, uav.altitude_m)
+            dark = shapely.union_all([*shadows(agents, eye), *shadows(parked, eye)])
             hidden = shapely.intersection(window, dark)
         if self._seen is None:
             self._seen = SeenSurface(self.timeline, self._concerns)
@@ -103,6 +105,7 @@ class Film:
             uav=uav,
             visibility=state.visibility,
             agents=agents,
+            parked=parked,
             groups=list(map(agent_group, *sizes)),
             hidden=hidden,
             seen=self._seen.until(time_s),

@@ -53,8 +53,9 @@ class MissionState:
     agents: "PoseColumns"
     groups: Sequence[str]
     """For each agent, its key of `AGENT_COLOURS`."""
+    parked: "PoseColumns"
     hidden: shapely.Geometry
-    """The part of the inspection window that agents hide."""
+    """The part of the inspection window that agents and parked vehicles hide."""
     seen: shapely.Geometry
     """Pavement seen by the captures so far."""
     defects: Sequence[DefectMark]
@@ -90,6 +91,8 @@ class MapView:
         if scene.visibility is not None:
             pen.fill(_around(scene, self.window_m), (*visibility_rgb(scene.visibility), 70))
             pen.area(scene.hidden, (*rgb(HIDDEN), HIDDEN_OPACITY))
+        for outline in bodies(scene.parked):
+            _draw_vehicle(pen, outline, rgb(AGENT_COLOURS["parked"]), "parked")
         _draw_agents(pen, scene)
         if scene.visibility is not None:
             colour = visibility_rgb(scene.visibility)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from pavetwin.arrays import Float64Array
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.inspected_defects import MissReason, inspected_defects
 from pavetwin.mission.timeline import Timeline
 from pavetwin.uav import camera_of
 
@@ -29,18 +30,22 @@ class DefectOutcome(StrEnum):
     RECOVERED = "found on return"
     """Confirmed first on a revisit."""
     MISSED = "missed"
+    BEHIND_PARKED = "behind parked vehicle"
+    """Missed: under or behind a parked vehicle, hidden for good."""
 
 
 def outcomes(result: MissionResult) -> dict[int, DefectOutcome]:
     """Of every defect of the inspected segments, and of those confirmed elsewhere in passing."""
     visited = {row.segment for row in result.rows}
+    missed = {each.defect.id: each.reason for each in inspected_defects(result) if not each.is_found}
     found = {}
     for defect in result.environment.defects:
         confirmation = result.memory.confirmed.get(defect.id)
         if confirmation is not None:
             found[defect.id] = DefectOutcome.RECOVERED if confirmation.on_revisit else DefectOutcome.CONFIRMED
         elif defect.segment in visited:
-            found[defect.id] = DefectOutcome.MISSED
+            parked = missed[defect.id] is MissReason.HIDDEN_BY_PARKED_VEHICLES
+            found[defect.id] = DefectOutcome.BEHIND_PARKED if parked else DefectOutcome.MISSED
     return found
 
 

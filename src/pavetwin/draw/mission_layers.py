@@ -1,4 +1,4 @@
-"""Map layers of a mission: route, captured windows, defects, waits, displacements and revisits.
+"""Map layers of a mission: parked vehicles, route, captured windows, defects, waits, displacements and revisits.
 
 Every function draws into axes in metres, either of the world frame or of a page rotated along a street.
 """
@@ -16,7 +16,7 @@ from matplotlib.patches import FancyArrowPatch
 from pavetwin.arrays import Float64Array
 from pavetwin.draw import shapes, style
 from pavetwin.draw.lettering import OccupiedSpace
-from pavetwin.draw.marks import DefectOutcome, outcomes, windows
+from pavetwin.draw.marks import DefectOutcome, outcomes, rectangles, windows
 from pavetwin.draw.turned import MapTransform
 from pavetwin.draw.world_map import ABOVE_WORLD, base_symbol
 from pavetwin.mission.fly import MissionResult
@@ -24,6 +24,8 @@ from pavetwin.mission.track import HoverStop, avoiding, displacements, inspectin
 
 CAPTURED, GAP = "#CFE2EF", "#F3CDB4"
 """Pavement of an inspected segment inside and outside all captured windows."""
+
+PARKED, PARKED_EDGE = "#A9ABB0", "#85888F"
 
 WAIT, REVISIT, STEP, BATTERY, AVOID = "#5B2A86", "#0063B1", "#B0307A", "#7A5A00", "#00A0A0"
 
@@ -34,6 +36,7 @@ _LABELLED = 8
 """At most this many waits are labelled."""
 
 _SURFACE, _WINDOWS, _ROUTE, _STAYS, _DEFECTS, _LABELS = (ABOVE_WORLD + 5 * level for level in range(6))
+_PARKED = _WINDOWS + 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +89,16 @@ def draw_windows(axes: Axes, result: MissionResult, turn: MapTransform, segment:
     shapes.fill(axes, inside[touching].tolist(), _WINDOWS, faces[touching], edges[touching], 0.45)
 
 
+def draw_parked(axes: Axes, result: MissionResult, turn: MapTransform) -> None:
+    """The parked vehicles in view, as the boxes that hide the pavement."""
+    parked = result.environment.parked
+    corners = rectangles(parked.x, parked.y, parked.yaw_rad, parked.width_m, parked.length_m)
+    boxes = [shapely.Polygon(ring) for ring in turn.points(corners)]
+    shown = [boxes[index] for index in shapes.seen(axes, boxes)]
+    shapes.fill(axes, shown, _PARKED, PARKED, PARKED_EDGE, min(0.5, 0.15 * shapes.points_per_m(axes)))
+    axes.collections[-1].set_gid("parked")
+
+
 def draw_route(axes: Axes, result: MissionResult, turn: MapTransform, weights: Weights) -> None:
     """The track flown: thin in transit, thick and coloured by visibility while inspecting, in a band while giving
     way."""
@@ -113,7 +126,7 @@ def draw_defects(axes: Axes, result: MissionResult, turn: MapTransform, weights:
     for number, outcome in enumerate(DefectOutcome):
         which = [defect for defect, is_ in found.items() if is_ is outcome]
         spots = turn.points(places[which])
-        larger = {DefectOutcome.CONFIRMED: 0.75, DefectOutcome.RECOVERED: 1.5, DefectOutcome.MISSED: 1.7}[outcome]
+        larger = {DefectOutcome.CONFIRMED: 0.75, DefectOutcome.RECOVERED: 1.5}.get(outcome, 1.7)
         marks = axes.scatter(
             spots[:, 0], spots[:, 1], s=weights.defect * larger, marker=style.OUTCOME_MARKERS[outcome],
             color=style.OUTCOME_COLOURS[outcome], edgecolors=style.PAPER, linewidths=0.35, zorder=_DEFECTS + number,

@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 
 from pavetwin.draw import style
 from pavetwin.draw.marks import DefectOutcome, outcomes
-from pavetwin.draw.mission_layers import AVOID, BATTERY, CAPTURED, GAP, REVISIT, STEP, WAIT
+from pavetwin.draw.mission_layers import AVOID, BATTERY, CAPTURED, GAP, PARKED, PARKED_EDGE, REVISIT, STEP, WAIT
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.track import avoiding, displacements, revisits, waits
 
@@ -26,11 +26,17 @@ def main_numbers(result: MissionResult) -> list[tuple[str, str]]:
     minutes, seconds = divmod(round(result.duration_s), 60)
     recovered, seen = sum(row.recovered for row in rows), 100 * result.settings.visibility.inspected_share
     covered = sum(row.surface_coverage * row.area_m2 for row in rows)
+    hidden = sum(row.permanently_hidden * row.area_m2 for row in rows)
     numbers = (
-        (True, f"Segments at least {seen:g} % seen", f"{sum(row.inspected for row in rows)} of {len(rows)}"),
+        (
+            True,
+            "Segments inspected" if hidden else f"Segments at least {seen:g} % seen",
+            f"{sum(row.inspected for row in rows)} of {len(rows)}",
+        ),
         (defects, "Defects found", f"{confirmed} of {defects} ({100 * confirmed / max(1, defects):.0f} %)"),
         (recovered, "Found on return", f"{recovered}"),
         (area, "Surface seen", f"{100 * (covered / (area or 1)):.1f} %"),
+        (hidden, "Surface that can be seen", f"{100 * (1 - hidden / (area or 1)):.1f} %"),
         (True, "Time", f"{minutes}:{seconds:02d} min"),
         (True, "Waiting", f"{sum(row.wait_s for row in rows):.0f} s"),
         (True, "Occlusions", f"{sum(row.occlusions for row in rows)}"),
@@ -44,11 +50,13 @@ def main_numbers(result: MissionResult) -> list[tuple[str, str]]:
 def legend_of(results: Sequence[MissionResult], *, town: bool) -> tuple[list[Handle], list[str]]:
     """Only what is on the map."""
     ramp = tuple(Line2D([], [], color=style.VISIBILITY(o), linewidth=2.6) for o in (0.3, 0.7, 1.0))
+    parked = Patch(facecolor=PARKED, edgecolor=PARKED_EDGE, linewidth=0.5)
     entries: list[tuple[object, Handle, str]] = [
         (True, Line2D([], [], color=style.INK, linewidth=0.8), "Transit"),
         (True, ramp, "Inspection, by visibility o"),
         (True, Patch(facecolor=CAPTURED), "In a captured window"),
         (True, Patch(facecolor=GAP), "In no captured window"),
+        (any(len(result.environment.parked) for result in results), parked, "Parked vehicle"),
     ]
     found = {outcome for result in results for outcome in outcomes(result).values()}
     for outcome in DefectOutcome:

@@ -163,6 +163,7 @@ def _draw_town(axes: Axes, result: MissionResult, bounds: Bounds, strips: Sequen
         text.set(ha="center", va="center", zorder=ABOVE_WORLD + 40)
     _name_streets(axes, result, [strip.outline() for strip in strips])
     mission_layers.draw_surfaces(axes, result, _PLAIN)
+    mission_layers.draw_parked(axes, result, _PLAIN)
     mission_layers.draw_route(axes, result, _PLAIN, weights)
     mission_layers.draw_defects(axes, result, _PLAIN, weights)
     mission_layers.draw_reactions(axes, result, _PLAIN, weights)

@@ -28,6 +28,7 @@ AGENT_COLOURS: Final = {
     "motorcycle": "#434B54",
     "pedestrian": "#20262B",
     "aircraft": "#7A2E8E",
+    "parked": "#B4B7BB",
 }
 """By group; muted, so that the colours of visibility stand out."""
 

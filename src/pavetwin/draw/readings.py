@@ -85,7 +85,7 @@ class Readings:
 
     def _key(self, pen: ImageDraw.ImageDraw, y: int) -> None:
         x = MARGIN_PX
-        for name in ("car", "van", "truck", "bus", "motorcycle"):
+        for name in ("car", "van", "truck", "bus", "motorcycle", "parked"):
             pen.rounded_rectangle((x, y - 4, x + 16, y + 4), 2, fill=AGENT_COLOURS[name])
             x = self._word(pen, x + 21, y, name)
         pen.ellipse((x, y - 3, x + 7, y + 4), fill=AGENT_COLOURS["pedestrian"])
@@ -95,7 +95,7 @@ class Readings:
         for outcome in (DefectOutcome.CONFIRMED, DefectOutcome.RECOVERED):
             pen.ellipse((x, y - 4, x + 8, y + 4), fill=style.OUTCOME_COLOURS[outcome])
             x = self._word(pen, x + 13, y, outcome.value)
-        for colour, opacity, word in ((SEEN, SEEN_OPACITY, "pavement seen"), (HIDDEN, HIDDEN_OPACITY, "hidden")):
+        for colour, opacity, word in ((SEEN, SEEN_OPACITY, "seen"), (HIDDEN, HIDDEN_OPACITY, "hidden")):
             pen.rectangle((x, y - 5, x + 14, y + 4), fill=to_hex(mix(ASPHALT, colour, opacity / 255)))
             x = self._word(pen, x + 19, y, word)
 

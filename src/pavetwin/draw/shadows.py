@@ -6,12 +6,12 @@ The camera is a point at the UAV; an agent is a box that stands on the ground, a
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import hypot
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import shapely
 
-from pavetwin.arrays import Float64Array, GeometryArray
+from pavetwin.arrays import AnyArray, Float64Array, GeometryArray
 from pavetwin.draw.marks import rectangles
 from pavetwin.draw.mission_style import SMALLEST_VEHICLE_M
 from pavetwin.mission.environment import window_m
@@ -30,6 +30,13 @@ TOLERANCE_M = 0.05
 def bodies(agents: "PoseColumns") -> Float64Array:
     """(n, 4, 2) the agents' outlines on the ground."""
     return rectangles(agents["x_m"], agents["y_m"], agents["yaw_rad"], agents["width_m"], agents["length_m"])
+
+
+def columns_near(agents: "PoseColumns", place: tuple[float, float], radius_m: float) -> "PoseColumns":
+    """Those agents whose body may reach into a disc."""
+    reach_m = radius_m + np.hypot(agents["length_m"], agents["width_m"]) / 2
+    near = np.hypot(agents["x_m"] - place[0], agents["y_m"] - place[1]) <= reach_m
+    return cast("PoseColumns", {name: column[near] for name, column in cast("dict[str, AnyArray]", agents).items()})
 
 
 def shadows(agents: "PoseColumns", camera: tuple[float, float, float]) -> GeometryArray:
@@ -72,5 +79,7 @@ class SeenSurface:
         agents = self.timeline.trace.agents_near(east, north, hypot(*size) / 2 + 1, time)
         segment = self.timeline.environment.world.segments[int(captures["segment"][capture])]
         seen = shapely.intersection(window, segment.polygon)
-        hidden = shadows(agents, (east, north, self.timeline.settings.altitude_m))
-        return shapely.difference(seen, shapely.union_all(hidden)) if len(hidden) else seen
+        eye = (east, north, self.timeline.settings.altitude_m)
+        parked = columns_near(self.timeline.parked, (east, north), hypot(*size) / 2 + 1)
+        hidden = [*shadows(agents, eye), *shadows(parked, eye)]
+        return shapely.difference(seen, shapely.union_all(hidden)) if hidden else seen

@@ -8,7 +8,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pavetwin.draw import style
-from pavetwin.draw.mission_layers import CLOSE, draw_defects, draw_reactions, draw_route, draw_surfaces, draw_windows
+from pavetwin.draw.mission_layers import (
+    CLOSE,
+    draw_defects,
+    draw_parked,
+    draw_reactions,
+    draw_route,
+    draw_surfaces,
+    draw_windows,
+)
 from pavetwin.draw.turned import MapTransform
 from pavetwin.draw.world_map import EVERYTHING, MapLayer, draw_world
 from pavetwin.mission.environment import window_m
@@ -81,6 +89,7 @@ def draw_strip(
     index = next(i for i, segment in enumerate(result.environment.world.segments) if segment.id == strip.segment)
     draw_surfaces(axes, result, strip.turn)
     draw_windows(axes, result, strip.turn, index)
+    draw_parked(axes, result, strip.turn)
     draw_route(axes, result, strip.turn, CLOSE)
     draw_defects(axes, result, strip.turn, CLOSE)
     draw_reactions(axes, result, strip.turn, CLOSE)
@@ -92,12 +101,16 @@ def draw_strip(
     return axes
 
 
+def _at_most(row: SegmentMetrics) -> str:
+    return f" (of at most {100 * (1 - row.permanently_hidden):.0f} %)" if row.permanently_hidden else ""
+
+
 def caption(row: SegmentMetrics) -> str:
     """What happened on a segment, in one line."""
     parts = {
         f"{row.confirmed} of {row.defects} defects found": True,
         f"{row.recovered} of them on return": row.recovered,
-        f"surface {100 * row.surface_coverage:.0f} %": True,
+        f"surface {100 * row.surface_coverage:.0f} %{_at_most(row)}": True,
         f"{row.occlusions} occlusion{'s' if row.occlusions != 1 else ''}": True,
         f"waited {row.wait_s:.0f} s": row.wait_s >= 0.5,
         f"{row.revisits} revisit{'s' if row.revisits != 1 else ''}": row.revisits,

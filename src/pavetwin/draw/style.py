@@ -63,8 +63,14 @@ def defect_styles(found: Iterable[str]) -> list[tuple[str, str, str]]:
     ]
 
 
-OUTCOME_COLOURS: Mapping[str, str] = {"found": "#00846B", "missed": "#D55E00", "found on return": "#0063B1"}
-OUTCOME_MARKERS: Mapping[str, str] = {"found": "o", "missed": "X", "found on return": "D"}
+OUTCOME_COLOURS: Mapping[str, str] = {
+    **{"found": "#00846B", "missed": "#D55E00", "found on return": "#0063B1"},
+    "behind parked vehicle": "#6E6A66",
+}
+OUTCOME_MARKERS: Mapping[str, str] = {
+    **{"found": "o", "missed": "X", "found on return": "D"},
+    "behind parked vehicle": "X",
+}
 
 VISIBILITY = LinearSegmentedColormap.from_list(
     "visibility", [(0.0, "#7F1734"), (0.4, "#D8593B"), (0.7, "#F0B64A"), (0.85, "#6FB1C9"), (1.0, "#1F6FB2")]

@@ -23,7 +23,7 @@ from pavetwin.config.altitude import Altitude
 from pavetwin.config.text import parse_yaml
 from pavetwin.defects import DefectOptions
 from pavetwin.errors import PaveTwinError, nearest_name, no_such
-from pavetwin.experiments.metrics import ERROR_METRICS, FACTORS, METRICS, REFERENCE, TOUR_METRICS
+from pavetwin.experiments.metrics import EVERY_METRIC, FACTORS, METRICS, REFERENCE
 from pavetwin.uav.entries import own_file
 
 ALIASES: Final[Mapping[str, str]] = {
@@ -213,7 +213,7 @@ class Design(Settings):
         paths = [world.path for world in self.worlds]
         if len(set(paths)) < len(paths):
             raise ValueError("worlds: one of them is given twice")
-        measured = [metric.name for metric in (*METRICS, *ERROR_METRICS, *TOUR_METRICS)]
+        measured = [metric.name for metric in EVERY_METRIC]
         taken = {*FACTORS, *measured, "replicate", "seed", "segment", "status"}
         settings = [ALIASES.get(key, key) for key in (*self.sweep, *self.set)]
         for key, values in self.sweep.items():

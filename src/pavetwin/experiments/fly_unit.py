@@ -25,6 +25,7 @@ from pavetwin.mission.environment import MissionEnvironment, Surroundings, prepa
 from pavetwin.mission.fly import MissionResult, fly
 from pavetwin.mission.inputs import MissionInputs
 from pavetwin.mission.metrics import SegmentMetrics
+from pavetwin.mission.parked import ParkingInput
 from pavetwin.mission.replay import Replay
 from pavetwin.mission.results import totals
 from pavetwin.mission.spec import DefectInput, MissionSpec, PolicyInput, WorldInput
@@ -89,7 +90,7 @@ def schema(plan: Plan) -> dict[str, Any]:
     return {
         **{factor: pl.Float64 if factor == "altitude_m" else pl.String for factor in FACTORS},
         **swept,
-        **dict.fromkeys((REPLICATE, "seed", "traffic_seed", "defect_seed", "sensing_seed"), pl.Int64),
+        **dict.fromkeys((REPLICATE, "seed", "traffic_seed", "parking_seed", "defect_seed", "sensing_seed"), pl.Int64),
         "take_off_s": pl.Float64,
         **({FILES: pl.String} if plan.files else {}),
         **dict.fromkeys(("version", RENDERER, STATUS, REASON), pl.String),
@@ -153,6 +154,7 @@ def _spec(
         targets=tuple(world.segments[index].id for index in plan.segments(unit)),
         policy=_policy_input(cell.policy),
         seed=seeds.sensing,
+        parking_seed=seeds.traffic,
         settings=settings,
     )
 
@@ -169,6 +171,7 @@ def _factors(plan: Plan, unit: Unit, cell: Cell) -> Row:
         REPLICATE: unit.replicate,
         "seed": design.seed,
         "traffic_seed": None if design.worlds[unit.world].recordings else seeds.traffic,
+        "parking_seed": seeds.traffic,
         "defect_seed": seeds.defects,
         "sensing_seed": seeds.sensing,
         "take_off_s": plan.take_off_s(unit),
@@ -191,6 +194,7 @@ def _words(error: Exception) -> str:
 class _Ground:
     place: "_Place"
     replay: Replay
+    parking_seed: int
     image_source: ImageSource | None
 
     @classmethod
@@ -202,11 +206,12 @@ class _Ground:
         world = replace(place.world, defects=_defects(place))
         replay = _replay(plan, unit, place.world, entry)
         factory = plan.image_source_factory
-        return cls(place, replay, None if factory is None else factory(world, replay, seeds.sensing))
+        return cls(place, replay, seeds.traffic, None if factory is None else factory(world, replay, seeds.sensing))
 
     def environment(self, settings: MissionSettings) -> MissionEnvironment:
         uav = UavSettings(radius_m=settings.uav.radius_m, base=settings.uav.base)
-        return _environment(self.place, settings.altitude_m, uav, settings.visibility.cell_m)
+        parking = ParkingInput.of(settings, self.parking_seed)
+        return _environment(self.place, settings.altitude_m, uav, settings.visibility.cell_m, parking)
 
 
 @dataclass(frozen=True)
@@ -253,11 +258,18 @@ def _defect_options(path: str, defects: str) -> DefectOptions:
 
 
 @lru_cache(maxsize=16)
-def _environment(place: _Place, altitude_m: float, uav: UavSettings, cell_m: float) -> MissionEnvironment:
-    settings = load_settings(altitude_m=altitude_m, uav=uav.model_dump(), visibility={"cell_m": cell_m})
-    return prepare(
-        place.world, settings, _defects(place), _surroundings(place.path, place.content_hash, altitude_m, uav)
+def _environment(
+    place: _Place, altitude_m: float, uav: UavSettings, cell_m: float, parking: ParkingInput
+) -> MissionEnvironment:
+    settings = load_settings(
+        altitude_m=altitude_m,
+        uav=uav.model_dump(),
+        visibility={"cell_m": cell_m},
+        parking=parking.settings.model_dump(),
+        conditions={"date": parking.date, "time": parking.time},
     )
+    around = _surroundings(place.path, place.content_hash, altitude_m, uav)
+    return prepare(place.world, settings, _defects(place), around, parking_seed=parking.seed)
 
 
 @lru_cache(maxsize=16)

@@ -60,6 +60,9 @@ METRICS: Final = (
 )
 """The first is what a study is about; `time_s` and `energy` have heavy tails, since waiting has."""
 
+PARKING_METRICS: Final = (Metric("permanently_hidden", "Permanently hidden", "%", 100.0, 1, more_is_better=None),)
+"""Where vehicles are parked: they take this from the surface coverage that can be reached."""
+
 ERROR_METRICS: Final = (
     Metric("precision", "Precision", "%", 100.0, 1, more_is_better=True),
     Metric("false_alarms", "False alarms", "", 1.0, 1, more_is_better=False),
@@ -77,14 +80,19 @@ COMPARED: Final = ("coverage", "time_s", "energy")
 """What options are compared by: all tests of these together are one family."""
 
 
+EVERY_METRIC: Final = (*METRICS, *TOUR_METRICS, *PARKING_METRICS, *ERROR_METRICS)
+
+
 def metric_named(name: str) -> Metric:
     """The metric of a column; KeyError when it is none."""
-    return {metric.name: metric for metric in (*METRICS, *TOUR_METRICS, *ERROR_METRICS)}[name]
+    return {metric.name: metric for metric in EVERY_METRIC}[name]
 
 
 def metrics_in(table: "pl.DataFrame") -> tuple[Metric, ...]:
-    """What there is to show of a table: `METRICS`, those of tours where missions are such, and those of a sensor's
-    errors where a mission has such errors."""
+    """What there is to show of a table: `METRICS`, those of tours where missions are such, what parked vehicles hide where
+    there are some, and those of a sensor's errors where a mission has such errors."""
     tours = [metric for metric in TOUR_METRICS if metric.name in table.columns]
-    has = {name: name in table.columns and bool(table[name].sum()) for name in ("false_alarms", "duplicates")}
-    return (*METRICS, *tours, *(each for each in ERROR_METRICS if has.get(each.name, has["false_alarms"])))
+    names = ("permanently_hidden", "false_alarms", "duplicates")
+    has = {name: name in table.columns and bool(table[name].sum()) for name in names}
+    rest = (each for each in (*PARKING_METRICS, *ERROR_METRICS) if has.get(each.name, has["false_alarms"]))
+    return (*METRICS, *tours, *rest)

@@ -1,7 +1,7 @@
 """From a world and settings to what the kernel flies over."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import radians
 from typing import Self
@@ -14,17 +14,21 @@ from pavetwin._core import Battery, Flight, FlightSettings, Ground, Limits, Nadi
 from pavetwin.arrays import Float64Array
 from pavetwin.config import MissionSettings
 from pavetwin.config.altitude import VERTICAL_CLEARANCE_M
-from pavetwin.config.mission import CameraSettings, UavSettings
+from pavetwin.config.mission import CameraSettings, PatternSettings, UavSettings
 from pavetwin.defects import sample_points
+from pavetwin.mission.parked import ParkingInput, parked_agents, parked_solids, permanently_hidden
 from pavetwin.navigation.base import check_base, roadside
 from pavetwin.navigation.navmesh import navmesh, segments_in_reach
+from pavetwin.navigation.patterns import passes
 from pavetwin.sensing.resolution import smallest_extent_m
+from pavetwin.traffic.parked import ParkedVehicles
+from pavetwin.twin import Agent
 from pavetwin.uav import AircraftProfile, Camera, aircraft_of, camera_of, energy_curve
 from pavetwin.uav.energy import CURVE_STEP_MPS
 from pavetwin.uav.wind import check_wind
 from pavetwin.world.content import defects_hash
 from pavetwin.world.model import Defect, Surface, World
-from pavetwin.world.solids import Solids, solids
+from pavetwin.world.solids import SolidKind, Solids, solids
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,28 @@ class MissionEnvironment:
     ground: Ground
     segments_in_reach: tuple[bool, ...]
     """For each segment, whether a way leads from the base to its middle."""
+    parking: ParkingInput
+    """By which its vehicles are parked."""
+    parked: ParkedVehicles
+    _hidden: dict[tuple[int, CameraSettings, PatternSettings], float] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+
+    @cached_property
+    def parked_agents(self) -> tuple[Agent, ...]:
+        """The parked vehicles as agents that stand still, to be drawn and asked for."""
+        return parked_agents(self.parked)
+
+    def permanently_hidden(self, index: int, settings: MissionSettings) -> float:
+        """The share of a segment's cells that no capture of its planned passes can see because of parked vehicles."""
+        if not len(self.parked):
+            return 0.0
+        key = (index, settings.camera, settings.pattern)
+        if key not in self._hidden:
+            camera = nadir_camera(camera_of(settings), settings.camera)
+            lines = passes(self.world.segments[index], camera.window_m(self.altitude_m)[0], settings.pattern)
+            self._hidden[key] = permanently_hidden(self.ground, index, lines, camera, self.altitude_m)
+        return self._hidden[key]
 
     @property
     def inspected_world(self) -> World:
@@ -102,20 +128,29 @@ def prepare(
     surroundings: Surroundings | None = None,
     *,
     base: Point | None = None,
+    parking_seed: int = 0,
 ) -> MissionEnvironment:
     """Bake the flight domain, grid the segments' surfaces, and pass both to the kernel with all static objects.
+
+    Vehicles are parked as the settings say, at the date and time of their conditions.
 
     Args:
         defects: the defects to look for, ids 0 … n−1 in order; those of the world when not given.
         surroundings: of this world at this altitude, where they are known.
         base: where the UAV takes off; as the settings say when not given.
+        parking_seed: of the parked vehicles.
 
     Raises:
         PaveTwinError: nothing is left to fly in at this altitude, or no UAV can take off from the base.
     """
     chosen = tuple(world.defects if defects is None else defects)
     around = surroundings or Surroundings.of(world, settings.altitude_m, settings.uav, base)
-    standing = around.solids
+    parking = ParkingInput.of(settings, parking_seed)
+    parked = parking.vehicles(world)
+    boxes = parked_solids(parked)
+    if base is not None:
+        check_base(world, around.base, settings.altitude_m, settings.uav.radius_m, boxes)
+    standing = around.solids.with_others(boxes)
     index = {segment.id: number for number, segment in enumerate(world.segments)}
     samples = [sample_points(defect) for defect in chosen]
     ground = Ground(
@@ -126,13 +161,16 @@ def prepare(
         solid_xy=standing.xy,
         solid_z0=standing.z0,
         solid_z1=standing.z1,
+        solid_is_parked=standing.kind == SolidKind.PARKED_VEHICLE,
         defect_centres=np.array([(d.centre.x, d.centre.y) for d in chosen], dtype=np.float64).reshape(-1, 2),
         defect_offsets=np.concatenate([[0], np.cumsum([len(points) for points in samples])]).astype(np.uint32),
         defect_points=np.concatenate(samples) if samples else np.empty((0, 2)),
         defect_segments=np.array([index[defect.segment] for defect in chosen], dtype=np.uint32),
     )
     flown = replace(world, base=around.base)
-    return MissionEnvironment(flown, chosen, settings.altitude_m, ground, around.segments_in_reach)
+    return MissionEnvironment(
+        flown, chosen, settings.altitude_m, ground, around.segments_in_reach, parking=parking, parked=parked
+    )
 
 
 def new_flight(

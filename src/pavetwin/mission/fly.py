@@ -258,6 +258,7 @@ def spec_of(
         targets=tuple(world.segments[index].id for index in targets),
         policy=PolicyInput.of(policy),
         seed=seed,
+        parking_seed=environment.parking.seed,
         settings=settings,
     )
 

@@ -11,6 +11,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.mission.airspace import Aircraft, load_airspace
 from pavetwin.mission.environment import MissionEnvironment, prepare
 from pavetwin.mission.mission import Traffic
+from pavetwin.mission.parked import ParkingInput
 from pavetwin.mission.replay import Replay, replay_of
 from pavetwin.mission.spec import HANDED_IN, DefectInput, FileInput, MissionSpec, TrafficInput, WorldInput
 from pavetwin.traffic.recording import load_recording
@@ -61,6 +62,10 @@ class MissionInputs:
             ("defects", spec.defects.content_hash not in ("", environment.defects_hash)),
             ("base", spec.base not in (None, (environment.world.base.x, environment.world.base.y))),
             ("traffic", replay is not None and replay.source() != spec.traffic),
+            (
+                "parking",
+                not environment.parking.is_as(ParkingInput.of(spec.settings, spec.parking_seed), environment.world),
+            ),
             ("aircraft", replay is not None and bool(replay.aircraft) != bool(spec.aircraft)),
         ):
             if differs:
@@ -98,7 +103,13 @@ def load_inputs(
     check_unchanged(spec, loaded)
     tell(0.0, "Preparing the flight domain")
     base = None if spec.base is None else Point(spec.base)
-    ready = environment or prepare(loaded, spec.settings, defects_of(loaded, spec.defects, spec.targets), base=base)
+    ready = environment or prepare(
+        loaded,
+        spec.settings,
+        defects_of(loaded, spec.defects, spec.targets),
+        base=base,
+        parking_seed=spec.parking_seed,
+    )
     if spec.defects.content_hash not in ("", ready.defects_hash):
         raise PaveTwinError(
             f"The mission's inputs are not what they were: seed {spec.defects.seed} places other defects than before."

@@ -41,7 +41,9 @@ class MissReason(StrEnum):
     NOT_RECOGNISED = "not_recognised"
     """At least one capture showed enough of it, and the sensor reported nothing that matches."""
     HIDDEN_BY_VEHICLES = "hidden_by_vehicles"
-    """Every capture showed too little of it; vehicles hid most of it, on average over these captures."""
+    """Every capture showed too little of it; vehicles in traffic hid most of it, on average over these captures."""
+    HIDDEN_BY_PARKED_VEHICLES = "hidden_by_parked_vehicles"
+    """It lies under or behind a parked vehicle: hidden for good."""
     HIDDEN_BY_PEDESTRIANS = "hidden_by_pedestrians"
     HIDDEN_BY_FIXED_OBJECTS = "hidden_by_fixed_objects"
     """Buildings, trees, street furniture."""
@@ -49,6 +51,7 @@ class MissReason(StrEnum):
 
 HIDDEN: Mapping[MissReason, str] = {
     MissReason.HIDDEN_BY_VEHICLES: "behind_vehicles",
+    MissReason.HIDDEN_BY_PARKED_VEHICLES: "behind_parked",
     MissReason.HIDDEN_BY_PEDESTRIANS: "behind_pedestrians",
     MissReason.HIDDEN_BY_FIXED_OBJECTS: "behind_solids",
 }

@@ -30,6 +30,8 @@ class SegmentMetrics:
     swath_coverage: float | None
     recovery: float | None
     surface_coverage: float
+    permanently_hidden: float
+    """Share of the cells that no capture of the planned passes can see because of parked vehicles."""
     inspected: bool
     start_s: float
     end_s: float
@@ -73,6 +75,7 @@ class SegmentMeter:
         revisits: int,
         detections: Sequence[JudgedDetection],
         *,
+        permanently_hidden: float,
         inspected: bool,
         swaps: int,
     ) -> SegmentMetrics:
@@ -112,6 +115,7 @@ class SegmentMeter:
             swath_coverage=len(found) / swept if swept else None,
             recovery=recovered / swept if swept else None,
             surface_coverage=surface_coverage,
+            permanently_hidden=permanently_hidden,
             inspected=inspected,
             start_s=before["time_s"],
             end_s=now["time_s"],

@@ -127,7 +127,7 @@ class Mission:
         occlusion = None
         if event is not None:
             episode = Episode(event.since_s, event.waited_s, event.displacements, event.since_displacement_m)
-            occlusion = Occlusion(event.visibility, event.hidden_place, episode)
+            occlusion = Occlusion(event.visibility, event.hidden_place, episode, event.permanently_hidden)
         if self._segment is not None:
             self._update_coverage(self._segment)
         segments = self.environment.world.segments
@@ -141,6 +141,7 @@ class Mission:
             occlusion=occlusion,
             window_along_m=self.window_along_m,
             moment=KernelMoment(self.flight.predictor(), self.flight.time_s, self.traffic.trace()),
+            parked=self.environment.parked_agents,
         )
 
     def state(self) -> UavState:
@@ -307,6 +308,7 @@ class Mission:
                 self.memory,
                 revisits,
                 self.detections.all,
+                permanently_hidden=self.environment.permanently_hidden(target, self.settings),
                 inspected=inspected,
                 swaps=self.swaps,
             )
@@ -427,7 +429,8 @@ class Mission:
     def _update_coverage(self, target: int) -> None:
         coverage = self.flight.surface_coverage(target)
         name = self.environment.world.segments[target].id
-        self.memory = self.memory.cover(name, coverage, self.settings.visibility.inspected_share)
+        hidden = self.environment.permanently_hidden(target, self.settings)
+        self.memory = self.memory.cover(name, coverage, self.settings.visibility.inspected_share, hidden)
 
 
 def _place(point: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Place:

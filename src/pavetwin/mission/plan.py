@@ -58,12 +58,12 @@ def plan_mission(
             are given.
         routes: SUMO route files, driven as they are.
         recording: a file of recorded traffic.
-        traffic_seed: `seed` when not given.
+        traffic_seed: of traffic and parked vehicles; `seed` when not given.
         take_off_s: when in the recording the mission begins; by default at once where a density is held, and after a
             warm-up over a user's own demand (`OwnDemand.warm_up_s`).
         segments: how many to inspect (None: all that can be reached), or the ids of those to inspect.
         order: `random`, or `near` for a short tour.
-        seed: of traffic, order and sensor.
+        seed: of traffic, parked vehicles, order and sensor.
         defect_seed: place the defects again under this seed.
         airspace: a CSV file of other aircraft's tracks.
         base: where the UAV takes off: (x, y) in metres of the world's frame, or a text as `parse_base` reads it; as
@@ -79,21 +79,23 @@ def plan_mission(
         with about("airspace"):
             load_airspace(Path(airspace))
     source = defect_input(defect_seed)
-    ready = environment or prepare(world, chosen, defects_of(world, source), base=base_point(base, world))
+    street_seed = seed if traffic_seed is None else traffic_seed
+    ready = environment or prepare(
+        world, chosen, defects_of(world, source), base=base_point(base, world), parking_seed=street_seed
+    )
     count = segments if isinstance(segments, int) or segments is None else None
     names = () if isinstance(segments, int) or segments is None else segments
     targets = choose_targets(ready, count=count, names=names, order=order, seed=seed)
     return MissionSpec.of(
         world=WorldInput.of(world),
         defects=source.model_copy(update={"content_hash": ready.defects_hash}),
-        traffic=traffic_input(
-            world, density, routes, recording, seed if traffic_seed is None else traffic_seed, take_off_s
-        ),
+        traffic=traffic_input(world, density, routes, recording, street_seed, take_off_s),
         aircraft=FileInput.of(airspace) if airspace is not None else None,
         base=(ready.world.base.x, ready.world.base.y),
         targets=tuple(world.segments[index].id for index in targets),
         policy=PolicyInput.of(policy),
         seed=seed,
+        parking_seed=ready.parking.seed,
         settings=chosen,
     )
 

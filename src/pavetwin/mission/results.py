@@ -50,7 +50,8 @@ class Totals:
     swath_coverage: float | None
     recovery: float | None
     surface_coverage: float | None
-    """Weighted by area."""
+    """Weighted by area, as the next."""
+    permanently_hidden: float | None
     time_s: float
     """From take-off to landing, swaps included."""
     energy: float
@@ -82,6 +83,7 @@ def totals(mission: MissionResult | Mission) -> Totals:
     sums: dict[str, Any] = {name: sum(getattr(row, name) for row in rows) for name in _SUMMED}
     defects, swept, confirmed, false_alarms = (sums[name] for name in ("defects", "swept", "confirmed", "false_alarms"))
     area_m2, seen_m2 = sum(row.area_m2 for row in rows), sum(row.surface_coverage * row.area_m2 for row in rows)
+    hidden_m2 = sum(row.permanently_hidden * row.area_m2 for row in rows)
     matched = confirmed + sums["duplicates"]
     return Totals(
         segments=len(rows),
@@ -90,6 +92,7 @@ def totals(mission: MissionResult | Mission) -> Totals:
         swath_coverage=confirmed / swept if swept else None,
         recovery=sums["recovered"] / swept if swept else None,
         surface_coverage=seen_m2 / area_m2 if area_m2 else None,
+        permanently_hidden=hidden_m2 / area_m2 if area_m2 else None,
         time_s=mission.duration_s,
         energy=mission.energy,
         distance_m=mission.distance_m,

@@ -213,6 +213,8 @@ class MissionSpec(Settings):
     policy: PolicyInput
     seed: NonNegativeInt = 0
     """Of the sensor's random numbers."""
+    parking_seed: NonNegativeInt = 0
+    """Of the parked vehicles, which the settings describe."""
     settings: MissionSettings
     plugins: tuple[FileInput, ...] = ()
     """As `files_of_settings` finds them."""

@@ -37,6 +37,7 @@ from pavetwin.mission.events import (
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.mission import Mission
 from pavetwin.mission.moment import agents_of
+from pavetwin.mission.parked import parked_columns
 from pavetwin.mission.track import MODE_NUMBER, MODES, activity, inspecting
 from pavetwin.policies import Revisit
 from pavetwin.sensing import JudgedDetection
@@ -82,9 +83,14 @@ class TimelineState:
     swaps: int
     _timeline: "Timeline" = field(repr=False, compare=False)
 
+    @property
+    def parked(self) -> tuple[Agent, ...]:
+        """The vehicles that stand parked during the whole mission."""
+        return self._timeline.environment.parked_agents
+
     @cached_property
     def agents(self) -> tuple[Agent, ...]:
-        """A_t: every agent in the world."""
+        """A_t: every moving agent in the world."""
         return agents_of(self._timeline.trace.agents_at(self.time_s))
 
     def agents_near(self, place: Place, radius_m: float) -> "PoseColumns":
@@ -192,6 +198,11 @@ class Timeline:
         """(n, 2) the places of the last `seconds`."""
         past = (self.track["t_s"] > time_s - seconds) & (self.track["t_s"] <= time_s)
         return np.column_stack([self.track["x_m"][past], self.track["y_m"][past]])
+
+    @cached_property
+    def parked(self) -> "PoseColumns":
+        """The vehicles that stand parked during the whole mission, one array a column."""
+        return parked_columns(self.environment.parked)
 
     @cached_property
     def activity(self) -> UInt8Array:

@@ -31,8 +31,9 @@ IN_DEGREES_M = 2000.0
 def roadside(world: World, radius_m: float, standing: Solids) -> Point:
     """The place nearest to the world's base that is beside the carriageway and can be flown to at every altitude.
 
-    The UAV keeps `CLEARANCE_M` from the kerb and from everything that stands there, whatever its height. It is on no
-    sidewalk where a place without one is near. The world's base itself where nothing beside the road is free.
+    The UAV keeps `CLEARANCE_M` from the kerb, from everything that stands there, whatever its height, and from
+    parking places. It is on no sidewalk where a place without one is near. The world's base itself where nothing
+    beside the road is free.
     """
     for reach_m in REACHES_M:
         free = _roadside(world, radius_m, standing, reach_m)
@@ -53,7 +54,8 @@ def _roadside(world: World, radius_m: float, standing: Solids, reach_m: float) -
     surfaces = np.array(_carriageways(world))
     near = surfaces[shapely.dwithin(surfaces, world.base, reach_m + 2 * CORRIDOR_MARGIN_M)]
     carriageway = shapely.union_all(near)
-    bases = np.array(_bases_near(standing, world.base, reach_m + keep_m))
+    places = [place.polygon for place in world.parking if place.centre.dwithin(world.base, reach_m + 2 * keep_m)]
+    bases = np.array([*_bases_near(standing, world.base, reach_m + keep_m), *places])
     blocked = shapely.union_all(shapely.buffer(bases, keep_m)) if len(bases) else Point()
     within = carriageway.buffer(CORRIDOR_MARGIN_M - radius_m - BAKING_LOSS_M).intersection(around).difference(blocked)
     connected = min(shapely.get_parts(within), key=world.base.distance, default=Point())
@@ -96,7 +98,7 @@ def check_base(world: World, base: Point, altitude_m: float, radius_m: float, st
         )
     for index in standing.between(0.0, altitude_m + VERTICAL_CLEARANCE_M).tolist():
         if shapely.Polygon(standing.base(index)).dwithin(base, radius_m):
-            thing = SolidKind(standing.kind[index]).name.lower()
+            thing = SolidKind(standing.kind[index]).name.lower().replace("_", " ")
             raise PaveTwinError(f"{where}: there is no room beside what stands there ({thing}); choose a free place.")
 
 

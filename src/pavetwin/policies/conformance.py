@@ -5,7 +5,7 @@ settings alone, and a mission comes to an end only when it does not wait for eve
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import hypot, inf, isfinite, pi
 from time import perf_counter
 from types import MappingProxyType
@@ -129,7 +129,8 @@ def _fingerprint(snapshot: Snapshot) -> str:
     """Everything that a snapshot holds, as text."""
     memory = snapshot.memory
     tables = (memory.surface_coverage, memory.status, memory.confirmed)
-    held = (*(sorted(table.items(), key=repr) for table in tables), memory.notes, tuple(snapshot.agents))
+    bodies = (tuple(snapshot.agents), tuple(snapshot.parked))
+    held = (*(sorted(table.items(), key=repr) for table in tables), memory.notes, bodies)
     return repr((snapshot, [segment.centre_line.wkt for segment in snapshot.segments], held))
 
 
@@ -164,6 +165,9 @@ def trial_snapshots(settings: PolicySettings) -> Iterator[Case]:
     yield Case("nothing hidden by an agent", _snapshot(Occlusion(0.69, None, Episode(60.0))))
     yield Case("no agents", _snapshot(hidden, agents=()))
     yield Case("many agents", _snapshot(hidden, agents=_crowd(300)))
+    beside_parked = replace(hidden, permanently_hidden=0.45)
+    yield Case("parked vehicles on both sides", _snapshot(beside_parked, parked=_rows_of_parked()))
+    yield Case("no agents, parked vehicles alone", _snapshot(beside_parked, agents=(), parked=_rows_of_parked()))
     for share in (0.25, 0.5, 0.99, 1.0, 1.5):
         waited_s = share * settings.max_wait_s
         episode = Episode(60.0 - waited_s, waited_s)
@@ -193,6 +197,7 @@ def _snapshot(
     *,
     under_inspection: bool = True,
     agents: tuple[Agent, ...] | None = None,
+    parked: tuple[Agent, ...] = (),
     towards: Place = (0.0, 0.1),
     reach_m: float = inf,
     notes: tuple[Note, ...] = (),
@@ -206,7 +211,7 @@ def _snapshot(
     segment = Segment("s", "street", ("e",), line, Polygon([(east + x, north + y) for x, y in rim]), 7.0, 2)
     if occlusion is not None and occlusion.hidden_place is not None:
         place = (occlusion.hidden_place[0] + east, occlusion.hidden_place[1] + north)
-        occlusion = Occlusion(occlusion.visibility, place, occlusion.episode)
+        occlusion = replace(occlusion, hidden_place=place)
     memory = InspectionMemory(
         surface_coverage=MappingProxyType({"s": 0.5}),
         status=MappingProxyType({"s": SegmentStatus.PENDING}),
@@ -223,6 +228,16 @@ def _snapshot(
         occlusion=occlusion,
         window_along_m=5.77,
         moment=_MadeUp(_crowd(2) if agents is None else agents, towards, reach_m),
+        parked=parked,
+    )
+
+
+def _rows_of_parked() -> tuple[Agent, ...]:
+    """Cars along both kerbs."""
+    return tuple(
+        Agent(2**31 + k, AgentClass.VEHICLE, (8.0 + 6.0 * k, north), (0.0, 0.0), 0.0, 4.5, 1.8, 1.5, is_parked=True)
+        for north in (-2.5, 2.5)
+        for k in range(8)
     )
 
 

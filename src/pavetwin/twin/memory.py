@@ -62,9 +62,16 @@ class InspectionMemory:
         confirmed = MappingProxyType({**self.confirmed, **new})
         return type(self)(self.surface_coverage, self.status, confirmed, self.notes)
 
-    def cover(self, segment: str, coverage: float, inspected_share: float) -> Self:
-        """With the seen share of a segment updated."""
-        status = SegmentStatus.INSPECTED if coverage >= inspected_share else SegmentStatus.PENDING
+    def cover(self, segment: str, coverage: float, inspected_share: float, permanently_hidden: float = 0.0) -> Self:
+        """With the seen share of a segment updated.
+
+        Args:
+            coverage: share of its cells seen so far.
+            inspected_share: it is inspected when this share is seen of the cells that parked vehicles do not hide.
+            permanently_hidden: share of its cells that parked vehicles hide.
+        """
+        enough = inspected_share * (1.0 - permanently_hidden)
+        status = SegmentStatus.INSPECTED if coverage >= enough else SegmentStatus.PENDING
         return replace(
             self,
             surface_coverage=MappingProxyType({**self.surface_coverage, segment: coverage}),

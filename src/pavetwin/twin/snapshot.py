@@ -28,13 +28,20 @@ class Episode:
 
 @dataclass(frozen=True, slots=True)
 class Occlusion:
-    """What the camera sees of the segment under inspection s*."""
+    """What the camera sees of the segment under inspection s*.
+
+    Cells that a building, a tree, street furniture or a parked vehicle hides do not count in `visibility`: waiting for
+    them is no use.
+    """
 
     visibility: float
     """o_{s*,t}."""
     hidden_place: Place | None
-    """Centroid of the cells that agents hide; none when nothing is hidden."""
+    """Centroid of the cells that moving agents hide; none when nothing is hidden."""
     episode: Episode
+    permanently_hidden: float = 0.0
+    """Share of the inspection window's cells that parked vehicles hide, of those that no building, tree or street
+    furniture hides."""
 
 
 class Moment(Protocol):
@@ -65,10 +72,12 @@ class Snapshot:
     window_along_m: float
     """Length of the inspection window along the track."""
     moment: Moment = field(repr=False)
+    parked: Sequence[Agent] = field(default=(), repr=False)
+    """The vehicles that stand parked during the whole mission; none of them is in `agents`."""
 
     @cached_property
     def agents(self) -> Sequence[Agent]:
-        """A_t: every agent in the world at this time."""
+        """A_t: every moving agent in the world at this time, those that stand in traffic included."""
         return self.moment.agents()
 
     def predict_visibility(self, displacements: npt.ArrayLike) -> Float64Array:

@@ -1,4 +1,5 @@
-"""The twin's values at one moment: the agents A_t and the UAV x_t. Notation of arXiv 2606.20742, section III."""
+"""The twin's values at one moment: the agents A_t, parked vehicles, and the UAV x_t. Notation of arXiv 2606.20742,
+section III."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -12,7 +13,7 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Agent:
-    """One dynamic agent (y, ν, κ) and its body."""
+    """One dynamic agent (y, ν, κ) and its body, or a parked vehicle."""
 
     id: int
     kind: AgentClass
@@ -23,6 +24,8 @@ class Agent:
     length_m: float
     width_m: float
     height_m: float
+    is_parked: bool = False
+    """It stays where it is for the whole mission: waiting for what it hides is no use."""
 
     @property
     def heading_deg(self) -> float:

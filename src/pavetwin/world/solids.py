@@ -1,4 +1,5 @@
-"""Buildings and furniture as vertical prisms with convex bases: they occlude the road and obstruct the UAV."""
+"""What stands still as vertical prisms with convex bases: buildings and furniture, which occlude the road and obstruct
+the UAV, and parked vehicles."""
 
 import math
 from collections.abc import Iterator
@@ -34,6 +35,7 @@ class SolidKind(IntEnum):
     MAST = 3
     ARM = 4
     SIGN = 5
+    PARKED_VEHICLE = 6
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,16 @@ class Solids:
     def __len__(self) -> int:
         return len(self.z0)
 
+    def with_others(self, other: "Solids") -> "Solids":
+        """These, and others after them."""
+        return Solids(
+            offsets=np.concatenate([self.offsets, self.offsets[-1] + other.offsets[1:]]),
+            xy=np.concatenate([self.xy, other.xy]),
+            z0=np.concatenate([self.z0, other.z0]),
+            z1=np.concatenate([self.z1, other.z1]),
+            kind=np.concatenate([self.kind, other.kind]),
+        )
+
     def base(self, index: int) -> Ring:
         """The base (k, 2) of one prism."""
         return self.xy[self.offsets[index] : self.offsets[index + 1]]
@@ -86,6 +98,29 @@ def solids(world: World) -> Solids:
         z0=np.array([low for _, (_, low, _) in prisms], dtype=np.float64),
         z1=np.array([high for _, (_, _, high) in prisms], dtype=np.float64),
         kind=np.array([kind for kind, _ in prisms], dtype=np.uint8),
+    )
+
+
+def parked_boxes(
+    xy: Float64Array, yaw_rad: Float64Array, length_m: Float64Array, width_m: Float64Array, height_m: Float64Array
+) -> Solids:
+    """The boxes of n parked vehicles on the ground.
+
+    Args:
+        xy: (n, 2) centres, metres, world frame.
+        yaw_rad: (n,) directions of the length, anticlockwise from east.
+        length_m: (n,), and so are `width_m` and `height_m`.
+    """
+    count = len(xy)
+    ahead = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=1)
+    along, left = ahead * (length_m / 2)[:, None], ahead[:, ::-1] * [-1, 1] * (width_m / 2)[:, None]
+    corners = np.stack([along + left, left - along, -along - left, along - left], axis=1)
+    return Solids(
+        offsets=np.arange(count + 1, dtype=np.int64) * 4,
+        xy=(xy[:, None] + corners).reshape(-1, 2),
+        z0=np.zeros(count),
+        z1=np.asarray(height_m, dtype=np.float64),
+        kind=np.full(count, SolidKind.PARKED_VEHICLE, dtype=np.uint8),
     )
 
 

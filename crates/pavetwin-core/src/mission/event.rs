@@ -33,6 +33,8 @@ pub struct OcclusionReport {
     /// o, in [0, threshold).
     pub visibility: f64,
     pub hidden_centroid: Option<Vec2>,
+    /// Of the cells in the window, the share that parked vehicles hide; they do not count in o.
+    pub permanently_hidden: f64,
     /// When visibility last fell below the threshold.
     pub since_s: f64,
     /// Waited since then.

@@ -40,6 +40,7 @@ impl Occlusions {
             time_s: clock.time_s(),
             visibility: look.share,
             hidden_centroid: look.hidden_centroid,
+            permanently_hidden: look.permanently_hidden(),
             since_s: clock.seconds(episode.since_tick),
             waited_s: clock.seconds(episode.waited_ticks),
             displacements: episode.displacements,

@@ -200,8 +200,23 @@ impl CellSet {
         Ok(())
     }
 
+    /// The cells that `other`, a set of the same grid, does not hold.
+    #[must_use]
+    pub(crate) fn without(&self, other: &Self) -> Self {
+        let words = self.words.iter().zip(&other.words).map(|(mine, theirs)| mine & !theirs);
+        Self { shape: self.shape, words: words.collect() }
+    }
+
     pub fn contains(&self, column: usize, row: usize) -> bool {
         bit(&self.words, &self.shape, column, row)
+    }
+
+    /// The world positions of the centres of the cells.
+    pub fn centres(&self) -> impl Iterator<Item = Vec2> {
+        (0..self.shape.rows).flat_map(move |row| {
+            let columns = (0..self.shape.columns()).filter(move |&column| self.contains(column, row));
+            columns.map(move |column| self.shape.centre(column, row))
+        })
     }
 
     /// Number of cells in the set.

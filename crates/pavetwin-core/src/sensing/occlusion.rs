@@ -5,7 +5,7 @@ use super::grid::SurfaceGrid;
 use super::patch::Patch;
 use super::raster::Spans;
 use super::shadow::{Eye, Shadow};
-use super::solids::Solids;
+use super::solids::{Solid, Solids};
 use super::trace::{AgentPose, Trace};
 use super::trace_columns::{BodyClass, TraceError};
 use crate::geometry::Vec2;
@@ -30,8 +30,10 @@ pub struct Scene<'a> {
 /// The result of one look.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Visibility {
-    /// |C|: cells of the segment in the inspection window that no solid hides.
+    /// |C|: cells of the segment in the inspection window that nothing which stands still hides.
     pub candidates: u32,
+    /// Cells of the segment in the inspection window that a parked vehicle hides, and no other solid.
+    pub behind_parked: u32,
     /// |V|: those of them that no agent hides.
     pub visible: u32,
     /// o = |V| / |C|, and 0 when there is no candidate.
@@ -42,12 +44,21 @@ pub struct Visibility {
     pub hidden_centroid: Option<Vec2>,
 }
 
+impl Visibility {
+    /// The share that parked vehicles hide of the cells in the window that no other solid hides; 0 where there are none.
+    pub fn permanently_hidden(&self) -> f64 {
+        f64::from(self.behind_parked) / f64::from((self.candidates + self.behind_parked).max(1))
+    }
+}
+
 /// What a camera sees of points on the ground, and what hides the others, as shares of the points. A point that several
 /// kinds of things hide counts for each of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointShares {
     pub visible: f64,
+    /// Behind what is built and grown.
     pub behind_solids: f64,
+    pub behind_parked: f64,
     pub behind_vehicles: f64,
     pub behind_pedestrians: f64,
 }
@@ -55,6 +66,7 @@ pub struct PointShares {
 const BY_SOLID: u8 = 1;
 const BY_VEHICLE: u8 = 2;
 const BY_PEDESTRIAN: u8 = 4;
+const BY_PARKED: u8 = 8;
 
 /// An inspection window placed on the ground.
 #[derive(Debug, Clone, Copy)]
@@ -93,18 +105,27 @@ pub(super) struct Caster {
 }
 
 impl Caster {
-    /// Keeps of the patch what lies in the window and no solid hides. Fills on the patch's lattice from here on.
-    pub(super) fn retain_candidates(&mut self, patch: &mut Patch, view: &View, solids: &Solids) {
+    /// Keeps of the patch what lies in the window and no solid hides, parked vehicles aside. Fills on the patch's lattice
+    /// from here on.
+    pub(super) fn retain_unobstructed(&mut self, patch: &mut Patch, view: &View, solids: &Solids) {
         self.spans.set_lattice(patch.lattice());
         self.spans.polygon(&view.corners);
         patch.retain(&self.spans);
         let (min, max) = bounding_box(&view.corners);
-        solids.near(min, max, |solid| {
-            if view.may_meet(solid.centre, solid.radius_m) {
-                self.shadow.of_solid(view.eye, &solid);
-                self.remove_shadow(patch);
-            }
-        });
+        solids.near(min, max, |solid| self.remove_behind(patch, view, &solid));
+    }
+
+    /// Removes what parked vehicles hide.
+    pub(super) fn remove_behind_parked(&mut self, patch: &mut Patch, view: &View, solids: &Solids) {
+        let (min, max) = bounding_box(&view.corners);
+        solids.parked_near(min, max, |vehicle| self.remove_behind(patch, view, &vehicle));
+    }
+
+    fn remove_behind(&mut self, patch: &mut Patch, view: &View, solid: &Solid) {
+        if view.may_meet(solid.centre, solid.radius_m) {
+            self.shadow.of_solid(view.eye, solid);
+            self.remove_shadow(patch);
+        }
     }
 
     /// Removes what the agent hides.
@@ -168,7 +189,9 @@ impl Observer {
         let view = View::new(camera, viewpoint);
         let Self { candidates, visible, hidden, caster, .. } = self;
         candidates.load(scene.grid, &view.corners);
-        caster.retain_candidates(candidates, &view, scene.solids);
+        caster.retain_unobstructed(candidates, &view, scene.solids);
+        let unobstructed_count = candidates.count();
+        caster.remove_behind_parked(candidates, &view, scene.solids);
         visible.copy_from(candidates);
         scene.trace.agents_near(viewpoint.position, view.window.half_diagonal_m(), t_s, &mut |pose| {
             caster.remove_hidden(visible, &view, &pose);
@@ -177,6 +200,7 @@ impl Observer {
         let (candidate_count, visible_count) = (candidates.count(), visible.count());
         Ok(Visibility {
             candidates: candidate_count,
+            behind_parked: unobstructed_count - candidate_count,
             visible: visible_count,
             share: f64::from(visible_count) / f64::from(candidate_count.max(1)),
             has_candidates: candidate_count > 0,
@@ -250,6 +274,10 @@ impl Observer {
             shadow.of_solid(eye, &solid);
             judge(shadow, BY_SOLID);
         });
+        solids.parked_near(min, max, |vehicle| {
+            shadow.of_solid(eye, &vehicle);
+            judge(shadow, BY_PARKED);
+        });
         let reach_m = points.iter().map(|point| point.distance(eye.nadir)).fold(0.0, f64::max);
         trace.agents_near(eye.nadir, reach_m, t_s, &mut |pose| {
             shadow.of_agent(eye, &pose);
@@ -261,6 +289,7 @@ impl Observer {
         Ok(Some(PointShares {
             visible: share(&|kinds| kinds == 0),
             behind_solids: share(&|kinds| kinds & BY_SOLID != 0),
+            behind_parked: share(&|kinds| kinds & BY_PARKED != 0),
             behind_vehicles: share(&|kinds| kinds & BY_VEHICLE != 0),
             behind_pedestrians: share(&|kinds| kinds & BY_PEDESTRIAN != 0),
         }))

@@ -78,7 +78,8 @@ impl Predictor {
         let view = View::new(camera, viewpoint);
         let Self { agents, cells, caster, .. } = self;
         cells.copy_from(hidden);
-        caster.retain_candidates(cells, &view, scene.solids);
+        caster.retain_unobstructed(cells, &view, scene.solids);
+        caster.remove_behind_parked(cells, &view, scene.solids);
         agents.iter().for_each(|pose| caster.remove_hidden(cells, &view, pose));
         cells.count()
     }

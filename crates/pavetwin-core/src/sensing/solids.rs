@@ -1,4 +1,5 @@
-//! What stands still and may hide the ground: upright prisms over convex bases.
+//! What stands still and may hide the ground: upright prisms over convex bases. Parked vehicles are kept apart from what
+//! is built and grown.
 
 use super::cells::{CellBlock, MAX_COORDINATE_M};
 use crate::geometry::Vec2;
@@ -127,9 +128,9 @@ impl Entry {
     }
 }
 
-/// Every static solid of a world, found by place.
+/// Prisms, found by place.
 #[derive(Debug, Clone, Default)]
-pub struct Solids {
+struct PrismIndex {
     corners: Vec<Vec2>,
     entries: Vec<Entry>,
     /// Hash keys in ascending order, one for each cell that a base's bounding box meets.
@@ -137,39 +138,34 @@ pub struct Solids {
     cell_entries: Vec<u32>,
 }
 
-impl Solids {
-    pub fn new(prisms: impl IntoIterator<Item = Prism>) -> Self {
-        let mut solids = Self::default();
+impl PrismIndex {
+    fn new(prisms: impl IntoIterator<Item = Prism>) -> Self {
+        let mut found = Self::default();
         let mut index = Vec::new();
         for prism in prisms {
             let (min, max) = bounds(&prism.base);
             let block = CellBlock::covering(min, max);
-            index.extend(block.keys().map(|key| (key, solids.entries.len() as u32)));
-            solids.entries.push(Entry {
-                first_corner: solids.corners.len() as u32,
+            index.extend(block.keys().map(|key| (key, found.entries.len() as u32)));
+            found.entries.push(Entry {
+                first_corner: found.corners.len() as u32,
                 corner_count: prism.base.len() as u32,
                 base_m: prism.base_m,
                 top_m: prism.top_m,
                 min,
                 max,
             });
-            solids.corners.extend(prism.base);
+            found.corners.extend(prism.base);
         }
         index.sort_unstable();
-        (solids.cell_keys, solids.cell_entries) = index.into_iter().unzip();
-        solids
+        (found.cell_keys, found.cell_entries) = index.into_iter().unzip();
+        found
     }
 
-    pub fn len(&self) -> usize {
-        self.entries.len()
-    }
-
-    pub fn is_empty(&self) -> bool {
-        self.entries.is_empty()
-    }
-
-    /// Calls `visit` once for every solid of whose base the bounding box meets the box from `min` to `max`.
-    pub fn near(&self, min: Vec2, max: Vec2, mut visit: impl FnMut(Solid)) {
+    /// Calls `visit` once for every prism of whose base the bounding box meets the box from `min` to `max`.
+    fn near(&self, min: Vec2, max: Vec2, mut visit: impl FnMut(Solid)) {
+        if self.entries.is_empty() {
+            return;
+        }
         let block = CellBlock::covering(min, max);
         block.visit(&self.cell_keys, |position| {
             let entry = &self.entries[self.cell_entries[position] as usize];
@@ -184,6 +180,37 @@ impl Solids {
                 });
             }
         });
+    }
+}
+
+/// Every static solid of a world, found by place: what is built and grown, and the parked vehicles.
+#[derive(Debug, Clone, Default)]
+pub struct Solids {
+    fixed: PrismIndex,
+    parked: PrismIndex,
+}
+
+impl Solids {
+    /// Buildings, trees, street furniture; no vehicle is parked.
+    pub fn new(prisms: impl IntoIterator<Item = Prism>) -> Self {
+        Self { fixed: PrismIndex::new(prisms), parked: PrismIndex::default() }
+    }
+
+    /// The same with parked vehicles, in place of those before.
+    #[must_use]
+    pub fn with_parked(self, prisms: impl IntoIterator<Item = Prism>) -> Self {
+        Self { parked: PrismIndex::new(prisms), ..self }
+    }
+
+    /// Calls `visit` once for every solid but the parked vehicles whose base's bounding box meets the box from `min` to
+    /// `max`.
+    pub fn near(&self, min: Vec2, max: Vec2, visit: impl FnMut(Solid)) {
+        self.fixed.near(min, max, visit);
+    }
+
+    /// As [`Solids::near`], for the parked vehicles.
+    pub fn parked_near(&self, min: Vec2, max: Vec2, visit: impl FnMut(Solid)) {
+        self.parked.near(min, max, visit);
     }
 }
 
@@ -227,5 +254,16 @@ mod tests {
             solids.near(Vec2::new(x, y), Vec2::new(x + 90.0, y + 90.0), |_| found += 1);
             assert_eq!(found, 1);
         }
+    }
+
+    #[test]
+    fn parked_vehicles_are_found_apart() {
+        let prism = |x: f64| Prism::new(square(x, 0.0, 1.0), 0.0, 1.5).unwrap();
+        let solids = Solids::new([prism(0.0)]).with_parked([prism(3.0), prism(6.0)]);
+        let (mut fixed, mut parked) = (Vec::new(), Vec::new());
+        solids.near(Vec2::ZERO, Vec2::new(9.0, 9.0), |solid| fixed.push(solid.centre.x));
+        solids.parked_near(Vec2::ZERO, Vec2::new(9.0, 9.0), |solid| parked.push(solid.centre.x));
+        parked.sort_by(f64::total_cmp);
+        assert_eq!((fixed, parked), (vec![0.5], vec![3.5, 6.5]));
     }
 }

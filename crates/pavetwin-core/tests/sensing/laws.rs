@@ -3,7 +3,7 @@
 use crate::scenes::*;
 use crate::support::{DEFAULT, PAPER, camera};
 use pavetwin_core::geometry::Vec2;
-use pavetwin_core::sensing::{Body, Patch, Prism, Solids, SurfaceGrid, Viewpoint};
+use pavetwin_core::sensing::{AgentPose, Body, BodyClass, Patch, Prism, Solids, SurfaceGrid, Viewpoint, Visibility};
 use proptest::prelude::*;
 use std::collections::HashSet;
 
@@ -13,6 +13,14 @@ fn cells(patch: &Patch) -> HashSet<(usize, usize)> {
 
 fn moved(agents: &[Placed], shift: Vec2) -> Vec<Placed> {
     agents.iter().map(|&(body, at, yaw, speed)| (body, at + shift, yaw, speed)).collect()
+}
+
+fn box_of(pose: &AgentPose) -> Prism {
+    let ahead = Vec2::from_yaw(pose.yaw_rad);
+    let (along, across) = (ahead * (0.5 * pose.body.length_m), ahead.left() * (0.5 * pose.body.width_m));
+    let at = pose.position;
+    let base = vec![at + along + across, at - along + across, at - along - across, at + along - across];
+    Prism::new(base, pose.body.base_m, pose.body.height_m).unwrap()
 }
 
 proptest! {
@@ -74,6 +82,34 @@ proptest! {
         let (after, _) = look(&grid, &solids, &standing(&more), &camera, &from);
         prop_assert_eq!(before.candidates(), after.candidates());
         prop_assert!(cells(after.visible()).is_subset(&cells(before.visible())));
+    }
+
+    #[test]
+    fn one_parked_vehicle_more_never_shows_more(
+        agents in any_agents(),
+        parked in prop::collection::vec(any_parked(), 0..5),
+        one in any_parked(),
+        from in any_viewpoint(),
+    ) {
+        let (grid, camera, trace) = (street(), camera(DEFAULT), standing(&agents));
+        let more = parked.iter().cloned().chain([one]);
+        let (before, seen_before) = look(&grid, &Solids::default().with_parked(parked.clone()), &trace, &camera, &from);
+        let (after, seen_after) = look(&grid, &Solids::default().with_parked(more), &trace, &camera, &from);
+        prop_assert!(cells(after.candidates()).is_subset(&cells(before.candidates())));
+        prop_assert!(cells(after.visible()).is_subset(&cells(before.visible())));
+        let all = |seen: Visibility| seen.candidates + seen.behind_parked;
+        prop_assert_eq!(all(seen_after), all(seen_before));
+    }
+
+    /// What the moving hide and what the parked hide for good are the same cells where the same bodies stand.
+    #[test]
+    fn what_stands_in_traffic_and_what_is_parked_hide_the_same(agents in any_agents(), from in any_viewpoint()) {
+        let vehicles: Vec<Placed> = agents.into_iter().filter(|agent| agent.0.class == BodyClass::Vehicle).collect();
+        let (grid, camera, trace) = (street(), camera(DEFAULT), standing(&vehicles));
+        let parked = Solids::default().with_parked(poses(&trace).iter().map(box_of));
+        let (moving, _) = look(&grid, &Solids::default(), &trace, &camera, &from);
+        let (standing, _) = look(&grid, &parked, &self::standing(&[]), &camera, &from);
+        prop_assert_eq!(cells(moving.visible()), cells(standing.visible()));
     }
 
     #[test]

@@ -3,7 +3,9 @@
 use crate::scenes::*;
 use crate::support::{DEFAULT, PAPER, camera};
 use pavetwin_core::geometry::Vec2;
-use pavetwin_core::sensing::{Body, Observer, PointShares, Predictor, Prism, Scene, SenseError, Solids, TraceError};
+use pavetwin_core::sensing::{
+    Body, Observer, PointShares, Predictor, Prism, Reach, Scene, SenseError, Solids, TraceError, Viewpoint,
+};
 
 #[test]
 fn an_empty_street_is_wholly_visible() {
@@ -118,8 +120,81 @@ fn what_hides_a_defect_is_told_by_kind() {
     let crown = Solids::new([Prism::new(regular(Vec2::new(0.5, 0.0), 0.3, 12, 0.0), 3.0, 6.0).unwrap()]);
     let points = [Vec2::new(0.0, 0.0), Vec2::new(0.5, 0.0), Vec2::new(6.0, 0.0), Vec2::new(0.0, -3.0)];
     let shares = Observer::new().point_shares(&crown, &trace, &viewpoint(0.0, 0.0, 15.0, 0.0), 0.0, &points);
-    let expected = PointShares { visible: 0.25, behind_solids: 0.25, behind_vehicles: 0.5, behind_pedestrians: 0.25 };
-    assert_eq!(shares, Ok(Some(expected)));
+    let moving = PointShares {
+        visible: 0.25,
+        behind_solids: 0.25,
+        behind_parked: 0.0,
+        behind_vehicles: 0.5,
+        behind_pedestrians: 0.25,
+    };
+    assert_eq!(shares, Ok(Some(moving)));
+    let parked = crown.with_parked([prism_of(CAR, Vec2::ZERO)]);
+    let shares = Observer::new().point_shares(&parked, &standing(&[]), &viewpoint(0.0, 0.0, 15.0, 0.0), 0.0, &points);
+    let stands =
+        PointShares { visible: 0.5, behind_parked: 0.5, behind_vehicles: 0.0, behind_pedestrians: 0.0, ..moving };
+    assert_eq!(shares, Ok(Some(stands)));
+}
+
+/// The box of a body that looks east.
+fn prism_of(body: Body, centre: Vec2) -> Prism {
+    let (x, y) = (0.5 * body.length_m, 0.5 * body.width_m);
+    let corners = [(-x, -y), (x, -y), (x, y), (-x, y)].map(|(x, y)| centre + Vec2::new(x, y));
+    Prism::new(corners.to_vec(), body.base_m, body.height_m).unwrap()
+}
+
+#[test]
+fn a_parked_car_takes_candidates_away_where_a_moving_one_hides_them() {
+    let from = viewpoint(-10.0, 0.0, 10.0, 0.0);
+    let place = Vec2::new(-9.0, 2.0);
+    let solids = Solids::default().with_parked([prism_of(CAR, place)]);
+    let (parked, here) = look(&street(), &solids, &standing(&[]), &camera(DEFAULT), &from);
+    let moving = standing(&[(CAR, place, 0.0, 0.0)]);
+    let (_, there) = look(&street(), &Solids::default(), &moving, &camera(DEFAULT), &from);
+    assert_eq!((here.share, here.hidden_centroid), (1.0, None));
+    assert!(parked.hidden().is_empty());
+    assert_eq!((here.visible, here.behind_parked), (there.visible, there.candidates - there.visible));
+    assert_eq!(here.candidates + here.behind_parked, there.candidates);
+    assert!((here.permanently_hidden() - (1.0 - there.share)).abs() < 1e-12);
+    assert_eq!(there.permanently_hidden(), 0.0);
+}
+
+#[test]
+fn a_window_full_of_a_parked_truck_has_no_candidates() {
+    let vast = Body { length_m: 40.0, width_m: 20.0, ..TRUCK };
+    let solids = Solids::default().with_parked([prism_of(vast, Vec2::new(-10.0, 0.0))]);
+    let (_, seen) =
+        look(&street(), &solids, &standing(&[]), &camera(DEFAULT), &viewpoint(-10.0, 0.0, 10.0, 0.0));
+    assert!(!seen.has_candidates);
+    assert_eq!((seen.candidates, seen.behind_parked, seen.permanently_hidden()), (0, 24 * 56, 1.0));
+}
+
+#[test]
+fn what_a_tree_hides_is_not_hidden_by_the_car_below_it() {
+    let crown = Prism::new(regular(Vec2::new(-10.0, 0.0), 4.0, 12, 0.0), 3.0, 6.0).unwrap();
+    let solids = Solids::new([crown]).with_parked([prism_of(CAR, Vec2::new(-10.0, 0.0))]);
+    let (_, seen) = look(&street(), &solids, &standing(&[]), &camera(DEFAULT), &viewpoint(-10.0, 0.0, 10.0, 0.0));
+    assert_eq!((seen.behind_parked, seen.permanently_hidden()), (0, 0.0));
+}
+
+#[test]
+fn from_several_places_only_what_all_miss_is_hidden_for_good() {
+    let (grid, camera, car) = (street(), camera(DEFAULT), prism_of(CAR, Vec2::new(-10.0, 0.0)));
+    let solids = Solids::default().with_parked([car]);
+    let over = [viewpoint(-10.0, 0.0, 10.0, 0.0)];
+    let past = |y: f64| [-13.0, -10.0, -7.0].map(|x| viewpoint(x, y, 10.0, 0.0));
+    let from_both_sides = [past(2.5), past(-2.5)].concat();
+    let hidden = |places: &[Viewpoint]| {
+        Reach::of(&grid, &solids, &camera, places).unwrap().permanently_hidden().centres().collect::<Vec<_>>()
+    };
+    let (_, seen) = look(&grid, &solids, &standing(&[]), &camera, &over[0]);
+    assert_eq!(hidden(&over).len(), seen.behind_parked as usize);
+    let under = hidden(&from_both_sides);
+    assert!(under.len() < hidden(&over).len());
+    assert!(under.iter().all(|cell| (cell.x + 10.0).abs() < 2.3 && cell.y.abs() < 0.9), "under the car itself");
+    assert!(matches!(
+        Reach::of(&grid, &solids, &camera, &[viewpoint(0.0, 0.0, 0.0, 0.0)]),
+        Err(SenseError::Camera(_))
+    ));
 }
 
 #[test]

@@ -16,23 +16,29 @@ proptest! {
     fn every_cell_is_judged_like_the_brute_force(
         agents in any_agents(),
         prisms in prop::collection::vec(any_prism(), 0..5),
+        parked in prop::collection::vec(any_parked(), 0..6),
         from in any_viewpoint(),
         rule in any_rule(),
     ) {
         let (grid, trace, camera) = (street(), standing(&agents), camera(rule));
-        let solids = Solids::new(prisms.clone());
+        let solids = Solids::new(prisms.clone()).with_parked(parked.clone());
         let (observer, seen) = look(&grid, &solids, &trace, &camera, &from);
         let candidates: HashSet<_> = observer.candidates().cells().collect();
         let visible: HashSet<_> = observer.visible().cells().collect();
         let hidden: HashSet<_> = observer.hidden().cells().collect();
         let window = camera.window(from.altitude_m);
         let poses = poses(&trace);
+        let (mut least_behind_parked, mut most_behind_parked) = (0, 0);
         for row in 0..grid.shape().rows {
             for column in 0..grid.shape().columns() {
                 let (cell, centre) = ((column, row), grid.centre(column, row));
-                let is_candidate = |slack: f64| grid.contains(column, row)
+                let is_unobstructed = |slack: f64| grid.contains(column, row)
                     && in_window(&from, window, centre, -slack)
                     && !prisms.iter().any(|prism| solid_hides(&from, centre, prism, slack));
+                let is_candidate = |slack: f64| is_unobstructed(slack)
+                    && !parked.iter().any(|vehicle| solid_hides(&from, centre, vehicle, slack));
+                least_behind_parked += u32::from(is_unobstructed(RIM_M) && !is_candidate(-RIM_M));
+                most_behind_parked += u32::from(is_unobstructed(-RIM_M) && !is_candidate(RIM_M));
                 let is_visible = |slack: f64| is_candidate(slack)
                     && !poses.iter().any(|pose| agent_hides(&from, centre, pose, slack));
                 if is_candidate(RIM_M) == is_candidate(-RIM_M) {
@@ -44,6 +50,7 @@ proptest! {
                 }
             }
         }
+        prop_assert!((least_behind_parked..=most_behind_parked).contains(&seen.behind_parked));
         prop_assert!(visible.is_subset(&candidates));
         prop_assert_eq!(&hidden, &candidates.difference(&visible).copied().collect());
         prop_assert_eq!((seen.candidates as usize, seen.visible as usize), (candidates.len(), visible.len()));

@@ -95,6 +95,15 @@ pub fn any_prism() -> impl Strategy<Value = Prism> {
     })
 }
 
+/// A parked vehicle, in any direction.
+pub fn any_parked() -> impl Strategy<Value = Prism> {
+    (any_place(12.0), -7.0..7.0, 2.0..7.0, 0.8..2.4, 1.2..3.5).prop_map(|(at, yaw, length_m, width_m, height_m)| {
+        let (along, across) = (Vec2::from_yaw(yaw) * (0.5 * length_m), Vec2::from_yaw(yaw).left() * (0.5 * width_m));
+        let base = vec![at + along + across, at - along + across, at - along - across, at + along - across];
+        Prism::new(base, 0.0, height_m).expect("a prism")
+    })
+}
+
 /// Low enough that some bodies reach above the camera, high enough for the usual flight.
 pub fn any_viewpoint() -> impl Strategy<Value = Viewpoint> {
     (any_place(6.0), prop_oneof![1.0..4.0, 4.0..20.0], -4.0..4.0)

@@ -10,17 +10,7 @@ import polars as pl
 
 from pavetwin.experiments.advice import Advice
 from pavetwin.experiments.design import IN_DESIGN
-from pavetwin.experiments.metrics import (
-    ERROR_METRICS,
-    FACTORS,
-    FLOWN,
-    METRICS,
-    REFERENCE,
-    REPLICATE,
-    STATUS,
-    TOUR_METRICS,
-    Metric,
-)
+from pavetwin.experiments.metrics import EVERY_METRIC, FACTORS, FLOWN, REFERENCE, REPLICATE, STATUS, Metric
 from pavetwin.experiments.statistics import Comparison
 from pavetwin.experiments.statistics.cells import failed_alone
 from pavetwin.experiments.tours import is_by_mission
@@ -108,7 +98,7 @@ class Study:
     def metrics(self) -> tuple[Metric, ...]:
         """Those with a defined value anywhere."""
         defined = self.summary.filter(pl.col("mean").is_not_null())[METRIC].unique().to_list()
-        return tuple(metric for metric in (*METRICS, *TOUR_METRICS, *ERROR_METRICS) if metric.name in defined)
+        return tuple(metric for metric in EVERY_METRIC if metric.name in defined)
 
     @cached_property
     def result(self) -> pl.DataFrame:
