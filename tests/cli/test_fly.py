@@ -400,8 +400,8 @@ def test_a_mission_takes_off_beside_the_road_or_where_it_is_told(world: Path, tm
         (("--segment", "s0001", "--segments", "2"), "exclude each other"),
         (("--date", "2026-02-30"), "--date 2026-02-30: expected a date of the calendar"),
         (("--wind", "west"), "--wind west"),
-        (("--parking", "1.5"), "--parking 1.5: expected a share of the places from 0 to 1"),
-        (("--parking", "few"), "--parking few: expected a share of the places from 0 to 1"),
+        (("--parking", "1.5"), "--parking 1.5: expected a share of the places (0 to 1)"),
+        (("--parking", "few"), "--parking few: expected a share of the places (0 to 1)"),
         (("--set", "energy.wind_mps=6"), "'wind_mps' has moved: give 'conditions.wind_mps'"),
     ],
 )
@@ -424,14 +424,15 @@ def test_date_time_clouds_and_wind_are_the_missions_conditions(world: Path) -> N
 @pytest.mark.parametrize(
     ("options", "enabled", "occupancy"),
     [
-        ((), True, None),
+        ((), False, None),
+        (("--parking", "by-time"), True, None),
         (("--preset", "paper"), False, None),
         (("--parking", "none"), False, None),
         (("--parking", "0.9"), True, 0.9),
         (("--preset", "paper", "--parking", "0.9"), True, 0.9),
     ],
 )
-def test_parking_is_by_the_hour_or_as_asked(
+def test_vehicles_park_where_that_is_asked_for(
     world: Path, options: tuple[str, ...], enabled: bool, occupancy: float | None
 ) -> None:
     settings = yaml.safe_load(pavetwin("fly", world, *options, "--settings").stdout)

@@ -2,6 +2,7 @@
 
 import os
 import re
+from contextlib import nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -9,7 +10,7 @@ from typing import Annotated, Any, Final
 import typer
 from typer.core import TyperCommand
 
-from pavetwin.errors import PaveTwinError
+from pavetwin.errors import PaveTwinError, about
 from pavetwin.world.folder import CACHE_VARIABLE, check_world
 
 NAMES: Final = {
@@ -37,9 +38,11 @@ def _registered(found: re.Match[str]) -> str:
     return ", ".join(getattr(import_module(module), registry).names())
 
 
-def existing_world(context: typer.Context, folder: Path | None) -> Path | None:
+def existing_world(context: typer.Context, parameter: typer.CallbackParam, folder: Path | None) -> Path | None:
+    """Check a world's folder; the message names the option, where the folder is not an argument."""
     if folder is not None and not context.resilient_parsing:  # a shell that completes a line asks for no errors
-        check_world(folder)
+        with about(parameter.name or "world") if parameter.param_type_name == "option" else nullcontext():
+            check_world(folder)
     return folder
 
 

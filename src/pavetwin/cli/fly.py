@@ -339,9 +339,7 @@ def _parking(text: str) -> dict[str, Any]:
     except ValueError:
         share = -1.0
     if not 0 <= share <= 1:
-        raise PaveTwinError(
-            f"--parking {text}: expected a share of the places from 0 to 1, as in 0.9, by-time, or none."
-        )
+        raise PaveTwinError(f"--parking {text}: expected a share of the places (0 to 1), by-time, or none.")
     return {"enabled": True, "occupancy": share}
 
 

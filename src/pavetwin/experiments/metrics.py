@@ -89,8 +89,8 @@ def metric_named(name: str) -> Metric:
 
 
 def metrics_in(table: "pl.DataFrame") -> tuple[Metric, ...]:
-    """What there is to show of a table: `METRICS`, those of tours where missions are such, what parked vehicles hide where
-    there are some, and those of a sensor's errors where a mission has such errors."""
+    """What there is to show of a table: `METRICS`, those of tours where missions are such, what parked vehicles hide
+    where there are some, and those of a sensor's errors where a mission has such errors."""
     tours = [metric for metric in TOUR_METRICS if metric.name in table.columns]
     names = ("permanently_hidden", "false_alarms", "duplicates")
     has = {name: name in table.columns and bool(table[name].sum()) for name in names}
