@@ -22,13 +22,15 @@ from pavetwin.mission.inspected_defects import MissReason, PolicyResponse, inspe
 from pavetwin.mission.parked import FIRST_ID, ParkingInput, parked_columns, parked_solids
 from pavetwin.policies import policy_names
 from pavetwin.twin import Agent
+from pavetwin.uav import camera_of
 from pavetwin.world.solids import SolidKind
 from scenes.parking import EMPTY, FULL, full_street, kerb_place, narrow_street, with_places
 from scenes.tiny import TRUCK, Scene, parked, straight, trace_of
 
 POLICIES = policy_names()
 CAR_PLACE = kerb_place(30, 0)
-CAMERA = nadir_camera(Scene(straight()).settings().camera)
+SETTINGS = Scene(straight()).settings()
+CAMERA = nadir_camera(camera_of(SETTINGS), SETTINGS.camera)
 SURROUNDINGS = Surroundings.of(straight(), 6.0, Scene(straight()).settings().uav)
 ENVIRONMENT = prepare(straight(), Scene(straight()).settings(), (), SURROUNDINGS)
 
@@ -162,7 +164,9 @@ def test_a_policy_sees_what_is_parked_and_how_much_it_hides() -> None:
     assert min(agent.id for agent in snapshot.parked) >= FIRST_ID
     where = mission.flight
     eye = Viewpoint(position=where.position, altitude_m=where.altitude_m, yaw_rad=where.yaw_rad)
-    look = environment.ground.observe(0, mission.traffic.trace(), event.time_s, nadir_camera(settings_.camera), eye)
+    look = environment.ground.observe(
+        0, mission.traffic.trace(), event.time_s, nadir_camera(camera_of(settings_), settings_.camera), eye
+    )
     assert snapshot.occlusion.permanently_hidden == look["permanently_hidden"]
 
 
