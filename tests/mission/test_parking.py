@@ -107,12 +107,16 @@ def test_a_loading_bay_is_empty_at_one_hour_and_full_at_another() -> None:
     scene = narrow_street()
 
     def stands(seed: int, clock: str) -> int:
-        return len(ParkingInput.of(scene.settings(f"conditions.time='{clock}'"), seed).vehicles(scene.world))
+        return len(
+            ParkingInput.of(scene.settings("parking.enabled=true", f"conditions.time='{clock}'"), seed).vehicles(
+                scene.world
+            )
+        )
 
     seed = next(seed for seed in range(200) if stands(seed, "12:00") < stands(seed, "02:00"))
 
     def found(clock: str) -> list[bool]:
-        settings_ = scene.settings(f"conditions.time='{clock}'")
+        settings_ = scene.settings("parking.enabled=true", f"conditions.time='{clock}'")
         environment = prepare(scene.world, settings_, parking_seed=seed)
         flown = fly_over(environment, scene.traffic(), settings_, [0], "baseline")
         return [each.is_found for each in inspected_defects(flown)]
