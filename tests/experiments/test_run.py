@@ -413,7 +413,7 @@ def test_a_study_that_is_stopped_after_an_edit_holds_no_mission_of_before(
     file.write_text(MINE.format("second"))
 
     class Stopped(Single):
-        def fly(self, plan, units, on_ready, on_unit, tell):
+        def fly(self, plan, units, on_ready, on_unit, tell, on_recorded):
             super().fly(plan, units[:1], on_ready, on_unit, tell)
             raise KeyboardInterrupt
 
@@ -486,7 +486,7 @@ def test_a_file_that_is_edited_while_a_study_flies_fails_its_missions(world: Pat
     design = small(world, policies=["baseline", f"{file}:Mine"], replicates=2, densities=["low"], altitudes_m=[10])
 
     class Edited(Single):
-        def fly(self, plan, units, on_ready, on_unit, tell):
+        def fly(self, plan, units, on_ready, on_unit, tell, on_recorded):
             super().fly(plan, units[:1], on_ready, on_unit, tell)
             file.write_text(MINE.format("second"))
             super().fly(plan, units[1:], lambda: None, on_unit, tell)
