@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import ExifTags, Image
+from shapely import Point
 
-from pavetwin.capture.daylight import LEAST_ELEVATION_DEG, Daylight, base_lonlat, draw_conditions
+from pavetwin.capture.daylight import LEAST_ELEVATION_DEG, Daylight, centre_lonlat, draw_conditions
 from pavetwin.capture.mission_frames import save_frames
 from pavetwin.capture.mission_images import MissionImages
 from pavetwin.capture.record import read_records
 from pavetwin.capture.scene_renderer import SceneRenderer
+from pavetwin.config import Conditions
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.replay import Replay
 from pavetwin.mission.results import save_mission
@@ -28,7 +30,7 @@ VAN_ACROSS = recording(("van",), lambda *_: (20.0, -0.5, np.pi / 2, 0.0), frames
 def test_drawn_conditions_have_the_sun_up_and_are_all_different() -> None:
     world = straight()
     rng = np.random.default_rng(5)
-    drawn = [draw_conditions(rng, *base_lonlat(world)) for _ in range(40)]
+    drawn = [draw_conditions(rng, *centre_lonlat(world)) for _ in range(40)]
     lights = [Daylight.of(conditions, world).light for conditions in drawn]
     assert all(light.sun_elevation_deg >= LEAST_ELEVATION_DEG for light in lights)
     assert all(
@@ -85,3 +87,9 @@ def test_frames_at_night_are_refused() -> None:
     with pytest.raises(PaveTwinError, match=r"`time` 23:30: on 2025-03-20 the sun .* below the horizon") as refusal:
         Daylight.of(night, straight())
     assert "\n" not in str(refusal.value)
+
+
+def test_the_light_does_not_depend_on_where_the_uav_takes_off() -> None:
+    world = straight()
+    moved = replace(world, base=Point(world.base.x + 300.0, world.base.y))
+    assert Daylight.of(Conditions(), moved) == Daylight.of(Conditions(), world)

@@ -414,7 +414,7 @@ def test_a_study_that_is_stopped_after_an_edit_holds_no_mission_of_before(
 
     class Stopped(Single):
         def fly(self, plan, units, on_ready, on_unit, tell, on_recorded):
-            super().fly(plan, units[:1], on_ready, on_unit, tell)
+            super().fly(plan, units[:1], on_ready, on_unit, tell, on_recorded)
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -487,7 +487,7 @@ def test_a_file_that_is_edited_while_a_study_flies_fails_its_missions(world: Pat
 
     class Edited(Single):
         def fly(self, plan, units, on_ready, on_unit, tell, on_recorded):
-            super().fly(plan, units[:1], on_ready, on_unit, tell)
+            super().fly(plan, units[:1], on_ready, on_unit, tell, on_recorded)
             file.write_text(MINE.format("second"))
             super().fly(plan, units[1:], lambda: None, on_unit, tell)
 

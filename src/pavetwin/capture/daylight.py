@@ -5,6 +5,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any, Final, Self
 
 import numpy as np
+import shapely
 
 from pavetwin.config import Conditions
 from pavetwin.config.conditions import solar_offset
@@ -44,12 +45,12 @@ class Daylight:
 
     @classmethod
     def of(cls, conditions: Conditions, world: World, compensation_ev: float = 0.0) -> Self:
-        """At a world's base: the sun is the same all over it.
+        """Over the middle of a world: the sun is the same all over it.
 
         Raises:
             PaveTwinError: the sun is below the horizon.
         """
-        longitude, latitude = base_lonlat(world)
+        longitude, latitude = centre_lonlat(world)
         light = Light.of(conditions, latitude_deg=latitude, longitude_deg=longitude)
         return cls(conditions.utc(longitude), light, compensation_ev)
 
@@ -64,9 +65,13 @@ class Daylight:
         }
 
 
-def base_lonlat(world: World) -> tuple[float, float]:
-    """Longitude and latitude of a world's base in degrees, east and north positive."""
-    longitude, latitude = world.georeference.to_wgs84((world.base.x, world.base.y))
+def centre_lonlat(world: World) -> tuple[float, float]:
+    """Longitude and latitude of the middle of a world's segments in degrees, east and north positive.
+
+    Not of its base, which missions choose: two missions at one time have the same light.
+    """
+    west, south, east, north = shapely.total_bounds([segment.polygon for segment in world.segments])
+    longitude, latitude = world.georeference.to_wgs84(((west + east) / 2, (south + north) / 2))
     return float(longitude), float(latitude)
 
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Final
 
-from pavetwin.capture.daylight import Daylight, base_lonlat, draw_compensation_ev, draw_conditions
+from pavetwin.capture.daylight import Daylight, centre_lonlat, draw_compensation_ev, draw_conditions
 from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.plan import SAMPLE, aims_of, platform_key
 from pavetwin.capture.platforms import Platform, Pose
@@ -35,7 +35,7 @@ def draw_sample(platform: Platform, spec: ImageSpec, attempt: int) -> CameraSamp
     if spec.aims and not len(context.defect_index.candidates(spec)):
         return None
     rng = child(context.settings.seed, Stream.CAPTURE, SAMPLE, platform_key(spec.platform), spec.index, attempt)
-    conditions = draw_conditions(rng, *base_lonlat(context.world))
+    conditions = draw_conditions(rng, *centre_lonlat(context.world))
     daylight = Daylight.of(conditions, context.world, draw_compensation_ev(rng))
     for _ in range(PROPOSALS):
         pose = platform.propose(spec, rng)
