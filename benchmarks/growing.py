@@ -96,6 +96,7 @@ def _copied(course: Course, side: int) -> tuple[MissionEnvironment, Trace]:
         solid_xy=_shifted(standing.xy, shifts),
         solid_z0=np.tile(standing.z0, count),
         solid_z1=np.tile(standing.z1, count),
+        solid_is_parked=np.zeros(count * len(standing.z1), dtype=bool),
         # Defects are looked up by segment: those of the other copies would be copies of the list, nothing more.
         defect_centres=np.array(
             [(d.centre.x, d.centre.y) for d in course.environment.defects], dtype=np.float64

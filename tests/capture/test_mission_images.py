@@ -47,6 +47,7 @@ class Looker(Sensor):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.needs_adapter
 def test_a_sensor_of_ones_own_sees_the_image_that_is_saved(tmp_path: Path) -> None:
     """From the command line; the saved file decodes to the very pixels of the sensor's image, compressed alike."""

@@ -64,6 +64,7 @@ def test_the_same_world_gives_the_same_bytes(cross: Path, tmp_path: Path, monkey
         assert (tmp_path / f"a.{kind}").read_bytes() == (tmp_path / f"b.{kind}").read_bytes(), kind
 
 
+@pytest.mark.slow
 def test_a_town_fits_in_half_a_megabyte_and_has_room_for_all_ids(
     town: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

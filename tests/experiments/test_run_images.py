@@ -154,6 +154,7 @@ def test_without_images_its_missions_fail_and_are_flown_again_with_them(world: P
     assert_frame_equal(more.table, at_once.table)
 
 
+@pytest.mark.slow
 @pytest.mark.needs_adapter
 def test_a_study_from_the_command_line_renders_the_images_that_fly_renders(world: Path, tmp_path: Path) -> None:
     text = design(world, "Odd", altitudes_m=[6]).model_dump_json()

@@ -53,7 +53,11 @@ def pavetwin(*arguments: object, cwd: Path | str = ".", columns: int = COLUMNS) 
 def plain_refusal(done: subprocess.CompletedProcess[str]) -> str:
     """The one line of an error; asserts that it is one, with exit code 2."""
     assert done.returncode == 2, done.stdout + done.stderr
-    # On a slow machine, lines say before what is being done and how far it is.
-    (line,) = [line for line in done.stderr.splitlines() if not re.search(r"( …| \(\d+ ?%\)| … \(\d+ ?%\))$", line)]
+    (line,) = without_progress(done.stderr)
     assert line.startswith("Error: ")
     return line
+
+
+def without_progress(text: str) -> list[str]:
+    """The lines of a terminal's text but those that say, on a slow machine, what is being done and how far it is."""
+    return [line for line in text.splitlines() if not re.search(r"( …|\(\d+ ?%\))$", line)]

@@ -45,6 +45,7 @@ def test_the_search_converges_and_the_recording_holds_the_level(cross: World) ->
     assert recording.path.name == "los-D-1.parquet"
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes_whether_the_demand_was_known_or_not(cross: World, cache: Path) -> None:
     first = bytes_of(record(cross, "los-D", 2, 60.0, force=True))
     (kept,) = cache.rglob("demand-europe.json")
@@ -61,6 +62,7 @@ def test_another_seed_begins_with_the_demand_that_was_found(cross: World, monkey
     assert other.hash == Inputs.of(cross, "los-D", 7).hash  # a recording is found before its demand is
 
 
+@pytest.mark.slow
 def test_a_longer_recording_begins_with_the_shorter_one(cross: World) -> None:
     with Recorder(Inputs.of(cross, "los-D", 3), force=True) as recorder:
         short = recorder.until(35.0)
@@ -74,6 +76,7 @@ def test_a_level_beyond_the_network_is_refused_with_what_it_can_reach(cross: Wor
         record(cross, "los-A", 1, 10.0)
 
 
+@pytest.mark.slow
 def test_quiet_hours_have_fewer_vehicles_than_busy_ones(cross: World) -> None:
     search = DemandSearch(cross, "europe")
     night, morning, busiest = (search.density(density_named(f"hour-{hour:02}")) for hour in (3, 12, 16))
