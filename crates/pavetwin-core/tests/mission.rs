@@ -130,7 +130,13 @@ fn settings() -> Settings {
         threshold: 0.7,
         min_visible_fraction: 0.35,
         battery: Battery {
-            drain: DrainCurve { per_s: vec![1.0 / 1800.0], lift_per_s: vec![0.0], step_mps: 1.0, per_m_climbed: 0.0, wind: Vec2::ZERO },
+            drain: DrainCurve {
+                per_s: vec![1.0 / 1800.0],
+                lift_per_s: vec![0.0],
+                step_mps: 1.0,
+                per_m_climbed: 0.0,
+                wind: Vec2::ZERO,
+            },
             reserve: 0.15,
         },
     }
@@ -151,7 +157,13 @@ fn arrive(flight: &mut Flight) {
 
 #[test]
 fn a_flight_home_begun_at_speed_brakes_first() {
-    let small = DrainCurve { per_s: vec![1.0 / 40.0], lift_per_s: vec![0.0], step_mps: 1.0, per_m_climbed: 0.0, wind: Vec2::ZERO };
+    let small = DrainCurve {
+        per_s: vec![1.0 / 40.0],
+        lift_per_s: vec![0.0],
+        step_mps: 1.0,
+        per_m_climbed: 0.0,
+        wind: Vec2::ZERO,
+    };
     let battery = Battery { drain: small, reserve: 0.15 };
     let mut flight = flight(Settings { battery, ..settings() });
     flight.climb_to(10.0);

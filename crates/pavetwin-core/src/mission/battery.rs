@@ -132,8 +132,12 @@ mod tests {
 
     #[test]
     fn wind_alone_lifts_nothing() {
-        let lifted =
-            DrainCurve { per_s: vec![1.0, 1.2, 2.0], lift_per_s: vec![1.0, 0.5, 0.1], wind: Vec2::new(5.0, 0.0), ..curve() };
+        let lifted = DrainCurve {
+            per_s: vec![1.0, 1.2, 2.0],
+            lift_per_s: vec![1.0, 0.5, 0.1],
+            wind: Vec2::new(5.0, 0.0),
+            ..curve()
+        };
         assert!((lifted.drained(Vec2::ZERO, 0.0, 1.0) - (1.2 + 1.0)).abs() < 1e-12);
         assert!((lifted.drained(Vec2::new(-5.0, 0.0), 0.0, 1.0) - (2.0 + 0.5)).abs() < 1e-12);
         assert!((lifted.drained(Vec2::new(10.0, 0.0), 0.0, 1.0) - (1.2 + 0.5)).abs() < 1e-12);

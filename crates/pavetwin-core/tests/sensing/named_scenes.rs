@@ -162,8 +162,7 @@ fn a_parked_car_takes_candidates_away_where_a_moving_one_hides_them() {
 fn a_window_full_of_a_parked_truck_has_no_candidates() {
     let vast = Body { length_m: 40.0, width_m: 20.0, ..TRUCK };
     let solids = Solids::default().with_parked([prism_of(vast, Vec2::new(-10.0, 0.0))]);
-    let (_, seen) =
-        look(&street(), &solids, &standing(&[]), &camera(DEFAULT), &viewpoint(-10.0, 0.0, 10.0, 0.0));
+    let (_, seen) = look(&street(), &solids, &standing(&[]), &camera(DEFAULT), &viewpoint(-10.0, 0.0, 10.0, 0.0));
     assert!(!seen.has_candidates);
     assert_eq!((seen.candidates, seen.behind_parked, seen.permanently_hidden()), (0, 24 * 56, 1.0));
 }
@@ -191,10 +190,7 @@ fn from_several_places_only_what_all_miss_is_hidden_for_good() {
     let under = hidden(&from_both_sides);
     assert!(under.len() < hidden(&over).len());
     assert!(under.iter().all(|cell| (cell.x + 10.0).abs() < 2.3 && cell.y.abs() < 0.9), "under the car itself");
-    assert!(matches!(
-        Reach::of(&grid, &solids, &camera, &[viewpoint(0.0, 0.0, 0.0, 0.0)]),
-        Err(SenseError::Camera(_))
-    ));
+    assert!(matches!(Reach::of(&grid, &solids, &camera, &[viewpoint(0.0, 0.0, 0.0, 0.0)]), Err(SenseError::Camera(_))));
 }
 
 #[test]

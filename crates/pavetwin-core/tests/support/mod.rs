@@ -6,8 +6,7 @@ use pavetwin_core::geometry::Vec2;
 use pavetwin_core::navigation::Limits;
 use pavetwin_core::sensing::{AcrossRule, NadirCamera, WindowRule};
 
-pub const AGENT: Limits =
-    Limits {
+pub const AGENT: Limits = Limits {
     speed_mps: 5.0,
     acceleration_mps2: 8.0,
     yaw_rate_rad_s: std::f64::consts::FRAC_PI_4,
