@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
+from math import cos, sin
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +23,7 @@ from pavetwin.mission.timeline import LATE_S
 from pavetwin.sensing import Frame, JudgedDetection, sensor_class
 from pavetwin.sensing.resolution import resolved_share
 from pavetwin.uav import camera_of
+from pavetwin.uav.wind import seen_velocity_mps
 from pavetwin.world.model import Defect
 
 if TYPE_CHECKING:
@@ -102,6 +104,30 @@ class InspectedDefect:
 def inspected_defects(result: MissionResult) -> tuple[InspectedDefect, ...]:
     """The outcome of every defect of the inspected segments, in the order of inspection."""
     return tuple(_Judge(result).outcomes())
+
+
+def captured_pixel_m(result: MissionResult, capture: int) -> float:
+    """What a pixel of a capture covered on the ground with its blur, in metres, as its frame had it.
+
+    Args:
+        capture: its index in `result.captures`.
+    """
+    settings, track, captures = result.settings, result.track, result.captures
+    time_s, yaw_rad = float(captures["t_s"][capture]), float(captures["yaw_rad"][capture])
+    speed_mps = float(np.interp(time_s, track["t_s"], track["speed_mps"]))
+    velocity_mps = (speed_mps * cos(yaw_rad), speed_mps * sin(yaw_rad))
+    frame = Frame(
+        number=capture,
+        time_s=time_s,
+        position=(float(captures["x_m"][capture]), float(captures["y_m"][capture])),
+        altitude_m=settings.altitude_m,
+        yaw_rad=yaw_rad,
+        camera=camera_of(settings),
+        conditions=settings.conditions,
+        velocity_mps=seen_velocity_mps(settings, velocity_mps, time_s),
+        exposure_s=shutter_s(settings),
+    )
+    return frame.blurred_pixel_m
 
 
 @dataclass(frozen=True)
@@ -191,27 +217,10 @@ class _Judge:
         if not sensor_class(sensing.sensor).judges_size:
             return False
         return not any(
-            resolved_share(sensing, defect.kind, across_m, self._blurred_pixel_m(int(capture)), fraction)
+            resolved_share(sensing, defect.kind, across_m, captured_pixel_m(self.result, int(capture)), fraction)
             for capture, fraction in zip(captures, visible, strict=True)
             if fraction >= sensing.min_visible_fraction
         )
-
-    def _blurred_pixel_m(self, capture: int) -> float:
-        """As its frame had it."""
-        settings, track, captures = self.result.settings, self.result.track, self.result.captures
-        time_s = float(captures["t_s"][capture])
-        frame = Frame(
-            number=capture,
-            time_s=time_s,
-            position=(float(captures["x_m"][capture]), float(captures["y_m"][capture])),
-            altitude_m=settings.altitude_m,
-            yaw_rad=float(captures["yaw_rad"][capture]),
-            camera=camera_of(settings),
-            conditions=settings.conditions,
-            velocity_mps=(float(np.interp(time_s, track["t_s"], track["speed_mps"])), 0.0),
-            exposure_s=shutter_s(settings),
-        )
-        return frame.blurred_pixel_m
 
     def _on_revisit(self, captures: IndexArray) -> int:
         return int(np.count_nonzero(self.result.captures["on_revisit"][captures]))

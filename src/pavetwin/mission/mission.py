@@ -44,8 +44,8 @@ from pavetwin.twin import (
     Snapshot,
     UavState,
 )
-from pavetwin.uav import aircraft_of, camera_of
-from pavetwin.uav.wind import shake_mps
+from pavetwin.uav import camera_of
+from pavetwin.uav.wind import seen_velocity_mps
 
 Event = Captured | Occluded | BatteryLow
 """What a mission stops for and shows to those who fly it."""
@@ -109,7 +109,7 @@ class Mission:
         """Whether the UAV has landed after its last segment."""
         self.detections = DetectionLog(self.environment, sensor=self.sensor, other_classes=self.other_classes)
         self._meter = SegmentMeter(self.environment)
-        self._camera, self._aircraft = camera_of(self.settings), aircraft_of(self.settings)
+        self._camera = camera_of(self.settings)
         self._frame: Frame | None = None
         self._attempts: dict[int, int] = {}
         self._tried: set[int] = set()
@@ -207,20 +207,12 @@ class Mission:
             yaw_rad=event.yaw_rad,
             camera=self._camera,
             conditions=self.settings.conditions,
-            velocity_mps=self._seen_velocity(event),
+            velocity_mps=seen_velocity_mps(self.settings, event.velocity_mps, event.time_s),
             exposure_s=shutter_s(self.settings),
             sightings=tuple(sightings),
             source=self.image_source,
         )
         return self._frame
-
-    def _seen_velocity(self, event: Captured) -> Place:
-        """How the camera moves over the ground: the UAV's own velocity, and what gusts add."""
-        east, north = event.velocity_mps
-        if self._aircraft is None:
-            return east, north
-        shaken = shake_mps(self._aircraft, self.settings, event.velocity_mps, event.time_s)
-        return east + shaken[0], north + shaken[1]
 
     def confirm(self, detections: Sequence[Detection]) -> list[JudgedDetection]:
         """Judge what a sensor reports of the last frame, and note the defects that it confirms.

@@ -75,3 +75,16 @@ def shake_mps(profile: AircraftProfile, settings: MissionSettings, velocity_mps:
     pushed_mps = GRAVITY_MPS2 * (tan(radians(tilts[2])) - tan(radians(tilts[1]))) / (2 * pi * GUST_HZ)
     along = (turning_mps + pushed_mps) * cos(2 * pi * GUST_HZ * time_s) / conditions.wind_mps
     return along * wind[0], along * wind[1]
+
+
+def seen_velocity_mps(settings: MissionSettings, velocity_mps: Velocity, time_s: float) -> Velocity:
+    """How the camera sees the ground pass at a moment: the UAV's velocity over the ground, and what gusts add.
+
+    Raises:
+        PaveTwinError: there is no such aircraft.
+    """
+    profile = aircraft_of(settings)
+    if profile is None:
+        return velocity_mps
+    shaken = shake_mps(profile, settings, velocity_mps, time_s)
+    return velocity_mps[0] + shaken[0], velocity_mps[1] + shaken[1]
