@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from pavetwin.defects import DefectOptions, add_defects
-from pavetwin.mission.environment import prepare
+from pavetwin.mission.environment import inspect_speed_mps, prepare
 from pavetwin.mission.fly import MissionResult, fly_over
 from pavetwin.mission.targets import choose_targets
 from pavetwin.mission.track import MODES
@@ -48,15 +48,15 @@ def tour(request: pytest.FixtureRequest, limits: str) -> MissionResult:
 
 
 def test_speed_acceleration_and_yaw_rate_hold_at_every_step(tour: MissionResult) -> None:
-    track, uav = tour.track, tour.settings.uav
+    track, uav, inspecting_mps = tour.track, tour.settings.uav, inspect_speed_mps(tour.settings)
     assert np.diff(track["t_s"]) == pytest.approx(DT_S)
     at = np.stack([track["x_m"], track["y_m"]], axis=1)
     velocity = np.diff(at, axis=0) / DT_S
     speed = np.hypot(*velocity.T)
     inspecting = np.isin(track["mode"][1:], [MODES.index(Mode.INSPECT), MODES.index(Mode.DISPLACE)])
-    assert speed[inspecting].max() <= uav.inspect_speed_mps + 1e-6
+    assert speed[inspecting].max() <= inspecting_mps + 1e-6
     assert speed.max() <= uav.transit_speed_mps + 1e-6
-    assert speed.max() > 0.9 * uav.inspect_speed_mps
+    assert speed.max() > 0.9 * inspecting_mps
     turned = np.abs((np.diff(track["yaw_rad"]) + np.pi) % (2 * np.pi) - np.pi)
     assert turned.max() <= radians(uav.yaw_rate_deg_s) * DT_S + 1e-9
     faster = np.abs(np.diff(track["speed_mps"]))

@@ -237,6 +237,8 @@ def fly(
         f"Take-off {specs[0].traffic.take_off_s:g} s after the traffic begins, with {vehicles} "
         f"vehicle{'s' * (vehicles != 1)} and {pedestrians} pedestrian{'s' * (pedestrians != 1)} on the streets."
     )
+    if pace := report.pace_line(specs[0].settings):
+        out.line(pace)
     flow = flow_of(inputs.replay.recording, inputs.environment.world)
     out.line(f"Traffic {inputs.replay.recording.name}: {flow.sentence} {flow.removals_sentence}")
     results = _fly_and_save(specs, inputs, folder, animate=animate, save_frames=save_frames)

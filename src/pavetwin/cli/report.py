@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from pavetwin.cli.console import note_fonts, out, progress
+from pavetwin.mission.environment import INSPECT_MPS, capture_interval_s, inspect_speed_mps, window_m
 from pavetwin.mission.inspected_defects import MissReason, inspected_defects
 from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.results import Drawing, Totals, save_mission, save_missions, totals
@@ -22,6 +23,10 @@ if TYPE_CHECKING:
     from pavetwin.mission.fly import MissionResult
     from pavetwin.mission.inputs import MissionInputs
     from pavetwin.world.model import World
+
+
+LEAST_GAP_M: Final = 0.05
+"""Smaller gaps between captures are not worth a word."""
 
 
 def settings_text(settings: "MissionSettings") -> str:
@@ -291,6 +296,23 @@ def sentence(result: Sequence["MissionResult"]) -> str:
             return f"{found}, {surface}, in {minutes} with {changes}: bring {sums.batteries} batteries."
         return f"{found}, {surface}, in {minutes} with {100 * sums.energy:.0f} % of a battery."
     return "The same traffic, defects, order and sensor seed for every policy; one mission each, so no statistics yet."
+
+
+def pace_line(settings: "MissionSettings") -> str:
+    """How the camera's interval limits the speed of inspection, or what a given speed leaves out; empty for neither."""
+    speed_mps, interval_s, along_m = inspect_speed_mps(settings), capture_interval_s(settings), window_m(settings)[1]
+    if settings.uav.inspect_speed_mps is None and speed_mps < INSPECT_MPS:
+        return (
+            f"Inspects at {speed_mps:.1f} m/s: its camera takes a picture every {interval_s:g} s, and faster would "
+            "leave gaps. A speed of your own: --set uav.inspect_speed_mps=5."
+        )
+    gap_m = speed_mps * interval_s - along_m
+    if gap_m < LEAST_GAP_M:
+        return ""
+    return (
+        f"Captures every {interval_s:g} s at {speed_mps:g} m/s leave gaps of {gap_m:.1f} m between their windows of "
+        f"{along_m:.1f} m."
+    )
 
 
 MISSED: Final[Mapping[MissReason, str]] = {

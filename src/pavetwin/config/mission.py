@@ -25,7 +25,9 @@ class UavSettings(Settings):
     """The airframe's limits: Unity's NavMesh agent of the paper, and what it leaves open."""
 
     radius_m: Positive = 0.5
-    inspect_speed_mps: Positive = 5.0
+    inspect_speed_mps: Positive | None = None
+    """Null: 5 m/s, or slower where the camera takes too few pictures to see all that it passes. A speed that is given
+    is flown."""
     transit_speed_mps: Positive = 10.0
     acceleration_mps2: Positive = 8.0
     yaw_rate_deg_s: Positive = 45.0
@@ -43,6 +45,7 @@ class CameraSettings(Settings):
     model: NameOrFile | None = None
     """A name of the camera database, or a path to a YAML file of the same form; null for the aircraft's own."""
     capture_interval_s: Positive = 0.6
+    """Between captures, as far as the camera takes pictures so fast (its `shortest_interval_s`)."""
     exposure_s: Positive = 0.001
     """Shutter time of the captures that a mission judges without rendering them; never shorter than the camera's
     shortest. The motion meanwhile blurs the image."""

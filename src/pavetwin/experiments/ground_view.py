@@ -10,7 +10,7 @@ from pavetwin.config.mission import LEAST_PX
 from pavetwin.defects.registry import DEFECT_CLASSES
 from pavetwin.experiments.design import ALIASES
 from pavetwin.experiments.words import listed
-from pavetwin.mission.environment import shutter_s
+from pavetwin.mission.environment import inspect_speed_mps, shutter_s
 from pavetwin.sensing import sensor_class
 from pavetwin.sensing.resolution import is_thin, least_px_of
 from pavetwin.uav import camera_of
@@ -68,7 +68,7 @@ def ground_view(option: Mapping[str, Any], design: Mapping[str, Any]) -> GroundV
     settings = _settings(option, design)
     sensing, camera = settings.sensing, camera_of(settings)
     pixel_m = camera.ground_resolution_m(settings.altitude_m)
-    blur_px = settings.uav.inspect_speed_mps * shutter_s(settings) / pixel_m
+    blur_px = inspect_speed_mps(settings) * shutter_s(settings) / pixel_m
     is_counted = sensing.least_px is not None and sensor_class(sensing.sensor).judges_size
     counting = sensing if sensing.least_px is not None else sensing.model_copy(update={"least_px": dict(LEAST_PX)})
     kinds = sorted(

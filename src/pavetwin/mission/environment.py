@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import radians
-from typing import Self
+from math import ceil, radians
+from typing import Final, Self
 
 import numpy as np
 import shapely
@@ -29,6 +29,9 @@ from pavetwin.uav.wind import check_wind
 from pavetwin.world.content import defects_hash
 from pavetwin.world.model import Defect, Surface, World
 from pavetwin.world.solids import SolidKind, Solids, solids
+
+INSPECT_MPS: Final = 5.0
+"""Speed of inspection unless set, where the camera keeps up: the paper's."""
 
 
 @dataclass(frozen=True)
@@ -201,13 +204,13 @@ def flight_settings(settings: MissionSettings, *, every_capture: bool = False) -
         time_step_s=step_s,
         radius_m=uav.radius_m,
         clearance_m=VERTICAL_CLEARANCE_M,
-        inspect=_limits(settings, profile, uav.inspect_speed_mps),
+        inspect=_limits(settings, profile, inspect_speed_mps(settings)),
         transit=_limits(settings, profile, uav.transit_speed_mps),
         stopping_distance_m=uav.stopping_distance_m,
         climb_speed_mps=min(climb_mps),
         camera=nadir_camera(camera_of(settings), settings.camera),
         look_steps=round(settings.visibility.interval_s / step_s),
-        capture_steps=round(settings.camera.capture_interval_s / step_s),
+        capture_steps=round(capture_interval_s(settings) / step_s),
         threshold=settings.visibility.threshold,
         min_visible_fraction=settings.sensing.min_visible_fraction,
         battery=_battery(settings),
@@ -229,6 +232,21 @@ def nadir_camera(camera: Camera, settings: CameraSettings) -> NadirCamera:
 def shutter_s(settings: MissionSettings) -> float:
     """Shutter time of the captures: as set, and no shorter than the camera can."""
     return max(settings.camera.exposure_s, camera_of(settings).shortest_exposure_s or 0.0)
+
+
+def capture_interval_s(settings: MissionSettings) -> float:
+    """Between captures: as set, and no shorter than the camera can; a whole number of time steps."""
+    shortest_steps = ceil((camera_of(settings).shortest_interval_s or 0.0) / settings.time_step_s - 1e-6)
+    return max(settings.camera.capture_interval_s, shortest_steps * settings.time_step_s)
+
+
+def inspect_speed_mps(settings: MissionSettings) -> float:
+    """Speed of inspection over the ground: as set, else `INSPECT_MPS`, or the fastest at which the windows of captures
+    still touch at the camera's shortest interval."""
+    if settings.uav.inspect_speed_mps is not None:
+        return settings.uav.inspect_speed_mps
+    shortest_s = camera_of(settings).shortest_interval_s
+    return INSPECT_MPS if shortest_s is None else min(INSPECT_MPS, window_m(settings)[1] / shortest_s)
 
 
 def window_m(settings: MissionSettings) -> tuple[float, float]:

@@ -24,6 +24,8 @@ class Camera(Settings):
     focal_length_mm: Positive | None = None
     shutter: Literal["global", "rolling", "mechanical"] = "global"
     shortest_exposure_s: Positive | None = None
+    shortest_interval_s: Positive | None = None
+    """Between two pictures; None where it does not matter."""
     f_numbers: tuple[Positive, Positive] = (2.8, 2.8)
     """The widest aperture and the narrowest."""
     iso: tuple[Positive, Positive] = (100.0, 1600.0)
