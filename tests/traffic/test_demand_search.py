@@ -1,19 +1,26 @@
 """Demand for a level of service, found by closed loop on a signalled cross; and held over the recording."""
 
 import json
+from contextlib import closing, suppress
+from dataclasses import replace
+from math import log
 from pathlib import Path
 
 import pytest
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.traffic.convert import to_recording
 from pavetwin.traffic.demand import density_named
 from pavetwin.traffic.demand_search import NEAR, DemandSearch, Trial, _fitted, found
 from pavetwin.traffic.flow import MOST_REMOVALS_PER_HOUR, flow_of
 from pavetwin.traffic.inputs import Inputs
+from pavetwin.traffic.job import SimulationJob
 from pavetwin.traffic.level_control import EVERY_S, LARGEST, LevelControl
 from pavetwin.traffic.level_of_service import LevelOfService
 from pavetwin.traffic.record import Recorder, record
+from pavetwin.traffic.runner import SimulationProcess, workplace
 from pavetwin.world.model import World
+from scenes.demand import EMPTY_RATIO, SCALE_PER_LANE_KM, know_demand, on_the_curve
 from scenes.traffic import bytes_of, scene_world
 
 
@@ -23,13 +30,24 @@ def cross(tmp_path_factory: pytest.TempPathFactory) -> World:
 
 
 @pytest.fixture(autouse=True)
-def cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """One for the module: what one test finds, another need not search for."""
+def cache(cross: World, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """One for the module, in which the cross has a made-up demand."""
     folder = tmp_path_factory.getbasetemp() / "demand-cache"
+    monkeypatch.setenv("PAVETWIN_CACHE", str(folder))
+    know_demand(cross)
+    return folder
+
+
+@pytest.fixture
+def fresh(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:  # noqa: ARG001 - comes after it
+    """A cache in which nothing is known yet."""
+    folder = tmp_path / "fresh"
     monkeypatch.setenv("PAVETWIN_CACHE", str(folder))
     return folder
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("fresh")
 def test_the_search_converges_and_the_recording_holds_the_level(cross: World) -> None:
     _, target = DemandSearch(cross, "europe").target(LevelOfService.D)
     recording = record(cross, "los-D", 1, 600.0)
@@ -46,18 +64,18 @@ def test_the_search_converges_and_the_recording_holds_the_level(cross: World) ->
 
 
 @pytest.mark.slow
-def test_the_same_seed_gives_the_same_bytes_whether_the_demand_was_known_or_not(cross: World, cache: Path) -> None:
+def test_the_same_seed_gives_the_same_bytes_whether_the_demand_was_known_or_not(cross: World, fresh: Path) -> None:
     first = bytes_of(record(cross, "los-D", 2, 60.0, force=True))
-    (kept,) = cache.rglob("demand-europe.json")
+    (kept,) = fresh.rglob("demand-europe.json")
     kept.unlink()
     assert bytes_of(record(cross, "los-D", 2, 60.0, force=True)) == first
     assert kept.is_file()
 
 
 def test_another_seed_begins_with_the_demand_that_was_found(cross: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    once = found(Inputs.of(cross, "los-D", 1))[0].asked
+    once = found(Inputs.of(cross, "los-D", 1)).asked
     monkeypatch.setattr(DemandSearch, "_simulated", lambda *_: pytest.fail("a trial was simulated again"))
-    other = found(Inputs.of(cross, "los-D", 7))[0]
+    other = found(Inputs.of(cross, "los-D", 7))
     assert other.asked == once
     assert other.hash == Inputs.of(cross, "los-D", 7).hash  # a recording is found before its demand is
 
@@ -76,7 +94,6 @@ def test_a_level_beyond_the_network_is_refused_with_what_it_can_reach(cross: Wor
         record(cross, "los-A", 1, 10.0)
 
 
-@pytest.mark.slow
 def test_quiet_hours_have_fewer_vehicles_than_busy_ones(cross: World) -> None:
     search = DemandSearch(cross, "europe")
     night, morning, busiest = (search.density(density_named(f"hour-{hour:02}")) for hour in (3, 12, 16))
@@ -102,6 +119,94 @@ def test_a_curve_through_noisy_trials_is_nearer_than_the_best_of_them() -> None:
     target = 0.72 * 2.718281828 ** (-0.5 * (14.5 / 12) ** 2)
     best = min(trials, key=lambda it: abs(it.ratio / target - 1))
     assert abs(_fitted(trials, target, best) - 14.5) < 0.7
+
+
+class _Simulations:
+    """Stands in for SUMO's processes: notes what is asked of them, in order."""
+
+    def __init__(self, fails: bool = False) -> None:
+        self.fails = fails
+        self.told: list[str] = []
+        self.pedestrians: list[bool] = []
+
+    def __call__(self, job: SimulationJob) -> "_Simulations":
+        self.pedestrians.append(job.reads_pedestrians)
+        return self
+
+    def begin(self, _frames: int) -> None:
+        self.told.append("begin")
+
+    def finish(self, _on_progress: object) -> None:
+        self.told.append("finish")
+        if self.fails:
+            raise PaveTwinError("SUMO crashed.")
+
+    def close(self) -> None:
+        self.told.append("close")
+
+
+@pytest.mark.usefixtures("fresh")
+@pytest.mark.parametrize(("level", "side_by_side"), [("C", 2), ("F", 2), ("A", 1)])
+def test_the_first_two_trials_run_side_by_side_where_the_second_can_be_guessed(
+    cross: World, monkeypatch: pytest.MonkeyPatch, level: str, side_by_side: int
+) -> None:
+    simulations = _Simulations()
+    monkeypatch.setattr("pavetwin.traffic.demand_search.SimulationProcess", simulations)
+    monkeypatch.setattr(DemandSearch, "_measured", lambda *_: Trial(1.0, 0.72, 0.0, 0.0))
+    with suppress(PaveTwinError):
+        DemandSearch(cross, "europe").target(LevelOfService(level))
+    assert simulations.told == ["begin"] * side_by_side + ["finish"] * side_by_side + ["close"] * side_by_side
+    assert simulations.pedestrians == [False] * side_by_side
+
+
+@pytest.mark.usefixtures("fresh")
+def test_both_simulations_end_where_one_fails(cross: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    simulations = _Simulations(fails=True)
+    monkeypatch.setattr("pavetwin.traffic.demand_search.SimulationProcess", simulations)
+    search = DemandSearch(cross, "europe")
+    with pytest.raises(PaveTwinError, match="crashed"):
+        search.target(LevelOfService.C)
+    assert simulations.told == ["begin", "begin", "finish", "close", "close"]
+    assert search.trials == []
+
+
+@pytest.mark.usefixtures("fresh")
+def test_the_search_and_the_recording_are_told_apart(cross: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(DemandSearch, "_simulated", on_the_curve)
+    searched: list[float] = []
+    recorded: list[float] = []
+    record(cross, "los-D", 5, 10.0, on_progress=recorded.append, on_search=searched.append)
+    assert searched[0] == 1.0
+    assert recorded[0] < 1.0 == recorded[-1]
+    assert recorded == sorted(recorded)
+
+
+@pytest.mark.usefixtures("fresh")
+def test_a_search_along_the_curve_finds_the_density_of_the_target(
+    cross: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(DemandSearch, "_simulated", on_the_curve)
+    for level in list(LevelOfService)[1:]:
+        found_density, trials = DemandSearch(cross, "europe").of_level(level)
+        target = level.target(trials[0].ratio)
+        wanted = SCALE_PER_LANE_KM * (2 * log(EMPTY_RATIO / target)) ** 0.5
+        assert found_density == pytest.approx(wanted, rel=0.06)  # trials have whole vehicles
+
+
+def test_pedestrians_that_are_not_read_change_no_vehicle(tmp_path: Path) -> None:
+    inputs = Inputs.of(scene_world("cross", tmp_path), "medium", 1)
+    parts = []
+    for reads in (True, False):
+        with workplace() as folder:
+            job = replace(inputs.job(folder), reads_pedestrians=reads, warm_up_s=(20.0, 20.0))
+            with closing(SimulationProcess(job)) as simulation:
+                parts.append(simulation.record(40))
+    both, vehicles = (to_recording(part, inputs.origin(part)) for part in parts)
+    driving = ~both.agents.is_pedestrian[both.agent]
+    assert 0 < driving.sum() < len(driving)
+    assert not vehicles.agents.is_pedestrian.any()
+    assert (both.x[driving] == vehicles.x).all()
+    assert (both.speed_mps[driving] == vehicles.speed_mps).all()
 
 
 class _Jam:

@@ -85,11 +85,14 @@ def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | N
     recordings: dict[str, Recording] = {}
     densities = list(dict.fromkeys(settings.densities))
 
-    def part(done: int, share: float) -> None:
-        report((done + share) / (len(densities) + 1), "Recording traffic")
+    def part(done: int, share: float, what: str = "Recording traffic") -> None:
+        report((done + share) / (len(densities) + 1), what)
 
     for number, name in enumerate(densities):
-        recordings[name] = record(world, name, settings.seed, RECORDED_S, on_progress=partial(part, number))
+        search = partial(part, number, what=f"Finding the demand of {name}, kept for the next time")
+        recordings[name] = record(
+            world, name, settings.seed, RECORDED_S, on_progress=partial(part, number), on_search=search
+        )
     splits = street_splits(world, settings.seed, settings.split, partial(part, len(densities)))
     for name in settings.platforms:
         _check_reached(name, splits, PLATFORMS.get(name).reaches(world, recordings))

@@ -67,9 +67,17 @@ def record(
             simulated[0] = True
             tell(share)
 
+        search = f"Finding the demand of {asked.name}, kept for the next time" if asked else ""
         recording = record_traffic(
-            loaded, asked, seed, duration, routes=routes or (), force=force, on_progress=advance
-        )  # fmt: skip
+            loaded,
+            asked,
+            seed,
+            duration,
+            routes=routes or (),
+            force=force,
+            on_progress=advance,
+            on_search=lambda share: tell(share, search),
+        )
         if output is not None:
             recording = save_recording(recording, output)
     taken_s = time.perf_counter() - started

@@ -114,7 +114,10 @@ def load_inputs(
         raise PaveTwinError(
             f"The mission's inputs are not what they were: seed {spec.defects.seed} places other defects than before."
         )
-    traffic = traffic_of(loaded, spec.traffic, lambda share: tell(share, "Recording traffic"))
+    search = f"Finding the demand of {spec.traffic.density}, kept for the next time"
+    traffic = traffic_of(
+        loaded, spec.traffic, lambda share: tell(share, "Recording traffic"), lambda share: tell(share, search)
+    )
     traffic.aircraft = aircraft_of(spec)
     return MissionInputs(ready, traffic)
 
@@ -174,7 +177,12 @@ def aircraft_of(spec: MissionSpec) -> tuple[Aircraft, ...]:
     return tuple(track.value() for track in spec.aircraft or ())
 
 
-def traffic_of(world: World, source: TrafficInput, on_progress: Callable[[float], None] | None = None) -> Replay:
+def traffic_of(
+    world: World,
+    source: TrafficInput,
+    on_progress: Callable[[float], None] | None = None,
+    on_search: Callable[[float], None] | None = None,
+) -> Replay:
     """The recorded traffic of a mission; recorded now where it was not before.
 
     Raises:
@@ -191,5 +199,13 @@ def traffic_of(world: World, source: TrafficInput, on_progress: Callable[[float]
         replay = Replay(world, recording, routes, file=Path(source.recording.path))
     else:
         asked, first_s = source.asked(), source.take_off_s
-        replay = replay_of(world, asked, source.seed, routes=routes, take_off_s=first_s, on_progress=on_progress)
+        replay = replay_of(
+            world,
+            asked,
+            source.seed,
+            routes=routes,
+            take_off_s=first_s,
+            on_progress=on_progress,
+            on_search=on_search,
+        )
     return replay.taking_off_at(source.take_off_s)

@@ -117,14 +117,16 @@ def replay_of(
     routes: Sequence[str | Path] = (),
     take_off_s: float = 0.0,
     on_progress: Callable[[float], None] | None = None,
+    on_search: Callable[[float], None] | None = None,
 ) -> Replay:
     """The traffic of a world at a density, recorded by SUMO now if it was not before.
 
-    SUMO keeps running, so that the recording can be extended, until the replay's `with` block or its life ends.
+    `on_search` is told the share done of the search for the demand of a level of service or an hour. SUMO keeps
+    running, so that the recording can be extended, until the replay's `with` block or its life ends.
 
     Raises:
         PaveTwinError: as `pavetwin.traffic.record.record`.
     """
     recorder = Recorder(Inputs.of(world, density, seed, routes))
-    recording = recorder.until(take_off_s + FIRST_DURATION_S, on_progress)
+    recording = recorder.until(take_off_s + FIRST_DURATION_S, on_progress, on_search)
     return Replay(world, recording, routes, recorder=recorder)

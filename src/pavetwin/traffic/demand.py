@@ -46,7 +46,7 @@ HOURLY_SHARES: Final = (
 )
 """Percent of a weekday's motor traffic in each hour from 0 to 23 o'clock: the daily time line of SUMO's od2trips."""
 
-SEARCH: Final = 1
+SEARCH: Final = 2
 """Version of the search for the density of a level of service or an hour (`demand_search`)."""
 
 BUSIEST: Final = LevelOfService.D

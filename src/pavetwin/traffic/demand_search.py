@@ -5,13 +5,13 @@ recording (`flow`). Over a network's density k speed falls like v₀ exp(−½ (
 whole networks Geroliminis and Daganzo 2008), with v₀ from a nearly empty network and its own kₘ from the last trial:
 that gives the next one, and trials on both sides bound it. The result is read off the curve that fits them best.
 
-The search is the same under every seed of traffic, since the density is a property of the streets. Its trials are kept
-beside the recordings.
+The first two trials, the nearly empty network and a guess, run side by side. The search is the same under every seed of
+traffic, since the density is a property of the streets. Its trials are kept beside the recordings.
 """
 
 import hashlib
 import json
-from contextlib import closing, suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, replace
 from math import log, sqrt
 from pathlib import Path
@@ -25,7 +25,7 @@ from pavetwin.traffic.convert import to_recording
 from pavetwin.traffic.demand import BUSIEST, JAM_VEHICLES_PER_LANE_KM, Density, density_named, share_of_busiest
 from pavetwin.traffic.flow import flow_of, free_flow_mps
 from pavetwin.traffic.inputs import Inputs
-from pavetwin.traffic.job import STEP_S
+from pavetwin.traffic.job import STEP_S, Part
 from pavetwin.traffic.level_of_service import LevelOfService, level_of
 from pavetwin.traffic.runner import OnRecorded, SimulationProcess, require_sumo, workplace
 from pavetwin.world.cache import cached
@@ -60,6 +60,9 @@ FULLEST_PER_LANE_KM: Final = 0.75 * JAM_VEHICLES_PER_LANE_KM
 FIRST_SCALE_PER_LANE_KM: Final = 11.0
 """kₘ before the first trial: of the towns tried it was 9 to 13."""
 
+FIRST_EMPTY_RATIO: Final = 0.72
+"""Speed ratio of the nearly empty network before the first trial: of the towns tried it was 0.70 to 0.73."""
+
 
 @dataclass(frozen=True, slots=True)
 class Trial:
@@ -71,21 +74,21 @@ class Trial:
     removed_per_vehicle_hour: float
 
 
-def found(inputs: Inputs, on_progress: OnRecorded | None = None) -> tuple[Inputs, OnRecorded | None]:
-    """The inputs with a density, searched for where it is not known yet; and who is told of the progress after that.
+def found(inputs: Inputs, on_search: OnRecorded | None = None) -> Inputs:
+    """The inputs with a density, searched for where it is not known yet.
+
+    Args:
+        on_search: told the share done of the search.
 
     Raises:
         PaveTwinError: the world cannot reach the level of service, or SUMO fails.
     """
     asked = inputs.asked
     if asked is None or not asked.is_found:
-        return inputs, on_progress
-    share_of = 0.5
-    tell = on_progress and (lambda share: on_progress(share_of * share))
-    search = DemandSearch(inputs.world, asked.mix, tell)
+        return inputs
+    search = DemandSearch(inputs.world, asked.mix, on_search)
     ratio = search.target(asked.level)[1] if asked.level else None
-    inputs = replace(inputs, asked=search.density(asked), speed_ratio=ratio)
-    return inputs, on_progress and (lambda share: on_progress(share_of + (1 - share_of) * share))
+    return replace(inputs, asked=search.density(asked), speed_ratio=ratio)
 
 
 class DemandSearch:
@@ -124,7 +127,8 @@ class DemandSearch:
         """
         empty, target = self.target(level)
         trials: list[Trial] = []
-        guess, below, above = FIRST_SCALE_PER_LANE_KM * _bell(empty.ratio, target), 0.0, FULLEST_PER_LANE_KM
+        usual = FIRST_EMPTY_RATIO if _is_usual(level) else empty.ratio
+        guess, below, above = _first_guess(level, usual), 0.0, FULLEST_PER_LANE_KM
         while len(trials) < MOST_TRIALS - 1 and not _ends(trials, target):
             trial = self._trial(guess)
             if trial in trials:
@@ -154,8 +158,10 @@ class DemandSearch:
         name, lanes_km = self._inputs.world.name, self._inputs.capacity.lanes_km
         if not lanes_km > 0:
             raise PaveTwinError(f"The world '{name}' has no lanes, so its traffic has no level of service.")
-        self._done = 0
-        empty = self._trial(max(EMPTY_PER_LANE_KM, FEWEST / lanes_km))
+        nearly_empty = max(EMPTY_PER_LANE_KM, FEWEST / lanes_km)
+        if _is_usual(level):
+            self._simulate(nearly_empty, _first_guess(level, FIRST_EMPTY_RATIO))
+        empty = self._trial(nearly_empty)
         if empty.ratio <= level.above + 0.01:
             best = level_of(empty.ratio)
             raise PaveTwinError(
@@ -174,30 +180,49 @@ class DemandSearch:
         return round(float(np.interp(flows[-1] * share_of_busiest(hour), flows, densities)), 3)
 
     def _trial(self, per_lane_km: float) -> Trial:
-        capacity = self._inputs.capacity
-        count = max(1, round(per_lane_km * capacity.lanes_km))
-        if count not in self._known:
-            self._known[count] = self._simulated(count)
-            self._write()
-        self._done += 1
-        self._tell(min(1.0, self._done / MOST_TRIALS))
-        return self._known[count]
+        self._simulate(per_lane_km)
+        return self._known[self._count(per_lane_km)]
 
-    def _simulated(self, count: int) -> Trial:
+    def _count(self, per_lane_km: float) -> int:
+        return max(1, round(per_lane_km * self._inputs.capacity.lanes_km))
+
+    def _simulate(self, *per_lane_km: float) -> None:
+        """Make the trials at these densities that are not known, side by side."""
+        new = [count for count in dict.fromkeys(map(self._count, per_lane_km)) if count not in self._known]
+        if new:
+            self._known |= zip(new, self._simulated(*new), strict=True)
+            self._write()
+
+    def _simulated(self, *counts: int) -> list[Trial]:
+        """Trials with these numbers of vehicles, each in a process of its own."""
         require_sumo()
-        inputs = self._inputs
-        per_lane_km = round(count / inputs.capacity.lanes_km, 3)
-        asked = replace(_level_of_trials(inputs.mix), vehicles_per_lane_km=per_lane_km)
-        inputs = replace(inputs, asked=asked)
-        least, most = MEASURED_S
-        frames = round(min(most, max(least, MEASURED_VEHICLE_S / count)) / STEP_S)
-        done = self._done
-        with workplace() as folder, closing(SimulationProcess(inputs.job(folder))) as simulation:
-            part = simulation.record(frames, lambda share: self._tell(min(1.0, (done + share) / MOST_TRIALS)))
+        trials = []
+        with ExitStack() as running:
+            simulations = []
+            for count in counts:
+                inputs = self._inputs_with(count)
+                job = replace(inputs.job(running.enter_context(workplace())), reads_pedestrians=False)
+                simulation = running.enter_context(closing(SimulationProcess(job)))
+                simulation.begin(_measured_frames(count))
+                simulations.append((inputs, simulation))
+            for inputs, simulation in simulations:
+                part = simulation.finish(lambda share: self._tell(min(1.0, (self._done + share) / MOST_TRIALS)))
+                trials.append(self._measured(inputs, part))
+                self._done += 1
+        return trials
+
+    def _inputs_with(self, count: int) -> Inputs:
+        per_lane_km = round(count / self._inputs.capacity.lanes_km, 3)
+        return replace(
+            self._inputs, asked=replace(_level_of_trials(self._inputs.mix), vehicles_per_lane_km=per_lane_km)
+        )
+
+    def _measured(self, inputs: Inputs, part: Part) -> Trial:
         recording = to_recording(part, inputs.origin(part))
         flow = flow_of(replace(recording, free_flow_mps=free_flow_mps(recording, self._inputs.speed_limits)))
+        asked = inputs.asked.vehicles_per_lane_km if inputs.asked else None
         return Trial(
-            per_lane_km,
+            asked or 0.0,
             round(flow.ratio or 0.0, 4),
             round(flow.flow_per_lane_h or 0.0, 2),
             round(flow.removed_per_vehicle_hour or 0.0, 4),
@@ -219,6 +244,22 @@ class DemandSearch:
         }
         with writing(next(cached(self._inputs.world, self._name))) as temporary:
             temporary.write_text(json.dumps({"inputs": self._hash, "trials": trials}, indent=1), encoding="utf-8")
+
+
+def _measured_frames(count: int) -> int:
+    """How long a trial with so many vehicles is measured."""
+    least, most = MEASURED_S
+    return round(min(most, max(least, MEASURED_VEHICLE_S / count)) / STEP_S)
+
+
+def _is_usual(level: LevelOfService) -> bool:
+    """Whether towns reach a level, so that it can be guessed before the nearly empty network is known."""
+    return level.above < FIRST_EMPTY_RATIO
+
+
+def _first_guess(level: LevelOfService, empty_ratio: float) -> float:
+    """Vehicles per kilometre of lane, from the speed ratio of the nearly empty network alone."""
+    return FIRST_SCALE_PER_LANE_KM * _bell(empty_ratio, level.target(empty_ratio))
 
 
 def _ends(trials: list[Trial], target: float) -> bool:

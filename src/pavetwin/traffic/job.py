@@ -40,6 +40,8 @@ class SimulationJob:
     """That is held by changing the number of vehicles (`level_control`)."""
     speed_limits: SpeedLimits | None = None
     """Needed for that."""
+    reads_pedestrians: bool = True
+    """Whether pedestrians are among the rows; they walk in any case."""
 
 
 @dataclass(frozen=True, slots=True)

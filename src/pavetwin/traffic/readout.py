@@ -41,11 +41,11 @@ class Readout:
     """Reads the running simulation `sumo` (the libsumo module), and numbers agents as they appear.
 
     Only agents on the streets are read: no vehicle that is teleported or waits to depart. With `riders` (a user's own
-    demand), persons inside vehicles are skipped.
+    demand), persons inside vehicles are skipped; without `pedestrians`, all persons are.
     """
 
-    def __init__(self, sumo: Any, *, riders: bool) -> None:
-        self._sumo, self._riders = sumo, riders
+    def __init__(self, sumo: Any, *, riders: bool, pedestrians: bool = True) -> None:
+        self._sumo, self._riders, self._pedestrians = sumo, riders, pedestrians
         self._vehicles: dict[str, int] = {}
         self._persons: dict[str, int] = {}
         self._sizes: dict[str, tuple[str, float, float, float]] = {}
@@ -55,8 +55,9 @@ class Readout:
         """Read one frame."""
         sumo, before = self._sumo, len(self._rows.agent)
         self._read(sumo.vehicle, sumo.vehicle.getIDList(), self._vehicles)
-        persons = sumo.person.getIDList()
-        self._read(sumo.person, self._on_foot(persons) if self._riders else persons, self._persons)
+        if self._pedestrians:
+            persons = sumo.person.getIDList()
+            self._read(sumo.person, self._on_foot(persons) if self._riders else persons, self._persons)
         self._rows.frame.append(len(self._rows.agent) - before)
 
     def take(self) -> Rows:

@@ -35,17 +35,19 @@ def record(
     routes: Sequence[str | Path] = (),
     force: bool = False,
     on_progress: OnRecorded | None = None,
+    on_search: OnRecorded | None = None,
 ) -> Recording:
     """Traffic over `world` for `duration_s` seconds, from the world's cache or from SUMO.
 
     The result depends on the world, the density, the seed and the routes alone, not on earlier recordings.
     `density` is ignored where `routes` (unchanged SUMO route files) are given; `force` records even if the file exists.
+    `on_search` is told the share done of the search for the demand of a level of service, before the recording.
 
     Raises:
         PaveTwinError: SUMO is missing or refuses its input, or the file cannot be written.
     """
     with Recorder(Inputs.of(world, density, seed, routes), force=force) as recorder:
-        return recorder.until(duration_s, on_progress)
+        return recorder.until(duration_s, on_progress, on_search)
 
 
 class Recorder:
@@ -97,15 +99,19 @@ class Recorder:
         recorder._take(recording)
         return recorder
 
-    def until(self, duration_s: float, on_progress: OnRecorded | None = None) -> Recording:
+    def until(
+        self, duration_s: float, on_progress: OnRecorded | None = None, on_search: OnRecorded | None = None
+    ) -> Recording:
         """The first `duration_s` seconds.
 
         Raises:
             PaveTwinError: as `beyond`.
         """
-        return self.beyond(duration_s, on_progress).until(duration_s)
+        return self.beyond(duration_s, on_progress, on_search).until(duration_s)
 
-    def beyond(self, duration_s: float, on_progress: OnRecorded | None = None) -> Recording:
+    def beyond(
+        self, duration_s: float, on_progress: OnRecorded | None = None, on_search: OnRecorded | None = None
+    ) -> Recording:
         """The longest recording so far, `duration_s` seconds at least.
 
         Raises:
@@ -119,7 +125,7 @@ class Recorder:
         frames = frames_of(duration_s, STEP_S)
         if self._longest is None or self._longest.frames < frames:
             with termination_as_exit():
-                self._simulate(frames, on_progress)
+                self._simulate(frames, on_progress, on_search)
                 if not self._entered:
                     self._write()
         assert self._longest is not None
@@ -156,12 +162,12 @@ class Recorder:
         if known is None or known.frames < recording.frames:
             self._longest = recording
 
-    def _simulate(self, frames: int, on_progress: OnRecorded | None) -> None:
+    def _simulate(self, frames: int, on_progress: OnRecorded | None, on_search: OnRecorded | None) -> None:
         """Record the first `frames` frames, by the running simulation or by a new one."""
         before = self._longest if self._simulation is not None else None
         try:
             if self._simulation is None:
-                self._inputs, on_progress = found(self._inputs, on_progress)
+                self._inputs = found(self._inputs, on_search)
             simulation = self._simulation or self._begin()
             part = simulation.record(frames - (before.frames if before is not None else 0), on_progress)
         except BaseException:

@@ -68,7 +68,7 @@ class SimulationProcess:
                 env=_environment(),
                 start_new_session=True,  # Ctrl-C reaches the owner, which then ends this process
             )
-        with suppress(ConnectionError):  # `record` reports the failure
+        with suppress(ConnectionError):  # `finish` reports the failure
             self._owner.send(job)
 
     def record(self, frames: int, on_progress: OnRecorded | None = None) -> Part:
@@ -77,8 +77,21 @@ class SimulationProcess:
         Raises:
             PaveTwinError: SUMO refused its input or crashed; the message holds that of SUMO.
         """
-        try:
+        self.begin(frames)
+        return self.finish(on_progress)
+
+    def begin(self, frames: int) -> None:
+        """Record the next `frames` frames, without waiting for them."""
+        with suppress(ConnectionError):  # `finish` reports the failure
             self._owner.send(frames)
+
+    def finish(self, on_progress: OnRecorded | None = None) -> Part:
+        """What was begun.
+
+        Raises:
+            PaveTwinError: as `record`.
+        """
+        try:
             while not isinstance(answer := self._owner.recv(), Part):
                 if on_progress is not None:
                     on_progress(answer)

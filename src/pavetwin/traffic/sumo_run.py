@@ -74,7 +74,7 @@ class Simulation:
                 *([f"--route-files={','.join(job.routes)}"] if job.routes else CLOSED_LOOP_OPTIONS),
             ]
         )
-        self._readout = Readout(sumo, riders=bool(job.routes))
+        self._readout = Readout(sumo, riders=bool(job.routes), pedestrians=job.reads_pedestrians)
         self._warm_up: int | None = None
         self._frames = 0
         self._removed = 0
