@@ -1,5 +1,7 @@
 """A motorcycle without fairing and its rider, of 2.2 m."""
 
+from typing import Final
+
 import numpy as np
 
 from assets.models.common import Model, Part, model, part
@@ -8,6 +10,9 @@ from assets.models.shapes import box, ellipsoid, lathe, loft, rounded_rectangle,
 from assets.models.wheels import disc
 
 FRONT, REAR, WHEEL_M = 0.78, -0.72, 0.305
+
+LEAN_DEG: Final = 10.0
+"""How far a parked motorcycle leans on its side stand, to its left. Ours."""
 
 
 def wheel(x: float, width: float) -> list[Part]:
@@ -195,9 +200,32 @@ def rider() -> list[Part]:
     return parts
 
 
+def side_stand() -> list[Part]:
+    """On the left, from the frame to the ground beside it: at `LEAN_DEG` its foot touches."""
+    foot_y = 0.30
+    foot = (-0.16, foot_y, foot_y * np.tan(np.radians(LEAN_DEG)))
+    return [
+        tube("metal", [(-0.06, 0.13, 0.28), foot], 0.013, 6),
+        box("metal", (foot[0] - 0.05, foot_y - 0.03, foot[2]), (foot[0] + 0.05, foot_y + 0.03, foot[2] + 0.015), 0.006),
+    ]
+
+
+def ridden() -> Model:
+    """A motorcycle with its rider as drawn, before it is fitted to its size."""
+    made = Model("motorcycle")
+    made.add(*machine(), *rider())
+    return made
+
+
 @model("motorcycle")
 def motorcycle() -> Model:
     """A motorcycle with its rider."""
-    made = Model("motorcycle")
-    made.add(*machine(), *rider())
-    return fit(made, mirrors_above=1.0)
+    return fit(ridden(), mirrors_above=1.0)
+
+
+@model("motorcycle_parked")
+def motorcycle_parked() -> Model:
+    """The same without its rider, upright, its side stand out: a scene leans it on that by `lean_deg`."""
+    made = Model("motorcycle_parked", extras={"lean_deg": LEAN_DEG})
+    made.add(*machine(), *side_stand())
+    return fit(made, mirrors_above=1.0, whole=ridden())

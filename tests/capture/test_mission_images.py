@@ -20,9 +20,11 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.mission.replay import Replay
 from pavetwin.scene.view import View
 from pavetwin.sensing import Frame
+from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.uav.cameras import find_camera
 from pavetwin.world.store import save_world
 from scenes import built
+from scenes.parking import FULL, full_street
 from scenes.recordings import recording
 from scenes.tiny import empty_street, straight
 
@@ -78,8 +80,17 @@ class Asked:
         self.calls: list[tuple[View, object, float, int]] = []
 
     def picture(
-        self, view: View, _camera: object, _light: object, traffic: object, time_s: float, *, noise: int
+        self,
+        view: View,
+        _camera: object,
+        _light: object,
+        traffic: object,
+        time_s: float,
+        *,
+        noise: int,
+        parked: ParkedVehicles,
     ) -> object:
+        self.parked = parked
         self.calls.append((view, traffic, time_s, noise))
         return None
 
@@ -89,7 +100,8 @@ def test_an_image_is_asked_for_with_the_captures_own_pose_motion_traffic_and_noi
     short = recording(("suv",), lambda *_: (500.0, 500.0, 0.0, 0.0), frames=201)
     longer = recording(("suv",), lambda *_: (500.0, 500.0, 0.0, 0.0), frames=401)
     replay = Replay(scene.world, short, start_s=30.0)
-    images = MissionImages(scene.world, replay, seed=4)
+    parked = full_street().environment(full_street().settings(FULL)).parked
+    images = MissionImages(scene.world, replay, seed=4, parked=parked)
     renderer = images.scene_renderer = Asked()
     frame = Frame(7, 12.5, (20.0, 1.0), 9.0, 0.3, find_camera("paper"), Conditions(), velocity_mps=(2.0, -1.0))
     images.rendered(frame)
@@ -104,6 +116,8 @@ def test_an_image_is_asked_for_with_the_captures_own_pose_motion_traffic_and_noi
     assert traffic[1] is longer
     assert times == (42.5, 42.5, 42.5)
     assert noise[0] == noise[1] != noise[2]
+    assert renderer.parked is parked
+    assert len(parked) == 20
 
 
 @pytest.mark.needs_adapter

@@ -16,16 +16,20 @@ from shapely import Point
 from typer.testing import CliRunner
 
 from pavetwin.cli.world import app
+from pavetwin.config import Conditions
+from pavetwin.config.parking import ParkingSettings
 from pavetwin.defects import DefectOptions, place
 from pavetwin.errors import PaveTwinError
 from pavetwin.scene.export import LEVELS, ExportSummary, TrafficSnapshot, estimate, export_scene, tiles_of
 from pavetwin.scene.foliage import leaf_atlas
 from pavetwin.scene.glb import Glb, read_glb
-from pavetwin.scene.model import TILE_M, Instance, defect_label
+from pavetwin.scene.model import TILE_M, Instance, defect_label, parked_label
 from pavetwin.scene.scene import Scene
+from pavetwin.traffic.parked import parked_vehicles
 from pavetwin.traffic.recording import Recording
 from pavetwin.world.model import Furniture, FurnitureKind, World
 from scenes import built, tiny
+from scenes.parking import kerb_place, with_places
 from scenes.recordings import recording
 
 TEXEL_M = 0.25
@@ -137,6 +141,16 @@ def test_instances_are_nodes_that_share_meshes(written: Written) -> None:
     assert geometry[0] == geometry[1]
     assert [car["extras"]["label"] for car in cars] == [1, 2]
     assert written.made.agents == 3
+
+
+def test_parked_vehicles_are_nodes_with_their_labels(tmp_path: Path) -> None:
+    """Those on the tiles that are exported."""
+    parked = Scene(with_places(world(), kerb_place(20, 2.4), kerb_place(300, 2.4, name="far")), seed=1)
+    stands = parked_vehicles(parked.world, ParkingSettings(occupancy=1.0), Conditions(), 0)
+    one_tile = (17.0, 1.0, 23.0, 3.0)
+    made = export_scene(parked, tmp_path / "parked.glb", bounds=one_tile, detail="low", texel_m=0.5, parked=stands)
+    labels = [node.get("extras", {}).get("label") for node in read_glb(tmp_path / "parked.glb").document["nodes"]]
+    assert (made.agents, labels.count(parked_label(0)), labels.count(parked_label(1))) == (1, 1, 0)
 
 
 def test_crowns_are_cut_by_a_picture_of_leaves(written: Written) -> None:
@@ -354,6 +368,8 @@ def test_a_file_that_would_be_too_large_is_refused(tmp_path: Path, monkeypatch: 
         (["--traffic", "missing.parquet"], "no recording"),
         (["--at", "60"], "of which recording"),
         (["--texel", "0"], "not within 0.005"),
+        (["--parking", "2"], "--parking 2: expected a share of the places (0 to 1), by-time, or none"),
+        (["--time", "23:00"], "--time: say with --parking that vehicles are parked"),
     ],
 )
 def test_the_command_refuses_what_makes_no_sense(tmp_path: Path, arguments: list[str], words: str) -> None:
@@ -372,7 +388,17 @@ def test_the_command_writes_and_says_what(tmp_path: Path) -> None:
     loaded = save_world(built("grid"), tmp_path / "grid")
     segment = loaded.segments[0].id
     target = tmp_path / "out.glb"
-    arguments = ["export", str(tmp_path / "grid"), str(target), "--segment", segment, "--texel", "0.5"]
+    arguments = [
+        "export",
+        str(tmp_path / "grid"),
+        str(target),
+        "--segment",
+        segment,
+        "--texel",
+        "0.5",
+        "--parking",
+        "1",
+    ]
     result = CliRunner().invoke(app, [*arguments, "--dry-run"])
     assert re.match(r"\d+ tiles of 32 m at medium detail: about \d+ MB, \d+ s on an idle machine\.\n$", result.stdout)
     assert not target.exists()
@@ -381,3 +407,6 @@ def test_the_command_writes_and_says_what(tmp_path: Path) -> None:
     assert target.read_bytes()[:4] == b"glTF"
     assert json.dumps(read_glb(target).document["asset"]["extras"]["texel_m"]) == "0.5"
     assert "50 cm a texel" in result.output
+    parked = re.search(r"(\d+) agents and parked vehicles", result.output)
+    assert parked is not None
+    assert int(parked[1]) > 3

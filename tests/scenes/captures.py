@@ -12,7 +12,7 @@ from pavetwin.world.model import Defect
 from scenes.tiny import Scene
 
 
-def captures(scene: Scene, north_m: float) -> Iterator[tuple[Captured, Trace]]:
+def captures(scene: Scene, north_m: float, *options: str) -> Iterator[tuple[Captured, Trace]]:
     """Captures of whole pictures, from `north_m` beside the first street's middle to as far beyond it."""
     settings = scene.settings(
         "camera.window_rows=1.0",
@@ -20,6 +20,7 @@ def captures(scene: Scene, north_m: float) -> Iterator[tuple[Captured, Trace]]:
         "camera.window_across_per_altitude=null",
         "camera.capture_interval_s=3.0",
         "sensing.min_visible_fraction=0.0",
+        *options,
     )
     trace = scene.traffic(120).trace()
     flight = new_flight(scene.environment(settings), trace, settings)

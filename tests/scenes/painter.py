@@ -11,7 +11,7 @@ from pavetwin.capture.platforms import CaptureContext
 from pavetwin.capture.samples import CameraSample
 from pavetwin.render.exposure import Exposure
 from pavetwin.render.frame import RenderedFrame
-from pavetwin.scene.model import agent_label, defect_label, labelled_defect
+from pavetwin.scene.model import agent_label, defect_label, labelled_defect, parked_label
 from pavetwin.scene.view import View
 
 GREY = (120, 118, 112)
@@ -35,7 +35,7 @@ class Painter:
         view = sample.pose.view
         labels = np.zeros((view.size_px[1], view.size_px[0]), dtype=np.uint32)
         amodal: dict[int, int] = {}
-        for label, corners in [*_defects(view, setting), *_agents(sample, setting)]:
+        for label, corners in [*_defects(view, setting), *_parked(sample, setting), *_agents(sample, setting)]:
             mask = _filled(view, corners)
             if mask is not None and mask.any():
                 labels[mask] = label
@@ -71,22 +71,40 @@ def _defects(view: View, setting: CaptureContext):
             yield defect_label(defect.id), corners
 
 
+def _parked(sample: CameraSample, setting: CaptureContext):
+    stands = setting.parked(sample.conditions).near(*sample.pose.view.position[:2], 60.0)
+    away = np.hypot(stands.x - sample.pose.view.position[0], stands.y - sample.pose.view.position[1])
+    for row in np.argsort(-away).tolist():
+        size = (stands.length_m[row], stands.width_m[row], stands.height_m[row])
+        hull = _hull(sample.pose.view, (stands.x[row], stands.y[row], stands.yaw_rad[row]), size)
+        if hull is not None:
+            yield parked_label(int(stands.place[row])), hull
+
+
 def _agents(sample: CameraSample, setting: CaptureContext):
     poses = setting.traces[sample.spec.density].agents_at(sample.pose.time_s)
     away = np.hypot(poses["x_m"] - sample.pose.view.position[0], poses["y_m"] - sample.pose.view.position[1])
     for row in np.argsort(-away).tolist():
         if int(poses["agent"][row]) == sample.pose.ego or away[row] > 60:
             continue
-        yaw = poses["yaw_rad"][row]
-        ahead = np.array([np.cos(yaw), np.sin(yaw), 0.0]) * poses["length_m"][row] / 2
-        left = np.array([-np.sin(yaw), np.cos(yaw), 0.0]) * poses["width_m"][row] / 2
-        base = np.array([poses["x_m"][row], poses["y_m"][row], 0.0])
-        up = np.array([0.0, 0.0, poses["height_m"][row]])
-        corners = [base + a * ahead + b * left + c * up for a in (-1, 1) for b in (-1, 1) for c in (0, 1)]
-        pixels = sample.pose.view.project(np.array(corners))
-        if np.isfinite(pixels).all():
-            hull = shapely.convex_hull(shapely.multipoints(np.array(pixels)))
+        place, size = (
+            tuple(poses[name][row] for name in names)
+            for names in (("x_m", "y_m", "yaw_rad"), ("length_m", "width_m", "height_m"))
+        )
+        hull = _hull(sample.pose.view, place, size)
+        if hull is not None:
             yield agent_label(int(poses["agent"][row])), hull
+
+
+def _hull(view: View, place: tuple[float, ...], size: tuple[float, ...]) -> shapely.Geometry | None:
+    """The outline of a box (x, y, yaw; length, width, height) in the image, if all of it is ahead of the camera."""
+    x, y, yaw = place
+    ahead = np.array([np.cos(yaw), np.sin(yaw), 0.0]) * size[0] / 2
+    left = np.array([-np.sin(yaw), np.cos(yaw), 0.0]) * size[1] / 2
+    base, up = np.array([x, y, 0.0]), np.array([0.0, 0.0, size[2]])
+    corners = [base + a * ahead + b * left + c * up for a in (-1, 1) for b in (-1, 1) for c in (0, 1)]
+    pixels = view.project(np.array(corners))
+    return shapely.convex_hull(shapely.multipoints(pixels)) if np.isfinite(pixels).all() else None
 
 
 def _filled(view: View, outline) -> np.ndarray | None:

@@ -4,7 +4,7 @@ Drawn in place of models, they let tests compare the renderer's visible fraction
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -28,7 +28,7 @@ def solids() -> Mapping[str, Model]:
     }
 
 
-def as_solids(poses: "PoseColumns") -> tuple[Instance, ...]:
+def as_solids(poses: "PoseColumns", label_of: Callable[[int], int] = agent_label) -> tuple[Instance, ...]:
     """The agents of the kernel's trace at one time, as it treats them as occluders."""
     tints = np.full((TINTS, 4), 0.4, dtype=np.float32)
     tints[:, 3] = 0
@@ -42,7 +42,7 @@ def as_solids(poses: "PoseColumns") -> tuple[Instance, ...]:
         transform[:2, :2] = [[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]]
         transform[:3, :3] *= size
         transform[:2, 3] = poses["x_m"][row], poses["y_m"][row]
-        label = agent_label(int(poses["agent"][row]))
+        label = label_of(int(poses["agent"][row]))
         found.append(Instance(CYLINDER if walks else BOX, "body", transform, tints, label))
     return tuple(found)
 

@@ -101,15 +101,19 @@ class DefectIndex:
         ours = self.split_of == spec.split
         return np.flatnonzero(ours & np.isin(self.categories, [category.number for category in spec.aims]))
 
-    def may_show(self, view: View, spec: ImageSpec) -> bool:
+    def may_show(self, view: View, spec: ImageSpec, covered: IndexArray) -> bool:
         """Whether a view may meet a spec: no defect of another split, and one of its own that is wide enough to be
-        seen; or no defect, and enough road."""
+        seen; or no defect, and enough road.
+
+        Args:
+            covered: defects that cannot be seen from anywhere.
+        """
         near = self.outlines.query(footprint(view), predicate="intersects")
         if not spec.aims:
             return not len(near) and self.road_share(view) >= ROAD_SHARE
         if not (self.split_of[near] == spec.split).all():
             return False
-        aims = np.intersect1d(near, self.candidates(spec))
+        aims = np.setdiff1d(np.intersect1d(near, self.candidates(spec)), covered)
         within = view.project(self.centres[aims]) / view.size_px
         away = np.linalg.norm(self.centres[aims] - view.position, axis=1)
         clear = (away < AIMED_WITHIN_M) & (self.widths_m[aims] * view.focal_px > AIMED_WIDTH_PX * away)

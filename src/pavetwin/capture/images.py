@@ -63,7 +63,8 @@ def meets_spec(spec: ImageSpec, seen: list[LabelledObject], context: CaptureCont
 def _scene_state(sample: CameraSample, context: CaptureContext) -> SceneState:
     density = sample.spec.density
     agents = context.traces[density].agents_at(sample.pose.time_s)
-    return SceneState(context.world, agents, context.recordings[density].agents.kind)
+    kinds = context.recordings[density].agents.kind
+    return SceneState(context.world, agents, kinds, context.parked(sample.conditions))
 
 
 def record_of(

@@ -124,6 +124,7 @@ class _MissionCamera:
             camera=camera_name(self.result.settings),
             split=(0.0, 0.0, 1.0),
             empty=0.0,
+            parking=self.result.settings.parking,
         )
 
     def frame(
@@ -147,7 +148,8 @@ class _MissionCamera:
         recorded_s = self.images.replay.recorded_s(at.time_s)
         defects = [each.defect for each in detections if each.defect is not None]
         aims = sorted({category_of_defect(world.defects[defect].kind).name for defect in defects})
-        state = SceneState(world, self.trace.agents_at(recorded_s), recording.agents.kind)
+        agents = self.trace.agents_at(recorded_s)
+        state = SceneState(world, agents, recording.agents.kind, self.images.parked)
         return record_of(
             frame,
             Pose(frame.view, recorded_s, at.yaw_rad, -np.pi / 2, self.camera, "gimbal"),

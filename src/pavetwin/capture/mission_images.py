@@ -4,7 +4,7 @@ Sensors that look at images get them here in flight, saved frames after it: the 
 the first image is asked for, nothing that renders is loaded.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from pavetwin.mission.replay import Replay
 from pavetwin.scene.view import nadir
 from pavetwin.seeds import Stream, child
 from pavetwin.sensing import Frame
+from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.world.model import World
 
 if TYPE_CHECKING:
@@ -46,6 +47,8 @@ class MissionImages:
     replay: Replay
     seed: int
     """Of the missions' sensors."""
+    parked: ParkedVehicles = field(default_factory=ParkedVehicles.empty)
+    """See `MissionEnvironment.parked`."""
 
     def __call__(self, frame: Frame) -> UInt8Array:
         """(height, width, 3) sRGB, of the camera's `image_px`.
@@ -78,6 +81,7 @@ class MissionImages:
             self.replay.recording,
             self.replay.recorded_s(frame.time_s),
             noise=int(child(self.seed, Stream.FRAME, frame.number).integers(1 << 62)),
+            parked=self.parked,
         )
 
     @cached_property

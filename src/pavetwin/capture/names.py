@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from pavetwin.capture.platforms import PLATFORMS
-from pavetwin.capture.settings import CaptureSettings
+from pavetwin.capture.settings import CaptureSettings, parking_in
 from pavetwin.plugins import plugin_hashes
 from pavetwin.world.model import World
 
@@ -20,6 +20,8 @@ def platform_prefix(world: World, settings: CaptureSettings, platform: str) -> s
     others = {"images", "platforms", "formats", "plugins"}
     if not PLATFORMS.get(platform).uses_altitude:
         others |= {"altitudes_m", "camera"}
+    if not parking_in(settings, world).enabled:
+        others |= {"parking"}
     made_from = settings.model_dump(mode="json", exclude=others)
     made_from["plugins"] = sorted(plugin_hashes(settings.plugins).values())
     return prefix(world, settings.seed, platform, made_from)

@@ -5,8 +5,10 @@ from typing import Final
 
 from pavetwin.capture.daylight import Daylight, centre_lonlat, draw_compensation_ev, draw_conditions
 from pavetwin.capture.image_spec import ImageSpec
+from pavetwin.capture.parked_bodies import ParkedBodies
 from pavetwin.capture.plan import SAMPLE, aims_of, platform_key
 from pavetwin.capture.platforms import Platform, Pose
+from pavetwin.config import Conditions
 from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
 
@@ -26,6 +28,7 @@ class CameraSample:
     attempt: int
     pose: Pose
     daylight: Daylight
+    conditions: Conditions
 
 
 def draw_sample(platform: Platform, spec: ImageSpec, attempt: int) -> CameraSample | None:
@@ -37,10 +40,14 @@ def draw_sample(platform: Platform, spec: ImageSpec, attempt: int) -> CameraSamp
     rng = child(context.settings.seed, Stream.CAPTURE, SAMPLE, platform_key(spec.platform), spec.index, attempt)
     conditions = draw_conditions(rng, *centre_lonlat(context.world))
     daylight = Daylight.of(conditions, context.world, draw_compensation_ev(rng))
+    parked = ParkedBodies.of(context.parked(conditions))
+    covered = parked.covered(context.defect_index)
     for _ in range(PROPOSALS):
         pose = platform.propose(spec, rng)
-        if pose is not None and context.defect_index.may_show(pose.view, spec):
-            return CameraSample(spec, attempt, pose, daylight)
+        if pose is None or not context.defect_index.may_show(pose.view, spec, covered):
+            continue
+        if not parked.overlap(pose, context.traces[spec.density]):
+            return CameraSample(spec, attempt, pose, daylight, conditions)
     return None
 
 

@@ -18,6 +18,7 @@ from pavetwin.scene.model import agent_label
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.view import View
 from pavetwin.seeds import Stream, child
+from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.trace import trace_of
 from pavetwin.uav.cameras import Camera
@@ -52,6 +53,7 @@ class SceneRenderer:
         time_s: float,
         *,
         noise: int,
+        parked: ParkedVehicles,
         without: int | None = None,
         compensation_ev: float = 0.0,
     ) -> RenderedFrame:
@@ -59,6 +61,7 @@ class SceneRenderer:
 
         Args:
             noise: seed of the sensor's noise.
+            parked: the vehicles that stand in the world's parking places.
             without: the agent that carries the camera; only its shadow is drawn.
             compensation_ev: how much brighter than metered, in stops.
         """
@@ -70,7 +73,7 @@ class SceneRenderer:
             view,
             light=light,
             camera=camera,
-            instances=instances,
+            instances=[*instances, *self._scene.parked(parked, near)],
             shadow_only=[each for each in agents if ego and each.label == ego],
             compensation_ev=compensation_ev,
             seed=noise,
@@ -113,6 +116,7 @@ class SceneFrameSource:
             context.recordings[spec.density],
             sample.pose.time_s,
             noise=int(rng.integers(1 << 62)),
+            parked=context.parked(sample.conditions),
             without=sample.pose.ego,
             compensation_ev=sample.daylight.compensation_ev,
         )

@@ -12,6 +12,7 @@ from pavetwin.capture.classes import categories
 from pavetwin.config.altitude import Altitude
 from pavetwin.config.base import NameOrFile, PluginFiles, Settings, complaint
 from pavetwin.config.mission import Share
+from pavetwin.config.parking import ParkingSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
 from pavetwin.mission.versions import ADAPTER, version_changes
@@ -54,6 +55,8 @@ class CaptureSettings(Settings):
     """Shares of train, val and test: of the images, and about those of the streets' defects."""
     empty: Share = 0.15
     """Share of images that are to show no defect at all."""
+    parking: ParkingSettings = ParkingSettings()
+    """Vehicles parked in the world's places: at the date and time of each image, by the seed."""
     picture: Literal["jpg", "png"] = "jpg"
     quality: Annotated[int, Field(ge=50, le=100)] = 92
     """Of JPEG."""
@@ -76,6 +79,9 @@ class CaptureSettings(Settings):
             raise ValueError(f"the shares of train, val and test sum to {sum(self.split):g}, not to 1")
         return self
 
+
+NO_PARKING: Final = ParkingSettings(enabled=False)
+"""Of datasets that were begun before there were parked vehicles, too."""
 
 JOINED_BY: Final = {"size_px": "x", "split": "/", "formats": ","}
 """Separator of options that take several values at once; other options are given several times."""
@@ -108,6 +114,7 @@ def description(settings: CaptureSettings, world: World, versions: Mapping[str, 
         versions: of the software that takes the images.
     """
     own = own_file(settings.camera)
+    parking = parking_in(settings, world).model_dump(mode="json")
     hashes = {"content_hash": world.content_hash, "defects_hash": world.defects_hash}
     return {
         "format": FORMAT,
@@ -116,8 +123,13 @@ def description(settings: CaptureSettings, world: World, versions: Mapping[str, 
         **({CAMERA_HASH: file_sha256(Path(own))} if own else {}),
         "plugins": {Path(path).name: content for path, content in plugin_hashes(settings.plugins).items()},
         "classes": [category.name for category in categories()],
-        "settings": settings.model_dump(mode="json"),
+        "settings": settings.model_dump(mode="json") | {"parking": parking},
     }
+
+
+def parking_in(settings: CaptureSettings, world: World) -> ParkingSettings:
+    """The parking of a dataset: none in a world without places."""
+    return settings.parking if world.parking else NO_PARKING
 
 
 def check_same(folder: Path, expected: dict[str, Any]) -> bool:
@@ -158,7 +170,8 @@ def check_same(folder: Path, expected: dict[str, Any]) -> bool:
             f"'{folder}' was begun with other classes of labels than now ({', '.join(only) or 'in another order'}); "
             "give the `plugins` that it was begun with, or choose another folder."
         )
-    existing, requested = found["settings"], expected["settings"]
+    existing = {"parking": NO_PARKING.model_dump(mode="json")} | found["settings"]
+    requested = expected["settings"]
     if both_own:  # the same content, in whichever folder
         existing, requested = ({**each, "camera": Path(each["camera"]).name} for each in (existing, requested))
     for key, value in requested.items():
@@ -216,9 +229,18 @@ def _as_parameter(key: str, value: Any) -> str:
     """A setting with the name of its parameter."""
     if key == "picture":
         return f"with `picture={value}`"
+    if key == "parking":
+        return f"with `parking` {_parking(value)}"
     values = value if isinstance(value, list) else [value]
     texts = [_plain(100 * each if key == "split" else each) for each in values]
     return f"with `{key}` {JOINED_BY.get(key, ', ').join(texts)}"
+
+
+def _parking(value: Mapping[str, Any]) -> str:
+    """Parking settings in one word."""
+    if not value["enabled"]:
+        return "none"
+    return "by-time" if value["occupancy"] is None else f"{value['occupancy']:g}"
 
 
 def _plain(value: Any) -> str:

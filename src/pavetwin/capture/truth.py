@@ -1,12 +1,13 @@
 """The labelled objects of one image, from its instance image; and which of them are ignored, and why."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from math import hypot
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 from shapely import Polygon
 
@@ -17,8 +18,9 @@ from pavetwin.capture.defect_index import footprint
 from pavetwin.capture.instance_masks import InstanceMask, PixelBox, instance_masks
 from pavetwin.capture.rle import encode
 from pavetwin.render.frame import RenderedFrame
-from pavetwin.scene.model import labelled_agent, labelled_defect
+from pavetwin.scene.model import labelled_agent, labelled_defect, labelled_place
 from pavetwin.scene.view import View
+from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.world.model import Defect, World
 
 if TYPE_CHECKING:
@@ -49,7 +51,7 @@ class LabelledObject:
     """One defect or agent in one image."""
 
     id: str
-    """`defect 12`, or `agent 7` of the image's recording."""
+    """`defect 12`, `agent 7` of the image's recording, or `parked 31`: what stands in that parking place."""
     category: str
     box: PixelBox
     """Tight around its visible pixels: left, top, and the first column and row beyond it."""
@@ -70,7 +72,7 @@ class LabelledObject:
     """Its centre, in the world frame."""
     details: dict[str, Any]
     """Of defects: class, severity, width_m, depth_m, area_m2, segment, street, contrast. Of agents: kind, sizes, yaw,
-    speed."""
+    speed. Of parked vehicles these, that they are `parked`, and the `place`."""
     ignored: str | None
     """A `Reason`; None for what is labelled."""
     mask: str
@@ -88,6 +90,7 @@ class SceneState:
     agents: "PoseColumns"
     kinds: Sequence[str]
     """Kind of each agent of the recording, by number."""
+    parked: ParkedVehicles = field(default_factory=ParkedVehicles.empty)
 
 
 def labelled_objects(frame: RenderedFrame, state: SceneState) -> list[LabelledObject]:
@@ -116,10 +119,8 @@ def _labelled_object(
         details["contrast"] = round(contrast, 3)
         is_faint = contrast < category.least_contrast
     else:
-        agent = labelled_agent(instance.label)
-        assert agent is not None
-        category, corners, middle, details = _agent(state, agent)
-        name, inside = f"agent {agent}", inside_fraction(frame.view, corners)
+        name, body, category, details = _vehicle_or_person(state, instance.label)
+        middle, inside = body.middle, inside_fraction(frame.view, body.corners)
     amodal_px = frame.amodal_px[instance.label]
     size = (frame.view.size_px[1], frame.view.size_px[0])
     distance = float(np.linalg.norm(middle - frame.view.position))
@@ -165,33 +166,70 @@ def _defect(state: SceneState, defect: Defect) -> tuple[Category, Float64Array, 
     return category_of_defect(defect.kind), np.array([defect.centre.x, defect.centre.y, 0.0]), details
 
 
-def _agent(state: SceneState, agent: int) -> tuple[Category, Float64Array, Float64Array, dict[str, Any]]:
-    """Category, corners (8, 3), middle (3,), details."""
+@dataclass(frozen=True, slots=True)
+class _Body:
+    """The box of an agent or a parked vehicle on the ground."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    length_m: float
+    width_m: float
+    height_m: float
+
+    @property
+    def middle(self) -> Float64Array:
+        """(3,)"""
+        return np.array([self.x_m, self.y_m, self.height_m / 2])
+
+    @property
+    def corners(self) -> Float64Array:
+        """(8, 3)"""
+        ahead = np.array([np.cos(self.yaw_rad), np.sin(self.yaw_rad), 0.0]) * self.length_m / 2
+        left = np.array([-np.sin(self.yaw_rad), np.cos(self.yaw_rad), 0.0]) * self.width_m / 2
+        base = [a * ahead + b * left for a in (-1, 1) for b in (-1, 1)]
+        return np.array([np.array([self.x_m, self.y_m, z]) + corner for corner in base for z in (0.0, self.height_m)])
+
+    def details(self, kind: str, speed_mps: float) -> dict[str, Any]:
+        return {
+            "kind": kind,
+            "length_m": round(self.length_m, 3),
+            "width_m": round(self.width_m, 3),
+            "height_m": round(self.height_m, 3),
+            "yaw_rad": round(self.yaw_rad, 4),
+            "speed_mps": round(speed_mps, 3),
+        }
+
+
+def _vehicle_or_person(state: SceneState, label: int) -> tuple[str, _Body, Category, dict[str, Any]]:
+    """Id, body, category, details."""
+    place, agent = labelled_place(label), labelled_agent(label)
+    if place is not None:
+        row = _row(state.parked.place, place, f"a vehicle parked in place {place}")
+        body = _Body(
+            *(float(getattr(state.parked, name)[row]) for name in ("x", "y", "yaw_rad")),
+            *(float(getattr(state.parked, name)[row]) for name in ("length_m", "width_m", "height_m")),
+        )
+        details = body.details(state.parked.kind[row], 0.0)
+        details |= {"parked": True, "place": state.world.parking[place].id}
+        return f"parked {place}", body, category_of_agent(is_pedestrian=False), details
+    assert agent is not None
     poses = state.agents
-    there = np.flatnonzero(poses["agent"] == agent)
-    if not len(there):
-        raise ValueError(f"the instance image shows agent {agent}, who is not there at this time")
-    row = int(there[0])
-    x, y, yaw = float(poses["x_m"][row]), float(poses["y_m"][row]), float(poses["yaw_rad"][row])
-    length, width, height = (float(poses[name][row]) for name in ("length_m", "width_m", "height_m"))
-    details = {
-        "kind": state.kinds[agent],
-        "length_m": round(length, 3),
-        "width_m": round(width, 3),
-        "height_m": round(height, 3),
-        "yaw_rad": round(yaw, 4),
-        "speed_mps": round(hypot(float(poses["east_mps"][row]), float(poses["north_mps"][row])), 3),
-    }
+    row = _row(poses["agent"], agent, f"agent {agent}")
+    body = _Body(
+        *(float(poses[column][row]) for column in ("x_m", "y_m", "yaw_rad", "length_m", "width_m", "height_m"))
+    )
+    speed_mps = hypot(float(poses["east_mps"][row]), float(poses["north_mps"][row]))
     category = category_of_agent(is_pedestrian=bool(poses["is_pedestrian"][row]))
-    return category, _box_corners(x, y, yaw, length, width, height), np.array([x, y, height / 2]), details
+    return f"agent {agent}", body, category, body.details(state.kinds[agent], speed_mps)
 
 
-def _box_corners(x: float, y: float, yaw_rad: float, length_m: float, width_m: float, height_m: float) -> Float64Array:
-    """The corners (8, 3) of an agent's bounding box on the ground."""
-    ahead = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0]) * length_m / 2
-    left = np.array([-np.sin(yaw_rad), np.cos(yaw_rad), 0.0]) * width_m / 2
-    base = [a * ahead + b * left for a in (-1, 1) for b in (-1, 1)]
-    return np.array([np.array([x, y, z]) + corner for corner in base for z in (0.0, height_m)])
+def _row(numbers: npt.NDArray[np.integer], number: int, who: str) -> int:
+    """Where a number is."""
+    there = np.flatnonzero(numbers == number)
+    if not len(there):
+        raise ValueError(f"the instance image shows {who}, which is not there at this time")
+    return int(there[0])
 
 
 def ground_fraction(view: View, outline: Polygon) -> float:

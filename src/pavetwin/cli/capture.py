@@ -11,6 +11,7 @@ from typer.core import TyperGroup
 
 from pavetwin.cli.arguments import CacheFolder, Mix, NamingCommand, Plugins, WorldFolder, paths_of, traffic_name
 from pavetwin.cli.console import out, progress
+from pavetwin.cli.parking import Parking, parking_of
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
@@ -73,7 +74,10 @@ def make(
         list[str] | None, typer.Option(help="Traffic by density: low, medium, high, or v12-p40; may be repeated.")
     ] = None,
     mix: Mix = None,
-    seed: Annotated[int, typer.Option(help="Random seed of places, light and traffic; 0 is a seed too.")] = 0,
+    parking: Parking = None,
+    seed: Annotated[
+        int, typer.Option(help="Random seed of places, light, traffic and parked vehicles; 0 is a seed too.")
+    ] = 0,
     size: Annotated[str, typer.Option(metavar="WxH", help="Of the images, in pixels.")] = "640x640",
     camera: Annotated[str | None, typer.Option(help="Of the UAV: {cameras}, or a YAML file.")] = None,
     formats: Annotated[
@@ -92,6 +96,7 @@ def make(
     \b
     pavetwin capture worlds/town -o datasets/town --images 500 --altitude 6 --altitude 10 --los B --los E
     pavetwin capture worlds/town -o datasets/both --platform uav,car --images 200 --seed 3 --jobs 2
+    pavetwin capture worlds/town -o datasets/parked --parking by-time
     pavetwin capture worlds/town -o datasets/sharp --camera phantom4pro --size 1280x960 --png --formats yolo
 
     Missing traffic is recorded first. Labels are Single Crack, Crocodile Crack, Pothole, Person and Car, then
@@ -114,6 +119,7 @@ def make(
         "picture": "png" if png else "jpg",
         "quality": quality,
         "plugins": paths_of(plugin),
+        **({} if parking is None else {"parking": parking_of(parking)}),
     }
     with progress("Starting", lines=True) as tell:
         # Inside, since these take seconds to import.

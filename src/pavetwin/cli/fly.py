@@ -11,6 +11,7 @@ from pavetwin.cli.arguments import CacheFolder, Hour, Los, Mix, OptionalWorldFol
 from pavetwin.cli.conditions import OPTIONS as CONDITIONS
 from pavetwin.cli.conditions import Clouds, Date, Time, Wind, conditions_of
 from pavetwin.cli.console import out, progress
+from pavetwin.cli.parking import Parking, parking_of
 from pavetwin.errors import PaveTwinError, about, naming
 
 if TYPE_CHECKING:
@@ -67,14 +68,7 @@ def fly(
             "times. Replaces --segments.",
         ),
     ] = None,
-    parking: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SHARE|by-time|none",
-            help="Share of the parking places that are taken, 0…1, or by the daily curve of the date and time. None "
-            "unless given.",
-        ),
-    ] = None,
+    parking: Parking = None,
     date: Date = None,
     time: Time = None,
     clouds: Clouds = None,
@@ -160,7 +154,7 @@ def fly(
             set_,
             paths_of(plugin),
             conditions_of(date, time, clouds, wind),
-            {} if parking is None else _parking(parking),
+            {} if parking is None else parking_of(parking),
         )
     )
 
@@ -278,7 +272,8 @@ def _fly_and_save(
     from pavetwin.mission.fly import fly as fly_mission
 
     replay = inputs.replay
-    images = MissionImages(inputs.environment.inspected_world, replay, specs[0].seed)
+    environment = inputs.environment
+    images = MissionImages(environment.inspected_world, replay, specs[0].seed, environment.parked)
 
     def missions() -> Iterator["MissionResult"]:
         for spec in specs:
@@ -324,25 +319,6 @@ def _settings(
     if parking:
         given["parking"] = parking
     return load_settings(preset, overrides or (), **given)
-
-
-def _parking(text: str) -> dict[str, Any]:
-    """Values for the settings' `parking`.
-
-    Raises:
-        PaveTwinError: the text is neither `none`, `by-time` nor a share.
-    """
-    if text == "none":
-        return {"enabled": False}
-    if text == "by-time":
-        return {"enabled": True, "occupancy": None}
-    try:
-        share = float(text)
-    except ValueError:
-        share = -1.0
-    if not 0 <= share <= 1:
-        raise PaveTwinError(f"--parking {text}: expected a share of the places (0 to 1), by-time, or none.")
-    return {"enabled": True, "occupancy": share}
 
 
 def _count(segments: str) -> int | None:

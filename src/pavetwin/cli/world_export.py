@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pavetwin.cli.arguments import Plugins, WorldFolder, paths_of
+from pavetwin.cli.conditions import Date, Time, conditions_of
 from pavetwin.cli.console import out, progress
+from pavetwin.cli.parking import Parking, parking_of
 from pavetwin.errors import PaveTwinError, about
 
 if TYPE_CHECKING:
     from pavetwin.scene.export import TrafficSnapshot
+    from pavetwin.traffic.parked import ParkedVehicles
     from pavetwin.world.model import World
 
 SEGMENT_AROUND_M = 25.0
@@ -38,7 +41,12 @@ def export(
     at: Annotated[
         float | None, typer.Option(help="That moment, in seconds from the recording's beginning; 0 unless given.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Random seed of the appearance: colours, wear, leaves.")] = 0,
+    parking: Parking = None,
+    date: Date = None,
+    time: Time = None,
+    seed: Annotated[
+        int, typer.Option(help="Random seed of the appearance (colours, wear, leaves) and of parked vehicles.")
+    ] = 0,
     plugin: Plugins = None,
     jobs: Annotated[int, typer.Option(help="Number of worker processes; the file does not depend on it.")] = min(
         4, os.cpu_count() or 1
@@ -52,6 +60,7 @@ def export(
     pavetwin world export worlds/berlin berlin.glb --detail low --dry-run
     pavetwin world export worlds/berlin street.glb --segment s0003 --detail high
     pavetwin world export worlds/berlin rush.glb --traffic high.parquet --at 60
+    pavetwin world export worlds/berlin night.glb --parking by-time --time 23:00
     """
     from pavetwin.plugins import load_plugins
     from pavetwin.scene.export import estimate, export_scene, tiles_of
@@ -65,6 +74,7 @@ def export(
     loaded = load_world(world)
     part = _segment_bounds(loaded, segment) if segment is not None else _parsed(bounds)
     moment = _moment(loaded, traffic, at)
+    parked = _parked(loaded, parking, date, time, seed)
     scene = Scene(loaded, seed=seed)
     keys = tiles_of(scene, part)
     expected = estimate(scene, keys, detail=detail, texel_m=texel, jobs=jobs)
@@ -82,12 +92,13 @@ def export(
             detail=detail,
             texel_m=texel,
             moment=moment,
+            parked=parked,
             jobs=jobs,
             plugins=plugins,
             on_progress=report,
         )
     held = f"{made.tiles} tiles of 32 m, {made.defects} defects, {made.buildings} buildings"
-    held += f", {made.agents} agents" if moment is not None else ""
+    held += f", {made.agents} agents and parked vehicles" if made.agents else ""
     out.line(f"Written to {target}: {made.bytes / 1e6:.1f} MB; {held}; {made.texel_m * 100:g} cm a texel.")
 
 
@@ -116,6 +127,23 @@ def _segment_bounds(world: "World", segment: str) -> tuple[float, float, float, 
         surfaces = [each.polygon for each in world.segments_named(segment)]
     west, south, east, north = (float(value) for value in shapely.total_bounds(surfaces))
     return west - SEGMENT_AROUND_M, south - SEGMENT_AROUND_M, east + SEGMENT_AROUND_M, north + SEGMENT_AROUND_M
+
+
+def _parked(
+    world: "World", parking: str | None, date: str | None, time: str | None, seed: int
+) -> "ParkedVehicles | None":
+    """The vehicles that are parked; None unless they are asked for."""
+    from pavetwin.config import Conditions
+    from pavetwin.config.parking import ParkingSettings
+    from pavetwin.traffic.parked import parked_vehicles
+
+    conditions = conditions_of(date, time, None, None)
+    if parking is None:
+        if conditions:
+            raise PaveTwinError(f"--{next(iter(conditions))}: say with --parking that vehicles are parked, as by-time.")
+        return None
+    settings = ParkingSettings.model_validate(parking_of(parking))
+    return parked_vehicles(world, settings, Conditions.model_validate(conditions), seed)
 
 
 def _moment(world: "World", traffic: Path | None, at: float | None) -> "TrafficSnapshot | None":

@@ -1,7 +1,8 @@
 """The appearance of each agent of a recording (model, size, colours), from the seed and its number only."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -15,7 +16,11 @@ from pavetwin.traffic.kinds import KINDS, VEHICLES
 from pavetwin.traffic.recording import Agents
 
 KEY: Final = 1
-"""Key of this module's child of the scene's random stream."""
+PARKED_KEY: Final = 11
+"""Keys of this module's children of the scene's random stream: agents of a recording, and parked vehicles."""
+
+PARKED_MODELS: Final[Mapping[str, str]] = MappingProxyType({"motorcycle": "motorcycle_parked"})
+"""Kinds that look different where they are parked: without their rider."""
 
 STAND: Final = "stand"
 """The part of a person who does not walk; walking ones are `walk_0` … in the order of the gait."""
@@ -53,6 +58,13 @@ def look_of(agents: Agents, agent: int, seed: int, models: Mapping[str, Model]) 
         return _person(agents.kind[agent], float(agents.height_m[agent]), rng, models)
     size = np.array([agents.length_m[agent], agents.width_m[agent], agents.height_m[agent]], dtype=np.float64)
     return _vehicle(vehicle_model(agents.kind[agent], size), size, rng)
+
+
+def parked_look(kind: str, key: int, seed: int) -> AgentAppearance:
+    """The appearance of a parked vehicle of a kind of ours, at its real size; `key` is of `ParkedVehicles.look`."""
+    size = np.array([KINDS[kind].length_m, KINDS[kind].width_m, KINDS[kind].height_m])
+    look = _vehicle(model := vehicle_model(kind, size), size, child(seed, Stream.SCENE, PARKED_KEY, key))
+    return replace(look, model=PARKED_MODELS.get(model, model))
 
 
 def vehicle_model(kind: str, size_m: Float64Array) -> str:

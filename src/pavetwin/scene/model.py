@@ -36,8 +36,9 @@ SIGNED_DISTANCE_M: Final = 0.25
 TINTS: Final = 4
 """Number of colour slots of a model that an instance can set."""
 
+_FIRST_PARKED: Final = 1 << 22
 _FIRST_DEFECT: Final = 1 << 23
-"""Labels fit 24 bits: agents from 1, defects from here."""
+"""Labels fit 24 bits: agents of a recording from 1, parked vehicles and defects from these."""
 
 
 class GroundKind(IntEnum):
@@ -195,9 +196,16 @@ class Tile:
 
 def agent_label(agent: int) -> int:
     """The label of an agent of a recording in instance images."""
-    if not 0 <= agent < _FIRST_DEFECT - 1:
-        raise ValueError(f"agent {agent} has no label: there are {_FIRST_DEFECT - 1}")
+    if not 0 <= agent < _FIRST_PARKED - 1:
+        raise ValueError(f"agent {agent} has no label: there are {_FIRST_PARKED - 1}")
     return 1 + agent
+
+
+def parked_label(place: int) -> int:
+    """The label of the vehicle in a parking place of a world in instance images."""
+    if not 0 <= place < _FIRST_DEFECT - _FIRST_PARKED:
+        raise ValueError(f"parking place {place} has no label: there are {_FIRST_DEFECT - _FIRST_PARKED}")
+    return _FIRST_PARKED + place
 
 
 def defect_label(defect: int) -> int:
@@ -209,7 +217,12 @@ def defect_label(defect: int) -> int:
 
 def labelled_agent(label: int) -> int | None:
     """The agent that a label stands for, or None."""
-    return label - 1 if 0 < label < _FIRST_DEFECT else None
+    return label - 1 if 0 < label < _FIRST_PARKED else None
+
+
+def labelled_place(label: int) -> int | None:
+    """The parking place whose vehicle a label stands for, or None."""
+    return label - _FIRST_PARKED if _FIRST_PARKED <= label < _FIRST_DEFECT else None
 
 
 def labelled_defect(label: int) -> int | None:

@@ -38,8 +38,10 @@ from pavetwin.scene.model import (
     TileKey,
 )
 from pavetwin.scene.models import BODY, library
+from pavetwin.scene.parked import ParkedInstances
 from pavetwin.scene.patches import holes_of, part_on, patch_of
 from pavetwin.scene.shafts import shafts
+from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.traffic.recording import Recording
 from pavetwin.world.ground import Bounds
 from pavetwin.world.model import Furniture, World
@@ -132,6 +134,10 @@ class Scene:
             self._actors = Actors(recording, seed=self.seed, models=self.models, ground=self.heights)
         return (*self._actors.at(time_s, near), *shown)
 
+    def parked(self, vehicles: ParkedVehicles, near: tuple[float, float, float] | None = None) -> tuple[Instance, ...]:
+        """Parked vehicles with their labels; `near` as in `agents`."""
+        return self._parked.of(vehicles if near is None else vehicles.near(*near))
+
     def heights(self, xy: npt.ArrayLike) -> Float64Array:
         """Height of the ground [m] at points (n, 2) in the world frame."""
         return heights(self._plan, xy)
@@ -139,6 +145,10 @@ class Scene:
     def buildings_on(self, key: TileKey) -> Sequence[int]:
         """Places in the world's list of the buildings that a tile holds."""
         return self._buildings.get(key, [])
+
+    @cached_property
+    def _parked(self) -> ParkedInstances:
+        return ParkedInstances(seed=self.seed, models=self.models, ground=self.heights)
 
     # --- Objects by tile --------------------------------------------------------------------------------------------
 

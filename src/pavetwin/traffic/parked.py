@@ -6,12 +6,15 @@ by the same vehicle, at every higher one.
 """
 
 import math
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from types import MappingProxyType
 from typing import Final, Self
 
 import numpy as np
 
-from pavetwin.arrays import Float64Array, IndexArray
+from pavetwin.arrays import BoolArray, Float64Array, IndexArray, Int64Array
 from pavetwin.config.conditions import Conditions
 from pavetwin.config.parking import ParkingSettings
 from pavetwin.seeds import Stream, child
@@ -32,6 +35,9 @@ BACKWARDS: Final = 0.2
 PARKING_CLASSES: Final = frozenset({"passenger", "delivery", "motorcycle"})
 """SUMO vehicle classes that park at the roadside, where they fit."""
 
+RIDERLESS_HEIGHT_M: Final[Mapping[str, float]] = MappingProxyType({"motorcycle": 1.30})
+"""Height of the kinds that stand without their rider, leaning: up to the mirrors."""
+
 
 @dataclass(frozen=True, eq=False)
 class ParkedVehicles:
@@ -50,6 +56,8 @@ class ParkedVehicles:
     length_m: Float64Array
     width_m: Float64Array
     height_m: Float64Array
+    look: Int64Array
+    """Keys of their appearance: what is parked there another time or under another seed looks different."""
 
     def __post_init__(self) -> None:
         for each in fields(self):
@@ -63,42 +71,94 @@ class ParkedVehicles:
     def empty(cls) -> Self:
         """No vehicle."""
         none = np.zeros(0)
-        return cls(np.zeros(0, dtype=np.intp), (), none, none, none, none, none, none)
+        return cls(np.zeros(0, dtype=np.intp), (), none, none, none, none, none, none, np.zeros(0, dtype=np.int64))
+
+    def only(self, which: BoolArray | IndexArray) -> Self:
+        """Some of them: a mask (vehicles,), or their rows in order."""
+        rows = np.flatnonzero(which) if which.dtype == np.bool_ else which
+        arrays = {each.name: getattr(self, each.name)[rows] for each in fields(self) if each.name != "kind"}
+        return replace(self, kind=tuple(self.kind[row] for row in rows.tolist()), **arrays)
+
+    def near(self, x_m: float, y_m: float, radius_m: float) -> Self:
+        """Those whose body may reach into a disc."""
+        reach = radius_m + np.hypot(self.length_m, self.width_m) / 2
+        return self.only(np.hypot(self.x - x_m, self.y - y_m) <= reach)
+
+
+@dataclass(frozen=True, eq=False)
+class ParkingDraws:
+    """What one seed draws for every place of a world: which vehicle stands there, where it is taken at all. Which
+    places are taken at a date and time is then quickly said."""
+
+    world: World
+    occupancy: Float64Array
+    """(vehicles,) its place is taken where the share of places that are taken is larger than this."""
+    vehicles: ParkedVehicles
+    """One in every place in which any kind fits."""
+
+    @classmethod
+    def of(cls, world: World, seed: int) -> Self:
+        """Of the places of a world."""
+        drawn: list[tuple[int, float, Kind, float, float, float, int]] = []
+        for index, place in enumerate(world.parking):
+            rng = child(seed, Stream.PARKING, place.key)
+            occupancy = float(rng.random())
+            if (vehicle := _vehicle_in(place, rng)) is not None:
+                drawn.append((index, occupancy, *vehicle, int(rng.integers(1 << 32))))
+        if not drawn:
+            return cls(world, np.zeros(0), ParkedVehicles.empty())
+        places, shares, kinds, x, y, yaw, look = zip(*drawn, strict=True)
+        vehicles = ParkedVehicles(
+            np.array(places, dtype=np.intp),
+            tuple(kind.name for kind in kinds),
+            np.array(x),
+            np.array(y),
+            np.array(yaw),
+            np.array([kind.length_m for kind in kinds]),
+            np.array([kind.width_m for kind in kinds]),
+            np.array([RIDERLESS_HEIGHT_M.get(kind.name, kind.height_m) for kind in kinds]),
+            np.array(look, dtype=np.int64),
+        )
+        return cls(world, np.array(shares), vehicles)
+
+    def at(self, settings: ParkingSettings, conditions: Conditions) -> ParkedVehicles:
+        """The vehicles that stand there at the date and time of the conditions.
+
+        Each stands within its place, so that none overlaps another and none reaches beyond its neighbours.
+        """
+        if not settings.enabled or not len(self.vehicles):
+            return ParkedVehicles.empty()
+        names, rows = self._street_kinds
+        by_curve = settings.occupancy is None
+        shares = [
+            occupancy(surroundings_of(name), conditions) if by_curve else float(settings.occupancy or 0.0)
+            for name in names
+        ]
+        taken = self.occupancy < np.array(shares)[rows]
+        for row, hours in self._closed:
+            taken[row] &= not is_within(hours, conditions.date, conditions.time)
+        return self.vehicles.only(taken)
+
+    @cached_property
+    def _street_kinds(self) -> tuple[list[str], IndexArray]:
+        """The kinds of streets with places, and (vehicles,) which of them each stands at."""
+        kind_of_street = {street.id: street.kind for street in self.world.streets}
+        kinds = [kind_of_street.get(self.world.parking[place].street, "") for place in self.vehicles.place.tolist()]
+        names, rows = np.unique(kinds, return_inverse=True)
+        return names.tolist(), rows
+
+    @cached_property
+    def _closed(self) -> list[tuple[int, str]]:
+        """Vehicles, and the hours in which nobody parks where they stand."""
+        hours = [self.world.parking[place].closed for place in self.vehicles.place.tolist()]
+        return [(row, closed) for row, closed in enumerate(hours) if closed]
 
 
 def parked_vehicles(world: World, settings: ParkingSettings, conditions: Conditions, seed: int) -> ParkedVehicles:
-    """The vehicles that are parked in a world at the date and time of the conditions.
-
-    Each stands within its place, so that none overlaps another and none reaches beyond its neighbours.
-    """
-    if not settings.enabled or not world.parking:
+    """The vehicles that are parked in a world at the date and time of the conditions; see `ParkingDraws`."""
+    if not settings.enabled:
         return ParkedVehicles.empty()
-    kind_of_street = {street.id: street.kind for street in world.streets}
-    shares: dict[str, float] = {}
-    stood: list[tuple[int, Kind, float, float, float]] = []
-    for index, place in enumerate(world.parking):
-        street_kind = kind_of_street.get(place.street, "")
-        if street_kind not in shares:
-            by_curve = settings.occupancy is None
-            shares[street_kind] = (
-                occupancy(surroundings_of(street_kind), conditions) if by_curve else float(settings.occupancy or 0.0)
-            )
-        if place.closed and is_within(place.closed, conditions.date, conditions.time):
-            continue
-        rng = child(seed, Stream.PARKING, place.key)
-        if rng.random() < shares[street_kind] and (vehicle := _vehicle_in(place, rng)) is not None:
-            stood.append((index, *vehicle))
-    if not stood:
-        return ParkedVehicles.empty()
-    place_index, kinds, x, y, yaw = zip(*stood, strict=True)
-    return ParkedVehicles(
-        np.array(place_index, dtype=np.intp),
-        tuple(kind.name for kind in kinds),
-        np.array(x),
-        np.array(y),
-        np.array(yaw),
-        *(np.array([getattr(kind, name) for kind in kinds]) for name in ("length_m", "width_m", "height_m")),
-    )
+    return ParkingDraws.of(world, seed).at(settings, conditions)
 
 
 def _vehicle_in(place: ParkingPlace, rng: np.random.Generator) -> tuple[Kind, float, float, float] | None:

@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -10,8 +11,10 @@ from pavetwin._core import NavMesh, Trace
 from pavetwin.capture.defect_index import DefectIndex
 from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.settings import CaptureSettings
+from pavetwin.config import Conditions
 from pavetwin.registry import Registry
 from pavetwin.scene.view import View
+from pavetwin.traffic.parked import ParkedVehicles, ParkingDraws
 from pavetwin.traffic.recording import Recording
 from pavetwin.uav.cameras import Camera
 from pavetwin.world.model import World
@@ -29,6 +32,15 @@ class CaptureContext:
     traces: Mapping[str, Trace]
     meshes: Mapping[float, NavMesh]
     """Where the UAV may be, by altitude in metres; empty for ground vehicles."""
+
+    def parked(self, conditions: Conditions) -> ParkedVehicles:
+        """The vehicles that stand parked at the date and time of an image."""
+        parking = self.settings.parking
+        return self._parking_draws.at(parking, conditions) if parking.enabled else ParkedVehicles.empty()
+
+    @cached_property
+    def _parking_draws(self) -> ParkingDraws:
+        return ParkingDraws.of(self.world, self.settings.seed)
 
 
 @dataclass(frozen=True)

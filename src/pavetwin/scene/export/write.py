@@ -1,4 +1,4 @@
-"""A world as one binary glTF file: ground, defects, buildings, furniture, and traffic at one moment."""
+"""A world as one binary glTF file: ground, defects, buildings, furniture, parked vehicles, traffic at one moment."""
 
 import math
 import tempfile
@@ -18,6 +18,7 @@ from pavetwin.scene.export.pieces import Job, TilePiece, make_pieces
 from pavetwin.scene.glb import LARGEST, GlbWriter
 from pavetwin.scene.model import TILE_M, Instance, TileKey
 from pavetwin.scene.scene import Scene, keys_of, tile_bounds
+from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.traffic.recording import Recording
 from pavetwin.world.ground import Bounds
 
@@ -44,6 +45,7 @@ class ExportSummary:
     defects: int
     buildings: int
     agents: int
+    """Parked vehicles too."""
     nodes: int
     bytes: int
     texel_m: float
@@ -99,6 +101,7 @@ def export_scene(
     detail: str = USUAL,
     texel_m: float | None = None,
     moment: TrafficSnapshot | None = None,
+    parked: ParkedVehicles | None = None,
     jobs: int = 1,
     plugins: tuple[str, ...] = (),
     on_progress: Callable[[float], None] = lambda _: None,
@@ -113,6 +116,7 @@ def export_scene(
         detail: low, medium or high, see `LEVELS`.
         texel_m: side of a texel of the ground's pictures; the level's when not given.
         moment: traffic to be shown.
+        parked: vehicles in the world's parking places to be shown.
         jobs: number of processes; it does not change the file.
         plugins: files that register the world's classes of defects, for those processes.
         on_progress: called with the share done.
@@ -153,7 +157,7 @@ def export_scene(
             on_progress(min(made, len(keys)) / (len(keys) + 1))
 
         make_pieces(scene, keys, Job(texel_m, level, plugins), jobs_for(keys, jobs), write, on_tile)
-        agents = _agents(scene, keys, moment)
+        agents = _agents(scene, keys, moment, parked)
         roots += [parts.instance(instance) for instance in agents]
         with temporary.open("wb") as file:
             asset = {
@@ -179,9 +183,12 @@ def export_scene(
     )
 
 
-def _agents(scene: Scene, keys: Sequence[TileKey], moment: TrafficSnapshot | None) -> list[Instance]:
-    """Agents and signal heads on the tiles."""
+def _agents(
+    scene: Scene, keys: Sequence[TileKey], moment: TrafficSnapshot | None, parked: ParkedVehicles | None
+) -> list[Instance]:
+    """Agents, parked vehicles and signal heads on the tiles."""
     found = scene.agents(moment.recording if moment else None, moment.time_s if moment else 0.0)
+    found += () if parked is None else scene.parked(parked)
     on = set(keys)
     return [
         instance

@@ -1,0 +1,35 @@
+"""The option for parked vehicles."""
+
+from typing import Annotated, Any
+
+import typer
+
+from pavetwin.errors import PaveTwinError
+
+Parking = Annotated[
+    str | None,
+    typer.Option(
+        metavar="SHARE|by-time|none",
+        help="Share of the parking places that are taken, 0…1, or by the daily curve of the date and time. None "
+        "unless given.",
+    ),
+]
+
+
+def parking_of(text: str) -> dict[str, Any]:
+    """Values for the settings' `parking`.
+
+    Raises:
+        PaveTwinError: the text is neither `none`, `by-time` nor a share.
+    """
+    if text == "none":
+        return {"enabled": False}
+    if text == "by-time":
+        return {"enabled": True, "occupancy": None}
+    try:
+        share = float(text)
+    except ValueError:
+        share = -1.0
+    if not 0 <= share <= 1:
+        raise PaveTwinError(f"--parking {text}: expected a share of the places (0 to 1), by-time, or none.")
+    return {"enabled": True, "occupancy": share}
