@@ -21,6 +21,9 @@ _SUMMED: Final = (
     *("duplicates", "false_alarms"),
 )
 
+_OF_SURFACE: Final = ("surface_coverage", "permanently_hidden")
+"""Shares of a segment's surface. Studies from before vehicles were parked have the first alone."""
+
 
 def is_by_mission(table: pl.DataFrame) -> bool:
     """Whether a table has one row a mission, as `by_mission` makes it."""
@@ -43,7 +46,11 @@ def by_mission(table: pl.DataFrame) -> pl.DataFrame:
         *(pl.col(name).first() for name in before if name not in keys),
         pl.len().alias(SEGMENTS),
         *sums,
-        (pl.col("surface_coverage") * pl.col("area_m2")).sum().alias("_seen_m2"),
+        *(
+            (pl.col(name) * pl.col("area_m2")).sum().alias(f"_{name}_m2")
+            for name in _OF_SURFACE
+            if name in flown.columns
+        ),
         *(pl.col(name).first() for name in MISSION_COLUMNS),
     )
     matched, reported = (
@@ -55,13 +62,13 @@ def by_mission(table: pl.DataFrame) -> pl.DataFrame:
         "coverage": _share(pl.col("confirmed"), pl.col("defects")),
         "swath_coverage": _share(pl.col("confirmed"), pl.col("swept")),
         "recovery": _share(pl.col("recovered"), pl.col("swept")),
-        "surface_coverage": _share(pl.col("_seen_m2"), pl.col("area_m2")),
+        **{name: _share(pl.col(f"_{name}_m2"), pl.col("area_m2")) for name in _OF_SURFACE if name in flown.columns},
         "time_s": pl.col("mission_time_s"),
         "energy": pl.col("mission_energy"),
         "distance_m": pl.col("mission_distance_m"),
         BATTERIES: pl.col("mission_batteries"),
         "precision": _share(matched, reported),
-        "false_alarms_per_100_m2": 100 * _share(pl.col("false_alarms"), pl.col("_seen_m2")),
+        "false_alarms_per_100_m2": 100 * _share(pl.col("false_alarms"), pl.col("_surface_coverage_m2")),
     }
     done = pl.col(STATUS) == FLOWN
     return missions.select(
