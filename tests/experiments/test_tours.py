@@ -65,6 +65,15 @@ def test_a_tour_inspects_every_segment_in_the_order_of_fly(world: Path) -> None:
     assert first != second
 
 
+def test_what_is_hidden_for_good_is_told_of_a_whole_mission(study: Path) -> None:
+    """By area: here of the first segment of each mission alone."""
+    rows = Store(study).table().with_columns(permanently_hidden=pl.when(pl.col("order") == 0).then(0.5).otherwise(0.0))
+    missions = by_mission(rows)
+    of = (rows.filter(pl.col("order") == 0)["area_m2"] / missions["area_m2"]).to_numpy()
+    assert missions["permanently_hidden"].to_numpy() == pytest.approx(0.5 * of)
+    assert "permanently_hidden" not in by_mission(rows.drop("permanently_hidden")).columns
+
+
 def test_a_row_of_a_mission_is_the_whole_flight(study: Path) -> None:
     rows = Store(study).table()
     assert rows.height == 2 * 5 * 3

@@ -41,28 +41,25 @@ def by_mission(table: pl.DataFrame) -> pl.DataFrame:
         return table
     before = table.columns[: table.columns.index("order")]
     keys = before[: before.index(REPLICATE) + 1]
+    of_surface = [name for name in _OF_SURFACE if name in flown.columns]
     sums = [pl.col(name).sum() for name in _SUMMED]
     missions = table.group_by(keys, maintain_order=True).agg(
         *(pl.col(name).first() for name in before if name not in keys),
         pl.len().alias(SEGMENTS),
         *sums,
-        *(
-            (pl.col(name) * pl.col("area_m2")).sum().alias(f"_{name}_m2")
-            for name in _OF_SURFACE
-            if name in flown.columns
-        ),
+        *((pl.col(name) * pl.col("area_m2")).sum().alias(f"_{name}_m2") for name in of_surface),
         *(pl.col(name).first() for name in MISSION_COLUMNS),
     )
     matched, reported = (
         pl.col("confirmed") + pl.col("duplicates"),
         pl.col("confirmed") + pl.col("duplicates") + pl.col("false_alarms"),
     )
-    measured = {
+    measured: dict[str, pl.Expr] = {
         **{name: pl.col(name) for name in _SUMMED},
         "coverage": _share(pl.col("confirmed"), pl.col("defects")),
         "swath_coverage": _share(pl.col("confirmed"), pl.col("swept")),
         "recovery": _share(pl.col("recovered"), pl.col("swept")),
-        **{name: _share(pl.col(f"_{name}_m2"), pl.col("area_m2")) for name in _OF_SURFACE if name in flown.columns},
+        **{name: _share(pl.col(f"_{name}_m2"), pl.col("area_m2")) for name in of_surface},
         "time_s": pl.col("mission_time_s"),
         "energy": pl.col("mission_energy"),
         "distance_m": pl.col("mission_distance_m"),

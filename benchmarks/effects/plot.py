@@ -1,0 +1,86 @@
+"""The sizes of all effects in one picture: on the same flight, and on the decision."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import polars as pl
+from matplotlib.axes import Axes
+
+from benchmarks.effects.catalogue import Kind
+from benchmarks.effects.sizes import Effect, option_text, ranked
+from pavetwin.draw import style
+from pavetwin.experiments.metrics import metric_named
+
+COLOURS: Final = {
+    Kind.LEFT_OUT: "#C2571A",
+    Kind.CONDITION: "#1F6FB2",
+    Kind.ASSUMPTION: "#5B8A3A",
+    Kind.CHANCE: "#8A847C",
+}
+WORDS: Final = {
+    Kind.LEFT_OUT: "left out",
+    Kind.CONDITION: "another day",
+    Kind.ASSUMPTION: "another assumption or choice",
+    Kind.CHANCE: "chance",
+}
+PANELS: Final = (
+    ("coverage", "Defects found,\npercentage points"),
+    ("surface_coverage", "Surface seen,\npercentage points"),
+    ("time_s", "Time of a segment, s"),
+    ("energy", "Energy of a segment,\npoints of a battery"),
+)
+ROW_IN: Final = 0.2
+
+
+def save_plot(found: Sequence[Effect], path: Path) -> None:
+    """A row an effect over all worlds, the most important at the top: dots with simultaneous 95 % intervals."""
+    effects = ranked(found)
+    height = ROW_IN * len(effects)
+    with style.styled():
+        figure = style.new_figure(11.5, height + 1.2)
+        left = 3.3
+        for name, title in PANELS:
+            axes = style.axes_in(figure, left, 0.55, 1.35, height)
+            _panel(axes, [effect.flight for effect in effects], effects, name, title)
+            if left == 3.3:
+                axes.set_yticks(range(len(effects)), [_plain(effect.variant.title) for effect in effects])
+            left += 1.45
+        axes = style.axes_in(figure, left + 0.1, 0.55, 1.35, height)
+        _panel(
+            axes,
+            [effect.decision for effect in effects],
+            effects,
+            "coverage",
+            "Lost by deciding without\nknowing, points",
+        )
+        for at, effect in enumerate(effects):
+            text = option_text(effect.options[1]) if effect.decision is not None else "same proposal"
+            colour = style.INK if effect.decision is not None else style.INK_FAINT
+            axes.annotate(text, (1.04, at), xycoords=("axes fraction", "data"), va="center", fontsize=6.5, color=colour)
+        for kind, colour in COLOURS.items():
+            axes.plot([], [], "o", color=colour, markersize=4, label=WORDS[kind])
+        handles = axes.get_legend_handles_labels()
+        figure.legend(*handles, loc="lower left", bbox_to_anchor=(0.01, 0.0), ncols=2)
+        style.save_figure(figure, path)
+
+
+def _panel(axes: Axes, frames: Sequence[pl.DataFrame | None], effects: Sequence[Effect], name: str, title: str) -> None:
+    scale = metric_named(name).scale
+    for at, (frame, effect) in enumerate(zip(frames, effects, strict=True)):
+        row = None if frame is None else frame.row(by_predicate=pl.col("metric") == name, named=True)
+        if row is None or row["mean"] is None:
+            continue
+        colour = COLOURS[effect.variant.kind]
+        if row["low"] is not None and row["high"] is not None:
+            axes.plot([scale * row["low"], scale * row["high"]], [at, at], color=colour, linewidth=1.2)
+        axes.plot([scale * row["mean"]], [at], "o", color=colour, markersize=3.6)
+    axes.axvline(0, color=style.INK_SOFT, linewidth=0.6)
+    axes.set_title(title, fontsize=7, fontweight="normal")
+    axes.set(ylim=(len(effects) - 0.4, -0.6), yticks=[])
+    axes.grid(visible=False, axis="y")
+
+
+def _plain(title: str) -> str:
+    """Without Markdown's marks."""
+    return title.replace("*", "")

@@ -1,0 +1,169 @@
+"""The effects as Markdown tables, for docs/limits.md."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import polars as pl
+
+from benchmarks.effects.catalogue import USUAL, Kind, Variant
+from benchmarks.effects.sizes import FLIGHT, MEASURED, Effect, Option, compared, option_text, proposed, ranked
+from benchmarks.effects.tour import Tour
+from pavetwin.experiments.ground_view import ground_view
+from pavetwin.experiments.metrics import Metric, metric_named
+from pavetwin.experiments.statistics import MissionLimits, summarise
+from pavetwin.experiments.words import MISSING, number, percent, shown
+
+SHOWN = tuple(metric for metric in MEASURED if metric.name != "permanently_hidden")
+COVERAGE = SHOWN[0]
+HEADINGS = {
+    "coverage": "found, points",
+    "surface_coverage": "surface seen, points",
+    "wait_s": "waiting, s",
+    "time_s": "time, s",
+    "energy": "battery, points",
+}
+KINDS = {
+    Kind.LEFT_OUT: "left out",
+    Kind.CONDITION: "on such a day",
+    Kind.ASSUMPTION: "if so",
+    Kind.CHANCE: "by chance",
+}
+
+
+def effects_table(default: pl.DataFrame, found: Sequence[Effect], limits: MissionLimits) -> str:
+    """All worlds together: first how the default flies, then what each change changes, the most important first."""
+    flight = default.filter(altitude_m=FLIGHT[0], policy=FLIGHT[1])
+    own = compared({"one": flight, "same": flight})
+    cells = {row["metric"]: row["before"] for row in own.iter_rows(named=True)}
+    most = shown(metric_named("surface_coverage"), 1 - cells["permanently_hidden"])
+    first = [
+        shown(metric, cells[metric.name]) + (f" of {most}" if metric.name == "surface_coverage" else "")
+        for metric in SHOWN
+    ]
+    rows = [["", "**as it is now**", *first, option_text(proposed(default, limits)), ""]]
+    for effect in ranked(found):
+        gaps = [gap(effect.flight, metric) for metric in SHOWN]
+        lost = "same" if effect.decision is None else gap(effect.decision, COVERAGE)
+        title = effect.variant.title
+        rows.append([KINDS[effect.variant.kind], title, *gaps, option_text(effect.options[1]), lost])
+    head = ["", "what is changed", *(HEADINGS[metric.name] for metric in SHOWN)]
+    return _markdown([*head, "proposed", "deciding without knowing: found, points"], rows)
+
+
+def proposals_table(default: pl.DataFrame, found: Sequence[Effect], limits: MissionLimits) -> str:
+    """What is proposed for each world."""
+    worlds = default["world"].unique(maintain_order=True).to_list()
+    rows = [["**as it is now**", *(option_text(proposed(default.filter(world=world), limits)) for world in worlds)]]
+    for effect in ranked(found):
+        of = {each.scope: each for each in found if each.variant == effect.variant}
+        rows.append([effect.variant.title, *(_proposal(of[world]) for world in worlds)])
+    return _markdown(["proposed", *worlds], rows)
+
+
+def _proposal(effect: Effect) -> str:
+    if effect.decision is None:
+        return "same"
+    return f"{option_text(effect.options[1])} ({gap(effect.decision, COVERAGE, interval=False)})"
+
+
+def choices_table(default: pl.DataFrame) -> str:
+    """What another policy or altitude changes, which is what one decides about."""
+    reference = default.filter(altitude_m=FLIGHT[0], policy=FLIGHT[1])
+    others: list[Option] = [(FLIGHT[0], name) for name in default["policy"].unique(maintain_order=True).to_list()]
+    others += [(altitude_m, FLIGHT[1]) for altitude_m in default["altitude_m"].unique(maintain_order=True).to_list()]
+    rows = []
+    for altitude_m, policy in others:
+        if (altitude_m, policy) != FLIGHT:
+            other = default.filter(altitude_m=altitude_m, policy=policy)
+            gaps = compared({"usual": reference, "other": other})
+            rows.append([option_text((altitude_m, policy)), *(gap(gaps, metric) for metric in SHOWN)])
+    head = f"instead of {option_text(FLIGHT)}"
+    return _markdown([head, *(HEADINGS[metric.name] for metric in SHOWN)], rows)
+
+
+def cracks_table(flown: Mapping[str, pl.DataFrame], variants: Sequence[Variant], limits: MissionLimits) -> str:
+    """Over cracks alone: what each camera resolves, what hovering finds by altitude, and what is proposed."""
+    altitudes = flown[variants[0].name]["altitude_m"].unique(maintain_order=True).to_list()
+    rows = []
+    for variant in variants:
+        table = flown[variant.name]
+        option = {"altitude_m": FLIGHT[0], "preset": "default", "sensor": "recall"}
+        view = ground_view(option, {"set": {**USUAL, **variant.settings}})
+        hovering = summarise(table.filter(policy=FLIGHT[1]), ["altitude_m"], [COVERAGE])
+        found = [shown(COVERAGE, hovering.filter(altitude_m=altitude_m)["mean"][0]) for altitude_m in altitudes]
+        seen = [number(1000 * length_m, 1) for length_m in (view.pixel_m, view.unseen_m["single_crack"])]
+        rows.append([variant.title, *seen, *found, option_text(proposed(table, limits))])
+    at = option_text(FLIGHT).partition(", ")[2]
+    head = [f"a pixel at {at}, mm", f"seen from {at}: wider than, mm"]
+    heights = [f"found at {altitude_m:g}\u00a0m, %" for altitude_m in altitudes]
+    return _markdown(["", *head, *heights, "proposed"], rows)
+
+
+def tours_table(found: Sequence[Tour], segments: int) -> str:
+    """Before and after, and their difference, for each world."""
+    rows = []
+    for tour in found:
+        values = {row["metric"]: row for row in tour.missions.iter_rows(named=True)}
+        for side, told in (("before", tour.before), ("after", tour.after)):
+            row = {name: values[name][side] for name in values}
+            most = shown(metric_named("surface_coverage"), 1 - row["permanently_hidden"])
+            sure = MISSING if told.certainty is None else percent(told.certainty)
+            rows.append([
+                tour.world, side, option_text(told.option), sure,
+                f"{_of(row, 'surface_coverage')} of {most}", _of(row, "coverage"), _minutes(row["wait_s"]),
+                _minutes(row["time_s"]), number(row["energy"], 2), str(told.batteries),
+            ])  # fmt: skip
+        gaps = [
+            gap(tour.missions, metric_named(name), scale=scale, digits=digits)
+            for name, scale, digits in (
+                ("surface_coverage", 100, 1), ("coverage", 100, 1), ("wait_s", 1 / 60, 1), ("time_s", 1 / 60, 1),
+                ("energy", 1, 2),
+            )
+        ]  # fmt: skip
+        rows.append([tour.world, "difference", "", "", *gaps, ""])
+    head = [
+        "world",
+        "",
+        "proposed",
+        "best with",
+        "surface seen, %",
+        "found, %",
+        "waiting, min",
+        "time, min",
+        "batteries",
+    ]
+    return f"{segments} segments in one mission:\n\n" + _markdown([*head, "to bring"], rows)
+
+
+def gap(
+    frame: pl.DataFrame, metric: Metric, *, interval: bool = True, scale: float | None = None, digits: int | None = None
+) -> str:
+    """`−2.3 (−3.0 to −1.6)` of a row of `Effect.flight`; 0 where nothing differs at all."""
+    row: dict[str, Any] = frame.row(by_predicate=pl.col("metric") == metric.name, named=True)
+    scale, digits = scale or metric.scale, metric.digits if digits is None else digits
+    if row["mean"] is None:
+        return MISSING
+    if row["mean"] == 0 and row["low"] == row["high"]:
+        return "0"
+    text = signed(row["mean"] * scale, digits)
+    if not interval or row["low"] is None or row["high"] is None:
+        return text
+    return f"{text} ({signed(row['low'] * scale, digits)} to {signed(row['high'] * scale, digits)})"
+
+
+def signed(value: float, digits: int) -> str:
+    text = number(value, digits)
+    return text if text.startswith("−") or float(text) == 0 else f"+{text}"
+
+
+def _of(row: dict[str, float], name: str) -> str:
+    return shown(metric_named(name), row[name])
+
+
+def _minutes(seconds: float) -> str:
+    return number(seconds / 60, 1)
+
+
+def _markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
+    return "\n".join(lines + [f"| {' | '.join(row)} |" for row in rows])

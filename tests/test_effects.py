@@ -1,0 +1,220 @@
+"""The sizes of effects: what is compared with what, where the truth is, and the whole command over a tiny town."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import pytest
+from benchmarks.effects import __main__ as command
+from benchmarks.effects import catalogue
+from benchmarks.effects.catalogue import VARIANTS, Kind, Variant, design_of
+from benchmarks.effects.sizes import ALL, FLIGHT, Effect, effects, ranked, value
+from benchmarks.effects.table import effects_table, proposals_table
+from benchmarks.effects.tour import naive_certainty, tours
+
+from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.experiments.design import Design
+from pavetwin.experiments.engines import Single
+from pavetwin.experiments.plan import cells_of
+from pavetwin.experiments.run import run
+from pavetwin.experiments.statistics import MissionLimits
+from pavetwin.experiments.store import Store
+from pavetwin.uav import camera_of
+from pavetwin.world.store import save_world
+from scenes import built
+from scenes.parking import kerb_place, with_places
+from scenes.studies import study
+
+LEVELS = {
+    "world": ("ash", "elm"),
+    "traffic": ("los-C",),
+    "altitude_m": (10.0, 15.0),
+    "policy": ("baseline", "hover"),
+    "sensor": ("recall",),
+    "preset": ("default",),
+}
+LOW, HIGH = {"altitude_m": 10.0, "policy": "hover"}, {"altitude_m": 15.0, "policy": "hover"}
+
+
+def flown(better: dict[str, Any], by: float, **added: float) -> pl.DataFrame:
+    """A study in which one option finds so much more than the others, and hovering at 10 m measures more as well."""
+
+    def truth(cell: dict[str, Any]) -> dict[str, float]:
+        more = added if (cell["altitude_m"], cell["policy"]) == FLIGHT else {}
+        return {**more, "coverage": by if better.items() <= cell.items() else 0.0}
+
+    table = study(LEVELS, 12, truth, seed=1)
+    return table.with_columns(
+        permanently_hidden=pl.lit(0.1), segment=pl.format("s{}", pl.col("replicate")), batteries=pl.lit(2)
+    )
+
+
+def lost(effect: Effect, column: str = "mean") -> float:
+    assert effect.decision is not None
+    return value(effect.decision, "coverage", column)
+
+
+def of_all(found: list[Effect]) -> Effect:
+    return next(effect for effect in found if effect.scope == ALL)
+
+
+def changed(kind: Kind, reference: pl.DataFrame, table: pl.DataFrame) -> list[Effect]:
+    return effects(Variant("new", "something new", kind), reference, table, MissionLimits())
+
+
+def test_the_same_flight_is_compared_in_pairs_in_each_world_and_in_all() -> None:
+    """The same noise on both sides leaves the change alone."""
+    found = changed(Kind.LEFT_OUT, flown(LOW, 0.2), flown(LOW, 0.2, time_s=7.0, surface_coverage=-0.05))
+    assert [effect.scope for effect in found] == ["ash", "elm", ALL]
+    for effect in found:
+        assert value(effect.flight, "time_s", "mean") == pytest.approx(7.0)
+        assert value(effect.flight, "time_s", "high") == pytest.approx(7.0)
+        assert value(effect.flight, "surface_coverage", "mean") == pytest.approx(-0.05)
+        assert value(effect.flight, "coverage", "mean") == 0.0
+        assert effect.decision is None
+    assert value(of_all(found).flight, "time_s", "pairs") == 2 * value(found[0].flight, "time_s", "pairs") == 24
+
+
+def test_the_loss_of_a_decision_is_told_where_the_truth_is() -> None:
+    """10 m are better by 30 points as it is now, 15 m by 10 where something is changed. Who leaves out what the twin
+    knows loses the 30, who does not know of another day the 10."""
+    now, other = flown(LOW, 0.3), flown(HIGH, 0.1)
+    left_out, condition = (of_all(changed(kind, now, other)) for kind in (Kind.LEFT_OUT, Kind.CONDITION))
+    assert left_out.options == condition.options == ((10.0, "hover"), (15.0, "hover"))
+    assert lost(left_out) == pytest.approx(-0.3, abs=0.03)
+    assert lost(condition) == pytest.approx(-0.1, abs=0.03)
+    assert lost(condition, "low") < lost(condition, "high") < 0
+
+
+def test_replicates_over_other_segments_are_no_pairs() -> None:
+    now = flown(LOW, 0.2)
+    moved = pl.when(pl.col("replicate") < 5).then(pl.lit("elsewhere")).otherwise(pl.col("segment"))
+    other = now.with_columns(segment=moved)
+    assert value(of_all(changed(Kind.LEFT_OUT, now, other)).flight, "coverage", "pairs") == 2 * 7
+    assert value(of_all(changed(Kind.CHANCE, now, other)).flight, "coverage", "pairs") == 2 * 12
+
+
+def test_what_costs_a_decision_most_comes_first() -> None:
+    now = flown(LOW, 0.3)
+    same = changed(Kind.LEFT_OUT, now, flown(LOW, 0.3, coverage=0.0))
+    other = changed(Kind.CONDITION, now, flown(HIGH, 0.1))
+    worse = changed(Kind.ASSUMPTION, now, flown(HIGH, 0.2))
+    order = [effect.variant.kind for effect in ranked([*same, *other, *worse])]
+    assert order == [Kind.ASSUMPTION, Kind.CONDITION, Kind.LEFT_OUT]
+    text = effects_table(now, [*same, *other], MissionLimits())
+    assert "| **as it is now** |" in text
+    assert "of 90.0" in text, "what parked vehicles leave to be seen"
+    assert text.splitlines()[-1].endswith("| hover, 10\u00a0m | same |")
+    assert proposals_table(now, same, MissionLimits()).splitlines()[-1] == "| something new | same | same |"
+
+
+def test_an_inspection_before_and_after_is_told_with_how_sure_it_is() -> None:
+    (ash, elm) = tours(flown(LOW, 0.004), flown(HIGH, 0.3, time_s=9.0), MissionLimits())
+    assert (ash.world, elm.world) == ("ash", "elm")
+    assert ash.after.option == (15.0, "hover")
+    assert ash.after.certainty is not None
+    assert ash.after.certainty > 0.9
+    assert ash.before.certainty < ash.after.certainty
+    assert naive_certainty(flown(LOW, 0.3), MissionLimits()) == 1.0
+
+
+def test_every_effect_is_a_valid_study_and_changes_what_it_says() -> None:
+    seen = {}
+    for variant in VARIANTS:
+        design = design_of(variant, [Path("town")], "los-C", 2)
+        assert isinstance(design, Design)
+        seen[variant.name] = (
+            design.densities, design.seed, str(design.defects), cells_of(design)[0].settings(design).model_dump_json()
+        )  # fmt: skip
+    assert len(set(seen.values())) == len(VARIANTS)
+    assert {variant.against for variant in VARIANTS} <= set(seen)
+
+
+@pytest.fixture(scope="module")
+def town(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The cross with a row of parking places on the carriageway of every segment."""
+    folder = tmp_path_factory.mktemp("effects") / "cross"
+    bare = add_defects(built("cross"), DefectOptions(per_segment=3))
+    places = [
+        kerb_place(at.x, at.y, name=f"{segment.id}-{number}-", segment=segment.id, length_m=6.0, width_m=2.4)
+        for segment in bare.world.segments
+        for number in range(4)
+        for at in [segment.centre_line.interpolate((number + 1) / 5, normalized=True)]
+    ]
+    save_world(replace(bare, world=with_places(bare.world, *places)), folder)
+    return folder
+
+
+@pytest.fixture
+def typed(town: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """A command line with one altitude, fewer defects, and the same light traffic in all studies."""
+    monkeypatch.setattr(catalogue, "ALTITUDES_M", (10.0,))
+    monkeypatch.setattr(catalogue, "DEFECTS", {"per_segment": 3})
+    monkeypatch.setattr(command, "BEFORE", replace(command.BEFORE, traffic=None))
+    variants = [command.BEFORE if each.name == "before" else each for each in VARIANTS]
+    monkeypatch.setattr(command, "VARIANTS", variants)
+    return [str(town), "-o", str(tmp_path), "--replicates", "2", "--traffic", "low", "--jobs", "1"]
+
+
+def test_the_command_flies_compares_and_resumes(
+    typed: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    typed += ["--only", "no-parking"]
+    assert command.main(typed) == 0
+    printed = capsys.readouterr().out
+    assert (tmp_path / "effects.md").read_text(encoding="utf-8").strip() == printed.strip()
+    assert (tmp_path / "effects.png").stat().st_size > 10_000
+    table = pl.read_csv(tmp_path / "effects.csv").filter(variant="no-parking", world=ALL, of="the same flight")
+    seen, hidden = (table.row(by_predicate=pl.col("metric") == name, named=True) for name in SURFACE)
+    assert seen["mean"] > 0.02, "more is seen where nobody parks"
+    assert seen["mean"] == pytest.approx(seen["after"] - seen["before"])
+    assert hidden["after"] == 0.0
+    assert hidden["before"] > 0.02
+    before = {part: part.stat().st_mtime_ns for part in (tmp_path / "studies").rglob("*-low.parquet")}
+    assert len(before) == 2 * 2
+    assert command.main(typed) == 0
+    assert {part: part.stat().st_mtime_ns for part in before} == before, "what is flown is not flown again"
+
+
+SURFACE = ("surface_coverage", "permanently_hidden")
+
+
+@pytest.mark.slow
+def test_the_command_flies_whole_inspections_before_and_after(
+    typed: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command.main([*typed, "--only", "before", "--tours", "2", "--segments", "2"]) == 0
+    _, told = capsys.readouterr().out.split("2 segments in one mission:")
+    before, after = (line.split(" | ") for line in told.strip().splitlines()[2:4])
+    assert before[:2] == ["| cross", "before"]
+    assert before[4].endswith("of 100.0")
+    assert float(after[4].split(" of ")[1]) < 98
+    assert after[-1] == "1 |"
+
+
+def test_an_effect_that_is_not_known_is_refused(town: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command.main([str(town), "-o", str(tmp_path), "--only", "rain"]) == 2
+    assert "no effect 'rain'" in capsys.readouterr().err
+
+
+CRACKS = [variant for variant in VARIANTS if variant.name.startswith("cracks")]
+
+
+@pytest.mark.slow
+def test_the_altitude_for_cracks_follows_the_ground_resolution(town: Path, tmp_path: Path) -> None:
+    """Finer pixels behind the same lens: one flies higher. The pixel on the ground stays within a factor of three."""
+    altitudes, pixels = {}, {}
+    for variant in CRACKS:
+        design = design_of(
+            variant, [town], "low", 8, altitudes_m=[6, 10, 15, 30, 60], policies=["baseline"], segments=2,
+            defects={"per_segment": 20, "mix": {"single_crack": 1}},
+        )  # fmt: skip
+        run(design, tmp_path / variant.name, Single())
+        table = Store(tmp_path / variant.name).table()
+        altitudes[variant.name] = command.proposed(table, MissionLimits())[0]
+        settings = cells_of(design)[0].settings(design)
+        pixels[variant.name] = camera_of(settings).ground_resolution_m(1.0)
+    assert pixels["cracks-coarse"] > pixels["cracks"] > pixels["cracks-fine"]
+    assert altitudes["cracks-coarse"] < altitudes["cracks"] <= altitudes["cracks-fine"]
+    assert altitudes["cracks-coarse"] < altitudes["cracks-fine"]
