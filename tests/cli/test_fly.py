@@ -368,6 +368,7 @@ def test_a_mission_takes_off_beside_the_road_or_where_it_is_told(world: Path, tm
         (("--set", "policy.max_wiat_s=3"), "did you mean 'max_wait_s'"),
         (("--set", "policy.max_wait_s=soon"), "max_wait_s"),
         (("--set", "nonsense"), "key=value"),
+        (("--set", "energy.capacity_wh=0.2"), "Take off nearer to it (--base), leave it out, fly another --aircraft"),
         (("--set", "sensing.sensor=idael"), "did you mean 'ideal'"),
         (("--sensor", "keen.py"), "lacks the name of the class"),
         (("--set", "camera.model=phantom5"), "did you mean 'phantom4'"),

@@ -43,6 +43,8 @@ class MissionEnvironment:
     defects: tuple[Defect, ...]
     altitude_m: float
     ground: Ground
+    mesh: NavMesh
+    """Where the UAV flies."""
     segments_in_reach: tuple[bool, ...]
     """For each segment, whether a way leads from the base to its middle."""
     parking: ParkingInput
@@ -172,7 +174,14 @@ def prepare(
     )
     flown = replace(world, base=around.base)
     return MissionEnvironment(
-        flown, chosen, settings.altitude_m, ground, around.segments_in_reach, parking=parking, parked=parked
+        flown,
+        chosen,
+        settings.altitude_m,
+        ground,
+        around.mesh,
+        around.segments_in_reach,
+        parking=parking,
+        parked=parked,
     )
 
 

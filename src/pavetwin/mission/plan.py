@@ -14,6 +14,7 @@ from pavetwin.errors import PaveTwinError, about
 from pavetwin.mission.airspace import load_airspace
 from pavetwin.mission.environment import MissionEnvironment, prepare
 from pavetwin.mission.inputs import defects_of
+from pavetwin.mission.reach import check_reach
 from pavetwin.mission.spec import DefectInput, FileInput, MissionSpec, PolicyInput, TrafficInput, WorldInput
 from pavetwin.mission.targets import choose_targets
 from pavetwin.navigation.base import parse_base
@@ -71,7 +72,8 @@ def plan_mission(
         environment: the world as `prepare` made it for these settings and defects, where that is done already.
 
     Raises:
-        PaveTwinError: something that is named does not exist, or a segment cannot be reached.
+        PaveTwinError: something that is named does not exist, or a segment cannot be reached: there is no way, or none
+            that one set of batteries flies and comes back.
     """
     chosen = settings or load_settings()
     check_names(chosen, [policy], seed)
@@ -86,6 +88,7 @@ def plan_mission(
     count = segments if isinstance(segments, int) or segments is None else None
     names = () if isinstance(segments, int) or segments is None else segments
     targets = choose_targets(ready, count=count, names=names, order=order, seed=seed)
+    check_reach(ready, chosen, targets)
     return MissionSpec.of(
         world=WorldInput.of(world),
         defects=source.model_copy(update={"content_hash": ready.defects_hash}),

@@ -1,0 +1,108 @@
+"""What one battery cannot fly at all is said before the UAV takes off."""
+
+import numpy as np
+import pytest
+from shapely import box
+
+from pavetwin.config import load_settings
+from pavetwin.errors import PaveTwinError
+from pavetwin.mission.mission import Mission
+from pavetwin.mission.plan import plan_mission
+from pavetwin.mission.reach import check_reach, ways_out
+from pavetwin.mission.track import MODES
+from pavetwin.twin import Mode
+from pavetwin.world.model import Junction
+from scenes.tiny import Scene, straight, street, world
+
+FAR = world(
+    [street("near", (60, 0), (100, 0)), street("far", (600, 0), (660, 0))],
+    junctions=[Junction("way", "x", box(-5, -5, 600, 5))],
+)
+
+
+def refused(*overrides: str, segments: tuple[str, ...] = ("far",)) -> str:
+    with pytest.raises(PaveTwinError) as caught:
+        plan_mission(FAR, load_settings("default", overrides), segments=segments, base=(0.0, 0.0))
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_a_plan_that_no_battery_can_fly_is_refused_with_what_would_help() -> None:
+    told = refused("energy.capacity_wh=5")
+    assert told.startswith("One battery is too small for 'far': 66")
+    assert "m out and as far back at 10 m take a DJI Mavic 3 Enterprise at least " in told
+    assert "% of its usable energy, and a flight may use 85 %." in told
+    assert "Take off nearer to it (`base`), leave it out, fly another `aircraft` or with more energy" in told
+
+
+def test_the_wind_is_named_where_there_is_one() -> None:
+    told = refused("energy.capacity_wh=7.5", "conditions.wind_mps=11", "conditions.wind_from_deg=270")
+    assert "at 10 m in a wind of 11 m/s take" in told
+    assert "wait for less wind" in told
+    plan_mission(FAR, load_settings("default", ["energy.capacity_wh=7.5"]), segments=("far",), base=(0.0, 0.0))
+
+
+def test_what_is_near_enough_is_not_refused_and_the_rest_is_counted() -> None:
+    small = ["energy.capacity_wh=5"]
+    assert plan_mission(FAR, load_settings("default", small), segments=("near",), base=(0.0, 0.0)).targets == ("near",)
+    assert "too small for 'far': " in refused(*small, segments=("near", "far"))
+    tiny = refused("energy.capacity_wh=0.5", segments=("near", "far"))
+    assert tiny.startswith("One battery is too small for 2 of 2 segments, the farthest of them 'far': ")
+
+
+@pytest.mark.parametrize(
+    "worse",
+    [
+        ("energy.reserve=0.6",),
+        ("altitude_m=120",),
+        ("energy.health=0.5",),
+        ("conditions.temperature_c=-20",),
+        ("energy.usable=0.4",),
+        ("energy.payload_kg=1",),
+        ("conditions.wind_mps=11", "conditions.wind_from_deg=90"),
+    ],
+)
+def test_whatever_takes_energy_counts(worse: tuple[str, ...]) -> None:
+    enough = "energy.capacity_wh=8"
+    scene = Scene(FAR, altitude_m=10.0)
+    for overrides, fits in (((enough,), True), ((enough, *worse), False)):
+        settings = load_settings("default", overrides)
+        environment = scene.environment(settings)
+        if fits:
+            check_reach(environment, settings, [1])
+        else:
+            with pytest.raises(PaveTwinError, match="One battery is too small for 'far'"):
+                check_reach(environment, settings, [1])
+
+
+@pytest.mark.parametrize("wind_from_deg", [0, 90, 180, 270])
+@pytest.mark.parametrize("preset", ["default", "paper"])
+def test_no_flight_takes_less_than_it_is_said_to_take_at_least(preset: str, wind_from_deg: int) -> None:
+    """The energy of a real mission, up to its arrival and on its way home, is never below the bound."""
+    wind = ("conditions.wind_mps=6", f"conditions.wind_from_deg={wind_from_deg}")
+    scene = Scene(FAR, altitude_m=10.0)
+    flown = scene.fly("baseline", *wind, preset=preset)
+    (alone,) = ways_out(flown.environment, flown.settings, [1])
+    landed = flown.track["mode"] == MODES.index(Mode.LAND)
+    assert landed.any()
+    assert flown.swaps == 0
+    assert alone.needed < flown.energy
+    assert alone.needed > 0.5 * flown.energy
+    assert alone.distance_m == pytest.approx(660 - flown.environment.world.base.x, abs=8.0)
+
+
+@pytest.mark.parametrize("capacity_wh", np.arange(4.0, 9.0, 0.5))
+def test_what_is_refused_before_take_off_fails_in_flight(capacity_wh: float) -> None:
+    scene = Scene(FAR, altitude_m=10.0)
+    settings = scene.settings(f"energy.capacity_wh={capacity_wh}")
+    environment = scene.environment(settings)
+    try:
+        check_reach(environment, settings, [1])
+    except PaveTwinError:
+        with pytest.raises(PaveTwinError, match="One battery is too small"):
+            Mission(environment, scene.traffic(), settings, [1]).advance_until(np.inf)
+
+
+def test_streets_around_the_base_are_within_reach() -> None:
+    scene = Scene(straight(), altitude_m=10.0)
+    check_reach(scene.environment(), scene.settings(), [0])
