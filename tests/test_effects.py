@@ -9,8 +9,8 @@ import pytest
 from benchmarks.effects import __main__ as command
 from benchmarks.effects import catalogue
 from benchmarks.effects.catalogue import VARIANTS, Kind, Variant, design_of
-from benchmarks.effects.sizes import ALL, FLIGHT, Effect, effects, ranked, value
-from benchmarks.effects.table import effects_table, proposals_table
+from benchmarks.effects.sizes import ALL, FLIGHT, Effect, effects, proposed, ranked, value
+from benchmarks.effects.table import default_line, effects_table, proposals_table
 from benchmarks.effects.tour import naive_certainty, tours
 
 from pavetwin.defects import DefectOptions, add_defects
@@ -95,18 +95,20 @@ def test_replicates_over_other_segments_are_no_pairs() -> None:
     assert value(of_all(changed(Kind.CHANCE, now, other)).flight, "coverage", "pairs") == 2 * 12
 
 
-def test_what_costs_a_decision_most_comes_first() -> None:
-    now = flown(LOW, 0.3)
-    same = changed(Kind.LEFT_OUT, now, flown(LOW, 0.3, coverage=0.0))
-    other = changed(Kind.CONDITION, now, flown(HIGH, 0.1))
-    worse = changed(Kind.ASSUMPTION, now, flown(HIGH, 0.2))
-    order = [effect.variant.kind for effect in ranked([*same, *other, *worse])]
-    assert order == [Kind.ASSUMPTION, Kind.CONDITION, Kind.LEFT_OUT]
-    text = effects_table(now, [*same, *other], MissionLimits())
-    assert "| **as it is now** |" in text
-    assert "of 90.0" in text, "what parked vehicles leave to be seen"
-    assert text.splitlines()[-1].endswith("| hover, 10\u00a0m | same |")
-    assert proposals_table(now, same, MissionLimits()).splitlines()[-1] == "| something new | same | same |"
+def test_the_largest_change_comes_first_whatever_it_is_of() -> None:
+    """Of time and energy by a third, of what the decision finds by a tenth, of the surface by a fiftieth."""
+    now = flown(LOW, 0.1)
+    seen = changed(Kind.LEFT_OUT, now, flown(LOW, 0.1, surface_coverage=-0.014))
+    lost = changed(Kind.ASSUMPTION, now, flown(HIGH, 0.1))
+    used = changed(Kind.CONDITION, now, flown(LOW, 0.1, time_s=20.0))
+    order = [effect.variant.kind for effect in ranked([*seen, *lost, *used])]
+    assert order == [Kind.CONDITION, Kind.ASSUMPTION, Kind.LEFT_OUT]
+    row = effects_table(used, Kind.CONDITION).splitlines()[2]
+    assert row.startswith(
+        "| something new | 0 | 0 | **+35** (+35 to +35) | **+35** (+35 to +35) | hover, 10\u00a0m | same |"
+    )
+    assert " of 90.0 %" in default_line(now, MissionLimits()), "what parked vehicles leave to be seen"
+    assert proposals_table(now, used, MissionLimits()).splitlines()[-1] == "| something new | same | same |"
 
 
 def test_an_inspection_before_and_after_is_told_with_how_sure_it_is() -> None:
@@ -212,7 +214,7 @@ def test_the_altitude_for_cracks_follows_the_ground_resolution(town: Path, tmp_p
         )  # fmt: skip
         run(design, tmp_path / variant.name, Single())
         table = Store(tmp_path / variant.name).table()
-        altitudes[variant.name] = command.proposed(table, MissionLimits())[0]
+        altitudes[variant.name] = proposed(table, MissionLimits())[0]
         settings = cells_of(design)[0].settings(design)
         pixels[variant.name] = camera_of(settings).ground_resolution_m(1.0)
     assert pixels["cracks-coarse"] > pixels["cracks"] > pixels["cracks-fine"]

@@ -109,14 +109,16 @@ def measure(asked: argparse.Namespace, tell: OnProgress) -> str:
         if variant != DEFAULT
         for effect in effects(variant, flown[variant.against], flown[variant.name], limits)
     ]
-    parts = [tables.effects_table(flown[DEFAULT.name], found, limits)]
-    parts += [tables.proposals_table(flown[DEFAULT.name], found, limits)]
-    parts += [tables.choices_table(flown[DEFAULT.name])]
+    parts = [tables.default_line(flown[DEFAULT.name], limits)]
+    for kind in dict.fromkeys(effect.variant.kind for effect in found):
+        parts += [f"## {tables.SECTIONS[kind]}", tables.effects_table(found, kind)]
+    parts += ["## Proposals", tables.proposals_table(flown[DEFAULT.name], found, limits)]
+    parts += ["## Choices", tables.choices_table(flown[DEFAULT.name])]
     if cracks := [variant for variant in variants if variant.defects == CRACKS]:
-        parts += [tables.cracks_table(flown, cracks, limits)]
+        parts += ["## Cracks", tables.cracks_table(flown, cracks, limits)]
     if f"tour-{BEFORE.name}" in flown:
         was, now = flown[f"tour-{BEFORE.name}"], flown[f"tour-{DEFAULT.name}"]
-        parts += [tables.tours_table(tours(was, now, limits), asked.segments)]
+        parts += ["## Before and after", tables.tours_table(tours(was, now, limits), asked.segments)]
     text = "\n\n".join(parts) + "\n"
     (folder / "effects.md").write_text(text, encoding="utf-8")
     as_table(found).write_csv(folder / "effects.csv")

@@ -34,7 +34,7 @@ ROW_IN: Final = 0.2
 
 
 def save_plot(found: Sequence[Effect], path: Path) -> None:
-    """A row an effect over all worlds, the most important at the top: dots with simultaneous 95 % intervals."""
+    """A row an effect over all worlds, the largest at the top: dots with simultaneous 95 % intervals."""
     effects = ranked(found)
     height = ROW_IN * len(effects)
     with style.styled():

@@ -49,10 +49,17 @@ class Effect:
     where the two are the same."""
 
     @property
-    def rank(self) -> tuple[float, float]:
-        """Larger is more important: what the decision loses of coverage, then the change of the same flight's."""
-        lost = 0.0 if self.decision is None else value(self.decision, "coverage", "mean")
-        return max(-lost, 0.0), abs(value(self.flight, "coverage", "mean"))
+    def size(self) -> float:
+        """The largest change, as a share of what it is without: of what is found, seen, flown and used on the same
+        flight, or of what the decision loses."""
+        changes = [share(self.flight, name) for name in ("coverage", "surface_coverage", "time_s", "energy")]
+        return max(*changes, 0.0 if self.decision is None else share(self.decision, "coverage"))
+
+
+def share(frame: pl.DataFrame, metric: str) -> float:
+    """How large a mean difference is, as a share of the mean that it is a difference to."""
+    before = value(frame, metric, "before")
+    return abs(value(frame, metric, "mean")) / before if before else 0.0
 
 
 def value(frame: pl.DataFrame, metric: str, column: str) -> float:
@@ -134,8 +141,8 @@ def _within(table: pl.DataFrame, scope: str) -> pl.DataFrame:
 
 
 def ranked(found: Sequence[Effect]) -> list[Effect]:
-    """The effects over all worlds together, the most important first."""
-    return sorted((effect for effect in found if effect.scope == ALL), key=lambda effect: effect.rank, reverse=True)
+    """The effects over all worlds together, the largest first."""
+    return sorted((effect for effect in found if effect.scope == ALL), key=lambda effect: effect.size, reverse=True)
 
 
 def as_table(found: Sequence[Effect]) -> pl.DataFrame:

@@ -13,8 +13,11 @@ from pavetwin.experiments.metrics import Metric, metric_named
 from pavetwin.experiments.statistics import MissionLimits, summarise
 from pavetwin.experiments.words import MISSING, number, percent, shown
 
-SHOWN = tuple(metric for metric in MEASURED if metric.name != "permanently_hidden")
-COVERAGE = SHOWN[0]
+COVERAGE, SEEN, HIDDEN, _WAITING, TIME, ENERGY = MEASURED
+SHOWN = (COVERAGE, SEEN, TIME, ENERGY)
+RELATIVE = (TIME, ENERGY)
+"""Shown as shares of what they are without the change."""
+CHOSEN = (COVERAGE, SEEN, _WAITING, TIME, ENERGY)
 HEADINGS = {
     "coverage": "found, points",
     "surface_coverage": "surface seen, points",
@@ -22,32 +25,45 @@ HEADINGS = {
     "time_s": "time, s",
     "energy": "battery, points",
 }
-KINDS = {
-    Kind.LEFT_OUT: "left out",
-    Kind.CONDITION: "on such a day",
-    Kind.ASSUMPTION: "if so",
-    Kind.CHANCE: "by chance",
+SECTIONS = {
+    Kind.LEFT_OUT: "What the twin knows: as if it did not",
+    Kind.CONDITION: "What depends on the day",
+    Kind.ASSUMPTION: "What is assumed or chosen",
+    Kind.CHANCE: "Chance alone",
 }
 
 
-def effects_table(default: pl.DataFrame, found: Sequence[Effect], limits: MissionLimits) -> str:
-    """All worlds together: first how the default flies, then what each change changes, the most important first."""
+def default_line(default: pl.DataFrame, limits: MissionLimits) -> str:
+    """How the default flies: what the changes of the tables are changes of."""
     flight = default.filter(altitude_m=FLIGHT[0], policy=FLIGHT[1])
-    own = compared({"one": flight, "same": flight})
-    cells = {row["metric"]: row["before"] for row in own.iter_rows(named=True)}
-    most = shown(metric_named("surface_coverage"), 1 - cells["permanently_hidden"])
-    first = [
-        shown(metric, cells[metric.name]) + (f" of {most}" if metric.name == "surface_coverage" else "")
-        for metric in SHOWN
-    ]
-    rows = [["", "**as it is now**", *first, option_text(proposed(default, limits)), ""]]
+    own = {row["metric"]: row["before"] for row in compared({"one": flight, "same": flight}).iter_rows(named=True)}
+    replicates, worlds = default["replicate"].n_unique(), default["world"].n_unique()
+    return (
+        f"As it is now, {option_text(FLIGHT)}, a segment: found {shown(COVERAGE, own['coverage'])} %, surface seen "
+        f"{shown(SEEN, own['surface_coverage'])} of {shown(HIDDEN, 1 - own['permanently_hidden'])} %, waiting "
+        f"{shown(_WAITING, own['wait_s'])} s, time {shown(TIME, own['time_s'])} s, {shown(ENERGY, own['energy'])} % of "
+        f"a battery; proposed: {option_text(proposed(default, limits))}. {replicates} replicates in each of {worlds} "
+        "worlds."
+    )
+
+
+def effects_table(found: Sequence[Effect], kind: Kind) -> str:
+    """The changes of a kind over all worlds together, the largest first. Bold is what the interval tells from 0."""
+    rows = []
     for effect in ranked(found):
-        gaps = [gap(effect.flight, metric) for metric in SHOWN]
-        lost = "same" if effect.decision is None else gap(effect.decision, COVERAGE)
-        title = effect.variant.title
-        rows.append([KINDS[effect.variant.kind], title, *gaps, option_text(effect.options[1]), lost])
-    head = ["", "what is changed", *(HEADINGS[metric.name] for metric in SHOWN)]
-    return _markdown([*head, "proposed", "deciding without knowing: found, points"], rows)
+        if effect.variant.kind is kind:
+            gaps = [gap(effect.flight, metric, relative=metric in RELATIVE) for metric in SHOWN]
+            lost = "same" if effect.decision is None else gap(effect.decision, COVERAGE)
+            rows.append([effect.variant.title, *gaps, option_text(effect.options[1]), lost])
+    head = [
+        "found, points",
+        "surface seen, points",
+        "time, %",
+        "battery, %",
+        "proposed",
+        "lost by the decision, points",
+    ]
+    return _markdown(["", *head], rows)
 
 
 def proposals_table(default: pl.DataFrame, found: Sequence[Effect], limits: MissionLimits) -> str:
@@ -76,9 +92,9 @@ def choices_table(default: pl.DataFrame) -> str:
         if (altitude_m, policy) != FLIGHT:
             other = default.filter(altitude_m=altitude_m, policy=policy)
             gaps = compared({"usual": reference, "other": other})
-            rows.append([option_text((altitude_m, policy)), *(gap(gaps, metric) for metric in SHOWN)])
+            rows.append([option_text((altitude_m, policy)), *(gap(gaps, metric) for metric in CHOSEN)])
     head = f"instead of {option_text(FLIGHT)}"
-    return _markdown([head, *(HEADINGS[metric.name] for metric in SHOWN)], rows)
+    return _markdown([head, *(HEADINGS[metric.name] for metric in CHOSEN)], rows)
 
 
 def cracks_table(flown: Mapping[str, pl.DataFrame], variants: Sequence[Variant], limits: MissionLimits) -> str:
@@ -136,11 +152,23 @@ def tours_table(found: Sequence[Tour], segments: int) -> str:
 
 
 def gap(
-    frame: pl.DataFrame, metric: Metric, *, interval: bool = True, scale: float | None = None, digits: int | None = None
+    frame: pl.DataFrame,
+    metric: Metric,
+    *,
+    interval: bool = True,
+    relative: bool = False,
+    scale: float | None = None,
+    digits: int | None = None,
 ) -> str:
-    """`−2.3 (−3.0 to −1.6)` of a row of `Effect.flight`; 0 where nothing differs at all."""
+    """`**−2.3** (−3.0 to −1.6)` of a row of `Effect.flight`, bold where the interval excludes 0.
+
+    Args:
+        relative: as a share, in %, of what it is without the change.
+    """
     row: dict[str, Any] = frame.row(by_predicate=pl.col("metric") == metric.name, named=True)
     scale, digits = scale or metric.scale, metric.digits if digits is None else digits
+    if relative:
+        scale, digits = 100 / row["before"] if row["before"] else 0.0, 0
     if row["mean"] is None:
         return MISSING
     if row["mean"] == 0 and row["low"] == row["high"]:
@@ -148,6 +176,8 @@ def gap(
     text = signed(row["mean"] * scale, digits)
     if not interval or row["low"] is None or row["high"] is None:
         return text
+    if row["low"] > 0 or row["high"] < 0:
+        text = f"**{text}**"
     return f"{text} ({signed(row['low'] * scale, digits)} to {signed(row['high'] * scale, digits)})"
 
 
