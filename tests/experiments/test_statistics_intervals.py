@@ -144,11 +144,11 @@ def test_the_drawn_test_agrees_with_the_exact_one_and_with_scipy() -> None:
         assert p == pytest.approx(stats.ttest_1samp(row, 0).pvalue, abs=0.03)
 
 
-def test_p_under_no_effect_is_as_often_small_as_it_says() -> None:
-    for n in (10, EXACT + 4):
-        p = sign_flip_p(np.random.default_rng(n).normal(size=(3000, n)))
-        assert np.mean(p <= 0.05) == pytest.approx(0.05, abs=0.012)
-        assert np.mean(p <= 0.5) == pytest.approx(0.5, abs=0.03)
+@pytest.mark.parametrize("n", [10, pytest.param(EXACT + 4, marks=pytest.mark.slow)])
+def test_p_under_no_effect_is_as_often_small_as_it_says(n: int) -> None:
+    p = sign_flip_p(np.random.default_rng(n).normal(size=(3000, n)))
+    assert np.mean(p <= 0.05) == pytest.approx(0.05, abs=0.012)
+    assert np.mean(p <= 0.5) == pytest.approx(0.5, abs=0.03)
 
 
 def test_equal_sums_in_other_last_bits_count_as_equal() -> None:

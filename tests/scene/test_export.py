@@ -274,6 +274,7 @@ def test_the_same_scene_gives_the_same_bytes(written: Written, tmp_path: Path) -
     assert again.read_bytes() == written.path.read_bytes()
 
 
+@pytest.mark.slow
 def test_more_processes_write_the_same_file(written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pavetwin.scene.export.write.LEAST_TILES", 1)
     monkeypatch.setattr("pavetwin.scene.export.pieces.RUN", 1)
