@@ -124,6 +124,22 @@ def test_a_loading_bay_is_empty_at_one_hour_and_full_at_another() -> None:
     assert (found("12:00"), found("02:00")) == ([True, True], [False, True])
 
 
+@pytest.mark.parametrize("policy", POLICIES)
+@pytest.mark.parametrize(
+    ("day", "clock", "is_free"),
+    [("2026-06-22", "12:00", True), ("2026-06-22", "18:00", False), ("2026-06-21", "12:00", False)],
+)
+def test_a_loading_bay_shows_its_defect_at_its_hours_alone(policy: str, day: str, clock: str, is_free: bool) -> None:
+    """A Monday at noon, after hours, and a Sunday; out of its hours everybody parks there."""
+    scene = narrow_street()
+    (place,) = scene.world.parking
+    bay = Scene(with_places(scene.world, replace(place, closed="Mo-Fr 07:00-17:00")))
+    ours = bay.fly(policy, FULL, f"conditions.date={day}", f"conditions.time='{clock}'")
+    assert inspected_defects(ours)[0].is_found == is_free
+    assert (ours.rows[0].permanently_hidden == 0.0) == is_free
+    assert ours.rows[0].wait_s == 0.0
+
+
 def test_what_is_parked_depends_on_the_seed_and_is_the_same_under_every_policy() -> None:
     scene = full_street()
     settings_ = scene.settings("parking.occupancy=0.5")

@@ -103,6 +103,21 @@ def test_what_is_refused_before_take_off_fails_in_flight(capacity_wh: float) -> 
             Mission(environment, scene.traffic(), settings, [1]).advance_until(np.inf)
 
 
+@pytest.mark.parametrize("name", ["phantom4", "phantom4pro", "mavic3e", "matrice350"])
+def test_wind_from_every_side_costs_energy_there_and_back(name: str) -> None:
+    """Out and back along the street takes most with the wind along it, and never less than in calm."""
+    scene = Scene(FAR, altitude_m=10.0)
+    needed = {}
+    for wind_from_deg in (None, 0, 90, 180, 270):
+        wind = [] if wind_from_deg is None else ["conditions.wind_mps=8", f"conditions.wind_from_deg={wind_from_deg}"]
+        settings = scene.settings(f"aircraft={name}", *wind)
+        (way,) = ways_out(scene.environment(settings), settings, [1])
+        needed[wind_from_deg] = way.needed
+    assert needed[0] == pytest.approx(needed[180], rel=0.01)
+    assert needed[90] == pytest.approx(needed[270], rel=0.01)
+    assert needed[None] < needed[0] < needed[90]
+
+
 def test_streets_around_the_base_are_within_reach() -> None:
     scene = Scene(straight(), altitude_m=10.0)
     check_reach(scene.environment(), scene.settings(), [0])
