@@ -191,6 +191,24 @@ def unwritable(target: Path, error: OSError) -> PaveTwinError:
     return PaveTwinError(f"Cannot write '{target}': {reason}. {hint(error, 'choose another folder')}.")
 
 
+def check_writable(target: Path, otherwise: str = "") -> None:
+    """Fail before what takes long, not after it. No folder is created, for the sake of concurrent processes.
+
+    Args:
+        otherwise: a sentence behind the message.
+
+    Raises:
+        PaveTwinError: no file can be made there.
+    """
+    place = next(folder for folder in target.absolute().parents if folder.exists())
+    try:
+        handle, name = tempfile.mkstemp(dir=place, prefix=".writable-")
+        os.close(handle)
+        Path(name).unlink()
+    except OSError as error:
+        raise PaveTwinError(" ".join(filter(None, (str(unwritable(target, error)), otherwise)))) from error
+
+
 def hint(error: OSError, otherwise: str) -> str:
     """What helps, as the beginning of a sentence: room where there is none left, else `otherwise`."""
     return f"Free some space or {otherwise}" if error.errno in NO_ROOM else otherwise[:1].upper() + otherwise[1:]

@@ -99,7 +99,7 @@ def test_a_recording_is_of_its_level_and_its_mix(world: Path, tmp_path: Path) ->
     recording = load_recording(own, load_world(world))
     assert recording.origin.asked is not None
     assert (recording.origin.asked.level, recording.origin.asked.mix) == ("D", "south_asia")
-    assert {"motorcycle", "scooter", "auto_rickshaw"} & set(recording.agents.kind)
+    assert {"scooter", "auto_rickshaw"} & set(recording.agents.kind)
 
 
 def test_info_says_how_a_recording_flows_and_what_one_of_before_needs_for_that(world: Path, tmp_path: Path) -> None:

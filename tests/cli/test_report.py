@@ -53,6 +53,20 @@ def test_what_parked_vehicles_leave_to_be_seen_is_told_beside_what_was_seen() ->
     assert "at most" not in report.sentence([empty])
 
 
+def test_streets_of_one_policy_are_summed_with_what_was_seen_of_them() -> None:
+    result = tiny.result("lively_street", "hover")
+    (row,) = result.rows
+    half = replace(row, surface_coverage=0.5, area_m2=row.area_m2 * 3, defects=10, confirmed=1, time_s=50.0)
+    table = report.streets_table([replace(result, rows=(replace(row, surface_coverage=1.0), half))])
+    cells = {str(column.header).replace("\n", " "): [str(cell) for cell in column.cells] for column in table.columns}
+    assert cells["segments"] == ["2"]
+    assert cells["found %"] == [f"{100 * (row.confirmed + 1) / (row.defects + 10):.1f}"]
+    assert cells["surface seen %"] == ["62.5"]
+    assert cells["time s"] == [f"{row.time_s + 50:.0f}"]
+    compared = report.streets_table([result, result])
+    assert not [column for column in compared.columns if "surface" in str(column.header)]
+
+
 @pytest.mark.parametrize("error", [ValueError("one point is not a line"), PaveTwinError("No segment in common.")])
 def test_a_picture_that_fails_leaves_the_numbers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception

@@ -174,6 +174,20 @@ def test_the_segment_with_most_occlusions_tells_most() -> None:
     assert notable_segments([replace(result, rows=(row, other))]) == ["other", row.segment]
 
 
+def test_a_comparison_says_why_it_shows_that_segment() -> None:
+    result = tiny.result("lively_street", "hover")
+    (row,) = result.rows
+    for change, reason in (
+        ({}, "hidden most often"),
+        ({"occlusions": 0, "wait_s": 3.0}, "waited over longest"),
+        ({"occlusions": 0, "wait_s": 0.0, "revisits": 0}, "the longest"),
+    ):
+        shown = replace(result, rows=(replace(row, **change),))
+        with style.styled():
+            figure = _comparison_figure([shown, shown], row.segment)
+        assert any(text.get_text().endswith(f", {reason} of 1 segments") for text in figure.texts)
+
+
 def test_the_map_shows_all_that_was_flown_over() -> None:
     result = tiny.result("lively_street", "skip")
     west, south, east, north = flown_bounds(result)

@@ -134,8 +134,10 @@ def test_only_a_world_is_replaced_and_only_by_force(saved: World, tmp_path: Path
 def test_an_unwritable_place_is_refused_and_nothing_left(tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("in the way")
-    with pytest.raises(PaveTwinError, match="Cannot write"):
-        save_world(built("cross"), blocked / "world")
+    for refusing in (lambda: check_target(blocked / "world"), lambda: save_world(built("cross"), blocked / "world")):
+        with pytest.raises(PaveTwinError, match="Cannot write"):
+            refusing()
+    check_target(tmp_path / "free" / "world")
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 

@@ -108,7 +108,7 @@ def tell(
     for remark in inputs.replay.recording.remarks:
         out.print(f"[yellow]Note:[/] {remark}")
     out.print(segments_table(results[0]) if len(results) == 1 else comparison_table(results))
-    if len(results) > 1:
+    if len(results) > 1 or 1 < len({row.street for row in results[0].rows}) < len(results[0].rows):
         out.print(streets_table(results))
     out.print(sentence(results), markup=False, soft_wrap=True)
     for line in missed_lines(results):
@@ -135,8 +135,7 @@ def listing(result: Sequence["MissionResult"], *, animate: bool, frames: bool = 
     return (
         files
         if len(result) == 1
-        else "comparison.png (the segment hidden most often), mission.parquet, streets.csv, "
-        f"and a folder for each policy with {files}"
+        else f"comparison.png, mission.parquet, streets.csv, and a folder for each policy with {files}"
     )
 
 
@@ -226,7 +225,7 @@ def comparison_table(result: Sequence["MissionResult"]) -> Table:
 
 
 def streets_table(result: Sequence["MissionResult"]) -> Table:
-    """One row a street, with the share of its defects that each policy found."""
+    """One row a street, with the share of its defects that each policy found; of one policy also what it saw."""
     table = _table()
     table.add_column("street", vertical="bottom")
     names = list(dict.fromkeys(row.street for row in result[0].rows))
@@ -239,7 +238,11 @@ def streets_table(result: Sequence["MissionResult"]) -> Table:
         ("defects", [f"{sum(row.defects for row in rows)}" for rows in first]),
     ]
     for mission, streets in zip(result, by_street, strict=True):
-        columns.append((f"{mission.policy}\nfound %", [_percent(_found(rows)) for rows in streets]))
+        whose = f"{mission.policy}\n" if len(result) > 1 else ""
+        columns.append((f"{whose}found %", [_percent(_found(rows)) for rows in streets]))
+    if len(result) == 1:
+        columns.append(("surface\nseen %", [_percent(_seen(rows)) for rows in first]))
+        columns.append(("time\ns", [f"{sum(row.time_s for row in rows):.0f}" for rows in first]))
     for heading, cells in columns:
         _add_rigid(table, heading, cells)
     for name, *cells in zip(names, *(cells for _, cells in columns), strict=True):
@@ -250,6 +253,10 @@ def streets_table(result: Sequence["MissionResult"]) -> Table:
 def _found(rows: Sequence[SegmentMetrics]) -> float | None:
     defects = sum(row.defects for row in rows)
     return sum(row.confirmed for row in rows) / defects if defects else None
+
+
+def _seen(rows: Sequence[SegmentMetrics]) -> float:
+    return sum(row.surface_coverage * row.area_m2 for row in rows) / sum(row.area_m2 for row in rows)
 
 
 def _table(*, show_footer: bool = False) -> Table:

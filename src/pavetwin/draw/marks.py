@@ -101,6 +101,15 @@ def notable_segments(results: Sequence[MissionResult]) -> list[str]:
     return sorted(scores, key=lambda segment: scores[segment], reverse=True)
 
 
+def why_notable(results: Sequence[MissionResult], segment: str) -> str:
+    """In what a segment that `notable_segments` names first exceeds the others."""
+    rows = [row for result in results for row in result.rows]
+    of_it = [row for row in rows if row.segment == segment]
+    if any(row.occlusions for row in of_it):
+        return "hidden most often"
+    return "waited over longest" if any(row.wait_s or row.revisits for row in of_it) else "the longest"
+
+
 def start_of_interest_s(timeline: Timeline) -> float:
     """When an animation should begin: shortly before the first reaction of the policy, else the first occlusion."""
     return max(0.0, timeline.first_reaction_s() - LEAD_S)

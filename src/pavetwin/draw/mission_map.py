@@ -11,7 +11,7 @@ from matplotlib.legend_handler import HandlerTuple
 
 from pavetwin.draw import lettering, mission_layers, shapes, style
 from pavetwin.draw.fonts import families
-from pavetwin.draw.marks import notable_segments
+from pavetwin.draw.marks import notable_segments, why_notable
 from pavetwin.draw.mission_legend import legend_of, main_numbers, visibility_ramp
 from pavetwin.draw.street_names import shown_label, shown_names
 from pavetwin.draw.strip import CAPTION_IN, GAP_IN, TALLEST_IN, SegmentLayout, caption, draw_strip
@@ -121,7 +121,8 @@ def _comparison_figure(results: Sequence[MissionResult], segment: str) -> Figure
     height = HEAD_IN + len(results) * strip.with_caption_in + foot
     figure = style.new_figure(WIDTH_IN, height)
     world = results[0].environment.world
-    title = f"{world.name}: {shown_label(world, world.segment(segment))}"
+    reason = why_notable(results, segment)
+    title = f"{world.name}: {shown_label(world, world.segment(segment))}, {reason} of {len(results[0].rows)} segments"
     _heading(figure, title, "same traffic", results[0])
     y = height - HEAD_IN
     looks = style.policy_styles([result.policy for result in results])

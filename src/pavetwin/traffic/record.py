@@ -1,8 +1,6 @@
 """Record traffic as far as it is needed, and reuse recordings by the hash of their inputs."""
 
 import math
-import os
-import tempfile
 from collections.abc import Sequence
 from contextlib import ExitStack, closing, suppress
 from dataclasses import replace
@@ -11,7 +9,7 @@ from typing import Final, Self
 from weakref import finalize
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import unwritable
+from pavetwin.files import check_writable
 from pavetwin.traffic.convert import to_recording
 from pavetwin.traffic.demand import Density
 from pavetwin.traffic.demand_search import found
@@ -185,7 +183,7 @@ class Recorder:
     def _begin(self) -> SimulationProcess:
         require_sumo()
         inputs = self._inputs
-        _check_writable(inputs.path)
+        check_writable(inputs.path, f"{CACHE_VARIABLE} names one.")
         folder = self._alive.enter_context(workplace())
         return self._alive.enter_context(closing(SimulationProcess(inputs.job(folder))))
 
@@ -202,14 +200,3 @@ def _kept(inputs: Inputs) -> Recording | None:
             found.append(load_recording(path))
     same = (recording for recording in found if recording.origin.inputs == inputs.hash)
     return max(same, key=lambda recording: recording.frames, default=None)
-
-
-def _check_writable(path: Path) -> None:
-    """Fail before a long simulation, not after it; no folder is created, for the sake of concurrent processes."""
-    place = next(folder for folder in path.parents if folder.exists())
-    try:
-        handle, name = tempfile.mkstemp(dir=place, prefix=".writable-")
-        os.close(handle)
-        Path(name).unlink()
-    except OSError as error:
-        raise PaveTwinError(f"{unwritable(path, error)} {CACHE_VARIABLE} names one.") from error

@@ -5,6 +5,7 @@ from shlex import quote
 from typing import Any
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.files import check_writable
 
 FORMAT = 3
 """Of the folder; increased when older worlds cannot be read any more."""
@@ -24,15 +25,15 @@ def check_target(folder: str | Path, *, force: bool = False) -> None:
     """Refuse early where `save_world` would.
 
     Raises:
-        PaveTwinError: something is there that may not be replaced.
+        PaveTwinError: something is there that may not be replaced, or nothing can be written there.
     """
     folder = Path(folder)
-    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
-        return
-    if not folder.is_dir() or not any((folder / name).exists() for name in FILES):
-        raise PaveTwinError(f"'{folder}' exists and is not a world, so it is not replaced; choose another name.")
-    if not force:
-        raise PaveTwinError(f"The world '{folder}' exists already; choose another name, or replace it (`force`).")
+    if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
+        if not folder.is_dir() or not any((folder / name).exists() for name in FILES):
+            raise PaveTwinError(f"'{folder}' exists and is not a world, so it is not replaced; choose another name.")
+        if not force:
+            raise PaveTwinError(f"The world '{folder}' exists already; choose another name, or replace it (`force`).")
+    check_writable(folder / DESCRIPTION)
 
 
 def check_world(folder: Path) -> None:
