@@ -1,25 +1,33 @@
 """Frames as datasets need them: a UAV's nadir pictures over streets with high traffic, also over the most crowded place
-of all, and a car's view along a street there."""
+of all, and a car's view along a street there; and how much longer they take beside parked vehicles."""
 
 import math
 import time
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
 
 from benchmarks.measure import Kind, Line, Size, median_s
+from pavetwin.config import Conditions
+from pavetwin.config.parking import ParkingSettings
 from pavetwin.mission.replay import Replay
 from pavetwin.render.adapter import find_adapter
+from pavetwin.render.nearby import FAR_M
 from pavetwin.render.renderer import Renderer
 from pavetwin.scene.light import Light
 from pavetwin.scene.model import Instance
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.view import View, look, nadir
+from pavetwin.traffic.parked import parked_vehicles
 from pavetwin.uav import find_camera
 from pavetwin.world.model import World
+from pavetwin.world.parking import StreetSide
 from pavetwin.world.segments import direction_at, point_at
 
 PICTURE_TARGET_S, LABELLED_TARGET_S = 0.080, 0.120
+PARKED_TARGET = 1.25
+"""A street that is parked full at both kerbs takes no longer than this ratio to the same street empty."""
 ALTITUDE_M, CAR_CAMERA_M = 10.0, 1.3
 TIME_S, SEED = 300.0, 1
 NEAR_M = 60.0
@@ -68,8 +76,55 @@ def lines(world: World, replay: Replay, size: Size) -> Iterator[Line]:
     shoot(along, instances, labels=True)
     along_s = median_s(lambda: shoot(along, instances, labels=True), runs)
     yield Line("a car's frame with its labels", along_s, Kind.SECONDS, note="along the street there")
+    yield from _beside_parked_vehicles(scene, renderer, size)
     yield Line("the first frame of a place", first_s, Kind.SECONDS, note="tiles made and uploaded; one run")
     yield Line("what a renderer holds on its device", renderer.gpu.held_bytes / 2**20, Kind.MEBIBYTES)
+
+
+def _beside_parked_vehicles(scene: Scene, renderer: Renderer, size: Size) -> Iterator[Line]:
+    """How much longer frames take where every place is taken: the median over pairs of a frame with and one without."""
+    world, camera, light = scene.world, find_camera("phantom4pro"), Light(40.0, 140.0)
+    sides = Counter((place.segment, place.side) for place in world.parking)
+    segment = max(world.segments, key=lambda each: min(sides[each.id, side] for side in StreetSide))
+    stands = parked_vehicles(world, ParkingSettings(enabled=True, occupancy=1.0), Conditions(), SEED)
+
+    def ratio(view: View, *, labels: bool) -> float:
+        near = (float(view.position[0]), float(view.position[1]), FAR_M)
+        empty = scene.agents(None, 0.0, near)
+        full = (*empty, *scene.parked(stands, near))
+
+        def taken_s(seen: tuple[Instance, ...]) -> float:
+            begun = time.perf_counter()
+            renderer.frame(view, light=light, camera=camera, instances=seen, labels=labels, depth=labels)
+            return time.perf_counter() - begun
+
+        taken_s(empty), taken_s(full)
+        return float(np.median([taken_s(full) / taken_s(empty) for _ in range(size.runs)]))
+
+    above, along = [], []
+    for share in (np.arange(size.places) + 1) / (size.places + 1):
+        at = float(share) * segment.centre_line.length
+        (x, y), (dx, dy) = point_at(segment.centre_line, at), direction_at(segment.centre_line, at)
+        yaw = math.atan2(dy, dx)
+        above.append(nadir(camera, (x, y, ALTITUDE_M), yaw_rad=yaw, size_px=size.frame_px))
+        along.append(
+            look(
+                (x, y, CAR_CAMERA_M),
+                yaw_rad=yaw,
+                pitch_rad=-0.12,
+                size_px=size.frame_px,
+                vertical_fov_rad=math.radians(50),
+            )
+        )
+    cars = sum(sides[segment.id, side] for side in StreetSide)
+    for what, views, labels in (
+        ("a UAV's frame of a street parked full, to it empty", above, False),
+        ("the same with its labels", above, True),
+        ("a car's frame with labels there, to it empty", along, True),
+    ):
+        note = f"{cars} places along {segment.length_m:.0f} m, median of {len(views)} places"
+        value = float(np.median([ratio(view, labels=labels) for view in views]))
+        yield Line(what, value, Kind.RATIO, PARKED_TARGET, note=note)
 
 
 def _still(view: View) -> View:

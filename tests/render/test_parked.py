@@ -64,7 +64,7 @@ def shares(renderer: Renderer, altitude_m: float) -> list[tuple[float, float, fl
     models = renderer.scene.parked(parked())
     found = []
     for event, _ in captures(scene, 1.0, FULL):
-        view = nadir(CAMERA, (*event.position, event.altitude_m), yaw_rad=event.yaw_rad)
+        view = nadir(CAMERA, (*event.position, event.altitude_m), yaw_rad=event.yaw_rad, size_px=(800, 600))
         as_boxes, as_models = (
             renderer.light(view, instances=drawn, light=LIGHT, amodal=True) for drawn in (boxes, models)
         )
@@ -75,7 +75,7 @@ def shares(renderer: Renderer, altitude_m: float) -> list[tuple[float, float, fl
 
 
 def test_the_kernels_share_is_that_of_the_masks(renderer: Renderer) -> None:
-    by_kernel, by_boxes, by_models = np.array(shares(renderer, 6.0) + shares(renderer, 10.0)).T
+    by_kernel, by_boxes, by_models = np.array(shares(renderer, 6.0)).T
     partly = (by_boxes > 0.02) & (by_boxes < 0.98)
     apart = np.abs(by_kernel - by_boxes)
     more = (by_models - by_boxes)[partly]
@@ -83,8 +83,8 @@ def test_the_kernels_share_is_that_of_the_masks(renderer: Renderer) -> None:
     print(
         f"models show {np.median(more):.3f} more in the median, {more.mean():.3f} on average, at most {more.max():.3f}"
     )
-    assert partly.sum() >= 10
-    assert (by_boxes < 0.02).sum() >= 5
+    assert partly.sum() >= 6
+    assert (by_boxes < 0.02).sum() >= 3
     assert apart.max() <= 0.05
     assert apart[partly].mean() <= 0.015
     assert more.min() > -0.05, "models hide no more than their boxes"

@@ -29,6 +29,10 @@ NEAR_PX2: Final = 12.0
 """Models whose mean triangle covers more than this are lit at every pixel, others at every vertex."""
 
 
+FAR_LEVEL: Final = 2
+"""From this level on, with pixels of 4 cm, models that have a part for it are drawn by their part `far`."""
+
+
 class GpuScene:
     """The models and tiles of one scene on the device, and the draw list of each frame."""
 
@@ -41,10 +45,11 @@ class GpuScene:
 
     def mesh(self, part: int, level: int = 0, *, casts: bool = False) -> GpuMesh:
         """The mesh of a part at a level of detail; `casts`: as a shadow caster."""
-        mesh = self.parts.meshes[part]
-        key = part, level, casts and mesh.uv is not None
+        mesh, shadow = self.parts.meshes[part], self.parts.shadow.get(part)
+        key = part, level, casts and (mesh.uv is not None or shadow is not None)
         if key not in self._meshes:
-            made = casting(mesh, level) if casts else coarser(mesh, level)
+            seen = self.parts.far.get(part, mesh) if level >= FAR_LEVEL else mesh
+            made = (shadow or casting(mesh, level)) if casts else coarser(seen, level)
             self._meshes[key] = upload_model(self._gpu, made, culling_of(mesh))
         return self._meshes[key]
 

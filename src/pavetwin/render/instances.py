@@ -19,6 +19,7 @@ from pavetwin.arrays import (
 )
 from pavetwin.render.levels import foliage_px2, mean_area_m2
 from pavetwin.scene.model import Instance, Mesh, Model
+from pavetwin.scene.models import BODY, FAR, SHADOW
 
 _LOWEST_SHADE_M: Final = 0.35
 """Lower objects have no contact shadow worth drawing; objects whose underside is higher do not touch the ground [m]."""
@@ -62,6 +63,11 @@ class PartTable:
         names = [(model.name, part) for model in models.values() for part in model.parts]
         self.number = {name: index for index, name in enumerate(names)}
         self.meshes = [models[model].parts[part] for model, part in names]
+        bodies = {number: models[model].parts for (model, part), number in self.number.items() if part == BODY}
+        self.shadow = {number: parts[SHADOW] for number, parts in bodies.items() if SHADOW in parts}
+        """Meshes that cast the shadow of a body, by its number."""
+        self.far = {number: parts[FAR] for number, parts in bodies.items() if FAR in parts}
+        """Meshes for a body that is far away, by its number."""
         boxes = [(mesh.positions.min(axis=0), mesh.positions.max(axis=0)) for mesh in self.meshes]
         self.least_px2 = np.array([foliage_px2(mesh) for mesh in self.meshes], dtype=np.float64)
         self.area_m2 = np.array([mean_area_m2(mesh) for mesh in self.meshes], dtype=np.float64)

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -19,8 +18,8 @@ KEY: Final = 1
 PARKED_KEY: Final = 11
 """Keys of this module's children of the scene's random stream: agents of a recording, and parked vehicles."""
 
-PARKED_MODELS: Final[Mapping[str, str]] = MappingProxyType({"motorcycle": "motorcycle_parked"})
-"""Kinds that look different where they are parked: without their rider."""
+PARKED: Final = "_parked"
+"""Ends the name of a model for where its kind is parked: with fewer triangles, and without a rider."""
 
 STAND: Final = "stand"
 """The part of a person who does not walk; walking ones are `walk_0` … in the order of the gait."""
@@ -60,11 +59,11 @@ def look_of(agents: Agents, agent: int, seed: int, models: Mapping[str, Model]) 
     return _vehicle(vehicle_model(agents.kind[agent], size), size, rng)
 
 
-def parked_look(kind: str, key: int, seed: int) -> AgentAppearance:
+def parked_look(kind: str, key: int, seed: int, models: Mapping[str, Model]) -> AgentAppearance:
     """The appearance of a parked vehicle of a kind of ours, at its real size; `key` is of `ParkedVehicles.look`."""
     size = np.array([KINDS[kind].length_m, KINDS[kind].width_m, KINDS[kind].height_m])
     look = _vehicle(model := vehicle_model(kind, size), size, child(seed, Stream.SCENE, PARKED_KEY, key))
-    return replace(look, model=PARKED_MODELS.get(model, model))
+    return replace(look, model=f"{model}{PARKED}" if f"{model}{PARKED}" in models else model)
 
 
 def vehicle_model(kind: str, size_m: Float64Array) -> str:

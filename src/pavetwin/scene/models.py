@@ -31,6 +31,10 @@ SLOTS: Final[Mapping[str, int]] = MappingProxyType(
 BODY: Final = "body"
 """Name of the part of a model with a single part."""
 
+FAR: Final = "far"
+SHADOW: Final = "shadow"
+"""Names of the parts of some models: for their body seen from far away, and to cast its shadow."""
+
 
 @cache
 def library() -> Mapping[str, Model]:

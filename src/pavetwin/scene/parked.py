@@ -78,7 +78,7 @@ class ParkedInstances:
         return tuple(self._made[key] for key in keys)
 
     def _make(self, keys: list[Key], kinds: list[str]) -> None:
-        looks = [parked_look(kind, key[1], self._seed) for key, kind in zip(keys, kinds, strict=True)]
+        looks = [parked_look(kind, key[1], self._seed, self._models) for key, kind in zip(keys, kinds, strict=True)]
         wheels = [self._wheels_of(look.model).scaled(look.scale) for look in looks]
         tyres = np.array([each.points for each in wheels])
         x, y, yaw = (np.array(column) for column in list(zip(*keys, strict=True))[2:])
