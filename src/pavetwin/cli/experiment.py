@@ -330,7 +330,9 @@ def _plain(said: dict[str, Any]) -> dict[str, Any]:
             "SUMO": said["versions"]["libsumo"],
             **{f"world {name}": content for name, content in said["worlds"].items()},
         },
-        "worlds": [world if world["routes"] else world["path"] for world in said["design"]["worlds"]],
+        "worlds": [
+            world if world["routes"] or world["recordings"] else world["path"] for world in said["design"]["worlds"]
+        ],
     }
 
 

@@ -1,8 +1,10 @@
 """The section of a report that says how the recorded traffic of each level flows."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from typing import Final
+from itertools import islice
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 
@@ -46,18 +48,36 @@ def _rows(study: Study) -> Iterator[tuple[TableCell, ...]]:
     for name, world in study.worlds.items():
         for traffic in study.levels("traffic"):
             here = study.table.filter(world=name, traffic=traffic)["traffic_seed"].drop_nulls()
-            flows = list(_flows(world, traffic, here.unique(maintain_order=True).to_list()[:MOST_RECORDINGS]))
+            seeds = here.unique(maintain_order=True).to_list()[:MOST_RECORDINGS]
+            flows = list(_flows(world, _files(_entry_of(study, world), world, traffic, seeds)))
             if flows:
                 yield text_cells(name, level_text("traffic", traffic), f"{len(flows)}", *_means(flows))
 
 
-def _flows(world: World, traffic: str, seeds: Sequence[int]) -> Iterator[Flow]:
-    """Of the recordings that are on this machine."""
+def _entry_of(study: Study, world: World) -> Mapping[str, Any]:
+    """The world's entry in the design, with its own routes or recordings; empty where it has none."""
+    own = (entry for entry in study.design.get("worlds", ()) if isinstance(entry, Mapping))
+    folder = world.folder.absolute() if world.folder else None
+    return next((entry for entry in own if Path(entry["path"]).absolute() == folder), {})
+
+
+def _files(entry: Mapping[str, Any], world: World, traffic: str, seeds: Sequence[int]) -> Iterator[Path]:
+    """The recordings of a level of traffic that are on this machine."""
+    given = [Path(file) for file in entry.get("recordings") or () if Path(file).stem == traffic]
+    if given:
+        yield from filter(Path.is_file, given)
+        return
+    routes = entry.get("routes") or ()
     for seed in seeds:
         with suppress(PaveTwinError):
-            file = next((path for path in Inputs.of(world, traffic, seed).places() if path.is_file()), None)
-            if file is not None:
-                yield flow_of(load_recording(file, world), world)
+            inputs = Inputs.of(world, None if routes else traffic, seed, routes)
+            yield from islice(filter(Path.is_file, inputs.places()), 1)
+
+
+def _flows(world: World, files: Iterator[Path]) -> Iterator[Flow]:
+    for file in files:
+        with suppress(PaveTwinError):
+            yield flow_of(load_recording(file, world), world)
 
 
 def _means(flows: Sequence[Flow]) -> list[str]:

@@ -1,0 +1,68 @@
+"""The section of a report that says how the traffic of each level flows."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pavetwin.experiments.report.parts import Table
+from pavetwin.experiments.report.traffic import traffic_section
+from pavetwin.traffic.flow import flow_of
+from pavetwin.traffic.record import record
+from pavetwin.traffic.recording import Recording, save_recording
+from pavetwin.world.model import World
+from scenes.report_studies import study_of, table_of
+from scenes.traffic import ROUTES, scene_world
+
+
+@pytest.fixture(scope="module")
+def cross(tmp_path_factory: pytest.TempPathFactory) -> World:
+    return scene_world("cross", tmp_path_factory.mktemp("worlds"))
+
+
+def rows_of(world: World, traffic: str, entry: object) -> list[list[str]]:
+    """What the section says of a study of three replicates (traffic seeds 0, 1, 2)."""
+    study = study_of(table_of({"world": (world.name,), "traffic": (traffic,)}, 3))
+    section = traffic_section(replace(study, worlds={world.name: world}, design={**study.design, "worlds": [entry]}))
+    return [[cell.text for cell in row] for part in section.blocks if isinstance(part, Table) for row in part.rows]
+
+
+def said(recording: Recording, world: World) -> list[str]:
+    flow = flow_of(recording, world)
+    return [
+        f"{flow.speed_kmh:.0f}", f"{100 * (flow.ratio or 0):.0f} %", str(flow.level),
+        f"{100 * (flow.standing or 0):.0f} %", f"{flow.flow_per_lane_h:.0f}", f"{flow.removed_per_vehicle_hour:.2f}",
+    ]  # fmt: skip
+
+
+def test_a_density_is_told_from_the_recordings_of_its_seeds(cross: World) -> None:
+    recording = record(cross, "low", 1, 30.0)
+    ((world, traffic, count, *numbers),) = rows_of(cross, "low", str(cross.folder))
+    assert (world, traffic, count) == (cross.name, "low", "1")
+    assert numbers == said(recording, cross)
+
+
+def test_recordings_of_ones_own_are_told_too(cross: World, tmp_path: Path) -> None:
+    recording = save_recording(record(cross, "high", 1, 30.0), tmp_path / "rush.parquet")
+    entry = {"path": str(cross.folder), "routes": [], "recordings": [str(tmp_path / "rush.parquet")]}
+    ((_, traffic, count, *numbers),) = rows_of(cross, "rush", entry)
+    assert (traffic, count) == ("rush", "1")
+    assert numbers == said(recording, cross)
+
+
+def test_routes_of_ones_own_are_told_too(cross: World, tmp_path: Path) -> None:
+    routes = tmp_path / "mine.rou.xml"
+    routes.write_text(re.sub("<person.*?</person>", "", ROUTES, flags=re.DOTALL))
+    recording = record(cross, None, 2, 30.0, routes=[routes])
+    entry = {"path": str(cross.folder), "routes": [str(routes)], "recordings": []}
+    ((_, _, count, *numbers),) = rows_of(cross, "routes", entry)
+    assert count == "1"
+    assert numbers == said(recording, cross)
+
+
+def test_without_recordings_at_hand_nothing_is_said(
+    cross: World, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("PAVETWIN_CACHE", str(tmp_path))
+    assert rows_of(cross, "medium", str(cross.folder)) == []
