@@ -1,11 +1,13 @@
 """Streets to park along, made without SUMO: straight, from the origin to the east, with what a map says about them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from shapely import LineString, Point, Polygon
 
 from pavetwin.world.model import Building, Furniture, FurnitureKind, Junction, Lane, LaneKind
+from pavetwin.world.parking.lanes import EdgeLanes, parking_lanes
 from pavetwin.world.parking.mapped import MappedArea, Obstacle, ObstacleKind, ParkingMap
 from pavetwin.world.parking.model import ParkingPlace
 from pavetwin.world.parking.places import parking_places
@@ -45,20 +47,30 @@ class Scene:
     side_street_at: float | None = None
     """A street to the south begins here, at a junction 10 m wide that splits this one."""
 
-    def net(self) -> RoadNet:
-        """The network, with edges `east` (from west to east) and `west`."""
-        south, keep = (-1 if not self.left_hand else 1), self.lane_m / 2
+    def net(self, changed: Mapping[str, EdgeLanes] = MappingProxyType({})) -> RoadNet:
+        """The network, with edges `east` (from west to east) and `west`, and the parking lanes that it is given."""
+        south = -1 if not self.left_hand else 1
         edges: dict[str, Edge] = {}
 
         def add(name: str, start: str, end: str, a: tuple[float, float], b: tuple[float, float]) -> None:
             ahead = (b[0] - a[0], b[1] - a[1])
             length = (ahead[0] ** 2 + ahead[1] ** 2) ** 0.5
             out = (-ahead[1] / length * south, ahead[0] / length * south)
-            lanes = []
-            if self.sidewalks:
-                lanes.append(self._lane(name, 0, LaneKind.SIDEWALK, a, b, out, self.lane_m + 1.0, 2.0))
-            middle = 0.0 if self.one_way and name in ("east", "east2") else keep
-            lanes.append(self._lane(name, len(lanes), LaneKind.DRIVING, a, b, out, middle, self.lane_m))
+            new = changed.get(name, EdgeLanes(driving_m=(self.lane_m,)))
+            (lane_m,) = new.driving_m
+            inner = -(new.kerb_m + lane_m + new.far_m) / 2 if self.one_way and name in ("east", "east2") else 0.0
+            row = [
+                (LaneKind.PARKING, new.far_m),
+                (LaneKind.DRIVING, lane_m),
+                (LaneKind.PARKING, new.kerb_m),
+                (LaneKind.SIDEWALK, 2.0 if self.sidewalks else 0.0),
+            ]
+            lanes: list[Lane] = []
+            for kind, width in row:
+                if width:
+                    lanes.append(self._lane(name, 0, kind, a, b, out, inner + width / 2, width))
+                    inner += width
+            lanes = [replace(lane, index=index) for index, lane in enumerate(reversed(lanes))]
             edges[name] = Edge(name, start, end, "Allee", self.kind, tuple(lanes), for_cars=True)
 
         junctions = []
@@ -108,10 +120,22 @@ class Scene:
         found.mouths += self.mouths
         return found
 
-    def places(self, rule: ParkingRule | None = None) -> tuple[ParkingPlace, ...]:
-        """Its parking places."""
+    def lanes(self, rule: ParkingRule | None = None) -> dict[str, EdgeLanes]:
+        """What its parking lanes make of its edges."""
         net = self.net()
         streets = streets_of(net)
-        buildings = [Building(f"b{number}", polygon, 9.0) for number, polygon in enumerate(self.buildings)]
+        houses = self._houses()
+        polygons = [house.polygon for house in houses]
+        return parking_lanes(net, streets, segments_of(streets), houses, self.mapped(), rule or europe(), polygons)
+
+    def places(self, rule: ParkingRule | None = None) -> tuple[ParkingPlace, ...]:
+        """Its parking places."""
+        net = self.net(self.lanes(rule))
+        streets = streets_of(net)
         masts = [Furniture(f"m{n}", FurnitureKind.POLE, Point(at), 9.0, 0.12) for n, at in enumerate(self.masts)]
-        return parking_places(net, streets, segments_of(streets), buildings, masts, self.mapped(), rule or europe())
+        return parking_places(
+            net, streets, segments_of(streets), self._houses(), masts, self.mapped(), rule or europe()
+        )
+
+    def _houses(self) -> list[Building]:
+        return [Building(f"b{number}", polygon, 9.0) for number, polygon in enumerate(self.buildings)]

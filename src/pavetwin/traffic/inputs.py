@@ -22,7 +22,7 @@ from pavetwin.traffic.mix import DEFAULT_MIX, kinds_of, mix_named
 from pavetwin.traffic.own_demand import own_demand
 from pavetwin.traffic.recording import Origin
 from pavetwin.world.cache import cached
-from pavetwin.world.model import World
+from pavetwin.world.model import LaneKind, World
 
 BEHAVIOUR: Final = 1
 """Version of the demand and the conversion; files of another version are recorded again."""
@@ -137,7 +137,10 @@ class Inputs:
         return SimulationJob(
             folder=str(folder),
             network=str(self.world.network_file.resolve()),
-            lanes_of={edge: [lane.id for lane in lanes] for edge, lanes in self.world.lanes_by_edge.items()},
+            lanes_of={
+                edge: [lane.id for lane in lanes if lane.kind is not LaneKind.PARKING]
+                for edge, lanes in self.world.lanes_by_edge.items()
+            },
             additional=str(types),
             routes=[str(route.resolve()) for route in self.routes],
             seed=self.seed,

@@ -3,10 +3,10 @@
 import hashlib
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from pydantic import Field
 from shapely import MultiPoint, MultiPolygon, Point, Polygon
@@ -20,12 +20,14 @@ from pavetwin.world.connected import LeftOut
 from pavetwin.world.content import content_hash, snapped_world
 from pavetwin.world.folder import NET_SUFFIXES, OSM_SUFFIXES
 from pavetwin.world.furniture import furnish
-from pavetwin.world.generate import NetworkKind, SourceNetwork, generate_network
+from pavetwin.world.generate import NetworkKind, SourceNetwork, generate_network, with_parking_lanes
 from pavetwin.world.georeference import DEFAULT_ANCHOR_DEG, GeoReference, anchored, from_location
 from pavetwin.world.ground import PlacementGround
-from pavetwin.world.model import Lane, LaneKind, Segment, World
+from pavetwin.world.lane_insertion import insert_lanes
+from pavetwin.world.model import Building, Lane, LaneKind, Segment, World
 from pavetwin.world.network import network_from_net, network_from_osm, source_kind
 from pavetwin.world.osm import MapFeatures, read_features
+from pavetwin.world.parking.lanes import EdgeLanes, parking_lanes
 from pavetwin.world.parking.places import parking_places
 from pavetwin.world.parking.rule import parking_rule
 from pavetwin.world.paving import paving_m2, surfaces_in
@@ -98,16 +100,27 @@ def build_world(
             report("road network", 0.0)
             given = _file_or_kind(source)
             made, record = _prepare(given, options, Path(folder))
-            network = made.net_file.read_bytes()
             net = read_roadnet(made.net_file, shown_as=record.source)
+            osm_file = given if isinstance(given, Path) and source_kind(given) == "osm" else None
+            plan = _Plan.of(made, osm_file, net, record.source, options, report)
+            if plan.lanes:
+                report("parking lanes", 0.5)
+                target = Path(folder) / "lanes" / "roads.net.xml"
+                target.parent.mkdir()
+                if osm_file is None:
+                    made = with_parking_lanes(made, str(given), options.seed, plan.lanes, target)
+                else:
+                    insert_lanes(made.net_file, plan.lanes, target, left_hand=net.left_hand)
+                    made = replace(made, net_file=target)
+                net = read_roadnet(made.net_file, shown_as=record.source)
+            network = made.net_file.read_bytes()
     except OSError as error:
         reason = error.strerror or str(error)
         raise PaveTwinError(
             f"Cannot build in the temporary folder '{tempfile.gettempdir()}': {reason}. "
             f"{hint(error, 'name another one in TMPDIR')}."
         ) from error
-    osm_file = given if isinstance(given, Path) and source_kind(given) == "osm" else None
-    world, mapped = _build(made, osm_file, net, record.source, options, report)
+    world, mapped = _build(made, plan, net, record.source, options, report)
     world = replace(world, content_hash=content_hash(world, hashlib.sha256(network).hexdigest()))
     report("world", 1.0)
     paving = paving_m2(world.segments, surfaces_in(osm_file)) if osm_file is not None else {}
@@ -139,30 +152,74 @@ def _prepare(
     return SourceNetwork(target), record
 
 
-def _build(
-    made: SourceNetwork, osm_file: Path | None, net: RoadNet, source: str, options: BuildOptions, report: Progress
-) -> tuple[World, dict[str, int]]:
-    """The world without its content hash, and how many objects of each kind came from the source."""
-    georeference = made.georeference or _georeference(net, options, source)
-    report("segments", 0.4)
-    streets = streets_of(net)
-    segments = segments_of(streets, options.segment_length_m)
-    if not segments:
-        raise PaveTwinError(f"'{source}' has no streets for passenger cars of at least 8 m.")
-    ground = PlacementGround(net)
-    report("map", 0.5)
-    features = MapFeatures()
-    if osm_file is not None:
-        near = MultiPolygon([part for segment in segments for part in polygons_of(segment.polygon)])
-        features = read_features(osm_file, georeference, near)
-    parks = _parks([*made.parks, *features.parks], ground)
-    report("buildings", 0.7)
+@dataclass(frozen=True)
+class _Plan:
+    """What is known of a world before its network has parking lanes."""
+
+    georeference: GeoReference
+    features: MapFeatures
+    lanes: Mapping[str, EdgeLanes]
+    """The parking lanes that are to be added."""
+
+    @classmethod
+    def of(
+        cls,
+        made: SourceNetwork,
+        osm_file: Path | None,
+        net: RoadNet,
+        source: str,
+        options: BuildOptions,
+        report: Progress,
+    ) -> Self:
+        georeference = made.georeference or _georeference(net, options, source)
+        report("segments", 0.3)
+        streets = streets_of(net)
+        segments = segments_of(streets, options.segment_length_m)
+        if not segments:
+            raise PaveTwinError(f"'{source}' has no streets for passenger cars of at least 8 m.")
+        report("map", 0.35)
+        features = MapFeatures()
+        if osm_file is not None:
+            near = MultiPolygon([part for segment in segments for part in polygons_of(segment.polygon)])
+            features = read_features(osm_file, georeference, near)
+        rule = parking_rule(options.parking_rule)
+        if rule is None or (made.georeference is None and osm_file is None):  # a network of the user's own stays so
+            return cls(georeference, features, {})
+        report("parking", 0.45)
+        buildings = _buildings(made, features, segments, PlacementGround(net), options)
+        houses = [building.polygon for building in buildings] if features.buildings else []
+        lanes = parking_lanes(net, streets, segments, buildings, features.parking, rule, houses)
+        return cls(georeference, features, lanes)
+
+
+def _buildings(
+    made: SourceNetwork,
+    features: MapFeatures,
+    segments: Sequence[Segment],
+    ground: PlacementGround,
+    options: BuildOptions,
+) -> tuple[Building, ...]:
+    """Those of the source, cut back from the roads, else those of the rule."""
     given = [(building.polygon, building.height_m) for building in made.buildings]
     given += features.buildings
-    buildings = clear_of_roads(given, ground)
-    mapped = Counter(buildings=len(buildings))
-    if not given:
-        buildings = buildings_by_rule(segments, ground, parks, options.seed)
+    if given:
+        return clear_of_roads(given, ground)
+    return buildings_by_rule(segments, ground, _parks([*made.parks, *features.parks], ground), options.seed)
+
+
+def _build(
+    made: SourceNetwork, plan: _Plan, net: RoadNet, source: str, options: BuildOptions, report: Progress
+) -> tuple[World, dict[str, int]]:
+    """The world without its content hash, and how many objects of each kind came from the source."""
+    features = plan.features
+    report("segments", 0.6)
+    streets = streets_of(net)
+    segments = segments_of(streets, options.segment_length_m)
+    ground = PlacementGround(net)
+    parks = _parks([*made.parks, *features.parks], ground)
+    report("buildings", 0.7)
+    buildings = _buildings(made, features, segments, ground, options)
+    mapped = Counter(buildings=len(buildings) if made.buildings or features.buildings else 0)
     report("furniture", 0.8)
     planted = parks if made.parks else ()
     furniture, of_map = furnish(net, streets, segments, ground, buildings, features.points, planted, options.seed)
@@ -176,7 +233,7 @@ def _build(
     world = snapped_world(
         World(
             name=Path(source).name.split(".")[0],
-            georeference=georeference,
+            georeference=plan.georeference,
             left_hand=net.left_hand,
             streets=tuple(
                 replace(surface.street, latin_name=features.latin_names.get(surface.street.name, ""))

@@ -6,7 +6,8 @@ bytes: SUMO's time stamps are removed.
 
 import re
 import tempfile
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
@@ -15,8 +16,10 @@ from shapely import Polygon, STRtree
 
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.world.georeference import DEFAULT_ANCHOR_DEG, GeoReference, anchored
+from pavetwin.world.lane_insertion import insert_lanes
 from pavetwin.world.model import Building
 from pavetwin.world.network import copy_without_stamp
+from pavetwin.world.parking.lanes import EdgeLanes
 from pavetwin.world.roadnet import read_roadnet
 from pavetwin.world.sumo import NO_VALIDATION, run_tool
 from pavetwin.world.town import SHIFT_M, build_town
@@ -41,13 +44,15 @@ class SourceNetwork:
     buildings: tuple[Building, ...] = ()
 
 
+CORNERS = ("--junctions.corner-detail=5",)
+
 NETWORK_OPTIONS = (
     "--tls.guess=false",
     "--tls.default-type=actuated",
     "--crossings.guess",
     "--crossings.guess.speed-threshold=13.9",
     "--no-turnarounds.except-deadend",
-    "--junctions.corner-detail=5",
+    *CORNERS,
     "--default.crossing-width=3.5",
     "--offset.disable-normalization",
     "--output.street-names",
@@ -115,6 +120,25 @@ def generate_network(
         copy_without_stamp(made, target)
     _write_location(target, georeference)
     return SourceNetwork(target, georeference, parks, buildings)
+
+
+def with_parking_lanes(
+    made: SourceNetwork, kind: NetworkKind | str, seed: int, lanes: Mapping[str, EdgeLanes], target: Path
+) -> SourceNetwork:
+    """A generated network with parking lanes, written to `target`; a town's houses and park give way to them.
+
+    Raises:
+        PaveTwinError: netconvert failed, or SUMO is missing.
+    """
+    insert_lanes(made.net_file, lanes, target, CORNERS, left_hand=False)
+    if network_kind(kind) is not NetworkKind.TOWN:
+        return replace(made, net_file=target)
+    widths: dict[str, float] = {}
+    for edge, changed in lanes.items():
+        road = edge.removeprefix("-")
+        widths[road] = max(widths.get(road, 0.0), changed.kerb_m, changed.far_m)
+    town = build_town(seed, widths)
+    return replace(made, net_file=target, parks=town.parks, buildings=_clear_of_streets(town.buildings, target))
 
 
 def _clear_of_streets(buildings: tuple[Building, ...], net_file: Path) -> tuple[Building, ...]:

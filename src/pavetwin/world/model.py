@@ -29,9 +29,11 @@ class LaneKind(StrEnum):
     DRIVING = "driving"
     SIDEWALK = "sidewalk"
     BICYCLE = "bicycle"
+    PARKING = "parking"
+    """Along the kerb; nobody drives on it."""
 
 
-CARRIAGEWAY_LANES = (LaneKind.DRIVING, LaneKind.BICYCLE)
+CARRIAGEWAY_LANES = (LaneKind.DRIVING, LaneKind.BICYCLE, LaneKind.PARKING)
 """Kinds of lanes that a carriageway is made of."""
 
 

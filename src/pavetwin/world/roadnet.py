@@ -19,6 +19,9 @@ from pavetwin.world.model import Connection, Crossing, Junction, Lane, LaneKind
 DEFAULT_LANE_WIDTH_M = 3.2
 """SUMO's width of a lane without one of its own [m]."""
 
+PARKING_LANE = "parking"
+"""The `type` of a lane that no traffic may use because one parks there."""
+
 MOTOR = frozenset({"passenger", "private", "taxi", "bus", "coach", "delivery", "truck", "trailer", "motorcycle"})
 """SUMO vehicle classes for which a lane counts as part of the carriageway's driving lanes."""
 
@@ -38,7 +41,7 @@ class Edge:
 
     @property
     def carriageway(self) -> tuple[Lane, ...]:
-        """Driving and bicycle lanes, from the kerb to the middle of the street."""
+        """Driving, bicycle and parking lanes, from the kerb to the middle of the street."""
         return tuple(lane for lane in self.lanes if lane.kind is not LaneKind.SIDEWALK)
 
     @property
@@ -204,10 +207,23 @@ def _allows(lane: Mapping[str, str], vehicle_class: str) -> bool:
     return named.isdisjoint(lane.get("disallow", "").split())
 
 
+def is_driven(attributes: Mapping[str, str]) -> bool:
+    """Whether any motor vehicle of the road may use a lane with these attributes."""
+    return any(_allows(attributes, vehicle_class) for vehicle_class in MOTOR)
+
+
+def is_walked(attributes: Mapping[str, str]) -> bool:
+    """Whether pedestrians and no motor vehicles may use a lane with these attributes."""
+    return _allows(attributes, "pedestrian") and not is_driven(attributes)
+
+
 def _kind(attributes: Mapping[str, str]) -> LaneKind | None:
-    """Driving when any motor vehicle of the road may use it; rails and forbidden lanes are none."""
-    if any(_allows(attributes, vehicle_class) for vehicle_class in MOTOR):
+    """Driving when any motor vehicle of the road may use it; rails and forbidden lanes are none, but for those whose
+    type is `parking`."""
+    if is_driven(attributes):
         return LaneKind.DRIVING
     if _allows(attributes, "bicycle"):
         return LaneKind.BICYCLE
-    return LaneKind.SIDEWALK if _allows(attributes, "pedestrian") else None
+    if _allows(attributes, "pedestrian"):
+        return LaneKind.SIDEWALK
+    return LaneKind.PARKING if attributes.get("type") == PARKING_LANE else None

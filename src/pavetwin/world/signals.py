@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from shapely import Point
 
-from pavetwin.world.model import Furniture, FurnitureKind
+from pavetwin.world.model import Furniture, FurnitureKind, LaneKind
 from pavetwin.world.roadnet import Edge, RoadNet
 from pavetwin.world.segments import direction_at, point_at
 from pavetwin.world.streets import StreetSurface
@@ -26,7 +26,8 @@ def signals_of(net: RoadNet, radius_m: float) -> Iterator[list[Furniture]]:
         edge = net.edges[name]
         if not edge.for_cars or not edge.carriageway:
             continue
-        lanes = edge.carriageway
+        last = max((n for n, lane in enumerate(edge.carriageway) if lane.kind is not LaneKind.PARKING), default=0)
+        lanes = edge.carriageway[: last + 1]
         arm = SIGNAL_SETBACK_M + sum(lane.width_m for lane in lanes) - lanes[-1].width_m / 2
         mast = Furniture("", FurnitureKind.SIGNAL, Point(0, 0), SIGNAL_HEIGHT_M, radius_m, controller=controller)
         yield [

@@ -4,7 +4,9 @@
 all are moved into the world frame, the whole town to the north-east of the origin.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from shapely import Polygon
 from shapely.affinity import translate
@@ -14,7 +16,7 @@ from pavetwin.world.street_graph import Coordinate
 from pavetwin.world.town_buildings import largest, place_buildings, surfaces
 from pavetwin.world.town_edge import RADIUS_M
 from pavetwin.world.town_plan import plan_town
-from pavetwin.world.town_roads import RoadPlan, plan_roads
+from pavetwin.world.town_roads import RoadPlan, plan_roads, with_parking
 
 SHIFT_M: Coordinate = (RADIUS_M + 10.0, RADIUS_M + 10.0)
 """From the plan's frame, whose origin is the main crossing, to the world frame [m]."""
@@ -29,10 +31,14 @@ class Town:
     buildings: tuple[Building, ...]
 
 
-def build_town(seed: int) -> Town:
-    """The town of a seed; needs no SUMO."""
+def build_town(seed: int, parking_m: Mapping[str, float] = MappingProxyType({})) -> Town:
+    """The town of a seed; needs no SUMO.
+
+    Args:
+        parking_m: width of the wider parking lane of each road that has one: its buildings stand that much further off.
+    """
     plan = plan_town(seed)
-    roads = plan_roads(plan, seed)
+    roads = with_parking(plan_roads(plan, seed), parking_m)
     park = largest(plan.park.difference(surfaces(roads)).buffer(-3).buffer(3, join_style="mitre"))
     placed = place_buildings(plan, roads, park, seed)
     buildings = tuple(replace(house, polygon=_moved(house.polygon)) for house in placed)

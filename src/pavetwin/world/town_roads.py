@@ -5,7 +5,8 @@ ones; sidewalks 2.5 m, in lanes 1.5 m).
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
@@ -59,6 +60,8 @@ class Road:
     lane_width_m: float
     sidewalk_m: float
     speed_limit_mps: float
+    parking_m: float = 0.0
+    """Width of the wider of its parking lanes, which are no part of the plain XML."""
 
     @property
     def one_way(self) -> bool:
@@ -71,7 +74,7 @@ class Road:
     @property
     def half_width_m(self) -> float:
         """From the centre line to the back of the wider sidewalk."""
-        return self.carriageway_m / 2 + self.sidewalk_m
+        return self.carriageway_m / 2 + self.parking_m + self.sidewalk_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,6 +208,11 @@ def _signals(plan: TownPlan) -> frozenset[int]:
         if len(chosen) < 3 and all(math.dist(graph.nodes[node], graph.nodes[other]) > 95 for other in chosen):
             chosen.append(node)
     return frozenset(chosen)
+
+
+def with_parking(plan: RoadPlan, parking_m: Mapping[str, float]) -> RoadPlan:
+    """A plan whose roads are wider by their parking lanes, given by the id of the road."""
+    return replace(plan, roads=tuple(replace(road, parking_m=parking_m.get(road.id, 0.0)) for road in plan.roads))
 
 
 def write_plain(plan: RoadPlan, folder: Path, shift: Coordinate) -> tuple[Path, Path]:

@@ -17,10 +17,11 @@ from pavetwin.scene.ground.ageing import Ageing
 from pavetwin.scene.ground.arrows import arrow
 from pavetwin.scene.ground.layout import SurfaceLayout
 from pavetwin.scene.ground.painter import Paint, Painter
+from pavetwin.scene.ground.parking_lines import parking_lines
 from pavetwin.scene.ground.rules import MarkingRules
 from pavetwin.scene.ground.streets import StreetPlan, direction
 from pavetwin.scene.ground.turns import Approach
-from pavetwin.world.model import Crossing, Direction, Lane, LaneKind
+from pavetwin.world.model import CARRIAGEWAY_LANES, Crossing, Direction, Lane, LaneKind
 
 ENDS_FREE_M: Final = 0.6
 """Lines end this far before a junction."""
@@ -33,6 +34,10 @@ ARROW_AT_M: Final = (9.0, 27.0)
 
 EDGE_LINE_M: Final = 0.45
 """From an edge line's middle to the kerb: beside a gutter of 30 cm and its grates."""
+
+MAIN_PARKING_SHARE: Final = 0.8
+SIDE_PARKING_SHARE: Final = 0.25
+"""Of main and of other streets whose places on the carriageway are marked. Ours."""
 
 CROSSINGS_OVERLAP_M2: Final = 0.1
 """Crossings that cover each other by more lie in the middle of a junction that the map cut in pieces."""
@@ -54,6 +59,7 @@ class _Marker:
         self.crossings = [crossing.polygon for crossing in plan.world.crossings]
         self.crossing_tree = STRtree(self.crossings)
         self.approaches = _approaches(plan)
+        self.plans = {street.key: street for street in plan.streets}
 
     def paint(self) -> Paint:
         stops = {lane: self._stop(lane) for lane in self.approaches}
@@ -65,6 +71,8 @@ class _Marker:
             if self._is_laid(index):
                 self._crossing(crossing)
         self._bicycle_lanes()
+        for between, owner in parking_lines(self.plan.world):
+            self._parking_line(between, owner)
         return self.painter.done()
 
     def _draw(self, what: str) -> float:
@@ -84,11 +92,16 @@ class _Marker:
             if two_way and way is street.ways[0]:
                 self._centre(self._inner_border(inner), street, ageing)
             if not two_way and street.main and self.rules.yellow_centre:
-                edge = self.plan.world.beside(inner, inner.width_m / 2 - EDGE_LINE_M)
+                edge = self.plan.world.beside(inner, inner.width_m / 2 - self._to_edge_line(inner, -1))
                 self.painter.line(self._clear(edge), self.rules.line_m, ageing.paint_wear, yellow=True)
             if street.main and self._draw(f"edge {street.name}") < 0.3:
-                edge = self.plan.world.beside(way[0], EDGE_LINE_M - way[0].width_m / 2)
+                edge = self.plan.world.beside(way[0], self._to_edge_line(way[0], 0) - way[0].width_m / 2)
                 self.painter.line(self._clear(edge), self.rules.line_m, ageing.paint_wear)
+
+    def _to_edge_line(self, lane: Lane, end: int) -> float:
+        """From a lane's border to the edge line: along the kerb, or on the border of the parking lane there."""
+        outermost = self.plan.world.lanes_on(lane.edge, *CARRIAGEWAY_LANES)[end]
+        return 0.0 if outermost.kind is LaneKind.PARKING else EDGE_LINE_M
 
     def _inner_border(self, lane: Lane) -> BaseGeometry:
         """A lane's border towards the middle of its street."""
@@ -212,6 +225,14 @@ class _Marker:
                 foot = ring[1] + way * ((first + stripe * (on + off)) / length)
                 own = min(0.9, wear * (0.85 + 0.3 * self._draw(f"stripe {crossing.id} {stripe}")))
                 self.painter.bar(foot - wide * (1 - 0.1 / width), foot - wide * (0.1 / width), on, own)
+
+    def _parking_line(self, line: LineString, street: str) -> None:
+        """Between two parking places."""
+        plan = self.plans[street]
+        ageing = self.plan.ageing(plan)
+        share = MAIN_PARKING_SHARE if plan.main else SIDE_PARKING_SHARE
+        if self._draw(f"parking {plan.name}") < share and not ageing.unpainted:
+            self.painter.line(line, self.rules.line_m, ageing.paint_wear)
 
     def _bicycle_lanes(self) -> None:
         """A broad line between a bicycle lane and the lane beside it."""

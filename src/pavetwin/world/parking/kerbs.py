@@ -16,7 +16,7 @@ from shapely import LineString, Point, STRtree
 from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import GeometryArray
-from pavetwin.world.model import Lane
+from pavetwin.world.model import Lane, LaneKind
 from pavetwin.world.parking.mapped import MappedWay
 from pavetwin.world.parking.model import StreetSide
 from pavetwin.world.streets import StreetSurface
@@ -50,6 +50,8 @@ class Kerb:
     """In the direction of traffic."""
     outward: int
     """Which side of `line` is away from the carriageway: 1 left, −1 right."""
+    parking_m: float
+    """Width of the parking lane along it; 0 without one."""
 
     @property
     def length_m(self) -> float:
@@ -59,6 +61,12 @@ class Kerb:
     def width_m(self) -> float:
         """Mean width of the street's carriageway."""
         return float(self.street.polygon.area) / self.street.length_m
+
+    @cached_property
+    def driven_m(self) -> float:
+        """Mean width of the carriageway without its parking lanes."""
+        lanes = (lane for edge in self.street.edges for lane in edge.lanes if lane.kind is LaneKind.PARKING)
+        return self.width_m - sum(lane.width_m for lane in lanes)
 
     def at(self, station_m: float) -> tuple[Point, tuple[float, float]]:
         """The point at a station and the unit vector (dx, dy) along the kerb there, over 4 m."""
@@ -102,7 +110,7 @@ def _kerb(street: StreetSurface, edge: str, lane: Lane, outward: int, side: Stre
     line = max(parts, key=lambda part: part.length, default=None)
     if line is None or line.length < SHORTEST_M:
         return None
-    return Kerb(street, edge, side, line, outward)
+    return Kerb(street, edge, side, line, outward, lane.width_m if lane.kind is LaneKind.PARKING else 0.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,9 +13,6 @@ from pavetwin.world.parking.rule import ParkingRule, PlaceSize
 CAPACITY_SPACING = (0.8, 1.5)
 """Spacings of places, as shares of the rule's, at which a capacity on the map is taken as it is."""
 
-SAME_WIDTH_M = 0.5
-"""The world's carriageway has the mapped width if it is at most this much narrower [m]."""
-
 
 @dataclass(frozen=True, slots=True)
 class Slot:
@@ -35,18 +32,15 @@ def depth_m(size: PlaceSize) -> float:
     return size.length_m * math.sin(angle) + size.width_m * math.cos(angle)
 
 
-def overlap_m(position: ParkingPosition, depth: float, carriageway_m: float, mapped_m: float | None) -> float:
-    """How much of a place's depth lies on the world's carriageway, if it leaves room to pass.
-
-    Places on the street end at its mapped kerb. The carriageway of a world is as wide as its lanes: where the map has
-    more, the rest is beside the lanes. Without a mapped width all of the place is on the carriageway.
-    """
-    if position in (ParkingPosition.ON_KERB, ParkingPosition.STREET_SIDE):
-        return 0.0
-    if position is ParkingPosition.HALF_ON_KERB:
-        return depth / 2
-    beside = (mapped_m - carriageway_m) / 2 if mapped_m is not None else 0.0
-    return depth if beside < SAME_WIDTH_M / 2 else max(0.0, depth - beside)
+def lane_depth_m(position: ParkingPosition, depth: float) -> float:
+    """How much of a place's depth lies on the carriageway, where it takes a parking lane; 0 beside it."""
+    match position:
+        case ParkingPosition.LANE:
+            return depth
+        case ParkingPosition.HALF_ON_KERB:
+            return depth / 2
+        case _:
+            return 0.0
 
 
 def slots_in(

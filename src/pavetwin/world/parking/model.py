@@ -72,6 +72,11 @@ class ParkingPlace:
     """Hours in which nobody parks there, such as `Mo-Fr 07:00-17:00` of a loading bay; see `hours`."""
 
     @property
+    def edge(self) -> str:
+        """The directed edge whose kerb it lies at."""
+        return self.id.rpartition(":")[0]
+
+    @property
     def polygon(self) -> Polygon:
         """The rectangle."""
         corners = affinity.rotate(

@@ -1,5 +1,6 @@
 """All parking places of a world: row by row along its kerbs, wherever nothing else is in the way."""
 
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 
 from shapely import Polygon, STRtree
@@ -28,20 +29,25 @@ def parking_places(
     furniture: Iterable[Furniture],
     mapped: ParkingMap,
     rule: ParkingRule,
+    *,
+    planned: bool = False,
 ) -> tuple[ParkingPlace, ...]:
     """The parking places of a world, in the order of its streets; metres, world frame.
 
     Places in areas of the map come first, then those of its tags, then those by rule: of two that overlap the earlier
     one stays.
+
+    Args:
+        planned: the network has no parking lanes yet; places that will lie on them lie on the other lanes instead.
     """
     houses = [building.polygon for building in buildings]
     kerbs = list(kerbs_of(streets, net.left_hand))
     clear = ClearKerbs(net, streets, mapped, furniture, rule.clear)
-    found = KerbRows(kerbs, net, mapped, houses, rule)
+    found = KerbRows(kerbs, mapped, houses, rule, planned=planned)
     in_areas = [row for kerb in kerbs for row in found.of_areas(kerb)]
     along = [row for kerb in kerbs for row in found.along(kerb)]
     along.sort(key=lambda row: row.source != "tagged")
-    ground = _Ground(net, streets, segments, houses, rule)
+    ground = _Ground(net, streets, segments, houses, rule, planned=planned)
     for row in (*in_areas, *along):
         ground.fill(row, clear)
     order = {street.street.id: number for number, street in enumerate(streets)}
@@ -58,6 +64,8 @@ class _Ground:
         segments: Sequence[Segment],
         houses: Sequence[Polygon],
         rule: ParkingRule,
+        *,
+        planned: bool,
     ) -> None:
         self._rule = rule
         self._houses = STRtree(houses)
@@ -69,7 +77,9 @@ class _Ground:
         self._segments: dict[tuple[str, ...], list[Segment]] = {}
         for segment in segments:
             self._segments.setdefault(segment.edges, []).append(segment)
-        self._taken: Nearby[Polygon] = Nearby(16.0)
+        self._planned = planned
+        self._taken: dict[object, Nearby[Polygon]] = defaultdict(lambda: Nearby(16.0))
+        """By kerb while lanes are planned: they will lie side by side, however narrow the street is before."""
         self.places: list[ParkingPlace] = []
 
     def fill(self, row: KerbRow, clear: ClearKerbs) -> None:
@@ -111,9 +121,10 @@ class _Ground:
         others = (self._streets[int(index)] for index in self._street_tree.query(core, predicate="intersects"))
         if any(other is not street for other in others):
             return
-        if any(core.intersects(other) for other in self._taken.query(polygon.bounds)):
+        taken = self._taken[(place.edge, place.side) if self._planned else None]
+        if any(core.intersects(other) for other in taken.query(polygon.bounds)):
             return
-        self._taken.add(polygon.bounds, polygon)
+        taken.add(polygon.bounds, polygon)
         self.places.append(place)
 
 

@@ -7,14 +7,12 @@ import numpy as np
 import shapely
 from shapely import Polygon, STRtree
 
-from pavetwin.world.model import LaneKind
 from pavetwin.world.parking.kerbs import Kerb, KerbInterval, Stretch, WayIndex
-from pavetwin.world.parking.layout import depth_m, overlap_m
+from pavetwin.world.parking.layout import depth_m, lane_depth_m
 from pavetwin.world.parking.mapped import MappedArea, ParkingMap
 from pavetwin.world.parking.model import ParkingSource, StreetSide
 from pavetwin.world.parking.rule import ParkingRule
 from pavetwin.world.parking.tags import NO_PLACES, UNMAPPED, Provision, SideParking
-from pavetwin.world.roadnet import RoadNet
 from pavetwin.world.streets import StreetSurface
 
 AREA_REACH_M = 12.0
@@ -28,7 +26,8 @@ SAME_PLACE_M = 0.2
 
 MPS_PER_KMH = 1 / 3.6
 
-OTHER_SIDE = {StreetSide.LEFT: StreetSide.RIGHT, StreetSide.RIGHT: StreetSide.LEFT}
+LANE_TOLERANCE_M = 0.02
+"""SUMO's network has widths of lanes to the centimetre."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,16 +45,19 @@ class KerbRow:
 
 
 class KerbRows:
-    """Finds the rows of every kerb of a world."""
+    """Finds the rows of every kerb of a world.
+
+    Args:
+        planned: rows on the carriageway go where the map or the rule asks for them; else only on parking lanes.
+    """
 
     def __init__(
-        self, kerbs: Sequence[Kerb], net: RoadNet, mapped: ParkingMap, houses: Sequence[Polygon], rule: ParkingRule
+        self, kerbs: Sequence[Kerb], mapped: ParkingMap, houses: Sequence[Polygon], rule: ParkingRule, *, planned: bool
     ) -> None:
         self._rule = rule
+        self._planned = planned
         self._ways = WayIndex(mapped.ways)
         self._houses = STRtree(houses)
-        lanes = [lane for edge in net.edges.values() for lane in edge.lanes if lane.kind is LaneKind.SIDEWALK]
-        self._sidewalks = STRtree([lane.centre_line.buffer(lane.width_m / 2, cap_style="flat") for lane in lanes])
         self._by_rule: dict[str, bool] = {}
         self._areas: dict[tuple[str, StreetSide], list[MappedArea]] = {}
         tree = STRtree([kerb.line for kerb in kerbs])
@@ -72,8 +74,10 @@ class KerbRows:
         for area in self._areas.get((kerb.edge, kerb.side), ()):
             corners = shapely.points(area.polygon.exterior.coords)
             stations = shapely.line_locate_point(kerb.line, corners)
-            overlap = overlap_m(area.parking.position, self._depth_m(area.parking), kerb.width_m, kerb.width_m)
-            inner = -overlap if overlap else float(kerb.line.distance(area.polygon))
+            inner = self._inner_m(kerb, area.parking)
+            if inner is None:
+                continue
+            inner = inner or float(kerb.line.distance(area.polygon))
             interval = float(stations.min()), float(stations.max())
             yield KerbRow(kerb, interval, area.parking, ParkingSource.AREA, inner, area.polygon.buffer(AREA_MARGIN_M))
 
@@ -93,21 +97,19 @@ class KerbRows:
     def _by_stretch(self, kerb: Kerb) -> Iterator[KerbRow]:
         for stretch in self._ways.stretches(kerb):
             tagged = stretch.way.sides[stretch.side] if stretch.way else UNMAPPED
-            here, opposite = (self._parking(kerb, stretch, side) for side in (kerb.side, OTHER_SIDE[kerb.side]))
-            if here.provision is Provision.PLACES:
-                source = ParkingSource.RULE if tagged.provision is Provision.UNMAPPED else ParkingSource.TAGGED
-                inner = -self._overlap_m(kerb, stretch, here, opposite)
-                yield KerbRow(kerb, (stretch.start_m, stretch.end_m), here, source, inner)
+            by_rule = tagged.provision is Provision.UNMAPPED
+            parking = self._by_rule_of(kerb, stretch) if by_rule else tagged
+            inner = self._inner_m(kerb, parking)
+            if parking.provision is Provision.PLACES and inner is not None:
+                source = ParkingSource.RULE if by_rule else ParkingSource.TAGGED
+                yield KerbRow(kerb, (stretch.start_m, stretch.end_m), parking, source, inner)
 
-    def _parking(self, kerb: Kerb, stretch: Stretch, side: StreetSide) -> SideParking:
-        """Along one side of the street beside a stretch of a kerb."""
-        if stretch.way is not None:
-            tagged = stretch.way.sides[stretch.side if side is kerb.side else OTHER_SIDE[stretch.side]]
-            if tagged.provision is not Provision.UNMAPPED:
-                return tagged
-        return self._by_rule_of(kerb, stretch, side)
+    def _inner_m(self, kerb: Kerb, parking: SideParking) -> float | None:
+        """Where a row begins, outwards from the kerb; None where it needs a parking lane that is not there."""
+        needed = lane_depth_m(parking.position, self._depth_m(parking))
+        return -needed if self._planned or needed <= kerb.parking_m + LANE_TOLERANCE_M else None
 
-    def _by_rule_of(self, kerb: Kerb, stretch: Stretch, side: StreetSide) -> SideParking:
+    def _by_rule_of(self, kerb: Kerb, stretch: Stretch) -> SideParking:
         street = kerb.street
         rule = self._rule.of_street(street.street.kind)
         if street.street.id not in self._by_rule:
@@ -115,14 +117,10 @@ class KerbRows:
         if rule.sides == "none" or not self._by_rule[street.street.id] or (stretch.way and stretch.way.elevated):
             return NO_PLACES
         parking = SideParking(Provision.PLACES, rule.position, rule.orientation)
-        width, sides = self._kerb_to_kerb_m(kerb, stretch), 1 if rule.sides == "right" else 2
+        width, sides = stretch.way.width_m if stretch.way else kerb.driven_m, 1 if rule.sides == "right" else 2
         if width is not None:
             sides = min(sides, int((width - rule.passage_m) // self._depth_m(parking)))
-        return parking if sides == 2 or (sides == 1 and side is StreetSide.RIGHT) else NO_PLACES
-
-    def _kerb_to_kerb_m(self, kerb: Kerb, stretch: Stretch) -> float | None:
-        """Of the carriageway with its parking lanes; None where a map has no width, only numbers of lanes."""
-        return stretch.way.width_m if stretch.way is not None else kerb.width_m
+        return parking if sides == 2 or (sides == 1 and kerb.side is StreetSide.RIGHT) else NO_PLACES
 
     def _is_parked_along(self, street: StreetSurface) -> bool:
         """Whether lanes, limit and houses of a street are as its rule asks."""
@@ -138,27 +136,6 @@ class KerbRows:
 
     def _depth_m(self, parking: SideParking) -> float:
         return depth_m(self._rule.places[parking.orientation])
-
-    def _overlap_m(self, kerb: Kerb, stretch: Stretch, here: SideParking, opposite: SideParking) -> float:
-        """How much of the row's depth lies on the carriageway.
-
-        None, where neither a sidewalk nor a mapped kerb is beside the lanes; less than all where too narrow a passage
-        would be left.
-        """
-        width, mapped = kerb.width_m, self._kerb_to_kerb_m(kerb, stretch)
-        if mapped is None and not self._is_beside_sidewalk(kerb, stretch):
-            return 0.0
-        on_here, on_opposite = (
-            overlap_m(side.position, self._depth_m(side), width, mapped) if side.provision is Provision.PLACES else 0.0
-            for side in (here, opposite)
-        )
-        together = on_here + on_opposite
-        room = max(0.0, width - self._rule.of_street(kerb.street.street.kind).passage_m)
-        return on_here if together <= room else on_here * room / together
-
-    def _is_beside_sidewalk(self, kerb: Kerb, stretch: Stretch) -> bool:
-        point, _ = kerb.at((stretch.start_m + stretch.end_m) / 2)
-        return bool(len(self._sidewalks.query(point, predicate="dwithin", distance=SAME_PLACE_M)))
 
 
 def _continues(row: KerbRow, other: KerbRow) -> bool:

@@ -1,0 +1,164 @@
+"""Parking lanes: which streets get them, how wide they are, and what that makes of the lanes beside them.
+
+A street that is parked on has a lane along its kerb on which nobody drives, between its sidewalk and its driving lanes.
+Where the map has the width from kerb to kerb, its driving lanes are narrowed for it; without one, or where they would
+become too narrow, the carriageway is widened.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import shapely
+from shapely import Polygon, STRtree
+
+from pavetwin.world.model import Building, Lane, LaneKind, Segment
+from pavetwin.world.parking.kerbs import Kerb, WayIndex, kerbs_of
+from pavetwin.world.parking.layout import depth_m, lane_depth_m
+from pavetwin.world.parking.mapped import ParkingMap
+from pavetwin.world.parking.places import parking_places
+from pavetwin.world.parking.rule import ParkingRule
+from pavetwin.world.roadnet import RoadNet
+from pavetwin.world.streets import StreetSurface
+
+LEAST_LANE_M: Final = 2.5
+"""Driving lanes beside parked vehicles are not narrowed further [m]. Ours: the widest vehicle of the mixes is 2.55 m,
+most are below 2 m."""
+
+HOUSE_CLEARANCE_M: Final = 0.3
+"""A carriageway is not widened to within this of a building [m]."""
+
+OVER_STREET_SHARE: Final = 0.1
+"""A carriageway is not widened where this share of what is added would lie on another street."""
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeLanes:
+    """What the parking lanes of its street make of a directed edge."""
+
+    kerb_m: float = 0.0
+    """Width of the parking lane between its sidewalk and its driving lanes; 0 for none."""
+    far_m: float = 0.0
+    """Of the one at the opposite kerb of a one-way street."""
+    driving_m: tuple[float, ...] = ()
+    """Widths of its driving lanes, from the kerb to the middle."""
+    centred: bool = False
+    """Whether the line of the street is the middle of its carriageway with its parking lanes. The two directions are
+    of different widths then."""
+
+
+def parking_lanes(
+    net: RoadNet,
+    streets: Sequence[StreetSurface],
+    segments: Sequence[Segment],
+    buildings: Sequence[Building],
+    mapped: ParkingMap,
+    rule: ParkingRule,
+    houses: Sequence[Polygon] = (),
+) -> dict[str, EdgeLanes]:
+    """The edges of a network without parking lanes that are to be changed, in the order of its streets.
+
+    A kerb gets a lane if at least one place lies on the carriageway there; the lane is as wide as the deepest of them.
+    It does not get one where the wider street would run into a house or over another street.
+
+    Args:
+        houses: that stay where they are.
+    """
+    depths: dict[tuple[str, str], float] = {}
+    for place in parking_places(net, streets, segments, buildings, (), mapped, rule, planned=True):
+        depth = round(lane_depth_m(place.position, depth_m(rule.places[place.orientation])), 2)
+        if depth > 0.0:
+            at = place.edge, place.side
+            depths[at] = max(depth, depths.get(at, 0.0))
+    ways = WayIndex(mapped.ways)
+    surroundings = _Surroundings(net, streets, houses)
+    by_street: dict[str, list[Kerb]] = {}
+    for kerb in kerbs_of(streets, net.left_hand):
+        if (kerb.edge, kerb.side) in depths:
+            by_street.setdefault(kerb.street.street.id, []).append(kerb)
+    changed: dict[str, EdgeLanes] = {}
+    for kerbs in by_street.values():
+        width = _mapped_width_m(kerbs[0], ways)
+        for sides in (kerbs, *([kerb] for kerb in kerbs[: len(kerbs) // 2 * 2])):
+            section = _Section(sides, [depths[kerb.edge, kerb.side] for kerb in sides], width, rule)
+            if all(surroundings.have_room(kerb, growth) for kerb, growth in section.growths_m()):
+                changed |= section.edges(net.left_hand)
+                break
+    return changed
+
+
+def _mapped_width_m(kerb: Kerb, ways: WayIndex) -> float | None:
+    """From kerb to kerb, of the way that runs along most of it."""
+    along: dict[float | None, float] = {}
+    for stretch in ways.stretches(kerb):
+        width = stretch.way.width_m if stretch.way else None
+        along[width] = along.get(width, 0.0) + stretch.end_m - stretch.start_m
+    return max(along, key=lambda width: along[width])
+
+
+class _Section:
+    """The cross-section of a street with parking lanes of some depths along some kerbs."""
+
+    def __init__(
+        self, kerbs: Sequence[Kerb], depths: Sequence[float], mapped_m: float | None, rule: ParkingRule
+    ) -> None:
+        self._parked = tuple(zip(kerbs, depths, strict=True))
+        self._edges = kerbs[0].street.edges
+        lanes = [lane for edge in self._edges for lane in edge.carriageway]
+        self._before_m = sum(lane.width_m for lane in lanes)
+        driving = sum(lane.width_m for lane in lanes if lane.kind is LaneKind.DRIVING)
+        passage = rule.of_street(kerbs[0].street.street.kind).passage_m
+        room = driving if mapped_m is None else mapped_m - sum(depths) - (self._before_m - driving)
+        self._share = min(1.0, max(room, passage) / driving)
+        self._after_m = sum(depths) + sum(self._width_m(lane) for lane in lanes)
+        symmetrical = len(kerbs) == 2 and depths[0] == depths[1]
+        self._centred = len(self._edges) == 1 or (mapped_m is not None and not symmetrical)
+
+    def _width_m(self, lane: Lane) -> float:
+        if lane.kind is not LaneKind.DRIVING:
+            return lane.width_m
+        return round(min(lane.width_m, max(LEAST_LANE_M, lane.width_m * self._share)), 2)
+
+    def growths_m(self) -> Iterator[tuple[Kerb, float]]:
+        """How far each kerb with a parking lane moves outwards."""
+        for kerb, depth in self._parked:
+            beside = next(edge for edge in self._edges if edge.id == kerb.edge).carriageway
+            alone = depth + sum(self._width_m(lane) - lane.width_m for lane in beside)
+            yield kerb, (self._after_m - self._before_m) / 2 if self._centred else alone
+
+    def edges(self, left_hand: bool) -> dict[str, EdgeLanes]:
+        """Of both directions."""
+        outer = 1 if left_hand else -1
+        kerb_m = {kerb.edge: depth for kerb, depth in self._parked if kerb.outward == outer}
+        far_m = {kerb.edge: depth for kerb, depth in self._parked if kerb.outward != outer}
+        return {
+            edge.id: EdgeLanes(
+                kerb_m.get(edge.id, 0.0),
+                far_m.get(edge.id, 0.0),
+                tuple(self._width_m(lane) for lane in edge.carriageway if lane.kind is LaneKind.DRIVING),
+                self._centred,
+            )
+            for edge in self._edges
+        }
+
+
+class _Surroundings:
+    """Houses and other streets, into which no street is widened."""
+
+    def __init__(self, net: RoadNet, streets: Sequence[StreetSurface], houses: Sequence[Polygon]) -> None:
+        self._houses = STRtree(houses)
+        self._streets = streets
+        self._street_tree = STRtree([street.polygon for street in streets])
+        self._crossed = shapely.union_all([junction.polygon for junction in net.junctions])
+
+    def have_room(self, kerb: Kerb, growth_m: float) -> bool:
+        """Whether a kerb can be moved outwards."""
+        if growth_m <= 0.0:
+            return True
+        added = kerb.line.buffer(kerb.outward * growth_m, single_sided=True)
+        if len(self._houses.query(added, predicate="dwithin", distance=HOUSE_CLEARANCE_M)):
+            return False
+        near = (self._streets[int(index)] for index in self._street_tree.query(added, predicate="intersects"))
+        others = [street.polygon for street in near if street is not kerb.street]
+        over = shapely.union_all(others).difference(self._crossed)
+        return bool(added.intersection(over).area <= OVER_STREET_SHARE * added.area)
