@@ -1,14 +1,18 @@
 """The documentation: its links lead somewhere, its terms are explained, and the built site opens offline."""
 
+import json
 import re
 import shutil
 import subprocess
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import pytest
+
+from pavetwin.config import load_settings
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
@@ -151,3 +155,38 @@ def test_the_site_is_built_without_a_dead_link_and_opens_offline() -> None:
     assert list(fetched_elsewhere(site)) == []
     assert "pavetwin fly" in (site / "reference" / "cli.html").read_text(encoding="utf-8")
     assert "choose_targets" in (site / "reference" / "python.html").read_text(encoding="utf-8")
+
+
+def test_the_table_of_settings_holds_every_setting_with_its_values() -> None:
+    """Conditions and parked vehicles have tables of their own."""
+    text = (DOCS / "reference" / "settings.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| `([a-z0-9_.]+)` \| (`.*?` \| (?:`.*?`)?) +\|", text, flags=re.MULTILINE))
+    default, paper = (
+        dict(plain_values(load_settings(preset).model_dump(mode="json"))) for preset in ("default", "paper")
+    )
+    expected = {
+        key: f"{shown(value)} | {shown(paper[key]) if paper[key] != value else ''}"
+        for key, value in default.items()
+        if key.split(".")[0] not in ("conditions", "parking")
+    }
+    assert {key: value.strip() for key, value in rows.items() if key in default} == {
+        key: value.strip() for key, value in expected.items()
+    }
+
+
+def plain_values(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Settings by their full keys."""
+    for name, value in values.items():
+        if isinstance(value, dict) and name not in ("options", "least_px"):
+            yield from plain_values(value, f"{prefix}{name}.")
+        else:
+            yield prefix + name, value
+
+
+def shown(value: Any) -> str:
+    """A value as the table shows it: numbers to four digits behind the point."""
+    if isinstance(value, dict):
+        return "`{" + ", ".join(f"{name}: {shown(each).strip('`')}" for name, each in value.items()) + "}`"
+    if isinstance(value, float):
+        value = int(value) if value == int(value) else round(value, 4)
+    return f"`{json.dumps(value)}`".replace('"', "")
