@@ -68,6 +68,8 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ({"density": ["extreme"]}, "--density: no density 'extreme'; known are low, medium, high, los-A"),
         ({"camera": "phantom5"}, "--camera: no camera 'phantom5'"),
         ({"formats": "yolo,cocoo"}, "--formats: no label format 'cocoo' (did you mean 'coco'?)"),
+        ({"parking": "few"}, "--parking few: expected a share of the places (0 to 1), by-time, or none."),
+        ({"parking": "1.2"}, "--parking 1.2: expected a share of the places"),
         ({"jobs": 0}, "--jobs 0: at least one"),
         ({"altitude": [2.0]}, "--altitude 2: the UAV flies at 5 m or higher, 1 m clear of vehicles of up to 4 m"),
         ({"altitude": [10.0, 3000.0]}, "--altitude 3000: the UAV flies at 120 m or lower, the legal ceiling"),
