@@ -61,7 +61,7 @@ FIRST_SCALE_PER_LANE_KM: Final = 11.0
 """kₘ before the first trial: of the towns tried it was 9 to 13."""
 
 FIRST_EMPTY_RATIO: Final = 0.72
-"""Speed ratio of the nearly empty network before the first trial: of the towns tried it was 0.70 to 0.73."""
+"""Speed ratio of the nearly empty network before the first trial: of the towns tried it was 0.70 to 0.74."""
 
 
 @dataclass(frozen=True, slots=True)
