@@ -13,7 +13,8 @@ from typing import Any, Final
 from pavetwin.config.mission import LEAST_PX
 from pavetwin.experiments.design import Design, Value
 
-HERE: Final = Path(__file__).parent
+INPUTS: Final = Path(__file__).parent / "inputs"
+"""In a folder of their own: with a plugin all that lies beside it is hashed into a study."""
 ALTITUDES_M: Final = (6.0, 10.0, 15.0, 30.0)
 DEFECTS: Final[Mapping[str, Any]] = {"per_segment": 15}
 """Half as many as worlds have by default, for the time that it takes to place them."""
@@ -66,7 +67,7 @@ BEFORE: Final = Variant(
     "all of these at once, as the twin was",
     traffic="medium",
     settings={
-        "aircraft": f"{HERE / 'before.yaml'}:phantom4",
+        "aircraft": f"{INPUTS / 'before.yaml'}:phantom4",
         "energy.usable": 1.0,
         "uav.base": "street",
         "uav.inspect_speed_mps": 5.0,
@@ -83,7 +84,7 @@ VARIANTS: Final[Sequence[Variant]] = (
     Variant(
         "hover-time",
         "flight time taken for hover time, all of the battery used",
-        settings={"aircraft": f"{HERE / 'before.yaml'}:mavic3e", "energy.usable": 1.0},
+        settings={"aircraft": f"{INPUTS / 'before.yaml'}:mavic3e", "energy.usable": 1.0},
     ),
     Variant("linear", "30 min of battery, whatever it does", settings={"energy.model": "linear"}),
     Variant("independent", "looks at one defect independent", settings=ONE_LOOK_ONE_DRAW),
@@ -91,7 +92,7 @@ VARIANTS: Final[Sequence[Variant]] = (
     Variant("base-street", "take-off from the carriageway", settings={"uav.base": "street"}),
     Variant(
         "any-interval", "a capture every 0.6 s at 5 m/s, whatever the camera can",
-        settings={"camera.model": f"{HERE / 'cameras.yaml'}:unhurried", "uav.inspect_speed_mps": 5.0},
+        settings={"camera.model": f"{INPUTS / 'cameras.yaml'}:unhurried", "uav.inspect_speed_mps": 5.0},
     ),
     Variant("los-b", "level of service B", Kind.CONDITION, traffic="los-B"),
     Variant("los-e", "level of service E", Kind.CONDITION, traffic="los-E"),
@@ -118,7 +119,7 @@ VARIANTS: Final[Sequence[Variant]] = (
     Variant("fast", "inspection at 8 m/s", Kind.ASSUMPTION, settings={"uav.inspect_speed_mps": 8.0}),
     Variant(
         "aside", "passes 1.5 m off their line", Kind.ASSUMPTION, settings={"pattern.kind": "boustrophedon_aside"},
-        plugins=(str(HERE / "passes_aside.py"),),
+        plugins=(str(INPUTS / "passes_aside.py"),),
     ),
     Variant("phantom", "a Phantom 4 Pro", Kind.ASSUMPTION, settings={"aircraft": "phantom4pro"}),
     Variant("camera-paper", "the paper's camera", Kind.ASSUMPTION, settings={"camera.model": "paper"}),
@@ -130,7 +131,7 @@ VARIANTS: Final[Sequence[Variant]] = (
     ),
     Variant(
         "cracks-fine", "only cracks, twice the pixels each way", Kind.ASSUMPTION,
-        settings={"camera.model": f"{HERE / 'cameras.yaml'}:fine"}, defects=CRACKS, against="cracks",
+        settings={"camera.model": f"{INPUTS / 'cameras.yaml'}:fine"}, defects=CRACKS, against="cracks",
     ),
     Variant("seed", "another seed, nothing else", Kind.CHANCE, seed=2),
 )  # fmt: skip
