@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 
 from benchmarks.effects.catalogue import Kind
 from benchmarks.effects.sizes import Effect, option_text, ranked
+from benchmarks.effects.table import RELATIVE
 from pavetwin.draw import style
 from pavetwin.experiments.metrics import metric_named
 
@@ -19,7 +20,7 @@ COLOURS: Final = {
     Kind.CHANCE: "#8A847C",
 }
 WORDS: Final = {
-    Kind.LEFT_OUT: "left out",
+    Kind.LEFT_OUT: "the twin without it",
     Kind.CONDITION: "another day",
     Kind.ASSUMPTION: "another assumption or choice",
     Kind.CHANCE: "chance",
@@ -27,15 +28,15 @@ WORDS: Final = {
 PANELS: Final = (
     ("coverage", "Defects found,\npercentage points"),
     ("surface_coverage", "Surface seen,\npercentage points"),
-    ("time_s", "Time of a segment, s"),
-    ("energy", "Energy of a segment,\npoints of a battery"),
+    ("time_s", "Time,\n%"),
+    ("energy", "Battery,\n%"),
 )
 ROW_IN: Final = 0.2
 
 
 def save_plot(found: Sequence[Effect], path: Path) -> None:
-    """A row an effect over all worlds, the largest at the top: dots with simultaneous 95 % intervals."""
-    effects = ranked(found)
+    """A row an effect over all worlds, by kind and then the largest first: dots with simultaneous 95 % intervals."""
+    effects = sorted(ranked(found), key=lambda effect: list(Kind).index(effect.variant.kind))
     height = ROW_IN * len(effects)
     with style.styled():
         figure = style.new_figure(11.5, height + 1.2)
@@ -66,12 +67,12 @@ def save_plot(found: Sequence[Effect], path: Path) -> None:
 
 
 def _panel(axes: Axes, frames: Sequence[pl.DataFrame | None], effects: Sequence[Effect], name: str, title: str) -> None:
-    scale = metric_named(name).scale
     for at, (frame, effect) in enumerate(zip(frames, effects, strict=True)):
         row = None if frame is None else frame.row(by_predicate=pl.col("metric") == name, named=True)
         if row is None or row["mean"] is None:
             continue
-        colour = COLOURS[effect.variant.kind]
+        metric, colour = metric_named(name), COLOURS[effect.variant.kind]
+        scale = 100 / row["before"] if metric in RELATIVE and row["before"] else metric.scale
         if row["low"] is not None and row["high"] is not None:
             axes.plot([scale * row["low"], scale * row["high"]], [at, at], color=colour, linewidth=1.2)
         axes.plot([scale * row["mean"]], [at], "o", color=colour, markersize=3.6)
