@@ -425,7 +425,7 @@ def test_date_time_clouds_and_wind_are_the_missions_conditions(world: Path) -> N
 @pytest.mark.parametrize(
     ("options", "enabled", "occupancy"),
     [
-        ((), False, None),
+        ((), True, None),
         (("--parking", "by-time"), True, None),
         (("--preset", "paper"), False, None),
         (("--parking", "none"), False, None),
@@ -433,7 +433,7 @@ def test_date_time_clouds_and_wind_are_the_missions_conditions(world: Path) -> N
         (("--preset", "paper", "--parking", "0.9"), True, 0.9),
     ],
 )
-def test_vehicles_park_where_that_is_asked_for(
+def test_vehicles_park_unless_that_is_turned_off(
     world: Path, options: tuple[str, ...], enabled: bool, occupancy: float | None
 ) -> None:
     settings = yaml.safe_load(pavetwin("fly", world, *options, "--settings").stdout)

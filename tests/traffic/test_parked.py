@@ -164,7 +164,7 @@ def test_without_a_share_the_curve_of_the_street_counts() -> None:
 
 
 def test_the_presets() -> None:
-    assert [load_settings(preset).parking.enabled for preset in ("default", "paper")] == [False, False]
+    assert [load_settings(preset).parking.enabled for preset in ("default", "paper")] == [True, False]
 
 
 def test_parked_vehicles_need_no_sumo() -> None:

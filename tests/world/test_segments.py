@@ -107,7 +107,7 @@ def test_widths_of_the_cross_are_those_of_its_lanes() -> None:
     widths = {segment.street: segment.width_m for segment in built("cross").world.segments}
     assert widths["Hauptstraße"] == pytest.approx(6.4, abs=0.1) or widths["Hauptstraße"] == pytest.approx(12.8, abs=0.1)
     assert widths["Bogen"] == pytest.approx(2.0 + 3.2 + 2.0, abs=0.05), "a parking lane on both sides"
-    assert widths["Nebenstraße"] == pytest.approx(6.4, abs=0.05)
+    assert widths["Nebenstraße"] == pytest.approx(2.0 + 6.4 + 2.0, abs=0.05)
 
 
 def test_the_bent_one_way_street_keeps_its_bend() -> None:

@@ -10,8 +10,8 @@ Parking = Annotated[
     str | None,
     typer.Option(
         metavar="SHARE|by-time|none",
-        help="Share of the parking places that are taken, 0…1, or by the daily curve of the date and time. None "
-        "unless given.",
+        help="Share of the parking places that are taken, 0…1, by the daily curve of the date and time, or none. "
+        "Unless given by-time; none with the preset paper and in exports.",
     ),
 ]
 
