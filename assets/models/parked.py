@@ -24,6 +24,10 @@ FAR_TRIANGLES: Final = 1200
 SHADOW_TRIANGLES: Final = 500
 """Of the body, of the one that is drawn from far away, and of the one that only casts the shadow."""
 
+OPEN: Final = "gap"
+"""The material of wheel arches, sheets that are seen from both sides. All others are seen from outside only, so that
+back faces need not be drawn."""
+
 WELD_M: Final = 0.0005
 
 SMOOTH: Final = 0.75
@@ -60,7 +64,12 @@ def collapsed(parts: list[Part], triangles: int, *, keeps_outlines: bool = False
         mine = faces[owners == number]
         if len(mine):
             made.append(_dressed(name, points, mine, original))
-    return made
+    return [*made, *(_turned_over(one) for one in made if one.material == OPEN)]
+
+
+def _turned_over(part: Part) -> Part:
+    """The same triangles, facing the other way."""
+    return replace(part, triangles=part.triangles[:, ::-1].copy(), normals=-part.normals)
 
 
 def _collapsed(

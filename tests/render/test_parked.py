@@ -12,7 +12,7 @@ from pavetwin.render.renderer import Renderer, SceneRadiance
 from pavetwin.scene.light import Light
 from pavetwin.scene.model import defect_label, labelled_place, parked_label
 from pavetwin.scene.scene import Scene
-from pavetwin.scene.view import View, nadir
+from pavetwin.scene.view import View, look, nadir
 from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.uav.cameras import find_camera
 from pavetwin.world.model import World
@@ -89,6 +89,26 @@ def test_the_kernels_share_is_that_of_the_masks(renderer: Renderer) -> None:
     assert apart[partly].mean() <= 0.015
     assert more.min() > -0.05, "models hide no more than their boxes"
     assert more.mean() < 0.25
+
+
+def test_parked_cars_look_the_same_without_their_back_faces(
+    renderer: Renderer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also from a car, through the gaps between tyres and wheel arches."""
+    whole = Renderer(renderer.scene)
+    monkeypatch.setattr(whole._gpu_scene.parts, "single_sided", frozenset())
+    view = look((6.0, 0.0, 1.2), yaw_rad=0.3, pitch_rad=-0.15, size_px=(500, 360), vertical_fov_rad=0.9)
+    drawn = renderer.scene.parked(parked())
+    front, both = (one.light(view, instances=drawn, light=LIGHT, amodal=True) for one in (renderer, whole))
+    assert front.labels is not None
+    assert both.labels is not None
+    cars = np.isin(both.labels, [one.label for one in drawn])
+    assert cars.mean() > 0.1
+    differ = (front.labels != both.labels).sum() / cars.sum()
+    print(f"{differ:.5f} of the cars' pixels differ")
+    assert differ < 0.004
+    for label, pixels in front.amodal_px.items():
+        assert pixels >= (front.labels == label).sum()
 
 
 def seen_from_above(renderer: Renderer, stands: ParkedVehicles, x: float, y: float) -> SceneRadiance:

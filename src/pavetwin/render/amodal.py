@@ -17,9 +17,13 @@ from pavetwin.render.instances import RECORD
 from pavetwin.render.meshes import GpuMesh
 from pavetwin.render.passes import cleared_colour, read
 from pavetwin.render.pipelines import LABEL_FORMAT, Pipelines
+from pavetwin.render.projection import NEAR_M
 from pavetwin.scene.view import View
 
 _SIDE_PX: Final = 1024
+
+_CLOSE_M: Final = 0.2
+"""Bodies with a corner nearer than this along the camera's axis may reach through the near plane."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,14 @@ class AmodalObject:
     """(8, 3) of a box around it, world frame."""
     mask: Any = None
     """Bind group of a defect's mask; None if all of its mesh is labelled."""
+    single_sided: bool = False
+    """Whether only the front faces of its triangles are drawn."""
+
+    def pipeline(self, pipelines: Pipelines) -> Any:
+        """The one that draws it."""
+        if self.mask is not None:
+            return pipelines.amodal_patch
+        return pipelines.amodal_culled if self.single_sided else pipelines.amodal
 
 
 @dataclass(frozen=True)
@@ -96,10 +108,13 @@ class AmodalAtlas:
         render_pass = encoder.begin_render_pass(color_attachments=[cleared_colour(self._target, (0, 0, 0, 0))])
         render_pass.set_bind_group(0, frame)
         render_pass.set_vertex_buffer(0, self._records)
-        for masked in (False, True):
-            render_pass.set_pipeline(self._pipelines.amodal_patch if masked else self._pipelines.amodal)
+        pipelines = self._pipelines
+        chosen = [cell.obj.pipeline(pipelines) for cell in page]
+        for pipeline in (pipelines.amodal, pipelines.amodal_culled, pipelines.amodal_patch):
+            render_pass.set_pipeline(pipeline)
             for index, cell in enumerate(page):
-                if (cell.obj.mask is not None) == masked:
+                if chosen[index] is pipeline:
+                    masked = cell.obj.mask is not None
                     if masked:
                         render_pass.set_bind_group(1, cell.obj.mask)
                     render_pass.set_scissor_rect(cell.left, cell.top, cell.width, cell.height)
@@ -111,18 +126,29 @@ class AmodalAtlas:
 def _atlas_cell(obj: AmodalObject, view: View, margin_px: float) -> _AtlasCell | None:
     """The part of the picture that an object may cover; None if it is outside."""
     width, height = view.size_px
-    if (view.to_camera(obj.corners)[:, 2] < 0.2).any():
-        low, high = np.zeros(2), np.array([width, height], dtype=np.float64)
-        if (view.to_camera(obj.corners)[:, 2] < 0).all():
-            return None
-    else:
-        pixels = view.project(obj.corners)
-        low, high = pixels.min(axis=0) - margin_px, pixels.max(axis=0) + margin_px
+    points = view.to_camera(obj.corners)
+    if (points[:, 2] < _CLOSE_M).any():
+        points = _in_front(points, margin_px / view.focal_px)
+    if len(points) == 0:
+        return None
+    pixels = points[:, :2] / points[:, 2:] * view.focal_px + (width / 2, height / 2)
+    low, high = pixels.min(axis=0) - margin_px, pixels.max(axis=0) + margin_px
     x, y = np.clip(np.floor(low), 0, (width, height)).astype(int)
     right, bottom = np.clip(np.ceil(high), 0, (width, height)).astype(int)
     if right <= x or bottom <= y:
         return None
     return _AtlasCell(obj, int(x), int(y), int(right - x), int(bottom - y), 0, 0)
+
+
+def _in_front(corners: Float64Array, reach_m: float) -> Float64Array:
+    """Corners (n, 3) of what the near plane leaves of a convex body (m, 3), moved by up to `reach_m` along each axis.
+    Camera frame."""
+    ways = np.stack(np.meshgrid(*[(-reach_m, reach_m)] * 3), axis=-1).reshape(-1, 3)
+    points = (corners[:, None] + ways).reshape(-1, 3)
+    before, behind = points[points[:, 2] >= NEAR_M, None], points[None, points[:, 2] < NEAR_M]
+    share = (before[..., 2:] - NEAR_M) / (before[..., 2:] - behind[..., 2:])
+    cut = before + share * (behind - before)
+    return np.concatenate([before[:, 0], cut.reshape(-1, 3)])
 
 
 def _pages(cells: list[_AtlasCell], size: tuple[int, int]) -> list[list[_AtlasCell]]:

@@ -9,7 +9,7 @@ from pavetwin.arrays import Float64Array
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.instances import InstanceBatch, InstanceBuffer, PartTable
 from pavetwin.render.levels import casting, coarser, culling_of, level_of
-from pavetwin.render.meshes import GpuMesh, upload_model
+from pavetwin.render.meshes import FaceCulling, GpuMesh, upload_model
 from pavetwin.render.nearby import FAR_M, ground_seen, looks_beyond, looks_down, tile_seen, wanted_keys
 from pavetwin.render.passes import DrawList, PatchDraw
 from pavetwin.render.projection import ShadowFit, planes
@@ -50,7 +50,8 @@ class GpuScene:
         if key not in self._meshes:
             seen = self.parts.far.get(part, mesh) if level >= FAR_LEVEL else mesh
             made = (shadow or casting(mesh, level)) if casts else coarser(seen, level)
-            self._meshes[key] = upload_model(self._gpu, made, culling_of(mesh))
+            culling = FaceCulling.BACK_CULLED if part in self.parts.single_sided else culling_of(mesh)
+            self._meshes[key] = upload_model(self._gpu, made, culling)
         return self._meshes[key]
 
     def draws(

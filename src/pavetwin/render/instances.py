@@ -68,6 +68,8 @@ class PartTable:
         """Meshes that cast the shadow of a body, by its number."""
         self.far = {number: parts[FAR] for number, parts in bodies.items() if FAR in parts}
         """Meshes for a body that is far away, by its number."""
+        self.single_sided = frozenset(self.far)
+        """Parts of which only front faces are seen; these are made with all their triangles facing outwards."""
         boxes = [(mesh.positions.min(axis=0), mesh.positions.max(axis=0)) for mesh in self.meshes]
         self.least_px2 = np.array([foliage_px2(mesh) for mesh in self.meshes], dtype=np.float64)
         self.area_m2 = np.array([mean_area_m2(mesh) for mesh in self.meshes], dtype=np.float64)
@@ -133,7 +135,7 @@ class InstanceBatch:
     def __len__(self) -> int:
         return len(self.part)
 
-    def only(self, which: BoolArray | Int64Array) -> "InstanceBatch":
+    def only(self, which: BoolArray | Int64Array | slice) -> "InstanceBatch":
         """The selected rows."""
         return InstanceBatch(*(getattr(self, column.name)[which] for column in fields(self)))
 

@@ -64,6 +64,7 @@ class Pipelines:
     truth: ByCulling
     truth_patch: Any
     amodal: Any
+    amodal_culled: Any
     amodal_patch: Any
     frame_layout: Any
     """The frame only: for shadows and labels."""
@@ -139,6 +140,7 @@ def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
         ),
         truth_patch=truth(["truth", "truth_patch"], [tiles.mask], _buffers("patch"), depth=True),
         amodal=truth(["truth", "truth_solid"], [], [LAYOUT, POSITIONS], depth=False),
+        amodal_culled=truth(["truth", "truth_solid"], [], [LAYOUT, POSITIONS], depth=False, cull="back"),
         amodal_patch=truth(["truth", "truth_patch"], [tiles.mask], _buffers("patch"), depth=False),
         frame_layout=frame_layout,
         light_layout=light_layout,

@@ -235,15 +235,16 @@ class Renderer:
 
     def _amodal_objects(self, camera: Float64Array, agents: InstanceBatch, draws: DrawList) -> list[AmodalObject]:
         """The labelled objects that may be in the picture, with the meshes that they are drawn with."""
-        objects = []
-        for row in np.flatnonzero((agents.label > 0) & (draws.levels >= 0)):
-            one, records = agents.only(np.array([row])), InstanceBuffer(camera)
+        objects, parts = [], self._gpu_scene.parts
+        for row in np.flatnonzero((agents.label > 0) & (draws.levels >= 0)).tolist():
+            one, records = agents.only(slice(row, row + 1)), InstanceBuffer(camera)
             records.add_batch(one)
             part = int(one.part[0])
-            box = corners(self._gpu_scene.parts.low[part], self._gpu_scene.parts.high[part])
-            placed = box @ one.transform[0, :, :3].T + one.transform[0, :, 3]
+            placed = corners(parts.low[part], parts.high[part]) @ one.transform[0, :, :3].T + one.transform[0, :, 3]
             mesh = self._gpu_scene.mesh(part, int(draws.levels[row]))
-            objects.append(AmodalObject(int(one.label[0]), mesh, records.data, placed))
+            objects.append(
+                AmodalObject(int(one.label[0]), mesh, records.data, placed, single_sided=part in parts.single_sided)
+            )
         for each in draws.patches:
             patch, records = each.patch, InstanceBuffer(camera)
             records.add_place(each.origin, label=patch.label)
