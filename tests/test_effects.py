@@ -187,11 +187,12 @@ def test_the_command_flies_whole_inspections_before_and_after(
     typed: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert command.main([*typed, "--only", "before", "--tours", "2", "--segments", "2"]) == 0
-    _, told = capsys.readouterr().out.split("2 segments in one mission:")
+    alone, told = capsys.readouterr().out.split("2 segments in one mission:")
+    assert "1 segment in one mission:" in alone
     before, after = (line.split(" | ") for line in told.strip().splitlines()[2:4])
     assert before[:2] == ["| cross", "before"]
-    assert before[4].endswith("of 100.0")
-    assert float(after[4].split(" of ")[1]) < 98
+    assert before[5].endswith("of 100.0")
+    assert float(after[5].split(" of ")[1]) < 98
     assert after[-1] == "1 |"
 
 

@@ -33,8 +33,8 @@ from pavetwin.world.build import BuildOptions, build_world
 from pavetwin.world.store import save_world
 
 TRAFFIC: Final = "los-C"
-REPLICATES: Final = 20
-TOURS: Final = 5
+REPLICATES: Final = 12
+TOURS: Final = 0
 """Replicates of the missions over `SEGMENTS` segments."""
 
 
@@ -116,9 +116,12 @@ def measure(asked: argparse.Namespace, tell: OnProgress) -> str:
     parts += ["## Choices", tables.choices_table(flown[DEFAULT.name])]
     if cracks := [variant for variant in variants if variant.defects == CRACKS]:
         parts += ["## Cracks", tables.cracks_table(flown, cracks, limits)]
+    if BEFORE in variants:
+        told = tours(flown[BEFORE.name], flown[DEFAULT.name], limits)
+        parts += ["## Before and after", tables.tours_table(told, 1)]
     if f"tour-{BEFORE.name}" in flown:
         was, now = flown[f"tour-{BEFORE.name}"], flown[f"tour-{DEFAULT.name}"]
-        parts += ["## Before and after", tables.tours_table(tours(was, now, limits), asked.segments)]
+        parts += ["## Whole inspections before and after", tables.tours_table(tours(was, now, limits), asked.segments)]
     text = "\n\n".join(parts) + "\n"
     (folder / "effects.md").write_text(text, encoding="utf-8")
     as_table(found).write_csv(folder / "effects.csv")
@@ -132,7 +135,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("worlds", nargs="+", metavar="WORLD", help="demo, a map (MAP.osm or MAP.osm:RULE), or a folder")
     parser.add_argument("-o", "--output", type=Path, default=Path("out/effects"), help="folder of studies and results")
     parser.add_argument("--replicates", type=int, default=REPLICATES, help="of one segment each, in each world")
-    parser.add_argument("--tours", type=int, default=TOURS, help="replicates of the missions over several segments")
+    parser.add_argument(
+        "--tours",
+        type=int,
+        default=TOURS,
+        help="replicates of missions over several segments, before and after; 0 for none",
+    )
     parser.add_argument("--segments", type=int, default=SEGMENTS, help="that each of these inspects")
     parser.add_argument("--traffic", default=TRAFFIC, help="the usual traffic")
     parser.add_argument("--max-time", type=float, help="limit of time of the proposals, in seconds a mission")

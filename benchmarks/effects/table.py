@@ -9,7 +9,7 @@ from benchmarks.effects.catalogue import USUAL, Kind, Variant
 from benchmarks.effects.sizes import FLIGHT, MEASURED, Effect, Option, compared, option_text, proposed, ranked
 from benchmarks.effects.tour import Tour
 from pavetwin.experiments.ground_view import ground_view
-from pavetwin.experiments.metrics import Metric, metric_named
+from pavetwin.experiments.metrics import Metric
 from pavetwin.experiments.statistics import MissionLimits, summarise
 from pavetwin.experiments.words import MISSING, number, percent, shown
 
@@ -18,6 +18,8 @@ SHOWN = (COVERAGE, SEEN, TIME, ENERGY)
 RELATIVE = (TIME, ENERGY)
 """Shown as shares of what they are without the change."""
 CHOSEN = (COVERAGE, SEEN, _WAITING, TIME, ENERGY)
+WITHIN_S = 50.0
+"""A limit of time under which the lowest altitude, which takes most passes, is no option."""
 HEADINGS = {
     "coverage": "found, points",
     "surface_coverage": "surface seen, points",
@@ -107,48 +109,35 @@ def cracks_table(flown: Mapping[str, pl.DataFrame], variants: Sequence[Variant],
         view = ground_view(option, {"set": {**USUAL, **variant.settings}})
         hovering = summarise(table.filter(policy=FLIGHT[1]), ["altitude_m"], [COVERAGE])
         found = [shown(COVERAGE, hovering.filter(altitude_m=altitude_m)["mean"][0]) for altitude_m in altitudes]
+        quick = proposed(table, MissionLimits(max_time_s=WITHIN_S))
         seen = [number(1000 * length_m, 1) for length_m in (view.pixel_m, view.unseen_m["single_crack"])]
-        rows.append([variant.title, *seen, *found, option_text(proposed(table, limits))])
+        rows.append([variant.title, *seen, *found, option_text(proposed(table, limits)), option_text(quick)])
     at = option_text(FLIGHT).partition(", ")[2]
     head = [f"a pixel at {at}, mm", f"seen from {at}: wider than, mm"]
     heights = [f"found at {altitude_m:g}\u00a0m, %" for altitude_m in altitudes]
-    return _markdown(["", *head, *heights, "proposed"], rows)
+    return _markdown(["", *head, *heights, "proposed", f"proposed within {WITHIN_S:g}\u00a0s"], rows)
 
 
 def tours_table(found: Sequence[Tour], segments: int) -> str:
-    """Before and after, and their difference, for each world."""
+    """Before and after, and their difference, for each world: of missions over so many segments."""
     rows = []
     for tour in found:
         values = {row["metric"]: row for row in tour.missions.iter_rows(named=True)}
         for side, told in (("before", tour.before), ("after", tour.after)):
             row = {name: values[name][side] for name in values}
-            most = shown(metric_named("surface_coverage"), 1 - row["permanently_hidden"])
+            most = shown(HIDDEN, 1 - row["permanently_hidden"])
             sure = MISSING if told.certainty is None else percent(told.certainty)
-            rows.append([
-                tour.world, side, option_text(told.option), sure,
-                f"{_of(row, 'surface_coverage')} of {most}", _of(row, "coverage"), _minutes(row["wait_s"]),
-                _minutes(row["time_s"]), number(row["energy"], 2), str(told.batteries),
-            ])  # fmt: skip
-        gaps = [
-            gap(tour.missions, metric_named(name), scale=scale, digits=digits)
-            for name, scale, digits in (
-                ("surface_coverage", 100, 1), ("coverage", 100, 1), ("wait_s", 1 / 60, 1), ("time_s", 1 / 60, 1),
-                ("energy", 1, 2),
-            )
-        ]  # fmt: skip
-        rows.append([tour.world, "difference", "", "", *gaps, ""])
-    head = [
-        "world",
-        "",
-        "proposed",
-        "best with",
-        "surface seen, %",
-        "found, %",
-        "waiting, min",
-        "time, min",
-        "batteries",
-    ]
-    return f"{segments} segments in one mission:\n\n" + _markdown([*head, "to bring"], rows)
+            measured = [shown(metric, row[metric.name]) for metric in CHOSEN[2:]]
+            seen = f"{shown(SEEN, row[SEEN.name])} of {most}"
+            found_share = shown(COVERAGE, row[COVERAGE.name])
+            bring = [] if told.batteries is None else [str(told.batteries)]
+            rows.append([tour.world, side, option_text(told.option), sure, found_share, seen, *measured, *bring])
+        gaps = [gap(tour.missions, metric) for metric in CHOSEN]
+        rows.append([tour.world, "difference", "", "", *gaps, *([] if tour.after.batteries is None else [""])])
+    head = ["world", "", "proposed", "best with", "found, %", "surface seen, % of at most", "waiting, s", "time, s"]
+    bring = [] if found[0].after.batteries is None else ["batteries to bring"]
+    of = "1 segment" if segments == 1 else f"{segments} segments"
+    return f"{of} in one mission:\n\n" + _markdown([*head, "% of a battery", *bring], rows)
 
 
 def gap(
@@ -184,14 +173,6 @@ def gap(
 def signed(value: float, digits: int) -> str:
     text = number(value, digits)
     return text if text.startswith("−") or float(text) == 0 else f"+{text}"
-
-
-def _of(row: dict[str, float], name: str) -> str:
-    return shown(metric_named(name), row[name])
-
-
-def _minutes(seconds: float) -> str:
-    return number(seconds / 60, 1)
 
 
 def _markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

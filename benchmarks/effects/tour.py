@@ -1,4 +1,4 @@
-"""Before and after: a whole inspection of several segments in each world, as the twin was and as it is now."""
+"""Before and after: what the twin told of each world as it was, and what it tells now; each flies its proposal."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -9,7 +9,7 @@ import polars as pl
 from benchmarks.calibration import by_resampling
 from benchmarks.effects.sizes import MEASURED, Option, compared, proposed
 from pavetwin.experiments.advice import advise
-from pavetwin.experiments.metrics import COMPARED, TOUR_METRICS
+from pavetwin.experiments.metrics import BATTERIES, COMPARED, TOUR_METRICS
 from pavetwin.experiments.statistics import MissionLimits
 from pavetwin.experiments.statistics.cells import layout, values_of
 from pavetwin.experiments.statistics.recommend import batteries_to_bring
@@ -27,8 +27,8 @@ class Told:
     option: Option
     certainty: float | None
     """The probability that it says the proposal is the best with."""
-    batteries: int
-    """To bring."""
+    batteries: int | None
+    """To bring to a tour; None of a mission over one segment."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Tour:
 
 
 def tours(before: pl.DataFrame, after: pl.DataFrame, limits: MissionLimits) -> list[Tour]:
-    """Both studies world by world; their missions are tours."""
+    """Both studies world by world; where their missions are tours, as whole missions."""
     found = []
     for world in after["world"].unique(maintain_order=True).to_list():
         was, now = (by_mission(table.filter(world=world)) for table in (before, after))
@@ -56,7 +56,7 @@ def tours(before: pl.DataFrame, after: pl.DataFrame, limits: MissionLimits) -> l
             Told(options[0], naive_certainty(was, limits), _bring(was, limits)),
             Told(options[1], _certainty(now, limits), _bring(now, limits)),
         )
-        found.append(Tour(world, *told, compared(sides, METRICS)))
+        found.append(Tour(world, *told, compared(sides, METRICS if BATTERIES in now.columns else MEASURED)))
     return found
 
 
@@ -72,7 +72,9 @@ def _certainty(table: pl.DataFrame, limits: MissionLimits) -> float | None:
     return None if best is None else best["certainty"]
 
 
-def _bring(table: pl.DataFrame, limits: MissionLimits) -> int:
+def _bring(table: pl.DataFrame, limits: MissionLimits) -> int | None:
+    if BATTERIES not in table.columns:
+        return None
     recommendation = advise(table, limits)[0].recommendation
     option = recommendation.best or recommendation.nearest
     assert option is not None, "every study has missions with a coverage"
