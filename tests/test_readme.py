@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 import yaml
 
+from pavetwin.experiments.design import preset_text
 from scenes import scripts
 from scenes.command_line import pavetwin_process
 
 ROOT = Path(__file__).resolve().parent.parent
 SHORTER = {
     "--density high": "--density low",
-    "--traffic high": "--traffic low",
     "--segments 8": "--segments 2",
     "--images 500": "--images 2",
 }
@@ -34,7 +34,12 @@ def without_progress(printed: str) -> list[str]:
 
 def shortened(design: Path) -> None:
     values = yaml.safe_load(design.read_text("utf-8"))
-    values |= {"densities": ["low"], "altitudes_m": [10], "policies": ["baseline", "skip"], "replicates": 1}
+    values |= {
+        "densities": values["densities"][-1:],
+        "altitudes_m": [10],
+        "policies": ["baseline", "skip"],
+        "replicates": 1,
+    }
     design.write_text(yaml.safe_dump(values), "utf-8")
 
 
@@ -53,6 +58,15 @@ def runs(folder: Path, script: str, commands: list[str]) -> None:
         assert not re.search(r"Warning|Glyph|font_manager", done.stdout), typed
         if words[1] == "init":
             shortened(folder / words[2])
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/how-to/study.md", "src/pavetwin/cli/experiment.py"])
+def test_what_is_recommended_is_in_the_study_that_is_begun(page: str) -> None:
+    """`recommend studies/first --traffic NAME` names traffic that `experiment init` writes."""
+    named = re.findall(r"recommend studies/first .*?--traffic (\S+)", (ROOT / page).read_text("utf-8"))
+    written = yaml.safe_load(preset_text("default", "worlds/my-town"))
+    assert named
+    assert set(named) <= set(written["densities"])
 
 
 @pytest.mark.slow

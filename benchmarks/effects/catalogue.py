@@ -126,11 +126,12 @@ VARIANTS: Final[Sequence[Variant]] = (
     Variant("defects", "30 defects a segment instead of 15", Kind.ASSUMPTION, defects={"per_segment": 30}),
     Variant("cracks", "only cracks", Kind.ASSUMPTION, defects=CRACKS),
     Variant(
-        "cracks-coarse", "only cracks, the paper's camera", Kind.ASSUMPTION, settings={"camera.model": "paper"},
+        "cracks-coarse", "only cracks, the paper's camera (against *only cracks*)", Kind.ASSUMPTION,
+        settings={"camera.model": "paper"},
         defects=CRACKS, against="cracks",
     ),
     Variant(
-        "cracks-fine", "only cracks, twice the pixels each way", Kind.ASSUMPTION,
+        "cracks-fine", "only cracks, twice the pixels each way (against *only cracks*)", Kind.ASSUMPTION,
         settings={"camera.model": f"{INPUTS / 'cameras.yaml'}:fine"}, defects=CRACKS, against="cracks",
     ),
     Variant("seed", "another seed, nothing else", Kind.CHANCE, seed=2),

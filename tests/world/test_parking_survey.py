@@ -30,5 +30,6 @@ def test_the_rule_gives_untagged_streets_fewer_places(shared_file: Callable[[str
     world = build_world(bare).world
     assert {place.source for place in world.parking} == {ParkingSource.RULE}
     theirs, ours = np.array(list(compared(world, shared_file(SURVEY)).values())).T
-    assert np.median((ours - theirs) / theirs) == pytest.approx(-0.31, abs=0.1)
-    assert 0.55 <= ours.sum() / theirs.sum() <= 1.0
+    # A third too few today; a better rule may come as near as it can.
+    assert -0.41 <= np.median((ours - theirs) / theirs) <= 0.15
+    assert 0.55 <= ours.sum() / theirs.sum() <= 1.1

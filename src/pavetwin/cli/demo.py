@@ -86,7 +86,7 @@ def demo(
 
 [bold]Next:[/] your own town, from an OpenStreetMap extract
   pavetwin world build my-town.osm -o worlds/my-town
-  pavetwin fly worlds/my-town --density high --altitude 10 --policy all --segments 8 --seed 1{_activation()}""",
+  pavetwin fly worlds/my-town --altitude 10 --policy all --segments 8 --seed 1{_activation()}""",
         soft_wrap=True,
     )
 

@@ -222,7 +222,7 @@ def recommend(
     Sensor and preset are assumptions of a study: each combination has its own recommendation.
 
     \b
-    pavetwin experiment recommend studies/first --traffic high --max-time 120
+    pavetwin experiment recommend studies/first --traffic los-E --max-time 120
     pavetwin experiment recommend studies/first --max-energy 5 --min-coverage 80
     """
     from pavetwin.experiments.advice import advise

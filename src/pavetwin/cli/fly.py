@@ -122,7 +122,7 @@ def fly(
     """Fly a UAV over a world's streets in recorded traffic, and measure what it sees.
 
     \b
-    pavetwin fly worlds/town --density high --altitude 10 --policy hover --segments 8 --seed 1
+    pavetwin fly worlds/town --altitude 10 --policy hover --segments 8 --seed 1
     pavetwin fly worlds/town --los E --mix south_asia --policy hover --policy skip
     pavetwin fly worlds/town --policy all --preset paper --density medium --altitude 6
     pavetwin fly worlds/town --aircraft phantom4pro --wind 6@270
