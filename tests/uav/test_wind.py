@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pavetwin._core import Captured
-from pavetwin.config import load_settings
+from pavetwin.arrays import Float64Array
+from pavetwin.config import MissionSettings, load_settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import flight_settings
 from pavetwin.mission.fly import result_of
@@ -21,7 +22,7 @@ from pavetwin.sensing import Frame
 from pavetwin.twin import Mode
 from pavetwin.uav import find_aircraft
 from pavetwin.uav.aircraft import Gimbal
-from pavetwin.uav.wind import GIMBAL_LEAK, GUST_HZ, shake_mps, tilt_deg
+from pavetwin.uav.wind import GIMBAL_LEAK, GUST_HZ, gust_course, shake_mps, tilt_deg
 from scenes.tiny import Scene, straight
 
 # Rated wind.
@@ -95,7 +96,27 @@ def test_gusts_shake_as_the_model_says() -> None:
     tilts = [np.radians(tilt_deg(find_aircraft("mavic3e"), each)) for each in (2.5, 5.0, 7.5)]
     pushed = 9.81 * (np.tan(tilts[2]) - np.tan(tilts[1])) / (2 * pi * GUST_HZ)
     turned = 10.0 * 2 * pi * GUST_HZ * GIMBAL_LEAK * (tilts[2] - tilts[0]) / 2
-    assert shaken(1.5) == pytest.approx(pushed + turned)
+    settings = load_settings(altitude_m=10.0, conditions={"wind_mps": 5.0, "gust_factor": 1.5})
+    assert seen_rms_mps(settings, np.arange(0, 1000, 0.05)) == pytest.approx((pushed + turned) / 2**0.5, rel=0.01)
+
+
+def seen_rms_mps(settings: MissionSettings, times_s: Float64Array) -> float:
+    """Of the motion on the ground that gusts add at some moments of hovering."""
+    speeds = [hypot(*shake_mps(find_aircraft("mavic3e"), settings, (0.0, 0.0), time_s)) for time_s in times_s.tolist()]
+    return float(np.sqrt(np.mean(np.square(speeds))))
+
+
+@pytest.mark.parametrize("interval_s", [0.6, 0.7, 2.0])
+def test_captures_meet_all_phases_of_the_gusts(interval_s: float) -> None:
+    settings = load_settings(altitude_m=10.0, conditions={"wind_mps": 5.0, "gust_factor": 1.5})
+    always = seen_rms_mps(settings, np.arange(0, 1000, 0.05))
+    assert seen_rms_mps(settings, interval_s * np.arange(200)) == pytest.approx(always, rel=0.1)
+
+
+def test_no_interval_between_captures_repeats_with_the_gusts() -> None:
+    for interval_s in np.arange(0.3, 5.0, 0.02).tolist():
+        seen = np.sqrt(np.mean([gust_course(interval_s * k) ** 2 for k in range(200)]))
+        assert seen == pytest.approx(0.5**0.5, rel=0.2), f"captures every {interval_s:.2f} s"
 
 
 def test_a_camera_without_gimbal_is_shaken_much_more() -> None:
