@@ -197,9 +197,17 @@ def test_who_is_parked_follows_the_time_of_the_image() -> None:
     (place,) = STREET.parking
     bay = with_places(STREET, replace(place, closed="08:00-12:00"))
     taken = context(FULL, bay)
-    assert [len(taken.parked(Conditions(time=dt.time(hour)))) for hour in (7, 9, 13)] == [1, 0, 1]
-    assert len(context(NONE, bay).parked(Conditions(time=dt.time(7)))) == 0
-    assert len(context(FULL, straight()).parked(Conditions())) == 0
+    assert [len(taken.parked(Conditions(time=dt.time(hour)), "medium")) for hour in (7, 9, 13)] == [1, 0, 1]
+    assert len(context(NONE, bay).parked(Conditions(time=dt.time(7)), "medium")) == 0
+    assert len(context(FULL, straight()).parked(Conditions(), "medium")) == 0
+
+
+def test_an_image_parks_the_mix_of_its_traffic() -> None:
+    row = with_places(STREET, *(kerb_place(10.0 + 6 * k, 2.0, name=f"p{k}") for k in range(8)))
+    taken = context(FULL, row)
+    kinds = {mix: set(taken.parked(Conditions(), mix).kind) for mix in ("medium", "medium+east_asia", "los-C")}
+    assert "scooter" in kinds["medium+east_asia"]
+    assert "scooter" not in kinds["medium"] == kinds["los-C"]
 
 
 def test_outlines_are_those_of_the_vehicles() -> None:

@@ -20,6 +20,7 @@ from pavetwin.mission.environment import Surroundings, nadir_camera
 from pavetwin.mission.fly import fly_over
 from pavetwin.mission.inspected_defects import MissReason, PolicyResponse, inspected_defects
 from pavetwin.mission.parked import FIRST_ID, ParkingInput, parked_columns, parked_solids
+from pavetwin.mission.spec import MissionSpec
 from pavetwin.policies import policy_names
 from pavetwin.twin import Agent
 from pavetwin.uav import camera_of
@@ -166,6 +167,26 @@ def test_an_environment_with_other_parked_vehicles_is_refused() -> None:
             fly(spec.model_copy(update=change), inputs=inputs)
     wind = scene.settings("parking.occupancy=0.5", "conditions.wind_mps=1")
     assert fly(spec.model_copy(update={"settings": wind}), inputs=inputs).rows
+
+
+def test_a_mission_parks_the_mix_of_its_traffic() -> None:
+    scene = full_street()
+    settings_ = load_settings(altitude_m=10.0, parking={"occupancy": 1.0})
+
+    def parked_by(density: str) -> tuple[MissionSpec, set[str]]:
+        spec = plan_mission(scene.world, settings_, density=density, segments=1, seed=3)
+        parking = ParkingInput.of(settings_, spec.parking_seed, spec.parking_mix)
+        return spec, set(parking.vehicles(scene.world).kind)
+
+    spec, kinds = parked_by("los-C+east_asia")
+    assert "scooter" in kinds
+    assert "scooter" not in parked_by("los-C")[1]
+    environment = prepare(scene.world, settings_, parking_seed=3, parking_mix="east_asia")
+    assert set(environment.parked.kind) == kinds
+    flown = fly_over(environment, scene.traffic(), settings_, [0], "baseline").spec
+    assert flown.parking_mix == spec.parking_mix == "east_asia"
+    with pytest.raises(PaveTwinError, match="this is not the parking that"):
+        fly(flown.model_copy(update={"parking_mix": "europe"}), inputs=MissionInputs(environment, scene.traffic()))
 
 
 def test_a_policy_sees_what_is_parked_and_how_much_it_hides() -> None:

@@ -72,7 +72,7 @@ def _defects(view: View, setting: CaptureContext):
 
 
 def _parked(sample: CameraSample, setting: CaptureContext):
-    stands = setting.parked(sample.conditions).near(*sample.pose.view.position[:2], 60.0)
+    stands = setting.parked(sample.conditions, sample.spec.density).near(*sample.pose.view.position[:2], 60.0)
     away = np.hypot(stands.x - sample.pose.view.position[0], stands.y - sample.pose.view.position[1])
     for row in np.argsort(-away).tolist():
         size = (stands.length_m[row], stands.width_m[row], stands.height_m[row])

@@ -1,6 +1,7 @@
 """Parked vehicles: who stands in a place, when, and how."""
 
 import datetime as dt
+import hashlib
 import math
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from pavetwin.config import load_settings
 from pavetwin.config.conditions import Conditions
 from pavetwin.config.parking import ParkingSettings
 from pavetwin.traffic.kinds import KINDS
+from pavetwin.traffic.mix import DEFAULT_MIX
 from pavetwin.traffic.occupancy import occupancy, occupancy_curves, surroundings_of
 from pavetwin.traffic.parked import ParkedVehicles, parked_vehicles
 from pavetwin.world.model import World
@@ -121,6 +123,29 @@ def test_kinds_are_those_of_traffic_that_fit() -> None:
         assert length == KINDS[name].length_m <= 5.2
     assert "light_truck" in parked(row(2000, 7.0, 2.4), 1.0).kind
     assert found.kind.count("compact") > found.kind.count("motorcycle") * 3
+
+
+def test_who_parks_is_of_the_mix_of_traffic() -> None:
+    def kinds(mix: str, length_m: float = 6.1) -> dict[str, float]:
+        full = ParkingSettings(occupancy=1.0)
+        found = parked_vehicles(row(2000, length_m, 2.1), full, NOON, 1, mix).kind
+        return {kind: found.count(kind) / len(found) for kind in set(found)}
+
+    assert kinds("europe") == kinds(DEFAULT_MIX)
+    assert not {"scooter", "pickup", "auto_rickshaw"} & set(kinds("europe"))
+    assert kinds("east_asia")["scooter"] == pytest.approx(0.48 / 0.93, abs=0.04), "of those that park and fit"
+    assert kinds("north_america")["pickup"] > 0.1
+    assert "pickup" not in kinds("north_america", length_m=5.2)
+    assert {"scooter", "auto_rickshaw"} <= set(kinds("south_asia"))
+
+
+def test_the_default_mix_parks_the_same_vehicles_as_ever() -> None:
+    """Positions to the last bit, as before other mixes could park."""
+    found, draws = parked(row(400), 0.7, seed=5), hashlib.sha256()
+    draws.update(" ".join(found.kind).encode())
+    for column in (found.place, found.x, found.y, found.yaw_rad, found.height_m, found.look):
+        draws.update(np.ascontiguousarray(column).tobytes())
+    assert draws.hexdigest()[:16] == "9e8e3041b498d1ed"
 
 
 def test_some_are_reversed_into_perpendicular_places_only() -> None:

@@ -64,7 +64,7 @@ def _scene_state(sample: CameraSample, context: CaptureContext) -> SceneState:
     density = sample.spec.density
     agents = context.traces[density].agents_at(sample.pose.time_s)
     kinds = context.recordings[density].agents.kind
-    return SceneState(context.world, agents, kinds, context.parked(sample.conditions))
+    return SceneState(context.world, agents, kinds, context.parked(sample.conditions, density))
 
 
 def record_of(

@@ -40,7 +40,7 @@ def draw_sample(platform: Platform, spec: ImageSpec, attempt: int) -> CameraSamp
     rng = child(context.settings.seed, Stream.CAPTURE, SAMPLE, platform_key(spec.platform), spec.index, attempt)
     conditions = draw_conditions(rng, *centre_lonlat(context.world))
     daylight = Daylight.of(conditions, context.world, draw_compensation_ev(rng))
-    parked = ParkedBodies.of(context.parked(conditions))
+    parked = ParkedBodies.of(context.parked(conditions, spec.density))
     covered = parked.covered(context.defect_index)
     for _ in range(PROPOSALS):
         pose = platform.propose(spec, rng)

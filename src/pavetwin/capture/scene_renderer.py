@@ -116,7 +116,7 @@ class SceneFrameSource:
             context.recordings[spec.density],
             sample.pose.time_s,
             noise=int(rng.integers(1 << 62)),
-            parked=context.parked(sample.conditions),
+            parked=context.parked(sample.conditions, spec.density),
             without=sample.pose.ego,
             compensation_ev=sample.daylight.compensation_ev,
         )

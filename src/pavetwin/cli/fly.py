@@ -170,6 +170,7 @@ def fly(
         plan_mission,
         policies_named,
         settings_under,
+        traffic_input,
     )
     from pavetwin.mission.results import check_mission_folder
     from pavetwin.traffic.demand import DEFAULT_TRAFFIC
@@ -193,7 +194,15 @@ def fly(
             specs = [former.planned(loaded, policy=name, defect_seed=defect_seed) for name in names]
         else:
             defects = defects_of(loaded, defect_input(defect_seed))
-            environment = prepare(loaded, chosen, defects, base=base_point(base, loaded), parking_seed=seed)
+            street = traffic_input(loaded, asked or DEFAULT_TRAFFIC, routes or (), traffic, seed, take_off)
+            environment = prepare(
+                loaded,
+                chosen,
+                defects,
+                base=base_point(base, loaded),
+                parking_seed=seed,
+                parking_mix=street.mix,
+            )
             own = [settings_under(name, names, chosen) for name in names]
             spec = plan_mission(
                 loaded,

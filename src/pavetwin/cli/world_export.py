@@ -74,7 +74,7 @@ def export(
     loaded = load_world(world)
     part = _segment_bounds(loaded, segment) if segment is not None else _parsed(bounds)
     moment = _moment(loaded, traffic, at)
-    parked = _parked(loaded, parking, date, time, seed)
+    parked = _parked(loaded, parking, date, time, seed, moment)
     scene = Scene(loaded, seed=seed)
     keys = tiles_of(scene, part)
     expected = estimate(scene, keys, detail=detail, texel_m=texel, jobs=jobs)
@@ -130,11 +130,12 @@ def _segment_bounds(world: "World", segment: str) -> tuple[float, float, float, 
 
 
 def _parked(
-    world: "World", parking: str | None, date: str | None, time: str | None, seed: int
+    world: "World", parking: str | None, date: str | None, time: str | None, seed: int, moment: "TrafficSnapshot | None"
 ) -> "ParkedVehicles | None":
-    """The vehicles that are parked; None unless they are asked for."""
+    """The vehicles that are parked, of the mix of the traffic; None unless they are asked for."""
     from pavetwin.config import Conditions
     from pavetwin.config.parking import ParkingSettings
+    from pavetwin.traffic.mix import DEFAULT_MIX
     from pavetwin.traffic.parked import parked_vehicles
 
     conditions = conditions_of(date, time, None, None)
@@ -143,7 +144,8 @@ def _parked(
             raise PaveTwinError(f"--{next(iter(conditions))}: say with --parking that vehicles are parked, as by-time.")
         return None
     settings = ParkingSettings.model_validate(parking_of(parking))
-    return parked_vehicles(world, settings, Conditions.model_validate(conditions), seed)
+    mix = moment.recording.origin.mix if moment else DEFAULT_MIX
+    return parked_vehicles(world, settings, Conditions.model_validate(conditions), seed, mix)
 
 
 def _moment(world: "World", traffic: Path | None, at: float | None) -> "TrafficSnapshot | None":

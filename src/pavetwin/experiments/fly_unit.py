@@ -155,6 +155,7 @@ def _spec(
         policy=_policy_input(cell.policy),
         seed=seeds.sensing,
         parking_seed=seeds.traffic,
+        parking_mix=replay.recording.origin.mix,
         settings=settings,
     )
 
@@ -210,7 +211,7 @@ class _Ground:
 
     def environment(self, settings: MissionSettings) -> MissionEnvironment:
         uav = UavSettings(radius_m=settings.uav.radius_m, base=settings.uav.base)
-        parking = ParkingInput.of(settings, self.parking_seed)
+        parking = ParkingInput.of(settings, self.parking_seed, self.replay.recording.origin.mix)
         return _environment(self.place, settings.altitude_m, uav, settings.visibility.cell_m, parking)
 
 
@@ -269,7 +270,7 @@ def _environment(
         conditions={"date": parking.date, "time": parking.time},
     )
     around = _surroundings(place.path, place.content_hash, altitude_m, uav)
-    return prepare(place.world, settings, _defects(place), around, parking_seed=parking.seed)
+    return prepare(place.world, settings, _defects(place), around, parking_seed=parking.seed, parking_mix=parking.mix)
 
 
 @lru_cache(maxsize=16)

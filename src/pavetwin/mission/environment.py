@@ -21,6 +21,7 @@ from pavetwin.navigation.base import check_base, roadside
 from pavetwin.navigation.navmesh import navmesh, segments_in_reach
 from pavetwin.navigation.patterns import passes
 from pavetwin.sensing.resolution import smallest_extent_m
+from pavetwin.traffic.mix import DEFAULT_MIX
 from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.twin import Agent
 from pavetwin.uav import AircraftProfile, Camera, aircraft_of, camera_of, energy_curve
@@ -134,6 +135,7 @@ def prepare(
     *,
     base: Point | None = None,
     parking_seed: int = 0,
+    parking_mix: str = DEFAULT_MIX,
 ) -> MissionEnvironment:
     """Bake the flight domain, grid the segments' surfaces, and pass both to the kernel with all static objects.
 
@@ -144,13 +146,14 @@ def prepare(
         surroundings: of this world at this altitude, where they are known.
         base: where the UAV takes off; as the settings say when not given.
         parking_seed: of the parked vehicles.
+        parking_mix: name of their mix, as a rule that of traffic.
 
     Raises:
         PaveTwinError: nothing is left to fly in at this altitude, or no UAV can take off from the base.
     """
     chosen = tuple(world.defects if defects is None else defects)
     around = surroundings or Surroundings.of(world, settings.altitude_m, settings.uav, base)
-    parking = ParkingInput.of(settings, parking_seed)
+    parking = ParkingInput.of(settings, parking_seed, parking_mix)
     parked = parking.vehicles(world)
     boxes = parked_solids(parked)
     if base is not None:

@@ -259,6 +259,7 @@ def spec_of(
         policy=PolicyInput.of(policy),
         seed=seed,
         parking_seed=environment.parking.seed,
+        parking_mix=environment.parking.mix,
         settings=settings,
     )
 

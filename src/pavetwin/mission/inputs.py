@@ -64,7 +64,9 @@ class MissionInputs:
             ("traffic", replay is not None and replay.source() != spec.traffic),
             (
                 "parking",
-                not environment.parking.is_as(ParkingInput.of(spec.settings, spec.parking_seed), environment.world),
+                not environment.parking.is_as(
+                    ParkingInput.of(spec.settings, spec.parking_seed, spec.parking_mix), environment.world
+                ),
             ),
             ("aircraft", replay is not None and bool(replay.aircraft) != bool(spec.aircraft)),
         ):
@@ -109,6 +111,7 @@ def load_inputs(
         defects_of(loaded, spec.defects, spec.targets),
         base=base,
         parking_seed=spec.parking_seed,
+        parking_mix=spec.parking_mix,
     )
     if spec.defects.content_hash not in ("", ready.defects_hash):
         raise PaveTwinError(

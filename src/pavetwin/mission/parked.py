@@ -13,6 +13,7 @@ from pavetwin.config.conditions import Conditions
 from pavetwin.config.parking import ParkingSettings
 from pavetwin.mission.moment import agents_of
 from pavetwin.navigation.patterns import Pass
+from pavetwin.traffic.mix import DEFAULT_MIX
 from pavetwin.traffic.parked import ParkedVehicles, parked_vehicles
 from pavetwin.twin import Agent
 from pavetwin.world.model import World
@@ -36,15 +37,18 @@ class ParkingInput:
     date: date
     time: time
     seed: int
+    mix: str = DEFAULT_MIX
+    """Name of the mix of vehicles."""
 
     @classmethod
-    def of(cls, settings: MissionSettings, seed: int) -> Self:
-        """Of a mission: its settings, and the seed of its parked vehicles."""
-        return cls(settings.parking, settings.conditions.date, settings.conditions.time, seed)
+    def of(cls, settings: MissionSettings, seed: int, mix: str = DEFAULT_MIX) -> Self:
+        """Of a mission: its settings, and the seed and the mix of its parked vehicles."""
+        return cls(settings.parking, settings.conditions.date, settings.conditions.time, seed, mix)
 
     def vehicles(self, world: World) -> ParkedVehicles:
         """Those that stand in the world's parking places."""
-        return parked_vehicles(world, self.settings, Conditions(date=self.date, time=self.time), self.seed)
+        conditions = Conditions(date=self.date, time=self.time)
+        return parked_vehicles(world, self.settings, conditions, self.seed, self.mix)
 
     def is_as(self, other: Self, world: World) -> bool:
         """Whether the same vehicles stand in a world by both."""

@@ -82,8 +82,14 @@ def plan_mission(
             load_airspace(Path(airspace))
     source = defect_input(defect_seed)
     street_seed = seed if traffic_seed is None else traffic_seed
+    traffic = traffic_input(world, density, routes, recording, street_seed, take_off_s)
     ready = environment or prepare(
-        world, chosen, defects_of(world, source), base=base_point(base, world), parking_seed=street_seed
+        world,
+        chosen,
+        defects_of(world, source),
+        base=base_point(base, world),
+        parking_seed=street_seed,
+        parking_mix=traffic.mix,
     )
     count = segments if isinstance(segments, int) or segments is None else None
     names = () if isinstance(segments, int) or segments is None else segments
@@ -92,13 +98,14 @@ def plan_mission(
     return MissionSpec.of(
         world=WorldInput.of(world),
         defects=source.model_copy(update={"content_hash": ready.defects_hash}),
-        traffic=traffic_input(world, density, routes, recording, street_seed, take_off_s),
+        traffic=traffic,
         aircraft=FileInput.of(airspace) if airspace is not None else None,
         base=(ready.world.base.x, ready.world.base.y),
         targets=tuple(world.segments[index].id for index in targets),
         policy=PolicyInput.of(policy),
         seed=seed,
         parking_seed=ready.parking.seed,
+        parking_mix=ready.parking.mix,
         settings=chosen,
     )
 

@@ -21,6 +21,7 @@ from pavetwin.mission.versions import packages_in_use, software_versions
 from pavetwin.plugins import files_of, plugin_hashes
 from pavetwin.policies import policy_class
 from pavetwin.traffic.demand import USER, Density
+from pavetwin.traffic.mix import DEFAULT_MIX
 from pavetwin.uav.aircraft import camera_name
 from pavetwin.uav.entries import own_file
 from pavetwin.world.model import World
@@ -126,6 +127,12 @@ class TrafficInput(Settings):
         """Of the recording, such as `high-1`."""
         return f"{self.density or USER}-{self.seed}"
 
+    @property
+    def mix(self) -> str:
+        """Name of the mix of vehicles; the default one for routes of the user's own."""
+        asked = self.asked()
+        return asked.mix if asked else DEFAULT_MIX
+
     def asked(self) -> Density | None:
         """The density that SUMO is to hold; None for routes."""
         if self.density is None or self.pedestrians_per_sidewalk_km is None:
@@ -215,6 +222,8 @@ class MissionSpec(Settings):
     """Of the sensor's random numbers."""
     parking_seed: NonNegativeInt = 0
     """Of the parked vehicles, which the settings describe."""
+    parking_mix: str = DEFAULT_MIX
+    """Name of the mix of vehicles that are parked."""
     settings: MissionSettings
     plugins: tuple[FileInput, ...] = ()
     """As `files_of_settings` finds them."""

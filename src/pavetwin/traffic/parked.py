@@ -6,7 +6,7 @@ by the same vehicle, at every higher one.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from types import MappingProxyType
@@ -18,7 +18,8 @@ from pavetwin.arrays import BoolArray, Float64Array, IndexArray, Int64Array
 from pavetwin.config.conditions import Conditions
 from pavetwin.config.parking import ParkingSettings
 from pavetwin.seeds import Stream, child
-from pavetwin.traffic.kinds import VEHICLES, Kind
+from pavetwin.traffic.kinds import Kind
+from pavetwin.traffic.mix import DEFAULT_MIX, mix_named
 from pavetwin.traffic.occupancy import occupancy, surroundings_of
 from pavetwin.world.model import World
 from pavetwin.world.parking.hours import is_within
@@ -32,11 +33,11 @@ SPREAD_YAW_RAD: Final = math.radians(1.5)
 BACKWARDS: Final = 0.2
 """Share of the vehicles in diagonal and perpendicular places that have been reversed into them. Ours."""
 
-PARKING_CLASSES: Final = frozenset({"passenger", "delivery", "motorcycle"})
+PARKING_CLASSES: Final = frozenset({"passenger", "delivery", "motorcycle", "moped"})
 """SUMO vehicle classes that park at the roadside, where they fit."""
 
-RIDERLESS_HEIGHT_M: Final[Mapping[str, float]] = MappingProxyType({"motorcycle": 1.30})
-"""Height of the kinds that stand without their rider, leaning: up to the mirrors."""
+RIDERLESS_HEIGHT_M: Final[Mapping[str, float]] = MappingProxyType({"motorcycle": 1.30, "scooter": 1.30})
+"""Height of the kinds that stand without their rider, leaning: up to the mirrors. Scooters are drawn as motorcycles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,13 +98,18 @@ class ParkingDraws:
     """One in every place in which any kind fits."""
 
     @classmethod
-    def of(cls, world: World, seed: int) -> Self:
-        """Of the places of a world."""
+    def of(cls, world: World, seed: int, mix: str = DEFAULT_MIX) -> Self:
+        """Of the places of a world, where a mix of vehicles parks.
+
+        Raises:
+            PaveTwinError: there is no such mix.
+        """
+        parking = [(kind, share) for kind, share in mix_named(mix).vehicles if kind.sumo_class in PARKING_CLASSES]
         drawn: list[tuple[int, float, Kind, float, float, float, int]] = []
         for index, place in enumerate(world.parking):
             rng = child(seed, Stream.PARKING, place.key)
             occupancy = float(rng.random())
-            if (vehicle := _vehicle_in(place, rng)) is not None:
+            if (vehicle := _vehicle_in(place, parking, rng)) is not None:
                 drawn.append((index, occupancy, *vehicle, int(rng.integers(1 << 32))))
         if not drawn:
             return cls(world, np.zeros(0), ParkedVehicles.empty())
@@ -154,27 +160,30 @@ class ParkingDraws:
         return [(row, closed) for row, closed in enumerate(hours) if closed]
 
 
-def parked_vehicles(world: World, settings: ParkingSettings, conditions: Conditions, seed: int) -> ParkedVehicles:
+def parked_vehicles(
+    world: World, settings: ParkingSettings, conditions: Conditions, seed: int, mix: str = DEFAULT_MIX
+) -> ParkedVehicles:
     """The vehicles that are parked in a world at the date and time of the conditions; see `ParkingDraws`."""
     if not settings.enabled:
         return ParkedVehicles.empty()
-    return ParkingDraws.of(world, seed).at(settings, conditions)
+    return ParkingDraws.of(world, seed, mix).at(settings, conditions)
 
 
-def _vehicle_in(place: ParkingPlace, rng: np.random.Generator) -> tuple[Kind, float, float, float] | None:
-    """Kind, centre (x, y) and yaw of the vehicle in a place; None where no kind fits."""
+def _vehicle_in(
+    place: ParkingPlace, parking: Sequence[tuple[Kind, float]], rng: np.random.Generator
+) -> tuple[Kind, float, float, float] | None:
+    """Kind, centre (x, y) and yaw of the vehicle in a place, of the kinds that park and their shares; None where no
+    kind fits."""
     fitting = [
-        kind
-        for kind in VEHICLES
-        if kind.sumo_class in PARKING_CLASSES and kind.length_m <= place.length_m and kind.width_m <= place.width_m
+        (kind, share) for kind, share in parking if kind.length_m <= place.length_m and kind.width_m <= place.width_m
     ]
     draw = rng.random()
     spread = np.clip(rng.standard_normal(3), -2.0, 2.0)
     backwards = rng.random() < BACKWARDS and place.orientation is not ParkingOrientation.PARALLEL
     if not fitting:
         return None
-    ends = np.cumsum([kind.share for kind in fitting])
-    kind = fitting[min(int(np.searchsorted(ends, draw * ends[-1], side="right")), len(fitting) - 1)]
+    ends = np.cumsum([share for _, share in fitting])
+    kind, _ = fitting[min(int(np.searchsorted(ends, draw * ends[-1], side="right")), len(fitting) - 1)]
     room_along, room_across = (place.length_m - kind.length_m) / 2, (place.width_m - kind.width_m) / 2
     turn_room = min(2 * room_along / kind.width_m, 2 * room_across / kind.length_m)
     turned = float(np.clip(SPREAD_YAW_RAD * spread[2], -turn_room, turn_room))

@@ -22,6 +22,7 @@ from pavetwin.files import writing
 from pavetwin.traffic.demand import TOLERANCE, USER, Capacity, Density
 from pavetwin.traffic.kinds import AgentClass
 from pavetwin.traffic.level_of_service import level_of
+from pavetwin.traffic.mix import DEFAULT_MIX
 from pavetwin.traffic.own_demand import WARM_UP_S
 from pavetwin.world.model import World
 
@@ -78,6 +79,11 @@ class Origin:
     sumo_version: str
     warm_up_s: float
     """Simulated time before the recording."""
+
+    @property
+    def mix(self) -> str:
+        """Name of the mix of vehicles; the default one for a user's own routes."""
+        return self.asked.mix if self.asked else DEFAULT_MIX
 
 
 @dataclass(frozen=True, eq=False)

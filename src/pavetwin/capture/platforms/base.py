@@ -14,6 +14,7 @@ from pavetwin.capture.settings import CaptureSettings
 from pavetwin.config import Conditions
 from pavetwin.registry import Registry
 from pavetwin.scene.view import View
+from pavetwin.traffic.demand import density_named
 from pavetwin.traffic.parked import ParkedVehicles, ParkingDraws
 from pavetwin.traffic.recording import Recording
 from pavetwin.uav.cameras import Camera
@@ -33,14 +34,19 @@ class CaptureContext:
     meshes: Mapping[float, NavMesh]
     """Where the UAV may be, by altitude in metres; empty for ground vehicles."""
 
-    def parked(self, conditions: Conditions) -> ParkedVehicles:
-        """The vehicles that stand parked at the date and time of an image."""
-        parking = self.settings.parking
-        return self._parking_draws.at(parking, conditions) if parking.enabled else ParkedVehicles.empty()
+    def parked(self, conditions: Conditions, density: str) -> ParkedVehicles:
+        """The vehicles that stand parked at the date and time of an image, of the mix of its traffic."""
+        if not (parking := self.settings.parking).enabled:
+            return ParkedVehicles.empty()
+        mix = density_named(density).mix
+        if mix not in self._parking_draws:
+            self._parking_draws[mix] = ParkingDraws.of(self.world, self.settings.seed, mix)
+        return self._parking_draws[mix].at(parking, conditions)
 
     @cached_property
-    def _parking_draws(self) -> ParkingDraws:
-        return ParkingDraws.of(self.world, self.settings.seed)
+    def _parking_draws(self) -> dict[str, ParkingDraws]:
+        """By name of the mix of vehicles."""
+        return {}
 
 
 @dataclass(frozen=True)
