@@ -15,7 +15,7 @@ from pavetwin.experiments.words import MISSING, level_text
 from pavetwin.traffic.flow import MOST_REMOVALS_PER_HOUR, STANDING_MPS, Flow, flow_of
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.level_of_service import level_of
-from pavetwin.traffic.recording import load_recording
+from pavetwin.traffic.recording import Recording, load_recording
 from pavetwin.world.model import World
 
 MOST_RECORDINGS: Final = 4
@@ -49,7 +49,8 @@ def _rows(study: Study) -> Iterator[tuple[TableCell, ...]]:
         for traffic in study.levels("traffic"):
             here = study.table.filter(world=name, traffic=traffic)["traffic_seed"].drop_nulls()
             seeds = here.unique(maintain_order=True).to_list()[:MOST_RECORDINGS]
-            flows = list(_flows(world, _files(_entry_of(study, world), world, traffic, seeds)))
+            recordings = _recordings(_entry_of(study, world), world, traffic, seeds)
+            flows = [flow_of(recording, world) for recording in recordings]
             if flows:
                 yield text_cells(name, level_text("traffic", traffic), f"{len(flows)}", *_means(flows))
 
@@ -61,23 +62,20 @@ def _entry_of(study: Study, world: World) -> Mapping[str, Any]:
     return next((entry for entry in own if Path(entry["path"]).absolute() == folder), {})
 
 
-def _files(entry: Mapping[str, Any], world: World, traffic: str, seeds: Sequence[int]) -> Iterator[Path]:
-    """The recordings of a level of traffic that are on this machine."""
+def _recordings(entry: Mapping[str, Any], world: World, traffic: str, seeds: Sequence[int]) -> Iterator[Recording]:
+    """The recordings of a level of traffic that are on this machine; not those of other routes of the same name."""
     given = [Path(file) for file in entry.get("recordings") or () if Path(file).stem == traffic]
     if given:
-        yield from filter(Path.is_file, given)
+        for file in filter(Path.is_file, given):
+            with suppress(PaveTwinError):
+                yield load_recording(file, world)
         return
     routes = entry.get("routes") or ()
     for seed in seeds:
         with suppress(PaveTwinError):
             inputs = Inputs.of(world, None if routes else traffic, seed, routes)
-            yield from islice(filter(Path.is_file, inputs.places()), 1)
-
-
-def _flows(world: World, files: Iterator[Path]) -> Iterator[Flow]:
-    for file in files:
-        with suppress(PaveTwinError):
-            yield flow_of(load_recording(file, world), world)
+            found = (load_recording(file, world) for file in inputs.places() if file.is_file())
+            yield from islice((recording for recording in found if recording.origin.inputs == inputs.hash), 1)
 
 
 def _means(flows: Sequence[Flow]) -> list[str]:
