@@ -26,11 +26,11 @@ def scene_file(name: str) -> Path:
 
 
 @cache
-def built(name: str, seed: int = 1) -> Built:
+def built(name: str, seed: int = 1, parking_rule: str = "europe") -> Built:
     """The world of a scene, without defects; a name without a file is a kind of network to generate."""
     if name in ("town", "grid", "spider", "random"):
-        return build_world(name, BuildOptions(seed=seed))
-    return build_world(scene_file(name), BuildOptions(seed=seed))
+        return build_world(name, BuildOptions(seed=seed, parking_rule=parking_rule))
+    return build_world(scene_file(name), BuildOptions(seed=seed, parking_rule=parking_rule))
 
 
 def net_of(name: str, folder: Path) -> RoadNet:

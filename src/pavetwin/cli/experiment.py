@@ -9,6 +9,7 @@ import typer
 
 from pavetwin.cli.arguments import CacheFolder, Plugins, paths_of
 from pavetwin.cli.console import err, note_fonts, out, progress
+from pavetwin.cli.published import note_difference
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
@@ -57,7 +58,8 @@ def init(
 
     \b
     pavetwin experiment init study.yaml --world worlds/my-town
-    pavetwin experiment init paper.yaml --preset paper --world out/demo/town
+    pavetwin world build --generate town --seed 1 --parking-rule none -o worlds/published
+    pavetwin experiment init paper.yaml --preset paper --world worlds/published
     pavetwin experiment init mine.yaml --world worlds/rutted --plugin my_policy.py
     """
     from pavetwin.experiments.design import preset_text
@@ -78,6 +80,7 @@ def init(
         out.print(
             f"[yellow]Note:[/] there is no world in {place} yet; the path is relative to the design.", soft_wrap=True
         )
+    note_difference([preset], [place])
     out.line(
         f"Wrote {target} with the preset {preset}. Next: pavetwin experiment run {quote(str(target))} "
         f"-o {quote(str(target.with_suffix('')))}"
@@ -119,6 +122,7 @@ def run(
         load_plugins(paths_of(plugin))
         chosen = chosen.model_copy(update={"plugins": (*chosen.plugins, *paths_of(plugin))})
     works = _engine(engine, scheduler, jobs, chosen)
+    note_difference(chosen.presets, (Path(entry.path) for entry in chosen.worlds))
     with progress("Reading worlds", lines=True) as tell:
         ran = run_study(
             chosen,

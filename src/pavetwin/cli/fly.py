@@ -12,6 +12,7 @@ from pavetwin.cli.conditions import OPTIONS as CONDITIONS
 from pavetwin.cli.conditions import Clouds, Date, Time, Wind, conditions_of
 from pavetwin.cli.console import out, progress
 from pavetwin.cli.parking import Parking, parking_of
+from pavetwin.cli.published import note_difference
 from pavetwin.errors import PaveTwinError, about, naming
 
 if TYPE_CHECKING:
@@ -124,7 +125,7 @@ def fly(
     \b
     pavetwin fly worlds/town --altitude 10 --policy hover --segments 8 --seed 1
     pavetwin fly worlds/town --los E --mix south_asia --policy hover --policy skip
-    pavetwin fly worlds/town --policy all --preset paper --density medium --altitude 6
+    pavetwin fly worlds/no-parking --policy all --preset paper --density medium --altitude 6
     pavetwin fly worlds/town --aircraft phantom4pro --wind 6@270
     pavetwin fly worlds/town --date 2026-06-21 --time 09:30 --clouds 0.4 --wind 5@270 --save-frames
     pavetwin fly worlds/town --routes rush.rou.xml --take-off 600
@@ -232,6 +233,7 @@ def fly(
     check_replaceable(folder, specs, force=force)
     if former is None:
         out.line(f"Preset {preset}.")
+        note_difference([preset], [loaded])
     vehicles, pedestrians = inputs.replay.recording.agents_at(specs[0].traffic.take_off_s)
     if parked := len(inputs.environment.parked):
         places = len(loaded.parking)

@@ -1,0 +1,43 @@
+"""The published setup gives the rows that it always gave: the preset `paper` over a world without parking lanes.
+
+`published.csv` holds columns of `mission.parquet` as they were before streets had parking lanes.
+"""
+
+from pathlib import Path
+
+import polars as pl
+from polars.testing import assert_frame_equal
+
+from pavetwin.config import load_settings
+from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.mission.fly import fly
+from pavetwin.mission.inputs import load_inputs
+from pavetwin.mission.plan import plan_mission
+from pavetwin.mission.results import segment_table
+from pavetwin.world.store import load_world, save_world
+from scenes import built
+
+STORED = Path(__file__).parent / "published.csv"
+
+
+def flown(folder: Path) -> pl.DataFrame:
+    """The rows of the four policies, in the columns of the stored ones."""
+    save_world(add_defects(built("cross", parking_rule="none"), DefectOptions(per_segment=8)), folder)
+    world = load_world(folder)
+    settings = load_settings("paper", altitude_m=10.0)
+    spec = plan_mission(world, settings, density="low", segments=2, seed=2)
+    inputs = load_inputs(spec, world=world)
+    with inputs.replay:
+        rows = [
+            segment_table(fly(spec.with_policy(policy, settings), inputs=inputs))
+            for policy in ("baseline", "hover", "micro", "skip")
+        ]
+    return pl.concat(rows).select(pl.read_csv(STORED, n_rows=0).columns)
+
+
+def test_the_rows_of_the_published_setup_stay(tmp_path: Path) -> None:
+    rows = flown(tmp_path / "cross")
+    stored = pl.read_csv(STORED, schema=rows.schema)
+    assert rows["occlusions"].sum() > 0
+    assert rows["revisits"].sum() > 0
+    assert_frame_equal(rows, stored, rel_tol=0.0, abs_tol=1e-9)
