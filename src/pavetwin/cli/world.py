@@ -30,18 +30,28 @@ def build(
     generate: Annotated[str | None, typer.Option(help="Generate streets: town, grid, spider or random.")] = None,
     seed: Annotated[int, typer.Option(help="Random seed of the world; 0 is a seed like any other.")] = 0,
     segment_length: Annotated[float, typer.Option(help="Longest segment, in metres.")] = 135.0,
+    damage: Annotated[
+        str | None,
+        typer.Option(
+            metavar="POPULATION",
+            help="Numbers, classes, sizes and positions of the defects: survey (as surveys of city streets find them), "
+            "paper (30 a segment), or a YAML file of your own.",
+            show_default="paper",
+        ),
+    ] = None,
     defects_per_segment: Annotated[
-        float | None, typer.Option(help="Number of defects per segment, where they fit.", show_default="30")
+        float | None, typer.Option(help="Instead of the population's: the same number of defects on every segment.")
     ] = None,
     defects_per_100_m2: Annotated[
-        float | None, typer.Option("--defects-per-100-m2", help="Instead: number of defects per 100 m² of a segment.")
+        float | None,
+        typer.Option("--defects-per-100-m2", help="Instead: mean number of defects per 100 m² of the streets."),
     ] = None,
     defect_mix: Annotated[
         str | None,
         typer.Option(
             metavar="CLASS=WEIGHT,…",
-            help="Classes of the defects and their weights, as in pothole=2,single_crack=1; unless given all classes "
-            "with their own.",
+            help="Classes of the defects and their weights, as in pothole=2,single_crack=1; unless given those of "
+            "the population.",
         ),
     ] = None,
     anchor: Annotated[
@@ -63,11 +73,11 @@ def build(
     pavetwin world build berlin.osm.pbf -o worlds/berlin
     pavetwin world build my.net.xml -o worlds/mine --anchor 48.14,11.58
     pavetwin world build --generate town --seed 7 -o worlds/town
+    pavetwin world build --generate town -o worlds/paper --damage paper
     pavetwin world build --generate town -o worlds/holes --defects-per-100-m2 2 --defect-mix pothole=3,single_crack=1
     pavetwin world build seattle.osm --parking-rule north_america -o worlds/seattle
     """
     from pavetwin.defects import DefectOptions, add_defects
-    from pavetwin.defects.registry import mixed
     from pavetwin.world.build import BuildOptions, build_world
     from pavetwin.world.folder import check_target
     from pavetwin.world.generate import network_kind
@@ -86,11 +96,11 @@ def build(
     if anchor is not None:
         values["anchor"] = parse_anchor(anchor)
     options = BuildOptions.parse(values, where="world build")
-    asked = {"per_segment": defects_per_segment, "per_100_m2": defects_per_100_m2}
-    density = {name: value for name, value in asked.items() if value is not None}
+    asked = {"population": damage, "per_segment": defects_per_segment, "per_100_m2": defects_per_100_m2}
+    given = {name: value for name, value in asked.items() if value is not None}
     mix = {} if defect_mix is None else {"mix": _weights(defect_mix)}
-    defects = DefectOptions.parse({**density, **mix}, where="world build")
-    mixed(defects.mix)
+    defects = DefectOptions.parse({**given, **mix}, where="world build")
+    defects.effective()
     check_target(output, force=force)
     with progress("Building the world") as report:
         chosen = source if source is not None else network_kind(generate or "")

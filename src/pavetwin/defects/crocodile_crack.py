@@ -91,6 +91,7 @@ def sample_crocodile_crack_poses(rng: np.random.Generator, road: poses.RoadSecti
     weight=0.2,
     # A network has room for a block or two.
     label=LabelRule(least_side_px=8, least_short_side_px=8, least_area_px=20, least_contrast=17.0),
+    parameters=CrocodileCrackParameters,
 )
 def crocodile_crack(rng: np.random.Generator, parameters: CrocodileCrackParameters | None = None) -> Heightfield:
     """A patch around the origin; x runs along the wheel path."""

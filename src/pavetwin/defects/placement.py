@@ -1,10 +1,10 @@
 """Placement of defects: each segment independently, with its own child seed.
 
-On every segment `per_segment` defects are tried, or `per_100_m2` for its area; the class of each is drawn from the mix.
-Each gets up to `SHAPES` shapes, and each shape up to `PLACES` poses from its class's sampler (wheel paths, joints,
-edges, across). The first pose is taken where the whole outline lies on the segment's asphalt, 5 cm from its edge (or
-from its concrete gutter) and 10 cm from every other defect. A defect is left out when there is no such pose, or when
-the defects would cover more than `LARGEST_SHARE` of the segment: short segments may have fewer than requested.
+A damage population says how many defects of which classes are tried on a segment. Each gets up to `SHAPES` shapes, and
+each shape up to `PLACES` poses (wheel paths, joints, edges, across; near others). The first pose is taken where the
+whole outline lies on the segment's asphalt, 5 cm from its edge (or from its concrete gutter) and 10 cm from every other
+defect. A defect is left out when there is no such pose, or when the defects would cover more than `LARGEST_SHARE` of
+the segment: short segments may have fewer than requested.
 
 Segments are processed in parallel on as many threads as there are cores: most of the work is done outside Python. The
 result does not depend on the number of threads.
@@ -15,25 +15,26 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 from typing import Annotated, Any, Self
 
 import numpy as np
 import shapely
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import Field, model_validator
 from shapely import Point, Polygon
 
-from pavetwin.arrays import Float64Array
-from pavetwin.config.base import Settings
+from pavetwin.config.base import NameOrFile, Settings
 from pavetwin.defects.heightfield import Heightfield
 from pavetwin.defects.measures import measure
+from pavetwin.defects.population import ClassPopulation, DefectDensity, Population, Shares, population
 from pavetwin.defects.poses import Poses, RoadSection
-from pavetwin.defects.registry import DEFECT_CLASSES, DefectKind, failures_named, kinds, mixed
+from pavetwin.defects.registry import DefectKind, failures_named, kinds, mixed
 from pavetwin.defects.shapes import turned
 from pavetwin.seeds import Stream, child
-from pavetwin.world.build import Built
+from pavetwin.world.build import BuildRecord, Built
 from pavetwin.world.content import snapped
 from pavetwin.world.gutters import GUTTER_M, has_gutter
-from pavetwin.world.model import Defect, Segment, Severity
+from pavetwin.world.model import Defect, Segment, Severity, ShapeParameters
 from pavetwin.world.segments import direction_at, point_at, segment_key
 
 SHAPES, PLACES = 3, 30
@@ -45,36 +46,73 @@ Placed = tuple[Point, float, Polygon]
 
 
 class DefectOptions(Settings):
-    """How many defects of which classes a segment gets."""
+    """Which defects a world gets, and how many."""
 
-    per_segment: Annotated[float, Field(ge=0, le=1000)] = 30.0
-    """Rounded to a whole number."""
+    population: NameOrFile = "paper"
+    """A damage population by name (`survey`, `paper`), or a YAML file of the same form: numbers, classes, sizes and
+    positions. The other options replace parts of it."""
+    per_segment: Annotated[float | None, Field(ge=0, le=1000)] = None
+    """The same number on every segment; rounded to a whole number."""
     per_100_m2: Annotated[float | None, Field(ge=0, le=100)] = None
-    """Instead of `per_segment`: per 100 m² of the segment; rounded at random, so that it holds on average."""
+    """Mean number per 100 m² of the segments; streets and segments vary as in the population."""
     mix: dict[str, Annotated[float, Field(ge=0)]] = Field(default_factory=dict)
-    """Class → weight; empty for each class's own weight; classes that are left out get none."""
+    """Class → weight; empty for the population's; classes that are left out get none."""
 
     @model_validator(mode="after")
     def _known(self) -> Self:
         if self.mix and sum(self.mix.values()) <= 0:
             raise ValueError("the weights of the mix sum to 0")
-        if self.per_100_m2 is not None and "per_segment" in self.model_fields_set:
+        if self.per_100_m2 is not None and self.per_segment is not None:
             raise ValueError("give either per_segment or per_100_m2")
         return self
 
-    @model_serializer(mode="wrap")
-    def _as_given(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out `per_segment` when `per_100_m2` replaces it: both together are refused when read again."""
-        values: dict[str, Any] = dump(self)
-        if self.per_100_m2 is not None:
-            values.pop("per_segment", None)
-        return values
+    @classmethod
+    def of_record(cls, record: BuildRecord) -> Self:
+        """How the defects of a world were placed; by the population of the paper before there were others.
 
-    def count_on(self, segment: Segment, rng: np.random.Generator) -> int:
-        """How many defects to try on a segment."""
-        if self.per_100_m2 is None:
-            return round(self.per_segment)
-        return math.floor(self.per_100_m2 * segment.area_m2 / 100 + float(rng.random()))
+        Raises:
+            PaveTwinError: the record does not fit.
+        """
+        return cls.parse({"population": "paper", **record.defects}, where="world.yaml: defects")
+
+    def words(self) -> str:
+        """How many of which classes, as reports say it."""
+        density = self.effective().density
+        varied = " on average, varying by street and segment" if density.street_sigma or density.segment_sigma else ""
+        number = (
+            f"{density.per_segment:g} a segment"
+            if density.per_segment is not None
+            else f"{density.per_100_m2:g} per 100 m²{varied}"
+        )
+        shares = [f"{name} {weight:g}" for name, weight in sorted(self.mix.items())]
+        classes = f"of the classes {', '.join(shares)} (weights), " if shares else ""
+        return f"{number}, {classes}population {Path(self.population).name}"
+
+    def effective(self) -> Population:
+        """The population with the parts replaced that these options give.
+
+        Raises:
+            PaveTwinError: there is no such population, or it or the mix names an unknown class.
+        """
+        found = population(self.population)
+        changes: dict[str, Any] = {}
+        if self.per_segment is not None:
+            changes["density"] = DefectDensity(per_segment=self.per_segment)
+        elif self.per_100_m2 is not None:
+            changes["density"] = found.density.model_copy(update={"per_100_m2": self.per_100_m2, "per_segment": None})
+        if self.mix:
+            mixed(self.mix)
+            listed = [name for name in found.classes if name in self.mix]
+            changes["classes"] = {
+                name: found.of_class(name).model_copy(update={"weight": self.mix[name]})
+                for name in [*listed, *sorted(self.mix.keys() - set(listed))]
+            }
+        elif found.classes:
+            total = sum(each.weight for each in found.classes.values())
+            own = [kind for kind in kinds() if not kind.ships and kind.name not in found.classes]
+            more = {kind.name: ClassPopulation(weight=kind.weight * total) for kind in own}
+            changes["classes"] = {**found.classes, **more}
+        return found.model_copy(update=changes)
 
 
 def add_defects(
@@ -82,9 +120,10 @@ def add_defects(
 ) -> Built:
     """A built world with its defects, and a record of how they were placed; `on_progress` gets the share placed."""
     options = options or DefectOptions()
-    if not options.mix and any(not DEFECT_CLASSES.is_own(kind.name) for kind in kinds()):
+    if not options.mix and any(not kind.ships for kind in kinds()):
         # Written down, so that nobody who has not loaded the same plugins places something else.
-        options = options.model_copy(update={"mix": {kind.name: kind.weight for kind in kinds()}})
+        weights = {kind.name: share for kind, share in options.effective().shares()}
+        options = options.model_copy(update={"mix": weights})
     defects = place(built.world.segments, built.record.options.seed, options, on_progress)
     record = built.record.model_copy(update={"defects": options.model_dump(exclude_none=True)})
     return replace(built, world=replace(built.world, defects=defects), record=record)
@@ -102,11 +141,11 @@ def place(
     Raises:
         PaveTwinError: the mix names an unknown class.
     """
-    options = options or DefectOptions()
-    weighted = _weighted(options)
+    whole = (options or DefectOptions()).effective()
+    shares = whole.shares()
     defects: list[Defect] = []
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        found = pool.map(lambda segment: tuple(_on_segment(segment, seed, options, weighted)), segments)
+        found = pool.map(lambda segment: tuple(SegmentPlacement(segment, seed, whole, shares).defects()), segments)
         for done, own in enumerate(found, start=1):
             defects += [replace(defect, id=index) for index, defect in enumerate(own, start=len(defects))]
             if on_progress is not None:
@@ -114,43 +153,92 @@ def place(
     return tuple(defects)
 
 
-def _weighted(options: DefectOptions) -> tuple[tuple[DefectKind, ...], Float64Array]:
-    known = mixed(options.mix)
-    weights = np.array([options.mix.get(kind.name, kind.weight) for kind in known])
-    return known, weights / weights.sum()
+class SegmentPlacement:
+    """The defects of one segment."""
 
+    def __init__(self, segment: Segment, seed: int, population: Population, shares: Shares) -> None:
+        self.segment, self.population, self.shares, self.seed = segment, population, shares, seed
+        self._rng = child(seed, Stream.DEFECTS, segment_key(segment))
+        self._road = RoadSection.of(segment)
+        self._allowed = segment.polygon.buffer(-EDGE_M - (GUTTER_M if has_gutter(segment.street) else 0.0))
+        shapely.prepare(self._allowed)
+        self._budget = LARGEST_SHARE * segment.area_m2
+        self._taken: list[Polygon] = []
+        self._poses: dict[str, list[tuple[float, float]]] = {}
 
-def _on_segment(
-    segment: Segment, seed: int, options: DefectOptions, weighted: tuple[tuple[DefectKind, ...], Float64Array]
-) -> Iterator[Defect]:
-    rng = child(seed, Stream.DEFECTS, segment_key(segment))
-    allowed = segment.polygon.buffer(-EDGE_M - (GUTTER_M if has_gutter(segment.street) else 0.0))
-    shapely.prepare(allowed)
-    budget = LARGEST_SHARE * segment.area_m2
-    road = RoadSection.of(segment)
-    taken: list[Polygon] = []
-    known, weights = weighted
-    for _ in range(options.count_on(segment, rng)):
-        kind = known[int(rng.choice(len(known), p=weights))]
-        with failures_named(kind.name):
-            for shape_seed in rng.integers(2**32, size=SHAPES).tolist():
-                poses = kind.sample_poses(rng, road, PLACES)
-                shape = kind.generate(np.random.default_rng(shape_seed))
-                if shape.outline.area > budget:
-                    continue
-                placed = _first_place(segment, shape.outline, poses, allowed, taken)
-                if placed is None:
-                    continue
-                taken.append(placed[2])
-                budget -= placed[2].area
-                defect = _defect(segment, kind, shape, shape_seed, placed)
-                break
-            else:
+    def defects(self) -> Iterator[Defect]:
+        """One after the other, as many as find a place."""
+        for kind in self.population.kinds_on(self.segment, self.shares, self.seed, self._rng):
+            with failures_named(kind.name):
+                defect = self._placed(kind)
+            if defect is not None:
+                yield defect
+
+    def _placed(self, kind: DefectKind) -> Defect | None:
+        """A defect of a class, or None where no shape finds a place."""
+        of_class = self.population.of_class(kind.name)
+        for shape_seed in self._rng.integers(2**32, size=SHAPES).tolist():
+            parameters = of_class.parameters(self._rng)
+            poses = self._near_others(of_class, of_class.poses(self._rng, kind, self._road, PLACES))
+            shape = kind.shape(shape_seed, parameters)
+            if shape.outline.area > self._budget:
                 continue
-        yield defect
+            placed = self._first_place(shape.outline, poses)
+            if placed is None:
+                continue
+            centre, yaw, polygon, pose = placed
+            self._taken.append(polygon)
+            self._budget -= polygon.area
+            self._poses.setdefault(kind.name, []).append(pose)
+            return _defect(self.segment, kind, shape, shape_seed, parameters, (centre, yaw, polygon))
+        return None
+
+    def _near_others(self, of_class: ClassPopulation, poses: Poses) -> Poses:
+        """The poses, moved near a defect of another class where the population says so."""
+        if not of_class.near:
+            return poses
+        neighbour = of_class.neighbour(self._rng)
+        there = self._poses.get(neighbour[0], []) if neighbour else []
+        if neighbour is None or not there:
+            return poses
+        near = neighbour[1]
+        along, offset = there[int(self._rng.integers(len(there)))]
+        moved = poses.copy()
+        station = along * self._road.length_m + self._rng.normal(0.0, near.along_m, len(poses))
+        moved[:, 0] = np.clip(station / self._road.length_m, 0.0, 1.0)
+        if near.across_m is not None:
+            moved[:, 1] = offset + self._rng.normal(0.0, near.across_m, len(poses))
+        return moved
+
+    def _first_place(self, outline: Polygon, poses: Poses) -> tuple[Point, float, Polygon, tuple[float, float]] | None:
+        """The first pose at which an outline lies on the asphalt and clear of others: centre, direction, outline."""
+        line = self.segment.centre_line
+        ring = np.asarray(outline.exterior.coords)[:-1]
+        others = np.array(self._taken)
+        boxes = shapely.bounds(others) if self._taken else np.empty((0, 4))
+        for along, offset, turn in poses.tolist():
+            station = along * self.segment.length_m
+            dx, dy = direction_at(line, station)
+            base_x, base_y = point_at(line, station)
+            x, y = base_x - dy * offset, base_y + dx * offset
+            yaw = math.remainder(math.atan2(dy, dx) + turn, 2 * math.pi)
+            corners = turned(ring, yaw) + np.array([x, y])
+            polygon = Polygon(corners)
+            if not shapely.contains_properly(self._allowed, polygon):
+                continue
+            low, high = corners.min(axis=0) - APART_M, corners.max(axis=0) + APART_M
+            near = (boxes[:, :2] <= high).all(axis=1) & (boxes[:, 2:] >= low).all(axis=1)
+            if near.any():
+                shapely.prepare(polygon)
+                if shapely.dwithin(polygon, others[near], APART_M).any():
+                    continue
+            return Point(x, y), yaw, polygon, (along, offset)
+        return None
 
 
-def _defect(segment: Segment, kind: DefectKind, shape: Heightfield, seed: int, placed: Placed) -> Defect:
+def _defect(
+    segment: Segment, kind: DefectKind, shape: Heightfield, seed: int, parameters: ShapeParameters, placed: Placed
+) -> Defect:
     sizes = measure(shape)
     centre, yaw, polygon = placed
     return Defect(
@@ -166,30 +254,5 @@ def _defect(segment: Segment, kind: DefectKind, shape: Heightfield, seed: int, p
         depth_m=round(sizes.depth_m, 5),
         length_m=round(kind.length(sizes), 3),
         volume_m3=round(sizes.volume_m3, 7),
+        parameters=parameters,
     )
-
-
-def _first_place(
-    segment: Segment, outline: Polygon, poses: Poses, allowed: shapely.Geometry, taken: list[Polygon]
-) -> Placed | None:
-    ring = np.asarray(outline.exterior.coords)[:-1]
-    others = np.array(taken)
-    boxes = shapely.bounds(others) if taken else np.empty((0, 4))
-    for along, offset, turn in poses.tolist():
-        station = along * segment.length_m
-        dx, dy = direction_at(segment.centre_line, station)
-        base_x, base_y = point_at(segment.centre_line, station)
-        x, y = base_x - dy * offset, base_y + dx * offset
-        yaw = math.remainder(math.atan2(dy, dx) + turn, 2 * math.pi)
-        corners = turned(ring, yaw) + np.array([x, y])
-        polygon = Polygon(corners)
-        if not shapely.contains_properly(allowed, polygon):
-            continue
-        low, high = corners.min(axis=0) - APART_M, corners.max(axis=0) + APART_M
-        near = (boxes[:, :2] <= high).all(axis=1) & (boxes[:, 2:] >= low).all(axis=1)
-        if near.any():
-            shapely.prepare(polygon)
-            if shapely.dwithin(polygon, others[near], APART_M).any():
-                continue
-        return Point(x, y), yaw, polygon
-    return None

@@ -7,11 +7,30 @@ line to the left [m], and the angle from the road's direction to the defect's ow
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
 from pavetwin.arrays import Float64Array
 from pavetwin.world.model import Segment
+
+
+class Position(StrEnum):
+    """Where on a road, and in which direction, a population places a defect."""
+
+    JOINT = "joint"
+    """Along a joint between paved lanes."""
+    WHEEL_PATH = "wheel_path"
+    """Along a wheel path."""
+    EDGE = "edge"
+    """Along an edge of the carriageway."""
+    ACROSS = "across"
+    """Across the road, anywhere."""
+    OBLIQUE = "oblique"
+    """At about 45° to the road, anywhere."""
+    ANYWHERE = "anywhere"
+    """Anywhere, in any direction."""
+
 
 Poses = Float64Array
 """(n, 3): share of the way along the road, 0 … 1; metres to the left of its middle; angle to it [rad]."""
@@ -24,6 +43,10 @@ NARROW_LANE_M = 2.6
 
 EDGE_M = (0.25, 0.9)
 """From the carriageway's edge to the strip of edge cracking, where lateral support is missing."""
+
+
+ALONG_SPREAD_RAD, ACROSS_SPREAD_RAD, OBLIQUE_SPREAD_RAD = 0.035, 0.10, 0.22
+"""Standard deviations of the directions of cracks along the road, across it, and oblique to it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,3 +102,21 @@ def poses(rng: np.random.Generator, offsets: Float64Array, angle_rad: float, spr
     count = len(offsets)
     turn = rng.normal(angle_rad, spread_rad, count) + math.pi * rng.integers(2, size=count)
     return np.stack([rng.random(count), offsets, turn], axis=1)
+
+
+def positioned(rng: np.random.Generator, position: Position, road: RoadSection, count: int) -> Poses:
+    """Poses at a position."""
+    match position:
+        case Position.JOINT:
+            return poses(rng, joints(rng, road, count), 0.0, ALONG_SPREAD_RAD)
+        case Position.WHEEL_PATH:
+            return poses(rng, wheel_paths(rng, road, count), 0.0, ALONG_SPREAD_RAD)
+        case Position.EDGE:
+            return poses(rng, edges(rng, road, count), 0.0, ALONG_SPREAD_RAD)
+        case Position.ACROSS:
+            return poses(rng, anywhere(rng, road, count), math.pi / 2, ACROSS_SPREAD_RAD)
+        case Position.OBLIQUE:
+            side = float(rng.choice([-1.0, 1.0]))
+            return poses(rng, anywhere(rng, road, count), side * math.pi / 4, OBLIQUE_SPREAD_RAD)
+        case Position.ANYWHERE:
+            return poses(rng, anywhere(rng, road, count), 0.0, math.pi)

@@ -72,6 +72,7 @@ def sample_pothole_poses(rng: np.random.Generator, road: poses.RoadSection, coun
     width=lambda measures: measures.diameter_m,
     length=lambda measures: measures.crack_length_m,  # of those that leave its rim; 0 where none does
     weight=0.3,
+    parameters=PotholeParameters,
 )
 def pothole(rng: np.random.Generator, parameters: PotholeParameters | None = None) -> Heightfield:
     """A hole around the origin, its longest side on x."""

@@ -4,19 +4,22 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
+from pavetwin.config.base import Settings
 from pavetwin.defects.conformance import SHAPES_WHEN_READ, check_defect_class
 from pavetwin.defects.heightfield import Heightfield
 from pavetwin.defects.measures import Measures, length_of
 from pavetwin.defects.poses import PoseSampler
 from pavetwin.errors import PaveTwinError, told_at
 from pavetwin.registry import Registry
-from pavetwin.world.model import Defect, Severity, is_class_name
+from pavetwin.world.model import Defect, Severity, ShapeParameters, is_class_name
 
-Generate = Callable[[np.random.Generator], Heightfield]
-"""Makes a defect around the origin, which is its centre; x runs along its length."""
+Generate = Callable[..., Heightfield]
+"""Makes a defect around the origin, which is its centre; x runs along its length. It takes a random generator and, if
+the class has `parameters`, an instance of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +53,43 @@ class DefectKind:
     label: LabelRule
     is_thin: bool
     """Whether its outlines are so thin that boxes around them hardly overlap, see `pavetwin.sensing.match`."""
+    parameters: type[Settings] | None = None
+    """What its shapes may be given besides a seed; None for a class whose shapes come from the seed alone."""
+
+    @property
+    def ships(self) -> bool:
+        """Whether it is one of PaveTwin's own classes."""
+        return self.generate.__module__.startswith("pavetwin.defects.")
+
+    def shape(self, seed: int, given: ShapeParameters = ()) -> Heightfield:
+        """The shape of a seed, with some parameters given; the others are drawn from the seed.
+
+        Raises:
+            PaveTwinError: the class does not have such a parameter, or the value does not fit.
+        """
+        rng = np.random.default_rng(seed)
+        if not given:
+            return self.generate(rng)
+        return self.generate(rng, self.parameters_from(given, where=f"a defect of the class '{self.name}'"))
+
+    def parameters_from(self, given: ShapeParameters, where: str) -> Settings:
+        """Parameters of the class in which those given have one value instead of a range.
+
+        Raises:
+            PaveTwinError: the class does not have such a parameter, or the value does not fit; `where` begins it.
+        """
+        if self.parameters is None:
+            raise PaveTwinError(f"{where}: the defect class '{self.name}' has no parameters to give.")
+        values: dict[str, Any] = {}
+        for name, value in given:
+            field = self.parameters.model_fields.get(name)
+            default = field.default if field else None
+            if isinstance(default, tuple):
+                one = round(value) if isinstance(default[0], int) else value
+                values[name] = (one, one)
+            else:
+                values[name] = value
+        return self.parameters.parse(values, where=where)
 
 
 def _check(name: str, kind: DefectKind) -> None:
@@ -79,6 +119,7 @@ def defect_class(
     length: Callable[[Measures], float] = length_of,
     label: LabelRule | None = None,
     is_thin: bool = False,
+    parameters: type[Settings] | None = None,
 ) -> Callable[[Generate], Generate]:
     """Register what is decorated, which makes the shapes of a class, under the name of the class.
 
@@ -91,13 +132,17 @@ def defect_class(
         weight: its share among all defects, relative to the weights of the other classes.
         label: from which size in a picture it is labelled.
         is_thin: its outlines are so thin that boxes around them hardly overlap; detections match by other rules.
+        parameters: settings that what is decorated takes as its second argument, or None for their defaults; damage
+            populations give some of them.
 
     Raises:
         ValueError: the name is taken or cannot name a class, or the weight is negative.
     """
 
     def register(generate: Generate) -> Generate:
-        kind = DefectKind(name, generate, sample_poses, rate, width, length, weight, label or LabelRule(), is_thin)
+        kind = DefectKind(
+            name, generate, sample_poses, rate, width, length, weight, label or LabelRule(), is_thin, parameters
+        )
         DEFECT_CLASSES.add(name, kind)
         return generate
 
@@ -139,7 +184,7 @@ def failures_named(name: str) -> Iterator[None]:
 
 
 def heightfield_of(defect: Defect) -> Heightfield:
-    """The shape of a placed defect, regenerated from its seed.
+    """The shape of a placed defect, regenerated from its seed and its parameters.
 
     Its outline turned by `yaw_rad` about the origin and moved to `centre` is the defect's polygon.
 
@@ -148,4 +193,4 @@ def heightfield_of(defect: Defect) -> Heightfield:
     """
     kind = DEFECT_CLASSES.get(defect.kind)
     with failures_named(kind.name):
-        return kind.generate(np.random.default_rng(defect.seed))
+        return kind.shape(defect.seed, defect.parameters)

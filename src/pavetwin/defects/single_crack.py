@@ -14,6 +14,7 @@ from pavetwin.config.base import Settings
 from pavetwin.defects import poses
 from pavetwin.defects.heightfield import Heightfield, Lattice, Stains
 from pavetwin.defects.marking import Marking
+from pavetwin.defects.poses import Position
 from pavetwin.defects.registry import LabelRule, defect_class
 from pavetwin.defects.severity import crack_severity
 from pavetwin.defects.shapes import (
@@ -86,18 +87,14 @@ def sample_single_crack_poses(rng: np.random.Generator, road: poses.RoadSection,
     """Along the street in wheel paths, at joints and edges; across it; or obliquely."""
     manner = rng.random()
     if manner < ACROSS:
-        return poses.poses(rng, poses.anywhere(rng, road, count), math.pi / 2, 0.10)
-    if manner < ACROSS + OBLIQUE:
-        turn = float(rng.choice([-1.0, 1.0])) * math.pi / 4
-        return poses.poses(rng, poses.anywhere(rng, road, count), turn, 0.22)
-    where = rng.random()
-    if where < ALONG_IN_WHEEL_PATH:
-        offsets = poses.wheel_paths(rng, road, count)
-    elif where < ALONG_IN_WHEEL_PATH + ALONG_AT_JOINT:
-        offsets = poses.joints(rng, road, count)
+        position = Position.ACROSS
+    elif manner < ACROSS + OBLIQUE:
+        position = Position.OBLIQUE
     else:
-        offsets = poses.edges(rng, road, count)
-    return poses.poses(rng, offsets, 0.0, 0.035)
+        where = rng.random()
+        beyond = Position.JOINT if where < ALONG_IN_WHEEL_PATH + ALONG_AT_JOINT else Position.EDGE
+        position = Position.WHEEL_PATH if where < ALONG_IN_WHEEL_PATH else beyond
+    return poses.positioned(rng, position, road, count)
 
 
 @defect_class(
@@ -109,6 +106,7 @@ def sample_single_crack_poses(rng: np.random.Generator, road: poses.RoadSection,
     # A line covers few pixels, and is visible at a lower contrast than a patch.
     label=LabelRule(least_side_px=16, least_short_side_px=2, least_area_px=8, least_contrast=10.0),
     is_thin=True,
+    parameters=SingleCrackParameters,
 )
 def single_crack(rng: np.random.Generator, parameters: SingleCrackParameters | None = None) -> Heightfield:
     """A crack with the middle of its chord at the origin, its chord on x."""

@@ -254,8 +254,9 @@ def _policy_input(name: str) -> PolicyInput:
 @lru_cache(maxsize=16)
 def _defect_options(path: str, defects: str) -> DefectOptions:
     """How defects are placed over the world at `path`."""
-    known = load_record(Path(path)).defects if defects == "placed" else json.loads(defects)
-    return DefectOptions.parse(known or {}, where=f"'{path}'")
+    if defects == "placed":
+        return DefectOptions.of_record(load_record(Path(path)))
+    return DefectOptions.parse(json.loads(defects), where="the design: defects")
 
 
 @lru_cache(maxsize=16)

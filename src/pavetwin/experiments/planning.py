@@ -4,7 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from pavetwin.config import MissionSettings
-from pavetwin.defects.registry import DEFECT_CLASSES, kinds, mixed
+from pavetwin.defects import DefectOptions
+from pavetwin.defects.population import population_names
+from pavetwin.defects.registry import DEFECT_CLASSES, kinds
 from pavetwin.errors import PaveTwinError, naming, nearest_name
 from pavetwin.experiments.design import ALL, Design
 from pavetwin.experiments.metrics import EVERY_PAIR, REFERENCE
@@ -21,7 +23,7 @@ from pavetwin.traffic.demand import density_named
 from pavetwin.traffic.own_demand import own_demand
 from pavetwin.traffic.recording import load_recording
 from pavetwin.world.model import World
-from pavetwin.world.store import load_world
+from pavetwin.world.store import load_record, load_world
 
 
 def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = lambda _: None) -> Plan:
@@ -51,7 +53,8 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
     targets = tuple(
         _targets(design, world, named, tell) for world, named in zip(worlds, _named(design, worlds), strict=True)
     )
-    used = {cell: _files_of(cell, design) for cell in cells_of(design)}
+    populations = _populations(design, worlds)
+    used = {cell: {**_files_of(cell, design), **populations} for cell in cells_of(design)}
     routes = {route: file_sha256(Path(route)) for entry in design.worlds for route in entry.routes}
     return Plan(
         design,
@@ -119,12 +122,24 @@ def _files_of(cell: Cell, design: Design) -> dict[str, str]:
     return {file.path: file.sha256 for file in (*PolicyInput.of(cell.policy).files, *files_of_settings(own))}
 
 
+def _populations(design: Design, worlds: Sequence[World]) -> dict[str, str]:
+    """SHA-256 by path of the damage populations of the user's own that defects are placed by."""
+    if design.defects == "world":
+        return {}
+    if isinstance(design.defects, DefectOptions):
+        names = {design.defects.population}
+    else:
+        folders = [world.folder for world in worlds if world.folder is not None]
+        names = {DefectOptions.of_record(load_record(folder)).population for folder in folders}
+    return {name: file_sha256(Path(name)) for name in sorted(names) if name not in population_names()}
+
+
 def _packages(design: Design, worlds: Sequence[World]) -> dict[str, str]:
     """Versions by name of the installed packages that give what a design's missions name or look for."""
     if isinstance(design.defects, str):
         classes = {defect.kind for world in worlds for defect in world.defects}
     else:
-        classes = {kind.name for kind in mixed(design.defects.mix)}
+        classes = {kind.name for kind, _ in design.defects.effective().shares()}
     if not classes <= {kind.name for kind in kinds()}:
         DEFECT_CLASSES.names()  # finds those of installed packages
     used = [packages_in_use(cell.settings(design), cell.policy, classes) for cell in cells_of(design)]

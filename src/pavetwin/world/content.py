@@ -94,11 +94,16 @@ def _without_minus_zero(value: Any) -> Any:
     return value + 0.0 if isinstance(value, float) else value
 
 
+_APART = ("polygon", "centre", "parameters")
+
+
 def defects_hash(defects: Iterable[Defect]) -> str:
     """SHA-256 over defects in their order; a world's content hash excludes them."""
     digest = hashlib.sha256()
     for defect in defects:
-        values = {name: str(value) for name, value in asdict(defect).items() if name not in ("polygon", "centre")}
+        values = {name: str(value) for name, value in asdict(defect).items() if name not in _APART}
+        if defect.parameters:  # defects without any keep the hash that they had before there were parameters
+            values["parameters"] = str(defect.parameters)
         digest.update(repr(sorted(values.items())).encode() + defect.polygon.wkb + defect.centre.wkb)
     return digest.hexdigest()
 

@@ -4,6 +4,7 @@ Layers: streets (centre lines), segments (polygons), centre_lines (of segments),
 junctions, crossings, buildings, furniture, parks, parking, defects.
 """
 
+import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from itertools import filterfalse
@@ -149,9 +150,14 @@ LAYERS = (
         _AREA,
         {
             **{"id": int, "segment": str, "kind": str, "centre_east_m": float, "centre_north_m": float},
-            **{"seed": int, "yaw_rad": float, "severity": str, **_DEFECT_SIZES},
+            **{"seed": int, "yaw_rad": float, "severity": str, **_DEFECT_SIZES, "parameters": str},
         },
-        {**_CENTRE, "area_m2": lambda item: round(item.area_m2, 6)},
+        {
+            **_CENTRE,
+            "area_m2": lambda item: round(item.area_m2, 6),
+            "parameters": lambda item: json.dumps(dict(item.parameters)) if item.parameters else "",
+        },
+        frozenset({"parameters"}),
     ),
 )
 
@@ -206,7 +212,8 @@ def _signal(row: LayerRow) -> SignalLink | None:
 
 def _defect(row: LayerRow) -> Defect:
     centre = Point(row["centre_east_m"], row["centre_north_m"])
-    return _item(Defect, row, "polygon", centre=centre, severity=Severity(row["severity"]))
+    parameters = tuple(json.loads(row.get("parameters") or "{}").items())
+    return _item(Defect, row, "polygon", centre=centre, severity=Severity(row["severity"]), parameters=parameters)
 
 
 def _parking_place(row: LayerRow) -> ParkingPlace:

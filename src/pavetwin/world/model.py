@@ -232,6 +232,10 @@ def is_class_name(name: str) -> bool:
     return name.isidentifier() and name.islower()
 
 
+ShapeParameters = tuple[tuple[str, float], ...]
+"""Parameters of a class of defects that have one value, by name."""
+
+
 @dataclass(frozen=True, slots=True)
 class Defect:
     id: int
@@ -257,6 +261,8 @@ class Defect:
     it, unless its `length` says otherwise."""
     volume_m3: float
     """Volume missing below the road surface."""
+    parameters: ShapeParameters = ()
+    """What a damage population drew of its shape; the rest comes from the seed."""
 
     def __post_init__(self) -> None:
         if not is_class_name(self.kind):

@@ -116,12 +116,7 @@ def defect_words(design: Mapping[str, Any]) -> str:
         sentences.append("Defects are placed in each replicate, as densely and of the classes as in the world.")
     elif isinstance(placing, Mapping):
         options = DefectOptions.model_validate(placing)
-        number = (
-            f"{options.per_segment:g} a segment" if options.per_100_m2 is None else f"{options.per_100_m2:g} per 100 m²"
-        )
-        shares = [f"{name} {weight:g}" for name, weight in sorted(options.mix.items())]
-        mix = f"of the classes {listed(shares)} (weights)" if shares else "of all classes by their own weights"
-        sentences.append(f"Defects are placed in each replicate: {number}, {mix}.")
+        sentences.append(f"Defects are placed in each replicate: {options.words()}.")
     if sentences and placing != "world":
         sentences.append("They are placed by the program, not surveyed.")
     hashes = design.get("files") or {}

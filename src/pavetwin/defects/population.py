@@ -1,0 +1,267 @@
+"""A damage population: how many defects of which classes streets have, how large they are, and where they lie.
+
+A population is a YAML file of the form of `Population`. `survey` and `paper` ship with the package.
+
+The number of defects of a class on a segment is a Poisson number (a log-Gaussian Cox process over segments). With r,
+the condition of a segment relative to the mean (lognormal with mean 1, one factor for its street and one for itself),
+its mean is D · m · r^(1+g) / E[r^(1+g)], where D is the population's density, m the class's share and g its `growth`:
+on average the shares hold, and classes that grow are more frequent where the pavement is worn.
+"""
+
+import math
+import zlib
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Final, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+from yaml import YAMLError
+
+from pavetwin.config.base import Settings
+from pavetwin.config.mission import Positive, Share
+from pavetwin.config.text import parse_yaml
+from pavetwin.defects.poses import Poses, Position, RoadSection, positioned
+from pavetwin.defects.registry import DEFECT_CLASSES, DefectKind, kinds
+from pavetwin.errors import PaveTwinError, no_such
+from pavetwin.seeds import Stream, child
+from pavetwin.world.model import Segment, ShapeParameters
+from pavetwin.world.segments import segment_key
+
+Spread = Annotated[float, Field(ge=0, le=3)]
+
+_STREETS: Final = 1
+"""Key of the random numbers that all segments of a street share; those of a segment have no second key."""
+
+
+Shares = tuple[tuple[DefectKind, float], ...]
+"""Classes with their shares of all defects, which sum to 1."""
+
+
+class DefectDensity(Settings):
+    """How many defects there are: either `per_segment`, or `per_100_m2` and how it varies."""
+
+    per_segment: Annotated[float | None, Field(ge=0, le=1000)] = None
+    """On every segment the same number, rounded."""
+    per_100_m2: Annotated[float | None, Field(ge=0, le=100)] = None
+    """Mean over all streets."""
+    street_sigma: Spread = 0.0
+    """Standard deviation of the natural logarithm of the density between streets."""
+    segment_sigma: Spread = 0.0
+    """Between the segments of one street."""
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if (self.per_segment is None) == (self.per_100_m2 is None):
+            raise ValueError("give either per_segment or per_100_m2")
+        if self.per_segment is not None and (self.street_sigma or self.segment_sigma):
+            raise ValueError(
+                "per_segment is the same number everywhere; street_sigma and segment_sigma need per_100_m2"
+            )
+        return self
+
+
+class Size(Settings):
+    """A lognormal size of defects, cut off at both ends."""
+
+    median: Positive
+    sigma: Spread = 0.0
+    """Standard deviation of its natural logarithm."""
+    least: Positive
+    most: Positive
+    times: tuple[str, ...] = ()
+    """Sizes named before this one; it is multiplied by them, and `least` and `most` hold for the product."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.least > self.most:
+            raise ValueError(f"least {self.least:g} is larger than most {self.most:g}")
+        return self
+
+    def draw(self, rng: np.random.Generator, before: Mapping[str, float]) -> float:
+        """A size; `before` holds those drawn before it, by name."""
+        factor = math.prod(before[name] for name in self.times)
+        value = factor * self.median * math.exp(self.sigma * float(rng.standard_normal()))
+        return min(self.most, max(self.least, value))
+
+
+class Beside(Settings):
+    """How defects lie near others on the same segment; normally distributed around their middle."""
+
+    share: Share
+    along_m: Positive
+    """Standard deviation of the distance along the street."""
+    across_m: Positive | None = None
+    """Across it; unless given, they lie across where their `positions` say."""
+
+
+class ClassPopulation(Settings):
+    """The defects of one class."""
+
+    weight: Annotated[float, Field(ge=0)]
+    """Its share of all defects, relative to the weights of the other classes."""
+    growth: Annotated[float, Field(ge=0, le=2)] = 0.0
+    """By which power of the density its own share grows from segment to segment."""
+    sizes: Mapping[str, Size] = Field(default_factory=dict)
+    """Parameters of the class that are drawn from the population instead of the class's own ranges."""
+    positions: Mapping[Position, Share] = Field(default_factory=dict)
+    """Weights of the positions on the road; empty for what the class itself says."""
+    near: Mapping[str, Beside] = Field(default_factory=dict)
+    """Which share of them is tried near defects of which class: this one, or one listed before it."""
+
+    def parameters(self, rng: np.random.Generator) -> ShapeParameters:
+        """The sizes of one defect, by name."""
+        drawn: dict[str, float] = {}
+        for name, size in self.sizes.items():
+            drawn[name] = float(f"{size.draw(rng, drawn):.4g}")
+        return tuple(drawn.items())
+
+    def poses(self, rng: np.random.Generator, kind: DefectKind, road: RoadSection, count: int) -> Poses:
+        """Where one defect may lie, before others are looked at."""
+        if not self.positions:
+            return kind.sample_poses(rng, road, count)
+        weights = np.array(list(self.positions.values()))
+        index = int(rng.choice(len(weights), p=weights / weights.sum()))
+        return positioned(rng, list(self.positions)[index], road, count)
+
+    def neighbour(self, rng: np.random.Generator) -> tuple[str, Beside] | None:
+        """Near which class one defect lies, and how; None for one that lies anywhere."""
+        number = float(rng.random())
+        for name, near in self.near.items():
+            if number < near.share:
+                return name, near
+            number -= near.share
+        return None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        known: set[str] = set()
+        for name, size in self.sizes.items():
+            for factor in size.times:
+                if factor not in known:
+                    raise ValueError(f"sizes.{name}.times names '{factor}', which is not listed before it")
+            known.add(name)
+        if self.positions and not sum(self.positions.values()) > 0:
+            raise ValueError("the weights of the positions sum to 0")
+        if sum(each.share for each in self.near.values()) > 1:
+            raise ValueError("the shares in near sum to more than 1")
+        return self
+
+
+class Population(Settings):
+    """A damage population."""
+
+    title: str
+    density: DefectDensity
+    classes: Mapping[str, ClassPopulation] = Field(default_factory=dict)
+    """In the order in which they are placed; empty for all classes with their own weights and sizes."""
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        known: list[str] = []
+        for name, of_class in self.classes.items():
+            known.append(name)
+            for other in of_class.near:
+                if other not in known:
+                    raise ValueError(f"classes.{name}.near names '{other}', which is not listed before it")
+        if self.classes and not sum(each.weight for each in self.classes.values()) > 0:
+            raise ValueError("the weights of the classes sum to 0")
+        return self
+
+    def check(self, where: str) -> None:
+        """Refuse what no registered class has.
+
+        Raises:
+            PaveTwinError: an unknown class or parameter, or a size that its parameter cannot have.
+        """
+        for name, of_class in self.classes.items():
+            try:
+                kind = DEFECT_CLASSES.get(name)
+            except PaveTwinError as error:
+                raise PaveTwinError(f"{where}: classes: {error}") from error
+            for parameter, size in of_class.sizes.items():
+                for value in (size.least, size.most):
+                    kind.parameters_from(((parameter, value),), where=f"{where}: classes.{name}.sizes")
+
+    def of_class(self, name: str) -> ClassPopulation:
+        """The defects of a class; of one that it does not list, as the class itself has them."""
+        return self.classes.get(name, _UNLISTED)
+
+    def kinds_on(self, segment: Segment, shares: Shares, seed: int, rng: np.random.Generator) -> Iterator[DefectKind]:
+        """The class of each defect to place on a segment, in the order in which they are placed.
+
+        Args:
+            shares: those of this population.
+        """
+        sigma = math.hypot(self.density.street_sigma, self.density.segment_sigma)
+        if self.density.per_segment is None and sigma:
+            mean = float(self.density.per_100_m2 or 0.0) * segment.area_m2 / 100
+            condition = self._condition(segment, seed)
+            for kind, share in shares:
+                power = 1 + self.of_class(kind.name).growth
+                relative = condition**power / math.exp(sigma**2 * power * (power - 1) / 2)
+                for _ in range(int(rng.poisson(mean * share * relative))):
+                    yield kind
+            return
+        weights = np.array([share for _, share in shares])
+        for _ in range(self._count_on(segment, rng)):
+            yield shares[int(rng.choice(len(shares), p=weights))][0]
+
+    def _count_on(self, segment: Segment, rng: np.random.Generator) -> int:
+        """The same number everywhere, by segment or by area; this one is rounded at random: on average it holds."""
+        if self.density.per_segment is not None:
+            return round(self.density.per_segment)
+        return math.floor(float(self.density.per_100_m2 or 0.0) * segment.area_m2 / 100 + float(rng.random()))
+
+    def shares(self) -> Shares:
+        """Each class with its share of all defects, in the order in which they are placed."""
+        if not self.classes:
+            found = [(kind, kind.weight) for kind in kinds()]
+        else:
+            found = [(DEFECT_CLASSES.get(name), each.weight) for name, each in self.classes.items()]
+        weights = np.array([weight for _, weight in found])
+        shares = weights / weights.sum()
+        return tuple((kind, float(share)) for (kind, _), share in zip(found, shares, strict=True))
+
+    def _condition(self, segment: Segment, seed: int) -> float:
+        """The density of a segment relative to the mean; lognormal, its mean over streets and segments is 1."""
+        street = child(seed, Stream.DEFECTS, zlib.crc32(segment.street.encode()), _STREETS)
+        own = child(seed, Stream.DEFECTS, segment_key(segment), _STREETS + 1)
+        exponent = 0.0
+        for rng, sigma in ((street, self.density.street_sigma), (own, self.density.segment_sigma)):
+            exponent += sigma * float(rng.standard_normal()) - sigma**2 / 2
+        return math.exp(exponent)
+
+
+_UNLISTED: Final = ClassPopulation(weight=0.0)
+
+
+def population_names() -> list[str]:
+    """The populations that ship with the package."""
+    folder = files("pavetwin.defects") / "populations"
+    return sorted(entry.name.removesuffix(".yaml") for entry in folder.iterdir() if entry.name.endswith(".yaml"))
+
+
+@cache
+def population(name: str) -> Population:
+    """The population of a name, or of a YAML file of the user's own.
+
+    Raises:
+        PaveTwinError: there is no such population or file, or the file is none.
+    """
+    where = f"damage population '{name}'"
+    if name.endswith((".yaml", ".yml")):
+        try:
+            text = Path(name).read_text(encoding="utf-8")
+            found = Population.parse(parse_yaml(text, where=f"'{name}'") or {}, where=where)
+        except (OSError, UnicodeDecodeError, YAMLError) as error:
+            raise PaveTwinError(f"The damage population '{name}' cannot be read: {error}.") from error
+    elif name in population_names():
+        text = (files("pavetwin.defects") / "populations" / f"{name}.yaml").read_text(encoding="utf-8")
+        found = Population.parse(parse_yaml(text, where=name), where=where)
+    else:
+        raise PaveTwinError(no_such("damage population", name, population_names(), key="`population`"))
+    found.check(where)
+    return found
