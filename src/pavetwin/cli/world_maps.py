@@ -16,9 +16,16 @@ if TYPE_CHECKING:
 def show(
     world: WorldFolder,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="The picture: .png, .svg or .pdf; WORLD/map.png if not given.")
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="The picture: .png, .svg or .pdf; WORLD/map.png if not given, or condition.png."
+        ),
     ] = None,
     ids: Annotated[bool, typer.Option("--ids", help="Write the segments' ids and mark where they end.")] = False,
+    condition: Annotated[
+        bool,
+        typer.Option("--condition", help="Draw the true condition instead: defects per 100 m² by segment."),
+    ] = False,
     html: Annotated[bool, typer.Option("--html", help="Also write an interactive page beside the picture.")] = False,
 ) -> None:
     """Draw the map of a world.
@@ -26,17 +33,25 @@ def show(
     \b
     pavetwin world show worlds/berlin
     pavetwin world show worlds/berlin --ids --html -o berlin.png
+    pavetwin world show worlds/berlin --condition
     """
     from pavetwin.config.mission import UavSettings
+    from pavetwin.draw.condition_map import save_condition_map
     from pavetwin.draw.world_html import save_world_html
     from pavetwin.draw.world_map import save_world_map
     from pavetwin.navigation.base import with_roadside_base
     from pavetwin.world.store import load_world
 
+    if condition and (ids or html):
+        raise PaveTwinError("--condition draws a map of its own; leave out --ids and --html.")
     loaded = with_roadside_base(load_world(world), UavSettings().radius_m)
-    picture = output if output is not None else world / "map.png"
+    picture = output if output is not None else world / ("condition.png" if condition else "map.png")
     with progress("Drawing the map") as report:
-        left_out = save_world_map(loaded, picture, ids=ids)
+        if condition:
+            save_condition_map(loaded, picture)
+            left_out = []
+        else:
+            left_out = save_world_map(loaded, picture, ids=ids)
         report(0.7)
         if html:
             save_world_html(loaded, picture.with_suffix(".html"))

@@ -12,10 +12,14 @@ from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import AnyArray, BoolArray, Float64Array
 from pavetwin.errors import PaveTwinError
+from pavetwin.world.condition import condition_columns
 from pavetwin.world.content import round_to_grid
 from pavetwin.world.georeference import GeoReference
 from pavetwin.world.layer_tables import LAYERS, Layer, LayerRow, collections_of, conflicts_of
 from pavetwin.world.model import World
+
+CONDITION = "condition"
+"""The layer of what is damaged on each segment, for GIS programs; it follows from the defects and is not read."""
 
 STAMP = "2000-01-01T00:00:00.000Z"
 """Written instead of the time, so that the same world gives the same bytes."""
@@ -35,6 +39,8 @@ def write_layers(world: World, path: Path) -> None:
             name: np.array([row[name] for row in rows], dtype=_DTYPES[kind]) for name, kind in layer.columns.items()
         }
         write_layer(path, layer.name, layer.geometry, [row["geometry"] for row in rows], data, world.georeference)
+    polygons = [segment.polygon for segment in world.segments]
+    write_layer(path, CONDITION, "MultiPolygon", polygons, condition_columns(world), world.georeference)
 
 
 def write_layer(
