@@ -214,9 +214,14 @@ def test_the_first_page_answers_the_question() -> None:
         ("placed", "Defects are placed in each replicate, as densely and of the classes as in the world."),
         (
             {"per_segment": 6, "mix": {"rutting": 2.0, "pothole": 1}},
-            "Defects are placed in each replicate: 6 a segment, of the classes pothole 1 and rutting 2 (weights).",
+            "Defects are placed in each replicate: 6 a segment, of the classes pothole 1 and rutting 2 (weights), "
+            "by the damage population paper.",
         ),
-        ({"per_100_m2": 4}, "Defects are placed in each replicate: 4 per 100 m², of all classes by their own weights."),
+        ({"per_100_m2": 4}, "Defects are placed in each replicate: 4 per 100 m², by the damage population paper."),
+        (
+            {"population": "survey"},
+            "3 per 100 m² on average, varying by street and segment, by the damage population survey.",
+        ),
     ],
 )
 def test_what_was_flown_says_the_defects_and_the_files(placing: object, words: str) -> None:

@@ -15,7 +15,6 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated, Any, Self
 
 import numpy as np
@@ -75,18 +74,18 @@ class DefectOptions(Settings):
         """
         return cls.parse({"population": "paper", **record.defects}, where="world.yaml: defects")
 
-    def words(self) -> str:
-        """How many of which classes, as reports say it."""
-        density = self.effective().density
-        varied = " on average, varying by street and segment" if density.street_sigma or density.segment_sigma else ""
-        number = (
-            f"{density.per_segment:g} a segment"
-            if density.per_segment is not None
-            else f"{density.per_100_m2:g} per 100 m²{varied}"
-        )
-        shares = [f"{name} {weight:g}" for name, weight in sorted(self.mix.items())]
-        classes = f"of the classes {', '.join(shares)} (weights), " if shares else ""
-        return f"{number}, {classes}population {Path(self.population).name}"
+    def density(self) -> DefectDensity:
+        """How many there are: the population's, or what replaces it.
+
+        Raises:
+            PaveTwinError: there is no such population.
+        """
+        own = population(self.population).density
+        if self.per_segment is not None:
+            return DefectDensity(per_segment=self.per_segment)
+        if self.per_100_m2 is not None:
+            return own.model_copy(update={"per_100_m2": self.per_100_m2, "per_segment": None})
+        return own
 
     def effective(self) -> Population:
         """The population with the parts replaced that these options give.
@@ -95,11 +94,7 @@ class DefectOptions(Settings):
             PaveTwinError: there is no such population, or it or the mix names an unknown class.
         """
         found = population(self.population)
-        changes: dict[str, Any] = {}
-        if self.per_segment is not None:
-            changes["density"] = DefectDensity(per_segment=self.per_segment)
-        elif self.per_100_m2 is not None:
-            changes["density"] = found.density.model_copy(update={"per_100_m2": self.per_100_m2, "per_segment": None})
+        changes: dict[str, Any] = {"density": self.density()}
         if self.mix:
             mixed(self.mix)
             listed = [name for name in found.classes if name in self.mix]

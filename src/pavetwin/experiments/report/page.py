@@ -116,7 +116,14 @@ def defect_words(design: Mapping[str, Any]) -> str:
         sentences.append("Defects are placed in each replicate, as densely and of the classes as in the world.")
     elif isinstance(placing, Mapping):
         options = DefectOptions.model_validate(placing)
-        sentences.append(f"Defects are placed in each replicate: {options.words()}.")
+        density = options.density()
+        varied = " on average, varying by street and segment" if density.street_sigma or density.segment_sigma else ""
+        per_area = f"{density.per_100_m2:g} per 100 m²{varied}" if density.per_100_m2 is not None else ""
+        number = per_area or f"{density.per_segment:g} a segment"
+        shares = [f"{name} {weight:g}" for name, weight in sorted(options.mix.items())]
+        mix = f"of the classes {listed(shares)} (weights), " if shares else ""
+        of = Path(options.population).name
+        sentences.append(f"Defects are placed in each replicate: {number}, {mix}by the damage population {of}.")
     if sentences and placing != "world":
         sentences.append("They are placed by the program, not surveyed.")
     hashes = design.get("files") or {}
