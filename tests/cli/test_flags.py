@@ -64,6 +64,7 @@ def test_every_option_named_there_is_one() -> None:
 USUAL: dict[str, tuple[str, ...]] = {
     "world build": ("-o", "new"),
     "world build --anchor": ("-o", "new", "--generate", "grid"),
+    "world build --damage": ("-o", "new", "--generate", "grid"),
     "world build --defect-mix": ("-o", "new", "--generate", "grid"),
     "world build --parking-rule": ("-o", "new", "--generate", "grid"),
     "world navmesh": ("town",),

@@ -25,6 +25,7 @@ FLAGS: Final = {
     "picture=png": "--png",
     "platforms": "--platform",
     "plugins": "--plugin",
+    "population": "--damage",
     "recording": "--traffic",
     "retry": "--retry-failed",
     "size_px": "--size",
