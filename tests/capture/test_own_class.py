@@ -153,6 +153,7 @@ def test_a_study_flies_over_it_in_two_processes(world: Path, tmp_path: Path, mon
     assert str(RUTTING) in Store(tmp_path / "study").description()["files"]
 
 
+@pytest.mark.slow
 @pytest.mark.needs_adapter
 def test_ruts_are_drawn(world: Path, tmp_path: Path) -> None:
     """By the renderer, and labelled: enough images that some aim at a rut."""

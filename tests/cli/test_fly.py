@@ -88,7 +88,7 @@ def test_a_mission_leaves_its_files_and_says_where(world: Path, tmp_path: Path) 
     assert description["settings"]["altitude_m"] == 10.0
 
 
-@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("seed", [3, pytest.param(0, marks=pytest.mark.slow)])
 def test_the_same_command_twice_gives_the_same_bytes(world: Path, tmp_path: Path, seed: int) -> None:
     arguments = ("--density", "low", "--segments", "2", "--seed", seed, "--policy", "hover")
     for name, run in (("a", pavetwin), ("b", pavetwin_process)):
@@ -524,12 +524,22 @@ def test_a_full_disk_is_said_and_leaves_nothing(world: Path, tmp_path: Path) -> 
     assert not list(tmp_path.iterdir())
 
 
+INTERRUPTED, TERMINATED = (signal.SIGINT, 130, "Interrupted"), (signal.SIGTERM, 143, "Terminated")
+
+
 @pytest.mark.parametrize(
-    ("number", "code", "said"), [(signal.SIGINT, 130, "Interrupted"), (signal.SIGTERM, 143, "Terminated")]
+    ("moment", "number", "code", "said"),
+    [
+        ("recording", *INTERRUPTED),
+        ("flying", *TERMINATED),
+        ("writing", *INTERRUPTED),
+        pytest.param("recording", *TERMINATED, marks=pytest.mark.slow),
+        pytest.param("flying", *INTERRUPTED, marks=pytest.mark.slow),
+        pytest.param("writing", *TERMINATED, marks=pytest.mark.slow),
+    ],
 )
-@pytest.mark.parametrize("moment", ["recording", "flying", "writing"])
 def test_an_interrupted_run_leaves_nothing_half_written(
-    world: Path, tmp_path: Path, number: signal.Signals, code: int, said: str, moment: str
+    world: Path, tmp_path: Path, moment: str, number: signal.Signals, code: int, said: str
 ) -> None:
     target = tmp_path / "cross"
     shutil.copytree(world, target)

@@ -51,7 +51,19 @@ def test_streets_that_are_not_connected_are_said_to_be_left_out(
     (tmp_path / "whole.osm").write_text(text, encoding="utf-8")
     (tmp_path / "islands.osm").write_text(text.replace("</osm>", island + "</osm>"), encoding="utf-8")
     for name in ("whole", "islands"):
-        assert run(monkeypatch, "world", "build", str(tmp_path / f"{name}.osm"), "-o", str(tmp_path / name)) == 0
+        assert (
+            run(
+                monkeypatch,
+                "world",
+                "build",
+                str(tmp_path / f"{name}.osm"),
+                "-o",
+                str(tmp_path / name),
+                "--defects-per-segment",
+                "1",
+            )
+            == 0
+        )
         assert ("left out" in capsys.readouterr().out) == (name == "islands")
     assert load_record(tmp_path / "whole").left_out == LeftOut()
     lost = load_record(tmp_path / "islands").left_out

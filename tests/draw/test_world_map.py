@@ -42,7 +42,7 @@ def cross(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def town(tmp_path_factory: pytest.TempPathFactory) -> World:
     folder = tmp_path_factory.mktemp("worlds") / "town"
-    return save_world(add_defects(built("town"), DefectOptions()), folder)
+    return save_world(add_defects(built("town"), DefectOptions(per_segment=6)), folder)
 
 
 def test_show_says_where_the_map_is(

@@ -9,9 +9,9 @@ from rich.console import Console
 from pavetwin.cli.experiment import _options_table
 from pavetwin.experiments.metrics import ERROR_METRICS, METRICS, metrics_in
 from pavetwin.experiments.report import Study, gather
-from pavetwin.experiments.report import page as pages
 from pavetwin.experiments.report.tables import csv, markdown
 from pavetwin.experiments.statistics import MissionLimits, recommend
+from scenes.report_studies import page_of
 from scenes.studies import study
 
 NAMES = {metric.name for metric in ERROR_METRICS}
@@ -50,7 +50,7 @@ def test_the_reports_tables_and_definitions_hold_the_errors_of_each_policy() -> 
     text = markdown(study)
     tables = {part.partition(":")[0]: part for part in text.split("**") if ": mean" in part}
     assert {"Precision (%)", "False alarms", "False alarms per 100 m²", "Duplicates"} <= set(tables)
-    page = pages.page(study, pages.sections_of(study))
+    page = page_of(study)
     assert "<dt>Precision</dt>" in page
     assert "<dt>Duplicates</dt>" in page
     assert "what is reported wrongly" in page
@@ -61,7 +61,7 @@ def test_the_reports_tables_and_definitions_hold_the_errors_of_each_policy() -> 
 
 def test_the_report_of_a_sensor_that_errs_never_says_nothing_of_errors() -> None:
     study = gathered(erring())
-    page = pages.page(study, pages.sections_of(study))
+    page = page_of(study)
     for word in ("Precision", "False alarm", "Duplicate"):
         assert word not in page
         assert word not in markdown(study)

@@ -26,7 +26,7 @@ from pavetwin.experiments.report.plots.tradeoff import options, tradeoff
 from pavetwin.experiments.statistics import MissionLimits
 from pavetwin.experiments.statistics.summary import summarise
 from scenes import tiny
-from scenes.report_studies import PAPER, SMALL, study_of, table_of, with_failures
+from scenes.report_studies import PAPER, SMALL, page_of, study_of, table_of, with_failures
 from scenes.studies import without
 
 
@@ -62,17 +62,13 @@ class Outline(HTMLParser):
         return [attributes["id"] or "" for _, attributes in self.tags if "id" in attributes]
 
 
-def page(study: Study) -> str:
-    return pages.page(study, pages.sections_of(study))
-
-
 def small_study(**design: object) -> Study:
     return study_of(table_of(SMALL, 4), worlds={"tiny": tiny.bent()}, **design)
 
 
 @pytest.fixture(scope="module")
 def small() -> str:
-    return page(small_study())
+    return page_of(small_study(), drawn=True)
 
 
 def sections(text: str) -> set[str]:
@@ -147,7 +143,7 @@ def test_a_folder_that_cannot_be_made_is_said_plainly(tmp_path: Path) -> None:
 
 def test_names_are_escaped() -> None:
     factors = {"policy": ("baseline", "<b>&"), "traffic": ("low", 'rush "<i>"'), "tau_o": (0.5, 0.7)}
-    text = page(study_of(table_of(factors, 2), title="<script>alert(1)</script>"))
+    text = page_of(study_of(table_of(factors, 2), title="<script>alert(1)</script>"))
     outline = Outline(text)
     assert not {"script", "i"} & {tag for tag, _ in outline.tags}
     assert not any(attributes for attributes in outline.all("b"))
@@ -161,7 +157,7 @@ def test_without_baseline_policies_are_compared_with_the_first() -> None:
     comparison, of_altitudes = study.comparisons
     assert (comparison.factor, comparison.reference) == ("policy", "skip")
     assert (of_altitudes.factor, of_altitudes.reference) == ("altitude_m", 6.0)
-    text = page(study)
+    text = page_of(study)
     assert {"differences", "tradeoffs"} <= sections(text)
     assert "Paired differences to skip" in text
     assert "baseline is not among them" in study.conclusions[0]
@@ -174,7 +170,7 @@ def test_a_design_may_compare_every_pair_of_policies(tmp_path: Path) -> None:
     pairs = pl.read_csv(tmp_path / "differences.csv").select("reference", "policy").unique().rows()
     assert set(pairs) == {("baseline", "hover"), ("baseline", "skip"), ("hover", "skip")}
     assert {found.number for found in study.comparisons} == {3 * 2 * 3}, "pairs of policies, densities, metrics"
-    text = " ".join(page(study).split())
+    text = " ".join(page_of(study).split())
     assert "corrected for all 18 comparisons between policies in coverage, time and energy together" in text
     assert "Mean paired difference to hover" in text
 
@@ -189,7 +185,7 @@ def test_a_design_may_name_the_policy_that_others_are_compared_with() -> None:
 def test_the_first_page_answers_the_question() -> None:
     design = {"presets": ["paper"], "sensors": ["recall"], "set": {"d_max": 4.0, "recall": 0.84}}
     study = gather("First", design, table_of(SMALL, 12), {}, limits=MissionLimits(max_time_s=60.0))
-    text = page(study)
+    text = page_of(study)
     front = " ".join("".join(Outline(text[text.index("<body") : text.index("<nav")] + "</main></body>").words).split())
     assert "Which altitude and policy finds most of the pavement's defects in low and high traffic with" in front
     best = study.advice[0].recommendation.best
@@ -202,7 +198,7 @@ def test_the_first_page_answers_the_question() -> None:
     assert all(" ".join(sentence.split()) in front for sentence in study.findings)
     assert "Settings that differ from the preset paper: d_max 4 (preset: 3)." in front
     assert "Figure 1." in front
-    plain = page(gather("Plain", {**design, "set": {"recall": 0.84}}, table_of(SMALL, 12), {}))
+    plain = page_of(gather("Plain", {**design, "set": {"recall": 0.84}}, table_of(SMALL, 12), {}))
     assert "No setting differs from the preset paper." in plain
     assert "No limit of time, battery or coverage was set" in plain
 
@@ -247,7 +243,7 @@ def test_marks_of_the_first_figure_differ_in_grey() -> None:
 
 def test_altitudes_are_compared_with_each_other() -> None:
     study = gather("Heights", {}, table_of({"altitude_m": (6.0, 10.0, 15.0), "traffic": ("low", "high")}, 8), {})
-    text = " ".join(page(study).split())
+    text = " ".join(page_of(study).split())
     assert "Altitudes against each other" in text
     assert "corrected for all 18 comparisons between altitudes in coverage, time and energy together" in text
     assert "Mean paired difference to 6 m" in text
@@ -263,7 +259,7 @@ def test_swept_values_are_compared_with_the_preset_s_own_or_the_first() -> None:
     ]  # fmt: skip
     assert study.usual == {"tau_o": 0.7, "recall": 0.5}
     assert any("with tau_o = 0.7, as the preset has it" in sentence for sentence in study.conclusions)
-    assert "Over tau_o" in page(study)
+    assert "Over tau_o" in page_of(study)
 
 
 def test_sentences_figures_and_files_tell_the_same_differences(tmp_path: Path) -> None:
@@ -285,20 +281,20 @@ def test_sentences_figures_and_files_tell_the_same_differences(tmp_path: Path) -
 
 @pytest.mark.parametrize("varied", ["traffic", "altitude_m", "policy"])
 def test_one_level_of_the_others_is_enough(varied: str) -> None:
-    text = page(study_of(table_of({varied: SMALL[varied]}, 3)))
+    text = page_of(study_of(table_of({varied: SMALL[varied]}, 3)))
     assert {"means", "intervals", "spread"} <= sections(text)
     assert ("differences" in sections(text)) == (varied == "policy")
 
 
 def test_a_single_cell_flown_once() -> None:
-    text = page(study_of(table_of({}, 1)))
+    text = page_of(study_of(table_of({}, 1)))
     assert {"means", "spread", "methods", "repeat"} <= sections(text)
     assert "overview" not in sections(text)
     assert not {"differences", "tradeoffs", "effects", "across", "failures", "streets"} & sections(text)
 
 
 def test_failures_are_told_with_their_reasons() -> None:
-    text = page(study_of(with_failures(table_of(SMALL, 4), 9, "no route to <segment>")))
+    text = page_of(study_of(with_failures(table_of(SMALL, 4), 9, "no route to <segment>")))
     assert "failures" in sections(text)
     assert "no route to &lt;segment&gt;" in text
     assert "6 of 48 missions failed" in text
@@ -306,18 +302,18 @@ def test_failures_are_told_with_their_reasons() -> None:
 
 def test_statistics_need_no_columns_of_what_does_not_vary() -> None:
     table = table_of({"altitude_m": (6.0, 10.0)}, 3)
-    assert page(study_of(table, sparse=True)) == page(study_of(table))
+    assert page_of(study_of(table, sparse=True)) == page_of(study_of(table))
 
 
 def test_all_missions_failed() -> None:
-    text = page(study_of(with_failures(table_of(SMALL, 2), 1)))
+    text = page_of(study_of(with_failures(table_of(SMALL, 2), 1)))
     assert "failures" in sections(text)
     assert not {"means", "intervals", "spread", "tradeoffs"} & sections(text)
 
 
 def test_other_factors_have_a_section_for_each_combination() -> None:
     study = study_of(table_of({"policy": ("baseline", "own"), "world": ("a", "b"), "sensor": ("ideal", "recall")}, 2))
-    text = page(study)
+    text = page_of(study)
     found = sections(text)
     assert {"across", *(f"results-{at}" for at in range(1, 5)), "results-4-means"} <= found
     assert "Results: world a, sensor ideal" in text
@@ -327,7 +323,7 @@ def test_other_factors_have_a_section_for_each_combination() -> None:
 def test_a_sweep_is_one_section_and_rows_of_the_same_tables() -> None:
     """Plots have its values from left to right; all else is drawn at the one that the others are compared with."""
     study = study_of(table_of({"policy": ("baseline", "own"), "tau_o": (0.5, 0.7, 0.9), "altitude_m": (6.0, 10.0)}, 6))
-    text = page(study)
+    text = page_of(study)
     results = {"means", "over-1", "intervals", "differences", "tradeoffs", "spread"}
     assert results <= sections(text)
     assert not any(anchor.startswith("results") for anchor in sections(text))
@@ -346,13 +342,13 @@ def test_a_sweep_is_one_section_and_rows_of_the_same_tables() -> None:
 
 
 def test_a_study_of_nothing_but_a_sweep() -> None:
-    text = page(study_of(table_of({"tau_o": (0.5, 0.7)}, 3)))
+    text = page_of(study_of(table_of({"tau_o": (0.5, 0.7)}, 3)))
     assert {"means", "over-1", "spread"} <= sections(text)
     assert "differences" not in sections(text)
 
 
 def test_many_combinations_are_cut_short_and_said_to_be() -> None:
-    text = page(study_of(table_of({"world": tuple(f"town {at}" for at in range(1, 19))}, 2)))
+    text = page_of(study_of(table_of({"world": tuple(f"town {at}" for at in range(1, 19))}, 2)))
     found = sections(text)
     assert "results-4-intervals" in found
     assert "results-5-intervals" not in found
@@ -362,7 +358,7 @@ def test_many_combinations_are_cut_short_and_said_to_be() -> None:
 
 
 def test_a_swept_truth_value_is_read_in_words() -> None:
-    text = page(study_of(table_of({"policy": ("baseline", "hover"), "slow": (False, True)}, 2)))
+    text = page_of(study_of(table_of({"policy": ("baseline", "hover"), "slow": (False, True)}, 2)))
     assert ">slow</th>" in text
     assert ">yes</th>" in text
 
@@ -380,10 +376,10 @@ def test_the_front_is_taken_in_each_density() -> None:
 
 @pytest.mark.parametrize(("replicates", "warned"), [(10, True), (20, False)])
 def test_few_replicates_warn_of_differences_that_rest_on_waiting(replicates: int, warned: bool) -> None:
-    text = page(study_of(table_of({**SMALL, "altitude_m": (6.0,)}, replicates)))
+    text = page_of(study_of(table_of({**SMALL, "altitude_m": (6.0,)}, replicates)))
     assert ("differences in time and energy that rest on waiting (hover)" in text) is warned
     dry = table_of({"policy": ("baseline", "skip")}, replicates)
-    assert "rest on waiting" not in page(study_of(dry))
+    assert "rest on waiting" not in page_of(study_of(dry))
 
 
 def test_energy_that_is_time_in_another_unit_is_said_to_be() -> None:
@@ -427,8 +423,8 @@ def test_what_failed_alone_is_not_on_the_front() -> None:
     assert option not in fronts["high"]
     assert option in fronts["low"]
     said = f"leave them out: {cheapest.policy} at {cheapest.altitude_m:g}\u00a0m (1 failed)."
-    assert said in page(study)
-    assert "leave them out" not in page(study_of(without(table, high, failed=True)))
+    assert said in page_of(study)
+    assert "leave them out" not in page_of(study_of(without(table, high, failed=True)))
 
 
 @pytest.mark.parametrize("policies", [4, 14])
@@ -523,7 +519,7 @@ def test_gathered_statistics_fit_the_report() -> None:
     study = gather("Gathered", {"seed": 3, "version": "0.0.0", "made_with": made_with}, table_of(SMALL, 5), {})
     assert study.factors == ("traffic", "altitude_m", "policy")
     assert study.others == ()
-    text = page(study)
+    text = page_of(study)
     assert {"means", "differences", "effects", "findings"} <= sections(text)
     assert "version:" not in text, "it is not a key of a design"
     assert "made_with" not in text

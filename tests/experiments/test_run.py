@@ -544,7 +544,7 @@ def test_traffic_that_cannot_be_recorded_fails_its_missions_only(
 # --- Killed ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kills", [3, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kills", [2, pytest.param(20, marks=pytest.mark.slow)])
 def test_killed_at_many_moments_and_resumed_it_is_the_same_study(
     reference: Path, world: Path, tmp_path: Path, kills: int
 ) -> None:

@@ -135,7 +135,10 @@ def check_alone(table: pl.DataFrame, world: Path, images: ImageSourceFactory) ->
             assert row[name] == getattr(alone, name), name
 
 
-@pytest.mark.parametrize("engine", [Pool(2), Cluster(jobs=2)], ids=["pool", "dask"])
+@pytest.mark.parametrize(
+    "engine",
+    [pytest.param(Pool(2), id="pool"), pytest.param(Cluster(jobs=2), id="dask", marks=pytest.mark.slow)],
+)
 def test_a_sensor_reads_the_pixels_of_its_images_in_two_processes(world: Path, tmp_path: Path, engine: Engine) -> None:
     ran = run(design(world, "Dark"), tmp_path / "study", engine, image_source_factory=Painted)
     check_alone(ran.table, world, Painted)

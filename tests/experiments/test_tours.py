@@ -23,6 +23,7 @@ from pavetwin.mission.environment import prepare
 from pavetwin.mission.targets import choose_targets
 from pavetwin.world.store import load_world, save_world
 from scenes import built
+from scenes.report_studies import page_of
 
 THREE = ["s0001", "s0003", "s0005"]
 
@@ -109,7 +110,7 @@ def test_a_report_of_tours_speaks_of_missions(study: Path, world: Path) -> None:
     words = pages.design_words(made)
     assert "10 missions, each a tour judged as a whole (30 segment missions in the table)" in words
     assert "The numbers rest on 3 of the 14 segments of cross (" in words
-    page = pages.page(made, pages.sections_of(made))
+    page = page_of(made)
     assert "From take-off to landing" in page
     assert "The unit is a mission" in page
     assert "<dt>Batteries</dt>" in page

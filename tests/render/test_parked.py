@@ -91,6 +91,7 @@ def test_the_kernels_share_is_that_of_the_masks(renderer: Renderer) -> None:
     assert more.mean() < 0.25
 
 
+@pytest.mark.slow
 def test_parked_cars_look_the_same_without_their_back_faces(
     renderer: Renderer, monkeypatch: pytest.MonkeyPatch
 ) -> None:

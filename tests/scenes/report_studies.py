@@ -3,12 +3,15 @@
 from collections.abc import Mapping, Sequence
 from itertools import combinations, product
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import polars as pl
 
 from pavetwin.experiments.metrics import FAILED, FLOWN, METRICS
-from pavetwin.experiments.report import Study
+from pavetwin.experiments.report import Study, canvas
+from pavetwin.experiments.report.page import page, sections_of
+from pavetwin.experiments.report.parts import ReportFigure
 from pavetwin.experiments.statistics import Comparison
 from pavetwin.world.model import World
 
@@ -32,6 +35,18 @@ _USUAL: Factors = {
 _HIDDEN = {"low": 0.1, "medium": 0.25, "high": 0.45}
 _PLACES = (("street", 60.0), ("side", 46.0), ("ahead", 48.0))
 _COMPARED = ("mean", "low", "high", "p", "p_corrected", "dz")
+
+
+def page_of(study: Study, *, drawn: bool = False) -> str:
+    """The page of a study's report. Drawing takes most of its time: its figures are blank unless they are `drawn`."""
+    if drawn:
+        return page(study, sections_of(study))
+    with patch.object(canvas, "_picture", _blank):
+        return page(study, sections_of(study))
+
+
+def _blank(_figure: object, caption: str, alt: str, suffix: str) -> ReportFigure:
+    return ReportFigure(caption, alt, b"<svg/>", suffix, 1, 1)
 
 
 def table_of(factors: Factors, replicates: int = 3, *, segments: Sequence[tuple[str, float]] = _PLACES) -> pl.DataFrame:

@@ -75,9 +75,9 @@ def capture(
     with working_in(folder):
         check_same(folder, expected)
         existing = finished_images(folder)
+        check_disk_space(settings, max(settings.total_images - len(existing), 0), folder)
         names = [platform_prefix(world, settings, platform) for platform in settings.platforms]
         missing = {image_name(name, index) for name in names for index in range(settings.images)} - existing
-        check_disk_space(settings, len(missing), folder)
         context = prepare(world, settings, report)
         if missing:
             job = CaptureJob(world_folder, settings, folder, frame_source_factory)
