@@ -32,6 +32,8 @@ def test_camera_limits_and_blur_are_those_of_the_design() -> None:
     assert sharp.blur_px == pytest.approx(2.5 * 0.0005 / sharp.pixel_m), "no shorter than its shutter can"
     blurred = ground_view(low, {"set": {"camera.model": "phantom4pro", "camera.exposure_s": 0.004}})
     assert blurred.unseen_m["single_crack"] > 3 * sharp.unseen_m["single_crack"]
+    assert blurred.unseen_along_m["single_crack"] == pytest.approx(2 * blurred.pixel_m), "blur lies along these cracks"
+    assert "cracks across the flight thinner than 21 mm (along it 5.5 mm), crocodile" in blurred.sentence
     swept = {"sweep": {"camera.model": ["paper", "phantom4pro"], "sensing.least_px.single_crack": [4]}}
     chosen = ground_view({**low, "camera.model": "phantom4pro", "sensing.least_px.single_crack": 4}, swept)
     assert chosen.camera == "phantom4pro"

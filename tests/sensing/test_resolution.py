@@ -9,31 +9,41 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pavetwin._core import Captured, Occluded
 from pavetwin.config.mission import SensingSettings
+from pavetwin.defects.orientation import orientations
+from pavetwin.defects.registry import DEFECT_CLASSES
 from pavetwin.mission.defect_files import defects_table
-from pavetwin.mission.inspected_defects import MissReason, inspected_defects
-from pavetwin.sensing import Recall, Sighting, smallest_extent_m
+from pavetwin.mission.fly import result_of
+from pavetwin.mission.inspected_defects import MissReason, captured_frame, inspected_defects
+from pavetwin.mission.mission import Mission
+from pavetwin.policies import Displace
+from pavetwin.sensing import Recall, Sighting, orientations_of, sighted_share, smallest_extent_m
 from pavetwin.sensing.conformance import trial_defect, trial_frames
 from pavetwin.uav import find_camera
 from pavetwin.world.model import Defect
-from scenes.tiny import Scene, straight
+from scenes.tiny import Scene, straight, truck_beside_defects
 
 CRACK, NETWORK, POTHOLE = KINDS = ("single_crack", "crocodile_crack", "pothole")
 BLANK = trial_frames(1)[0]
 PAPER = find_camera("paper")
 
 
-def of(kind: str, across_m: float) -> Defect:
-    """A defect of a class with this smallest extent."""
+def of(kind: str, across_m: float, turned_deg: float = 90.0) -> Defect:
+    """A defect of a class with this smallest extent; a crack runs northwards unless turned otherwise from east."""
     is_crack = kind == CRACK
     ground = shapely.box(0, 0, 2.0, 0.1) if is_crack else shapely.box(0, 0, 2 * across_m, across_m)
+    ground = shapely.affinity.rotate(ground, turned_deg)
     return replace(trial_defect(0), kind=kind, polygon=ground, width_m=across_m if is_crack else 0.01)
 
 
-def chance(kind: str, across_m: float, *, speed_mps: float = 0.0, visible: float = 1.0, **frame: Any) -> float:
-    """Of one look with the paper's camera from 10 m, unless `frame` says otherwise."""
+def chance(
+    kind: str, across_m: float, *, speed_mps: float = 0.0, visible: float = 1.0, turned_deg: float = 90.0, **frame: Any
+) -> float:
+    """Of one look with the paper's camera from 10 m, that flies east, unless `frame` says otherwise."""
     pose = {"camera": PAPER, "altitude_m": 10.0, "velocity_mps": (speed_mps, 0.0)} | frame
-    sighting = Sighting(of(kind, across_m), visible, 0, across_m)
+    defect = of(kind, across_m, turned_deg)
+    sighting = Sighting(defect, visible, 0, across_m, orientations_of(defect))
     return Recall(SensingSettings(), 0).chance(replace(BLANK, **pose), sighting)
 
 
@@ -114,17 +124,83 @@ def test_of_a_half_hidden_pothole_the_visible_part_counts_and_of_a_crack_its_wid
     assert chance(CRACK, 4 * pixel_m, visible=0.5) == chance(CRACK, 4 * pixel_m) > 0
 
 
+# Motion blur lies along the track of the camera.
+
+
+@pytest.mark.parametrize("turned_deg", [0, 31, 90, 140, 179.9])
+def test_a_thin_outline_runs_as_its_long_sides_do(turned_deg: float) -> None:
+    """Its ends are left out."""
+    ((east, north, share),) = orientations(of(CRACK, 0.01, turned_deg).polygon)
+    assert share == 1
+    assert abs(east * np.sin(np.radians(turned_deg)) - north * np.cos(np.radians(turned_deg))) < 1e-6
+
+
+def test_generated_cracks_run_along_their_chord_and_wander() -> None:
+    for seed in range(6):
+        runs = orientations(DEFECT_CLASSES.get(CRACK).shape(seed).outline)
+        assert sum(share for *_, share in runs) == pytest.approx(1)
+        assert 0.01 < sum(share * north**2 for _, north, share in runs) < 0.3
+
+
+@given(st.floats(0.02, 0.2), st.floats(0, 360), st.floats(0, 360), speeds, st.floats(1e-4, 0.02))
+def test_a_crack_is_found_the_more_often_the_less_it_crosses_the_flight(
+    width_m: float, one_deg: float, other_deg: float, speed_mps: float, exposure_s: float
+) -> None:
+    by_crossing = sorted((one_deg, other_deg), key=lambda angle: abs(np.sin(np.radians(angle))))
+    along, across = (
+        chance(CRACK, width_m, turned_deg=angle, speed_mps=speed_mps, exposure_s=exposure_s) for angle in by_crossing
+    )
+    assert across <= along + 1e-9
+
+
+def test_along_the_flight_a_crack_is_seen_as_from_a_hover_and_across_it_with_all_of_the_blur() -> None:
+    width_m = 5 * PAPER.ground_resolution_m(10.0)
+    exposure_s = 2 * PAPER.ground_resolution_m(10.0) / 10.0
+    along, across = (
+        chance(CRACK, width_m, turned_deg=angle, speed_mps=10.0, exposure_s=exposure_s) for angle in (0.0, 90.0)
+    )
+    assert along == chance(CRACK, width_m)
+    assert across == pytest.approx(chance(CRACK, width_m / np.hypot(1, 2)))
+    assert 0 < across < 0.1 * along
+    flown = {"velocity_mps": (8.0, 6.0), "exposure_s": exposure_s, "yaw_rad": 1.0}
+    heading_deg = np.degrees(np.arctan2(6, 8))
+    assert chance(CRACK, width_m, turned_deg=heading_deg, **flown) == pytest.approx(along), "whatever the yaw"
+
+
+def test_of_a_bent_crack_the_part_that_runs_along_the_flight_is_seen() -> None:
+    bent = shapely.union(shapely.box(0, 0, 2, 0.02), shapely.box(0, 0, 0.02, 1))
+    defect = replace(of(CRACK, 0.02), polygon=bent)
+    sighting = Sighting(defect, 1.0, 0, 0.02, orientations_of(defect))
+    flying = replace(BLANK, camera=find_camera("mavic3e"), velocity_mps=(10.0, 0.0), exposure_s=0.005)
+    assert sighted_share(SensingSettings(), flying, sighting) == pytest.approx(2 / 3, abs=0.02)
+
+
+@pytest.mark.parametrize("kind", [POTHOLE, NETWORK])
+def test_of_what_has_edges_in_all_directions_all_of_the_blur_counts(kind: str) -> None:
+    size_m = (32 if kind == NETWORK else 16) * PAPER.ground_resolution_m(10.0)
+    along, across = (chance(kind, size_m, speed_mps=10.0, turned_deg=angle) for angle in (0.0, 90.0))
+    assert along == across < chance(kind, size_m)
+
+
 # In missions.
 
 SURE = ("sensing.sensor=recall", "sensing.recall=1")
 
 
-def cracked(width_m: float, altitude_m: float = 10.0) -> Scene:
-    """A street with ten cracks of one width, 2 m long."""
+def cracked(width_m: float, altitude_m: float = 10.0, *, along: bool = False) -> Scene:
+    """A street with ten cracks of one width, 2 m long, across the street or along it."""
     world = straight(*((8.0 + 4.5 * number, 1.2) for number in range(10)))
+    east_m, north_m = (1.0, 0.02) if along else (0.02, 1.0)
     cracks = [
-        replace(each, kind=CRACK, width_m=width_m, length_m=2.0, polygon=each.centre.buffer(1.0, quad_segs=2))
+        replace(
+            each,
+            kind=CRACK,
+            width_m=width_m,
+            length_m=2.0,
+            polygon=shapely.box(x - east_m, y - north_m, x + east_m, y + north_m),
+        )
         for each in world.defects
+        for x, y in each.centre.coords
     ]
     return Scene(replace(world, defects=tuple(cracks)), altitude_m=altitude_m)
 
@@ -157,6 +233,7 @@ def test_motion_blur_of_a_long_exposure_loses_cracks() -> None:
     blurred = cracked(0.08).fly("baseline", *SURE, "camera.exposure_s=0.02")
     assert blurred.rows[0].coverage == 0
     assert {outcome.reason for outcome in inspected_defects(blurred)} == {MissReason.TOO_SMALL}
+    assert coverage(cracked(0.08, along=True), *SURE, "camera.exposure_s=0.02") == 1, "blur lies along these"
 
 
 def test_cracks_are_not_found_from_120_m_unless_the_camera_shows_them() -> None:
@@ -166,3 +243,21 @@ def test_cracks_are_not_found_from_120_m_unless_the_camera_shows_them() -> None:
     assert coverage(thick, *SURE, "sensing.least_px=null") == 1
     close = cracked(0.08, altitude_m=10.0)
     assert coverage(close, *SURE) == 1
+
+
+def test_frames_judged_after_a_mission_are_blurred_the_way_it_flew_sideways_too() -> None:
+    scene = truck_beside_defects()
+    settings = scene.settings("visibility.interval_s=0.1", "camera.capture_interval_s=0.2")
+    mission = Mission(scene.environment(settings), scene.traffic(), settings, [0], every_capture=True)
+    seen, answers = [], [Displace(1.0, -2.0)]
+    for event in mission:
+        if isinstance(event, Captured):
+            seen.append(mission.frame(event))
+        elif isinstance(event, Occluded) and answers:
+            mission.act(answers.pop())
+    result = result_of(mission)
+    for frame in seen:
+        assert captured_frame(result, frame.number).blur_m == pytest.approx(frame.blur_m, abs=1e-4)
+    sideways = [frame for frame in seen if abs(frame.blur_m[1]) > 0.002]
+    assert len(sideways) >= 4
+    assert all(frame.yaw_rad == 0 for frame in sideways)

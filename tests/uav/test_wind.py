@@ -14,7 +14,7 @@ from pavetwin.config import MissionSettings, load_settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import flight_settings
 from pavetwin.mission.fly import result_of
-from pavetwin.mission.inspected_defects import captured_pixel_m
+from pavetwin.mission.inspected_defects import captured_frame
 from pavetwin.mission.mission import Mission
 from pavetwin.mission.plan import check_names
 from pavetwin.mission.track import MODES
@@ -193,11 +193,15 @@ def test_across_the_wind_the_airspeed_is_what_counts() -> None:
 
 def test_what_is_judged_after_a_mission_has_the_blur_that_its_frames_had() -> None:
     scene = Scene(straight(*[(5.0 * k, 0) for k in range(1, 12)]), altitude_m=10.0)
-    settings = scene.settings("conditions.wind_mps=6", "conditions.wind_from_deg=90", "conditions.gust_factor=1.6")
-    mission = Mission(scene.environment(settings), scene.traffic(), settings, [0])
+    settings = scene.settings("conditions.wind_mps=6", "conditions.wind_from_deg=30", "conditions.gust_factor=1.6")
+    judged_as_seen(Mission(scene.environment(settings), scene.traffic(), settings, [0]))
+
+
+def judged_as_seen(mission: Mission) -> list[Frame]:
     seen = [mission.frame(event) for event in mission if isinstance(event, Captured)]
     result = result_of(mission)
     times = result.captures["t_s"]
     for frame in seen:
-        capture = int(np.flatnonzero(np.isclose(times, frame.time_s))[0])
-        assert captured_pixel_m(result, capture) == pytest.approx(frame.blurred_pixel_m, rel=0.02)
+        judged = captured_frame(result, int(np.flatnonzero(np.isclose(times, frame.time_s))[0]))
+        assert judged.blur_m == pytest.approx(frame.blur_m, rel=0.02, abs=1e-4)
+    return seen

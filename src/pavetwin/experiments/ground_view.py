@@ -16,11 +16,13 @@ from pavetwin.sensing.resolution import is_thin, least_px_of
 from pavetwin.uav import camera_of
 from pavetwin.uav.aircraft import camera_name
 
-_WORDS: Final[Mapping[str, str]] = {
-    "single_crack": "cracks thinner than {}",
-    "crocodile_crack": "crocodile cracks narrower than {}",
-    "pothole": "potholes narrower than {}",
+_WORDS: Final[Mapping[str, tuple[str, str]]] = {
+    "single_crack": ("cracks", "thinner"),
+    "crocodile_crack": ("crocodile cracks", "narrower"),
+    "pothole": ("potholes", "narrower"),
 }
+_BLUR_COUNTS: Final = 1.1
+"""Where blur widens the least crack by less than a tenth, its direction is not worth saying."""
 
 
 @dataclass(frozen=True)
@@ -35,24 +37,30 @@ class GroundView:
     blur_px: float
     """Motion blur at the speed of inspection."""
     unseen_m: Mapping[str, float]
-    """By class the extent below which a defect covers fewer than `sensing.least_px` pixels, blur included: a crack's
-    width, else the shorter side."""
+    """By class the extent below which a defect covers fewer than `sensing.least_px` pixels, blur included: the width of
+    a crack across the flight, else the shorter side."""
+    unseen_along_m: Mapping[str, float]
+    """The same of thin classes along the flight, which blur does not widen."""
     is_counted: bool
     """Whether the missions counted this. Else their sensor finds a defect whatever its size in pixels."""
 
     @property
     def sentence(self) -> str:
-        """`From 10 m with the camera paper a pixel covers 12 mm on the ground: cracks thinner than 26 mm …`."""
-        small = listed(
-            [
-                _WORDS.get(kind, f"{kind} narrower than {{}}").format(_length(extent_m))
-                for kind, extent_m in self.unseen_m.items()
-            ]
-        )
+        """`From 10 m with the camera paper a pixel covers 12 mm: cracks across the flight thinner than 26 mm …`."""
+        small = listed([self._small(kind) for kind in self.unseen_m])
         begin = f"From {self.altitude_m:g} m with the camera {self.camera} a pixel covers {_length(self.pixel_m)}"
         if self.is_counted:
             return f"{begin}: {small} are not seen from here."
         return f"{begin}; these missions do not count pixels, a real detector may miss {small} from here."
+
+    def _small(self, kind: str) -> str:
+        """`cracks thinner than 292 mm`; where blur counts, `cracks across the flight thinner than … (along it …)`."""
+        name, thinner = _WORDS.get(kind, (kind, "narrower"))
+        across_m = self.unseen_m[kind]
+        along_m = self.unseen_along_m.get(kind, across_m)
+        if across_m < _BLUR_COUNTS * along_m:
+            return f"{name} {thinner} than {_length(across_m)}"
+        return f"{name} across the flight {thinner} than {_length(across_m)} (along it {_length(along_m)})"
 
 
 def ground_view(option: Mapping[str, Any], design: Mapping[str, Any]) -> GroundView:
@@ -80,6 +88,7 @@ def ground_view(option: Mapping[str, Any], design: Mapping[str, Any]) -> GroundV
         pixel_m=pixel_m,
         blur_px=blur_px,
         unseen_m={kind: least_px_of(counting, kind) * pixel_m * hypot(1.0, blur_px) for kind in kinds},
+        unseen_along_m={kind: least_px_of(counting, kind) * pixel_m for kind in kinds if is_thin(kind)},
         is_counted=is_counted,
     )
 

@@ -20,7 +20,8 @@ from pavetwin.mission.parked import ParkingInput, parked_agents, parked_solids, 
 from pavetwin.navigation.base import check_base, roadside
 from pavetwin.navigation.navmesh import navmesh, segments_in_reach
 from pavetwin.navigation.patterns import passes
-from pavetwin.sensing.resolution import smallest_extent_m
+from pavetwin.sensing.frame import Sighting
+from pavetwin.sensing.resolution import orientations_of, smallest_extent_m
 from pavetwin.traffic.mix import DEFAULT_MIX
 from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.twin import Agent
@@ -54,6 +55,8 @@ class MissionEnvironment:
     _hidden: dict[tuple[int, CameraSettings, PatternSettings], float] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
+    _sightings: dict[int, Sighting] = field(default_factory=dict, init=False, repr=False, compare=False)
+    """Whole, by the defect's id: what of them does not depend on the capture."""
 
     @cached_property
     def parked_agents(self) -> tuple[Agent, ...]:
@@ -81,10 +84,14 @@ class MissionEnvironment:
         """SHA-256 over the defects."""
         return defects_hash(self.defects)
 
-    @cached_property
-    def extents_m(self) -> tuple[float, ...]:
-        """The smallest extent of each defect, see `smallest_extent_m`."""
-        return tuple(map(smallest_extent_m, self.defects))
+    def sighting(self, number: int, visible_fraction: float, attempt: int) -> Sighting:
+        """What a frame shows of a defect, by its id."""
+        whole = self._sightings.get(number)
+        if whole is None:
+            defect = self.defects[number]
+            whole = Sighting(defect, 1.0, 0, smallest_extent_m(defect), orientations_of(defect))
+            self._sightings[number] = whole
+        return Sighting(whole.defect, visible_fraction, attempt, whole.across_m, whole.orientations)
 
     @cached_property
     def defects_by_segment(self) -> Mapping[str, Sequence[int]]:

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from math import cos, sin
+from math import hypot
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +21,8 @@ from pavetwin.mission.events import ActionTaken
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.timeline import LATE_S
 from pavetwin.sensing import Frame, JudgedDetection, sensor_class
-from pavetwin.sensing.resolution import resolved_share
+from pavetwin.sensing.resolution import sighted_share
+from pavetwin.twin import Place
 from pavetwin.uav import camera_of
 from pavetwin.uav.wind import seen_velocity_mps
 from pavetwin.world.model import Defect
@@ -106,28 +107,38 @@ def inspected_defects(result: MissionResult) -> tuple[InspectedDefect, ...]:
     return tuple(_Judge(result).outcomes())
 
 
-def captured_pixel_m(result: MissionResult, capture: int) -> float:
-    """What a pixel of a capture covered on the ground with its blur, in metres, as its frame had it.
+def captured_frame(result: MissionResult, capture: int) -> Frame:
+    """A capture as its sensor had it, without sightings.
 
     Args:
         capture: its index in `result.captures`.
     """
-    settings, track, captures = result.settings, result.track, result.captures
-    time_s, yaw_rad = float(captures["t_s"][capture]), float(captures["yaw_rad"][capture])
-    speed_mps = float(np.interp(time_s, track["t_s"], track["speed_mps"]))
-    velocity_mps = (speed_mps * cos(yaw_rad), speed_mps * sin(yaw_rad))
-    frame = Frame(
+    settings, columns = result.settings, result.captures
+    time_s = float(columns["t_s"][capture])
+    return Frame(
         number=capture,
         time_s=time_s,
-        position=(float(captures["x_m"][capture]), float(captures["y_m"][capture])),
+        position=(float(columns["x_m"][capture]), float(columns["y_m"][capture])),
         altitude_m=settings.altitude_m,
-        yaw_rad=yaw_rad,
+        yaw_rad=float(columns["yaw_rad"][capture]),
         camera=camera_of(settings),
         conditions=settings.conditions,
-        velocity_mps=seen_velocity_mps(settings, velocity_mps, time_s),
+        velocity_mps=seen_velocity_mps(settings, _velocity_mps(result, capture), time_s),
         exposure_s=shutter_s(settings),
     )
-    return frame.blurred_pixel_m
+
+
+def _velocity_mps(result: MissionResult, capture: int) -> Place:
+    """Of the UAV over the ground at a capture: the speed of the track, in the direction in which its place changes.
+
+    That is not always the yaw: displacements go sideways.
+    """
+    track, captures = result.track, result.captures
+    row = int(np.searchsorted(track["t_s"], captures["t_s"][capture] - LATE_S))
+    before, after = max(row - 1, 0), min(row + 1, len(track["t_s"]) - 1)
+    east, north = (float(track[name][after] - track[name][before]) for name in ("x_m", "y_m"))
+    way_m, speed_mps = hypot(east, north), float(track["speed_mps"][row])
+    return (speed_mps * east / way_m, speed_mps * north / way_m) if way_m else (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -213,11 +224,13 @@ class _Judge:
     def _too_small(self, defect: Defect, captures: IndexArray, visible: Sequence[float]) -> bool:
         """Whether the sensor had no chance in any capture that showed enough of it: at every one it covered too few
         pixels."""
-        sensing, across_m = self.result.settings.sensing, self.result.environment.extents_m[defect.id]
+        sensing, environment = self.result.settings.sensing, self.result.environment
         if not sensor_class(sensing.sensor).judges_size:
             return False
         return not any(
-            resolved_share(sensing, defect.kind, across_m, captured_pixel_m(self.result, int(capture)), fraction)
+            sighted_share(
+                sensing, captured_frame(self.result, int(capture)), environment.sighting(defect.id, fraction, 0)
+            )
             for capture, fraction in zip(captures, visible, strict=True)
             if fraction >= sensing.min_visible_fraction
         )

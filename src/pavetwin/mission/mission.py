@@ -32,7 +32,7 @@ from pavetwin.mission.moment import KernelMoment
 from pavetwin.mission.track import MODES
 from pavetwin.navigation.patterns import Pass, from_nearest_end, passes
 from pavetwin.policies import Action, Displace, GoOn, Revisit, Wait
-from pavetwin.sensing import Detection, Frame, ImageSource, JudgedDetection, Outcome, Sighting
+from pavetwin.sensing import Detection, Frame, ImageSource, JudgedDetection, Outcome
 from pavetwin.twin import (
     Confirmation,
     Episode,
@@ -194,8 +194,7 @@ class Mission:
         for defect, fraction in event.sightings:
             attempt = self._attempts.get(defect, 0)
             self._attempts[defect] = attempt + 1
-            across_m = self.environment.extents_m[defect]
-            sightings.append(Sighting(self.environment.defects[defect], fraction, attempt, across_m))
+            sightings.append(self.environment.sighting(defect, fraction, attempt))
             if self.settings.sensing.attempts == "first_capture":
                 self.flight.set_wanted(defect, False)
                 self._tried.add(defect)

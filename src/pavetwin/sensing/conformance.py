@@ -19,7 +19,7 @@ from pavetwin.defects.registry import DEFECT_CLASSES
 from pavetwin.sensing.base import Sensor
 from pavetwin.sensing.detection import Detection, unknown_class
 from pavetwin.sensing.frame import Frame, Sighting
-from pavetwin.sensing.resolution import smallest_extent_m
+from pavetwin.sensing.resolution import orientations_of, smallest_extent_m
 from pavetwin.uav.cameras import find_camera
 from pavetwin.world.model import Defect, Severity
 
@@ -81,7 +81,7 @@ def trial_frames(count: int = 24) -> list[Frame]:
 
 
 def trial_sighting(defect: Defect, visible_fraction: float = 1.0, attempt: int = 0) -> Sighting:
-    return Sighting(defect, visible_fraction, attempt, smallest_extent_m(defect))
+    return Sighting(defect, visible_fraction, attempt, smallest_extent_m(defect), orientations_of(defect))
 
 
 def trial_defect(number: int, east_m: float = 0.0) -> Defect:

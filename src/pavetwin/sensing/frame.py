@@ -12,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import UInt8Array
 from pavetwin.config.conditions import Conditions
+from pavetwin.defects.orientation import Orientation
 from pavetwin.errors import PaveTwinError
 from pavetwin.scene.view import View, nadir
 from pavetwin.twin import Place
@@ -36,6 +37,9 @@ class Sighting:
     """0 for the first capture in which a sensor may find it."""
     across_m: float
     """Its size where it is smallest, whole: the width of a crack, else the shorter side (`smallest_extent_m`)."""
+    orientations: Sequence[Orientation] = ()
+    """Of a thin defect the directions in which it runs, each with its share of the length (`orientations_of`): only the
+    part of motion blur that lies across it widens it. Empty for any other: all of the blur counts."""
 
 
 @dataclass(frozen=True)
@@ -82,17 +86,33 @@ class Frame:
         return self.camera.ground_resolution_m(self.altitude_m)
 
     @property
+    def blur_m(self) -> Place:
+        """Motion blur: how far the ground passes during the exposure (east, north), metres."""
+        return self.velocity_mps[0] * self.exposure_s, self.velocity_mps[1] * self.exposure_s
+
+    @property
     def blur_px(self) -> float:
-        """Motion blur: how far the image moves during the exposure, in pixels."""
+        """Length of the motion blur, in pixels."""
         return hypot(*self.velocity_mps) * self.exposure_s / self.ground_resolution_m
 
     @property
     def blurred_pixel_m(self) -> float:
-        """What a pixel covers on the ground with its blur: √(1 + blur_px²) pixels, in metres.
+        """What a pixel covers on the ground in the direction of the motion: √(1 + blur_px²) pixels, in metres.
 
         A pixel one wide, smeared over b pixels, has the variance (1 + b²) / 12 of a pixel of that width.
         """
         return self.ground_resolution_m * hypot(1.0, self.blur_px)
+
+    def pixel_across_m(self, east: float, north: float) -> float:
+        """What a pixel covers on the ground across a line in this direction: √(g² + (b sin φ)²), in metres, with the
+        ground resolution g, the motion blur b and the angle φ between them.
+
+        Args:
+            east: of a unit vector along the line.
+            north: of the same.
+        """
+        blur = self.blur_m
+        return hypot(self.ground_resolution_m, blur[0] * north - blur[1] * east)
 
     @cached_property
     def view(self) -> View:

@@ -16,7 +16,7 @@ from pavetwin.sensing.base import Sensor
 from pavetwin.sensing.detection import Detection
 from pavetwin.sensing.frame import Frame, Sighting
 from pavetwin.sensing.registered import sensor
-from pavetwin.sensing.resolution import resolved_share
+from pavetwin.sensing.resolution import sighted_share
 
 _NORMAL: Final = NormalDist()
 _COMMON: Final = 0
@@ -59,9 +59,7 @@ class Recall(Sensor):
 
     def chance(self, frame: Frame, sighting: Sighting) -> float:
         """The probability that a look finds what it sees."""
-        kind, visible = sighting.defect.kind, sighting.visible_fraction
-        share = resolved_share(self.settings, kind, sighting.across_m, frame.blurred_pixel_m, visible)
-        return self.settings.recall * share
+        return self.settings.recall * sighted_share(self.settings, frame, sighting)
 
     def _draw(self, sighting: Sighting) -> float:
         """Uniform in 0 … 1, by (seed, defect, attempt) alone: of the defect's own generator the k-th number, with

@@ -5,13 +5,15 @@ of `recall` at `full_recall_ratio` times `least_px`. Sources and assumptions sta
 docs/explanation/definitions.md, "Detection and resolution".
 """
 
-from collections.abc import Mapping
-from math import sqrt
+from collections.abc import Sequence
+from math import inf, sqrt
 from typing import Final
 
 from pavetwin.config.mission import SensingSettings
 from pavetwin.defects.measures import extents_m
+from pavetwin.defects.orientation import Orientation, orientations
 from pavetwin.defects.registry import DEFECT_CLASSES
+from pavetwin.sensing.frame import Frame, Sighting
 from pavetwin.world.model import Defect
 
 LEAST_PX_THIN: Final = 2.0
@@ -31,6 +33,11 @@ def smallest_extent_m(defect: Defect) -> float:
     return extents_m(defect.polygon)[1]
 
 
+def orientations_of(defect: Defect) -> Sequence[Orientation]:
+    """The directions of a thin defect's centre line; empty for any other, which has edges in all directions."""
+    return orientations(defect.polygon) if is_thin(defect.kind) else ()
+
+
 def least_px_of(settings: SensingSettings, kind: str) -> float:
     """The fewest pixels across at which a class is seen; 0 where size does not matter."""
     if settings.least_px is None:
@@ -38,31 +45,49 @@ def least_px_of(settings: SensingSettings, kind: str) -> float:
     return settings.least_px.get(kind, LEAST_PX_THIN if is_thin(kind) else LEAST_PX_OTHER)
 
 
-def least_extents_m(settings: SensingSettings, pixel_m: float, kinds: tuple[str, ...]) -> Mapping[str, float]:
-    """For each class the extent below which a defect is not seen; empty where size does not matter.
+def sighted_share(settings: SensingSettings, frame: Frame, sighting: Sighting) -> float:
+    """The share of `recall` that is left of a sighting, 0 … 1: of a thin defect the mean over its length.
 
-    Args:
-        pixel_m: what a pixel covers, with its blur.
+    Motion blur is charged where it lies across. A pothole or a network of cracks has edges in all directions, of which
+    those across the motion are seen worst, so that all of the blur counts.
     """
-    return {} if settings.least_px is None else {kind: least_px_of(settings, kind) * pixel_m for kind in kinds}
+    extent = _extent(settings, sighting.defect.kind, sighting.across_m, sighting.visible_fraction)
+    worst = _risen(settings, extent / frame.blurred_pixel_m)
+    if worst == 1.0 or not sighting.orientations:
+        return worst
+    if _risen(settings, extent / frame.ground_resolution_m) == 0.0:
+        return 0.0
+    return sum(
+        share * _risen(settings, extent / frame.pixel_across_m(east, north))
+        for east, north, share in sighting.orientations
+    )
 
 
 def resolved_share(
     settings: SensingSettings, kind: str, across_m: float, pixel_m: float, visible_fraction: float = 1.0
 ) -> float:
-    """The share of `recall` that is left at this resolution, 0 … 1.
+    """The share of `recall` that is left at one resolution, 0 … 1.
 
     Of a crack the width counts, of any other defect the shorter side of what is visible: its shorter side times the
     root of the visible fraction.
 
     Args:
         across_m: as `smallest_extent_m` gives it.
-        pixel_m: what a pixel covers, with its blur.
+        pixel_m: what a pixel covers across the defect, with its blur.
     """
+    return _risen(settings, _extent(settings, kind, across_m, visible_fraction) / pixel_m)
+
+
+def _extent(settings: SensingSettings, kind: str, across_m: float, visible_fraction: float) -> float:
+    """What counts of a defect, over `least_px`: metres a pixel up to which it is seen; infinite where size does not
+    matter."""
     least = least_px_of(settings, kind)
     if not least:
-        return 1.0
-    extent_m = across_m if is_thin(kind) else across_m * sqrt(visible_fraction)
-    ratio = extent_m / (least * pixel_m)
+        return inf
+    return (across_m if is_thin(kind) else across_m * sqrt(visible_fraction)) / least
+
+
+def _risen(settings: SensingSettings, ratio: float) -> float:
+    """The smoothstep of pixels over the fewest pixels."""
     risen = min(max((ratio - 1.0) / (settings.full_recall_ratio - 1.0), 0.0), 1.0)
     return risen * risen * (3.0 - 2.0 * risen)
