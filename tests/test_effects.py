@@ -1,5 +1,6 @@
 """The sizes of effects: what is compared with what, where the truth is, and the whole command over a tiny town."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,8 +10,10 @@ import pytest
 from benchmarks.effects import __main__ as command
 from benchmarks.effects import catalogue
 from benchmarks.effects.catalogue import VARIANTS, Kind, Variant, design_of
+from benchmarks.effects.cracks import highest
+from benchmarks.effects.plot import COLOURS, legend
 from benchmarks.effects.sizes import ALL, FLIGHT, Effect, effects, proposed, ranked, value
-from benchmarks.effects.table import default_line, effects_table, proposals_table
+from benchmarks.effects.table import default_line, effects_table, proposals_table, tours_table
 from benchmarks.effects.tour import naive_certainty, tours
 
 from pavetwin.defects import DefectOptions, add_defects
@@ -46,7 +49,11 @@ def flown(better: dict[str, Any], by: float, **added: float) -> pl.DataFrame:
 
     table = study(LEVELS, 12, truth, seed=1)
     return table.with_columns(
-        permanently_hidden=pl.lit(0.1), segment=pl.format("s{}", pl.col("replicate")), batteries=pl.lit(2)
+        permanently_hidden=pl.lit(0.1),
+        segment=pl.format("s{}", pl.col("replicate")),
+        batteries=pl.lit(2),
+        length_m=pl.lit(80.0),
+        defects=pl.lit(15),
     )
 
 
@@ -108,7 +115,34 @@ def test_the_largest_change_comes_first_whatever_it_is_of() -> None:
         "| something new | 0 | 0 | **+35** (+35 to +35) | **+35** (+35 to +35) | hover, 10\u00a0m | same |"
     )
     assert " of 90.0 %" in default_line(now, MissionLimits()), "what parked vehicles leave to be seen"
+    assert default_line(now, MissionLimits()).endswith("12 replicates in each of 2 worlds, 15 defects a segment.")
     assert proposals_table(now, used, MissionLimits()).splitlines()[-1] == "| something new | same | same |"
+
+
+def test_proposals_that_flip_say_what_they_lose_with_an_interval() -> None:
+    flipped = changed(Kind.ASSUMPTION, flown(LOW, 0.3), flown(HIGH, 0.1))
+    row = proposals_table(flown(LOW, 0.3), flipped, MissionLimits()).splitlines()[-1]
+    (cell, _) = row.split(" | ")[1:]
+    told = re.fullmatch(r"hover, 15\u00a0m: \*\*(−[\d.]+)\*\* \((−[\d.]+) to (−[\d.]+)\)", cell)
+    assert told is not None
+    mean, low, high = (float(value.replace("−", "-")) for value in told.groups())
+    assert low < mean < high < 0
+    assert mean == pytest.approx(-10, abs=3)
+
+
+@pytest.mark.parametrize(("loses", "told"), [(0.3, "15\u00a0m"), (0.05, "30\u00a0m (15 to 30)"), (0.0, "30\u00a0m")])
+def test_the_highest_altitude_is_the_last_that_loses_little(loses: float, told: str) -> None:
+    """Something is lost from 30 m only; 5 points are where the replicates cannot say whether it is too much."""
+    levels = {**LEVELS, "altitude_m": (6.0, 10.0, 15.0, 30.0)}
+    table = study(levels, 12, lambda cell: {"coverage": -loses if cell["altitude_m"] > 20 else 0.0}, seed=3)
+    assert str(highest(table)) == told
+
+
+def test_the_legend_names_the_kinds_that_are_drawn() -> None:
+    found = changed(Kind.LEFT_OUT, flown(LOW, 0.2), flown(HIGH, 0.1))
+    assert legend(found) == {"the twin without it": COLOURS[Kind.LEFT_OUT]}
+    both = [*found, *changed(Kind.CHANCE, flown(LOW, 0.2), flown(HIGH, 0.1))]
+    assert list(legend(both)) == ["the twin without it", "chance: another seed"]
 
 
 def test_an_inspection_before_and_after_is_told_with_how_sure_it_is() -> None:
@@ -119,6 +153,9 @@ def test_an_inspection_before_and_after_is_told_with_how_sure_it_is() -> None:
     assert ash.after.certainty > 0.9
     assert ash.before.certainty < ash.after.certainty
     assert naive_certainty(flown(LOW, 0.3), MissionLimits()) == 1.0
+    lead = tours_table([ash, elm], 1).splitlines()[0]
+    assert "80 m of street and 15 defects on average" in lead
+    assert "today's worlds and road networks" in lead
 
 
 def test_every_effect_is_a_valid_study_and_changes_what_it_says() -> None:
@@ -187,9 +224,9 @@ def test_the_command_flies_whole_inspections_before_and_after(
     typed: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert command.main([*typed, "--only", "before", "--tours", "2", "--segments", "2"]) == 0
-    alone, told = capsys.readouterr().out.split("2 segments in one mission:")
-    assert "1 segment in one mission:" in alone
-    before, after = (line.split(" | ") for line in told.strip().splitlines()[2:4])
+    alone, told = capsys.readouterr().out.split("2 segments in one mission: ")
+    assert "1 segment in one mission: " in alone
+    before, after = (line.split(" | ") for line in told.strip().splitlines()[4:6])
     assert before[:2] == ["| cross", "before"]
     assert before[5].endswith("of 100.0")
     assert float(after[5].split(" of ")[1]) < 98

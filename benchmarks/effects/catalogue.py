@@ -16,6 +16,8 @@ from pavetwin.experiments.design import Design, Value
 INPUTS: Final = Path(__file__).parent / "inputs"
 """In a folder of their own: with a plugin all that lies beside it is hashed into a study."""
 ALTITUDES_M: Final = (6.0, 10.0, 15.0, 30.0)
+CRACKS_ALTITUDES_M: Final = (*ALTITUDES_M, 60.0)
+"""Of studies of cracks alone, from where fine pixels still show some."""
 DEFECTS: Final[Mapping[str, Any]] = {"per_segment": 15}
 """Half as many as worlds have by default, for the time that it takes to place them."""
 USUAL: Final[Mapping[str, Value]] = {"parking.enabled": True}
@@ -47,6 +49,8 @@ class Variant:
     """Instead of the usual one."""
     settings: Mapping[str, Value] = field(default_factory=dict)
     defects: Mapping[str, Any] = field(default_factory=lambda: DEFECTS)
+    altitudes_m: tuple[float, ...] | None = None
+    """Instead of `ALTITUDES_M`."""
     plugins: tuple[str, ...] = ()
     against: str = "default"
     """The variant that it is compared with."""
@@ -124,15 +128,16 @@ VARIANTS: Final[Sequence[Variant]] = (
     Variant("phantom", "a Phantom 4 Pro", Kind.ASSUMPTION, settings={"aircraft": "phantom4pro"}),
     Variant("camera-paper", "the paper's camera", Kind.ASSUMPTION, settings={"camera.model": "paper"}),
     Variant("defects", "30 defects a segment instead of 15", Kind.ASSUMPTION, defects={"per_segment": 30}),
-    Variant("cracks", "only cracks", Kind.ASSUMPTION, defects=CRACKS),
+    Variant("cracks", "only cracks", Kind.ASSUMPTION, defects=CRACKS, altitudes_m=CRACKS_ALTITUDES_M),
     Variant(
         "cracks-coarse", "only cracks, the paper's camera (against *only cracks*)", Kind.ASSUMPTION,
         settings={"camera.model": "paper"},
-        defects=CRACKS, against="cracks",
+        defects=CRACKS, altitudes_m=CRACKS_ALTITUDES_M, against="cracks",
     ),
     Variant(
         "cracks-fine", "only cracks, twice the pixels each way (against *only cracks*)", Kind.ASSUMPTION,
-        settings={"camera.model": f"{INPUTS / 'cameras.yaml'}:fine"}, defects=CRACKS, against="cracks",
+        settings={"camera.model": f"{INPUTS / 'cameras.yaml'}:fine"},
+        defects=CRACKS, altitudes_m=CRACKS_ALTITUDES_M, against="cracks",
     ),
     Variant("seed", "another seed, nothing else", Kind.CHANCE, seed=2),
 )  # fmt: skip
@@ -149,7 +154,7 @@ def design_of(variant: Variant, worlds: Sequence[Path], traffic: str, replicates
         "name": variant.name,
         "worlds": [str(world.absolute()) for world in worlds],
         "densities": [variant.traffic or traffic],
-        "altitudes_m": list(ALTITUDES_M),
+        "altitudes_m": list(variant.altitudes_m or ALTITUDES_M),
         "set": {**USUAL, **variant.settings},
         "replicates": replicates,
         "seed": variant.seed,

@@ -23,7 +23,7 @@ WORDS: Final = {
     Kind.LEFT_OUT: "the twin without it",
     Kind.CONDITION: "another day",
     Kind.ASSUMPTION: "another assumption or choice",
-    Kind.CHANCE: "chance",
+    Kind.CHANCE: "chance: another seed",
 }
 PANELS: Final = (
     ("coverage", "Defects found,\npercentage points"),
@@ -59,11 +59,16 @@ def save_plot(found: Sequence[Effect], path: Path) -> None:
             text = option_text(effect.options[1]) if effect.decision is not None else "same proposal"
             colour = style.INK if effect.decision is not None else style.INK_FAINT
             axes.annotate(text, (1.04, at), xycoords=("axes fraction", "data"), va="center", fontsize=6.5, color=colour)
-        for kind, colour in COLOURS.items():
-            axes.plot([], [], "o", color=colour, markersize=4, label=WORDS[kind])
+        for word, colour in legend(effects).items():
+            axes.plot([], [], "o", color=colour, markersize=4, label=word)
         handles = axes.get_legend_handles_labels()
         figure.legend(*handles, loc="lower left", bbox_to_anchor=(0.01, 0.0), ncols=2)
         style.save_figure(figure, path)
+
+
+def legend(found: Sequence[Effect]) -> dict[str, str]:
+    """The colours of the kinds that there are, by their words."""
+    return {WORDS[kind]: COLOURS[kind] for kind in Kind if any(effect.variant.kind is kind for effect in found)}
 
 
 def _panel(axes: Axes, frames: Sequence[pl.DataFrame | None], effects: Sequence[Effect], name: str, title: str) -> None:

@@ -86,7 +86,7 @@ def effects(variant: Variant, reference: pl.DataFrame, table: pl.DataFrame, limi
     scopes: list[str] = [*reference["world"].unique(maintain_order=True).to_list(), ALL]
     found = []
     for scope in scopes:
-        sides = _within(reference, scope), _within(table, scope)
+        sides = within(reference, scope), within(table, scope)
         options = proposed(sides[0], limits), proposed(sides[1], limits)
         found.append(_effect(variant, scope, *sides, options))
     return found
@@ -136,7 +136,8 @@ def _flown(table: pl.DataFrame, option: Option) -> pl.DataFrame:
     return table.filter(altitude_m=option[0], policy=option[1])
 
 
-def _within(table: pl.DataFrame, scope: str) -> pl.DataFrame:
+def within(table: pl.DataFrame, scope: str) -> pl.DataFrame:
+    """The rows of one world, or of all."""
     return table if scope == ALL else table.filter(world=scope)
 
 

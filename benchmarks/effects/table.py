@@ -1,16 +1,14 @@
 """The effects as Markdown tables, for docs/limits.md."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import polars as pl
 
-from benchmarks.effects.catalogue import USUAL, Kind, Variant
+from benchmarks.effects.catalogue import Kind
 from benchmarks.effects.sizes import FLIGHT, MEASURED, Effect, Option, compared, option_text, proposed, ranked
 from benchmarks.effects.tour import Tour
-from pavetwin.experiments.ground_view import ground_view
-from pavetwin.experiments.metrics import Metric
-from pavetwin.experiments.statistics import MissionLimits, summarise
+from benchmarks.effects.words import gap, markdown
+from pavetwin.experiments.statistics import MissionLimits
 from pavetwin.experiments.words import MISSING, number, percent, shown
 
 COVERAGE, SEEN, HIDDEN, _WAITING, TIME, ENERGY = MEASURED
@@ -18,8 +16,6 @@ SHOWN = (COVERAGE, SEEN, TIME, ENERGY)
 RELATIVE = (TIME, ENERGY)
 """Shown as shares of what they are without the change."""
 CHOSEN = (COVERAGE, SEEN, _WAITING, TIME, ENERGY)
-WITHIN_S = 50.0
-"""A limit of time under which the lowest altitude, which takes most passes, is no option."""
 HEADINGS = {
     "coverage": "found, points",
     "surface_coverage": "surface seen, points",
@@ -45,7 +41,7 @@ def default_line(default: pl.DataFrame, limits: MissionLimits) -> str:
         f"{shown(SEEN, own['surface_coverage'])} of {shown(HIDDEN, 1 - own['permanently_hidden'])} %, waiting "
         f"{shown(_WAITING, own['wait_s'])} s, time {shown(TIME, own['time_s'])} s, {shown(ENERGY, own['energy'])} % of "
         f"a battery; proposed: {option_text(proposed(default, limits))}. {replicates} replicates in each of {worlds} "
-        "worlds."
+        f"worlds, {number(float(flight.select(pl.col('defects').mean()).item()), 0)} defects a segment."
     )
 
 
@@ -65,7 +61,7 @@ def effects_table(found: Sequence[Effect], kind: Kind) -> str:
         "proposed",
         "lost by the decision, points",
     ]
-    return _markdown(["", *head], rows)
+    return markdown(["", *head], rows)
 
 
 def proposals_table(default: pl.DataFrame, found: Sequence[Effect], limits: MissionLimits) -> str:
@@ -75,13 +71,14 @@ def proposals_table(default: pl.DataFrame, found: Sequence[Effect], limits: Miss
     for effect in ranked(found):
         of = {each.scope: each for each in found if each.variant == effect.variant}
         rows.append([effect.variant.title, *(_proposal(of[world]) for world in worlds)])
-    return _markdown(["proposed", *worlds], rows)
+    return markdown(["proposed", *worlds], rows)
 
 
 def _proposal(effect: Effect) -> str:
+    """`baseline, 30 m: −3.9 (−9.5 to +0.8)`."""
     if effect.decision is None:
         return "same"
-    return f"{option_text(effect.options[1])} ({gap(effect.decision, COVERAGE, interval=False)})"
+    return f"{option_text(effect.options[1])}: {gap(effect.decision, COVERAGE)}"
 
 
 def choices_table(default: pl.DataFrame) -> str:
@@ -96,30 +93,14 @@ def choices_table(default: pl.DataFrame) -> str:
             gaps = compared({"usual": reference, "other": other})
             rows.append([option_text((altitude_m, policy)), *(gap(gaps, metric) for metric in CHOSEN)])
     head = f"instead of {option_text(FLIGHT)}"
-    return _markdown([head, *(HEADINGS[metric.name] for metric in CHOSEN)], rows)
-
-
-def cracks_table(flown: Mapping[str, pl.DataFrame], variants: Sequence[Variant], limits: MissionLimits) -> str:
-    """Over cracks alone: what each camera resolves, what hovering finds by altitude, and what is proposed."""
-    altitudes = flown[variants[0].name]["altitude_m"].unique(maintain_order=True).to_list()
-    rows = []
-    for variant in variants:
-        table = flown[variant.name]
-        option = {"altitude_m": FLIGHT[0], "preset": "default", "sensor": "recall"}
-        view = ground_view(option, {"set": {**USUAL, **variant.settings}})
-        hovering = summarise(table.filter(policy=FLIGHT[1]), ["altitude_m"], [COVERAGE])
-        found = [shown(COVERAGE, hovering.filter(altitude_m=altitude_m)["mean"][0]) for altitude_m in altitudes]
-        quick = proposed(table, MissionLimits(max_time_s=WITHIN_S))
-        seen = [number(1000 * length_m, 1) for length_m in (view.pixel_m, view.unseen_m["single_crack"])]
-        rows.append([variant.title, *seen, *found, option_text(proposed(table, limits)), option_text(quick)])
-    at = option_text(FLIGHT).partition(", ")[2]
-    head = [f"a pixel at {at}, mm", f"seen from {at}: wider than, mm"]
-    heights = [f"found at {altitude_m:g}\u00a0m, %" for altitude_m in altitudes]
-    return _markdown(["", *head, *heights, "proposed", f"proposed within {WITHIN_S:g}\u00a0s"], rows)
+    return markdown([head, *(HEADINGS[metric.name] for metric in CHOSEN)], rows)
 
 
 def tours_table(found: Sequence[Tour], segments: int) -> str:
-    """Before and after, and their difference, for each world: of missions over so many segments."""
+    """Before and after, and their difference, for each world: of missions over so many segments.
+
+    "Before" has today's worlds and networks, parking lanes included: nothing else would be a pair.
+    """
     rows = []
     for tour in found:
         values = {row["metric"]: row for row in tour.missions.iter_rows(named=True)}
@@ -137,44 +118,9 @@ def tours_table(found: Sequence[Tour], segments: int) -> str:
     head = ["world", "", "proposed", "best with", "found, %", "surface seen, % of at most", "waiting, s", "time, s"]
     bring = [] if found[0].after.batteries is None else ["batteries to bring"]
     of = "1 segment" if segments == 1 else f"{segments} segments"
-    return f"{of} in one mission:\n\n" + _markdown([*head, "% of a battery", *bring], rows)
-
-
-def gap(
-    frame: pl.DataFrame,
-    metric: Metric,
-    *,
-    interval: bool = True,
-    relative: bool = False,
-    scale: float | None = None,
-    digits: int | None = None,
-) -> str:
-    """`**−2.3** (−3.0 to −1.6)` of a row of `Effect.flight`, bold where the interval excludes 0.
-
-    Args:
-        relative: as a share, in %, of what it is without the change.
-    """
-    row: dict[str, Any] = frame.row(by_predicate=pl.col("metric") == metric.name, named=True)
-    scale, digits = scale or metric.scale, metric.digits if digits is None else digits
-    if relative:
-        scale, digits = 100 / row["before"] if row["before"] else 0.0, 0
-    if row["mean"] is None:
-        return MISSING
-    if row["mean"] == 0 and row["low"] == row["high"]:
-        return "0"
-    text = signed(row["mean"] * scale, digits)
-    if not interval or row["low"] is None or row["high"] is None:
-        return text
-    if row["low"] > 0 or row["high"] < 0:
-        text = f"**{text}**"
-    return f"{text} ({signed(row['low'] * scale, digits)} to {signed(row['high'] * scale, digits)})"
-
-
-def signed(value: float, digits: int) -> str:
-    text = number(value, digits)
-    return text if text.startswith("−") or float(text) == 0 else f"+{text}"
-
-
-def _markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
-    return "\n".join(lines + [f"| {' | '.join(row)} |" for row in rows])
+    length_m, defects = (sum(getattr(tour, name) for tour in found) / len(found) for name in ("length_m", "defects"))
+    lead = (
+        f"{of} in one mission: {number(length_m, 0)} m of street and {number(defects, 0)} defects on average. Both "
+        "sides fly over today's worlds and road networks:"
+    )
+    return f"{lead}\n\n" + markdown([*head, "% of a battery", *bring], rows)

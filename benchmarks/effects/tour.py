@@ -38,6 +38,10 @@ class Tour:
     world: str
     before: Told
     after: Told
+    length_m: float
+    """Mean length of the street that a mission inspects."""
+    defects: float
+    """Mean number of defects on it."""
     missions: pl.DataFrame
     """A row a metric of `METRICS`: each side's own proposal as it is flown there, see `Effect.flight`."""
 
@@ -56,7 +60,9 @@ def tours(before: pl.DataFrame, after: pl.DataFrame, limits: MissionLimits) -> l
             Told(options[0], naive_certainty(was, limits), _bring(was, limits)),
             Told(options[1], _certainty(now, limits), _bring(now, limits)),
         )
-        found.append(Tour(world, *told, compared(sides, METRICS if BATTERIES in now.columns else MEASURED)))
+        length_m, defects = (float(now.select(pl.col(name).mean()).item()) for name in ("length_m", "defects"))
+        missions = compared(sides, METRICS if BATTERIES in now.columns else MEASURED)
+        found.append(Tour(world, *told, length_m, defects, missions))
     return found
 
 
