@@ -16,7 +16,6 @@ from benchmarks.effects.sizes import ALL, FLIGHT, Effect, effects, proposed, ran
 from benchmarks.effects.table import default_line, effects_table, proposals_table, tours_table
 from benchmarks.effects.tour import naive_certainty, tours
 
-from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.experiments.design import Design
 from pavetwin.experiments.engines import Single
 from pavetwin.experiments.plan import cells_of
@@ -24,9 +23,7 @@ from pavetwin.experiments.run import run
 from pavetwin.experiments.statistics import MissionLimits
 from pavetwin.experiments.store import Store
 from pavetwin.uav import camera_of
-from pavetwin.world.store import save_world
-from scenes import built
-from scenes.parking import kerb_place, with_places
+from scenes.parking import save_cross_with_rows
 from scenes.studies import study
 
 LEVELS = {
@@ -173,16 +170,7 @@ def test_every_effect_is_a_valid_study_and_changes_what_it_says() -> None:
 @pytest.fixture(scope="module")
 def town(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The cross with a row of parking places on the carriageway of every segment."""
-    folder = tmp_path_factory.mktemp("effects") / "cross"
-    bare = add_defects(built("cross"), DefectOptions(per_segment=3))
-    places = [
-        kerb_place(at.x, at.y, name=f"{segment.id}-{number}-", segment=segment.id, length_m=6.0, width_m=2.4)
-        for segment in bare.world.segments
-        for number in range(4)
-        for at in [segment.centre_line.interpolate((number + 1) / 5, normalized=True)]
-    ]
-    save_world(replace(bare, world=with_places(bare.world, *places)), folder)
-    return folder
+    return save_cross_with_rows(tmp_path_factory.mktemp("effects") / "cross", 3)
 
 
 @pytest.fixture

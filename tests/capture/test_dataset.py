@@ -34,16 +34,13 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.mission import versions
 from pavetwin.world.store import load_world, save_world
 from scenes import built
+from scenes.folders import contents
 from scenes.painter import Painter, full_disk, slow_painter
 
 UAV = CaptureSettings(
     platforms=("uav",), images=60, altitudes_m=(5.0, 6.0, 8.0), densities=("medium",), seed=3, size_px=(320, 320)
 )
 SPLITS = ("train", "val", "test")
-
-
-def files(folder: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
 @pytest.fixture(scope="module")
@@ -165,12 +162,12 @@ def test_a_smaller_dataset_is_the_beginning_of_a_larger_one(world: Path, dataset
     assert small.taken == 12
     grown = capture(world, UAV, tmp_path / "grown", frame_source_factory=Painter)
     assert grown.taken == 48
-    assert files(tmp_path / "grown") == files(dataset)
+    assert contents(tmp_path / "grown") == contents(dataset)
 
 
 def test_more_processes_take_the_same_images(world: Path, dataset: Path, tmp_path: Path) -> None:
     capture(world, UAV, tmp_path / "two", frame_source_factory=Painter, jobs=2)
-    assert files(tmp_path / "two") == files(dataset)
+    assert contents(tmp_path / "two") == contents(dataset)
 
 
 def test_a_process_that_dies_is_replaced_and_costs_no_image(world: Path, dataset: Path, tmp_path: Path) -> None:
@@ -185,13 +182,13 @@ def test_a_process_that_dies_is_replaced_and_costs_no_image(world: Path, dataset
     folder = tmp_path / "disturbed"
     capture(world, UAV, folder, frame_source_factory=slow_painter, jobs=2, on_progress=kill_one)
     assert killed
-    assert files(folder) == files(dataset)
+    assert contents(folder) == contents(dataset)
 
 
 def test_another_seed_takes_other_images(world: Path, dataset: Path, tmp_path: Path) -> None:
     few = UAV.model_copy(update={"images": 3, "seed": 0})
     capture(world, few, tmp_path / "other", frame_source_factory=Painter)
-    assert not set(files(tmp_path / "other" / "truth").values()) & set(files(dataset / "truth").values())
+    assert not set(contents(tmp_path / "other" / "truth").values()) & set(contents(dataset / "truth").values())
 
 
 # --- Tools ----------------------------------------------------------------------------------------------------------
@@ -402,8 +399,8 @@ def test_a_dataset_of_two_platforms_is_that_of_the_one_and_that_of_the_other(
     assert {name: sum(row.values()) for name, row in manifest["images_by_platform"].items()} == {"uav": 8, "car": 8}
     car = both.model_copy(update={"platforms": ("car",), "altitudes_m": ()})
     capture(world, car, tmp_path / "car", frame_source_factory=Painter)
-    joined = files(tmp_path / "both")
-    alone = files(dataset) | files(tmp_path / "car")
+    joined = contents(tmp_path / "both")
+    alone = contents(dataset) | contents(tmp_path / "car")
     images = [name for name in joined if name.startswith(("images/", "labels/", "yolo-seg/labels/", "voc/Ann"))]
     assert len(images) == 4 * 16
     assert all(joined[name] == alone[name] for name in images)
@@ -491,7 +488,7 @@ def test_a_killed_run_leaves_whole_images_and_goes_on(world: Path, dataset: Path
     rest = capture(world, UAV, folder, frame_source_factory=Painter)
     assert rest.taken == UAV.images - len(there)
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
-    assert files(folder) == files(dataset)
+    assert contents(folder) == contents(dataset)
 
 
 def _alive(group: int) -> bool:
@@ -524,12 +521,12 @@ def test_a_full_disk_is_said_plainly_and_leaves_nothing_half_written(
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment, check=False)
     assert "Cannot write" in done.stdout, done.stderr
     assert "Free some space" in done.stdout
-    whole = files(dataset)
-    left = {name: content for name, content in files(folder).items() if name != "capture.yaml"}
+    whole = contents(dataset)
+    left = {name: content for name, content in contents(folder).items() if name != "capture.yaml"}
     assert len(left) < len(whole)
     assert left.items() <= whole.items()
     capture(world, UAV, folder, frame_source_factory=Painter)
-    assert files(folder) == whole
+    assert contents(folder) == whole
 
 
 def test_a_disk_too_small_is_noticed_at_once(world: Path, tmp_path: Path) -> None:
@@ -571,9 +568,9 @@ def test_a_run_that_came_to_no_image_is_no_obstacle(
         patched.setattr("pavetwin.capture.images.meets_spec", lambda *_: False)
         with pytest.raises(PaveTwinError, match="no place was found"):
             capture(world, UAV.model_copy(update={"seed": 4}), tmp_path / "d", frame_source_factory=Painter)
-    assert list(files(tmp_path / "d")) == ["capture.yaml"]
+    assert list(contents(tmp_path / "d")) == ["capture.yaml"]
     assert capture(world, UAV, tmp_path / "d", frame_source_factory=Painter).taken == UAV.images
-    assert files(tmp_path / "d") == files(dataset)
+    assert contents(tmp_path / "d") == contents(dataset)
 
 
 @pytest.mark.parametrize(
@@ -599,7 +596,7 @@ def test_a_folder_with_other_settings_is_refused(world: Path, dataset: Path, cha
 def test_a_folder_of_another_version_or_adapter_is_refused(
     world: Path, dataset: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    before, real = files(dataset), versions._version
+    before, real = contents(dataset), versions._version
     more = UAV.model_copy(update={"images": 61})
     with pytest.raises(PaveTwinError, match=r"begun with adapter none \(now a card\), whose pictures may differ"):
         capture(world, more, dataset, frame_source_factory=Painter, adapter="a card")
@@ -608,7 +605,7 @@ def test_a_folder_of_another_version_or_adapter_is_refused(
             patch.setattr(versions, "_version", lambda asked, name=name: "99.0" if asked == name else real(asked))
             with pytest.raises(PaveTwinError, match=rf"begun with {name} \S+ \(now 99\.0\), whose"):
                 capture(world, more, dataset, frame_source_factory=Painter)
-    assert files(dataset) == before
+    assert contents(dataset) == before
 
 
 def test_a_folder_of_another_world_is_refused(world: Path, dataset: Path, tmp_path: Path) -> None:
@@ -620,9 +617,9 @@ def test_a_folder_of_another_world_is_refused(world: Path, dataset: Path, tmp_pa
 
 
 def test_a_complete_dataset_is_left_as_it_is(world: Path, dataset: Path) -> None:
-    before = files(dataset)
+    before = contents(dataset)
     assert capture(world, UAV, dataset, frame_source_factory=slow_painter).taken == 0
-    assert files(dataset) == before
+    assert contents(dataset) == before
 
 
 def test_an_altitude_inside_what_stands_everywhere_is_refused(world: Path, tmp_path: Path) -> None:

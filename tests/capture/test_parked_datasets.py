@@ -32,6 +32,7 @@ from pavetwin.uav.cameras import find_camera
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world, save_world
 from scenes import built
+from scenes.folders import contents
 from scenes.painter import Painter
 from scenes.parking import kerb_place, with_places
 from scenes.tiny import CAR, defect, parked, straight, trace_of
@@ -47,10 +48,6 @@ PARKED = CaptureSettings(
     formats=("yolo",),
     parking=FULL,
 )
-
-
-def files(folder: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +89,7 @@ def test_truth_says_who_is_parked_and_where(world: Path, records: list[Record]) 
 def test_a_smaller_dataset_is_the_beginning_of_a_larger_one(world: Path, dataset: Path, tmp_path: Path) -> None:
     capture(world, PARKED.model_copy(update={"images": 3}), tmp_path / "grown", frame_source_factory=Painter)
     assert capture(world, PARKED, tmp_path / "grown", frame_source_factory=Painter).taken == PARKED.images - 3
-    assert files(tmp_path / "grown") == files(dataset)
+    assert contents(tmp_path / "grown") == contents(dataset)
 
 
 def test_parking_is_part_of_a_name_where_there_is_any(world: Path) -> None:

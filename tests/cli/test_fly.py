@@ -20,14 +20,10 @@ from pavetwin.world.folder import read_description
 from pavetwin.world.store import load_world, save_world
 from scenes import HERE, built
 from scenes.command_line import command, pavetwin, pavetwin_process, plain_refusal
+from scenes.folders import digests
 from scenes.processes import is_over, simulations
 
 SHORT = ("--density", "low", "--segments", "2", "--seed", "1")
-
-
-def digests(folder: Path) -> dict[str, str]:
-    files = sorted(path for path in folder.rglob("*") if path.is_file())
-    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,5 @@
 """What a command writes and prints of missions: numbers before pictures, and tables that fit a page."""
 
-import hashlib
 from collections.abc import Iterator
 from dataclasses import replace
 from io import StringIO
@@ -17,6 +16,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.results import save_mission, save_missions
 from scenes import tiny
+from scenes.folders import digests
 from scenes.parking import EMPTY, FULL, narrow_street
 
 NUMBERS = {
@@ -28,10 +28,6 @@ NUMBERS = {
 
 def names(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
-
-
-def digests(folder: Path) -> dict[str, str]:
-    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir()}
 
 
 def save(

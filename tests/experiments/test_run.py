@@ -1,6 +1,5 @@
 """Studies: the same table whoever flies it, however often it is killed; and what fails is written down."""
 
-import hashlib
 import multiprocessing
 import os
 import random
@@ -46,7 +45,8 @@ from pavetwin.traffic.recording import load_recording, save_recording
 from pavetwin.world.cache import cached
 from pavetwin.world.store import load_world, save_world
 from scenes import built
-from scenes.parking import kerb_place, with_places
+from scenes.folders import digests
+from scenes.parking import save_cross_with_rows, with_places
 
 DEADLY = """
 import multiprocessing, os
@@ -101,11 +101,6 @@ def reference(world: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def digests(folder: Path) -> dict[str, str]:
-    files = sorted(path for path in folder.rglob("*") if path.is_file())
-    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
-
-
 def test_every_mission_is_a_row_with_its_factors_and_seeds(reference: Path) -> None:
     table = Store(reference).table()
     assert table.height == 2 * 2 * 2 * 3
@@ -119,16 +114,7 @@ def test_every_mission_is_a_row_with_its_factors_and_seeds(reference: Path) -> N
 @pytest.fixture(scope="module")
 def lined(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The cross with a row of parking places on the carriageway of every segment."""
-    folder = tmp_path_factory.mktemp("lined") / "cross"
-    bare = add_defects(built("cross"), DefectOptions(per_segment=6))
-    places = [
-        kerb_place(at.x, at.y, name=f"{segment.id}-{number}-", segment=segment.id, length_m=6.0, width_m=2.4)
-        for segment in bare.world.segments
-        for number in range(4)
-        for at in [segment.centre_line.interpolate((number + 1) / 5, normalized=True)]
-    ]
-    save_world(replace(bare, world=with_places(bare.world, *places)), folder)
-    return folder
+    return save_cross_with_rows(tmp_path_factory.mktemp("lined") / "cross", 6)
 
 
 def test_a_study_sweeps_how_full_the_streets_are(lined: Path, tmp_path: Path) -> None:

@@ -2,14 +2,18 @@
 
 from dataclasses import replace
 from itertools import count
+from pathlib import Path
 
 from shapely import Point
 
 from pavetwin.config.conditions import Conditions
 from pavetwin.config.parking import ParkingSettings
+from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.traffic.parked import parked_vehicles
 from pavetwin.world.model import World
 from pavetwin.world.parking import ParkingOrientation, ParkingPlace, ParkingPosition, ParkingSource, StreetSide
+from pavetwin.world.store import save_world
+from scenes import built
 from scenes.tiny import Scene, straight
 
 FULL, EMPTY = "parking.occupancy=1", "parking.enabled=false"
@@ -49,6 +53,19 @@ def kerb_place(
 def with_places(world: World, *places: ParkingPlace) -> World:
     """The world with these places and no others."""
     return replace(world, parking=places)
+
+
+def save_cross_with_rows(folder: Path, per_segment: int) -> Path:
+    """The cross with `per_segment` defects and a row of four places on the carriageway of every segment."""
+    bare = add_defects(built("cross"), DefectOptions(per_segment=per_segment))
+    places = [
+        kerb_place(at.x, at.y, name=f"{segment.id}-{number}-", segment=segment.id, length_m=6.0, width_m=2.4)
+        for segment in bare.world.segments
+        for number in range(4)
+        for at in [segment.centre_line.interpolate((number + 1) / 5, normalized=True)]
+    ]
+    save_world(replace(bare, world=with_places(bare.world, *places)), folder)
+    return folder
 
 
 def narrow_street() -> Scene:
