@@ -304,6 +304,23 @@ def test_the_rule_finds_circles(tmp_path: Path, line: str, circle: list[str]) ->
     assert circle_in(used_files(folder)) == circle
 
 
+def used_packages(folder: Path, dotted: str) -> dict[str, set[str]]:
+    """For each Python file and package in a folder, those beside it that it imports."""
+    uses: dict[str, set[str]] = {}
+    for path in sorted(folder.rglob("*.py")):
+        name = path.relative_to(folder).parts[0].removesuffix(".py")
+        found = re.findall(rf"^\s*from {re.escape(dotted)}\.(\w+)[\w.]* import", path.read_text("utf-8"), re.MULTILINE)
+        uses[name] = uses.get(name, set()) | set(found) - {name}
+    return uses
+
+
+def test_the_packages_of_the_ground_have_no_circle() -> None:
+    uses = used_packages(PACKAGE / "scene" / "ground", "pavetwin.scene.ground")
+    assert {"layout", "markings", "distractors"} <= uses["plan"]
+    assert uses["materials"] == uses["layout"] == set()
+    assert circle_in(uses) == []
+
+
 def test_the_core_knows_no_python() -> None:
     manifest = tomllib.loads((ROOT / "crates" / "pavetwin-core" / "Cargo.toml").read_text(encoding="utf-8"))
     assert {"pyo3", "numpy"} & set(manifest["dependencies"]) == set()

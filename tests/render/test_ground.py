@@ -1,4 +1,4 @@
-"""The ground's shader against its formula in numpy (`scene.ground.compose`), pixel by pixel, under known light."""
+"""The ground's shader against its formula in numpy (`scene.ground.materials.compose`), pixel by pixel."""
 
 from math import pi
 
@@ -8,7 +8,7 @@ from scipy.ndimage import map_coordinates, maximum_filter, uniform_filter
 
 from pavetwin.defects import heightfield_of
 from pavetwin.render.renderer import Renderer, SceneRadiance
-from pavetwin.scene.ground.compose import surface
+from pavetwin.scene.ground.materials.compose import surface
 from pavetwin.scene.light import LUMINANCE, Light, harmonics
 from pavetwin.scene.model import TILE_M, GroundKind, defect_label
 from pavetwin.scene.patches import patch_of

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pavetwin.scene.export.baking import BakedTexture, bake_tile
-from pavetwin.scene.ground.compose import surface
-from pavetwin.scene.ground.sampling import srgb_of_linear
+from pavetwin.scene.ground.materials.compose import surface
+from pavetwin.scene.ground.materials.sampling import srgb_of_linear
 from pavetwin.scene.model import TILE_M, GroundKind
 from scenes.strips import KEY, ORIGIN, STRIP_M, Strips, axes, grain_xy, pyramids
 

@@ -9,7 +9,7 @@ from math import cos, floor, sin
 import numpy as np
 
 from pavetwin.render.renderer import Renderer
-from pavetwin.scene.ground.sampling import srgb_of_linear
+from pavetwin.scene.ground.materials.sampling import srgb_of_linear
 from pavetwin.scene.model import (
     TILE_M,
     TINTS,

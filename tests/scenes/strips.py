@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter
 
 from pavetwin.defects import DefectOptions, place
 from pavetwin.scene.ground import details
-from pavetwin.scene.ground.compose import MapPyramids
+from pavetwin.scene.ground.materials.compose import MapPyramids
 from pavetwin.scene.model import (
     MAP_PX,
     TILE_M,

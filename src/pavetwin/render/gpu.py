@@ -7,7 +7,7 @@ import numpy as np
 import wgpu
 
 from pavetwin.arrays import AnyArray, Float32Array, UInt8Array
-from pavetwin.scene.ground.sampling import srgb_of_linear
+from pavetwin.scene.ground.materials.sampling import srgb_of_linear
 
 _BUFFER: Final = wgpu.BufferUsage
 _TEXTURE: Final = wgpu.TextureUsage

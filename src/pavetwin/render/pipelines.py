@@ -17,8 +17,8 @@ from pavetwin.render.nearby import CLEAR_SHARE
 from pavetwin.render.tiles import TileLayouts, texture_layout
 from pavetwin.scene.buildings import FACADE_REPEAT_M
 from pavetwin.scene.foliage import CUT
-from pavetwin.scene.ground import compose
-from pavetwin.scene.ground.sampling import LEVEL_SLOPE, linear_of_srgb
+from pavetwin.scene.ground.materials import compose
+from pavetwin.scene.ground.materials.sampling import LEVEL_SLOPE, linear_of_srgb
 from pavetwin.scene.model import MAP_MARGIN_M, SIGNED_DISTANCE_M, TILE_M, Detail, GroundKind
 
 LIGHT_FORMAT: Final = "rgba16float"

@@ -1,4 +1,4 @@
-// The ground's appearance: the formula of scene/ground/compose.py, step by step. Its constants come from there
+// The ground's appearance: the formula of scene/ground/materials/compose.py, step by step. Its constants come from there
 // (`GROUND`).
 
 @group(1) @binding(0) var detail_colour: texture_2d_array<f32>;   // roots of reflectance, hold of paint

@@ -5,7 +5,7 @@ import numpy as np
 from pavetwin.arrays import UInt8Array
 from pavetwin.scene.buildings import openings, surfaces
 from pavetwin.scene.buildings.layers import FacadeTexture
-from pavetwin.scene.ground.sampling import srgb_of_linear
+from pavetwin.scene.ground.materials.sampling import srgb_of_linear
 from pavetwin.seeds import Stream, child
 
 KEY = 3

@@ -10,8 +10,8 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from pavetwin.arrays import Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
-from pavetwin.scene.ground.compose import MapPyramids, surface
-from pavetwin.scene.ground.sampling import srgb_of_linear
+from pavetwin.scene.ground.materials.compose import MapPyramids, surface
+from pavetwin.scene.ground.materials.sampling import srgb_of_linear
 from pavetwin.scene.model import TILE_M, DefectPatch, GroundKind, GroundPiece, Tile
 from pavetwin.scene.patches import averaged
 

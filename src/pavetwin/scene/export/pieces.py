@@ -10,7 +10,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.plugins import load_plugins
 from pavetwin.scene.export.baking import BakedTexture, bake_patch, bake_tile, jpeg
 from pavetwin.scene.export.detail import PATCH_FINER, LevelOfDetail
-from pavetwin.scene.ground.compose import MapPyramids
+from pavetwin.scene.ground.materials.compose import MapPyramids
 from pavetwin.scene.model import Mesh, Tile, TileKey
 from pavetwin.scene.scene import Scene
 from pavetwin.workers import OnTick, WorkerPool

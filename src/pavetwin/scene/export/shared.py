@@ -11,7 +11,7 @@ from PIL import Image
 from pavetwin.arrays import BoolArray, Float32Array, FloatArray, UInt8Array, UInt32Array
 from pavetwin.scene.foliage import CUT, leaf_atlas
 from pavetwin.scene.glb import INDICES, GlbWriter, to_file_axes
-from pavetwin.scene.ground.sampling import srgb_of_linear
+from pavetwin.scene.ground.materials.sampling import srgb_of_linear
 from pavetwin.scene.model import Instance, Mesh, Model
 
 TINT_STEPS: Final = 64

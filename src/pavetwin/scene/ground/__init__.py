@@ -1,12 +1,12 @@
 """The ground of a world: roads, kerbs, sidewalks and what lies beyond, as meshes, maps and detail textures."""
 
-from pavetwin.scene.ground.details import details
-from pavetwin.scene.ground.fixture_models import fixture_models
-from pavetwin.scene.ground.furnish import fixtures
-from pavetwin.scene.ground.maps import ground_maps
-from pavetwin.scene.ground.pieces import ground_pieces
+from pavetwin.scene.ground.layout.relief import heights
+from pavetwin.scene.ground.maps.ground_maps import ground_maps
+from pavetwin.scene.ground.materials.details import details
+from pavetwin.scene.ground.mesh.fixture_instances import fixtures
+from pavetwin.scene.ground.mesh.fixture_models import fixture_models
+from pavetwin.scene.ground.mesh.pieces import ground_pieces
 from pavetwin.scene.ground.plan import GroundPlan, plan_ground
-from pavetwin.scene.ground.relief import heights
 
 __all__ = [
     "GroundPlan",

@@ -11,13 +11,13 @@ from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
 from pavetwin.arrays import Float64Array
-from pavetwin.scene.ground.fixtures import Fixture, placed
-from pavetwin.scene.ground.layout import SpatialIndex, SurfaceLayout
-from pavetwin.scene.ground.markings import markings
-from pavetwin.scene.ground.painter import Paint
-from pavetwin.scene.ground.raster import boxes_of
-from pavetwin.scene.ground.repairs import Repairs, repairs
-from pavetwin.scene.ground.streets import StreetPlan, streets_of
+from pavetwin.scene.ground.distractors.fixtures import Fixture, placed
+from pavetwin.scene.ground.distractors.repairs import Repairs, repairs
+from pavetwin.scene.ground.layout.lines import boxes_of
+from pavetwin.scene.ground.layout.streets import StreetPlan, streets_of
+from pavetwin.scene.ground.layout.surfaces import SpatialIndex, SurfaceLayout
+from pavetwin.scene.ground.markings.painter import Paint
+from pavetwin.scene.ground.markings.placement import markings
 from pavetwin.world.model import Lane, Segment, Surface, World
 
 WIDENED_M: Final = 3.0

@@ -1,0 +1,141 @@
+"""Placement of manhole covers, gully grates, valve caps and fallen leaves: flush objects that are not defects."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import shapely
+
+from pavetwin.scene.ground.layout.lines import direction
+from pavetwin.scene.ground.layout.relief import heights
+from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
+from pavetwin.seeds import Stream, child
+from pavetwin.world.ground import Nearby, around
+from pavetwin.world.model import Junction, Segment
+from pavetwin.world.segments import segment_key
+
+REACH_M: Final = {"cover_iron": 0.40, "cover_filled": 0.40, "grate": 0.33, "valve": 0.13, "leaves": 0.9}
+"""Radius of each model."""
+
+COVERS_M: Final = 42.0
+"""Mean distance between manholes along a street; sewers have one each 40 to 60 m (DWA-A 157)."""
+
+GRATES_M: Final = 32.0
+"""Mean distance between gullies on one side; each drains about 400 m² (RAS-Ew)."""
+
+
+GRATE_AT_M: Final = 0.155
+"""From a grate's middle to the kerb, which its frame touches."""
+
+
+@dataclass(frozen=True)
+class Fixture:
+    """One flush object."""
+
+    model: str
+    x: float
+    y: float
+    z: float
+    yaw_rad: float
+
+
+def placed(layout: SurfaceLayout) -> tuple[Fixture, ...]:
+    """All flush objects of a world; none touches the patch of a defect."""
+    found: list[Fixture] = []
+    covers = "cover_filled" if layout.chance("covers") < 0.5 else "cover_iron"
+    for street in layout.streets:
+        for segment in street.segments:
+            found += _on_segment(layout, segment, covers)
+    for junction in layout.world.junctions:
+        found += _on_junction(layout, junction, covers)
+    return tuple(_apart(layout, [*found, *_leaves(layout)]))
+
+
+def _apart(layout: SurfaceLayout, candidates: Sequence[Fixture]) -> Iterator[Fixture]:
+    """Those that touch neither an earlier one nor the patch of a defect; leaves may lie on anything but those."""
+    taken: Nearby[Fixture] = Nearby(2.0)
+    for fixture in candidates:
+        reach = REACH_M[fixture.model]
+        near = () if fixture.model == "leaves" else taken.query(around(fixture.x, fixture.y, reach))
+        touches = any(
+            np.hypot(fixture.x - other.x, fixture.y - other.y) < reach + REACH_M[other.model] for other in near
+        )
+        if not touches and not layout.holes.near(shapely.Point(fixture.x, fixture.y), reach):
+            if fixture.model != "leaves":
+                taken.add(around(fixture.x, fixture.y, reach), fixture)
+            yield fixture
+
+
+def _on_segment(layout: SurfaceLayout, segment: Segment, covers: str) -> Iterator[Fixture]:
+    rng = child(layout.seed, Stream.SCENE, 4, segment_key(segment))
+    length, half = segment.length_m, segment.width_m / 2
+    left = float(rng.choice([-0.5, 0.0, 0.5])) * half
+    for _ in range(rng.poisson(length / COVERS_M)):
+        station = float(rng.uniform(0.0, length))
+        model = covers if rng.random() < 0.8 else "cover_iron"
+        yield _beside(segment, model, station, left + float(rng.normal(0.0, 0.25)), float(rng.uniform(0, 6.28)))
+    for _ in range(rng.poisson(length / 30.0)):
+        offset = float(rng.uniform(-half + 0.4, half - 0.4))
+        yield _beside(segment, "valve", float(rng.uniform(0.0, length)), offset, float(rng.uniform(0, 6.28)))
+    first = float(rng.uniform(0.2, 0.8)) * min(GRATES_M, length)
+    for station in np.arange(first, length - 1.0, GRATES_M):
+        for side in (-1.0, 1.0):
+            grate = _grate(layout, _beside(segment, "grate", float(station), side * half, 0.0))
+            if grate is not None:
+                yield grate
+
+
+def _on_junction(layout: SurfaceLayout, junction: Junction, covers: str) -> Iterator[Fixture]:
+    """Where streets meet, so do their sewers and mains."""
+    surface = shapely.intersection(layout.road_near(shapely.box(*junction.polygon.bounds)), junction.polygon)
+    inner = surface.buffer(-1.0)
+    if inner.is_empty:
+        return
+    rng = child(layout.seed, Stream.SCENE, 7, layout.name_hash(f"junction {junction.id}"))
+    low_x, low_y, high_x, high_y = inner.bounds
+    for _ in range(rng.poisson(surface.area / 130.0)):
+        x, y, turn = rng.uniform((low_x, low_y, 0.0), (high_x, high_y, 2 * np.pi))
+        if inner.contains(shapely.Point(x, y)):
+            yield Fixture(covers if rng.random() < 0.6 else "valve", float(x), float(y), 0.0, float(turn))
+
+
+def _beside(segment: Segment, model: str, station: float, left: float, turn: float) -> Fixture:
+    point = segment.centre_line.interpolate(station)
+    dx, dy = direction(segment.centre_line, station)
+    return Fixture(model, point.x - dy * left, point.y + dx * left, 0.0, float(np.arctan2(dy, dx)) + turn)
+
+
+def _grate(layout: SurfaceLayout, rough: Fixture) -> Fixture | None:
+    """A grate beside the nearest kerb; None where there is no straight kerb near."""
+    piece = int(layout.edges.tree.nearest(shapely.Point(rough.x, rough.y)))
+    line = layout.edges.pieces[piece]
+    station = line.project(shapely.Point(rough.x, rough.y))
+    foot = line.interpolate(station)
+    if foot.distance(shapely.Point(rough.x, rough.y)) > 1.0:
+        return None
+    dx, dy = direction(line, station)
+    x, y = foot.x - dy * GRATE_AT_M, foot.y + dx * GRATE_AT_M
+    kerbed = heights(layout, [(foot.x + dy * 0.3, foot.y - dx * 0.3)])[0] > 0.1
+    return Fixture("grate", x, y, 0.0, float(np.arctan2(dy, dx))) if kerbed else None
+
+
+def _leaves(layout: SurfaceLayout) -> Iterator[Fixture]:
+    """Piles of leaves on level ground around trees."""
+    trees = layout.trees.shapes
+    if not len(trees):
+        return
+    rng = child(layout.seed, Stream.SCENE, 5)
+    middles = np.repeat(shapely.get_coordinates(trees), 3, axis=0)
+    middles = middles + rng.normal(0.0, 1.5, middles.shape)
+    kept = rng.random(len(middles)) < 0.5
+    turns = rng.uniform(0.0, 2 * np.pi, len(middles))
+    # One lookup over trees far apart is slow; a few dozen at a time are near each other.
+    for start in range(0, len(middles), 3):
+        part = middles[start : start + 3]
+        probes = [part + (dx, dy) for dx, dy in ((0, 0), (0.7, 0), (-0.7, 0), (0, 0.7), (0, -0.7))]
+        levels = heights(layout, np.concatenate(probes)).reshape(5, -1)
+        for index in range(len(part)):
+            if kept[start + index] and np.ptp(levels[:, index]) < 0.004:
+                x, y = part[index]
+                yield Fixture("leaves", float(x), float(y), float(levels[0, index]), float(turns[start + index]))

@@ -1,0 +1,286 @@
+"""Repairs, sealed cracks, oil stains and tyre marks on a world's carriageways: distractors that are not defects.
+
+Each segment draws its own from a child of the seed keyed by the segment, so that they stay when others change.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from pavetwin.arrays import Float64Array
+from pavetwin.scene.ground.distractors.fixtures import Fixture
+from pavetwin.scene.ground.distractors.junction_repairs import junction_repairs
+from pavetwin.scene.ground.distractors.seals import clear_of_defects, wander, wavering
+from pavetwin.scene.ground.layout.lines import ways_along
+from pavetwin.scene.ground.layout.streets import StreetPlan
+from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
+from pavetwin.seeds import Stream, child
+from pavetwin.world.model import Lane, Segment
+from pavetwin.world.segments import segment_key
+
+SEAL_HALF_M: Final = (0.013, 0.034)
+"""Half the width of a sealed crack: flush fillings of 2 to 3 cm up to overbands of 7 cm (FHWA-RD-99-147)."""
+
+SEAM_HALF_M: Final = (0.009, 0.022)
+"""Half the width of a sealed edge or joint: the joint sealant and its overband."""
+
+SEALED_GAPS: Final = (0.001, 0.025)
+"""Share of a seal that has come off; with more gaps it would look like a dashed line."""
+
+JOINTS_SEALED: Final = 0.35
+"""Share of streets whose paver's joint is sealed. Others are not drawn: a joint of some millimetres is finer than the
+maps resolve, and would alias into dots."""
+
+WHEELS_M: Final = 0.78
+"""Half the track of a car."""
+
+
+@dataclass
+class Repairs:
+    """Marks on all carriageways, world frame, metres."""
+
+    patches: list[tuple[float, ...]] = field(default_factory=list)
+    """Middle x and y, direction [rad], half length, half width, factor on the reflectance around them."""
+    seals: list[Float64Array] = field(default_factory=list)
+    """Lines of bitumen, (n, 2)."""
+    seal_halves_m: list[float] = field(default_factory=list)
+    seal_gaps: list[float] = field(default_factory=list)
+    """Share of each that has come off."""
+    stretches: dict[str, list[tuple[float, float, float]]] = field(default_factory=dict)
+    """Of a segment: from and to along its centre line, and × its reflectance."""
+    spots: list[tuple[float, float, float, float]] = field(default_factory=list)
+    """Oil: x, y, radius, strength."""
+    skids: list[tuple[Float64Array, float]] = field(default_factory=list)
+    """Tyre marks: line and strength."""
+
+
+def repairs(plan: SurfaceLayout, fixtures: Sequence[Fixture]) -> Repairs:
+    """The marks of all segments and lanes, and around manholes and gullies."""
+    found = Repairs()
+    for street in plan.streets:
+        for segment in street.segments:
+            _OnSegment(plan, street, segment, found).draw()
+        for lane in street.lanes:
+            _drips(plan, lane, found)
+    for junction in plan.world.junctions:
+        patches, lines = junction_repairs(plan, junction)
+        found.patches += patches
+        for number, line in enumerate(lines):
+            draw = plan.chance(f"seal {junction.id} {number}")
+            width = SEAL_HALF_M[0] + 0.6 * (SEAL_HALF_M[1] - SEAL_HALF_M[0]) * draw
+            _seal(plan, found, line, width, SEALED_GAPS[0] + (SEALED_GAPS[1] - SEALED_GAPS[0]) * draw)
+    for fixture in fixtures:
+        _around(plan, fixture, found)
+    return found
+
+
+def _around(plan: SurfaceLayout, fixture: Fixture, found: Repairs) -> None:
+    """Repairs and seals around a cover, and the damp around a grate."""
+    rng = child(plan.seed, Stream.SCENE, 6, plan.name_hash(f"{fixture.x:.2f} {fixture.y:.2f}"))
+    at = np.array([fixture.x, fixture.y])
+    if fixture.model == "grate":
+        for _ in range(3):
+            x, y = at + rng.normal(0.0, 0.22, 2)
+            found.spots.append((float(x), float(y), float(rng.uniform(0.06, 0.22)), float(rng.uniform(0.1, 0.35))))
+    elif fixture.model.startswith("cover"):
+        if rng.random() < 0.4:
+            half = float(rng.uniform(0.48, 0.7))
+            found.patches.append((fixture.x, fixture.y, fixture.yaw_rad, half, half, float(rng.uniform(0.68, 0.95))))
+        if rng.random() < 0.6:
+            turn = np.linspace(0.0, 2 * np.pi, 25)
+            found.seals.append(at + 0.41 * np.column_stack([np.cos(turn), np.sin(turn)]))
+            found.seal_halves_m.append(float(rng.uniform(*SEAM_HALF_M)))
+            found.seal_gaps.append(0.15)
+
+
+class _OnSegment:
+    """The marks of one segment, drawn in coordinates along its centre line and to its left."""
+
+    def __init__(self, plan: SurfaceLayout, street: StreetPlan, segment: Segment, found: Repairs) -> None:
+        self.plan, self.street, self.segment, self.found = plan, street, segment, found
+        self.length, self.half = segment.length_m, segment.width_m / 2
+        self.cracked = plan.ageing(street).cracked * (0.3 + 1.4 * plan.chance(f"mended {street.name}"))
+        self.rng = child(plan.seed, Stream.SCENE, 2, segment_key(segment))
+        self.coords = shapely.get_coordinates(segment.centre_line)
+        self.ways = ways_along(self.coords)
+
+    def draw(self) -> None:
+        self._stretch()
+        self._joint()
+        for _ in range(self._count(self.length / 75)):
+            self._trench_across()
+        for _ in range(self._count(self.length / 170)):
+            self._trench_along()
+        for _ in range(self._count((0.25 + self.cracked) * self.length / 45)):
+            self._random_patch()
+        for _ in range(self._count(self.cracked * self.length / 20)):
+            self._crack_across()
+        for _ in range(self._count(self.cracked * self.length / 70)):
+            self._crack_along()
+
+    def _count(self, mean: float) -> int:
+        return int(self.rng.poisson(mean))
+
+    def _between(self, low: float, high: float) -> float:
+        return float(self.rng.uniform(low, high))
+
+    def _world(self, along: npt.ArrayLike, left: npt.ArrayLike) -> Float64Array:
+        """World points of points on the street."""
+        s, d = np.asarray(along, dtype=np.float64), np.asarray(left, dtype=np.float64)
+        leg = np.clip(np.searchsorted(self.ways, s, side="right") - 1, 0, len(self.ways) - 2)
+        span = self.coords[leg + 1] - self.coords[leg]
+        unit = span / np.maximum(np.hypot(span[..., 0], span[..., 1]), 1e-9)[..., None]
+        foot = self.coords[leg] + unit * (s - self.ways[leg])[..., None]
+        return np.asarray(foot + np.stack([-unit[..., 1], unit[..., 0]], axis=-1) * d[..., None])
+
+    def _patch(self, along: float, left: float, half_along: float, half_across: float, tone: float) -> None:
+        """A repaired rectangle, square to the street, its edges sealed or not."""
+        x, y = self._world(along, left)
+        ax, ay = self._world(along - 0.5, left)
+        bx, by = self._world(along + 0.5, left)
+        turn = float(np.arctan2(by - ay, bx - ax)) + self._between(-0.03, 0.03)
+        self.found.patches.append((float(x), float(y), turn, half_along, half_across, tone))
+        if self.rng.random() < 0.4:
+            cos, sin = np.cos(turn), np.sin(turn)
+            corner = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1], [1, 1]]) * (half_along, half_across)
+            ring = corner @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
+            for a, b in pairwise(ring):
+                if self.rng.random() < 0.85:
+                    self._seal(wavering(self.rng, a, b, 0.008), self._between(*SEAM_HALF_M))
+
+    def _seal(self, line: Float64Array, half_m: float) -> None:
+        _seal(self.plan, self.found, line, half_m, self._between(*SEALED_GAPS))
+
+    def _tone(self) -> float:
+        """Of a repair: mostly newer and darker than what is around it."""
+        return self._between(0.62, 0.90) if self.rng.random() < 0.78 else self._between(1.05, 1.18)
+
+    def _stretch(self) -> None:
+        if self.length < 45 or self.rng.random() > 0.3:
+            return
+        start = self._between(0.0, self.length * 0.6)
+        end = min(self.length, start + self._between(18.0, self.length * 0.7))
+        self.found.stretches[self.segment.id] = [(start, end, self._between(0.68, 0.9))]
+        for station in (start, end):
+            if 2.0 < station < self.length - 2.0 and self.rng.random() < 0.7:
+                self._across(station, 0.006, self._between(*SEAM_HALF_M))
+
+    def _across(self, station: float, sway: float, half_m: float) -> None:
+        ends = self._world([station, station], [-self.half + 0.05, self.half - 0.05])
+        self._seal(wavering(self.rng, ends[0], ends[1], sway), half_m)
+
+    def _joint(self) -> None:
+        """The sealed joint between the paver's two passes, the same all along a street."""
+        name = self.street.name
+        if self.plan.chance(f"joint {name}") > JOINTS_SEALED or self.length < 4.0:
+            return
+        left = 0.5 * self.plan.chance(f"beside {name}") - 0.25
+        stations = np.arange(0.0, self.length, 0.45)
+        line = self._world(stations, left + wander(self.rng, stations, 0.014))
+        half, worn = (
+            low + (high - low) * self.plan.chance(f"joint's {what} {name}")
+            for what, (low, high) in (("width", SEAM_HALF_M), ("wear", SEALED_GAPS))
+        )
+        _seal(self.plan, self.found, line, half, worn)
+
+    def _trench_across(self) -> None:
+        if self.length < 8.0:
+            return
+        half_across = self.half * (1.0 if self.rng.random() < 0.5 else 0.5)
+        left = 0.0 if half_across == self.half else self.rng.choice([-0.5, 0.5]) * self.half
+        self._patch(
+            self._between(3.0, self.length - 3.0), float(left), self._between(0.28, 0.55), half_across, self._tone()
+        )
+
+    def _trench_along(self) -> None:
+        """A long trench in straight parts, so that it follows the street."""
+        reach, width = self._between(6.0, 30.0), self._between(0.3, 0.5)
+        start = self._between(0.0, max(0.1, self.length - reach))
+        left = self._between(-self.half + 0.7, self.half - 0.7)
+        tone, at = self._tone(), start
+        while at < min(start + reach, self.length - 0.5):
+            step = min(4.0, start + reach - at, self.length - at)
+            ends = self._world([at, at + step], [left, left])
+            x, y = ends.mean(axis=0)
+            turn = float(np.arctan2(*(ends[1] - ends[0])[::-1]))
+            self.found.patches.append((float(x), float(y), turn, step / 2, width, tone))
+            at += step
+        stations = np.arange(start, at, 0.8)
+        for side in (-1, 1):
+            if len(stations) > 2 and self.rng.random() < 0.45:
+                edge = left + side * width + wander(self.rng, stations, 0.008)
+                self._seal(self._world(stations, edge), self._between(*SEAM_HALF_M))
+
+    def _random_patch(self) -> None:
+        self._patch(
+            self._between(0.5, max(0.6, self.length - 0.5)),
+            self._between(-self.half + 0.6, self.half - 0.6),
+            self._between(0.3, 1.6),
+            self._between(0.25, 0.7),
+            self._tone(),
+        )
+
+    def _crack_across(self) -> None:
+        """A sealed crack across the carriageway or a part of it, irregular, with occasional offsets."""
+        if self.length < 4.0:
+            return
+        low, high = -self.half + 0.1, self.half - 0.1
+        if self.rng.random() < 0.5:
+            low, high = (low, self._between(-0.5, 0.8)) if self.rng.random() < 0.5 else (self._between(-0.8, 0.5), high)
+        steps = max(4, int((high - low) / 0.28))
+        left = np.linspace(low, high, steps)
+        along = self._between(2.0, self.length - 2.0) + np.cumsum(self.rng.normal(0.0, 0.07, steps))
+        along = along + np.cumsum(self.rng.normal(0.0, 0.30, steps) * (self.rng.random(steps) < 0.08))
+        self._seal(self._world(along, left), self._between(*SEAL_HALF_M))
+
+    def _crack_along(self) -> None:
+        reach = self._between(2.5, 16.0)
+        steps = max(5, int(reach / 0.4))
+        along = self._between(0.0, max(0.1, self.length - reach)) + np.linspace(0.0, reach, steps)
+        left = self._between(-self.half + 0.8, self.half - 0.8) + np.cumsum(self.rng.normal(0.0, 0.045, steps))
+        inside = (along < self.length) & (np.abs(left) < self.half - 0.5)
+        if inside.sum() > 3:
+            self._seal(self._world(along[inside], left[inside]), self._between(*SEAL_HALF_M))
+
+
+def _seal(plan: SurfaceLayout, found: Repairs, line: Float64Array, half_m: float, gaps: float) -> None:
+    """A line of bitumen, except where it would hide a defect."""
+    for part in clear_of_defects(plan, line):
+        found.seals.append(part)
+        found.seal_halves_m.append(half_m)
+        found.seal_gaps.append(gaps)
+
+
+def _drips(plan: SurfaceLayout, lane: Lane, found: Repairs) -> None:
+    """Oil along the middle of a lane, thickest where vehicles wait, and the marks of tyres that locked."""
+    rng = child(plan.seed, Stream.SCENE, 3, plan.name_hash(lane.id))
+    length = lane.length_m
+    stations = list(rng.uniform(0.0, length, rng.poisson(length / 5.0)))
+    stations += list(length - rng.exponential(6.0, rng.poisson(9.0 if length > 15 else 2.0)))
+    for station in stations:
+        if 0.5 < station < length:
+            point = lane.centre_line.interpolate(station)
+            radius = float(np.clip(rng.lognormal(-3.3, 0.6), 0.015, 0.16))
+            x, y = np.array([point.x, point.y]) + rng.normal(0.0, 0.22, 2)
+            found.spots.append((float(x), float(y), radius, float(rng.uniform(0.2, 0.75))))
+    for _ in range(rng.poisson(length / 75)):
+        found.skids += list(_skid(rng, lane))
+
+
+def _skid(rng: np.random.Generator, lane: Lane) -> Iterator[tuple[Float64Array, float]]:
+    """Both tyres' marks, one often fainter; most of them before the lane's end."""
+    reach = float(rng.uniform(3.0, 11.0))
+    end = lane.length_m - min(float(rng.exponential(12.0)), max(0.0, lane.length_m - reach - 0.1))
+    if end - reach < 0.0:
+        return
+    stations = np.linspace(end - reach, end, 6)
+    points = np.array([lane.centre_line.interpolate(station).coords[0] for station in stations])
+    unit = (points[-1] - points[0]) / max(float(np.hypot(*(points[-1] - points[0]))), 1e-6)
+    drift = np.linspace(0.0, float(rng.normal(0.0, 0.25)), 6)[:, None] + float(rng.normal(0.0, 0.2))
+    for side in (-1.0, 1.0):
+        yield points + np.array([-unit[1], unit[0]]) * (side * WHEELS_M + drift), float(rng.uniform(0.12, 0.45))

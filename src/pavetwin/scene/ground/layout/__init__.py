@@ -1,0 +1,1 @@
+"""Where the ground's surfaces lie: streets, kerbs, gutters, sidewalks, ways across junctions, heights."""

@@ -1,0 +1,29 @@
+"""Geometry of lines: stations, directions, bounds."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from shapely import LineString
+
+from pavetwin.arrays import Float64Array
+
+
+def ways_along(coords: Float64Array) -> Float64Array:
+    """(n,) way along a line to each of its points (n, 2)."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(coords, axis=0).T))])
+
+
+def direction(line: LineString, station_m: float, over_m: float = 1.0) -> tuple[float, float]:
+    """Unit direction (dx, dy) of a line at a station."""
+    low = max(0.0, min(station_m - over_m / 2, line.length - over_m))
+    a, b = line.interpolate(low), line.interpolate(min(line.length, low + over_m))
+    length = float(np.hypot(b.x - a.x, b.y - a.y)) or 1.0
+    return (b.x - a.x) / length, (b.y - a.y) / length
+
+
+def boxes_of(lines: Iterable[Float64Array]) -> tuple[Float64Array, Float64Array]:
+    """Lower and upper corners (n, 2) of lines."""
+    listed = list(lines)
+    if not listed:
+        return np.zeros((0, 2)), np.zeros((0, 2))
+    return np.array([line.min(axis=0) for line in listed]), np.array([line.max(axis=0) for line in listed])

@@ -1,0 +1,197 @@
+"""Layout of a world's ground surfaces: computed once, looked up per tile."""
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import shapely
+from shapely import LineString, Polygon, STRtree
+from shapely.geometry.base import BaseGeometry
+
+from pavetwin.scene.ground.layout.ageing import Ageing, ageing
+from pavetwin.scene.ground.layout.edges import Edges
+from pavetwin.scene.ground.layout.gutters import gutters_of
+from pavetwin.scene.ground.layout.streets import StreetPlan
+from pavetwin.scene.ground.layout.turns import Approach, Path, paths_of
+from pavetwin.scene.model import TILE_M
+from pavetwin.world.model import Direction, FurnitureKind, Lane, LaneKind, World
+
+CORNERS_TOUCH_M: Final = 0.6
+"""A junction this near to a sidewalk has paved corners."""
+
+LARGEST_LOT_M2: Final = 2500.0
+"""Land farther from a house than this is not its yard."""
+
+
+GUTTERED_NEAR_M: Final = 0.5
+"""Kerbs this near to a sidewalk or to a corner with sidewalks may have a gutter."""
+
+
+class SpatialIndex:
+    """Spatial index of geometries."""
+
+    def __init__(self, shapes: Sequence[BaseGeometry]) -> None:
+        self.shapes = np.array(shapes, dtype=object)
+        self._tree = STRtree(shapes)
+
+    def __len__(self) -> int:
+        return len(self.shapes)
+
+    def near(self, where: BaseGeometry, within_m: float = 0.0) -> list[int]:
+        """Indices of shapes that come within a distance of a place, ascending."""
+        if not len(self):
+            return []
+        found = (
+            self._tree.query(where, "dwithin", distance=within_m) if within_m else self._tree.query(where, "intersects")
+        )
+        return sorted(int(index) for index in found)
+
+    def at(self, where: BaseGeometry, within_m: float = 0.0) -> list[BaseGeometry]:
+        """The shapes that come within a distance of a place, in their order."""
+        return [self.shapes[index] for index in self.near(where, within_m)]
+
+
+@dataclass(frozen=True)
+class SurfaceLayout:
+    """A world's surfaces. The shapes are in the world frame, in metres."""
+
+    world: World
+    seed: int
+    holes: SpatialIndex
+    """Where patches of defects replace the carriageway."""
+    road: BaseGeometry
+    """The world's carriageway."""
+    streets: tuple[StreetPlan, ...]
+
+    @cached_property
+    def road_pieces(self) -> SpatialIndex:
+        """The carriageway cut along the tiles' lines, so that a tile looks at its own part only."""
+        low_x, low_y, high_x, high_y = shapely.bounds(self.road)
+        if np.isnan(low_x):
+            return SpatialIndex([])
+        step = 4 * TILE_M
+        pieces: list[BaseGeometry] = []
+        for column in range(int(low_x // step), int(high_x // step) + 1):
+            strip = shapely.intersection(
+                self.road, shapely.box(column * step, low_y - 1, (column + 1) * step, high_y + 1)
+            )
+            for row in range(int(low_y // step), int(high_y // step) + 1):
+                cell = shapely.box(column * step, row * step, (column + 1) * step, (row + 1) * step)
+                pieces.append(shapely.intersection(strip, cell))
+        return SpatialIndex([piece for piece in pieces if not piece.is_empty])
+
+    @cached_property
+    def edges(self) -> Edges:
+        """The kerb line with its stations."""
+        return Edges(self.road)
+
+    def road_near(self, box: Polygon) -> BaseGeometry:
+        """The carriageway inside a box."""
+        return shapely.intersection(shapely.union_all(self.road_pieces.at(box)), box)
+
+    @cached_property
+    def sidewalks(self) -> SpatialIndex:
+        """Strips of sidewalk lanes, in the order of `sidewalk_lines`."""
+        return SpatialIndex(
+            [lane.centre_line.buffer(lane.width_m / 2, cap_style="flat") for lane in self._sidewalk_lanes]
+        )
+
+    @cached_property
+    def sidewalk_lines(self) -> tuple[LineString, ...]:
+        return tuple(lane.centre_line for lane in self._sidewalk_lanes)
+
+    @cached_property
+    def _sidewalk_lanes(self) -> tuple[Lane, ...]:
+        return tuple(self.world.lanes_of(LaneKind.SIDEWALK))
+
+    @cached_property
+    def corners(self) -> SpatialIndex:
+        """Junctions that sidewalks lead to: outside the carriageway they are paved."""
+        shapes = [junction.polygon for junction in self.world.junctions]
+        return SpatialIndex([shape for shape in shapes if self.sidewalks.near(shape, CORNERS_TOUCH_M)])
+
+    @cached_property
+    def gutters(self) -> SpatialIndex:
+        """Concrete along the kerbs of some streets."""
+        walks = [*self.sidewalks.shapes, *self.corners.shapes]
+        kerbed = shapely.union_all(shapely.buffer(np.array(walks, dtype=object), GUTTERED_NEAR_M, quad_segs=2))
+        return SpatialIndex(gutters_of(self.road, self.world.segments, kerbed) if walks else [])
+
+    @cached_property
+    def crossings(self) -> SpatialIndex:
+        return SpatialIndex([crossing.polygon for crossing in self.world.crossings])
+
+    @cached_property
+    def parks(self) -> SpatialIndex:
+        return SpatialIndex(list(self.world.parks))
+
+    @cached_property
+    def buildings(self) -> SpatialIndex:
+        return SpatialIndex([building.polygon for building in self.world.buildings])
+
+    @cached_property
+    def trees(self) -> SpatialIndex:
+        furniture = self.world.furniture
+        return SpatialIndex([item.position for item in furniture if item.kind is FurnitureKind.TREE])
+
+    @cached_property
+    def lots(self) -> tuple[SpatialIndex, tuple[int, ...]]:
+        """The land nearest to each building, and which building that is."""
+        buildings = self.world.buildings
+        if len(buildings) < 2:
+            return SpatialIndex([]), ()
+        middles = np.array([building.polygon.centroid for building in buildings], dtype=object)
+        around = shapely.MultiPoint(middles)
+        cells = shapely.get_parts(shapely.voronoi_polygons(around, extend_to=around.envelope.buffer(200.0)))
+        points, found = STRtree(cells).query(middles, "intersects")
+        owner = dict(zip(found.tolist(), points.tolist(), strict=True))
+        kept = sorted(owner, key=lambda cell: owner[cell])
+        reach = shapely.buffer(middles, (LARGEST_LOT_M2 / np.pi) ** 0.5 + 10.0, quad_segs=2)
+        shapes: list[BaseGeometry] = [reach[owner[cell]] & cells[cell] for cell in kept]
+        return SpatialIndex(shapes), tuple(owner[cell] for cell in kept)
+
+    @cached_property
+    def paths(self) -> tuple[Path, ...]:
+        """The ways across junctions."""
+        return paths_of(self.world, self.streets)
+
+    @cached_property
+    def _ranks(self) -> dict[tuple[str, str], tuple[float, bool]]:
+        """Of each junction's arm how important it is, and whether a way leads straight on from it."""
+        ranks: dict[tuple[str, str], tuple[float, bool]] = {}
+        for path in self.paths:
+            approach = path.approach
+            arm = approach.junction.id, approach.lane.edge
+            straight = ranks.get(arm, (0.0, False))[1] or path.turn is Direction.STRAIGHT
+            ranks[arm] = (10.0 * len(approach.street.lanes) + approach.lane.speed_limit_mps, straight)
+        return ranks
+
+    def gives_way(self, approach: Approach) -> bool:
+        """Whether a lane's traffic has to give way at an unsignalled junction: on the lesser arm, or on a T's stem."""
+        if approach.junction.kind != "priority":
+            return False
+        arms = {edge: rank for (junction, edge), rank in self._ranks.items() if junction == approach.junction.id}
+        rank, straight = arms.get(approach.lane.edge, (0.0, True))
+        return len(arms) > 2 and (rank < max(other for other, _ in arms.values()) - 0.5 or not straight)
+
+    def ageing(self, street: StreetPlan) -> Ageing:
+        """Age of a street's surface."""
+        fresh, age, tone, paint = (self.chance(f"{what} {street.name}") for what in ("fresh", "age", "tone", "paint"))
+        return ageing((fresh, age, tone, paint))
+
+    def name_hash(self, what: str) -> int:
+        """A 32-bit hash of a name and the plan's seed, from which random choices are made."""
+        return zlib.crc32(f"{self.seed} {what}".encode())
+
+    def chance(self, what: str) -> float:
+        """The same hash, scaled to 0 … 1."""
+        return self.name_hash(what) / 2**32
+
+
+def tile_box(key: tuple[int, int], margin_m: float = 0.0) -> Polygon:
+    """The square of a tile, widened by a margin, world frame."""
+    x, y = key[0] * TILE_M, key[1] * TILE_M
+    return shapely.box(x - margin_m, y - margin_m, x + TILE_M + margin_m, y + TILE_M + margin_m)

@@ -1,0 +1,1 @@
+"""A tile's maps of weathering and markings."""

@@ -1,0 +1,293 @@
+"""Weathering of a tile's ground by age, traffic, water and dirt: tone, stain, dust and polish.
+
+Low-frequency fields are computed at half resolution and upsampled; edges of repairs, spots and the kerb line at full
+resolution.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+import shapely
+from PIL import Image, ImageDraw
+from shapely.geometry.base import BaseGeometry
+
+from pavetwin.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
+from pavetwin.scene.ground.distractors.repairs import WHEELS_M
+from pavetwin.scene.ground.layout.relief import KERB_WIDTH_M
+from pavetwin.scene.ground.layout.surfaces import tile_box
+from pavetwin.scene.ground.maps.noise_tables import NoiseTables, noise_tables
+from pavetwin.scene.ground.maps.raster import RasterGrid, Tracks, bars, tracks, widened
+from pavetwin.scene.ground.plan import GroundPlan
+from pavetwin.scene.model import MAP_MARGIN_M, MAP_PX
+
+EDGE_REACH_M: Final = 1.4
+"""Distance from the kerb within which it has dirt."""
+
+WHEEL_SPREAD_M: Final = 0.24
+"""Standard deviation of wheels around their path."""
+
+
+@dataclass(frozen=True)
+class _CoarseFields:
+    """The low-frequency fields of a tile, at half resolution."""
+
+    plan: GroundPlan
+    key: tuple[int, int]
+
+    @cached_property
+    def raster(self) -> RasterGrid:
+        return RasterGrid(self.key, MAP_PX // 2)
+
+    @cached_property
+    def box(self) -> shapely.Polygon:
+        return tile_box(self.key, MAP_MARGIN_M + 0.1)
+
+    @cached_property
+    def tables(self) -> NoiseTables:
+        return noise_tables(self.plan.seed)
+
+    def plane(self, table: Float32Array, turn: int = 0) -> Float32Array:
+        return self.tables.plane(table, *self.raster.world_axes(), turn=turn)
+
+    @cached_property
+    def segments(self) -> Tracks:
+        near = self.plan.segment_index.near(self.box)
+        pieces = [self.plan.segments[index] for index in near]
+        lines = [shapely.get_coordinates(segment.centre_line) for segment, _ in pieces]
+        found = tracks(self.raster, lines, [segment.width_m / 2 + 1.2 for segment, _ in pieces], flat=True)
+        return _renumbered(found, near)
+
+    @cached_property
+    def lanes(self) -> Tracks:
+        near = self.plan.lane_index.near(self.box)
+        lanes = [self.plan.lanes[index][0] for index in near]
+        lines = [shapely.get_coordinates(lane.centre_line) for lane in lanes]
+        return _renumbered(tracks(self.raster, lines, [lane.width_m * 0.62 for lane in lanes]), near)
+
+    @cached_property
+    def edge(self) -> Tracks:
+        """The kerb line; its way is the station, its left side the carriageway."""
+        edges = self.plan.edges
+        near = sorted(int(index) for index in edges.tree.query(self.box, "dwithin", distance=EDGE_REACH_M))
+        lines = [shapely.get_coordinates(edges.pieces[index]) for index in near]
+        return tracks(self.raster, lines, [EDGE_REACH_M] * len(near), [float(edges.begins[index]) for index in near])
+
+    @cached_property
+    def wheels(self) -> Float32Array:
+        """How often wheels pass, 0 … 1: two paths a lane, and the ways across junctions."""
+        lane = self.lanes
+        away = np.abs(np.abs(lane.across) - WHEELS_M)
+        paths = np.where(lane.index >= 0, np.exp(-0.5 * (away / WHEEL_SPREAD_M) ** 2), 0.0).astype(np.float32)
+        return np.maximum(paths, np.minimum(self.turns, 1.0))
+
+    @cached_property
+    def turns(self) -> Float32Array:
+        """Wheels that cross junctions, summed over the paths across."""
+        passed = self.raster.full(0.0)
+        reach = WHEELS_M + 0.5
+        for index in self.plan.path_index.near(self.box, reach):
+            line = self.plan.paths[index].line
+            found = _ribbon(self.raster, line, reach)
+            if found is None:
+                continue
+            window, across = found
+            passed[window] += np.float32(0.45) * np.exp(-0.5 * ((np.abs(across) - WHEELS_M) / 0.17) ** 2)
+        return passed
+
+
+def weathering(plan: GroundPlan, key: tuple[int, int]) -> tuple[UInt8Array, Float32Array]:
+    """The map of weathering, (MAP_PX, MAP_PX, 4), and the factor on paint wear, (MAP_PX, MAP_PX)."""
+    ground = _CoarseFields(plan, key)
+    raster = RasterGrid(key)
+    on_road = _road_share(plan, key, raster)
+    repaired = _age_tone(plan, key, raster) * _repair_tone(plan, raster)
+    road, stain, dust = (widened(field, raster.px) for field in (_road_tone(ground), _stain(ground), _dust(ground)))
+    land = widened(_land_tone(ground), raster.px)
+    tone = land + (road * repaired - land) * on_road
+    stain = np.clip(stain + _spilled(plan, raster), 0.0, 0.95)
+    polish = widened(ground.wheels, raster.px) * on_road
+    layers = np.stack([np.clip(tone, 0.2, 1.98) * 128, stain * 255, np.clip(dust, 0, 1) * 255, polish * 230], axis=-1)
+    worn = widened(_worn(ground), raster.px)
+    return np.asarray(layers + np.float32(0.5), dtype=np.uint8), worn
+
+
+def _road_tone(ground: _CoarseFields) -> Float32Array:
+    """Reflectance factor from wheels, rollers and weather, before that of age."""
+    plan, tables = ground.plan, ground.tables
+    streets = ground.segments
+    parts = np.array([*(plan.name_hash(f"part {street.name}") % 4096 for _, street in plan.segments), 0])
+    offset = parts[streets.index]
+    streak = tables.road(tables.streak, streets.along, streets.across + 8.0, offset)
+    scuff = tables.road(tables.scuff, streets.along, streets.across + 8.0, offset)
+    band = tables.road(tables.band, streets.along, streets.across + 8.0, offset)
+    on_street = (streets.index >= 0).astype(np.float32)
+    lanes = ground.lanes
+    passes = _table(0.97 + 0.06 * plan.chance(f"pass {lane.id}") for lane, _ in plan.lanes)
+    worn = _table(0.14 * plan.chance(f"polish {street.key}") - 0.065 for _, street in plan.lanes)
+    pass_tone = np.where(lanes.index >= 0, passes[lanes.index], 1.0)
+    wheel = np.where(lanes.index >= 0, worn[lanes.index], -0.05) * ground.wheels
+    slow = 0.030 * ground.plane(tables.broad) + 0.024 * ground.plane(tables.blotch) + 0.020 * ground.plane(tables.fine)
+    tone = pass_tone * (1.0 + on_street * (0.042 * streak + 0.052 * band + 0.022 * scuff) + wheel + slow)
+    return np.asarray(tone, dtype=np.float32)
+
+
+def _age_tone(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> Float32Array:
+    """Reflectance factor from the surface's age."""
+    spatial_index, tones = plan.tones
+    image = Image.new("F", (raster.px, raster.px), 1.0)
+    pen = ImageDraw.Draw(image)
+    for index in spatial_index.near(tile_box(key, MAP_MARGIN_M + 0.1)):
+        for part in shapely.get_parts(spatial_index.shapes[index]):
+            if isinstance(part, shapely.Polygon):
+                pen.polygon(_pixels(raster, part.exterior), fill=tones[index])
+    return np.asarray(image, dtype=np.float32)
+
+
+def _stain(ground: _CoarseFields) -> Float32Array:
+    """Oil along lanes, rubber across junctions, damp at kerbs, spots anywhere."""
+    tables, lanes, edge = ground.tables, ground.lanes, ground.edge
+    middle = np.where(lanes.index >= 0, np.exp(-0.5 * (lanes.across / 0.33) ** 2), 0.0)
+    offset = lanes.index.astype(np.int64) * 131
+    oily = np.clip(0.55 + 0.5 * tables.road(tables.band, lanes.along, lanes.across + 8.0, offset), 0.1, 1.6)
+    stain = 0.095 * middle * oily
+    stain = stain + 0.17 * np.minimum(ground.turns, 1.5) * np.clip(0.8 + 0.3 * ground.plane(tables.blotch, 1), 0.2, 1.6)
+    inside = np.where(np.isfinite(edge.distance) & (edge.across > 0), edge.distance, np.inf)
+    wet = np.clip(0.9 * ground.plane(tables.blotch, 2) + 0.7 * ground.plane(tables.broad, 1) - 0.75, 0.0, 1.0)
+    stain = stain + 0.55 * wet * np.exp(-((inside / 0.28) ** 2)) + 0.30 * np.exp(-((inside / 0.06) ** 2))
+    outside = np.where(np.isfinite(edge.distance) & (edge.across <= 0), edge.distance, np.inf)
+    stain = stain + 0.14 * np.exp(-(((outside - KERB_WIDTH_M) / 0.03) ** 2))
+    spots = np.clip(1.6 * (ground.plane(tables.fine, 3) - 2.75), 0.0, 0.35)
+    faint = np.clip(0.10 * (ground.plane(tables.blotch, 3) + 0.4 * ground.plane(tables.fine, 5) - 1.9), 0.0, 0.14)
+    return np.asarray(stain + spots + faint, dtype=np.float32)
+
+
+def _dust(ground: _CoarseFields) -> Float32Array:
+    """Dust along the kerb, and litter under trees."""
+    tables, edge = ground.tables, ground.edge
+    noise = ground.plane(tables.blotch, 4)
+    distance = np.where(np.isfinite(edge.distance), edge.distance, np.float32(99.0))
+    inside = edge.across > 0
+    silt = 0.7 * np.exp(-distance / 0.17) * np.clip(0.65 + 0.5 * noise, 0.05, 1.6)
+    film = 0.13 * np.exp(-((distance / 0.75) ** 2)) * np.clip(0.7 + 0.5 * ground.plane(tables.broad, 2), 0.0, 1.5)
+    dust = np.where(inside, silt + film, 0.25 * np.exp(-distance / 0.2) * np.clip(0.6 + 0.5 * noise, 0.0, 1.5))
+    unused = np.where(ground.lanes.index >= 0, 0.05 * (1.0 - ground.wheels), 0.04)
+    dust = dust + unused * np.clip(0.6 + 0.6 * ground.plane(tables.broad, 3) + 0.3 * noise, 0.0, 2.0)
+    return np.asarray(np.clip(dust, 0.0, 0.85), dtype=np.float32)
+
+
+def _land_tone(ground: _CoarseFields) -> Float32Array:
+    tables = ground.tables
+    slow = 0.055 * ground.plane(tables.broad, 5) + 0.022 * ground.plane(tables.blotch, 5)
+    return np.asarray(1.0 + slow + 0.012 * ground.plane(tables.fine, 5), dtype=np.float32)
+
+
+def _worn(ground: _CoarseFields) -> Float32Array:
+    """Factor on the wear of paint: highest in wheel paths, with noise."""
+    tables = ground.tables
+    patchy = 0.16 * ground.plane(tables.blotch, 6) + 0.20 * ground.plane(tables.broad, 6)
+    return np.asarray(np.clip(0.55 + 1.45 * ground.wheels + patchy, 0.15, 2.4), dtype=np.float32)
+
+
+def _road_share(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> Float32Array:
+    """Share of carriageway in each cell, with an antialiased edge."""
+    road = plan.road_near(tile_box(key, 2.0))
+    share = _inside(raster, road).astype(np.float32)
+    edges = plan.edges
+    near = sorted(int(index) for index in edges.tree.query(tile_box(key, MAP_MARGIN_M + 0.2)))
+    found = tracks(raster, [shapely.get_coordinates(edges.pieces[index]) for index in near], [0.06] * len(near))
+    band = found.index >= 0
+    share[band] = np.clip(0.5 + found.across[band] / raster.cell_m, 0.0, 1.0)
+    return share
+
+
+def _repair_tone(plan: GroundPlan, raster: RasterGrid) -> Float32Array:
+    """Reflectance factor of patches and trenches, later ones over earlier ones."""
+    tone = raster.full(1.0)
+    for number, window, inside in bars(raster, plan.patches[:, :5], 0.05):
+        share = np.clip(0.5 + inside / np.float32(raster.cell_m), 0.0, 1.0)
+        tone[window.at] += (np.float32(plan.patches[number, 5]) - tone[window.at]) * share
+    return tone
+
+
+def _spilled(plan: GroundPlan, raster: RasterGrid) -> Float32Array:
+    """Oil spots and the marks of locked wheels."""
+    stain = raster.full(0.0)
+    spots = plan.spots
+    for number in np.flatnonzero(raster.meets(spots[:, :2] - 0.4, spots[:, :2] + 0.4)):
+        at, radius = raster.local(spots[number, :2]), spots[number, 2]
+        window = raster.window(at - 2.2 * radius - 0.04, at + 2.2 * radius + 0.04)
+        if window is None:
+            continue
+        x, y = window.x - np.float32(at[0]), window.y - np.float32(at[1])
+        turn = np.arctan2(y, x)
+        lobes = 0.12 * np.sin(2 * turn + number) + 0.09 * np.sin(3 * turn + 2.3 * number)
+        away = np.sqrt(x * x + y * y) * (1 + lobes + 0.06 * np.sin(5 * turn - number))
+        blot = np.clip((radius + 0.02 - away) / max(0.03, 0.5 * radius), 0.0, 1.0)
+        stain[window.at] = np.maximum(stain[window.at], np.float32(spots[number, 3]) * blot)
+    low, high = plan.skid_boxes
+    for number in np.flatnonzero(raster.meets(low - 0.2, high + 0.2)):
+        line, strength = plan.repairs.skids[number]
+        found = _ribbon(raster, line, 0.2)
+        if found is not None:
+            window_at, across = found
+            stain[window_at] += np.float32(strength) * np.exp(-((across / 0.085) ** 4))
+    return stain
+
+
+def _ribbon(raster: RasterGrid, line: Float64Array, reach_m: float) -> tuple[tuple[slice, slice], Float32Array] | None:
+    """Offset to the left of a line in the window about it, far away where none is near; None if outside the grid."""
+    points = raster.local(line)
+    window = raster.window(points.min(axis=0) - reach_m, points.max(axis=0) + reach_m)
+    if window is None:
+        return None
+    best = np.full((len(window.y), window.x.shape[1]), np.float32(9.0))
+    across = best.copy()
+    rows, columns = window.at
+    for a, b in pairwise(points):
+        length = float(np.hypot(*(b - a)))
+        near = raster.window(np.minimum(a, b) - reach_m, np.maximum(a, b) + reach_m)
+        if length < 1e-6 or near is None:
+            continue
+        dx, dy = ((b - a) / length).astype(np.float32)
+        x, y = near.x - np.float32(a[0]), near.y - np.float32(a[1])
+        ahead, left = dx * x + dy * y, dx * y - dy * x
+        away = np.hypot(left, np.maximum(np.maximum(-ahead, ahead - np.float32(length)), 0))
+        part = (
+            slice(near.at[0].start - rows.start, near.at[0].stop - rows.start),
+            slice(near.at[1].start - columns.start, near.at[1].stop - columns.start),
+        )
+        nearer = away < best[part]
+        np.copyto(across[part], np.copysign(away, left), where=nearer)
+        np.copyto(best[part], away, where=nearer)
+    return window.at, across
+
+
+def _inside(raster: RasterGrid, shape: BaseGeometry) -> BoolArray:
+    """Which cells' middles lie inside a shape."""
+    mask = Image.new("L", (raster.px, raster.px))
+    pen = ImageDraw.Draw(mask)
+    for part in shapely.get_parts(shape):
+        if isinstance(part, shapely.Polygon):
+            for number, ring in enumerate(shapely.get_rings(part)):
+                pen.polygon(_pixels(raster, ring), fill=int(number == 0))
+    return np.asarray(mask) > 0
+
+
+def _pixels(raster: RasterGrid, ring: BaseGeometry) -> list[tuple[float, ...]]:
+    """A ring's corners in Pillow's coordinates: 0 is the centre of the first cell."""
+    return [tuple(point) for point in (raster.local(shapely.get_coordinates(ring)) / raster.cell_m - 0.5).tolist()]
+
+
+def _table(values: Iterable[float]) -> Float32Array:
+    """Values by number; one in reserve, for nothing's number −1."""
+    return np.array([*values, 1.0], dtype=np.float32)
+
+
+def _renumbered(found: Tracks, numbers: list[int]) -> Tracks:
+    """With the lines' numbers in the whole list."""
+    table = np.array([*numbers, -1], dtype=np.int32)
+    return Tracks(table[found.index], found.along, found.across, found.distance)

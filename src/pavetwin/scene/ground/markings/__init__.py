@@ -1,0 +1,1 @@
+"""Road markings: standards, and their placement."""

@@ -1,0 +1,102 @@
+"""Road markings as bars and outlines, collected while they are placed."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely import LineString
+from shapely.geometry.base import BaseGeometry
+
+from pavetwin.arrays import Float64Array
+from pavetwin.scene.ground.layout.lines import ways_along
+
+_OVERLAP_M: Final = 0.3
+"""Bars of one line overlap, so that no gap shows where they meet."""
+
+
+@dataclass(frozen=True)
+class Paint:
+    """All paint of a world."""
+
+    bars: Float64Array
+    """(n, 5): middle x and y in the world frame, direction [rad], half length and half width [m]."""
+    bar_looks: Float64Array
+    """(n, 2): share of yellow, wear 0 … 1."""
+    outlines: tuple[Float64Array, ...]
+    """Polygons (n, 2) each, world frame."""
+    outline_looks: Float64Array
+    """(n, 2) as of the bars."""
+
+
+class Painter:
+    """Collects paint."""
+
+    def __init__(self) -> None:
+        self._bars: list[tuple[float, ...]] = []
+        self._outlines: list[tuple[Float64Array, float, float]] = []
+
+    def bar(self, start: Float64Array, end: Float64Array, width_m: float, wear: float, *, yellow: bool = False) -> None:
+        """A straight bar with square ends."""
+        dx, dy = end - start
+        length = float(np.hypot(dx, dy))
+        if length > 0.02:
+            x, y = (start + end) / 2
+            self._bars.append((x, y, float(np.arctan2(dy, dx)), length / 2, width_m / 2, float(yellow), wear))
+
+    def line(
+        self,
+        path: BaseGeometry,
+        width_m: float,
+        wear: float,
+        *,
+        dash_m: tuple[float, float] | None = None,
+        yellow: bool = False,
+    ) -> None:
+        """A line along a path, solid or in dashes (painted, free)."""
+        for part in shapely.get_parts(path):
+            if not isinstance(part, LineString) or part.length < 0.3:
+                continue
+            for start, end in _dashes(part.length, dash_m):
+                self._along(part, start, end, width_m, wear, yellow)
+
+    def _along(self, path: LineString, start: float, end: float, width_m: float, wear: float, yellow: bool) -> None:
+        coords = _between(path, start, end)
+        for leg in range(len(coords) - 1):
+            a, b = coords[leg], coords[leg + 1]
+            step = b - a
+            length = float(np.hypot(*step))
+            if length < 1e-6:
+                continue
+            lap = min(_OVERLAP_M, length) * step / length
+            inner = a if leg == 0 else a - lap / 2
+            self.bar(inner, b if leg == len(coords) - 2 else b + lap / 2, width_m, wear, yellow=yellow)
+
+    def outline(self, ring: npt.ArrayLike, wear: float, *, yellow: bool = False) -> None:
+        """A filled polygon (n, 2)."""
+        self._outlines.append((np.asarray(ring, dtype=np.float64), float(yellow), wear))
+
+    def done(self) -> Paint:
+        bars = np.array(self._bars, dtype=np.float64).reshape(-1, 7)
+        looks = np.array([(yellow, wear) for _, yellow, wear in self._outlines]).reshape(-1, 2)
+        return Paint(bars[:, :5], bars[:, 5:], tuple(ring for ring, _, _ in self._outlines), looks)
+
+
+def _dashes(length_m: float, dash_m: tuple[float, float] | None) -> Iterator[tuple[float, float]]:
+    """Begin and end of every dash; solid lines in parts, so that each is used only near its place."""
+    on, off = dash_m or (6.0, -_OVERLAP_M)
+    at = 0.0 if dash_m is None else off / 2
+    while at < length_m - 0.2:
+        yield at, min(length_m, at + on)
+        at += on + off
+
+
+def _between(path: LineString, start: float, end: float) -> Float64Array:
+    """The points of a path between two stations."""
+    coords = shapely.get_coordinates(path)
+    ways = ways_along(coords)
+    inner = (ways > start + 0.05) & (ways < end - 0.05)
+    at = np.concatenate([[start], ways[inner], [end]])
+    return np.column_stack([np.interp(at, ways, coords[:, axis]) for axis in (0, 1)])

@@ -1,0 +1,258 @@
+"""Road markings of a world: lines between lanes and at edges, stop and give-way lines, crossings, arrows.
+
+Which of them a street has depends on its class and a random number: many residential streets have none.
+"""
+
+from collections.abc import Iterable
+from typing import Final
+
+import numpy as np
+import shapely
+import shapely.ops
+from shapely import LineString, Polygon, STRtree
+from shapely.geometry.base import BaseGeometry
+
+from pavetwin.arrays import Float64Array
+from pavetwin.scene.ground.layout.ageing import Ageing
+from pavetwin.scene.ground.layout.lines import direction
+from pavetwin.scene.ground.layout.streets import StreetPlan
+from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
+from pavetwin.scene.ground.layout.turns import Approach
+from pavetwin.scene.ground.markings.arrows import arrow
+from pavetwin.scene.ground.markings.painter import Paint, Painter
+from pavetwin.scene.ground.markings.parking_lines import parking_lines
+from pavetwin.scene.ground.markings.rules import rules_of
+from pavetwin.world.model import CARRIAGEWAY_LANES, Crossing, Direction, Lane, LaneKind
+
+ENDS_FREE_M: Final = 0.6
+"""Lines end this far before a junction."""
+
+SOLID_M: Final = 25.0
+"""Lines between lanes are solid for this far before a stop line (RMS-1: 20 to 30 m in towns)."""
+
+ARROW_AT_M: Final = (9.0, 27.0)
+"""Distances of arrows from the stop line."""
+
+EDGE_LINE_M: Final = 0.45
+"""From an edge line's middle to the kerb: beside a gutter of 30 cm and its grates."""
+
+MAIN_PARKING_SHARE: Final = 0.8
+SIDE_PARKING_SHARE: Final = 0.25
+"""Of main and of other streets whose places on the carriageway are marked. Ours."""
+
+CROSSINGS_OVERLAP_M2: Final = 0.1
+"""Crossings that cover each other by more lie in the middle of a junction that the map cut in pieces."""
+
+CROSSING_KERB_M: Final = 4.5
+"""Both ends of a crossing lie at most this far from the kerb, which is rounded away where two streets meet."""
+
+
+def markings(plan: SurfaceLayout) -> Paint:
+    """All paint of a world."""
+    return _Marker(plan).paint()
+
+
+class _Marker:
+    def __init__(self, plan: SurfaceLayout) -> None:
+        self.plan = plan
+        self.rules = rules_of(plan.world)
+        self.painter = Painter()
+        self.crossings = [crossing.polygon for crossing in plan.world.crossings]
+        self.crossing_tree = STRtree(self.crossings)
+        self.approaches = _approaches(plan)
+        self.plans = {street.key: street for street in plan.streets}
+
+    def paint(self) -> Paint:
+        stops = {lane: self._stop(lane) for lane in self.approaches}
+        for street in self.plan.streets:
+            self._street(street, stops)
+        for lane, (approach, turns) in self.approaches.items():
+            self._end(approach, turns, stops[lane])
+        for index, crossing in enumerate(self.plan.world.crossings):
+            if self._is_laid(index):
+                self._crossing(crossing)
+        self._bicycle_lanes()
+        for between, owner in parking_lines(self.plan.world):
+            self._parking_line(between, owner)
+        return self.painter.done()
+
+    def _draw(self, what: str) -> float:
+        return self.plan.chance(f"marking {what}")
+
+    def _street(self, street: StreetPlan, stops: dict[str, float]) -> None:
+        """The lines along a street."""
+        ageing = self.plan.ageing(street)
+        two_way = len(street.ways) > 1
+        marked = street.main or self._draw(f"centre {street.name}") < 0.35
+        if not marked or ageing.unpainted:
+            return
+        for way in street.ways:
+            for lane in way[:-1]:
+                self._between(lane, stops, ageing)
+            inner = way[-1]
+            if two_way and way is street.ways[0]:
+                self._centre(self._inner_border(inner), street, ageing)
+            if not two_way and street.main and self.rules.yellow_centre:
+                edge = self.plan.world.beside(inner, inner.width_m / 2 - self._to_edge_line(inner, -1))
+                self.painter.line(self._clear(edge), self.rules.line_m, ageing.paint_wear, yellow=True)
+            if street.main and self._draw(f"edge {street.name}") < 0.3:
+                edge = self.plan.world.beside(way[0], self._to_edge_line(way[0], 0) - way[0].width_m / 2)
+                self.painter.line(self._clear(edge), self.rules.line_m, ageing.paint_wear)
+
+    def _to_edge_line(self, lane: Lane, end: int) -> float:
+        """From a lane's border to the edge line: along the kerb, or on the border of the parking lane there."""
+        outermost = self.plan.world.lanes_on(lane.edge, *CARRIAGEWAY_LANES)[end]
+        return 0.0 if outermost.kind is LaneKind.PARKING else EDGE_LINE_M
+
+    def _inner_border(self, lane: Lane) -> BaseGeometry:
+        """A lane's border towards the middle of its street."""
+        return self.plan.world.beside(lane, lane.width_m / 2)
+
+    def _between(self, lane: Lane, stops: dict[str, float], ageing: Ageing) -> None:
+        """The line between a lane and the next, solid before a stop line."""
+        border = self._inner_border(lane)
+        stop = stops.get(lane.id, 0.0)
+        near = shapely.intersection(border, self._before(lane, stop, SOLID_M)) if stop else LineString()
+        far = shapely.difference(border, self._before(lane, stop, SOLID_M)) if stop else border
+        self.painter.line(self._clear(far), self.rules.line_m, ageing.paint_wear, dash_m=self.rules.lane_dash_m)
+        self.painter.line(self._clear(near), self.rules.line_m, ageing.paint_wear)
+
+    def _before(self, lane: Lane, stop: float, reach_m: float) -> BaseGeometry:
+        """The surroundings of the last metres of a lane before its stop line, and what lies beyond."""
+        line = lane.centre_line
+        last = shapely.ops.substring(line, max(0.0, stop - reach_m), line.length)
+        return last.buffer(lane.width_m * 0.8, cap_style="flat")
+
+    def _centre(self, border: BaseGeometry, street: StreetPlan, ageing: Ageing) -> None:
+        """The line between the directions."""
+        rules, path = self.rules, self._clear(border)
+        many = max(len(way) for way in street.ways) > 1
+        solid = many or (street.main and self._draw(f"solid {street.name}") < (0.7 if rules.yellow_centre else 0.25))
+        if solid and (many or rules.yellow_centre):
+            for side in (-1, 1):
+                beside = shapely.offset_curve(path, side * (rules.line_m + rules.double_gap_m) / 2)
+                self.painter.line(beside, rules.line_m, ageing.paint_wear, yellow=rules.yellow_centre)
+        else:
+            dash = None if solid else rules.lane_dash_m
+            self.painter.line(path, rules.line_m, ageing.paint_wear, dash_m=dash, yellow=rules.yellow_centre)
+
+    def _clear(self, path: BaseGeometry) -> BaseGeometry:
+        """A path without its ends at junctions and without crossings."""
+        parts = []
+        for part in shapely.get_parts(path):
+            if isinstance(part, LineString) and part.length > 2 * ENDS_FREE_M:
+                inner = shapely.ops.substring(part, ENDS_FREE_M, part.length - ENDS_FREE_M)
+                near = [self.crossings[index] for index in self.crossing_tree.query(inner, "dwithin", distance=1.0)]
+                parts.append(shapely.difference(inner, shapely.union_all(near).buffer(1.0, join_style="mitre")))
+        return shapely.line_merge(shapely.union_all(parts)) if parts else LineString()
+
+    def _stop(self, lane_id: str) -> float:
+        """The station of a lane's stop line: before its end, and a metre before a crossing there."""
+        line = self.approaches[lane_id][0].lane.centre_line
+        station = line.length - ENDS_FREE_M
+        for index in self.crossing_tree.query(line, "intersects"):
+            first = min(line.project(shapely.Point(xy)) for xy in shapely.get_coordinates(self.crossings[index] & line))
+            if first > line.length - 12.0:
+                station = min(station, first - 1.0)
+        return float(station)
+
+    def _end(self, approach: Approach, turns: frozenset[Direction], station: float) -> None:
+        """What is painted where a lane meets a junction."""
+        lane, street = approach.lane, approach.street
+        wear = self.plan.ageing(street).paint_wear
+        signalled = approach.junction.kind == "traffic_light"
+        if signalled:
+            self._across(lane, station, self.rules.stop_m, wear, None)
+            if approach.lanes > 1:
+                for back in ARROW_AT_M:
+                    self._arrow(lane, station - back, turns, wear)
+        elif self.plan.gives_way(approach) and self._draw(f"yield {lane.edge}") < (0.85 if street.main else 0.45):
+            self._across(lane, station, self.rules.stop_m, wear, self.rules.yield_dash_m)
+
+    def _across(
+        self, lane: Lane, station: float, width_m: float, wear: float, dash_m: tuple[float, float] | None
+    ) -> None:
+        """A bar across a lane, its far edge at a station."""
+        if station < width_m + 1.0:
+            return
+        middle = np.array(lane.centre_line.interpolate(station - width_m / 2).coords[0])
+        dx, dy = direction(lane.centre_line, station)
+        out = np.array([-dy, dx]) * (lane.width_m / 2 - 0.08)
+        self.painter.line(LineString([middle - out, middle + out]), width_m, wear, dash_m=dash_m)
+
+    def _arrow(self, lane: Lane, station: float, turns: frozenset[Direction], wear: float) -> None:
+        if station < 6.0 or not turns:
+            return
+        base = lane.centre_line.interpolate(station - 5.0)
+        dx, dy = direction(lane.centre_line, station - 2.5)
+        turned = np.array([[dx, dy], [-dy, dx]])
+        for ring in arrow(turns):
+            self.painter.outline(ring @ turned + (base.x, base.y), wear)
+
+    def _is_laid(self, index: int) -> bool:
+        """Whether a crossing leads from kerb to kerb, and no other of at least about its size crosses it.
+
+        Mapped roundabouts of a few metres and junctions of several nodes have crossings between their own pieces.
+        """
+        shape = self.crossings[index]
+        for other in self.crossing_tree.query(shape, "intersects"):
+            rival = self.crossings[int(other)]
+            covered = other != index and shapely.intersection(shape, rival).area > CROSSINGS_OVERLAP_M2
+            if covered and rival.area > 0.8 * shape.area:
+                return False
+        ring = _outline(shape)
+        _, _, away = self.plan.edges.locate(np.array([(ring[0] + ring[1]) / 2, (ring[2] + ring[3]) / 2]))
+        return bool((away < CROSSING_KERB_M).all())
+
+    def _crossing(self, crossing: Crossing) -> None:
+        """A zebra, a ladder or two lines, or nothing at all."""
+        ring = _outline(crossing.polygon)
+        wide, way = ring[1] - ring[0], ring[2] - ring[1]
+        width, length = float(np.hypot(*wide)), float(np.hypot(*way))
+        if width < 1.0 or length < 2.0:
+            return
+        draw = self._draw(f"crossing {crossing.id}")
+        wear = 0.06 + 0.44 * self._draw(f"crossing wear {crossing.id}")
+        rules = self.rules
+        if crossing.signalled and draw >= rules.ladder_share:
+            for edge in (0.15 / width, 1.0 - 0.15 / width):
+                path = LineString([ring[0] + wide * edge + way * (0.2 / length), ring[3] + (ring[2] - ring[3]) * edge])
+                self.painter.line(path, rules.crossing_line_m, wear, dash_m=rules.crossing_dash_m)
+        elif crossing.signalled or draw < 0.6:
+            on, off = rules.stripe_m
+            count = int((length - 0.2 + off) / (on + off))
+            first = (length - count * (on + off) + off) / 2 + on / 2
+            for stripe in range(count):
+                foot = ring[1] + way * ((first + stripe * (on + off)) / length)
+                own = min(0.9, wear * (0.85 + 0.3 * self._draw(f"stripe {crossing.id} {stripe}")))
+                self.painter.bar(foot - wide * (1 - 0.1 / width), foot - wide * (0.1 / width), on, own)
+
+    def _parking_line(self, line: LineString, street: str) -> None:
+        """Between two parking places."""
+        plan = self.plans[street]
+        ageing = self.plan.ageing(plan)
+        share = MAIN_PARKING_SHARE if plan.main else SIDE_PARKING_SHARE
+        if self._draw(f"parking {plan.name}") < share and not ageing.unpainted:
+            self.painter.line(line, self.rules.line_m, ageing.paint_wear)
+
+    def _bicycle_lanes(self) -> None:
+        """A broad line between a bicycle lane and the lane beside it."""
+        for lane in self.plan.world.lanes_of(LaneKind.BICYCLE):
+            border = self._inner_border(lane)
+            self.painter.line(self._clear(border), self.rules.broad_m, 0.3)
+
+
+def _outline(crossing: Polygon) -> Float64Array:
+    """(5, 2) of a crossing: SUMO draws it from one end of its middle line, so its first side is as wide as it is."""
+    ring = shapely.get_coordinates(crossing)
+    return ring if len(ring) == 5 else shapely.get_coordinates(crossing.minimum_rotated_rectangle)
+
+
+def _approaches(plan: SurfaceLayout) -> dict[str, tuple[Approach, frozenset[Direction]]]:
+    """Every lane that ends at a junction, and which ways lead on from it."""
+    found: dict[str, tuple[Approach, frozenset[Direction]]] = {}
+    for path in plan.paths:
+        lane = path.approach.lane.id
+        turns: Iterable[Direction] = found[lane][1] if lane in found else ()
+        found[lane] = (path.approach, frozenset({*turns, path.turn}))
+    return found

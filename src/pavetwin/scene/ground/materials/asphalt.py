@@ -1,0 +1,72 @@
+"""The grain of asphalt concrete: crushed stones of several sizes in dark mastic, voids where stones have left."""
+
+from typing import Final
+
+import numpy as np
+
+from pavetwin.scene.ground.materials.grain import SIDE_PX, blurred, cells, detail, noise, stones
+from pavetwin.scene.model import Detail
+
+SIZE_M: Final = 2.0
+
+STONES: Final = ((5.2e-3, 0.16), (3.6e-3, 0.24), (2.4e-3, 0.30), (1.6e-3, 0.16))
+"""Radius [m] and share of the surface for each size: a dense AC 11 mix (EN 13108-1), stones up to about 11 mm."""
+
+MEAN_REFLECTANCE: Final = 0.135
+"""Of an aged surface: 0.10 to 0.20 are measured (Li, Harvey, Kendall 2013, Building and Environment 59)."""
+
+TEXTURE_DEPTH_M: Final = 1.6e-3
+"""From the floor of voids to the tops of stones; the mean texture depth of dense asphalt is about half of it."""
+
+
+def asphalt(rng: np.random.Generator) -> Detail:
+    """Aged dense asphalt."""
+    texel_m = SIZE_M / SIDE_PX
+    radii = []
+    for radius_m, share in STONES:
+        count = int(share * SIZE_M**2 / (np.pi * radius_m**2 * 0.8))
+        radii.append(radius_m * (0.8 + 0.4 * rng.random(count)) / texel_m)
+    height, number, rim = stones(rng, np.concatenate(radii).astype(np.float32), depth=0.75)
+    stone = height > 0
+    fine = noise(rng, 3.0)
+    filmed = 0.5 + 0.5 * np.tanh(0.45 * noise(rng, 40.0, octaves=1.5) + 6.0 * (number - 0.55))
+    tint = np.modf(number * 97.0)[0]
+    kind = np.modf(number * 1013.0)[0]
+    bright = 0.150 * np.exp(0.47 * (np.modf(number * 331.0)[0] - 0.5) * 2.0) + 0.05 * (kind > 0.965)
+    bright = bright * (1.0 - 0.42 * filmed) * (1.0 - 0.25 * rim**4)
+    warm = np.stack([1.0 + 0.16 * (tint - 0.42), np.ones_like(tint), 1.0 - 0.20 * (tint - 0.42)], axis=-1)
+    mastic = 0.085 * (1.0 + 0.16 * fine)
+    albedo = np.where(stone[..., None], bright[..., None] * warm, mastic[..., None] * np.array([1.01, 1.0, 0.985]))
+    ground = 0.34 + 0.05 * noise(rng, 7.0) + 0.03 * fine
+    level = np.where(stone, 0.18 + 0.82 * height, ground)
+    pits = _pits(rng)
+    level = np.clip(level * (1.0 - pits), 0.0, 1.0)
+    # Hollows see little of the sky: they are darker and hold grime.
+    hollow = np.clip((blurred(level, 2.2) - level) * 2.3, 0.0, 0.72)
+    albedo = albedo * (1.0 - hollow)[..., None] * (1.0 - 0.88 * pits)[..., None]
+    albedo = albedo * (1.0 + 0.022 * noise(rng, 45.0, octaves=1.8))[..., None]
+    roughness = np.clip(0.86 - 0.12 * stone * (1 - filmed) + 0.04 * fine, 0.5, 1.0)
+    return detail(SIZE_M, albedo, level, roughness, _hold(rng, level), TEXTURE_DEPTH_M, MEAN_REFLECTANCE)
+
+
+def _pits(rng: np.random.Generator) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
+    """Where single stones have left the surface, 0 … 1: a few dozen a square metre."""
+    count = int(26 * SIZE_M**2)
+    radius = (rng.gamma(6.0, 0.55e-3, count) + 1.2e-3) / (SIZE_M / SIDE_PX)
+    depth, _, _ = stones(rng, radius.astype(np.float32), depth=0.7)
+    return np.clip(blurred(depth, 0.6), 0.0, 1.0) * np.float32(0.85)
+
+
+def _hold(
+    rng: np.random.Generator, level: np.ndarray[tuple[int, ...], np.dtype[np.float32]]
+) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
+    """Order in which paint wears off: tops of stones and random grains first, then along its own cracks, then
+    flakes."""
+    warp = np.stack([6.0 * noise(rng, 60.0), 6.0 * noise(rng, 60.0)], axis=-1)
+    border, _ = cells(rng, 26, warp)
+    crack = np.exp(-((border / 1.0) ** 2)) * np.clip(0.4 + 0.5 * noise(rng, 120.0), 0.0, 1.0)
+    tops = blurred(level, 0.7)
+    tops = (tops - tops.mean()) / tops.std()
+    flakes = np.clip(noise(rng, 55.0, octaves=1.4) - 2.1, 0.0, 0.6)
+    slow = 0.22 * noise(rng, 18.0) + 0.18 * noise(rng, 90.0)
+    return np.asarray(slow - 0.75 * tops + 0.5 * noise(rng, 3.2) - 1.5 * crack - 2.5 * flakes, dtype=np.float32)

@@ -1,0 +1,1 @@
+"""A tile's ground as meshes, and the models of flush fixtures."""

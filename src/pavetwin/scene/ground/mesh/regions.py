@@ -1,0 +1,230 @@
+"""One tile partitioned into faces of one kind each, all from one set of lines, so that neighbours share corners."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import shapely
+from shapely import Point, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from pavetwin.arrays import Float64Array
+from pavetwin.scene.ground.layout.relief import (
+    DROP_FAR_M,
+    DROP_NEAR_M,
+    EXACT_M,
+    KERB_WIDTH_M,
+    KERBED_FAR_M,
+    KERBED_NEAR_M,
+    PROFILE,
+    Relief,
+)
+from pavetwin.scene.ground.layout.surfaces import SurfaceLayout, tile_box
+from pavetwin.scene.model import GroundKind
+
+SHOULDER_M: Final = 0.8
+"""Bare strip beside a carriageway without a kerb."""
+
+APRON_M: Final = 1.0
+"""Paved strip around a house in a garden."""
+
+TREE_PIT_M: Final = 1.1
+"""Side of the open earth about a tree in a sidewalk."""
+
+SPECK_M2: Final = 1.0
+"""Land that is smaller and lies mostly among pavement is paved too."""
+
+CORNER_WALK_M: Final = 2.2
+"""Width of the pavement around the corners of junctions with sidewalks."""
+
+_PAD_M: Final = 6.0
+
+
+@dataclass(frozen=True)
+class Face:
+    """A connected part of a tile."""
+
+    polygon: Polygon
+    """World frame."""
+    kind: GroundKind
+    walk: int = -1
+    """The sidewalk lane that its paving follows."""
+    gutter: bool = False
+    """Whether it lies along a kerb."""
+    pit: bool = False
+    """Whether a tree stands in it."""
+
+
+def faces_of(plan: SurfaceLayout, key: tuple[int, int], relief: Relief) -> list[Face]:
+    """The faces of a tile: together with the holes they cover it exactly."""
+    box = tile_box(key)
+    wide = tile_box(key, _PAD_M)
+    cut = _Cut(plan, box, wide, relief)
+    net = shapely.union_all([box.boundary, *(shapely.intersection(line, box) for line in cut.lines())])
+    polygons = [
+        part for part in shapely.get_parts(shapely.polygonize(shapely.get_parts(net))) if isinstance(part, Polygon)
+    ]
+    return cut.named(polygons)
+
+
+class _Cut:
+    """The lines of a tile and the names of what lies between them."""
+
+    def __init__(self, plan: SurfaceLayout, box: Polygon, wide: Polygon, relief: Relief) -> None:
+        self.plan, self.box, self.wide, self.relief = plan, box, wide, relief
+        self.road = shapely.intersection(relief.road, wide)
+        self.kerb = _grown(self.road, KERB_WIDTH_M)
+        self.walks = plan.sidewalks.near(wide)
+        corners = shapely.union_all(plan.corners.at(wide, CORNER_WALK_M)).buffer(CORNER_WALK_M)
+        around = shapely.intersection(_grown(self.road, CORNER_WALK_M), corners)
+        walked = [*(plan.sidewalks.shapes[index] for index in self.walks), *plan.corners.at(wide), around]
+        self.paved = shapely.difference(_closed(shapely.union_all(walked)), self.kerb)
+        self.gutter = shapely.union_all(plan.gutters.at(wide))
+        self.pits = _tree_pits(plan, wide, self.paved)
+        self.holes = shapely.union_all(plan.holes.at(wide))
+
+    def lines(self) -> list[BaseGeometry]:
+        edges = [_grown(self.road, distance).boundary for distance, _, _ in PROFILE]
+        holes = shapely.intersection(self.holes.boundary, self.road)
+        gutter = shapely.intersection(self.gutter.boundary, self.road)
+        walks = [self.plan.sidewalks.shapes[index].boundary for index in self.walks]
+        behind = [shapely.difference(line, self.kerb) for line in (*walks, self.paved.boundary, self.pits.boundary)]
+        return [*edges, holes, gutter, *behind, *self._ramps(), *self._lots()]
+
+    def _ramps(self) -> list[BaseGeometry]:
+        """Where dropped kerbs begin and end, and where kerbs do."""
+        near = shapely.difference(_grown(self.road, KERB_WIDTH_M + 2.0), self.road)
+        crossings = self.plan.crossings.at(self.wide, DROP_FAR_M)
+        drops = [crossing.buffer(reach, quad_segs=3) for crossing in crossings for reach in (DROP_NEAR_M, DROP_FAR_M)]
+        walks = shapely.union_all(
+            [*self.plan.sidewalks.at(self.wide, KERBED_FAR_M), *self.plan.corners.at(self.wide, KERBED_FAR_M)]
+        )
+        ends = [] if walks.is_empty else [walks.buffer((KERBED_NEAR_M + KERBED_FAR_M) / 2, quad_segs=3)]
+        return [shapely.intersection(shape.boundary, near) for shape in (*drops, *ends)]
+
+    def _lots(self) -> list[BaseGeometry]:
+        lots, _ = self.plan.lots
+        aprons = [
+            building.buffer(APRON_M, join_style="mitre") for building in self.plan.buildings.at(self.wide, APRON_M)
+        ]
+        lines = [shape.boundary for shape in (*lots.at(self.box), *aprons, *self.plan.parks.at(self.box))]
+        lines.append(_grown(self.road, SHOULDER_M).boundary)
+        built = shapely.union_all([self.kerb, self.paved])
+        return [shapely.difference(line, built) for line in lines]
+
+    def named(self, polygons: list[Polygon]) -> list[Face]:
+        if not polygons:
+            return []
+        inner = shapely.point_on_surface(np.array(polygons, dtype=object))
+        on_road, on_kerb, on_gutter, on_walk, in_pit, in_hole = (
+            shapely.intersects(shape, inner)
+            for shape in (self.road, self.kerb, self.gutter, self.paved, self.pits, self.holes)
+        )
+        kerbed = self.relief.kerbed(inner) > 0.01
+        faces = []
+        for index, polygon in enumerate(polygons):
+            if on_road[index]:
+                if not in_hole[index]:
+                    gutter = bool(on_gutter[index])
+                    faces.append(Face(polygon, GroundKind.CONCRETE if gutter else GroundKind.ASPHALT, gutter=gutter))
+            elif on_kerb[index]:
+                faces.append(Face(polygon, GroundKind.KERB if kerbed[index] else GroundKind.EARTH))
+            elif in_pit[index]:
+                faces.append(Face(polygon, GroundKind.EARTH, pit=True))
+            elif on_walk[index]:
+                faces.append(Face(polygon, GroundKind.PAVING, self._walk_at(inner[index])))
+            else:
+                faces.append(Face(polygon, self._land(inner[index], bool(kerbed[index]))))
+        return _without_specks(faces, self.box)
+
+    def _walk_at(self, point: BaseGeometry) -> int:
+        """The sidewalk lane that a paved place belongs to."""
+        reach = np.array([shapely.distance(self.plan.sidewalks.shapes[index], point) for index in self.walks])
+        return self.walks[int(reach.argmin())] if len(reach) else -1
+
+    def _land(self, point: BaseGeometry, kerbed: bool) -> GroundKind:
+        if not kerbed and shapely.distance(self.road, point) < SHOULDER_M:
+            return GroundKind.EARTH
+        if self.plan.parks.near(point):
+            return GroundKind.GRASS
+        lots, owners = self.plan.lots
+        found = lots.near(point)
+        if not found:
+            return GroundKind.GRASS
+        building = self.plan.world.buildings[owners[found[0]]]
+        built_up = building.polygon.area / lots.shapes[found[0]].area > 0.3
+        draw = self.plan.chance(f"lot {building.id}")
+        yard = _pick(draw, _BUILT_UP if built_up else _GARDENS)
+        by_house = self.plan.buildings.near(point, APRON_M)
+        return GroundKind.PAVING if by_house and yard in (GroundKind.GRASS, GroundKind.EARTH) and draw < 0.6 else yard
+
+
+_HARD: Final = frozenset({GroundKind.PAVING, GroundKind.CONCRETE, GroundKind.KERB})
+_SOFT: Final = frozenset({GroundKind.GRASS, GroundKind.EARTH})
+
+_BUILT_UP: Final = {GroundKind.PAVING: 0.4, GroundKind.CONCRETE: 0.25, GroundKind.GRASS: 0.25, GroundKind.EARTH: 0.1}
+_GARDENS: Final = {GroundKind.GRASS: 0.72, GroundKind.EARTH: 0.1, GroundKind.PAVING: 0.1, GroundKind.CONCRETE: 0.08}
+
+
+def _pick(draw: float, shares: Mapping[GroundKind, float]) -> GroundKind:
+    for kind, share in shares.items():
+        if draw < share:
+            return kind
+        draw -= share
+    return kind
+
+
+def _grown(shape: BaseGeometry, by_m: float) -> BaseGeometry:
+    return shape if by_m == 0 else shape.buffer(by_m, quad_segs=3)
+
+
+def _closed(shape: BaseGeometry, gap_m: float = 1.2) -> BaseGeometry:
+    """Close gaps narrower than this, so that no narrow strip of lawn is left between two pavements."""
+    closed = shapely.buffer(shape, gap_m / 2, join_style="mitre").buffer(-gap_m / 2, join_style="mitre")
+    return shapely.union(closed, shape)  # sharp corners lose their tips on the way there and back
+
+
+def _without_specks(faces: list[Face], box: Polygon) -> list[Face]:
+    """Pave small pieces of land. Those at the tile's border stay, since they may continue beyond it."""
+    soft = [face.polygon for face in faces if face.kind in _SOFT and not face.pit]
+    hard = shapely.union_all([face.polygon for face in faces if face.kind in _HARD])
+    specks = [
+        land
+        for land in shapely.get_parts(shapely.union_all(soft))
+        if land.area < SPECK_M2
+        and not land.intersects(box.boundary)
+        and shapely.intersection(land.boundary, hard).length > 0.5 * land.length
+    ]
+    if not specks:
+        return faces
+    inside = shapely.union_all(specks).buffer(EXACT_M)
+    return [
+        Face(face.polygon, GroundKind.PAVING) if not face.pit and inside.contains(face.polygon) else face
+        for face in faces
+    ]
+
+
+def _tree_pits(plan: SurfaceLayout, wide: Polygon, paved: BaseGeometry) -> BaseGeometry:
+    """Squares of earth about trees in sidewalks, square to the walk."""
+    pits: list[BaseGeometry] = []
+    for tree in plan.trees.at(wide):
+        if not isinstance(tree, Point):
+            continue
+        walks = plan.sidewalks.near(tree, 0.2)
+        if not walks:
+            continue
+        line = plan.sidewalk_lines[walks[0]]
+        station = shapely.line_locate_point(line, tree)
+        ahead = shapely.line_interpolate_point(line, min(station + 0.5, line.length))
+        back = shapely.line_interpolate_point(line, max(station - 0.5, 0.0))
+        turn = float(np.arctan2(ahead.y - back.y, ahead.x - back.x))
+        half = TREE_PIT_M / 2
+        pits.append(_square(tree.x, tree.y, half, turn))
+    return shapely.intersection(shapely.union_all(pits), paved)
+
+
+def _square(x: float, y: float, half: float, turn_rad: float) -> Polygon:
+    cos, sin = np.cos(turn_rad) * half, np.sin(turn_rad) * half
+    corners: Float64Array = np.array([[cos - sin, sin + cos], [-cos - sin, cos - sin]])
+    return Polygon(np.concatenate([corners, -corners]) + (x, y))
