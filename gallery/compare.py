@@ -1,13 +1,16 @@
 """`python -m gallery.compare PHOTOGRAPHS`: how frames of the twin differ from photographs, in numbers.
 
-Both are brought to 512 × 512. Of every picture: mean lightness and its spread, chroma, and how much detail there is at
-one, four and sixteen pixels (standard deviation of the difference between two Gaussian blurs, in lightness). Each is
-given as the median and the middle 80 % over the pictures.
+Both are 512 × 512 pixels and stored as JPEG; frames have the ground resolutions that drones' photographs of roads have.
+Of every picture: mean lightness and its spread, chroma, and how much detail there is at one, four and sixteen pixels
+(standard deviation of the difference between two Gaussian blurs, in lightness). Each is given as the median and the
+middle 80 % over the pictures. Then how well a classifier on texture statistics (`gallery.texture`) tells them apart.
 """
 
 import argparse
+import math
 import sys
 from collections.abc import Callable, Iterable
+from io import BytesIO
 from pathlib import Path
 from typing import Final
 
@@ -16,12 +19,18 @@ import numpy.typing as npt
 from PIL import Image, ImageFilter
 
 from gallery.renderer import LOW_SUN, MORNING, OVERCAST, GalleryRenderer, Picture
+from gallery.texture import SIDE_PX, texture_statistics, told_apart
 from pavetwin.cli.console import fail, out
-from pavetwin.scene.view import nadir
+from pavetwin.scene.view import look
 
-SIDE_PX: Final = 512
-FRAMES: Final = 60
-ALTITUDES_M: Final = (6.0, 10.0)
+FRAMES: Final = 120
+PHOTOGRAPHS: Final = 240
+ALTITUDE_M: Final = 10.0
+GSD_M: Final = (0.002, 0.008)
+"""Range of the frames' ground resolutions, even in their logarithm: a Phantom 4 Pro has 1.6 mm a pixel from 6 m and
+8 mm from 30 m."""
+BLANK: Final = 0.01
+"""Photographs with more of pure black than this were padded."""
 SCALES_PX: Final = (1.0, 4.0, 16.0)
 
 Float = npt.NDArray[np.float64]
@@ -47,12 +56,29 @@ def _band(lightness: Float, scale_px: float) -> float:
 
 
 def frames(renderer: GalleryRenderer, take: Callable[..., Picture]) -> Iterable[Image.Image]:
-    """Frames of empty streets over evenly chosen defects, from two altitudes, under three skies."""
+    """Frames of empty streets over evenly chosen defects, at even steps of ground resolution, under three skies."""
     defects = renderer.world.defects[:: max(1, len(renderer.world.defects) // FRAMES)][:FRAMES]
+    finest, coarsest = GSD_M
     for index, defect in enumerate(defects):
-        place = (defect.centre.x, defect.centre.y, ALTITUDES_M[index % 2])
-        view = nadir(renderer.camera, place, yaw_rad=0.7 * index, size_px=(SIDE_PX, SIDE_PX))
-        yield Image.fromarray(take(view, (MORNING, LOW_SUN, OVERCAST)[index % 3]))
+        gsd_m = finest * (coarsest / finest) ** (index * 0.618034 % 1)
+        view = look(
+            (defect.centre.x, defect.centre.y, ALTITUDE_M),
+            yaw_rad=0.7 * index,
+            pitch_rad=-math.pi / 2,
+            size_px=(SIDE_PX, SIDE_PX),
+            vertical_fov_rad=2 * math.atan(SIDE_PX * gsd_m / 2 / ALTITUDE_M),
+        )
+        stored = BytesIO()
+        Image.fromarray(take(view, (MORNING, LOW_SUN, OVERCAST)[index % 3])).save(stored, "JPEG", quality=92)
+        yield Image.open(stored).convert("RGB")
+
+
+def photographs(found: list[Path]) -> Iterable[Image.Image]:
+    """At most `PHOTOGRAPHS`, evenly chosen."""
+    for path in found[:: max(1, math.ceil(len(found) / PHOTOGRAPHS))]:
+        picture = Image.open(path).convert("RGB")
+        if float((np.asarray(picture).max(axis=2) < 4).mean()) < BLANK:
+            yield picture
 
 
 def main() -> int:
@@ -60,15 +86,28 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m gallery.compare", description=__doc__)
     parser.add_argument("photographs", type=Path, help="folder of photographs of roads from above")
     parser.add_argument("--work", type=Path, default=Path("out/gallery"), help="folder of the town")
+    parser.add_argument("--held-out", action="store_true", help="use every second photograph only, by name")
+    parser.add_argument("--keep", type=Path, help="folder to keep the frames in")
     options = parser.parse_args()
     found = sorted(path for path in options.photographs.rglob("*") if path.suffix.lower() in (".jpg", ".jpeg", ".png"))
     if not found:
         fail(f"'{options.photographs}' holds no JPEG or PNG.")
         return 2
-    chosen = found[:: max(1, len(found) // (4 * FRAMES))]
-    real = np.array([readings(Image.open(path).convert("RGB")) for path in chosen])
+    pictures = list(photographs(found[1::2] if options.held_out else found))
     renderer = GalleryRenderer(options.work)
-    ours = np.array([readings(frame) for frame in frames(renderer, renderer.take)])
+    made = list(frames(renderer, renderer.take))
+    if options.keep:
+        options.keep.mkdir(parents=True, exist_ok=True)
+        for index, frame in enumerate(made):
+            frame.save(options.keep / f"{index:03}.png")
+    _print_readings(np.array([readings(each) for each in pictures]), np.array([readings(each) for each in made]))
+    ours, real = (np.array([texture_statistics(each) for each in side]) for side in (made, pictures))
+    auc, low, high = told_apart(ours, real)
+    out.print(f"told apart by texture: AUC {auc:.3f} (95 %: {low:.3f} … {high:.3f})")
+    return 0
+
+
+def _print_readings(real: Float, ours: Float) -> None:
     names = ["lightness L*", "spread of L*", "chroma", *(f"detail at {scale:g} px" for scale in SCALES_PX)]
     out.print(f"{len(real)} photographs, {len(ours)} frames: median (10 % … 90 %)")
     for index, name in enumerate(names):
@@ -78,7 +117,6 @@ def main() -> int:
             f"{name:16} photographs {middle:5.1f} ({low:5.1f} … {high:5.1f})   "
             f"frames {middle_o:5.1f} ({low_o:5.1f} … {high_o:5.1f})"
         )
-    return 0
 
 
 if __name__ == "__main__":

@@ -1,0 +1,118 @@
+"""Texture statistics that no training has touched, and how well they tell two sets of pictures apart.
+
+Of the lightness of a picture: histograms of rotation-invariant uniform local binary patterns over 8 neighbours (Ojala,
+Pietikäinen, Mäenpää 2002) at three scales, and the power of its spectrum by ring of spatial frequency, relative to the
+whole, with how much it varies with the direction. A logistic regression with a quadratic penalty separates the sets;
+what counts is its cross-validated area under the ROC curve (AUC): 0.5 cannot tell, 1 always can.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+from scipy.stats import rankdata
+
+SIDE_PX: Final = 512
+SCALES_PX: Final = (1, 2, 4)
+RINGS: Final = 14
+SECTORS: Final = 8
+FOLDS: Final = 10
+PENALTY: Final = 3.0
+RESAMPLES: Final = 2000
+
+Float = npt.NDArray[np.float64]
+
+
+def texture_statistics(picture: Image.Image) -> Float:
+    """The statistics of one picture, brought to `SIDE_PX` unless it has that size."""
+    grey = picture.convert("L")
+    if grey.size != (SIDE_PX, SIDE_PX):
+        grey = grey.resize((SIDE_PX, SIDE_PX), Image.Resampling.LANCZOS)
+    field = np.asarray(grey, dtype=np.float64)
+    patterns = [
+        _patterns(np.asarray(grey.reduce(scale), dtype=np.float64) if scale > 1 else field) for scale in SCALES_PX
+    ]
+    return np.concatenate([*patterns, *_spectrum(field)])
+
+
+def _patterns(field: Float) -> Float:
+    """Shares of the 10 rotation-invariant uniform patterns of 8 neighbours."""
+    middle = field[1:-1, 1:-1]
+    around = [(0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)]
+    rows, columns = field.shape
+    above = np.stack([field[1 + dy : rows - 1 + dy, 1 + dx : columns - 1 + dx] >= middle for dy, dx in around])
+    changes = (above != np.roll(above, 1, axis=0)).sum(axis=0)
+    pattern = np.where(changes <= 2, above.sum(axis=0), 9)
+    return np.bincount(pattern.ravel(), minlength=10) / pattern.size
+
+
+def _spectrum(field: Float) -> Iterator[Float]:
+    """By ring, its share of the power in decades, and the spread of that over directions."""
+    window = np.hanning(SIDE_PX)
+    power = np.abs(np.fft.rfft2((field - field.mean()) * window[:, None] * window)) ** 2
+    fy, fx = np.fft.fftfreq(SIDE_PX)[:, None], np.fft.rfftfreq(SIDE_PX)
+    frequency, angle = np.hypot(fx, fy), np.arctan2(fy, fx + 0 * fy)
+    borders = np.geomspace(2 / SIDE_PX, 0.5, RINGS + 1)
+    ring = np.digitize(frequency, borders) - 1
+    sector = ((angle / np.pi + 0.5) * SECTORS).astype(int) % SECTORS
+    inside = (ring >= 0) & (ring < RINGS)
+    cell = ring[inside] * SECTORS + sector[inside]
+    count = np.bincount(cell, minlength=RINGS * SECTORS).reshape(RINGS, SECTORS)
+    total = np.bincount(cell, power[inside], RINGS * SECTORS).reshape(RINGS, SECTORS)
+    mean = np.log10(total / np.maximum(count, 1) + 1e-6)
+    level = np.log10(total.sum(axis=1) / count.sum(axis=1) + 1e-6)
+    yield level - level.mean()
+    yield np.where(count.min(axis=1) > 0, mean.std(axis=1), 0.0)
+
+
+def told_apart(ours: Float, real: Float, seed: int = 0) -> tuple[float, float, float]:
+    """The AUC of a classifier that tells the rows of two tables apart, and its 95 % interval over the pictures.
+
+    Args:
+        ours, real: (n, k) statistics, a picture a row.
+        seed: of the folds and of the resampling.
+    """
+    rng = np.random.default_rng(seed)
+    table, is_real = np.concatenate([ours, real]), np.repeat([0.0, 1.0], [len(ours), len(real)])
+    fold = np.empty(len(table), dtype=int)
+    for part in (np.arange(len(ours)), len(ours) + np.arange(len(real))):
+        fold[rng.permutation(part)] = np.arange(len(part)) % FOLDS
+    score = np.empty(len(table))
+    for number in range(FOLDS):
+        held = fold == number
+        mean, spread = table[~held].mean(axis=0), table[~held].std(axis=0) + 1e-9
+        weights = _fitted((table[~held] - mean) / spread, is_real[~held])
+        score[held] = _with_one((table[held] - mean) / spread) @ weights
+    first, second = score[: len(ours)], score[len(ours) :]
+    drawn = [_auc(rng.choice(first, len(first)), rng.choice(second, len(second))) for _ in range(RESAMPLES)]
+    low, high = np.quantile(drawn, (0.025, 0.975))
+    return _auc(first, second), float(low), float(high)
+
+
+def _fitted(table: Float, label: Float) -> Float:
+    """Weights of a logistic regression, the constant last and without a penalty, by Newton's method."""
+    rows = _with_one(table)
+    penalty = np.full(rows.shape[1], PENALTY)
+    penalty[-1] = 1e-6
+    weights = np.zeros(rows.shape[1])
+    for _ in range(30):
+        share = 1 / (1 + np.exp(-np.clip(rows @ weights, -30, 30)))
+        slope = rows.T @ (share - label) + penalty * weights
+        curve = (rows * (share * (1 - share) + 1e-9)[:, None]).T @ rows + np.diag(penalty)
+        step = np.linalg.solve(curve, slope)
+        weights = weights - step
+        if np.abs(step).max() < 1e-8:
+            break
+    return weights
+
+
+def _with_one(table: Float) -> Float:
+    return np.column_stack([table, np.ones(len(table))])
+
+
+def _auc(low: Sequence[float] | Float, high: Sequence[float] | Float) -> float:
+    """The probability that one of `high` exceeds one of `low`."""
+    ranks = rankdata(np.concatenate([low, high]))
+    return float((ranks[len(low) :].sum() - len(high) * (len(high) + 1) / 2) / (len(low) * len(high)))
