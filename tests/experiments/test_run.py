@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ from pavetwin.defects import DefectOptions, add_defects, place
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments import fly_unit
 from pavetwin.experiments.design import Design, read_design
-from pavetwin.experiments.engines import Engine, Pool, Single
+from pavetwin.experiments.engines import Engine, Listener, Pool, Single
 from pavetwin.experiments.engines.base import DIED, in_batches
 from pavetwin.experiments.engines.cluster import Cluster
 from pavetwin.experiments.metrics import metrics_in
@@ -212,14 +213,14 @@ class Disturbed(Engine):
         self._engine = engine
         self.killed = 0
 
-    def fly(self, plan: Plan, units: list[Unit], on_stand, on_unit, tell, on_recorded) -> None:
+    def fly(self, plan: Plan, units: Sequence[Unit], listener: Listener) -> None:
         def kill_one(unit: Unit, part: bytes) -> None:
-            on_unit(unit, part)
+            listener.on_unit(unit, part)
             if not self.killed:
                 os.kill(multiprocessing.active_children()[0].pid, signal.SIGKILL)
                 self.killed += 1
 
-        self._engine.fly(plan, units, on_stand, kill_one, tell, on_recorded)
+        self._engine.fly(plan, units, replace(listener, on_unit=kill_one))
 
 
 @pytest.mark.parametrize(
@@ -399,8 +400,8 @@ def test_a_study_that_is_stopped_after_an_edit_holds_no_mission_of_before(
     file.write_text(MINE.format("second"))
 
     class Stopped(Single):
-        def fly(self, plan, units, on_ready, on_unit, tell, on_recorded):
-            super().fly(plan, units[:1], on_ready, on_unit, tell, on_recorded)
+        def fly(self, plan, units, listener):
+            super().fly(plan, units[:1], listener)
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -472,10 +473,10 @@ def test_a_file_that_is_edited_while_a_study_flies_fails_its_missions(world: Pat
     design = small(world, policies=["baseline", f"{file}:Mine"], replicates=2, densities=["low"], altitudes_m=[10])
 
     class Edited(Single):
-        def fly(self, plan, units, on_ready, on_unit, tell, on_recorded):
-            super().fly(plan, units[:1], on_ready, on_unit, tell, on_recorded)
+        def fly(self, plan, units, listener):
+            super().fly(plan, units[:1], listener)
             file.write_text(MINE.format("second"))
-            super().fly(plan, units[1:], lambda: None, on_unit, tell)
+            super().fly(plan, units[1:], replace(listener, on_ready=lambda: None))
 
     ran = run(design, folder, Edited())
     assert list(ran.failures) == [f"the design: '{file}' is not what the study began with."]

@@ -10,7 +10,7 @@ import polars as pl
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
-from pavetwin.experiments.engines import Engine
+from pavetwin.experiments.engines import Engine, Listener
 from pavetwin.experiments.metrics import FAILED, REASON, STATUS
 from pavetwin.experiments.plan import ImageSourceFactory, Plan, Unit
 from pavetwin.experiments.planning import load_worlds, plan
@@ -100,7 +100,8 @@ def run(
             if traffic in design.densities:
                 _find_demand(worlds[world], traffic, tell)
         if missing:
-            engine.fly(made, missing, on_ready, on_unit, lambda what: tell(0.0, what), on_recorded)
+            listener = Listener(on_ready, on_unit, lambda what: tell(0.0, what), on_recorded)
+            engine.fly(made, missing, listener)
         else:
             store.begin(made)
         return Ran(made, store.table(), flying)

@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import groupby
 from typing import Final
 
@@ -10,18 +11,22 @@ from pavetwin.workers import ATTEMPTS
 
 DIED: Final = f"The process that flew it died {ATTEMPTS} times, perhaps out of memory."
 
-OnReady = Callable[[], None]
-"""Called once the workers are ready; until then nothing is written."""
 
-OnUnit = Callable[[Unit, bytes], None]
-"""Called with each unit's part when it is complete, in any order."""
+@dataclass(frozen=True)
+class Listener:
+    """What an engine calls while it flies. An exception from `on_ready` or `on_unit` ends it."""
 
-Tell = Callable[[str], None]
-"""Called with what is waited for before that."""
+    on_ready: Callable[[], None]
+    """Called once the workers are ready; until then nothing is written."""
 
+    on_unit: Callable[[Unit, bytes], None]
+    """Called with each unit's part when it is complete, in any order."""
 
-OnTrafficRecorded = Callable[[], None]
-"""Called when the traffic of another unit is recorded, by engines that know of it."""
+    on_wait: Callable[[str], None]
+    """Called with what is waited for before the workers are ready."""
+
+    on_recorded: Callable[[], None] = lambda: None
+    """Called when the traffic of another unit is recorded, by engines that know of it."""
 
 
 def in_batches(units: Sequence[Unit], workers: int) -> list[list[Unit]]:
@@ -34,16 +39,8 @@ class Engine(ABC):
     """Flies units, each once, in any order."""
 
     @abstractmethod
-    def fly(
-        self,
-        plan: Plan,
-        units: Sequence[Unit],
-        on_ready: OnReady,
-        on_unit: OnUnit,
-        tell: Tell,
-        on_recorded: OnTrafficRecorded = lambda: None,
-    ) -> None:
-        """Fly all units. An exception from `on_ready` or `on_unit` ends it.
+    def fly(self, plan: Plan, units: Sequence[Unit], listener: Listener) -> None:
+        """Fly all units.
 
         Raises:
             PaveTwinError: there are no workers.

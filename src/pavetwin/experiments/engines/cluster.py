@@ -13,7 +13,7 @@ from importlib.metadata import version
 from typing import Any, Final
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments.engines.base import DIED, Engine, OnReady, OnTrafficRecorded, OnUnit, Tell, in_batches
+from pavetwin.experiments.engines.base import DIED, Engine, Listener, in_batches
 from pavetwin.experiments.fly_unit import failed_unit, fly_unit
 from pavetwin.experiments.plan import Plan, Unit, check_worlds
 
@@ -28,23 +28,15 @@ class Cluster(Engine):
         """`scheduler`: the address of one that runs (tcp://10.0.0.1:8786); else `jobs` workers are started here."""
         self._scheduler, self._jobs = scheduler, jobs
 
-    def fly(
-        self,
-        plan: Plan,
-        units: Sequence[Unit],
-        on_ready: OnReady,
-        on_unit: OnUnit,
-        tell: Tell,
-        on_recorded: OnTrafficRecorded = lambda: None,  # noqa: ARG002 - a task tells nothing before its end
-    ) -> None:
+    def fly(self, plan: Plan, units: Sequence[Unit], listener: Listener) -> None:
         dask: Any = import_module("distributed")
         scheduler = f"the Dask scheduler {self._scheduler}"
-        tell(f"Waiting for {scheduler}" if self._scheduler else f"Starting {self._jobs} Dask workers")
+        listener.on_wait(f"Waiting for {scheduler}" if self._scheduler else f"Starting {self._jobs} Dask workers")
         with _silence(), self._client() as client:
             if not client.nthreads():
-                tell(f"Waiting for workers of {scheduler}")
+                listener.on_wait(f"Waiting for workers of {scheduler}")
             _check_workers(client, plan)
-            on_ready()
+            listener.on_ready()
             workers = sum(client.nthreads().values())
 
             def submit(batch: list[Unit]) -> Any:
@@ -58,14 +50,14 @@ class Cluster(Engine):
                     parts = future.result()
                 except dask.KilledWorker:
                     if len(batch) == 1:
-                        on_unit(batch[0], failed_unit(plan, batch[0], DIED))
+                        listener.on_unit(batch[0], failed_unit(plan, batch[0], DIED))
                         continue
                     for unit in batch:
                         futures[again := submit([unit])] = [unit]
                         running.add(again)
                     continue
                 for unit, part in zip(batch, parts, strict=True):
-                    on_unit(unit, part)
+                    listener.on_unit(unit, part)
 
     @contextmanager
     def _client(self) -> Iterator[Any]:

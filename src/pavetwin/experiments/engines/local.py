@@ -3,25 +3,17 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from pavetwin.experiments.engines.base import DIED, Engine, OnReady, OnTrafficRecorded, OnUnit, Tell, in_batches
+from pavetwin.experiments.engines.base import DIED, Engine, Listener, in_batches
 from pavetwin.experiments.fly_unit import failed_unit, fly_unit
 from pavetwin.experiments.plan import Plan, Unit
 from pavetwin.workers import OnTick, WorkerPool
 
 
 class Single(Engine):
-    def fly(
-        self,
-        plan: Plan,
-        units: Sequence[Unit],
-        on_ready: OnReady,
-        on_unit: OnUnit,
-        tell: Tell,  # noqa: ARG002 - there is nothing to wait for
-        on_recorded: OnTrafficRecorded = lambda: None,
-    ) -> None:
-        on_ready()
+    def fly(self, plan: Plan, units: Sequence[Unit], listener: Listener) -> None:
+        listener.on_ready()
         for unit in units:
-            on_unit(unit, fly_unit(plan, unit, on_recorded))
+            listener.on_unit(unit, fly_unit(plan, unit, listener.on_recorded))
 
 
 class Pool(Engine):
@@ -30,27 +22,19 @@ class Pool(Engine):
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
 
-    def fly(
-        self,
-        plan: Plan,
-        units: Sequence[Unit],
-        on_ready: OnReady,
-        on_unit: OnUnit,
-        tell: Tell,
-        on_recorded: OnTrafficRecorded = lambda: None,
-    ) -> None:
-        tell(f"Starting {self._jobs} processes")
-        on_ready()
+    def fly(self, plan: Plan, units: Sequence[Unit], listener: Listener) -> None:
+        listener.on_wait(f"Starting {self._jobs} processes")
+        listener.on_ready()
 
         def on_result(batch: list[Unit], parts: list[bytes]) -> None:
             for unit, part in zip(batch, parts, strict=True):
-                on_unit(unit, part)
+                listener.on_unit(unit, part)
 
         def give_up(batch: list[Unit]) -> None:
             for unit in batch:
-                on_unit(unit, failed_unit(plan, unit, DIED))
+                listener.on_unit(unit, failed_unit(plan, unit, DIED))
 
-        with WorkerPool(self._jobs, partial(_start, plan), on_recorded) as pool:
+        with WorkerPool(self._jobs, partial(_start, plan), listener.on_recorded) as pool:
             pool.run(
                 in_batches(units, self._jobs),
                 on_result,
