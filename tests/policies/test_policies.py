@@ -16,6 +16,7 @@ from pavetwin.policies import (
     POLICIES,
     Displace,
     GoOn,
+    Hover,
     Policy,
     Revisit,
     Wait,
@@ -213,6 +214,18 @@ def test_the_check_tells_every_rule_that_is_broken_once() -> None:
     told = check_policy(Worst)
     assert len(told) == len(set(told)) > 20
     assert check_policy(Worst) == told
+
+
+def test_the_check_tells_settings_that_a_policy_reads_and_does_not_name() -> None:
+    class Hasty(Hover):
+        reads = frozenset({"wait_s"})
+
+    class Changed(Hover):
+        pass
+
+    assert check_policy(Hasty) == ["it reads max_wait_s, which its `reads` does not name"]
+    assert check_policy(Changed) == []
+    assert Changed.reads == Policy.reads >= {"wait_s", "note_spacing_m"}
 
 
 def test_the_moments_that_policies_are_tried_on_are_many_and_differ() -> None:

@@ -267,7 +267,7 @@ def _note_unfinished(store: "Store") -> None:
 
     design, table = store.design(), store.table()
     flown = table.select(table.columns[: table.columns.index(REPLICATE) + 1]).n_unique()
-    planned = len(units_of(design)) * len(cells_of(design))
+    planned = len(units_of(design)) * len(cells_of(design, store.owners()))
     if flown < planned:
         out.print(f"[yellow]Note:[/] only {flown} of {planned} missions are flown; run the study again.")
 
@@ -277,7 +277,7 @@ def _options_table(chosen: "Recommendation") -> "Table":
 
     from pavetwin.experiments.metrics import BATTERIES, ERROR_METRICS
     from pavetwin.experiments.statistics.recommend import batteries_to_bring
-    from pavetwin.experiments.words import shown
+    from pavetwin.experiments.words import level_text, shown
 
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
     kept = "within limits" if chosen.limits.named else "all flown"
@@ -288,7 +288,7 @@ def _options_table(chosen: "Recommendation") -> "Table":
     headings = [*chosen.by, "coverage %", "corrected", *costs, *names, kept, "best with"]
     rows, styles = [], []
     for row in chosen.options.iter_rows(named=True):
-        factors = [f"{row[name]:g} m" if name == "altitude_m" else str(row[name]) for name in chosen.by]
+        factors = [level_text(name, row[name]) for name in chosen.by]
         rows.append(
             (
                 *factors,

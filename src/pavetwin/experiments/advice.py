@@ -10,6 +10,7 @@ from pavetwin.experiments.design import ALIASES, ENVIRONMENT
 from pavetwin.experiments.ground_view import GroundView, ground_view
 from pavetwin.experiments.metrics import BATTERIES, REPLICATE
 from pavetwin.experiments.statistics import MissionLimits, Recommendation, recommend
+from pavetwin.experiments.statistics.cells import levels_of
 from pavetwin.experiments.tours import by_mission
 from pavetwin.experiments.words import opened, setting
 
@@ -49,9 +50,9 @@ def advise(
     table = by_mission(table)
     varied = table.columns[table.columns.index("altitude_m") : table.columns.index(REPLICATE)]
     given = {name for name in varied if ALIASES.get(name, name) in ENVIRONMENT}
-    chosen_by = {name for name in varied if name not in {*ASSUMED, *given} and table[name].n_unique() > 1}
+    chosen_by = {name for name in varied if name not in {*ASSUMED, *given} and len(levels_of(table, name)) > 1}
     by = [name for name in varied if name in chosen_by | {"altitude_m", "policy"}]
-    assumed = [name for name in ASSUMED if table[name].n_unique() > 1]
+    assumed = [name for name in ASSUMED if len(levels_of(table, name)) > 1]
     parts = table.partition_by(assumed, maintain_order=True) if assumed else [table]
     return [_advice(part, limits, by, assumed, seed, design) for part in parts]
 

@@ -97,8 +97,9 @@ def _settings(option: Mapping[str, Any], design: Mapping[str, Any]) -> MissionSe
     """How its missions were flown. Where a swept setting is averaged over, the first of its values counts."""
     values = dict(design.get("set") or {})
     for key, levels in (design.get("sweep") or {}).items():
-        shown = option.get(key, option.get(f"{key}_set"))
-        values[key] = next((level for level in levels if str(level) == str(shown)), levels[0])
+        column = key if key in option else f"{key}_set"
+        if column not in option or option[column] is not None:  # else its policy or sensor lacks the setting
+            values[key] = next((level for level in levels if str(level) == str(option.get(column))), levels[0])
     overrides = [f"{ALIASES.get(key, key)}={value}" for key, value in values.items()]
     return load_settings(
         str(option["preset"]),

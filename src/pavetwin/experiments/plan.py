@@ -17,6 +17,7 @@ from pavetwin.config import MissionSettings, load_settings
 from pavetwin.config.options import OptionValue, options_of_one
 from pavetwin.errors import PaveTwinError, naming
 from pavetwin.experiments.design import ALIASES, ALL, Design, Value, WorldEntry
+from pavetwin.experiments.owners import EVERYONE, Owners, has_setting
 from pavetwin.files import file_sha256
 from pavetwin.mission.replay import Replay
 from pavetwin.plugins import load_plugins
@@ -56,8 +57,8 @@ class Cell:
     """As the design names it."""
     sensor: str
     preset: str
-    swept: tuple[Value, ...]
-    """Values of the sweep, in its order."""
+    swept: tuple[Value | None, ...]
+    """Values of the sweep, in its order; None where the policy or the sensor lacks the setting."""
 
     def settings(self, design: Design) -> MissionSettings:
         """How its missions are flown.
@@ -65,7 +66,8 @@ class Cell:
         Raises:
             PaveTwinError: a setting is not known, or a value does not fit.
         """
-        values = {**design.set, **dict(zip(design.sweep, self.swept, strict=True))}
+        swept = zip(design.sweep, self.swept, strict=True)
+        values = {**design.set, **{key: value for key, value in swept if value is not None}}
         nested: dict[str, Any] = {
             "altitude_m": self.altitude_m,
             "sensing": {"sensor": self.sensor},
@@ -129,6 +131,8 @@ class Plan:
     design is `near`, along a short tour from the base."""
     policies: Mapping[str, str]
     """The name of each policy of the design."""
+    owners: Owners = field(default_factory=dict)
+    """Of swept settings that not all policies or sensors have."""
     files: Mapping[str, str] = field(default_factory=dict)
     """Hashes of the user's own files and of what they depend on, by path: of the content, or of what a recording was
     made from, since it is extended in place."""
@@ -141,7 +145,7 @@ class Plan:
 
     @cached_property
     def cells(self) -> tuple[Cell, ...]:
-        return cells_of(self.design)
+        return cells_of(self.design, self.owners)
 
     @cached_property
     def units(self) -> tuple[Unit, ...]:
@@ -156,7 +160,7 @@ class Plan:
         return self.cells if unit.cells is None else tuple(self.cells[at] for at in unit.cells)
 
     def levels(self, unit: Unit, cell: Cell) -> dict[str, Any]:
-        """The factors of a mission and what is swept, as the table holds them."""
+        """The factors of a mission and what is swept, as the table holds them: None for what the mission lacks."""
         swept = zip(self.design.sweep_columns, self.design.sweep.values(), cell.swept, strict=True)
         return {
             "world": self.names[unit.world],
@@ -165,7 +169,10 @@ class Plan:
             "policy": self.policies[cell.policy],
             "sensor": cell.sensor,
             "preset": cell.preset,
-            **{column: str(value) if are_texts(values) else value for column, values, value in swept},
+            **{
+                column: str(value) if value is not None and are_texts(values) else value
+                for column, values, value in swept
+            },
         }
 
     def files_hash(self, unit: Unit, cell: Cell) -> str | None:
@@ -222,14 +229,22 @@ def units_of(design: Design) -> tuple[Unit, ...]:
     )
 
 
-def cells_of(design: Design) -> tuple[Cell, ...]:
-    """Every combination of a design's factors but world and traffic, the policies of an altitude beside each other."""
+def cells_of(design: Design, owners: Owners = EVERYONE) -> tuple[Cell, ...]:
+    """Every combination of a design's factors but world and traffic, the policies of an altitude beside each other;
+    those that differ in nothing but a setting that their policy or sensor lacks are one."""
+
+    def swept(values: tuple[Value, ...], policy: str, sensor: str) -> tuple[Value | None, ...]:
+        keyed = zip(design.sweep, values, strict=True)
+        return tuple(value if has_setting(owners, key, policy, sensor) else None for key, value in keyed)
+
     combinations = product(
         design.presets, product(*design.sweep.values()), design.sensors, design.altitudes_m, design.policies
     )
-    return tuple(
-        Cell(altitude_m, policy, sensor, preset, swept) for preset, swept, sensor, altitude_m, policy in combinations
+    cells = (
+        Cell(altitude_m, policy, sensor, preset, swept(values, policy, sensor))
+        for preset, values, sensor, altitude_m, policy in combinations
     )
+    return tuple(dict.fromkeys(cells))
 
 
 def _keep_own_options(

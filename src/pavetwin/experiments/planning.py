@@ -10,6 +10,7 @@ from pavetwin.defects.registry import DEFECT_CLASSES, kinds
 from pavetwin.errors import PaveTwinError, naming, nearest_name
 from pavetwin.experiments.design import ALL, Design
 from pavetwin.experiments.metrics import EVERY_PAIR, REFERENCE
+from pavetwin.experiments.owners import owners_of
 from pavetwin.experiments.plan import IN_DESIGN_FILE, Cell, Plan, cells_of, content_of, take_offs
 from pavetwin.experiments.words import listed
 from pavetwin.files import file_sha256
@@ -37,7 +38,9 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
     """
     with naming(IN_DESIGN_FILE, "the design"):
         load_plugins(design.plugins)
-        policies = _check_levels(design)
+        owners = owners_of(design)
+        cells = cells_of(design, owners)
+        policies = _check_levels(design, cells)
     if design.compare not in (known := [EVERY_PAIR, REFERENCE, *policies.values()]):
         near = nearest_name(design.compare, known)
         raise PaveTwinError(
@@ -51,10 +54,11 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
             f"the design: two of its worlds are called '{names[0]}'; the table could not tell them apart."
         )
     targets = tuple(
-        _targets(design, world, named, tell) for world, named in zip(worlds, _named(design, worlds), strict=True)
+        _targets(design, world, named, _environments(design, world, cells, tell))
+        for world, named in zip(worlds, _named(design, worlds), strict=True)
     )
     populations = _populations(design, worlds)
-    used = {cell: {**_files_of(cell, design), **populations} for cell in cells_of(design)}
+    used = {cell: {**_files_of(cell, design), **populations} for cell in cells}
     routes = {route: file_sha256(Path(route)) for entry in design.worlds for route in entry.routes}
     return Plan(
         design,
@@ -62,9 +66,10 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
         names,
         targets,
         policies,
+        owners=owners,
         files={path: content for files in used.values() for path, content in files.items()} | routes | recordings,
         used={cell: tuple(files) for cell, files in used.items()},
-        packages=_packages(design, worlds),
+        packages=_packages(design, worlds, cells),
     )
 
 
@@ -75,7 +80,7 @@ def load_worlds(design: Design) -> list[World]:
     return [load_world(Path(entry.path)) for entry in design.worlds]
 
 
-def _check_levels(design: Design) -> dict[str, str]:
+def _check_levels(design: Design, cells: Sequence[Cell]) -> dict[str, str]:
     """Policy → its name."""
     for name in design.densities:
         density_named(name)
@@ -85,7 +90,7 @@ def _check_levels(design: Design) -> dict[str, str]:
                 raise PaveTwinError(f"the design: there is no routes file '{route}'.")
             own_demand([route])
     names: dict[str, str] = {}
-    for cell in cells_of(design):
+    for cell in cells:
         names |= check_names(cell.settings(design), [cell.policy], design.seed)
     check_distinct(names)
     return names
@@ -134,7 +139,7 @@ def _populations(design: Design, worlds: Sequence[World]) -> dict[str, str]:
     return {name: file_sha256(Path(name)) for name in sorted(names) if name not in population_names()}
 
 
-def _packages(design: Design, worlds: Sequence[World]) -> dict[str, str]:
+def _packages(design: Design, worlds: Sequence[World], cells: Sequence[Cell]) -> dict[str, str]:
     """Versions by name of the installed packages that give what a design's missions name or look for."""
     if isinstance(design.defects, str):
         classes = {defect.kind for world in worlds for defect in world.defects}
@@ -142,7 +147,7 @@ def _packages(design: Design, worlds: Sequence[World]) -> dict[str, str]:
         classes = {kind.name for kind, _ in design.defects.effective().shares()}
     if not classes <= {kind.name for kind in kinds()}:
         DEFECT_CLASSES.names()  # finds those of installed packages
-    used = [packages_in_use(cell.settings(design), cell.policy, classes) for cell in cells_of(design)]
+    used = [packages_in_use(cell.settings(design), cell.policy, classes) for cell in cells]
     return {name: version for packages in used for name, version in packages.items()}
 
 
@@ -168,7 +173,10 @@ def _named(design: Design, worlds: Sequence[World]) -> list[dict[str, list[int]]
 
 
 def _targets(
-    design: Design, world: World, named: Mapping[str, Sequence[int]], tell: Callable[[str], None]
+    design: Design,
+    world: World,
+    named: Mapping[str, Sequence[int]],
+    environments: Sequence[MissionEnvironment],
 ) -> tuple[int, ...]:
     """The segments that missions may inspect: those that can be reached in every cell, of those with a name of the
     design's streets.
@@ -176,7 +184,6 @@ def _targets(
     Raises:
         PaveTwinError: none of a name can be reached, or they are fewer than a mission inspects.
     """
-    environments = _environments(design, world, tell)
     reachable = [at for at in range(len(world.segments)) if all(each.reachable(at) for each in environments)]
     for name, places in named.items():
         if not set(places) & set(reachable):
@@ -196,11 +203,13 @@ def _targets(
     return tuple(short_tour(environments[0].world, found)) if design.order == "near" else found
 
 
-def _environments(design: Design, world: World, tell: Callable[[str], None]) -> list[MissionEnvironment]:
+def _environments(
+    design: Design, world: World, cells: Sequence[Cell], tell: Callable[[str], None]
+) -> list[MissionEnvironment]:
     """Where the missions of all cells fly; bakes and caches the NavMeshes."""
     ways: Mapping[tuple[float, float, str], MissionSettings] = {
         (settings.altitude_m, settings.uav.radius_m, settings.uav.base): settings
-        for settings in (cell.settings(design) for cell in cells_of(design))
+        for settings in (cell.settings(design) for cell in cells)
     }
     environments = []
     for settings in ways.values():

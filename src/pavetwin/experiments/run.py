@@ -9,13 +9,14 @@ from pathlib import Path
 import polars as pl
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.experiments import owners
 from pavetwin.experiments.design import Design
 from pavetwin.experiments.engines import Engine, Listener
 from pavetwin.experiments.metrics import FAILED, REASON, STATUS
 from pavetwin.experiments.plan import ImageSourceFactory, Plan, Unit
 from pavetwin.experiments.planning import load_worlds, plan
 from pavetwin.experiments.store import FORMER, Store
-from pavetwin.experiments.words import listed
+from pavetwin.experiments.words import counted, listed
 from pavetwin.files import working_in
 from pavetwin.mission.inputs import OnProgress
 from pavetwin.traffic.demand_search import found
@@ -76,6 +77,10 @@ def run(
                 f"{files} changed since: {outdated} of {made.missions} missions are flown again; their former rows "
                 f"are kept in {folder / FORMER}."
             )
+
+        if missing and made.owners:
+            said = owners.sentences(design, made.owners, made.policies)
+            on_notice(f"{' '.join(said)} That makes {counted(made.missions, 'mission')}.")
 
         def on_ready() -> None:
             store.begin(made)

@@ -21,6 +21,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
 from pavetwin.experiments.fly_unit import part_of, schema
 from pavetwin.experiments.metrics import FACTORS, FAILED, FILES, RENDERER, STATUS
+from pavetwin.experiments.owners import EVERYONE, Owners
 from pavetwin.experiments.plan import SHOWN, Plan, Unit, units_of
 from pavetwin.experiments.words import listed
 from pavetwin.files import writing
@@ -65,6 +66,7 @@ class Store:
             raise PaveTwinError(
                 f"'{self.folder}' was begun with another world than '{name}' is now; choose another folder."
             )
+        _check_owners(self.folder, self.owners(), plan)
 
     def missing(self, plan: Plan, *, failed: bool = False) -> list[Unit]:
         """What is to be flown: units without a part or with a damaged one, and of the others the cells that are not
@@ -120,6 +122,10 @@ class Store:
 
     def design(self) -> Design:
         return Design.parse(self.description()["design"], where=str(self.folder / DESIGN))
+
+    def owners(self) -> Owners:
+        """Of the swept settings; of no setting where every policy was flown at every value, as earlier versions did."""
+        return self.description().get("owners") or EVERYONE
 
     def write(self, plan: Plan, unit: Unit, part: bytes) -> None:
         """Write what was flown of a unit, beside the cells that its part has already."""
@@ -205,7 +211,8 @@ class Store:
         for (files_hash,), some in outdated.group_by(FILES):
             with writing(self.folder / FORMER / str(files_hash) / self._part(unit).name) as path:
                 path.write_bytes(part_of(some))
-        kept = rows.join(outdated, on=[*FACTORS, *plan.design.sweep_columns], how="anti", maintain_order="left")
+        gone = set(_cells(plan, unit, outdated))
+        kept = rows.filter([cell not in gone for cell in _cells(plan, unit, rows)])
         if kept.height:
             with writing(self._part(unit)) as path:
                 path.write_bytes(part_of(kept))
@@ -282,6 +289,7 @@ def _description(plan: Plan) -> dict[str, Any]:
         "versions": software_versions(packages=plan.packages),
         "worlds": dict(zip(plan.names, (content[:SHOWN] for content in plan.hashes), strict=True)),
         "files": {path: content[:SHOWN] for path, content in plan.files.items()},
+        **({"owners": {key: list(names) for key, names in plan.owners.items()}} if plan.owners else {}),
         "design": plan.design.model_dump(mode="json"),
     }
 
@@ -303,4 +311,17 @@ def _check_same(folder: Path, there: Mapping[str, Any], design: Design) -> None:
             raise PaveTwinError(
                 f"'{folder}' holds another design: its {key} is {_as_written(before)}, not "
                 f"{_as_written(value)}; choose another folder."
+            )
+
+
+def _check_owners(folder: Path, there: Owners, plan: Plan) -> None:
+    """Raises:
+    PaveTwinError: a swept setting belonged to other policies or sensors when the study was begun.
+    """
+    for key in plan.design.sweep:
+        before, now = (list(owners[key]) if key in owners else None for owners in (there, plan.owners))
+        if before != now:
+            words = ["every policy and sensor" if names is None else listed(names) for names in (before, now)]
+            raise PaveTwinError(
+                f"'{folder}' was begun when {key} belonged to {words[0]}, not to {words[1]}; choose another folder."
             )

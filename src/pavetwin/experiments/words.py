@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import Any, Final
 
-from pavetwin.experiments.metrics import FACTORS, Metric
+from pavetwin.experiments.metrics import FACTORS, METRICS, Metric
 
 MISSING: Final = "—"
 """Where there is no value: never a 0, never a 100."""
@@ -26,17 +26,23 @@ _FACTORS: Final = {
 
 def factor_text(name: str) -> str:
     """What a factor is called; a swept parameter is called as in the design."""
-    return _FACTORS[name][0] if name in _FACTORS else name
+    return _FACTORS[name][0] if name in _FACTORS else _as_designed(name)
+
+
+def _as_designed(column: str) -> str:
+    """A swept setting: its column ends in `_set` where it would else be that of a metric."""
+    setting = column.removesuffix("_set")
+    return setting if setting in {metric.name for metric in METRICS} else column
 
 
 def factor_name(column: str) -> str:
     """The same within a sentence."""
-    return factor_text(column).lower() if column in _FACTORS else column
+    return factor_text(column).lower() if column in _FACTORS else _as_designed(column)
 
 
 def factors_text(name: str) -> str:
     """What its levels are called together."""
-    return _FACTORS[name][1] if name in _FACTORS else f"values of {name}"
+    return _FACTORS[name][1] if name in _FACTORS else f"values of {_as_designed(name)}"
 
 
 def term_text(term: str) -> str:
@@ -51,21 +57,21 @@ def level_name(level: object) -> str:
 
 
 def level_text(factor: str, level: Any) -> str:
-    """`6 m`, `hover`, `0.5`, `yes`."""
+    """`6 m`, `hover`, `0.5`, `yes`; a dash for what a mission lacks."""
     if level is None:
-        return "all" if factor in FACTORS else "none"
+        return "all" if factor in FACTORS else MISSING
     return level_name(level) + ("\u00a0m" if factor == "altitude_m" else "")
 
 
 def setting(cell: Mapping[str, Any], columns: Sequence[str]) -> str:
-    """`in high traffic at 6 m with tau_o = 0.7`; `over all missions` of no columns."""
+    """`in high traffic at 6 m with tau_o = 0.7`, without what the missions lack; `over all missions` of nothing."""
     known = [column for column in _FACTORS if column in columns]
-    others = [column for column in columns if column not in known]
+    others = [column for column in columns if column not in known and cell[column] is not None]
     return (
         " ".join(
             [
                 *(_FACTORS[column][2].format(level_name(cell[column])) for column in known),
-                *(f"with {column} = {level_name(cell[column])}" for column in others),
+                *(f"with {_as_designed(column)} = {level_name(cell[column])}" for column in others),
             ]
         )
         or "over all missions"
@@ -76,7 +82,7 @@ def subject(factor: str, level: object) -> str:
     """A level as what is compared: `hover`, `10 m`, `tau_o = 0.5`."""
     if factor == "altitude_m":
         return f"{level_name(level)} m"
-    return level_name(level) if factor in _FACTORS else f"{factor} = {level_name(level)}"
+    return level_name(level) if factor in _FACTORS else f"{_as_designed(factor)} = {level_name(level)}"
 
 
 def among(factor: str, level: object) -> str:

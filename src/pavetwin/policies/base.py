@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import hypot, isfinite
 from types import MappingProxyType
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from pavetwin.config.mission import PolicySettings
 from pavetwin.config.options import OptionValue, checked_options
@@ -67,6 +67,14 @@ class Policy(ABC):
     default_options: ClassVar[Mapping[str, OptionValue]] = MappingProxyType({})
     """The options that it has, with the values that hold where `policy.options` gives none. A value must have the type
     of its default; a whole number is a number too."""
+    reads: ClassVar[frozenset[str]] = frozenset(PolicySettings.model_fields) - {"options"}
+    """The settings of the section `policy` that it reads, `options` aside: a study that sweeps another one flies it
+    once. Not inherited: a subclass that does not say may read any."""
+
+    def __init_subclass__(cls, **given: Any) -> None:
+        super().__init_subclass__(**given)
+        if "reads" not in vars(cls):
+            cls.reads = Policy.reads
 
     def __init__(self, settings: PolicySettings) -> None:
         """Raises:

@@ -9,5 +9,7 @@ from pavetwin.twin import Snapshot
 class Baseline(Policy):
     """Flies on whatever it sees."""
 
+    reads = frozenset()
+
     def decide(self, snapshot: Snapshot) -> Action:  # noqa: ARG002
         return GoOn()

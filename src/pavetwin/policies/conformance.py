@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from math import hypot, inf, isfinite, pi
 from time import perf_counter
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from shapely import LineString, Polygon
@@ -50,12 +51,13 @@ def check_policy(factory: Callable[[PolicySettings], Policy]) -> list[str]:
 
     It must answer every snapshot with an action of finite numbers within `settings`, the same one whenever it is asked
     the same, whatever it was asked before; it must change nothing that it is given, and stop waiting after
-    `max_wait_s`.
+    `max_wait_s`. It reads no settings but those that it names in `reads`.
     """
     broken: list[str] = []
     for settings in SETTINGS:
+        read: set[str] = set()
         try:
-            first, second = factory(settings), factory(settings)
+            first, second = factory(_watched(settings, read)), factory(settings)
         except Exception as error:
             return [f"it cannot be made from its settings: {told(error)}"]
         cases = list(trial_snapshots(settings))
@@ -69,7 +71,21 @@ def check_policy(factory: Callable[[PolicySettings], Policy]) -> list[str]:
                     f"{next(other for other in others if other != answer)} another time; "
                     "an answer must depend on the snapshot and the settings alone"
                 )
+        if unnamed := sorted(read - first.reads - {"options"}):
+            broken.append(f"it reads {', '.join(unnamed)}, which its `reads` does not name")
     return list(dict.fromkeys(broken))
+
+
+def _watched(settings: PolicySettings, read: set[str]) -> PolicySettings:
+    """The same settings, which add the names of those that are read to `read`."""
+
+    class Watched(PolicySettings):
+        def __getattribute__(self, name: str) -> Any:
+            if name in PolicySettings.model_fields:
+                read.add(name)
+            return super().__getattribute__(name)
+
+    return Watched.model_construct(**dict(settings))
 
 
 @dataclass(frozen=True)

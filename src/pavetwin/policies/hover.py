@@ -9,6 +9,8 @@ from pavetwin.twin import Snapshot
 class Hover(Policy):
     """p_{t+1} = p_t for `wait_s`; looks again, and waits again, at most `max_wait_s` in one episode of occlusion."""
 
+    reads = frozenset({"wait_s", "max_wait_s"})
+
     def decide(self, snapshot: Snapshot) -> Action:
         if snapshot.occlusion is None:
             return GoOn()

@@ -25,6 +25,8 @@ class Micro(Policy):
     where other cells are hidden.
     """
 
+    reads = frozenset({"max_displacement_m"})
+
     def __init__(self, settings: PolicySettings) -> None:
         super().__init__(settings)
         ring = [(cos(tau * k / DIRECTIONS), sin(tau * k / DIRECTIONS)) for k in range(DIRECTIONS)]

@@ -9,6 +9,8 @@ from pavetwin.twin import Snapshot
 class Skip(Policy):
     """Notes the place (none closer than `note_spacing_m`, at most one every `note_interval_s`) and goes on."""
 
+    reads = frozenset({"note_spacing_m", "note_interval_s", "revisit_stay_s"})
+
     def decide(self, snapshot: Snapshot) -> Action:
         occlusion = snapshot.occlusion
         if occlusion is None or occlusion.hidden_place is None:

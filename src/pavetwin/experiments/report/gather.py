@@ -20,6 +20,7 @@ from pavetwin.experiments.statistics import (
     key_findings,
     summarise,
 )
+from pavetwin.experiments.statistics.cells import levels_of
 from pavetwin.experiments.tours import by_mission, is_by_mission
 from pavetwin.world.model import World
 
@@ -46,9 +47,9 @@ def gather(
     """
     rows, table = table, by_mission(table)
     by = table.columns[: table.columns.index(REPLICATE)]
-    factors = tuple(name for name in by if table[name].n_unique() > 1)
+    levels = {name: levels_of(table, name) for name in by}
+    factors = tuple(name for name in by if len(levels[name]) > 1)
     summary = summarise(table, by, metrics_in(table), seed=seed)
-    levels = {name: table[name].unique(maintain_order=True).to_list() for name in by}
     compared: list[Comparison] = []
     for factor, (reference, reason) in references(levels, design).items():
         if factor == "policy" and design.get("compare") == EVERY_PAIR:

@@ -43,6 +43,7 @@ def headline_table(group: Group, metric: Metric) -> Table:
         lead=len(_leading(group)),
         notes=[
             *_notes(rows, usual),
+            *_without(group),
             *_of_bold(body, partial=not all(each for _, _, whole in lines for each in whole)),
             *(_by_time(group) if metric.name == "energy" else []),
         ],
@@ -130,6 +131,16 @@ def _tail(metric: Metric, cell: Row | None) -> str:
     if cell is None or cell["median"] is None:
         return MISSING
     return " / ".join(shown(metric, cell[name]) for name in ("median", "p95", "maximum"))
+
+
+def _without(group: Group) -> list[str]:
+    """That missions which lack a swept setting are shown with each of its values."""
+    lacking = {name: group.lacking(name) for name in group.swept}
+    return [
+        f"The same missions of {policies} stand with every value of {factor_text(name)}, which they do not have."
+        for name, policies in lacking.items()
+        if policies
+    ]
 
 
 def _of_bold(body: Sequence[Sequence[TableCell]], *, partial: bool) -> list[str]:

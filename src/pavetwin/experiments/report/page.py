@@ -59,7 +59,7 @@ def page(study: Study, sections: Sequence[Section]) -> str:
 
 
 def design_words(study: Study) -> str:
-    varied = [name for name in (*AXES, *study.others) if name in study.table and study.table[name].n_unique() > 1]
+    varied = [name for name in (*AXES, *study.others) if name in study.table and len(study.levels(name)) > 1]
     parts = [
         f"{counted(len(study.levels(name)), factor_text(name).lower(), factors_text(name))} ({_levels(study, name)})"
         for name in varied

@@ -86,7 +86,7 @@ def _over(group: Group, factor: str) -> Iterator[Block]:
                 intervals.across(usual, factor, metric, traffics),
                 f"{metric.label} over {factor_text(factor)}{_of(usual)}: means with 95 % bootstrap intervals over "
                 "replicates, a row for each altitude and a column for each traffic density. "
-                f"{_side_by_side(factor)}",
+                f"{_side_by_side(factor)} {_without(group, factor)}".strip(),
                 f"Line plots of {metric.label.lower()} over {factor_text(factor)}, by altitude, policies "
                 f"{_names('policy', group.policies)}.",
             )
@@ -111,6 +111,11 @@ def _intervals(group: Group) -> Iterator[Block]:
 def _side_by_side(factor: str) -> str:
     where = "altitude" if factor == "altitude_m" else f"value of {factor_text(factor)}"
     return f"Marks at one {where} stand side by side only so that they do not overlap."
+
+
+def _without(group: Group, factor: str) -> str:
+    named = group.lacking(factor)
+    return f"At “{intervals.WITHOUT}” stand policies that have no {factor_text(factor)}: {named}." if named else ""
 
 
 def _differences(group: Group, factor: str) -> Iterator[Block]:

@@ -12,9 +12,9 @@ from pavetwin.experiments.advice import Advice
 from pavetwin.experiments.design import IN_DESIGN
 from pavetwin.experiments.metrics import EVERY_METRIC, FACTORS, FLOWN, REFERENCE, REPLICATE, STATUS, Metric
 from pavetwin.experiments.statistics import Comparison
-from pavetwin.experiments.statistics.cells import failed_alone
+from pavetwin.experiments.statistics.cells import failed_alone, levels_of
 from pavetwin.experiments.tours import is_by_mission
-from pavetwin.experiments.words import factor_text, level_text
+from pavetwin.experiments.words import factor_text, level_text, listed
 from pavetwin.world.model import World
 
 AXES: Final = ("traffic", "altitude_m", "policy")
@@ -72,7 +72,7 @@ class Study:
     def others(self) -> tuple[str, ...]:
         """The factors that vary and are not among `AXES`."""
         known = set(self.summary.columns) - set(AXES)
-        return tuple(name for name in self.factors if name in known and self.table[name].n_unique() > 1)
+        return tuple(name for name in self.factors if name in known and len(levels_of(self.table, name)) > 1)
 
     @property
     def apart(self) -> tuple[str, ...]:
@@ -106,7 +106,7 @@ class Study:
 
     def levels(self, factor: str) -> list[Any]:
         """The levels of a factor: in the design's order, those it does not name after them."""
-        found = self.table[factor].unique(maintain_order=True).to_list()
+        found = levels_of(self.table, factor)
         swept = self.design.get("sweep") or {}
         known = IN_DESIGN.get(factor)
         requested = self.design.get(known) if known else swept.get(factor, swept.get(factor.removesuffix("_set")))
@@ -119,11 +119,23 @@ class Study:
             yield Group(self, key)
 
     def combinations(self, names: Sequence[str]) -> list[dict[str, Any]]:
-        """Those of the levels of some other factors that were flown, in their order; an empty one of no factors."""
+        """Those of the levels of some other factors that were flown, in their order; an empty one of no factors.
+
+        Policies that lack a swept setting make no combination of their own where those that have it can show them.
+        """
         cells = self.summary.select(names).unique() if names else pl.DataFrame({"": [0]})
         keys = [{name: row[name] for name in names} for row in cells.iter_rows(named=True)]
-        places = {name: {level: at for at, level in enumerate(self.levels(name))} for name in names}
-        return sorted(keys, key=lambda key: [places[name][level] for name, level in key.items()])
+        shown = [key for key in keys if not (None in key.values() and any(_holds(other, key) for other in keys))]
+        return sorted(shown, key=self.place)
+
+    def place(self, key: Mapping[str, Any]) -> list[int]:
+        """Where a combination of levels stands among others of the same factors: what is missing comes first."""
+        return [self._places[name].get(level, -1) for name, level in key.items()]
+
+    @cached_property
+    def _places(self) -> dict[str, dict[Any, int]]:
+        names = {*AXES, *self.summary.columns[: self.summary.columns.index(METRIC)]}
+        return {name: {level: at for at, level in enumerate(self.levels(name))} for name in names}
 
 
 @dataclass(frozen=True)
@@ -145,8 +157,9 @@ class Group:
 
     @property
     def swept(self) -> tuple[str, ...]:
-        """The settings that vary within the group."""
-        return tuple(name for name in self.study.swept if name not in self.key)
+        """The settings that vary within the group; those that all its missions lack do not."""
+        free = (name for name in self.study.swept if name not in self.key)
+        return tuple(name for name in free if levels_of(self.summary, name))
 
     def at(self, levels: Mapping[str, Any]) -> "Group":
         """Those of its cells that have these levels of other factors."""
@@ -194,6 +207,11 @@ class Group:
         """How many missions of a cell failed that another option in the same traffic flew."""
         return self._failed_alone.get((traffic, altitude_m, policy), 0)
 
+    def lacking(self, factor: str) -> str:
+        """`baseline and skip`: the policies that lack a factor; empty where all have it."""
+        have_not = set(self.summary.filter(pl.col(factor).is_null())["policy"].to_list())
+        return listed([level_text("policy", policy) for policy in self.policies if policy in have_not])
+
     @cached_property
     def _failed_alone(self) -> Counter[tuple[Any, ...]]:
         table = self._chosen(self.study.table)
@@ -204,7 +222,11 @@ class Group:
         return [level for level in (*self.study.levels(axis), None) if level in found]
 
     def _chosen(self, frame: pl.DataFrame) -> pl.DataFrame:
-        same = [pl.col(name).eq_missing(level) for name, level in self.key.items() if name in frame.columns]
+        same = [
+            pl.col(name).is_null() | pl.col(name).eq_missing(level)
+            for name, level in self.key.items()
+            if name in frame.columns
+        ]
         return frame.filter(*same) if same else frame
 
     def _placed(self, frame: pl.DataFrame) -> pl.DataFrame:
@@ -212,6 +234,11 @@ class Group:
         lacking = {axis: self.study.levels(axis) for axis in AXES if axis not in frame.columns}
         only = [pl.lit(levels[0] if len(levels) == 1 else None).alias(axis) for axis, levels in lacking.items()]
         return self._chosen(frame).with_columns(only)
+
+
+def _holds(key: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Whether a combination has all levels of another, and more."""
+    return key != other and all(level in (None, key[name]) for name, level in other.items())
 
 
 def replicates(study: Study) -> int:

@@ -1,6 +1,10 @@
-"""A study's table as matrices: a row a cell of the design, a column an independent replicate."""
+"""A study's table as matrices: a row a cell of the design, a column an independent replicate.
 
-from collections.abc import Hashable, Sequence
+A level that is missing (null) says that the missions lack the factor: a policy has no part in an option of another. Its
+one set of missions stands for all levels of that factor.
+"""
+
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -92,8 +96,11 @@ def failures(table: pl.DataFrame) -> BoolArray:
 
 
 def failed_alone(table: pl.DataFrame, by: Sequence[str]) -> BoolArray:
-    """(rows,) where a mission failed that another cell of `by` flew: only such make the cells' means unequal."""
-    rest = [name for name in (*varied_columns(table), REPLICATE) if name not in by]
+    """(rows,) where a mission failed that another cell of `by` flew: only such make the cells' means unequal.
+
+    Factors that some missions lack, and that `by` leaves out, are disregarded: these missions stand for all levels.
+    """
+    rest = [name for name in (*varied_columns(table), REPLICATE) if name not in by and not table[name].null_count()]
     failed = pl.col(STATUS) == FAILED
     return np.asarray(table.select(failed & ~failed.all().over(rest)).to_series().to_numpy(), dtype=np.bool_)
 
@@ -101,6 +108,51 @@ def failed_alone(table: pl.DataFrame, by: Sequence[str]) -> BoolArray:
 def varied_columns(table: pl.DataFrame) -> list[str]:
     """What tells the cells of a design apart: its factors and what it sweeps, the columns before `replicate`."""
     return table.columns[: table.columns.index(REPLICATE)]
+
+
+def levels_of(table: pl.DataFrame, factor: str) -> list[Any]:
+    """The levels of a factor, in the order of their first appearance; missing ones are no level."""
+    return table[factor].drop_nulls().unique(maintain_order=True).to_list()
+
+
+def partners(keys: Sequence[CellKey], at: int, reference: Any) -> Iterator[tuple[int, int, CellKey]]:
+    """Each cell with the cells that have the level `reference` of the factor at the place `at` and agree in all else; a
+    level that one of two lacks agrees with any.
+
+    Returns:
+        Number of the cell, number of its partner, and the key of the pair, which has the levels of both.
+    """
+    rest = [tuple(None if place == at else level for place, level in enumerate(key)) for key in keys]
+    lacking = [frozenset(place for place, level in enumerate(key) if level is None) for key in rest]
+    others = [cell for cell, key in enumerate(keys) if key[at] == reference]
+    for theirs in dict.fromkeys(lacking[cell] for cell in others):
+        for ours in dict.fromkeys(lacking):
+            found: dict[CellKey, list[int]] = {}
+            for cell in others:
+                if lacking[cell] == theirs:
+                    found.setdefault(_without(rest[cell], ours), []).append(cell)
+            for cell, key in enumerate(rest):
+                if lacking[cell] == ours and keys[cell][at] not in (None, reference):
+                    for partner in found.get(_without(key, theirs), ()):
+                        yield cell, partner, _of_both(keys[cell], keys[partner])
+
+
+def _without(key: CellKey, places: frozenset[int]) -> CellKey:
+    return tuple(None if place in places else level for place, level in enumerate(key))
+
+
+def _of_both(key: CellKey, partner: CellKey) -> CellKey:
+    return tuple(other if level is None else level for level, other in zip(key, partner, strict=True))
+
+
+def at_every_level(table: pl.DataFrame) -> pl.DataFrame:
+    """The table as if every mission had been flown at each level of the factors that it lacks, with the same result."""
+    for name in varied_columns(table):
+        if table[name].null_count():
+            levels = table.select(name).drop_nulls().unique(maintain_order=True)
+            lacking = table.filter(pl.col(name).is_null()).drop(name).join(levels, how="cross")
+            table = pl.concat([table.drop_nulls(name), lacking.select(table.columns)])
+    return table
 
 
 def key_columns(table: pl.DataFrame, by: Sequence[str], keys: Sequence[CellKey]) -> pl.DataFrame:

@@ -20,7 +20,7 @@ from scipy.special import fdtrc
 
 from pavetwin.arrays import Float64Array, IndexArray
 from pavetwin.experiments.metrics import METRICS, REPLICATE, Metric
-from pavetwin.experiments.statistics.cells import layout, values_of
+from pavetwin.experiments.statistics.cells import at_every_level, layout, values_of
 
 RESIDUAL = "residual"
 TIMES = " × "
@@ -46,7 +46,7 @@ def effects(table: pl.DataFrame, factors: Sequence[str], metrics: Sequence[Metri
 
     Factors with one level are dropped. Only replicates with a value in every cell are used, which keeps the terms apart
     from each other; a metric without such a replicate has no rows. Missions that differ in none of the factors are
-    averaged.
+    averaged. Those that lack a factor count at each of its levels.
 
     Columns: `metric`, `term` ("traffic", "traffic × policy"; then "replicate" and "residual", which is all that is
     left: higher interactions, and how the factors work differently from replicate to replicate), `df`, `ss`, `f`, `p`
@@ -56,7 +56,8 @@ def effects(table: pl.DataFrame, factors: Sequence[str], metrics: Sequence[Metri
     Lewis 1979), `replicates` (used). `f`, `p`, `omega2` are null for the last two terms, and where too few replicates
     leave nothing to test against.
     """
-    rows = [row for metric in metrics for row in _of_metric(table, list(factors), metric)]
+    whole = at_every_level(table)
+    rows = [row for metric in metrics for row in _of_metric(whole, list(factors), metric)]
     return pl.DataFrame(rows, schema=_SCHEMA, orient="row")
 
 

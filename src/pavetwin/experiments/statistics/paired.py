@@ -10,7 +10,16 @@ import polars as pl
 from pavetwin.arrays import BoolArray, Float64Array
 from pavetwin.experiments.metrics import COMPARED, REFERENCE, Metric, metric_named
 from pavetwin.experiments.statistics.bootstrap import centres
-from pavetwin.experiments.statistics.cells import CellKey, key_columns, layout, nullable, values_of, varied_columns
+from pavetwin.experiments.statistics.cells import (
+    CellKey,
+    key_columns,
+    layout,
+    levels_of,
+    nullable,
+    partners,
+    values_of,
+    varied_columns,
+)
 from pavetwin.experiments.statistics.simultaneous import ALPHA, simultaneous
 from pavetwin.experiments.statistics.summary import interleaved
 
@@ -53,9 +62,10 @@ def differences(
 ) -> pl.DataFrame:
     """Level − reference of `factor`, for every other level and every cell of the other columns of `by`.
 
-    A pair agrees in world, replicate and everything else that the design varies; where `by` leaves some of that out, a
-    replicate's pairs are averaged first, since they are not independent. A pair that lacks a value on either side,
-    undefined or failed, is left out and counted.
+    A pair agrees in world, replicate and everything else that the design varies, as far as both have it: a policy that
+    lacks a swept setting is compared at each of its levels with the one set of missions that it has. Where `by` leaves
+    some of that out, a replicate's pairs are averaged first, since they are not independent. A pair that lacks a value
+    on either side, undefined or failed, is left out and counted.
 
     Columns: `*by` (that of the factor holds the level compared), `metric`, `pairs` (replicates with a difference),
     `undefined` (replicates without), `mean`, `low`, `high` (simultaneous 95 % interval), `p` (of this comparison by
@@ -69,7 +79,7 @@ def differences(
     """
     if factor not in by:
         raise ValueError(f"by: {list(by)} lacks the factor '{factor}' whose levels are compared.")
-    others = [level for level in table[factor].unique(maintain_order=True) if level != reference]
+    others = [level for level in levels_of(table, factor) if level != reference]
     return _together(table, by, metrics, [_Pairing(table, by, factor, reference, others)], seed)[0]
 
 
@@ -121,16 +131,11 @@ class _Pairing:
         # `by` comes first, so that its cells keep the order that `summarise` gives them.
         self.cells = layout(table, [*by, *others])
         at = list(by).index(factor)
-        number = {key: cell for cell, key in enumerate(self.cells.keys)}
-        pairs: list[tuple[int, int]] = []
-        for key, cell in number.items():
-            partner = number.get((*key[:at], reference, *key[at + 1 :]))
-            if partner is not None and key[at] in levels:
-                pairs.append((cell, partner))
-        self.level = np.array([cell for cell, _ in pairs], dtype=np.intp)
-        self.reference = np.array([cell for _, cell in pairs], dtype=np.intp)
+        found = sorted(pair for pair in partners(self.cells.keys, at, reference) if pair[2][at] in levels)
+        self.level = np.array([cell for cell, _, _ in found], dtype=np.intp)
+        self.reference = np.array([partner for _, partner, _ in found], dtype=np.intp)
         ordered: dict[CellKey, int] = {}
-        self.group = [ordered.setdefault(self.cells.keys[cell][: len(by)], len(ordered)) for cell, _ in pairs]
+        self.group = [ordered.setdefault(key[: len(by)], len(ordered)) for _, _, key in found]
         self.keys = tuple(ordered)
 
     def differences(self, values: Float64Array) -> tuple[Float64Array, BoolArray]:

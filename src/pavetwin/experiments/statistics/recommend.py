@@ -11,7 +11,14 @@ import polars as pl
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.metrics import BATTERIES, ERROR_METRICS, TOUR_METRICS, metric_named, metrics_in
-from pavetwin.experiments.statistics.cells import failed_alone, layout, nullable, values_of, varied_columns
+from pavetwin.experiments.statistics.cells import (
+    failed_alone,
+    layout,
+    levels_of,
+    nullable,
+    values_of,
+    varied_columns,
+)
 from pavetwin.experiments.statistics.flips import sign_flip_p
 from pavetwin.experiments.statistics.shrinkage import true_means
 from pavetwin.experiments.statistics.summary import FEW, summarise
@@ -326,7 +333,7 @@ def _left_out(options: Sequence[Row], by: Sequence[str]) -> list[str]:
 
 def _averaged(table: pl.DataFrame, by: Sequence[str]) -> list[str]:
     """What else the design varies, over which the expected values are averages."""
-    levels = {name: table[name].unique(maintain_order=True) for name in varied_columns(table) if name not in by}
+    levels = {name: levels_of(table, name) for name in varied_columns(table) if name not in by}
     named = [
         f"{factor_name(name)} ({listed([level_name(level) for level in found])})"
         for name, found in levels.items()

@@ -7,6 +7,7 @@ import numpy as np
 import polars as pl
 
 from pavetwin.experiments.metrics import COMPARED, METRICS, REPLICATE, metric_named
+from pavetwin.experiments.statistics.cells import levels_of
 from pavetwin.experiments.statistics.effects import RESIDUAL, TIMES
 from pavetwin.experiments.statistics.paired import Comparison, holm, is_significant
 from pavetwin.experiments.statistics.summary import FEW
@@ -190,7 +191,7 @@ def _grouped(rows: Sequence[Row], key: Callable[[Row], Any]) -> dict[Any, list[R
 
 def _varied(frame: pl.DataFrame, columns: Sequence[str]) -> list[str]:
     """The columns with more than one level; naming the others would add nothing."""
-    return [column for column in columns if frame[column].n_unique() > 1]
+    return [column for column in columns if len(levels_of(frame, column)) > 1]
 
 
 def _out_of(found: int, settings: int) -> str:

@@ -26,15 +26,9 @@ def axes_of(group: Group) -> tuple[str, ...]:
 
 def places(group: Group, differences: pl.DataFrame, traffics: Sequence[Any]) -> list[RowLevels]:
     """The comparisons of these densities in the order of the table, from the top."""
-    found = set(differences.select(axes_of(group)).iter_rows())
-    grid = [
-        (traffic, altitude, *(part.key[name] for name in group.swept), policy)
-        for traffic in traffics
-        for altitude in group.altitudes
-        for part in group.parts
-        for policy in group.policies
-    ]
-    return [place for place in grid if place in found]
+    axes = axes_of(group)
+    found = {place for place in differences.select(axes).iter_rows() if place[0] in traffics}
+    return sorted(found, key=lambda place: group.study.place(dict(zip(axes, place, strict=True))))
 
 
 def forest(group: Group, differences: pl.DataFrame, metrics: Sequence[Metric], shown: Sequence[RowLevels]) -> Figure:
@@ -96,7 +90,11 @@ def _name_rows(axes: Axes, factors: Sequence[str], shown: Sequence[RowLevels]) -
                 panel.axhspan(ys[0] - 0.5, ys[-1] + 0.5, color=style.GROUND, zorder=0, linewidth=0)
         panel.tick_params(axis="y", length=0)
     words = [
-        "  ".join(_level(factor, level) for factor, level in zip(factors[:-1], place, strict=True))
+        "  ".join(
+            _level(factor, level)
+            for factor, level in zip(factors[:-1], place, strict=True)
+            if factor in AXES or level is not None
+        )
         for place, _ in blocks
     ]
     axes.set_yticks([(ys[0] + ys[-1]) / 2 for _, ys in blocks], words)

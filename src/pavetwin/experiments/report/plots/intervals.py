@@ -24,6 +24,9 @@ _FROM_ZERO: Final = 0.35
 """An axis begins at 0 when the smallest value is below this share of the largest."""
 
 
+WITHOUT: Final = "without"
+"""The tick of policies that lack the factor."""
+
 PanelRow = tuple[Metric, str, Callable[[Any, Any, Any], Row | None]]
 """A metric, the label of its row of panels, and the summary's row for a density, a tick and a policy."""
 
@@ -35,17 +38,22 @@ def by_altitude(group: Group, metrics: Sequence[Metric], traffics: Sequence[Any]
 
 
 def across(group: Group, factor: str, metric: Metric, traffics: Sequence[Any]) -> Figure:
-    """One metric over the levels of another factor: a row of panels an altitude, a column a density.
+    """One metric over the levels of another factor: a row of panels an altitude, a column a density. Policies that lack
+    the factor stand before its levels.
 
     Args:
         group: its cells differ in `factor` as well.
     """
-    ticks = [levels[factor] for levels in group.study.combinations([factor])]
+    levels = [key[factor] for key in group.study.combinations([factor])]
+    ticks = [None, *levels] if group.lacking(factor) else levels
     by_level = {level: group.at({factor: level}) for level in ticks}
 
+    def cell(altitude: Any, traffic: Any, level: Any, policy: Any) -> Row | None:
+        found = by_level[level].cell(metric.name, traffic, altitude, policy)
+        return found if found is not None and found[factor] == level else None
+
     def row(altitude: Any) -> PanelRow:
-        words = f"{level_text('altitude_m', altitude)}\n{heading(metric)}"
-        return metric, words, lambda t, level, policy: by_level[level].cell(metric.name, t, altitude, policy)
+        return metric, f"{level_text('altitude_m', altitude)}\n{heading(metric)}", partial(cell, altitude)
 
     return _draw(group, [row(altitude) for altitude in group.altitudes], traffics, factor, ticks)
 
@@ -71,8 +79,8 @@ def _draw(group: Group, rows: Sequence[PanelRow], traffics: Sequence[Any], facto
             _scale(panels[0], metric, [row for each in (found if one_metric else [cells]) for row in each.values()])
         for traffic, top, bottom in zip(traffics, axes[0], axes[-1], strict=True):
             canvas.panel_title(top, traffic_title(traffic))
-            bottom.set_xticks(places, [level_text(factor, tick) for tick in ticks])
-            bottom.set(xlabel=factor_text(factor), xlim=(-0.55, places[-1] + 0.55))
+            bottom.set_xticks(places, [WITHOUT if tick is None else level_text(factor, tick) for tick in ticks])
+            bottom.set(xlabel=factor_text(factor), xlim=(places[0] - 0.55, places[-1] + 0.55))
         canvas.policy_legend(figure, chosen)
     return figure
 
@@ -90,6 +98,8 @@ def _line(
 
 def _places(ticks: Sequence[Any]) -> Float64Array:
     """(n,) where ticks stand, 1 apart where they are closest: to scale between numbers, if none would be far away."""
+    if ticks[0] is None and len(ticks) > 1:
+        return np.array([-1.0, *_places(ticks[1:])])
     even = np.arange(len(ticks), dtype=np.float64)
     if len(ticks) < 3 or not _in_order(ticks) or list(ticks) != sorted(ticks):
         return even
@@ -100,7 +110,7 @@ def _places(ticks: Sequence[Any]) -> Float64Array:
 
 def _in_order(ticks: Sequence[Any]) -> bool:
     """Whether a line from tick to tick means something: between numbers, not between names."""
-    return all(isinstance(tick, int | float) and not isinstance(tick, bool) for tick in ticks)
+    return all(isinstance(tick, int | float) and not isinstance(tick, bool) for tick in ticks if tick is not None)
 
 
 def _scale(axes: Axes, metric: Metric, rows: Sequence[Row | None]) -> None:
