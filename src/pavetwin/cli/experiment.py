@@ -288,7 +288,7 @@ def _options_table(chosen: "Recommendation") -> "Table":
     headings = [*chosen.by, "coverage %", "corrected", *costs, *names, kept, "best with"]
     rows, styles = [], []
     for row in chosen.options.iter_rows(named=True):
-        factors = [level_text(name, row[name]) for name in chosen.by]
+        factors = [level_text(name, row[name]).replace("\u00a0", " ") for name in chosen.by]
         rows.append(
             (
                 *factors,
