@@ -18,6 +18,7 @@ from pavetwin.scene.ground.layout.streets import StreetPlan, streets_of
 from pavetwin.scene.ground.layout.surfaces import SpatialIndex, SurfaceLayout
 from pavetwin.scene.ground.markings.painter import Paint
 from pavetwin.scene.ground.markings.placement import markings
+from pavetwin.scene.ground.markings.rules import MarkingRules, rules_of
 from pavetwin.world.model import Lane, Segment, Surface, World
 
 WIDENED_M: Final = 3.0
@@ -28,8 +29,13 @@ class GroundPlan(SurfaceLayout):
     """A world's surfaces and all marks on them, each computed on first use."""
 
     @cached_property
+    def rules(self) -> MarkingRules:
+        """How roads are marked where the world lies."""
+        return rules_of(self.world)
+
+    @cached_property
     def paint(self) -> Paint:
-        return markings(self)
+        return markings(self, self.rules)
 
     @cached_property
     def repairs(self) -> Repairs:

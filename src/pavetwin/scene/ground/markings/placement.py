@@ -21,7 +21,7 @@ from pavetwin.scene.ground.layout.turns import Approach
 from pavetwin.scene.ground.markings.arrows import arrow
 from pavetwin.scene.ground.markings.painter import Paint, Painter
 from pavetwin.scene.ground.markings.parking_lines import parking_lines
-from pavetwin.scene.ground.markings.rules import rules_of
+from pavetwin.scene.ground.markings.rules import MarkingRules
 from pavetwin.world.model import CARRIAGEWAY_LANES, Crossing, Direction, Lane, LaneKind
 
 ENDS_FREE_M: Final = 0.6
@@ -47,15 +47,14 @@ CROSSING_KERB_M: Final = 4.5
 """Both ends of a crossing lie at most this far from the kerb, which is rounded away where two streets meet."""
 
 
-def markings(plan: SurfaceLayout) -> Paint:
+def markings(plan: SurfaceLayout, rules: MarkingRules) -> Paint:
     """All paint of a world."""
-    return _Marker(plan).paint()
+    return _Marker(plan, rules).paint()
 
 
 class _Marker:
-    def __init__(self, plan: SurfaceLayout) -> None:
-        self.plan = plan
-        self.rules = rules_of(plan.world)
+    def __init__(self, plan: SurfaceLayout, rules: MarkingRules) -> None:
+        self.plan, self.rules = plan, rules
         self.painter = Painter()
         self.crossings = [crossing.polygon for crossing in plan.world.crossings]
         self.crossing_tree = STRtree(self.crossings)
