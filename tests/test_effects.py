@@ -5,12 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import polars as pl
 import pytest
 from benchmarks.effects import __main__ as command
 from benchmarks.effects import catalogue
 from benchmarks.effects.catalogue import VARIANTS, Kind, Variant, design_of
-from benchmarks.effects.cracks import highest
+from benchmarks.effects.cracks import reach
 from benchmarks.effects.plot import COLOURS, legend
 from benchmarks.effects.sizes import ALL, FLIGHT, Effect, effects, proposed, ranked, value
 from benchmarks.effects.table import default_line, effects_table, proposals_table, tours_table
@@ -127,12 +128,18 @@ def test_proposals_that_flip_say_what_they_lose_with_an_interval() -> None:
     assert mean == pytest.approx(-10, abs=3)
 
 
-@pytest.mark.parametrize(("loses", "told"), [(0.3, "15\u00a0m"), (0.05, "30\u00a0m (15 to 30)"), (0.0, "30\u00a0m")])
-def test_the_highest_altitude_is_the_last_that_loses_little(loses: float, told: str) -> None:
-    """Something is lost from 30 m only; 5 points are where the replicates cannot say whether it is too much."""
+@pytest.mark.parametrize(
+    ("mean", "falls", "told"),
+    [(0.4, 0.01, "21\u00a0m"), (0.2, 0.01, "under 6\u00a0m"), (0.5, 0.0, "over 30\u00a0m"), (0.3, 0.01, "11\u00a0m")],
+)
+def test_how_high_a_quarter_is_found(mean: float, falls: float, told: str) -> None:
+    """What is found falls evenly with every metre above 6 m."""
     levels = {**LEVELS, "altitude_m": (6.0, 10.0, 15.0, 30.0)}
-    table = study(levels, 12, lambda cell: {"coverage": -loses if cell["altitude_m"] > 20 else 0.0}, seed=3)
-    assert str(highest(table)) == told
+    table = study(levels, 12, lambda cell: {"coverage": mean - 0.7 - falls * (cell["altitude_m"] - 6)}, seed=3)
+    reached = reach(table)
+    assert str(reached).split(" (")[0] == told
+    assert reached.low_m <= reached.altitude_m <= reached.high_m
+    assert (reached.low_m < reached.high_m) == bool(reached.altitude_m and np.isfinite(reached.altitude_m))
 
 
 def test_the_legend_names_the_kinds_that_are_drawn() -> None:

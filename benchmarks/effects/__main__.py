@@ -19,7 +19,7 @@ import polars as pl
 
 from benchmarks.effects import table as tables
 from benchmarks.effects.catalogue import BEFORE, CRACKS, DEFAULT, VARIANTS, Variant, design_of
-from benchmarks.effects.cracks import cracks_table, highest_table
+from benchmarks.effects.cracks import cracks_table, reach_table
 from benchmarks.effects.plot import save_plot
 from benchmarks.effects.sizes import as_table, effects
 from benchmarks.effects.tour import SEGMENTS, tours
@@ -116,7 +116,7 @@ def measure(asked: argparse.Namespace, tell: OnProgress) -> str:
     parts += ["## Proposals", tables.proposals_table(flown[DEFAULT.name], found, limits)]
     parts += ["## Choices", tables.choices_table(flown[DEFAULT.name])]
     if cracks := [variant for variant in variants if variant.defects == CRACKS]:
-        parts += ["## Cracks", cracks_table(flown, cracks, limits), highest_table(flown, cracks, limits)]
+        parts += ["## Cracks", cracks_table(flown, cracks, limits), reach_table(flown, cracks)]
     if BEFORE in variants:
         told = tours(flown[BEFORE.name], flown[DEFAULT.name], limits)
         parts += ["## Before and after", tables.tours_table(told, 1)]
