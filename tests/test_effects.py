@@ -234,22 +234,26 @@ def test_an_effect_that_is_not_known_is_refused(town: Path, tmp_path: Path, caps
 
 
 CRACKS = [variant for variant in VARIANTS if variant.name.startswith("cracks")]
+ANY_SIZE = next(variant for variant in VARIANTS if variant.name == "any-size")
 
 
 @pytest.mark.slow
-def test_the_altitude_for_cracks_follows_the_ground_resolution(town: Path, tmp_path: Path) -> None:
-    """Finer pixels behind the same lens: one flies higher. The pixel on the ground stays within a factor of three."""
-    altitudes, pixels = {}, {}
-    for variant in CRACKS:
+def test_how_high_cracks_are_found_follows_the_ground_resolution(town: Path, tmp_path: Path) -> None:
+    """Finer pixels behind the same lens: one may fly higher. The pixel on the ground stays within a factor of three.
+    Where cracks of any size are found, what is proposed is no longer the lowest altitude."""
+    reaches, pixels, altitudes = {}, {}, {}
+    for variant in (*CRACKS, ANY_SIZE):
         design = design_of(
-            variant, [town], "low", 8, altitudes_m=[6, 10, 15, 30, 60], policies=["baseline"], segments=2,
+            variant, [town], "low", 8, altitudes_m=[6, 10, 15, 30, 60], policies=["hover"], segments=2,
             defects={"per_segment": 20, "mix": {"single_crack": 1}},
         )  # fmt: skip
         run(design, tmp_path / variant.name, Single())
         table = Store(tmp_path / variant.name).table()
-        altitudes[variant.name] = proposed(table, MissionLimits())[0]
+        reaches[variant.name], altitudes[variant.name] = reach(table), proposed(table, MissionLimits())[0]
         settings = cells_of(design)[0].settings(design)
         pixels[variant.name] = camera_of(settings).ground_resolution_m(1.0)
     assert pixels["cracks-coarse"] > pixels["cracks"] > pixels["cracks-fine"]
-    assert altitudes["cracks-coarse"] < altitudes["cracks"] <= altitudes["cracks-fine"]
-    assert altitudes["cracks-coarse"] < altitudes["cracks-fine"]
+    assert reaches["cracks-coarse"].altitude_m < reaches["cracks"].altitude_m < reaches["cracks-fine"].altitude_m
+    shown = [pixels[name] * reaches[name].altitude_m for name in ("cracks", "cracks-fine")]
+    assert max(shown) < 3 * min(shown)
+    assert altitudes["any-size"] > altitudes["cracks"] == 6.0
