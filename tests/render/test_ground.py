@@ -13,7 +13,7 @@ from pavetwin.scene.light import LUMINANCE, Light, harmonics
 from pavetwin.scene.model import TILE_M, GroundKind, defect_label
 from pavetwin.scene.patches import patch_of
 from pavetwin.scene.view import View, look
-from scenes.strips import ORIGIN, STRIP_M, Strips, axes, grain_xy, pothole, pyramids, rotation
+from scenes.strips import ORIGIN, STRIP_M, Strips, axes, finish, grain_xy, pothole, pyramids, rotation
 
 FAR_SIGHT_M = 1e6
 """So that there is no haze."""
@@ -87,7 +87,7 @@ def expected(
 ) -> np.ndarray:
     """(n, 3) kcd/m² of ground at points (n, 3), by the formula; `relief` (n, 4) as in `DefectPatch`, 0 … 255."""
     local = at[:, :2] - ORIGIN
-    found = surface(kind, grain_xy(kind, local), local, ORIGIN, pyramids(), footprint_m(view, at))
+    found = surface(kind, grain_xy(kind, local), local, ORIGIN, pyramids(), footprint_m(view, at), finish(kind))
     slope = found.normal[:, :2].astype(np.float64) / found.normal[:, 2:] @ axes(kind)
     towards = (view.position - at) / np.linalg.norm(view.position - at, axis=1)[:, None]
     if relief is None:
@@ -149,12 +149,12 @@ def test_a_defect_looks_as_its_heightfield_says(hole: Renderer, light: Light) ->
     steep = maximum_filter(np.abs(uniform_filter(relief[..., :2], (4, 4, 0)) - 128).max(axis=2), 9)
     gentle = map_coordinates(steep, texel.T, order=0) < 50
     assert gentle.sum() > 3000
-    wanted = expected(GroundKind.ASPHALT, view, light, at[gentle], there[gentle])
+    wanted = expected(GroundKind.SLABS, view, light, at[gentle], there[gentle])
     assert_alike(seen.radiance[shown][gentle], wanted)
     # What is left when the defect's own share is taken out is the pavement that was there before.
     changed = seen.radiance[shown][gentle, 3].astype(np.float64)
     assert np.quantile(changed, 0.05) < 0.8
-    before = expected(GroundKind.ASPHALT, view, light, at[gentle])
+    before = expected(GroundKind.SLABS, view, light, at[gentle])
     level, wanted_level = (
         values[:, :3].astype(np.float64) @ LUMINANCE for values in (seen.radiance[shown][gentle], before)
     )

@@ -9,7 +9,7 @@ from pavetwin.scene.export.baking import BakedTexture, bake_tile
 from pavetwin.scene.ground.materials.compose import surface
 from pavetwin.scene.ground.materials.sampling import srgb_of_linear
 from pavetwin.scene.model import TILE_M, GroundKind
-from scenes.strips import KEY, ORIGIN, STRIP_M, Strips, axes, grain_xy, pyramids
+from scenes.strips import KEY, ORIGIN, STRIP_M, Strips, axes, finish, grain_xy, pyramids
 
 TEXEL_M = 0.032
 
@@ -26,7 +26,7 @@ def test_grain_is_baked_along_the_pictures_axes_whichever_way_it_lies(kind: Grou
     x, y = np.meshgrid((np.arange(side) + 0.5) * TILE_M / side, TILE_M - (np.arange(side) + 0.5) * TILE_M / side)
     inside = (np.abs(y - (kind + 0.5) * STRIP_M) < STRIP_M / 2 - 0.1) & (x < 8.0)
     local = np.column_stack([x[inside], y[inside]])
-    found = surface(kind, grain_xy(kind, local), local, ORIGIN, pyramids(), TILE_M / side)
+    found = surface(kind, grain_xy(kind, local), local, ORIGIN, pyramids(), TILE_M / side, finish(kind))
     assert np.abs(picture.colour[inside] - 255 * srgb_of_linear(found.albedo)).max() < 1.5
     bent = (picture.normal[inside].astype(float)[:, :2] - 128) / 127
     assert np.abs(bent - found.normal[:, :2] @ axes(kind)).max() < 0.006

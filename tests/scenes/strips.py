@@ -16,6 +16,7 @@ from pavetwin.scene.model import (
     TILE_M,
     DefectPatch,
     Detail,
+    Finish,
     GroundKind,
     GroundMaps,
     GroundPiece,
@@ -91,7 +92,7 @@ class Strips:
     facade_textures = np.full((1, 8, 8, 4), 128, dtype=np.uint8)
 
     def __init__(self, *defects: Defect) -> None:
-        self._patches = tuple(patch_of(each) for each in defects)
+        self._patches = tuple(patch_of(each, GroundKind.SLABS, finish(GroundKind.SLABS)) for each in defects)
         self._holes = {number: each.polygon.buffer(0.1).bounds for number, each in enumerate(defects)}
 
     @property
@@ -116,10 +117,15 @@ class Strips:
         return self._patches[number]
 
 
+def finish(kind: GroundKind) -> Finish:
+    """Another one for each kind."""
+    return Finish(1 + kind / 64, 1 - kind / 32, 0.5 + kind / 8)
+
+
 def strip(kind: GroundKind) -> GroundPiece:
     south, north = kind * STRIP_M, (kind + 1) * STRIP_M
     ring = np.array([[0, south], [TILE_M, south], [TILE_M, north], [0, north]])
     corners = np.column_stack([ring, np.zeros(4)]).astype(np.float32)
     up = np.tile(np.array([0, 0, 1], dtype=np.float32), (4, 1))
     uv = grain_xy(kind, ring).astype(np.float32)
-    return GroundPiece(kind, Mesh(corners, up, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32), uv=uv))
+    return GroundPiece(kind, Mesh(corners, up, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32), uv=uv), finish(kind))

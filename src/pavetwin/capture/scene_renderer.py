@@ -13,6 +13,7 @@ from pavetwin.capture.samples import CameraSample
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.render.nearby import FAR_M
 from pavetwin.render.renderer import Renderer
+from pavetwin.scene.ground.looks import DEFAULT_LOOK
 from pavetwin.scene.light import Light
 from pavetwin.scene.model import agent_label
 from pavetwin.scene.scene import Scene
@@ -39,8 +40,12 @@ class SceneRenderer:
         PaveTwinError: there is no adapter to draw with.
     """
 
-    def __init__(self, world: World) -> None:
-        self._scene = Scene(world, seed=LOOK_SEED)
+    def __init__(self, world: World, look: str = DEFAULT_LOOK) -> None:
+        """Args:
+        world: with its defects.
+        look: of its streets: a name, or a YAML file.
+        """
+        self._scene = Scene(world, seed=LOOK_SEED, look=look)
         self._renderer = Renderer(self._scene)
         self._trace: tuple[Recording, Trace] | None = None
 
@@ -103,7 +108,7 @@ class SceneFrameSource:
     """Renders the camera samples of a dataset."""
 
     def __init__(self, context: CaptureContext) -> None:
-        self._scene_renderer = SceneRenderer(context.world)
+        self._scene_renderer = SceneRenderer(context.world, context.settings.look)
 
     def frame(self, sample: CameraSample, context: CaptureContext) -> RenderedFrame:
         """The same sample gives the same frame, whatever was rendered before."""

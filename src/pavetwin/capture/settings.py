@@ -17,17 +17,21 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
 from pavetwin.mission.versions import ADAPTER, version_changes
 from pavetwin.plugins import plugin_hashes
+from pavetwin.scene.ground.looks import DEFAULT_LOOK, look_sha256
 from pavetwin.traffic.demand import DEFAULT_TRAFFIC
 from pavetwin.uav.entries import own_file
 from pavetwin.world.model import World
 
 ImageSidePx = Annotated[int, Field(ge=64, le=8192)]
 
-FORMAT: Final = 4
+FORMAT: Final = 5
 """Version of the dataset's format; raised when older datasets cannot be read or resumed."""
 
 CAMERA_HASH: Final = "camera_sha256"
 """Key of a dataset's description: of the file that its camera comes from."""
+
+LOOK_HASH: Final = "look_sha256"
+"""The same, of the look of its streets."""
 
 FILE: Final = "capture.yaml"
 
@@ -57,6 +61,8 @@ class CaptureSettings(Settings):
     """Share of images that are to show no defect at all."""
     parking: ParkingSettings = ParkingSettings()
     """Vehicles parked in the world's places: at the date and time of each image, by the seed."""
+    look: NameOrFile = DEFAULT_LOOK
+    """Of the streets: a name that ships with the package, or a path to a YAML file of the same form."""
     picture: Literal["jpg", "png"] = "jpg"
     quality: Annotated[int, Field(ge=50, le=100)] = 92
     """Of JPEG."""
@@ -120,6 +126,7 @@ def description(settings: CaptureSettings, world: World, versions: Mapping[str, 
         "format": FORMAT,
         "made_by": dict(versions),
         "world": {"name": world.name, **hashes},
+        LOOK_HASH: look_sha256(settings.look),
         **({CAMERA_HASH: file_sha256(Path(own))} if own else {}),
         "plugins": {Path(path).name: content for path, content in plugin_hashes(settings.plugins).items()},
         "classes": [category.name for category in categories()],
@@ -162,6 +169,11 @@ def check_same(folder: Path, expected: dict[str, Any]) -> bool:
             f"'{folder}' was begun with another `camera` than '{expected['settings']['camera']}' holds now; "
             "choose another folder."
         )
+    if found.get(LOOK_HASH) != expected[LOOK_HASH] and _same_name(found, expected, "look"):
+        raise PaveTwinError(
+            f"'{folder}' was begun with another content of `look` '{expected['settings']['look']}'; "
+            "choose another folder."
+        )
     if (before := found.get("plugins", {})) != (now := expected["plugins"]):
         raise PaveTwinError(f"'{folder}' was begun {_plugins_differ(before, now)}, or choose another folder.")
     if (labels := found.get("classes", expected["classes"])) != expected["classes"]:
@@ -186,6 +198,10 @@ def check_same(folder: Path, expected: dict[str, Any]) -> bool:
             "choose another folder."
         )
     return True
+
+
+def _same_name(found: Mapping[str, Any], expected: Mapping[str, Any], key: str) -> bool:
+    return bool(found["settings"].get(key) == expected["settings"][key])
 
 
 def read_description(folder: Path) -> dict[str, Any]:

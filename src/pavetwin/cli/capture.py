@@ -17,9 +17,7 @@ from pavetwin.errors import PaveTwinError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from pavetwin.capture.settings import CaptureSettings
     from pavetwin.capture.statistics import Statistics
-    from pavetwin.mission.inputs import OnProgress
 
 
 class _MakeByDefault(TyperGroup):
@@ -82,6 +80,12 @@ def make(
     ] = 0,
     size: Annotated[str, typer.Option(metavar="WxH", help="Of the images, in pixels.")] = "640x640",
     camera: Annotated[str | None, typer.Option(help="Of the UAV: {cameras}, or a YAML file.")] = None,
+    look: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME|FILE.yaml", help="Of the streets: varied, uniform, or a YAML file. varied unless given."
+        ),
+    ] = None,
     formats: Annotated[
         str, typer.Option(help="Label files: any of {formats}, with commas.")
     ] = "yolo,yolo-seg,voc,coco",
@@ -99,6 +103,7 @@ def make(
     pavetwin capture worlds/town -o datasets/town --images 500 --altitude 6 --altitude 10 --los B --los E
     pavetwin capture worlds/town -o datasets/both --platform uav,car --images 200 --seed 3 --jobs 2
     pavetwin capture worlds/town -o datasets/parked --parking by-time
+    pavetwin capture worlds/town -o datasets/grey --look uniform
     pavetwin capture worlds/town -o datasets/sharp --camera phantom4pro --size 1280x960 --png --formats yolo
 
     Missing traffic is recorded first. Labels are Single Crack, Crocodile Crack, Pothole, Person and Car, then
@@ -121,6 +126,7 @@ def make(
         "picture": "png" if png else "jpg",
         "quality": quality,
         "plugins": paths_of(plugin),
+        **({} if look is None else {"look": look}),
         **({} if parking is None else {"parking": parking_of(parking)}),
     }
     with progress("Starting", lines=True) as tell:
@@ -141,15 +147,10 @@ def make(
             values["altitudes_m"] = _UAV_ALTITUDES
         settings = settings_of(values, typed={"size_px": size, "split": split})
         check(settings)
-        instead = ""
-        if not (los or hour or density):
-            settings, instead = _in_reach(settings, world, tell)
         adapter = str(find_adapter())
         captured = capture(
             world, settings, output, frame_source_factory=SceneFrameSource, adapter=adapter, jobs=jobs, on_progress=tell
         )
-    if instead:
-        out.line(instead)
     _print(captured.statistics)
     there = settings.total_images - captured.taken
     out.line(
@@ -168,24 +169,6 @@ def _traffics(los: Sequence[str], hours: Sequence[int], densities: Sequence[str]
         *(traffic_name(each, None, None, mix) for each in densities),
     ]
     return tuple(dict.fromkeys(name or DEFAULT_TRAFFIC for name in named or [traffic_name(None, None, None, mix)]))
-
-
-def _in_reach(settings: "CaptureSettings", folder: Path, tell: "OnProgress") -> "tuple[CaptureSettings, str]":
-    """Settings with the nearest level of service where the world cannot reach the usual one, and a line that says so;
-    empty where it can."""
-    from pavetwin.cli.report import nearest_line
-    from pavetwin.traffic.demand import density_named
-    from pavetwin.traffic.nearest_level import within_reach
-    from pavetwin.world.store import load_world
-
-    world, (usual,) = load_world(folder), map(density_named, settings.densities)
-    search = f"Finding the demand of {usual.name}, kept for the next time"
-    nearest = within_reach(world, usual, lambda _: tell(0.0, search))
-    if nearest == usual:
-        return settings, ""
-    return settings.model_copy(update={"densities": (nearest.name,)}), nearest_line(
-        usual.name, nearest.name, world.name
-    )
 
 
 @app.command()

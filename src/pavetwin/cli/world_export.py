@@ -44,6 +44,9 @@ def export(
     parking: Parking = None,
     date: Date = None,
     time: Time = None,
+    look: Annotated[
+        str, typer.Option(metavar="NAME|FILE.yaml", help="Of the streets: varied, uniform, or a YAML file.")
+    ] = "varied",
     seed: Annotated[
         int, typer.Option(help="Random seed of the appearance (colours, wear, leaves) and of parked vehicles.")
     ] = 0,
@@ -75,7 +78,7 @@ def export(
     part = _segment_bounds(loaded, segment) if segment is not None else _parsed(bounds)
     moment = _moment(loaded, traffic, at)
     parked = _parked(loaded, parking, date, time, seed, moment)
-    scene = Scene(loaded, seed=seed)
+    scene = Scene(loaded, seed=seed, look=look)
     keys = tiles_of(scene, part)
     expected = estimate(scene, keys, detail=detail, texel_m=texel, jobs=jobs)
     out.line(

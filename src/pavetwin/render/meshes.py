@@ -18,16 +18,16 @@ from pavetwin.arrays import (
     UInt32Array,
 )
 from pavetwin.render.gpu import Gpu
-from pavetwin.scene.model import DefectPatch, FacadePiece, GroundKind, GroundPiece, Mesh
+from pavetwin.scene.model import DefectPatch, FacadePiece, Finish, GroundKind, GroundPiece, Mesh
 from pavetwin.scene.models import merged
 
 _VERTEX: Final = wgpu.BufferUsage.VERTEX
 _INDEX: Final = wgpu.BufferUsage.INDEX
 
-_GROUND: Final = np.dtype([("normal", "u1", 4), ("uv", "f4", 2)])
+_GROUND: Final = np.dtype([("normal", "u1", 4), ("uv", "f4", 2), ("finish", "u1", 4)])
 _MODEL: Final = np.dtype([("normal", "u1", 4), ("colour", "f2", 4), ("surface", "u1", 4)])
 _TEXTURED: Final = np.dtype([*_MODEL.descr, ("uv", "f4", 2)])
-_PATCH: Final = np.dtype([("normal", "u1", 4), ("uv", "f4", 2), ("along", "f4", 2)])
+_PATCH: Final = np.dtype([("normal", "u1", 4), ("uv", "f4", 2), ("along", "f4", 2), ("finish", "u1", 4)])
 
 POSITIONS: Final = {
     "array_stride": 12,
@@ -48,11 +48,11 @@ def _layout(dtype: np.dtype[Any], formats: tuple[str, ...]) -> dict[str, Any]:
 
 
 LAYOUTS: Final = {
-    "ground": _layout(_GROUND, ("uint8x4", "float32x2")),
+    "ground": _layout(_GROUND, ("uint8x4", "float32x2", "uint8x4")),
     "model": _layout(_MODEL, ("uint8x4", "float16x4", "uint8x4")),
     "leaf": _layout(_TEXTURED, ("uint8x4", "float16x4", "uint8x4", "float32x2")),
     "facade": _layout(_TEXTURED, ("uint8x4", "float16x4", "uint8x4", "float32x2")),
-    "patch": _layout(_PATCH, ("uint8x4", "float32x2", "float32x2")),
+    "patch": _layout(_PATCH, ("uint8x4", "float32x2", "float32x2", "uint8x4")),
 }
 """Layouts of the buffers of the other attributes, by material."""
 
@@ -111,6 +111,8 @@ def upload_ground(gpu: Gpu, pieces: tuple[GroundPiece, ...]) -> GpuMesh | None:
     rows = np.zeros(len(mesh.positions), dtype=_GROUND)
     rows["normal"][:, :3], rows["normal"][:, 3] = _packed(mesh.normals), _each_vertex(pieces, "kind")
     rows["uv"] = mesh.positions[:, :2] if mesh.uv is None else mesh.uv
+    counts = [len(piece.mesh.positions) for piece in pieces]
+    rows["finish"][:, :3] = np.repeat([_finish(piece.finish) for piece in pieces], counts, axis=0)
     return _upload(gpu, mesh.positions, rows, mesh.indices)
 
 
@@ -139,6 +141,7 @@ def upload_patch(gpu: Gpu, patch: DefectPatch, mesh: Mesh, origin: tuple[float, 
     rows = np.zeros(len(moved), dtype=_PATCH)
     rows["normal"][:, :3] = _packed(mesh.normals @ patch.transform[:3, :3].T)
     rows["along"] = along
+    rows["normal"][:, 3], rows["finish"][:, :3] = int(patch.kind), _finish(patch.finish)
     if mesh.uv is not None:
         rows["uv"] = mesh.uv
     return _upload(gpu, moved.astype(np.float32), rows, mesh.indices)
@@ -172,6 +175,11 @@ def _upload(gpu: Gpu, positions: Float32Array, rows: AnyArray, indices: UInt32Ar
         positions.min(axis=0).astype(np.float64),
         positions.max(axis=0).astype(np.float64),
     )
+
+
+def _finish(finish: Finish) -> UInt8Array:
+    """128 for 1."""
+    return np.asarray(np.rint(np.array(finish) * 128), dtype=np.uint8)
 
 
 def _packed(normals: AnyArray) -> UInt8Array:

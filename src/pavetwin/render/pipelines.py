@@ -167,8 +167,13 @@ def _source(parts: list[str]) -> str:
 
 def _beyond(details: dict[GroundKind, Detail]) -> str:
     """The reflectance of the ground beyond a world, as WGSL: that of the lawns at its border."""
-    mean = linear_of_srgb(details[GroundKind.GRASS].reflectance[..., :3] / np.float32(255)).mean(axis=(0, 1))
-    return f"const BEYOND = vec3f({', '.join(f'{float(value):.4f}' for value in mean)});\n"
+    return f"const BEYOND = vec3f({', '.join(f'{value:.4f}' for value in _mean(details[GroundKind.GRASS]))});\n"
+
+
+def _mean(detail: Detail) -> list[float]:
+    """Its mean reflectance by colour."""
+    means: list[float] = linear_of_srgb(detail.reflectance[..., :3] / np.float32(255)).mean(axis=(0, 1)).tolist()
+    return means
 
 
 def _ground_numbers(details: dict[GroundKind, Detail]) -> str:
@@ -191,11 +196,21 @@ def _ground_numbers(details: dict[GroundKind, Detail]) -> str:
         "MAP_SIDE_M": TILE_M + 2 * MAP_MARGIN_M,
     }
     lines = [f"const {name}: f32 = {float(value)};" for name, value in numbers.items()]
-    colours = {"DUST": compose.DUST, "BITUMEN": compose.BITUMEN, "WHITE": compose.WHITE, "YELLOW": compose.YELLOW}
+    colours = {
+        "WARMING": compose.WARMING,
+        "DUST": compose.DUST,
+        "BITUMEN": compose.BITUMEN,
+    }
     lines += [f"const {name} = vec3f({', '.join(map(str, rgb))});" for name, rgb in colours.items()]
+    paints = ", ".join(f"vec3f({', '.join(map(str, rgb))})" for rgb in compose.PAINTS.values())
+    lines.append(f"const PAINTS = array<vec3f, {len(compose.PAINTS)}>({paints});")
+    lines.append(f"const LAST_PAINT = {len(compose.PAINTS) - 1}u;")
     lines.append(f"const LOOSE_KINDS = {sum(1 << int(kind) for kind in compose.LOOSE)}u;")
     sizes = ", ".join(str(float(details[kind].size_m)) for kind in GroundKind)
     lines.append(f"const DETAIL_SIZES = array<f32, {len(GroundKind)}>({sizes});")
+    means = ", ".join(f"vec3f({', '.join(f'{value:.5f}' for value in _mean(details[kind]))})" for kind in GroundKind)
+    lines.append(f"const DETAIL_MEANS = array<vec3f, {len(GroundKind)}>({means});")
+    lines.append("fn mean_reflectance(kind: u32) -> vec3f { var means = DETAIL_MEANS; return means[kind]; }")
     lines.append("fn detail_size(kind: u32) -> f32 { var sizes = DETAIL_SIZES; return sizes[kind]; }")
     return "\n".join(lines) + "\n"
 

@@ -12,7 +12,7 @@ on the ground below the middle of its footprint.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -41,6 +41,19 @@ _FIRST_DEFECT: Final = 1 << 23
 """Labels fit 24 bits: agents of a recording from 1, parked vehicles and defects from these."""
 
 
+class Finish(NamedTuple):
+    """How a piece of ground differs from its kind's detail; factors 0 … 2 in steps of 1/128."""
+
+    red: float = 1.0
+    blue: float = 1.0
+    """On the reflectance; green stays."""
+    grain: float = 1.0
+    """On the contrast and relief of the detail."""
+
+
+PLAIN_FINISH: Final = Finish()
+
+
 class GroundKind(IntEnum):
     """What a piece of ground is made of; the index of its detail textures."""
 
@@ -50,6 +63,9 @@ class GroundKind(IntEnum):
     KERB = 3
     GRASS = 4
     EARTH = 5
+    CHIP_SEAL = 6
+    SLABS = 7
+    """Cement concrete of carriageways; its joints are drawn."""
 
 
 @dataclass(frozen=True)
@@ -116,13 +132,14 @@ class Instance:
 
 @dataclass(frozen=True)
 class GroundPiece:
-    """All ground of one kind in one tile."""
+    """All ground of one kind and finish in one tile."""
 
     kind: GroundKind
     mesh: Mesh
     """In the tile's frame, with `uv` in metres: where its detail is sampled (× 1 / size_m). On asphalt, grass and earth
     that is world x and y; paving lies along its street, kerb stones along their kerb. Holes are cut where the patches
     of defects lie."""
+    finish: Finish = PLAIN_FINISH
 
 
 @dataclass(frozen=True)
@@ -132,8 +149,8 @@ class GroundMaps:
     weathering: UInt8Array
     """(MAP_PX, MAP_PX, 4): tone (reflectance × value / 128), stain (oil, rubber, damp), dust, polish (wheel paths)."""
     drawn: UInt8Array
-    """(MAP_PX, MAP_PX, 4): signed distance to paint, its colour (0 white … 255 yellow), its wear, signed distance to
-    bitumen (sealed cracks and seams)."""
+    """(MAP_PX, MAP_PX, 4): signed distance to paint, which paint of `compose.PAINTS` (0 … 255), its wear, signed
+    distance to bitumen (sealed cracks and seams)."""
 
 
 @dataclass(frozen=True)
@@ -174,6 +191,9 @@ class DefectPatch:
     """(rows, columns, 4): normal x and y (128 for 0), reflectance × value / 128, ambient occlusion (255 open)."""
     mask: UInt8Array
     """(rows, columns): 255 where the label is, else 0."""
+    kind: GroundKind = GroundKind.ASPHALT
+    """Of the pavement that it lies in."""
+    finish: Finish = PLAIN_FINISH
 
 
 @dataclass(frozen=True)

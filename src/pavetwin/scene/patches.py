@@ -20,7 +20,7 @@ from pavetwin.arrays import Float32Array, Float64Array, UInt8Array
 from pavetwin.defects import Heightfield, albedo_factor, heightfield_of, normal_map, occlusion_map
 from pavetwin.defects.registry import failures_named
 from pavetwin.scene.agents import upright
-from pavetwin.scene.model import TILE_M, DefectPatch, Mesh, defect_label
+from pavetwin.scene.model import PLAIN_FINISH, TILE_M, DefectPatch, Finish, GroundKind, Mesh, defect_label
 from pavetwin.world.model import Defect
 
 BESIDE_M: Final = 0.04
@@ -66,15 +66,15 @@ def holes_of(defects: tuple[Defect, ...]) -> list[Polygon]:
     return [Polygon(max(shapely.get_parts(shape), key=shapely.area).exterior) for shape in widened]
 
 
-def patch_of(defect: Defect) -> DefectPatch:
-    """The patch of a defect.
+def patch_of(defect: Defect, kind: GroundKind = GroundKind.ASPHALT, finish: Finish = PLAIN_FINISH) -> DefectPatch:
+    """The patch of a defect in a pavement of a kind and finish.
 
     Raises:
         PaveTwinError: its class is not registered.
         ValueError: its outline crosses itself.
     """
     with failures_named(defect.kind):
-        return _patch(defect, heightfield_of(defect))
+        return replace(_patch(defect, heightfield_of(defect)), kind=kind, finish=finish)
 
 
 def _patch(defect: Defect, field: Heightfield) -> DefectPatch:

@@ -26,6 +26,7 @@ from pavetwin.scene.ground import (
     heights,
     plan_ground,
 )
+from pavetwin.scene.ground.looks import DEFAULT_LOOK, street_look
 from pavetwin.scene.model import (
     TILE_M,
     DefectPatch,
@@ -61,11 +62,18 @@ EAVES_M: Final = 0.35
 class Scene:
     """Everything visible of a world. The same world and seed give the same scene, tile by tile, in any order."""
 
-    def __init__(self, world: World, *, seed: int, tiles_kept: int = TILES_KEPT) -> None:
+    def __init__(self, world: World, *, seed: int, look: str = DEFAULT_LOOK, tiles_kept: int = TILES_KEPT) -> None:
+        """Args:
+        look: of the streets: a name, or a YAML file.
+
+        Raises:
+            PaveTwinError: there is no such look.
+        """
+        self.look, self._street_look = look, street_look(look)
         self.world = world
         self.seed = seed
         self._tile = lru_cache(tiles_kept)(self._make)
-        self._patch = lru_cache(PATCHES_KEPT)(lambda number: patch_of(world.defects[number]))
+        self._patch = lru_cache(PATCHES_KEPT)(self._patch_of)
         self._actors: Actors | None = None
 
     def tile(self, key: TileKey) -> Tile:
@@ -215,7 +223,12 @@ class Scene:
 
     @cached_property
     def _plan(self) -> GroundPlan:
-        return plan_ground(self.world, self.seed, holes=self._holes)
+        return plan_ground(self.world, self.seed, holes=self._holes, look=self._street_look)
+
+    def _patch_of(self, number: int) -> DefectPatch:
+        defect = self.world.defects[number]
+        paved = self._plan.paved_at(defect.centre.x, defect.centre.y)
+        return patch_of(defect, paved.kind, paved.finish)
 
     @cached_property
     def _builder(self) -> Buildings:

@@ -4,11 +4,12 @@ struct Vertex {
     @location(10) position: vec3f,
     @location(11) normal: vec4u,    // and the kind
     @location(12) uv: vec2f,
+    @location(13) finish: vec4u,    // red, blue and grain, 128 for 1
 }
 
 @vertex fn vertex(at: Instance, in: Vertex) -> Seen {
     let normal = unpack_normal(in.normal);
-    return seen_at(at, in.position, normalize(normal), normal, in.uv, in.normal.w);
+    return seen_at(at, in.position, normalize(normal), normal, in.uv, in.normal.w, in.finish);
 }
 
 @fragment fn fragment(in: Seen) -> @location(0) vec4f {
@@ -16,7 +17,7 @@ struct Vertex {
     let flat_n = normalize(in.axis);
     let kind = u32(in.kind.x);
     let footprint = footprint_of(in.relative, flat_n, in.world.w);
-    let surface = ground_surface(kind, in.kind.y, in.uv, in.local, in.world.xy, footprint);
+    let surface = ground_surface(in.kind, in.uv, in.local, in.world.xy, footprint);
     var axes = grain_axes(in.relative, in.uv, flat_n);
     // Texture axes of loose ground are the world's, which avoids differences of large numbers.
     if ((LOOSE_KINDS >> kind & 1u) == 1u) { axes = mat2x3f(1.0, 0.0, 0.0, 0.0, 1.0, 0.0); }

@@ -5,7 +5,7 @@
 @group(1) @binding(1) var detail_relief: texture_2d_array<f32>;   // normal x, y, height, roughness
 @group(1) @binding(2) var repeat_sampler: sampler;
 @group(2) @binding(0) var weathering_map: texture_2d<f32>;        // tone, stain, dust, polish
-@group(2) @binding(1) var drawn_map: texture_2d<f32>;             // to paint, its yellow, its wear, to bitumen
+@group(2) @binding(1) var drawn_map: texture_2d<f32>;             // to paint, which, its wear, to bitumen
 
 struct Surface {
     albedo: vec3f,
@@ -27,7 +27,7 @@ struct Seen {
     @location(3) local: vec2f,
     @location(4) world: vec4f,      // east, north, up, and the side of a pixel there [m]
     @location(5) shadow: vec3f,     // where it is in the shadow map
-    @location(6) @interpolate(flat) kind: vec2f,        // and the size of its detail [m]
+    @location(6) @interpolate(flat) kind: vec4f,        // and half its grain, the size of its detail [m], its red and blue
     @location(7) @interpolate(flat) to_sun: vec4f,      // the lamp
     @location(8) @interpolate(flat) sun: vec4f,
     @location(9) @interpolate(flat) sky0: vec4f,
@@ -39,12 +39,12 @@ struct Seen {
     @location(15) @interpolate(flat) sky6: vec4f,
 }
 
-fn seen_at(at: Instance, position: vec3f, normal: vec3f, axis: vec3f, uv: vec2f, kind: u32) -> Seen {
+fn seen_at(at: Instance, position: vec3f, normal: vec3f, axis: vec3f, uv: vec2f, kind: u32, finish: vec4u) -> Seen {
     let relative = place(at, position);
     return Seen(
         project(relative, vec3f(0.0)), relative, axis, uv, position.xy,
         vec4f(relative + frame.camera.xyz, pixel_at(relative)), in_shadow_map(relative, normal),
-        vec2f(f32(kind), detail_size(kind)), frame.to_sun, frame.sun, frame.sky[0], frame.sky[1], frame.sky[2],
+        vec4f(f32(kind) + f32(finish.z) / 256.0, detail_size(kind), vec2f(finish.xy) / 128.0), frame.to_sun, frame.sun, frame.sky[0], frame.sky[1], frame.sky[2],
         frame.sky[3], frame.sky[4], frame.sky[5], frame.sky[6],
     );
 }
@@ -88,6 +88,13 @@ fn grain_noise(local: vec2f) -> f32 {
     return f32(mixed >> 8u) / 16777216.0;
 }
 
+fn paint_of(coded: f32) -> vec3f {
+    var paints = PAINTS;
+    let at = coded * f32(LAST_PAINT);
+    let below = min(u32(at), LAST_PAINT - 1u);
+    return mix(paints[below], paints[below + 1u], at - f32(below));
+}
+
 fn metres(coded: f32) -> f32 {
     return (coded * 255.0 - 128.0) / 127.0 * SIGNED_DISTANCE_M;
 }
@@ -97,12 +104,13 @@ fn edge_share(distance: f32, height: f32, edge: f32, footprint: f32) -> f32 {
     return smoothstep(-e, e, distance + RAGGED_M * (height - 0.5));
 }
 
-// `size`: of the kind's detail, metres.
-fn ground_surface(kind: u32, size: f32, uv: vec2f, local: vec2f, world: vec2f, footprint: f32) -> Surface {
+// `of_kind`: as `Seen` has it.
+fn ground_surface(of_kind: vec4f, uv: vec2f, local: vec2f, world: vec2f, footprint: f32) -> Surface {
+    let kind = u32(of_kind.x);
     // One sample or the other, never both: texture samples dominate the cost of the ground.
     let second = (LOOSE_KINDS >> kind & 1u) == 1u && second_share(world) > grain_noise(local);
     let turn = select(vec2f(1.0, 0.0), vec2f(SECOND_COS, SECOND_SIN), second);
-    let scale = select(1.0, SECOND_SCALE, second) / size;
+    let scale = select(1.0, SECOND_SCALE, second) / of_kind.y;
     let turned = vec2f(turn.x * uv.x - turn.y * uv.y, turn.y * uv.x + turn.x * uv.y);
     var detail = detail_at(kind, turned * scale, footprint * scale);
     let n = detail.relief.xy;
@@ -118,10 +126,13 @@ fn ground_surface(kind: u32, size: f32, uv: vec2f, local: vec2f, world: vec2f, f
     let height = detail.relief.z;
 
     var out: Surface;
-    out.albedo = detail.colour.rgb * tone;
+    let grain = 2.0 * fract(of_kind.x);
+    let mean = mean_reflectance(kind);
+    let shade = vec3f(of_kind.z, 1.0, of_kind.w) * (1.0 + WARMING * (tone - 1.0));
+    out.albedo = max(mean + (detail.colour.rgb - mean) * grain, vec3f(0.0)) * shade * tone;
     out.albedo = mix(out.albedo, DUST, clamp(dust * (1.15 - 0.5 * height), 0.0, 1.0));
     out.albedo *= 1.0 - 0.8 * stain;
-    out.slope = detail.relief.xy * ((1.0 - 0.45 * polish) * (1.0 - 0.5 * dust));
+    out.slope = detail.relief.xy * (grain * (1.0 - 0.45 * polish) * (1.0 - 0.5 * dust));
     out.roughness = detail.relief.w - 0.15 * polish - 0.25 * stain;
 
     let sealed = edge_share(metres(drawn.w), height, BITUMEN_EDGE_M, footprint);
@@ -138,7 +149,7 @@ fn ground_surface(kind: u32, size: f32, uv: vec2f, local: vec2f, world: vec2f, f
     let painted = edge_share(metres(drawn.x), height, PAINT_EDGE_M, footprint) * kept * (1.0 - 0.8 * sealed);
     let grime = (1.0 - 0.3 * polish) * (1.0 + 0.35 * (height - MEAN_HEIGHT));
     let dirt = (1.0 - 0.35 * wear) * mix(1.0, tone, 0.5) * (1.0 - 0.5 * stain) * grime;
-    out.albedo = mix(out.albedo, mix(WHITE, YELLOW, drawn.y) * dirt, painted);
+    out.albedo = mix(out.albedo, paint_of(drawn.y) * dirt, painted);
     out.slope *= 1.0 - 0.4 * painted;
     out.roughness = clamp(mix(out.roughness, 0.6, painted), 0.05, 1.0);
     out.albedo = clamp(out.albedo, vec3f(0.0), vec3f(1.0));

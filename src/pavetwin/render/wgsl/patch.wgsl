@@ -1,4 +1,4 @@
-// The pavement around a defect: asphalt as elsewhere, with the relief, reflectance and shade of the heightfield.
+// The pavement around a defect: as beside it, with the relief, reflectance and shade of the heightfield.
 
 @group(3) @binding(0) var relief_map: texture_2d<f32>;    // normal x, y, reflectance, openness
 
@@ -10,10 +10,11 @@ struct Vertex {
     @location(11) normal: vec4u,
     @location(12) uv: vec2f,
     @location(13) along: vec2f,      // the defect's x axis in the world
+    @location(14) finish: vec4u,
 }
 
 @vertex fn vertex(at: Instance, in: Vertex) -> Seen {
-    return seen_at(at, in.position, vec3f(0.0, 0.0, 1.0), vec3f(in.along, 0.0), in.uv, 0u);
+    return seen_at(at, in.position, vec3f(0.0, 0.0, 1.0), vec3f(in.along, 0.0), in.uv, in.normal.w, in.finish);
 }
 
 @fragment fn fragment(in: Seen) -> @location(0) vec4f {
@@ -30,7 +31,7 @@ struct Vertex {
     let facing = abs(along * mean.x + across * mean.y);
     let beside = select(world.x, world.y, facing.x > facing.y);
     let grain = select(world, vec2f(beside, in.world.z), length(facing) > 0.55);
-    var surface = ground_surface(0u, in.kind.y, grain, in.local, world, footprint);
+    var surface = ground_surface(in.kind, grain, in.local, world, footprint);
     let lit = sunlight(in.shadow, up, in.world.w, pixel_jitter(in.clip.xy));
     let defect_free = ground_radiance(surface, normalize(vec3f(surface.slope, 1.0)), in.relative, lit, 1.0);
     let bent = (relief.xy * 255.0 - 128.0) / 127.0;

@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw
 from pavetwin.arrays import Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
 from pavetwin.scene.ground.materials.compose import MapPyramids, surface
 from pavetwin.scene.ground.materials.sampling import srgb_of_linear
-from pavetwin.scene.model import TILE_M, DefectPatch, GroundKind, GroundPiece, Tile
+from pavetwin.scene.model import PLAIN_FINISH, TILE_M, DefectPatch, GroundKind, GroundPiece, Tile
 from pavetwin.scene.patches import averaged
 
 MOST_POINTS = 1 << 19
@@ -54,12 +54,14 @@ def _strip(tile: Tile, maps: MapPyramids, which: Int32Array, first: int) -> tupl
     texel_m = TILE_M / side
     x, y = (np.arange(side) + 0.5) * texel_m, (first + np.arange(rows) + 0.5) * texel_m
     local = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    kind, uv, ways = _kinds_and_uv(tile, local, which.reshape(-1))
+    material, uv, ways = _materials_and_uv(tile, local, which.reshape(-1))
+    materials = [*((piece.kind, piece.finish) for piece in tile.ground), (GroundKind.ASPHALT, PLAIN_FINISH)]
     colour = np.zeros((len(local), 3), dtype=np.float32)
     normal = np.zeros((len(local), 3), dtype=np.float32)
-    for each in np.unique(kind):
-        mine = kind == each
-        seen = surface(GroundKind(each), uv[mine], local[mine], tile.origin, maps, texel_m)
+    for each in np.unique(material):
+        mine = material == each
+        kind, finish = materials[each]
+        seen = surface(kind, uv[mine], local[mine], tile.origin, maps, texel_m, finish)
         colour[mine], normal[mine] = seen.albedo, seen.normal
     normal[:, :2] = np.einsum("nc,nkc->nk", normal[:, :2], ways)  # from along the grain to the picture's axes
     return _coded(colour.reshape(rows, side, 3), normal.reshape(rows, side, 3))
@@ -82,7 +84,7 @@ def bake_patch(patch: DefectPatch, origin: tuple[float, float], maps: MapPyramid
     own = np.stack(np.meshgrid(x, y), axis=-1)
     turn = patch.transform[:2, :2]
     world = own @ turn.T + patch.transform[:2, 3]
-    seen = surface(GroundKind.ASPHALT, world, world - origin, origin, maps, float((high[0] - low[0]) / cols))
+    seen = surface(patch.kind, world, world - origin, origin, maps, float((high[0] - low[0]) / cols), patch.finish)
     bent = (relief[..., :2] - 128) / 127
     slope = bent / np.sqrt(np.maximum(1e-3, 1 - (bent**2).sum(axis=-1, keepdims=True)))
     grain = (seen.normal[..., :2] / seen.normal[..., 2:]) @ turn.astype(np.float32)
@@ -118,18 +120,20 @@ def _triangle_seen(ground: tuple[GroundPiece, ...], side: int) -> Int32Array:
     return np.asarray(image, dtype=np.int32)
 
 
-def _kinds_and_uv(tile: Tile, local: Float64Array, which: Int32Array) -> tuple[Int64Array, Float64Array, Float32Array]:
-    """Kind (n,) and detail coordinates (n, 2) at points of the tile, and the unit vectors along which those grow, the
-    columns of (n, 2, 2); asphalt along the world's axes in holes."""
-    kinds = [np.full(len(piece.mesh.indices), int(piece.kind)) for piece in tile.ground]
-    kind_of = np.concatenate([*kinds, [int(GroundKind.ASPHALT)]])
+def _materials_and_uv(
+    tile: Tile, local: Float64Array, which: Int32Array
+) -> tuple[Int64Array, Float64Array, Float32Array]:
+    """The piece (n,) and detail coordinates (n, 2) at points of the tile, and the unit vectors along which those grow,
+    the columns of (n, 2, 2). In holes the piece is −1, and grain lies along the world's axes."""
+    pieces = [np.full(len(piece.mesh.indices), number) for number, piece in enumerate(tile.ground)]
+    piece_of = np.concatenate([*pieces, [-1]])
     maps = [_uv_maps(piece) for piece in tile.ground]
     plain = np.array([[[1.0, 0.0], [0.0, 1.0], list(tile.origin)]])
     every = np.concatenate([*maps, plain])
     affine = every[which]
     uv = local[:, :1] * affine[:, 0] + local[:, 1:] * affine[:, 1] + affine[:, 2]
     ways = every[:, :2] / np.maximum(np.linalg.norm(every[:, :2], axis=1, keepdims=True), 1e-9)
-    return kind_of[which], uv, ways.astype(np.float32)[which]
+    return piece_of[which], uv, ways.astype(np.float32)[which]
 
 
 def _uv_maps(piece: GroundPiece) -> Float64Array:

@@ -14,11 +14,13 @@ from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.distractors.fixtures import Fixture, placed
 from pavetwin.scene.ground.distractors.repairs import Repairs, repairs
 from pavetwin.scene.ground.layout.lines import boxes_of
+from pavetwin.scene.ground.layout.paved import PLAIN, PavedSurface
 from pavetwin.scene.ground.layout.streets import StreetPlan, streets_of
 from pavetwin.scene.ground.layout.surfaces import SpatialIndex, SurfaceLayout
+from pavetwin.scene.ground.looks import DEFAULT_LOOK, StreetLook, street_look
 from pavetwin.scene.ground.markings.painter import Paint
 from pavetwin.scene.ground.markings.placement import markings
-from pavetwin.scene.ground.markings.rules import MarkingRules, rules_of
+from pavetwin.scene.ground.markings.standard import MarkingStandard, marking_standard, standard_of
 from pavetwin.world.model import Lane, Segment, Surface, World
 
 WIDENED_M: Final = 3.0
@@ -29,13 +31,13 @@ class GroundPlan(SurfaceLayout):
     """A world's surfaces and all marks on them, each computed on first use."""
 
     @cached_property
-    def rules(self) -> MarkingRules:
-        """How roads are marked where the world lies."""
-        return rules_of(self.world)
+    def standard(self) -> MarkingStandard:
+        """How roads are marked: as the look says, else by the world's place."""
+        return marking_standard(self.look.markings) if self.look.markings else standard_of(self.world)
 
     @cached_property
     def paint(self) -> Paint:
-        return markings(self, self.rules)
+        return markings(self, self.standard)
 
     @cached_property
     def repairs(self) -> Repairs:
@@ -92,40 +94,59 @@ class GroundPlan(SurfaceLayout):
         return SpatialIndex([shapely.LineString(path.line) for path in self.paths])
 
     @cached_property
-    def tones(self) -> tuple[SpatialIndex, tuple[float, ...]]:
-        """Surfaces of one age each, and their reflectance factors; later ones cover earlier ones."""
-        streets = {street.key: self.ageing(street).tone for street in self.streets}
+    def paved(self) -> tuple[SpatialIndex, tuple[PavedSurface, ...]]:
+        """Surfaces of one pavement and age each; later ones cover earlier ones."""
+        streets = {street.key: self._paved(street) for street in self.streets}
         segments = [(segment.polygon, streets[street.key]) for segment, street in self.segments]
-        junctions = self._junction_tones(streets)
+        junctions = self._paved_junctions(streets)
         # First all surfaces a little widened: rounded corners belong to the surface next to them.
-        shapes: list[tuple[BaseGeometry, float]] = [
-            (shape.buffer(WIDENED_M, quad_segs=2), tone) for shape, tone in (*segments, *junctions)
+        shapes: list[tuple[BaseGeometry, PavedSurface]] = [
+            (shape.buffer(WIDENED_M, quad_segs=2), paved) for shape, paved in (*segments, *junctions)
         ]
         shapes += [*junctions, *segments]
-        for segment, street in self.segments:
-            for start, end, tone in self.repairs.stretches.get(segment.id, ()):
+        for segment, _ in self.segments:
+            for start, end, paved in self.repairs.stretches.get(segment.id, ()):
                 part = substring(segment.centre_line, start, end).buffer(segment.width_m, cap_style="flat")
-                shapes.append((shapely.intersection(part, segment.polygon), tone * streets[street.key]))
-        return SpatialIndex([shape for shape, _ in shapes]), tuple(tone for _, tone in shapes)
+                shapes.append((shapely.intersection(part, segment.polygon), paved))
+        return SpatialIndex([shape for shape, _ in shapes]), tuple(paved for _, paved in shapes)
 
-    def _junction_tones(self, streets: dict[str, float]) -> list[tuple[Surface, float]]:
-        """Each junction with its tone: it is as old as the most important street that meets there."""
-        best: dict[str, tuple[int, float]] = {}
+    def paved_at(self, x_m: float, y_m: float) -> PavedSurface:
+        """The surface at a point, in the world frame."""
+        index, surfaces = self.paved
+        found = index.near(shapely.Point(x_m, y_m))
+        return surfaces[found[-1]] if found else PLAIN
+
+    def _paved(self, street: StreetPlan) -> PavedSurface:
+        tint, grain = (self.chance(f"{what} {street.name}") for what in ("tint", "grain"))
+        return PavedSurface.of(self.pavement(street), self.ageing(street).reflectance, tint, grain)
+
+    def _paved_junctions(self, streets: dict[str, PavedSurface]) -> list[tuple[Surface, PavedSurface]]:
+        """Each junction with its surface: that of the most important street that meets there."""
+        best: dict[str, tuple[int, float, str]] = {}
         for path in self.paths:
             street, junction = path.approach.street, path.approach.junction.id
-            rank = (len(street.lanes), streets[street.key])
+            rank = (len(street.lanes), streets[street.key].tone, street.key)
             best[junction] = max(rank, best.get(junction, rank))
-        return [(junction.polygon, best.get(junction.id, (0, 1.0))[1]) for junction in self.world.junctions]
+        return [
+            (junction.polygon, streets[best[junction.id][2]] if junction.id in best else PLAIN)
+            for junction in self.world.junctions
+        ]
 
 
-def plan_ground(world: World, seed: int, holes: Sequence[Polygon] = ()) -> GroundPlan:
+def plan_ground(world: World, seed: int, holes: Sequence[Polygon] = (), look: StreetLook | None = None) -> GroundPlan:
     """The plan of a world's ground.
 
     Args:
         world: with its defects.
         seed: of ageing, repairs and markings.
         holes: where patches of defects replace the carriageway, world frame; they must not overlap.
+        look: of its streets; the default one unless given.
     """
     return GroundPlan(
-        world=world, seed=seed, holes=SpatialIndex(list(holes)), road=world.carriageway, streets=streets_of(world)
+        world=world,
+        seed=seed,
+        holes=SpatialIndex(list(holes)),
+        road=world.carriageway,
+        streets=streets_of(world),
+        look=look or street_look(DEFAULT_LOOK),
     )

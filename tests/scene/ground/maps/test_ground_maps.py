@@ -9,7 +9,7 @@ import shapely
 from pavetwin.scene.ground import GroundPlan, details, ground_maps, plan_ground
 from pavetwin.scene.ground.distractors.repairs import SEAM_HALF_M
 from pavetwin.scene.ground.layout.surfaces import tile_box
-from pavetwin.scene.ground.materials.compose import WHITE, surface
+from pavetwin.scene.ground.materials.compose import PAINTS, surface
 from pavetwin.scene.ground.materials.sampling import Pyramid, linear_of_srgb, srgb_of_linear
 from pavetwin.scene.model import MAP_MARGIN_M, MAP_PX, SIGNED_DISTANCE_M, TILE_M, GroundKind, GroundMaps
 from scenes import built
@@ -22,6 +22,8 @@ MEANS = {
     GroundKind.KERB: (0.20, 0.40),
     GroundKind.GRASS: (0.05, 0.15),
     GroundKind.EARTH: (0.08, 0.25),
+    GroundKind.CHIP_SEAL: (0.10, 0.20),
+    GroundKind.SLABS: (0.25, 0.40),
 }
 
 
@@ -121,7 +123,7 @@ def test_every_signalled_lane_ends_at_a_stop_line() -> None:
         line = approach.lane.centre_line
         near = line.interpolate(line.length - 1.0).buffer(14.0)
         key = key_at(near.centroid.x, near.centroid.y)
-        bars = where.paint.bars[np.isclose(where.paint.bars[:, 4], where.rules.stop_m / 2)]
+        bars = where.paint.bars[np.isclose(where.paint.bars[:, 4], where.standard.stop_m / 2)]
         hits = [
             bar for bar in bars if near.contains(shapely.Point(bar[:2])) and line.distance(shapely.Point(bar[:2])) < 0.2
         ]
@@ -210,7 +212,7 @@ def look(paint: int, wear: int, bitumen: int = 1, footprint_m: float = 0.005) ->
 
 def test_paint_covers_and_wear_takes_it_off_in_proportion() -> None:
     bare, fresh = look(1, 0).mean(), look(255, 0).mean()
-    assert fresh == pytest.approx(np.mean(WHITE), rel=0.03)
+    assert fresh == pytest.approx(np.mean(PAINTS["white"]), rel=0.03)
     assert look(255, 255).mean() == pytest.approx(bare, rel=0.02)
     for footprint_m in (0.002, 0.008, 0.03):
         half = look(255, 128, footprint_m=footprint_m).mean()
@@ -288,7 +290,7 @@ def test_seals_run_on_for_metres_vary_in_width_and_end_thin() -> None:
 def test_paint_wears_most_where_wheels_run() -> None:
     """On stripes of a crossing the map's wear follows the map's polish, which is where wheels pass."""
     where = plan("berlin_neukoelln")
-    stripes = where.paint.bars[np.isclose(where.paint.bars[:, 4] * 2, where.rules.stripe_m[0])]
+    stripes = where.paint.bars[np.isclose(where.paint.bars[:, 4] * 2, where.standard.stripe_m[0])]
     polish, wear = [], []
     for key in sorted({key_at(x, y) for x, y in stripes[:, :2]})[:4]:
         found = maps("berlin_neukoelln", key)
@@ -310,7 +312,7 @@ def test_worn_paint_is_the_same_share_from_near_and_from_afar() -> None:
 def test_edge_lines_keep_off_grates() -> None:
     for name in ("berlin_neukoelln", "cross"):
         where = plan(name)
-        lines = where.paint.bars[np.isclose(where.paint.bars[:, 4] * 2, where.rules.line_m)]
+        lines = where.paint.bars[np.isclose(where.paint.bars[:, 4] * 2, where.standard.line_m)]
         grates = np.array([(thing.x, thing.y) for thing in where.fixtures if thing.model == "grate"])
         kerb = shapely.distance(where.road.boundary, shapely.points(grates))
         assert kerb.max() < 0.2, "a grate lies at the kerb"

@@ -16,7 +16,7 @@ from scenes import built
 def stripes(plan: GroundPlan) -> np.ndarray:
     """Middles (n, 2) of all stripes of crossings."""
     bars = plan.paint.bars
-    return np.asarray(bars[np.isclose(bars[:, 4] * 2, plan.rules.stripe_m[0])][:, :2])
+    return np.asarray(bars[np.isclose(bars[:, 4] * 2, plan.standard.stripe_m[0])][:, :2])
 
 
 @pytest.mark.parametrize("town", ["berlin_neukoelln", "seattle_roosevelt"])

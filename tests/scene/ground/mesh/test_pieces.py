@@ -22,7 +22,7 @@ from pavetwin.world.model import LaneKind
 from scenes import built
 
 TOWNS = ("cross", "berlin_neukoelln", "seattle_roosevelt")
-ROAD = (GroundKind.ASPHALT, GroundKind.CONCRETE)
+ROAD = (GroundKind.ASPHALT, GroundKind.CONCRETE, GroundKind.CHIP_SEAL, GroundKind.SLABS)
 
 
 def squares(name: str) -> list[Polygon]:

@@ -17,8 +17,10 @@ from pavetwin.scene.ground.distractors.fixtures import Fixture
 from pavetwin.scene.ground.distractors.junction_repairs import junction_repairs
 from pavetwin.scene.ground.distractors.seals import clear_of_defects, wander, wavering
 from pavetwin.scene.ground.layout.lines import ways_along
+from pavetwin.scene.ground.layout.paved import PavedSurface
 from pavetwin.scene.ground.layout.streets import StreetPlan
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
+from pavetwin.scene.ground.looks.street_look import drawn
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Lane, Segment
 from pavetwin.world.segments import segment_key
@@ -31,10 +33,6 @@ SEAM_HALF_M: Final = (0.009, 0.022)
 
 SEALED_GAPS: Final = (0.001, 0.025)
 """Share of a seal that has come off; with more gaps it would look like a dashed line."""
-
-JOINTS_SEALED: Final = 0.35
-"""Share of streets whose paver's joint is sealed. Others are not drawn: a joint of some millimetres is finer than the
-maps resolve, and would alias into dots."""
 
 WHEELS_M: Final = 0.78
 """Half the track of a car."""
@@ -51,8 +49,8 @@ class Repairs:
     seal_halves_m: list[float] = field(default_factory=list)
     seal_gaps: list[float] = field(default_factory=list)
     """Share of each that has come off."""
-    stretches: dict[str, list[tuple[float, float, float]]] = field(default_factory=dict)
-    """Of a segment: from and to along its centre line, and × its reflectance."""
+    stretches: dict[str, list[tuple[float, float, PavedSurface]]] = field(default_factory=dict)
+    """Of a segment: from and to along its centre line, and what it was paved with since."""
     spots: list[tuple[float, float, float, float]] = field(default_factory=list)
     """Oil: x, y, radius, strength."""
     skids: list[tuple[Float64Array, float]] = field(default_factory=list)
@@ -104,6 +102,7 @@ class _OnSegment:
     def __init__(self, plan: SurfaceLayout, street: StreetPlan, segment: Segment, found: Repairs) -> None:
         self.plan, self.street, self.segment, self.found = plan, street, segment, found
         self.length, self.half = segment.length_m, segment.width_m / 2
+        self.pavement = plan.pavement(street)
         self.cracked = plan.ageing(street).cracked * (0.3 + 1.4 * plan.chance(f"mended {street.name}"))
         self.rng = child(plan.seed, Stream.SCENE, 2, segment_key(segment))
         self.coords = shapely.get_coordinates(segment.centre_line)
@@ -112,15 +111,17 @@ class _OnSegment:
     def draw(self) -> None:
         self._stretch()
         self._joint()
-        for _ in range(self._count(self.length / 75)):
+        self._slab_joints()
+        rates = self.pavement.repairs
+        for _ in range(self._count(rates.trenches * self.length / 75)):
             self._trench_across()
-        for _ in range(self._count(self.length / 170)):
+        for _ in range(self._count(rates.trenches * self.length / 170)):
             self._trench_along()
-        for _ in range(self._count((0.25 + self.cracked) * self.length / 45)):
+        for _ in range(self._count(rates.patches * (0.25 + self.cracked) * self.length / 45)):
             self._random_patch()
-        for _ in range(self._count(self.cracked * self.length / 20)):
+        for _ in range(self._count(rates.sealed_cracks * self.cracked * self.length / 20)):
             self._crack_across()
-        for _ in range(self._count(self.cracked * self.length / 70)):
+        for _ in range(self._count(rates.sealed_cracks * self.cracked * self.length / 70)):
             self._crack_along()
 
     def _count(self, mean: float) -> int:
@@ -161,11 +162,15 @@ class _OnSegment:
         return self._between(0.62, 0.90) if self.rng.random() < 0.78 else self._between(1.05, 1.18)
 
     def _stretch(self) -> None:
-        if self.length < 45 or self.rng.random() > 0.3:
+        stretches = self.plan.look.stretches
+        if self.length < 45 or self.rng.random() > stretches.share:
             return
         start = self._between(0.0, self.length * 0.6)
         end = min(self.length, start + self._between(18.0, self.length * 0.7))
-        self.found.stretches[self.segment.id] = [(start, end, self._between(0.68, 0.9))]
+        pavement = drawn(stretches.pavements, float(self.rng.random()))
+        reflectance = pavement.reflectance.at(pavement.age.at(self._between(0.0, 0.7)), float(self.rng.random()))
+        surface = PavedSurface.of(pavement, reflectance, *(float(self.rng.random()) for _ in range(2)))
+        self.found.stretches[self.segment.id] = [(start, end, surface)]
         for station in (start, end):
             if 2.0 < station < self.length - 2.0 and self.rng.random() < 0.7:
                 self._across(station, 0.006, self._between(*SEAM_HALF_M))
@@ -175,9 +180,12 @@ class _OnSegment:
         self._seal(wavering(self.rng, ends[0], ends[1], sway), half_m)
 
     def _joint(self) -> None:
-        """The sealed joint between the paver's two passes, the same all along a street."""
+        """The sealed joint between the paver's two passes, the same all along a street.
+
+        Unsealed ones are not drawn: some millimetres are finer than the maps resolve, and would alias into dots.
+        """
         name = self.street.name
-        if self.plan.chance(f"joint {name}") > JOINTS_SEALED or self.length < 4.0:
+        if self.plan.chance(f"joint {name}") > self.pavement.repairs.joint_share or self.length < 4.0:
             return
         left = 0.5 * self.plan.chance(f"beside {name}") - 0.25
         stations = np.arange(0.0, self.length, 0.45)
@@ -187,6 +195,26 @@ class _OnSegment:
             for what, (low, high) in (("width", SEAM_HALF_M), ("wear", SEALED_GAPS))
         )
         _seal(self.plan, self.found, line, half, worn)
+
+    def _slab_joints(self) -> None:
+        """Between slabs: across the carriageway, and along it between lanes."""
+        slabs = self.pavement.slabs
+        if slabs is None or self.length < slabs.every_m:
+            return
+        first = slabs.every_m * self.plan.chance(f"slabs {self.segment.id}")
+        across = np.arange(-self.half + 0.02, self.half, 0.5)
+        for station in np.arange(first, self.length, slabs.every_m):
+            line = self._world(station + wander(self.rng, across, 0.004), across)
+            _seal(self.plan, self.found, line, slabs.half_width_m, slabs.lost)
+        stations = np.arange(0.0, self.length, 0.9)
+        for left in self._lane_borders():
+            line = self._world(stations, left + wander(self.rng, stations, 0.004))
+            _seal(self.plan, self.found, line, slabs.half_width_m, slabs.lost)
+
+    def _lane_borders(self) -> list[float]:
+        """Offsets to the left of the centre line at which slabs of 3 to 5 m width meet."""
+        slabs = max(1, round(2 * self.half / 3.6))
+        return [-self.half + 2 * self.half * number / slabs for number in range(1, slabs)]
 
     def _trench_across(self) -> None:
         if self.length < 8.0:

@@ -1,10 +1,8 @@
 """Age of a street's surface, and what depends on it."""
 
 from dataclasses import dataclass
-from typing import Final
 
-FRESH_SHARE: Final = 0.12
-"""Share of recently paved streets."""
+from pavetwin.scene.ground.looks import Pavement
 
 
 @dataclass(frozen=True)
@@ -13,8 +11,8 @@ class Ageing:
 
     age: float
     """0 newly paved … 1 due for renewal."""
-    tone: float
-    """Factor on the reflectance of the detail texture."""
+    reflectance: float
+    """Mean over visible light."""
     paint_wear: float
     """Wear of its markings away from wheel paths, 0 … 1."""
     unpainted: bool
@@ -26,18 +24,13 @@ class Ageing:
         return float(self.age**1.6)
 
 
-def ageing(chances: tuple[float, float, float, float]) -> Ageing:
-    """From four random numbers, 0 … 1 each.
-
-    Reflectance rises as the bitumen film wears off the stones: quickly in the first years, then slowly (Li, Harvey,
-    Kendall 2013: 0.05 when new, 0.10 to 0.15 after some years).
-    """
-    fresh, age, tone, paint = chances
-    years = 0.05 + 0.15 * age if fresh < FRESH_SHARE else 0.25 + 0.75 * age
-    level = 0.58 + 0.82 * years**0.6
+def ageing(pavement: Pavement, chances: tuple[float, float, float], wear: float = 1.0) -> Ageing:
+    """From three random numbers, 0 … 1 each: for age, reflectance and paint; `wear`: factor on that of paint."""
+    age, tone, paint = chances
+    years = pavement.age.at(age)
     return Ageing(
         age=years,
-        tone=level * (0.92 + 0.16 * tone),
-        paint_wear=0.02 + 0.50 * years**1.4 * (0.4 + 0.9 * paint),
+        reflectance=pavement.reflectance.at(years, tone),
+        paint_wear=min(0.9, wear * (0.02 + 0.50 * years**1.4 * (0.4 + 0.9 * paint))),
         unpainted=years < 0.1 and paint < 0.2,
     )

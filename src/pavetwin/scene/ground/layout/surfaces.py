@@ -16,6 +16,7 @@ from pavetwin.scene.ground.layout.edges import Edges
 from pavetwin.scene.ground.layout.gutters import gutters_of
 from pavetwin.scene.ground.layout.streets import StreetPlan
 from pavetwin.scene.ground.layout.turns import Approach, Path, paths_of
+from pavetwin.scene.ground.looks import Pavement, StreetLook
 from pavetwin.scene.model import TILE_M
 from pavetwin.world.model import Direction, FurnitureKind, Lane, LaneKind, World
 
@@ -65,6 +66,7 @@ class SurfaceLayout:
     road: BaseGeometry
     """The world's carriageway."""
     streets: tuple[StreetPlan, ...]
+    look: StreetLook
 
     @cached_property
     def road_pieces(self) -> SpatialIndex:
@@ -179,8 +181,12 @@ class SurfaceLayout:
 
     def ageing(self, street: StreetPlan) -> Ageing:
         """Age of a street's surface."""
-        fresh, age, tone, paint = (self.chance(f"{what} {street.name}") for what in ("fresh", "age", "tone", "paint"))
-        return ageing((fresh, age, tone, paint))
+        age, tone, paint = (self.chance(f"{what} {street.name}") for what in ("age", "tone", "paint"))
+        return ageing(self.pavement(street), (age, tone, paint), self.look.paint_wear)
+
+    def pavement(self, street: StreetPlan) -> Pavement:
+        """What a street is paved with."""
+        return self.look.pavement(main=street.main, chance=self.chance(f"pavement {street.name}"))
 
     def name_hash(self, what: str) -> int:
         """A 32-bit hash of a name and the plan's seed, from which random choices are made."""

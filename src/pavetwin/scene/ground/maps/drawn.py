@@ -33,7 +33,7 @@ def drawn(plan: GroundPlan, key: tuple[int, int], worn: Float32Array) -> UInt8Ar
         worn: (MAP_PX, MAP_PX) factor on the markings' own wear, from wheels and noise.
     """
     raster = RasterGrid(key)
-    distance, yellow, wear = raster.full(-SIGNED_DISTANCE_M), raster.full(0.0), raster.full(0.0)
+    distance, which, wear = raster.full(-SIGNED_DISTANCE_M), raster.full(0.0), raster.full(0.0)
     paint = plan.paint
     low, high = boxes_of(paint.outlines)
     chosen = np.flatnonzero(raster.meets(low - SIGNED_DISTANCE_M, high + SIGNED_DISTANCE_M))
@@ -43,12 +43,12 @@ def drawn(plan: GroundPlan, key: tuple[int, int], worn: Float32Array) -> UInt8Ar
     found += [(paint.outline_looks[chosen[number]], *where) for number, *where in outlines(raster, shapes, reach)]
     for look, window, inside in found:
         nearer = inside > distance[window.at]
-        for field, value in ((distance, inside), (yellow, np.float32(look[0])), (wear, np.float32(look[1]))):
+        for field, value in ((distance, inside), (which, np.float32(look[0])), (wear, np.float32(look[1]))):
             np.copyto(field[window.at], value, where=nearer)
     if found:
         distance += _uneven(plan, key) * (distance > -SIGNED_DISTANCE_M)
     wear = np.clip(wear * worn, 0.0, 1.0)
-    layers = np.stack([_coded(distance), yellow * 255, wear * 255, _coded(_bitumen(plan, raster))], axis=-1)
+    layers = np.stack([_coded(distance), which * 255, wear * 255, _coded(_bitumen(plan, raster))], axis=-1)
     return np.asarray(layers + np.float32(0.5), dtype=np.uint8)
 
 

@@ -127,37 +127,46 @@ def _road_tone(ground: _CoarseFields) -> Float32Array:
     on_street = (streets.index >= 0).astype(np.float32)
     lanes = ground.lanes
     passes = _table(0.97 + 0.06 * plan.chance(f"pass {lane.id}") for lane, _ in plan.lanes)
-    worn = _table(0.14 * plan.chance(f"polish {street.key}") - 0.065 for _, street in plan.lanes)
+    worn = _table(plan.pavement(street).wheel_paths.at(plan.chance(f"polish {street.key}")) for _, street in plan.lanes)
+    streaks, blotches = (
+        _table(getattr(plan.pavement(street), what) for _, street in plan.segments)[streets.index]
+        for what in ("streaks", "blotches")
+    )
     pass_tone = np.where(lanes.index >= 0, passes[lanes.index], 1.0)
     wheel = np.where(lanes.index >= 0, worn[lanes.index], -0.05) * ground.wheels
-    slow = 0.030 * ground.plane(tables.broad) + 0.024 * ground.plane(tables.blotch) + 0.020 * ground.plane(tables.fine)
-    tone = pass_tone * (1.0 + on_street * (0.042 * streak + 0.052 * band + 0.022 * scuff) + wheel + slow)
+    slow = blotches * (
+        0.030 * ground.plane(tables.broad) + 0.024 * ground.plane(tables.blotch) + 0.020 * ground.plane(tables.fine)
+    )
+    tone = pass_tone * (1.0 + on_street * streaks * (0.042 * streak + 0.052 * band + 0.022 * scuff) + wheel + slow)
     return np.asarray(tone, dtype=np.float32)
 
 
 def _age_tone(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> Float32Array:
     """Reflectance factor from the surface's age."""
-    spatial_index, tones = plan.tones
+    spatial_index, surfaces = plan.paved
     image = Image.new("F", (raster.px, raster.px), 1.0)
     pen = ImageDraw.Draw(image)
     for index in spatial_index.near(tile_box(key, MAP_MARGIN_M + 0.1)):
         for part in shapely.get_parts(spatial_index.shapes[index]):
             if isinstance(part, shapely.Polygon):
-                pen.polygon(_pixels(raster, part.exterior), fill=tones[index])
+                pen.polygon(_pixels(raster, part.exterior), fill=surfaces[index].tone)
     return np.asarray(image, dtype=np.float32)
 
 
 def _stain(ground: _CoarseFields) -> Float32Array:
     """Oil along lanes, rubber across junctions, damp at kerbs, spots anywhere."""
-    tables, lanes, edge = ground.tables, ground.lanes, ground.edge
+    tables, lanes, edge, dirt = ground.tables, ground.lanes, ground.edge, ground.plan.look.dirt
     middle = np.where(lanes.index >= 0, np.exp(-0.5 * (lanes.across / 0.33) ** 2), 0.0)
     offset = lanes.index.astype(np.int64) * 131
     oily = np.clip(0.55 + 0.5 * tables.road(tables.band, lanes.along, lanes.across + 8.0, offset), 0.1, 1.6)
-    stain = 0.095 * middle * oily
-    stain = stain + 0.17 * np.minimum(ground.turns, 1.5) * np.clip(0.8 + 0.3 * ground.plane(tables.blotch, 1), 0.2, 1.6)
+    of_lane = _table(ground.plan.pavement(street).oil for _, street in ground.plan.lanes)[lanes.index]
+    stain = 0.095 * dirt.oil * of_lane * middle * oily
+    stain = stain + 0.17 * dirt.tyre_marks * np.minimum(ground.turns, 1.5) * np.clip(
+        0.8 + 0.3 * ground.plane(tables.blotch, 1), 0.2, 1.6
+    )
     inside = np.where(np.isfinite(edge.distance) & (edge.across > 0), edge.distance, np.inf)
     wet = np.clip(0.9 * ground.plane(tables.blotch, 2) + 0.7 * ground.plane(tables.broad, 1) - 0.75, 0.0, 1.0)
-    stain = stain + 0.55 * wet * np.exp(-((inside / 0.28) ** 2)) + 0.30 * np.exp(-((inside / 0.06) ** 2))
+    stain = stain + 0.55 * dirt.water * wet * np.exp(-((inside / 0.28) ** 2)) + 0.30 * np.exp(-((inside / 0.06) ** 2))
     outside = np.where(np.isfinite(edge.distance) & (edge.across <= 0), edge.distance, np.inf)
     stain = stain + 0.14 * np.exp(-(((outside - KERB_WIDTH_M) / 0.03) ** 2))
     spots = np.clip(1.6 * (ground.plane(tables.fine, 3) - 2.75), 0.0, 0.35)
@@ -173,7 +182,11 @@ def _dust(ground: _CoarseFields) -> Float32Array:
     inside = edge.across > 0
     silt = 0.7 * np.exp(-distance / 0.17) * np.clip(0.65 + 0.5 * noise, 0.05, 1.6)
     film = 0.13 * np.exp(-((distance / 0.75) ** 2)) * np.clip(0.7 + 0.5 * ground.plane(tables.broad, 2), 0.0, 1.5)
-    dust = np.where(inside, silt + film, 0.25 * np.exp(-distance / 0.2) * np.clip(0.6 + 0.5 * noise, 0.0, 1.5))
+    dust = np.where(
+        inside,
+        ground.plan.look.dirt.sand * (silt + film),
+        0.25 * np.exp(-distance / 0.2) * np.clip(0.6 + 0.5 * noise, 0.0, 1.5),
+    )
     unused = np.where(ground.lanes.index >= 0, 0.05 * (1.0 - ground.wheels), 0.04)
     dust = dust + unused * np.clip(0.6 + 0.6 * ground.plane(tables.broad, 3) + 0.3 * noise, 0.0, 2.0)
     return np.asarray(np.clip(dust, 0.0, 0.85), dtype=np.float32)

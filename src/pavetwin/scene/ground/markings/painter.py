@@ -12,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.layout.lines import ways_along
+from pavetwin.scene.ground.markings.standard import PaintName, paint
 
 _OVERLAP_M: Final = 0.3
 """Bars of one line overlap, so that no gap shows where they meet."""
@@ -24,7 +25,7 @@ class Paint:
     bars: Float64Array
     """(n, 5): middle x and y in the world frame, direction [rad], half length and half width [m]."""
     bar_looks: Float64Array
-    """(n, 2): share of yellow, wear 0 … 1."""
+    """(n, 2): place among the paints and wear, 0 … 1."""
     outlines: tuple[Float64Array, ...]
     """Polygons (n, 2) each, world frame."""
     outline_looks: Float64Array
@@ -38,13 +39,15 @@ class Painter:
         self._bars: list[tuple[float, ...]] = []
         self._outlines: list[tuple[Float64Array, float, float]] = []
 
-    def bar(self, start: Float64Array, end: Float64Array, width_m: float, wear: float, *, yellow: bool = False) -> None:
+    def bar(
+        self, start: Float64Array, end: Float64Array, width_m: float, wear: float, *, colour: PaintName = "white"
+    ) -> None:
         """A straight bar with square ends."""
         dx, dy = end - start
         length = float(np.hypot(dx, dy))
         if length > 0.02:
             x, y = (start + end) / 2
-            self._bars.append((x, y, float(np.arctan2(dy, dx)), length / 2, width_m / 2, float(yellow), wear))
+            self._bars.append((x, y, float(np.arctan2(dy, dx)), length / 2, width_m / 2, paint(colour), wear))
 
     def line(
         self,
@@ -53,16 +56,18 @@ class Painter:
         wear: float,
         *,
         dash_m: tuple[float, float] | None = None,
-        yellow: bool = False,
+        colour: PaintName = "white",
     ) -> None:
         """A line along a path, solid or in dashes (painted, free)."""
         for part in shapely.get_parts(path):
             if not isinstance(part, LineString) or part.length < 0.3:
                 continue
             for start, end in _dashes(part.length, dash_m):
-                self._along(part, start, end, width_m, wear, yellow)
+                self._along(part, start, end, width_m, wear, colour)
 
-    def _along(self, path: LineString, start: float, end: float, width_m: float, wear: float, yellow: bool) -> None:
+    def _along(
+        self, path: LineString, start: float, end: float, width_m: float, wear: float, colour: PaintName
+    ) -> None:
         coords = _between(path, start, end)
         for leg in range(len(coords) - 1):
             a, b = coords[leg], coords[leg + 1]
@@ -72,15 +77,15 @@ class Painter:
                 continue
             lap = min(_OVERLAP_M, length) * step / length
             inner = a if leg == 0 else a - lap / 2
-            self.bar(inner, b if leg == len(coords) - 2 else b + lap / 2, width_m, wear, yellow=yellow)
+            self.bar(inner, b if leg == len(coords) - 2 else b + lap / 2, width_m, wear, colour=colour)
 
-    def outline(self, ring: npt.ArrayLike, wear: float, *, yellow: bool = False) -> None:
+    def outline(self, ring: npt.ArrayLike, wear: float, *, colour: PaintName = "white") -> None:
         """A filled polygon (n, 2)."""
-        self._outlines.append((np.asarray(ring, dtype=np.float64), float(yellow), wear))
+        self._outlines.append((np.asarray(ring, dtype=np.float64), paint(colour), wear))
 
     def done(self) -> Paint:
         bars = np.array(self._bars, dtype=np.float64).reshape(-1, 7)
-        looks = np.array([(yellow, wear) for _, yellow, wear in self._outlines]).reshape(-1, 2)
+        looks = np.array([(which, wear) for _, which, wear in self._outlines]).reshape(-1, 2)
         return Paint(bars[:, :5], bars[:, 5:], tuple(ring for ring, _, _ in self._outlines), looks)
 
 

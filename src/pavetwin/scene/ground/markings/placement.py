@@ -3,7 +3,9 @@
 Which of them a street has depends on its class and a random number: many residential streets have none.
 """
 
-from collections.abc import Iterable
+from bisect import bisect
+from collections.abc import Iterable, Mapping
+from itertools import accumulate
 from typing import Final
 
 import numpy as np
@@ -21,7 +23,7 @@ from pavetwin.scene.ground.layout.turns import Approach
 from pavetwin.scene.ground.markings.arrows import arrow
 from pavetwin.scene.ground.markings.painter import Paint, Painter
 from pavetwin.scene.ground.markings.parking_lines import parking_lines
-from pavetwin.scene.ground.markings.rules import MarkingRules
+from pavetwin.scene.ground.markings.standard import CrossingKind, MarkingStandard
 from pavetwin.world.model import CARRIAGEWAY_LANES, Crossing, Direction, Lane, LaneKind
 
 ENDS_FREE_M: Final = 0.6
@@ -47,14 +49,14 @@ CROSSING_KERB_M: Final = 4.5
 """Both ends of a crossing lie at most this far from the kerb, which is rounded away where two streets meet."""
 
 
-def markings(plan: SurfaceLayout, rules: MarkingRules) -> Paint:
+def markings(plan: SurfaceLayout, standard: MarkingStandard) -> Paint:
     """All paint of a world."""
-    return _Marker(plan, rules).paint()
+    return _Marker(plan, standard).paint()
 
 
 class _Marker:
-    def __init__(self, plan: SurfaceLayout, rules: MarkingRules) -> None:
-        self.plan, self.rules = plan, rules
+    def __init__(self, plan: SurfaceLayout, standard: MarkingStandard) -> None:
+        self.plan, self.rules = plan, standard
         self.painter = Painter()
         self.crossings = [crossing.polygon for crossing in plan.world.crossings]
         self.crossing_tree = STRtree(self.crossings)
@@ -82,8 +84,10 @@ class _Marker:
         """The lines along a street."""
         ageing = self.plan.ageing(street)
         two_way = len(street.ways) > 1
-        marked = street.main or self._draw(f"centre {street.name}") < 0.35
-        if not marked or ageing.unpainted:
+        if ageing.unpainted:
+            return
+        self._kerb_lines(street, ageing)
+        if not street.main and self._draw(f"centre {street.name}") >= 0.35:
             return
         for way in street.ways:
             for lane in way[:-1]:
@@ -91,12 +95,24 @@ class _Marker:
             inner = way[-1]
             if two_way and way is street.ways[0]:
                 self._centre(self._inner_border(inner), street, ageing)
-            if not two_way and street.main and self.rules.yellow_centre:
+            rules = self.rules
+            if not two_way and street.main and rules.left_edge_colour:
                 edge = self.plan.world.beside(inner, inner.width_m / 2 - self._to_edge_line(inner, -1))
-                self.painter.line(self._clear(edge), self.rules.line_m, ageing.paint_wear, yellow=True)
-            if street.main and self._draw(f"edge {street.name}") < 0.3:
+                self.painter.line(self._clear(edge), rules.line_m, ageing.paint_wear, colour=rules.left_edge_colour)
+            if street.main and self._draw(f"edge {street.name}") < rules.edge_share:
                 edge = self.plan.world.beside(way[0], self._to_edge_line(way[0], 0) - way[0].width_m / 2)
-                self.painter.line(self._clear(edge), self.rules.line_m, ageing.paint_wear)
+                self.painter.line(self._clear(edge), rules.line_m, ageing.paint_wear, colour=rules.edge_colour)
+
+    def _kerb_lines(self, street: StreetPlan, ageing: Ageing) -> None:
+        """Lines along kerbs where stopping is forbidden, beside the gutter; none along parking lanes."""
+        colour = self.rules.kerb_colour
+        if colour is None or street.main or self._draw(f"kerb {street.name}") >= self.rules.kerb_share:
+            return
+        for way in street.ways:
+            to_kerb = self._to_edge_line(way[0], 0)
+            if to_kerb:
+                edge = self.plan.world.beside(way[0], to_kerb - way[0].width_m / 2)
+                self.painter.line(self._clear(edge), self.rules.line_m, ageing.paint_wear, colour=colour)
 
     def _to_edge_line(self, lane: Lane, end: int) -> float:
         """From a lane's border to the edge line: along the kerb, or on the border of the parking lane there."""
@@ -126,14 +142,14 @@ class _Marker:
         """The line between the directions."""
         rules, path = self.rules, self._clear(border)
         many = max(len(way) for way in street.ways) > 1
-        solid = many or (street.main and self._draw(f"solid {street.name}") < (0.7 if rules.yellow_centre else 0.25))
-        if solid and (many or rules.yellow_centre):
+        solid = many or (street.main and self._draw(f"solid {street.name}") < rules.solid_centre_share)
+        if solid and (many or rules.double_solid):
             for side in (-1, 1):
-                beside = shapely.offset_curve(path, side * (rules.line_m + rules.double_gap_m) / 2)
-                self.painter.line(beside, rules.line_m, ageing.paint_wear, yellow=rules.yellow_centre)
+                beside = shapely.offset_curve(path, side * (rules.centre_m + rules.double_gap_m) / 2)
+                self.painter.line(beside, rules.centre_m, ageing.paint_wear, colour=rules.centre_colour)
         else:
-            dash = None if solid else rules.lane_dash_m
-            self.painter.line(path, rules.line_m, ageing.paint_wear, dash_m=dash, yellow=rules.yellow_centre)
+            dash = None if solid else rules.centre_dash_m
+            self.painter.line(path, rules.centre_m, ageing.paint_wear, dash_m=dash, colour=rules.centre_colour)
 
     def _clear(self, path: BaseGeometry) -> BaseGeometry:
         """A path without its ends at junctions and without crossings."""
@@ -166,7 +182,10 @@ class _Marker:
                 for back in ARROW_AT_M:
                     self._arrow(lane, station - back, turns, wear)
         elif self.plan.gives_way(approach) and self._draw(f"yield {lane.edge}") < (0.85 if street.main else 0.45):
-            self._across(lane, station, self.rules.stop_m, wear, self.rules.yield_dash_m)
+            if self.rules.give_way == "triangles":
+                self._triangles(lane, station, wear)
+            else:
+                self._across(lane, station, self.rules.give_way_m, wear, self.rules.give_way_dash_m)
 
     def _across(
         self, lane: Lane, station: float, width_m: float, wear: float, dash_m: tuple[float, float] | None
@@ -178,6 +197,20 @@ class _Marker:
         dx, dy = direction(lane.centre_line, station)
         out = np.array([-dy, dx]) * (lane.width_m / 2 - 0.08)
         self.painter.line(LineString([middle - out, middle + out]), width_m, wear, dash_m=dash_m)
+
+    def _triangles(self, lane: Lane, station: float, wear: float) -> None:
+        """A row of triangles across a lane that point against its traffic."""
+        (wide, free), high = self.rules.give_way_dash_m, self.rules.give_way_m
+        if station < high + 1.0:
+            return
+        foot = np.array(lane.centre_line.interpolate(station).coords[0])
+        dx, dy = direction(lane.centre_line, station)
+        ahead, left = np.array([dx, dy]), np.array([-dy, dx])
+        count = int((lane.width_m - 0.2 + free) / (wide + free))
+        for number in range(count):
+            middle = foot + left * ((number - (count - 1) / 2) * (wide + free))
+            corners = [middle + left * wide / 2, middle - ahead * high, middle - left * wide / 2]
+            self.painter.outline(np.array(corners), wear)
 
     def _arrow(self, lane: Lane, station: float, turns: frozenset[Direction], wear: float) -> None:
         if station < 6.0 or not turns:
@@ -204,27 +237,30 @@ class _Marker:
         return bool((away < CROSSING_KERB_M).all())
 
     def _crossing(self, crossing: Crossing) -> None:
-        """A zebra, a ladder or two lines, or nothing at all."""
+        """Stripes, two lines or both, or nothing at all."""
         ring = _outline(crossing.polygon)
         wide, way = ring[1] - ring[0], ring[2] - ring[1]
         width, length = float(np.hypot(*wide)), float(np.hypot(*way))
         if width < 1.0 or length < 2.0:
             return
-        draw = self._draw(f"crossing {crossing.id}")
-        wear = 0.06 + 0.44 * self._draw(f"crossing wear {crossing.id}")
         rules = self.rules
-        if crossing.signalled and draw >= rules.ladder_share:
+        wear = 0.06 + 0.74 * self._draw(f"crossing wear {crossing.id}") ** 1.6
+        shares = rules.signalled if crossing.signalled else rules.unsignalled
+        kind = _picked(shares, self._draw(f"crossing {crossing.id}"))
+        if kind in (CrossingKind.LINES, CrossingKind.LADDER):
             for edge in (0.15 / width, 1.0 - 0.15 / width):
                 path = LineString([ring[0] + wide * edge + way * (0.2 / length), ring[3] + (ring[2] - ring[3]) * edge])
-                self.painter.line(path, rules.crossing_line_m, wear, dash_m=rules.crossing_dash_m)
-        elif crossing.signalled or draw < 0.6:
+                dash = rules.crossing_dash_m
+                self.painter.line(path, rules.crossing_line_m, wear, dash_m=dash, colour=rules.crossing_colour)
+        if kind in (CrossingKind.STRIPES, CrossingKind.LADDER):
             on, off = rules.stripe_m
             count = int((length - 0.2 + off) / (on + off))
             first = (length - count * (on + off) + off) / 2 + on / 2
             for stripe in range(count):
                 foot = ring[1] + way * ((first + stripe * (on + off)) / length)
-                own = min(0.9, wear * (0.85 + 0.3 * self._draw(f"stripe {crossing.id} {stripe}")))
-                self.painter.bar(foot - wide * (1 - 0.1 / width), foot - wide * (0.1 / width), on, own)
+                own = min(0.92, wear * (0.85 + 0.3 * self._draw(f"stripe {crossing.id} {stripe}")))
+                start, end = foot - wide * (1 - 0.1 / width), foot - wide * (0.1 / width)
+                self.painter.bar(start, end, on, own, colour=rules.crossing_colour)
 
     def _parking_line(self, line: LineString, street: str) -> None:
         """Between two parking places."""
@@ -239,6 +275,12 @@ class _Marker:
         for lane in self.plan.world.lanes_of(LaneKind.BICYCLE):
             border = self._inner_border(lane)
             self.painter.line(self._clear(border), self.rules.broad_m, 0.3)
+
+
+def _picked(shares: Mapping[CrossingKind, float], chance: float) -> CrossingKind:
+    """One kind for a random number 0 … 1."""
+    bounds = list(accumulate(shares.values()))
+    return list(shares)[bisect(bounds, chance * bounds[-1], hi=len(bounds) - 1)]
 
 
 def _outline(crossing: Polygon) -> Float64Array:

@@ -8,7 +8,8 @@ ground [m], D(kind, uv) the detail (linear reflectance ρ, hold of paint a, norm
    are taken at uv turned by SECOND_TURN_RAD and × SECOND_SCALE, their normals turned back: those of cells of GRAIN_M
    whose random number (`grain_noise`) is below w(p) (`second_share`). Mixed samples would be paler and softer than
    either.
-2. Age. ρ ← ρ · tone; n ← n · (1 − 0.45 · polish); r ← r − 0.15 · polish.
+2. Finish and age, ρ̄ the detail's mean. ρ ← (ρ̄ + (ρ − ρ̄) · grain) · (red, 1, blue) · tone · (1 + WARMING · (tone − 1)),
+   as binder is bluish, bare stones and dust are warm; n ← n · grain · (1 − 0.45 · polish); r ← r − 0.15 · polish.
 3. Dust lies in the hollows: ρ ← mix(ρ, DUST, dust · (1.15 − 0.5 · h)); n ← n · (1 − 0.5 · dust).
 4. Stain (oil, rubber, damp): ρ ← ρ · (1 − 0.8 · stain); r ← r − 0.25 · stain.
 5. Bitumen: its edge follows the grain, d = D_bitumen + RAGGED_M · (h − ½), its share b = smoothstep(−e, e, d) with
@@ -35,17 +36,27 @@ import numpy as np
 from pavetwin.arrays import Float32Array, FloatArray
 from pavetwin.scene.ground.materials.details import details
 from pavetwin.scene.ground.materials.sampling import Pyramid, linear_of_srgb, smoothstep
-from pavetwin.scene.model import MAP_MARGIN_M, SIGNED_DISTANCE_M, TILE_M, GroundKind, GroundMaps
+from pavetwin.scene.model import MAP_MARGIN_M, PLAIN_FINISH, SIGNED_DISTANCE_M, TILE_M, Finish, GroundKind, GroundMaps
 
-LOOSE: Final = frozenset({GroundKind.ASPHALT, GroundKind.GRASS, GroundKind.EARTH})
+LOOSE: Final = frozenset(
+    {GroundKind.ASPHALT, GroundKind.GRASS, GroundKind.EARTH, GroundKind.CHIP_SEAL, GroundKind.SLABS}
+)
 SECOND_TURN_RAD: Final = 0.62
 SECOND_SCALE: Final = 1.37
 GRAIN_M: Final = 0.004
 
+WARMING: Final = (0.04, 0.0, -0.07)
 DUST: Final = (0.30, 0.265, 0.215)
 BITUMEN: Final = (0.034, 0.034, 0.036)
-WHITE: Final = (0.555, 0.545, 0.51)
-YELLOW: Final = (0.55, 0.35, 0.06)
+PAINTS: Final = {
+    "white": (0.555, 0.545, 0.51),
+    "yellow": (0.55, 0.35, 0.06),
+    "orange": (0.52, 0.17, 0.025),
+    "red": (0.36, 0.035, 0.03),
+    "blue": (0.045, 0.12, 0.36),
+    "green": (0.06, 0.26, 0.10),
+}
+"""In the order of the maps' numbers, evenly spaced over 0 … 1."""
 
 RAGGED_M: Final = 0.016
 """Edges of paint and bitumen move by half of this with the height of the grain [m]."""
@@ -96,6 +107,7 @@ def surface(
     origin: tuple[float, float],
     maps: GroundMaps | MapPyramids,
     footprint_m: float | FloatArray,
+    finish: Finish = PLAIN_FINISH,
 ) -> Surface:
     """The surface of ground of one kind at many points.
 
@@ -105,15 +117,18 @@ def surface(
         local_xy: (..., 2) positions in the tile's frame, metres.
         origin: the tile's south-west corner in the world frame, metres.
         footprint_m: side of a pixel's footprint on the ground, one number or (...).
+        finish: of the piece of ground.
     """
     reflectance, hold, normal, height, rough = _detail(kind, uv, local_xy, origin, footprint_m)
     weathering, drawn = _maps(maps, local_xy, footprint_m)
     tone, stain, dust, polish = (weathering[..., channel] for channel in range(4))
     tone = tone * np.float32(255 / 128)
     paint_m, bitumen_m = (_metres(drawn[..., channel]) for channel in (0, 3))
-    yellow, wear = drawn[..., 1:2], drawn[..., 2]
+    which, wear = drawn[..., 1], drawn[..., 2]
 
-    albedo = np.asarray(reflectance * tone[..., None], dtype=np.float32)
+    reflectance, normal = _grained(kind, reflectance, finish.grain), normal * np.float32(finish.grain)
+    shade = np.array([finish.red, 1.0, finish.blue]) * (1.0 + np.array(WARMING) * (tone[..., None] - 1.0))
+    albedo = np.asarray(reflectance * tone[..., None] * shade, dtype=np.float32)
     normal = np.asarray(normal * (1.0 - 0.45 * polish)[..., None], dtype=np.float32)
     rough = rough - 0.15 * polish
     albedo = _mix(albedo, DUST, np.clip(dust * (1.15 - 0.5 * height), 0.0, 1.0))
@@ -129,7 +144,8 @@ def surface(
     painted = _share(paint_m, height, PAINT_EDGE_M, footprint_m) * _kept(hold, wear, footprint_m) * (1 - 0.8 * sealed)
     dirt = (1.0 - 0.35 * wear) * (0.5 + 0.5 * tone) * (1.0 - 0.5 * stain) * (1.0 - 0.3 * polish)
     dirt = dirt * (1.0 + 0.35 * (height - MEAN_HEIGHT))
-    colour = np.asarray(WHITE, dtype=np.float32) * (1.0 - yellow) + np.asarray(YELLOW, dtype=np.float32) * yellow
+    places = np.linspace(0.0, 1.0, len(PAINTS))
+    colour = np.stack([np.interp(which, places, band) for band in zip(*PAINTS.values(), strict=True)], axis=-1)
     albedo = _mix(albedo, np.asarray(colour * dirt[..., None], dtype=np.float32), painted)
     rough = rough + (0.6 - rough) * painted
     level = normal * (1.0 - 0.4 * painted)[..., None]
@@ -139,6 +155,18 @@ def surface(
         normal=np.asarray(up / np.linalg.norm(up, axis=-1, keepdims=True), dtype=np.float32),
         roughness=np.asarray(np.clip(rough, 0.05, 1.0), dtype=np.float32),
     )
+
+
+def mean_reflectance(kind: GroundKind) -> Float32Array:
+    """(3,) of a kind's detail."""
+    _, pyramid = _pyramids(kind)
+    return np.asarray(pyramid.levels[-1][0, 0, :3])
+
+
+def _grained(kind: GroundKind, reflectance: Float32Array, grain: float) -> Float32Array:
+    """With the contrast of its grain changed."""
+    mean = mean_reflectance(kind)
+    return np.asarray(np.maximum(mean + (reflectance - mean) * np.float32(grain), 0.0), dtype=np.float32)
 
 
 def second_share(xy: FloatArray) -> Float32Array:

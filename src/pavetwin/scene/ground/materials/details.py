@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 
 from pavetwin.memory import give_back
-from pavetwin.scene.ground.materials.asphalt import asphalt
-from pavetwin.scene.ground.materials.hardscape import concrete, kerb, paving
+from pavetwin.scene.ground.materials.asphalt import asphalt, chip_seal
+from pavetwin.scene.ground.materials.hardscape import concrete, kerb, paving, slabs
 from pavetwin.scene.ground.materials.softscape import earth, grass
 from pavetwin.scene.model import Detail, GroundKind
 from pavetwin.seeds import Stream, child
@@ -23,6 +23,8 @@ MAKERS: Final[Mapping[GroundKind, Callable[[np.random.Generator], Detail]]] = {
     GroundKind.KERB: kerb,
     GroundKind.GRASS: grass,
     GroundKind.EARTH: earth,
+    GroundKind.CHIP_SEAL: chip_seal,
+    GroundKind.SLABS: slabs,
 }
 
 _SEED: Final = 1

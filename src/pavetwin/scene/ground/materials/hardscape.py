@@ -40,6 +40,19 @@ def concrete(rng: np.random.Generator) -> Detail:
     return detail(CONCRETE_M, albedo, height, _rough(0.82, sand), hold, 1.0e-3, CONCRETE_REFLECTANCE)
 
 
+def slabs(rng: np.random.Generator) -> Detail:
+    """Concrete of a carriageway: its broomed skin worn off, sand and some stones bare, small voids."""
+    clouds, sand, broom, voids = _cement(rng, CONCRETE_M)
+    radius = (2.0e-3 + 3.5e-3 * rng.random(9_000)) / (CONCRETE_M / SIDE_PX)
+    stone, number, rim = stones(rng, radius.astype(np.float32), depth=0.5)
+    bare = np.where((stone > 0) & (noise(rng, 50.0) > 0.1), 1.0 - rim, 0.0)
+    value = 1.0 + 0.035 * clouds + 0.085 * sand + 0.02 * broom - 0.55 * voids + 0.5 * bare * (number - 0.62)
+    albedo = _coloured(float32(value), 0.014 * noise(rng, 200.0))
+    height = float32(np.clip(0.6 + 0.06 * sand + 0.03 * broom - 0.6 * voids + 0.06 * bare, 0.0, 1.0))
+    hold = blurred(-height, 1.0) + 0.12 * clouds
+    return detail(CONCRETE_M, albedo, height, _rough(0.82, sand), hold, 1.0e-3, CONCRETE_REFLECTANCE)
+
+
 def paving(rng: np.random.Generator) -> Detail:
     """Concrete slabs in half bond, each a little darker, lower or more tilted than the next; earth in their joints."""
     size_m = SLAB_M * SLABS

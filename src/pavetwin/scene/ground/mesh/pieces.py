@@ -1,4 +1,4 @@
-"""The ground of a tile as meshes: one for each kind, corners shared, holes where defects lie."""
+"""The ground of a tile as meshes: one for each kind and finish, corners shared, holes where defects lie."""
 
 from collections.abc import Sequence
 
@@ -9,24 +9,24 @@ from shapely import LineString
 from pavetwin.arrays import Float32Array, Float64Array, Int64Array, UInt32Array
 from pavetwin.scene.ground.layout.lines import ways_along
 from pavetwin.scene.ground.layout.relief import PROFILE, Relief
-from pavetwin.scene.ground.layout.surfaces import SurfaceLayout, tile_box
+from pavetwin.scene.ground.layout.surfaces import tile_box
 from pavetwin.scene.ground.mesh.regions import Face, faces_of
+from pavetwin.scene.ground.plan import GroundPlan
 from pavetwin.scene.model import TILE_M, GroundKind, GroundPiece, Mesh
 
 
-def ground_pieces(plan: SurfaceLayout, key: tuple[int, int]) -> tuple[GroundPiece, ...]:
-    """The meshes of a tile's ground, in the tile's frame, in the order of their kinds."""
+def ground_pieces(plan: GroundPlan, key: tuple[int, int]) -> tuple[GroundPiece, ...]:
+    """The meshes of a tile's ground, in the tile's frame, in the order of their kinds and finishs."""
     relief = Relief(plan, tile_box(key))
     faces = faces_of(plan, key, relief)
     pieces = []
-    for kind in GroundKind:
-        of_kind = [face for face in faces if face.kind is kind]
-        if of_kind:
-            pieces.append(GroundPiece(kind, _mesh(plan, key, relief, kind, of_kind)))
+    for kind, finish in sorted({(face.kind, face.finish) for face in faces}):
+        alike = [face for face in faces if (face.kind, face.finish) == (kind, finish)]
+        pieces.append(GroundPiece(kind, _mesh(plan, key, relief, kind, alike), finish))
     return tuple(pieces)
 
 
-def _mesh(plan: SurfaceLayout, key: tuple[int, int], relief: Relief, kind: GroundKind, faces: Sequence[Face]) -> Mesh:
+def _mesh(plan: GroundPlan, key: tuple[int, int], relief: Relief, kind: GroundKind, faces: Sequence[Face]) -> Mesh:
     corners, face = _triangles(faces)
     flat = corners.reshape(-1, 2)
     unique, back = np.unique(flat, axis=0, return_inverse=True)
@@ -56,7 +56,7 @@ def _triangles(faces: Sequence[Face]) -> tuple[Float64Array, Int64Array]:
 
 
 def _coordinates(
-    plan: SurfaceLayout, kind: GroundKind, faces: Sequence[Face], corners: Float64Array, face: Int64Array
+    plan: GroundPlan, kind: GroundKind, faces: Sequence[Face], corners: Float64Array, face: Int64Array
 ) -> Float64Array:
     """Where each corner (n, 3) lies in its detail, metres (n, 3, 2)."""
     if kind is GroundKind.KERB:
@@ -72,7 +72,7 @@ def _coordinates(
     return uv
 
 
-def _on_kerb(plan: SurfaceLayout, corners: Float64Array) -> Float64Array:
+def _on_kerb(plan: GroundPlan, corners: Float64Array) -> Float64Array:
     """Along the carriageway's edge, and up the section and over its top, for the corners (n, 3, 2) of triangles.
 
     In gutters the second is the way to the edge, below 0.

@@ -10,6 +10,7 @@ from shapely import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float64Array
+from pavetwin.scene.ground.layout.paved import PLAIN
 from pavetwin.scene.ground.layout.relief import (
     DROP_FAR_M,
     DROP_NEAR_M,
@@ -20,8 +21,9 @@ from pavetwin.scene.ground.layout.relief import (
     PROFILE,
     Relief,
 )
-from pavetwin.scene.ground.layout.surfaces import SurfaceLayout, tile_box
-from pavetwin.scene.model import GroundKind
+from pavetwin.scene.ground.layout.surfaces import tile_box
+from pavetwin.scene.ground.plan import GroundPlan
+from pavetwin.scene.model import PLAIN_FINISH, Finish, GroundKind
 
 SHOULDER_M: Final = 0.8
 """Bare strip beside a carriageway without a kerb."""
@@ -54,9 +56,10 @@ class Face:
     """Whether it lies along a kerb."""
     pit: bool = False
     """Whether a tree stands in it."""
+    finish: Finish = PLAIN_FINISH
 
 
-def faces_of(plan: SurfaceLayout, key: tuple[int, int], relief: Relief) -> list[Face]:
+def faces_of(plan: GroundPlan, key: tuple[int, int], relief: Relief) -> list[Face]:
     """The faces of a tile: together with the holes they cover it exactly."""
     box = tile_box(key)
     wide = tile_box(key, _PAD_M)
@@ -71,7 +74,7 @@ def faces_of(plan: SurfaceLayout, key: tuple[int, int], relief: Relief) -> list[
 class _Cut:
     """The lines of a tile and the names of what lies between them."""
 
-    def __init__(self, plan: SurfaceLayout, box: Polygon, wide: Polygon, relief: Relief) -> None:
+    def __init__(self, plan: GroundPlan, box: Polygon, wide: Polygon, relief: Relief) -> None:
         self.plan, self.box, self.wide, self.relief = plan, box, wide, relief
         self.road = shapely.intersection(relief.road, wide)
         self.kerb = _grown(self.road, KERB_WIDTH_M)
@@ -83,6 +86,7 @@ class _Cut:
         self.gutter = shapely.union_all(plan.gutters.at(wide))
         self.pits = _tree_pits(plan, wide, self.paved)
         self.holes = shapely.union_all(plan.holes.at(wide))
+        self.pavements = _pavements(plan, wide)
 
     def lines(self) -> list[BaseGeometry]:
         edges = [_grown(self.road, distance).boundary for distance, _, _ in PROFILE]
@@ -90,7 +94,8 @@ class _Cut:
         gutter = shapely.intersection(self.gutter.boundary, self.road)
         walks = [self.plan.sidewalks.shapes[index].boundary for index in self.walks]
         behind = [shapely.difference(line, self.kerb) for line in (*walks, self.paved.boundary, self.pits.boundary)]
-        return [*edges, holes, gutter, *behind, *self._ramps(), *self._lots()]
+        joints = [shapely.intersection(shape.boundary, self.road) for shape in list(self.pavements.values())[1:]]
+        return [*edges, holes, gutter, *joints, *behind, *self._ramps(), *self._lots()]
 
     def _ramps(self) -> list[BaseGeometry]:
         """Where dropped kerbs begin and end, and where kerbs do."""
@@ -126,8 +131,7 @@ class _Cut:
         for index, polygon in enumerate(polygons):
             if on_road[index]:
                 if not in_hole[index]:
-                    gutter = bool(on_gutter[index])
-                    faces.append(Face(polygon, GroundKind.CONCRETE if gutter else GroundKind.ASPHALT, gutter=gutter))
+                    faces.append(self._carriageway(polygon, inner[index], gutter=bool(on_gutter[index])))
             elif on_kerb[index]:
                 faces.append(Face(polygon, GroundKind.KERB if kerbed[index] else GroundKind.EARTH))
             elif in_pit[index]:
@@ -137,6 +141,13 @@ class _Cut:
             else:
                 faces.append(Face(polygon, self._land(inner[index], bool(kerbed[index]))))
         return _without_specks(faces, self.box)
+
+    def _carriageway(self, polygon: Polygon, inner: BaseGeometry, *, gutter: bool) -> Face:
+        if gutter:
+            return Face(polygon, GroundKind.CONCRETE, gutter=True)
+        away = [float(shapely.distance(shape, inner)) for shape in self.pavements.values()]
+        kind, finish = list(self.pavements)[int(np.argmin(away))]
+        return Face(polygon, kind, finish=finish)
 
     def _walk_at(self, point: BaseGeometry) -> int:
         """The sidewalk lane that a paved place belongs to."""
@@ -158,6 +169,21 @@ class _Cut:
         yard = _pick(draw, _BUILT_UP if built_up else _GARDENS)
         by_house = self.plan.buildings.near(point, APRON_M)
         return GroundKind.PAVING if by_house and yard in (GroundKind.GRASS, GroundKind.EARTH) and draw < 0.6 else yard
+
+
+def _pavements(plan: GroundPlan, wide: Polygon) -> dict[tuple[GroundKind, Finish], BaseGeometry]:
+    """What is visible of each material around a tile."""
+    index, surfaces = plan.paved
+    near = index.near(wide)
+    found: dict[tuple[GroundKind, Finish], BaseGeometry] = {}
+    if len({surfaces[number].material for number in near}) < 2:
+        return {surfaces[near[0]].material if near else PLAIN.material: wide}
+    for number in near:
+        shape, material = shapely.intersection(index.shapes[number], wide), surfaces[number].material
+        found = {of: shapely.difference(before, shape) for of, before in found.items() if of != material} | {
+            material: shapely.union(found.get(material, shapely.Polygon()), shape)
+        }
+    return found
 
 
 _HARD: Final = frozenset({GroundKind.PAVING, GroundKind.CONCRETE, GroundKind.KERB})
@@ -205,7 +231,7 @@ def _without_specks(faces: list[Face], box: Polygon) -> list[Face]:
     ]
 
 
-def _tree_pits(plan: SurfaceLayout, wide: Polygon, paved: BaseGeometry) -> BaseGeometry:
+def _tree_pits(plan: GroundPlan, wide: Polygon, paved: BaseGeometry) -> BaseGeometry:
     """Squares of earth about trees in sidewalks, square to the walk."""
     pits: list[BaseGeometry] = []
     for tree in plan.trees.at(wide):

@@ -1,0 +1,44 @@
+"""Data files that go by a name: those that ship with the package, and YAML files of the user's own."""
+
+from importlib.resources import files
+from pathlib import Path
+from typing import TypeVar
+
+from yaml import YAMLError
+
+from pavetwin.config.base import Settings
+from pavetwin.config.text import parse_yaml
+from pavetwin.errors import PaveTwinError, no_such
+
+Data = TypeVar("Data", bound=Settings)
+
+
+def names_in(package: str, folder: str) -> list[str]:
+    """The names of the YAML files in a folder of a package of ours."""
+    listed = (files(package) / folder).iterdir()
+    return sorted(entry.name.removesuffix(".yaml") for entry in listed if entry.name.endswith(".yaml"))
+
+
+def read_named(schema: type[Data], name: str, *, what: str, key: str, package: str, folder: str) -> Data:
+    """The data of a name, or of a file whose name ends in .yaml or .yml.
+
+    Args:
+        what: one of them in words, such as `pavement`.
+        key: the parameter that takes their names.
+
+    Raises:
+        PaveTwinError: there is no such name or file, or it does not fit the schema; the message names file and key.
+    """
+    if name.endswith((".yaml", ".yml")):
+        try:
+            text = Path(name).read_text(encoding="utf-8")
+            values = parse_yaml(text, where=f"'{name}'") or {}
+        except (OSError, UnicodeDecodeError, YAMLError, ValueError) as error:
+            raise PaveTwinError(f"The {what} '{name}' cannot be read: {' '.join(str(error).split())}.") from error
+    elif name in (known := names_in(package, folder)):
+        values = parse_yaml((files(package) / folder / f"{name}.yaml").read_text(encoding="utf-8"), where=name)
+    else:
+        raise PaveTwinError(no_such(what, name, known, key=f"`{key}`"))
+    if not isinstance(values, dict):
+        raise PaveTwinError(f"{what} '{name}': a list of keys with values is expected.")
+    return schema.parse(values, where=f"{what} '{name}'")

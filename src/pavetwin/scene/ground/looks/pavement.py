@@ -1,0 +1,149 @@
+"""A pavement: what a carriageway is made of, how it looks new and old, and what is repaired on it. A YAML file each."""
+
+from enum import StrEnum
+from functools import cache
+from typing import Annotated, Final, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from pavetwin.config.base import Settings
+from pavetwin.config.mission import Share
+from pavetwin.config.named import names_in, read_named
+from pavetwin.scene.model import GroundKind
+
+PACKAGE: Final = "pavetwin.scene.ground.looks"
+
+Reflectance = Annotated[float, Field(ge=0.02, le=0.5)]
+Factor = Annotated[float, Field(ge=0, le=5)]
+ColourFactor = Annotated[float, Field(ge=0.6, le=1.4)]
+
+
+class Material(StrEnum):
+    """Detail textures of carriageways."""
+
+    ASPHALT = "asphalt"
+    CHIP_SEAL = "chip_seal"
+    CONCRETE = "concrete"
+
+    @property
+    def ground(self) -> GroundKind:
+        return _GROUND[self]
+
+
+_GROUND: Final = {
+    Material.ASPHALT: GroundKind.ASPHALT,
+    Material.CHIP_SEAL: GroundKind.CHIP_SEAL,
+    Material.CONCRETE: GroundKind.SLABS,
+}
+
+
+class ValueRange(Settings):
+    """Evenly from the least to the most of a value."""
+
+    least: float
+    most: float
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.least > self.most:
+            raise ValueError(f"least {self.least:g} is larger than most {self.most:g}")
+        return self
+
+    def at(self, chance: float) -> float:
+        """The value at a random number 0 … 1."""
+        return self.least + (self.most - self.least) * chance
+
+
+def _within(low: float, high: float) -> AfterValidator:
+    def checked(values: ValueRange) -> ValueRange:
+        if values.least < low or values.most > high:
+            raise ValueError(f"least and most lie between {low:g} and {high:g}")
+        return values
+
+    return AfterValidator(checked)
+
+
+class SurfaceReflectance(Settings):
+    """Mean reflectance over visible light: ρ(a) = new + (aged − new) · a^0.6 at the age a, 0 … 1."""
+
+    new: Reflectance
+    aged: Reflectance
+    spread: Annotated[float, Field(ge=0, le=0.5)] = 0.08
+    """Streets of one age differ by up to this share of it."""
+
+    def at(self, age: float, chance: float) -> float:
+        """At an age, with a random number 0 … 1 for the difference between streets."""
+        return float((self.new + (self.aged - self.new) * age**0.6) * (1 + self.spread * (2 * chance - 1)))
+
+
+class Tint(Settings):
+    """Colour of the aggregate and the binder, as factors on a neutral grey of the same brightness."""
+
+    red: ColourFactor = 1.0
+    blue: ColourFactor = 1.0
+    spread: Annotated[float, Field(ge=0, le=0.2)] = 0.03
+    """Streets differ by up to this: red by more, blue by less, or the other way round."""
+
+    def at(self, chance: float) -> tuple[float, float]:
+        """Factors on red and blue for a random number 0 … 1."""
+        warmth = self.spread * (2 * chance - 1)
+        return self.red * (1 + warmth), self.blue * (1 - warmth)
+
+
+class RepairRates(Settings):
+    """How often it is repaired, × the rates of dense asphalt of the same age (`distractors.repairs`)."""
+
+    patches: Factor = 1.0
+    trenches: Factor = 1.0
+    sealed_cracks: Factor = 1.0
+    joint_share: Share = 0.35
+    """Of streets whose paver's joint is sealed."""
+
+
+class Slabs(Settings):
+    """Joints between slabs, filled with a dark sealant."""
+
+    every_m: Annotated[float, Field(ge=1, le=30)]
+    """Between joints across the carriageway."""
+    half_width_m: Annotated[float, Field(ge=0.012, le=0.03)] = 0.015
+    """Half the width of the sealant and its overband; finer lines than the maps resolve would alias."""
+    lost: Share = 0.03
+    """Share of the sealant that has gone."""
+
+
+class Pavement(Settings):
+    """A pavement."""
+
+    title: str
+    material: Material
+    reflectance: SurfaceReflectance
+    tint: Tint = Tint()
+    age: Annotated[ValueRange, _within(0.0, 1.0)] = ValueRange(least=0.0, most=1.0)
+    """Of streets that have it: 0 newly paved, 1 due for renewal."""
+    grain: Annotated[ValueRange, _within(0.0, 1.9)] = ValueRange(least=0.5, most=1.0)
+    """Contrast of its stones, × that of clean new ones: dust and wear level them."""
+    wheel_paths: Annotated[ValueRange, _within(-0.5, 0.5)] = ValueRange(least=-0.065, most=0.075)
+    """Change of the reflectance where wheels pass, as a share: polished stones are paler, bleeding binder darker."""
+    streaks: Factor = 1.0
+    """Contrast of the streaks along the street that paver, rollers and tyres leave."""
+    blotches: Factor = 1.0
+    """Contrast of the slow changes of its tone over metres."""
+    oil: Factor = 1.0
+    """Strength of the band of oil in the middle of lanes."""
+    repairs: RepairRates = RepairRates()
+    slabs: Slabs | None = None
+
+
+def pavement_names() -> list[str]:
+    """The pavements that ship with the package."""
+    return names_in(PACKAGE, "pavements")
+
+
+@cache
+def pavement(name: str) -> Pavement:
+    """The pavement of a name, or of a YAML file of the user's own.
+
+    Raises:
+        PaveTwinError: there is no such pavement or file, or the file is none.
+    """
+    return read_named(Pavement, name, what="pavement", key="pavements", package=PACKAGE, folder="pavements")

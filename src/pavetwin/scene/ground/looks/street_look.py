@@ -1,0 +1,117 @@
+"""The look of a town's streets: which pavements they have, and what lies on them. A YAML file each."""
+
+import json
+from bisect import bisect
+from collections.abc import Mapping
+from functools import cache
+from hashlib import sha256
+from itertools import accumulate
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+from pydantic import Field, field_validator
+
+from pavetwin.config.base import Settings
+from pavetwin.config.mission import Share
+from pavetwin.config.named import names_in, read_named
+from pavetwin.errors import PaveTwinError
+from pavetwin.scene.ground.looks.pavement import PACKAGE, Factor, Pavement, pavement
+
+DEFAULT_LOOK: Final = "varied"
+
+Weight = Annotated[float, Field(ge=0)]
+Weights = Annotated[Mapping[str, Weight], Field(min_length=1)]
+
+
+class Stretches(Settings):
+    """Parts of streets that were paved anew later than the rest."""
+
+    share: Share = 0.3
+    """Of segments of 45 m and more that have one."""
+    pavements: Weights
+
+
+class Dirt(Settings):
+    """What lies on carriageways, × what the twin assumes of a street (`distractors`)."""
+
+    sand: Factor = 1.0
+    """Along kerbs."""
+    water: Factor = 1.0
+    """Damp at kerbs and grates, and the tide marks of puddles."""
+    tyre_marks: Factor = 1.0
+    oil: Factor = 1.0
+    leaves: Factor = 1.0
+
+
+class StreetLook(Settings):
+    """The look of a town's streets."""
+
+    title: str
+    main: Weights
+    """Pavements of main streets, by name, with their relative frequencies."""
+    other: Weights
+    """Of all others."""
+    stretches: Stretches
+    dirt: Dirt = Dirt()
+    paint_wear: Factor = 1.0
+    """Wear of markings, × what the age of a street says."""
+    markings: str | None = None
+    """A marking standard; the one of the place unless given."""
+
+    @field_validator("main", "other")
+    @classmethod
+    def _some(cls, weights: Mapping[str, float]) -> Mapping[str, float]:
+        if not sum(weights.values()) > 0:
+            raise ValueError("the weights sum to 0")
+        return weights
+
+    def pavement(self, *, main: bool, chance: float) -> Pavement:
+        """The pavement of a street for a random number 0 … 1."""
+        return drawn(self.main if main else self.other, chance)
+
+
+def drawn(weights: Mapping[str, float], chance: float) -> Pavement:
+    """One pavement of a table of weights, for a random number 0 … 1."""
+    bounds = list(accumulate(weights.values()))
+    return pavement(list(weights)[bisect(bounds, chance * bounds[-1], hi=len(bounds) - 1)])
+
+
+def look_names() -> list[str]:
+    """The looks that ship with the package."""
+    return names_in(PACKAGE, "streets")
+
+
+@cache
+def street_look(name: str) -> StreetLook:
+    """The look of a name, or of a YAML file of the user's own, which may name files beside it.
+
+    Raises:
+        PaveTwinError: there is no such look or file, the file is none, or it names a pavement that is none.
+    """
+    found = read_named(StreetLook, name, what="street look", key="look", package=PACKAGE, folder="streets")
+    tables = {"main": found.main, "other": found.other, "stretches.pavements": found.stretches.pavements}
+    absolute: dict[str, dict[str, float]] = {}
+    for key, weights in tables.items():
+        absolute[key] = {_beside(name, each): weight for each, weight in weights.items()}
+        for each in absolute[key]:
+            try:
+                pavement(each)
+            except PaveTwinError as error:
+                raise PaveTwinError(f"street look '{name}': {key}: {error}") from error
+    stretches = found.stretches.model_copy(update={"pavements": absolute["stretches.pavements"]})
+    update: dict[str, Any] = {"main": absolute["main"], "other": absolute["other"], "stretches": stretches}
+    return found.model_copy(update=update)
+
+
+def look_sha256(name: str) -> str:
+    """SHA-256 of all that a look says, its pavements included."""
+    look = street_look(name)
+    tables = (look.main, look.other, look.stretches.pavements)
+    told = [look.model_dump(mode="json", exclude={"main", "other", "stretches"}), look.stretches.share]
+    told += [[(weight, pavement(each).model_dump(mode="json")) for each, weight in table.items()] for table in tables]
+    return sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+
+
+def _beside(look: str, name: str) -> str:
+    """A pavement's file beside the look's."""
+    return str(Path(look).parent / name) if name.endswith((".yaml", ".yml")) else name

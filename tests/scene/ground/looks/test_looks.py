@@ -1,0 +1,129 @@
+"""Looks of streets from data files: what a street is paved with, and what is wrong with a file in one line."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.scene.ground import GroundPlan, ground_pieces, plan_ground
+from pavetwin.scene.ground.looks import look_names, look_sha256, pavement, street_look
+from pavetwin.scene.ground.looks.pavement import pavement_names
+from pavetwin.scene.model import TILE_M, GroundKind
+from pavetwin.scene.patches import holes_of
+from pavetwin.scene.scene import Scene
+from pavetwin.world.model import World
+from scenes import tiny
+
+BLUE = {
+    "title": "blue",
+    "material": "asphalt",
+    "reflectance": {"new": 0.1, "aged": 0.1, "spread": 0.0},
+    "tint": {"red": 0.7, "blue": 1.4, "spread": 0.0},
+    "grain": {"least": 0.5, "most": 0.5},
+}
+LOOK = {"title": "one", "main": {"concrete": 1}, "other": {"concrete": 1}}
+STRETCHES = {"share": 0.0, "pavements": {"overlay": 1}}
+
+
+def written(path: Path, values: dict[str, object]) -> str:
+    path.write_text(yaml.safe_dump(values, sort_keys=False), encoding="utf-8")
+    return str(path)
+
+
+def look_of(folder: Path, name: str) -> str:
+    """A look with one pavement everywhere."""
+    values = LOOK | {"main": {name: 1}, "other": {name: 1}, "stretches": STRETCHES}
+    return written(folder / "look.yaml", values)
+
+
+def world() -> World:
+    return tiny.straight()
+
+
+def plan(look: str) -> GroundPlan:
+    return plan_ground(world(), 3, holes_of(world().defects), street_look(look))
+
+
+def tile_on_street() -> tuple[int, int]:
+    point = world().segments[0].centre_line.interpolate(0.5, normalized=True)
+    return int(point.x // TILE_M), int(point.y // TILE_M)
+
+
+@pytest.mark.parametrize("name", look_names())
+def test_every_look_names_pavements_that_are_there(name: str) -> None:
+    look = street_look(name)
+    drawn = {
+        look.pavement(main=main, chance=chance).title for main in (True, False) for chance in np.linspace(0, 1, 201)
+    }
+    assert len(drawn) == len({*look.main, *look.other})
+
+
+def test_pavements_range_from_near_black_to_pale() -> None:
+    middles = {name: pavement(name).reflectance.at(pavement(name).age.at(0.5), 0.5) for name in pavement_names()}
+    assert min(middles.values()) < 0.08
+    assert max(middles[name] for name in middles if pavement(name).material == "asphalt") > 0.18
+    assert {pavement(name).material.ground for name in middles} >= {GroundKind.CHIP_SEAL, GroundKind.SLABS}
+
+
+def test_a_street_is_meshed_of_what_its_look_says(tmp_path: Path) -> None:
+    found = plan(look_of(tmp_path, "concrete"))
+    kinds = {piece.kind for piece in ground_pieces(found, tile_on_street())}
+    assert GroundKind.SLABS in kinds
+    assert GroundKind.ASPHALT not in kinds
+    assert len(found.repairs.seals) > world().segments[0].length_m / 4.5  # joints between slabs
+
+
+def test_a_look_may_name_a_pavement_beside_it(tmp_path: Path) -> None:
+    written(tmp_path / "blue.yaml", BLUE)
+    found = plan(look_of(tmp_path, "blue.yaml"))
+    (piece,) = (each for each in ground_pieces(found, tile_on_street()) if each.kind is GroundKind.ASPHALT)
+    assert piece.finish == pytest.approx((0.7, 1.4, 0.5), abs=1 / 128)
+    x, y = world().segments[0].centre_line.interpolate(0.5, normalized=True).coords[0]
+    assert found.paved_at(x, y).tone == pytest.approx(0.1 / 0.135)
+
+
+def test_the_pavement_around_a_defect_is_that_of_its_street(tmp_path: Path) -> None:
+    there = tiny.straight((20.0, 1.0))
+    scene = Scene(there, seed=3, look=look_of(tmp_path, "concrete"))
+    patch = scene.patch_on((0, 0), 0)
+    assert patch is not None
+    assert patch.kind is GroundKind.SLABS
+
+
+def test_the_hash_of_a_look_covers_its_pavements(tmp_path: Path) -> None:
+    hashes = set()
+    for number, red in enumerate((0.7, 0.8)):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        written(folder / "blue.yaml", BLUE | {"tint": {"red": red}})
+        hashes.add(look_sha256(look_of(folder, "blue.yaml")))
+    assert len(hashes) == 2
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"materiel": "asphalt"}, "unknown key 'materiel' (did you mean 'material'?)"),
+        ({"material": "gravel"}, "material: "),
+        ({"reflectance": {"new": 0.9, "aged": 0.1}}, "reflectance.new: "),
+        ({"age": {"least": 0.9, "most": 0.2}}, "age: least 0.9 is larger than most 0.2"),
+        ({"grain": {"least": 0.1, "most": 3.0}}, "grain: least and most lie between 0 and 1.9"),
+    ],
+)
+def test_a_mistake_in_a_pavement_is_one_line_with_its_place(
+    tmp_path: Path, change: dict[str, object], told: str
+) -> None:
+    path = written(tmp_path / "mine.yaml", BLUE | change)
+    with pytest.raises(PaveTwinError) as caught:
+        pavement(path)
+    message = str(caught.value)
+    assert path in message
+    assert told in message
+    assert "\n" not in message
+
+
+def test_a_look_says_which_of_its_pavements_is_not_known(tmp_path: Path) -> None:
+    with pytest.raises(PaveTwinError, match=r"look\.yaml': main: .*'tarmac'"):
+        street_look(look_of(tmp_path, "tarmac"))
