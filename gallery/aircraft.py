@@ -12,7 +12,7 @@ from pavetwin.uav import AIRCRAFT, AircraftProfile
 from pavetwin.uav.energy import airspeeds
 from pavetwin.uav.energy.rotor import rotor_power
 
-COLOURS: Final = ("#1F6FB2", "#C4572E", "#3A8C5F", "#7A4FA3")
+COLOURS: Final = ("#1F6FB2", "#C4572E", "#3A8C5F", "#7A4FA3", "#B58900", "#4A4A4A")
 
 TB48D_WH: Final = 129.96
 
@@ -39,6 +39,23 @@ MATRICE_100: Final = AircraftProfile.model_validate(
 MEASURED_KG: Final = 3.715
 """Take-off mass without payload, Rodrigues et al. 2022."""
 
+LOGGED_KG: Final = 3.29
+LOGGED_A: Final = ((0.0, 16.83), (2.0, 16.88), (4.0, 16.20), (6.0, 16.36), (8.0, 16.83))
+"""A Matrice 100 with a computer, flown in circles of 25 m: ground speed [m/s] and mean current [A], each over 180 mAh
+of the battery's own count, on 3 April 2019 (flight logs of A. Faustino's group, see docs/explanation/aircraft.md)."""
+
+LARGE_QUADROTOR: Final = MATRICE_100.model_copy(
+    update={"title": "quadrotor of 12.4 kg", "mass_kg": 12.4, "rotor_diameter_m": 0.7112, "top_speed_mps": 10.0,
+            "tilt_deg": 6.2}
+)  # fmt: skip
+"""Its drag is that of its owners' attitude logs, 1.325 N for 1 m/s."""
+
+LARGE_SHARES: Final = (
+    (2.46, 1.0161), (3.51, 1.0267), (4.53, 1.0080), (5.59, 0.9666), (6.42, 1.0036), (7.90, 0.9551), (8.08, 0.9523),
+    (9.54, 1.0839), (10.90, 0.9919), (11.09, 1.0236), (12.34, 1.0491),
+)  # fmt: skip
+"""Ground speed [m/s] and power over that in hover (telemetry of 3 July 2026, see docs/explanation/aircraft.md)."""
+
 CRUISE_W: Final = (68.9, 2.0, 16.8, 15.0)
 """Measured power in cruise, 4 to 12 m/s, is b1 m^1.5/√ρ + b0: b1, its standard error, b0, its standard error (Rodrigues
 et al., Patterns 3, 100569, 2022; see docs/explanation/aircraft.md)."""
@@ -63,7 +80,7 @@ def aircraft_panel(axes: Axes) -> None:
         title = profile.title.removeprefix("DJI ")
         axes.plot(speeds[flown], watts[flown] / watts[0], color=colour, linestyle=style, label=title, zorder=3)
         stated_w = 60 * profile.capacity_wh / profile.flight_time_min
-        best = speeds[int(np.argmin(watts[flown]))]
+        best = profile.flight_speed_mps or speeds[int(np.argmin(watts[flown]))]
         axes.plot(best, stated_w / watts[0], "o", color=colour, markersize=6)
         if profile.hover_time_min is not None:
             hover_w = 60 * profile.capacity_wh / profile.hover_time_min
@@ -97,12 +114,31 @@ def measured_panel(axes: Axes) -> None:
     axes.set_title("DJI Matrice 100: model and measurements", loc="left", fontsize=10)
 
 
+def shares_panel(axes: Axes) -> None:
+    """Power over ground speed of two more aircraft, as shares of that in hover."""
+    speeds = airspeeds()
+    flown = speeds <= 13
+    logged = [amperes / LOGGED_A[0][1] for _, amperes in LOGGED_A]
+    for colour, profile, payload_kg, name, points in (
+        (COLOURS[0], MATRICE_100, LOGGED_KG - MATRICE_100.mass_kg, "Matrice 100, 3.29 kg",
+         list(zip([mps for mps, _ in LOGGED_A], logged, strict=True))),
+        (COLOURS[1], LARGE_QUADROTOR, 0.0, "quadrotor, 12.4 kg", list(LARGE_SHARES)),
+    ):  # fmt: skip
+        watts = rotor_power(profile, payload_kg).total_w
+        axes.plot(speeds[flown], watts[flown] / watts[0], color=colour, label=f"model, {name}")
+        axes.plot(*zip(*points, strict=True), "o", color=colour, markersize=5, label="flight logs")
+    axes.set_xlim(0, 13)
+    axes.set_ylim(0.7, 1.2)
+    axes.set_ylabel("power ÷ power in hover")
+    axes.set_title("Two more aircraft, wind not known", loc="left", fontsize=10)
+
+
 def draw(path: Path) -> None:
-    """Both panels, as a PNG."""
-    figure, panels = plt.subplots(1, 2, figsize=(11, 4.2), layout="constrained")
-    for panel, fill in zip(panels, (aircraft_panel, measured_panel), strict=True):
+    """All panels, as a PNG."""
+    figure, panels = plt.subplots(1, 3, figsize=(15, 4.2), layout="constrained")
+    for panel, fill in zip(panels, (aircraft_panel, measured_panel, shares_panel), strict=True):
         fill(panel)
-        panel.set_xlabel("airspeed, m/s")
+        panel.set_xlabel("airspeed, m/s" if fill is not shares_panel else "ground speed, m/s")
         panel.grid(color="0.9")
         panel.spines[["top", "right"]].set_visible(False)
         panel.legend(frameon=False, fontsize=8.5, loc="best")

@@ -14,6 +14,27 @@ def test_the_list_names_every_aircraft_with_its_makers_times() -> None:
     assert mavic.split()[-5:] == ["0.92", "45", "38", "12", "2.7"]
 
 
+def test_the_list_marks_what_no_maker_states() -> None:
+    """DJI states no hover of the Phantoms, and of the Matrice 350 no time with the P1."""
+    said = pavetwin("aircraft", "list").stdout
+    assert "~: the model's time" in said
+    marked = {line.split()[0]: [f for f in line.split() if f.startswith("~")] for line in said.splitlines() if line}
+    assert marked["phantom4pro"] == ["~27"]
+    assert len(marked["matrice350"]) == 2
+    assert marked["mavic3e"] == marked["mavic2pro"] == marked["matrice4e"] == []
+
+
+def test_one_aircraft_is_shown_with_what_is_its_makers_and_what_the_models(tmp_path: Path) -> None:
+    makers, models = pavetwin("aircraft", "show", "phantom4pro").stdout.split("# The model's, from these")
+    assert "flight_time_min: 30" in makers
+    assert "hover: 27 min (predicted" in models
+    assert "assumed: blade tips at 120 m/s" in models
+    assert "hover:" not in pavetwin("aircraft", "show", "mavic3e").stdout
+    plain = (Path(__file__).parents[2] / "src/pavetwin/uav/aircraft.yaml").read_text(encoding="utf-8")
+    (tmp_path / "own.yaml").write_text(plain.replace("  tilt_deg: 42\n", ""), encoding="utf-8")
+    assert "0.03 of the rotors' discs, assumed" in pavetwin("aircraft", "show", f"{tmp_path}/own.yaml:phantom4").stdout
+
+
 def test_one_aircraft_is_shown_with_its_sources_and_its_power() -> None:
     said = pavetwin("aircraft", "show", "phantom4pro").stdout
     assert "DJI Phantom 4 Pro specifications" in said

@@ -140,7 +140,7 @@ def in_wind(aircraft: str, wind_mps: float, wind_from_deg: float = 270.0) -> Bat
     return flight_settings(load_settings(aircraft=aircraft, conditions=conditions)).battery
 
 
-KNOWN = st.sampled_from(["phantom4", "phantom4pro", "mavic3e", "matrice350"])
+KNOWN = st.sampled_from(["phantom4", "phantom4pro", "mavic2pro", "mavic3e", "matrice4e", "matrice350"])
 WINDS = st.floats(0.1, 10)
 GROUND_SPEEDS = st.floats(0, 12)
 ANGLES = st.floats(0, 359)

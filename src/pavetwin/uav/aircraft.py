@@ -68,7 +68,9 @@ class AircraftProfile(Settings):
     batteries: Annotated[int, Field(ge=1, le=12)] = 1
     """Flown with at once; they are changed together."""
     flight_time_min: Positive
-    """The maker's longest flight in still air, from full to empty: at the airspeed that needs the least power."""
+    """The maker's longest flight in still air, from full to empty."""
+    flight_speed_mps: Positive | None = None
+    """Airspeed of that flight, where the maker states one; otherwise it is the one that needs the least power."""
     hover_time_min: Positive | None = None
     """The maker's longest hover in still air, where one is stated."""
     top_speed_mps: Positive
@@ -93,6 +95,8 @@ class AircraftProfile(Settings):
             raise ValueError("hover_time_min: less than half of flight_time_min, which no rotor's power explains")
         if self.wind_limit_mps >= self.top_speed_mps:
             raise ValueError("wind_limit_mps must be below top_speed_mps")
+        if self.flight_speed_mps is not None and self.flight_speed_mps > self.top_speed_mps:
+            raise ValueError("flight_speed_mps must not be above top_speed_mps")
         if unknown := sorted(self.sources.keys() - type(self).model_fields.keys()):
             raise ValueError(f"sources: '{unknown[0]}' is no key of a profile")
         return self

@@ -44,8 +44,9 @@ class _Figures(NamedTuple):
     disc_area_m2: float
     drag_area_m2: float
     top_speed_mps: float
-    best_w: float
-    """At best endurance."""
+    flight_w: float
+    """On the maker's longest flight."""
+    flight_speed_mps: float | None
     hover_w: float | None
 
     @classmethod
@@ -57,6 +58,7 @@ class _Figures(NamedTuple):
             profile.drag_area_m2,
             profile.top_speed_mps,
             watt_min / profile.flight_time_min,
+            profile.flight_speed_mps,
             None if profile.hover_time_min is None else watt_min / profile.hover_time_min,
         )
 
@@ -68,8 +70,9 @@ def rotor_power(profile: AircraftProfile, payload_kg: float = 0.0) -> Power:
     for Wireless Communication With Rotary-Wing UAV", IEEE Trans. Wireless Commun. 18(4), 2019, eq. 12) with the
     aircraft's own v0 = √(W/2ρA), Pi = 1.1 W v0, and f from its tilt at top speed; P0/Pi and U are those of the source.
 
-    The whole is scaled so that the lowest power up to the top speed empties the battery in the maker's flight time.
-    Where a hover time is stated, Pi has a scale of its own, so that both times hold. The mass beyond that at which the
+    The whole is scaled so that the power at the airspeed of the maker's longest flight empties the battery in its time;
+    unless stated that is the airspeed of the lowest power up to the top speed. Where a hover time is stated too, Pi has
+    a scale of its own, so that both times hold. The mass beyond that at which the
     maker measured scales P0 and Pi by its power 1.5 (fixed-pitch rotors: thrust ∝ n², power ∝ n³) and v0 by its root.
 
     Args:
@@ -103,9 +106,17 @@ def _terms(
 def _scales(figures: _Figures) -> tuple[float, float]:
     """Electrical over aerodynamic power: of the induced part, and of the rest."""
     speed = airspeeds()
-    blade_w, induced_w, drag_w = _terms(figures, speed[speed <= figures.top_speed_mps])
+    flown = speed[speed <= figures.top_speed_mps]
+    if figures.flight_speed_mps is not None:
+        flown = np.array([0.0, figures.flight_speed_mps])
+    blade_w, induced_w, drag_w = _terms(figures, flown)
+
+    def flight_w(other: float, lift: float) -> float:
+        watts = other * (blade_w + drag_w) + lift * induced_w
+        return float(watts.min() if figures.flight_speed_mps is None else watts[1])
+
     if figures.hover_w is None:
-        scale = figures.best_w / float((blade_w + induced_w + drag_w).min())
+        scale = figures.flight_w / flight_w(1.0, 1.0)
         return scale, scale
     hover_w, blade_hover_w, induced_hover_w = figures.hover_w, float(blade_w[0]), float(induced_w[0])
 
@@ -113,7 +124,7 @@ def _scales(figures: _Figures) -> tuple[float, float]:
         return (hover_w - other * blade_hover_w) / induced_hover_w
 
     def excess_w(other: float) -> float:
-        return float((other * (blade_w + drag_w) + lift_scale(other) * induced_w).min()) - figures.best_w
+        return flight_w(other, lift_scale(other)) - figures.flight_w
 
     other = float(brentq(excess_w, 0.0, hover_w / blade_hover_w))
     return lift_scale(other), other
