@@ -161,7 +161,8 @@ def _buffers(material: str) -> list[Any]:
 
 def _source(parts: list[str]) -> str:
     folder = files("pavetwin.render") / "wgsl"
-    numbers = f"const LEAF_CUT = {CUT};\nconst CLEAR_SHARE = {CLEAR_SHARE};\n"
+    known = {"LEAF_CUT": CUT, "CLEAR_SHARE": CLEAR_SHARE, "LEVEL_SLOPE": LEVEL_SLOPE}
+    numbers = "".join(f"const {name}: f32 = {float(value)};\n" for name, value in known.items())
     return numbers + "\n".join((folder / f"{part}.wgsl").read_text(encoding="utf-8") for part in parts)
 
 
@@ -191,7 +192,6 @@ def _ground_numbers(details: dict[GroundKind, Detail]) -> str:
         "SECOND_SIN": math.sin(compose.SECOND_TURN_RAD),
         "SECOND_SCALE": compose.SECOND_SCALE,
         "GRAIN_M": compose.GRAIN_M,
-        "LEVEL_SLOPE": LEVEL_SLOPE,
         "MAP_MARGIN_M": MAP_MARGIN_M,
         "MAP_SIDE_M": TILE_M + 2 * MAP_MARGIN_M,
     }

@@ -22,7 +22,7 @@ struct Vertex {
     // Texture axes of loose ground are the world's, which avoids differences of large numbers.
     if ((LOOSE_KINDS >> kind & 1u) == 1u) { axes = mat2x3f(1.0, 0.0, 0.0, 0.0, 1.0, 0.0); }
     let n = normalize(flat_n + axes * surface.slope);
-    let lit = sunlight(in.shadow, flat_n, in.world.w, pixel_jitter(in.clip.xy));
+    let lit = sunlight(in.shadow, flat_n, in.world.w, pixel_jitter(in.clip.xy), vec2f(0.0));
     return vec4f(ground_radiance(surface, n, in.relative, lit, 1.0), 1.0);
 }
 

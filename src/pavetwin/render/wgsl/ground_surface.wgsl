@@ -53,11 +53,8 @@ fn lamp_of(in: Seen) -> Lamp {
     return Lamp(in.to_sun, in.sun, array<vec4f, 7>(in.sky0, in.sky1, in.sky2, in.sky3, in.sky4, in.sky5, in.sky6));
 }
 
-// Two mip levels are mixed only near the middle between them: lavapipe samples a single one in half the time.
 fn level_of(footprint: f32) -> f32 {
-    let level = log2(max(footprint, 1.0));
-    let whole = floor(level);
-    return whole + clamp((level - whole - 0.5) * LEVEL_SLOPE + 0.5, 0.0, 1.0);
+    return mostly_one(log2(max(footprint, 1.0)));
 }
 
 fn detail_at(kind: u32, uv: vec2f, footprint: f32) -> Detail {

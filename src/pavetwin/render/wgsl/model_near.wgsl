@@ -1,22 +1,32 @@
-// Models whose triangles cover many pixels: lighting per pixel.
+// Models whose triangles cover many pixels: lighting per pixel. What varies slowly over a triangle comes from its
+// vertices: the light of the sky, and where it lies in the shadow map.
 
 struct Seen {
     @builtin(position) clip: vec4f,
     @location(0) relative: vec3f,
     @location(1) normal: vec3f,
     @location(2) colour: vec3f,
-    @location(3) surface: vec2f,
-    @location(4) glow: vec3f,
+    @location(3) surface: vec3f,    // roughness, metal, side of a pixel there [m]
+    @location(4) ambient: vec3f,
+    @location(5) shadow: vec3f,
+    @location(6) lean: vec2f,
 }
 
 @vertex fn vertex(at: Instance, in: Vertex) -> Seen {
+    lamp = lamp_of_frame();
     let model = model_vertex(at, in);
-    let clip = project(model.relative, at.velocity);
-    return Seen(clip, model.relative, model.normal, model.colour, vec2f(model.roughness, model.metal), model.glow);
+    return Seen(
+        project(model.relative, at.velocity), model.relative, model.normal, model.colour,
+        vec3f(model.roughness, model.metal, pixel_at(model.relative)), solid_ambient(model),
+        in_shadow_map(model.relative, model.normal), lean_of(model.normal),
+    );
 }
 
 @fragment fn fragment(in: Seen) -> @location(0) vec4f {
+    lamp.to_sun = frame.to_sun;
+    lamp.sun = frame.sun;
     let normal = normalize(in.normal + vec3f(0.0, 0.0, 1e-6));
-    let solid = Solid(in.relative, normal, in.colour, in.surface.x, in.surface.y, in.glow);
-    return vec4f(solid_radiance(solid, pixel_jitter(in.clip.xy)), 1.0);
+    let solid = Solid(in.relative, normal, in.colour, in.surface.x, in.surface.y, vec3f(0.0));
+    let lit = sunlight(in.shadow, normal, in.surface.z, pixel_jitter(in.clip.xy), in.lean);
+    return vec4f(solid_lit(solid, in.ambient, lit), 1.0);
 }

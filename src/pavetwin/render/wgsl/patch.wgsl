@@ -32,7 +32,7 @@ struct Vertex {
     let beside = select(world.x, world.y, facing.x > facing.y);
     let grain = select(world, vec2f(beside, in.world.z), length(facing) > 0.55);
     var surface = ground_surface(in.kind, grain, in.local, world, footprint);
-    let lit = sunlight(in.shadow, up, in.world.w, pixel_jitter(in.clip.xy));
+    let lit = sunlight(in.shadow, up, in.world.w, pixel_jitter(in.clip.xy), vec2f(0.0));
     let defect_free = ground_radiance(surface, normalize(vec3f(surface.slope, 1.0)), in.relative, lit, 1.0);
     let bent = (relief.xy * 255.0 - 128.0) / 127.0;
     // From a unit normal back to a slope, as slopes can be added.
