@@ -1,8 +1,8 @@
 """`python -m benchmarks.fundamental WORLD …`: the fundamental diagram of worlds, and the table of levels of service.
 
-For each world traffic is recorded at each level of service. Speed ratio and flow over density, of these recordings and
-of the trials of the search, are drawn (`docs/images/fundamental.png`), and a Markdown table is printed, as
-`docs/explanation/traffic.md` has it.
+For each world traffic is recorded at each level of service, and tried at densities from nearly empty to nearly jammed.
+Speed ratio and flow over density, of these recordings and of all trials, are drawn (`docs/images/fundamental.png`), and
+a Markdown table is printed, as `docs/explanation/traffic.md` has it.
 """
 
 import argparse
@@ -27,6 +27,12 @@ from pavetwin.world.store import load_world
 
 SEEDS = (1, 2)
 RECORDED_S = 1200.0
+
+SWEEP = (2.0, 5.0, 8.0, 12.0, 16.0, 20.0, 25.0, 30.0, 36.0, 43.0, 52.0, 64.0, 80.0, 100.0)
+"""Vehicles per kilometre of lane."""
+
+DENSEST = 105.0
+"""Of the plot."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +69,9 @@ def rows(world: World, found: Sequence[Level]) -> Iterator[str]:
             yield f"| {world.name} | {each.level} | beyond reach | | | | |"
             continue
         for seed, flow in zip(SEEDS, each.flows, strict=True):
-            missed = (flow.ratio or 0.0) / each.target - 1
+            missed = round(100 * ((flow.ratio or 0.0) / each.target - 1)) + 0  # no −0
             yield (
-                f"| {world.name} | {each.level} | {each.target:.2f} | {flow.ratio:.3f} ({100 * missed:+.0f} %, "
+                f"| {world.name} | {each.level} | {each.target:.2f} | {flow.ratio:.3f} ({missed:+d} %, "
                 f"{flow.level}, seed {seed}) | {flow.speed_kmh:.0f} km/h | {flow.per_lane_km:.1f} | "
                 f"{flow.removed_per_vehicle_hour:.3f} |"
             )
@@ -88,9 +94,9 @@ def draw(axes: tuple[Axes, Axes], world: World, found: Sequence[Level], trials: 
         if level.above > 0:
             speed.axhline(level.above, color=style.INK_SOFT, lw=0.4, ls=":")
         top = min(level.up_to, 0.9)
-        speed.annotate(level, (63.5, (level.above + top) / 2), fontsize=8, color=style.INK_SOFT, va="center")
-    speed.set(title=world.name, ylim=(0, 0.9), xlim=(0, 66))
-    flow.set(xlabel="vehicles per kilometre of lane", xlim=(0, 66), ylim=(0, None))
+        speed.annotate(level, (0.965 * DENSEST, (level.above + top) / 2), fontsize=8, color=style.INK_SOFT, va="center")
+    speed.set(title=world.name, ylim=(0, 0.9), xlim=(0, DENSEST))
+    flow.set(xlabel="vehicles per kilometre of lane", xlim=(0, DENSEST), ylim=(0, None))
 
 
 def main() -> int:
@@ -112,7 +118,10 @@ def main() -> int:
         for at, world in enumerate(worlds):
             tell(at / len(worlds))
             found = list(levels(world, asked.duration))
-            draw((axes[0][at], axes[1][at]), world, found, DemandSearch(world, DEFAULT_MIX).trials)
+            search = DemandSearch(world, DEFAULT_MIX)
+            for density in SWEEP:
+                search.trial(density)
+            draw((axes[0][at], axes[1][at]), world, found, search.trials)
             lines += rows(world, found)
             notes += [each.why for each in found if each.why]
             taken = ", ".join(f"{each.level} {each.found_s:.0f} s" for each in found)

@@ -51,6 +51,7 @@ def test_fly_takes_an_aircraft_by_name_and_refuses_wind_above_its_limit(tmp_path
     assert "aircraft: phantom4\n" in pavetwin("fly", "--settings", "--aircraft", "phantom4").stdout
     windy = ("fly", "--settings", "--aircraft", "phantom4", "--wind")
     assert "above the 10 m/s that the DJI Phantom 4 is rated for" in plain_refusal(pavetwin(*windy, "10.5"))
+    assert plain_refusal(pavetwin(*windy, "10.5")).startswith("Error: --wind: a wind of 10.5 m/s is above")
     assert pavetwin(*windy, "10").returncode == 0
     (tmp_path / "own.yaml").write_text("mine: {mass_kg: 1}", encoding="utf-8")
     line = plain_refusal(pavetwin("fly", "--settings", "--aircraft", tmp_path / "own.yaml"))

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import partialmethod
 from pathlib import Path
 
 import polars as pl
@@ -16,7 +17,7 @@ from pavetwin.world.cache import cached
 from pavetwin.world.store import load_world, save_world
 from scenes import built
 from scenes.command_line import pavetwin, plain_refusal
-from scenes.demand import know_demand
+from scenes.demand import know_demand, on_the_curve
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +34,13 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(DemandSearch, "_simulated", lambda *_: pytest.fail("a trial was simulated"))
     monkeypatch.setattr("pavetwin.mission.replay.FIRST_DURATION_S", 60.0)
     monkeypatch.setattr("pavetwin.draw.mission_map.save_mission_map", lambda _, path: path.touch())
+
+
+@pytest.fixture
+def crowded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Even the nearly empty network keeps only 46 % of the speed limits, as far as the search knows."""
+    monkeypatch.setenv("PAVETWIN_CACHE", str(tmp_path / "crowded"))
+    monkeypatch.setattr(DemandSearch, "_simulated", partialmethod(on_the_curve, empty_ratio=0.46))
 
 
 def flown(world: Path, folder: Path, *traffic: object) -> str:
@@ -63,6 +71,21 @@ def test_a_mission_says_which_traffic_it_flew_in(
     assert "of vehicles stand" in line
     assert "gridlock" in line
     assert density_of(tmp_path / "m") == name
+
+
+@pytest.mark.usefixtures("crowded")
+def test_the_usual_level_out_of_reach_is_replaced_and_one_asked_for_is_refused(world: Path, tmp_path: Path) -> None:
+    printed = flown(world, tmp_path / "m")
+    assert (
+        "Level of service C, the usual one, is out of reach in 'cross': its traffic is D, the nearest that it reaches. "
+        "--los asks for another." in printed
+    )
+    assert "Traffic los-D: " in printed
+    traffic = yaml.safe_load((tmp_path / "m" / "mission.yaml").read_text())["traffic"]
+    assert (traffic["density"], traffic["instead_of"], traffic["or_nearest"]) == ("los-D", "los-C", False)
+    again = pavetwin("fly", "--again", tmp_path / "m" / "mission.yaml", "-o", tmp_path / "again")
+    assert "The same as the first time." in again.stdout
+    assert "cannot flow at level of service C" in plain_refusal(pavetwin("fly", world, "--los", "C"))
 
 
 @pytest.mark.parametrize(
@@ -124,6 +147,24 @@ def test_info_refuses_another_world(world: Path, tmp_path: Path) -> None:
     save_world(add_defects(built("cross", seed=2), DefectOptions(per_segment=1)), tmp_path / "other")
     assert "another world" in plain_refusal(pavetwin("traffic", "info", own, "--world", tmp_path / "other"))
     assert "none" in plain_refusal(pavetwin("traffic", "info", own, "--world", tmp_path / "none"))
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("crowded")
+def test_a_study_flies_and_reports_the_nearest_levels(world: Path, tmp_path: Path) -> None:
+    design, folder = tmp_path / "design.yaml", tmp_path / "study"
+    design.write_text(
+        f"name: levels\nworlds: [{world}]\ndensities: [los-B, los-C]\nor_nearest: true\naltitudes_m: [10]\n"
+        "policies: [baseline]\nreplicates: 1\nsegments: 1\n"
+    )
+    for _ in range(2):  # the same command resumes
+        done = pavetwin("experiment", "run", design, "-o", folder)
+        assert done.returncode == 0, done.stderr
+    said = "Levels of service B and C are out of reach in 'cross'; the nearest are flown: D for B and D for C."
+    assert said in done.stderr
+    assert pl.read_parquet(folder / "segments.parquet")["traffic"].to_list() == ["los-D"]
+    assert pavetwin("experiment", "report", folder).returncode == 0
+    assert said.replace("'", "&#39;") in (folder / "report.html").read_text()
 
 
 @pytest.mark.slow

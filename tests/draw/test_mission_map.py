@@ -18,6 +18,7 @@ from pavetwin.draw.marks import DefectOutcome, notable_segments, outcomes, recta
 from pavetwin.draw.mission_legend import legend_of, main_numbers
 from pavetwin.draw.mission_map import (
     _comparison_figure,
+    _traffic_words,
     flown_bounds,
     mission_figure,
     save_comparison_map,
@@ -29,6 +30,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.report.canvas import looks
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.spec import TrafficInput
 from pavetwin.mission.track import MODE_NUMBER, displacements, revisits, waits
 from pavetwin.twin import Mode
 from pavetwin.world.model import World
@@ -74,6 +76,21 @@ def test_the_map_has_a_mark_for_every_defect(policy: str) -> None:
     for outcome in DefectOutcome:
         town, *_ = marks(figure, f"defects-{outcome}")
         assert town == found.count(outcome)
+
+
+@pytest.mark.parametrize(
+    ("traffic", "words"),
+    [
+        (TrafficInput(density="los-C"), "traffic los-C"),
+        (TrafficInput(density="los-D", instead_of="los-C"), "traffic los-D instead of los-C"),
+        (TrafficInput(density="high", seed=4), "traffic high, seed 4"),
+        (TrafficInput(), "traffic user"),
+    ],
+)
+def test_the_heading_names_the_traffic_and_its_seed_only_where_it_differs(traffic: TrafficInput, words: str) -> None:
+    result = tiny.result("queue_that_leaves", "baseline")
+    spec = result.spec.model_copy(update={"traffic": traffic, "seed": 0})
+    assert _traffic_words(replace(result, spec=spec)) == words
 
 
 def test_parked_vehicles_and_what_they_hide_are_on_the_map_and_in_its_legend() -> None:

@@ -118,6 +118,15 @@ def test_wind_from_every_side_costs_energy_there_and_back(name: str) -> None:
     assert needed[None] < needed[0] < needed[90]
 
 
+def test_the_way_is_as_the_aircraft_flies_it_and_not_the_beeline() -> None:
+    """A street that leads back: the end nearest to the base as the crow flies is the farthest to fly to."""
+    bend = [Junction("out", "x", box(-5, -5, 305, 5)), Junction("round", "x", box(295, 5, 305, 125))]
+    scene = Scene(world([street("back", (295, 120), (20, 120))], junctions=bend, base=(0.0, 0.0)), altitude_m=10.0)
+    settings = scene.settings()
+    (way,) = ways_out(scene.environment(settings), settings, [0])
+    assert way.distance_m == pytest.approx(300 + 120 + 280, abs=40.0)
+
+
 def test_streets_around_the_base_are_within_reach() -> None:
     scene = Scene(straight(), altitude_m=10.0)
     check_reach(scene.environment(), scene.settings(), [0])

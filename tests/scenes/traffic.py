@@ -1,4 +1,5 @@
-"""Tiny road networks for traffic: a straight street and a signalled cross, made by netconvert from a few lines."""
+"""Tiny road networks for traffic, made by netconvert from a few lines: a straight street, a signalled cross, and an
+arterial without signals."""
 
 from pathlib import Path
 
@@ -34,8 +35,18 @@ _NODES = {
         ("s", 0, -250, "priority"),
         ("n", 0, 250, "priority"),
     ],
+    "arterial": [
+        *((name, x, 0, "priority") for name, x in (("a", 0), ("b", 500), ("c", 1000), ("d", 1500))),
+        ("n", 500, 150, "priority"),
+        ("s", 1000, -150, "priority"),
+    ],
 }
-_STREETS = {"straight": [("a", "b")], "short": [("a", "b")], "cross": [("w", "c"), ("c", "e"), ("s", "c"), ("c", "n")]}
+_STREETS = {
+    "straight": [("a", "b")],
+    "short": [("a", "b")],
+    "cross": [("w", "c"), ("c", "e"), ("s", "c"), ("c", "n")],
+    "arterial": [("a", "b"), ("b", "c"), ("c", "d"), ("n", "b"), ("c", "s")],
+}
 
 
 def make_network(scene: str, target: Path, *, sidewalks: bool = True) -> Path:

@@ -94,6 +94,18 @@ def test_a_level_beyond_the_network_is_refused_with_what_it_can_reach(cross: Wor
         record(cross, "los-A", 1, 10.0)
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("fresh")
+def test_an_arterial_without_signals_flows_at_level_a(tmp_path: Path) -> None:
+    arterial = scene_world("arterial", tmp_path, sidewalks=False)
+    empty, target = DemandSearch(arterial, "europe").target(LevelOfService.A)
+    assert empty.ratio > 0.9
+    flow = flow_of(record(arterial, "los-A", 1, 300.0), arterial)
+    assert flow.level == "A"
+    assert flow.ratio == pytest.approx(target, rel=NEAR)
+    assert flow.removed_per_vehicle_hour == 0.0
+
+
 def test_quiet_hours_have_fewer_vehicles_than_busy_ones(cross: World) -> None:
     search = DemandSearch(cross, "europe")
     night, morning, busiest = (search.density(density_named(f"hour-{hour:02}")) for hour in (3, 12, 16))

@@ -68,7 +68,7 @@ def test_two_mixes_contradict_each_other() -> None:
 def test_the_daily_curve_is_a_whole_day() -> None:
     assert len(HOURLY_SHARES) == 24
     assert sum(HOURLY_SHARES) == pytest.approx(100.0, abs=0.5)
-    assert share_of_busiest(16) == 1.0
-    assert share_of_busiest(3) < 0.03
+    assert share_of_busiest(17) == 1.0
+    assert share_of_busiest(3) < 0.04
     assert hour_density(3).pedestrians_per_sidewalk_km < 0.05 * level_density("C").pedestrians_per_sidewalk_km
     assert level_density("E").pedestrians_per_sidewalk_km == PEDESTRIANS

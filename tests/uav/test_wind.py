@@ -45,6 +45,21 @@ def test_wind_above_the_rated_limit_is_refused_in_one_line(wind_mps: float, gust
         assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("wind_mps", "words"),
+    [
+        (11.0, "another `aircraft`: mavic3e (12 m/s), matrice350 (12 m/s). Unless"),
+        (13.0, "another `aircraft`: those known here are rated for 12 m/s at most. Unless"),
+    ],
+)
+def test_a_refused_wind_says_what_would_be_flown(wind_mps: float, words: str) -> None:
+    settings = load_settings(aircraft="phantom4", conditions={"wind_mps": wind_mps})
+    with pytest.raises(PaveTwinError) as caught:
+        check_names(settings, ["hover"], 0)
+    assert "Wait for 10 m/s or less, gusts included;" in str(caught.value)
+    assert words in str(caught.value)
+
+
 def test_wind_up_to_the_limit_is_flown_and_the_paper_knows_no_limit() -> None:
     flight_settings(load_settings(aircraft="phantom4pro", conditions={"wind_mps": 10.0}))
     flight_settings(load_settings("paper", conditions={"wind_mps": 30.0}))

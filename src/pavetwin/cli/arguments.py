@@ -84,7 +84,8 @@ Los = Annotated[
     typer.Option(
         "--los",
         metavar="A…F",
-        help="Traffic by level of service: A free, C stable, E at capacity, F broken down; as in --los E.",
+        help="Traffic by level of service: A free, C stable, E near capacity, F stop and go; as in --los E. One that "
+        "the world cannot reach, such as A among traffic lights, is refused with what it reaches.",
     ),
 ]
 Hour = Annotated[

@@ -17,7 +17,9 @@ from pavetwin.errors import PaveTwinError
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from pavetwin.capture.settings import CaptureSettings
     from pavetwin.capture.statistics import Statistics
+    from pavetwin.mission.inputs import OnProgress
 
 
 class _MakeByDefault(TyperGroup):
@@ -147,10 +149,15 @@ def make(
             values["altitudes_m"] = _UAV_ALTITUDES
         settings = settings_of(values, typed={"size_px": size, "split": split})
         check(settings)
+        instead = ""
+        if not (los or hour or density):
+            settings, instead = _in_reach(settings, world, tell)
         adapter = str(find_adapter())
         captured = capture(
             world, settings, output, frame_source_factory=SceneFrameSource, adapter=adapter, jobs=jobs, on_progress=tell
         )
+    if instead:
+        out.line(instead)
     _print(captured.statistics)
     there = settings.total_images - captured.taken
     out.line(
@@ -169,6 +176,24 @@ def _traffics(los: Sequence[str], hours: Sequence[int], densities: Sequence[str]
         *(traffic_name(each, None, None, mix) for each in densities),
     ]
     return tuple(dict.fromkeys(name or DEFAULT_TRAFFIC for name in named or [traffic_name(None, None, None, mix)]))
+
+
+def _in_reach(settings: "CaptureSettings", folder: Path, tell: "OnProgress") -> "tuple[CaptureSettings, str]":
+    """Settings with the nearest level of service where the world cannot reach the usual one, and a line that says so;
+    empty where it can."""
+    from pavetwin.cli.report import nearest_line
+    from pavetwin.traffic.demand import density_named
+    from pavetwin.traffic.nearest_level import within_reach
+    from pavetwin.world.store import load_world
+
+    world, (usual,) = load_world(folder), map(density_named, settings.densities)
+    search = f"Finding the demand of {usual.name}, kept for the next time"
+    nearest = within_reach(world, usual, lambda _: tell(0.0, search))
+    if nearest == usual:
+        return settings, ""
+    return settings.model_copy(update={"densities": (nearest.name,)}), nearest_line(
+        usual.name, nearest.name, world.name
+    )
 
 
 @app.command()

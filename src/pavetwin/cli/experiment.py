@@ -335,7 +335,8 @@ def _plain(said: dict[str, Any]) -> dict[str, Any]:
             **{f"world {name}": content for name, content in said["worlds"].items()},
         },
         "worlds": [
-            world if world["routes"] or world["recordings"] else world["path"] for world in said["design"]["worlds"]
+            world if world["routes"] or world["recordings"] or world.get("nearest") else world["path"]
+            for world in said["design"]["worlds"]
         ],
     }
 

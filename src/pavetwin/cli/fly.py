@@ -141,6 +141,8 @@ def fly(
         ),
     )
     asked = traffic_name(density, los, hour, mix)
+    if density is None and los is None and hour is None:
+        asked = None  # a mix alone names no level, so the usual one or the nearest to it is flown
     if world is None and again is None and not settings:
         raise PaveTwinError("Name the folder of a world, or a mission.yaml by --again.")
     former = _former(context, again, other_policy=policy is not None)
@@ -174,12 +176,12 @@ def fly(
         traffic_input,
     )
     from pavetwin.mission.results import check_mission_folder
-    from pavetwin.traffic.demand import DEFAULT_TRAFFIC
     from pavetwin.traffic.flow import flow_of
     from pavetwin.world.store import load_world
 
     names = policies_named(policy or [POLICY if former is None else former.spec.policy.name])
-    with naming({"sensing.sensor:": "`sensor`:"} if sensor is not None else {}):
+    options = {"sensing.sensor:": ("`sensor`:", sensor), "conditions.wind_mps:": ("`wind`:", wind)}
+    with naming({key: option for key, (option, given) in options.items() if given is not None}):
         check_names(chosen, names, seed)
     if settings:
         out.print(report.settings_text(chosen), markup=False)
@@ -195,7 +197,7 @@ def fly(
             specs = [former.planned(loaded, policy=name, defect_seed=defect_seed) for name in names]
         else:
             defects = defects_of(loaded, defect_input(defect_seed))
-            street = traffic_input(loaded, asked or DEFAULT_TRAFFIC, routes or (), traffic, seed, take_off)
+            street = traffic_input(loaded, asked, routes or (), traffic, seed, take_off, mix or "")
             environment = prepare(
                 loaded,
                 chosen,
@@ -208,7 +210,8 @@ def fly(
             spec = plan_mission(
                 loaded,
                 own[0],
-                density=asked or DEFAULT_TRAFFIC,
+                density=asked,
+                mix=mix or "",
                 routes=routes or (),
                 recording=traffic,
                 take_off_s=take_off,
@@ -222,6 +225,7 @@ def fly(
             )
             specs = [spec.with_policy(name, its) for name, its in zip(names, own, strict=True)]
         inputs = load_inputs(specs[0], world=loaded, environment=environment, on_progress=tell)
+        specs = [inputs.flown(spec) for spec in specs]
     usual = not segment and order == "random" and segments == SEGMENTS
     own_folder = (
         former.folder_again
@@ -244,6 +248,8 @@ def fly(
     )
     if pace := report.pace_line(specs[0].settings):
         out.line(pace)
+    if instead := report.instead_line(specs[0]):
+        out.line(instead)
     flow = flow_of(inputs.replay.recording, inputs.environment.world)
     out.line(f"Traffic {inputs.replay.recording.name}: {flow.sentence} {flow.removals_sentence}")
     results = _fly_and_save(specs, inputs, folder, animate=animate, save_frames=save_frames)

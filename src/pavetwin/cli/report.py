@@ -15,6 +15,7 @@ from pavetwin.mission.environment import INSPECT_MPS, capture_interval_s, inspec
 from pavetwin.mission.inspected_defects import MissReason, inspected_defects
 from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.results import Drawing, Totals, save_mission, save_missions, totals
+from pavetwin.traffic.demand import density_named
 
 if TYPE_CHECKING:
     from pavetwin.capture.mission_images import MissionImages
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from pavetwin.mission.again import FormerMission
     from pavetwin.mission.fly import MissionResult
     from pavetwin.mission.inputs import MissionInputs
+    from pavetwin.mission.spec import MissionSpec
     from pavetwin.world.model import World
 
 
@@ -32,6 +34,23 @@ LEAST_GAP_M: Final = 0.05
 def settings_text(settings: "MissionSettings") -> str:
     """All settings as YAML, ready for `--set`."""
     return yaml.safe_dump(settings.model_dump(mode="json"), sort_keys=False).rstrip()
+
+
+def instead_line(spec: "MissionSpec") -> str:
+    """That another level of service is flown than the usual one; empty where it is not."""
+    traffic = spec.traffic
+    if traffic.instead_of is None or traffic.density is None:
+        return ""
+    return nearest_line(traffic.instead_of, traffic.density, spec.world.name)
+
+
+def nearest_line(usual: str, nearest: str, world: str) -> str:
+    """That a world cannot reach the usual level of service, and which it has instead; by the names of the traffic."""
+    missed, instead = (density_named(name).level for name in (usual, nearest))
+    return (
+        f"Level of service {missed}, the usual one, is out of reach in '{world}': its traffic is {instead}, the "
+        "nearest that it reaches. --los asks for another."
+    )
 
 
 def save(

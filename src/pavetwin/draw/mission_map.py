@@ -20,6 +20,7 @@ from pavetwin.draw.world_map import ABOVE_WORLD, MapLayer, credit, draw_world
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
+from pavetwin.traffic.demand import USER
 from pavetwin.world.ground import Bounds
 
 WIDTH_IN = 10.0
@@ -217,8 +218,7 @@ def _heading(figure: Figure, title: str, what: str, result: MissionResult) -> No
     """Title, `what` and how it was flown, and whom the world's data come from."""
     world, (across, along) = result.environment.world, window_m(result.settings)
     parts = [what, f"altitude {result.environment.altitude_m:g} m"]
-    flow = f" ({result.flow.short})" if result.flow and result.flow.short else ""
-    parts += [f"traffic {result.traffic}{flow}"] if result.traffic else []
+    parts += [_traffic_words(result)] if result.traffic else []
     parts += [result.settings.pattern.kind.replace("_", " "), f"window {across:.1f} × {along:.1f} m"]
     parts += [f"sensor {result.sensor}", f"seed {result.seed}"]
     width, height = figure.get_size_inches()
@@ -228,6 +228,16 @@ def _heading(figure: Figure, title: str, what: str, result: MissionResult) -> No
     if world.folder is not None and world.folder.is_dir():
         named = credit(world) or ""
         figure.text(right, 1 - 0.42 / height, named, fontsize=6.5, color=style.INK_SOFT, ha="right", va="top")
+
+
+def _traffic_words(result: MissionResult) -> str:
+    """`traffic los-D instead of los-C (LOS D, 17 km/h)`; with its seed where the mission has another."""
+    traffic = result.spec.traffic
+    name = f"traffic {traffic.density or USER}"
+    instead = f" instead of {traffic.instead_of}" if traffic.instead_of else ""
+    seed = f", seed {traffic.seed}" if traffic.seed != result.seed else ""
+    flow = f" ({result.flow.short})" if result.flow and result.flow.short else ""
+    return f"{name}{seed}{instead}{flow}"
 
 
 def _label(result: MissionResult, segment: str) -> str:

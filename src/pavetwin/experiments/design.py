@@ -43,6 +43,7 @@ _PRESETS: Final = {
         "summary": "The paper's full study (arXiv 2606.20742): 3 densities × 3 altitudes × 4 policies × 20 replicates, "
         "720 segment missions.",
         "densities": "[low, medium, high]",
+        "or_nearest": "false",
         "altitudes_m": "[6, 10, 15]",
         "replicates": "20",
     },
@@ -52,6 +53,7 @@ _PRESETS: Final = {
         "summary": "A first look: two altitudes, traffic at levels of service B, C and E, all four policies; some "
         "minutes on a laptop.",
         "densities": "[los-B, los-C, los-E]",
+        "or_nearest": "true",
         "altitudes_m": "[6, 10]",
         "replicates": "8",
     },
@@ -109,6 +111,9 @@ class WorldEntry(Settings):
     )
     """With routes or recordings: earliest and latest take-off, in seconds after the first departure, or within the
     recording; drawn in each replicate. Unless given, after a warm-up, as `fly` does."""
+    nearest: dict[str, str] = Field(default_factory=dict)
+    """Levels of service of the design that the world cannot reach → the nearest that it can, flown in their place; a
+    study with `or_nearest` finds them."""
 
     @property
     def traffics(self) -> tuple[str, ...]:
@@ -146,6 +151,9 @@ class Design(Settings):
     """Names of traffic as `density_named` reads them: low, `los-C` (level of service), `hour-08` (of a weekday),
     numbers as `v12-p40` (vehicles per kilometre of lane, pedestrians per kilometre of sidewalk), each with a mix of
     vehicles behind a plus sign (`los-C+south_asia`)."""
+    or_nearest: bool = False
+    """Where a world cannot reach a level of service, fly over it in the nearest that it can, and say so; unless set,
+    these missions fail."""
     altitudes_m: Annotated[tuple[Altitude, ...], Field(min_length=1)] = (6.0, 10.0, 15.0)
     policies: Annotated[tuple[str, ...], Field(min_length=1)] = ("baseline", "hover", "micro", "skip")
     sensors: Annotated[tuple[str, ...], Field(min_length=1)] = ("recall",)
@@ -254,7 +262,8 @@ class Design(Settings):
 
     def traffics(self, world: int) -> tuple[str, ...]:
         """The levels of traffic over a world, by its place."""
-        return self.worlds[world].traffics or self.densities
+        entry = self.worlds[world]
+        return entry.traffics or tuple(dict.fromkeys(entry.nearest.get(name, name) for name in self.densities))
 
 
 def read_design(path: Path) -> Design:

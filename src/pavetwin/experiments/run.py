@@ -15,6 +15,7 @@ from pavetwin.experiments.engines import Engine, Listener
 from pavetwin.experiments.metrics import FAILED, REASON, STATUS
 from pavetwin.experiments.plan import ImageSourceFactory, Plan, Unit
 from pavetwin.experiments.planning import load_worlds, plan
+from pavetwin.experiments.reach import with_levels_in_reach
 from pavetwin.experiments.store import FORMER, Store
 from pavetwin.experiments.words import counted, listed
 from pavetwin.files import working_in
@@ -54,7 +55,8 @@ def run(
         design: with absolute paths, as `read_design` gives it.
         image_source_factory: for sensors that look at images, such as `pavetwin.capture.mission_images.MissionImages`.
         retry: fly failed missions again.
-        on_notice: told before anything is flown which files have changed, and how much is flown again for that.
+        on_notice: told before anything is flown which levels of service are replaced, which files have changed, and
+            how much is flown again for that.
 
     Raises:
         PaveTwinError: the design does not fit its worlds, the folder holds another, or it cannot be written. Flown
@@ -62,8 +64,9 @@ def run(
     """
     tell = on_progress or (lambda _share, _what: None)
     store = Store(folder)
-    store.check_design(design)
     worlds = load_worlds(design)
+    design = with_levels_in_reach(design, worlds, tell, on_notice)
+    store.check_design(design)
     made = plan(design, worlds, lambda what: tell(0.0, what))
     made = replace(made, image_source_factory=image_source_factory)
     with working_in(folder):
@@ -102,7 +105,7 @@ def run(
             tell(done / made.missions, f"{recording} missions {done}/{made.missions}")
 
         for world, traffic in dict.fromkeys((unit.world, unit.traffic) for unit in missing):
-            if traffic in design.densities:
+            if traffic in design.traffics(world) and not design.worlds[world].traffics:
                 _find_demand(worlds[world], traffic, tell)
         if missing:
             listener = Listener(on_ready, on_unit, lambda what: tell(0.0, what), on_recorded)

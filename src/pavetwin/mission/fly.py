@@ -145,6 +145,7 @@ def fly(
     sensor = load_sensor(spec.settings.sensing, spec.seed)
     loaded = inputs or load_inputs(spec)
     loaded.check(spec)
+    spec = loaded.flown(spec)
     images = None if image_source is None else _CountedImages(image_source)
 
     def tell(event: MissionEvent) -> None:

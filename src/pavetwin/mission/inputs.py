@@ -14,6 +14,7 @@ from pavetwin.mission.mission import Traffic
 from pavetwin.mission.parked import ParkingInput
 from pavetwin.mission.replay import Replay, replay_of
 from pavetwin.mission.spec import HANDED_IN, DefectInput, FileInput, MissionSpec, TrafficInput, WorldInput
+from pavetwin.traffic.nearest_level import within_reach
 from pavetwin.traffic.recording import load_recording
 from pavetwin.world.model import Defect, World
 from pavetwin.world.store import load_world
@@ -40,6 +41,12 @@ class MissionInputs:
             raise TypeError(f"the traffic is {type(self.traffic).__name__}, not a Replay")
         return self.traffic
 
+    def flown(self, spec: MissionSpec) -> MissionSpec:
+        """A spec with the traffic that is recorded, where it allowed another than it names."""
+        if not isinstance(self.traffic, Replay):
+            return spec
+        return spec.model_copy(update={"traffic": self.traffic.source()})
+
     def on_extend(self, tell: Callable[[float], None]) -> None:
         """Report the progress of extending the recording, when a mission takes longer than it."""
         if isinstance(self.traffic, Replay):
@@ -61,7 +68,7 @@ class MissionInputs:
             ("world", environment.world.content_hash != spec.world.content_hash),
             ("defects", spec.defects.content_hash not in ("", environment.defects_hash)),
             ("base", spec.base not in (None, (environment.world.base.x, environment.world.base.y))),
-            ("traffic", replay is not None and replay.source() != spec.traffic),
+            ("traffic", replay is not None and not spec.traffic.allows(replay.source())),
             (
                 "parking",
                 not environment.parking.is_as(
@@ -201,14 +208,17 @@ def traffic_of(
         recording = load_recording(source.recording.path, world)
         replay = Replay(world, recording, routes, file=Path(source.recording.path))
     else:
-        asked, first_s = source.asked(), source.take_off_s
+        asked, instead_of = source.asked(), source.instead_of
+        if source.or_nearest and asked is not None and (nearest := within_reach(world, asked, on_search)) != asked:
+            asked, instead_of = nearest, asked.name
         replay = replay_of(
             world,
             asked,
             source.seed,
             routes=routes,
-            take_off_s=first_s,
+            take_off_s=source.take_off_s,
             on_progress=on_progress,
             on_search=on_search,
         )
+        replay.instead_of = instead_of
     return replay.taking_off_at(source.take_off_s)

@@ -37,7 +37,8 @@ def plan_mission(
     world: World,
     settings: MissionSettings | None = None,
     *,
-    density: Density | str = DEFAULT_TRAFFIC,
+    density: Density | str | None = None,
+    mix: str = "",
     routes: Sequence[Path | str] = (),
     recording: Path | str | None = None,
     traffic_seed: int | None = None,
@@ -56,7 +57,8 @@ def plan_mission(
     Args:
         settings: the preset `default` when not given.
         density: of the traffic: a name (`los-C`, `hour-08`, `high`) or numbers; ignored where `routes` or a `recording`
-            are given.
+            are given. Level of service C when not given, or the nearest that the world can reach.
+        mix: of the vehicles, where the density names none.
         routes: SUMO route files, driven as they are.
         recording: a file of recorded traffic.
         traffic_seed: of traffic and parked vehicles; `seed` when not given.
@@ -82,7 +84,7 @@ def plan_mission(
             load_airspace(Path(airspace))
     source = defect_input(defect_seed)
     street_seed = seed if traffic_seed is None else traffic_seed
-    traffic = traffic_input(world, density, routes, recording, street_seed, take_off_s)
+    traffic = traffic_input(world, density, routes, recording, street_seed, take_off_s, mix)
     ready = environment or prepare(
         world,
         chosen,
@@ -178,13 +180,14 @@ def defect_input(seed: int | None) -> DefectInput:
 
 def traffic_input(
     world: World,
-    density: Density | str,
+    density: Density | str | None,
     routes: Sequence[Path | str],
     recording: Path | str | None,
     seed: int,
     take_off_s: float | None = None,
+    mix: str = "",
 ) -> TrafficInput:
-    """What the traffic of a mission is made from.
+    """What the traffic of a mission is made from; see `plan_mission`.
 
     Raises:
         PaveTwinError: there is no such density or file, or the recording is of another world.
@@ -200,5 +203,6 @@ def traffic_input(
         Inputs.of(world, None, seed, routes)
         begin_s = own_demand(routes).warm_up_s if take_off_s is None else take_off_s
         return TrafficInput.of(None, seed, routes=routes, take_off_s=begin_s)
-    asked = density_named(density) if isinstance(density, str) else density
-    return TrafficInput.of(asked, seed, take_off_s=take_off_s or 0.0)
+    given = DEFAULT_TRAFFIC if density is None else density
+    asked = density_named(given, mix) if isinstance(given, str) else given
+    return TrafficInput.of(asked, seed, take_off_s=take_off_s or 0.0, or_nearest=density is None)

@@ -18,7 +18,7 @@ from pavetwin.uav import aircraft_of
 
 @dataclass(frozen=True, slots=True)
 class WayOut:
-    """The way to the far end of a segment and back with one set of batteries."""
+    """The way to the point of a segment that takes most energy, and back, with one set of batteries."""
 
     segment: int
     """Its index."""
@@ -30,19 +30,19 @@ class WayOut:
 
 
 def ways_out(environment: MissionEnvironment, settings: MissionSettings, targets: Sequence[int]) -> Iterator[WayOut]:
-    """For each segment the way to the point of its passes that is farthest from the base. Every point of a pass is
-    reached by a flight that begins with full batteries, or ends there."""
+    """For each segment the way to the point of its passes that takes most energy to fly out to and back, as the
+    aircraft flies: along the NavMesh, each leg in its wind. Every point of a pass is reached by a flight that begins at
+    the base with full batteries and ends there."""
     flight = flight_settings(settings)
-    base = environment.world.base
+    start = environment.mesh.nearest(environment.world.base.x, environment.world.base.y)
     across_m = window_m(settings)[0]
     for target in targets:
         lines = passes(environment.world.segments[target], across_m, settings.pattern)
-        points = np.concatenate(lines)
-        far = points[int(np.argmax(np.hypot(points[:, 0] - base.x, points[:, 1] - base.y)))]
-        start, goal = (environment.mesh.nearest(*point) for point in ((base.x, base.y), far.tolist()))
-        way = environment.mesh.path(start, goal)
-        there = _flown(way, flight.transit, flight.battery) + _flown(way[::-1], flight.transit, flight.battery)
-        yield WayOut(target, _length_m(way), there + _up_and_down(flight))
+        points = np.unique(np.concatenate(lines), axis=0).tolist()
+        ways = [environment.mesh.path(start, environment.mesh.nearest(*point)) for point in points]
+        needed = [_there_and_back(way, flight) for way in ways]
+        most = int(np.argmax(needed))
+        yield WayOut(target, _length_m(ways[most]), needed[most] + _up_and_down(flight))
 
 
 def check_reach(environment: MissionEnvironment, settings: MissionSettings, targets: Sequence[int]) -> None:
@@ -69,6 +69,11 @@ def check_reach(environment: MissionEnvironment, settings: MissionSettings, targ
         f"{100 * usable:.0f} %. Take off nearer to it (`base`), {help_wind}leave it out, fly another "
         "`aircraft` or with more energy (energy.capacity_wh, energy.reserve)."
     )
+
+
+def _there_and_back(way: Float64Array, flight: FlightSettings) -> float:
+    """Share of the batteries that flying along a way and back takes."""
+    return sum(_flown(line, flight.transit, flight.battery) for line in (way, way[::-1]))
 
 
 def _flown(way: Float64Array, limits: Limits, battery: Battery) -> float:

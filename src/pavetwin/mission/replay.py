@@ -37,6 +37,8 @@ class Replay:
     """The recording's file, where it was given as such and not by density or routes."""
     start_s: float = 0.0
     """When in the recording missions take off."""
+    instead_of: str | None = None
+    """The traffic in whose place it is flown, since the world cannot reach it."""
     on_extend: Callable[[float], None] = lambda _: None
     """Told the share done of an extension."""
     recorder: Recorder | None = field(default=None, repr=False)
@@ -48,7 +50,12 @@ class Replay:
         """What it is made from, as a mission's spec names it."""
         origin = self.recording.origin
         return TrafficInput.of(
-            origin.asked, origin.seed, routes=self.routes, recording=self.file, take_off_s=self.start_s
+            origin.asked,
+            origin.seed,
+            routes=self.routes,
+            recording=self.file,
+            take_off_s=self.start_s,
+            instead_of=self.instead_of,
         )
 
     def taking_off_at(self, start_s: float) -> Self:

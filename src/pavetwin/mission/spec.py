@@ -98,6 +98,10 @@ class TrafficInput(Settings):
     seed: NonNegativeInt = 0
     take_off_s: NonNegativeFloat = 0.0
     """When in the recording the mission begins."""
+    or_nearest: bool = False
+    """Where the world cannot reach the level of service, which nobody asked for, the nearest that it can is flown."""
+    instead_of: str | None = None
+    """The traffic in whose place this is flown, since the world cannot reach it."""
 
     @classmethod
     def of(
@@ -108,6 +112,8 @@ class TrafficInput(Settings):
         routes: Sequence[Path | str] = (),
         recording: Path | None = None,
         take_off_s: float = 0.0,
+        or_nearest: bool = False,
+        instead_of: str | None = None,
     ) -> Self:
         """Raises:
         PaveTwinError: a file cannot be read.
@@ -120,7 +126,18 @@ class TrafficInput(Settings):
             recording=FileInput.of(recording) if recording else None,
             seed=seed,
             take_off_s=take_off_s,
+            or_nearest=or_nearest,
+            instead_of=instead_of,
         )
+
+    def allows(self, flown: Self) -> bool:
+        """Whether `flown`, which is recorded, may stand where this is named: it is this, or the nearest to it where
+        that may be."""
+        if not self.or_nearest:
+            return flown == self
+        named = self.model_copy(update={"or_nearest": False})
+        nearest = {"density": flown.density, "instead_of": self.density}
+        return flown in (named, named.model_copy(update=nearest))
 
     @property
     def name(self) -> str:

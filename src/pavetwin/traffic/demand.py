@@ -41,13 +41,15 @@ PEDESTRIANS: Final = 60.0
 Highway Capacity Manual grades vehicles only."""
 
 HOURLY_SHARES: Final = (
-    *(0.9, 0.5, 0.2, 0.2, 0.5, 1.3, 7.0, 9.3, 6.7, 4.2, 4.0, 3.8),
-    *(4.1, 4.6, 5.0, 6.7, 9.6, 9.2, 7.1, 4.8, 3.5, 2.7, 2.2, 1.9),
+    *(0.8, 0.5, 0.4, 0.3, 0.4, 1.2, 4.5, 7.4, 6.6, 5.2, 5.0, 5.0),
+    *(5.2, 5.3, 5.6, 6.7, 8.4, 8.6, 7.4, 5.0, 3.9, 3.0, 2.1, 1.6),
 )
-"""Percent of a weekday's motor traffic in each hour from 0 to 23 o'clock: the daily time line of SUMO's od2trips."""
+"""Percent of a day's cars in each hour from 0 to 23 o'clock, Tuesday to Thursday, at the edge of the inner cities of
+West Germany: Schmidt and Thomas 1996 (Forschung Straßenbau und Straßenverkehrstechnik 732), p. 95, as the SUMO
+documentation has it (`TGw2_PKW`)."""
 
-SEARCH: Final = 2
-"""Version of the search for the density of a level of service or an hour (`demand_search`)."""
+SEARCH: Final = 3
+"""Version of the demand of a level of service or an hour, and of the search for it (`demand_search`)."""
 
 BUSIEST: Final = LevelOfService.D
 """Of the busiest hour. An assumption of ours: streets are built to work at capacity's edge on a usual weekday."""

@@ -64,6 +64,10 @@ FIRST_EMPTY_RATIO: Final = 0.72
 """Speed ratio of the nearly empty network before the first trial: of the towns tried it was 0.70 to 0.74."""
 
 
+class UnreachableError(PaveTwinError):
+    """No density of vehicles flows at the level of service in the world."""
+
+
 @dataclass(frozen=True, slots=True)
 class Trial:
     """A density, and what it led to."""
@@ -109,6 +113,11 @@ class DemandSearch:
         """All that were made so far in this world, by density."""
         return [trial for _, trial in sorted(self._known.items())]
 
+    def trial(self, per_lane_km: float) -> Trial:
+        """What a density leads to, simulated where it is not known."""
+        self._simulate(per_lane_km)
+        return self._known[self._count(per_lane_km)]
+
     def density(self, asked: Density) -> Density:
         """`asked` with the density that was found.
 
@@ -123,14 +132,14 @@ class DemandSearch:
         """Vehicles per kilometre of lane, and the trials that say so, of which the first is nearly empty.
 
         Raises:
-            PaveTwinError: the world cannot reach the level of service.
+            UnreachableError: the world cannot reach the level of service.
         """
         empty, target = self.target(level)
         trials: list[Trial] = []
         usual = FIRST_EMPTY_RATIO if _is_usual(level) else empty.ratio
         guess, below, above = _first_guess(level, usual), 0.0, FULLEST_PER_LANE_KM
         while len(trials) < MOST_TRIALS - 1 and not _ends(trials, target):
-            trial = self._trial(guess)
+            trial = self.trial(guess)
             if trial in trials:
                 break  # no vehicle more or less
             trials.append(trial)
@@ -142,7 +151,7 @@ class DemandSearch:
             guess = min(max(_projected(trial, empty, target), below + 0.1 * width), above - 0.1 * width)
         best = min(trials, key=lambda it: abs(it.ratio / target - 1))
         if not level.holds(best.ratio):
-            raise PaveTwinError(
+            raise UnreachableError(
                 f"No density was found at which traffic in '{self._inputs.world.name}' flows at level of service "
                 f"{level}: {best.per_lane_km:.0f} vehicles per lane-kilometre keep {100 * best.ratio:.0f} % of the "
                 f"speed limits, which is {level_of(best.ratio)}. The network is too small for that; ask for another."
@@ -153,7 +162,8 @@ class DemandSearch:
         """The nearly empty network, and the speed ratio that stands for a level of service in this world.
 
         Raises:
-            PaveTwinError: the world cannot reach it.
+            UnreachableError: the world cannot reach it.
+            PaveTwinError: the world has no lanes.
         """
         name, lanes_km = self._inputs.world.name, self._inputs.capacity.lanes_km
         if not lanes_km > 0:
@@ -161,10 +171,10 @@ class DemandSearch:
         nearly_empty = max(EMPTY_PER_LANE_KM, FEWEST / lanes_km)
         if _is_usual(level):
             self._simulate(nearly_empty, _first_guess(level, FIRST_EMPTY_RATIO))
-        empty = self._trial(nearly_empty)
+        empty = self.trial(nearly_empty)
         if empty.ratio <= level.above + 0.01:
             best = level_of(empty.ratio)
-            raise PaveTwinError(
+            raise UnreachableError(
                 f"Traffic cannot flow at level of service {level} (above {100 * level.above:.0f} % of the speed "
                 f"limits) in '{name}': even nearly empty streets allow {100 * empty.ratio:.0f} %, since vehicles stop "
                 f"at signals and slow down to turn. Ask for {best if best is not level else 'the next'} or worse."
@@ -178,10 +188,6 @@ class DemandSearch:
         densities = [0.0, *(it.per_lane_km for it in trials)]
         flows = np.maximum.accumulate([0.0, *(it.flow_per_lane_h for it in trials)])
         return round(float(np.interp(flows[-1] * share_of_busiest(hour), flows, densities)), 3)
-
-    def _trial(self, per_lane_km: float) -> Trial:
-        self._simulate(per_lane_km)
-        return self._known[self._count(per_lane_km)]
 
     def _count(self, per_lane_km: float) -> int:
         return max(1, round(per_lane_km * self._inputs.capacity.lanes_km))

@@ -149,6 +149,7 @@ class Inputs:
             warm_up_s=(0.0, 0.0) if self.asked is None else self.warm_up_s,
             options=self.level_options,
             mix=self.mix,
+            fastest_goals=not (self.asked and self.asked.is_found),
             speed_ratio=self.speed_ratio,
             speed_limits=None if self.speed_ratio is None else self.speed_limits,
             vehicles=self.capacity.vehicles(self.asked) if self.asked else 0,

@@ -36,6 +36,8 @@ class SimulationJob:
     """Of SUMO, in place of those of every recording that set the same."""
     mix: str = DEFAULT_MIX
     """Of the closed loop's vehicles."""
+    fastest_goals: bool = True
+    """Whether a trip of the closed loop leads to the fastest of several random goals."""
     speed_ratio: float | None = None
     """That is held by changing the number of vehicles (`level_control`)."""
     speed_limits: SpeedLimits | None = None

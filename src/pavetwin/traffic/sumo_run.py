@@ -85,7 +85,8 @@ class Simulation:
         if not job.routes:
             rng = child(job.seed, Stream.DEMAND)
             ways = read_roads(sumo, job.lanes_of), read_sidewalks(sumo, job.lanes_of)
-            self._loop = ClosedLoop(sumo, *ways, job.vehicles, job.pedestrians, rng, job.mix)
+            numbers = job.vehicles, job.pedestrians
+            self._loop = ClosedLoop(sumo, *ways, *numbers, rng, job.mix, fastest_goals=job.fastest_goals)
         if job.speed_ratio is not None and job.speed_limits is not None:
             self._control = LevelControl(sumo, job.speed_limits, job.speed_ratio, job.vehicles)
 

@@ -5,7 +5,7 @@ from typing import Final
 
 from pavetwin.config.mission import MissionSettings
 from pavetwin.errors import PaveTwinError
-from pavetwin.uav.aircraft import AIR_KG_M3, GRAVITY_MPS2, AircraftProfile, aircraft_of
+from pavetwin.uav.aircraft import AIR_KG_M3, AIRCRAFT, GRAVITY_MPS2, AircraftProfile, aircraft_of
 
 GUST_HZ: Final = 1.0
 """At which the size of the motion is computed: an assumption of ours, about the time in which an airframe answers."""
@@ -35,8 +35,16 @@ def check_wind(settings: MissionSettings) -> None:
         wind += f" with gusts of {conditions.gust_mps:g} m/s"
     raise PaveTwinError(
         f"conditions.wind_mps: {wind} is above the {profile.wind_limit_mps:g} m/s that the {profile.title} is rated "
-        "for; wait for less wind, or fly another aircraft."
+        f"for. Wait for {profile.wind_limit_mps:g} m/s or less, gusts included; or fly another `aircraft`: "
+        f"{_rated_for(conditions.gust_mps)}. Unless a wind is given the air is calm."
     )
+
+
+def _rated_for(wind_mps: float) -> str:
+    """The registered aircraft that are rated for a wind, or how much the best is rated for."""
+    limits = {name: AIRCRAFT.get(name).wind_limit_mps for name in AIRCRAFT.names()}
+    fit = [f"{name} ({limit:g} m/s)" for name, limit in limits.items() if limit >= wind_mps]
+    return ", ".join(fit) if fit else f"those known here are rated for {max(limits.values()):g} m/s at most"
 
 
 def tilt_deg(profile: AircraftProfile, airspeed_mps: float, payload_kg: float = 0.0) -> float:

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.experiments.reach import replaced_sentence
 from pavetwin.experiments.report.parts import Section, Table, TableCell, text_cells
 from pavetwin.experiments.report.study import Study
 from pavetwin.experiments.words import MISSING, level_text
@@ -39,7 +40,10 @@ def traffic_section(study: Study) -> Section:
         f"{MOST_REMOVALS_PER_HOUR:g} per vehicle-hour the streets are beyond capacity, and policies that wait do so "
         "for less time than they would in reality."
     )
-    return Section("traffic", "What the traffic is", [words, Table("How the traffic flows", HEADS, rows)])
+    nearest = {name: _entry_of(study, world).get("nearest") for name, world in study.worlds.items()}
+    replaced = [replaced_sentence(name, levels) for name, levels in nearest.items() if levels]
+    table = Table("How the traffic flows", HEADS, rows)
+    return Section("traffic", "What the traffic is", [" ".join([*replaced, words]), table])
 
 
 def _rows(study: Study) -> Iterator[tuple[TableCell, ...]]:
@@ -56,7 +60,7 @@ def _rows(study: Study) -> Iterator[tuple[TableCell, ...]]:
 
 
 def _entry_of(study: Study, world: World) -> Mapping[str, Any]:
-    """The world's entry in the design, with its own routes or recordings; empty where it has none."""
+    """The world's entry in the design, with what is its own there; empty where nothing is."""
     own = (entry for entry in study.design.get("worlds", ()) if isinstance(entry, Mapping))
     folder = world.folder.absolute() if world.folder else None
     return next((entry for entry in own if Path(entry["path"]).absolute() == folder), {})

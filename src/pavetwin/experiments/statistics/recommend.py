@@ -20,7 +20,7 @@ from pavetwin.experiments.statistics.cells import (
     varied_columns,
 )
 from pavetwin.experiments.statistics.flips import sign_flip_p
-from pavetwin.experiments.statistics.shrinkage import true_means
+from pavetwin.experiments.statistics.shrinkage import distinct, true_means
 from pavetwin.experiments.statistics.summary import FEW, summarise
 from pavetwin.experiments.tours import SEGMENTS, is_by_mission
 from pavetwin.experiments.words import (
@@ -40,6 +40,9 @@ _SHOWN: Final = 0.05
 """Below this p a difference counts as shown."""
 _SAME: Final = 1e-9
 """Coverages closer than this are equal: sums of the same shares in another order."""
+UNSEEN: Final = 1.0
+"""Replicates that were not flown, beside those that were, in which options that are level may differ in coverage. Costs
+have none: what a policy that waits takes longer tells nothing of one that does not."""
 _NEAR: Final = 0.01
 """Options that break their limits by this share more than the nearest are as near."""
 
@@ -179,13 +182,21 @@ def choice_under(
 ) -> Chances:
     """How likely each option keeps the limits and is the best, in draws of the true means.
 
+    Options with the same coverage, time and energy in every replicate are one option: how many others do the same
+    changes nothing.
+
     Args:
         units: (3, options, blocks) coverage, time and energy of each replicate, NaN where undefined.
         worlds, levels: as `true_means` takes them.
     """
-    likely = [true_means(values, worlds, levels, seed) for values in units]
-    draws = np.stack([each.draws for each in likely])
-    coverage, *costs = (each.expected for each in likely)
+    first, of = distinct(np.concatenate([*units], axis=1))
+    some = [level[first] for level in levels]
+    likely = [
+        true_means(values[first], worlds, some, seed, unseen=UNSEEN if name == _COVERAGE else 0.0)
+        for name, values in zip(_MEASURED, units, strict=True)
+    ]
+    draws = np.stack([each.draws[:, of] for each in likely])
+    coverage, *costs = (each.expected[of] for each in likely)
     possible = np.stack([np.clip(coverage, 0.0, 1.0), *(np.maximum(cost, 0.0) for cost in costs)])
     feasible = _feasible(draws, limits)
     chosen = feasible.copy()

@@ -12,6 +12,11 @@ that part's noise after Satterthwaite. Where a part is no larger than noise, κ 
 larger than noise hardly changes. κ is not plugged in: every draw has its own, and adds √(1 − κ) times the deviation of
 a resample of the replicates, which keeps their correlations and skewness, with Student's tails for few of them.
 
+Policies differ in few replicates only: where traffic hides a defect. Options that happen to be level in all replicates
+would be level in all draws, and what was not seen in ten replicates may well be in the eleventh. So the noise has a
+share of replicates that were not flown, `unseen` of them beside the n that were (Laplace's rule of succession has one),
+in which every contrast of the options varies as contrasts of this study do on average.
+
 How well the claims hold stands in docs/explanation/statistics.md (`python -m benchmarks.calibration`).
 """
 
@@ -43,31 +48,33 @@ class TrueMeans:
     """(draws, options) as likely as each other."""
 
 
-def true_means(units: Float64Array, worlds: IndexArray, levels: Sequence[IndexArray], seed: int) -> TrueMeans:
-    """Shrunk means of one metric, and draws of them.
-
-    Metrics of the same study share resamples under the same seed. Options whose values are equal in every replicate
-    are one option: how many others do the same changes nothing.
+def true_means(
+    units: Float64Array, worlds: IndexArray, levels: Sequence[IndexArray], seed: int, *, unseen: float = 0.0
+) -> TrueMeans:
+    """Shrunk means of one metric, and draws of them. Metrics of the same study share resamples under the same seed.
 
     Args:
         units: (options, blocks) one value a replicate, NaN where it has none.
         worlds: (blocks,) number of each block's world, ascending; what lies between worlds is no noise.
         levels: for each factor, (options,) the number of the option's level.
+        unseen: how many replicates that were not flown count beside those that were.
     """
     expected, draws = np.full(len(units), np.nan), np.full((DRAWS, len(units)), np.nan)
     known = np.flatnonzero(np.isfinite(units).any(axis=1))
     if len(known):
-        first, of = _distinct(units[known])
-        some = known[first]
-        observed, deviations = _resampled(units[some], worlds, seed)
-        parts = _parts([level[some] for level in levels], len(some))
-        made = _shrunk(observed, deviations, parts, len(worlds) - len(np.unique(worlds)), seed)
-        expected[known], draws[:, known] = made.expected[of], made.draws[:, of]
+        observed, deviations = _resampled(units[known], worlds, seed)
+        parts = _parts([level[known] for level in levels], len(known))
+        made = _shrunk(observed, deviations, parts, len(worlds) - len(np.unique(worlds)), unseen, seed)
+        expected[known], draws[:, known] = made
     return TrueMeans(expected, draws)
 
 
-def _distinct(units: Float64Array) -> tuple[IndexArray, IndexArray]:
-    """The first of each set of options with the same values, in their order, and for each option its set's number."""
+def distinct(units: Float64Array) -> tuple[IndexArray, IndexArray]:
+    """The first of each set of options with the same values, in their order, and for each option its set's number.
+
+    Args:
+        units: (options, values) NaN where undefined.
+    """
     keys = np.round(np.where(np.isfinite(units), units, np.inf), 9)
     _, first, of = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)
@@ -104,21 +111,37 @@ def _parts(levels: Sequence[IndexArray], options: int) -> list[Float64Array]:
 
 
 def _shrunk(
-    observed: Float64Array, deviations: Float64Array, parts: Sequence[Float64Array], freedom: int, seed: int
-) -> TrueMeans:
-    """Every part but the first shrunk by draws of its own κ; no noise and no shrinkage without degrees of freedom."""
+    observed: Float64Array,
+    deviations: Float64Array,
+    parts: Sequence[Float64Array],
+    freedom: int,
+    unseen: float,
+    seed: int,
+) -> tuple[Float64Array, Float64Array]:
+    """The fields of `TrueMeans`, every part but the first shrunk by draws of its own κ; no noise and no shrinkage
+    without degrees of freedom."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_SHRINKAGE,)))
     # The variance among resamples of n replicates is short by (n − 1) / n.
     spread = np.sqrt((freedom + 1) / freedom) if freedom else 0.0
     tails = np.sqrt(freedom / rng.chisquare(freedom, len(deviations))) if freedom else np.zeros(len(deviations))
     expected, draws = np.zeros_like(observed), np.zeros_like(deviations)
+    average = _per_contrast([spread * (deviations @ basis) for basis in parts[1:]])
+    share = unseen / (freedom + 1 + unseen)
     for number, basis in enumerate(parts):
         own, errors = basis.T @ observed, spread * (deviations @ basis)
         uniform = rng.random(len(deviations))
+        if number and share:
+            errors = np.sqrt(1 - share) * errors + np.sqrt(share * average) * rng.standard_normal(errors.shape)
         kappa = _kappa(own, errors, uniform) if number else np.zeros(len(deviations))
         draws += ((1 - kappa)[:, np.newaxis] * own + (np.sqrt(1 - kappa) * tails)[:, np.newaxis] * errors) @ basis.T
         expected += basis @ ((1 - kappa.mean()) * own)
-    return TrueMeans(expected, draws)
+    return expected, draws
+
+
+def _per_contrast(errors: Sequence[Float64Array]) -> float:
+    """The mean variance of (draws, contrasts) errors over all contrasts; 0 of none."""
+    variances = np.concatenate([part.var(axis=0) for part in errors]) if errors else np.zeros(1)
+    return float(variances.mean())
 
 
 def _kappa(own: Float64Array, errors: Float64Array, uniform: Float64Array) -> Float64Array:
