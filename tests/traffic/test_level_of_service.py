@@ -31,7 +31,8 @@ def test_the_target_is_the_middle_of_what_a_network_can_reach() -> None:
     assert LevelOfService.C.target(0.72) == pytest.approx(0.585)
     assert LevelOfService.B.target(0.72) == pytest.approx((0.67 + 0.72) / 2)
     assert LevelOfService.A.target(0.95) == pytest.approx((0.80 + 0.95) / 2)
-    assert LevelOfService.F.target(0.72) == pytest.approx(0.15)
+    assert LevelOfService.F.target(0.72) == pytest.approx(0.20)
+    assert LevelOfService.F.target(0.24) == pytest.approx(0.16)
 
 
 def test_a_name_holds_level_hour_and_mix() -> None:

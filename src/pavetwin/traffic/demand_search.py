@@ -58,10 +58,10 @@ FULLEST_PER_LANE_KM: Final = 0.75 * JAM_VEHICLES_PER_LANE_KM
 """No trial is denser."""
 
 FIRST_SCALE_PER_LANE_KM: Final = 11.0
-"""kₘ before the first trial: of the towns tried it was 9 to 13."""
+"""kₘ before the first trial: of the towns tried it was 12 to 15 at C, and up to 19 in denser traffic."""
 
 FIRST_EMPTY_RATIO: Final = 0.72
-"""Speed ratio of the nearly empty network before the first trial: of the towns tried it was 0.70 to 0.74."""
+"""Speed ratio of the nearly empty network before the first trial: of the towns tried it was 0.69 to 0.78."""
 
 
 class UnreachableError(PaveTwinError):

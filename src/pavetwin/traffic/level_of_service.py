@@ -33,13 +33,18 @@ class LevelOfService(StrEnum):
         return self.above < ratio <= self.up_to
 
     def target(self, reachable: float) -> float:
-        """The speed ratio in the middle of the class, or of the part of it that a network can reach.
+        """The speed ratio in the middle of the class, or of the part of it that a network can reach; in F above it.
 
         Args:
             reachable: the speed ratio of the nearly empty network.
         """
-        return (self.above + min(self.up_to, reachable, 1.0)) / 2
+        share = STOP_AND_GO if self is LevelOfService.F else 0.5
+        return self.above + share * (min(self.up_to, reachable, 1.0) - self.above)
 
+
+STOP_AND_GO: Final = 2 / 3
+"""Where the target of F is, which ends at standstill. At its middle, a speed ratio of 0.15, traffic falls into gridlock
+in some towns, and no number of vehicles holds it."""
 
 _ABOVE: Final = {"A": 0.80, "B": 0.67, "C": 0.50, "D": 0.40, "E": 0.30, "F": 0.0}
 
