@@ -22,7 +22,7 @@ from pavetwin.traffic.kinds import KINDS
 from pavetwin.traffic.mix import DEFAULT_MIX
 from pavetwin.traffic.occupancy import occupancy, occupancy_curves, surroundings_of
 from pavetwin.traffic.parked import ParkedVehicles, parked_vehicles
-from pavetwin.world.model import World
+from pavetwin.world.model import Lane, LaneKind, World
 from pavetwin.world.parking.model import ParkingOrientation, ParkingPlace, ParkingPosition, ParkingSource, StreetSide
 from scenes import tiny
 
@@ -170,6 +170,24 @@ def test_residents_are_at_home_at_night_and_shops_are_visited_by_day() -> None:
     assert share("highway.residential", 3) > share("highway.residential", 12)
     assert share("highway.secondary", 3) < share("highway.secondary", 12)
     assert share("", 3) == share("highway.residential", 3)
+
+
+@pytest.mark.parametrize(("kmh", "around"), [(20, "residential"), (30, "residential"), (50, "mixed"), (60, "mixed")])
+def test_the_speed_limit_says_what_is_around_a_street_without_a_class(kmh: float, around: str) -> None:
+    assert surroundings_of("", round(kmh / 3.6, 2)) == surroundings_of("main", kmh / 3.6) == around
+    assert surroundings_of("highway.residential", kmh / 3.6) == "residential"
+
+
+def test_fast_streets_of_a_generated_town_have_the_curve_of_mixed_surroundings() -> None:
+    world = row(3000)
+    (street,) = world.streets
+    lane = Lane("a_0", "a", 0, LaneKind.DRIVING, street.centre_line, 3.0, 13.89)
+    fast = replace(world, streets=(replace(street, edges=("a",)),), lanes=(lane,))
+    night = NOON.model_copy(update={"time": dt.time(3)})
+    curves = occupancy_curves().curves
+    for place, around in ((world, "residential"), (fast, "mixed")):
+        taken = len(parked_vehicles(place, ParkingSettings(), night, seed=1)) / 3000
+        assert taken == pytest.approx(curves[around]["weekday"][3], abs=0.02)
 
 
 def test_curves_are_lines_between_hours_and_close_at_midnight() -> None:

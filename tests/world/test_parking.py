@@ -311,6 +311,17 @@ def test_no_place_of_a_world_is_on_a_junction_a_crossing_or_in_a_house(name: str
     assert {place.street for place in world.parking} <= {street.id for street in world.streets}
 
 
+def test_a_generated_town_keeps_clear_before_its_zebra_crossings() -> None:
+    world, before_m = built("town").world, europe().clear.marked_crossing_m
+    zebras = [crossing.polygon for crossing in world.crossings if not crossing.signalled]
+    reach_m = 5.2 / 2 + before_m - 0.1
+    ahead = [
+        LineString([at, (at.x + reach_m * math.cos(yaw), at.y + reach_m * math.sin(yaw))])
+        for at, yaw in ((place.centre, place.yaw_rad) for place in world.parking)
+    ]
+    assert shapely.STRtree(zebras).query(ahead, predicate="intersects").size == 0
+
+
 def test_parking_is_a_layer_of_the_geopackage(tmp_path: Path) -> None:
     made = built("cross")
     world = save_world(made, tmp_path / "world")

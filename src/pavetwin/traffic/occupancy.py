@@ -9,7 +9,7 @@ from importlib.resources import files
 from typing import Annotated, Final, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 
 from pavetwin.config.base import Settings
 from pavetwin.config.conditions import Conditions
@@ -18,6 +18,9 @@ from pavetwin.config.text import parse_yaml
 
 SATURDAY: Final = 5
 """Of `datetime.date.weekday`: from here on it is the weekend."""
+
+SPEED_ROUNDED_KMH: Final = 0.5
+"""Networks hold speed limits in rounded metres a second: 13.89 for 50 km/h, or 13.9."""
 
 Surroundings = Literal["residential", "mixed"]
 DayKind = Literal["weekday", "weekend"]
@@ -32,6 +35,8 @@ class OccupancyCurves(Settings):
     """By OSM's class of the street."""
     otherwise: Surroundings
     """Of all other streets."""
+    unclassed_mixed_kmh: PositiveFloat
+    """Streets without a class, as of generated towns and SUMO networks, are mixed from this speed limit on."""
     curves: Mapping[Surroundings, Mapping[DayKind, DailyCurve]]
 
 
@@ -43,9 +48,11 @@ def occupancy_curves() -> OccupancyCurves:
     return OccupancyCurves.parse(parse_yaml(text, where=name), where=name)
 
 
-def surroundings_of(street_kind: str) -> Surroundings:
-    """From SUMO's type of an edge, such as `highway.residential`."""
+def surroundings_of(street_kind: str, speed_limit_mps: float = 0.0) -> Surroundings:
+    """From SUMO's type of an edge, such as `highway.residential`; without such a class from its speed limit."""
     data = occupancy_curves()
+    if not street_kind.startswith("highway."):
+        return "mixed" if 3.6 * speed_limit_mps >= data.unclassed_mixed_kmh - SPEED_ROUNDED_KMH else data.otherwise
     return data.surroundings.get(street_kind.removeprefix("highway.").removesuffix("_link"), data.otherwise)
 
 

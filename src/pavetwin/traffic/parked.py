@@ -20,7 +20,7 @@ from pavetwin.config.parking import ParkingSettings
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.kinds import Kind
 from pavetwin.traffic.mix import DEFAULT_MIX, mix_named
-from pavetwin.traffic.occupancy import occupancy, surroundings_of
+from pavetwin.traffic.occupancy import Surroundings, occupancy, surroundings_of
 from pavetwin.world.model import World
 from pavetwin.world.parking.hours import is_within
 from pavetwin.world.parking.model import ParkingOrientation, ParkingPlace
@@ -134,24 +134,32 @@ class ParkingDraws:
         """
         if not settings.enabled or not len(self.vehicles):
             return ParkedVehicles.empty()
-        names, rows = self._street_kinds
-        by_curve = settings.occupancy is None
-        shares = [
-            occupancy(surroundings_of(name), conditions) if by_curve else float(settings.occupancy or 0.0)
-            for name in names
-        ]
-        taken = self.occupancy < np.array(shares)[rows]
+        if settings.occupancy is None:
+            around, rows = self._surroundings
+            share = np.array([occupancy(each, conditions) for each in around])[rows]
+        else:
+            share = np.full(len(self.occupancy), settings.occupancy)
+        taken = self.occupancy < share
         for row, hours in self._closed:
             taken[row] &= not is_within(hours, conditions.date, conditions.time)
         return self.vehicles.only(taken)
 
     @cached_property
-    def _street_kinds(self) -> tuple[list[str], IndexArray]:
-        """The kinds of streets with places, and (vehicles,) which of them each stands at."""
-        kind_of_street = {street.id: street.kind for street in self.world.streets}
-        kinds = [kind_of_street.get(self.world.parking[place].street, "") for place in self.vehicles.place.tolist()]
-        names, rows = np.unique(kinds, return_inverse=True)
-        return names.tolist(), rows
+    def _surroundings(self) -> tuple[list[Surroundings], IndexArray]:
+        """The surroundings of streets with places, and (vehicles,) which of them each stands in."""
+        lanes = self.world.lanes_by_edge
+        of_street: dict[str, Surroundings] = {
+            street.id: surroundings_of(
+                street.kind,
+                max((lane.speed_limit_mps for edge in street.edges for lane in lanes.get(edge, ())), default=0.0),
+            )
+            for street in self.world.streets
+        }
+        each = [
+            of_street.get(self.world.parking[at].street, surroundings_of("")) for at in self.vehicles.place.tolist()
+        ]
+        kinds = list(dict.fromkeys(each))
+        return kinds, np.array([kinds.index(one) for one in each], dtype=np.intp)
 
     @cached_property
     def _closed(self) -> list[tuple[int, str]]:

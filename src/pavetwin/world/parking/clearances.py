@@ -46,6 +46,8 @@ class ClearKerbs:
                 self._arms.setdefault(junction, []).append(street)
         self._obstacles = mapped.obstacles
         self._obstacle_tree = STRtree([obstacle.position for obstacle in mapped.obstacles])
+        self._zebras = [] if mapped.ways else [each.polygon for each in net.crossings if not each.signalled]
+        self._zebra_tree = STRtree(self._zebras)
         self._mouths = mapped.mouths
         self._mouth_tree = STRtree(mapped.mouths)
         self._masts = list(furniture)
@@ -54,7 +56,7 @@ class ClearKerbs:
     def free(self, kerb: Kerb, reach_m: tuple[float, float]) -> list[KerbInterval]:
         """The stations at which places that cover `reach_m` (from, to; outwards from the kerb) may lie."""
         blocked = [*self._at_junctions(kerb), *self._at_obstacles(kerb), *self._at_mouths(kerb)]
-        blocked += [*self._in_curves(kerb), *self._at_masts(kerb, reach_m)]
+        blocked += [*self._before_zebras(kerb), *self._in_curves(kerb), *self._at_masts(kerb, reach_m)]
         if self._signalled.get(kerb.edge) is not None:
             blocked.append((kerb.length_m - self._clear.signal_m, kerb.length_m))
         return without((0.0, kerb.length_m), blocked)
@@ -113,6 +115,12 @@ class ClearKerbs:
             case ObstacleKind.HYDRANT:
                 if beside <= STRIP_M / 2 and clear.hydrant_m > 0:
                     yield station - clear.hydrant_m, station + clear.hydrant_m
+
+    def _before_zebras(self, kerb: Kerb) -> Iterator[KerbInterval]:
+        """Before the crossing at the end of a kerb, which is a zebra where there is no map to say what it is."""
+        end, clear_m = Point(kerb.line.coords[-1]), self._clear.marked_crossing_m
+        for index in self._zebra_tree.query(end, predicate="dwithin", distance=clear_m):
+            yield kerb.length_m - clear_m + self._zebras[int(index)].distance(end), kerb.length_m
 
     def _at_mouths(self, kerb: Kerb) -> Iterator[KerbInterval]:
         for index in sorted(self._mouth_tree.query(kerb.line, predicate="intersects")):
