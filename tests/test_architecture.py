@@ -22,11 +22,11 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"config"}),
     frozenset({"world", "uav"}),
     frozenset({"traffic", "navigation", "defects"}),
-    frozenset({"twin", "scene"}),
+    frozenset({"twin", "scene", "labels"}),
     frozenset({"policies", "sensing", "render"}),
     frozenset({"mission"}),
     frozenset({"draw"}),
-    frozenset({"experiments", "capture"}),
+    frozenset({"experiments", "capture", "datasets"}),
     frozenset({"cli", "app"}),
 )
 LEVEL = {room: level for level, rooms in enumerate(LAYERS) for room in rooms}

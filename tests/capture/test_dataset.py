@@ -25,12 +25,12 @@ from pavetwin.capture.context import _check_reached
 from pavetwin.capture.disk_space import bytes_of
 from pavetwin.capture.names import platform_prefix
 from pavetwin.capture.record import Record, read_records
-from pavetwin.capture.rle import decode
 from pavetwin.capture.run import capture
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.statistics import counted
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
+from pavetwin.labels.rle import decode
 from pavetwin.mission import versions
 from pavetwin.world.store import load_world, save_world
 from scenes import built

@@ -10,10 +10,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from pycocotools import mask as coco_mask
 
-from pavetwin.capture.classes import CAR, PERSON, categories, category_of_agent, category_of_defect
 from pavetwin.capture.contrast import ContrastMeter
 from pavetwin.capture.instance_masks import instance_masks
-from pavetwin.capture.rle import decode, encode
 from pavetwin.capture.truth import (
     LabelledObject,
     Reason,
@@ -22,6 +20,8 @@ from pavetwin.capture.truth import (
     inside_fraction,
     labelled_objects,
 )
+from pavetwin.labels.classes import CAR, PERSON, categories, category_of_agent, category_of_defect
+from pavetwin.labels.rle import decode, encode
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.scene.model import agent_label, defect_label
 from pavetwin.scene.view import View, look

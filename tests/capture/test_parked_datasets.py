@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import yaml
 
-from pavetwin.capture.classes import category_of_defect
 from pavetwin.capture.defect_index import DefectIndex
 from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.names import platform_prefix, prefix
@@ -23,6 +22,7 @@ from pavetwin.config import Conditions
 from pavetwin.config.parking import ParkingSettings
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
+from pavetwin.labels.classes import category_of_defect
 from pavetwin.plugins import plugin_hashes
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.scene.model import parked_label

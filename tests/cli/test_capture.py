@@ -19,12 +19,12 @@ from pavetwin.capture.mission_frames import frame_size, save_frames
 from pavetwin.capture.mission_images import MissionImages
 from pavetwin.capture.platforms import PLATFORMS, Platform, Pose
 from pavetwin.capture.record import read_records
-from pavetwin.capture.rle import decode
 from pavetwin.cli import app
 from pavetwin.cli.capture import make, show, stats
 from pavetwin.cli.flags import with_flags
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
+from pavetwin.labels.rle import decode
 from pavetwin.mission.defect_files import detections_geojson
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.replay import Replay

@@ -8,16 +8,16 @@ from typing import Any, Final
 import numpy as np
 from PIL import Image, ImageColor, ImageDraw
 
-from pavetwin.capture.classes import categories, colours
 from pavetwin.capture.platforms import PLATFORMS, flying
 from pavetwin.capture.record import Record, read_record, record_paths
-from pavetwin.capture.rle import decode
 from pavetwin.capture.settings import SPLITS, read_description
 from pavetwin.capture.truth import LabelledObject
 from pavetwin.draw.mission_style import font, write
 from pavetwin.draw.style import INK, INK_SOFT, PAPER
 from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.files import writing
+from pavetwin.labels.classes import categories, colours
+from pavetwin.labels.rle import decode
 
 CELL_PX: Final = 420
 """Width of one image on the sheet."""

@@ -9,8 +9,8 @@ import shapely
 from shapely import Polygon
 
 from pavetwin.arrays import Float64Array, IndexArray, StrArray
-from pavetwin.capture.classes import category_of_defect
 from pavetwin.capture.image_spec import ImageSpec
+from pavetwin.labels.classes import category_of_defect
 from pavetwin.scene.view import View
 from pavetwin.world.model import World
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from pavetwin.capture.classes import Category
+from pavetwin.labels.classes import Category
 
 
 @dataclass(frozen=True)

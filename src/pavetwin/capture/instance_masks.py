@@ -5,9 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pavetwin.arrays import BoolArray, IndexArray, UInt32Array
-
-PixelBox = tuple[int, int, int, int]
-"""Left, top, right, bottom in pixels; right and bottom are exclusive."""
+from pavetwin.labels.boxes import PixelBox
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from pavetwin.capture.classes import category_of_defect
 from pavetwin.capture.context import packages_in_use
 from pavetwin.capture.daylight import Daylight
 from pavetwin.capture.formats import find_formats
@@ -28,6 +27,7 @@ from pavetwin.capture.settings import FILE, CaptureSettings, description
 from pavetwin.capture.store import link_image, write_image, write_over_all, write_yaml
 from pavetwin.capture.truth import SceneState, labelled_objects
 from pavetwin.files import writing_folder
+from pavetwin.labels.classes import category_of_defect
 from pavetwin.mission.defect_files import write_captures
 from pavetwin.mission.environment import shutter_s
 from pavetwin.mission.fly import MissionResult

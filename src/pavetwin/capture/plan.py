@@ -11,11 +11,11 @@ from zlib import crc32
 
 import numpy as np
 
-from pavetwin.capture.classes import Category, category_of_defect
 from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.names import image_name, platform_prefix
 from pavetwin.capture.platforms import PLATFORMS
 from pavetwin.capture.settings import SPLITS, CaptureSettings
+from pavetwin.labels.classes import Category, category_of_defect
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import World
 

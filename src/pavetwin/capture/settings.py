@@ -8,13 +8,13 @@ from typing import Annotated, Any, Final, Literal, Self
 import yaml
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from pavetwin.capture.classes import categories
 from pavetwin.config.altitude import Altitude
 from pavetwin.config.base import NameOrFile, PluginFiles, Settings, complaint
 from pavetwin.config.mission import Share
 from pavetwin.config.parking import ParkingSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
+from pavetwin.labels.classes import categories
 from pavetwin.mission.versions import ADAPTER, version_changes
 from pavetwin.plugins import plugin_hashes
 from pavetwin.scene.ground.looks import DEFAULT_LOOK, look_sha256

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from pavetwin.capture.classes import categories
 from pavetwin.capture.record import Record, read_records
 from pavetwin.capture.settings import FILE, SPLITS, read_description
+from pavetwin.labels.classes import categories
 
 SIZES: Final = (("small", 32.0), ("medium", 96.0), ("large", float("inf")))
 """COCO's size classes: small below a mask of 32² pixels, medium below 96²."""

@@ -12,11 +12,12 @@ import shapely
 from shapely import Polygon
 
 from pavetwin.arrays import Float64Array
-from pavetwin.capture.classes import Category, category_of_agent, category_of_defect
 from pavetwin.capture.contrast import ContrastMeter
 from pavetwin.capture.defect_index import footprint
-from pavetwin.capture.instance_masks import InstanceMask, PixelBox, instance_masks
-from pavetwin.capture.rle import encode
+from pavetwin.capture.instance_masks import InstanceMask, instance_masks
+from pavetwin.labels.boxes import PixelBox
+from pavetwin.labels.classes import Category, category_of_agent, category_of_defect
+from pavetwin.labels.rle import encode
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.scene.model import labelled_agent, labelled_defect, labelled_place
 from pavetwin.scene.view import View

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from pavetwin.capture.classes import categories
 from pavetwin.capture.formats.base import Format, label_format
 from pavetwin.capture.record import Record, read_records
+from pavetwin.labels.classes import categories
 
 
 @label_format("coco")

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 
 import yaml
 
-from pavetwin.capture.classes import categories
 from pavetwin.capture.formats.base import Format, label_format
 from pavetwin.capture.record import Record
+from pavetwin.labels.classes import categories
 
 
 @label_format("yolo")

@@ -1,6 +1,6 @@
 """Ultralytics YOLO for segmentation: `yolo-seg/data.yaml`, beside it `labels/SPLIT/NAME.txt` and the pictures.
 
-A line is the class and one polygon in shares of the image (`capture.outlines`): Ultralytics takes one polygon for an
+A line is the class and one polygon in shares of the image (`labels.outlines`): Ultralytics takes one polygon for an
 instance, and joins parts by bridges in the same way. It has a folder of its own, since Ultralytics looks for labels of
 boxes at the place where it looks for these.
 """
@@ -9,13 +9,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pavetwin.capture.classes import categories
 from pavetwin.capture.formats.base import Format, label_format
 from pavetwin.capture.formats.yolo import data_yaml
-from pavetwin.capture.outlines import outline
 from pavetwin.capture.record import Record
-from pavetwin.capture.rle import decode
 from pavetwin.capture.truth import LabelledObject
+from pavetwin.labels.classes import categories
+from pavetwin.labels.outlines import outline
+from pavetwin.labels.rle import decode
 
 FOLDER = "yolo-seg"
 

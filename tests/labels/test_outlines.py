@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 from PIL import Image, ImageDraw
 from scipy.ndimage import gaussian_filter
 
-from pavetwin.capture.outlines import outline
+from pavetwin.labels.outlines import outline
 
 
 def filled(polygon: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:

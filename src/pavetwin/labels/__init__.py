@@ -1,0 +1,1 @@
+"""What all labelled images share, rendered or photographed: classes, boxes and masks."""

@@ -1,0 +1,79 @@
+"""Boxes in an image, in whole pixels: left, top, and the first column and row beyond."""
+
+from math import floor
+from typing import Final
+
+PixelBox = tuple[int, int, int, int]
+"""Left, top, right, bottom in pixels; right and bottom are exclusive."""
+
+FloatBox = tuple[float, float, float, float]
+"""The same edges where they may fall within a pixel, as label files have them."""
+
+NO_SHARE: Final = 0.0
+
+
+def area(box: FloatBox | PixelBox) -> float:
+    """In square pixels; 0 where it has no extent."""
+    return max(0.0, box[2] - box[0]) * max(0.0, box[3] - box[1])
+
+
+def ordered(box: FloatBox) -> FloatBox:
+    """The box between two opposite corners, in whichever order they are given."""
+    left, right = sorted((box[0], box[2]))
+    top, bottom = sorted((box[1], box[3]))
+    return left, top, right, bottom
+
+
+def within(box: FloatBox, window: FloatBox) -> FloatBox | None:
+    """The part of a box in a window, both in the same frame; None where they share no area."""
+    left, top = max(box[0], window[0]), max(box[1], window[1])
+    right, bottom = min(box[2], window[2]), min(box[3], window[3])
+    return (left, top, right, bottom) if left < right and top < bottom else None
+
+
+def share_within(box: FloatBox, window: FloatBox) -> float:
+    """Share of a box's area that lies in a window, 0 … 1."""
+    inside = within(box, window)
+    return area(inside) / area(box) if inside is not None else NO_SHARE
+
+
+def overlap(one: FloatBox, other: FloatBox) -> float:
+    """Intersection over union, 0 … 1."""
+    common = within(one, other)
+    if common is None:
+        return NO_SHARE
+    return area(common) / (area(one) + area(other) - area(common))
+
+
+def scaled(box: FloatBox, across: float, down: float) -> FloatBox:
+    """The box in an image that was resized by these factors."""
+    return box[0] * across, box[1] * down, box[2] * across, box[3] * down
+
+
+def moved(box: FloatBox, right: float, down: float) -> FloatBox:
+    return box[0] + right, box[1] + down, box[2] + right, box[3] + down
+
+
+def to_pixels(box: FloatBox, size_px: tuple[int, int]) -> PixelBox | None:
+    """The nearest box of whole pixels in an image of (width, height), at least one pixel wide and high.
+
+    Returns:
+        None where the box has no area within the image.
+    """
+    width, height = size_px
+    inside = within(box, (0.0, 0.0, float(width), float(height)))
+    if inside is None:
+        return None
+    left, right = _whole(inside[0], inside[2], width)
+    top, bottom = _whole(inside[1], inside[3], height)
+    return left, top, right, bottom
+
+
+def _whole(start: float, end: float, limit: int) -> tuple[int, int]:
+    """The nearest whole numbers within 0 … limit, at least one apart: where both round to one, the pixel of the
+    middle."""
+    first, last = floor(start + 0.5), floor(end + 0.5)
+    if first == last:
+        first = min(floor((start + end) / 2), limit - 1)
+        last = first + 1
+    return first, last
