@@ -29,8 +29,8 @@ with command.make_context("pavetwin", [], resilient_parsing=True) as context:
 
 INTRODUCTION = """
 Generated from the program: `pavetwin COMMAND --help` says the same. Exit codes: 0 done, 1 an error in PaveTwin, a
-finding of `doctor`, failed missions of a study, or other results of a mission that was flown again, 2 something the
-user can fix (one line says what), 130 interrupted, 143 terminated.
+finding of `doctor`, failed missions of a study, refused files of a dataset, or other results of a mission that was
+flown again, 2 something the user can fix (one line says what), 130 interrupted, 143 terminated.
 """
 
 

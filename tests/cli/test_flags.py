@@ -72,6 +72,7 @@ USUAL: dict[str, tuple[str, ...]] = {
     "traffic record": ("town",),
     "fly": ("town", "-o", "new"),
     "capture make": ("town", "-o", "new"),
+    "data import": ("uav-cars", "town", "-o", "new"),
     "experiment init": ("new.yaml",),
     "experiment run": ("plain.yaml", "-o", "new"),
 }
@@ -157,6 +158,7 @@ def test_names_and_values_are_refused_in_one_form(place: Path, arguments: tuple[
         (("capture", "make"), "pavetwin.capture.platforms", "PLATFORMS"),
         (("capture", "make"), "pavetwin.capture.formats", "FORMATS"),
         (("capture", "make"), "pavetwin.uav", "CAMERAS"),
+        (("data", "import"), "pavetwin.datasets.sources", "SOURCES"),
         (("fly",), "pavetwin.policies", "POLICIES"),
         (("fly",), "pavetwin.sensing", "SENSORS"),
     ],

@@ -24,7 +24,7 @@ INTERRUPTED = 130
 
 COMMANDS = (
     *("world", "traffic", "fly", "aircraft", "policy", "sensor", "defect"),
-    *("capture", "experiment", "demo", "doctor"),
+    *("capture", "data", "experiment", "demo", "doctor"),
 )
 """Each a module of this package with a group `app`, or a function of its own name."""
 
@@ -117,8 +117,8 @@ def _terminate(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - 
 def main() -> None:
     """Run one command.
 
-    Exit codes: 0 done, 1 an internal error, a problem found by `doctor`, or other results of a
-    mission that was flown again, 2 something the user can fix (one plain
+    Exit codes: 0 done, 1 an internal error, a problem found by `doctor`, refused files of a
+    dataset, or other results of a mission that was flown again, 2 something the user can fix (one plain
     line), 130 interrupted, 143 terminated.
     """
     sys.exit(_run())

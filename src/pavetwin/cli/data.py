@@ -1,0 +1,179 @@
+"""`pavetwin data …`: datasets of photographs, from public sources and your own."""
+
+from pathlib import Path
+from shlex import quote
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pavetwin.cli.arguments import NamingCommand
+from pavetwin.cli.console import err, out, progress
+from pavetwin.errors import PaveTwinError, naming
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from pavetwin.datasets.report import Report
+    from pavetwin.datasets.statistics import DatasetCounts
+
+REFUSED_CODE = 1
+"""Where files of a source were refused; the others are in the dataset."""
+
+SHOWN = 20
+"""Lines of a report on the terminal; all are in its file."""
+
+app = typer.Typer(
+    help="""Convert public datasets and your own images into one form, count them and look at them.
+
+    \b
+    pavetwin data sources
+    pavetwin data import uav-pdd2023 ~/downloads/UAV-PDD2023 -o datasets/pdd
+    pavetwin data stats datasets/pdd
+
+    The five classes are Single Crack, Crocodile Crack, Pothole, Person and Car.""",
+    no_args_is_help=True,
+)
+
+
+@app.command("sources")
+def list_sources() -> None:
+    """List the known sources: home pages, licences, and what becomes of their classes.
+
+    \b
+    pavetwin data sources
+    """
+    from pavetwin.datasets.sources import SOURCES
+
+    for name, source in zip(SOURCES.names(), SOURCES.values(), strict=True):
+        out.print(f"[bold]{name}[/]: {source.title}", highlight=False)
+        out.line(f"  {source.home or 'no page was verified; search for its title'} · licence: {source.licence}")
+        becomes: dict[str, list[str]] = {}
+        for label, outcome in source.classes.items():
+            becomes.setdefault(outcome, []).append(label)
+        out.line("  " + "; ".join(f"{', '.join(labels)} → {outcome}" for outcome, labels in becomes.items()))
+
+
+@app.command("import", cls=NamingCommand)
+def import_folder(
+    source: Annotated[str, typer.Argument(help="{sources}, or a mapping file of your own (mine.yaml).")],
+    folder: Annotated[Path, typer.Argument(help="Where the source's dataset was unpacked.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the new dataset.")] = None,
+    longest: Annotated[int, typer.Option(help="Longer side of images in pixels, at most.")] = 640,
+    tiles: Annotated[
+        bool, typer.Option("--tiles", help="Cut larger images into tiles instead: thin cracks vanish when shrunk.")
+    ] = False,
+    gsd: Annotated[float | None, typer.Option(help="Millimetres a pixel of the source covers, if it is known.")] = None,
+    target_gsd: Annotated[
+        float | None, typer.Option(help="Millimetres a pixel shall cover, where the source's are known.")
+    ] = None,
+    background: Annotated[
+        Path | None,
+        typer.Option(help="Text file with a picture's path a line: checked, they show nothing of any class."),
+    ] = None,
+    quality: Annotated[int, typer.Option(help="Of JPEG, 50 to 100; pictures that fit are copied as they are.")] = 92,
+) -> None:
+    """Convert a source's folder into a dataset of the common form, or continue an unfinished import.
+
+    \b
+    pavetwin data import rdd2022-china-drone ~/downloads/China_Drone -o datasets/china
+    pavetwin data import uav-pdd2023 ~/downloads/UAV-PDD2023 -o datasets/pdd --tiles
+    pavetwin data import mine.yaml ~/photos -o datasets/mine --gsd 2.5 --background checked.txt
+
+    What is wrong with a file is told with its name and line, and the rest goes on; exit code 1 says that files were
+    refused. All findings are in report.csv of the dataset.
+    """
+    from pavetwin.datasets.importing import import_source
+    from pavetwin.datasets.normalise import ImageSize
+    from pavetwin.datasets.sources import source_of
+
+    if output is None:
+        raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/pdd.")
+    backgrounds = _listed(background)
+    name, found = source_of(source)
+    if gsd is not None:
+        found = type(found).parse({**dict(found), "gsd_mm": gsd}, where="--gsd")
+    values = {"longest_px": longest, "tiles": tiles, "target_gsd_mm": target_gsd, "quality": quality}
+    with naming({"longest_px": "--longest", "target_gsd_mm": "--target-gsd", "quality": "--quality"}):
+        size = ImageSize.parse(values, where="The images")
+    with progress(f"Importing {name}", lines=True) as tell:
+
+        def on_image(done: int, total: int) -> None:
+            tell(min(1.0, done / total), f"Importing {name} {done}/{total}")
+
+        summary = import_source(name, found, folder, output, size=size, backgrounds=backgrounds, on_image=on_image)
+    _tell(summary.report, output)
+    images = "1 image" if summary.images == 1 else f"{summary.images} images"
+    out.line(f"{images} in {output}/. Next: pavetwin data stats {quote(str(output))}")
+    if summary.report.has_refusals:
+        raise typer.Exit(REFUSED_CODE)
+
+
+@app.command()
+def stats(
+    datasets: Annotated[list[Path], typer.Argument(help="Folders of datasets.")],
+) -> None:
+    """Count what is in datasets: instances of each class, and images, by source.
+
+    \b
+    pavetwin data stats datasets/pdd datasets/china
+    """
+    from pavetwin.datasets.common_form import read_description, read_images
+    from pavetwin.datasets.statistics import count_images
+
+    for folder in datasets:
+        description = read_description(folder)
+        with progress(f"Counting {folder}"):
+            counts = count_images(read_images(folder))
+        if not description.get("complete"):
+            out.print(f"[yellow]Note:[/] {folder} is not finished; run the same command again.", soft_wrap=True)
+        out.print(_counts(str(folder), counts))
+
+
+def _listed(path: Path | None) -> frozenset[str]:
+    if path is None:
+        return frozenset()
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise PaveTwinError(f"--background: '{path}' cannot be read as a list of pictures.") from error
+    return frozenset(line.strip() for line in lines if line.strip())
+
+
+def _tell(report: "Report", folder: Path) -> None:
+    """The report's first lines, refusals first, on the error stream; and where all of it is."""
+    from pavetwin.datasets.report import FILE, Finding
+
+    order = list(Finding)
+    lines = sorted(report, key=lambda problem: order.index(problem.finding))
+    for problem in lines[:SHOWN]:
+        err.line(f"{problem.finding.value}: {problem}")
+    if lines:
+        counts = ", ".join(f"{report.counts[each]} {each.value}" for each in order if report.counts[each])
+        err.line(f"{counts}; all in {folder / FILE}")
+
+
+def _counts(title: str, counts: "DatasetCounts") -> "Table":
+    """A row a source, and the sums."""
+    from rich.table import Table
+
+    from pavetwin.datasets.annotated import class_names
+
+    several = len(counts.sources) > 1
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False, header_style="bold", show_footer=several)
+    table.add_column("source", "all", no_wrap=True)
+    for name in class_names():
+        table.add_column(name.replace(" ", "\n"), str(counts.of_class(name)), justify="right", vertical="bottom")
+    sums = (
+        ("ignored", counts.ignored),
+        ("images\nannotated", counts.annotated),
+        ("images\nbackground", counts.background),
+        ("images\ntotal", counts.annotated + counts.background),
+    )
+    for heading, counter in sums:
+        table.add_column(heading, str(counter.total()), justify="right", vertical="bottom")
+    table.add_column("scenes", str(sum(map(len, counts.groups.values()))), justify="right", vertical="bottom")
+    for source in counts.sources:
+        cells = [counts.instances[source, name] for name in class_names()]
+        cells += [counter[source] for _, counter in sums]
+        table.add_row(source, *map(str, cells), str(len(counts.groups[source])))
+    return table

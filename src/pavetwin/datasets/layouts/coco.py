@@ -1,0 +1,180 @@
+"""COCO: one JSON file for many images. Masks without a box get the box around them."""
+
+import json
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from math import isfinite
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from pavetwin.arrays import BoolArray
+from pavetwin.datasets.annotated import Polygon
+from pavetwin.datasets.layouts.base import LabelLayout, RawImage, RawObject, unlabelled
+from pavetwin.datasets.layouts.yolo import box_around
+from pavetwin.datasets.pictures import PictureIndex, files_in, inside
+from pavetwin.datasets.report import Finding, Report
+from pavetwin.labels.boxes import FloatBox
+from pavetwin.labels.outlines import outline
+from pavetwin.labels.rle import decode
+
+_PLACES: Final = ("", "images", "train", "val", "valid", "test", "train2017", "val2017")
+"""Folders beside or above the JSON file in which `file_name`s are looked for."""
+
+LARGEST_MASK_PX: Final = 100_000_000
+
+
+class CocoLayout(LabelLayout):
+    """`iscrowd` objects are ignored, as COCO's own evaluation does. A file is held in memory while it is read."""
+
+    format: Literal["coco"] = "coco"
+
+    def images(self, folder: Path, report: Report) -> Iterator[RawImage]:
+        pictures = PictureIndex(folder)
+        for labels in files_in(folder, frozenset({".json"})):
+            content = _content(folder / labels, labels, report)
+            if content is None:
+                continue
+            names = {_key(each.get("id")): str(each.get("name")) for each in _dicts(content["categories"])}
+            by_image: dict[object, list[dict[str, Any]]] = defaultdict(list)
+            for each in _dicts(content["annotations"]):
+                by_image[_key(each.get("image_id"))].append(each)
+            for each in sorted(_dicts(content["images"]), key=lambda each: str(each.get("file_name"))):
+                path = self._picture(folder, labels, str(each.get("file_name")), report)
+                if path is None:
+                    continue
+                original = path.relative_to(folder.resolve()).as_posix()
+                pictures.unused.pop(original, None)
+                annotations = by_image[_key(each.get("id"))]
+                try:
+                    objects = tuple(self._object(one, names) for one in annotations)
+                except (ValueError, TypeError, KeyError, IndexError) as error:
+                    words = str(error) if isinstance(error, ValueError) else "an annotation is not as COCO has it"
+                    report.add(Finding.REFUSED, labels, f"image '{original}': {words}; the image is left out")
+                    continue
+                size_px = _size(each)
+                yield RawImage(path, original, labels, objects, size_px=size_px, **self.details(labels, each))
+        yield from unlabelled(folder, pictures)
+
+    def details(self, labels: str, image: Mapping[str, Any]) -> dict[str, Any]:
+        """What else is known of an image: `gsd_mm`, `group`, `attributes` of its RawImage."""
+        del labels
+        gsd_mm = image.get("gsd_mm")
+        return {"gsd_mm": float(gsd_mm)} if isinstance(gsd_mm, int | float) and 0 < gsd_mm < float("inf") else {}
+
+    def picture_places(self, labels: str) -> tuple[str, ...]:
+        """Folders, from the one of the dataset, in which the pictures of a JSON file may lie."""
+        beside = Path(labels).parent
+        above = [beside, *beside.parents]
+        return tuple((each / place).as_posix() for each in above for place in _PLACES)
+
+    def _picture(self, folder: Path, labels: str, name: str, report: Report) -> Path | None:
+        """The picture of a name; None, and a line in the report, where it is not there or leads out of the folder."""
+        if inside(folder, name) is None:
+            report.add(Finding.REFUSED, labels, f"file_name '{name}' leads out of the folder; the image is left out")
+            return None
+        for place in self.picture_places(labels):
+            path = inside(folder, f"{place}/{name}")
+            if path is not None and path.is_file():
+                return path
+        report.add(Finding.NOTE, labels, f"there is no picture '{name}'; left out", alike=f"missing in {labels}")
+        return None
+
+    def _object(self, content: dict[str, Any], names: Mapping[object, str]) -> RawObject:
+        """Raises:
+        ValueError: it has no class or no place; other exceptions where it is not as COCO has it.
+        """
+        label = names.get(_key(content["category_id"]))
+        if label is None:
+            raise ValueError(
+                f"annotation {content.get('id')} has category {content['category_id']}, which is not listed"
+            )
+        shape = _shape(content.get("segmentation"))
+        given = content.get("bbox")
+        if given is None and shape is None:
+            raise ValueError(f"annotation {content.get('id')} has neither bbox nor segmentation")
+        if given is not None:
+            left, top, width, height = (float(value) for value in given)
+            box = (left, top, left + width, top + height)
+        else:
+            assert shape is not None
+            box = shape[0]
+        if not all(map(isfinite, box)):
+            raise ValueError(f"annotation {content.get('id')} has a box that is not finite")
+        return RawObject(
+            label,
+            box,
+            outline=shape[1] if shape is not None else None,
+            ignored=self.ignored(content),
+            attributes=self.object_details(content),
+        )
+
+    def ignored(self, content: Mapping[str, Any]) -> str | None:
+        """Why an annotation counts neither as an object nor as background."""
+        return "crowd" if content.get("iscrowd") else None
+
+    def object_details(self, content: Mapping[str, Any]) -> dict[str, str]:
+        """What else is known of an object."""
+        del content
+        return {}
+
+
+def _content(path: Path, labels: str, report: Report) -> dict[str, Any] | None:
+    """A COCO file's content; None where it is another JSON file, or, with a line in the report, no JSON."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except json.JSONDecodeError as error:
+        report.add(Finding.REFUSED, labels, f"is not JSON ({error.msg})", error.lineno)
+        return None
+    except (OSError, ValueError, RecursionError) as error:
+        report.add(Finding.REFUSED, labels, f"cannot be read ({type(error).__name__})")
+        return None
+    keys = ("images", "annotations", "categories")
+    is_coco = isinstance(content, dict) and all(isinstance(content.get(key), list) for key in keys)
+    return content if is_coco else None
+
+
+def _dicts(values: list[Any]) -> list[dict[str, Any]]:
+    return [each for each in values if isinstance(each, dict)]
+
+
+def _size(image: Mapping[str, Any]) -> tuple[int, int] | None:
+    width, height = image.get("width"), image.get("height")
+    return (width, height) if isinstance(width, int) and isinstance(height, int) else None
+
+
+def _key(value: object) -> object:
+    """An id as it may be compared: lists and the like are none."""
+    return value if isinstance(value, int | str) else None
+
+
+def _shape(segmentation: Any) -> tuple[FloatBox, Polygon | None] | None:
+    """The box around a segmentation, and its outline where that is one polygon; None where there is none."""
+    if isinstance(segmentation, list) and segmentation:
+        parts = [
+            tuple((float(x), float(y)) for x, y in zip(part[::2], part[1::2], strict=True)) for part in segmentation
+        ]
+        around = box_around(tuple(corner for part in parts for corner in part))
+        return around, parts[0] if len(parts) == 1 and len(parts[0]) > 2 else None
+    if isinstance(segmentation, dict):
+        mask = _mask(segmentation)
+        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+        if len(rows):
+            box = (float(columns[0]), float(rows[0]), float(columns[-1] + 1), float(rows[-1] + 1))
+            middles = outline(mask) + 0.5
+            return box, tuple((float(x), float(y)) for x, y in middles)
+    return None
+
+
+def _mask(runs: Mapping[str, Any]) -> BoolArray:
+    height, width = (int(value) for value in runs["size"])
+    if not 0 < height * width <= LARGEST_MASK_PX:
+        raise ValueError(f"a mask of {width} × {height} pixels; at most {LARGEST_MASK_PX // 10**6} million are read")
+    counts = runs["counts"]
+    if isinstance(counts, str):
+        return decode(counts, (height, width))
+    lengths = np.asarray(counts, dtype=np.int64)
+    if lengths.min(initial=0) < 0 or lengths.sum() != height * width:
+        raise ValueError("run lengths do not fill their mask")
+    return np.repeat(np.arange(len(lengths)) % 2 == 1, lengths).reshape((height, width), order="F")

@@ -1,0 +1,143 @@
+"""YOLO: a text file an image, a line an object: its class's number, then a box or a polygon in shares of the image."""
+
+import re
+from collections.abc import Iterator, Mapping
+from math import isfinite
+from pathlib import Path, PurePosixPath
+from typing import Any, Final, Literal
+
+import yaml
+from pydantic import Field
+
+from pavetwin.datasets.layouts.base import LabelLayout, RawImage, RawObject, paired, unlabelled
+from pavetwin.datasets.pictures import PictureIndex, files_in
+from pavetwin.datasets.report import Finding, Report
+from pavetwin.errors import PaveTwinError
+from pavetwin.labels.boxes import FloatBox
+
+LARGEST_BYTES: Final = 16 * 2**20
+"""Of a label file of one image."""
+
+_NAMES: Final = frozenset({"classes.txt", "obj.names", "_darknet.labels", "readme.txt", "licence.txt", "license.txt"})
+"""Text files that are no label files."""
+
+_LISTS: Final = re.compile(r"(train|val|valid|test|trainval)\.txt", re.IGNORECASE)
+"""Lists of pictures, as Darknet has them."""
+
+
+class YoloLayout(LabelLayout):
+    """Boxes (class, middle, width, height) or, with `polygons`, the class and at least three corners."""
+
+    format: Literal["yolo"] = "yolo"
+    names: tuple[str, ...] = Field(
+        (), description="Classes by number; read from data.yaml or classes.txt if not given."
+    )
+    polygons: bool = Field(default=False, description="Lines are polygons; each becomes the box around it.")
+
+    def images(self, folder: Path, report: Report) -> Iterator[RawImage]:
+        names = self.names or names_in(folder)
+        pictures = PictureIndex(folder)
+        for labels in files_in(folder, frozenset({".txt"})):
+            path = PurePosixPath(labels)
+            if path.name.casefold() in _NAMES:
+                continue
+            if _LISTS.fullmatch(path.name) and not pictures.find(labels, path.stem):
+                continue
+            picture = paired(pictures, labels, path.stem, report)
+            if picture is None:
+                continue
+            objects = self._objects(folder, labels, names, report)
+            if objects is not None:
+                yield RawImage(folder / picture, picture, labels, objects, is_normalised=True)
+        yield from unlabelled(folder, pictures)
+
+    def _objects(
+        self, folder: Path, labels: str, names: tuple[str, ...], report: Report
+    ) -> tuple[RawObject, ...] | None:
+        """The objects of a label file; None, and a line in the report, where a line of it cannot be read."""
+        path, objects = folder / labels, []
+        try:
+            if path.stat().st_size > LARGEST_BYTES:
+                raise ValueError(f"larger than {LARGEST_BYTES >> 20} MiB, which no label file is")
+            lines = path.read_text(encoding="utf-8-sig").splitlines()
+        except (OSError, ValueError) as error:
+            words = "is not text" if isinstance(error, UnicodeDecodeError) else str(error)
+            report.add(Finding.REFUSED, labels, f"{words}; the image is left out")
+            return None
+        for number, line in enumerate(lines, start=1):
+            if not line.strip():
+                continue
+            try:
+                objects.append(self._object(line.split(), number, names))
+            except ValueError as error:
+                report.add(Finding.REFUSED, labels, f"{error}; the image is left out", number)
+                return None
+        return tuple(objects)
+
+    def _object(self, words: list[str], number: int, names: tuple[str, ...]) -> RawObject:
+        """Raises:
+        ValueError: it is no object; the message says why.
+        """
+        is_right = len(words) >= 7 and len(words) % 2 == 1 if self.polygons else len(words) == 5
+        if not is_right:
+            wanted = "a class and at least three corners" if self.polygons else "a class and four numbers"
+            raise ValueError(f"{len(words)} words where {wanted} should be")
+        if not re.fullmatch(r"\d{1,6}", words[0], re.ASCII):
+            raise ValueError(f"'{words[0]}' is no number of a class")
+        at = int(words[0])
+        if names and at >= len(names):
+            raise ValueError(f"class {at} where the dataset has {len(names)}, from 0")
+        label = names[at] if names else words[0]
+        values = [_number(word) for word in words[1:]]
+        if not self.polygons:
+            middle_x, middle_y, width, height = values
+            box = (middle_x - width / 2, middle_y - height / 2, middle_x + width / 2, middle_y + height / 2)
+            return RawObject(label, box, number)
+        corners = tuple(zip(values[::2], values[1::2], strict=True))
+        return RawObject(label, box_around(corners), number, outline=corners)
+
+
+def box_around(corners: tuple[tuple[float, float], ...]) -> FloatBox:
+    """The smallest box that encloses points."""
+    across, down = zip(*corners, strict=True)
+    return min(across), min(down), max(across), max(down)
+
+
+def _number(word: str) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        raise ValueError(f"'{word}' is no number") from None
+    if not isfinite(value):
+        raise ValueError(f"'{word}' is no finite number")
+    return value
+
+
+def names_in(folder: Path) -> tuple[str, ...]:
+    """The classes that a dataset names itself, in `data.yaml` or `classes.txt`; none where it has neither.
+
+    Raises:
+        PaveTwinError: they cannot be read.
+    """
+    for name in ("data.yaml", "dataset.yaml"):
+        if (path := folder / name).is_file():
+            return _names_of(path)
+    lists = sorted({*folder.rglob("classes.txt"), *folder.rglob("obj.names")})
+    if not lists:
+        return ()
+    try:
+        lines = lists[0].read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, ValueError) as error:
+        raise PaveTwinError(f"'{lists[0]}' cannot be read as a list of classes.") from error
+    return tuple(line.strip() for line in lines if line.strip())
+
+
+def _names_of(path: Path) -> tuple[str, ...]:
+    try:
+        content: Any = yaml.safe_load(path.read_text(encoding="utf-8"))
+        names = content["names"]
+        if isinstance(names, Mapping):
+            return tuple(str(names[number]) for number in range(len(names)))
+        return tuple(str(each) for each in names)
+    except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError) as error:
+        raise PaveTwinError(f"'{path}' has no list of classes (`names`) that can be read.") from error

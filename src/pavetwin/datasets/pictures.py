@@ -1,0 +1,129 @@
+"""Pictures from anywhere, opened with care, and found by the names of their label files."""
+
+import warnings
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath
+from typing import Final
+
+from PIL import Image
+
+SUFFIXES: Final = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp"})
+
+_FORMATS: Final = ("JPEG", "PNG", "BMP", "TIFF", "WEBP")
+"""Pillow's other readers, some of which start programs, are never asked."""
+
+LARGEST_PX: Final = 100_000_000
+"""Of a picture, width × height; what is larger is refused before it is decompressed."""
+
+_CONTAINERS: Final = frozenset(
+    {"images", "image", "jpegimages", "img", "labels", "label", "annotations", "annotation", "xmls", "xml", "txt"}
+)
+"""Folders that hold pictures or labels beside each other: they do not tell one picture from another."""
+
+_TURNED: Final = frozenset({5, 6, 7, 8})
+"""EXIF orientations that swap width and height."""
+
+
+class PictureError(ValueError):
+    """A picture cannot be used; the message says why."""
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Image.Image]:
+    """A picture whose pixels are not read yet.
+
+    Raises:
+        PictureError: it is no picture, damaged, or too large; also where its pixels turn out so within the block.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            picture = Image.open(path, formats=_FORMATS)
+    except Image.DecompressionBombError as error:
+        raise PictureError(
+            f"the picture is too large; at most {LARGEST_PX // 10**6} million pixels are read"
+        ) from error
+    except (OSError, ValueError, SyntaxError) as error:
+        raise PictureError("the picture cannot be read") from error
+    with picture:
+        width, height = picture.size
+        if width * height > LARGEST_PX:
+            raise PictureError(
+                f"the picture has {width} × {height} pixels; at most {LARGEST_PX // 10**6} million are read"
+            )
+        try:
+            yield picture
+        except (OSError, SyntaxError, Image.DecompressionBombError) as error:
+            raise PictureError("the picture is damaged") from error
+
+
+def orientation(picture: Image.Image) -> int:
+    """EXIF's orientation, 1 where it is as stored."""
+    return int(picture.getexif().get(0x0112, 1) or 1)
+
+
+def picture_size(path: Path) -> tuple[int, int]:
+    """Width and height of a picture as viewers show it: turned by EXIF's orientation, as labelling tools do.
+
+    Raises:
+        PictureError: it is no picture, or too large.
+    """
+    with opened(path) as picture:
+        width, height = picture.size
+        return (height, width) if orientation(picture) in _TURNED else (width, height)
+
+
+class PictureIndex:
+    """The pictures below a folder, found by the path of a label file."""
+
+    def __init__(self, folder: Path, ending: str = "") -> None:
+        """Args:
+        ending: of the names of pictures before their suffix, such as `_RAW`; others are no pictures of the dataset.
+        """
+        self._by_place: dict[tuple[str, str], list[str]] = defaultdict(list)
+        self._by_stem: dict[str, list[str]] = defaultdict(list)
+        self.unused: dict[str, None] = {}
+        """Those that were not asked for yet, in order."""
+        for name in files_in(folder, SUFFIXES):
+            path = PurePosixPath(name)
+            if not path.stem.endswith(ending):
+                continue
+            stem = path.stem.removesuffix(ending).casefold()
+            self._by_place[_place(path), stem].append(name)
+            self._by_stem[stem].append(name)
+            self.unused[name] = None
+
+    def find(self, labels: str, stem: str) -> list[str]:
+        """The pictures that labels may belong to: in the same folder or the one beside it, else anywhere if there is
+        one of that name only. None or several mean that it is not known."""
+        key = stem.casefold()
+        found = self._by_place.get((_place(PurePosixPath(labels)), key)) or self._by_stem.get(key, [])
+        for each in found:
+            self.unused.pop(each, None)
+        return found
+
+
+def _place(path: PurePosixPath) -> str:
+    return "/".join(part for part in path.parent.parts if part.casefold() not in _CONTAINERS)
+
+
+def files_in(folder: Path, suffixes: frozenset[str]) -> list[str]:
+    """The files below a folder with these suffixes, as paths with slashes, sorted; hidden ones are left out."""
+    found = []
+    for path in folder.rglob("*"):
+        relative = path.relative_to(folder)
+        if (
+            path.suffix.lower() in suffixes
+            and path.is_file()
+            and not any(part.startswith(".") for part in relative.parts)
+        ):
+            found.append(relative.as_posix())
+    return sorted(found)
+
+
+def inside(folder: Path, name: str) -> Path | None:
+    """The file of a name that a label file gives, or None where it leads out of the folder, by `..` or by a link."""
+    path = (folder / name.replace("\\", "/")).resolve()
+    return path if path.is_relative_to(folder.resolve()) else None

@@ -1,0 +1,88 @@
+"""What was found wrong in a dataset, and what was done about it: lines with file and line number."""
+
+import csv
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Final
+
+from pavetwin.files import writing
+
+FILE: Final = "report.csv"
+
+MOST: Final = 20_000
+"""Lines that are kept; more are only counted, so that memory does not grow with the dataset."""
+
+
+class Finding(StrEnum):
+    """What was done."""
+
+    REFUSED = "refused"
+    """A file or an image is left out because it cannot be read as what it claims to be."""
+    REPAIRED = "repaired"
+    """A box was changed by a documented rule."""
+    DROPPED = "dropped"
+    """A box or an image is left out by a documented rule."""
+    NOTE = "note"
+    """Something that may surprise, such as labels whose pictures are not there."""
+
+
+@dataclass(slots=True)
+class Problem:
+    """One line of the report."""
+
+    finding: Finding
+    file: str
+    """Path in the source's folder, with slashes."""
+    line: int | None
+    text: str
+    count: int = 1
+    """How often the same was found, the first time here."""
+
+    def __str__(self) -> str:
+        place = self.file if self.line is None else f"{self.file}:{self.line}"
+        again = f" ({self.count} times)" if self.count > 1 else ""
+        return f"{place}: {self.text}{again}"
+
+
+class Report:
+    """All that was found."""
+
+    def __init__(self) -> None:
+        self._problems: dict[object, Problem] = {}
+        self.counts: Counter[Finding] = Counter()
+
+    def add(self, finding: Finding, file: str, text: str, line: int | None = None, *, alike: str | None = None) -> None:
+        """Tell of something.
+
+        Args:
+            alike: what is found again under this key is counted with the first, and has no line of its own.
+        """
+        self.counts[finding] += 1
+        key: object = (finding, alike) if alike is not None else len(self._problems)
+        if (known := self._problems.get(key)) is not None:
+            known.count += 1
+        elif len(self._problems) < MOST:
+            self._problems[key] = Problem(finding, file, line, text)
+
+    @property
+    def has_refusals(self) -> bool:
+        return self.counts[Finding.REFUSED] > 0
+
+    @property
+    def untold(self) -> int:
+        """How many findings have no line, because there are too many."""
+        return self.counts.total() - sum(problem.count for problem in self._problems.values())
+
+    def __iter__(self) -> Iterator[Problem]:
+        return iter(self._problems.values())
+
+    def save(self, path: Path) -> None:
+        """Write it as a table, one finding a row."""
+        with writing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
+            table = csv.writer(stream, lineterminator="\n")
+            table.writerow(("finding", "file", "line", "count", "text"))
+            for each in self:
+                table.writerow((each.finding.value, each.file, each.line or "", each.count, each.text))

@@ -1,0 +1,48 @@
+"""What becomes of a source's classes: a class of the common form, or one of three other outcomes."""
+
+import re
+from collections.abc import Mapping
+from typing import Annotated, Final
+
+from pydantic import AfterValidator
+
+from pavetwin.datasets.annotated import class_names
+from pavetwin.errors import nearest_name
+
+DROP: Final = "drop"
+"""What it shows stays background."""
+IGNORE: Final = "ignore"
+"""It is neither an object nor background: damage of a class that is not learned, or a thing that may count as one."""
+DISCARD: Final = "discard image"
+"""Images with one are left out."""
+
+OUTCOMES: Final = (DROP, IGNORE, DISCARD)
+
+
+def plain(label: str) -> str:
+    """A class's name as it is compared: `Longitudinal_Crack` and `longitudinal crack` are one."""
+    return re.sub(r"[\s_-]+", " ", label).strip().casefold()
+
+
+def _checked(table: Mapping[str, str]) -> Mapping[str, str]:
+    known = (*class_names(), *OUTCOMES)
+    for label, outcome in table.items():
+        if outcome not in known:
+            raise ValueError(
+                f"'{label}' becomes '{outcome}'{nearest_name(outcome, known)}; it must be one of {', '.join(known)}"
+            )
+    return {plain(label): outcome for label, outcome in table.items()}
+
+
+ClassRules = Annotated[Mapping[str, str], AfterValidator(_checked)]
+"""By class of the source (`plain`): a class of the common form, or one of `OUTCOMES`."""
+
+
+def outcome(rules: Mapping[str, str], label: str) -> str | None:
+    """What becomes of a class; None where no rule names it."""
+    return rules.get(plain(label))
+
+
+def unknown_class(rules: Mapping[str, str], label: str) -> str:
+    """The words about a class that no rule names, with the nearest."""
+    return f"class '{label}' is not known{nearest_name(plain(label), rules)}"

@@ -1,0 +1,16 @@
+"""HighRPD: pavement from 50 m, crops of 640 × 640 pixels, YOLO boxes."""
+
+from pavetwin.datasets.layouts import YoloLayout
+from pavetwin.datasets.rules import DISCARD
+from pavetwin.datasets.sources.base import SOURCES, DatasetSource
+
+SOURCES.add(
+    "highrpd",
+    DatasetSource(
+        title="HighRPD",
+        licence="CC BY 4.0",
+        labels=YoloLayout(names=("line", "block", "pit")),
+        # From 50 m a pit can hardly be told from a stain, so no image with one is used.
+        classes={"line": "Single Crack", "block": "Crocodile Crack", "pit": DISCARD},
+    ),
+)

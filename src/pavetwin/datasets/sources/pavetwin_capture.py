@@ -1,0 +1,53 @@
+"""PaveTwin's own captures: datasets made by `pavetwin capture`, from their COCO files."""
+
+from collections.abc import Mapping
+from pathlib import PurePosixPath
+from typing import Any
+
+from pavetwin.datasets.annotated import class_names
+from pavetwin.datasets.layouts import CocoLayout
+from pavetwin.datasets.sources.base import SOURCES, DatasetSource
+
+_KEPT = ("visible_fraction", "severity", "width_m", "area_m2")
+"""What the common form keeps of a rendered object."""
+
+
+class CaptureLayout(CocoLayout):
+    """Ignored objects say why. The capture's own split, by streets, is kept: no defect is in two of them."""
+
+    def details(self, labels: str, image: Mapping[str, Any]) -> dict[str, Any]:
+        split = PurePosixPath(labels).stem.removeprefix("instances_")
+        camera = image.get("camera") or {}
+        kept = {key: str(camera[key]) for key in ("platform", "altitude_m") if key in camera}
+        return {"attributes": {"split": split, **kept}, **_resolution(camera)}
+
+    def picture_places(self, labels: str) -> tuple[str, ...]:
+        split = PurePosixPath(labels).stem.removeprefix("instances_")
+        return (f"{PurePosixPath(labels).parent.parent}/images/{split}",)
+
+    def ignored(self, content: Mapping[str, Any]) -> str | None:
+        reason = content.get("ignored")
+        return str(reason) if reason is not None else super().ignored(content)
+
+    def object_details(self, content: Mapping[str, Any]) -> dict[str, str]:
+        return {key: str(content[key]) for key in _KEPT if content.get(key) is not None}
+
+
+def _resolution(camera: Mapping[str, Any]) -> dict[str, float]:
+    """Of an image that looks straight down; others have no single ground resolution."""
+    altitude_m, focal_px, pitch_deg = (camera.get(key) for key in ("altitude_m", "focal_px", "pitch_deg"))
+    is_nadir = isinstance(pitch_deg, int | float) and pitch_deg <= -87.5
+    if is_nadir and altitude_m and focal_px:
+        return {"gsd_mm": round(1000 * altitude_m / focal_px, 3)}
+    return {}
+
+
+SOURCES.add(
+    "pavetwin",
+    DatasetSource(
+        title="PaveTwin's own captures",
+        licence="of who captured them; worlds from OpenStreetMap: credit its contributors",
+        labels=CaptureLayout(),
+        classes={name: name for name in class_names()},
+    ),
+)

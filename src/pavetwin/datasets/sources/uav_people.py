@@ -1,0 +1,14 @@
+"""Top-view pedestrian recognition: people from the air, YOLO boxes of one class."""
+
+from pavetwin.datasets.layouts import YoloLayout
+from pavetwin.datasets.sources.base import SOURCES, DatasetSource
+
+SOURCES.add(
+    "uav-people",
+    DatasetSource(
+        title="Top-view pedestrian recognition",
+        licence="see its page",
+        labels=YoloLayout(names=("person",)),
+        classes=dict.fromkeys(("person", "people", "pedestrian"), "Person"),
+    ),
+)

@@ -1,0 +1,70 @@
+"""`pavetwin data …` as a user types it."""
+
+from pathlib import Path
+
+import pytest
+
+from scenes.command_line import pavetwin, plain_refusal, without_progress
+from scenes.photographs import picture, voc
+
+
+@pytest.fixture
+def photos(tmp_path: Path) -> Path:
+    """Two good pictures and one whose class nobody knows."""
+    objects = {"a": "LC", "b": "PH", "c": "rutting"}
+    for number, (name, label) in enumerate(objects.items()):
+        picture(tmp_path / "photos" / f"{name}.jpg", seed=number)
+        voc(tmp_path / "photos" / f"{name}.xml", [(label, (1, 1, 9, 9)), ("RP", (2, 2, 5, 5))])
+    return tmp_path / "photos"
+
+
+def test_an_import_tells_what_it_refused_and_exits_with_1(photos: Path, tmp_path: Path) -> None:
+    done = pavetwin("data", "import", "uapd", photos, "-o", tmp_path / "out")
+    assert done.returncode == 1
+    assert "refused: c.xml:4: class 'rutting' is not known; the image is left out" in done.stderr.splitlines()
+    assert f"1 refused; all in {tmp_path}/out/report.csv" in done.stderr
+    assert done.stdout.startswith(f"2 images in {tmp_path}/out/. Next: pavetwin data stats")
+    assert (tmp_path / "out" / "report.csv").read_text().splitlines() == [
+        "finding,file,line,count,text",
+        "refused,c.xml,4,1,class 'rutting' is not known; the image is left out",
+    ]
+    (photos / "c.xml").unlink()
+    (photos / "c.jpg").unlink()
+    done = pavetwin("data", "import", "uapd", photos, "-o", tmp_path / "again", "--gsd", "2.5")
+    assert (done.returncode, without_progress(done.stderr)) == (0, [])
+
+
+def test_stats_count_instances_and_images_by_source(photos: Path, tmp_path: Path) -> None:
+    pavetwin("data", "import", "uapd", photos, "-o", tmp_path / "out")
+    done = pavetwin("data", "stats", tmp_path / "out")
+    assert done.returncode == 0
+    source, *instances, ignored, annotated, background, total, scenes = done.stdout.splitlines()[-1].split()
+    assert (source, instances) == ("uapd", ["1", "0", "1", "0", "0"])
+    assert (ignored, annotated, background, total, scenes) == ("0", "2", "0", "2", "2")
+
+
+def test_sources_are_listed_with_page_and_licence() -> None:
+    text = pavetwin("data", "sources").stdout
+    assert "uav-pdd2023: UAV-PDD2023\n  https://zenodo.org/records/8429208 · licence: CC BY 4.0" in text
+    assert "line → Single Crack; block → Crocodile Crack; pit → discard image" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("uadp", "photos", "-o", "out"), "no dataset source 'uadp' (did you mean 'uapd'?)"),
+        (("uapd", "nowhere", "-o", "out"), "There is no folder 'nowhere'"),
+        (("uapd", "photos"), "Say where the dataset goes with -o"),
+        (("uapd", "photos", "-o", "out", "--longest", "10"), "--longest: it must be greater than or equal to 64"),
+        (("uapd", "photos", "-o", "out", "--gsd", "0"), "gsd_mm: it must be greater than 0"),
+    ],
+)
+def test_wrong_words_get_one_plain_line(photos: Path, arguments: tuple[str, ...], words: str) -> None:
+    assert words in plain_refusal(pavetwin("data", "import", *arguments, cwd=photos.parent))
+    assert not (photos.parent / "out").exists()
+
+
+def test_a_background_that_is_not_there_is_refused(photos: Path, tmp_path: Path) -> None:
+    (tmp_path / "checked.txt").write_text("a.jpeg\n")
+    done = pavetwin("data", "import", "uapd", photos, "-o", tmp_path / "out", "--background", tmp_path / "checked.txt")
+    assert "no picture 'a.jpeg' (did you mean 'a.jpg'?)" in plain_refusal(done)

@@ -1,0 +1,276 @@
+"""What is wrong with a file is told with its name and line, and the rest goes on."""
+
+import struct
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from pavetwin.datasets.common_form import read_images
+from pavetwin.datasets.importing import import_source
+from pavetwin.datasets.normalise import ImageSize
+from pavetwin.datasets.report import Finding
+from pavetwin.datasets.sources import source_of
+from pavetwin.errors import PaveTwinError
+from scenes.photographs import coco, picture, voc, yolo
+
+BOMB = """<?xml version="1.0"?>
+<!DOCTYPE annotation [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>
+<annotation><object><name>&b;</name></object></annotation>"""
+
+
+def told(source: str, folder: Path) -> list[str]:
+    """The report of a folder with bad files and one good image, which must be there in the end."""
+    name, found = source_of(source)
+    summary = import_source(name, found, folder, folder.parent / "dataset", size=ImageSize())
+    assert [Path(image.original).stem for image in read_images(summary.folder)] == ["good"]
+    return [f"{each.finding.value} {each}" for each in summary.report]
+
+
+def a_voc_file(folder: Path, text: str) -> None:
+    picture(folder / "bad.jpg", seed=1)
+    (folder / "bad.xml").write_text(text, encoding="utf-8")
+
+
+def a_bomb(folder: Path) -> None:
+    a_voc_file(folder, BOMB)
+
+
+def a_name_that_climbs_out(folder: Path) -> None:
+    picture(folder / "bad.jpg", seed=1)
+    voc(folder / "bad.xml", [("PH", (1, 1, 9, 9))], filename="../../../etc/passwd")
+
+
+def a_stranger(folder: Path) -> None:
+    picture(folder / "bad.jpg", seed=1)
+    voc(folder / "bad.xml", [("LC", (1, 1, 9, 9)), ("longitudnal crack", (2, 2, 9, 9))])
+
+
+def a_corner_without_a_number(folder: Path) -> None:
+    picture(folder / "bad.jpg", seed=1)
+    path = voc(folder / "bad.xml", [("LC", (1, 1, 9, 9))])
+    path.write_text(path.read_text().replace("<ymin>1<", "<ymin>one<"))
+
+
+def labels_of_another_picture(folder: Path) -> None:
+    picture(folder / "bad.jpg", (80, 48), seed=1)
+    voc(folder / "bad.xml", [("LC", (1, 1, 9, 9))])
+
+
+def half_a_picture(folder: Path) -> None:
+    whole = picture(folder / "bad.jpg", (256, 256), seed=1)
+    whole.write_bytes(whole.read_bytes()[:-600])
+    voc(folder / "bad.xml", [("LC", (1, 1, 9, 9))], (256, 256))
+
+
+def a_picture_of_gigabytes(folder: Path) -> None:
+    """60,000 × 60,000 pixels in a few hundred bytes of PNG."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = chunk(b"IHDR", struct.pack(">IIBBBBB", 60_000, 60_000, 8, 2, 0, 0, 0))
+    rows = chunk(b"IDAT", zlib.compress(bytes(100_000)))
+    (folder / "bad.png").write_bytes(b"\x89PNG\r\n\x1a\n" + header + rows + chunk(b"IEND", b""))
+    voc(folder / "bad.xml", [("LC", (1, 1, 9, 9))])
+
+
+def two_pictures_of_one_name(folder: Path) -> None:
+    picture(folder / "bad.jpg", seed=1)
+    picture(folder / "bad.png", seed=2)
+    voc(folder / "bad.xml", [("LC", (1, 1, 9, 9))])
+
+
+def two_labels_of_one_picture(folder: Path) -> None:
+    voc(folder / "also" / "good.xml", [("LC", (1, 1, 9, 9))])
+
+
+def swapped_corners(folder: Path) -> None:
+    voc(folder / "good.xml", [("LC", (20, 31, 5, 11))])
+
+
+def boxes_beyond_the_border(folder: Path) -> None:
+    voc(folder / "good.xml", [("LC", (1, 1, 9, 9)), ("LC", (60, 40, 70, 60)), ("LC", (70, 1, 80, 9))])
+
+
+def a_box_twice(folder: Path) -> None:
+    voc(folder / "good.xml", [("LC", (1, 1, 9, 9)), ("LC", (1, 1, 9, 9))])
+
+
+@pytest.mark.parametrize(
+    ("spoil", "line"),
+    [
+        (
+            a_bomb,
+            "refused bad.xml: has a document type or entities, which label files never need; the image is left out",
+        ),
+        (
+            a_name_that_climbs_out,
+            "refused bad.xml:2: filename '../../../etc/passwd' leads out of the folder; the image is left out",
+        ),
+        (
+            a_stranger,
+            "refused bad.xml:7: class 'longitudnal crack' is not known (did you mean 'longitudinal crack'?); "
+            "the image is left out",
+        ),
+        (a_corner_without_a_number, "refused bad.xml:5: ymin is 'one', which is no number; the image is left out"),
+        (
+            labels_of_another_picture,
+            "refused bad.xml: the labels are for 64 × 48 pixels, the picture has 80 × 48; the image is left out",
+        ),
+        (half_a_picture, "refused bad.jpg: the picture is damaged; the image is left out"),
+        (
+            a_picture_of_gigabytes,
+            "refused bad.png: the picture is too large; at most 100 million pixels are read; the image is left out",
+        ),
+        (two_pictures_of_one_name, "refused bad.xml: two files of one name, bad.jpg and bad.png; both are left out"),
+        (two_labels_of_one_picture, "refused good.jpg: its labels are given twice; the second is left out"),
+        (swapped_corners, "repaired good.xml:5: the corners of a box were swapped; put in order"),
+        (a_box_twice, "dropped good.xml:7: the same box of the same class is given twice; kept once"),
+    ],
+)
+def test_a_bad_file_is_told_and_the_rest_goes_on(tmp_path: Path, spoil: Callable[[Path], None], line: str) -> None:
+    folder = tmp_path / "photos"
+    picture(folder / "good.jpg")
+    voc(folder / "good.xml", [("LC", (6, 12, 20, 31))])
+    spoil(folder)
+    assert told("uapd", folder) == [line]
+    if spoil is swapped_corners:
+        (image,) = read_images(tmp_path / "dataset")
+        assert [each.box for each in image.labelled] == [(4, 10, 20, 31)]
+
+
+def test_boxes_beyond_the_border_are_cut_or_left_out(tmp_path: Path) -> None:
+    folder = tmp_path / "photos"
+    picture(folder / "good.jpg")
+    boxes_beyond_the_border(folder)
+    assert told("uapd", folder) == [
+        "repaired good.xml:7: a box reached beyond the image; cut off at its border",
+        "dropped good.xml:10: a box outside the image is left out",
+    ]
+    (image,) = read_images(tmp_path / "dataset")
+    assert [each.box for each in image.labelled] == [(0, 0, 9, 9), (59, 39, 64, 48)]
+
+
+@pytest.mark.parametrize(
+    ("lines", "told_line"),
+    [
+        (("0 0.5 0.5 0.1 0.1", "0 0.5 0.5 0.1"), "bad.txt:2: 4 words where a class and four numbers should be"),
+        (("0 0.5 0.5 0.1 0.1 0.9",), "bad.txt:1: 6 words where a class and four numbers should be"),
+        (("this line has five words",), "bad.txt:1: 'this' is no number of a class"),
+        (("0 0.5 half 0.1 0.1",), "bad.txt:1: 'half' is no number"),
+        (("0 0.5 nan 0.1 0.1",), "bad.txt:1: 'nan' is no finite number"),
+        (("0 0.5 0.5 0.1 0.1", "", "3 0.5 0.5 0.1 0.1"), "bad.txt:3: class 3 where the dataset has 3, from 0"),
+    ],
+)
+def test_a_line_that_is_no_object(tmp_path: Path, lines: tuple[str, ...], told_line: str) -> None:
+    folder = tmp_path / "photos"
+    for number, name in enumerate(("good", "bad")):
+        picture(folder / f"{name}.jpg", seed=number)
+    yolo(folder / "good.txt", "0 0.5 0.5 0.5 0.5")
+    yolo(folder / "bad.txt", *lines)
+    assert told("highrpd", folder) == [f"refused {told_line}; the image is left out"]
+
+
+def test_a_polygon_of_two_corners(tmp_path: Path) -> None:
+    folder = tmp_path / "photos"
+    for number, name in enumerate(("good", "bad")):
+        picture(folder / f"{name}.jpg", seed=number)
+    yolo(folder / "good.txt", "0 0.1 0.1 0.9 0.1 0.5 0.9")
+    yolo(folder / "bad.txt", "0 0.5 0.5 0.1 0.1")
+    (line,) = told("pothrgbd", folder)
+    assert (
+        line == "refused bad.txt:1: 5 words where a class and at least three corners should be; the image is left out"
+    )
+
+
+def test_a_coco_file_that_climbs_out_or_has_no_place(tmp_path: Path) -> None:
+    folder = tmp_path / "photos"
+    picture(folder / "images" / "train" / "good.jpg")
+    picture(folder / "images" / "train" / "bad.jpg", seed=1)
+    picture(tmp_path / "secret.jpg", seed=2)
+    images: list[dict[str, object]] = [
+        {"id": 1, "file_name": "good.jpg"},
+        {"id": 2, "file_name": "../../../secret.jpg"},
+        {"id": 3, "file_name": "bad.jpg"},
+    ]
+    annotations: list[dict[str, object]] = [
+        {"id": 1, "image_id": 1, "category_id": 1, "bbox": [1, 2, 3, 4]},
+        {"id": 2, "image_id": 2, "category_id": 1, "bbox": [1, 2, 3, 4]},
+        {"id": 3, "image_id": 3, "category_id": 1},
+    ]
+    coco(folder / "annotations" / "instances_train.json", images, annotations, ["Car"])
+    (folder / "broken.json").write_text('{"images": [\n')
+    assert told("pavetwin", folder) == [
+        "refused annotations/instances_train.json: file_name '../../../secret.jpg' leads out of the folder; "
+        "the image is left out",
+        "refused annotations/instances_train.json: image 'images/train/bad.jpg': annotation 3 has neither bbox nor "
+        "segmentation; the image is left out",
+        "refused broken.json:2: is not JSON (Expecting value)",
+    ]
+
+
+def test_a_picture_that_was_turned_is_stored_as_it_is_seen(tmp_path: Path) -> None:
+    folder = tmp_path / "photos"
+    picture(folder / "good.jpg", (64, 48))
+    with Image.open(folder / "good.jpg") as seen:
+        exif = Image.Exif()
+        exif[0x0112] = 6
+        seen.save(folder / "good.jpg", exif=exif)
+    yolo(folder / "good.txt", "0 0.25 0.5 0.5 1.0")
+    assert told("highrpd", folder) == []
+    (image,) = read_images(tmp_path / "dataset")
+    assert (image.size_px, image.labelled[0].box) == ((48, 64), (0, 0, 24, 64))
+    with Image.open(tmp_path / "dataset" / "JPEGImages" / image.picture) as stored:
+        assert stored.size == (48, 64)
+        assert stored.getexif().get(0x0112, 1) == 1
+
+
+def test_the_same_stranger_again_is_one_line(tmp_path: Path) -> None:
+    folder = tmp_path / "photos"
+    picture(folder / "good.jpg")
+    yolo(folder / "good.txt", "0 0.5 0.5 0.5 0.5")
+    for number in range(3):
+        picture(folder / f"{number}.jpg", seed=number + 1)
+        yolo(folder / f"{number}.txt", "1 0.5 0.5 0.5 0.5")
+    mapping = tmp_path / "mine.yaml"
+    mapping.write_text("labels: {format: yolo, names: [hole, hoel]}\nclasses: {hole: Pothole}\n")
+    assert told(str(mapping), folder) == [
+        "refused 0.txt:1: class 'hoel' is not known (did you mean 'hole'?); the image is left out (3 times)"
+    ]
+
+
+def test_a_report_keeps_so_many_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    from pavetwin.datasets import report as module
+
+    monkeypatch.setattr(module, "MOST", 3)
+    report = module.Report()
+    for number in range(5):
+        report.add(Finding.REFUSED, f"{number}.txt", "is not text")
+    assert (len(list(report)), report.untold, report.counts[Finding.REFUSED]) == (3, 2, 5)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("labels: {format: yolo}\nclasses: {hole: Pothloe}\n", "'hole' becomes 'Pothloe' (did you mean 'Pothole'?)"),
+        ("labels: {format: yolo}\nclases: {hole: Pothole}\n", "unknown key 'clases' (did you mean 'classes'?)"),
+        ("labels: {format: yoloo}\nclasses: {hole: Pothole}\n", "'yoloo'"),
+        ("labels: {format: yolo}\nclasses: {hole: Pothole}\ngroup: '('\n", "is no pattern that can be read"),
+        ("labels: [\n", "is not valid YAML"),
+    ],
+)
+def test_a_wrong_mapping_file_is_refused(tmp_path: Path, content: str, words: str) -> None:
+    mapping = tmp_path / "mine.yaml"
+    mapping.write_text(content)
+    with pytest.raises(PaveTwinError) as refused:
+        source_of(str(mapping))
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_an_unknown_source_is_told_its_neighbour() -> None:
+    with pytest.raises(PaveTwinError, match=r"`source`: no dataset source 'uadp' \(did you mean 'uapd'\?\)"):
+        source_of("uadp")

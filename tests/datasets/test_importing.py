@@ -1,0 +1,167 @@
+"""An import: images brought to size, resumed where it stopped, the same bytes each time."""
+
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from pavetwin.datasets import importing
+from pavetwin.datasets.annotated import AnnotatedImage, Annotation
+from pavetwin.datasets.common_form import read_description, read_images
+from pavetwin.datasets.importing import ImportSummary, import_source
+from pavetwin.datasets.normalise import CUT, ImageSize, ImageView, seen_through, views
+from pavetwin.datasets.sources import source_of
+from pavetwin.errors import PaveTwinError
+from scenes.photographs import picture, yolo
+
+FITS, LARGE = 6, 4
+
+
+@pytest.fixture
+def photos(tmp_path: Path) -> Path:
+    """Ten pictures, four of which are larger than 640 pixels, and one that is damaged."""
+    folder = tmp_path / "photos"
+    for number in range(FITS + LARGE):
+        picture(folder / f"{number}.jpg", (64, 48) if number < FITS else (1000, 500), number)
+        yolo(folder / f"{number}.txt", "0 0.5 0.5 0.5 0.5")
+    whole = picture(folder / "bad.jpg", (700, 500), 99)
+    whole.write_bytes(whole.read_bytes()[:-700])
+    yolo(folder / "bad.txt", "0 0.5 0.5 0.5 0.5")
+    return folder
+
+
+def run(folder: Path, output: Path, **size: object) -> ImportSummary:
+    name, source = source_of("highrpd")
+    return import_source(name, source, folder, output, size=ImageSize.model_validate(size))
+
+
+def content(folder: Path) -> dict[str, str]:
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def test_pictures_that_fit_are_copied_and_others_scaled(photos: Path, tmp_path: Path) -> None:
+    summary = run(photos, tmp_path / "out")
+    images = list(read_images(tmp_path / "out"))
+    assert summary.images == len(images) == FITS + LARGE
+    assert (tmp_path / "out/JPEGImages/highrpd-0.jpg").read_bytes() == (photos / "0.jpg").read_bytes()
+    large = images[-1]
+    assert (large.size_px, large.labelled[0].box) == ((640, 320), (160, 80, 480, 240))
+    with Image.open(tmp_path / "out" / "JPEGImages" / large.picture) as stored:
+        assert stored.size == (640, 320)
+
+
+def test_twice_gives_the_same_bytes_and_so_does_an_import_that_was_stopped(
+    photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run(photos, tmp_path / "whole")
+    run(photos, tmp_path / "again")
+    whole = content(tmp_path / "whole")
+    assert content(tmp_path / "again") == whole
+    assert len(whole) == 2 * (FITS + LARGE) + 2
+    moved: list[Path] = []
+    move_in = importing.move_in
+
+    def stop(staging: Path, target: Path, data: bytes) -> None:
+        if len(moved) == 5:
+            raise KeyboardInterrupt
+        moved.append(target)
+        move_in(staging, target, data)
+
+    monkeypatch.setattr(importing, "move_in", stop)
+    with pytest.raises(KeyboardInterrupt):
+        run(photos, tmp_path / "stopped")
+    assert read_description(tmp_path / "stopped")["complete"] is False
+    moved.clear()
+    made: list[Path] = []
+    monkeypatch.setattr(
+        importing, "move_in", lambda staging, target, data: (made.append(target), move_in(staging, target, data))
+    )
+    run(photos, tmp_path / "stopped")
+    assert content(tmp_path / "stopped") == whole
+    # Two images were finished, and of a third only the picture was there.
+    assert len(made) == 2 * (FITS + LARGE - 2)
+
+
+def test_another_import_into_the_same_folder_is_refused(photos: Path, tmp_path: Path) -> None:
+    run(photos, tmp_path / "out")
+    with pytest.raises(PaveTwinError, match="made with another settings"):
+        run(photos, tmp_path / "out", longest_px=320)
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "letter.txt").write_text("dear")
+    with pytest.raises(PaveTwinError, match="holds something else"):
+        run(photos, tmp_path / "mine")
+
+
+def test_names_are_kept_apart_by_folders_where_they_must_be(tmp_path: Path) -> None:
+    folder = tmp_path / "photos"
+    for number, place in enumerate(("train/images/1", "val/images/1", "val/images/2")):
+        picture(folder / f"{place}.jpg", seed=number)
+        yolo(folder / f"{place.replace('images', 'labels')}.txt", "0 0.5 0.5 0.5 0.5")
+    run(folder, tmp_path / "out")
+    assert [image.name for image in read_images(tmp_path / "out")] == [
+        "highrpd-2",
+        "highrpd-train-images-1",
+        "highrpd-val-images-1",
+    ]
+
+
+def image_of(size_px: tuple[int, int], *annotations: Annotation, gsd_mm: float | None = None) -> AnnotatedImage:
+    return AnnotatedImage("a", ".jpg", size_px, "uapd", "a", "a", gsd_mm, annotations=annotations)
+
+
+def test_tiles_cover_the_picture_and_overlap() -> None:
+    found = views(image_of((1280, 960)), ImageSize(tiles=True, tile_overlap=0.2))
+    assert [view.window for view in found] == [
+        (left, top, left + 640, top + 640) for top in (0, 320) for left in (0, 320, 640)
+    ]
+    assert {view.size_px for view in found} == {(640, 640)}
+
+
+def test_what_a_tile_cuts_short_is_ignored_in_it() -> None:
+    crack = Annotation("Single Crack", (600, 10, 700, 20), outline=((600.0, 10.0), (700.0, 10.0), (700.0, 20.0)))
+    left = seen_through(image_of((1280, 640), crack), ImageView((0, 0, 640, 640), (640, 640), 0), ".jpg")
+    (shown,) = left.annotations
+    assert (shown.box, shown.ignored) == ((600, 10, 640, 20), None)
+    assert shown.outline is not None
+    assert max(x for x, _ in shown.outline) == 640
+    right = seen_through(image_of((1280, 640), crack), ImageView((680, 0, 1280, 640), (600, 640), 1), ".jpg")
+    assert [(each.box, each.ignored) for each in right.annotations] == [((0, 10, 20, 20), CUT)]
+    assert (
+        seen_through(image_of((1280, 640), crack), ImageView((700, 0, 1280, 640), (580, 640), 2), "").annotations == ()
+    )
+
+
+def test_a_target_resolution_scales_down_and_never_up() -> None:
+    (finer,) = views(image_of((600, 400), gsd_mm=2.0), ImageSize(target_gsd_mm=4.0))
+    assert finer.size_px == (300, 200)
+    assert seen_through(image_of((600, 400), gsd_mm=2.0), finer, ".jpg").gsd_mm == 4.0
+    (coarser,) = views(image_of((600, 400), gsd_mm=8.0), ImageSize(target_gsd_mm=4.0))
+    assert coarser.size_px == (600, 400)
+    (unknown,) = views(image_of((600, 400)), ImageSize(target_gsd_mm=4.0))
+    assert unknown.size_px == (600, 400)
+
+
+def test_tiles_of_one_picture_are_images_of_their_own(tmp_path: Path) -> None:
+    picture(tmp_path / "photos" / "1.jpg", (1000, 640))
+    yolo(tmp_path / "photos" / "1.txt", "0 0.1 0.5 0.1 0.1", "1 0.9 0.5 0.1 0.1")
+    run(tmp_path / "photos", tmp_path / "out", tiles=True)
+    first, last = read_images(tmp_path / "out")
+    assert [each.labelled[0].category for each in (first, last)] == ["Single Crack", "Crocodile Crack"]
+    assert (first.name, last.name, first.group) == ("highrpd-1-000", "highrpd-1-001", last.group)
+    assert last.labelled[0].box == (490, 288, 590, 352)
+
+
+def test_memory_holds_a_few_pictures_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, photos: Path) -> None:
+    waiting: list[int] = []
+    encode: Callable[..., list[bytes]] = importing._encode
+    written: list[Path] = []
+    move_in = importing.move_in
+    monkeypatch.setattr(importing, "AHEAD", 2)
+    monkeypatch.setattr(importing, "_encode", lambda *work: (waiting.append(len(written) // 2), encode(*work))[1])
+    monkeypatch.setattr(importing, "move_in", lambda *moved: (move_in(*moved), written.append(moved[1])))
+    run(photos, tmp_path / "out")
+    # When a picture is decoded, all but the last few are written.
+    assert all(started - done <= 4 for started, done in enumerate(waiting))
