@@ -113,6 +113,11 @@ class Inputs:
         return sumo_run.LEVEL_OPTIONS if self.asked and self.asked.is_found else ()
 
     @property
+    def prefers_fastest_goals(self) -> bool:
+        """Whether trips lead to the fastest of several random goals, as the paper's do."""
+        return not (self.asked and self.asked.is_found)
+
+    @property
     def warm_up_s(self) -> tuple[float, float]:
         """The shortest and the longest warm-up."""
         return LEVEL_WARM_UP_S if self.asked and self.asked.is_found else WARM_UP_S
@@ -149,7 +154,7 @@ class Inputs:
             warm_up_s=(0.0, 0.0) if self.asked is None else self.warm_up_s,
             options=self.level_options,
             mix=self.mix,
-            fastest_goals=not (self.asked and self.asked.is_found),
+            fastest_goals=self.prefers_fastest_goals,
             speed_ratio=self.speed_ratio,
             speed_limits=None if self.speed_ratio is None else self.speed_limits,
             vehicles=self.capacity.vehicles(self.asked) if self.asked else 0,
