@@ -4,10 +4,9 @@ Vehicles enter at the map's border and at dead ends while these have room; only 
 side streets, so that few vehicles appear in mid-street. A trip leads to a random exit (any edge, in a network without
 exits) and is at least `TRIP_M` long where the network is large enough. At a density it leads to the fastest of
 `GOALS` of them; such trips keep out of each other's way, so that flow hardly falls in dense traffic. Where a level of
-service or an hour is asked for, no exit is preferred. Vehicles are rerouted around jams (SUMO's rerouting device),
-without which dense traffic ends in gridlock. Pedestrians start on any sidewalk, walk at random over
-crossings and end on a sidewalk. During the first half of the warm-up agents start anywhere. Runs only in the
-simulation's process.
+service or an hour is asked for, no exit is preferred. Vehicles are rerouted (SUMO's rerouting device) by travel times
+that are means over up to half an hour. Pedestrians start on any sidewalk, walk at random over crossings and end on a
+sidewalk. During the first half of the warm-up agents start anywhere. Runs only in the simulation's process.
 """
 
 from collections.abc import Sequence
@@ -33,7 +32,8 @@ PATIENCE: Final = 0.04
 """Share of vehicles that may be missing before vehicles depart at the kerb although the border has room."""
 
 PRESENT_TIMES: Final = 1
-"""SUMO's routing mode that looks at the travel times of the last minutes (ROUTING_MODE_AGGREGATED)."""
+"""SUMO's routing mode that looks at past travel times (ROUTING_MODE_AGGREGATED): means of up to 180 adaptation
+intervals, from those of empty streets on."""
 
 JAM_LENGTH_M: Final = 7.5
 """Road length of one stopped vehicle."""
@@ -138,7 +138,7 @@ class ClosedLoop:
         sumo.vehicle.add(name, name, typeID=kind.sumo_id, **departure)
 
     def _trip(self, start: int, kind: Kind) -> Sequence[str]:
-        """The route from `start`, fastest by present travel times, to a random goal, preferably at least `TRIP_M` away.
+        """The route from `start`, fastest by past travel times, to a random goal, preferably at least `TRIP_M` away.
 
         With `fastest_goals` it is that of `GOALS` goals with the highest mean speed, else the first that is far enough.
         """
