@@ -12,6 +12,7 @@ from shapely.ops import substring
 
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.distractors.fixtures import Fixture, placed
+from pavetwin.scene.ground.distractors.marks import marks
 from pavetwin.scene.ground.distractors.repairs import Repairs, repairs
 from pavetwin.scene.ground.layout.lines import boxes_of
 from pavetwin.scene.ground.layout.paved import PLAIN, PavedSurface
@@ -37,7 +38,8 @@ class GroundPlan(SurfaceLayout):
 
     @cached_property
     def paint(self) -> Paint:
-        return markings(self, self.standard)
+        drawn = markings(self, self.standard)
+        return drawn.joined(marks(self, drawn))
 
     @cached_property
     def repairs(self) -> Repairs:

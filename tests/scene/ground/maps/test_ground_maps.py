@@ -9,6 +9,8 @@ import shapely
 from pavetwin.scene.ground import GroundPlan, details, ground_maps, plan_ground
 from pavetwin.scene.ground.distractors.repairs import SEAM_HALF_M
 from pavetwin.scene.ground.layout.surfaces import tile_box
+from pavetwin.scene.ground.markings.placement import markings
+from pavetwin.scene.ground.markings.standard import paint
 from pavetwin.scene.ground.materials.compose import PAINTS, surface
 from pavetwin.scene.ground.materials.sampling import Pyramid, linear_of_srgb, srgb_of_linear
 from pavetwin.scene.model import MAP_MARGIN_M, MAP_PX, SIGNED_DISTANCE_M, TILE_M, GroundKind, GroundMaps
@@ -131,8 +133,11 @@ def test_every_signalled_lane_ends_at_a_stop_line() -> None:
 
 
 def test_america_parts_directions_in_yellow_and_europe_in_white() -> None:
-    assert plan("seattle_roosevelt").paint.bar_looks[:, 0].sum() > 50
-    assert plan("berlin_neukoelln").paint.bar_looks[:, 0].sum() == 0
+    american, german = (
+        markings(plan(name), plan(name).standard).bar_looks[:, 0] for name in ("seattle_roosevelt", "berlin_neukoelln")
+    )
+    assert (american == paint("yellow")).sum() > 50
+    assert (german == paint("white")).all()
 
 
 def test_seals_keep_clear_of_defects() -> None:

@@ -10,12 +10,23 @@ import shapely
 from pavetwin.scene.ground.layout.lines import direction
 from pavetwin.scene.ground.layout.relief import heights
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
+from pavetwin.scene.ground.looks.weights import pick
 from pavetwin.seeds import Stream, child
 from pavetwin.world.ground import Nearby, around
 from pavetwin.world.model import Junction, Segment
 from pavetwin.world.segments import segment_key
 
-REACH_M: Final = {"cover_iron": 0.40, "cover_filled": 0.40, "grate": 0.33, "valve": 0.13, "leaves": 0.9}
+REACH_M: Final = {
+    "cover_iron": 0.40,
+    "cover_filled": 0.40,
+    "cover_square": 0.55,
+    "cover_collared": 0.62,
+    "grate": 0.33,
+    "grate_slots": 0.43,
+    "valve": 0.13,
+    "leaves": 0.9,
+    "litter": 0.5,
+}
 """Radius of each model."""
 
 COVERS_M: Final = 42.0
@@ -25,8 +36,17 @@ GRATES_M: Final = 32.0
 """Mean distance between gullies on one side; each drains about 400 m² (RAS-Ew)."""
 
 
-GRATE_AT_M: Final = 0.155
+GRATE_AT_M: Final = {"grate": 0.155, "grate_slots": 0.205}
 """From a grate's middle to the kerb, which its frame touches."""
+
+MOST_COVERS: Final = 0.6
+"""Share of a town's covers that are of its usual kind; the others are of any."""
+
+LOOSE: Final = frozenset({"leaves", "litter"})
+"""What may lie on other fixtures."""
+
+LITTER_KEY: Final = 13
+"""Key of litter's children of the scene's random stream."""
 
 
 @dataclass(frozen=True)
@@ -43,13 +63,13 @@ class Fixture:
 def placed(layout: SurfaceLayout) -> tuple[Fixture, ...]:
     """All flush objects of a world; none touches the patch of a defect."""
     found: list[Fixture] = []
-    covers = "cover_filled" if layout.chance("covers") < 0.5 else "cover_iron"
+    covers = pick(layout.look.covers, layout.chance("covers"))
     for street in layout.streets:
         for segment in street.segments:
             found += _on_segment(layout, segment, covers)
     for junction in layout.world.junctions:
         found += _on_junction(layout, junction, covers)
-    return tuple(_apart(layout, [*found, *_leaves(layout)]))
+    return tuple(_apart(layout, [*found, *_litter(layout), *_leaves(layout)]))
 
 
 def _apart(layout: SurfaceLayout, candidates: Sequence[Fixture]) -> Iterator[Fixture]:
@@ -57,12 +77,12 @@ def _apart(layout: SurfaceLayout, candidates: Sequence[Fixture]) -> Iterator[Fix
     taken: Nearby[Fixture] = Nearby(2.0)
     for fixture in candidates:
         reach = REACH_M[fixture.model]
-        near = () if fixture.model == "leaves" else taken.query(around(fixture.x, fixture.y, reach))
+        near = () if fixture.model in LOOSE else taken.query(around(fixture.x, fixture.y, reach))
         touches = any(
             np.hypot(fixture.x - other.x, fixture.y - other.y) < reach + REACH_M[other.model] for other in near
         )
         if not touches and not layout.holes.near(shapely.Point(fixture.x, fixture.y), reach):
-            if fixture.model != "leaves":
+            if fixture.model not in LOOSE:
                 taken.add(around(fixture.x, fixture.y, reach), fixture)
             yield fixture
 
@@ -73,15 +93,16 @@ def _on_segment(layout: SurfaceLayout, segment: Segment, covers: str) -> Iterato
     left = float(rng.choice([-0.5, 0.0, 0.5])) * half
     for _ in range(rng.poisson(length / COVERS_M)):
         station = float(rng.uniform(0.0, length))
-        model = covers if rng.random() < 0.8 else "cover_iron"
+        model = _cover(layout, rng, covers)
         yield _beside(segment, model, station, left + float(rng.normal(0.0, 0.25)), float(rng.uniform(0, 6.28)))
     for _ in range(rng.poisson(length / 30.0)):
         offset = float(rng.uniform(-half + 0.4, half - 0.4))
         yield _beside(segment, "valve", float(rng.uniform(0.0, length)), offset, float(rng.uniform(0, 6.28)))
     first = float(rng.uniform(0.2, 0.8)) * min(GRATES_M, length)
+    model = pick(layout.look.grates, layout.chance("grates"))
     for station in np.arange(first, length - 1.0, GRATES_M):
         for side in (-1.0, 1.0):
-            grate = _grate(layout, _beside(segment, "grate", float(station), side * half, 0.0))
+            grate = _grate(layout, _beside(segment, model, float(station), side * half, 0.0))
             if grate is not None:
                 yield grate
 
@@ -97,7 +118,13 @@ def _on_junction(layout: SurfaceLayout, junction: Junction, covers: str) -> Iter
     for _ in range(rng.poisson(surface.area / 130.0)):
         x, y, turn = rng.uniform((low_x, low_y, 0.0), (high_x, high_y, 2 * np.pi))
         if inner.contains(shapely.Point(x, y)):
-            yield Fixture(covers if rng.random() < 0.6 else "valve", float(x), float(y), 0.0, float(turn))
+            model = _cover(layout, rng, covers) if rng.random() < 0.6 else "valve"
+            yield Fixture(model, float(x), float(y), 0.0, float(turn))
+
+
+def _cover(layout: SurfaceLayout, rng: np.random.Generator, usual: str) -> str:
+    """The kind of one cover."""
+    return usual if rng.random() < MOST_COVERS else pick(layout.look.covers, float(rng.random()))
 
 
 def _beside(segment: Segment, model: str, station: float, left: float, turn: float) -> Fixture:
@@ -115,9 +142,23 @@ def _grate(layout: SurfaceLayout, rough: Fixture) -> Fixture | None:
     if foot.distance(shapely.Point(rough.x, rough.y)) > 1.0:
         return None
     dx, dy = direction(line, station)
-    x, y = foot.x - dy * GRATE_AT_M, foot.y + dx * GRATE_AT_M
+    away = GRATE_AT_M[rough.model]
+    x, y = foot.x - dy * away, foot.y + dx * away
     kerbed = heights(layout, [(foot.x + dy * 0.3, foot.y - dx * 0.3)])[0] > 0.1
-    return Fixture("grate", x, y, 0.0, float(np.arctan2(dy, dx))) if kerbed else None
+    return Fixture(rough.model, x, y, 0.0, float(np.arctan2(dy, dx))) if kerbed else None
+
+
+def _litter(layout: SurfaceLayout) -> Iterator[Fixture]:
+    """Paper, cans and cartons, most of them along the kerb."""
+    for street in layout.streets:
+        for segment in street.segments:
+            rng = child(layout.seed, Stream.SCENE, LITTER_KEY, segment_key(segment))
+            half = segment.width_m / 2
+            for _ in range(rng.poisson(layout.look.litter_per_100_m * segment.length_m / 100)):
+                away = min(float(rng.exponential(0.5)) + 0.3, segment.width_m - 0.6)
+                left = (half - away) * float(rng.choice([-1.0, 1.0]))
+                station = float(rng.uniform(0.0, segment.length_m))
+                yield _beside(segment, "litter", station, left, float(rng.uniform(0, 6.28)))
 
 
 def _leaves(layout: SurfaceLayout) -> Iterator[Fixture]:
@@ -128,7 +169,7 @@ def _leaves(layout: SurfaceLayout) -> Iterator[Fixture]:
     rng = child(layout.seed, Stream.SCENE, 5)
     middles = np.repeat(shapely.get_coordinates(trees), 3, axis=0)
     middles = middles + rng.normal(0.0, 1.5, middles.shape)
-    kept = rng.random(len(middles)) < 0.5
+    kept = rng.random(len(middles)) < min(1.0, 0.5 * layout.look.dirt.leaves)
     turns = rng.uniform(0.0, 2 * np.pi, len(middles))
     # One lookup over trees far apart is slow; a few dozen at a time are near each other.
     for start in range(0, len(middles), 3):

@@ -9,18 +9,17 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
-import shapely
 
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.distractors.fixtures import Fixture
 from pavetwin.scene.ground.distractors.junction_repairs import junction_repairs
 from pavetwin.scene.ground.distractors.seals import clear_of_defects, wander, wavering
-from pavetwin.scene.ground.layout.lines import ways_along
+from pavetwin.scene.ground.layout.lines import LineFrame
 from pavetwin.scene.ground.layout.paved import PavedSurface
 from pavetwin.scene.ground.layout.streets import StreetPlan
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
-from pavetwin.scene.ground.looks.street_look import drawn
+from pavetwin.scene.ground.looks import pavement
+from pavetwin.scene.ground.looks.weights import pick
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Lane, Segment
 from pavetwin.world.segments import segment_key
@@ -33,6 +32,9 @@ SEAM_HALF_M: Final = (0.009, 0.022)
 
 SEALED_GAPS: Final = (0.001, 0.025)
 """Share of a seal that has come off; with more gaps it would look like a dashed line."""
+
+PUDDLES_M: Final = 28.0
+"""Mean distance along a street between marks of puddles, both sides together; ours."""
 
 WHEELS_M: Final = 0.78
 """Half the track of a car."""
@@ -52,7 +54,7 @@ class Repairs:
     stretches: dict[str, list[tuple[float, float, PavedSurface]]] = field(default_factory=dict)
     """Of a segment: from and to along its centre line, and what it was paved with since."""
     spots: list[tuple[float, float, float, float]] = field(default_factory=list)
-    """Oil: x, y, radius, strength."""
+    """Oil and damp: x, y, radius, strength."""
     skids: list[tuple[Float64Array, float]] = field(default_factory=list)
     """Tyre marks: line and strength."""
 
@@ -81,11 +83,11 @@ def _around(plan: SurfaceLayout, fixture: Fixture, found: Repairs) -> None:
     """Repairs and seals around a cover, and the damp around a grate."""
     rng = child(plan.seed, Stream.SCENE, 6, plan.name_hash(f"{fixture.x:.2f} {fixture.y:.2f}"))
     at = np.array([fixture.x, fixture.y])
-    if fixture.model == "grate":
+    if fixture.model.startswith("grate"):
         for _ in range(3):
             x, y = at + rng.normal(0.0, 0.22, 2)
             found.spots.append((float(x), float(y), float(rng.uniform(0.06, 0.22)), float(rng.uniform(0.1, 0.35))))
-    elif fixture.model.startswith("cover"):
+    elif fixture.model in ("cover_iron", "cover_filled"):
         if rng.random() < 0.4:
             half = float(rng.uniform(0.48, 0.7))
             found.patches.append((fixture.x, fixture.y, fixture.yaw_rad, half, half, float(rng.uniform(0.68, 0.95))))
@@ -105,14 +107,15 @@ class _OnSegment:
         self.pavement = plan.pavement(street)
         self.cracked = plan.ageing(street).cracked * (0.3 + 1.4 * plan.chance(f"mended {street.name}"))
         self.rng = child(plan.seed, Stream.SCENE, 2, segment_key(segment))
-        self.coords = shapely.get_coordinates(segment.centre_line)
-        self.ways = ways_along(self.coords)
+        self._world = LineFrame(segment.centre_line).points
 
     def draw(self) -> None:
         self._stretch()
         self._joint()
         self._slab_joints()
         rates = self.pavement.repairs
+        for _ in range(self._count(self.plan.look.dirt.water * self.length / PUDDLES_M)):
+            self._puddle()
         for _ in range(self._count(rates.trenches * self.length / 75)):
             self._trench_across()
         for _ in range(self._count(rates.trenches * self.length / 170)):
@@ -129,15 +132,6 @@ class _OnSegment:
 
     def _between(self, low: float, high: float) -> float:
         return float(self.rng.uniform(low, high))
-
-    def _world(self, along: npt.ArrayLike, left: npt.ArrayLike) -> Float64Array:
-        """World points of points on the street."""
-        s, d = np.asarray(along, dtype=np.float64), np.asarray(left, dtype=np.float64)
-        leg = np.clip(np.searchsorted(self.ways, s, side="right") - 1, 0, len(self.ways) - 2)
-        span = self.coords[leg + 1] - self.coords[leg]
-        unit = span / np.maximum(np.hypot(span[..., 0], span[..., 1]), 1e-9)[..., None]
-        foot = self.coords[leg] + unit * (s - self.ways[leg])[..., None]
-        return np.asarray(foot + np.stack([-unit[..., 1], unit[..., 0]], axis=-1) * d[..., None])
 
     def _patch(self, along: float, left: float, half_along: float, half_across: float, tone: float) -> None:
         """A repaired rectangle, square to the street, its edges sealed or not."""
@@ -167,9 +161,9 @@ class _OnSegment:
             return
         start = self._between(0.0, self.length * 0.6)
         end = min(self.length, start + self._between(18.0, self.length * 0.7))
-        pavement = drawn(stretches.pavements, float(self.rng.random()))
-        reflectance = pavement.reflectance.at(pavement.age.at(self._between(0.0, 0.7)), float(self.rng.random()))
-        surface = PavedSurface.of(pavement, reflectance, *(float(self.rng.random()) for _ in range(2)))
+        later = pavement(pick(stretches.pavements, float(self.rng.random())))
+        reflectance = later.reflectance.at(later.age.at(self._between(0.0, 0.7)), float(self.rng.random()))
+        surface = PavedSurface.of(later, reflectance, *(float(self.rng.random()) for _ in range(2)))
         self.found.stretches[self.segment.id] = [(start, end, surface)]
         for station in (start, end):
             if 2.0 < station < self.length - 2.0 and self.rng.random() < 0.7:
@@ -195,6 +189,16 @@ class _OnSegment:
             for what, (low, high) in (("width", SEAM_HALF_M), ("wear", SEALED_GAPS))
         )
         _seal(self.plan, self.found, line, half, worn)
+
+    def _puddle(self) -> None:
+        """The damp that a puddle leaves: a few overlapping rounds, most of them along a kerb."""
+        away = min(float(self.rng.exponential(0.6)) + 0.25, 2 * self.half - 0.3)
+        left = (self.half - away) * float(self.rng.choice([-1.0, 1.0]))
+        along, strength = self._between(0.0, self.length), self._between(0.12, 0.5)
+        for _ in range(int(self.rng.integers(2, 7))):
+            offset = self.rng.normal(0.0, (0.55, 0.14))
+            x, y = self._world(along + offset[0], np.clip(left + offset[1], -self.half, self.half))
+            self.found.spots.append((float(x), float(y), self._between(0.12, 0.5), strength))
 
     def _slab_joints(self) -> None:
         """Between slabs: across the carriageway, and along it between lanes."""
@@ -288,7 +292,7 @@ def _drips(plan: SurfaceLayout, lane: Lane, found: Repairs) -> None:
     """Oil along the middle of a lane, thickest where vehicles wait, and the marks of tyres that locked."""
     rng = child(plan.seed, Stream.SCENE, 3, plan.name_hash(lane.id))
     length = lane.length_m
-    stations = list(rng.uniform(0.0, length, rng.poisson(length / 5.0)))
+    stations = list(rng.uniform(0.0, length, rng.poisson(plan.look.dirt.oil * length / 5.0)))
     stations += list(length - rng.exponential(6.0, rng.poisson(9.0 if length > 15 else 2.0)))
     for station in stations:
         if 0.5 < station < length:
@@ -296,7 +300,7 @@ def _drips(plan: SurfaceLayout, lane: Lane, found: Repairs) -> None:
             radius = float(np.clip(rng.lognormal(-3.3, 0.6), 0.015, 0.16))
             x, y = np.array([point.x, point.y]) + rng.normal(0.0, 0.22, 2)
             found.spots.append((float(x), float(y), radius, float(rng.uniform(0.2, 0.75))))
-    for _ in range(rng.poisson(length / 75)):
+    for _ in range(rng.poisson(plan.look.dirt.tyre_marks * length / 75)):
         found.skids += list(_skid(rng, lane))
 
 

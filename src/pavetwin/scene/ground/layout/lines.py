@@ -3,6 +3,8 @@
 from collections.abc import Iterable
 
 import numpy as np
+import numpy.typing as npt
+import shapely
 from shapely import LineString
 
 from pavetwin.arrays import Float64Array
@@ -27,3 +29,20 @@ def boxes_of(lines: Iterable[Float64Array]) -> tuple[Float64Array, Float64Array]
     if not listed:
         return np.zeros((0, 2)), np.zeros((0, 2))
     return np.array([line.min(axis=0) for line in listed]), np.array([line.max(axis=0) for line in listed])
+
+
+class LineFrame:
+    """Coordinates along a line and to its left [m]."""
+
+    def __init__(self, line: LineString) -> None:
+        self._coords = shapely.get_coordinates(line)
+        self._ways = ways_along(self._coords)
+
+    def points(self, along: npt.ArrayLike, left: npt.ArrayLike) -> Float64Array:
+        """World points (..., 2) of stations and offsets to the left; straight on beyond the line's ends."""
+        s, d = np.asarray(along, dtype=np.float64), np.asarray(left, dtype=np.float64)
+        leg = np.clip(np.searchsorted(self._ways, s, side="right") - 1, 0, len(self._ways) - 2)
+        span = self._coords[leg + 1] - self._coords[leg]
+        unit = span / np.maximum(np.hypot(span[..., 0], span[..., 1]), 1e-9)[..., None]
+        foot = self._coords[leg] + unit * (s - self._ways[leg])[..., None]
+        return np.asarray(foot + np.stack([-unit[..., 1], unit[..., 0]], axis=-1) * d[..., None])

@@ -1,6 +1,17 @@
 """Looks of streets as data: pavements, and which of them a town's streets have."""
 
+from pavetwin.scene.ground.looks.mark import Mark, mark
 from pavetwin.scene.ground.looks.pavement import Pavement, pavement
 from pavetwin.scene.ground.looks.street_look import DEFAULT_LOOK, StreetLook, look_names, look_sha256, street_look
 
-__all__ = ["DEFAULT_LOOK", "Pavement", "StreetLook", "look_names", "look_sha256", "pavement", "street_look"]
+__all__ = [
+    "DEFAULT_LOOK",
+    "Mark",
+    "Pavement",
+    "StreetLook",
+    "look_names",
+    "look_sha256",
+    "mark",
+    "pavement",
+    "street_look",
+]

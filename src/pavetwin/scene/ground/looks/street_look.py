@@ -1,13 +1,11 @@
 """The look of a town's streets: which pavements they have, and what lies on them. A YAML file each."""
 
 import json
-from bisect import bisect
 from collections.abc import Mapping
 from functools import cache
 from hashlib import sha256
-from itertools import accumulate
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, field_validator
 
@@ -15,9 +13,14 @@ from pavetwin.config.base import Settings
 from pavetwin.config.mission import Share
 from pavetwin.config.named import names_in, read_named
 from pavetwin.errors import PaveTwinError
+from pavetwin.scene.ground.looks.mark import mark
 from pavetwin.scene.ground.looks.pavement import PACKAGE, Factor, Pavement, pavement
+from pavetwin.scene.ground.looks.weights import pick
 
 DEFAULT_LOOK: Final = "varied"
+
+CoverName = Literal["cover_iron", "cover_filled", "cover_square", "cover_collared"]
+GrateName = Literal["grate", "grate_slots"]
 
 Weight = Annotated[float, Field(ge=0)]
 Weights = Annotated[Mapping[str, Weight], Field(min_length=1)]
@@ -55,6 +58,13 @@ class StreetLook(Settings):
     dirt: Dirt = Dirt()
     paint_wear: Factor = 1.0
     """Wear of markings, × what the age of a street says."""
+    covers: Annotated[Mapping[CoverName, Weight], Field(min_length=1)] = {"cover_iron": 1, "cover_filled": 1}
+    """Kinds of manhole covers; most of a town's are of one kind."""
+    grates: Annotated[Mapping[GrateName, Weight], Field(min_length=1)] = {"grate": 1}
+    """Kinds of gully grates, of which a town has one."""
+    litter_per_100_m: Annotated[float, Field(ge=0, le=100)] = 0.0
+    marks: Mapping[str, Annotated[float, Field(ge=0, le=50)]] = Field(default_factory=dict)
+    """Painted marks by name, or by a file beside this one: mean number on 100 m of a street that may have them."""
     markings: str | None = None
     """A marking standard; the one of the place unless given."""
 
@@ -67,13 +77,7 @@ class StreetLook(Settings):
 
     def pavement(self, *, main: bool, chance: float) -> Pavement:
         """The pavement of a street for a random number 0 … 1."""
-        return drawn(self.main if main else self.other, chance)
-
-
-def drawn(weights: Mapping[str, float], chance: float) -> Pavement:
-    """One pavement of a table of weights, for a random number 0 … 1."""
-    bounds = list(accumulate(weights.values()))
-    return pavement(list(weights)[bisect(bounds, chance * bounds[-1], hi=len(bounds) - 1)])
+        return pavement(pick(self.main if main else self.other, chance))
 
 
 def look_names() -> list[str]:
@@ -98,8 +102,19 @@ def street_look(name: str) -> StreetLook:
                 pavement(each)
             except PaveTwinError as error:
                 raise PaveTwinError(f"street look '{name}': {key}: {error}") from error
+    marks = {_beside(name, each): rate for each, rate in found.marks.items()}
+    for each in marks:
+        try:
+            mark(each)
+        except PaveTwinError as error:
+            raise PaveTwinError(f"street look '{name}': marks: {error}") from error
     stretches = found.stretches.model_copy(update={"pavements": absolute["stretches.pavements"]})
-    update: dict[str, Any] = {"main": absolute["main"], "other": absolute["other"], "stretches": stretches}
+    update: dict[str, Any] = {
+        "main": absolute["main"],
+        "other": absolute["other"],
+        "stretches": stretches,
+        "marks": marks,
+    }
     return found.model_copy(update=update)
 
 
@@ -107,8 +122,9 @@ def look_sha256(name: str) -> str:
     """SHA-256 of all that a look says, its pavements included."""
     look = street_look(name)
     tables = (look.main, look.other, look.stretches.pavements)
-    told = [look.model_dump(mode="json", exclude={"main", "other", "stretches"}), look.stretches.share]
+    told = [look.model_dump(mode="json", exclude={"main", "other", "stretches", "marks"}), look.stretches.share]
     told += [[(weight, pavement(each).model_dump(mode="json")) for each, weight in table.items()] for table in tables]
+    told += [(rate, mark(each).model_dump(mode="json")) for each, rate in look.marks.items()]
     return sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
 
 

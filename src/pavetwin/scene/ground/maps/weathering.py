@@ -230,9 +230,10 @@ def _spilled(plan: GroundPlan, raster: RasterGrid) -> Float32Array:
     """Oil spots and the marks of locked wheels."""
     stain = raster.full(0.0)
     spots = plan.spots
-    for number in np.flatnonzero(raster.meets(spots[:, :2] - 0.4, spots[:, :2] + 0.4)):
+    reach = 2.2 * spots[:, 2:3] + 0.04
+    for number in np.flatnonzero(raster.meets(spots[:, :2] - reach, spots[:, :2] + reach)):
         at, radius = raster.local(spots[number, :2]), spots[number, 2]
-        window = raster.window(at - 2.2 * radius - 0.04, at + 2.2 * radius + 0.04)
+        window = raster.window(at - reach[number], at + reach[number])
         if window is None:
             continue
         x, y = window.x - np.float32(at[0]), window.y - np.float32(at[1])

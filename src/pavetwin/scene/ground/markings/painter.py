@@ -12,7 +12,8 @@ from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.layout.lines import ways_along
-from pavetwin.scene.ground.markings.standard import PaintName, paint
+from pavetwin.scene.ground.looks.mark import PaintName
+from pavetwin.scene.ground.markings.standard import paint
 
 _OVERLAP_M: Final = 0.3
 """Bars of one line overlap, so that no gap shows where they meet."""
@@ -30,6 +31,15 @@ class Paint:
     """Polygons (n, 2) each, world frame."""
     outline_looks: Float64Array
     """(n, 2) as of the bars."""
+
+    def joined(self, other: "Paint") -> "Paint":
+        """This paint and another."""
+        return Paint(
+            np.concatenate([self.bars, other.bars]),
+            np.concatenate([self.bar_looks, other.bar_looks]),
+            (*self.outlines, *other.outlines),
+            np.concatenate([self.outline_looks, other.outline_looks]),
+        )
 
 
 class Painter:

@@ -3,9 +3,7 @@
 Which of them a street has depends on its class and a random number: many residential streets have none.
 """
 
-from bisect import bisect
-from collections.abc import Iterable, Mapping
-from itertools import accumulate
+from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
@@ -20,6 +18,7 @@ from pavetwin.scene.ground.layout.lines import direction
 from pavetwin.scene.ground.layout.streets import StreetPlan
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
 from pavetwin.scene.ground.layout.turns import Approach
+from pavetwin.scene.ground.looks.weights import pick
 from pavetwin.scene.ground.markings.arrows import arrow
 from pavetwin.scene.ground.markings.painter import Paint, Painter
 from pavetwin.scene.ground.markings.parking_lines import parking_lines
@@ -246,7 +245,7 @@ class _Marker:
         rules = self.rules
         wear = 0.06 + 0.74 * self._draw(f"crossing wear {crossing.id}") ** 1.6
         shares = rules.signalled if crossing.signalled else rules.unsignalled
-        kind = _picked(shares, self._draw(f"crossing {crossing.id}"))
+        kind = pick(shares, self._draw(f"crossing {crossing.id}"))
         if kind in (CrossingKind.LINES, CrossingKind.LADDER):
             for edge in (0.15 / width, 1.0 - 0.15 / width):
                 path = LineString([ring[0] + wide * edge + way * (0.2 / length), ring[3] + (ring[2] - ring[3]) * edge])
@@ -275,12 +274,6 @@ class _Marker:
         for lane in self.plan.world.lanes_of(LaneKind.BICYCLE):
             border = self._inner_border(lane)
             self.painter.line(self._clear(border), self.rules.broad_m, 0.3)
-
-
-def _picked(shares: Mapping[CrossingKind, float], chance: float) -> CrossingKind:
-    """One kind for a random number 0 … 1."""
-    bounds = list(accumulate(shares.values()))
-    return list(shares)[bisect(bounds, chance * bounds[-1], hi=len(bounds) - 1)]
 
 
 def _outline(crossing: Polygon) -> Float64Array:

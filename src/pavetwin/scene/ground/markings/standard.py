@@ -9,6 +9,7 @@ from pydantic import Field
 from pavetwin.config.base import Settings
 from pavetwin.config.mission import Share
 from pavetwin.config.named import names_in, read_named
+from pavetwin.scene.ground.looks.mark import PaintName
 from pavetwin.scene.ground.materials.compose import PAINTS
 from pavetwin.world.model import World
 
@@ -23,8 +24,6 @@ Dash = tuple[LengthM, LengthM]
 BoundDeg = Annotated[float, Field(ge=-180, le=180)]
 GeoBox = tuple[BoundDeg, BoundDeg, BoundDeg, BoundDeg]
 """West, south, east, north."""
-
-PaintName = Literal["white", "yellow", "orange", "red", "blue", "green"]
 
 
 def paint(colour: PaintName) -> float:

@@ -32,6 +32,18 @@ FRAME_M: Final = 0.785
 GRATE_M: Final = (0.46, 0.26)
 """Sides of a gully grate inside its frame of 500 mm × 300 mm, as wide as a gutter (DIN 19594)."""
 
+COLLAR: Final = (0.30, 0.295, 0.275)
+
+LITTER: Final = 5
+LITTER_KINDS: Final = (
+    ((0.62, 0.61, 0.58), 0.11, 0.07),
+    ((0.24, 0.17, 0.10), 0.16, 0.10),
+    ((0.50, 0.51, 0.52), 0.12, 0.065),
+    ((0.55, 0.53, 0.48), 0.05, 0.03),
+    ((0.30, 0.03, 0.03), 0.09, 0.04),
+)
+"""Linear reflectance and sides [m]: paper, carton, a flattened can, a receipt, a wrapper. Ours."""
+
 LEAVES: Final = 46
 LEAF_TONES: Final = (
     (0.20, 0.115, 0.04), (0.26, 0.17, 0.05), (0.13, 0.07, 0.03), (0.17, 0.15, 0.05), (0.22, 0.09, 0.035),
@@ -45,10 +57,13 @@ def fixture_models() -> Mapping[str, Model]:
     layers = {
         "cover_iron": [*_frame(), *_studded()],
         "cover_filled": [*_frame(), *_filled()],
+        "cover_square": _square_cover(),
+        "cover_collared": [*_collar(), *_frame(), *_studded()],
         "grate": _grate(),
+        "grate_slots": _slotted(),
         "valve": _valve(),
     }
-    meshes = {name: _plates(of) for name, of in layers.items()} | {"leaves": _leaves()}
+    meshes = {name: _plates(of) for name, of in layers.items()} | {"leaves": _leaves(), "litter": _litter()}
     return MappingProxyType({name: Model(name, {BODY: mesh}) for name, mesh in meshes.items()})
 
 
@@ -102,6 +117,55 @@ def _filled() -> list[Layer]:
         (_ring(0.18, 0.15, 8), 0.005, POLISHED, 0.5, 0.35),
         (shapely.union_all(vents), 0.003, SLOT, 0.95, 0.0),
     ]
+
+
+def _collar() -> list[Layer]:
+    """Concrete cast around the frame of a cover."""
+    return [(_ring(1.16, FRAME_M, 10), 0.001, COLLAR, 0.85, 0.0)]
+
+
+def _square_cover() -> list[Layer]:
+    """Two lids of iron side by side in one frame, over cables."""
+    wide, deep = 0.82, 0.62
+    frame, inner = _rectangle(wide, deep), _rectangle(wide - 0.10, deep - 0.10)
+    lids = [box(side - 0.17, -0.25, side + 0.17, 0.25) for side in (-0.18, 0.18)]
+    places = [(side, float(y)) for side in (-0.18, 0.18) for y in np.linspace(-0.2, 0.2, 9)]
+    bars = [box(x - 0.14, y - 0.008, x + 0.14, y + 0.008) for x, y in places]
+    return [
+        (frame.difference(inner), 0.003, IRON, 0.7, 0.25),
+        (inner, 0.001, SLOT, 0.95, 0.0),
+        (shapely.union_all(lids), 0.003, IRON, 0.75, 0.2),
+        (shapely.union_all(bars), 0.005, POLISHED, 0.5, 0.35),
+    ]
+
+
+def _slotted() -> list[Layer]:
+    """A grate with slots across the kerb, in a concrete frame."""
+    wide, deep = 0.66, 0.34
+    outer, inner = _rectangle(wide + 0.08, deep + 0.07), _rectangle(wide, deep)
+    slots = [box(x - 0.02, -deep / 2 + 0.04, x + 0.02, deep / 2 - 0.04) for x in np.linspace(-0.27, 0.27, 7)]
+    return [
+        (outer.difference(inner), 0.002, COLLAR, 0.85, 0.0),
+        (inner, 0.004, IRON, 0.65, 0.3),
+        (shapely.union_all(slots), 0.005, SLOT, 0.95, 0.0),
+    ]
+
+
+def _litter() -> Mesh:
+    """Paper, cartons and a flattened can, scattered over a square metre."""
+    rng = child(1, Stream.SCENE, 101)
+    positions, colours = [], []
+    for number in range(LITTER):
+        tone, long_m, wide_m = LITTER_KINDS[number % len(LITTER_KINDS)]
+        middle, turn = rng.uniform(-0.4, 0.4, 2), rng.uniform(0, 2 * np.pi)
+        square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (long_m / 2, wide_m / 2)
+        outline = square * rng.uniform(0.75, 1.0, (4, 2))
+        cos, sin = np.cos(turn), np.sin(turn)
+        flat = outline @ np.array([[cos, sin], [-sin, cos]]) + middle
+        positions.append(np.column_stack([flat, 0.004 + 0.03 * rng.random(4) ** 3])[[0, 1, 2, 0, 2, 3]])
+        colours.append(np.tile(np.array(tone) * rng.uniform(0.8, 1.1), (6, 1)))
+    points = np.concatenate(positions)
+    return _mesh(points, np.concatenate(colours), np.tile([200, 0, 0], (len(points), 1)))
 
 
 def _grate() -> list[Layer]:

@@ -1,0 +1,117 @@
+"""Painted marks and other distractors from data files: as often as a look says, and never labelled."""
+
+from collections import Counter
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.scene.ground import GroundPlan, fixture_models, fixtures, plan_ground
+from pavetwin.scene.ground.distractors.fixtures import REACH_M
+from pavetwin.scene.ground.distractors.marks import marks
+from pavetwin.scene.ground.looks import mark, street_look
+from pavetwin.scene.ground.looks.mark import mark_names
+from pavetwin.scene.ground.markings.painter import Paint
+from pavetwin.scene.ground.markings.placement import markings
+from pavetwin.scene.ground.markings.standard import paint
+from pavetwin.scene.model import TILE_M
+from scenes import built
+
+TOWN = "seattle_roosevelt"
+
+
+@cache
+def plan(**rates: float) -> GroundPlan:
+    """A town with marks at these rates, by name, and otherwise as `varied` has them."""
+    look = street_look("varied")
+    return plan_ground(built(TOWN).world, 3, look=look.model_copy(update={"marks": rates}) if rates else look)
+
+
+@cache
+def standard_paint() -> Paint:
+    return markings(plan(), plan().standard)
+
+
+@cache
+def marked(**rates: float) -> Paint:
+    """The marks at these rates."""
+    return marks(plan(**rates), standard_paint())
+
+
+@pytest.mark.parametrize("name", mark_names())
+def test_every_mark_is_in_the_look_and_can_be_painted(name: str) -> None:
+    assert street_look("varied").marks[name] > 0
+    if mark(name).position != "bicycle":  # this town has no bicycle lanes on its carriageways
+        assert len(marked(**{name: 20.0}).bars) > 5
+
+
+def test_marks_are_as_many_as_their_rate_says() -> None:
+    length_m = sum(segment.length_m for segment in plan().world.segments)
+    found = [len(marked(survey_cross=rate).bars) / 2 for rate in (2.0, 4.0)]  # two strokes each
+    assert 0.5 * 2 < found[0] / (length_m / 100) < 2.2
+    assert found[1] > 1.5 * found[0]
+
+
+def test_a_mark_has_the_colours_of_its_file() -> None:
+    used = set(marked(utility_arrow=10.0).bar_looks[:, 0].tolist())
+    assert used == {paint(colour) for colour in mark("utility_arrow").colours}
+
+
+def test_paint_of_two_colours_never_meets() -> None:
+    """Maps interpolate which paint is where: between two that touch, a third colour would show."""
+    both = standard_paint().joined(marked())
+    bars = [
+        shapely.affinity.rotate(shapely.box(x - half, y - wide, x + half, y + wide), turn, use_radians=True)
+        for x, y, turn, half, wide in both.bars
+    ]
+    new = np.arange(len(standard_paint().bars), len(bars))
+    mine, other = shapely.STRtree(bars).query([bars[index] for index in new], "intersects")
+    assert len(new) > 200
+    np.testing.assert_array_equal(both.bar_looks[new[mine], 0], both.bar_looks[other, 0])
+
+
+def test_distractors_have_no_label() -> None:
+    of_kind = Counter(fixture.model for fixture in plan().fixtures)
+    assert {"litter", "valve", "leaves"} < set(of_kind)
+    assert {"cover_iron", "cover_filled", "cover_square", "cover_collared"} <= set(of_kind)
+    where = {(int(fixture.x // TILE_M), int(fixture.y // TILE_M)) for fixture in plan().fixtures[:40]}
+    seen = [instance for key in where for instance in fixtures(plan(), key)]
+    assert len(seen) >= 40
+    assert {instance.label for instance in seen} == {0}
+
+
+def test_every_flush_fixture_has_a_model_within_its_reach() -> None:
+    assert set(REACH_M) == set(fixture_models())
+    for name in ("cover_square", "cover_collared", "grate_slots"):
+        positions = fixture_models()[name].parts["body"].positions
+        assert np.hypot(positions[:, 0], positions[:, 1]).max() <= REACH_M[name]
+        assert positions[:, 2].max() < 0.01
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ("position: roof", "position: "),
+        ("wear: {least: 0.1, most: 1.5}", "wear: least and most lie between 0 and 0.95"),
+        ("colours: {pink: 1}", "colours.pink"),
+        ("strokes: [[[0, 0]]]", "strokes.0"),
+    ],
+)
+def test_a_mistake_in_a_mark_is_one_line_with_its_place(tmp_path: Path, change: str, told: str) -> None:
+    keys = {
+        "title": "title: mine",
+        "colours": "colours: {red: 1}",
+        "strokes": "strokes: [[[0, 0], [1, 0]]]",
+        "width_m": "width_m: 0.1",
+        "position": "position: anywhere",
+        "wear": "wear: {least: 0.1, most: 0.5}",
+    }
+    path = tmp_path / "mine.yaml"
+    path.write_text("\n".join((keys | {change.partition(":")[0]: change}).values()))
+    with pytest.raises(PaveTwinError) as caught:
+        mark(str(path))
+    assert f"mark '{path}': {told}" in str(caught.value)
+    assert "\n" not in str(caught.value)
