@@ -59,6 +59,11 @@ def test_streets_of_one_policy_are_summed_with_what_was_seen_of_them() -> None:
     assert cells["found %"] == [f"{100 * (row.confirmed + 1) / (row.defects + 10):.1f}"]
     assert cells["surface seen %"] == ["62.5"]
     assert cells["time s"] == [f"{row.time_s + 50:.0f}"]
+    assert "1 of 10 defects found (10 %; 0 to 73 % on streets like these), " in report.sentence(
+        [replace(result, rows=(half,))]
+    )
+    headings = [str(column.header) for column in report.comparison_table([result, result]).columns]
+    assert headings[1] == f"found of\n{row.defects}\ndefects"
     compared = report.streets_table([result, result])
     assert not [column for column in compared.columns if "surface" in str(column.header)]
 

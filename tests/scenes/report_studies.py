@@ -113,6 +113,7 @@ def summary_of(table: pl.DataFrame, by: Sequence[str]) -> pl.DataFrame:
                 column.count().cast(pl.Int64).alias("n"),
                 ((pl.col("status") == FLOWN) & column.is_null()).sum().cast(pl.Int64).alias("undefined"),
                 (pl.col("status") == FAILED).sum().cast(pl.Int64).alias("failed"),
+                (pl.col(metric.of).sum() if metric.of else pl.lit(None, pl.Int64)).alias("defects"),
                 column.mean().cast(pl.Float64).alias("mean"),
                 column.std().alias("sd"),
                 (column.mean() - half).alias("low"),

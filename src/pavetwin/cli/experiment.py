@@ -285,7 +285,8 @@ def _options_table(chosen: "Recommendation") -> "Table":
     names = [f"{metric.label.lower()} {metric.unit}".strip() for metric in errors]
     bring = ["batteries to bring"] if BATTERIES in chosen.options.columns else []
     costs = ["time s", "95th perc.", "battery %", *bring]
-    headings = [*chosen.by, "coverage %", "corrected", *costs, *names, kept, "best with"]
+    defects = ["defects"] if chosen.options["defects"].count() else []
+    headings = [*chosen.by, "coverage %", *defects, "corrected", *costs, *names, kept, "best with"]
     rows, styles = [], []
     for row in chosen.options.iter_rows(named=True):
         factors = [level_text(name, row[name]).replace("\u00a0", " ") for name in chosen.by]
@@ -293,6 +294,7 @@ def _options_table(chosen: "Recommendation") -> "Table":
             (
                 *factors,
                 _span(row, "coverage", 100),
+                *("–" if row[name] is None else f"{row[name]}" for name in defects),
                 "–" if row["coverage_expected"] is None else f"{100 * row['coverage_expected']:.1f}",
                 _span(row, "time_s", 1),
                 "–" if row["time_s_p95"] is None else f"{row['time_s_p95']:.0f}",

@@ -45,12 +45,14 @@ class Metric:
     digits: int
     more_is_better: bool | None
     """None where neither is."""
+    of: str = ""
+    """The column with the number of defects that it is a share of; empty for any other metric."""
 
 
 METRICS: Final = (
-    Metric("coverage", "Coverage", "%", 100.0, 1, more_is_better=True),
-    Metric("swath_coverage", "Swath coverage", "%", 100.0, 1, more_is_better=True),
-    Metric("recovery", "Recovery", "%", 100.0, 1, more_is_better=True),
+    Metric("coverage", "Coverage", "%", 100.0, 1, more_is_better=True, of="defects"),
+    Metric("swath_coverage", "Swath coverage", "%", 100.0, 1, more_is_better=True, of="swept"),
+    Metric("recovery", "Recovery", "%", 100.0, 1, more_is_better=True, of="swept"),
     Metric("surface_coverage", "Surface coverage", "%", 100.0, 1, more_is_better=True),
     Metric("time_s", "Time", "s", 1.0, 1, more_is_better=False),
     Metric("energy", "Energy", "% of a battery", 100.0, 2, more_is_better=False),

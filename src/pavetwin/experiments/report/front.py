@@ -7,9 +7,10 @@ from pavetwin.config import load_settings
 from pavetwin.experiments.design import ALIASES
 from pavetwin.experiments.metrics import metric_named
 from pavetwin.experiments.report.canvas import vector
+from pavetwin.experiments.report.headline import defects_under
 from pavetwin.experiments.report.parts import Section
 from pavetwin.experiments.report.plots import overview
-from pavetwin.experiments.report.study import Study
+from pavetwin.experiments.report.study import METRIC, Group, Study
 from pavetwin.experiments.words import amount, factor_text, level_name, level_text, listed
 
 OVERVIEW = "overview"
@@ -70,12 +71,18 @@ def overview_section(study: Study) -> Section:
     of = f" ({group.title})" if group.title else ""
     picture = vector(
         overview.overview(group, gain, cost, group.traffics[:_MOST_PANELS]),
-        f"Mean coverage against mean time of a {_unit(study)}{of}, with 95 % intervals. The shape of a mark is the "
-        "policy, its filling the altitude: the darker, the higher. Up and to the left is better.",
+        f"Mean coverage against mean time of a {_unit(study)}{of}, with 95 % intervals{_rests_on(group)}. The "
+        "shape of a mark is the policy, its filling the altitude: the darker, the higher. Up and to the left is "
+        "better.",
         "Scatter of mean coverage over mean time with intervals, a panel for each traffic density, by policy and "
         "altitude.",
     )
     return Section(OVERVIEW, "", [picture])
+
+
+def _rests_on(group: Group) -> str:
+    words = defects_under(row for row in group.summary.iter_rows(named=True) if row[METRIC] == "coverage")
+    return f"; each coverage rests on {words}" if words else ""
 
 
 def _of_preset(preset: str, setting: str) -> Any:

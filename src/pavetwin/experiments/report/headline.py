@@ -1,6 +1,6 @@
 """The tables of a paper: density and altitude down the side, policies across, mean ± SD, the best of a row in bold."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -43,6 +43,7 @@ def headline_table(group: Group, metric: Metric) -> Table:
         lead=len(_leading(group)),
         notes=[
             *_notes(rows, usual),
+            *_rests_on(metric, rows),
             *_without(group),
             *_of_bold(body, partial=not all(each for _, _, whole in lines for each in whole)),
             *(_by_time(group) if metric.name == "energy" else []),
@@ -131,6 +132,19 @@ def _tail(metric: Metric, cell: Row | None) -> str:
     if cell is None or cell["median"] is None:
         return MISSING
     return " / ".join(shown(metric, cell[name]) for name in ("median", "p95", "maximum"))
+
+
+def _rests_on(metric: Metric, rows: Sequence[Row]) -> list[str]:
+    """On how many defects the means of a share of them rest."""
+    words = defects_under(rows) if metric.of else ""
+    return [f"Each mean rests on {words}."] if words else []
+
+
+def defects_under(rows: Iterable[Row]) -> str:
+    """`54 defects`, `48 to 54 defects`: under each mean; empty where the study's table does not count them."""
+    counts = sorted({row["defects"] for row in rows if row.get("defects")})
+    ends = [f"{count:,}".replace(",", "\u2009") for count in dict.fromkeys((*counts[:1], *counts[-1:]))]
+    return f"{' to '.join(ends)} defect{'s' * (counts[-1] != 1)}" if counts else ""
 
 
 def _without(group: Group) -> list[str]:

@@ -29,8 +29,8 @@ _LONGEST_IN = 6.9
 
 
 def street_means(result: pl.DataFrame, world: str) -> pl.DataFrame:
-    """A row a segment: `street`, `segment`, `length_m`, `missions` with a defined coverage, `replicates`, `coverage`,
-    `time_s` (means); the least covered first.
+    """A row a segment: `street`, `segment`, `length_m`, `missions` with a defined coverage, `replicates`,
+    `defects` (each replicate's once), `coverage`, `time_s` (means); the least covered first.
     """
     return (
         result.filter(pl.col("world") == world, pl.col("coverage").is_not_null())
@@ -39,6 +39,7 @@ def street_means(result: pl.DataFrame, world: str) -> pl.DataFrame:
             pl.col("street", "length_m").first(),
             pl.len().alias("missions"),
             pl.col("replicate").n_unique().alias("replicates"),
+            pl.struct("replicate", "defects").unique().struct.field("defects").sum().alias("defects"),
             pl.col("coverage", "time_s").mean(),
         )
         .sort("coverage", "segment")

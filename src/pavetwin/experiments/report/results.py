@@ -99,10 +99,14 @@ def _intervals(group: Group) -> Iterator[Block]:
         metrics = _known(group, names)
         for traffics in _parts(group.traffics, _MOST_COLUMNS) if metrics else ():
             words = listed([metric.label.lower() for metric in metrics])
+            rests = headline.defects_under(
+                row for row in group.summary.iter_rows(named=True) if row[METRIC] == metrics[0].name
+            )
             yield vector(
                 intervals.by_altitude(group, metrics, traffics),
                 f"{words.capitalize()} by traffic density and altitude{_of(group)} ({what}): means with 95 % "
-                f"bootstrap intervals over replicates. {_side_by_side('altitude_m')}",
+                f"bootstrap intervals over replicates. {_side_by_side('altitude_m')}"
+                + (f" Each {metrics[0].label.lower()} rests on {rests}." if rests else ""),
                 f"Interval plots of {words}, a column for each traffic density ({_names('traffic', traffics)}), "
                 f"altitude from left to right, policies {_names('policy', group.policies)}.",
             )

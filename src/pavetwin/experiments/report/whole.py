@@ -95,12 +95,13 @@ def _worst(world: str, means: pl.DataFrame) -> Table:
     rows = tuple(
         text_cells(
             *(row["street"], row["segment"], number(row["length_m"], 0), f"{row['missions']} ({row['replicates']})"),
+            f"{row['defects']}",
             *(shown(coverage, row["coverage"]), shown(time, row["time_s"])),
         )
         for row in means.head(_WORST).iter_rows(named=True)
     )
     words = f"The {_WORST} least covered segments" if means.height > _WORST else "Segments, the least covered first,"
-    heads = ("Street", "Segment", "Length (m)", "Missions (replicates)", f"Mean {heading(coverage).lower()}")
+    heads = ("Street", "Segment", "Length (m)", "Missions (replicates)", "Defects", f"Mean {heading(coverage).lower()}")
     notes = ("Missions of one replicate share their traffic and defects: what counts as evidence is the replicates.",)
     return Table(f"{words} of {world}", (*heads, f"Mean {heading(time).lower()}"), rows, notes=notes, merged=False)
 

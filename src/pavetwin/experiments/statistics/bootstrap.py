@@ -111,6 +111,12 @@ def t_of_resamples(values: Float64Array, sizes: Sizes, counts: Float64Array) -> 
     return np.divide(shifts, blended, out=np.zeros_like(shifts), where=blended > 0), np.sqrt(variance)
 
 
+def variance_of_mean(values: Float64Array, sizes: Sizes) -> float:
+    """The squared standard error of the mean of (replicates,) values in strata of these sizes."""
+    parts = [values[rows] - values[rows].mean() for rows in _rows(sizes)]
+    return float(sum(len(part) / (len(part) - 1) * (part**2).sum() for part in parts)) / len(values) ** 2
+
+
 def _rows(sizes: Sizes) -> list[slice]:
     ends = np.cumsum(sizes).tolist()
     return [slice(end - size, end) for end, size in zip(ends, sizes, strict=True)]

@@ -25,6 +25,7 @@ from pavetwin.experiments.statistics.summary import FEW, summarise
 from pavetwin.experiments.tours import SEGMENTS, is_by_mission
 from pavetwin.experiments.words import (
     amount,
+    counted,
     factor_name,
     level_name,
     listed,
@@ -43,6 +44,8 @@ _SAME: Final = 1e-9
 UNSEEN: Final = 1.0
 """Replicates that were not flown, beside those that were, in which options that are level may differ in coverage. Costs
 have none: what a policy that waits takes longer tells nothing of one that does not."""
+FEW_DEFECTS: Final = 100
+"""Fewer leave an interval of a coverage of 85 % wider than 15 percentage points, even where they are independent."""
 _NEAR: Final = 0.01
 """Options that break their limits by this share more than the nearest are as near."""
 
@@ -86,8 +89,9 @@ class Recommendation:
     by: tuple[str, ...]
     options: pl.DataFrame
     """Best first, then those that break a limit, then those that failed alone. Columns: `*by`, `n` (missions with a
-    coverage), `undefined`, `failed`; of coverage, time_s and energy each the mean, `…_low`, `…_high` (95 % interval)
-    and `…_expected` (the mean corrected for the choice among many, see `true_means`); `time_s_p95`; the means of
+    coverage), `undefined`, `failed`, `defects` (that the coverage rests on, null where the table has none); of
+    coverage, time_s and energy each the mean, `…_low`, `…_high` (95 % interval) and `…_expected` (the mean corrected
+    for the choice among many, see `true_means`); `time_s_p95`; the means of
     `ERROR_METRICS` where a sensor made such errors; of tours `batteries` (mean) and `batteries_p95`;
     `failed_alone` (missions that failed and that another option flew:
     its means leave out what it failed on); `replicates` (with a coverage); `feasible` (it failed in none alone and its
@@ -154,7 +158,7 @@ def recommend(
 
 def _options(summary: pl.DataFrame, by: Sequence[str]) -> pl.DataFrame:
     parts = {name: summary.filter(metric=name) for name in _MEASURED}
-    frame = parts[_COVERAGE].select(*by, "n", "undefined", "failed")
+    frame = parts[_COVERAGE].select(*by, "n", "undefined", "failed", "defects")
     for name, part in parts.items():
         frame = frame.with_columns(
             part["mean"].alias(name), part["low"].alias(f"{name}_low"), part["high"].alias(f"{name}_high")
@@ -241,6 +245,7 @@ def _sentences(table: pl.DataFrame, options: Sequence[Row], by: Sequence[str], l
     expected = listed([f"{metric_named(name).label.lower()} {_expected(best, name)}" for name in _MEASURED])
     return [
         f"fly {_option(best, by)}: expected {expected} {_of_what(table)}",
+        *_rests_on(best),
         *_batteries(best),
         *_lead(best, others, by, limits),
         *_corrected(options),
@@ -262,6 +267,16 @@ def _segments(table: pl.DataFrame) -> str:
     counts = sorted(table[SEGMENTS].unique().to_list())
     words = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
     return f"{words} segment{'s' * (counts != [1])}"
+
+
+def _rests_on(best: Row) -> list[str]:
+    """How many defects the coverage is a share of."""
+    if best["defects"] is None:
+        return []
+    few = ", few for an interval that tells options apart" if best["defects"] < FEW_DEFECTS else ""
+    return [
+        f"the coverage rests on {counted(best['defects'], 'defect')} in {counted(best['replicates'], 'replicate')}{few}"
+    ]
 
 
 def _batteries(best: Row) -> list[str]:

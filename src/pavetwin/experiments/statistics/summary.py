@@ -6,10 +6,11 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from pavetwin.arrays import Float64Array
+from pavetwin.arrays import Float64Array, IndexArray
 from pavetwin.experiments.metrics import METRICS, Metric
-from pavetwin.experiments.statistics.bootstrap import centres, intervals
+from pavetwin.experiments.statistics.bootstrap import centres, intervals, strata, variance_of_mean
 from pavetwin.experiments.statistics.cells import Layout, failures, key_columns, layout, nullable, values_of
+from pavetwin.mission.found_share import limits, usual_of_mean
 
 FEW: Final = 5
 """Fewer values in a cell are too few to say how sure its mean is."""
@@ -22,8 +23,10 @@ def summarise(
 
     Cells are sorted by the first appearance of their levels, column by column, and metrics within them.
 
-    Columns: `*by`, `metric`, `n` (defined values), `undefined` (flown, but null), `failed`, `mean`, `sd` (n − 1), `low`
-    and `high` (95 % interval of the mean, see `bootstrap`), `median`, `p95` (linearly interpolated), `maximum`.
+    Columns: `*by`, `metric`, `n` (defined values), `undefined` (flown, but null), `failed`, `defects` (how many the
+    mean of a share of defects rests on, each replicate's counted once), `mean`, `sd` (n − 1), `low` and `high` (95 %
+    interval of the mean, see `bootstrap`; of a share of defects at least as wide as `mission.found_share` has it),
+    `median`, `p95` (linearly interpolated), `maximum`.
     `mean` gives every replicate the same weight, also where a cell has several missions of each. Null is what too few
     values define: `sd` of one, an interval of one replicate, anything of none.
     """
@@ -45,12 +48,15 @@ def _of_metric(table: pl.DataFrame, cells: Layout, metric: Metric, seed: int) ->
     defined = [values[(cells.cell == cell) & ~undefined] for cell in range(number)]
     units = cells.means(values)
     low, high = within_range(metric, *intervals(units, cells.worlds, seed))
+    defects = _defects(table, cells, metric, units)
+    low, high = _of_few_defects(units, defects, cells.worlds, low, high)
     return pl.DataFrame(
         {
             "metric": pl.Series([metric.name] * number, dtype=pl.String),
             "n": pl.Series([len(part) for part in defined], dtype=pl.Int64),
             "undefined": np.bincount(cells.cell[undefined & ~failed], minlength=number),
             "failed": np.bincount(cells.cell[failed], minlength=number),
+            "defects": nullable(np.nansum(defects, axis=1).round()).cast(pl.Int64).replace(0, None),
             "mean": nullable(centres(units)),
             "sd": nullable([float(np.sort(part).std(ddof=1)) if len(part) > 1 else np.nan for part in defined]),
             "low": nullable(low),
@@ -61,6 +67,29 @@ def _of_metric(table: pl.DataFrame, cells: Layout, metric: Metric, seed: int) ->
             },
         }
     )
+
+
+def _defects(table: pl.DataFrame, cells: Layout, metric: Metric, units: Float64Array) -> Float64Array:
+    """(cells, blocks) how many defects a value is a share of; NaN where it has no value or is no such share."""
+    if metric.of not in table.columns:
+        return np.full_like(units, np.nan)
+    return np.where(np.isnan(units), np.nan, cells.means(values_of(table, metric.of)))
+
+
+def _of_few_defects(
+    units: Float64Array, defects: Float64Array, worlds: IndexArray, low: Float64Array, high: Float64Array
+) -> tuple[Float64Array, Float64Array]:
+    """Limits at least as far apart as the number of defects allows."""
+    low, high = low.copy(), high.copy()
+    for cell in np.flatnonzero(np.isfinite(low) & (np.nansum(defects, axis=1) > 0)):
+        here = defects[cell] > 0
+        values, counts, sizes = units[cell, here], defects[cell, here], strata(worlds[here])
+        if len(values) > len(sizes):
+            share, variance = float(centres(values[np.newaxis])[0]), variance_of_mean(values, sizes)
+            freedom, usual = len(values) - len(sizes), usual_of_mean(counts)
+            ends = limits(share, variance, usual, freedom, round(float(counts.sum())))
+            low[cell], high[cell] = min(low[cell], ends[0]), max(high[cell], ends[1])
+    return low, high
 
 
 def within_range(metric: Metric, low: Float64Array, high: Float64Array) -> tuple[Float64Array, Float64Array]:

@@ -1,0 +1,62 @@
+"""Means of shares of few defects: what they rest on, and intervals that hold the truth in simulations."""
+
+import numpy as np
+import polars as pl
+import pytest
+
+from pavetwin.experiments.metrics import metric_named
+from pavetwin.experiments.statistics import MissionLimits, recommend, summarise
+from scenes.few_defects import CASES, streets
+from scenes.studies import study
+
+
+def test_means_over_replicates_say_their_defects_and_widen_with_few() -> None:
+    """Three defects a replicate, all found in all ten: resampling alone would say that all are found everywhere."""
+    table = study(replicates=10).with_columns(coverage=1.0, defects=3)
+    metrics = [metric_named("coverage"), metric_named("time_s")]
+    rows = summarise(table, ["traffic"], metrics).to_dicts()
+    assert [row["defects"] for row in rows] == [30, None] * 2
+    assert 0.7 < rows[0]["low"] < 0.9
+    assert rows[0]["high"] == 1.0
+    (plain,) = summarise(table.drop("defects"), [], metrics[:1]).to_dicts()
+    assert (plain["low"], plain["defects"]) == (1.0, None)
+    times = [row for row in rows if row["metric"] == "time_s"]
+    assert times == summarise(table.drop("defects"), ["traffic"], metrics[1:]).to_dicts()
+
+
+def test_a_recommendation_says_on_how_many_defects_it_rests() -> None:
+    few, many, unknown = (
+        recommend(table, MissionLimits()).sentences
+        for table in (
+            study(replicates=6).with_columns(defects=3),
+            study(replicates=6).with_columns(defects=30),
+            study(replicates=6),
+        )
+    )
+    said = "The coverage rests on 18 defects in 6 replicates, few for an interval that tells options apart."
+    assert few[1] == said
+    assert many[1] == "The coverage rests on 180 defects in 6 replicates."
+    assert not any("rests on" in sentence for sentence in unknown)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("defects", [3, 10, 30])
+@pytest.mark.parametrize("replicates", [5, 10, 20])
+def test_intervals_of_a_study_hold_the_truth(replicates: int, defects: int) -> None:
+    """The mean of the replicates' shares, as a report and `recommend` have it."""
+    shape = (250, replicates)
+    for truth, alike in CASES:
+        rng = np.random.default_rng([replicates, defects, round(100 * truth), round(100 * alike)])
+        found, there = streets(rng, shape[0] * replicates, defects, truth, alike)
+        columns = {
+            "world": "town",
+            "policy": np.repeat(np.arange(shape[0]), replicates),
+            "replicate": np.tile(np.arange(replicates), shape[0]),
+            "status": "flown",
+            "coverage": np.where(there > 0, found / np.maximum(there, 1), np.nan),
+            "defects": there,
+        }
+        table = summarise(pl.DataFrame(columns).fill_nan(None), ["policy"], [metric_named("coverage")])
+        table = table.drop_nulls("low")
+        held = table.select(((pl.col("low") <= truth) & (pl.col("high") >= truth)).mean()).item()
+        assert held >= 0.93, (truth, alike)
