@@ -363,6 +363,18 @@ def test_a_swept_truth_value_is_read_in_words() -> None:
     assert ">yes</th>" in text
 
 
+def test_shares_of_defects_say_how_many_they_rest_on() -> None:
+    """Each of 4 replicates has 10 defects, of which the camera passed 9."""
+    study = study_of(table_of(SMALL, 4))
+    (group,) = study.groups()
+    for name, said in (("coverage", "40"), ("recovery", "36")):
+        assert f"Each mean rests on {said} defects." in headline_table(group, metric_named(name)).notes
+    assert not any("rests on" in note for note in headline_table(group, metric_named("time_s")).notes)
+    text = page_of(study)
+    assert "Each coverage rests on 40 defects." in text
+    assert "with 95 % intervals; each coverage rests on 40 defects." in text
+
+
 def test_the_front_is_taken_in_each_density() -> None:
     (group,) = study_of(table_of(SMALL, 4)).groups()
     for traffic in group.traffics:

@@ -33,7 +33,7 @@ def test_a_recommendation_says_on_how_many_defects_it_rests() -> None:
             study(replicates=6),
         )
     )
-    said = "The coverage rests on 18 defects in 6 replicates, few for an interval that tells options apart."
+    said = "The coverage rests on 18 defects in 6 replicates, so few that its interval is wide."
     assert few[1] == said
     assert many[1] == "The coverage rests on 180 defects in 6 replicates."
     assert not any("rests on" in sentence for sentence in unknown)

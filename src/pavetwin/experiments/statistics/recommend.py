@@ -273,7 +273,7 @@ def _rests_on(best: Row) -> list[str]:
     """How many defects the coverage is a share of."""
     if best["defects"] is None:
         return []
-    few = ", few for an interval that tells options apart" if best["defects"] < FEW_DEFECTS else ""
+    few = ", so few that its interval is wide" if best["defects"] < FEW_DEFECTS else ""
     return [
         f"the coverage rests on {counted(best['defects'], 'defect')} in {counted(best['replicates'], 'replicate')}{few}"
     ]
