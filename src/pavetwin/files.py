@@ -111,6 +111,16 @@ def _temporary_folder(target: Path) -> Iterator[Path]:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
+def link_or_copy(source: Path, target: Path) -> None:
+    """A hard link to a file; a copy on file systems without hard links."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.unlink(missing_ok=True)
+    try:
+        os.link(source, target)
+    except (OSError, NotImplementedError):
+        shutil.copyfile(source, target)
+
+
 @contextmanager
 def working_in(folder: Path) -> Iterator[None]:
     """While the block runs, no other process that asks the same works in `folder`, which need not exist.

@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from scenes.command_line import pavetwin, plain_refusal, without_progress
 from scenes.photographs import picture, voc
@@ -68,3 +70,20 @@ def test_a_background_that_is_not_there_is_refused(photos: Path, tmp_path: Path)
     (tmp_path / "checked.txt").write_text("a.jpeg\n")
     done = pavetwin("data", "import", "uapd", photos, "-o", tmp_path / "out", "--background", tmp_path / "checked.txt")
     assert "no picture 'a.jpeg' (did you mean 'a.jpg'?)" in plain_refusal(done)
+
+
+def test_datasets_are_merged_and_shown(photos: Path, tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        pavetwin("data", "import", "uapd", photos, "-o", tmp_path / name)
+    done = pavetwin("data", "merge", tmp_path / "one", tmp_path / "two", "-o", tmp_path / "all")
+    assert done.returncode == 0, done.stderr
+    assert "dropped: two/uapd-a: the same picture as one/uapd-a" in done.stderr
+    assert done.stdout.startswith(f"2 images in {tmp_path}/all/.")
+    assert pavetwin("data", "show", tmp_path / "all").stdout == f"2 images on {tmp_path}/all/contact-sheet.png\n"
+    with Image.open(tmp_path / "all" / "contact-sheet.png") as sheet:
+        blue = (np.asarray(sheet) == (0x56, 0xB4, 0xE9)).all(axis=2)
+    # The legend's square, and the box of the only Single Crack.
+    assert blue[:132].sum() > 200
+    assert blue[132:].sum() > 50
+    assert "end its name in .png or .jpg" in plain_refusal(pavetwin("data", "show", tmp_path / "all", "-o", "x.gif"))
+    assert "Say where the dataset goes" in plain_refusal(pavetwin("data", "merge", tmp_path / "one"))

@@ -1,7 +1,5 @@
 """Images and their label files as they are written into a dataset's folder."""
 
-import os
-import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +8,7 @@ import yaml
 
 from pavetwin.capture.formats import Format
 from pavetwin.capture.record import Record, truth_path
-from pavetwin.files import writing
+from pavetwin.files import link_or_copy, writing
 
 
 def files_of(record: Record, formats: Sequence[Format]) -> dict[str, bytes]:
@@ -30,7 +28,7 @@ def link_image(folder: Path, record: Record, formats: Sequence[Format]) -> None:
     """Link the image into the other folders that formats need it in."""
     for each in formats:
         for path in each.links(record):
-            _link(folder / record.image, folder / path)
+            link_or_copy(folder / record.image, folder / path)
 
 
 def write_over_all(folder: Path, formats: Sequence[Format], splits: tuple[str, ...]) -> None:
@@ -50,13 +48,3 @@ def write_yaml(path: Path, content: Mapping[str, Any]) -> None:
 def _write(path: Path, pieces: Iterable[bytes]) -> None:
     with writing(path) as temporary, temporary.open("wb") as stream:
         stream.writelines(pieces)
-
-
-def _link(source: Path, target: Path) -> None:
-    """A hard link to a file; a copy on file systems without hard links."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.unlink(missing_ok=True)
-    try:
-        os.link(source, target)
-    except (OSError, NotImplementedError):
-        shutil.copyfile(source, target)

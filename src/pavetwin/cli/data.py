@@ -109,6 +109,32 @@ def import_folder(
 
 
 @app.command()
+def merge(
+    datasets: Annotated[
+        list[Path], typer.Argument(help="Folders of datasets; of a picture that is in two, the first counts.")
+    ],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the new dataset.")] = None,
+) -> None:
+    """Merge datasets into one: pictures that are there more than once are kept once.
+
+    \b
+    pavetwin data merge datasets/china datasets/uapd datasets/cars -o datasets/all
+
+    Pictures are compared by what they show. Those of one place become one scene, which a split keeps together.
+    """
+    from pavetwin.datasets.merging import merge as merged
+
+    if output is None:
+        raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/all.")
+    with progress("Merging", lines=True) as tell:
+        summary = merged(datasets, output, on_progress=tell)
+    _tell(summary.report, output)
+    out.line(f"{summary.images} images in {output}/. Next: pavetwin data stats {quote(str(output))}")
+    if summary.report.has_refusals:
+        raise typer.Exit(REFUSED_CODE)
+
+
+@app.command()
 def stats(
     datasets: Annotated[list[Path], typer.Argument(help="Folders of datasets.")],
 ) -> None:
@@ -127,6 +153,28 @@ def stats(
         if not description.get("complete"):
             out.print(f"[yellow]Note:[/] {folder} is not finished; run the same command again.", soft_wrap=True)
         out.print(_counts(str(folder), counts))
+
+
+@app.command()
+def show(
+    dataset: Annotated[Path, typer.Argument(help="Folder of a dataset.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="The picture; contact-sheet.png in the dataset unless given.")
+    ] = None,
+    count: Annotated[int, typer.Option(help="Number of images.")] = 24,
+) -> None:
+    """Draw a contact sheet of a dataset, with its boxes; ignored regions are dashed.
+
+    \b
+    pavetwin data show datasets/pdd
+    pavetwin data show datasets/pdd --count 12 -o pdd.jpg
+    """
+    from pavetwin.datasets.contact_sheet import save_contact_sheet
+
+    path = output or dataset / "contact-sheet.png"
+    with progress("Drawing"):
+        drawn = save_contact_sheet(dataset, path, count=count)
+    out.line(f"{drawn} images on {path}")
 
 
 def _listed(path: Path | None) -> frozenset[str]:

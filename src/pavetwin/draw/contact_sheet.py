@@ -1,0 +1,116 @@
+"""Images side by side on a sheet, under a title and a legend of classes, with boxes drawn over them."""
+
+from collections.abc import Mapping, Sequence
+from math import ceil, floor
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from pavetwin.draw.mission_style import font, write
+from pavetwin.draw.style import INK, INK_SOFT, PAPER
+from pavetwin.errors import PaveTwinError
+
+CELL_PX: Final = 420
+"""Width of one image on the sheet."""
+
+CAPTION_PX: Final = 46
+"""Height of the two lines below an image."""
+
+_GAP_PX, _MARGIN_PX, _HEADER_PX = 18, 36, 96
+_HALO, _IGNORED = "#101010", "#E8E8E8"
+_DASH_PX: Final = 5
+
+
+def check_sheet(path: Path, count: int) -> None:
+    """Refuse what no sheet can be.
+
+    Raises:
+        PaveTwinError: another kind of file, or no image.
+    """
+    if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        raise PaveTwinError(f"A contact sheet cannot be written as '{path.name}'; end its name in .png or .jpg.")
+    if count < 1:
+        raise PaveTwinError(f"`count` {count}: a contact sheet shows at least one image.")
+
+
+def evenly_chosen(total: int, count: int) -> list[int]:
+    """Up to `count` indices of `total` > 0 things, the first and the last among them."""
+    chosen: list[int] = np.unique(np.linspace(0, total - 1, min(count, total)).round().astype(int)).tolist()
+    return chosen
+
+
+def assembled(cells: Sequence[Image.Image], title: str, colour_of: Mapping[str, str], *, ignored: str) -> Image.Image:
+    """Cells in rows. A title's first word, up to three spaces, is written large.
+
+    Args:
+        colour_of: by class, for the legend.
+        ignored: what dashed boxes mean.
+    """
+    columns = _columns(len(cells))
+    rows = [cells[start : start + columns] for start in range(0, len(cells), columns)]
+    heights = [max(cell.height for cell in row) for row in rows]
+    size = (
+        2 * _MARGIN_PX + columns * CELL_PX + (columns - 1) * _GAP_PX,
+        2 * _MARGIN_PX + _HEADER_PX + sum(heights) + _GAP_PX * (len(rows) - 1),
+    )
+    sheet = Image.new("RGB", size, PAPER)
+    _header(sheet, title, colour_of, ignored)
+    top = _MARGIN_PX + _HEADER_PX
+    for row, height in zip(rows, heights, strict=True):
+        for column, cell in enumerate(row):
+            sheet.paste(cell, (_MARGIN_PX + column * (CELL_PX + _GAP_PX), top))
+        top += height + _GAP_PX
+    return sheet
+
+
+def captioned(drawn: Image.Image, heading: str, text: str, right: str) -> Image.Image:
+    """A cell: an image of `CELL_PX` pixels' width, and two lines below it."""
+    cell = Image.new("RGB", (CELL_PX, drawn.height + CAPTION_PX), PAPER)
+    cell.paste(drawn, (0, 0))
+    pen = ImageDraw.Draw(cell)
+    pen.text((0, drawn.height + 5), heading, INK, font(15, bold=True))
+    pen.text((0, drawn.height + 25), text, INK_SOFT, font(13))
+    pen.text((CELL_PX, drawn.height + 5), right, INK_SOFT, font(13), anchor="ra")
+    return cell
+
+
+def _columns(count: int) -> int:
+    """About three columns for two rows, and the last row as full as can be."""
+    wanted = (count * 1.5) ** 0.5
+    choices = range(max(1, floor(0.8 * wanted)), max(1, ceil(1.25 * wanted)) + 1)
+    return min(min(choices, key=lambda columns: (-count % columns, abs(columns - wanted))), count)
+
+
+def _header(sheet: Image.Image, title: str, colour_of: Mapping[str, str], ignored: str) -> None:
+    pen = ImageDraw.Draw(sheet)
+    name, _, rest = title.partition("   ")
+    end = write(pen, (_MARGIN_PX, _MARGIN_PX - 8), name, 26, bold=True, fill=INK)
+    write(pen, (end + 16, _MARGIN_PX + 1), rest, 17, fill=INK_SOFT)
+    x = float(_MARGIN_PX)
+    for category, colour in colour_of.items():
+        pen.rectangle((x, _MARGIN_PX + 40, x + 18, _MARGIN_PX + 58), fill=colour, outline=INK)
+        pen.text((x + 26, _MARGIN_PX + 40), category, INK, font(16))
+        x += 26 + pen.textlength(category, font(16)) + 30
+    _dashed(pen, (x, _MARGIN_PX + 40, x + 18, _MARGIN_PX + 58), INK_SOFT)
+    pen.text((x + 26, _MARGIN_PX + 40), ignored, INK, font(16))
+
+
+def draw_box(pen: ImageDraw.ImageDraw, box: tuple[float, float, float, float], colour: str | None) -> None:
+    """A box in pixels of what is drawn on; dashed where it has no colour, since it is ignored."""
+    left, top, right, bottom = box
+    if colour is None:
+        _dashed(pen, box, _IGNORED)
+        return
+    pen.rectangle((left - 2, top - 2, right + 1, bottom + 1), outline=_HALO)
+    pen.rectangle((left - 1, top - 1, right, bottom), outline=colour, width=2)
+
+
+def _dashed(pen: ImageDraw.ImageDraw, box: tuple[float, float, float, float], colour: str) -> None:
+    left, top, right, bottom = box
+    for start, end, is_flat in ((left, right, True), (top, bottom, False)):
+        for at in np.arange(start, max(end, start + 1), 2 * _DASH_PX).tolist():
+            to = min(at + _DASH_PX, end)
+            for other in (top, bottom) if is_flat else (left, right):
+                pen.line((at, other, to, other) if is_flat else (other, at, other, to), fill=colour)
