@@ -227,7 +227,7 @@ def _heading(figure: Figure, title: str, what: str, result: MissionResult) -> No
     figure.text(left, 1 - 0.40 / height, "  ·  ".join(parts), fontsize=8.5, color=style.INK_SOFT, va="top")
     if world.folder is not None and world.folder.is_dir():
         named = credit(world) or ""
-        figure.text(right, 1 - 0.42 / height, named, fontsize=6.5, color=style.INK_SOFT, ha="right", va="top")
+        figure.text(right, 1 - 0.04 / height, named, fontsize=6.5, color=style.INK_SOFT, ha="right", va="top")
 
 
 def _traffic_words(result: MissionResult) -> str:
