@@ -285,8 +285,7 @@ def _options_table(chosen: "Recommendation") -> "Table":
     names = [f"{metric.label.lower()} {metric.unit}".strip() for metric in errors]
     bring = ["batteries to bring"] if BATTERIES in chosen.options.columns else []
     costs = ["time s", "95th perc.", "battery %", *bring]
-    defects = ["defects"] if chosen.options["defects"].count() else []
-    headings = [*chosen.by, "coverage %", *defects, "corrected", *costs, *names, kept, "best with"]
+    headings = [*chosen.by, _coverage_heading(chosen), "corrected", *costs, *names, kept, "best with"]
     rows, styles = [], []
     for row in chosen.options.iter_rows(named=True):
         factors = [level_text(name, row[name]).replace("\u00a0", " ") for name in chosen.by]
@@ -294,7 +293,6 @@ def _options_table(chosen: "Recommendation") -> "Table":
             (
                 *factors,
                 _span(row, "coverage", 100),
-                *("–" if row[name] is None else f"{row[name]}" for name in defects),
                 "–" if row["coverage_expected"] is None else f"{100 * row['coverage_expected']:.1f}",
                 _span(row, "time_s", 1),
                 "–" if row["time_s_p95"] is None else f"{row['time_s_p95']:.0f}",
@@ -315,6 +313,13 @@ def _options_table(chosen: "Recommendation") -> "Table":
     for row_cells, row_style in zip(rows, styles, strict=True):
         table.add_row(*row_cells, style=row_style)
     return table
+
+
+def _coverage_heading(chosen: "Recommendation") -> str:
+    """With the number of defects that the options' coverages rest on."""
+    counts = chosen.options["defects"].drop_nulls().unique().sort().to_list()
+    ends = "–".join(f"{count}" for count in dict.fromkeys((*counts[:1], *counts[-1:])))
+    return f"coverage %\u00a0of\u00a0{ends} defects" if counts else "coverage %"
 
 
 def _span(row: dict[str, Any], name: str, scale: float) -> str:
