@@ -1,21 +1,22 @@
 """The draw list of one frame, from the whole scene: what is near and in view, at the level of detail of its pixels."""
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
-from pavetwin.arrays import Float64Array
+from pavetwin.arrays import Float64Array, Int64Array
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.instances import InstanceBatch, InstanceBuffer, PartTable
 from pavetwin.render.levels import casting, coarser, culling_of, level_of
-from pavetwin.render.meshes import FaceCulling, GpuMesh, upload_model
+from pavetwin.render.meshes import FaceCulling, GpuMesh, split_by_area, upload_model
 from pavetwin.render.nearby import FAR_M, ground_seen, looks_beyond, looks_down, tile_seen, wanted_keys
-from pavetwin.render.passes import DrawList, PatchDraw
+from pavetwin.render.passes import DrawList, MeshDraw, PatchDraw
 from pavetwin.render.projection import ShadowFit, planes
 from pavetwin.render.tiles import Drawable, GpuPavement, GpuTile, TileCache, TileLayouts
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import TILE_M
+from pavetwin.scene.model import TILE_M, Mesh
 from pavetwin.scene.patches import COARSE_PIXEL_M
 from pavetwin.scene.view import View
 
@@ -26,7 +27,11 @@ SHADOW_TEXELS: Final = 4.0
 """Details of shadows smaller than this are left out."""
 
 NEAR_PX2: Final = 12.0
-"""Models whose mean triangle covers more than this are lit at every pixel, others at every vertex."""
+"""Models whose mean triangle covers more than this are lit at every pixel, but for their small triangles; others are
+lit at their vertices."""
+
+SMALL_PX2: Final = 24.0
+"""Triangles that cover less than about this are lit at their vertices."""
 
 
 FAR_LEVEL: Final = 2
@@ -42,17 +47,22 @@ class GpuScene:
         self.tiles = TileCache(gpu, scene, self.parts, layouts)
         self._meshes: dict[tuple[int, int, bool], GpuMesh] = {}
         """By part, level, and whether it is a shadow caster."""
+        self._split: dict[tuple[int, int, int], tuple[GpuMesh, GpuMesh]] = {}
+        """The large triangles and the small ones, by part, level, and binary logarithm of the area between them."""
 
     def mesh(self, part: int, level: int = 0, *, casts: bool = False) -> GpuMesh:
         """The mesh of a part at a level of detail; `casts`: as a shadow caster."""
         mesh, shadow = self.parts.meshes[part], self.parts.shadow.get(part)
         key = part, level, casts and (mesh.uv is not None or shadow is not None)
         if key not in self._meshes:
-            seen = self.parts.far.get(part, mesh) if level >= FAR_LEVEL else mesh
-            made = (shadow or casting(mesh, level)) if casts else coarser(seen, level)
+            made = (shadow or casting(mesh, level)) if casts else self._made(part, level)
             culling = FaceCulling.BACK_CULLED if part in self.parts.single_sided else culling_of(mesh)
             self._meshes[key] = upload_model(self._gpu, made, culling)
         return self._meshes[key]
+
+    def _made(self, part: int, level: int) -> Mesh:
+        mesh = self.parts.meshes[part]
+        return coarser(self.parts.far.get(part, mesh) if level >= FAR_LEVEL else mesh, level)
 
     def draws(
         self,
@@ -88,13 +98,12 @@ class GpuScene:
         level = level_of(self.parts.least_px2[batch.part], area, pixel)
         # On average half of a triangle's area is visible.
         close = area / pixel**2 / 2 > NEAR_PX2
-        near, far = (
-            [
-                (self.mesh(*kind), count, first)
-                for kind, count, first in records.add_batch(batch.only(which), level[which])
-            ]
-            for which in (np.flatnonzero(inside & close), np.flatnonzero(inside & ~close))
-        )
+        small = 2 * SMALL_PX2 * (pixel / stretch) ** 2
+        near, far, whole = self._close(batch, np.flatnonzero(inside & close), level, small, records)
+        distant = np.flatnonzero(inside & ~close)
+        for kind, count, first in records.add_batch(batch.only(distant), level[distant]):
+            far.append((self.mesh(*kind), count, first))
+            whole.append(far[-1])
         # A few texels of the filtered shadow map correspond to one pixel of the picture.
         coarse = np.maximum(pixel, SHADOW_TEXELS * shadow.texel_m)
         # The shadow of the camera's own vehicle is right before the lens, where four texels would show as a step.
@@ -111,7 +120,35 @@ class GpuScene:
         shades = records.add_shades(batch.only(np.flatnonzero(rimmed)), self.parts)
         levels = np.where(inside, level, -1)[:shown]
         down = looks_down(view, light)
-        return DrawList(seen, grounds, patches, near, far, casters, shades, levels, looks_beyond(view), down)
+        return DrawList(seen, grounds, patches, whole, near, far, casters, shades, levels, looks_beyond(view), down)
+
+    def _close(
+        self, batch: InstanceBatch, rows: Int64Array, level: Int64Array, small_m2: Float64Array, records: InstanceBuffer
+    ) -> tuple[list[MeshDraw], list[MeshDraw], list[MeshDraw]]:
+        """The large triangles of some rows, their small ones, and both together.
+
+        `small_m2`: (n,) area of a triangle of each instance below which it is lit at its vertices.
+        """
+        near, far, whole = [], [], []
+        for (part, detail), count, first in records.add_batch(batch.only(rows), level[rows]):
+            mesh = self.mesh(part, detail)
+            whole.append((mesh, count, first))
+            if mesh.culling is FaceCulling.ALPHA_CUTOUT:
+                near.append((mesh, count, first))
+                continue
+            alike = rows[(batch.part[rows] == part) & (level[rows] == detail)]
+            large, small = self._halves(part, detail, float(small_m2[alike].min()))
+            near.append((large, count, first))
+            far.append((small, count, first))
+        return near, far, whole
+
+    def _halves(self, part: int, level: int, area_m2: float) -> tuple[GpuMesh, GpuMesh]:
+        """The triangles of a mesh that are larger than an area, rounded down to a power of two, and the others."""
+        octave = math.floor(math.log2(area_m2))
+        key = part, level, octave
+        if key not in self._split:
+            self._split[key] = split_by_area(self._gpu, self.mesh(part, level), self._made(part, level), 2.0**octave)
+        return self._split[key]
 
     def _patches(
         self,

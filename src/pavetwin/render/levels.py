@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pavetwin.arrays import Float32Array, Float64Array, Int64Array, UInt32Array
-from pavetwin.render.meshes import FaceCulling
+from pavetwin.render.meshes import FaceCulling, triangle_areas_m2
 from pavetwin.scene.model import Mesh
 
 FINEST_M: Final = 0.015
@@ -54,8 +54,7 @@ def is_closed(mesh: Mesh) -> bool:
 
 def mean_area_m2(mesh: Mesh) -> float:
     """Of a triangle."""
-    a, b, c = (mesh.positions[mesh.indices[:, corner]].astype(np.float64) for corner in range(3))
-    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).mean() / 2) if len(mesh.indices) else 0.0
+    return float(triangle_areas_m2(mesh).mean()) if len(mesh.indices) else 0.0
 
 
 def level_of(least_px2: Float64Array, area_m2: Float64Array, pixel_m: Float64Array) -> Int64Array:

@@ -88,6 +88,8 @@ class GpuMesh:
 
     def draw(self, render_pass: Any, instances: int, first: int, *, attributes: bool) -> None:
         """Draw it for `instances` records of the instance buffer from `first` on; leaf cards always need attributes."""
+        if not self.count:
+            return
         render_pass.set_vertex_buffer(1, self.positions)
         if attributes or self.culling is FaceCulling.ALPHA_CUTOUT:
             render_pass.set_vertex_buffer(2, self.attributes)
@@ -101,6 +103,22 @@ def upload_model(gpu: Gpu, mesh: Mesh, culling: FaceCulling) -> GpuMesh:
     if culling is FaceCulling.ALPHA_CUTOUT:
         rows["uv"] = mesh.uv
     return replace(_upload(gpu, mesh.positions, rows, mesh.indices), culling=culling)
+
+
+def triangle_areas_m2(mesh: Mesh) -> Float64Array:
+    """(n,) of a mesh's triangles."""
+    a, b, c = (mesh.positions[mesh.indices[:, corner]].astype(np.float64) for corner in range(3))
+    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
+
+
+def split_by_area(gpu: Gpu, whole: GpuMesh, mesh: Mesh, area_m2: float) -> tuple[GpuMesh, GpuMesh]:
+    """The triangles of an uploaded mesh that are larger than an area, and the others; they share its vertices."""
+    large = triangle_areas_m2(mesh) > area_m2
+    chosen = [mesh.indices[which].reshape(-1) for which in (large, ~large)]
+    # A buffer holds at least one triangle; it is not drawn.
+    buffers = [gpu.buffer(each if len(each) else mesh.indices[:1].reshape(-1), _INDEX) for each in chosen]
+    first, second = (replace(whole, indices=made, count=each.size) for made, each in zip(buffers, chosen, strict=True))
+    return first, second
 
 
 def upload_ground(gpu: Gpu, pieces: tuple[GroundPiece, ...]) -> GpuMesh | None:

@@ -17,6 +17,10 @@ _SAMPLED: Final = wgpu.TextureUsage.TEXTURE_BINDING
 _NOWHERE: Final = (np.inf, 0.0, 0.0, 0.0)
 
 
+MeshDraw = tuple[GpuMesh, int, int]
+"""Mesh, count, first record."""
+
+
 @dataclass(frozen=True)
 class PatchDraw:
     """A defect's pavement patch in the frame of its tile."""
@@ -40,12 +44,14 @@ class DrawList:
     grounds: list[tuple[GpuTile, GpuPavement, int]]
     """Those of them whose ground is in view."""
     patches: list[PatchDraw]
-    near: list[tuple[GpuMesh, int, int]]
-    """Mesh, count, first record."""
-    far: list[tuple[GpuMesh, int, int]]
-    """Likewise, of small triangles."""
-    casters: list[tuple[GpuMesh, int, int]]
-    """Likewise, of shadow casters."""
+    whole: list[MeshDraw]
+    """Models with all of their triangles."""
+    near: list[MeshDraw]
+    """Of these the triangles that are lit at every pixel."""
+    far: list[MeshDraw]
+    """The others: small ones, lit at their vertices."""
+    casters: list[MeshDraw]
+    """Shadow casters."""
     shades: tuple[int, int]
     """Contact shadows: count, first record."""
     levels: Int64Array
@@ -146,7 +152,7 @@ class FramePasses:
         """Labels and distances."""
         labels, distances = cleared_colour(targets.labels, (0, 0, 0, 0)), cleared_colour(targets.distances, _NOWHERE)
         render_pass = self._begin([labels, distances], _cleared(targets.depth, "discard"), self.frame)
-        for mesh, count, first in [*self.draws.near, *self.draws.far]:
+        for mesh, count, first in self.draws.whole:
             render_pass.set_pipeline(self.pipelines.truth[mesh.culling])
             mesh.draw(render_pass, count, first, attributes=False)
         render_pass.set_pipeline(self.pipelines.truth[0])
