@@ -19,6 +19,7 @@ from pavetwin.scene.looks import tints
 from pavetwin.scene.palettes import PAINTS, drawn
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Lane, LaneKind, World
+from pavetwin.world.parking import ParkingPosition
 
 KEY: Final = 6
 """Key of this module's child of the scene's random stream."""
@@ -119,6 +120,8 @@ class StreetObjects:
         point = Point(at)
         if self._road_distance(at) < max(FROM_ROAD_M, kind.half_m + 0.1):
             return False
+        if _distance(self._places, point) < kind.half_m:
+            return False
         to_house = _distance(self._houses, point)
         if to_house < kind.half_m + 0.1 or kind.near_houses not in (None, to_house < 8.0):
             return False
@@ -136,6 +139,12 @@ class StreetObjects:
     @cached_property
     def _houses(self) -> STRtree:
         return STRtree([building.polygon for building in self._world.buildings])
+
+    @cached_property
+    def _places(self) -> STRtree:
+        """Where one parks beside the carriageway."""
+        beside = [place for place in self._world.parking if place.position is not ParkingPosition.LANE]
+        return STRtree([place.polygon for place in beside])
 
     @cached_property
     def _standing(self) -> STRtree:

@@ -198,7 +198,7 @@ class Scene:
 
     @cached_property
     def _heads(self) -> tuple[signals.Head, ...]:
-        return signals.heads_of(self.world, self._plan.road)
+        return signals.heads_of(self.world, self.world.carriageway)
 
     @cached_property
     def _boxes(self) -> Mapping[TileKey, Bounds]:

@@ -14,6 +14,7 @@ from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.distractors.fixtures import Fixture, placed
 from pavetwin.scene.ground.distractors.marks import marks
 from pavetwin.scene.ground.distractors.repairs import Repairs, repairs
+from pavetwin.scene.ground.layout.bays import GAP_M, bays_of, in_bays
 from pavetwin.scene.ground.layout.lines import boxes_of
 from pavetwin.scene.ground.layout.paved import PLAIN, PavedSurface
 from pavetwin.scene.ground.layout.streets import StreetPlan, streets_of
@@ -101,9 +102,11 @@ class GroundPlan(SurfaceLayout):
         streets = {street.key: self._paved(street) for street in self.streets}
         segments = [(segment.polygon, streets[street.key]) for segment, street in self.segments]
         junctions = self._paved_junctions(streets)
-        # First all surfaces a little widened: rounded corners belong to the surface next to them.
+        # First all surfaces a little widened: rounded corners belong to the surface next to them, bays to their street.
+        of_segment = {segment.id: streets[street.key] for segment, street in self.segments}
         shapes: list[tuple[BaseGeometry, PavedSurface]] = [
-            (shape.buffer(WIDENED_M, quad_segs=2), paved) for shape, paved in (*segments, *junctions)
+            *((shape.buffer(GAP_M, quad_segs=2), of_segment[segment]) for shape, segment in in_bays(self.world)),
+            *((shape.buffer(WIDENED_M, quad_segs=2), paved) for shape, paved in (*segments, *junctions)),
         ]
         shapes += [*junctions, *segments]
         for segment, _ in self.segments:
@@ -144,11 +147,13 @@ def plan_ground(world: World, seed: int, holes: Sequence[Polygon] = (), look: St
         holes: where patches of defects replace the carriageway, world frame; they must not overlap.
         look: of its streets; the default one unless given.
     """
+    bays = bays_of(world)
     return GroundPlan(
         world=world,
         seed=seed,
         holes=SpatialIndex(list(holes)),
-        road=world.carriageway,
+        road=world.carriageway if bays.is_empty else shapely.union(world.carriageway, bays),
+        bays=SpatialIndex([part for part in shapely.get_parts(bays) if not part.is_empty]),
         streets=streets_of(world),
         look=look or street_look(DEFAULT_LOOK),
     )

@@ -25,10 +25,10 @@ def plan(name: str) -> GroundPlan:
 @pytest.mark.parametrize("name", NAMES)
 def test_some_streets_have_gutters_along_their_kerbs_and_others_none(name: str) -> None:
     where = plan(name)
-    gutters = shapely.union_all(where.gutters.shapes)
+    gutters, road = shapely.union_all(where.gutters.shapes), where.world.carriageway
     assert gutters.area > 50
-    assert gutters.difference(where.road.buffer(0.01)).area < 1e-6
-    assert gutters.difference(where.road.boundary.buffer(GUTTER_M + 0.03)).area < 0.01 * gutters.area
+    assert gutters.difference(road.buffer(0.01)).area < 1e-6
+    assert gutters.difference(road.boundary.buffer(GUTTER_M + 0.03)).area < 0.01 * gutters.area
     for segment in where.world.segments:
         if not has_gutter(segment.street):
             assert gutters.intersection(segment.polygon).area < 1e-6
@@ -39,7 +39,7 @@ def test_gutters_narrow_to_nothing_where_they_end(name: str) -> None:
     """From a hand's breadth before its end to its end a gutter is narrower than a third of its width."""
     where = plan(name)
     gutters = shapely.union_all(where.gutters.shapes)
-    free = shapely.line_merge(shapely.difference(where.road.boundary, gutters.buffer(0.01)))
+    free = shapely.line_merge(shapely.difference(where.world.carriageway.boundary, gutters.buffer(0.01)))
     widths, before = [], []
     for line in shapely.get_parts(free):
         if line.length < 2 * TAPER_M + 1:
@@ -67,7 +67,7 @@ def test_no_defect_reaches_into_a_gutter() -> None:
     placed = place(with_gutter, 5, options)
     assert len(placed) > 60
     assert shapely.intersection(shapely.union_all(holes_of(placed)), gutters).area == 0
-    edges = where.road.boundary
+    edges = where.world.carriageway.boundary
     assert min(defect.polygon.distance(edges) for defect in placed) > GUTTER_M
     assert min(defect.polygon.distance(edges) for defect in place(without, 5, options)) < GUTTER_M
 

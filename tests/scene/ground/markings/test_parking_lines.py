@@ -14,7 +14,7 @@ def test_places_are_divided_by_lines_on_their_parking_lane_off_the_gutter() -> N
     drawn = list(parking_lines(world))
     rows = len(world.parking)
     assert rows < len(drawn) < 1.5 * rows, "one between neighbours, and one at both ends of a row"
-    assert {street for _, street in drawn} == {place.street for place in world.parking}
+    assert {place.street for _, place in drawn} == {place.street for place in world.parking}
     for line, _ in drawn:
         assert lanes.contains(line)
         assert 1.3 < line.length < 1.6, "of 2 m"

@@ -42,7 +42,7 @@ class Relief:
     def __init__(self, plan: SurfaceLayout, near: shapely.Polygon) -> None:
         reach = near.buffer(2 * KERBED_FAR_M + 1.0, join_style="mitre")
         self.road: BaseGeometry = plan.road_near(reach)
-        self._walks = shapely.union_all([*plan.sidewalks.at(reach), *plan.corners.at(reach)])
+        self._walks = shapely.union_all([*plan.sidewalks.at(reach), *plan.corners.at(reach), *plan.bays.at(reach)])
         self._crossings = shapely.union_all(plan.crossings.at(reach))
         for shape in (self.road, self._walks, self._crossings):
             shapely.prepare(shape)

@@ -12,6 +12,7 @@ from shapely import LineString, Polygon, STRtree
 from shapely.geometry.base import BaseGeometry
 
 from pavetwin.scene.ground.layout.ageing import Ageing, ageing
+from pavetwin.scene.ground.layout.bays import on_sidewalks
 from pavetwin.scene.ground.layout.edges import Edges
 from pavetwin.scene.ground.layout.gutters import gutters_of
 from pavetwin.scene.ground.layout.streets import StreetPlan
@@ -64,13 +65,15 @@ class SurfaceLayout:
     holes: SpatialIndex
     """Where patches of defects replace the carriageway."""
     road: BaseGeometry
-    """The world's carriageway."""
+    """The world's carriageway and its bays: all that lies within the kerbs."""
+    bays: SpatialIndex
+    """Parking bays beside the carriageway."""
     streets: tuple[StreetPlan, ...]
     look: StreetLook
 
     @cached_property
     def road_pieces(self) -> SpatialIndex:
-        """The carriageway cut along the tiles' lines, so that a tile looks at its own part only."""
+        """What lies within the kerbs, cut along the tiles' lines, so that a tile looks at its own part only."""
         low_x, low_y, high_x, high_y = shapely.bounds(self.road)
         if np.isnan(low_x):
             return SpatialIndex([])
@@ -91,7 +94,7 @@ class SurfaceLayout:
         return Edges(self.road)
 
     def road_near(self, box: Polygon) -> BaseGeometry:
-        """The carriageway inside a box."""
+        """What lies within the kerbs inside a box."""
         return shapely.intersection(shapely.union_all(self.road_pieces.at(box)), box)
 
     @cached_property
@@ -100,6 +103,11 @@ class SurfaceLayout:
         return SpatialIndex(
             [lane.centre_line.buffer(lane.width_m / 2, cap_style="flat") for lane in self._sidewalk_lanes]
         )
+
+    @cached_property
+    def on_sidewalks(self) -> SpatialIndex:
+        """Parking places on sidewalks."""
+        return SpatialIndex(on_sidewalks(self.world))
 
     @cached_property
     def sidewalk_lines(self) -> tuple[LineString, ...]:
@@ -117,10 +125,10 @@ class SurfaceLayout:
 
     @cached_property
     def gutters(self) -> SpatialIndex:
-        """Concrete along the kerbs of some streets."""
+        """Concrete along the carriageway of some streets, at its kerbs and before its bays."""
         walks = [*self.sidewalks.shapes, *self.corners.shapes]
         kerbed = shapely.union_all(shapely.buffer(np.array(walks, dtype=object), GUTTERED_NEAR_M, quad_segs=2))
-        return SpatialIndex(gutters_of(self.road, self.world.segments, kerbed) if walks else [])
+        return SpatialIndex(gutters_of(self.world.carriageway, self.world.segments, kerbed) if walks else [])
 
     @cached_property
     def crossings(self) -> SpatialIndex:

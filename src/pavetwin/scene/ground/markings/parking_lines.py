@@ -1,4 +1,5 @@
-"""The lines between parking places on the carriageway: at each end of a place, from its gutter to the driven lane."""
+"""The lines between parking places on the carriageway and in bays: at each end of a place, from its kerb to the driven
+lane."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -20,11 +21,11 @@ GUTTER_FREE_M: Final = 0.45
 """And this far before the kerb, where gutters and grates are [m]."""
 
 
-def parking_lines(world: World) -> Iterator[tuple[LineString, str]]:
-    """Each line with the id of its street, in the order of the world's places; metres, world frame."""
+def parking_lines(world: World) -> Iterator[tuple[LineString, ParkingPlace]]:
+    """Each line with a place that it ends, in the order of the world's places; metres, world frame."""
     drawn: dict[str, list[tuple[float, float]]] = {}
     for place in world.parking:
-        if place.position is not ParkingPosition.LANE:
+        if place.position not in (ParkingPosition.LANE, ParkingPosition.STREET_SIDE):
             continue
         taken = drawn.setdefault(place.street, [])
         middle_line = world.segment(place.segment).centre_line
@@ -34,7 +35,7 @@ def parking_lines(world: World) -> Iterator[tuple[LineString, str]]:
             x, y = (kerb + inner) / 2
             if all((x - other[0]) ** 2 + (y - other[1]) ** 2 > SHARED_M**2 for other in taken):
                 taken.append((x, y))
-                yield LineString([kerb + GUTTER_FREE_M * towards, inner - MARGIN_M * towards]), place.street
+                yield LineString([kerb + GUTTER_FREE_M * towards, inner - MARGIN_M * towards]), place
 
 
 def _sides(place: ParkingPlace) -> Iterator[tuple[Float64Array, Float64Array]]:

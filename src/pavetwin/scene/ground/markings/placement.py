@@ -24,6 +24,7 @@ from pavetwin.scene.ground.markings.painter import Paint, Painter
 from pavetwin.scene.ground.markings.parking_lines import parking_lines
 from pavetwin.scene.ground.markings.standard import CrossingKind, MarkingStandard
 from pavetwin.world.model import CARRIAGEWAY_LANES, Crossing, Direction, Lane, LaneKind
+from pavetwin.world.parking import ParkingPlace, ParkingPosition
 
 ENDS_FREE_M: Final = 0.6
 """Lines end this far before a junction."""
@@ -39,7 +40,7 @@ EDGE_LINE_M: Final = 0.45
 
 MAIN_PARKING_SHARE: Final = 0.8
 SIDE_PARKING_SHARE: Final = 0.25
-"""Of main and of other streets whose places on the carriageway are marked. Ours."""
+"""Of main and of other streets whose places on the carriageway are marked; the first of all streets with bays. Ours."""
 
 CROSSINGS_OVERLAP_M2: Final = 0.1
 """Crossings that cover each other by more lie in the middle of a junction that the map cut in pieces."""
@@ -72,8 +73,8 @@ class _Marker:
             if self._is_laid(index):
                 self._crossing(crossing)
         self._bicycle_lanes()
-        for between, owner in parking_lines(self.plan.world):
-            self._parking_line(between, owner)
+        for line, place in parking_lines(self.plan.world):
+            self._parking_line(line, place)
         return self.painter.done()
 
     def _draw(self, what: str) -> float:
@@ -261,11 +262,12 @@ class _Marker:
                 start, end = foot - wide * (1 - 0.1 / width), foot - wide * (0.1 / width)
                 self.painter.bar(start, end, on, own, colour=rules.crossing_colour)
 
-    def _parking_line(self, line: LineString, street: str) -> None:
-        """Between two parking places."""
-        plan = self.plans[street]
+    def _parking_line(self, line: LineString, place: ParkingPlace) -> None:
+        """At the end of a parking place."""
+        plan = self.plans[place.street]
         ageing = self.plan.ageing(plan)
-        share = MAIN_PARKING_SHARE if plan.main else SIDE_PARKING_SHARE
+        in_bay = place.position is ParkingPosition.STREET_SIDE
+        share = MAIN_PARKING_SHARE if plan.main or in_bay else SIDE_PARKING_SHARE
         if self._draw(f"parking {plan.name}") < share and not ageing.unpainted:
             self.painter.line(line, self.rules.line_m, ageing.paint_wear)
 

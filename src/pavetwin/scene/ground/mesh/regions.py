@@ -10,6 +10,7 @@ from shapely import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float64Array
+from pavetwin.scene.ground.layout.bays import BEHIND_M
 from pavetwin.scene.ground.layout.paved import PLAIN
 from pavetwin.scene.ground.layout.relief import (
     DROP_FAR_M,
@@ -39,6 +40,9 @@ SPECK_M2: Final = 1.0
 
 CORNER_WALK_M: Final = 2.2
 """Width of the pavement around the corners of junctions with sidewalks."""
+
+BAY_RIM_M: Final = 0.16
+"""Width of the flush kerb between the carriageway and a bay: a unit as wide as a kerb's (EN 1340)."""
 
 _PAD_M: Final = 6.0
 
@@ -81,7 +85,12 @@ class _Cut:
         self.walks = plan.sidewalks.near(wide)
         corners = shapely.union_all(plan.corners.at(wide, CORNER_WALK_M)).buffer(CORNER_WALK_M)
         around = shapely.intersection(_grown(self.road, CORNER_WALK_M), corners)
+        bays = plan.bays.at(wide, BEHIND_M)
+        self.bays = shapely.intersection(shapely.union_all(bays), wide)
+        self.bay_rim = shapely.intersection(_grown(shapely.difference(self.road, self.bays), BAY_RIM_M), self.bays)
+        behind = [bay.buffer(BEHIND_M, join_style="mitre") for bay in bays if plan.sidewalks.near(bay, 1.0)]
         walked = [*(plan.sidewalks.shapes[index] for index in self.walks), *plan.corners.at(wide), around]
+        walked += [*behind, *plan.on_sidewalks.at(wide)]
         self.paved = shapely.difference(_closed(shapely.union_all(walked)), self.kerb)
         self.gutter = shapely.union_all(plan.gutters.at(wide))
         self.pits = _tree_pits(plan, wide, self.paved)
@@ -95,7 +104,8 @@ class _Cut:
         walks = [self.plan.sidewalks.shapes[index].boundary for index in self.walks]
         behind = [shapely.difference(line, self.kerb) for line in (*walks, self.paved.boundary, self.pits.boundary)]
         joints = [shapely.intersection(shape.boundary, self.road) for shape in list(self.pavements.values())[1:]]
-        return [*edges, holes, gutter, *joints, *behind, *self._ramps(), *self._lots()]
+        bays = [shapely.intersection(shape.boundary, self.road) for shape in (self.bays, self.bay_rim)]
+        return [*edges, holes, gutter, *bays, *joints, *behind, *self._ramps(), *self._lots()]
 
     def _ramps(self) -> list[BaseGeometry]:
         """Where dropped kerbs begin and end, and where kerbs do."""
@@ -122,14 +132,19 @@ class _Cut:
         if not polygons:
             return []
         inner = shapely.point_on_surface(np.array(polygons, dtype=object))
-        on_road, on_kerb, on_gutter, on_walk, in_pit, in_hole = (
+        on_road, on_kerb, on_gutter, on_walk, in_pit, in_hole, on_rim = (
             shapely.intersects(shape, inner)
-            for shape in (self.road, self.kerb, self.gutter, self.paved, self.pits, self.holes)
+            for shape in (
+                *(self.road, self.kerb, self.gutter, self.paved),
+                *(self.pits, self.holes, self.bay_rim),
+            )
         )
         kerbed = self.relief.kerbed(inner) > 0.01
         faces = []
         for index, polygon in enumerate(polygons):
-            if on_road[index]:
+            if on_rim[index]:
+                faces.append(Face(polygon, GroundKind.CONCRETE))
+            elif on_road[index]:
                 if not in_hole[index]:
                     faces.append(self._carriageway(polygon, inner[index], gutter=bool(on_gutter[index])))
             elif on_kerb[index]:
