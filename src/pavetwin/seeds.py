@@ -20,6 +20,7 @@ class Stream(IntEnum):
     FRAME = 9
     EXPERIMENT = 10
     PARKING = 11
+    DATASET = 12
 
 
 def child(seed: int, stream: Stream, *keys: int) -> np.random.Generator:

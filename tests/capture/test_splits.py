@@ -9,10 +9,11 @@ import pytest
 
 from pavetwin.capture import context, splits
 from pavetwin.capture.presence import SAMPLED_S, presence
-from pavetwin.capture.settings import SPLITS, CaptureSettings
+from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.splits import split_streets
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
+from pavetwin.labels import SPLITS
 from pavetwin.traffic.record import record
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world, save_world

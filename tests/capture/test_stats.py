@@ -5,10 +5,10 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from pavetwin.capture.settings import SPLITS
 from pavetwin.capture.statistics import SIZES, Statistics
 from pavetwin.capture.truth import Reason
 from pavetwin.cli import capture
+from pavetwin.labels import SPLITS
 from pavetwin.labels.classes import categories
 
 LEVELS = ("low", "medium", "high")

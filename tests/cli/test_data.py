@@ -87,3 +87,26 @@ def test_datasets_are_merged_and_shown(photos: Path, tmp_path: Path) -> None:
     assert blue[132:].sum() > 50
     assert "end its name in .png or .jpg" in plain_refusal(pavetwin("data", "show", tmp_path / "all", "-o", "x.gif"))
     assert "Say where the dataset goes" in plain_refusal(pavetwin("data", "merge", tmp_path / "one"))
+
+
+def test_a_dataset_is_split_and_exported(tmp_path: Path) -> None:
+    for number in range(12):
+        picture(tmp_path / "photos" / f"{number}.jpg", seed=number)
+        voc(tmp_path / "photos" / f"{number}.xml", [("LC", (1, 1, 9, 9))])
+    pavetwin("data", "import", "uapd", tmp_path / "photos", "-o", tmp_path / "all")
+    refused = plain_refusal(pavetwin("data", "export", tmp_path / "all", "-o", tmp_path / "out"))
+    assert "is not split yet; do so with `pavetwin data split" in refused
+    done = pavetwin("data", "split", tmp_path / "all", "--shares", "50/25/25")
+    assert [line.split() for line in done.stdout.splitlines()[1:]] == [
+        ["Single", "Crack", "50.0", "25.0", "25.0"],
+        ["images", "50.0", "25.0", "25.0"],
+    ]
+    done = pavetwin("data", "export", tmp_path / "all", "-o", tmp_path / "out")
+    assert done.stdout == f"12 images as yolo, 12 images as coco in {tmp_path}/out/\n"
+    assert len(list((tmp_path / "out" / "labels" / "train").iterdir())) == 6
+    assert "--shares 1/2: expected the percentages" in plain_refusal(
+        pavetwin("data", "split", tmp_path / "all", "--shares", "1/2")
+    )
+    assert "--shares: train, val and test must sum to 100 %" in plain_refusal(
+        pavetwin("data", "split", tmp_path / "all", "--shares", "50/20/10")
+    )

@@ -9,12 +9,13 @@ from PIL import Image, ImageColor, ImageDraw
 
 from pavetwin.capture.platforms import PLATFORMS, flying
 from pavetwin.capture.record import Record, read_record, record_paths
-from pavetwin.capture.settings import SPLITS, read_description
+from pavetwin.capture.settings import read_description
 from pavetwin.capture.truth import LabelledObject
 from pavetwin.draw.contact_sheet import CELL_PX, assembled, captioned, check_sheet, draw_box, evenly_chosen
 from pavetwin.draw.mission_style import font
 from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.files import writing
+from pavetwin.labels import SPLITS
 from pavetwin.labels.classes import categories, colours
 from pavetwin.labels.rle import decode
 

@@ -14,7 +14,8 @@ import numpy as np
 from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.names import image_name, platform_prefix
 from pavetwin.capture.platforms import PLATFORMS
-from pavetwin.capture.settings import SPLITS, CaptureSettings
+from pavetwin.capture.settings import CaptureSettings
+from pavetwin.labels import SPLITS
 from pavetwin.labels.classes import Category, category_of_defect
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import World

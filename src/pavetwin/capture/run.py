@@ -16,12 +16,13 @@ from pavetwin.capture.names import image_name, platform_prefix
 from pavetwin.capture.plan import image_specs
 from pavetwin.capture.platforms import CaptureContext
 from pavetwin.capture.samples import draw_sample
-from pavetwin.capture.settings import FILE, SPLITS, CaptureSettings, check_same, description
+from pavetwin.capture.settings import FILE, CaptureSettings, check_same, description
 from pavetwin.capture.shards import finished_images, schedule, split_into_shards
 from pavetwin.capture.statistics import Statistics, count
 from pavetwin.capture.store import write_over_all, write_yaml
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import working_in
+from pavetwin.labels import SPLITS
 from pavetwin.mission.inputs import OnProgress
 from pavetwin.mission.versions import software_versions
 from pavetwin.world.model import World

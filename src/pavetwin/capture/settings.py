@@ -35,8 +35,6 @@ LOOK_HASH: Final = "look_sha256"
 
 FILE: Final = "capture.yaml"
 
-SPLITS: Final = ("train", "val", "test")
-
 
 class CaptureSettings(Settings):
     """Everything that one dataset is made from."""

@@ -16,8 +16,8 @@ import shapely
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 from pavetwin.capture.plan import STREETS
 from pavetwin.capture.presence import presence
-from pavetwin.capture.settings import SPLITS
 from pavetwin.errors import PaveTwinError
+from pavetwin.labels import SPLITS
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.record import record
 from pavetwin.world.model import World

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from pavetwin.capture.record import Record, read_records
-from pavetwin.capture.settings import FILE, SPLITS, read_description
+from pavetwin.capture.settings import FILE, read_description
+from pavetwin.labels import SPLITS
 from pavetwin.labels.classes import categories
 
 SIZES: Final = (("small", 32.0), ("medium", 96.0), ("large", float("inf")))

@@ -131,3 +131,18 @@ CacheFolder = Annotated[
 def paths_of(plugins: list[Path] | None) -> tuple[str, ...]:
     """The `--plugin` files as settings hold them."""
     return tuple(str(path.absolute()) for path in plugins or ())
+
+
+def split_shares(text: str, option: str) -> tuple[float, float, float]:
+    """`70/15/15` as shares of train, val and test.
+
+    Raises:
+        PaveTwinError: it is something else; the message names the option.
+    """
+    try:
+        train, val, test = (float(part) / 100 for part in text.split("/"))
+    except ValueError:
+        raise PaveTwinError(
+            f"{option} {text}: expected the percentages of train/val/test, for example {option} 70/15/15."
+        ) from None
+    return train, val, test

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from pavetwin.cli.arguments import CacheFolder, Mix, NamingCommand, Plugins, WorldFolder, paths_of, traffic_name
+from pavetwin.cli.arguments import (
+    CacheFolder,
+    Mix,
+    NamingCommand,
+    Plugins,
+    WorldFolder,
+    paths_of,
+    split_shares,
+    traffic_name,
+)
 from pavetwin.cli.console import out, progress
 from pavetwin.cli.parking import Parking, parking_of
 from pavetwin.errors import PaveTwinError
@@ -123,7 +132,7 @@ def make(
         "size_px": _size(size),
         "camera": camera or "paper",
         "formats": tuple(re.split(r"[,\s]+", formats.strip())),
-        "split": _shares(split),
+        "split": split_shares(split, option="--split"),
         "empty": empty,
         "picture": "png" if png else "jpg",
         "quality": quality,
@@ -266,7 +275,7 @@ def _print(statistics: "Statistics") -> None:
 
 def _labels(statistics: "Statistics") -> "Table":
     """A row a class: labels by split, and the distinct defects behind them."""
-    from pavetwin.capture.settings import SPLITS
+    from pavetwin.labels import SPLITS
 
     splits = [split for split in SPLITS if statistics.images[split]]
     table = _table("Labels", footer="images\nwithout defects")
@@ -323,14 +332,3 @@ def _size(text: str) -> tuple[int, int]:
     if found is None:
         raise PaveTwinError(f"--size {text}: expected WIDTHxHEIGHT in pixels, for example --size 640x640.")
     return int(found[1]), int(found[2])
-
-
-def _shares(text: str) -> tuple[float, float, float]:
-    parts = text.split("/")
-    try:
-        train, val, test = (float(part) / 100 for part in parts)
-    except ValueError:
-        raise PaveTwinError(
-            f"--split {text}: expected the percentages of train/val/test, for example --split 70/15/15."
-        ) from None
-    return train, val, test

@@ -1,12 +1,13 @@
 """`pavetwin data …`: datasets of photographs, from public sources and your own."""
 
+import re
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pavetwin.cli.arguments import NamingCommand
+from pavetwin.cli.arguments import NamingCommand, split_shares
 from pavetwin.cli.console import err, out, progress
 from pavetwin.errors import PaveTwinError, naming
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from pavetwin.datasets.report import Report
+    from pavetwin.datasets.splitting import SplitShares
     from pavetwin.datasets.statistics import DatasetCounts
 
 REFUSED_CODE = 1
@@ -135,6 +137,48 @@ def merge(
 
 
 @app.command()
+def split(
+    dataset: Annotated[Path, typer.Argument(help="Folder of a dataset.")],
+    shares: Annotated[str, typer.Option(help="Percent of train/val/test.")] = "70/20/10",
+    seed: Annotated[int, typer.Option(help="Random seed; 0 is a seed too.")] = 0,
+) -> None:
+    """Divide a dataset into train, val and test: every class in these shares, scenes undivided.
+
+    \b
+    pavetwin data split datasets/all
+    pavetwin data split datasets/all --shares 80/10/10 --seed 3
+    """
+    from pavetwin.datasets.splitting import split_dataset
+
+    with progress("Splitting"):
+        found = split_dataset(dataset, split_shares(shares, option="--shares"), seed)
+    out.print(_splits(found))
+
+
+@app.command()
+def export(
+    dataset: Annotated[Path, typer.Argument(help="Folder of a dataset that is split.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder to write to.")] = None,
+    formats: Annotated[str, typer.Option(help="Any of yolo, yolo-seg, coco, with commas.")] = "yolo,coco",
+) -> None:
+    """Write a split dataset as YOLO (boxes or polygons) or COCO; pictures are linked.
+
+    \b
+    pavetwin data export datasets/all -o datasets/all-yolo --formats yolo
+    """
+    from pavetwin.datasets.exporting import export as exported
+
+    if output is None:
+        raise PaveTwinError("Say where the files go with -o, for example -o datasets/all-yolo.")
+    with progress("Exporting", lines=True):
+        counts = exported(dataset, output, tuple(re.split(r"[,\s]+", formats.strip())))
+    told = ", ".join(f"{count} images as {name}" for name, count in counts.items())
+    out.line(f"{told} in {output}/")
+    if counts.get("yolo-seg") is not None:
+        out.line("yolo-seg has the images whose labels all have outlines.")
+
+
+@app.command()
 def stats(
     datasets: Annotated[list[Path], typer.Argument(help="Folders of datasets.")],
 ) -> None:
@@ -198,6 +242,21 @@ def _tell(report: "Report", folder: Path) -> None:
     if lines:
         counts = ", ".join(f"{report.counts[each]} {each.value}" for each in order if report.counts[each])
         err.line(f"{counts}; all in {folder / FILE}")
+
+
+def _splits(found: "SplitShares") -> "Table":
+    """A row a class: the share of its instances in each split."""
+    from rich.table import Table
+
+    from pavetwin.labels import SPLITS
+
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("share of", no_wrap=True)
+    for name in SPLITS:
+        table.add_column(f"{name} %", justify="right")
+    for name, shares in found.shares.items():
+        table.add_row(name, *(f"{100 * share:.1f}" for share in shares))
+    return table
 
 
 def _counts(title: str, counts: "DatasetCounts") -> "Table":

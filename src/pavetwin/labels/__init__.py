@@ -1,1 +1,6 @@
-"""What all labelled images share, rendered or photographed: classes, boxes and masks."""
+"""What all labelled images share, rendered or photographed: classes, boxes, masks, and the three parts of a dataset."""
+
+from typing import Final
+
+SPLITS: Final = ("train", "val", "test")
+"""Images to learn from, to choose settings by, and to measure with."""

@@ -10,12 +10,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from pavetwin.capture.formats.base import Format, label_format
-from pavetwin.capture.formats.yolo import data_yaml
 from pavetwin.capture.record import Record
 from pavetwin.capture.truth import LabelledObject
 from pavetwin.labels.classes import categories
 from pavetwin.labels.outlines import outline
 from pavetwin.labels.rle import decode
+from pavetwin.labels.yolo import data_yaml
 
 FOLDER = "yolo-seg"
 

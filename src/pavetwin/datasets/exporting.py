@@ -1,0 +1,160 @@
+"""A split dataset for the tools that train on it: YOLO (boxes and polygons) and COCO. Pictures are linked, not copied.
+
+- `yolo`: `images/SPLIT`, `labels/SPLIT`, `data.yaml`. Ignored regions cannot be told and are left out.
+- `yolo-seg`: the same below `yolo-seg`, one polygon a line; only images whose labels all have an outline.
+- `coco`: `annotations/instances_SPLIT.json`. Ignored regions have `iscrowd` 1 and run lengths of their box; one that
+  may be damage of any class is there once for each class of defects, since COCO matches class by class.
+"""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from pavetwin.datasets.annotated import AnnotatedImage, Annotation, class_names, defect_names
+from pavetwin.datasets.common_form import PICTURES, annotation_path, read_image
+from pavetwin.datasets.splitting import split_names
+from pavetwin.errors import PaveTwinError, no_such
+from pavetwin.files import link_or_copy, working_in, writing
+from pavetwin.labels.classes import categories
+from pavetwin.labels.rle import encode
+from pavetwin.labels.yolo import box_line, data_yaml, polygon_line
+
+FORMATS_OF_EXPORT: Final = ("yolo", "yolo-seg", "coco")
+
+SEGMENTATION: Final = "yolo-seg"
+
+
+def export(folder: Path, output: Path, formats: tuple[str, ...]) -> dict[str, int]:
+    """Write a dataset's splits in formats; what is there already is written again.
+
+    Returns:
+        The number of images by format.
+
+    Raises:
+        PaveTwinError: a format is not known, the dataset is not split, or the output cannot be written.
+    """
+    for name in formats:
+        if name not in FORMATS_OF_EXPORT:
+            raise PaveTwinError(no_such("format", name, FORMATS_OF_EXPORT, key="`formats`"))
+    names = split_names(folder)
+    if output.resolve() == folder.resolve():
+        raise PaveTwinError("The exported dataset needs a folder of its own.")
+    splits = tuple(split for split, held in names.items() if held)
+    counts = dict.fromkeys(formats, 0)
+    with working_in(output):
+        for split in splits:
+            for name in names[split]:
+                image = read_image(annotation_path(folder, name))
+                for each in formats:
+                    counts[each] += _write_image(folder, output, split, image, each)
+            if "coco" in formats:
+                _write(output / "annotations" / f"instances_{split}.json", _coco(folder, names, split))
+        for each, inner in (("yolo", output), (SEGMENTATION, output / SEGMENTATION)):
+            if each in formats:
+                _write(inner / "data.yaml", iter([data_yaml(splits)]))
+    return counts
+
+
+def _write_image(folder: Path, output: Path, split: str, image: AnnotatedImage, name: str) -> bool:
+    """Whether the image is in the format."""
+    numbers = {category: at for at, category in enumerate(class_names())}
+    lines: list[str] = []
+    if name == SEGMENTATION:
+        if any(each.outline is None for each in image.labelled):
+            return False
+        output = output / SEGMENTATION
+        for each in image.labelled:
+            assert each.category is not None
+            assert each.outline is not None
+            lines.append(polygon_line(numbers[each.category], each.outline, image.size_px))
+    elif name == "yolo":
+        labelled = ((each.category, each.box) for each in image.labelled if each.category is not None)
+        lines = [box_line(numbers[category], box, image.size_px) for category, box in labelled]
+    picture = output / "images" / split / image.picture
+    if not picture.is_file():
+        link_or_copy(folder / PICTURES / image.picture, picture)
+    if name != "coco":
+        labels = output / "labels" / split / f"{image.name}.txt"
+        labels.parent.mkdir(parents=True, exist_ok=True)
+        labels.write_text("".join(lines), encoding="utf-8")
+    return True
+
+
+def _coco(folder: Path, names: dict[str, list[str]], split: str) -> Iterator[bytes]:
+    """The file in pieces: the images are read twice, so that memory holds one at a time."""
+    first = 1 + sum(len(names[other]) for other in list(names)[: list(names).index(split)])
+    kinds = [{"id": each.number + 1, "name": each.name, "supercategory": each.supercategory} for each in categories()]
+    yield b'{"info": ' + _line({"description": folder.absolute().name, "version": "1"})
+    yield b',\n"licenses": [],\n"categories": ' + _line(kinds) + b',\n"images": [\n'
+    yield from _joined(_image(number, image) for number, image in _numbered(folder, names[split], first))
+    yield b'\n],\n"annotations": [\n'
+    yield from _joined(
+        {"id": number * 10_000 + place, **row}
+        for number, image in _numbered(folder, names[split], first)
+        for place, row in enumerate(_rows(number, image))
+    )
+    yield b"\n]}\n"
+
+
+def _numbered(folder: Path, names: list[str], first: int) -> Iterator[tuple[int, AnnotatedImage]]:
+    return ((number, read_image(annotation_path(folder, name))) for number, name in enumerate(names, first))
+
+
+def _image(number: int, image: AnnotatedImage) -> dict[str, Any]:
+    return {
+        "id": number,
+        "file_name": image.picture,
+        "width": image.size_px[0],
+        "height": image.size_px[1],
+        "gsd_mm": image.gsd_mm,
+        "source": image.source,
+        "group": image.group,
+        "is_background": image.is_background,
+        "attributes": dict(image.attributes),
+    }
+
+
+def _rows(number: int, image: AnnotatedImage) -> Iterator[dict[str, Any]]:
+    """The annotations of an image, without their ids."""
+    ids = {name: at for at, name in enumerate(class_names(), start=1)}
+    for each in image.annotations:
+        left, top, right, bottom = each.box
+        row = {
+            "image_id": number,
+            "bbox": [left, top, right - left, bottom - top],
+            "area": (right - left) * (bottom - top),
+            "segmentation": _segmentation(each, image.size_px),
+            "iscrowd": int(each.ignored is not None),
+            "ignored": each.ignored,
+            "original": each.original,
+            "attributes": dict(each.attributes),
+        }
+        for category in defect_names() if each.category is None else (each.category,):
+            yield {"category_id": ids[category], **row}
+
+
+def _segmentation(annotation: Annotation, size_px: tuple[int, int]) -> Any:
+    if annotation.ignored is None:
+        return [] if annotation.outline is None else [[value for corner in annotation.outline for value in corner]]
+    width, height = size_px
+    left, top, right, bottom = annotation.box
+    mask = np.zeros((height, width), dtype=np.bool_)
+    mask[top:bottom, left:right] = True
+    return {"size": [height, width], "counts": encode(mask)}
+
+
+def _joined(rows: Iterator[dict[str, Any]]) -> Iterator[bytes]:
+    for number, row in enumerate(rows):
+        yield (b",\n" if number else b"") + _line(row)
+
+
+def _line(value: object) -> bytes:
+    return json.dumps(value, ensure_ascii=False).encode()
+
+
+def _write(path: Path, pieces: Iterator[bytes]) -> None:
+    with writing(path) as temporary, temporary.open("wb") as stream:
+        stream.writelines(pieces)
