@@ -19,16 +19,19 @@ import numpy.typing as npt
 from PIL import Image, ImageFilter
 
 from gallery.renderer import LOW_SUN, MORNING, OVERCAST, GalleryRenderer, Picture
-from gallery.texture import SIDE_PX, texture_statistics, told_apart
+from gallery.sheet import grid, save
+from gallery.texture import GROUPS, SIDE_PX, texture_statistics, told_apart
 from pavetwin.cli.console import fail, out
 from pavetwin.scene.view import look
 
-FRAMES: Final = 120
+FRAMES: Final = 90
 PHOTOGRAPHS: Final = 240
 ALTITUDE_M: Final = 10.0
-GSD_M: Final = (0.002, 0.008)
-"""Range of the frames' ground resolutions, even in their logarithm: a Phantom 4 Pro has 1.6 mm a pixel from 6 m and
-8 mm from 30 m."""
+GSD_M: Final = (0.002, 0.016)
+"""Range of the frames' ground resolutions, even in their logarithm: by the widths of markings, drones' photographs in
+RDD2022 have 3 to 17 mm a pixel."""
+SHOWN: Final = 24
+CELL_PX: Final = (240, 240)
 BLANK: Final = 0.01
 """Photographs with more of pure black than this were padded."""
 SCALES_PX: Final = (1.0, 4.0, 16.0)
@@ -87,6 +90,7 @@ def main() -> int:
     parser.add_argument("photographs", type=Path, help="folder of photographs of roads from above")
     parser.add_argument("--work", type=Path, default=Path("out/gallery"), help="folder of the town")
     parser.add_argument("--held-out", action="store_true", help="use every second photograph only, by name")
+    parser.add_argument("--sheet", type=Path, help="a picture to write: photographs on the left, frames on the right")
     parser.add_argument("--keep", type=Path, help="folder to keep the frames in")
     options = parser.parse_args()
     found = sorted(path for path in options.photographs.rglob("*") if path.suffix.lower() in (".jpg", ".jpeg", ".png"))
@@ -100,11 +104,24 @@ def main() -> int:
         options.keep.mkdir(parents=True, exist_ok=True)
         for index, frame in enumerate(made):
             frame.save(options.keep / f"{index:03}.png")
+    if options.sheet:
+        save(_sheet(pictures, made), options.sheet)
     _print_readings(np.array([readings(each) for each in pictures]), np.array([readings(each) for each in made]))
     ours, real = (np.array([texture_statistics(each) for each in side]) for side in (made, pictures))
-    auc, low, high = told_apart(ours, real)
-    out.print(f"told apart by texture: AUC {auc:.3f} (95 %: {low:.3f} … {high:.3f})")
+    out.print("\ntold apart by texture: AUC (95 %)")
+    for name, part in GROUPS.items():
+        auc, low, high = told_apart(ours[:, part], real[:, part])
+        out.print(f"{name:32} {auc:.3f} ({low:.3f} … {high:.3f})")
     return 0
+
+
+def _sheet(pictures: list[Image.Image], made: list[Image.Image]) -> Picture:
+    """`SHOWN` of each side, evenly chosen."""
+    halves = []
+    for side in (pictures, made):
+        shown = side[:: max(1, len(side) // SHOWN)][:SHOWN]
+        halves.append(grid([np.asarray(each.resize(CELL_PX)) for each in shown], columns=4))
+    return grid(halves, columns=2)
 
 
 def _print_readings(real: Float, ours: Float) -> None:

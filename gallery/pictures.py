@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
+from PIL import Image
 from shapely import Polygon
 
 from gallery.places import busy_street, drive, shown_best
@@ -21,12 +22,15 @@ from pavetwin.scene.agents import quadrotor
 from pavetwin.scene.view import View, look, nadir
 from pavetwin.twin import Mode, UavState
 from pavetwin.world.model import Defect
+from pavetwin.world.segments import direction_at
 
 SEVERITIES: Final = ("low", "medium", "high")
 ALTITUDES_M: Final = (6.0, 10.0, 15.0)
 
 CLOSE_UP_M: Final = {"single_crack": 2.4, "crocodile_crack": 3.8, "pothole": 2.0}
 """Height of the ground that a picture of a defect shows [m]."""
+
+STREETS: Final = 24
 
 HIGH_M: Final = 120.0
 _HIGH_FOV: Final = math.radians(46.0)
@@ -158,6 +162,22 @@ def street(renderer: GalleryRenderer) -> Picture:
     return renderer.take(view, MORNING, time_s=placement.time_s)
 
 
+def streets(renderer: GalleryRenderer) -> Picture:
+    """Streets of many looks as the UAV sees them, under changing skies."""
+    by_street = sorted(renderer.world.segments, key=lambda segment: (segment.street, segment.id))
+    cells = []
+    for index in range(STREETS):
+        segment = by_street[index * len(by_street) // STREETS]
+        station = 0.5 * segment.length_m
+        place, (dx, dy) = segment.centre_line.interpolate(station), direction_at(segment.centre_line, station)
+        view = nadir(
+            renderer.camera, (place.x, place.y, ALTITUDES_M[1]), yaw_rad=math.atan2(dy, dx), size_px=(640, 480)
+        )
+        taken = Image.fromarray(renderer.take(view, (MORNING, OVERCAST, LOW_SUN, OVERCAST)[index % 4]))
+        cells.append(np.asarray(taken.resize((320, 240), Image.Resampling.LANCZOS)))
+    return grid(cells, columns=4)
+
+
 def map_view(renderer: GalleryRenderer) -> Picture:
     """The same time seen from high above the street, and on the animation's map."""
     placement = busy_street(renderer)
@@ -225,6 +245,7 @@ PICTURES: Final[Mapping[str, Callable[[GalleryRenderer], Picture]]] = MappingPro
         "car": car,
         "quadrotor": quadrotor_over_street,
         "street": street,
+        "streets": streets,
         "map": map_view,
     }
 )

@@ -22,6 +22,16 @@ FOLDS: Final = 10
 PENALTY: Final = 3.0
 RESAMPLES: Final = 2000
 
+GROUPS: Final = {
+    "all statistics": slice(None),
+    "patterns at 1 pixel": slice(0, 10),
+    "patterns at 2 pixels": slice(10, 20),
+    "patterns at 4 pixels": slice(20, 30),
+    "spectrum": slice(30, 30 + RINGS),
+    "its spread over directions": slice(30 + RINGS, 30 + 2 * RINGS),
+}
+"""Columns of the statistics, by what they say."""
+
 Float = npt.NDArray[np.float64]
 
 

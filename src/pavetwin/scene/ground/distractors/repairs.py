@@ -206,7 +206,7 @@ class _OnSegment:
         if slabs is None or self.length < slabs.every_m:
             return
         first = slabs.every_m * self.plan.chance(f"slabs {self.segment.id}")
-        across = np.arange(-self.half + 0.02, self.half, 0.5)
+        across = np.linspace(-self.half - 0.3, self.half + 0.3, 2 + round(4 * self.half))
         for station in np.arange(first, self.length, slabs.every_m):
             line = self._world(station + wander(self.rng, across, 0.004), across)
             _seal(self.plan, self.found, line, slabs.half_width_m, slabs.lost)
