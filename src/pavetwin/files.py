@@ -118,7 +118,8 @@ def link_or_copy(source: Path, target: Path) -> None:
     try:
         os.link(source, target)
     except (OSError, NotImplementedError):
-        shutil.copyfile(source, target)
+        with writing(target) as temporary:
+            shutil.copyfile(source, temporary)
 
 
 @contextmanager

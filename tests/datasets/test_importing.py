@@ -1,5 +1,7 @@
 """An import: images brought to size, resumed where it stopped, the same bytes each time."""
 
+import subprocess
+import sys
 from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
@@ -165,3 +167,36 @@ def test_memory_holds_a_few_pictures_at_a_time(tmp_path: Path, monkeypatch: pyte
     run(photos, tmp_path / "out")
     # When a picture is decoded, all but the last few are written.
     assert all(started - done <= 4 for started, done in enumerate(waiting))
+
+
+MANY = """
+import resource, sys
+from pathlib import Path
+from pavetwin.datasets.importing import import_source
+from pavetwin.datasets.merging import merge
+from pavetwin.datasets.normalise import ImageSize
+from pavetwin.datasets.sources import source_of
+from pavetwin.datasets.splitting import split_dataset
+folder, output = map(Path, sys.argv[1:])
+made = import_source(*source_of("highrpd"), folder, output / "one", size=ImageSize())
+merged = merge([made.folder], output / "all")
+split_dataset(merged.folder, (0.7, 0.2, 0.1))
+print(made.images, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+@pytest.mark.slow
+def test_twenty_thousand_images_fit_into_a_gibibyte(tmp_path: Path) -> None:
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    for number in range(20_000):
+        shade = Image.new("L", (32, 24), number % 251)
+        shade.paste(number // 251, (number % 29, 0, 32, 12))
+        shade.save(folder / f"{number}.jpg")
+        (folder / f"{number}.txt").write_text("0 0.5 0.5 0.5 0.5\n1 0.2 0.2 0.2 0.2\n")
+    done = subprocess.run(
+        [sys.executable, "-c", MANY, folder, tmp_path / "out"], capture_output=True, text=True, check=True
+    )
+    images, peak_kib = map(int, done.stdout.split())
+    assert images == 20_000
+    assert peak_kib < 2**20

@@ -31,10 +31,48 @@ app = typer.Typer(
     pavetwin data sources
     pavetwin data import uav-pdd2023 ~/downloads/UAV-PDD2023 -o datasets/pdd
     pavetwin data stats datasets/pdd
+    pavetwin data build recipe.yaml -o datasets/everything
 
     The five classes are Single Crack, Crocodile Crack, Pothole, Person and Car.""",
     no_args_is_help=True,
 )
+
+
+@app.command()
+def build(
+    recipe: Annotated[Path, typer.Argument(metavar="RECIPE.yaml", help="What the dataset is made of.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the stages.")] = None,
+) -> None:
+    """Import, merge, split and export in one go, from a recipe; or go on with a build that was stopped.
+
+    \b
+    pavetwin data build recipe.yaml -o datasets/everything
+
+    \b
+    sources:
+      - {source: rdd2022-china-drone, folder: downloads/China_Drone}
+      - {source: mine.yaml, folder: photos, background: checked.txt, gsd_mm: 2.5}
+    size: {longest_px: 640, tiles: true}
+    split: [70, 20, 10]
+    export: [yolo, coco]
+    """
+    from pavetwin.datasets.common_form import read_images
+    from pavetwin.datasets.recipe import build as built
+    from pavetwin.datasets.recipe import read_recipe
+    from pavetwin.datasets.statistics import count_images
+
+    if output is None:
+        raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/everything.")
+    with progress("Building", lines=True) as tell:
+        summary = built(read_recipe(recipe), recipe.absolute().parent, output, on_stage=tell)
+    for folder, report in summary.stages:
+        _tell(report, folder)
+        out.print(_counts(str(folder), count_images(read_images(folder))))
+    out.print(_splits(summary.shares))
+    told = "".join(f", {count} images as {name}" for name, count in summary.exported.items())
+    out.line(f"Built in {output}/{told}. Next: pavetwin data show {quote(str(summary.stages[-1][0]))}")
+    if any(report.has_refusals for _, report in summary.stages):
+        raise typer.Exit(REFUSED_CODE)
 
 
 @app.command("sources")
@@ -86,11 +124,12 @@ def import_folder(
     """
     from pavetwin.datasets.importing import import_source
     from pavetwin.datasets.normalise import ImageSize
+    from pavetwin.datasets.recipe import backgrounds_in
     from pavetwin.datasets.sources import source_of
 
     if output is None:
         raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/pdd.")
-    backgrounds = _listed(background)
+    backgrounds = backgrounds_in(background) if background is not None else frozenset()
     name, found = source_of(source)
     if gsd is not None:
         found = type(found).parse({**dict(found), "gsd_mm": gsd}, where="--gsd")
@@ -219,16 +258,6 @@ def show(
     with progress("Drawing"):
         drawn = save_contact_sheet(dataset, path, count=count)
     out.line(f"{drawn} images on {path}")
-
-
-def _listed(path: Path | None) -> frozenset[str]:
-    if path is None:
-        return frozenset()
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise PaveTwinError(f"--background: '{path}' cannot be read as a list of pictures.") from error
-    return frozenset(line.strip() for line in lines if line.strip())
 
 
 def _tell(report: "Report", folder: Path) -> None:

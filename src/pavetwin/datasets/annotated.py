@@ -2,7 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 
+from pavetwin.defects.registry import DEFECT_CLASSES
 from pavetwin.labels.boxes import PixelBox
 from pavetwin.labels.classes import categories
 
@@ -12,6 +14,13 @@ Polygon = tuple[tuple[float, float], ...]
 
 def class_names() -> tuple[str, ...]:
     """The classes of the common form, by number: the five of a detector, then one's own classes of defects."""
+    return _class_names(tuple(DEFECT_CLASSES.names()))
+
+
+@lru_cache(maxsize=4)
+def _class_names(defects: tuple[str, ...]) -> tuple[str, ...]:
+    """Kept until another class of defects is registered: every annotation asks."""
+    del defects
     return tuple(category.name for category in categories())
 
 

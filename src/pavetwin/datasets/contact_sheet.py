@@ -51,7 +51,8 @@ def _cell(folder: Path, image: AnnotatedImage, colour_of: dict[str, str]) -> Ima
         colour = colour_of[each.category] if is_shown and each.category is not None else None
         draw_box(pen, (left * scale, top * scale, right * scale, bottom * scale), colour)
     ignored = len(image.annotations) - len(image.labelled)
-    count = f"{len(image.labelled)} labels" if not image.is_background else "background"
+    labels = "1 label" if len(image.labelled) == 1 else f"{len(image.labelled)} labels"
+    count = labels if not image.is_background else "background"
     resolution = "" if image.gsd_mm is None else f" · {image.gsd_mm:.3g} mm a pixel"
     width, height = image.size_px
     return captioned(

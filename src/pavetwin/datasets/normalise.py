@@ -159,9 +159,8 @@ def encoded_views(path: Path, image_views: list[ImageView], quality: int) -> Ite
         yield content
         return
     with opened(path) as picture:
-        if is_whole and orientation(picture) == 1:  # a JPEG is decoded at half, a quarter, … of its size
-            width, height = image_views[0].size_px
-            picture.draft("RGB", (2 * width, 2 * height))
+        if is_whole and orientation(picture) == 1:  # a JPEG is decoded at a half, a quarter or an eighth, not below
+            picture.draft("RGB", image_views[0].size_px)
         turned = ImageOps.exif_transpose(picture).convert("RGB")
     for view in image_views:
         part = turned if is_whole else turned.crop(view.window)

@@ -1,0 +1,160 @@
+"""A whole dataset from one file: sources imported, merged, split and exported.
+
+Every stage has a folder of its own in the output and is resumable by itself, so a recipe that is run again goes on
+where it stopped, and the same recipe over the same files gives the same bytes.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from pydantic import Field, field_validator
+from yaml import YAMLError
+
+from pavetwin.config.base import Settings
+from pavetwin.config.text import parse_yaml
+from pavetwin.datasets.exporting import FORMATS_OF_EXPORT, export
+from pavetwin.datasets.importing import import_source
+from pavetwin.datasets.merging import merge
+from pavetwin.datasets.normalise import ImageSize
+from pavetwin.datasets.report import Report
+from pavetwin.datasets.sources import DatasetSource, source_of
+from pavetwin.datasets.splitting import SplitShares, split_dataset
+from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.files import working_in
+
+IMPORTS: Final = "imports"
+MERGED: Final = "merged"
+EXPORT: Final = "export"
+
+
+class RecipeSource(Settings):
+    """One source of a recipe."""
+
+    source: str = Field(description="A known source, or a mapping file (mine.yaml).")
+    folder: Path = Field(description="Where its dataset was unpacked.")
+    background: Path | None = Field(default=None, description="List of pictures that someone has checked.")
+    gsd_mm: float | None = Field(default=None, gt=0, le=1000, description="Millimetres a pixel covers, if known.")
+
+
+class Recipe(Settings):
+    """What a dataset is made of. Paths are relative to the recipe's file."""
+
+    sources: tuple[RecipeSource, ...] = Field(
+        min_length=1, description="In the order in which the first picture counts."
+    )
+    size: ImageSize = Field(default=ImageSize(), description="How large images become.")
+    split: tuple[float, float, float] = Field(default=(70.0, 20.0, 10.0), description="Percent of train, val and test.")
+    export: tuple[str, ...] = Field(default=("yolo", "coco"), description="Formats; none are allowed.")
+    seed: int = Field(default=0, ge=0, description="Random seed of the split.")
+
+    @field_validator("export")
+    @classmethod
+    def _are_known(cls, formats: tuple[str, ...]) -> tuple[str, ...]:
+        for name in formats:
+            if name not in FORMATS_OF_EXPORT:
+                near = nearest_name(name, FORMATS_OF_EXPORT)
+                raise ValueError(f"no format '{name}'{near}; known are {', '.join(FORMATS_OF_EXPORT)}")
+        return formats
+
+
+@dataclass(frozen=True)
+class BuildSummary:
+    """What a build left: a folder and a report for each stage, in order."""
+
+    stages: tuple[tuple[Path, Report], ...]
+    shares: SplitShares
+    exported: dict[str, int]
+
+
+OnStage = Callable[[float, str], None]
+"""Told the share of a stage that is done, and the stage."""
+
+
+def read_recipe(path: Path) -> Recipe:
+    """A recipe's file.
+
+    Raises:
+        PaveTwinError: it cannot be read, or a key or value does not fit.
+    """
+    try:
+        content = parse_yaml(path.read_text(encoding="utf-8"), where=f"the recipe '{path}'")
+    except (OSError, UnicodeDecodeError) as error:
+        raise PaveTwinError(f"The recipe '{path}' cannot be read.") from error
+    except (YAMLError, ValueError) as error:
+        raise PaveTwinError(f"The recipe '{path}' is not valid YAML: {' '.join(str(error).split())}.") from error
+    if not isinstance(content, dict):
+        raise PaveTwinError(f"The recipe '{path}' must hold keys such as sources and split.")
+    return Recipe.parse(content, where=f"the recipe '{path}'")
+
+
+def build(
+    recipe: Recipe, beside: Path, output: Path, *, on_stage: OnStage = lambda _share, _what: None
+) -> BuildSummary:
+    """Make everything that a recipe asks for, or what of it is missing.
+
+    Args:
+        beside: the folder of the recipe's file.
+
+    Raises:
+        PaveTwinError: a source cannot be imported, or the output holds the work of another recipe.
+    """
+    named = _named(recipe.sources, beside)
+    stages: list[tuple[Path, Report]] = []
+    with working_in(output):
+        for folder, (name, source, each) in zip(_folders(named), named, strict=True):
+
+            def on_image(done: int, total: int, name: str = name) -> None:
+                on_stage(min(1.0, done / total), f"Importing {name} {done}/{total}")
+
+            imported = import_source(
+                name,
+                source,
+                beside / each.folder,
+                output / IMPORTS / folder,
+                size=recipe.size,
+                backgrounds=backgrounds_in(beside / each.background) if each.background is not None else frozenset(),
+                on_image=on_image,
+            )
+            stages.append((imported.folder, imported.report))
+        merged = merge([folder for folder, _ in stages], output / MERGED, on_progress=on_stage)
+        stages.append((merged.folder, merged.report))
+        on_stage(0.0, "Splitting")
+        shares = split_dataset(merged.folder, [percent / 100 for percent in recipe.split], recipe.seed)
+        on_stage(0.0, "Exporting")
+        exported = export(merged.folder, output / EXPORT, recipe.export) if recipe.export else {}
+    return BuildSummary(tuple(stages), shares, exported)
+
+
+def _named(sources: Sequence[RecipeSource], beside: Path) -> list[tuple[str, DatasetSource, RecipeSource]]:
+    """Every source with its name; all are found before the first is imported."""
+    found = []
+    for each in sources:
+        if not (beside / each.folder).is_dir():
+            raise PaveTwinError(f"There is no folder '{beside / each.folder}', which the recipe names.")
+        is_file = each.source.lower().endswith((".yaml", ".yml"))
+        name, source = source_of(str(beside / each.source) if is_file else each.source)
+        if each.gsd_mm is not None:
+            source = source.model_copy(update={"gsd_mm": each.gsd_mm})
+        found.append((name, source, each))
+    return found
+
+
+def _folders(named: Sequence[tuple[str, DatasetSource, RecipeSource]]) -> list[str]:
+    """Names of folders: the sources' own, and a number behind one that is there again."""
+    names = [name for name, _, _ in named]
+    return [name if name not in names[:at] else f"{name}-{names[:at].count(name) + 1}" for at, name in enumerate(names)]
+
+
+def backgrounds_in(path: Path) -> frozenset[str]:
+    """The paths of pictures that a text file lists, one a line.
+
+    Raises:
+        PaveTwinError: it cannot be read.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise PaveTwinError(f"`background`: '{path}' cannot be read as a list of pictures.") from error
+    return frozenset(line.strip() for line in lines if line.strip())
