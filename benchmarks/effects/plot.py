@@ -39,14 +39,14 @@ def save_plot(found: Sequence[Effect], path: Path) -> None:
     effects = sorted(ranked(found), key=lambda effect: list(Kind).index(effect.variant.kind))
     height = ROW_IN * len(effects)
     with style.styled():
-        figure = style.new_figure(11.5, height + 1.2)
+        figure = style.new_figure(11.9, height + 1.2)
         left = 3.3
         for name, title in PANELS:
             axes = style.axes_in(figure, left, 0.55, 1.35, height)
             _panel(axes, [effect.flight for effect in effects], effects, name, title)
             if left == 3.3:
                 axes.set_yticks(range(len(effects)), [_plain(effect.variant.title) for effect in effects])
-            left += 1.45
+            left += 1.52
         axes = style.axes_in(figure, left + 0.1, 0.55, 1.35, height)
         _panel(
             axes,
