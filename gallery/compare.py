@@ -24,12 +24,12 @@ from gallery.texture import GROUPS, SIDE_PX, texture_statistics, told_apart
 from pavetwin.cli.console import fail, out
 from pavetwin.scene.view import look
 
-FRAMES: Final = 90
+FRAMES: Final = 120
 PHOTOGRAPHS: Final = 240
 ALTITUDE_M: Final = 10.0
-GSD_M: Final = (0.002, 0.016)
-"""Range of the frames' ground resolutions, even in their logarithm: by the widths of markings, drones' photographs in
-RDD2022 have 3 to 17 mm a pixel."""
+GSD_M: Final = (0.002, 0.008)
+"""Range of the frames' ground resolutions, even in their logarithm: a Phantom 4 Pro has 1.6 mm a pixel from 6 m and
+8 mm from 30 m."""
 SHOWN: Final = 24
 CELL_PX: Final = (240, 240)
 BLANK: Final = 0.01
