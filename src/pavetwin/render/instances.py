@@ -140,6 +140,16 @@ class InstanceBatch:
         return InstanceBatch(*(getattr(self, column.name)[which] for column in fields(self)))
 
 
+def instance_rows(batch: InstanceBatch, camera: Float64Array) -> StructuredArray:
+    """(n,) `RECORD` of a batch; `camera` (3,) in the world frame, metres."""
+    rows = np.zeros(len(batch), dtype=RECORD)
+    rows["rows"] = batch.transform
+    rows["rows"][:, :, 3] = batch.transform[:, :, 3] - camera
+    rows["tints"], rows["label"] = batch.tints, batch.label
+    rows["velocity"], rows["shift"] = batch.velocity, (1, 1, 0, 0)
+    return rows
+
+
 @dataclass
 class InstanceBuffer:
     """The instance buffer of one frame while it is filled. Positions are relative to the camera."""
@@ -167,12 +177,7 @@ class InstanceBuffer:
             return []
         sort = batch.part.astype(np.int64) * 16 + (0 if level is None else level)
         order = np.argsort(sort, kind="stable")
-        rows = np.zeros(len(batch), dtype=RECORD)
-        rows["rows"] = batch.transform[order]
-        rows["rows"][:, :, 3] = batch.transform[order][:, :, 3] - self.camera
-        rows["tints"], rows["label"] = batch.tints[order], batch.label[order]
-        rows["velocity"], rows["shift"] = batch.velocity[order], (1, 1, 0, 0)
-        first = self._add(rows)
+        first = self._add(instance_rows(batch.only(order), self.camera))
         kinds, starts, counts = np.unique(sort[order], return_index=True, return_counts=True)
         return [
             ((int(kind) // 16, int(kind) % 16), int(count), first + int(start))

@@ -38,6 +38,9 @@ _SHADOW_DEPTH_M: Final = 400.0
 _RECEIVER_M: Final = 4.0
 """Shadows fall on the ground and on objects up to this height [m]."""
 
+_HIGHER: Final = np.array([[index & 4, index & 2, index & 1] for index in range(8)]) > 0
+"""Of the corners of a box."""
+
 FRAME_INFO: Final = np.dtype(
     [
         ("to_clip", "f4", (4, 4)),
@@ -181,5 +184,4 @@ def planes(view: View) -> Float64Array:
 
 def corners(low: Float64Array, high: Float64Array) -> Float64Array:
     """(8, 3) of a box."""
-    choice = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), axis=-1).reshape(-1, 3)
-    return np.where(choice == 1, high, low)
+    return np.where(_HIGHER, high, low)

@@ -16,7 +16,7 @@ from pavetwin.render.exposure import Exposure, meter, programme
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.gpu_scene import GpuScene
-from pavetwin.render.instances import InstanceBatch, InstanceBuffer
+from pavetwin.render.instances import InstanceBatch, InstanceBuffer, instance_rows
 from pavetwin.render.passes import DrawList, FramePasses, Materials, RenderTargets, read, shadow_map
 from pavetwin.render.pipelines import compile_pipelines
 from pavetwin.render.projection import FRAME_INFO, NEAR_M, corners, fit_shadow, frame_info
@@ -236,14 +236,20 @@ class Renderer:
     def _amodal_objects(self, camera: Float64Array, agents: InstanceBatch, draws: DrawList) -> list[AmodalObject]:
         """The labelled objects that may be in the picture, with the meshes that they are drawn with."""
         objects, parts = [], self._gpu_scene.parts
-        for row in np.flatnonzero((agents.label > 0) & (draws.levels >= 0)).tolist():
-            one, records = agents.only(slice(row, row + 1)), InstanceBuffer(camera)
-            records.add_batch(one)
-            part = int(one.part[0])
-            placed = corners(parts.low[part], parts.high[part]) @ one.transform[0, :, :3].T + one.transform[0, :, 3]
-            mesh = self._gpu_scene.mesh(part, int(draws.levels[row]))
+        seen = np.flatnonzero((agents.label > 0) & (draws.levels >= 0))
+        shown = agents.only(seen)
+        rows = instance_rows(shown, camera)
+        for number, level in enumerate(draws.levels[seen].tolist()):
+            part, transform = int(shown.part[number]), shown.transform[number]
+            placed = corners(parts.low[part], parts.high[part]) @ transform[:, :3].T + transform[:, 3]
             objects.append(
-                AmodalObject(int(one.label[0]), mesh, records.data, placed, single_sided=part in parts.single_sided)
+                AmodalObject(
+                    int(shown.label[number]),
+                    self._gpu_scene.mesh(part, level),
+                    rows[number : number + 1],
+                    placed,
+                    single_sided=part in parts.single_sided,
+                )
             )
         for each in draws.patches:
             patch, records = each.patch, InstanceBuffer(camera)
