@@ -5,6 +5,7 @@ import zlib
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -65,16 +66,24 @@ def half_a_picture(folder: Path) -> None:
     voc(folder / "bad.xml", [("LC", (1, 1, 9, 9))], (256, 256))
 
 
-def a_picture_of_gigabytes(folder: Path) -> None:
-    """60,000 × 60,000 pixels in a few hundred bytes of PNG."""
+def a_picture_that_claims(folder: Path, width: int, height: int) -> None:
+    """So many pixels, in a few hundred bytes of PNG."""
 
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
-    header = chunk(b"IHDR", struct.pack(">IIBBBBB", 60_000, 60_000, 8, 2, 0, 0, 0))
+    header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
     rows = chunk(b"IDAT", zlib.compress(bytes(100_000)))
     (folder / "bad.png").write_bytes(b"\x89PNG\r\n\x1a\n" + header + rows + chunk(b"IEND", b""))
     voc(folder / "bad.xml", [("LC", (1, 1, 9, 9))])
+
+
+def a_picture_of_gigabytes(folder: Path) -> None:
+    a_picture_that_claims(folder, 60_000, 60_000)
+
+
+def a_picture_just_too_large(folder: Path) -> None:
+    a_picture_that_claims(folder, 12_000, 9_000)
 
 
 def two_pictures_of_one_name(folder: Path) -> None:
@@ -124,6 +133,10 @@ def a_box_twice(folder: Path) -> None:
         (
             a_picture_of_gigabytes,
             "refused bad.png: the picture is too large; at most 100 million pixels are read; the image is left out",
+        ),
+        (
+            a_picture_just_too_large,
+            "refused bad.png: the picture has 12000 × 9000 pixels; at most 100 million are read; the image is left out",
         ),
         (two_pictures_of_one_name, "refused bad.xml: two files of one name, bad.jpg and bad.png; both are left out"),
         (two_labels_of_one_picture, "refused good.jpg: its labels are given twice; the second is left out"),
@@ -218,7 +231,8 @@ def test_a_picture_that_was_turned_is_stored_as_it_is_seen(tmp_path: Path) -> No
     with Image.open(folder / "good.jpg") as seen:
         exif = Image.Exif()
         exif[0x0112] = 6
-        seen.save(folder / "good.jpg", exif=exif)
+        turned = np.asarray(seen.transpose(Image.Transpose.ROTATE_270), dtype=float)
+        seen.save(folder / "good.jpg", exif=exif, quality=95)
     yolo(folder / "good.txt", "0 0.25 0.5 0.5 1.0")
     assert told("highrpd", folder) == []
     (image,) = read_images(tmp_path / "dataset")
@@ -226,6 +240,7 @@ def test_a_picture_that_was_turned_is_stored_as_it_is_seen(tmp_path: Path) -> No
     with Image.open(tmp_path / "dataset" / "JPEGImages" / image.picture) as stored:
         assert stored.size == (48, 64)
         assert stored.getexif().get(0x0112, 1) == 1
+        assert np.abs(np.asarray(stored, dtype=float) - turned).mean() < 8
 
 
 def test_the_same_stranger_again_is_one_line(tmp_path: Path) -> None:

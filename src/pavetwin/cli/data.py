@@ -24,6 +24,9 @@ REFUSED_CODE = 1
 SHOWN = 20
 """Lines of a report on the terminal; all are in its file."""
 
+NOTES_SHOWN = 3
+"""Of its notes: a merge has one for every two pictures of one place."""
+
 app = typer.Typer(
     help="""Convert public datasets and your own images into one form, count them and look at them.
 
@@ -266,7 +269,9 @@ def _tell(report: "Report", folder: Path) -> None:
 
     order = list(Finding)
     lines = sorted(report, key=lambda problem: order.index(problem.finding))
-    for problem in lines[:SHOWN]:
+    found = [problem for problem in lines if problem.finding is not Finding.NOTE]
+    notes = [problem for problem in lines if problem.finding is Finding.NOTE]
+    for problem in found[:SHOWN] + notes[:NOTES_SHOWN]:
         err.line(f"{problem.finding.value}: {problem}")
     if lines:
         counts = ", ".join(f"{report.counts[each]} {each.value}" for each in order if report.counts[each])
