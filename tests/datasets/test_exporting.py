@@ -7,8 +7,11 @@ import supervision as sv
 from pycocotools.coco import COCO
 
 from pavetwin.datasets.annotated import AnnotatedImage, Annotation, class_names
-from pavetwin.datasets.common_form import annotation_path, as_xml, write_description
+from pavetwin.datasets.common_form import annotation_path, as_xml, read_images, write_description
 from pavetwin.datasets.exporting import export
+from pavetwin.datasets.importing import import_source
+from pavetwin.datasets.normalise import ImageSize
+from pavetwin.datasets.sources import source_of
 from pavetwin.datasets.splitting import split_dataset
 from pavetwin.errors import PaveTwinError
 from scenes.photographs import picture
@@ -90,6 +93,22 @@ def test_coco_is_read_by_pycocotools(exported: Path) -> None:
     assert [(each["iscrowd"], each["ignored"], each["attributes"]) for each in second] == [
         (0, None, {"kind": "van"}),
         (1, "hidden", {}),
+    ]
+
+
+def test_coco_is_imported_again_with_scenes_and_ground_resolution(exported: Path, tmp_path: Path) -> None:
+    mapping = tmp_path / "again.yaml"
+    rules = "".join(f"  {name}: {name}\n" for name in class_names())
+    mapping.write_text(f"labels: {{format: coco}}\nclasses:\n{rules}")
+    name, source = source_of(str(mapping))
+    import_source(name, source, exported, tmp_path / "out", size=ImageSize())
+    first, second = sorted(read_images(tmp_path / "out"), key=lambda image: image.group)
+    assert (first.group, second.group, first.gsd_mm) == ("again:a", "again:b", 2.5)
+    assert [(each.category, each.box) for each in first.labelled] == [("Pothole", (10, 20, 30, 40))]
+    assert first.labelled[0].outline == POTHOLE.outline
+    assert [(each.category, each.box, each.ignored) for each in second.annotations] == [
+        ("Car", CAR.box, None),
+        ("Car", HIDDEN.box, "crowd"),
     ]
 
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pavetwin.labels.boxes import area, moved, ordered, overlap, scaled, share_within, to_pixels, within
+from pavetwin.labels.boxes import area, moved, ordered, scaled, share_within, to_pixels, within
 
 SIDE = st.integers(1, 3000)
 EDGE = st.floats(-2000, 4000, allow_nan=False)
@@ -63,21 +63,6 @@ def test_tiles_share_out_a_box(
             assert seen[2] <= right - left + 1e-9
             assert seen[3] <= bottom - top + 1e-9
             assert moved(seen, left, top) == pytest.approx(inside)
-
-
-@given(boxes_in_images(), boxes_in_images())
-def test_overlap_is_symmetric_and_one_only_for_the_same(
-    one: tuple[tuple[int, int, int, int], tuple[int, int]], other: tuple[tuple[int, int, int, int], tuple[int, int]]
-) -> None:
-    first, second = one[0], other[0]
-    assert overlap(first, second) == overlap(second, first)
-    assert overlap(first, first) == 1.0
-    assert (overlap(first, second) == 1.0) == (first == second)
-
-
-def test_overlap_of_two_squares_that_share_a_quarter() -> None:
-    assert overlap((0, 0, 10, 10), (5, 5, 15, 15)) == pytest.approx(25 / 175)
-    assert overlap((0, 0, 10, 10), (10, 0, 20, 10)) == 0.0
 
 
 def test_a_box_thinner_than_a_pixel_gets_the_pixel_of_its_middle() -> None:

@@ -275,7 +275,8 @@ def _tell(report: "Report", folder: Path) -> None:
         err.line(f"{problem.finding.value}: {problem}")
     if lines:
         counts = ", ".join(f"{report.counts[each]} {each.value}" for each in order if report.counts[each])
-        err.line(f"{counts}; all in {folder / FILE}")
+        more = f" but {report.untold}, which are only counted" if report.untold else ""
+        err.line(f"{counts}; all{more} in {folder / FILE}")
 
 
 def _splits(found: "SplitShares") -> "Table":

@@ -37,14 +37,6 @@ def share_within(box: FloatBox, window: FloatBox) -> float:
     return area(inside) / area(box) if inside is not None else NO_SHARE
 
 
-def overlap(one: FloatBox, other: FloatBox) -> float:
-    """Intersection over union, 0 … 1."""
-    common = within(one, other)
-    if common is None:
-        return NO_SHARE
-    return area(common) / (area(one) + area(other) - area(common))
-
-
 def scaled(box: FloatBox, across: float, down: float) -> FloatBox:
     """The box in an image that was resized by these factors."""
     return box[0] * across, box[1] * down, box[2] * across, box[3] * down

@@ -4,7 +4,7 @@ import json
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from math import isfinite
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -60,14 +60,16 @@ class CocoLayout(LabelLayout):
     def details(self, labels: str, image: Mapping[str, Any]) -> dict[str, Any]:
         """What else is known of an image: `gsd_mm`, `group`, `attributes` of its RawImage."""
         del labels
-        gsd_mm = image.get("gsd_mm")
-        return {"gsd_mm": float(gsd_mm)} if isinstance(gsd_mm, int | float) and 0 < gsd_mm < float("inf") else {}
+        gsd_mm, group = image.get("gsd_mm"), image.get("group")
+        is_known = isinstance(gsd_mm, int | float) and 0 < gsd_mm < float("inf")
+        return {"gsd_mm": gsd_mm if is_known else None, "group": group if isinstance(group, str) else None}
 
     def picture_places(self, labels: str) -> tuple[str, ...]:
         """Folders, from the one of the dataset, in which the pictures of a JSON file may lie."""
-        beside = Path(labels).parent
-        above = [beside, *beside.parents]
-        return tuple((each / place).as_posix() for each in above for place in _PLACES)
+        path = PurePosixPath(labels)
+        split = path.stem.removeprefix("instances_")
+        places = (f"images/{split}", split, *_PLACES)
+        return tuple((above / place).as_posix() for above in path.parents for place in places)
 
     def _picture(self, folder: Path, labels: str, name: str, report: Report) -> Path | None:
         """The picture of a name; None, and a line in the report, where it is not there or leads out of the folder."""

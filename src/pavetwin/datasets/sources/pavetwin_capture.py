@@ -21,10 +21,6 @@ class CaptureLayout(CocoLayout):
         kept = {key: str(camera[key]) for key in ("platform", "altitude_m") if key in camera}
         return {"attributes": {"split": split, **kept}, **_resolution(camera)}
 
-    def picture_places(self, labels: str) -> tuple[str, ...]:
-        split = PurePosixPath(labels).stem.removeprefix("instances_")
-        return (f"{PurePosixPath(labels).parent.parent}/images/{split}",)
-
     def ignored(self, content: Mapping[str, Any]) -> str | None:
         reason = content.get("ignored")
         return str(reason) if reason is not None else super().ignored(content)
