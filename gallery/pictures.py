@@ -206,6 +206,7 @@ def map_view(renderer: GalleryRenderer) -> Picture:
                 agents["length_m"], agents["height_m"], agents["is_pedestrian"], strict=True
             )
         ],
+        parked={name: column[:0] for name, column in agents.items()},
         hidden=Polygon(),
         seen=Polygon(),
         defects=marks,

@@ -1,5 +1,6 @@
 """Looks of streets from data files: what a street is paved with, and what is wrong with a file in one line."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -8,13 +9,16 @@ import yaml
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.scene.ground import GroundPlan, ground_pieces, plan_ground
+from pavetwin.scene.ground.layout.relief import Relief
+from pavetwin.scene.ground.layout.surfaces import tile_box
 from pavetwin.scene.ground.looks import look_names, look_sha256, pavement, street_look
 from pavetwin.scene.ground.looks.pavement import pavement_names
+from pavetwin.scene.ground.mesh.regions import faces_of
 from pavetwin.scene.model import TILE_M, GroundKind
 from pavetwin.scene.patches import holes_of
 from pavetwin.scene.scene import Scene
 from pavetwin.world.model import World
-from scenes import tiny
+from scenes import built, tiny
 
 BLUE = {
     "title": "blue",
@@ -73,6 +77,32 @@ def test_a_street_is_meshed_of_what_its_look_says(tmp_path: Path) -> None:
     assert GroundKind.SLABS in kinds
     assert GroundKind.ASPHALT not in kinds
     assert len(found.repairs.seals) > world().segments[0].length_m / 4.5  # joints between slabs
+
+
+def agreed(there: GroundPlan, keys: Iterable[tuple[int, int]]) -> int:
+    """The number of materials in some tiles, each where the maps' tone is that of its pavement."""
+    seen = set()
+    for key in keys:
+        for face in faces_of(there, key, Relief(there, tile_box(key))):
+            if face.kind in (GroundKind.ASPHALT, GroundKind.CHIP_SEAL, GroundKind.SLABS):
+                inner = face.polygon.representative_point()
+                assert (face.kind, face.finish) == there.paved_at(inner.x, inner.y).material
+                seen.add((face.kind, face.finish))
+    return len(seen)
+
+
+def test_meshes_and_maps_agree_which_pavement_is_where() -> None:
+    town = plan_ground(built("seattle_roosevelt").world, 3)
+    middles = [segment.centre_line.interpolate(0.4, normalized=True) for segment in town.world.segments[::9]]
+    assert agreed(town, {(int(point.x // TILE_M), int(point.y // TILE_M)) for point in middles}) > 4
+
+
+def test_they_agree_where_one_pavement_covers_all_of_another() -> None:
+    narrow = tiny.street("narrow", (5.0, 10.0), (15.0, 10.0), width_m=5.0)
+    there = tiny.world([narrow, tiny.street("broad", (-5.0, 10.0), (60.0, 10.0), width_m=14.0)])
+    plans = (plan_ground(there, seed) for seed in range(50))
+    differing = next(each for each in plans if len({each.pavement(street).material for street in each.streets}) > 1)
+    assert agreed(differing, [(0, 0)]) == 1
 
 
 def test_a_look_may_name_a_pavement_beside_it(tmp_path: Path) -> None:

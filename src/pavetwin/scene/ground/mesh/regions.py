@@ -198,7 +198,7 @@ def _pavements(plan: GroundPlan, wide: Polygon) -> dict[tuple[GroundKind, Finish
         found = {of: shapely.difference(before, shape) for of, before in found.items() if of != material} | {
             material: shapely.union(found.get(material, shapely.Polygon()), shape)
         }
-    return found
+    return {material: shape for material, shape in found.items() if not shape.is_empty}
 
 
 _HARD: Final = frozenset({GroundKind.PAVING, GroundKind.CONCRETE, GroundKind.KERB})
