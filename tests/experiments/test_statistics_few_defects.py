@@ -24,6 +24,17 @@ def test_means_over_replicates_say_their_defects_and_widen_with_few() -> None:
     assert times == summarise(table.drop("defects"), ["traffic"], metrics[1:]).to_dicts()
 
 
+def test_the_defects_of_all_segments_of_a_mission_count_and_those_of_a_replicate_once() -> None:
+    """Four segments with 6 defects each are 24 a replicate, whatever the policies; their mean is surer than that of one
+    segment with 24, whose defects are hidden together."""
+    one = study(replicates=6).with_columns(coverage=0.5, defects=24, segment=pl.lit("s0"))
+    four = pl.concat([one.with_columns(defects=6, segment=pl.lit(f"s{at}")) for at in range(4)])
+    metrics = [metric_named("coverage")]
+    (of_one,), (of_four,) = (summarise(table, [], metrics).to_dicts() for table in (one, four))
+    assert of_one["defects"] == of_four["defects"] == 6 * 24
+    assert of_four["high"] - of_four["low"] < 0.8 * (of_one["high"] - of_one["low"])
+
+
 def test_a_recommendation_says_on_how_many_defects_it_rests() -> None:
     few, many, unknown = (
         recommend(table, MissionLimits()).sentences

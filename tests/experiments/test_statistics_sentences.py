@@ -207,7 +207,7 @@ def test_the_best_under_the_limits_is_recommended(limits: MissionLimits, policy:
     assert made.best["policy"] == policy
     assert made.nearest is None
     assert made.options["policy"][0] == policy
-    assert made.sentences[0].startswith(f"Fly {policy} at 6 m: expected coverage ")
+    assert made.sentences[0].startswith(f"Fly {policy} at 6 m: mean coverage ")
     assert made.options["certainty"].sum() <= 1 + 1e-9
     assert (made.options["certainty"] <= made.options["kept"]).all()
     assert "traffic (low and high)" in made.sentences[-1]

@@ -221,7 +221,7 @@ def recommend(
     traffic: Annotated[str | None, typer.Option(help="In this traffic; else over all that was flown.")] = None,
     world: Annotated[str | None, typer.Option(help="Over this world; else over all.")] = None,
 ) -> None:
-    """Name the altitude and policy with the best expected coverage under limits, and how sure that is.
+    """Name the altitude and policy with the best mean coverage under limits, and how sure that is.
 
     Sensor and preset are assumptions of a study: each combination has its own recommendation.
 

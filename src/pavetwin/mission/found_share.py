@@ -63,13 +63,13 @@ def found_share(found: Sequence[int], defects: Sequence[int]) -> FoundShare | No
     return FoundShare(share, *limits(share, variance, usual, freedom, round(total)), round(total))
 
 
-def usual_of_mean(defects: Float64Array) -> float:
-    """The usual variance of the mean of the streets' shares, as a multiple of p (1 − p).
+def usual_of_street(defects: Float64Array) -> Float64Array:
+    """The usual variance of the share of each street, as a multiple of p (1 − p).
 
     Args:
         defects: (streets,) each above 0.
     """
-    return float((1 / defects + (1 - 1 / defects) * ALIKE).mean()) / len(defects)
+    return 1 / defects + (1 - 1 / defects) * ALIKE
 
 
 def limits(share: float, variance: float, usual: float, freedom: int, defects: int) -> tuple[float, float]:

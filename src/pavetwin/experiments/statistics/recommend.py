@@ -112,7 +112,7 @@ class Recommendation:
 def recommend(
     table: pl.DataFrame, limits: MissionLimits, by: Sequence[str] = ("altitude_m", "policy"), *, seed: int = 0
 ) -> Recommendation:
-    """The option with the best expected coverage of all whose expected time, energy and coverage keep the limits.
+    """The option with the best mean coverage of all whose mean time, energy and coverage keep the limits.
 
     Equal coverages are told apart by time, then by energy. An option that failed in a mission which another flew is not
     recommended: the two means are over different missions. How sure: the choice is made again in each draw of the true
@@ -242,9 +242,9 @@ def _breach(value: float, limit: float, name: str) -> float:
 
 def _sentences(table: pl.DataFrame, options: Sequence[Row], by: Sequence[str], limits: MissionLimits) -> list[str]:
     best, *others = options
-    expected = listed([f"{metric_named(name).label.lower()} {_expected(best, name)}" for name in _MEASURED])
+    measured = listed([f"{metric_named(name).label.lower()} {_mean(best, name)}" for name in _MEASURED])
     return [
-        f"fly {_option(best, by)}: expected {expected} {_of_what(table)}",
+        f"fly {_option(best, by)}: mean {measured} {_of_what(table)}",
         *_rests_on(best),
         *_batteries(best),
         *_lead(best, others, by, limits),
@@ -358,7 +358,7 @@ def _left_out(options: Sequence[Row], by: Sequence[str]) -> list[str]:
 
 
 def _averaged(table: pl.DataFrame, by: Sequence[str]) -> list[str]:
-    """What else the design varies, over which the expected values are averages."""
+    """What else the design varies, over which the means are taken."""
     levels = {name: levels_of(table, name) for name in varied_columns(table) if name not in by}
     named = [
         f"{factor_name(name)} ({listed([level_name(level) for level in found])})"
@@ -379,7 +379,7 @@ def _option(option: Row, by: Sequence[str]) -> str:
     return " ".join([str(option["policy"])] * ("policy" in by) + [setting(option, rest)] * bool(rest))
 
 
-def _expected(option: Row, name: str) -> str:
+def _mean(option: Row, name: str) -> str:
     metric, low, high = metric_named(name), option[f"{name}_low"], option[f"{name}_high"]
     interval = f" ({span(metric, low, high)})" if low is not None else ""
     return amount(metric, option[name]) + interval
@@ -397,6 +397,6 @@ def _refusal(
     return [
         f"no option keeps {limits.words} on average",
         f"the nearest is {_option(nearest, by)}{found}; what it breaks most is the limit of "
-        f"{metric.label.lower()}: {_expected(nearest, broken)} is {side} {amount(metric, limit)}",
+        f"{metric.label.lower()}: {_mean(nearest, broken)} is {side} {amount(metric, limit)}",
         *left,
     ]

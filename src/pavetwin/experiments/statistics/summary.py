@@ -10,7 +10,7 @@ from pavetwin.arrays import Float64Array, IndexArray
 from pavetwin.experiments.metrics import METRICS, Metric
 from pavetwin.experiments.statistics.bootstrap import centres, intervals, strata, variance_of_mean
 from pavetwin.experiments.statistics.cells import Layout, failures, key_columns, layout, nullable, values_of
-from pavetwin.mission.found_share import limits, usual_of_mean
+from pavetwin.mission.found_share import limits, usual_of_street
 
 FEW: Final = 5
 """Fewer values in a cell are too few to say how sure its mean is."""
@@ -48,15 +48,15 @@ def _of_metric(table: pl.DataFrame, cells: Layout, metric: Metric, seed: int) ->
     defined = [values[(cells.cell == cell) & ~undefined] for cell in range(number)]
     units = cells.means(values)
     low, high = within_range(metric, *intervals(units, cells.worlds, seed))
-    defects = _defects(table, cells, metric, units)
-    low, high = _of_few_defects(units, defects, cells.worlds, low, high)
+    defects, usual = _rests_on(table, cells, metric)
+    low, high = _of_few_defects(units, defects, usual, cells.worlds, low, high)
     return pl.DataFrame(
         {
             "metric": pl.Series([metric.name] * number, dtype=pl.String),
             "n": pl.Series([len(part) for part in defined], dtype=pl.Int64),
             "undefined": np.bincount(cells.cell[undefined & ~failed], minlength=number),
             "failed": np.bincount(cells.cell[failed], minlength=number),
-            "defects": nullable(np.nansum(defects, axis=1).round()).cast(pl.Int64).replace(0, None),
+            "defects": nullable(defects.sum(axis=1).round()).cast(pl.Int64).replace(0, None),
             "mean": nullable(centres(units)),
             "sd": nullable([float(np.sort(part).std(ddof=1)) if len(part) > 1 else np.nan for part in defined]),
             "low": nullable(low),
@@ -69,25 +69,53 @@ def _of_metric(table: pl.DataFrame, cells: Layout, metric: Metric, seed: int) ->
     )
 
 
-def _defects(table: pl.DataFrame, cells: Layout, metric: Metric, units: Float64Array) -> Float64Array:
-    """(cells, blocks) how many defects a value is a share of; NaN where it has no value or is no such share."""
+def _rests_on(table: pl.DataFrame, cells: Layout, metric: Metric) -> tuple[Float64Array, Float64Array]:
+    """(cells, blocks) how many defects a value is a share of, and its usual variance as a multiple of p (1 − p).
+
+    A value is the mean of its segments' shares. The missions of a block share its defects: each counts once. Both are 0
+    where there is no value, or none that is such a share.
+    """
+    shape = len(cells.keys), len(cells.worlds)
     if metric.of not in table.columns:
-        return np.full_like(units, np.nan)
-    return np.where(np.isnan(units), np.nan, cells.means(values_of(table, metric.of)))
+        return np.zeros(shape), np.zeros(shape)
+    defects = values_of(table, metric.of)
+    rests = ~np.isnan(values_of(table, metric.name)) & (defects > 0)
+    names, segment = np.unique(_segments(table), return_inverse=True)
+    place = (cells.cell * shape[1] + cells.block) * len(names) + segment
+    places, which = np.unique(place[rests], return_inverse=True)
+    own = np.bincount(which, weights=defects[rests]) / np.bincount(which)
+    blocks = places // len(names)
+
+    def summed(values: Float64Array | None) -> Float64Array:
+        return np.bincount(blocks, weights=values, minlength=shape[0] * shape[1]).reshape(shape).astype(np.float64)
+
+    segments = summed(None)
+    return summed(own), summed(usual_of_street(own)) / np.maximum(segments, 1) ** 2
+
+
+def _segments(table: pl.DataFrame) -> list[str]:
+    return (
+        table["segment"].cast(pl.String).fill_null("").to_list() if "segment" in table.columns else [""] * table.height
+    )
 
 
 def _of_few_defects(
-    units: Float64Array, defects: Float64Array, worlds: IndexArray, low: Float64Array, high: Float64Array
+    units: Float64Array,
+    defects: Float64Array,
+    usual: Float64Array,
+    worlds: IndexArray,
+    low: Float64Array,
+    high: Float64Array,
 ) -> tuple[Float64Array, Float64Array]:
     """Limits at least as far apart as the number of defects allows."""
     low, high = low.copy(), high.copy()
-    for cell in np.flatnonzero(np.isfinite(low) & (np.nansum(defects, axis=1) > 0)):
+    for cell in np.flatnonzero(np.isfinite(low) & (defects.sum(axis=1) > 0)):
         here = defects[cell] > 0
         values, counts, sizes = units[cell, here], defects[cell, here], strata(worlds[here])
         if len(values) > len(sizes):
             share, variance = float(centres(values[np.newaxis])[0]), variance_of_mean(values, sizes)
-            freedom, usual = len(values) - len(sizes), usual_of_mean(counts)
-            ends = limits(share, variance, usual, freedom, round(float(counts.sum())))
+            of_mean = float(usual[cell, here].mean()) / len(values)
+            ends = limits(share, variance, of_mean, len(values) - len(sizes), round(float(counts.sum())))
             low[cell], high[cell] = min(low[cell], ends[0]), max(high[cell], ends[1])
     return low, high
 
