@@ -78,7 +78,12 @@ USUAL: dict[str, tuple[str, ...]] = {
 }
 """What else is typed, by command, or by command and option."""
 
-NEEDS_RESULTS = {"capture show --split", "experiment recommend --traffic", "experiment recommend --world"}
+NEEDS_RESULTS = {
+    "capture show --split",
+    "data export --formats",
+    "experiment recommend --traffic",
+    "experiment recommend --world",
+}
 """Options of commands that read a dataset or a study; tested with those commands."""
 
 NEW = {"--output", "--geopackage", "--cache"}
