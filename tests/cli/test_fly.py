@@ -109,12 +109,18 @@ def test_the_policy_changes_neither_traffic_nor_defects_nor_order(world: Path, c
     assert digests(tmp_path / "alone") == digests(tmp_path / "all" / "micro")
 
 
-def test_a_mission_is_replaced_but_nothing_else_is(world: Path, tmp_path: Path) -> None:
+def test_a_mission_is_replaced_but_nothing_else_is(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert pavetwin("fly", world, *SHORT, "-o", tmp_path / "m").returncode == 0
     assert pavetwin("fly", world, *SHORT, "-o", tmp_path / "m").returncode == 0
     kept = digests(tmp_path / "m")
-    line = plain_refusal(pavetwin("fly", world, *SHORT, "--altitude", "9", "-o", tmp_path / "m"))
+    with monkeypatch.context() as refused:
+        refused.delattr("pavetwin.mission.inputs.traffic_of")  # before any traffic is recorded
+        line = plain_refusal(pavetwin("fly", world, *SHORT, "--altitude", "9", "-o", tmp_path / "m"))
+        unnamed = plain_refusal(pavetwin("fly", world, *SHORT[2:], "-o", tmp_path / "m"))
     assert "holds another mission (other settings); choose another folder, or replace it (--force)" in line
+    assert "holds another mission (other traffic);" in unnamed
     assert digests(tmp_path / "m") == kept
     assert pavetwin("fly", world, *SHORT, "--altitude", "9", "-o", tmp_path / "m", "--force").returncode == 0
     assert digests(tmp_path / "m") != kept

@@ -23,6 +23,7 @@ from pavetwin.experiments.report.page import page, sections_of
 from pavetwin.experiments.run import run
 from pavetwin.experiments.statistics import MissionLimits, differences, effects
 from pavetwin.experiments.store import Store
+from pavetwin.policies import policy_class
 from pavetwin.world.store import save_world
 from scenes import built
 from scenes.studies import SMALL, study
@@ -73,9 +74,13 @@ def test_a_policy_is_flown_once_for_all_values_of_what_it_lacks(
     assert lacking == [load_settings().policy] * len(lacking)
 
 
-def test_a_setting_that_no_policy_of_the_design_reads_is_refused() -> None:
+def test_a_setting_that_no_policy_of_the_design_reads_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    unread = design(sweep={"wait_s": [1, 2]}, policies=["baseline", "skip"])
     with pytest.raises(PaveTwinError, match=r"no policy of the design reads wait_s; of all, hover does\."):
-        owners_of(design(sweep={"wait_s": [1, 2]}, policies=["baseline", "skip"]))
+        owners_of(unread)
+    monkeypatch.setattr(policy_class("micro"), "reads", frozenset({"wait_s"}))
+    with pytest.raises(PaveTwinError, match=r"of all, hover and micro do\."):
+        owners_of(unread)
 
 
 @pytest.fixture(scope="module")

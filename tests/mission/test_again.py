@@ -14,6 +14,8 @@ from pavetwin.mission import fly, load_inputs, plan_mission, save_mission
 from pavetwin.mission.again import FormerMission, check_replaceable, read_mission
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.inputs import world_of
+from pavetwin.mission.spec import TrafficInput
+from pavetwin.traffic.demand import density_named
 from pavetwin.world.store import load_world, save_world
 from scenes import built
 
@@ -147,6 +149,20 @@ def test_a_spec_with_the_area_that_it_once_held_is_the_same_mission(described: P
     spec = read_mission(path).spec
     assert spec == read_mission(described).spec
     check_replaceable(tmp_path, [spec])
+
+
+def test_a_mission_in_the_nearest_traffic_may_be_replaced_by_one_that_allows_it(
+    described: Path, tmp_path: Path
+) -> None:
+    spec = read_mission(described).spec
+    allowing = TrafficInput.of(density_named("los-C"), seed=1, or_nearest=True)
+    flown = allowing.model_copy(update={"density": "los-D", "instead_of": "los-C", "or_nearest": False})
+    changed(described, tmp_path, traffic=flown.model_dump(mode="json"))
+    check_replaceable(tmp_path, [spec.model_copy(update={"traffic": allowing})])
+    for other in ({"seed": 2}, {"or_nearest": False}):
+        traffic = allowing.model_copy(update=other)
+        with pytest.raises(PaveTwinError, match=r"holds another mission \(other traffic\)"):
+            check_replaceable(tmp_path, [spec.model_copy(update={"traffic": traffic})])
 
 
 def test_each_version_that_differs_is_named(described: Path, tmp_path: Path) -> None:

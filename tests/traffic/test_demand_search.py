@@ -108,7 +108,7 @@ def test_an_arterial_without_signals_flows_at_level_a(tmp_path: Path) -> None:
 
 def test_quiet_hours_have_fewer_vehicles_than_busy_ones(cross: World) -> None:
     search = DemandSearch(cross, "europe")
-    night, morning, busiest = (search.density(density_named(f"hour-{hour:02}")) for hour in (3, 12, 16))
+    night, morning, busiest = (search.density(density_named(f"hour-{hour:02}")) for hour in (3, 12, 17))
     level_d, _ = search.of_level(LevelOfService.D)
     of = [each.vehicles_per_lane_km or 0.0 for each in (night, morning, busiest)]
     assert of[0] < 0.1 * of[1] < of[1] < of[2] <= level_d

@@ -10,7 +10,7 @@ import typer
 from pavetwin.cli.arguments import CacheFolder, Plugins, paths_of
 from pavetwin.cli.console import err, note_fonts, out, progress
 from pavetwin.cli.published import note_difference
-from pavetwin.errors import PaveTwinError
+from pavetwin.errors import PaveTwinError, naming
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -123,7 +123,7 @@ def run(
         chosen = chosen.model_copy(update={"plugins": (*chosen.plugins, *paths_of(plugin))})
     works = _engine(engine, scheduler, jobs, chosen)
     note_difference(chosen.presets, (Path(entry.path) for entry in chosen.worlds))
-    with progress("Reading worlds", lines=True) as tell:
+    with naming({"the design:": f"the design '{design}':"}), progress("Reading worlds", lines=True) as tell:
         ran = run_study(
             chosen,
             output,

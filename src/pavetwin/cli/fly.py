@@ -224,17 +224,23 @@ def fly(
                 environment=environment,
             )
             specs = [spec.with_policy(name, its) for name, its in zip(names, own, strict=True)]
+        usual = not segment and order == "random" and segments == SEGMENTS
+
+        def checked_folder() -> Path:
+            folder = output or (
+                former.folder_again
+                if former is not None
+                else mission_folder(specs[0], names, preset, usual_targets=usual, usual_base=base is None)
+            )
+            check_mission_folder(folder)
+            check_replaceable(folder, specs, force=force)
+            return folder
+
+        if output is not None or not specs[0].traffic.or_nearest:  # else its name depends on what can be recorded
+            checked_folder()
         inputs = load_inputs(specs[0], world=loaded, environment=environment, on_progress=tell)
         specs = [inputs.flown(spec) for spec in specs]
-    usual = not segment and order == "random" and segments == SEGMENTS
-    own_folder = (
-        former.folder_again
-        if former is not None
-        else mission_folder(specs[0], names, preset, usual_targets=usual, usual_base=base is None)
-    )
-    folder = output or own_folder
-    check_mission_folder(folder)
-    check_replaceable(folder, specs, force=force)
+    folder = checked_folder()
     if former is None:
         out.line(f"Preset {preset}.")
         note_difference([preset], [loaded])

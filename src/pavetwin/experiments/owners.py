@@ -35,8 +35,11 @@ def owners_of(design: Design) -> dict[str, list[str]]:
             names = design.policies
             has = [name for name in names if setting in policy_class(name).reads]
             if not has:
-                those = listed([name for name in policy_names() if setting in policy_class(name).reads])
-                raise PaveTwinError(f"the design: sweep: no policy of the design reads {key}; of all, {those} does.")
+                those = [name for name in policy_names() if setting in policy_class(name).reads]
+                raise PaveTwinError(
+                    f"the design: sweep: no policy of the design reads {key}; of all, {listed(those)} "
+                    f"{'does' if len(those) == 1 else 'do'}."
+                )
         else:
             continue
         if 0 < len(has) < len(names):  # an option that none has is refused where settings are made

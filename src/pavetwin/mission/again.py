@@ -17,7 +17,7 @@ from pavetwin.mission.defect_files import detections_geojson
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.plan import defect_input
 from pavetwin.mission.results import TOTALS, totals
-from pavetwin.mission.spec import FORMAT, FileInput, MissionSpec, WorldInput
+from pavetwin.mission.spec import FORMAT, FileInput, MissionSpec, TrafficInput, WorldInput
 from pavetwin.mission.versions import version_changes
 from pavetwin.world.folder import DESCRIPTION, read_description
 from pavetwin.world.model import World
@@ -160,7 +160,8 @@ def check_replaceable(folder: Path, specs: Iterable[MissionSpec], *, force: bool
     """Refuse to replace missions by others.
 
     Args:
-        specs: what is to be flown into the folder.
+        specs: what is to be flown into the folder. Where one allows the nearest traffic to what it names, missions in
+            any such traffic count as the same.
 
     Raises:
         PaveTwinError: the folder holds other missions, and `force` is not given.
@@ -168,17 +169,31 @@ def check_replaceable(folder: Path, specs: Iterable[MissionSpec], *, force: bool
     there = [*folder.glob("mission.yaml"), *folder.glob("*/mission.yaml")]
     if force or not there:
         return
-    new = [_without_results(spec.as_values()) for spec in specs]
-    old = [_without_results(_read(path)) for path in there]
-    if len(new) == len(old) and all(values in new for values in old):
+    old, new = [_read(path) for path in there], list(specs)
+    differing = [[_differing(one, other) for other in new] for one in old]
+    if len(new) == len(old) and all([] in of_one for of_one in differing):
         return
-    differing = sorted({key for one in old for other in new for key in one if one[key] != other.get(key)})
-    words = f" (other {', '.join(differing)})" if len(new) == len(old) == 1 and differing else ""
+    words = f" (other {', '.join(differing[0][0])})" if len(new) == len(old) == 1 else ""
     raise PaveTwinError(f"'{folder}' holds another mission{words}; choose another folder, or replace it (`force`).")
 
 
-def _without_results(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in values.items() if key not in (TOTALS, "versions")}
+def _differing(old: Mapping[str, Any], spec: MissionSpec) -> list[str]:
+    """The keys of a `mission.yaml` in which a mission to be flown differs, results and versions aside."""
+    new = spec.as_values()
+    keys = (old.keys() | new.keys()) - {TOTALS, "versions"}
+    return sorted(
+        key
+        for key in keys
+        if old.get(key) != new.get(key) and not (key == "traffic" and _may_become(spec.traffic, old.get(key)))
+    )
+
+
+def _may_become(named: TrafficInput, flown: Any) -> bool:
+    """Whether recording the traffic that a spec names may give what a `mission.yaml` holds."""
+    try:
+        return named.allows(TrafficInput.parse(flown, where="traffic"))
+    except PaveTwinError:
+        return False
 
 
 def _relocated(values: Mapping[str, Any], description: Path) -> Any:

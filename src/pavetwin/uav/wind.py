@@ -35,16 +35,18 @@ def check_wind(settings: MissionSettings) -> None:
         wind += f" with gusts of {conditions.gust_mps:g} m/s"
     raise PaveTwinError(
         f"conditions.wind_mps: {wind} is above the {profile.wind_limit_mps:g} m/s that the {profile.title} is rated "
-        f"for. Wait for {profile.wind_limit_mps:g} m/s or less, gusts included; or fly another `aircraft`: "
-        f"{_rated_for(conditions.gust_mps)}. Unless a wind is given the air is calm."
+        f"for. Wait for {profile.wind_limit_mps:g} m/s or less, gusts included; "
+        f"{_instead(conditions.gust_mps, profile)}. Unless a wind is given the air is calm."
     )
 
 
-def _rated_for(wind_mps: float) -> str:
-    """The registered aircraft that are rated for a wind, or how much the best is rated for."""
+def _instead(wind_mps: float, profile: AircraftProfile) -> str:
+    """The registered aircraft that are rated for a wind; where none is, how much the best is rated for."""
     limits = {name: AIRCRAFT.get(name).wind_limit_mps for name in AIRCRAFT.names()}
-    fit = [f"{name} ({limit:g} m/s)" for name, limit in limits.items() if limit >= wind_mps]
-    return ", ".join(fit) if fit else f"those known here are rated for {max(limits.values()):g} m/s at most"
+    if fit := [f"{name} ({limit:g} m/s)" for name, limit in limits.items() if limit >= wind_mps]:
+        return f"or fly another `aircraft`: {', '.join(fit)}"
+    best = max(profile.wind_limit_mps, *limits.values())
+    return f"no aircraft known here is rated for more than {best:g} m/s"
 
 
 def tilt_deg(profile: AircraftProfile, airspeed_mps: float, payload_kg: float = 0.0) -> float:
