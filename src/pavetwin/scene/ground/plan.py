@@ -20,9 +20,10 @@ from pavetwin.scene.ground.layout.paved import PLAIN, PavedSurface
 from pavetwin.scene.ground.layout.streets import StreetPlan, streets_of
 from pavetwin.scene.ground.layout.surfaces import SpatialIndex, SurfaceLayout
 from pavetwin.scene.ground.looks import DEFAULT_LOOK, StreetLook, street_look
+from pavetwin.scene.ground.looks.marking_standard import MarkingStandard, marking_standard
 from pavetwin.scene.ground.markings.painter import Paint
 from pavetwin.scene.ground.markings.placement import markings
-from pavetwin.scene.ground.markings.standard import MarkingStandard, marking_standard, standard_of
+from pavetwin.scene.ground.markings.standard import standard_of
 from pavetwin.world.model import Lane, Segment, Surface, World
 
 WIDENED_M: Final = 3.0
@@ -35,7 +36,7 @@ class GroundPlan(SurfaceLayout):
     @cached_property
     def standard(self) -> MarkingStandard:
         """How roads are marked: as the look says, else by the world's place."""
-        return marking_standard(self.look.markings) if self.look.markings else standard_of(self.world)
+        return standard_of(self.world) if self.look.markings is None else marking_standard(self.look.markings)
 
     @cached_property
     def paint(self) -> Paint:

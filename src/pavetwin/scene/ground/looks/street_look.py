@@ -14,6 +14,7 @@ from pavetwin.config.mission import Share
 from pavetwin.config.named import names_in, read_named
 from pavetwin.errors import PaveTwinError
 from pavetwin.scene.ground.looks.mark import mark
+from pavetwin.scene.ground.looks.marking_standard import marking_standard
 from pavetwin.scene.ground.looks.pavement import PACKAGE, Factor, Pavement, pavement
 from pavetwin.scene.ground.looks.weights import pick
 
@@ -66,7 +67,7 @@ class StreetLook(Settings):
     marks: Mapping[str, Annotated[float, Field(ge=0, le=50)]] = Field(default_factory=dict)
     """Painted marks by name, or by a file beside this one: mean number on 100 m of a street that may have them."""
     markings: str | None = None
-    """A marking standard; the one of the place unless given."""
+    """A marking standard by name, or by a file beside this one; the one of the place unless given."""
 
     @field_validator("main", "other")
     @classmethod
@@ -90,7 +91,8 @@ def street_look(name: str) -> StreetLook:
     """The look of a name, or of a YAML file of the user's own, which may name files beside it.
 
     Raises:
-        PaveTwinError: there is no such look or file, the file is none, or it names a pavement that is none.
+        PaveTwinError: there is no such look or file, the file is none, or it names a pavement, mark or marking
+            standard that is none.
     """
     found = read_named(StreetLook, name, what="street look", key="look", package=PACKAGE, folder="streets")
     tables = {"main": found.main, "other": found.other, "stretches.pavements": found.stretches.pavements}
@@ -108,26 +110,36 @@ def street_look(name: str) -> StreetLook:
             mark(each)
         except PaveTwinError as error:
             raise PaveTwinError(f"street look '{name}': marks: {error}") from error
+    markings = None if found.markings is None else _beside(name, found.markings)
+    if markings is not None:
+        try:
+            marking_standard(markings)
+        except PaveTwinError as error:
+            raise PaveTwinError(f"street look '{name}': markings: {error}") from error
     stretches = found.stretches.model_copy(update={"pavements": absolute["stretches.pavements"]})
     update: dict[str, Any] = {
         "main": absolute["main"],
         "other": absolute["other"],
         "stretches": stretches,
         "marks": marks,
+        "markings": markings,
     }
     return found.model_copy(update=update)
 
 
 def look_sha256(name: str) -> str:
-    """SHA-256 of all that a look says, its pavements included."""
+    """SHA-256 of all that a look says, the pavements, marks and marking standard that it names included."""
     look = street_look(name)
     tables = (look.main, look.other, look.stretches.pavements)
-    told = [look.model_dump(mode="json", exclude={"main", "other", "stretches", "marks"}), look.stretches.share]
+    said = look.model_dump(mode="json", exclude={"main", "other", "stretches", "marks"})
+    if look.markings is not None:
+        said["markings"] = marking_standard(look.markings).model_dump(mode="json", exclude={"areas"})
+    told = [said, look.stretches.share]
     told += [[(weight, pavement(each).model_dump(mode="json")) for each, weight in table.items()] for table in tables]
     told += [(rate, mark(each).model_dump(mode="json")) for each, rate in look.marks.items()]
     return sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
 
 
 def _beside(look: str, name: str) -> str:
-    """A pavement's file beside the look's."""
+    """The name of a part of a look; where it is a file, the one beside the look's."""
     return str(Path(look).parent / name) if name.endswith((".yaml", ".yml")) else name

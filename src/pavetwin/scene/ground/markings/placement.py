@@ -18,11 +18,11 @@ from pavetwin.scene.ground.layout.lines import direction
 from pavetwin.scene.ground.layout.streets import StreetPlan
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
 from pavetwin.scene.ground.layout.turns import Approach
+from pavetwin.scene.ground.looks.marking_standard import CrossingKind, MarkingStandard
 from pavetwin.scene.ground.looks.weights import pick
 from pavetwin.scene.ground.markings.arrows import arrow
 from pavetwin.scene.ground.markings.painter import Paint, Painter
 from pavetwin.scene.ground.markings.parking_lines import parking_lines
-from pavetwin.scene.ground.markings.standard import CrossingKind, MarkingStandard
 from pavetwin.world.model import CARRIAGEWAY_LANES, Crossing, Direction, Lane, LaneKind
 from pavetwin.world.parking import ParkingPlace, ParkingPosition
 
