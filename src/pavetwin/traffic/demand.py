@@ -51,6 +51,9 @@ documentation has it (`TGw2_PKW`)."""
 SEARCH: Final = 3
 """Version of the demand of a level of service or an hour, and of the search for it (`demand_search`)."""
 
+HOURS: Final = 2
+"""Version of how the demand of an hour follows from that of the busiest one (`demand_search`)."""
+
 BUSIEST: Final = LevelOfService.D
 """Of the busiest hour. An assumption of ours: streets are built to work at capacity's edge on a usual weekday."""
 

@@ -182,11 +182,14 @@ class DemandSearch:
         return empty, level.target(empty.ratio)
 
     def _of_hour(self, hour: int) -> float:
-        """The density with the flow of an hour: on the uncongested side, between the trials of the busiest hour."""
+        """The density with the flow of an hour: on the uncongested side, up to that of the busiest hour."""
         busiest, trials = self.of_level(BUSIEST)
-        trials = sorted((it for it in trials if it.per_lane_km <= busiest), key=lambda it: it.per_lane_km)
-        densities = [0.0, *(it.per_lane_km for it in trials)]
-        flows = np.maximum.accumulate([0.0, *(it.flow_per_lane_h for it in trials)])
+        trials = sorted(trials, key=lambda it: it.per_lane_km)
+        speeds = [it.flow_per_lane_h / it.per_lane_km for it in trials]
+        flow = busiest * float(np.interp(busiest, [it.per_lane_km for it in trials], speeds))
+        below = [it for it in trials if it.per_lane_km < busiest]
+        densities = [0.0, *(it.per_lane_km for it in below), busiest]
+        flows = np.maximum.accumulate([0.0, *(it.flow_per_lane_h for it in below), flow])
         return round(float(np.interp(flows[-1] * share_of_busiest(hour), flows, densities)), 3)
 
     def _count(self, per_lane_km: float) -> int:

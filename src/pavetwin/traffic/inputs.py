@@ -14,7 +14,7 @@ from pavetwin.files import file_sha256
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic import sumo_run
 from pavetwin.traffic.closed_loop import FULL, GOALS, PATIENCE, TRIP_M, WALK_M
-from pavetwin.traffic.demand import BUSIEST, HOURLY_SHARES, SEARCH, USER, Capacity, Density, density_named
+from pavetwin.traffic.demand import BUSIEST, HOURLY_SHARES, HOURS, SEARCH, USER, Capacity, Density, density_named
 from pavetwin.traffic.flow import SpeedLimits
 from pavetwin.traffic.job import STEP_S, Part, SimulationJob
 from pavetwin.traffic.kinds import sumo_types
@@ -94,6 +94,7 @@ class Inputs:
             "seed": self.seed,
             "routes": [file_sha256(path) for path in self.routes],
             **({"search": [SEARCH, *HOURLY_SHARES, BUSIEST]} if asked and asked.is_found else {}),
+            **({"hours": HOURS} if asked and asked.hour is not None else {}),
             "types": sumo_types(kinds_of(self.mix)),
             **({"mix": dict(mix_named(self.mix).shares)} if self.mix != DEFAULT_MIX else {}),
             "options": [STEP_S, *sumo_run.OPTIONS, *sumo_run.CLOSED_LOOP_OPTIONS, *self.level_options, *self.warm_up_s],
