@@ -75,4 +75,16 @@ def test_the_demo_runs_where_only_the_wheel_is_installed(installed: Path, tmp_pa
     assert (tmp_path / "demo" / "missions" / "hover" / "mission.gif").is_file()
     for policy in ("baseline", "hover", "micro", "skip"):
         assert (tmp_path / "demo" / "missions" / policy / "mission.parquet").is_file()
-    assert "Results" in ran.stdout
+    printed = [line.rstrip() for line in ran.stdout.splitlines()]
+    assert any(line.startswith("Results in ") for line in printed)
+    table = readme_table()
+    start = printed.index(table[0])
+    assert printed[start : start + len(table)] == table
+
+
+def readme_table() -> list[str]:
+    """The README's first result."""
+    lines = (ROOT / "README.md").read_text("utf-8").splitlines()
+    last = next(number for number, line in enumerate(lines) if line.startswith("skip "))
+    first = max(number for number, line in enumerate(lines[:last]) if line == "```")
+    return lines[first + 1 : last + 1]
