@@ -1,5 +1,6 @@
 """Data files that go by a name: those that ship with the package, and YAML files of the user's own."""
 
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import TypeVar
@@ -19,12 +20,15 @@ def names_in(package: str, folder: str) -> list[str]:
     return sorted(entry.name.removesuffix(".yaml") for entry in listed if entry.name.endswith(".yaml"))
 
 
-def read_named(schema: type[Data], name: str, *, what: str, key: str, package: str, folder: str) -> Data:
+def read_named(
+    schema: type[Data], name: str, *, what: str, key: str, package: str, folder: str, more: Sequence[str] = ()
+) -> Data:
     """The data of a name, or of a file whose name ends in .yaml or .yml.
 
     Args:
         what: one of them in words, such as `pavement`.
         key: the parameter that takes their names.
+        more: other values of that parameter, for the message.
 
     Raises:
         PaveTwinError: there is no such name or file, or it does not fit the schema; the message names file and key.
@@ -38,7 +42,7 @@ def read_named(schema: type[Data], name: str, *, what: str, key: str, package: s
     elif name in (known := names_in(package, folder)):
         values = parse_yaml((files(package) / folder / f"{name}.yaml").read_text(encoding="utf-8"), where=name)
     else:
-        raise PaveTwinError(no_such(what, name, known, key=f"`{key}`"))
+        raise PaveTwinError(no_such(what, name, [*known, *more], key=f"`{key}`"))
     if not isinstance(values, dict):
         raise PaveTwinError(f"{what} '{name}': a list of keys with values is expected.")
     return schema.parse(values, where=f"{what} '{name}'")

@@ -12,20 +12,17 @@ import math
 import zlib
 from collections.abc import Iterator, Mapping
 from functools import cache
-from importlib.resources import files
-from pathlib import Path
 from typing import Annotated, Final, Self
 
 import numpy as np
 from pydantic import Field, model_validator
-from yaml import YAMLError
 
 from pavetwin.config.base import Settings
 from pavetwin.config.mission import Positive, Share
-from pavetwin.config.text import parse_yaml
+from pavetwin.config.named import names_in, read_named
 from pavetwin.defects.poses import Poses, Position, RoadSection, positioned
 from pavetwin.defects.registry import DEFECT_CLASSES, DefectKind, kinds
-from pavetwin.errors import PaveTwinError, no_such
+from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Segment, ShapeParameters
 from pavetwin.world.segments import segment_key
@@ -240,8 +237,7 @@ _UNLISTED: Final = ClassPopulation(weight=0.0)
 
 def population_names() -> list[str]:
     """The populations that ship with the package."""
-    folder = files("pavetwin.defects") / "populations"
-    return sorted(entry.name.removesuffix(".yaml") for entry in folder.iterdir() if entry.name.endswith(".yaml"))
+    return names_in("pavetwin.defects", "populations")
 
 
 @cache
@@ -251,17 +247,7 @@ def population(name: str) -> Population:
     Raises:
         PaveTwinError: there is no such population or file, or the file is none.
     """
-    where = f"damage population '{name}'"
-    if name.endswith((".yaml", ".yml")):
-        try:
-            text = Path(name).read_text(encoding="utf-8")
-            found = Population.parse(parse_yaml(text, where=f"'{name}'") or {}, where=where)
-        except (OSError, UnicodeDecodeError, YAMLError) as error:
-            raise PaveTwinError(f"The damage population '{name}' cannot be read: {error}.") from error
-    elif name in population_names():
-        text = (files("pavetwin.defects") / "populations" / f"{name}.yaml").read_text(encoding="utf-8")
-        found = Population.parse(parse_yaml(text, where=name), where=where)
-    else:
-        raise PaveTwinError(no_such("damage population", name, population_names(), key="`population`"))
-    found.check(where)
+    what = "damage population"
+    found = read_named(Population, name, what=what, key="population", package="pavetwin.defects", folder="populations")
+    found.check(f"{what} '{name}'")
     return found

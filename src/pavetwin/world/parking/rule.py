@@ -6,16 +6,12 @@ sources.
 
 from collections.abc import Mapping
 from functools import cache
-from importlib.resources import files
-from pathlib import Path
 from typing import Annotated, Final, Literal
 
 from pydantic import Field
-from yaml import YAMLError
 
 from pavetwin.config.base import Settings
-from pavetwin.config.text import parse_yaml
-from pavetwin.errors import PaveTwinError, no_such
+from pavetwin.config.named import names_in, read_named
 from pavetwin.world.parking.model import ParkingOrientation, ParkingPosition
 
 Metres = Annotated[float, Field(ge=0, le=100)]
@@ -99,8 +95,7 @@ class ParkingRule(Settings):
 
 def rule_names() -> list[str]:
     """The rules that ship with the package."""
-    folder = files("pavetwin.world.parking") / "rules"
-    return sorted(entry.name.removesuffix(".yaml") for entry in folder.iterdir() if entry.name.endswith(".yaml"))
+    return names_in("pavetwin.world.parking", "rules")
 
 
 @cache
@@ -112,13 +107,12 @@ def parking_rule(name: str) -> ParkingRule | None:
     """
     if name == NO_RULE:
         return None
-    if name.endswith((".yaml", ".yml")):
-        try:
-            text = Path(name).read_text(encoding="utf-8")
-            return ParkingRule.parse(parse_yaml(text, where=f"'{name}'") or {}, where=f"parking rule '{name}'")
-        except (OSError, UnicodeDecodeError, YAMLError) as error:
-            raise PaveTwinError(f"The parking rule '{name}' cannot be read: {error}.") from error
-    if name not in rule_names():
-        raise PaveTwinError(no_such("parking rule", name, [*rule_names(), NO_RULE], key="`parking_rule`"))
-    text = (files("pavetwin.world.parking") / "rules" / f"{name}.yaml").read_text(encoding="utf-8")
-    return ParkingRule.parse(parse_yaml(text, where=name), where=f"parking rule '{name}'")
+    return read_named(
+        ParkingRule,
+        name,
+        what="parking rule",
+        key="parking_rule",
+        package="pavetwin.world.parking",
+        folder="rules",
+        more=[NO_RULE],
+    )

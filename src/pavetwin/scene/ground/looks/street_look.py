@@ -28,7 +28,7 @@ Weights = Annotated[Mapping[str, Weight], Field(min_length=1)]
 
 
 class Stretches(Settings):
-    """Parts of streets that were paved anew later than the rest."""
+    """Parts of streets that were resurfaced later than the rest."""
 
     share: Share = 0.3
     """Of segments of 45 m and more that have one."""
