@@ -50,6 +50,12 @@ def existing_world(context: typer.Context, parameter: typer.CallbackParam, folde
 WorldFolder = Annotated[Path, typer.Argument(help="Folder of the world.", callback=existing_world)]
 """Checked before a command loads anything that takes long."""
 
+DatasetFolder = Annotated[Path, typer.Argument(help="Folder of a dataset.")]
+SheetFile = Annotated[
+    Path | None, typer.Option("--output", "-o", help="The picture; contact-sheet.png in the dataset unless given.")
+]
+SheetCount = Annotated[int, typer.Option("--count", help="Number of images.")]
+
 OptionalWorldFolder = Annotated[
     Path | None, typer.Argument(help="Folder of the world; may be left out with --again.", callback=existing_world)
 ]

@@ -11,9 +11,12 @@ from typer.core import TyperGroup
 
 from pavetwin.cli.arguments import (
     CacheFolder,
+    DatasetFolder,
     Mix,
     NamingCommand,
     Plugins,
+    SheetCount,
+    SheetFile,
     WorldFolder,
     paths_of,
     split_shares,
@@ -207,11 +210,9 @@ def _in_reach(settings: "CaptureSettings", folder: Path, tell: "OnProgress") -> 
 
 @app.command()
 def show(
-    dataset: Annotated[Path, typer.Argument(help="Folder of a dataset.")],
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="The picture; contact-sheet.png in the dataset unless given.")
-    ] = None,
-    count: Annotated[int, typer.Option(help="Number of images.")] = 24,
+    dataset: DatasetFolder,
+    output: SheetFile = None,
+    count: SheetCount = 24,
     split: Annotated[str | None, typer.Option(help="Only of this split: train, val or test.")] = None,
 ) -> None:
     """Draw a contact sheet of a dataset, with its boxes and masks.
@@ -229,7 +230,7 @@ def show(
 
 
 @app.command()
-def stats(dataset: Annotated[Path, typer.Argument(help="Folder of a dataset.")]) -> None:
+def stats(dataset: DatasetFolder) -> None:
     """Count what is in a dataset: by class, split, severity and size.
 
     \b

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pavetwin.cli.arguments import NamingCommand, split_shares
+from pavetwin.cli.arguments import DatasetFolder, NamingCommand, SheetCount, SheetFile, split_shares
 from pavetwin.cli.console import err, out, progress
 from pavetwin.errors import PaveTwinError, naming
 
@@ -180,7 +180,7 @@ def merge(
 
 @app.command()
 def split(
-    dataset: Annotated[Path, typer.Argument(help="Folder of a dataset.")],
+    dataset: DatasetFolder,
     shares: Annotated[str, typer.Option(help="Percent of train/val/test.")] = "70/20/10",
     seed: Annotated[int, typer.Option(help="Random seed; 0 is a seed too.")] = 0,
 ) -> None:
@@ -243,11 +243,9 @@ def stats(
 
 @app.command()
 def show(
-    dataset: Annotated[Path, typer.Argument(help="Folder of a dataset.")],
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="The picture; contact-sheet.png in the dataset unless given.")
-    ] = None,
-    count: Annotated[int, typer.Option(help="Number of images.")] = 24,
+    dataset: DatasetFolder,
+    output: SheetFile = None,
+    count: SheetCount = 24,
 ) -> None:
     """Draw a contact sheet of a dataset, with its boxes; ignored regions are dashed.
 
