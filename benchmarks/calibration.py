@@ -6,12 +6,13 @@
 A study has three altitudes and four policies, 10 or 20 replicates, and the paired structure of the paper's study over
 the demo's town (seed 1): its variances between replicates, of replicate by altitude, of replicate by policy and within;
 differences of policies that are 0 in most replicates, since traffic hides a segment's defects in some only; shares of
-30 defects; times with a heavy tail.
+30 defects; times with a heavy tail. Other objectives than the most found have studies of their own, in which less is
+found from higher up, which takes less time, and a share of the defects is required that at least one option finds.
 """
 
 import sys
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
@@ -20,15 +21,18 @@ import numpy as np
 import polars as pl
 from scipy.stats import beta
 
+from pavetwin.experiments.metrics import COMPARED
 from pavetwin.experiments.statistics.bootstrap import resamples
-from pavetwin.experiments.statistics.recommend import MissionLimits, choice_under
+from pavetwin.experiments.statistics.choice import MissionLimits, Objective, best_among, choice_under, keeping
 
 ALTITUDES, POLICIES = 3, 4
 ALTITUDE = np.repeat(np.arange(ALTITUDES), POLICIES)
+ALTITUDES_M = np.array([6.0, 15.0, 30.0])[ALTITUDE]
 POLICY = np.tile(np.arange(POLICIES), ALTITUDES)
 OPTIONS: Final = ALTITUDES * POLICIES
 REPLICATES: Final = (10, 20)
 SEEDS: Final = 30
+SEEDS_OF_OBJECTIVES: Final = 100
 EDGES: Final = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 1.0)
 
 PAPER: Final[dict[str, tuple[list[float], list[float], float]]] = {
@@ -64,14 +68,25 @@ class Truth:
     time_s: np.ndarray
     busy: float
     """Share of the replicates in which policies differ."""
-    max_time_s: float | None = None
+    limits: MissionLimits = field(default_factory=MissionLimits)
+    objective: Objective = Objective.MOST_FOUND
+
+    @property
+    def kept(self) -> np.ndarray:
+        """(options,) which keep the limits."""
+        return keeping(self._means, self.limits)[0]
 
     @property
     def best(self) -> np.ndarray:
-        """(options,) which are the best within the limit."""
-        allowed = np.ones(OPTIONS, dtype=bool) if self.max_time_s is None else self.time_s <= self.max_time_s
-        coverage = np.where(allowed, self.coverage, -1.0)
-        return np.asarray(allowed & (coverage >= coverage.max() - 1e-9))
+        """(options,) which are the best of those; by coverage alone where that decides."""
+        if self.objective is Objective.MOST_FOUND:
+            coverage = np.where(self.kept, self.coverage, -1.0)
+            return np.asarray(self.kept & (coverage >= coverage.max() - 1e-9))
+        return best_among(self._means, self.kept[np.newaxis], self.objective, ALTITUDES_M)[0]
+
+    @property
+    def _means(self) -> np.ndarray:
+        return np.stack([self.coverage, self.time_s, self.time_s / 1800])[:, np.newaxis]
 
 
 def truth(kind: str, rng: np.random.Generator) -> Truth:
@@ -81,6 +96,12 @@ def truth(kind: str, rng: np.random.Generator) -> Truth:
     busy, limit = float(rng.choice([0.15, 0.3, 0.5])), None
     altitude = np.array([-rng.uniform(0.02, 0.25), 0.0, rng.normal(0, 0.02)])[ALTITUDE]
     policy = np.array([0.0, *rng.uniform(0, 0.05, POLICIES - 1)])[POLICY]
+    if kind in OBJECTIVES:
+        falls = np.array([0.0, *rng.uniform(0.02, 0.15, ALTITUDES - 1)]).cumsum()
+        coverage = rng.uniform(0.45, 0.8) - falls[ALTITUDE] + policy + rng.normal(0, 0.003, OPTIONS)
+        time_s = time_s + np.array([rng.uniform(10, 40), rng.uniform(0, 10), 0.0])[ALTITUDE]
+        least = MissionLimits(min_coverage=float(rng.uniform(coverage.min(), coverage.max())))
+        return Truth(coverage, time_s, busy, least, OBJECTIVES[kind])
     if kind == "as in the paper's study":
         coverage, times, busy = PAPER[str(rng.choice(list(PAPER)))]
         return Truth(np.array(coverage), np.array(times), busy)
@@ -92,11 +113,13 @@ def truth(kind: str, rng: np.random.Generator) -> Truth:
         coverage[rng.integers(OPTIONS)] += 0.05
     if kind == "limit of time":
         limit = max(75.0, float(rng.choice(time_s[POLICY > 0])) * rng.uniform(0.9, 1.15))
-    return Truth(coverage, time_s, busy, limit)
+    return Truth(coverage, time_s, busy, MissionLimits(max_time_s=limit))
 
 
 _SPREAD: Final = {"unstructured": 0.02, "near ties": 0.005, "nearly equal": 0.001, "one leader": 0.003}
 KINDS: Final = ("as in the paper's study", "main effects", "limit of time", *_SPREAD)
+OBJECTIVES: Final = {"the highest altitude": Objective.HIGHEST, "the least time": Objective.FASTEST}
+"""Kinds of truth in which something else than coverage decides."""
 
 
 def simulated(known: Truth, replicates: int, rng: np.random.Generator) -> np.ndarray:
@@ -118,41 +141,49 @@ def simulated(known: Truth, replicates: int, rng: np.random.Generator) -> np.nda
     return np.stack([coverage, time_s, time_s / 1800])
 
 
-def by_resampling(units: np.ndarray, limits: MissionLimits, seed: int) -> np.ndarray:
+def by_resampling(
+    units: np.ndarray, limits: MissionLimits, seed: int, objective: Objective = Objective.MOST_FOUND
+) -> np.ndarray:
     """(options,) how often each is the best of resampled replicates: what was claimed before."""
     counts = resamples((units.shape[2],), seed)
     means = np.einsum("mor,nr->mno", units, counts) / units.shape[2]
-    allowed = means[1] <= (np.inf if limits.max_time_s is None else limits.max_time_s)
-    coverage = np.where(allowed, means[0], -1.0)
-    best = allowed & (coverage >= coverage.max(axis=1, keepdims=True) - 1e-9)
-    time_s = np.where(best, means[1], np.inf)
-    return np.asarray((best & (time_s <= time_s.min(axis=1, keepdims=True) + 1e-7)).mean(axis=0))
+    return np.asarray(best_among(means, keeping(means, limits), objective, ALTITUDES_M).mean(axis=0))
 
 
-def outcomes(seeds: int = SEEDS, kinds: tuple[str, ...] = KINDS) -> Iterator[dict[str, Any]]:
+def proposed(means: np.ndarray, known: Truth) -> int | None:
+    """The option that `recommend` proposes by (3, options) observed means; None where none keeps the limits."""
+    kept = keeping(means[:, np.newaxis], known.limits)[0]
+    ahead = {**dict(zip(COMPARED, (-means[0], *means[1:]), strict=True)), "altitude_m": -ALTITUDES_M}
+    order = [ahead[name] for name in dict.fromkeys((*known.objective.order, *COMPARED))]
+    return int(np.lexsort([*reversed(order), ~kept])[0]) if kept.any() else None
+
+
+def outcomes(seeds: int = SEEDS, kinds: Sequence[str] = KINDS) -> Iterator[dict[str, Any]]:
     """One row a study that has an answer: what was claimed of the proposed option, and what is true."""
     worlds = [np.zeros(count, dtype=np.intp) for count in REPLICATES]
     for seed in range(seeds):
         for kind in kinds:
-            rng = np.random.default_rng([seed, KINDS.index(kind)])
+            rng = np.random.default_rng([seed, (*KINDS, *OBJECTIVES).index(kind)])
             known = truth(kind, rng)
-            limits = MissionLimits(max_time_s=known.max_time_s)
             for count, blocks in zip(REPLICATES, worlds, strict=True):
                 units = simulated(known, count, rng)
-                chances = choice_under(limits, units, blocks, (ALTITUDE, POLICY), seed)
-                means = units.mean(axis=2)
-                allowed = means[1] <= (limits.max_time_s or np.inf)
-                if not allowed.any() or not known.best.any():
+                chances = choice_under(
+                    known.limits, units, blocks, (ALTITUDE, POLICY), seed,
+                    objective=known.objective, altitudes_m=ALTITUDES_M,
+                )  # fmt: skip
+                at = proposed(means := units.mean(axis=2), known)
+                if at is None or not known.best.any():
                     continue
-                proposed = int(np.lexsort((means[1], -np.where(allowed, means[0], -1.0)))[0])
                 yield {
                     "kind": kind,
                     "replicates": count,
-                    "before": float(by_resampling(units, limits, seed)[proposed]),
-                    "after": float(chances.certainty[proposed]),
-                    "right": bool(known.best[proposed]),
-                    "error_before": float(means[0, proposed] - known.coverage[proposed]),
-                    "error_after": float(chances.expected[0, proposed] - known.coverage[proposed]),
+                    "before": float(by_resampling(units, known.limits, seed, known.objective)[at]),
+                    "after": float(chances.certainty[at]),
+                    "right": bool(known.best[at]),
+                    "keeps": float(chances.kept[at]),
+                    "kept": bool(known.kept[at]),
+                    "error_before": float(means[0, at] - known.coverage[at]),
+                    "error_after": float(chances.expected[0, at] - known.coverage[at]),
                 }
 
 
@@ -172,7 +203,7 @@ def calibration(rows: pl.DataFrame, claim: str) -> pl.DataFrame:
 _BINS: Final = [f"{100 * low:.0f}–{100 * high:.0f}" for low, high in pairwise(EDGES)]
 
 
-def tables(rows: pl.DataFrame) -> str:
+def tables(rows: pl.DataFrame, kinds: Sequence[str] = KINDS) -> str:
     """In Markdown: calibration before and after, and by kind of truth the claims and the error of the coverage."""
     lines = ["| claimed, % | before: studies | right, % | after: studies | right, % |", "|---|---:|---|---:|---|"]
     sides = [{row["bin"]: row for row in calibration(rows, claim).iter_rows(named=True)} for claim in _CLAIMS]
@@ -187,12 +218,22 @@ def tables(rows: pl.DataFrame) -> str:
         lines.append(f"| {name} | {' | '.join(cells)} |")
     lines += ["", "| truth | studies | right, % | claimed before | after | coverage too high by, before | after |"]
     lines += ["|---|" + "---:|" * 6]
-    for kind in (*KINDS, "all"):
+    for kind in (*kinds, "all"):
         part = rows if kind == "all" else rows.filter(kind=kind)
         shares = [100 * _mean(part, name) for name in ("right", *_CLAIMS)]
         errors = [100 * _mean(part, name) for name in ("error_before", "error_after")]
         numbers = [*(f"{share:.0f}" for share in shares), *(f"{error:+.1f}" for error in errors)]
         lines.append(f"| {kind} | {part.height} | {' | '.join(numbers)} |")
+    return "\n".join(lines)
+
+
+def kept_table(rows: pl.DataFrame) -> str:
+    """In Markdown: how often the proposed options keep the limits, by how likely that is said to be."""
+    lines = ["| said to keep the limit with, % | studies | keep it, % |", "|---|---:|---|"]
+    for row in calibration(rows.with_columns(right="kept"), "keeps").iter_rows(named=True):
+        share = f"{100 * row['right']:.0f} ({100 * row['low']:.0f} to {100 * row['high']:.0f})"
+        lines.append(f"| {row['bin']} | {row['studies']} | {share} |")
+    lines.append(f"| all: {100 * _mean(rows, 'keeps'):.0f} | {rows.height} | {100 * _mean(rows, 'kept'):.0f} |")
     return "\n".join(lines)
 
 
@@ -231,6 +272,8 @@ def plot(rows: pl.DataFrame, file: Path) -> None:
 def main(arguments: list[str]) -> None:
     rows = pl.DataFrame(list(outcomes()))
     print(tables(rows))
+    others = pl.DataFrame(list(outcomes(SEEDS_OF_OBJECTIVES, tuple(OBJECTIVES))))
+    print("", tables(others, tuple(OBJECTIVES)), "", kept_table(others), sep="\n")
     if arguments[:1] == ["--plot"]:
         plot(rows, Path(arguments[1]))
 

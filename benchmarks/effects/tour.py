@@ -12,7 +12,7 @@ from pavetwin.experiments.advice import advise
 from pavetwin.experiments.metrics import BATTERIES, COMPARED, TOUR_METRICS
 from pavetwin.experiments.statistics import MissionLimits
 from pavetwin.experiments.statistics.cells import layout, values_of
-from pavetwin.experiments.statistics.recommend import batteries_to_bring
+from pavetwin.experiments.statistics.proposal import batteries_to_bring
 from pavetwin.experiments.tours import by_mission
 
 SEGMENTS: Final = 12

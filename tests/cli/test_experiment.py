@@ -116,7 +116,17 @@ def test_sensors_and_presets_are_no_options_and_have_an_advice_each(place: Path)
 def test_limits_that_nothing_keeps_are_said_with_an_exit_code(place: Path) -> None:
     done = pavetwin("experiment", "recommend", "study", "--max-time", "1", cwd=place)
     assert done.returncode == 1
-    assert "No option keeps the limit on average." in done.stdout
+    assert "No option keeps the limit on average: the nearest is " in done.stdout
+
+
+def test_the_highest_option_that_finds_enough_is_chosen(place: Path) -> None:
+    done = pavetwin("experiment", "recommend", "study", "--choose", "highest", "--min-coverage", "1", cwd=place)
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"^Fly (baseline|hover) at 10 m:", done.stdout, re.MULTILINE)
+    assert "No higher option was flown." in done.stdout
+    refused = plain_refusal(pavetwin("experiment", "recommend", "study", "--choose", "fastest", cwd=place))
+    assert refused.startswith("Error: --choose fastest: without a limit")
+    assert "give --min-coverage" in refused
 
 
 def test_a_report_lies_in_the_study_s_folder(place: Path) -> None:

@@ -17,13 +17,14 @@ from pavetwin.experiments.metrics import metric_named
 from pavetwin.experiments.report import Study, gather, write_report
 from pavetwin.experiments.report import page as pages
 from pavetwin.experiments.report.canvas import looks
+from pavetwin.experiments.report.front import question
 from pavetwin.experiments.report.headline import headline_table
 from pavetwin.experiments.report.maps import colour_range, street_map, street_means
 from pavetwin.experiments.report.plots.intervals import by_altitude
 from pavetwin.experiments.report.plots.overview import overview
 from pavetwin.experiments.report.plots.spread import spread
 from pavetwin.experiments.report.plots.tradeoff import options, tradeoff
-from pavetwin.experiments.statistics import MissionLimits
+from pavetwin.experiments.statistics import MissionLimits, Objective
 from pavetwin.experiments.statistics.summary import summarise
 from scenes import tiny
 from scenes.report_studies import PAPER, SMALL, page_of, study_of, table_of, with_failures
@@ -201,6 +202,16 @@ def test_the_first_page_answers_the_question() -> None:
     plain = page_of(gather("Plain", {**design, "set": {"recall": 0.84}}, table_of(SMALL, 12), {}))
     assert "No setting differs from the preset paper." in plain
     assert "No limit of time, battery or coverage was set" in plain
+
+
+def test_the_first_page_asks_for_another_objective() -> None:
+    table = table_of({"altitude_m": (6.0, 10.0), "traffic": ("low", "high")}, 3)
+    study = gather("High", {}, table, {}, limits=MissionLimits(min_coverage=0.5), objective=Objective.HIGHEST)
+    assert (
+        question(study)
+        == "Which altitude flies highest in low and high traffic with at least 50.0 % coverage a segment?"
+    )
+    assert {each.recommendation.objective for each in (*study.advice, *study.advice_in["low"])} == {Objective.HIGHEST}
 
 
 @pytest.mark.parametrize(

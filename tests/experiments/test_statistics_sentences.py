@@ -295,8 +295,9 @@ def test_when_no_option_keeps_the_limits_the_nearest_is_named() -> None:
     assert made.nearest is not None
     assert (made.nearest["policy"], made.broken) == ("baseline", "time_s")
     assert made.options["feasible"].any() is False
-    assert made.sentences[0] == "No option keeps the limits on average."
-    assert "limit of time" in made.sentences[1]
+    (sentence,) = made.sentences
+    assert sentence.startswith("No option keeps the limits on average: the nearest is baseline at 6 m (coverage 6")
+    assert sentence.endswith(", is above 50.0 s.")
 
 
 @pytest.mark.parametrize(
@@ -403,7 +404,7 @@ def test_of_options_that_miss_by_as_much_the_one_that_finds_most_is_the_nearest(
     made = recommend(table, MissionLimits(max_time_s=50.0), ("policy",))
     assert made.nearest is not None
     assert made.nearest["policy"] == "baseline"
-    assert made.sentences[1].startswith("The nearest is baseline, its coverage 80.0 %; what it breaks most")
+    assert ": the nearest is baseline (coverage 80.0 %), whose time, 60.3 s" in made.sentences[0]
 
 
 def test_one_replicate_recommends_without_saying_how_sure() -> None:

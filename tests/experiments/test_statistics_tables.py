@@ -9,8 +9,7 @@ from polars.testing import assert_frame_equal
 from scipy import stats
 
 from pavetwin.experiments.metrics import metric_named
-from pavetwin.experiments.statistics import differences, effects, every_pair, recommend, summarise
-from pavetwin.experiments.statistics.recommend import MissionLimits
+from pavetwin.experiments.statistics import MissionLimits, differences, effects, every_pair, recommend, summarise
 from scenes.studies import PAPER, SMALL, study, without
 
 BY = ("traffic", "altitude_m", "policy")

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pavetwin.experiments.design import Design
     from pavetwin.experiments.engines import Engine
     from pavetwin.experiments.run import Ran
-    from pavetwin.experiments.statistics import MissionLimits, Recommendation
+    from pavetwin.experiments.statistics import MissionLimits, Objective, Recommendation
     from pavetwin.experiments.store import Store
     from pavetwin.world.model import World
 
@@ -42,6 +42,13 @@ MaxEnergy = Annotated[
     float | None, typer.Option(metavar="%", min=0.001, help="Largest mean energy of the same, in % of a battery.")
 ]
 MinCoverage = Annotated[float | None, typer.Option(metavar="%", min=0, max=100, help="Least mean coverage, in %.")]
+Choose = Annotated[
+    str,
+    typer.Option(
+        help="Of the options within the limits, the one with the best coverage (most-found), the highest altitude "
+        "(highest), the least time (fastest) or the least of a battery (least-energy); all but the first need a limit."
+    ),
+]
 
 
 @app.command()
@@ -181,6 +188,7 @@ def report(
     max_time: MaxTime = None,
     max_energy: MaxEnergy = None,
     min_coverage: MinCoverage = None,
+    choose: Choose = "most-found",
 ) -> None:
     """Write report.html, which opens offline, and the table as CSV, Markdown and LaTeX.
 
@@ -189,17 +197,20 @@ def report(
     \b
     pavetwin experiment report studies/first
     pavetwin experiment report studies/first --max-time 120
+    pavetwin experiment report studies/first --choose highest --min-coverage 25
     pavetwin experiment report studies/first --figures
     """
     from pavetwin.experiments.report import gather, write_report
     from pavetwin.experiments.store import Store
 
+    limits, objective = _limits(max_time, max_energy, min_coverage), _objective(choose)
     store = Store(folder)
     said, table = store.description(), store.table()
     design = store.design()
     with progress("Statistics", lines=True) as tell:
-        limits = _limits(max_time, max_energy, min_coverage)
-        study = gather(design.name, _plain(said), table, _worlds(design), limits=limits, seed=design.seed)
+        study = gather(
+            design.name, _plain(said), table, _worlds(design), limits=limits, objective=objective, seed=design.seed
+        )
         place = output or folder
         written = write_report(study, place, lambda share: tell(share, "Drawing the report"), figures=figures)
     _note_unfinished(store)
@@ -218,20 +229,25 @@ def recommend(
     max_time: MaxTime = None,
     max_energy: MaxEnergy = None,
     min_coverage: MinCoverage = None,
+    choose: Choose = "most-found",
     traffic: Annotated[str | None, typer.Option(help="In this traffic; else over all that was flown.")] = None,
     world: Annotated[str | None, typer.Option(help="Over this world; else over all.")] = None,
 ) -> None:
     """Name the altitude and policy with the best mean coverage under limits, and how sure that is.
+
+    Or the highest, the fastest or the one that takes the least energy of those that still find enough.
 
     Sensor and preset are assumptions of a study: each combination has its own recommendation.
 
     \b
     pavetwin experiment recommend studies/first --traffic los-E --max-time 120
     pavetwin experiment recommend studies/first --max-energy 5 --min-coverage 80
+    pavetwin experiment recommend studies/first --choose highest --min-coverage 25
     """
     from pavetwin.experiments.advice import advise
     from pavetwin.experiments.store import Store
 
+    limits, objective = _limits(max_time, max_energy, min_coverage), _objective(choose)
     store = Store(folder)
     table = store.table()
     for option, column, value in (("traffic", "traffic", traffic), ("world", "world", world)):
@@ -241,8 +257,7 @@ def recommend(
                 raise PaveTwinError(f"--{option} {value}: the study has {', '.join(levels)}.")
             table = table.filter(table[column] == value)
     design = store.design()
-    limits = _limits(max_time, max_energy, min_coverage)
-    advice = advise(table, limits, seed=design.seed, design=design.model_dump(mode="json"))
+    advice = advise(table, limits, objective=objective, seed=design.seed, design=design.model_dump(mode="json"))
     for each in advice:
         if each.assumption:
             out.print(f"\n[bold]{each.assumption}[/]")
@@ -261,6 +276,12 @@ def _limits(max_time_s: float | None, max_energy: float | None, min_coverage: fl
     return MissionLimits(max_time_s=max_time_s, max_energy=energy, min_coverage=coverage)
 
 
+def _objective(name: str) -> "Objective":
+    from pavetwin.experiments.statistics import Objective
+
+    return Objective.named(name)
+
+
 def _note_unfinished(store: "Store") -> None:
     from pavetwin.experiments.metrics import REPLICATE
     from pavetwin.experiments.plan import cells_of, units_of
@@ -276,7 +297,7 @@ def _options_table(chosen: "Recommendation") -> "Table":
     from rich.table import Table
 
     from pavetwin.experiments.metrics import BATTERIES, ERROR_METRICS
-    from pavetwin.experiments.statistics.recommend import batteries_to_bring
+    from pavetwin.experiments.statistics.proposal import batteries_to_bring
     from pavetwin.experiments.words import level_text, shown
 
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))

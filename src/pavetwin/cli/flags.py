@@ -20,6 +20,7 @@ FLAGS: Final = {
     "densities": "--density",
     "max_time_s": "--max-time",
     "names": "--segment",
+    "objective": "--choose",
     "overrides": "--set",
     "picture=jpg": "no --png",
     "picture=png": "--png",

@@ -9,7 +9,7 @@ import polars as pl
 from pavetwin.experiments.design import ALIASES, ENVIRONMENT
 from pavetwin.experiments.ground_view import GroundView, ground_view
 from pavetwin.experiments.metrics import BATTERIES, REPLICATE
-from pavetwin.experiments.statistics import MissionLimits, Recommendation, recommend
+from pavetwin.experiments.statistics import MissionLimits, Objective, Recommendation, recommend
 from pavetwin.experiments.statistics.cells import levels_of
 from pavetwin.experiments.tours import by_mission
 from pavetwin.experiments.words import opened, setting
@@ -39,13 +39,21 @@ class Advice:
 
 
 def advise(
-    table: pl.DataFrame, limits: MissionLimits, *, seed: int = 0, design: Mapping[str, Any] | None = None
+    table: pl.DataFrame,
+    limits: MissionLimits,
+    *,
+    objective: Objective = Objective.MOST_FOUND,
+    seed: int = 0,
+    design: Mapping[str, Any] | None = None,
 ) -> list[Advice]:
     """A recommendation among altitudes, policies and swept settings, over the worlds and traffic of the table.
 
     Args:
         table: of segment missions; where these are parts of tours, whole missions are judged.
         design: plain values of `design.yaml`, for what the camera shows.
+
+    Raises:
+        PaveTwinError: the objective is another than the most found, and nothing says what must be kept.
     """
     table = by_mission(table)
     varied = table.columns[table.columns.index("altitude_m") : table.columns.index(REPLICATE)]
@@ -54,18 +62,20 @@ def advise(
     by = [name for name in varied if name in chosen_by | {"altitude_m", "policy"}]
     assumed = [name for name in ASSUMED if len(levels_of(table, name)) > 1]
     parts = table.partition_by(assumed, maintain_order=True) if assumed else [table]
-    return [_advice(part, limits, by, assumed, seed, design) for part in parts]
+    return [_advice(part, limits, objective, by, assumed, seed, design) for part in parts]
 
 
 def _advice(
     table: pl.DataFrame,
     limits: MissionLimits,
+    objective: Objective,
     by: list[str],
     assumed: list[str],
     seed: int,
     design: Mapping[str, Any] | None,
 ) -> Advice:
-    made, first = recommend(table, limits, by, seed=seed), table.row(0, named=True)
+    made = recommend(table, limits, by, objective=objective, seed=seed)
+    first = table.row(0, named=True)
     option = made.best or made.nearest
     view = ground_view({**first, **option}, design) if option and design else None
     return Advice(opened(setting(first, assumed)) if assumed else "", made, view)

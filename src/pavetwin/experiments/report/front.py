@@ -11,6 +11,7 @@ from pavetwin.experiments.report.headline import defects_under
 from pavetwin.experiments.report.parts import Section
 from pavetwin.experiments.report.plots import overview
 from pavetwin.experiments.report.study import METRIC, Group, Study
+from pavetwin.experiments.statistics import Objective
 from pavetwin.experiments.words import amount, factor_text, level_name, level_text, listed
 
 OVERVIEW = "overview"
@@ -18,13 +19,21 @@ OVERVIEW = "overview"
 
 _MOST_PANELS = 4
 
+_ASKED = {
+    Objective.MOST_FOUND: "finds most of the pavement's defects",
+    Objective.HIGHEST: "flies highest",
+    Objective.FASTEST: "is the fastest",
+    Objective.LEAST_ENERGY: "takes the least energy",
+}
+
 
 def question(study: Study) -> str:
     """What the study was flown to answer, under the limits of its recommendation."""
     choices = [
         factor_text(name).lower() for name in ("altitude_m", "policy", *study.swept) if len(study.levels(name)) > 1
     ]
-    limits = study.advice[0].recommendation.limits.named if study.advice else {}
+    asked = study.advice[0].recommendation if study.advice else None
+    limits, objective = (asked.limits.named, asked.objective) if asked else ({}, Objective.MOST_FOUND)
     words = {"coverage": "at least {} coverage", "time_s": "at most {} of time", "energy": "at most {}"}
     named = [words[name].format(amount(metric_named(name), limit)) for name, limit in limits.items()]
     within = f" with {listed(named)} a {_unit(study)}" if named else ""
@@ -32,7 +41,7 @@ def question(study: Study) -> str:
     where = f"in {listed(traffic)} traffic" if len(traffic) <= _MOST_PANELS else f"in {len(traffic)} kinds of traffic"
     if not choices:
         return f"How many of the pavement's defects are found {where}{within}, and what does it cost?"
-    return f"Which {listed(choices)} finds most of the pavement's defects {where}{within}?"
+    return f"Which {listed(choices)} {_ASKED[objective]} {where}{within}?"
 
 
 def _unit(study: Study) -> str:

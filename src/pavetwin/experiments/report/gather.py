@@ -13,6 +13,7 @@ from pavetwin.experiments.report.study import Study
 from pavetwin.experiments.statistics import (
     Comparison,
     MissionLimits,
+    Objective,
     conclusions,
     differences,
     effects,
@@ -35,6 +36,7 @@ def gather(
     worlds: Mapping[str, World],
     *,
     limits: MissionLimits | None = None,
+    objective: Objective = Objective.MOST_FOUND,
     seed: int = 0,
 ) -> Study:
     """The statistics of a table over everything that it varies.
@@ -42,7 +44,7 @@ def gather(
     Args:
         design: plain values of `design.yaml`, and the `version` that flew it.
         worlds: by the names in the table; those that are not here get no map.
-        limits: of the recommendation.
+        limits, objective: of the recommendation.
         seed: of the resamples.
     """
     rows, table = table, by_mission(table)
@@ -64,12 +66,13 @@ def gather(
     sentences = conclusions(summary, compared, explained, tours=is_by_mission(table))
     within = limits or MissionLimits()
     traffics = levels["traffic"] if 1 < len(levels["traffic"]) <= _MOST_TRAFFICS else []
-    advice_in = {name: advise(table.filter(traffic=name), within, seed=seed, design=design) for name in traffics}
+    asked: dict[str, Any] = {"objective": objective, "seed": seed, "design": design}
+    advice_in = {name: advise(table.filter(traffic=name), within, **asked) for name in traffics}
     return Study(
         *(title, design, factors, table, summary, compared, explained, sentences, worlds),
         rows=rows,
         findings=key_findings(compared),
-        advice=advise(table, within, seed=seed, design=design),
+        advice=advise(table, within, **asked),
         advice_in=advice_in,
     )
 
