@@ -11,7 +11,7 @@ import pytest
 from benchmarks.effects import __main__ as command
 from benchmarks.effects import catalogue
 from benchmarks.effects.catalogue import VARIANTS, Kind, Variant, design_of
-from benchmarks.effects.cracks import reach
+from benchmarks.effects.cracks import Highest, highest, reach
 from benchmarks.effects.plot import COLOURS, legend
 from benchmarks.effects.sizes import ALL, FLIGHT, Effect, effects, proposed, ranked, value
 from benchmarks.effects.table import default_line, effects_table, proposals_table, tours_table
@@ -142,6 +142,23 @@ def test_how_high_a_quarter_is_found(mean: float, falls: float, told: str) -> No
     assert (reached.low_m < reached.high_m) == bool(reached.altitude_m and np.isfinite(reached.altitude_m))
 
 
+def test_the_highest_option_with_a_quarter_found_is_proposed_with_how_sure_it_is() -> None:
+    """The less is lost by every metre, the higher: from nowhere, from 15 m, from 30 m."""
+
+    def proposal(falls: float) -> Highest:
+        levels = {**LEVELS, "world": ("ash",), "altitude_m": (6.0, 15.0, 30.0), "policy": ("hover", "micro")}
+
+        def truth(cell: dict[str, Any]) -> dict[str, float]:
+            return {"coverage": -0.25 - falls * cell["altitude_m"] - 0.02 * (cell["policy"] == "micro")}
+
+        return highest(study(levels, 8, truth, seed=1))
+
+    made = [proposal(falls) for falls in (0.05, 0.01, 0.001)]
+    assert [each.option for each in made] == [None, (15.0, "hover"), (30.0, "hover")]
+    assert str(made[0]) == "none"
+    assert re.fullmatch(r"hover, 15\u00a0m \((over )?9\d\u00a0?\s?%\)", str(made[1]))
+
+
 def test_the_legend_names_the_kinds_that_are_drawn() -> None:
     found = changed(Kind.LEFT_OUT, flown(LOW, 0.2), flown(HIGH, 0.1))
     assert legend(found) == {"the twin without it": COLOURS[Kind.LEFT_OUT]}
@@ -241,7 +258,7 @@ ANY_SIZE = next(variant for variant in VARIANTS if variant.name == "any-size")
 def test_how_high_cracks_are_found_follows_the_ground_resolution(town: Path, tmp_path: Path) -> None:
     """Finer pixels behind the same lens: one may fly higher. The pixel on the ground stays within a factor of three.
     Where cracks of any size are found, what is proposed is no longer the lowest altitude."""
-    reaches, pixels, altitudes = {}, {}, {}
+    reaches, pixels, altitudes, proposals = {}, {}, {}, {}
     for variant in (*CRACKS, ANY_SIZE):
         design = design_of(
             variant, [town], "low", 8, altitudes_m=[6, 10, 15, 30, 60], policies=["hover"], segments=2,
@@ -250,6 +267,7 @@ def test_how_high_cracks_are_found_follows_the_ground_resolution(town: Path, tmp
         run(design, tmp_path / variant.name, Single())
         table = Store(tmp_path / variant.name).table()
         reaches[variant.name], altitudes[variant.name] = reach(table), proposed(table, MissionLimits())[0]
+        proposals[variant.name] = highest(table).option
         settings = cells_of(design)[0].settings(design)
         pixels[variant.name] = camera_of(settings).ground_resolution_m(1.0)
     assert pixels["cracks-coarse"] > pixels["cracks"] > pixels["cracks-fine"]
@@ -257,3 +275,5 @@ def test_how_high_cracks_are_found_follows_the_ground_resolution(town: Path, tmp
     shown = [pixels[name] * reaches[name].altitude_m for name in ("cracks", "cracks-fine")]
     assert max(shown) < 3 * min(shown)
     assert altitudes["any-size"] > altitudes["cracks"] == 6.0
+    assert proposals["cracks-coarse"] is None
+    assert 6.0 <= proposals["cracks"][0] < proposals["cracks-fine"][0] < proposals["any-size"][0] == 60.0

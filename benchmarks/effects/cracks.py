@@ -8,14 +8,15 @@ import numpy as np
 import polars as pl
 
 from benchmarks.effects.catalogue import USUAL, Variant
-from benchmarks.effects.sizes import ALL, FLIGHT, MEASURED, option_text, proposed, within
+from benchmarks.effects.sizes import ALL, FLIGHT, MEASURED, Option, option_text, proposed, within
 from benchmarks.effects.words import markdown
 from pavetwin.arrays import Float64Array
+from pavetwin.experiments.advice import advise
 from pavetwin.experiments.ground_view import GroundView, ground_view
-from pavetwin.experiments.statistics import MissionLimits, summarise
+from pavetwin.experiments.statistics import MissionLimits, Objective, summarise
 from pavetwin.experiments.statistics.bootstrap import resamples, strata
 from pavetwin.experiments.statistics.cells import layout, values_of
-from pavetwin.experiments.words import number, shown
+from pavetwin.experiments.words import MISSING, number, percent, shown
 
 COVERAGE: Final = MEASURED[0]
 QUARTER: Final = 0.25
@@ -70,6 +71,29 @@ def _crossing(altitudes: Float64Array, found: Float64Array, share: float) -> flo
     return float(np.interp(-share, -found[at - 1 : at + 1], altitudes[at - 1 : at + 1])) if at else 0.0
 
 
+@dataclass(frozen=True)
+class Highest:
+    """What `recommend` proposes as the highest altitude from which a share is found."""
+
+    option: Option | None
+    """None where no option finds as much."""
+    certainty: float | None = None
+    """The probability that it finds as much and none higher does."""
+
+    def __str__(self) -> str:
+        """`hover, 15 m (83 %)`, `none`."""
+        if self.option is None:
+            return "none"
+        return f"{option_text(self.option)} ({MISSING if self.certainty is None else percent(self.certainty)})"
+
+
+def highest(table: pl.DataFrame, share: float = QUARTER) -> Highest:
+    """Of all altitudes and policies."""
+    (advice,) = advise(table, MissionLimits(min_coverage=share), objective=Objective.HIGHEST)
+    best = advice.recommendation.best
+    return Highest(None) if best is None else Highest((best["altitude_m"], best["policy"]), best["certainty"])
+
+
 def cracks_table(flown: Mapping[str, pl.DataFrame], variants: Sequence[Variant], limits: MissionLimits) -> str:
     """What each camera resolves, what hovering finds by altitude, and what is proposed, over all worlds."""
     altitudes = sorted(set(flown[variants[0].name]["altitude_m"].to_list()))
@@ -81,11 +105,17 @@ def cracks_table(flown: Mapping[str, pl.DataFrame], variants: Sequence[Variant],
         quick = proposed(table, MissionLimits(max_time_s=WITHIN_S))
         lengths = (view.pixel_m, view.unseen_along_m["single_crack"], view.unseen_m["single_crack"])
         seen = [number(1000 * length_m, 1) for length_m in lengths]
-        rows.append([variant.title, *seen, *found, option_text(proposed(table, limits)), option_text(quick)])
+        options = [option_text(proposed(table, limits)), option_text(quick), str(highest(table))]
+        rows.append([variant.title, *seen, *found, *options])
     at = f"{FLIGHT[0]:g}\u00a0m"
     head = [f"a pixel at {at}, mm", f"seen from {at} along the flight: wider than, mm", "across it, mm"]
     heights = [f"found at {altitude_m:g}\u00a0m, %" for altitude_m in altitudes]
-    return markdown(["", *head, *heights, "proposed", f"proposed within {WITHIN_S:g}\u00a0s"], rows)
+    options = [
+        "proposed",
+        f"proposed within {WITHIN_S:g}\u00a0s",
+        "highest altitude with at least a quarter found",
+    ]
+    return markdown(["", *head, *heights, *options], rows)
 
 
 def reach_table(flown: Mapping[str, pl.DataFrame], variants: Sequence[Variant]) -> str:
