@@ -10,28 +10,37 @@ from polars.testing import assert_frame_equal
 
 from pavetwin.config import load_settings
 from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.mission.environment import prepare
 from pavetwin.mission.fly import fly
-from pavetwin.mission.inputs import load_inputs
+from pavetwin.mission.inputs import MissionInputs, load_inputs
+from pavetwin.mission.mission import Traffic
 from pavetwin.mission.plan import plan_mission
 from pavetwin.mission.results import segment_table
 from pavetwin.world.store import load_world, save_world
 from scenes import built
 
 STORED = Path(__file__).parent / "published.csv"
+SEED = 2
 
 
 def flown(folder: Path) -> pl.DataFrame:
-    """The rows of the four policies, in the columns of the stored ones."""
+    """The rows of the study's altitudes and policies in one recording, in the columns of the stored ones."""
     save_world(add_defects(built("cross", parking_rule="none"), DefectOptions(per_segment=8)), folder)
-    world = load_world(folder)
-    settings = load_settings("paper", altitude_m=10.0)
-    spec = plan_mission(world, settings, density="low", segments=2, seed=2)
-    inputs = load_inputs(spec, world=world)
-    with inputs.replay:
-        rows = [
-            segment_table(fly(spec.with_policy(policy, settings), inputs=inputs))
-            for policy in ("baseline", "hover", "micro", "skip")
-        ]
+    world, rows = load_world(folder), []
+    traffic: Traffic | None = None
+    for altitude_m in (6.0, 10.0, 15.0):
+        settings = load_settings("paper", altitude_m=altitude_m)
+        ready = prepare(world, settings, world.defects, parking_seed=SEED)
+        spec = plan_mission(world, settings, density="low", segments=2, seed=SEED, environment=ready)
+        inputs = MissionInputs(ready, traffic) if traffic else load_inputs(spec, world=world, environment=ready)
+        traffic = inputs.traffic
+        with inputs.replay:
+            rows += [
+                segment_table(fly(spec.with_policy(policy, settings), inputs=inputs)).with_columns(
+                    altitude_m=pl.lit(altitude_m)
+                )
+                for policy in ("baseline", "hover", "micro", "skip")
+            ]
     return pl.concat(rows).select(pl.read_csv(STORED, n_rows=0).columns)
 
 
