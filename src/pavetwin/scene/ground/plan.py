@@ -13,7 +13,8 @@ from shapely.ops import substring
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.distractors.fixtures import Fixture, placed
 from pavetwin.scene.ground.distractors.marks import marks
-from pavetwin.scene.ground.distractors.repairs import Repairs, repairs
+from pavetwin.scene.ground.distractors.repairs import repairs
+from pavetwin.scene.ground.distractors.segment_marks import Repairs
 from pavetwin.scene.ground.layout.bays import GAP_M, bays_of, in_bays
 from pavetwin.scene.ground.layout.lines import boxes_of
 from pavetwin.scene.ground.layout.paved import PLAIN, PavedSurface
@@ -40,7 +41,7 @@ class GroundPlan(SurfaceLayout):
 
     @cached_property
     def paint(self) -> Paint:
-        drawn = markings(self, self.standard)
+        drawn = markings(self, self.standard).resurfaced(shapely.union_all([shape for shape, _ in self._stretches]))
         return drawn.joined(marks(self, drawn))
 
     @cached_property
@@ -110,11 +111,20 @@ class GroundPlan(SurfaceLayout):
             *((shape.buffer(WIDENED_M, quad_segs=2), paved) for shape, paved in (*segments, *junctions)),
         ]
         shapes += [*junctions, *segments]
+        shapes += self._stretches
+        for segment, _ in self.segments:
+            shapes += self.repairs.cuts.get(segment.id, ())
+        return SpatialIndex([shape for shape, _ in shapes]), tuple(paved for _, paved in shapes)
+
+    @cached_property
+    def _stretches(self) -> list[tuple[BaseGeometry, PavedSurface]]:
+        """Parts of segments that were resurfaced."""
+        found: list[tuple[BaseGeometry, PavedSurface]] = []
         for segment, _ in self.segments:
             for start, end, paved in self.repairs.stretches.get(segment.id, ()):
                 part = substring(segment.centre_line, start, end).buffer(segment.width_m, cap_style="flat")
-                shapes.append((shapely.intersection(part, segment.polygon), paved))
-        return SpatialIndex([shape for shape, _ in shapes]), tuple(paved for _, paved in shapes)
+                found.append((shapely.intersection(part, segment.polygon), paved))
+        return found
 
     def paved_at(self, x_m: float, y_m: float) -> PavedSurface:
         """The surface at a point, in the world frame."""

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from pavetwin.scene.ground import GroundPlan, details, ground_maps, plan_ground
-from pavetwin.scene.ground.distractors.repairs import SEAM_HALF_M
+from pavetwin.scene.ground.distractors.segment_marks import SEAM_HALF_M
 from pavetwin.scene.ground.layout.surfaces import tile_box
 from pavetwin.scene.ground.markings.placement import markings
 from pavetwin.scene.ground.markings.standard import paint

@@ -4,8 +4,6 @@ Each segment draws its own from a child of the seed keyed by the segment, so tha
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -13,50 +11,27 @@ import numpy as np
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.distractors.fixtures import Fixture
 from pavetwin.scene.ground.distractors.junction_repairs import junction_repairs
-from pavetwin.scene.ground.distractors.seals import clear_of_defects, wander, wavering
-from pavetwin.scene.ground.layout.lines import LineFrame
+from pavetwin.scene.ground.distractors.patching import Patching
+from pavetwin.scene.ground.distractors.seals import wander, wavering
+from pavetwin.scene.ground.distractors.segment_marks import (
+    SEAL_HALF_M,
+    SEALED_GAPS,
+    SEAM_HALF_M,
+    Repairs,
+    SegmentMarks,
+)
 from pavetwin.scene.ground.layout.paved import PavedSurface
-from pavetwin.scene.ground.layout.streets import StreetPlan
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
 from pavetwin.scene.ground.looks import pavement
 from pavetwin.scene.ground.looks.weights import pick
 from pavetwin.seeds import Stream, child
-from pavetwin.world.model import Lane, Segment
-from pavetwin.world.segments import segment_key
-
-SEAL_HALF_M: Final = (0.013, 0.034)
-"""Half the width of a sealed crack: flush fillings of 2 to 3 cm up to overbands of 7 cm (FHWA-RD-99-147)."""
-
-SEAM_HALF_M: Final = (0.009, 0.022)
-"""Half the width of a sealed edge or joint: the joint sealant and its overband."""
-
-SEALED_GAPS: Final = (0.001, 0.025)
-"""Share of a seal that has come off; with more gaps it would look like a dashed line."""
+from pavetwin.world.model import Lane
 
 PUDDLES_M: Final = 28.0
 """Mean distance along a street between marks of puddles, both sides together; ours."""
 
 WHEELS_M: Final = 0.78
 """Half the track of a car."""
-
-
-@dataclass
-class Repairs:
-    """Marks on all carriageways, world frame, metres."""
-
-    patches: list[tuple[float, ...]] = field(default_factory=list)
-    """Middle x and y, direction [rad], half length, half width, factor on the reflectance around them."""
-    seals: list[Float64Array] = field(default_factory=list)
-    """Lines of bitumen, (n, 2)."""
-    seal_halves_m: list[float] = field(default_factory=list)
-    seal_gaps: list[float] = field(default_factory=list)
-    """Share of each that has come off."""
-    stretches: dict[str, list[tuple[float, float, PavedSurface]]] = field(default_factory=dict)
-    """Of a segment: from and to along its centre line, and what it was paved with since."""
-    spots: list[tuple[float, float, float, float]] = field(default_factory=list)
-    """Oil and damp: x, y, radius, strength."""
-    skids: list[tuple[Float64Array, float]] = field(default_factory=list)
-    """Tyre marks: line and strength."""
 
 
 def repairs(plan: SurfaceLayout, fixtures: Sequence[Fixture]) -> Repairs:
@@ -73,7 +48,7 @@ def repairs(plan: SurfaceLayout, fixtures: Sequence[Fixture]) -> Repairs:
         for number, line in enumerate(lines):
             draw = plan.chance(f"seal {junction.id} {number}")
             width = SEAL_HALF_M[0] + 0.6 * (SEAL_HALF_M[1] - SEAL_HALF_M[0]) * draw
-            _seal(plan, found, line, width, SEALED_GAPS[0] + (SEALED_GAPS[1] - SEALED_GAPS[0]) * draw)
+            found.seal(plan, line, width, SEALED_GAPS[0] + (SEALED_GAPS[1] - SEALED_GAPS[0]) * draw)
     for fixture in fixtures:
         _around(plan, fixture, found)
     return found
@@ -98,80 +73,39 @@ def _around(plan: SurfaceLayout, fixture: Fixture, found: Repairs) -> None:
             found.seal_gaps.append(0.15)
 
 
-class _OnSegment:
-    """The marks of one segment, drawn in coordinates along its centre line and to its left."""
-
-    def __init__(self, plan: SurfaceLayout, street: StreetPlan, segment: Segment, found: Repairs) -> None:
-        self.plan, self.street, self.segment, self.found = plan, street, segment, found
-        self.length, self.half = segment.length_m, segment.width_m / 2
-        self.pavement = plan.pavement(street)
-        self.cracked = plan.ageing(street).cracked * (0.3 + 1.4 * plan.chance(f"mended {street.name}"))
-        self.rng = child(plan.seed, Stream.SCENE, 2, segment_key(segment))
-        self._world = LineFrame(segment.centre_line).points
+class _OnSegment(SegmentMarks):
+    """The marks of one segment."""
 
     def draw(self) -> None:
         self._stretch()
         self._joint()
         self._slab_joints()
         rates = self.pavement.repairs
-        for _ in range(self._count(self.plan.look.dirt.water * self.length / PUDDLES_M)):
+        for _ in range(self.count(self.plan.look.dirt.water * self.length / PUDDLES_M)):
             self._puddle()
-        for _ in range(self._count(rates.trenches * self.length / 75)):
-            self._trench_across()
-        for _ in range(self._count(rates.trenches * self.length / 170)):
-            self._trench_along()
-        for _ in range(self._count(rates.patches * (0.25 + self.cracked) * self.length / 45)):
-            self._random_patch()
-        for _ in range(self._count(rates.sealed_cracks * self.cracked * self.length / 20)):
+        Patching(self).draw()
+        for _ in range(self.count(rates.sealed_cracks * self.cracked * self.length / 20)):
             self._crack_across()
-        for _ in range(self._count(rates.sealed_cracks * self.cracked * self.length / 70)):
+        for _ in range(self.count(rates.sealed_cracks * self.cracked * self.length / 70)):
             self._crack_along()
-
-    def _count(self, mean: float) -> int:
-        return int(self.rng.poisson(mean))
-
-    def _between(self, low: float, high: float) -> float:
-        return float(self.rng.uniform(low, high))
-
-    def _patch(self, along: float, left: float, half_along: float, half_across: float, tone: float) -> None:
-        """A repaired rectangle, square to the street, its edges sealed or not."""
-        x, y = self._world(along, left)
-        ax, ay = self._world(along - 0.5, left)
-        bx, by = self._world(along + 0.5, left)
-        turn = float(np.arctan2(by - ay, bx - ax)) + self._between(-0.03, 0.03)
-        self.found.patches.append((float(x), float(y), turn, half_along, half_across, tone))
-        if self.rng.random() < 0.4:
-            cos, sin = np.cos(turn), np.sin(turn)
-            corner = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1], [1, 1]]) * (half_along, half_across)
-            ring = corner @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
-            for a, b in pairwise(ring):
-                if self.rng.random() < 0.85:
-                    self._seal(wavering(self.rng, a, b, 0.008), self._between(*SEAM_HALF_M))
-
-    def _seal(self, line: Float64Array, half_m: float) -> None:
-        _seal(self.plan, self.found, line, half_m, self._between(*SEALED_GAPS))
-
-    def _tone(self) -> float:
-        """Of a repair: mostly newer and darker than what is around it."""
-        return self._between(0.62, 0.90) if self.rng.random() < 0.78 else self._between(1.05, 1.18)
 
     def _stretch(self) -> None:
         stretches = self.plan.look.stretches
         if self.length < 45 or self.rng.random() > stretches.share:
             return
-        start = self._between(0.0, self.length * 0.6)
-        end = min(self.length, start + self._between(18.0, self.length * 0.7))
+        start = self.between(0.0, self.length * 0.6)
+        end = min(self.length, start + self.between(18.0, self.length * 0.7))
         later = pavement(pick(stretches.pavements, float(self.rng.random())))
-        reflectance = later.reflectance.at(later.age.at(self._between(0.0, 0.7)), float(self.rng.random()))
+        reflectance = later.reflectance.at(later.age.at(self.between(0.0, 0.7)), float(self.rng.random()))
         surface = PavedSurface.of(later, reflectance, *(float(self.rng.random()) for _ in range(2)))
         self.found.stretches[self.segment.id] = [(start, end, surface)]
         for station in (start, end):
             if 2.0 < station < self.length - 2.0 and self.rng.random() < 0.7:
-                self._across(station, 0.006, self._between(*SEAM_HALF_M))
+                self._across(station, 0.006, self.between(*SEAM_HALF_M))
 
     def _across(self, station: float, sway: float, half_m: float) -> None:
-        ends = self._world([station, station], [-self.half + 0.05, self.half - 0.05])
-        self._seal(wavering(self.rng, ends[0], ends[1], sway), half_m)
+        ends = self.world([station, station], [-self.half + 0.05, self.half - 0.05])
+        self.seal(wavering(self.rng, ends[0], ends[1], sway), half_m)
 
     def _joint(self) -> None:
         """The sealed joint between the paver's two passes, the same all along a street.
@@ -183,22 +117,22 @@ class _OnSegment:
             return
         left = 0.5 * self.plan.chance(f"beside {name}") - 0.25
         stations = np.arange(0.0, self.length, 0.45)
-        line = self._world(stations, left + wander(self.rng, stations, 0.014))
+        line = self.world(stations, left + wander(self.rng, stations, 0.014))
         half, worn = (
             low + (high - low) * self.plan.chance(f"joint's {what} {name}")
             for what, (low, high) in (("width", SEAM_HALF_M), ("wear", SEALED_GAPS))
         )
-        _seal(self.plan, self.found, line, half, worn)
+        self.found.seal(self.plan, line, half, worn)
 
     def _puddle(self) -> None:
         """The damp that a puddle leaves: a few overlapping rounds, most of them along a kerb."""
         away = min(float(self.rng.exponential(0.6)) + 0.25, 2 * self.half - 0.3)
         left = (self.half - away) * float(self.rng.choice([-1.0, 1.0]))
-        along, strength = self._between(0.0, self.length), self._between(0.12, 0.5)
+        along, strength = self.between(0.0, self.length), self.between(0.12, 0.5)
         for _ in range(int(self.rng.integers(2, 7))):
             offset = self.rng.normal(0.0, (0.55, 0.14))
-            x, y = self._world(along + offset[0], np.clip(left + offset[1], -self.half, self.half))
-            self.found.spots.append((float(x), float(y), self._between(0.12, 0.5), strength))
+            x, y = self.world(along + offset[0], np.clip(left + offset[1], -self.half, self.half))
+            self.found.spots.append((float(x), float(y), self.between(0.12, 0.5), strength))
 
     def _slab_joints(self) -> None:
         """Between slabs: across the carriageway, and along it between lanes."""
@@ -208,54 +142,17 @@ class _OnSegment:
         first = slabs.every_m * self.plan.chance(f"slabs {self.segment.id}")
         across = np.linspace(-self.half - 0.3, self.half + 0.3, 2 + round(4 * self.half))
         for station in np.arange(first, self.length, slabs.every_m):
-            line = self._world(station + wander(self.rng, across, 0.004), across)
-            _seal(self.plan, self.found, line, slabs.half_width_m, slabs.lost)
+            line = self.world(station + wander(self.rng, across, 0.004), across)
+            self.found.seal(self.plan, line, slabs.half_width_m, slabs.lost)
         stations = np.arange(0.0, self.length, 0.9)
         for left in self._lane_borders():
-            line = self._world(stations, left + wander(self.rng, stations, 0.004))
-            _seal(self.plan, self.found, line, slabs.half_width_m, slabs.lost)
+            line = self.world(stations, left + wander(self.rng, stations, 0.004))
+            self.found.seal(self.plan, line, slabs.half_width_m, slabs.lost)
 
     def _lane_borders(self) -> list[float]:
         """Offsets to the left of the centre line at which slabs of 3 to 5 m width meet."""
         slabs = max(1, round(2 * self.half / 3.6))
         return [-self.half + 2 * self.half * number / slabs for number in range(1, slabs)]
-
-    def _trench_across(self) -> None:
-        if self.length < 8.0:
-            return
-        half_across = self.half * (1.0 if self.rng.random() < 0.5 else 0.5)
-        left = 0.0 if half_across == self.half else self.rng.choice([-0.5, 0.5]) * self.half
-        self._patch(
-            self._between(3.0, self.length - 3.0), float(left), self._between(0.28, 0.55), half_across, self._tone()
-        )
-
-    def _trench_along(self) -> None:
-        """A long trench in straight parts, so that it follows the street."""
-        reach, width = self._between(6.0, 30.0), self._between(0.3, 0.5)
-        start = self._between(0.0, max(0.1, self.length - reach))
-        left = self._between(-self.half + 0.7, self.half - 0.7)
-        tone, at = self._tone(), start
-        while at < min(start + reach, self.length - 0.5):
-            step = min(4.0, start + reach - at, self.length - at)
-            ends = self._world([at, at + step], [left, left])
-            x, y = ends.mean(axis=0)
-            turn = float(np.arctan2(*(ends[1] - ends[0])[::-1]))
-            self.found.patches.append((float(x), float(y), turn, step / 2, width, tone))
-            at += step
-        stations = np.arange(start, at, 0.8)
-        for side in (-1, 1):
-            if len(stations) > 2 and self.rng.random() < 0.45:
-                edge = left + side * width + wander(self.rng, stations, 0.008)
-                self._seal(self._world(stations, edge), self._between(*SEAM_HALF_M))
-
-    def _random_patch(self) -> None:
-        self._patch(
-            self._between(0.5, max(0.6, self.length - 0.5)),
-            self._between(-self.half + 0.6, self.half - 0.6),
-            self._between(0.3, 1.6),
-            self._between(0.25, 0.7),
-            self._tone(),
-        )
 
     def _crack_across(self) -> None:
         """A sealed crack across the carriageway or a part of it, irregular, with occasional offsets."""
@@ -263,29 +160,21 @@ class _OnSegment:
             return
         low, high = -self.half + 0.1, self.half - 0.1
         if self.rng.random() < 0.5:
-            low, high = (low, self._between(-0.5, 0.8)) if self.rng.random() < 0.5 else (self._between(-0.8, 0.5), high)
+            low, high = (low, self.between(-0.5, 0.8)) if self.rng.random() < 0.5 else (self.between(-0.8, 0.5), high)
         steps = max(4, int((high - low) / 0.28))
         left = np.linspace(low, high, steps)
-        along = self._between(2.0, self.length - 2.0) + np.cumsum(self.rng.normal(0.0, 0.07, steps))
+        along = self.between(2.0, self.length - 2.0) + np.cumsum(self.rng.normal(0.0, 0.07, steps))
         along = along + np.cumsum(self.rng.normal(0.0, 0.30, steps) * (self.rng.random(steps) < 0.08))
-        self._seal(self._world(along, left), self._between(*SEAL_HALF_M))
+        self.seal(self.world(along, left), self.between(*SEAL_HALF_M))
 
     def _crack_along(self) -> None:
-        reach = self._between(2.5, 16.0)
+        reach = self.between(2.5, 16.0)
         steps = max(5, int(reach / 0.4))
-        along = self._between(0.0, max(0.1, self.length - reach)) + np.linspace(0.0, reach, steps)
-        left = self._between(-self.half + 0.8, self.half - 0.8) + np.cumsum(self.rng.normal(0.0, 0.045, steps))
+        along = self.between(0.0, max(0.1, self.length - reach)) + np.linspace(0.0, reach, steps)
+        left = self.between(-self.half + 0.8, self.half - 0.8) + np.cumsum(self.rng.normal(0.0, 0.045, steps))
         inside = (along < self.length) & (np.abs(left) < self.half - 0.5)
         if inside.sum() > 3:
-            self._seal(self._world(along[inside], left[inside]), self._between(*SEAL_HALF_M))
-
-
-def _seal(plan: SurfaceLayout, found: Repairs, line: Float64Array, half_m: float, gaps: float) -> None:
-    """A line of bitumen, except where it would hide a defect."""
-    for part in clear_of_defects(plan, line):
-        found.seals.append(part)
-        found.seal_halves_m.append(half_m)
-        found.seal_gaps.append(gaps)
+            self.seal(self.world(along[inside], left[inside]), self.between(*SEAL_HALF_M))
 
 
 def _drips(plan: SurfaceLayout, lane: Lane, found: Repairs) -> None:

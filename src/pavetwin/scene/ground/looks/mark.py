@@ -10,7 +10,8 @@ from pydantic import Field, model_validator
 
 from pavetwin.config.base import Settings
 from pavetwin.config.named import names_in, read_named
-from pavetwin.scene.ground.looks.pavement import PACKAGE, ValueRange
+from pavetwin.scene.ground.looks.pavement import PACKAGE
+from pavetwin.scene.ground.looks.values import ValueRange
 
 PaintName = Literal["white", "yellow", "orange", "red", "blue", "green"]
 

@@ -39,6 +39,52 @@ Crossings = Annotated[dict[CrossingKind, Annotated[float, Field(ge=0)]], Field(m
 """Kinds with their relative frequencies."""
 
 
+class Hatching(Settings):
+    """Areas to keep off: bars between border lines."""
+
+    colour: PaintName = "white"
+    border_m: WidthM = 0.12
+    """Width of the line around an area."""
+    stripe_m: Dash = (0.5, 0.5)
+    """Painted and free, across the bars."""
+    angle_deg: Annotated[float, Field(ge=15, le=75)] = 45.0
+    """Of the bars to the street."""
+    corner_share: Share = 0.0
+    """Of ends of parking lanes that are kept free before junctions and crossings."""
+    junction_share: Share = 0.0
+    """Of junctions of main streets: where no way leads across."""
+
+
+class BoxJunction(Settings):
+    """Crossed lines over the middle of a junction that is to be kept clear."""
+
+    colour: PaintName = "yellow"
+    line_m: WidthM = 0.15
+    every_m: LengthM
+    """Between its lines."""
+    share: Share
+    """Of signalled junctions."""
+
+
+class RumbleStrips(Settings):
+    """Groups of bars across a lane before a place to give way or a crossing without signals, felt by drivers."""
+
+    kind: Literal["painted", "milled"]
+    """Raised bars of paint, or grooves."""
+    colour: PaintName = "white"
+    bar_m: Dash
+    """Length along the lane and gap."""
+    bars: Annotated[int, Field(ge=1, le=30)]
+    """In a group."""
+    groups: Annotated[int, Field(ge=1, le=10)] = 1
+    groups_every_m: LengthM = 10.0
+    before_m: LengthM = 8.0
+    """From the nearest one to where vehicles wait."""
+    main_share: Share = 0.0
+    other_share: Share = 0.0
+    """Of approaches on main and on other streets."""
+
+
 class MarkingStandard(Settings):
     """The road markings of a country. Widths and lengths in metres."""
 
@@ -86,6 +132,9 @@ class MarkingStandard(Settings):
     crossing_line_m: WidthM
     crossing_dash_m: Dash | None = None
     """Of the two lines of a crossing; None for solid ones."""
+    hatching: Hatching | None = None
+    box: BoxJunction | None = None
+    rumble: RumbleStrips | None = None
 
     @field_validator("areas")
     @classmethod

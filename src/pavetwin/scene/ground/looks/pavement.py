@@ -2,13 +2,14 @@
 
 from enum import StrEnum
 from functools import cache
-from typing import Annotated, Final, Self
+from typing import Annotated, Final
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field
 
 from pavetwin.config.base import Settings
 from pavetwin.config.mission import Share
 from pavetwin.config.named import names_in, read_named
+from pavetwin.scene.ground.looks.values import ValueRange, within
 from pavetwin.scene.model import GroundKind
 
 PACKAGE: Final = "pavetwin.scene.ground.looks"
@@ -35,32 +36,6 @@ _GROUND: Final = {
     Material.CHIP_SEAL: GroundKind.CHIP_SEAL,
     Material.CONCRETE: GroundKind.SLABS,
 }
-
-
-class ValueRange(Settings):
-    """Evenly from the least to the most of a value."""
-
-    least: float
-    most: float
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        if self.least > self.most:
-            raise ValueError(f"least {self.least:g} is larger than most {self.most:g}")
-        return self
-
-    def at(self, chance: float) -> float:
-        """The value at a random number 0 … 1."""
-        return self.least + (self.most - self.least) * chance
-
-
-def _within(low: float, high: float) -> AfterValidator:
-    def checked(values: ValueRange) -> ValueRange:
-        if values.least < low or values.most > high:
-            raise ValueError(f"least and most lie between {low:g} and {high:g}")
-        return values
-
-    return AfterValidator(checked)
 
 
 class SurfaceReflectance(Settings):
@@ -118,11 +93,11 @@ class Pavement(Settings):
     material: Material
     reflectance: SurfaceReflectance
     tint: Tint = Tint()
-    age: Annotated[ValueRange, _within(0.0, 1.0)] = ValueRange(least=0.0, most=1.0)
+    age: Annotated[ValueRange, within(0.0, 1.0)] = ValueRange(least=0.0, most=1.0)
     """Of streets that have it: 0 newly paved, 1 due for renewal."""
-    grain: Annotated[ValueRange, _within(0.0, 1.9)] = ValueRange(least=0.5, most=1.0)
+    grain: Annotated[ValueRange, within(0.0, 1.9)] = ValueRange(least=0.5, most=1.0)
     """Contrast of its stones, × that of clean new ones: dust and wear level them."""
-    wheel_paths: Annotated[ValueRange, _within(-0.5, 0.5)] = ValueRange(least=-0.065, most=0.075)
+    wheel_paths: Annotated[ValueRange, within(-0.5, 0.5)] = ValueRange(least=-0.065, most=0.075)
     """Change of the reflectance where wheels pass, as a share: polished stones are paler, bleeding binder darker."""
     streaks: Factor = 1.0
     """Contrast of the streaks along the street that paver, rollers and tyres leave."""

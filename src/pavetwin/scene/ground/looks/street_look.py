@@ -7,14 +7,16 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field
 
 from pavetwin.config.base import Settings
 from pavetwin.config.mission import Share
 from pavetwin.config.named import names_in, read_named
 from pavetwin.errors import PaveTwinError
+from pavetwin.scene.ground.looks.history import OWN, FormerMarkings, RepairMaterials, Weight, Weights
 from pavetwin.scene.ground.looks.mark import mark
 from pavetwin.scene.ground.looks.marking_standard import marking_standard
+from pavetwin.scene.ground.looks.overhead import Overhead
 from pavetwin.scene.ground.looks.pavement import PACKAGE, Factor, Pavement, pavement
 from pavetwin.scene.ground.looks.weights import pick
 
@@ -22,9 +24,6 @@ DEFAULT_LOOK: Final = "varied"
 
 CoverName = Literal["cover_iron", "cover_filled", "cover_square", "cover_collared"]
 GrateName = Literal["grate", "grate_slots"]
-
-Weight = Annotated[float, Field(ge=0)]
-Weights = Annotated[Mapping[str, Weight], Field(min_length=1)]
 
 
 class Stretches(Settings):
@@ -56,6 +55,9 @@ class StreetLook(Settings):
     other: Weights
     """Of all others."""
     stretches: Stretches
+    repairs: RepairMaterials = RepairMaterials()
+    former_markings: FormerMarkings = FormerMarkings()
+    overhead: Overhead = Overhead()
     dirt: Dirt = Dirt()
     paint_wear: Factor = 1.0
     """Wear of markings, × what the age of a street says."""
@@ -68,13 +70,6 @@ class StreetLook(Settings):
     """Painted marks by name, or by a file beside this one: mean number on 100 m of a street that may have them."""
     markings: str | None = None
     """A marking standard by name, or by a file beside this one; the one of the place unless given."""
-
-    @field_validator("main", "other")
-    @classmethod
-    def _some(cls, weights: Mapping[str, float]) -> Mapping[str, float]:
-        if not sum(weights.values()) > 0:
-            raise ValueError("the weights sum to 0")
-        return weights
 
     def pavement(self, *, main: bool, chance: float) -> Pavement:
         """The pavement of a street for a random number 0 … 1."""
@@ -96,10 +91,11 @@ def street_look(name: str) -> StreetLook:
     """
     found = read_named(StreetLook, name, what="street look", key="look", package=PACKAGE, folder="streets")
     tables = {"main": found.main, "other": found.other, "stretches.pavements": found.stretches.pavements}
+    tables |= {f"repairs.{key}": weights for key, weights in found.repairs.tables.items()}
     absolute: dict[str, dict[str, float]] = {}
     for key, weights in tables.items():
         absolute[key] = {_beside(name, each): weight for each, weight in weights.items()}
-        for each in absolute[key]:
+        for each in absolute[key].keys() - ({OWN} if key.startswith("repairs.") else ()):
             try:
                 pavement(each)
             except PaveTwinError as error:
@@ -117,10 +113,12 @@ def street_look(name: str) -> StreetLook:
         except PaveTwinError as error:
             raise PaveTwinError(f"street look '{name}': markings: {error}") from error
     stretches = found.stretches.model_copy(update={"pavements": absolute["stretches.pavements"]})
+    repairs = found.repairs.model_copy(update={key: absolute[f"repairs.{key}"] for key in found.repairs.tables})
     update: dict[str, Any] = {
         "main": absolute["main"],
         "other": absolute["other"],
         "stretches": stretches,
+        "repairs": repairs,
         "marks": marks,
         "markings": markings,
     }
@@ -130,14 +128,25 @@ def street_look(name: str) -> StreetLook:
 def look_sha256(name: str) -> str:
     """SHA-256 of all that a look says, the pavements, marks and marking standard that it names included."""
     look = street_look(name)
-    tables = (look.main, look.other, look.stretches.pavements)
-    said = look.model_dump(mode="json", exclude={"main", "other", "stretches", "marks"})
+    tables = (look.main, look.other, look.stretches.pavements, *look.repairs.tables.values())
+    named: dict[str, Any] = {
+        "main": True,
+        "other": True,
+        "stretches": True,
+        "marks": True,
+        "repairs": set(look.repairs.tables),
+    }
+    said = look.model_dump(mode="json", exclude=named)
     if look.markings is not None:
         said["markings"] = marking_standard(look.markings).model_dump(mode="json", exclude={"areas"})
     told = [said, look.stretches.share]
-    told += [[(weight, pavement(each).model_dump(mode="json")) for each, weight in table.items()] for table in tables]
+    told += [[(weight, _told(each)) for each, weight in table.items()] for table in tables]
     told += [(rate, mark(each).model_dump(mode="json")) for each, rate in look.marks.items()]
     return sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+
+
+def _told(name: str) -> str | dict[str, Any]:
+    return OWN if name == OWN else pavement(name).model_dump(mode="json")
 
 
 def _beside(look: str, name: str) -> str:

@@ -16,6 +16,9 @@ from pavetwin.scene.model import MAP_PX, SIGNED_DISTANCE_M
 PAINT_UNEVEN_M: Final = 0.0035
 """Standard deviation of the edges of paint, from application and from wear."""
 
+FORMER_M: Final = 0.012
+"""Greatest signed distance to paint of an earlier layout: farther inside today's paint that lies over it."""
+
 RAGGED: Final = 0.20
 """Deviation of each edge of a seal, × half its width."""
 
@@ -39,7 +42,10 @@ def drawn(plan: GroundPlan, key: tuple[int, int], worn: Float32Array) -> UInt8Ar
     chosen = np.flatnonzero(raster.meets(low - SIGNED_DISTANCE_M, high + SIGNED_DISTANCE_M))
     shapes = [paint.outlines[index] for index in chosen]
     reach = SIGNED_DISTANCE_M
-    found = [(paint.bar_looks[number], *where) for number, *where in bars(raster, paint.bars, reach)]
+    found = [
+        (paint.bar_looks[number], window, np.minimum(inside, FORMER_M) if paint.is_former[number] else inside)
+        for number, window, inside in bars(raster, paint.bars, reach)
+    ]
     found += [(paint.outline_looks[chosen[number]], *where) for number, *where in outlines(raster, shapes, reach)]
     for look, window, inside in found:
         nearer = inside > distance[window.at]

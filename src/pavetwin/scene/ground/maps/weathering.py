@@ -218,11 +218,18 @@ def _road_share(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> F
 
 
 def _repair_tone(plan: GroundPlan, raster: RasterGrid) -> Float32Array:
-    """Reflectance factor of patches and trenches, later ones over earlier ones."""
+    """Reflectance factor of patches and trenches, later ones over earlier ones, and of scars of markings."""
+    tone = _covered(raster, plan.patches)
+    scars = plan.paint.scars
+    return np.asarray(tone * _covered(raster, scars), dtype=np.float32) if len(scars) else tone
+
+
+def _covered(raster: RasterGrid, covers: Float64Array) -> Float32Array:
+    """The factor of bars (n, 6) where they are, 1 elsewhere; later ones cover earlier ones."""
     tone = raster.full(1.0)
-    for number, window, inside in bars(raster, plan.patches[:, :5], 0.05):
+    for number, window, inside in bars(raster, covers[:, :5], 0.05):
         share = np.clip(0.5 + inside / np.float32(raster.cell_m), 0.0, 1.0)
-        tone[window.at] += (np.float32(plan.patches[number, 5]) - tone[window.at]) * share
+        tone[window.at] += (np.float32(covers[number, 5]) - tone[window.at]) * share
     return tone
 
 

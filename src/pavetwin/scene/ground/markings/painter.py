@@ -10,7 +10,7 @@ import shapely
 from shapely import LineString
 from shapely.geometry.base import BaseGeometry
 
-from pavetwin.arrays import Float64Array
+from pavetwin.arrays import BoolArray, Float64Array
 from pavetwin.scene.ground.layout.lines import ways_along
 from pavetwin.scene.ground.looks.mark import PaintName
 from pavetwin.scene.ground.markings.standard import paint
@@ -31,15 +31,30 @@ class Paint:
     """Polygons (n, 2) each, world frame."""
     outline_looks: Float64Array
     """(n, 2) as of the bars."""
+    is_former: BoolArray
+    """(n,): which bars are of an earlier layout, below the others."""
+    scars: Float64Array
+    """(m, 6): bars where markings were removed or masked, and the factor on the reflectance there."""
 
-    def joined(self, other: "Paint") -> "Paint":
-        """This paint and another."""
+    def joined(self, *others: "Paint") -> "Paint":
+        """This paint and others."""
+        every = (self, *others)
         return Paint(
-            np.concatenate([self.bars, other.bars]),
-            np.concatenate([self.bar_looks, other.bar_looks]),
-            (*self.outlines, *other.outlines),
-            np.concatenate([self.outline_looks, other.outline_looks]),
+            np.concatenate([each.bars for each in every]),
+            np.concatenate([each.bar_looks for each in every]),
+            tuple(ring for each in every for ring in each.outlines),
+            np.concatenate([each.outline_looks for each in every]),
+            np.concatenate([each.is_former for each in every]),
+            np.concatenate([each.scars for each in every]),
         )
+
+    def resurfaced(self, where: BaseGeometry) -> "Paint":
+        """Without what an earlier layout left in a place that was paved since."""
+        shapely.prepare(where)
+        gone = self.is_former & shapely.contains_xy(where, self.bars[:, :2])
+        scars = self.scars[~shapely.contains_xy(where, self.scars[:, :2])]
+        kept = (self.bars[~gone], self.bar_looks[~gone], self.outlines, self.outline_looks, self.is_former[~gone])
+        return Paint(*kept, scars)
 
 
 class Painter:
@@ -48,6 +63,7 @@ class Painter:
     def __init__(self) -> None:
         self._bars: list[tuple[float, ...]] = []
         self._outlines: list[tuple[Float64Array, float, float]] = []
+        self._scars: list[tuple[float, ...]] = []
 
     def bar(
         self, start: Float64Array, end: Float64Array, width_m: float, wear: float, *, colour: PaintName = "white"
@@ -93,10 +109,15 @@ class Painter:
         """A filled polygon (n, 2)."""
         self._outlines.append((np.asarray(ring, dtype=np.float64), paint(colour), wear))
 
+    def scar(self, bar: tuple[float, float, float, float, float], tone: float) -> None:
+        """A bar as of `Paint.bars` where the pavement's reflectance is changed by a factor."""
+        self._scars.append((*bar, tone))
+
     def done(self) -> Paint:
         bars = np.array(self._bars, dtype=np.float64).reshape(-1, 7)
         looks = np.array([(which, wear) for _, which, wear in self._outlines]).reshape(-1, 2)
-        return Paint(bars[:, :5], bars[:, 5:], tuple(ring for ring, _, _ in self._outlines), looks)
+        rings, new = tuple(ring for ring, _, _ in self._outlines), np.zeros(len(bars), dtype=np.bool_)
+        return Paint(bars[:, :5], bars[:, 5:], rings, looks, new, np.array(self._scars).reshape(-1, 6))
 
 
 def _dashes(length_m: float, dash_m: tuple[float, float] | None) -> Iterator[tuple[float, float]]:

@@ -3,7 +3,7 @@
 Which of them a street has depends on its class and a random number: many residential streets have none.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Final
 
 import numpy as np
@@ -18,9 +18,13 @@ from pavetwin.scene.ground.layout.lines import direction
 from pavetwin.scene.ground.layout.streets import StreetPlan
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
 from pavetwin.scene.ground.layout.turns import Approach
+from pavetwin.scene.ground.looks.history import FormerKind
+from pavetwin.scene.ground.looks.mark import PaintName
 from pavetwin.scene.ground.looks.marking_standard import CrossingKind, MarkingStandard
 from pavetwin.scene.ground.looks.weights import pick
+from pavetwin.scene.ground.markings.areas import box_lines, corners, hatch, islands
 from pavetwin.scene.ground.markings.arrows import arrow
+from pavetwin.scene.ground.markings.former import LEAST_AGE, former_kind, left_of
 from pavetwin.scene.ground.markings.painter import Paint, Painter
 from pavetwin.scene.ground.markings.parking_lines import parking_lines
 from pavetwin.world.model import CARRIAGEWAY_LANES, Crossing, Direction, Lane, LaneKind
@@ -34,6 +38,9 @@ SOLID_M: Final = 25.0
 
 ARROW_AT_M: Final = (9.0, 27.0)
 """Distances of arrows from the stop line."""
+
+GROOVE_TONE: Final = 0.72
+"""Factor on the reflectance of a milled groove: dirt in it, and its own shade. Ours."""
 
 EDGE_LINE_M: Final = 0.45
 """From an edge line's middle to the kerb: beside a gutter of 30 cm and its grates."""
@@ -58,6 +65,9 @@ class _Marker:
     def __init__(self, plan: SurfaceLayout, standard: MarkingStandard) -> None:
         self.plan, self.rules = plan, standard
         self.painter = Painter()
+        self.layout = ""
+        """Before the names of random choices: empty for today's layout."""
+        self.former: list[Paint] = []
         self.crossings = [crossing.polygon for crossing in plan.world.crossings]
         self.crossing_tree = STRtree(self.crossings)
         self.approaches = _approaches(plan)
@@ -67,18 +77,33 @@ class _Marker:
         stops = {lane: self._stop(lane) for lane in self.approaches}
         for street in self.plan.streets:
             self._street(street, stops)
+            if self.plan.ageing(street).age > LEAST_AGE:
+                self._before_today(street.name, lambda: self._street(street, stops))  # noqa: B023
         for lane, (approach, turns) in self.approaches.items():
             self._end(approach, turns, stops[lane])
         for index, crossing in enumerate(self.plan.world.crossings):
             if self._is_laid(index):
                 self._crossing(crossing)
+                self._before_today(crossing.id, lambda: self._crossing(crossing))  # noqa: B023
         self._bicycle_lanes()
+        self._areas()
         for line, place in parking_lines(self.plan.world):
             self._parking_line(line, place)
-        return self.painter.done()
+        return self.painter.done().joined(*self.former)
 
     def _draw(self, what: str) -> float:
-        return self.plan.chance(f"marking {what}")
+        return self.plan.chance(f"{self.layout}marking {what}")
+
+    def _before_today(self, name: str, draw: Callable[[], None]) -> None:
+        """What an earlier layout of a street or a crossing left, if it had one."""
+        kind = former_kind(self.plan, name)
+        if kind is None:
+            return
+        today, self.painter = self.painter, Painter()
+        self.layout = "" if kind is FormerKind.OVERPAINTED else "former "
+        draw()
+        self.former.append(left_of(self.plan, name, kind, self.painter.done()))
+        self.painter, self.layout = today, ""
 
     def _street(self, street: StreetPlan, stops: dict[str, float]) -> None:
         """The lines along a street."""
@@ -176,6 +201,8 @@ class _Marker:
         lane, street = approach.lane, approach.street
         wear = self.plan.ageing(street).paint_wear
         signalled = approach.junction.kind == "traffic_light"
+        if not signalled:
+            self._rumble(approach, station, wear)
         if signalled:
             self._across(lane, station, self.rules.stop_m, wear, None)
             if approach.lanes > 1:
@@ -187,8 +214,65 @@ class _Marker:
             else:
                 self._across(lane, station, self.rules.give_way_m, wear, self.rules.give_way_dash_m)
 
+    def _rumble(self, approach: Approach, station: float, wear: float) -> None:
+        """Rumble strips before a junction or a crossing without signals."""
+        rules, lane, street = self.rules.rumble, approach.lane, approach.street
+        if rules is None or self.plan.ageing(street).unpainted:
+            return
+        waits = self.plan.gives_way(approach) or station < lane.length_m - ENDS_FREE_M - 0.1
+        if not waits or self._draw(f"rumble {lane.edge}") >= (rules.main_share if street.main else rules.other_share):
+            return
+        on, off = rules.bar_m
+        for group in range(rules.groups):
+            for bar in range(rules.bars):
+                at = station - rules.before_m - group * rules.groups_every_m - bar * (on + off)
+                if rules.kind == "painted":
+                    self._across(lane, at, on, wear, None, colour=rules.colour)
+                else:
+                    self._groove(lane, at, on)
+
+    def _groove(self, lane: Lane, station: float, width_m: float) -> None:
+        """A groove across a lane, its far edge at a station."""
+        if station > width_m + 1.0:
+            x, y = lane.centre_line.interpolate(station - width_m / 2).coords[0]
+            dx, dy = direction(lane.centre_line, station)
+            self.painter.scar((x, y, float(np.arctan2(dx, -dy)), lane.width_m / 2 - 0.25, width_m / 2), GROOVE_TONE)
+
+    def _areas(self) -> None:
+        """Hatched areas, and junctions to be kept clear."""
+        rules, box = self.rules.hatching, self.rules.box
+        streets = {edge: street for street in self.plan.streets for edge in street.street.edges}
+        if rules is not None:
+            for area, lane, yaw in corners(self.plan):
+                ageing = self.plan.ageing(streets[lane.edge])
+                end = "end" if lane.centre_line.project(area.centroid) > lane.length_m / 2 else "start"
+                if not ageing.unpainted and self._draw(f"corner {lane.id} {end}") < rules.corner_share:
+                    hatch(self.painter, area, yaw, rules, ageing.paint_wear)
+        approaches = {path.approach.junction.id: path.approach for path in self.plan.paths}
+        main = {path.approach.junction.id for path in self.plan.paths if path.approach.street.main}
+        for junction in self.plan.world.junctions:
+            if junction.id not in approaches:
+                continue
+            wear = self.plan.ageing(approaches[junction.id].street).paint_wear
+            if (
+                rules is not None
+                and junction.id in main
+                and self._draw(f"islands {junction.id}") < rules.junction_share
+            ):
+                for area, yaw in islands(self.plan, junction):
+                    hatch(self.painter, area, yaw, rules, wear)
+            if box is not None and junction.kind == "traffic_light" and self._draw(f"box {junction.id}") < box.share:
+                box_lines(self.painter, junction, box, wear)
+
     def _across(
-        self, lane: Lane, station: float, width_m: float, wear: float, dash_m: tuple[float, float] | None
+        self,
+        lane: Lane,
+        station: float,
+        width_m: float,
+        wear: float,
+        dash_m: tuple[float, float] | None,
+        *,
+        colour: PaintName = "white",
     ) -> None:
         """A bar across a lane, its far edge at a station."""
         if station < width_m + 1.0:
@@ -196,7 +280,7 @@ class _Marker:
         middle = np.array(lane.centre_line.interpolate(station - width_m / 2).coords[0])
         dx, dy = direction(lane.centre_line, station)
         out = np.array([-dy, dx]) * (lane.width_m / 2 - 0.08)
-        self.painter.line(LineString([middle - out, middle + out]), width_m, wear, dash_m=dash_m)
+        self.painter.line(LineString([middle - out, middle + out]), width_m, wear, dash_m=dash_m, colour=colour)
 
     def _triangles(self, lane: Lane, station: float, wear: float) -> None:
         """A row of triangles across a lane that point against its traffic."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import groupby
 from typing import Final
 
 import numpy as np
@@ -193,8 +194,8 @@ def _pavements(plan: GroundPlan, wide: Polygon) -> dict[tuple[GroundKind, Finish
     found: dict[tuple[GroundKind, Finish], BaseGeometry] = {}
     if len({surfaces[number].material for number in near}) < 2:
         return {surfaces[near[0]].material if near else PLAIN.material: wide}
-    for number in near:
-        shape, material = shapely.intersection(index.shapes[number], wide), surfaces[number].material
+    for material, alike in groupby(near, key=lambda number: surfaces[number].material):
+        shape = shapely.intersection(shapely.union_all(index.shapes[list(alike)]), wide)
         found = {of: shapely.difference(before, shape) for of, before in found.items() if of != material} | {
             material: shapely.union(found.get(material, shapely.Polygon()), shape)
         }

@@ -1,0 +1,102 @@
+"""Repairs of other materials than their street's: cut into the mesh, clear of defects, of one age each."""
+
+from functools import cache
+from pathlib import Path
+
+import pytest
+import shapely
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.scene.ground import GroundPlan, ground_pieces, plan_ground
+from pavetwin.scene.ground.looks import look_sha256, street_look
+from pavetwin.scene.ground.looks.history import RepairMaterials
+from pavetwin.scene.model import GroundKind
+from pavetwin.scene.patches import holes_of
+from scenes import tiny
+
+CONCRETE = {"repair_concrete": 1.0}
+EVERY = "patches trenches cold_patches"
+
+
+@cache
+def plan(*places: tuple[float, float], seed: int = 3, of_concrete: str = "", cold: float = 0.0) -> GroundPlan:
+    """The usual street of grey asphalt; some repairs are of concrete, `cold` of them thrown on 100 m."""
+    world = tiny.straight(*places)
+    tables = dict.fromkeys(of_concrete.split(), CONCRETE)
+    repairs = RepairMaterials.model_validate(tables | {"cold_patches_per_100_m": cold})
+    look = street_look("uniform").model_copy(update={"repairs": repairs})
+    return plan_ground(world, seed, holes_of(world.defects), look)
+
+
+def cuts(of: GroundPlan) -> list[shapely.Polygon]:
+    return [shape for each in of.repairs.cuts.values() for shape, _ in each]
+
+
+def test_a_repair_of_another_material_is_cut_into_the_mesh() -> None:
+    assert not cuts(plan())
+    of = plan(of_concrete=EVERY, cold=30.0)
+    area_m2 = shapely.union_all(cuts(of)).area
+    pieces = [piece for key in ((0, -1), (0, 0), (1, -1), (1, 0)) for piece in ground_pieces(of, key)]
+    assert GroundKind.SLABS in {piece.kind for piece in pieces}
+    meshed = 0.0
+    for piece in pieces:
+        if piece.kind is GroundKind.SLABS:
+            (ax, ay, _), (bx, by, _), (cx, cy, _) = piece.mesh.positions[piece.mesh.indices].transpose(1, 2, 0)
+            meshed += float(((bx - ax) * (cy - ay) - (by - ay) * (cx - ax)).sum() / 2)
+    assert meshed == pytest.approx(area_m2, rel=0.01)
+    inside = max(cuts(of), key=lambda shape: shape.area).representative_point()
+    assert of.paved_at(inside.x, inside.y).kind is GroundKind.SLABS
+
+
+def test_repairs_of_another_material_keep_clear_of_defects() -> None:
+    free = plan(seed=5, of_concrete=EVERY, cold=40.0)
+    middles = [shape.representative_point() for shape in cuts(free)[::2]]
+    broken = plan(*((point.x, point.y) for point in middles), seed=5, of_concrete=EVERY, cold=40.0)
+    holes = shapely.union_all(holes_of(broken.world.defects))
+    assert shapely.union_all(cuts(free)).intersects(holes)
+    assert cuts(broken)
+    assert shapely.union_all(cuts(broken)).distance(holes) > 0.04
+
+
+def test_a_trench_along_a_street_is_of_one_material_and_age() -> None:
+    found = [plan(seed=seed, of_concrete="trenches") for seed in range(12)]
+    trenches = [surface for of in found for each in of.repairs.cuts.values() for _, surface in each]
+    assert len(trenches) > len(set(trenches)) > 1
+
+
+def test_cold_patches_are_as_many_as_their_rate_says() -> None:
+    few, many = (
+        sum(len(cuts(plan(seed=seed, of_concrete="cold_patches", cold=rate))) for seed in range(8))
+        for rate in (12.0, 48.0)
+    )
+    assert 2 * few < many < 12 * few
+
+
+def test_the_hash_of_a_look_covers_what_repairs_are_made_of(tmp_path: Path) -> None:
+    hashes = set()
+    for weight in (1, 2):
+        look = tmp_path / f"{weight}.yaml"
+        look.write_text(
+            "title: one\nmain: {concrete: 1}\nother: {concrete: 1}\nstretches: {share: 0, pavements: {overlay: 1}}\n"
+            f"repairs: {{patches: {{own: 1, overlay: {weight}}}}}\n"
+        )
+        hashes.add(look_sha256(str(look)))
+    assert len(hashes) == 2
+
+
+@pytest.mark.parametrize(
+    ("repairs", "told"),
+    [
+        ("{patches: {tar: 1}}", r"repairs\.patches: `pavements`: no pavement 'tar'"),
+        ("{patches: {own: 0}}", r"repairs\.patches: the weights sum to 0"),
+        ("{renewed: 2}", r"repairs\.renewed: "),
+    ],
+)
+def test_a_mistake_in_repairs_is_one_line_with_its_place(tmp_path: Path, repairs: str, told: str) -> None:
+    look = tmp_path / "look.yaml"
+    look.write_text(
+        "title: one\nmain: {concrete: 1}\nother: {concrete: 1}\nstretches: {share: 0, pavements: {overlay: 1}}\n"
+        f"repairs: {repairs}\n"
+    )
+    with pytest.raises(PaveTwinError, match=rf"^street look '.*look\.yaml': {told}[^\n]*$"):
+        street_look(str(look))
