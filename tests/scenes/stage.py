@@ -22,6 +22,7 @@ from pavetwin.scene.model import (
     Model,
     Tile,
 )
+from pavetwin.scene.thin import shaded_strips
 from pavetwin.scene.view import View
 from scenes.solids import BOX, solids
 
@@ -72,6 +73,7 @@ class Plane:
     reach_m: float = 400.0
     reflectance: float = GREY
     standing: Sequence[Box] = ()
+    thin: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
     models: Mapping[str, Model] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -98,6 +100,10 @@ class Plane:
         here = [box for box in self.standing if (floor(box.x / TILE_M), floor(box.y / TILE_M)) == key]
         pieces = (GroundPiece(GroundKind.ASPHALT, mesh),)
         return Tile(key, pieces, (), tuple(box.instance for box in here))
+
+    def strips_on(self, key: tuple[int, int], to_sun: np.ndarray) -> np.ndarray:
+        here = np.floor((self.thin[:, :2] + self.thin[:, 3:5]) / 2 / TILE_M) == key
+        return shaded_strips(self.thin[here.all(axis=1)], to_sun, lambda xy: np.zeros(len(np.asarray(xy))))
 
     def maps(self, _: tuple[int, int]) -> GroundMaps:
         return _untouched()

@@ -16,7 +16,7 @@ from pavetwin.render.passes import DrawList, MeshDraw, PatchDraw
 from pavetwin.render.projection import ShadowFit, planes
 from pavetwin.render.tiles import Drawable, GpuPavement, GpuTile, TileCache, TileLayouts
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import TILE_M, Mesh
+from pavetwin.scene.model import TILE_M, Mesh, TileKey
 from pavetwin.scene.patches import COARSE_PIXEL_M
 from pavetwin.scene.view import View
 
@@ -47,6 +47,8 @@ class GpuScene:
         self.tiles = TileCache(gpu, scene, self.parts, layouts)
         self._meshes: dict[tuple[int, int, bool], GpuMesh] = {}
         """By part, level, and whether it is a shadow caster."""
+        self._strips_of: tuple[Light | None, dict[TileKey, Float64Array]] = None, {}
+        """Under the latest light, by tile."""
         self._split: dict[tuple[int, int, int], tuple[GpuMesh, GpuMesh]] = {}
         """The large triangles and the small ones, by part, level, and binary logarithm of the area between them."""
 
@@ -91,7 +93,8 @@ class GpuScene:
         inside = np.asarray(inside & (batch.radius * view.focal_px > np.maximum(ahead, 0.1)))
         inside[shown:moving] = False
         across = np.abs(relative @ shadow.across.T - shadow.middle)
-        throwing = np.flatnonzero((across < shadow.half_m + batch.radius[:, None]).all(axis=1))
+        casts = self.parts.casts[batch.part]
+        throwing = np.flatnonzero((across < shadow.half_m + batch.radius[:, None]).all(axis=1) & casts)
         pixel = np.maximum(np.linalg.norm(relative, axis=1) - batch.radius, 0.5) / view.focal_px
         stretch = np.linalg.norm(batch.transform[:, :, :3], axis=1).mean(axis=1)
         area = self.parts.area_m2[batch.part] * stretch**2
@@ -116,11 +119,32 @@ class GpuScene:
         for tile, record in placed:
             casters += [(mesh, 1, record) for mesh in (tile.facades, tile.kerbs) if mesh is not None]
         # Contact shadows reach into the picture from beside it.
-        rimmed = (relative @ bounds.T > -2 * batch.radius[:, None] - 1).all(axis=1) & (ahead < SHADE_FAR_M)
+        rimmed = (relative @ bounds.T > -2 * batch.radius[:, None] - 1).all(axis=1) & (ahead < SHADE_FAR_M) & casts
         shades = records.add_shades(batch.only(np.flatnonzero(rimmed)), self.parts)
+        strips = records.add_strips(self._strips(tiles, view, light, bounds))
         levels = np.where(inside, level, -1)[:shown]
         down = looks_down(view, light)
-        return DrawList(seen, grounds, patches, whole, near, far, casters, shades, levels, looks_beyond(view), down)
+        sky = looks_beyond(view)
+        return DrawList(seen, grounds, patches, whole, near, far, casters, shades, strips, levels, sky, down)
+
+    def _strips(self, tiles: Sequence[GpuTile], view: View, light: Light, bounds: Float64Array) -> Float64Array:
+        """The strips of ground (n, 8) in view that wires and twigs shade."""
+        if not light.sun_klux.any():
+            return np.zeros((0, 8))
+        known = self._strips_of[1] if self._strips_of[0] == light else {}
+        found = {
+            tile.key: known[tile.key] if tile.key in known else self._scene.strips_on(tile.key, light.to_sun)
+            for tile in tiles
+        }
+        self._strips_of = light, found
+        strips = np.concatenate(list(found.values()))
+        middle = (strips[:, :3] + strips[:, 3:6]) / 2
+        reach = np.linalg.norm(strips[:, 3:6] - strips[:, :3], axis=1) / 2 / light.to_sun[2] + 0.5
+        middle -= light.to_sun * ((middle[:, 2] - strips[:, 7]) / light.to_sun[2])[:, None]
+        relative = middle - view.position
+        near = (relative @ view.rotation[:, 2]) < SHADE_FAR_M
+        seen: Float64Array = strips[(relative @ bounds.T > -reach[:, None]).all(axis=1) & near]
+        return seen
 
     def _close(
         self, batch: InstanceBatch, rows: Int64Array, level: Int64Array, small_m2: Float64Array, records: InstanceBuffer

@@ -20,6 +20,7 @@ from pavetwin.arrays import (
 from pavetwin.render.levels import foliage_px2, mean_area_m2
 from pavetwin.scene.model import Instance, Mesh, Model
 from pavetwin.scene.models import BODY, FAR, SHADOW
+from pavetwin.scene.shafts import THIN
 
 _LOWEST_SHADE_M: Final = 0.35
 """Lower objects have no contact shadow worth drawing; objects whose underside is higher do not touch the ground [m]."""
@@ -70,6 +71,8 @@ class PartTable:
         """Meshes for a body that is far away, by its number."""
         self.single_sided = frozenset(self.far)
         """Parts of which only front faces are seen; these are made with all their triangles facing outwards."""
+        self.casts = np.array([THIN not in models[model].extras for model, _ in names], dtype=np.bool_)
+        """Which parts are in shadow maps and have contact shadows."""
         boxes = [(mesh.positions.min(axis=0), mesh.positions.max(axis=0)) for mesh in self.meshes]
         self.least_px2 = np.array([foliage_px2(mesh) for mesh in self.meshes], dtype=np.float64)
         self.area_m2 = np.array([mean_area_m2(mesh) for mesh in self.meshes], dtype=np.float64)
@@ -204,6 +207,13 @@ class InstanceBuffer:
         rows["tints"][:, 1, 1] = np.where(loose, low[:, 2], np.where(wide, high[:, 2] / 7, 0.0))
         reach = np.where(wide, np.minimum(high[:, 2], _SHADE_REACH_M), _SLIM_REACH_M)
         rows["tints"][:, 1, 3] = np.where(loose, 0.5 * high[:, 0], reach)
+        return len(rows), self._add(rows)
+
+    def add_strips(self, strips: Float64Array) -> tuple[int, int]:
+        """Add records of strips of ground (n, 8) that wires and twigs shade; returns their count and the first one."""
+        rows = np.zeros(len(strips), dtype=RECORD)
+        rows["rows"][:, 0, :3], rows["rows"][:, 0, 3] = strips[:, :3] - self.camera, strips[:, 6]
+        rows["rows"][:, 1, :3], rows["rows"][:, 1, 3] = strips[:, 3:6] - self.camera, strips[:, 7] - self.camera[2]
         return len(rows), self._add(rows)
 
     def _add(self, rows: StructuredArray) -> int:

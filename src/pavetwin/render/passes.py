@@ -54,6 +54,8 @@ class DrawList:
     """Shadow casters."""
     shades: tuple[int, int]
     """Contact shadows: count, first record."""
+    strips: tuple[int, int]
+    """Strips of ground that wires and twigs shade: count, first record."""
     levels: Int64Array
     """Level of detail of each agent; −1 if it is not drawn."""
     sky: bool
@@ -142,6 +144,10 @@ class FramePasses:
         count, first = self.draws.shades
         if count:
             render_pass.set_pipeline(self.pipelines.shade)
+            render_pass.draw(6, count, 0, first)
+        count, first = self.draws.strips
+        if count:
+            render_pass.set_pipeline(self.pipelines.strip)
             render_pass.draw(6, count, 0, first)
         if self.draws.sky:
             render_pass.set_pipeline(self.pipelines.sky)

@@ -19,6 +19,7 @@ from pavetwin.scene.buildings import FACADE_REPEAT_M
 from pavetwin.scene.foliage import CUT
 from pavetwin.scene.ground.materials import compose
 from pavetwin.scene.ground.materials.sampling import LEVEL_SLOPE, linear_of_srgb
+from pavetwin.scene.light import SUN_RADIUS_RAD
 from pavetwin.scene.model import MAP_MARGIN_M, SIGNED_DISTANCE_M, TILE_M, Detail, GroundKind
 
 LIGHT_FORMAT: Final = "rgba16float"
@@ -59,6 +60,7 @@ class Pipelines:
     lit: tuple[LitPipelines, LitPipelines]
     """For any view, and for those that `nearby.looks_down` accepts."""
     shade: Any
+    strip: Any
     sky: Any
     shadow: ByCulling
     truth: ByCulling
@@ -125,10 +127,11 @@ def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
             facade=shaded(["solid", "facade"], [facade_layout], _buffers("facade"), repeat),
         )
 
-    dimmed = _source([*lit, "shade"])
+    dimmed, stripped = _source([*lit, "shade"]), _source([*lit, "strip"])
     return Pipelines(
         lit=(lit_for(looks_down=False), lit_for(looks_down=True)),
         shade=_pipeline(gpu, dimmed, [light_layout], [LAYOUT], targets=_DIMMED, depth=("greater-equal", False)),
+        strip=_pipeline(gpu, stripped, [light_layout], [LAYOUT], targets=_DIMMED, depth=("greater-equal", False)),
         sky=_pipeline(gpu, _beyond(details) + _source([*lit, "sky"]), [light_layout], [], targets=_LIT),
         shadow=_by_skin(
             lambda cull: shadow(["shadow"], [], [LAYOUT, POSITIONS], cull),
@@ -162,6 +165,7 @@ def _buffers(material: str) -> list[Any]:
 def _source(parts: list[str]) -> str:
     folder = files("pavetwin.render") / "wgsl"
     known = {"LEAF_CUT": CUT, "CLEAR_SHARE": CLEAR_SHARE, "LEVEL_SLOPE": LEVEL_SLOPE}
+    known["SUN_TAN"] = math.tan(SUN_RADIUS_RAD)
     numbers = "".join(f"const {name}: f32 = {float(value)};\n" for name, value in known.items())
     return numbers + "\n".join((folder / f"{part}.wgsl").read_text(encoding="utf-8") for part in parts)
 

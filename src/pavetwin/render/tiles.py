@@ -11,7 +11,7 @@ from typing import Any, Final, Protocol, TypeVar
 
 import wgpu
 
-from pavetwin.arrays import UInt8Array
+from pavetwin.arrays import Float64Array, UInt8Array
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.instances import InstanceBatch, PartTable
 from pavetwin.render.meshes import GpuMesh, upload_facades, upload_ground, upload_kerbs, upload_patch
@@ -39,6 +39,7 @@ class Drawable(Protocol):
     def maps(self, key: TileKey) -> GroundMaps: ...
     def holes_on(self, key: TileKey) -> Mapping[int, tuple[float, float, float, float]]: ...
     def patch_on(self, key: TileKey, number: int) -> DefectPatch | None: ...
+    def strips_on(self, key: TileKey, to_sun: Float64Array) -> Float64Array: ...
     def keys_near(self, x_m: float, y_m: float, radius_m: float, /) -> tuple[TileKey, ...]: ...
 
 

@@ -207,6 +207,8 @@ class Tile:
     facades: tuple[FacadePiece, ...]
     instances: tuple[Instance, ...]
     """Trees, lights, signs, manholes …"""
+    thin: Float64Array = field(default_factory=lambda: np.zeros((0, 7)))
+    """(n, 7): wires and twigs as of `scene.thin`; they are drawn as instances, and shade the ground by strips."""
 
     @property
     def origin(self) -> tuple[float, float]:

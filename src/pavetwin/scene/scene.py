@@ -14,6 +14,8 @@ from pavetwin.arrays import Float64Array, UInt8Array
 from pavetwin.memory import give_back
 from pavetwin.scene import furniture, signals
 from pavetwin.scene.agents import Actors, upright
+from pavetwin.scene.branches import FORMS as BARE_FORMS
+from pavetwin.scene.branches import bare_tree_of, bare_trees
 from pavetwin.scene.buildings import Buildings, facade_textures
 from pavetwin.scene.extras import StreetObject, StreetObjects
 from pavetwin.scene.ground import (
@@ -27,6 +29,7 @@ from pavetwin.scene.ground import (
     plan_ground,
 )
 from pavetwin.scene.ground.looks import DEFAULT_LOOK, street_look
+from pavetwin.scene.looks import tints
 from pavetwin.scene.model import (
     TILE_M,
     DefectPatch,
@@ -42,10 +45,12 @@ from pavetwin.scene.models import BODY, library
 from pavetwin.scene.parked import ParkedInstances
 from pavetwin.scene.patches import holes_of, part_on, patch_of
 from pavetwin.scene.shafts import shafts
+from pavetwin.scene.thin import shaded_strips
+from pavetwin.scene.wires import Wires, wire_instances, wires_of
 from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.traffic.recording import Recording
 from pavetwin.world.ground import Bounds
-from pavetwin.world.model import Furniture, World
+from pavetwin.world.model import Furniture, FurnitureKind, World
 
 TILES_KEPT: Final = 8
 """Tiles in memory; renderers keep their own copies on the device."""
@@ -110,7 +115,7 @@ class Scene:
     @cached_property
     def models(self) -> Mapping[str, Model]:
         """All instanced models, by name."""
-        return {**library(), **shafts(), **fixture_models()}
+        return {**library(), **shafts(), **bare_trees(), **fixture_models()}
 
     @cached_property
     def details(self) -> Mapping[GroundKind, Detail]:
@@ -149,6 +154,11 @@ class Scene:
     def heights(self, xy: npt.ArrayLike) -> Float64Array:
         """Height of the ground [m] at points (n, 2) in the world frame."""
         return heights(self._plan, xy)
+
+    def strips_on(self, key: TileKey, to_sun: Float64Array) -> Float64Array:
+        """(n, 8): the strips of ground that a tile's wires and twigs shade (`thin.shaded_strips`), for a sun (3,)."""
+        thin = self.tile(key).thin
+        return shaded_strips(thin, to_sun, self.heights) if len(thin) else np.zeros((0, 8))
 
     def buildings_on(self, key: TileKey) -> Sequence[int]:
         """Places in the world's list of the buildings that a tile holds."""
@@ -197,6 +207,25 @@ class Scene:
         return {key: [extras[index] for index in indices] for key, indices in _by_tile(places).items()}
 
     @cached_property
+    def _wires(self) -> Wires:
+        return wires_of(self.world, self._street_look.overhead, self.seed)
+
+    @cached_property
+    def _wire_pieces(self) -> Mapping[TileKey, list[int]]:
+        return _by_tile([((row[0] + row[3]) / 2, (row[1] + row[4]) / 2) for row in self._wires.pieces.tolist()])
+
+    @cached_property
+    def _wire_instances(self) -> Mapping[TileKey, list[Instance]]:
+        found = list(wire_instances(self._wires))
+        by_tile = _by_tile([place for place, _ in found])
+        return {key: [found[index][1] for index in indices] for key, indices in by_tile.items()}
+
+    def _is_bare_tree(self, number: int) -> bool:
+        """Whether a piece of furniture is a tree without leaves."""
+        is_tree = self.world.furniture[number].kind is FurnitureKind.TREE
+        return is_tree and self._plan.chance(f"bare {number}") < self._street_look.overhead.bare_trees
+
+    @cached_property
     def _heads(self) -> tuple[signals.Head, ...]:
         return signals.heads_of(self.world, self.world.carriageway)
 
@@ -237,16 +266,32 @@ class Scene:
     def _make(self, key: TileKey) -> Tile:
         origin = key[0] * TILE_M, key[1] * TILE_M
         facades = [self._builder.pieces(number, origin) for number in self._buildings.get(key, [])]
+        bare, twigs = self._bare_trees(key)
         return Tile(
             key=key,
             ground=ground_pieces(self._plan, key),
             facades=tuple(piece for pieces in facades for piece in pieces),
-            instances=(*self._standing(key), *fixtures(self._plan, key)),
+            instances=(*self._standing(key), *bare, *self._wire_instances.get(key, ()), *fixtures(self._plan, key)),
+            thin=np.concatenate([self._wires.pieces[self._wire_pieces.get(key, [])], *twigs]),
         )
 
+    def _bare_trees(self, key: TileKey) -> tuple[list[Instance], list[Float64Array]]:
+        """The trees without leaves on a tile, and the segments (n, 7) of each."""
+        found, twigs = [], []
+        for number in self._furniture.get(key, []):
+            item = self.world.furniture[number]
+            if self._is_bare_tree(number):
+                form = int(BARE_FORMS * self._plan.chance(f"form {number}"))
+                ground_m = float(self.heights([(item.position.x, item.position.y)])[0])
+                turn = math.tau * self._plan.chance(f"turn {number}")
+                place, segments = bare_tree_of(item, ground_m, form, turn)
+                found.append(Instance(f"bare_{form}", BODY, place, tints()))
+                twigs.append(segments)
+        return found, twigs
+
     def _standing(self, key: TileKey) -> Iterator[Instance]:
-        """The furniture and objects on a tile as instances."""
-        numbers = self._furniture.get(key, [])
+        """The furniture, but for trees without leaves, and objects on a tile as instances."""
+        numbers = [number for number in self._furniture.get(key, []) if not self._is_bare_tree(number)]
         items = [self.world.furniture[number] for number in numbers]
         feet = self.heights(np.array([(item.position.x, item.position.y) for item in items]).reshape(-1, 2))
         for number, item, ground_m in zip(numbers, items, feet, strict=True):

@@ -17,12 +17,42 @@ TAPER: Final = 0.62
 SHAFT: Final = "shaft"
 """Parts `straight` and `tapered`: upright, radius 1 and height 1, open below. Part `level`: from the origin along x."""
 
+WIRE: Final = "wire"
+"""A model whose only part is a rod from the origin along x, radius 1 and length 1, open at both ends."""
+
+THIN: Final = "thin"
+"""Among a model's extras: it is too thin for shadow maps; its shadow comes from `scene.thin`."""
+
+ROD_SIDES: Final = 5
+
 
 @cache
 def shafts() -> Mapping[str, Model]:
     """The procedural models, by name. Their colour is slot 1, white."""
     upright = {"straight": _tube(1.0), "tapered": _tube(TAPER)}
-    return MappingProxyType({SHAFT: Model(SHAFT, MappingProxyType({**upright, "level": _lying(_tube(1.0))}))})
+    wire = Model(WIRE, MappingProxyType({"body": rod()}), {THIN: 1.0})
+    return MappingProxyType(
+        {SHAFT: Model(SHAFT, MappingProxyType({**upright, "level": _lying(_tube(1.0))})), WIRE: wire}
+    )
+
+
+@cache
+def rod() -> Mesh:
+    """A rod along x with few sides; white, slot 1."""
+    angles = 2 * np.pi * np.arange(ROD_SIDES) / ROD_SIDES
+    ring = np.column_stack([np.zeros(ROD_SIDES), np.cos(angles), np.sin(angles)])
+    here, following = np.arange(ROD_SIDES), (np.arange(ROD_SIDES) + 1) % ROD_SIDES
+    walls = [
+        np.stack([here, following, ROD_SIDES + following], axis=1),
+        np.stack([here, ROD_SIDES + following, ROD_SIDES + here], axis=1),
+    ]
+    return Mesh(
+        positions=np.concatenate([ring, ring + [1.0, 0.0, 0.0]]).astype(np.float32),
+        normals=np.concatenate([ring, ring]).astype(np.float32),
+        indices=np.concatenate(walls).astype(np.uint32),
+        colours=np.ones((2 * ROD_SIDES, 3), dtype=np.float32),
+        surface=np.tile(np.array([150, 0, 1], dtype=np.uint8), (2 * ROD_SIDES, 1)),
+    )
 
 
 def _tube(top: float) -> Mesh:
