@@ -335,34 +335,47 @@ def test_no_file_names_a_package_registry() -> None:
     assert named == []
 
 
-def imported_packages() -> set[str]:
-    """Distributions that the package imports, by a statement or by name (`import_module`, `find_spec`)."""
-    names = set()
+def imported_packages() -> tuple[set[str], set[str]]:
+    """Distributions that the package imports by a statement, and by name (`import_module`, `find_spec`)."""
+    stated, named = set(), set()
     for path in PACKAGE.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), str(path))):
             if isinstance(node, ast.Import):
-                names |= {alias.name for alias in node.names}
+                stated |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-                names.add(node.module)
+                stated.add(node.module)
             elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("import_module", "find_spec"):
-                names |= {str(word.value) for word in node.args if isinstance(word, ast.Constant)}
+                named |= {str(word.value) for word in node.args if isinstance(word, ast.Constant)}
+    return distributions_of(stated), distributions_of(named)
+
+
+def distributions_of(modules: set[str]) -> set[str]:
+    """The distributions that hold modules, those of Python itself and of the package excepted."""
     holders = packages_distributions()
-    tops = {name.partition(".")[0] for name in names} - set(sys.stdlib_module_names) - {PACKAGE.name}
+    tops = {name.partition(".")[0] for name in modules} - set(sys.stdlib_module_names) - {PACKAGE.name}
     return {holder.lower() for top in tops for holder in holders.get(top, [top])}
 
 
+def distributions_in(specs: list[str]) -> set[str]:
+    return {re.split(r"[<>=]", spec)[0].strip().lower() for spec in specs}
+
+
 def test_what_a_user_installs_is_what_the_package_imports() -> None:
+    """What only an extra installs is imported by name, where it is used, so that all else works without it."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    required = {re.split(r"[<>=]", spec)[0].lower() for spec in project["dependencies"]}
-    imported = imported_packages()
-    assert sorted(required - imported) == [], "required, and never imported"
-    assert sorted(imported - required) == [], "imported, and not required"
+    required = distributions_in(project["dependencies"])
+    extra = set().union(*map(distributions_in, project["optional-dependencies"].values()))
+    stated, named = imported_packages()
+    assert sorted(required - stated - named) == [], "required, and never imported"
+    assert sorted(extra - named) == [], "in an extra, and never imported by name"
+    assert sorted(stated - required) == [], "imported by a statement, and not required"
+    assert sorted(named - required - extra) == [], "imported by name, and in no extra either"
 
 
 def test_the_lock_covers_what_is_asked_for() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    asked = project["project"]["dependencies"] + project["dependency-groups"]["dev"]
-    names = {spec.partition(">")[0].partition("=")[0].partition("<")[0].strip().lower() for spec in asked}
+    extras = [spec for specs in project["project"]["optional-dependencies"].values() for spec in specs]
+    names = distributions_in(project["project"]["dependencies"] + extras + project["dependency-groups"]["dev"])
     lock = (ROOT / "requirements.lock").read_text(encoding="utf-8").splitlines()
     locked = {line.partition("==")[0] for line in lock if "==" in line and not line.startswith((" ", "#"))}
     assert sorted(names - locked) == [], "run `make lock`"

@@ -21,6 +21,8 @@ class Stream(IntEnum):
     EXPERIMENT = 10
     PARKING = 11
     DATASET = 12
+    BALANCE = 13
+    COMPOSITE = 14
 
 
 def child(seed: int, stream: Stream, *keys: int) -> np.random.Generator:

@@ -161,8 +161,8 @@ def test_memory_holds_a_few_pictures_at_a_time(tmp_path: Path, monkeypatch: pyte
     encode: Callable[..., list[bytes]] = importing._encode
     written: list[Path] = []
     move_in = importing.move_in
-    monkeypatch.setattr(importing, "AHEAD", 2)
-    monkeypatch.setattr(importing, "_encode", lambda *work: (waiting.append(len(written) // 2), encode(*work))[1])
+    monkeypatch.setattr("pavetwin.datasets.ahead.AHEAD", 2)
+    monkeypatch.setattr(importing, "_encode", lambda *a, **b: (waiting.append(len(written) // 2), encode(*a, **b))[1])
     monkeypatch.setattr(importing, "move_in", lambda *moved: (move_in(*moved), written.append(moved[1])))
     run(photos, tmp_path / "out")
     # When a picture is decoded, all but the last few are written.

@@ -14,6 +14,7 @@ from pavetwin.errors import PaveTwinError, naming
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from pavetwin.datasets.allocation import CopyPlan
     from pavetwin.datasets.report import Report
     from pavetwin.datasets.splitting import SplitShares
     from pavetwin.datasets.statistics import DatasetCounts
@@ -46,7 +47,7 @@ def build(
     recipe: Annotated[Path, typer.Argument(metavar="RECIPE.yaml", help="What the dataset is made of.")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the stages.")] = None,
 ) -> None:
-    """Import, merge, split and export in one go, from a recipe; or go on with a build that was stopped.
+    """Import, merge, balance, split and export in one go, from a recipe; or go on with a build that was stopped.
 
     \b
     pavetwin data build recipe.yaml -o datasets/everything
@@ -56,6 +57,7 @@ def build(
       - {source: rdd2022-china-drone, folder: downloads/China_Drone}
       - {source: mine.yaml, folder: photos, background: checked.txt, gsd_mm: 2.5}
     size: {longest_px: 640, tiles: true}
+    balance: {copies: 50}
     split: [70, 20, 10]
     export: [yolo, coco]
     """
@@ -71,6 +73,8 @@ def build(
     for folder, report in summary.stages:
         _tell(report, folder)
         out.print(_counts(str(folder), count_images(read_images(folder))))
+    if summary.balance is not None:
+        out.print(_balance(summary.balance))
     out.print(_splits(summary.shares))
     told = "".join(f", {count} images as {name}" for name, count in summary.exported.items())
     out.line(f"Built in {output}/{told}. Next: pavetwin data show {quote(str(summary.stages[-1][0]))}")
@@ -174,6 +178,44 @@ def merge(
         summary = merged(datasets, output, on_progress=tell)
     _tell(summary.report, output)
     out.line(f"{summary.images} images in {output}/. Next: pavetwin data stats {quote(str(output))}")
+    if summary.report.has_refusals:
+        raise typer.Exit(REFUSED_CODE)
+
+
+@app.command()
+def balance(
+    dataset: DatasetFolder,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the new dataset.")] = None,
+    target: Annotated[
+        int | None, typer.Option(help="Instances of each class, at least; with --leave-out exactly so many.")
+    ] = None,
+    leave_out: Annotated[
+        bool, typer.Option("--leave-out", help="Leave images out where copies alone make classes not equal.")
+    ] = False,
+    copies: Annotated[int, typer.Option(help="Copies of one image, at most.")] = 50,
+    seed: Annotated[int, typer.Option(help="Random seed; 0 is a seed too.")] = 0,
+) -> None:
+    """Bring all classes to equally many instances by changed copies of images: flipped, rotated, lighter, noisier.
+
+    \b
+    pavetwin data balance datasets/all -o datasets/balanced
+    pavetwin data balance datasets/all -o datasets/balanced --target 1000 --leave-out
+
+    Copies stay in the scene of their image. Needs Albumentations: pip install 'pavetwin\\[augment]'.
+    """
+    from pavetwin.datasets.balancing import BalanceSettings
+    from pavetwin.datasets.balancing import balance as balanced
+
+    if output is None:
+        raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/balanced.")
+    values = {"target": target, "leave_out": leave_out, "copies": copies}
+    with naming({"target": "--target", "copies": "--copies"}):
+        settings = BalanceSettings.parse(values, where="The balance")
+    with progress("Balancing", lines=True) as tell:
+        summary = balanced(dataset, output, settings, seed=seed, on_progress=tell)
+    _tell(summary.report, output)
+    out.print(_balance(summary.plan))
+    out.line(f"{summary.images} images in {output}/. Next: pavetwin data show {quote(str(output))}")
     if summary.report.has_refusals:
         raise typer.Exit(REFUSED_CODE)
 
@@ -289,6 +331,22 @@ def _splits(found: "SplitShares") -> "Table":
         table.add_column(f"{name} %", justify="right")
     for name, shares in found.shares.items():
         table.add_row(name, *(f"{100 * share:.1f}" for share in shares))
+    return table
+
+
+def _balance(plan: "CopyPlan") -> "Table":
+    """A row a class that the dataset shows: its instances before and after."""
+    from rich.table import Table
+
+    from pavetwin.datasets.annotated import class_names
+
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("instances of", no_wrap=True)
+    for heading in ("before", "after", "of target %"):
+        table.add_column(heading, justify="right")
+    for name, before, after in zip(class_names(), plan.present.tolist(), plan.reached.tolist(), strict=True):
+        if before:
+            table.add_row(name, str(before), str(after), f"{100 * after / plan.target:.1f}")
     return table
 
 

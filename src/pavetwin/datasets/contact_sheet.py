@@ -64,4 +64,4 @@ def _cell(folder: Path, image: AnnotatedImage, colour_of: dict[str, str]) -> Ima
 
 
 def _short(name: str) -> str:
-    return name if len(name) <= 32 else f"{name[:15]}…{name[-16:]}"
+    return name if len(name) <= 28 else f"{name[:12]}…{name[-15:]}"

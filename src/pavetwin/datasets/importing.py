@@ -5,13 +5,15 @@ of images and a run that is repeated gives the same bytes. Images that exist are
 """
 
 import re
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import Any, Final
+from typing import Any
 
+from pavetwin.datasets.ahead import made_ahead
 from pavetwin.datasets.annotated import AnnotatedImage
 from pavetwin.datasets.common_form import (
     ANNOTATIONS,
@@ -31,10 +33,6 @@ from pavetwin.datasets.report import Finding, Report
 from pavetwin.datasets.sources import DatasetSource
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.files import staging_folder, working_in
-
-THREADS: Final = 2
-AHEAD: Final = 8
-"""Pictures that are decoded before the first of them is written."""
 
 OnImage = Callable[[int, int], None]
 """Told the number of images looked at, and of all pictures."""
@@ -101,7 +99,8 @@ def import_source(
             (output / inner).mkdir(exist_ok=True)
         found = _work(name, source, folder, size, backgrounds, report, pictures, on_image)
         with staging_folder(output / "staging") as staging:
-            images = sum(_write(made, output, staging, report) for made in _ahead(found, output, size))
+            made = made_ahead(found, partial(_encode, size=size), exists=partial(_exists, output))
+            images = sum(_write(each, output, staging, report) for each in made)
         report.save(output / REPORT)
         write_description(output, {**expected, "complete": True, "images": images})
     return ImportSummary(output, images, report)
@@ -184,18 +183,8 @@ def _name(source: str, original: str, stems: Counter[str]) -> str:
     return "-".join(filter(None, (source, *words)))
 
 
-def _ahead(found: Iterator[_Work], output: Path, size: ImageSize) -> Iterator[tuple[_Work, Future[list[bytes]] | None]]:
-    """Each work with its encoded pictures on the way, `AHEAD` of the one that is written; None where it exists."""
-    with ThreadPoolExecutor(THREADS) as threads:
-        waiting: deque[tuple[_Work, Future[list[bytes]] | None]] = deque()
-        for work in found:
-            exists = all(annotation_path(output, image.name).is_file() for image in work.images)
-            job = None if exists else threads.submit(_encode, work, size)
-            waiting.append((work, job))
-            if len(waiting) > AHEAD:
-                yield waiting.popleft()
-        while waiting:
-            yield waiting.popleft()
+def _exists(output: Path, work: _Work) -> bool:
+    return all(annotation_path(output, image.name).is_file() for image in work.images)
 
 
 def _encode(work: _Work, size: ImageSize) -> list[bytes]:

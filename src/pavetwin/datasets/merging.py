@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import Float32Array
+from pavetwin.datasets.ahead import THREADS
 from pavetwin.datasets.common_form import (
     ANNOTATIONS,
     DESCRIPTION,
@@ -27,7 +28,7 @@ from pavetwin.datasets.common_form import (
     write_description,
 )
 from pavetwin.datasets.duplicates import SAME, Signature, alike, signature
-from pavetwin.datasets.importing import THREADS, ImportSummary, check_same, move_in
+from pavetwin.datasets.importing import ImportSummary, check_same, move_in
 from pavetwin.datasets.pictures import PictureError
 from pavetwin.datasets.report import FILE as REPORT
 from pavetwin.datasets.report import Finding, Report
@@ -70,7 +71,7 @@ def merge(folders: Sequence[Path], output: Path, *, on_progress: OnMerge = lambd
     Raises:
         PaveTwinError: a folder holds no finished dataset, one is named twice, or the output cannot be written.
     """
-    expected = {"made_by": "merge", "datasets": [_described(folder) for folder in folders]}
+    expected = {"made_by": "merge", "datasets": [described(folder) for folder in folders]}
     if len({folder.resolve() for folder in (*folders, output)}) <= len(folders):
         raise PaveTwinError("The datasets to merge and the new one must be different folders.")
     report = Report()
@@ -85,8 +86,12 @@ def merge(folders: Sequence[Path], output: Path, *, on_progress: OnMerge = lambd
     return ImportSummary(output, images, report)
 
 
-def _described(folder: Path) -> dict[str, str]:
-    """A finished dataset, as the merged one names it."""
+def described(folder: Path) -> dict[str, str]:
+    """A finished dataset, as one that is made from it names it.
+
+    Raises:
+        PaveTwinError: it is not finished.
+    """
     if not read_description(folder).get("complete"):
         raise PaveTwinError(f"'{folder}' is not finished; run the command that makes it again.")
     return {"name": folder.absolute().name, "sha256": file_sha256(folder / DESCRIPTION)}

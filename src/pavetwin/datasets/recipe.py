@@ -1,4 +1,4 @@
-"""A whole dataset from one file: sources imported, merged, split and exported.
+"""A whole dataset from one file: sources imported, merged, balanced if asked for, split and exported.
 
 Every stage has a folder of its own in the output and is resumable by itself, so a recipe that is run again goes on
 where it stopped, and the same recipe over the same files gives the same bytes.
@@ -14,6 +14,8 @@ from yaml import YAMLError
 
 from pavetwin.config.base import Settings
 from pavetwin.config.text import parse_yaml
+from pavetwin.datasets.allocation import CopyPlan
+from pavetwin.datasets.balancing import BalanceSettings, balance
 from pavetwin.datasets.exporting import FORMATS_OF_EXPORT, export
 from pavetwin.datasets.importing import import_source
 from pavetwin.datasets.merging import merge
@@ -26,6 +28,7 @@ from pavetwin.files import working_in
 
 IMPORTS: Final = "imports"
 MERGED: Final = "merged"
+BALANCED: Final = "balanced"
 EXPORT: Final = "export"
 
 
@@ -45,9 +48,10 @@ class Recipe(Settings):
         min_length=1, description="In the order in which the first picture counts."
     )
     size: ImageSize = Field(default=ImageSize(), description="How large images become.")
+    balance: BalanceSettings | None = Field(default=None, description="How classes are balanced; null leaves them.")
     split: tuple[float, float, float] = Field(default=(70.0, 20.0, 10.0), description="Percent of train, val and test.")
     export: tuple[str, ...] = Field(default=("yolo", "coco"), description="Formats; none are allowed.")
-    seed: int = Field(default=0, ge=0, description="Random seed of the split.")
+    seed: int = Field(default=0, ge=0, description="Random seed of the balance and the split.")
 
     @field_validator("export")
     @classmethod
@@ -64,6 +68,7 @@ class BuildSummary:
     """What a build left: a folder and a report for each stage, in order."""
 
     stages: tuple[tuple[Path, Report], ...]
+    balance: CopyPlan | None
     shares: SplitShares
     exported: dict[str, int]
 
@@ -120,11 +125,16 @@ def build(
             stages.append((imported.folder, imported.report))
         merged = merge([folder for folder, _ in stages], output / MERGED, on_progress=on_stage)
         stages.append((merged.folder, merged.report))
+        last, plan = merged.folder, None
+        if recipe.balance is not None:
+            balanced = balance(last, output / BALANCED, recipe.balance, seed=recipe.seed, on_progress=on_stage)
+            stages.append((balanced.folder, balanced.report))
+            last, plan = balanced.folder, balanced.plan
         on_stage(0.0, "Splitting")
-        shares = split_dataset(merged.folder, [percent / 100 for percent in recipe.split], recipe.seed)
+        shares = split_dataset(last, [percent / 100 for percent in recipe.split], recipe.seed)
         on_stage(0.0, "Exporting")
-        exported = export(merged.folder, output / EXPORT, recipe.export) if recipe.export else {}
-    return BuildSummary(tuple(stages), shares, exported)
+        exported = export(last, output / EXPORT, recipe.export) if recipe.export else {}
+    return BuildSummary(tuple(stages), plan, shares, exported)
 
 
 def _named(sources: Sequence[RecipeSource], beside: Path) -> list[tuple[str, DatasetSource, RecipeSource]]:

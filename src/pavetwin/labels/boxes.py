@@ -46,6 +46,11 @@ def moved(box: FloatBox, right: float, down: float) -> FloatBox:
     return box[0] + right, box[1] + down, box[2] + right, box[3] + down
 
 
+def flipped(box: PixelBox, width: int) -> PixelBox:
+    """The box in an image of this width whose left and right were exchanged."""
+    return width - box[2], box[1], width - box[0], box[3]
+
+
 def to_pixels(box: FloatBox, size_px: tuple[int, int]) -> PixelBox | None:
     """The nearest box of whole pixels in an image of (width, height), at least one pixel wide and high.
 
