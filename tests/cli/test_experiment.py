@@ -95,8 +95,11 @@ def test_wind_is_no_option_and_an_unfinished_study_says_so(place: Path) -> None:
     assert "tau_o" in headings
     assert "wind" not in headings
     assert "average over" in done.stdout
-    assert pavetwin("experiment", "report", "windy", cwd=place).returncode == 0
-    assert "Of 2 replicates 1 are flown so far" in (place / "windy" / "report.html").read_text()
+    asked = ("--choose", "highest", "--min-coverage", 1)
+    assert pavetwin("experiment", "report", "windy", *asked, cwd=place).returncode == 0
+    report = (place / "windy" / "report.html").read_text()
+    assert "Of 2 replicates 1 are flown so far" in report
+    assert "flies highest in" in report
 
 
 def test_sensors_and_presets_are_no_options_and_have_an_advice_each(place: Path) -> None:

@@ -9,6 +9,7 @@ from benchmarks.calibration import OBJECTIVES, outcomes
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.statistics import MissionLimits, Objective, recommend
+from pavetwin.experiments.statistics.flips import sign_flip_p
 from scenes.studies import PAPER, study
 
 LEVELS = {**PAPER, "traffic": ("low",), "altitude_m": (6.0, 15.0, 30.0), "policy": ("baseline", "hover")}
@@ -79,8 +80,9 @@ def test_the_fastest_is_separated_by_time_and_its_time_is_corrected(table: pl.Da
     assert made.sentences[1].startswith("Within the limit, baseline at 15 m is the fastest; 12 replicates")
     (said,) = [sentence for sentence in made.sentences if sentence.startswith("Corrected for its choice among 6")]
     assert f" and its time at {made.options['time_s_expected'][0]:.1f} s; with a probability of " in said
-    assert made.options["p"][0] == 1.0
-    assert made.options.filter(altitude_m=6.0)["p"].max() < 0.01
+    times = [table.filter(altitude_m=15.0, policy=policy)["time_s"].to_numpy() for policy in ("baseline", "hover")]
+    (p,) = sign_flip_p((times[1] - times[0])[np.newaxis])
+    assert made.options.filter(altitude_m=15.0)["p"].to_list() == pytest.approx([1.0, p])
     level = table.filter(altitude_m=15.0).with_columns(time_s=pl.lit(60.0))
     tied = recommend(level, A_QUARTER, objective=Objective.FASTEST)
     assert "Baseline at 15 m took as long; the choice is by coverage, then by energy." in tied.sentences
@@ -133,6 +135,6 @@ def test_claims_of_other_objectives_hold_in_simulated_studies() -> None:
     for kind in OBJECTIVES:
         of = rows.filter(kind=kind)
         assert of.height > 50
-        assert abs(of["after"].mean() - of["right"].mean()) < 0.12, kind
-        assert abs(of["keeps"].mean() - of["kept"].mean()) < 0.12, kind
+        assert -0.25 < of["after"].mean() - of["right"].mean() < 0.05, kind
+        assert abs(of["keeps"].mean() - of["kept"].mean()) < 0.1, kind
     assert np.abs(rows["error_after"].mean()) < 0.015
