@@ -4,7 +4,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo study pictures gallery docs assets test test-all bench lint lock clean
+.PHONY: help setup demo study pictures gallery docs assets test test-all test-train bench lint lock clean
 
 PYTHON ?= python3
 # Blender's Python module has wheels for one Python only.
@@ -72,7 +72,15 @@ test: setup  ## All tests but the slow ones
 
 test-all: setup  ## All tests, the slow ones too, and with new random examples
 	@rc=0; cargo test --release --locked --quiet --package pavetwin-core || rc=1; \
-		$(PYTEST) -m '' --hypothesis-profile explore || rc=1; exit $$rc
+		$(PYTEST) -m '' --hypothesis-profile explore || rc=1; $(MAKE) --no-print-directory test-train || rc=1; exit $$rc
+
+test-train: setup .venv-train/.done  ## The tests of the detector's training, with PyTorch in an environment of its own
+	@PYTHONPATH=src .venv-train/bin/python -m pytest -n $(PYTEST_WORKERS) --dist loadfile -m '' tests/perception
+
+.venv-train/.done: requirements-train.lock | setup
+	@$(PYTHON) -m venv --clear .venv-train
+	@.venv/bin/uv pip sync --no-config --quiet --require-hashes --python .venv-train/bin/python requirements-train.lock
+	@touch $@
 
 bench: setup  ## Measure the speed on this machine, beside the speed that is required
 	@.venv/bin/python -m benchmarks
@@ -84,15 +92,18 @@ lint:  ## ruff, mypy --strict, clippy with warnings as errors, rustfmt
 
 lock:  ## Write the lock files again from what is asked for (UPGRADE=1: the newest of everything)
 	@scripts/setup.sh packages
-	@.venv/bin/uv pip compile pyproject.toml --all-extras --group dev --universal --python-version 3.11 \
+	@.venv/bin/uv pip compile pyproject.toml --extra augment --group dev --universal --python-version 3.11 \
 		--generate-hashes --no-emit-index-url --no-header --quiet $(if $(UPGRADE),--upgrade) \
 		--output-file requirements.lock
+	@.venv/bin/uv pip compile pyproject.toml --all-extras --group dev --constraint requirements.lock --universal \
+		--python-version 3.11 --generate-hashes --no-emit-index-url --no-header --quiet $(if $(UPGRADE),--upgrade) \
+		--output-file requirements-train.lock
 	@.venv/bin/uv pip compile --group docs --universal --python-version 3.11 --generate-hashes \
 		--no-emit-index-url --no-header --quiet $(if $(UPGRADE),--upgrade) --output-file docs/requirements.lock
 	@cargo update --quiet $(if $(UPGRADE),,--workspace)
-	@git diff --stat -- requirements.lock docs/requirements.lock Cargo.lock
+	@git diff --stat -- requirements.lock requirements-train.lock docs/requirements.lock Cargo.lock
 
 clean:  ## Remove what these targets made, results in out/ excepted
-	rm -rf .venv .venv-assets .venv-docs .tools target src/pavetwin/_core*.so
+	rm -rf .venv .venv-assets .venv-docs .venv-train .tools target src/pavetwin/_core*.so
 	rm -rf .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -5,7 +5,7 @@ import re
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -23,7 +23,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"world", "uav"}),
     frozenset({"traffic", "navigation", "defects"}),
     frozenset({"twin", "scene", "labels"}),
-    frozenset({"policies", "sensing", "render"}),
+    frozenset({"policies", "sensing", "render", "perception"}),
     frozenset({"mission"}),
     frozenset({"draw"}),
     frozenset({"experiments", "capture", "datasets"}),
@@ -335,10 +335,13 @@ def test_no_file_names_a_package_registry() -> None:
     assert named == []
 
 
-def imported_packages() -> tuple[set[str], set[str]]:
-    """Distributions that the package imports by a statement, and by name (`import_module`, `find_spec`)."""
+TRAINING = PACKAGE / "perception" / "training"
+
+
+def imported_packages(paths: Iterable[Path]) -> tuple[set[str], set[str]]:
+    """Distributions that files import by a statement, and by name (`import_module`, `find_spec`)."""
     stated, named = set(), set()
-    for path in PACKAGE.rglob("*.py"):
+    for path in paths:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), str(path))):
             if isinstance(node, ast.Import):
                 stated |= {alias.name for alias in node.names}
@@ -361,11 +364,15 @@ def distributions_in(specs: list[str]) -> set[str]:
 
 
 def test_what_a_user_installs_is_what_the_package_imports() -> None:
-    """What only an extra installs is imported by name, where it is used, so that all else works without it."""
+    """What only an extra installs is imported by name, where it is used, so that all else works without it. Training is
+    loaded as a whole where its extra is installed, and takes nothing else than that, NumPy and Pillow."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     required = distributions_in(project["dependencies"])
-    extra = set().union(*map(distributions_in, project["optional-dependencies"].values()))
-    stated, named = imported_packages()
+    extras = {name: distributions_in(specs) for name, specs in project["optional-dependencies"].items()}
+    training = set(TRAINING.rglob("*.py"))
+    assert imported_packages(training) == (extras.pop("train") | {"numpy", "pillow"}, set())
+    extra = set().union(*extras.values())
+    stated, named = imported_packages(set(PACKAGE.rglob("*.py")) - training)
     assert sorted(required - stated - named) == [], "required, and never imported"
     assert sorted(extra - named) == [], "in an extra, and never imported by name"
     assert sorted(stated - required) == [], "imported by a statement, and not required"
@@ -374,11 +381,23 @@ def test_what_a_user_installs_is_what_the_package_imports() -> None:
 
 def test_the_lock_covers_what_is_asked_for() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    extras = [spec for specs in project["project"]["optional-dependencies"].values() for spec in specs]
+    extras = [*project["project"]["optional-dependencies"]["augment"]]
     names = distributions_in(project["project"]["dependencies"] + extras + project["dependency-groups"]["dev"])
     lock = (ROOT / "requirements.lock").read_text(encoding="utf-8").splitlines()
     locked = {line.partition("==")[0] for line in lock if "==" in line and not line.startswith((" ", "#"))}
     assert sorted(names - locked) == [], "run `make lock`"
+
+
+def test_the_lock_of_training_adds_to_the_other() -> None:
+    """What both name has one version, so that the tests of training run what users run."""
+    asked = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    pins = {
+        name: set(re.findall(r"^([\w.-]+==\S+)", (ROOT / name).read_text(encoding="utf-8"), flags=re.MULTILINE))
+        for name in ("requirements.lock", "requirements-train.lock")
+    }
+    assert sorted(pins["requirements.lock"] - pins["requirements-train.lock"]) == [], "run `make lock`"
+    locked = {pin.partition("==")[0] for pin in pins["requirements-train.lock"]}
+    assert distributions_in(asked["train"]) <= locked, "run `make lock`"
 
 
 def registries() -> list[dict[str, str]]:

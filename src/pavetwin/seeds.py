@@ -23,6 +23,7 @@ class Stream(IntEnum):
     DATASET = 12
     BALANCE = 13
     COMPOSITE = 14
+    TRAINING = 15
 
 
 def child(seed: int, stream: Stream, *keys: int) -> np.random.Generator:

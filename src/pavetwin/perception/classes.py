@@ -1,0 +1,40 @@
+"""The classes of the detector: three coarse ones are detected, defects are then told apart; files have five."""
+
+from typing import Final
+
+SUBTYPES: Final = ("Single Crack", "Crocodile Crack", "Pothole")
+"""What the subtype head tells apart, by number; the first classes of label files."""
+
+ROAD_DEFECT, PERSON, CAR = range(3)
+
+COARSE: Final = ("Road Defect", "Person", "Car")
+"""What the detection head finds, by number."""
+
+CLASSES: Final = (*SUBTYPES, "Person", "Car")
+"""The classes of detections and of label files, by number."""
+
+NO_SUBTYPE: Final = -1
+"""Of a person, of a car, and of a defect of a class of the user's own, which is detected as Road Defect only."""
+
+
+def coarse_of(name: str, *, is_defect: bool) -> int | None:
+    """The coarse class of a class of label files; None for one that the detector does not know.
+
+    Args:
+        is_defect: whether the file says that the class is damage of the pavement.
+    """
+    if name in SUBTYPES or is_defect:
+        return ROAD_DEFECT
+    return COARSE.index(name) if name in COARSE else None
+
+
+def subtype_of(name: str) -> int:
+    """The number of a defect's subtype, or `NO_SUBTYPE`."""
+    return SUBTYPES.index(name) if name in SUBTYPES else NO_SUBTYPE
+
+
+def class_of(coarse: int, subtype: int) -> int | None:
+    """The number in `CLASSES`; None for a defect of no known subtype."""
+    if coarse == ROAD_DEFECT:
+        return subtype if subtype != NO_SUBTYPE else None
+    return len(SUBTYPES) + coarse - 1

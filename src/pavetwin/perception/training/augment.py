@@ -1,0 +1,118 @@
+"""Random views: position, scale, mirror images, mosaics, colours. The random numbers are handed in."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from PIL import Image
+
+from pavetwin.arrays import UInt8Array
+from pavetwin.labels.boxes import PixelBox
+from pavetwin.perception.examples.example import Example, ExampleSet
+from pavetwin.perception.training.views import ImagePart, LabelledView, view_of
+
+Member = tuple[ExampleSet, Example]
+"""An example, and the set that holds its picture."""
+
+Photometric = Callable[[UInt8Array, np.random.Generator], UInt8Array]
+"""A change of a picture (height, width, 3) that leaves every label true."""
+
+MOSAIC_SPLIT: Final = (0.3, 0.7)
+"""Where the four parts of a mosaic meet, as shares of its side."""
+
+FOCUS: Final = 0.7
+"""Share of native crops that show a labelled object, where the image has one."""
+
+
+@dataclass(frozen=True, slots=True)
+class ViewOptions:
+    """What varies. The values are those published for YOLOv8 where it has them."""
+
+    size_px: int = 640
+    """Side of the view."""
+    native: bool = False
+    """Crops at about the image's own resolution, where it is larger than the view; otherwise the whole image fits."""
+    mosaic: float = 1.0
+    """Share of views made of four images."""
+    scale: float = 0.5
+    """The scale varies from 1 − this to 1 + this."""
+    mirror: float = 0.5
+    """Share of images with left and right exchanged."""
+    upside_down: float = 0.0
+    """Share of images with top and bottom exchanged; for images from above."""
+    hue: float = 0.015
+    saturation: float = 0.7
+    brightness: float = 0.4
+
+
+def random_view(
+    member: Member,
+    others: Sequence[Member],
+    options: ViewOptions,
+    rng: np.random.Generator,
+    photometric: Sequence[Photometric] = (),
+) -> LabelledView:
+    """A view of one image, or of four.
+
+    Args:
+        others: from which the other three of a mosaic are drawn.
+        photometric: applied in order, after the colours have been varied.
+    """
+    size = options.size_px
+    windows: list[PixelBox] = [(0, 0, size, size)]
+    members = [member]
+    if rng.random() < options.mosaic:
+        x, y = (int(size * each) for each in rng.uniform(*MOSAIC_SPLIT, 2))
+        windows = [(0, 0, x, y), (x, 0, size, y), (0, y, x, size), (x, y, size, size)]
+        members += [others[at] for at in rng.integers(len(others), size=3)]
+        members = [members[at] for at in rng.permutation(4)]
+    parts = [_part(one, window, options, rng) for one, window in zip(members, windows, strict=True)]
+    view = view_of(parts, size)
+    pixels = vary_colours(view.pixels, options, rng)
+    for change in photometric:
+        pixels = change(pixels, rng)
+    return replace(view, pixels=pixels)
+
+
+def _part(member: Member, window: PixelBox, options: ViewOptions, rng: np.random.Generator) -> ImagePart:
+    data, example = member
+    size = np.array(example.size_px, dtype=np.float64)
+    room = np.array([window[2] - window[0], window[3] - window[1]], dtype=np.float64)
+    base = options.size_px / size.max()
+    if options.native:
+        base = max(base, 1.0)
+    scale = base * rng.uniform(1 - options.scale, 1 + options.scale)
+    spare = room - scale * size
+    offset = rng.uniform(0, 1, 2) * spare
+    objects = [each.box for each in example.objects if not each.is_ignored]
+    wants = rng.random() < FOCUS
+    if options.native and objects and wants:
+        box = objects[int(rng.integers(len(objects)))]
+        point = np.array([rng.uniform(box[0], box[2]), rng.uniform(box[1], box[3])])
+        aimed = rng.uniform(0.2, 0.8, 2) * room - scale * point
+        offset = np.clip(aimed, np.minimum(spare, 0), np.maximum(spare, 0))
+    return ImagePart(
+        data,
+        example,
+        window,
+        float(scale),
+        float(window[0] + np.round(offset[0])),
+        float(window[1] + np.round(offset[1])),
+        mirrored=bool(rng.random() < options.mirror),
+        upside_down=bool(rng.random() < options.upside_down),
+    )
+
+
+def vary_colours(pixels: UInt8Array, options: ViewOptions, rng: np.random.Generator) -> UInt8Array:
+    """Hue turned, saturation and brightness scaled, each by a random amount."""
+    spread = np.array([options.hue, options.saturation, options.brightness])
+    if not spread.any():
+        return pixels
+    turn, saturate, brighten = rng.uniform(-1, 1, 3) * spread
+    level = np.arange(256, dtype=np.float64)
+    table = np.concatenate(
+        [(level + 256 * turn) % 256, np.clip(level * (1 + saturate), 0, 255), np.clip(level * (1 + brighten), 0, 255)]
+    )
+    picture = Image.fromarray(pixels).convert("HSV").point([int(value) for value in table])
+    return np.asarray(picture.convert("RGB"))

@@ -1,0 +1,338 @@
+"""The training loop: phases of epochs of steps, from where the last checkpoint stands."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import isfinite
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import numpy as np
+import torch
+from torch import nn
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.perception.classes import CLASSES
+from pavetwin.perception.examples.example import ExampleSet, labelled_classes, missing_classes
+from pavetwin.perception.training.batches import Batch, TrainingViews, ValidationViews, batches
+from pavetwin.perception.training.losses import Losses, detection_losses, mask_loss, subtype_loss
+from pavetwin.perception.training.network import DetectorNetwork
+from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
+from pavetwin.perception.training.run_folder import Curves, RunFolder, load_network, load_weights
+from pavetwin.perception.training.schedule import MovingAverage, Phase, epoch_order, phases_of, rate_at
+from pavetwin.perception.training.validate import validate
+
+SAVE_S: Final = 300.0
+"""Between two checkpoints within an epoch."""
+
+NORM_MOMENTUM: Final = 0.03
+"""Of the running statistics of batch normalisation. In the first steps it is greater, so that what they begin with is
+forgotten at once."""
+
+LONGEST_GRADIENT: Final = 10.0
+"""Gradients are scaled down to this length."""
+
+FITNESS: Final = (0.1, 0.9)
+"""Weights of mAP@0.5 and mAP@0.5:0.95 in what is best, as published for YOLOv8."""
+
+PARTS: Final = ("box", "classes", "distribution", "subtype", "mask")
+
+
+class Watcher(Protocol):
+    """Is told how a training goes."""
+
+    def on_step(self, phase: Phase, epoch: int, step: int, steps: int, total: float) -> None:
+        """A step is done. `epoch` counts from 0, `step` from 1."""
+
+    def on_epoch(self, curves: Curves) -> None:
+        """An epoch is done; the curves have its row last."""
+
+
+@dataclass(slots=True)
+class _Progress:
+    """Where a run stands."""
+
+    phase: int = 0
+    epoch: int = 0
+    step: int = 0
+    """Steps done in the epoch."""
+    sums: list[float] = field(default_factory=lambda: [0.0] * (len(PARTS) + 1))
+    """Of the losses over these steps, the total last."""
+    best: float = -1.0
+    best_epoch: int = -1
+    curves: Curves = field(default_factory=list)
+
+
+class Trainer:
+    """One run: new, or continued."""
+
+    def __init__(
+        self,
+        sets: Sequence[ExampleSet],
+        folder: Path,
+        options: TrainingOptions,
+        machine: TrainingMachine,
+        watcher: Watcher,
+        start: Path | None = None,
+    ) -> None:
+        """Args:
+        start: weights to begin with.
+
+        Raises:
+            PaveTwinError: the data, the folder or the weights do not fit; nothing has been changed then.
+        """
+        members = [(data, example) for data in sets for example in data.examples]
+        training = [each for each in members if each[1].split == "train"]
+        self._validation = [each for each in members if each[1].split == "val"]
+        _check(training, self._validation, options)
+        self._options, self._machine, self._watcher = options, machine, watcher
+        self._known = labelled_classes(example for _, example in training)
+        self._phases = phases_of(training, options)
+        self._device = _device(machine)
+        torch.backends.cudnn.deterministic = True
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(options.seed)
+            self._network = DetectorNetwork(options.architecture)
+        if start is not None:
+            load_weights(self._network, start)
+        self._network.to(self._device)
+        self._is_new = start is None
+        self._folder = RunFolder(folder)
+        begun = load_network(start)[1].get("run", str(start.name)) if start is not None else None
+        data = [each.fingerprint for each in sets]
+        self._folder.claim({"options": options.as_mapping(), "data": data, "start": begun})
+        self._progress = _Progress()
+        self._begin(self._phases[0])
+        self._resume()
+
+    def run(self, stop_after_s: float | None = None) -> bool:
+        """Train to the end, or until the time is up.
+
+        Returns:
+            Whether the run is finished; otherwise the same call goes on from where it stopped.
+
+        Raises:
+            PaveTwinError: a loss is not finite; the last checkpoint stays as it is.
+        """
+        deadline = time.monotonic() + stop_after_s if stop_after_s is not None else float("inf")
+        while self._progress.phase < len(self._phases):
+            if not self._epoch(deadline):
+                self._save()
+                return False
+            self._close_epoch()
+            self._save()
+        return True
+
+    @property
+    def curves(self) -> Curves:
+        """A row for each epoch so far."""
+        return self._progress.curves
+
+    def _begin(self, phase: Phase) -> None:
+        """A fresh optimiser and moving average, over what the phase trains."""
+        trained = self._network.regions if phase.classifier else self._network
+        decayed = [each for each in trained.parameters() if each.ndim > 1]
+        others = [each for each in trained.parameters() if each.ndim <= 1]
+        groups = [{"params": decayed, "weight_decay": self._options.weight_decay}, {"params": others}]
+        self._optimiser = torch.optim.AdamW(groups, lr=self._options.rate, weight_decay=0.0)
+        self._average = MovingAverage(self._network, self._options)
+
+    def _resume(self) -> None:
+        state = self._folder.load(self._device)
+        if state is None:
+            return
+        try:
+            self._progress = _Progress(**state["progress"], curves=state["curves"])
+            if self._progress.phase < len(self._phases):
+                self._begin(self._phases[self._progress.phase])
+            self._network.load_state_dict(state["network"])
+            self._average.network.load_state_dict(state["average"])
+            self._average.steps = state["average_steps"]
+            self._optimiser.load_state_dict(state["optimiser"])
+        except (KeyError, TypeError, ValueError, RuntimeError) as error:
+            raise PaveTwinError(
+                f"The checkpoint in '{self._folder.path}' is of another architecture or version; "
+                "choose another folder, or remove it."
+            ) from error
+
+    def _save(self) -> None:
+        it = self._progress
+        self._folder.save(
+            {
+                "progress": {
+                    "phase": it.phase,
+                    "epoch": it.epoch,
+                    "step": it.step,
+                    "sums": it.sums,
+                    "best": it.best,
+                    "best_epoch": it.best_epoch,
+                },
+                "curves": it.curves,
+                "network": self._network.state_dict(),
+                "average": self._average.network.state_dict(),
+                "average_steps": self._average.steps,
+                "optimiser": self._optimiser.state_dict(),
+            }
+        )
+
+    def _epoch(self, deadline: float) -> bool:
+        """The steps that are left of the epoch; False when the time is up before its end."""
+        it, options = self._progress, self._options
+        phase = self._phases[it.phase]
+        key = (options.seed, it.phase, it.epoch)
+        has_mosaic = not phase.classifier and it.epoch < phase.epochs - options.mosaic_off
+        views = TrainingViews(
+            phase.members,
+            epoch_order(phase, key),
+            self._known,
+            options.views(mosaic=has_mosaic),
+            options.architecture.mask_px,
+            key,
+        )
+        steps = max(1, len(views) // options.batch)
+        warmup = round(options.warmup_epochs * steps)
+        saved = time.monotonic()
+        for batch in batches(views, options.batch, first=it.step, workers=self._machine.workers):
+            rate = rate_at(it.epoch * steps + it.step, phase.epochs * steps, warmup, options)
+            parts = self._step(batch, phase, rate)
+            it.sums = [total + each for total, each in zip(it.sums, parts, strict=True)]
+            it.step += 1
+            self._watcher.on_step(phase, it.epoch, it.step, steps, parts[-1])
+            if it.step < steps and time.monotonic() > deadline:
+                return False
+            if time.monotonic() > saved + SAVE_S:
+                self._save()
+                saved = time.monotonic()
+        return True
+
+    def _step(self, batch: Batch, phase: Phase, rate: float) -> list[float]:
+        """The losses of a batch, the total last; the weights have moved."""
+        self._network.train()
+        if phase.classifier:
+            for part in (self._network.backbone, self._network.neck, self._network.detection):
+                part.eval()
+        momentum = (
+            max(NORM_MOMENTUM, 1 / (1 + self._average.steps))
+            if self._is_new and not self._progress.phase
+            else NORM_MOMENTUM
+        )
+        for each in self._network.modules():
+            if isinstance(each, nn.BatchNorm2d):
+                each.momentum = momentum
+        for group in self._optimiser.param_groups:
+            group["lr"] = rate
+        losses = self._losses(batch, phase)
+        total = losses.total(self._options.weights)
+        values = torch.stack([*(getattr(losses, name) for name in PARTS), total]).tolist()
+        if not all(map(isfinite, values)):
+            told = ", ".join(f"{name} {value:.3g}" for name, value in zip((*PARTS, "total"), values, strict=True))
+            where = f"phase '{phase.name}', epoch {self._progress.epoch + 1}, step {self._progress.step + 1}"
+            raise PaveTwinError(
+                f"A loss is not finite ({where}: {told}); the last checkpoint is kept. Try a smaller `rate` in a new "
+                "folder."
+            )
+        self._optimiser.zero_grad(set_to_none=True)
+        if total.requires_grad:
+            total.backward()
+            nn.utils.clip_grad_norm_(self._network.parameters(), LONGEST_GRADIENT)
+            self._optimiser.step()
+        self._average.update(self._network)
+        return values
+
+    def _losses(self, batch: Batch, phase: Phase) -> Losses:
+        images = batch.images.to(self._device, non_blocking=True).float() / 255
+        targets = batch.targets.to(self._device)
+        nothing = torch.zeros((), device=self._device)
+        box = classes = distribution = subtype = mask = nothing
+        half = self._machine.half and self._device.type == "cuda" and torch.cuda.is_bf16_supported()
+        with torch.autocast(self._device.type, dtype=torch.bfloat16, enabled=half):
+            with torch.set_grad_enabled(not phase.classifier):
+                encoded = self._network(images)
+            if len(targets.regions):
+                logits, masks = self._network.regions(encoded.maps, targets.regions)
+        if not phase.classifier:
+            box, classes, distribution = detection_losses(encoded, targets)
+        if len(targets.regions):
+            subtype = subtype_loss(logits, targets.subtypes)
+            if masks is not None and self._options.mask_weight:
+                mask = mask_loss(masks, targets.masks, targets.has_mask)
+        return Losses(box, classes, distribution, subtype, mask)
+
+    def _close_epoch(self) -> None:
+        """Validate, keep the best, and step to the next epoch or phase."""
+        it, phase = self._progress, self._phases[self._progress.phase]
+        precision = self._validate()
+        means = [total / max(1, it.step) for total in it.sums]
+        each = [None if np.isnan(row[0]) else float(row[0]) for row in precision]
+        result, strict = float(np.nanmean(precision[:, 0])), float(np.nanmean(precision))
+        fitness = FITNESS[0] * result + FITNESS[1] * strict
+        it.curves.append(
+            {
+                "phase": phase.name,
+                "epoch": it.epoch + 1,
+                "rate": self._optimiser.param_groups[0]["lr"],
+                **dict(zip((*PARTS, "total"), means, strict=True)),
+                "map50": result,
+                "map": strict,
+                **dict(zip(CLASSES, each, strict=True)),
+            }
+        )
+        if fitness > it.best:
+            it.best, it.best_epoch = fitness, it.epoch
+            told = {
+                "map50": result,
+                "map": strict,
+                "phase": phase.name,
+                "epoch": it.epoch + 1,
+                "options": self._options.as_mapping(),
+            }
+            self._folder.save_best(self._average.network, told)
+        self._watcher.on_epoch(it.curves)
+        it.epoch, it.step, it.sums = it.epoch + 1, 0, [0.0] * len(it.sums)
+        if it.epoch >= phase.epochs or it.epoch - 1 - it.best_epoch >= self._options.patience:
+            self._next_phase()
+
+    def _next_phase(self) -> None:
+        """From the best weights so far. The heads of regions start from what the detector has reached: its result stays
+        the one to beat; a new stage of the detector is judged by itself."""
+        it = self._progress
+        it.phase, it.epoch, it.best_epoch = it.phase + 1, 0, -1
+        if it.phase == len(self._phases):
+            return
+        load_weights(self._network, self._folder.path / "best.pt")
+        if not self._phases[it.phase].classifier:
+            it.best = -1.0
+        self._begin(self._phases[it.phase])
+
+    def _validate(self) -> Any:
+        options = self._options
+        views = ValidationViews(
+            self._validation, self._known, options.views(mosaic=False), options.architecture.mask_px
+        )
+        found = batches(views, options.batch, workers=self._machine.workers, whole=False)
+        return validate(self._average.network, found, self._device)
+
+
+def _device(machine: TrainingMachine) -> torch.device:
+    try:
+        device = torch.device(machine.device or ("cuda" if torch.cuda.is_available() else "cpu"))
+        torch.zeros(1, device=device)
+    except (RuntimeError, AssertionError) as error:
+        raise PaveTwinError(f"`device`: '{machine.device}' cannot be used here.") from error
+    return device
+
+
+def _check(training: Sequence[Any], validation: Sequence[Any], options: TrainingOptions) -> None:
+    """Raises:
+    PaveTwinError: there are no images to train on or to validate with, or a class has no object.
+    """
+    for name, members in (("train", training), ("val", validation)):
+        if not members:
+            raise PaveTwinError(f"The datasets have no images in their split '{name}'; split them with both.")
+    missing = missing_classes(example for _, example in training)
+    if absent := [name for name in missing if name not in options.without_classes]:
+        names = ", ".join(absent)
+        raise PaveTwinError(
+            f"No training image shows a labelled {names}; add a dataset that has some, or leave them out "
+            f"(`without={','.join(absent)}`)."
+        )

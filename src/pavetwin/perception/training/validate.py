@@ -1,0 +1,44 @@
+"""Average precision of a network on validation images."""
+
+from collections.abc import Iterable
+
+import numpy as np
+import torch
+
+from pavetwin.arrays import Float64Array
+from pavetwin.perception.average_precision import Scored, average_precision
+from pavetwin.perception.classes import CLASSES, ROAD_DEFECT, SUBTYPES
+from pavetwin.perception.training.batches import Batch
+from pavetwin.perception.training.detect import DetectLimits, ImageDetections, detect
+from pavetwin.perception.training.network import DetectorNetwork
+
+LIMITS = DetectLimits(confidence=0.001)
+"""Nearly everything is kept: average precision reads the whole curve."""
+
+
+def validate(network: DetectorNetwork, batches: Iterable[Batch], device: torch.device) -> Float64Array:
+    """(five classes, thresholds) average precision; NaN for a class of which there is no object.
+
+    Classes that are not labelled in an image are left out there.
+    """
+    scored = []
+    for batch in batches:
+        images = batch.images.to(device, non_blocking=True).float() / 255
+        for at, found in enumerate(detect(network, images, LIMITS)):
+            scored.append(_scored(found, batch, at))
+    return average_precision(scored, len(CLASSES))
+
+
+def _scored(found: ImageDetections, batch: Batch, image: int) -> Scored:
+    known = batch.targets.known[image].numpy()
+    rows = batch.targets.images == image
+    classes = found.classes.cpu().numpy()
+    told = known[np.where(classes < len(SUBTYPES), ROAD_DEFECT, classes - len(SUBTYPES) + 1)]
+    return Scored(
+        boxes=found.boxes.cpu().double().numpy()[told],
+        classes=classes[told],
+        confidence=found.confidence.cpu().double().numpy()[told],
+        true_boxes=batch.targets.boxes[rows].double().numpy(),
+        true_classes=batch.final[rows].numpy(),
+        ignored=batch.targets.ignored[rows].numpy(),
+    )

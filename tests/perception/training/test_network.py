@@ -1,0 +1,110 @@
+"""The network: its published size, one encoding of an image, and what its heads look at."""
+
+import pytest
+import torch
+from torchvision.ops import roi_align
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.perception.training.architecture import Architecture, variant
+from pavetwin.perception.training.cost import gflops, parameters
+from pavetwin.perception.training.detect import DetectLimits, detect
+from pavetwin.perception.training.heads import pooled, sample_regions
+from pavetwin.perception.training.network import DetectorNetwork
+
+TINY = Architecture(width=0.125)
+
+PUBLISHED = {"n": (3.2, 8.7), "s": (11.2, 28.6), "m": (25.9, 78.9), "l": (43.7, 165.2)}
+"""Parameters in millions and billions of operations at 640 px, for 80 classes; both rounded to one decimal."""
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_the_published_sizes(name: str) -> None:
+    """Within 1 % of what the rounded figures stand for."""
+    network = DetectorNetwork(variant(name, classes=80))
+    detector = parameters(network) - parameters(network.regions)
+    for found, published in zip((detector / 1e6, gflops(network)), PUBLISHED[name], strict=True):
+        assert 0.99 * (published - 0.05) <= found <= 1.01 * (published + 0.05), (found, published)
+
+
+def test_an_image_is_encoded_once() -> None:
+    network = DetectorNetwork(TINY).eval()
+    torch.nn.init.constant_(network.detection.classes[0][-1].bias, 5.0)  # everything is a defect
+    calls = {"backbone": 0, "neck": 0, "regions": 0}
+    for name in calls:
+
+        def count(*_: object, name: str = name) -> None:
+            calls[name] += 1
+
+        getattr(network, name).register_forward_hook(count)
+    (found,) = detect(network, torch.rand(1, 3, 64, 96), DetectLimits())
+    assert len(found.boxes) > 3
+    assert calls == {"backbone": 1, "neck": 1, "regions": 1}
+
+
+@pytest.mark.parametrize(
+    ("architecture", "anchors"),
+    [
+        (TINY, 12 * 8 + 6 * 4 + 3 * 2),
+        (Architecture(width=0.125, p2=True), 24 * 16 + 12 * 8 + 6 * 4 + 3 * 2),
+        (Architecture(width=0.125, depth=1.0, activation="relu", masks=False), 12 * 8 + 6 * 4 + 3 * 2),
+    ],
+    ids=["tiny", "p2", "relu without masks"],
+)
+def test_every_option_gives_boxes_and_regions(architecture: Architecture, anchors: int) -> None:
+    network = DetectorNetwork(architecture).eval()
+    found = network(torch.rand(2, 3, 64, 96))
+    assert found.distances.shape == (2, anchors, 4, 16)
+    assert found.scores.shape == (2, anchors, 3)
+    assert found.maps.shape[-2:] == (8, 12)
+    subtypes, masks = network.regions(found.maps, torch.tensor([[0, 8.0, 8.0, 40.0, 24.0], [1, 0.0, 0.0, 96.0, 64.0]]))
+    assert subtypes.shape == (2, 3)
+    assert (masks is None) == (not architecture.masks)
+    assert masks is None or masks.shape == (2, 28, 28)
+    kinds = {type(each) for each in network.modules()}
+    assert (torch.nn.SiLU in kinds) == (architecture.activation == "silu")
+
+
+def test_anchors_lie_in_the_middle_of_their_cells() -> None:
+    anchors = DetectorNetwork(TINY).eval()(torch.rand(1, 3, 32, 64)).anchors
+    assert anchors.centres[:3].tolist() == [[4, 4], [12, 4], [20, 4]]
+    assert anchors.centres[-2:].tolist() == [[16, 16], [48, 16]]
+    assert anchors.strides.tolist() == [8.0] * 32 + [16.0] * 8 + [32.0] * 2
+
+
+def test_roi_align_reads_a_ramp_where_the_box_is() -> None:
+    """A map whose cells hold their column and row: the points of a box are where they should be, in pixels / 8 less the
+    half cell that `aligned` takes off."""
+    rows, columns = torch.meshgrid(torch.arange(16.0), torch.arange(20.0), indexing="ij")
+    maps = torch.stack([columns, rows])[None]
+    left, top, right, bottom = 20.0, 30.0, 104.0, 86.0
+    found = pooled(sample_regions(maps, torch.tensor([[0.0, left, top, right, bottom]]), 14))[0]
+    share = (torch.arange(7) + 0.5) / 7
+    assert found[0, 3].tolist() == pytest.approx(((left + share * (right - left)) / 8 - 0.5).tolist(), abs=1e-4)
+    assert found[1, :, 2].tolist() == pytest.approx(((top + share * (bottom - top)) / 8 - 0.5).tolist(), abs=1e-4)
+
+
+@pytest.mark.parametrize("points", [7, 14, 28])
+def test_the_subtype_head_sees_roi_align_of_7_by_7(points: int) -> None:
+    maps = torch.randn(2, 5, 12, 12, generator=torch.Generator().manual_seed(0))
+    boxes = torch.tensor([[0.0, 3.0, 10.0, 71.0, 50.0], [1.0, 40.0, 2.0, 47.0, 90.0]])
+    whole = roi_align(maps, boxes, (7, 7), spatial_scale=1 / 8, sampling_ratio=points // 7, aligned=True)
+    torch.testing.assert_close(pooled(sample_regions(maps, boxes, points)), whole)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"width": 0.0}, "`width` 0.0: it must be from 0.03 to 2.0."),
+        ({"activation": "sillu"}, "`activation`: no activation 'sillu' (did you mean 'silu'?); known are silu, relu."),
+        ({"mask_points": 9}, "`mask_points` 9: it must be 7, 14 or 28."),
+    ],
+)
+def test_an_architecture_out_of_range_is_refused(values: dict[str, object], message: str) -> None:
+    with pytest.raises(PaveTwinError) as refused:
+        Architecture(**values)
+    assert str(refused.value) == message
+
+
+def test_an_unknown_size_is_refused() -> None:
+    with pytest.raises(PaveTwinError, match="`size`: no size 'xl'"):
+        variant("xl")

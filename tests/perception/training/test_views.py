@@ -1,0 +1,162 @@
+"""What the network is shown: pictures and labels stay together, whatever is scaled, moved and mirrored."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.perception.classes import ROAD_DEFECT
+from pavetwin.perception.examples.coco import read_coco
+from pavetwin.perception.examples.example import Example, ExampleSet
+from pavetwin.perception.training.augment import Member, ViewOptions, random_view
+from pavetwin.perception.training.batches import TrainingViews, ValidationViews, batches, collated, labelled
+from pavetwin.perception.training.views import LabelledView, fitted, mask_of, tiles, view_of
+from scenes.drawn_roads import drawn_roads
+
+DARK = 70
+"""Defects are drawn darker than this, the road brighter."""
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> ExampleSet:
+    folder = tmp_path_factory.mktemp("roads")
+    return read_coco(drawn_roads(folder, {"train": 8}, names=("Pothole", "Single Crack")), ("train",))
+
+
+def members(data: ExampleSet) -> list[Member]:
+    return [(data, example) for example in data.examples]
+
+
+def dark_box(view: LabelledView, inside: tuple[float, ...]) -> list[float]:
+    """The box around the dark pixels near a labelled box."""
+    left, top, right, bottom = (round(each) for each in inside)
+    dark = (view.pixels.max(axis=2) < DARK)[top:bottom, left:right]
+    rows, columns = np.flatnonzero(dark.any(1)), np.flatnonzero(dark.any(0))
+    return [left + columns[0], top + rows[0], left + columns[-1] + 1, top + rows[-1] + 1]
+
+
+PLAIN = ViewOptions(size_px=128, hue=0, saturation=0, brightness=0)
+VARIED = {
+    "mosaic": replace(PLAIN, mosaic=1.0, upside_down=0.5),
+    "mirrored": replace(PLAIN, mosaic=0.0, mirror=1.0),
+    "upside down": replace(PLAIN, mosaic=0.0, mirror=0.0, upside_down=1.0),
+    "native": replace(PLAIN, size_px=96, mosaic=0.0, native=True),
+}
+
+
+@pytest.mark.parametrize("name", VARIED)
+def test_boxes_lie_where_the_picture_shows_the_thing(data: ExampleSet, name: str) -> None:
+    checked = 0
+    for seed in range(30):
+        view = random_view(members(data)[seed % 8], members(data), VARIED[name], np.random.default_rng(seed))
+        for each in view.objects:
+            if each.is_ignored or min(each.box[2] - each.box[0], each.box[3] - each.box[1]) < 8:
+                continue
+            assert dark_box(view, each.box) == pytest.approx(list(each.box), abs=2.6)
+            checked += 1
+    assert checked > 15
+
+
+@pytest.mark.parametrize("name", VARIED)
+def test_masks_lie_where_the_picture_shows_the_thing(data: ExampleSet, name: str) -> None:
+    agreement = []
+    for seed in range(20):
+        view = random_view(members(data)[seed % 8], members(data), VARIED[name], np.random.default_rng(seed))
+        for each in view.objects:
+            if each.is_ignored or each.true.category != "Pothole" or each.box[2] - each.box[0] < 14:
+                continue
+            mask = mask_of(each, each.box, 28)
+            assert mask is not None
+            left, top, right, bottom = each.box
+            columns = (left + (np.arange(28) + 0.5) / 28 * (right - left)).astype(int)
+            rows = (top + (np.arange(28) + 0.5) / 28 * (bottom - top)).astype(int)
+            dark = view.pixels.max(axis=2)[np.ix_(rows.clip(0, 127), columns.clip(0, 127))] < DARK + 10
+            agreement.append(((mask > 0.5) == dark).mean())
+    assert len(agreement) > 4
+    assert np.mean(agreement) > 0.93
+
+
+def test_a_letterbox_shows_the_whole_image_in_the_middle(data: ExampleSet) -> None:
+    """128 × 96 in 256 × 256: twice as large, 32 rows of grey above and below."""
+    view = view_of([fitted(data, data.examples[0], 256)], 256)
+    assert (view.pixels[:32] == 114).all()
+    assert (view.pixels[-32:] == 114).all()
+    assert (view.pixels[33:-33].std(axis=(0, 1)) > 3).all()
+    for seen, true in zip(view.objects, data.examples[0].objects, strict=True):
+        left, top, right, bottom = true.box
+        assert seen.box == (2 * left, 2 * top + 32, 2 * right, 2 * bottom + 32)
+
+
+def test_tiles_cover_the_image_at_its_own_resolution(data: ExampleSet) -> None:
+    example = data.examples[0]
+    parts = tiles(data, example, 64)
+    assert sorted((-part.left, -part.top) for part in parts) == [(0, 0), (0, 32), (64, 0), (64, 32)]
+    whole = view_of([fitted(data, example, 128)], 128).pixels[16:112]
+    for part in parts:
+        x, y = int(-part.left), int(-part.top)
+        assert (view_of([part], 64).pixels == whole[y : y + 64, x : x + 64]).all()
+
+
+def test_what_is_cut_to_a_rest_is_ignored(data: ExampleSet) -> None:
+    example = data.examples[0]
+    left, _, right, _ = example.objects[0].box
+    for share, ignored in ((0.2, True), (0.5, False)):
+        part = replace(fitted(data, example, 128), left=0.0, top=0.0, scale=1.0)
+        part = replace(part, left=-(right - share * (right - left)))
+        (seen, *_) = view_of([part], 128).objects
+        assert 0 <= seen.box[0] < 3
+        assert seen.is_ignored is ignored
+
+
+def test_the_same_key_gives_the_same_views_in_any_process(data: ExampleSet) -> None:
+    def made(key: tuple[int, ...], workers: int, first: int = 0) -> list[torch.Tensor]:
+        views = TrainingViews(
+            members(data), list(range(8)), {"drawn roads": frozenset({ROAD_DEFECT})}, PLAIN, 28, key
+        )  # fmt: skip
+        return [batch.images for batch in batches(views, 3, first=first, workers=workers)]
+
+    one, two = made((5, 0, 1), 0), made((5, 0, 1), 2)
+    assert len(one) == 2  # of 8 images, the last two fill no batch
+    assert all(torch.equal(a, b) for a, b in zip(one, two, strict=True))
+    assert torch.equal(made((5, 0, 1), 0, first=1)[0], one[1])
+    assert not torch.equal(made((5, 0, 2), 0)[0], one[0])
+    assert not torch.equal(made((6, 0, 1), 0)[0], one[0])
+
+
+def test_a_class_counts_where_every_image_of_a_view_labels_it(data: ExampleSet) -> None:
+    other = Example(**{name: getattr(data.examples[1], name) for name in Example.__slots__} | {"source": "other"})
+    known = {"drawn roads": frozenset({0, 1, 2}), "other": frozenset({0, 2})}
+    alone, both = (
+        view_of([fitted(data, each, 64) for each in examples], 64)
+        for examples in ((data.examples[0],), (data.examples[0], other))
+    )
+    assert labelled(alone, known, 28, None).known.tolist() == [True, True, True]
+    assert labelled(both, known, 28, None).known.tolist() == [True, False, True]
+
+
+def test_a_batch_numbers_its_objects_and_regions_by_image(data: ExampleSet) -> None:
+    views = ValidationViews(members(data)[:3], {"drawn roads": frozenset({0, 1, 2})}, PLAIN, 28)
+    batch = collated([views[at] for at in range(3)])
+    assert batch.images.shape == (3, 3, 128, 128)
+    assert batch.targets.images.tolist() == [0, 0, 1, 1, 2, 2]
+    assert batch.targets.regions[:, 0].tolist() == [0, 0, 1, 1, 2, 2]
+    assert torch.equal(batch.targets.regions[:, 1:], batch.targets.boxes)
+    assert batch.targets.subtypes.tolist() == batch.final.tolist()
+    assert batch.targets.has_mask.all()
+
+
+def test_a_picture_of_another_size_than_its_labels_say_is_refused(data: ExampleSet) -> None:
+    example = replace(data.examples[0], size_px=(64, 64))
+    with pytest.raises(PaveTwinError, match=r"'000.png' of '.*' is 128 × 96, and its labels say 64 × 64."):
+        view_of([fitted(data, example, 64)], 64)
+
+
+def test_a_damaged_picture_is_refused_by_name(tmp_path: Path) -> None:
+    damaged = read_coco(drawn_roads(tmp_path, {"train": 1}), ("train",))
+    path = tmp_path / "images" / "train" / "000.png"
+    path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(PaveTwinError, match=r"The picture '000.png' of '.*' cannot be read"):
+        view_of([fitted(damaged, damaged.examples[0], 64)], 64)
