@@ -35,7 +35,8 @@ demo: setup  ## A UAV inspects a generated town under traffic, with each of the 
 	@.venv/bin/pavetwin demo
 
 study: setup  ## The paper's study over a town without parking: 720 missions in a few minutes, and its report in out/study
-	@test -d out/paper/town || .venv/bin/pavetwin world build --generate town --seed 1 --parking-rule none -o out/paper/town
+	@test -d out/paper/town || .venv/bin/pavetwin world build --generate town --seed 1 --parking-rule none \
+		--damage paper -o out/paper/town
 	@test -f out/study.yaml || .venv/bin/pavetwin experiment init out/study.yaml --preset paper --world paper/town
 	@.venv/bin/pavetwin experiment run out/study.yaml -o out/study
 	@.venv/bin/pavetwin experiment report out/study --figures

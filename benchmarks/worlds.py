@@ -20,10 +20,8 @@ SEED = 1
 def build(folder: Path, source: Path | str = "town", defects_per_segment: float = 30.0) -> Line:
     """The generated town, or the world of a file, into a folder."""
     begun = time.perf_counter()
-    world = save_world(
-        add_defects(build_world(source, BuildOptions(seed=SEED)), DefectOptions(per_segment=defects_per_segment)),
-        folder,
-    )
+    defects = DefectOptions(population="paper", per_segment=defects_per_segment)
+    world = save_world(add_defects(build_world(source, BuildOptions(seed=SEED)), defects), folder)
     took_s = time.perf_counter() - begun
     length_km = sum(segment.length_m for segment in world.segments) / 1000
     note = f"{len(world.segments)} segments, {length_km:.1f} km of streets, {len(world.defects)} defects; one run"

@@ -47,7 +47,8 @@ class GalleryRenderer:
         town = self.folder / "town"
         if town.is_dir():
             return load_world(town)
-        return save_world(add_defects(build_world("town", BuildOptions(seed=TOWN_SEED)), DefectOptions()), town)
+        many = DefectOptions(population="paper")
+        return save_world(add_defects(build_world("town", BuildOptions(seed=TOWN_SEED)), many), town)
 
     @cached_property
     def recording(self) -> Recording:

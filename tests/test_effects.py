@@ -201,7 +201,7 @@ def town(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def typed(town: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """A command line with one altitude, fewer defects, and the same light traffic in all studies."""
     monkeypatch.setattr(catalogue, "ALTITUDES_M", (10.0,))
-    monkeypatch.setattr(catalogue, "DEFECTS", {"per_segment": 3})
+    monkeypatch.setattr(catalogue, "DEFECTS", {"population": "paper", "per_segment": 3})
     monkeypatch.setattr(command, "BEFORE", replace(command.BEFORE, traffic=None))
     variants = [command.BEFORE if each.name == "before" else each for each in VARIANTS]
     monkeypatch.setattr(command, "VARIANTS", variants)
@@ -262,7 +262,7 @@ def test_how_high_cracks_are_found_follows_the_ground_resolution(town: Path, tmp
     for variant in (*CRACKS, ANY_SIZE):
         design = design_of(
             variant, [town], "low", 8, altitudes_m=[6, 10, 15, 30, 60], policies=["hover"], segments=2,
-            defects={"per_segment": 20, "mix": {"single_crack": 1}},
+            defects={"population": "paper", "per_segment": 20, "mix": {"single_crack": 1}},
         )  # fmt: skip
         run(design, tmp_path / variant.name, Single())
         table = Store(tmp_path / variant.name).table()

@@ -68,7 +68,9 @@ def code_blocks(page: str, language: str) -> list[str]:
 
 def test_the_readmes_code_runs(tmp_path: Path) -> None:
     (snippet,) = code_blocks("README.md", "python")
-    save_world(add_defects(built("cross"), DefectOptions(per_segment=8)), tmp_path / "worlds" / "my-town")
+    save_world(
+        add_defects(built("cross"), DefectOptions(population="paper", per_segment=8)), tmp_path / "worlds" / "my-town"
+    )
     assert "coverage=" in run(["-c", snippet], tmp_path)
 
 

@@ -18,8 +18,8 @@ INPUTS: Final = Path(__file__).parent / "inputs"
 ALTITUDES_M: Final = (6.0, 10.0, 15.0, 30.0)
 CRACKS_ALTITUDES_M: Final = (*ALTITUDES_M, 60.0)
 """Of studies of cracks alone, from where fine pixels still show some."""
-DEFECTS: Final[Mapping[str, Any]] = {"per_segment": 15}
-"""Half as many as worlds have by default, for the time that it takes to place them."""
+DEFECTS: Final[Mapping[str, Any]] = {"population": "paper", "per_segment": 15}
+"""Half as many as in the published study, for the time that it takes to place them."""
 USUAL: Final[Mapping[str, Value]] = {"parking.enabled": True}
 """Settings of the default and of every other study that does not change them."""
 
@@ -127,7 +127,7 @@ VARIANTS: Final[Sequence[Variant]] = (
     ),
     Variant("phantom", "a Phantom 4 Pro", Kind.ASSUMPTION, settings={"aircraft": "phantom4pro"}),
     Variant("camera-paper", "the paper's camera", Kind.ASSUMPTION, settings={"camera.model": "paper"}),
-    Variant("defects", "30 defects a segment instead of 15", Kind.ASSUMPTION, defects={"per_segment": 30}),
+    Variant("defects", "30 defects a segment instead of 15", Kind.ASSUMPTION, defects={**DEFECTS, "per_segment": 30}),
     Variant("cracks", "only cracks", Kind.ASSUMPTION, defects=CRACKS, altitudes_m=CRACKS_ALTITUDES_M),
     Variant(
         "cracks-coarse", "only cracks, the paper's camera (against *only cracks*)", Kind.ASSUMPTION,

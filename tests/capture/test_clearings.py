@@ -24,7 +24,8 @@ from scenes.tiny import straight
 @pytest.fixture(scope="module")
 def context(tmp_path_factory: pytest.TempPathFactory) -> CaptureContext:
     world = save_world(
-        add_defects(built("cross"), DefectOptions(per_segment=24)), tmp_path_factory.mktemp("clear") / "w"
+        add_defects(built("cross"), DefectOptions(population="paper", per_segment=24)),
+        tmp_path_factory.mktemp("clear") / "w",
     )
     return prepare(world, CaptureSettings(platforms=("uav",), images=100, altitudes_m=(8.0, 19.0), seed=5, empty=0.5))
 
@@ -67,7 +68,9 @@ def test_a_car_s_pictures_without_a_defect_show_road(
     tmp_path: Path, per_segment: int, ahead: tuple[float, float]
 ) -> None:
     """Where defects lie close, all that is free of them ahead is the meadow beyond a street's end."""
-    world = save_world(add_defects(built("cross"), DefectOptions(per_segment=per_segment)), tmp_path / "w")
+    world = save_world(
+        add_defects(built("cross"), DefectOptions(population="paper", per_segment=per_segment)), tmp_path / "w"
+    )
     settings = CaptureSettings(
         platforms=("car",), images=60, densities=("high",), seed=5, empty=0.5, size_px=(320, 320)
     )

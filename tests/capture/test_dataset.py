@@ -46,7 +46,7 @@ SPLITS = ("train", "val", "test")
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("capture") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(per_segment=12)), folder)
+    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=12)), folder)
     return folder
 
 
@@ -611,7 +611,7 @@ def test_a_folder_of_another_version_or_adapter_is_refused(
 def test_a_folder_of_another_world_is_refused(world: Path, dataset: Path, tmp_path: Path) -> None:
     changed = tmp_path / "cross"
     shutil.copytree(world, changed)
-    save_world(add_defects(built("cross"), DefectOptions(per_segment=7)), changed, force=True)
+    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=7)), changed, force=True)
     with pytest.raises(PaveTwinError, match="other defects"):
         capture(changed, UAV, dataset, frame_source_factory=Painter)
 

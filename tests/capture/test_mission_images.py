@@ -53,7 +53,7 @@ class Looker(Sensor):
 @pytest.mark.needs_adapter
 def test_a_sensor_of_ones_own_sees_the_image_that_is_saved(tmp_path: Path) -> None:
     """From the command line; the saved file decodes to the very pixels of the sensor's image, compressed alike."""
-    save_world(add_defects(built("cross"), DefectOptions(per_segment=6)), tmp_path / "cross")
+    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=6)), tmp_path / "cross")
     (tmp_path / "looker.py").write_text(LOOKER)
     flown = ("--density", "high", "--segments", "1", "--seed", "1", "--policy", "baseline", "--save-frames")
     sensor = f"sensing.sensor={tmp_path / 'looker.py'}:Looker"

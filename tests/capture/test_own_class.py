@@ -44,7 +44,9 @@ def known(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 @pytest.fixture
 def world(known: None, tmp_path: Path) -> Path:  # noqa: ARG001 - a fixture
     mix = {"rutting": 2.0, "pothole": 1.0}
-    save_world(add_defects(built("cross"), DefectOptions(per_segment=5, mix=mix)), tmp_path / "rutted")
+    save_world(
+        add_defects(built("cross"), DefectOptions(population="paper", per_segment=5, mix=mix)), tmp_path / "rutted"
+    )
     return tmp_path / "rutted"
 
 
@@ -69,7 +71,7 @@ def test_ruts_lie_in_the_wheel_paths_and_are_on_the_map(world: Path) -> None:
 @pytest.mark.usefixtures("known")
 def test_the_usual_mix_of_a_world_with_plugins_is_written_down(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """So that nobody who lacks the plugin places other defects without noticing."""
-    save_world(add_defects(built("cross"), DefectOptions(per_segment=2)), tmp_path / "mixed")
+    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=2)), tmp_path / "mixed")
     assert set(load_record(tmp_path / "mixed").defects["mix"]) == {kind.name for kind in DEFECT_CLASSES.values()}
     forget(monkeypatch)
     with pytest.raises(PaveTwinError, match=r"`defects`: no defect class 'rutting'.*needs its file in `plugins`"):

@@ -52,7 +52,7 @@ PARKED = CaptureSettings(
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = add_defects(built("cross"), DefectOptions(per_segment=12))
+    made = add_defects(built("cross"), DefectOptions(population="paper", per_segment=12))
     assert len(made.world.parking) > 10
     folder = tmp_path_factory.mktemp("capture") / "cross"
     save_world(made, folder)

@@ -23,7 +23,7 @@ from scenes import built
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> World:
     folder = tmp_path_factory.mktemp("splits") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(per_segment=12)), folder)
+    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=12)), folder)
     return load_world(folder)
 
 

@@ -45,7 +45,7 @@ from scenes.tiny import empty_street
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("capture-cli") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(per_segment=6)), folder)
+    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=6)), folder)
     return folder
 
 

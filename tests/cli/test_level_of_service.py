@@ -23,7 +23,7 @@ from scenes.demand import know_demand, on_the_curve
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("los") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(per_segment=4)), folder)
+    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=4)), folder)
     know_demand(load_world(folder), "europe", "south_asia")
     return folder
 
@@ -144,7 +144,9 @@ def test_info_says_how_a_recording_flows_and_what_one_of_before_needs_for_that(w
 def test_info_refuses_another_world(world: Path, tmp_path: Path) -> None:
     own = tmp_path / "own.parquet"
     assert pavetwin("traffic", "record", world, "--density", "low", "--duration", 10, "-o", own).returncode == 0
-    save_world(add_defects(built("cross", seed=2), DefectOptions(per_segment=1)), tmp_path / "other")
+    save_world(
+        add_defects(built("cross", seed=2), DefectOptions(population="paper", per_segment=1)), tmp_path / "other"
+    )
     assert "another world" in plain_refusal(pavetwin("traffic", "info", own, "--world", tmp_path / "other"))
     assert "none" in plain_refusal(pavetwin("traffic", "info", own, "--world", tmp_path / "none"))
 

@@ -1,12 +1,13 @@
-"""Commands say when the preset `paper` is not the published setup, for the world's parking lanes."""
+"""Commands say when the preset `paper` is not the published setup, for the world's parking lanes or its defects."""
 
 from pathlib import Path
 
 import pytest
 import yaml
 
+from pavetwin.cli.published import note_difference
 from pavetwin.defects import DefectOptions, add_defects
-from pavetwin.world.store import save_world
+from pavetwin.world.store import load_world, save_world
 from scenes import built
 from scenes.command_line import pavetwin
 
@@ -19,7 +20,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a world of each parking rule, named as the rule."""
     folder = tmp_path_factory.mktemp("published")
     for rule in (WITH, WITHOUT):
-        made = add_defects(built("cross", parking_rule=rule), DefectOptions(per_segment=2))
+        made = add_defects(built("cross", parking_rule=rule), DefectOptions(population="paper", per_segment=2))
         save_world(made, folder / rule)
     return folder
 
@@ -45,3 +46,19 @@ def test_parking_lanes_are_told_of_once_with_the_preset_paper(
     said.append(notice("fly", place / rule, *short, "--preset", preset))
     assert [len(lines) for lines in said] == [int(is_told)] * 3
     assert all("parking lanes" in line and "wider" in line for (line,) in filter(None, said))
+
+
+@pytest.mark.parametrize(("placed_by", "told"), [("survey", "damage population in other (survey)"), ("paper", "")])
+def test_other_defects_than_the_papers_are_told_of(
+    tmp_path: Path, placed_by: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = DefectOptions(population=placed_by, per_segment=1)
+    save_world(add_defects(built("cross", parking_rule="none"), options), tmp_path / "other")
+    for world in (tmp_path / "other", load_world(tmp_path / "other")):
+        note_difference(["paper"], [world])
+        said = capsys.readouterr().out
+        assert told in said
+        assert ("--damage paper" in said) == bool(told)
+    note_difference(["paper"], [tmp_path / "other"], "paper")
+    note_difference(["default"], [tmp_path / "other"])
+    assert capsys.readouterr().out == ""

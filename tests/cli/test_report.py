@@ -49,6 +49,23 @@ def test_what_parked_vehicles_leave_to_be_seen_is_told_beside_what_was_seen() ->
     assert "at most" not in report.sentence([empty])
 
 
+def test_segments_without_defects_have_no_share_and_are_counted() -> None:
+    result = tiny.result("lively_street", "hover")
+    (row,) = result.rows
+    empty = replace(row, defects=0, swept=0, confirmed=0, recovered=0, coverage=None, swath_coverage=None)
+    both = replace(result, rows=(row, empty))
+    (found,) = (column for column in report.segments_table(both).columns if str(column.header).startswith("found"))
+    assert [str(cell) for cell in found.cells] == [f"{100 * row.confirmed / row.defects:.1f}", "–"]
+    assert str(found.footer) == f"{100 * row.confirmed / row.defects:.1f}"
+    assert report.without_defects(both.rows) == [
+        "1 of the segments has no defects: what is found there is no share, neither 0 nor 100 %."
+    ]
+    assert report.without_defects(result.rows) == []
+    alone = replace(result, rows=(empty,))
+    assert report.sentence([alone]).startswith("No defects to find, ")
+    assert report.without_defects(alone.rows) == []
+
+
 def test_streets_of_one_policy_are_summed_with_what_was_seen_of_them() -> None:
     result = tiny.result("lively_street", "hover")
     (row,) = result.rows

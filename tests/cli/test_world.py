@@ -28,6 +28,7 @@ def test_build_and_info_say_what_is_there(
     said = capsys.readouterr().out
     for word in ("segments", "lanes", "sidewalks", "1 traffic lights", "5 from the source", "by rule", "defects"):
         assert word in said
+    assert load_record(Path(target)).defects["population"] == "survey"
     assert run(monkeypatch, "world", "info", target) == 0
     assert "14 (" in capsys.readouterr().out
 

@@ -98,7 +98,7 @@ def test_a_class_that_fails_later_is_named_with_its_file_and_line(tmp_path: Path
     plugins.load_plugins([path], check=False)
     line = path.read_text().splitlines().index("    if rng.random() < 0.3: raise KeyError('deep')") + 1
     with pytest.raises(PaveTwinError) as caught:
-        place(built("cross").world.segments[:2], 1, DefectOptions(per_segment=20, mix={"dent": 1}))
+        place(built("cross").world.segments[:2], 1, DefectOptions(population="paper", per_segment=20, mix={"dent": 1}))
     assert str(caught.value) == f"The defect class 'dent' failed: KeyError: 'deep' ({path}, line {line})."
 
 

@@ -49,7 +49,7 @@ def test_every_class_draws_a_plain_outline_around_the_origin(kind) -> None:  # t
 
 def test_thirty_on_every_segment_whole_and_apart() -> None:
     segments = built("cross").world.segments[:4]
-    defects = place(segments, seed=3)
+    defects = place(segments, 3, DefectOptions(population="paper"))
     counts = Counter(defect.segment for defect in defects)
     assert all(24 <= counts[segment.id] <= 30 for segment in segments)
     assert [defect.id for defect in defects] == list(range(len(defects)))
@@ -64,14 +64,14 @@ def test_thirty_on_every_segment_whole_and_apart() -> None:
 
 
 def test_a_segment_elsewhere_changes_nothing_here() -> None:
-    segments, few = built("cross").world.segments, DefectOptions(per_segment=4)
+    segments, few = built("cross").world.segments, DefectOptions(population="paper", per_segment=4)
     alone = [replaced.polygon for replaced in place(segments[4:5], 3, few)]
     among = [defect.polygon for defect in place(segments[2:6], 3, few) if defect.segment == segments[4].id]
     assert alone == among
 
 
 def test_the_number_of_threads_changes_nothing() -> None:
-    segments, few = built("cross").world.segments[:5], DefectOptions(per_segment=5)
+    segments, few = built("cross").world.segments[:5], DefectOptions(population="paper", per_segment=5)
     shares: list[float] = []
     alone = place(segments, 7, few, shares.append, threads=1)
     assert shares == [0.2, 0.4, 0.6, 0.8, 1.0]
@@ -80,7 +80,7 @@ def test_the_number_of_threads_changes_nothing() -> None:
 
 def test_seeds_differ_and_zero_is_a_seed() -> None:
     segments = built("cross").world.segments[:2]
-    few = DefectOptions(per_segment=4)
+    few = DefectOptions(population="paper", per_segment=4)
     zero, one = place(segments, 0, few), place(segments, 1, few)
     assert zero == place(segments, 0, few)
     assert zero != one
@@ -88,8 +88,8 @@ def test_seeds_differ_and_zero_is_a_seed() -> None:
 
 def test_density_and_mix_are_configurable() -> None:
     segments = built("cross").world.segments
-    assert place(segments, 1, DefectOptions(per_segment=0)) == ()
-    potholes = place(segments, 1, DefectOptions(per_segment=5, mix={"pothole": 1.0}))
+    assert place(segments, 1, DefectOptions(population="paper", per_segment=0)) == ()
+    potholes = place(segments, 1, DefectOptions(population="paper", per_segment=5, mix={"pothole": 1.0}))
     assert {defect.kind for defect in potholes} == {"pothole"}
     assert len(potholes) == 5 * len(segments)
     with pytest.raises(PaveTwinError, match="did you mean 'pothole'"):
@@ -103,14 +103,17 @@ def test_density_and_mix_are_configurable() -> None:
 def test_density_by_area_holds_on_average() -> None:
     segments = built("cross").world.segments
     area = sum(segment.area_m2 for segment in segments)
-    counts = [len(place(segments, seed, DefectOptions(per_100_m2=0.7, mix={"pothole": 1}))) for seed in range(3)]
+    counts = [
+        len(place(segments, seed, DefectOptions(population="paper", per_100_m2=0.7, mix={"pothole": 1})))
+        for seed in range(3)
+    ]
     assert np.mean(counts) == pytest.approx(0.7 * area / 100, rel=0.15)
     with pytest.raises(PaveTwinError, match="either per_segment or per_100_m2"):
         DefectOptions.parse({"per_segment": 3, "per_100_m2": 1.0}, where="test")
 
 
 def test_a_placed_defect_is_its_heightfield_turned_and_moved() -> None:
-    for defect in place(built("cross").world.segments[:2], 8, DefectOptions(per_segment=8)):
+    for defect in place(built("cross").world.segments[:2], 8, DefectOptions(population="paper", per_segment=8)):
         shape = heightfield_of(defect)
         ring = turned(np.asarray(shape.outline.exterior.coords)[:-1], defect.yaw_rad)
         moved = shapely.Polygon(ring + np.array([defect.centre.x, defect.centre.y]))
@@ -185,7 +188,7 @@ def test_a_fourth_class_is_placed_stored_drawn_and_generated_again(tmp_path: Pat
     from pavetwin.draw.world_html import save_world_html
     from pavetwin.draw.world_map import legend
 
-    made = add_defects(built("cross"), DefectOptions(per_segment=3, mix={"dent": 1.0}))
+    made = add_defects(built("cross"), DefectOptions(population="paper", per_segment=3, mix={"dent": 1.0}))
     assert {str(defect.kind) for defect in made.world.defects} == {"dent"}
     saved = save_world(made, tmp_path / "dented")
     read = load_world(tmp_path / "dented")
@@ -221,7 +224,7 @@ def test_a_class_is_registered_once() -> None:
 @pytest.mark.parametrize("kind", ["single_crack", "crocodile_crack", "pothole"])
 def test_sample_points_stand_for_equal_shares_of_the_area(kind: str) -> None:
     segments = built("cross").world.segments[:3]
-    for defect in place(segments, 5, DefectOptions(per_segment=6, mix={kind: 1.0})):
+    for defect in place(segments, 5, DefectOptions(population="paper", per_segment=6, mix={kind: 1.0})):
         points = sample_points(defect, 200)
         assert points.shape == (200, 2)
         assert shapely.contains_xy(defect.polygon.buffer(0.0051), points).all()

@@ -29,6 +29,7 @@ from pavetwin.defects.severity import pothole_severity
 from pavetwin.defects.shapes import turned
 from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
+from pavetwin.world.build import BuildRecord
 from pavetwin.world.content import defects_hash
 from pavetwin.world.model import Defect, Segment, Severity
 from pavetwin.world.segments import segment_key
@@ -58,6 +59,10 @@ def numbers(of: Population, seed: int = 0) -> dict[str, np.ndarray]:
     return found
 
 
+def numbers_on(of: Population, segment: Segment) -> int:
+    return sum(1 for _ in of.kinds_on(segment, of.shares(), 0, child(0, Stream.DEFECTS, segment_key(segment))))
+
+
 def test_a_survey_has_its_density_and_shares_on_average() -> None:
     survey = population("survey")
     found = numbers(survey)
@@ -77,6 +82,13 @@ def test_segments_of_one_street_are_alike_and_streets_differ() -> None:
     even = survey.model_copy(update={"density": survey.density.model_copy(update={"street_sigma": 0.0})})
     counts = numbers(even)["single_crack"]
     assert abs(np.corrcoef(np.log1p(counts[:, 0]), np.log1p(counts[:, 1]))[0, 1]) < 0.2
+
+
+def test_a_world_is_as_surveys_find_it_unless_its_record_says_otherwise() -> None:
+    assert add_defects(built("cross"), DefectOptions(per_segment=0)).record.defects["population"] == "survey"
+    before = BuildRecord(source="town.osm", defects={"per_segment": 30.0, "mix": {}})
+    assert DefectOptions.of_record(before) == DefectOptions(population="paper", per_segment=30)
+    assert DefectOptions.of_record(BuildRecord(source="town.osm")) == DefectOptions(population="survey")
 
 
 def test_a_density_varies_as_much_as_its_sigma() -> None:
@@ -106,6 +118,28 @@ def test_sizes_are_lognormal_within_their_limits() -> None:
     assert np.log(drawn).std() == pytest.approx(size.sigma, rel=0.1)
     assert drawn.min() >= size.least
     assert drawn.max() <= size.most
+
+
+def test_cracks_are_wider_where_the_pavement_is_worn_and_over_all_as_the_file_says() -> None:
+    survey = population("survey")
+    cracks, size = survey.classes["single_crack"], survey.classes["single_crack"].sizes["width_m"]
+    counts, widths, relative = [], [], []
+    for street in range(STREETS):
+        segment = strip(street, f"street {street}")
+        worn = survey.worn("single_crack", segment, 0)
+        counts.append(numbers_on(survey, segment))
+        widths.append(dict(cracks.parameters(np.random.default_rng(street), worn))["width_m"])
+        relative.append(worn)
+    order = np.argsort(widths)
+    below = np.cumsum(np.array(counts)[order]) / sum(counts)
+    assert np.array(widths)[order][np.searchsorted(below, 0.5)] == pytest.approx(size.median, rel=0.2)
+    assert np.corrcoef(np.log(relative), np.log(widths))[0, 1] > 0.15
+    (plain, wide) = (dict(cracks.parameters(np.random.default_rng(1), worn))["width_m"] for worn in (1.0, 4.0))
+    assert wide / plain == pytest.approx(4**size.growth, rel=1e-3)
+    even = survey.model_copy(
+        update={"density": survey.density.model_copy(update={"per_segment": 5, "per_100_m2": None})}
+    )
+    assert even.worn("single_crack", strip(0, "street 0"), 0) == 1.0
 
 
 def test_a_size_can_follow_another() -> None:

@@ -35,14 +35,14 @@ def run(monkeypatch: pytest.MonkeyPatch, *words: str | Path) -> int:
 @pytest.fixture(scope="module")
 def cross(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("worlds") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(per_segment=4)), folder)
+    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=4)), folder)
     return folder
 
 
 @pytest.fixture(scope="module")
 def town(tmp_path_factory: pytest.TempPathFactory) -> World:
     folder = tmp_path_factory.mktemp("worlds") / "town"
-    return save_world(add_defects(built("town"), DefectOptions(per_segment=6)), folder)
+    return save_world(add_defects(built("town"), DefectOptions(population="paper", per_segment=6)), folder)
 
 
 def test_show_says_where_the_map_is(

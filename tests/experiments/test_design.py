@@ -15,6 +15,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design, placed_at, preset_names, preset_text, read_design
 from pavetwin.experiments.plan import Plan, cells_of, units_of, world_of_study
 from pavetwin.experiments.planning import load_worlds, plan
+from pavetwin.experiments.store import Store
 from pavetwin.uav import find_camera
 from pavetwin.world.model import World
 from pavetwin.world.store import save_world
@@ -35,6 +36,7 @@ def test_the_paper_s_study_has_720_missions() -> None:
     assert plan_of(made).missions == 720
     assert [world.path for world in made.worlds] == ["worlds/town"]
     assert made.presets == ("paper",)
+    assert made.defects == DefectOptions(population="paper")
 
 
 def test_a_design_flies_as_a_single_mission_does_unless_it_says_otherwise() -> None:
@@ -339,12 +341,26 @@ def test_the_design_of_a_study_s_folder_is_a_design(tmp_path: Path, values: dict
     assert read.model_dump() == placed_at(made, tmp_path).model_dump()
 
 
+def test_a_study_from_before_there_were_populations_has_the_papers_defects(tmp_path: Path) -> None:
+    """A design of the user's own that names none has those of `survey`."""
+    plain = {"worlds": ["town"], "defects": {"per_segment": 4}}
+    flown = {"format": 2, "versions": {}, "worlds": {}, "design": plain}
+    found = []
+    for name, values in (("mine.yaml", plain), ("design.yaml", flown)):
+        (tmp_path / name).write_text(yaml.safe_dump(values), encoding="utf-8")
+        found.append(read_design(tmp_path / name).defects)
+    assert found == [DefectOptions(population=each, per_segment=4) for each in ("survey", "paper")]
+    assert Store(tmp_path).design().defects == found[1]
+
+
 def test_a_study_over_a_world_s_own_defects_notices_that_they_changed(tmp_path: Path) -> None:
     made = design(worlds=[str(tmp_path / "cross")], altitudes_m=[10], densities=["low"], defects="world")
     placed = made.model_copy(update={"defects": "placed"})
-    save_world(add_defects(built("cross"), DefectOptions(per_segment=2)), tmp_path / "cross")
+    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=2)), tmp_path / "cross")
     before = {each.defects: plan(each, load_worlds(each)).hashes[0] for each in (made, placed)}
-    save_world(add_defects(built("cross"), DefectOptions(per_segment=3)), tmp_path / "cross", force=True)
+    save_world(
+        add_defects(built("cross"), DefectOptions(population="paper", per_segment=3)), tmp_path / "cross", force=True
+    )
     after = {each.defects: plan(each, load_worlds(each)).hashes[0] for each in (made, placed)}
     assert after["placed"] == before["placed"]
     assert after["world"] != before["world"]

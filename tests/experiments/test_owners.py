@@ -86,7 +86,7 @@ def test_a_setting_that_no_policy_of_the_design_reads_is_refused(monkeypatch: py
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("owners") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(per_segment=6)), folder)
+    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=6)), folder)
     return folder
 
 

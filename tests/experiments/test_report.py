@@ -222,9 +222,12 @@ def test_the_first_page_asks_for_another_objective() -> None:
         (
             {"per_segment": 6, "mix": {"rutting": 2.0, "pothole": 1}},
             "Defects are placed in each replicate: 6 a segment, of the classes pothole 1 and rutting 2 (weights), "
-            "by the damage population paper.",
+            "by the damage population survey.",
         ),
-        ({"per_100_m2": 4}, "Defects are placed in each replicate: 4 per 100 m², by the damage population paper."),
+        (
+            {"population": "paper", "per_100_m2": 4},
+            "Defects are placed in each replicate: 4 per 100 m², by the damage population paper.",
+        ),
         (
             {"population": "survey"},
             "3 per 100 m² on average, varying by street and segment, by the damage population survey.",
@@ -515,6 +518,20 @@ def test_streets_are_means_over_their_missions() -> None:
     assert (side["missions"], side["replicates"]) == (2, 1)
     assert side["coverage"] == pytest.approx(of_side["coverage"].mean())
     assert means["coverage"].is_sorted()
+
+
+def test_segments_without_defects_are_counted_and_have_no_coverage() -> None:
+    table = table_of({"policy": ("baseline", "hover")}, 3)
+    worlds = {"tiny": tiny.bent()}
+    full = page_of(study_of(table, worlds=worlds))
+    assert "had no defects to find" not in full
+    on_side = pl.col("segment") == "side"
+    empty = [pl.when(on_side).then(None).otherwise(name).alias(name) for name in ("coverage", "swath_coverage")]
+    said = page_of(
+        study_of(table.with_columns(*empty, defects=pl.when(on_side).then(0).otherwise("defects")), worlds=worlds)
+    )
+    assert "1 more segment flown had no defects to find in any replicate, and no coverage." in said
+    assert "side road" not in said.split("Street by street")[1].split("</table>")[0]
 
 
 def test_a_map_shows_the_segments_that_were_flown() -> None:

@@ -77,7 +77,7 @@ class Mine(Policy):
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("study") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(per_segment=6)), folder)
+    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=6)), folder)
     return folder
 
 
@@ -144,7 +144,7 @@ def test_a_study_is_not_resumed_with_other_parking_places(lined: Path, tmp_path:
     shutil.copytree(lined, town)
     design = small(town, densities=["low"], altitudes_m=[6], policies=["baseline"], replicates=1)
     run(design, tmp_path / "study", Single())
-    fewer = add_defects(built("cross"), DefectOptions(per_segment=6))
+    fewer = add_defects(built("cross"), DefectOptions(population="paper", per_segment=6))
     save_world(replace(fewer, world=with_places(fewer.world, *load_world(lined).parking[1:])), town, force=True)
     with pytest.raises(PaveTwinError, match="was begun with another world than 'cross' is now"):
         run(design, tmp_path / "study", Single())
@@ -164,7 +164,7 @@ def flown_alone(world: Path, row: dict[str, Any], replay: Replay) -> SegmentMetr
     """A row's mission over some traffic, flown without a study."""
     town, settings = load_world(world), load_settings("paper", altitude_m=row["altitude_m"])
     target = next(index for index, segment in enumerate(town.segments) if segment.id == row["segment"])
-    defects = place([town.segments[target]], row["defect_seed"], DefectOptions(per_segment=6))
+    defects = place([town.segments[target]], row["defect_seed"], DefectOptions(population="paper", per_segment=6))
     environment = prepare(town, settings, defects)
     return fly_over(environment, replay, settings, [target], row["policy"], seed=row["sensing_seed"]).rows[0]
 
@@ -250,10 +250,12 @@ def test_a_unit_that_kills_whoever_flies_it_is_given_up(world: Path, tmp_path: P
     assert set(ran.table["policy"]) == {"baseline", "deadly"}
 
 
-@pytest.mark.parametrize("defects", [{"per_100_m2": 4}, "placed"], ids=["by the design", "as the world has them"])
+@pytest.mark.parametrize(
+    "defects", [{"population": "paper", "per_100_m2": 4}, "placed"], ids=["by the design", "as the world has them"]
+)
 def test_a_study_of_defects_by_area_is_read_and_resumed(tmp_path: Path, defects: object) -> None:
     place, folder = tmp_path / "cross", tmp_path / "study"
-    save_world(add_defects(built("cross"), DefectOptions(per_100_m2=4)), place)
+    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_100_m2=4)), place)
     usual = {"densities": ["low"], "altitudes_m": [10], "defects": defects}
     ran = run(small(place, **usual, replicates=1), folder, Single())
     assert not ran.failures
@@ -283,7 +285,7 @@ def test_a_complete_study_is_left_as_it_is(reference: Path, world: Path) -> None
         ({"seed": 5}, "its seed is 4, not 5"),
         ({"altitudes_m": [6, 15]}, "its altitudes_m is"),
         ({"sweep": {"tau_o": [0.5]}}, "its sweep is"),
-        ({"defects": {"per_100_m2": 2}}, "its defects is placed, not {population: paper, "),
+        ({"defects": {"per_100_m2": 2}}, "its defects is placed, not {population: survey, "),
         ({"replicates": 2}, "begun with 3 replicates, more than 2"),
     ],
 )

@@ -88,7 +88,10 @@ class Painted:
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("images")
-    save_world(add_defects(built("cross"), DefectOptions(per_segment=4, mix={"pothole": 1.0})), folder / "cross")
+    save_world(
+        add_defects(built("cross"), DefectOptions(population="paper", per_segment=4, mix={"pothole": 1.0})),
+        folder / "cross",
+    )
     (folder / "sensors.py").write_text(SENSORS)
     (folder / "camera.yaml").write_text(CAMERA)
     return folder / "cross"
@@ -119,7 +122,7 @@ def flown_alone(row: dict[str, Any], world: Path, images: ImageSourceFactory) ->
         parking={"enabled": False},
     )
     target = next(index for index, segment in enumerate(town.segments) if segment.id == row["segment"])
-    options = DefectOptions(per_segment=4, mix={"pothole": 1.0})
+    options = DefectOptions(population="paper", per_segment=4, mix={"pothole": 1.0})
     environment = prepare(town, settings, place([town.segments[target]], row["defect_seed"], options))
     replay, seed = replay_of(town, "low", row["traffic_seed"]), row["sensing_seed"]
     source = images(environment.inspected_world, replay, seed)

@@ -50,6 +50,26 @@ def test_a_recommendation_says_on_how_many_defects_it_rests() -> None:
     assert not any("rests on" in sentence for sentence in unknown)
 
 
+def test_replicates_without_defects_are_in_no_coverage_and_in_every_time() -> None:
+    """Of eight replicates three fly over a street without defects: the others alone tell what is found."""
+    table = study(replicates=8).with_columns(defects=3)
+    empty = pl.col("replicate") < 3
+    some = table.with_columns(
+        coverage=pl.when(empty).then(None).otherwise("coverage"), defects=pl.when(empty).then(0).otherwise("defects")
+    )
+    chosen, of_others = (recommend(each, MissionLimits()) for each in (some, table.filter(~empty)))
+    assert chosen.sentences[1] == "The coverage rests on 15 defects in 5 replicates, so few that its interval is wide."
+    assert "6 of its missions had no defects to find, and no coverage." in chosen.sentences
+    for name in ("coverage", "coverage_low", "coverage_high", "defects"):
+        assert chosen.options.sort("policy")[name].to_list() == of_others.options.sort("policy")[name].to_list()
+    assert chosen.best is not None
+    same = table.filter(policy=chosen.best["policy"], altitude_m=chosen.best["altitude_m"])
+    assert chosen.best["time_s"] == pytest.approx(same["time_s"].mean())
+    nothing = recommend(table.with_columns(coverage=pl.lit(None, pl.Float64), defects=0), MissionLimits())
+    assert nothing.best is None
+    assert nothing.sentences[0] == "No option has a coverage, a time and an energy to judge by."
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("defects", [3, 10, 30])
 @pytest.mark.parametrize("replicates", [5, 10, 20])

@@ -31,7 +31,7 @@ THREE = ["s0001", "s0003", "s0005"]
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("tours") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(per_segment=3)), folder)
+    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=3)), folder)
     return folder
 
 

@@ -14,7 +14,7 @@ from pavetwin.mission import fly, load_inputs, plan_mission, save_mission
 from pavetwin.mission.again import FormerMission, check_replaceable, read_mission
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.inputs import world_of
-from pavetwin.mission.spec import TrafficInput
+from pavetwin.mission.spec import DefectInput, TrafficInput
 from pavetwin.traffic.demand import density_named
 from pavetwin.world.store import load_world, save_world
 from scenes import built
@@ -33,7 +33,7 @@ class Patient(Policy):
 
 def place(folder: Path) -> Path:
     """A folder with a world, a policy of the user's own with its data, and a mission of them. Its mission.yaml."""
-    save_world(add_defects(built("cross"), DefectOptions(per_segment=8)), folder / "town")
+    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=8)), folder / "town")
     (folder / "patient.py").write_text(POLICY)
     (folder / "seconds.txt").write_text("2.0")
     world = load_world(folder / "town")
@@ -179,5 +179,17 @@ def test_another_seed_of_the_defects_is_another_mission(described: Path) -> None
     former = read_mission(described)
     world = world_of(former.spec.world)
     spec = former.planned(world, defect_seed=5)
+    assert spec.defects.options == DefectOptions(population="paper", per_segment=8), "as those of the world"
     result = fly(spec, inputs=load_inputs(spec, world=world))
     assert former.verdict(result).startswith("Not the same mission as before")
+
+
+def test_defects_placed_before_there_were_populations_are_the_papers(described: Path, tmp_path: Path) -> None:
+    hash_of = yaml.safe_load(described.read_text())["defects"]["content_hash"]
+    for options, found in (({"per_segment": 3}, {"per_segment": 3}), (None, {}), ({"population": "survey"}, {})):
+        defects = {"seed": 5, "options": options, "on": "world", "content_hash": hash_of}
+        former = read_mission(changed(described, tmp_path, defects=defects))
+        of = (options or {}).get("population", "paper")
+        assert former.spec.defects.options == DefectOptions(population=of, **found)
+    assert read_mission(described).spec.defects.options is None, "the world's own"
+    assert DefectInput(seed=5).options == DefectOptions()

@@ -128,7 +128,7 @@ def test_a_table_that_is_none_is_refused_in_one_line(tmp_path: Path, text: str, 
 
 def test_an_aircraft_that_stands_anywhere_on_the_route_is_flown_round() -> None:
     """In a town, where corners, trees and the ends of passes leave less room than a straight street."""
-    world = add_defects(built("town"), DefectOptions(per_segment=4)).world
+    world = add_defects(built("town"), DefectOptions(population="paper", per_segment=4)).world
     settings = load_settings("default", altitude_m=ALTITUDE_M, uav={"base": "street"})
     environment = prepare(world, settings)
     targets = choose_targets(environment, count=3, seed=1)

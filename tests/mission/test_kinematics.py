@@ -179,7 +179,7 @@ def test_in_a_town_the_limits_hold_and_a_mesh_read_is_flown_as_the_one_baked(
     policy: str, altitude_m: float, tmp_path: Path
 ) -> None:
     """Trucks stand all over the streets of the generated town. The second flight finds the mesh of the first."""
-    town = save_world(add_defects(built("town"), DefectOptions(per_segment=4)), tmp_path / "town")
+    town = save_world(add_defects(built("town"), DefectOptions(population="paper", per_segment=4)), tmp_path / "town")
     rng = np.random.default_rng(5)
     trucks = []
     for segment in town.segments:

@@ -20,7 +20,7 @@ from scenes import built
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> MissionResult:
     folder = tmp_path_factory.mktemp("positions") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(per_segment=14)), folder)
+    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=14)), folder)
     world, settings = load_world(folder), load_settings()
     environment = prepare(world, settings)
     return fly_over(

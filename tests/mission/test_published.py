@@ -25,7 +25,9 @@ SEED = 2
 
 def flown(folder: Path) -> pl.DataFrame:
     """The rows of the study's altitudes and policies in one recording, in the columns of the stored ones."""
-    save_world(add_defects(built("cross", parking_rule="none"), DefectOptions(per_segment=8)), folder)
+    save_world(
+        add_defects(built("cross", parking_rule="none"), DefectOptions(population="paper", per_segment=8)), folder
+    )
     world, rows = load_world(folder), []
     traffic: Traffic | None = None
     for altitude_m in (6.0, 10.0, 15.0):

@@ -30,7 +30,7 @@ LENGTH_M = 60.0
 def street() -> World:
     """Cars at both kerbs from end to end, and so many defects that some lie under every one."""
     segment = tiny.street("street", (0, 0), (LENGTH_M, 0), width_m=9.0)
-    world = tiny.world([segment], place([segment], 3, DefectOptions(per_segment=60)))
+    world = tiny.world([segment], place([segment], 3, DefectOptions(population="paper", per_segment=60)))
     places = [
         kerb_place(3.0 + 6.0 * k, y, name=f"{k}{side}") for k in range(10) for side, y in (("l", 3.4), ("r", -3.4))
     ]

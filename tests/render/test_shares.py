@@ -30,7 +30,7 @@ SIZES = {"paper": (1270, 950), "square": (640, 640)}
 def street() -> World:
     """A wide street full of defects, bare otherwise."""
     segment = tiny.street("street", (0, 0), (LENGTH_M, 0), width_m=9.0)
-    return tiny.world([segment], place([segment], 3, DefectOptions(per_segment=80)))
+    return tiny.world([segment], place([segment], 3, DefectOptions(population="paper", per_segment=80)))
 
 
 @pytest.fixture(scope="module")

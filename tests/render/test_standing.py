@@ -53,7 +53,11 @@ def lamp(number: int) -> Furniture:
 @cache
 def street() -> World:
     segment = tiny.street("street", (0, 0), (LENGTH_M, 0), width_m=9.0)
-    potholes = [each for each in place([segment], 3, DefectOptions(per_segment=30)) if each.kind == "pothole"]
+    potholes = [
+        each
+        for each in place([segment], 3, DefectOptions(population="paper", per_segment=30))
+        if each.kind == "pothole"
+    ]
     defects = [moved(potholes[number % len(potholes)], number) for number in range(30)]
     return tiny.world([segment], defects, furniture=[*map(tree, range(6)), *map(lamp, range(16))])
 

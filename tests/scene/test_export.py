@@ -41,7 +41,7 @@ def world() -> World:
     street = tiny.street("street", (0.0, 0.0), (64.0, 0.0))
     return tiny.world(
         [street],
-        place([street], 2, DefectOptions(per_segment=6)),
+        place([street], 2, DefectOptions(population="paper", per_segment=6)),
         buildings=[tiny.block("b", 12.0, 10.0, 24.0, 20.0, 9.0)],
         furniture=[
             Furniture("tree1", FurnitureKind.TREE, Point(40, 8), 9.3, 2.7, clear_height_m=3.1),

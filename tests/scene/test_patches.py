@@ -18,7 +18,7 @@ from scenes import tiny
 def crowded() -> tuple[Defect, ...]:
     """As many defects as find room on 40 m of street."""
     street = tiny.street("street", (0.0, 0.0), (40.0, 0.0))
-    return place([street], 3, DefectOptions(per_segment=60))
+    return place([street], 3, DefectOptions(population="paper", per_segment=60))
 
 
 @cache

@@ -26,7 +26,7 @@ def world() -> World:
     street = tiny.street("street", (0.0, 0.0), (60.0, 0.0))
     return tiny.world(
         [street],
-        place([street], 5, DefectOptions(per_segment=25)),
+        place([street], 5, DefectOptions(population="paper", per_segment=25)),
         buildings=[tiny.block("wide", 20.0, 12.0, 40.0, 24.0, 8.0)],
         furniture=[
             Furniture("tree", FurnitureKind.TREE, Point(10, 6), 9.3, 2.7, clear_height_m=3.1),

@@ -57,7 +57,7 @@ def with_places(world: World, *places: ParkingPlace) -> World:
 
 def save_cross_with_rows(folder: Path, per_segment: int) -> Path:
     """The cross with `per_segment` defects and a row of four places on the carriageway of every segment."""
-    bare = add_defects(built("cross"), DefectOptions(per_segment=per_segment))
+    bare = add_defects(built("cross"), DefectOptions(population="paper", per_segment=per_segment))
     places = [
         kerb_place(at.x, at.y, name=f"{segment.id}-{number}-", segment=segment.id, length_m=6.0, width_m=2.4)
         for segment in bare.world.segments

@@ -82,4 +82,4 @@ def built(script: str) -> Built:
         source = Path(folder) / f"{script}.osm"
         source.write_text(extract(TOWNS[script]), encoding="utf-8")
         made = build_world(source, BuildOptions(seed=1, left_hand=TOWNS[script].left_hand))
-    return add_defects(made, DefectOptions(per_segment=4))
+    return add_defects(made, DefectOptions(population="paper", per_segment=4))

@@ -80,7 +80,7 @@ def pothole() -> Defect:
     """One within the strip of asphalt."""
     south, middle = ORIGIN[1], ORIGIN[1] + STRIP_M / 2
     street = tiny.street("street", (ORIGIN[0], middle), (ORIGIN[0] + TILE_M, middle), width_m=STRIP_M)
-    found = place([street], 4, DefectOptions(per_segment=20))
+    found = place([street], 4, DefectOptions(population="paper", per_segment=20))
     inside = shapely.box(ORIGIN[0] + 1, south + 0.5, ORIGIN[0] + TILE_M - 1, south + STRIP_M - 0.5)
     return next(each for each in found if each.kind == "pothole" and inside.contains(each.polygon))
 

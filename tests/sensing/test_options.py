@@ -46,7 +46,7 @@ def choosy(tmp_path: Path) -> str:
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("options") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(per_segment=8)), folder)
+    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=8)), folder)
     return folder
 
 

@@ -42,7 +42,7 @@ def test_asphalt_is_not_mentioned() -> None:
 
 def test_what_is_not_inspected_and_not_surveyed_is_said(mapped: Path, tmp_path: Path) -> None:
     folder = tmp_path / "cross"
-    world = save_world(add_defects(build_world(mapped), DefectOptions(per_segment=2)), folder)
+    world = save_world(add_defects(build_world(mapped), DefectOptions(population="paper", per_segment=2)), folder)
     assert 0 < world.outside_segments_m2 < world.carriageway.area / 2
     said = " ".join(pavetwin("world", "info", folder).stdout.split())
     outside = f"{world.outside_segments_m2:.0f} m² of junctions and crossings"
@@ -55,7 +55,7 @@ def test_what_is_not_inspected_and_not_surveyed_is_said(mapped: Path, tmp_path: 
 
 def test_streets_are_listed_with_their_segments(tmp_path: Path) -> None:
     folder = tmp_path / "cross"
-    world = save_world(add_defects(built("cross"), DefectOptions(per_segment=0)), folder)
+    world = save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=0)), folder)
     lines = pavetwin("world", "info", folder, "--streets").stdout.splitlines()
     names = {segment.street_name for segment in world.segments}
     assert len(lines) == 1 + len(names)

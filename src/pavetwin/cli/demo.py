@@ -18,6 +18,8 @@ FLIGHT_SEED = 1
 SEGMENTS = 8
 ALTITUDE_M = 10.0
 DENSITY = "high"
+PER_100_M2 = 8.0
+"""Defects of the worn town: London's councils filled as many potholes (see the damage population `survey`)."""
 
 
 def demo(
@@ -26,7 +28,7 @@ def demo(
     ),
     cache: CacheFolder = None,  # noqa: ARG001 - its callback does it
 ) -> None:
-    """Generate a town, record dense traffic in it, and fly the four policies over the same eight segments.
+    """Generate a worn town, record dense traffic in it, and fly the four policies over the same eight segments.
 
     \b
     pavetwin demo
@@ -75,7 +77,8 @@ def demo(
     )
     out.print()
     out.print(report.comparison_table(results))
-    out.line(report.sentence(results))
+    for line in (report.sentence(results), *report.missed_lines(results)):
+        out.line(line)
     out.print(
         f"""
 [bold]Results[/] in {folder}/
@@ -103,17 +106,19 @@ def _town(folder: Path) -> "World":
     from pavetwin.defects import DefectOptions, add_defects
     from pavetwin.errors import PaveTwinError
     from pavetwin.world.build import BuildOptions, build_world
-    from pavetwin.world.store import load_world, save_world
+    from pavetwin.world.store import load_record, load_world, save_world
 
+    worn = DefectOptions(per_100_m2=PER_100_M2)
     try:
-        world = load_world(folder) if folder.is_dir() else None
+        same = folder.is_dir() and DefectOptions.of_record(load_record(folder)) == worn
+        world = load_world(folder) if same else None
     except PaveTwinError as error:
         err.print(f"Building the town again: {error}", markup=False)
         world = None
     if world is None:
         with progress("[1/4] Generating a town") as tell:
             built = build_world("town", BuildOptions(seed=TOWN_SEED), lambda _, share: tell(0.25 * share))
-            damaged = add_defects(built, DefectOptions(), lambda share: tell(0.25 + 0.7 * share))
+            damaged = add_defects(built, worn, lambda share: tell(0.25 + 0.7 * share))
             world = save_world(damaged, folder, force=True)
     length_km = sum(segment.length_m for segment in world.segments) / 1000
     out.print(

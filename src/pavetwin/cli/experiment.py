@@ -65,7 +65,7 @@ def init(
 
     \b
     pavetwin experiment init study.yaml --world worlds/my-town
-    pavetwin world build --generate town --seed 1 --parking-rule none -o worlds/published
+    pavetwin world build --generate town --seed 1 --parking-rule none --damage paper -o worlds/published
     pavetwin experiment init paper.yaml --preset paper --world worlds/published
     pavetwin experiment init mine.yaml --world worlds/rutted --plugin my_policy.py
     """
@@ -87,7 +87,7 @@ def init(
         out.print(
             f"[yellow]Note:[/] there is no world in {place} yet; the path is relative to the design.", soft_wrap=True
         )
-    note_difference([preset], [place])
+    note_difference([preset], [place], preset)  # its design names the population
     out.line(
         f"Wrote {target} with the preset {preset}. Next: pavetwin experiment run {quote(str(target))} "
         f"-o {quote(str(target.with_suffix('')))}"
@@ -129,7 +129,8 @@ def run(
         load_plugins(paths_of(plugin))
         chosen = chosen.model_copy(update={"plugins": (*chosen.plugins, *paths_of(plugin))})
     works = _engine(engine, scheduler, jobs, chosen)
-    note_difference(chosen.presets, (Path(entry.path) for entry in chosen.worlds))
+    of = None if isinstance(chosen.defects, str) else chosen.defects.population
+    note_difference(chosen.presets, (Path(entry.path) for entry in chosen.worlds), of)
     with naming({"the design:": f"the design '{design}':"}), progress("Reading worlds", lines=True) as tell:
         ran = run_study(
             chosen,

@@ -106,7 +106,9 @@ def fly(
     airspace: Annotated[
         Path | None, typer.Option(metavar="FILE.csv", help="Other aircraft: aircraft, t_s, x_m, y_m, altitude_m.")
     ] = None,
-    defect_seed: Annotated[int | None, typer.Option(help="Place the defects again under this seed.")] = None,
+    defect_seed: Annotated[
+        int | None, typer.Option(help="Place the defects again under this seed, as those of the world were.")
+    ] = None,
     again: Annotated[
         Path | None, typer.Option(metavar="mission.yaml", help="Fly that mission again; needs no other option.")
     ] = None,
@@ -125,7 +127,7 @@ def fly(
     \b
     pavetwin fly worlds/town --altitude 10 --policy hover --segments 8 --seed 1
     pavetwin fly worlds/town --los E --mix south_asia --policy hover --policy skip
-    pavetwin fly worlds/no-parking --policy all --preset paper --density medium --altitude 6
+    pavetwin fly worlds/published --policy all --preset paper --density medium --altitude 6
     pavetwin fly worlds/town --aircraft phantom4pro --wind 6@270
     pavetwin fly worlds/town --date 2026-06-21 --time 09:30 --clouds 0.4 --wind 5@270 --save-frames
     pavetwin fly worlds/town --routes rush.rou.xml --take-off 600
@@ -196,7 +198,7 @@ def fly(
         if former is not None:
             specs = [former.planned(loaded, policy=name, defect_seed=defect_seed) for name in names]
         else:
-            defects = defects_of(loaded, defect_input(defect_seed))
+            defects = defects_of(loaded, defect_input(loaded, defect_seed))
             street = traffic_input(loaded, asked, routes or (), traffic, seed, take_off, mix or "")
             environment = prepare(
                 loaded,

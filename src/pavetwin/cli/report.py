@@ -131,7 +131,7 @@ def tell(
     if len(results) > 1 or 1 < len({row.street for row in results[0].rows}) < len(results[0].rows):
         out.print(streets_table(results))
     out.print(sentence(results), markup=False, soft_wrap=True)
-    for line in missed_lines(results):
+    for line in [*missed_lines(results), *without_defects(results[0].rows)]:
         out.print(line, markup=False, soft_wrap=True)
     out.line(limits_line(inputs))
     if former is not None:
@@ -375,6 +375,15 @@ def missed_lines(results: Sequence["MissionResult"]) -> list[str]:
             why = ", ".join(f"{reasons[reason]} {words}" for reason, words in MISSED.items() if reasons[reason])
             lines.append(f"{whose} {missed} of {missed + found}: {why}.")
     return lines
+
+
+def without_defects(rows: Sequence[SegmentMetrics]) -> list[str]:
+    """How many of several segments have no defects, if any."""
+    empty = sum(not row.defects for row in rows)
+    if not 0 < empty < len(rows):
+        return []
+    which = "1 of the segments has" if empty == 1 else f"{empty} of the segments have"
+    return [f"{which} no defects: what is found there is no share, neither 0 nor 100 %."]
 
 
 def _reachable(measured: SegmentMetrics | Totals) -> float | None:

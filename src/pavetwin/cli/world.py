@@ -36,7 +36,7 @@ def build(
             metavar="POPULATION",
             help="Numbers, classes, sizes and positions of the defects: survey (as surveys of city streets find them), "
             "paper (30 a segment), or a YAML file of your own.",
-            show_default="paper",
+            show_default="survey",
         ),
     ] = None,
     defects_per_segment: Annotated[
@@ -73,7 +73,7 @@ def build(
     pavetwin world build berlin.osm.pbf -o worlds/berlin
     pavetwin world build my.net.xml -o worlds/mine --anchor 48.14,11.58
     pavetwin world build --generate town --seed 7 -o worlds/town
-    pavetwin world build --generate town -o worlds/paper --damage paper
+    pavetwin world build --generate town -o worlds/published --damage paper --parking-rule none
     pavetwin world build --generate town -o worlds/holes --defects-per-100-m2 2 --defect-mix pothole=3,single_crack=1
     pavetwin world build seattle.osm --parking-rule north_america -o worlds/seattle
     """

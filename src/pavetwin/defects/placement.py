@@ -12,7 +12,7 @@ result does not depend on the number of threads.
 
 import math
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Annotated, Any, Self
@@ -47,7 +47,7 @@ Placed = tuple[Point, float, Polygon]
 class DefectOptions(Settings):
     """Which defects a world gets, and how many."""
 
-    population: NameOrFile = "paper"
+    population: NameOrFile = "survey"
     """A damage population by name (`survey`, `paper`), or a YAML file of the same form: numbers, classes, sizes and
     positions. The other options replace parts of it."""
     per_segment: Annotated[float | None, Field(ge=0, le=1000)] = None
@@ -67,12 +67,12 @@ class DefectOptions(Settings):
 
     @classmethod
     def of_record(cls, record: BuildRecord) -> Self:
-        """How the defects of a world were placed; by the population of the paper before there were others.
+        """How the defects of a world were placed; the defaults where none were.
 
         Raises:
             PaveTwinError: the record does not fit.
         """
-        return cls.parse({"population": "paper", **record.defects}, where="world.yaml: defects")
+        return cls.parse(as_written(record.defects), where="world.yaml: defects") if record.defects else cls()
 
     def density(self) -> DefectDensity:
         """How many there are: the population's, or what replaces it.
@@ -108,6 +108,12 @@ class DefectOptions(Settings):
             more = {kind.name: ClassPopulation(weight=kind.weight * total) for kind in own}
             changes["classes"] = {**found.classes, **more}
         return found.model_copy(update=changes)
+
+
+def as_written(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of options in a file of any version: those without a population are of before there were any, when
+    all defects were placed as `paper` does."""
+    return {"population": "paper", **values}
 
 
 def add_defects(
@@ -172,8 +178,9 @@ class SegmentPlacement:
     def _placed(self, kind: DefectKind) -> Defect | None:
         """A defect of a class, or None where no shape finds a place."""
         of_class = self.population.of_class(kind.name)
+        worn = self.population.worn(kind.name, self.segment, self.seed)
         for shape_seed in self._rng.integers(2**32, size=SHAPES).tolist():
-            parameters = of_class.parameters(self._rng)
+            parameters = of_class.parameters(self._rng, worn)
             poses = self._near_others(of_class, of_class.poses(self._rng, kind, self._road, PLACES))
             shape = kind.shape(shape_seed, parameters)
             if shape.outline.area > self._budget:
@@ -201,9 +208,11 @@ class SegmentPlacement:
         moved = poses.copy()
         station = along * self._road.length_m + self._rng.normal(0.0, near.along_m, len(poses))
         moved[:, 0] = np.clip(station / self._road.length_m, 0.0, 1.0)
-        if near.across_m is not None:
-            moved[:, 1] = offset + self._rng.normal(0.0, near.across_m, len(poses))
-        return moved
+        if near.across_m is None:
+            return moved
+        moved[:, 1] = offset + self._rng.normal(0.0, near.across_m, len(poses))
+        away = np.hypot(moved[:, 0] * self._road.length_m - along * self._road.length_m, moved[:, 1] - offset)
+        return np.asarray(moved[np.argsort(away, kind="stable")])
 
     def _first_place(self, outline: Polygon, poses: Poses) -> tuple[Point, float, Polygon, tuple[float, float]] | None:
         """The first pose at which an outline lies on the asphalt and clear of others: centre, direction, outline."""

@@ -6,6 +6,9 @@ The number of defects of a class on a segment is a Poisson number (a log-Gaussia
 the condition of a segment relative to the mean (lognormal with mean 1, one factor for its street and one for itself),
 its mean is D · m · r^(1+g) / E[r^(1+g)], where D is the population's density, m the class's share and g its `growth`:
 on average the shares hold, and classes that grow are more frequent where the pavement is worn.
+
+Sizes may grow with the condition too. Half of the defects of a class lie where r > r̃ = exp(σ² (1/2 + g)), with σ² the
+variance of ln r; the median of a size is multiplied by (r / r̃)^k, with k its `growth`. Over all defects it holds.
 """
 
 import math
@@ -49,6 +52,16 @@ class DefectDensity(Settings):
     segment_sigma: Spread = 0.0
     """Between the segments of one street."""
 
+    @property
+    def varies(self) -> bool:
+        """Whether some segments have more than others of their area."""
+        return self.per_segment is None and self.variance > 0
+
+    @property
+    def variance(self) -> float:
+        """Of the natural logarithm of the density, over all segments."""
+        return self.street_sigma**2 + self.segment_sigma**2
+
     @model_validator(mode="after")
     def _one(self) -> Self:
         if (self.per_segment is None) == (self.per_100_m2 is None):
@@ -68,6 +81,8 @@ class Size(Settings):
     """Standard deviation of its natural logarithm."""
     least: Positive
     most: Positive
+    growth: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """By which power of the density it grows from segment to segment."""
     times: tuple[str, ...] = ()
     """Sizes named before this one; it is multiplied by them, and `least` and `most` hold for the product."""
 
@@ -77,9 +92,14 @@ class Size(Settings):
             raise ValueError(f"least {self.least:g} is larger than most {self.most:g}")
         return self
 
-    def draw(self, rng: np.random.Generator, before: Mapping[str, float]) -> float:
-        """A size; `before` holds those drawn before it, by name."""
-        factor = math.prod(before[name] for name in self.times)
+    def draw(self, rng: np.random.Generator, before: Mapping[str, float], worn: float = 1.0) -> float:
+        """A size.
+
+        Args:
+            before: those drawn before it, by name.
+            worn: the condition of the segment, as `Population.worn` has it.
+        """
+        factor = math.prod(before[name] for name in self.times) * math.pow(worn, self.growth)
         value = factor * self.median * math.exp(self.sigma * float(rng.standard_normal()))
         return min(self.most, max(self.least, value))
 
@@ -91,7 +111,7 @@ class Beside(Settings):
     along_m: Positive
     """Standard deviation of the distance along the street."""
     across_m: Positive | None = None
-    """Across it; unless given, they lie across where their `positions` say."""
+    """Across it, and as close as they find room; unless given, they lie across where their `positions` say."""
 
 
 class ClassPopulation(Settings):
@@ -108,11 +128,11 @@ class ClassPopulation(Settings):
     near: Mapping[str, Beside] = Field(default_factory=dict)
     """Which share of them is tried near defects of which class: this one, or one listed before it."""
 
-    def parameters(self, rng: np.random.Generator) -> ShapeParameters:
-        """The sizes of one defect, by name."""
+    def parameters(self, rng: np.random.Generator, worn: float = 1.0) -> ShapeParameters:
+        """The sizes of one defect, by name; `worn` as `Population.worn` has it."""
         drawn: dict[str, float] = {}
         for name, size in self.sizes.items():
-            drawn[name] = float(f"{size.draw(rng, drawn):.4g}")
+            drawn[name] = float(f"{size.draw(rng, drawn, worn):.4g}")
         return tuple(drawn.items())
 
     def poses(self, rng: np.random.Generator, kind: DefectKind, road: RoadSection, count: int) -> Poses:
@@ -192,19 +212,24 @@ class Population(Settings):
         Args:
             shares: those of this population.
         """
-        sigma = math.hypot(self.density.street_sigma, self.density.segment_sigma)
-        if self.density.per_segment is None and sigma:
+        if self.density.varies:
             mean = float(self.density.per_100_m2 or 0.0) * segment.area_m2 / 100
-            condition = self._condition(segment, seed)
+            condition, variance = self._condition(segment, seed), self.density.variance
             for kind, share in shares:
                 power = 1 + self.of_class(kind.name).growth
-                relative = condition**power / math.exp(sigma**2 * power * (power - 1) / 2)
+                relative = condition**power / math.exp(variance * power * (power - 1) / 2)
                 for _ in range(int(rng.poisson(mean * share * relative))):
                     yield kind
             return
         weights = np.array([share for _, share in shares])
         for _ in range(self._count_on(segment, rng)):
             yield shares[int(rng.choice(len(shares), p=weights))][0]
+
+    def worn(self, name: str, segment: Segment, seed: int) -> float:
+        """The condition of a segment relative to the one that half of the defects of a class lie beyond."""
+        if not self.density.varies:
+            return 1.0
+        return self._condition(segment, seed) / math.exp(self.density.variance * (0.5 + self.of_class(name).growth))
 
     def _count_on(self, segment: Segment, rng: np.random.Generator) -> int:
         """The same number everywhere, by segment or by area; this one is rounded at random: on average it holds."""

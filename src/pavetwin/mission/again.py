@@ -11,6 +11,7 @@ import yaml
 
 from pavetwin.config.base import overlay
 from pavetwin.config.text import parse_yaml
+from pavetwin.defects.placement import as_written
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
 from pavetwin.mission.defect_files import detections_geojson
@@ -56,7 +57,7 @@ class FormerMission:
         if world.content_hash == self.spec.world.content_hash:
             changes["world"] = WorldInput.of(world)
         if defect_seed is not None:
-            changes["defects"] = defect_input(defect_seed)
+            changes["defects"] = defect_input(world, defect_seed)
         spec = self.spec.model_copy(update=changes)
         return spec if policy is None else spec.with_policy(policy)
 
@@ -128,6 +129,7 @@ def read_mission(path: str | Path, *, other_policy: bool = False) -> FormerMissi
     if values["format"] < FORMAT:
         values["settings"] = _without_aircraft(path, values.get("settings", {}))
     values["format"] = FORMAT
+    values["defects"] = _as_placed(values.get("defects", {}))
     sums = values.pop(TOTALS, None)
     if not isinstance(sums, Mapping):
         raise PaveTwinError(f"'{path}' is not a whole mission.yaml: it has no totals.")
@@ -138,6 +140,13 @@ def read_mission(path: str | Path, *, other_policy: bool = False) -> FormerMissi
         raise PaveTwinError(f"The mission's inputs are not what they were: {'; '.join(changed)}.")
     spec = MissionSpec.parse(values, where=f"'{path}'")
     return FormerMission(path, spec, dict(sums), _detections(path.with_name("captures.geojson")))
+
+
+def _as_placed(defects: Any) -> Any:
+    """The defects of a `mission.yaml` of any version, with the population that they were placed by."""
+    if not isinstance(defects, Mapping) or defects.get("seed") is None:
+        return defects
+    return {**defects, "options": as_written(defects.get("options") or {})}
 
 
 def _without_aircraft(path: Path, settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -28,6 +28,7 @@ from pavetwin.traffic.recording import load_recording
 from pavetwin.uav import camera_of, energy_curve
 from pavetwin.uav.wind import check_wind
 from pavetwin.world.model import World
+from pavetwin.world.store import load_record
 
 ALL: Final = "all"
 """Stands for every registered policy."""
@@ -67,7 +68,7 @@ def plan_mission(
         segments: how many to inspect (None: all that can be reached), or the ids of those to inspect.
         order: `random`, or `near` for a short tour.
         seed: of traffic, parked vehicles, order and sensor.
-        defect_seed: place the defects again under this seed.
+        defect_seed: place the defects again under this seed, as those of the world were placed.
         airspace: a CSV file of other aircraft's tracks.
         base: where the UAV takes off: (x, y) in metres of the world's frame, or a text as `parse_base` reads it; as
             `settings.uav.base` says when not given.
@@ -82,7 +83,7 @@ def plan_mission(
     if airspace is not None:
         with about("airspace"):
             load_airspace(Path(airspace))
-    source = defect_input(defect_seed)
+    source = defect_input(world, defect_seed)
     street_seed = seed if traffic_seed is None else traffic_seed
     traffic = traffic_input(world, density, routes, recording, street_seed, take_off_s, mix)
     ready = environment or prepare(
@@ -173,9 +174,17 @@ def base_point(base: tuple[float, float] | str | None, world: World) -> Point | 
     return parse_base(base, world) if isinstance(base, str) else None if base is None else Point(base)
 
 
-def defect_input(seed: int | None) -> DefectInput:
-    """The world's own defects, or as many as usual placed under a seed."""
-    return DefectInput(seed=seed, options=None if seed is None else DefectOptions())
+def defect_input(world: World, seed: int | None) -> DefectInput:
+    """The world's own defects, or others placed under a seed as those were.
+
+    Raises:
+        PaveTwinError: the record of the world's folder does not fit.
+    """
+    if seed is None:
+        return DefectInput()
+    if world.folder is None:
+        return DefectInput(seed=seed)
+    return DefectInput(seed=seed, options=DefectOptions.of_record(load_record(world.folder)))
 
 
 def traffic_input(

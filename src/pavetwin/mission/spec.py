@@ -75,8 +75,10 @@ class DefectInput(Settings):
 
     seed: NonNegativeInt | None = None
     """None for the world's own."""
-    options: DefectOptions | None = None
-    """How many of which classes are placed under the seed; the defaults when not given."""
+    options: DefectOptions | None = Field(
+        default_factory=lambda given: None if given.get("seed") is None else DefectOptions()
+    )
+    """How they are placed under the seed."""
     on: Literal["world", "targets"] = "world"
     """Where they are placed: studies place them on the inspected segments only, in the world's order."""
     content_hash: str = ""

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from pavetwin.experiments.metrics import COMPARED, FAILED, REASON, STATUS, metric_named
+from pavetwin.experiments.metrics import COMPARED, FAILED, FLOWN, REASON, STATUS, metric_named
 from pavetwin.experiments.report import maps
 from pavetwin.experiments.report.canvas import vector
 from pavetwin.experiments.report.parts import Block, Section, Table, text_cells
@@ -86,8 +86,17 @@ def streets_section(study: Study) -> Section:
         means = maps.street_means(study.by_segment, name)
         picture = maps.street_map(study.worlds[name], means) if means.height else None
         if picture is not None:
-            blocks += [picture, _worst(name, means)]
+            blocks += [picture, _worst(name, means), *_without_defects(study.by_segment, name)]
     return Section("streets", "Street by street", blocks)
+
+
+def _without_defects(table: pl.DataFrame, world: str) -> list[str]:
+    """How many segments were flown and have no coverage, if any."""
+    flown = table.filter(pl.col("world") == world, pl.col(STATUS) == FLOWN)
+    empty = flown.group_by("segment").agg(pl.col("coverage").count()).filter(pl.col("coverage") == 0).height
+    if not empty:
+        return []
+    return [f"{counted(empty, 'more segment')} flown had no defects to find in any replicate, and no coverage."]
 
 
 def _worst(world: str, means: pl.DataFrame) -> Table:

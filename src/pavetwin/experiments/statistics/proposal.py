@@ -233,7 +233,7 @@ def _warnings(best: Row, limits: MissionLimits) -> list[str]:
         ),
         (late, f"the limit of time holds for the mean, not for every mission: the 95th percentile is {p95}"),
         (best["failed"], f"{best['failed']} of its missions failed, as with every option, and are in no mean"),
-        (best["undefined"], f"in {best['undefined']} of its missions coverage is undefined"),
+        (best["undefined"], f"{best['undefined']} of its missions had no defects to find, and no coverage"),
     )
     return [warning for applies, warning in warnings if applies]
 

@@ -62,7 +62,7 @@ def test_no_defect_reaches_into_a_gutter() -> None:
     where = plan("berlin_neukoelln")
     with_gutter = [segment for segment in where.world.segments if has_gutter(segment.street)][:4]
     without = [segment for segment in where.world.segments if not has_gutter(segment.street)][:4]
-    options = DefectOptions(per_segment=40)
+    options = DefectOptions(population="paper", per_segment=40)
     gutters = shapely.union_all(where.gutters.shapes)
     placed = place(with_gutter, 5, options)
     assert len(placed) > 60
