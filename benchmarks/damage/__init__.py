@@ -1,0 +1,1 @@
+"""Whether the damage that a population places is what its sources found."""

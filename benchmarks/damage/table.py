@@ -1,0 +1,129 @@
+"""The comparison as a Markdown table: what a population places, beside its sources."""
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+import polars as pl
+
+from benchmarks.damage import statistics as stats
+from benchmarks.damage.placed import Placed
+from benchmarks.damage.sources import CLASSES, COUNTS, DIRECTIONS, NAMES, POTHOLES_PER_KM, REPAIRED_M, Photographs
+
+Row = tuple[str, str, str]
+"""What, what is placed, what the sources have."""
+
+
+def table(found: Placed, seen: Photographs | None) -> str:
+    """All rows; of photographs where there are some."""
+    lines = ["| what | placed | sources |", "|---|---|---|"]
+    return "\n".join(lines + [f"| {' | '.join(row)} |" for row in rows(found, seen)])
+
+
+def rows(found: Placed, seen: Photographs | None) -> Iterator[Row]:
+    """One after the other."""
+    yield (
+        "cracks : networks : potholes, %",
+        _percents(stats.mix(found)),
+        _listed((name, _percents(_shares(counts))) for name, counts in COUNTS.items()),
+    )
+    yield (
+        "cracks along : across : oblique to the street, %",
+        _percents(stats.directions(found)),
+        _listed((name, _percents(_shares(counts))) for name, counts in DIRECTIONS.items()),
+    )
+    yield from _sizes(found, seen)
+    for kind in CLASSES:
+        yield f"{NAMES[kind]} of low : medium : high severity, %", _percents(stats.severities(found, kind)), "–"
+    widths = found.of("single_crack")["width_m"].to_numpy() * 1000
+    yield "widths of cracks, mm: 5 %, median, 95 %", _quantiles(widths, 1), "–"
+    holes = found.of("pothole")
+    deep = (holes["depth_m"] >= REPAIRED_M[0]) & (holes["width_m"] >= REPAIRED_M[1])
+    which = f"potholes at least {1000 * REPAIRED_M[0]:.0f} mm deep and {100 * REPAIRED_M[1]:.0f} cm wide, %"
+    yield which, f"{100 * float(deep.mean() or 0):.0f}", "from here a council repairs them (Suffolk)"
+    yield from _densities(found)
+    yield from _places(found)
+    if seen is not None:
+        side_m = stats.side_of_photographs_m(stats.pixel_m(found, seen))
+        yield (
+            f"squares of {side_m:.1f} m with 1 : 2 : 3 : 4 : more boxes, of those with any, %",
+            _percents(stats.boxes_in_view(found, side_m)),
+            f"RDD2022 {_percents(stats.boxes_in_photographs(seen))}",
+        )
+
+
+def _sizes(found: Placed, seen: Photographs | None) -> Iterator[Row]:
+    pixel_m = stats.pixel_m(found, seen) if seen is not None else 0.0
+    for kind in CLASSES:
+        own, theirs = stats.fitted(stats.box_sizes(found, kind)), ""
+        if seen is not None:
+            fit = stats.fitted(*stats.photograph_sizes(seen.boxes, kind))
+            theirs = (
+                f"RDD2022 {fit.median:.0f} pixels, at {1000 * pixel_m:.1f} mm {fit.median * pixel_m:.2f} m; "
+                f"σ {fit.sigma:.2f}"
+            )
+        what = "diagonal" if kind == "single_crack" else "longer side"
+        yield f"box of {NAMES[kind]}, {what}: median, σ", f"{own.median:.2f} m; σ {own.sigma:.2f}", theirs or "–"
+    networks = found.of("crocodile_crack")
+    ratio = networks.select((pl.col("across_m") / pl.col("along_m")).median()).item()
+    yield "networks: across over along, median", f"{ratio:.2f}", _ratio(seen)
+
+
+def _ratio(seen: Photographs | None) -> str:
+    if seen is None:
+        return "–"
+    whole = seen.boxes.filter(pl.col("kind") == "crocodile_crack", ~pl.col("cut"))
+    sides = np.stack([whole[f"{name}max"].to_numpy() - whole[f"{name}min"].to_numpy() for name in ("x", "y")])
+    upright, slender = np.median(sides[0] / sides[1]), np.median(sides.min(0) / sides.max(0))
+    return f"RDD2022 {upright:.2f}; shorter over longer {slender:.2f}"
+
+
+def _densities(found: Placed) -> Iterator[Row]:
+    streets, towns = stats.per_km(found), stats.per_km(found, "pothole", by="town")
+    total = 100 * found.defects.height / found.segments["area_m2"].sum()
+    yield "defects on 100 m²", f"{total:.1f}", "–"
+    yield "defects a kilometre, by street: 5 %, median, 95 %", _quantiles(streets["per_km"].to_numpy(), 0), "–"
+    yield "σ of the logarithm of the density between streets", f"{stats.street_spread(found):.2f}", "–"
+    holes = towns["number"].sum() / towns["length_m"].sum() * 1000
+    ends = f"{towns['per_km'].min():.1f} to {towns['per_km'].max():.1f} by town"
+    theirs = _listed((name, f"{value:.1f}") for name, value in POTHOLES_PER_KM.items())
+    yield "potholes a kilometre", f"{holes:.1f} ({ends})", theirs
+
+
+def _places(found: Placed) -> Iterator[Row]:
+    near, lanes = stats.pairs(found), stats.from_lane_centres(found)
+    ratio = near.near / near.near_random
+    yield (
+        f"other defects within {stats.NEAR_M:g} m of one",
+        f"{near.near:.1f}, {ratio:.1f} times as many as at random",
+        "–",
+    )
+    worn = stats.worn_share(found)
+    yield "share of networks and potholes on the worst fifth of the area, %", _percents(worn), _LONDON
+    yield "potholes with a network within 50 cm, %", f"{100 * stats.beside_networks(found):.0f}", "–"
+    paths = float(lanes["from_centre_m"].is_between(*stats.WHEEL_PATH_M).mean() or 0)
+    joints, edges = (float((lanes[name] < limit).mean() or 0) for name, limit in stats.STRIPS_M.items())
+    yield (
+        "cracks along streets: in wheel paths : at joints : at edges, %",
+        _percents(np.array([paths, joints, edges])),
+        "–",
+    )
+
+
+_LONDON = "concentrated where the pavement has deteriorated (London, TRR 2023)"
+
+
+def _shares(counts: tuple[int, ...]) -> np.ndarray:
+    return np.array(counts) / sum(counts)
+
+
+def _percents(shares: np.ndarray) -> str:
+    """`87 : 10 : 3`; with a decimal below 10 %."""
+    return " : ".join(f"{100 * share:.1f}" if 0 < share < 0.0995 else f"{100 * share:.0f}" for share in shares)
+
+
+def _quantiles(values: np.ndarray, digits: int) -> str:
+    return ", ".join(f"{value:.{digits}f}" for value in np.quantile(values, [0.05, 0.5, 0.95]))
+
+
+def _listed(named: Iterable[tuple[str, str]]) -> str:
+    return "; ".join(f"{name} {value}" for name, value in named)
