@@ -102,11 +102,10 @@ class GpuScene:
         # On average half of a triangle's area is visible.
         close = area / pixel**2 / 2 > NEAR_PX2
         small = 2 * SMALL_PX2 * (pixel / stretch) ** 2
-        near, far, whole = self._close(batch, np.flatnonzero(inside & close), level, small, records)
+        near, far = self._close(batch, np.flatnonzero(inside & close), level, small, records)
         distant = np.flatnonzero(inside & ~close)
         for kind, count, first in records.add_batch(batch.only(distant), level[distant]):
             far.append((self.mesh(*kind), count, first))
-            whole.append(far[-1])
         # A few texels of the filtered shadow map correspond to one pixel of the picture.
         coarse = np.maximum(pixel, SHADOW_TEXELS * shadow.texel_m)
         # The shadow of the camera's own vehicle is right before the lens, where four texels would show as a step.
@@ -125,7 +124,7 @@ class GpuScene:
         levels = np.where(inside, level, -1)[:shown]
         down = looks_down(view, light)
         sky = looks_beyond(view)
-        return DrawList(seen, grounds, patches, whole, near, far, casters, shades, strips, levels, sky, down)
+        return DrawList(seen, grounds, patches, near, far, casters, shades, strips, levels, sky, down)
 
     def _strips(self, tiles: Sequence[GpuTile], view: View, light: Light, bounds: Float64Array) -> Float64Array:
         """The strips of ground (n, 8) in view that wires and twigs shade."""
@@ -148,15 +147,14 @@ class GpuScene:
 
     def _close(
         self, batch: InstanceBatch, rows: Int64Array, level: Int64Array, small_m2: Float64Array, records: InstanceBuffer
-    ) -> tuple[list[MeshDraw], list[MeshDraw], list[MeshDraw]]:
-        """The large triangles of some rows, their small ones, and both together.
+    ) -> tuple[list[MeshDraw], list[MeshDraw]]:
+        """The large triangles of some rows, and their small ones.
 
         `small_m2`: (n,) area of a triangle of each instance below which it is lit at its vertices.
         """
-        near, far, whole = [], [], []
+        near, far = [], []
         for (part, detail), count, first in records.add_batch(batch.only(rows), level[rows]):
             mesh = self.mesh(part, detail)
-            whole.append((mesh, count, first))
             if mesh.culling is FaceCulling.ALPHA_CUTOUT:
                 near.append((mesh, count, first))
                 continue
@@ -164,7 +162,7 @@ class GpuScene:
             large, small = self._halves(part, detail, float(small_m2[alike].min()))
             near.append((large, count, first))
             far.append((small, count, first))
-        return near, far, whole
+        return near, far
 
     def _halves(self, part: int, level: int, area_m2: float) -> tuple[GpuMesh, GpuMesh]:
         """The triangles of a mesh that are larger than an area, rounded down to a power of two, and the others."""

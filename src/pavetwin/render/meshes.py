@@ -1,4 +1,4 @@
-"""Meshes on the device: positions in a buffer of their own, as depth, shadow and label passes read nothing else."""
+"""Meshes on the device: positions in a buffer of their own, as shadow and amodal passes read nothing else."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""The passes of one frame, recorded and read back: shadow map, picture, ground truth."""
+"""The passes of one frame, recorded and read back: shadow map, then the picture with its ground truth."""
 
 from dataclasses import dataclass
 from typing import Any, Final
@@ -44,10 +44,8 @@ class DrawList:
     grounds: list[tuple[GpuTile, GpuPavement, int]]
     """Those of them whose ground is in view."""
     patches: list[PatchDraw]
-    whole: list[MeshDraw]
-    """Models with all of their triangles."""
     near: list[MeshDraw]
-    """Of these the triangles that are lit at every pixel."""
+    """Triangles of models that are lit at every pixel."""
     far: list[MeshDraw]
     """The others: small ones, lit at their vertices."""
     casters: list[MeshDraw]
@@ -116,9 +114,13 @@ class FramePasses:
         render_pass.end()
 
     def light(self, targets: RenderTargets, frame: Any) -> None:
-        """The picture as luminance. `frame`: bind group of the frame with its light."""
-        colour = cleared_colour(targets.light, (0, 0, 0, 1))
-        render_pass = self._begin([colour], _cleared(targets.depth, "discard"), frame)
+        """The picture as luminance, labels and distances. `frame`: bind group of the frame with its light."""
+        colours = [
+            cleared_colour(targets.light, (0, 0, 0, 1)),
+            cleared_colour(targets.labels, (0, 0, 0, 0)),
+            cleared_colour(targets.distances, _NOWHERE),
+        ]
+        render_pass = self._begin(colours, _cleared(targets.depth, "discard"), frame)
         # Objects above the ground first: the ground they hide need not be shaded.
         lit = self.pipelines.lit[self.draws.looks_down]
         for either, batch in ((lit.near, self.draws.near), (lit.far, self.draws.far)):
@@ -152,24 +154,6 @@ class FramePasses:
         if self.draws.sky:
             render_pass.set_pipeline(self.pipelines.sky)
             render_pass.draw(3)
-        render_pass.end()
-
-    def truth(self, targets: RenderTargets) -> None:
-        """Labels and distances."""
-        labels, distances = cleared_colour(targets.labels, (0, 0, 0, 0)), cleared_colour(targets.distances, _NOWHERE)
-        render_pass = self._begin([labels, distances], _cleared(targets.depth, "discard"), self.frame)
-        for mesh, count, first in self.draws.whole:
-            render_pass.set_pipeline(self.pipelines.truth[mesh.culling])
-            mesh.draw(render_pass, count, first, attributes=False)
-        render_pass.set_pipeline(self.pipelines.truth[0])
-        walls = [(tile.facades, record) for tile, record in self.draws.tiles]
-        for part, record in [*walls, *((tile.ground, record) for tile, _, record in self.draws.grounds)]:
-            if part is not None:
-                part.draw(render_pass, 1, record, attributes=False)
-        render_pass.set_pipeline(self.pipelines.truth_patch)
-        for each in self.draws.patches:
-            render_pass.set_bind_group(1, each.patch.truth)
-            each.mesh.draw(render_pass, 1, each.record, attributes=True)
         render_pass.end()
 
     def _begin(self, colours: list[dict[str, Any]], depth: dict[str, Any], frame: Any) -> Any:

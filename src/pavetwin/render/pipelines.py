@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from importlib.resources import files
 from typing import Any, Final
 
@@ -63,13 +62,11 @@ class Pipelines:
     strip: Any
     sky: Any
     shadow: ByCulling
-    truth: ByCulling
-    truth_patch: Any
     amodal: Any
     amodal_culled: Any
     amodal_patch: Any
     frame_layout: Any
-    """The frame only: for shadows and labels."""
+    """The frame only: for shadows and amodal pixels."""
     light_layout: Any
     """The frame, the shadow map, the sky and their samplers."""
     detail_layout: Any
@@ -84,7 +81,7 @@ def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
     light_layout = gpu.device.create_bind_group_layout(entries=[_FRAME, *_LIGHT])
     tiles = TileLayouts(
         maps=texture_layout(gpu, "2d", "2d"),
-        patch=texture_layout(gpu, "2d"),
+        patch=texture_layout(gpu, "2d", "2d"),
         mask=texture_layout(gpu, "2d", filtered=False),
     )
     detail_layout = texture_layout(gpu, "2d-array", "2d-array", samplers=1)
@@ -92,14 +89,10 @@ def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
     leaf_layout = texture_layout(gpu, "2d", samplers=1)
     lit = ["common", "lighting"]
 
-    def truth(parts: list[str], layouts: list[Any], buffers: list[Any], *, depth: bool, cull: str = "none") -> Any:
-        """Labels and distances. Without `depth` labels only, and no occlusion."""
-        code, targets = _source(["common", *parts]), [{"format": LABEL_FORMAT}, {"format": DISTANCE_FORMAT}]
-        made = partial(_pipeline, gpu, code, [frame_layout, *layouts], buffers, cull=cull)
-        if depth:
-            return made(targets=targets)
-        constants = {"amodal": True} if "override amodal" in code else None
-        return made(targets=targets[:1], depth=None, constants=constants)
+    def amodal(parts: list[str], layouts: list[Any], buffers: list[Any], *, cull: str = "none") -> Any:
+        """Labels without occlusion."""
+        code, targets = _source(["common", "amodal", *parts]), [{"format": LABEL_FORMAT}]
+        return _pipeline(gpu, code, [frame_layout, *layouts], buffers, targets=targets, cull=cull, depth=None)
 
     def shadow(parts: list[str], layouts: list[Any], buffers: list[Any], cull: str = "none") -> Any:
         code = _source(["common", *parts])
@@ -121,7 +114,7 @@ def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
         maps, holed = [detail_layout, tiles.maps], [detail_layout, tiles.maps, tiles.patch]
         return LitPipelines(
             ground=shaded(["ground_surface", "ground"], maps, _buffers("ground"), numbers),
-            patch=shaded(["ground_surface", "patch"], holed, _buffers("patch"), numbers),
+            patch=shaded(["ground_surface", "patch", "mask"], holed, _buffers("patch"), numbers),
             near=models("model_near"),
             far=models("model_far"),
             facade=shaded(["solid", "facade"], [facade_layout], _buffers("facade"), repeat),
@@ -132,19 +125,14 @@ def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
         lit=(lit_for(looks_down=False), lit_for(looks_down=True)),
         shade=_pipeline(gpu, dimmed, [light_layout], [LAYOUT], targets=_DIMMED, depth=("greater-equal", False)),
         strip=_pipeline(gpu, stripped, [light_layout], [LAYOUT], targets=_DIMMED, depth=("greater-equal", False)),
-        sky=_pipeline(gpu, _beyond(details) + _source([*lit, "sky"]), [light_layout], [], targets=_LIT),
+        sky=_pipeline(gpu, _beyond(details) + _source([*lit, "sky"]), [light_layout], [], targets=_BEHIND),
         shadow=_by_skin(
             lambda cull: shadow(["shadow"], [], [LAYOUT, POSITIONS], cull),
             shadow(["leaf", "shadow_leaf"], [leaf_layout], _buffers("leaf")),
         ),
-        truth=_by_skin(
-            lambda cull: truth(["truth", "truth_solid"], [], [LAYOUT, POSITIONS], depth=True, cull=cull),
-            truth(["truth", "leaf", "truth_leaf"], [leaf_layout], _buffers("leaf"), depth=True),
-        ),
-        truth_patch=truth(["truth", "truth_patch"], [tiles.mask], _buffers("patch"), depth=True),
-        amodal=truth(["truth", "truth_solid"], [], [LAYOUT, POSITIONS], depth=False),
-        amodal_culled=truth(["truth", "truth_solid"], [], [LAYOUT, POSITIONS], depth=False, cull="back"),
-        amodal_patch=truth(["truth", "truth_patch"], [tiles.mask], _buffers("patch"), depth=False),
+        amodal=amodal(["amodal_solid"], [], [LAYOUT, POSITIONS]),
+        amodal_culled=amodal(["amodal_solid"], [], [LAYOUT, POSITIONS], cull="back"),
+        amodal_patch=amodal(["mask", "amodal_patch"], [tiles.mask], _buffers("patch")),
         frame_layout=frame_layout,
         light_layout=light_layout,
         detail_layout=detail_layout,
@@ -246,8 +234,15 @@ def _pipeline(
     )
 
 
-_LIT: Final = [{"format": LIGHT_FORMAT}]
+_TRUTH: Final = [{"format": LABEL_FORMAT}, {"format": DISTANCE_FORMAT}]
+_UNTOUCHED: Final[list[dict[str, Any]]] = [{**each, "write_mask": 0} for each in _TRUTH]
+_LIT: Final[list[dict[str, Any]]] = [{"format": LIGHT_FORMAT}, *_TRUTH]
 _MULTIPLIED: Final = {"src_factor": "dst", "dst_factor": "zero", "operation": "add"}
 _KEPT: Final = {"src_factor": "zero", "dst_factor": "one", "operation": "add"}
-_DIMMED: Final = [{"format": LIGHT_FORMAT, "blend": {"color": _MULTIPLIED, "alpha": _KEPT}}]
-"""A target that is multiplied with what is drawn."""
+_DIMMED: Final[list[dict[str, Any]]] = [
+    {"format": LIGHT_FORMAT, "blend": {"color": _MULTIPLIED, "alpha": _KEPT}},
+    *_UNTOUCHED,
+]
+"""Light that is multiplied with what is drawn."""
+_BEHIND: Final[list[dict[str, Any]]] = [{"format": LIGHT_FORMAT}, *_UNTOUCHED]
+"""Light without a label at no distance."""

@@ -216,8 +216,6 @@ class Renderer:
         passes = FramePasses(encoder, self._pipelines, self._frame, self._materials, self._records, draws)
         passes.shadows(shaded, shadow.used_px)
         passes.light(targets, lit)
-        if truth:
-            passes.truth(targets)
         self.gpu.queue.submit([encoder.finish()])
         counted: dict[int, int] = {}
         if amodal:
@@ -255,7 +253,7 @@ class Renderer:
             patch, records = each.patch, InstanceBuffer(camera)
             records.add_place(each.origin, label=patch.label)
             placed = corners(each.mesh.low, each.mesh.high) + (*each.origin, 0.0)
-            objects.append(AmodalObject(patch.label, each.mesh, records.data, placed, patch.truth))
+            objects.append(AmodalObject(patch.label, each.mesh, records.data, placed, patch.masked))
         return objects
 
 

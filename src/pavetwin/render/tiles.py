@@ -54,7 +54,7 @@ class GpuPatch:
     """Relief and mask."""
     shading: Any
     """Bind group with both."""
-    truth: Any
+    masked: Any
     """Bind group with the mask."""
 
 
@@ -149,7 +149,7 @@ class TileCache:
             mesh,
             mesh if patch.coarse is patch.mesh else upload_patch(self._gpu, patch, patch.coarse, origin),
             (relief, mask),
-            group(self._gpu, self._layouts.patch, [relief.create_view()]),
+            group(self._gpu, self._layouts.patch, [relief.create_view(), mask.create_view()]),
             group(self._gpu, self._layouts.mask, [mask.create_view()]),
         )
 

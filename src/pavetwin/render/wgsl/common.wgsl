@@ -53,9 +53,14 @@ fn project(relative: vec3f, velocity: vec3f) -> vec4f {
     return at;
 }
 
+// Distance of a point along the camera's axis [m].
+fn depth_of(relative: vec3f) -> f32 {
+    return dot(relative, frame.axis.xyz);
+}
+
 // Side of a pixel where a point is [m].
 fn pixel_at(relative: vec3f) -> f32 {
-    return dot(relative, frame.axis.xyz) * frame.camera.w;
+    return depth_of(relative) * frame.camera.w;
 }
 
 fn unpack_normal(packed: vec4u) -> vec3f {

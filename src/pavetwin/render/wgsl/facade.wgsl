@@ -18,6 +18,7 @@ struct Seen {
     @location(2) colour: vec3f,
     @location(3) @interpolate(flat) surface: vec4u,
     @location(4) uv: vec2f,
+    @location(5) depth: f32,
 }
 
 @vertex fn vertex(at: Instance, in: Vertex) -> Seen {
@@ -28,14 +29,15 @@ struct Seen {
     out.colour = in.colour.rgb;
     out.surface = in.surface;
     out.uv = in.uv;
+    out.depth = depth_of(out.relative);
     return out;
 }
 
-@fragment fn fragment(in: Seen) -> @location(0) vec4f {
+@fragment fn fragment(in: Seen) -> Pixel {
     let texel = textureSample(facades, repeat_sampler, in.uv / FACADE_REPEAT_M, max(i32(in.surface.w), 1) - 1);
     let textured = in.surface.w > 0u;
     let colour = in.colour * select(vec3f(1.0), texel.rgb, textured);
     let rough = clamp(select(f32(in.surface.x) / 255.0, texel.a, textured), 0.05, 1.0);
     let wall = Solid(in.relative, normalize(in.normal), colour, rough, 0.0, vec3f(0.0));
-    return vec4f(solid_radiance(wall, pixel_jitter(in.clip.xy)), 1.0);
+    return Pixel(vec4f(solid_radiance(wall, pixel_jitter(in.clip.xy)), 1.0), 0u, in.depth);
 }

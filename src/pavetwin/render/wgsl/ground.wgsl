@@ -12,7 +12,7 @@ struct Vertex {
     return seen_at(at, in.position, normalize(normal), normal, in.uv, in.normal.w, in.finish);
 }
 
-@fragment fn fragment(in: Seen) -> @location(0) vec4f {
+@fragment fn fragment(in: Seen) -> Pixel {
     lamp = lamp_of(in);
     let flat_n = normalize(in.axis);
     let kind = u32(in.kind.x);
@@ -23,7 +23,7 @@ struct Vertex {
     if ((LOOSE_KINDS >> kind & 1u) == 1u) { axes = mat2x3f(1.0, 0.0, 0.0, 0.0, 1.0, 0.0); }
     let n = normalize(flat_n + axes * surface.slope);
     let lit = sunlight(in.shadow, flat_n, in.world.w, pixel_jitter(in.clip.xy), vec2f(0.0));
-    return vec4f(ground_radiance(surface, n, in.relative, lit, 1.0), 1.0);
+    return Pixel(vec4f(ground_radiance(surface, n, in.relative, lit, 1.0), 1.0), 0u, depth_seen(in));
 }
 
 // Directions of u and v over a face: stones and slabs are aligned with their street.

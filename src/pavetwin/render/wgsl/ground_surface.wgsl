@@ -22,7 +22,7 @@ struct Detail {
 struct Seen {
     @builtin(position) clip: vec4f,
     @location(0) relative: vec3f,
-    @location(1) axis: vec3f,       // of ground its normal, of a patch the defect's x axis in the world
+    @location(1) axis: vec3f,       // of ground its normal; of a patch the defect's x axis, and the upper half of its label
     @location(2) uv: vec2f,
     @location(3) local: vec2f,
     @location(4) world: vec4f,      // east, north, up, and the side of a pixel there [m]
@@ -36,7 +36,7 @@ struct Seen {
     @location(12) @interpolate(flat) sky3: vec4f,
     @location(13) @interpolate(flat) sky4: vec4f,
     @location(14) @interpolate(flat) sky5: vec4f,
-    @location(15) @interpolate(flat) sky6: vec4f,
+    @location(15) @interpolate(flat) sky6: vec4f,       // w: the lower half of a patch's label
 }
 
 fn seen_at(at: Instance, position: vec3f, normal: vec3f, axis: vec3f, uv: vec2f, kind: u32, finish: vec4u) -> Seen {
@@ -45,8 +45,13 @@ fn seen_at(at: Instance, position: vec3f, normal: vec3f, axis: vec3f, uv: vec2f,
         project(relative, vec3f(0.0)), relative, axis, uv, position.xy,
         vec4f(relative + frame.camera.xyz, pixel_at(relative)), in_shadow_map(relative, normal),
         vec4f(f32(kind) + f32(finish.z) / 256.0, detail_size(kind), vec2f(finish.xy) / 128.0), frame.to_sun, frame.sun, frame.sky[0], frame.sky[1], frame.sky[2],
-        frame.sky[3], frame.sky[4], frame.sky[5], frame.sky[6],
+        frame.sky[3], frame.sky[4], frame.sky[5], vec4f(frame.sky[6].xyz, f32(at.label & 0xffffu)),
     );
+}
+
+// Distance along the camera's axis [m].
+fn depth_seen(in: Seen) -> f32 {
+    return in.world.w / frame.camera.w;
 }
 
 fn lamp_of(in: Seen) -> Lamp {

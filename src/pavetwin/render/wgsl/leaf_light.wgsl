@@ -14,6 +14,8 @@ struct Seen {
     @builtin(position) clip: vec4f,
     @location(0) radiance: vec3f,
     @location(1) uv: vec2f,
+    @location(2) depth: f32,
+    @location(3) @interpolate(flat) label: u32,
 }
 
 @vertex fn vertex(at: Instance, in: Vertex, @location(14) uv: vec2f) -> Seen {
@@ -25,11 +27,13 @@ struct Seen {
     let sun = lit * (max(slope, 0.0) + THROUGH * max(-slope, 0.0));
     let sky = sky_irradiance(leaf.normal) + THROUGH * sky_irradiance(-leaf.normal);
     let radiance = leaf.colour / PI * (sun + sky);
-    return Seen(project(leaf.relative, at.velocity), through_air(radiance, leaf.relative), uv);
+    return Seen(
+        project(leaf.relative, at.velocity), through_air(radiance, leaf.relative), uv, depth_of(leaf.relative), at.label,
+    );
 }
 
-@fragment fn fragment(in: Seen) -> @location(0) vec4f {
+@fragment fn fragment(in: Seen) -> Pixel {
     let leaf = leaf_at(in.uv);
     if (is_gap(leaf)) { discard; }
-    return vec4f(in.radiance * leaf.rgb, 1.0);
+    return Pixel(vec4f(in.radiance * leaf.rgb, 1.0), in.label, in.depth);
 }

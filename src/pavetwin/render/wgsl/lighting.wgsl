@@ -13,6 +13,13 @@ override looks_down: bool = false;
 @group(0) @binding(5) var sky_sampler: sampler;     // wraps around the horizon
 @group(0) @binding(6) var nearest_sampler: sampler;
 
+// The picture, and its ground truth at pixel centres of the same triangles.
+struct Pixel {
+    @location(0) light: vec4f,
+    @location(1) label: u32,
+    @location(2) depth: f32,     // along the camera's axis [m]
+}
+
 // Inputs of lighting from the frame. lavapipe (Mesa 22.3) reloads a uniform for every pixel: large meshes pass them on
 // from their vertices.
 struct Lamp {

@@ -1,6 +1,7 @@
 // The pavement around a defect: as beside it, with the relief, reflectance and shade of the heightfield.
 
 @group(3) @binding(0) var relief_map: texture_2d<f32>;    // normal x, y, reflectance, openness
+@group(3) @binding(1) var mask: texture_2d<f32>;
 
 const LUMINANCE = vec3f(0.2126, 0.7152, 0.0722);
 const WALL_LEVEL = 2.0;    // of the relief's texels of 5 mm: 2 cm
@@ -14,10 +15,10 @@ struct Vertex {
 }
 
 @vertex fn vertex(at: Instance, in: Vertex) -> Seen {
-    return seen_at(at, in.position, vec3f(0.0, 0.0, 1.0), vec3f(in.along, 0.0), in.uv, in.normal.w, in.finish);
+    return seen_at(at, in.position, vec3f(0.0, 0.0, 1.0), vec3f(in.along, f32(at.label >> 16u)), in.uv, in.normal.w, in.finish);
 }
 
-@fragment fn fragment(in: Seen) -> @location(0) vec4f {
+@fragment fn fragment(in: Seen) -> Pixel {
     lamp = lamp_of(in);
     let up = vec3f(0.0, 0.0, 1.0);
     let footprint = footprint_of(in.relative, up, in.world.w);
@@ -41,5 +42,7 @@ struct Vertex {
     let n = normalize(vec3f(total, 1.0));
     surface.albedo = clamp(surface.albedo * (relief.z * (255.0 / 128.0)), vec3f(0.0), vec3f(1.0));
     let damaged = ground_radiance(surface, n, in.relative, lit, relief.w);
-    return vec4f(damaged, dot(damaged, LUMINANCE) / dot(defect_free, LUMINANCE));
+    let light = vec4f(damaged, dot(damaged, LUMINANCE) / dot(defect_free, LUMINANCE));
+    let label = (u32(round(in.axis.z)) << 16u) | u32(in.sky6.w);
+    return Pixel(light, select(0u, label, is_inside(in.uv)), depth_seen(in));
 }

@@ -4,6 +4,6 @@
     return seen_at(at, position, vec2f(0.0));
 }
 
-@fragment fn fragment(in: Seen) -> Truth {
-    return Truth(in.label, in.depth);
+@fragment fn fragment(in: Seen) -> @location(0) u32 {
+    return in.label;
 }
