@@ -99,7 +99,7 @@ def test_parking_is_part_of_a_name_where_there_is_any(world: Path) -> None:
     def name(settings: ParkingSettings, of: World = loaded) -> str:
         return platform_prefix(of, PARKED.model_copy(update={"parking": settings}), "uav")
 
-    others = {"images", "platforms", "formats", "plugins", "parking"}
+    others = {"images", "platforms", "formats", "plugins", "parking", "gsd_mm"}
     before = PARKED.model_dump(mode="json", exclude=others) | {"plugins": sorted(plugin_hashes(()).values())}
     assert name(NONE) == prefix(loaded, PARKED.seed, "uav", before)
     assert len({name(each) for each in (NONE, HALF, FULL, ParkingSettings(enabled=True))}) == 4
@@ -170,7 +170,7 @@ class Fixed(Platform):
         return Pose(from_above(self.x, 2.0), 0.5, 0.0, -np.pi / 2, find_camera("paper"), "test", ego=self.ego)
 
 
-SPEC = ImageSpec("uav", 0, 0, "i", "train", (category_of_defect("pothole"),), "medium", 8.0, 0.5)
+SPEC = ImageSpec("uav", 0, 0, "i", "train", (category_of_defect("pothole"),), "medium", 8.0, None, 0.5)
 
 
 @pytest.mark.parametrize(("x", "parking", "found"), [(30.0, NONE, True), (30.0, FULL, False), (45.0, FULL, True)])

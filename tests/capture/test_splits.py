@@ -55,7 +55,7 @@ def test_a_world_with_one_street_is_refused_before_traffic_is_recorded(
     asked: list[str] = []
     for module in (context, splits):
         monkeypatch.setattr(module, "record", lambda _world, density, *_, **__: asked.append(density))
-    monkeypatch.setattr(context, "navmesh", lambda *_: asked.append("a NavMesh"))
+    monkeypatch.setattr(context, "flight_domain", lambda *_: asked.append("a flight domain"))
     with pytest.raises(PaveTwinError, match="1 street with defects"):
         context.prepare(lone, CaptureSettings(platforms=("uav",), images=3, altitudes_m=(10.0,)))
     assert asked == []

@@ -174,7 +174,7 @@ def test_uav_people(tmp_path: Path) -> None:
 
 def test_own_captures_keep_what_is_ignored_and_the_ground_resolution(tmp_path: Path) -> None:
     folder = tmp_path / "photos"
-    camera = {"platform": "uav", "altitude_m": 10.0, "focal_px": 4000.0, "pitch_deg": -90.0}
+    camera = {"platform": "uav", "altitude_m": 10.0, "gsd_mm": 2.5}
     picture(folder / "images" / "val" / "town-000001.jpg", (64, 64))
     picture(folder / "images" / "val" / "town-000002.jpg", (64, 64), 1)
     runs = {"size": [64, 64], "counts": [64 * 10 + 20, 5, 59, 5, 64 * 64 - 64 * 10 - 20 - 69]}
@@ -186,7 +186,7 @@ def test_own_captures_keep_what_is_ignored_and_the_ground_resolution(tmp_path: P
     ]
     images: list[dict[str, object]] = [
         {"id": 1, "file_name": "town-000001.jpg", "width": 64, "height": 64, "camera": camera},
-        {"id": 2, "file_name": "town-000002.jpg", "width": 64, "height": 64, "camera": {**camera, "pitch_deg": -45.0}},
+        {"id": 2, "file_name": "town-000002.jpg", "width": 64, "height": 64, "camera": {**camera, "gsd_mm": None}},
     ]
     coco(folder / "annotations" / "instances_val.json", images, annotations, list(class_names()[:5]))
     (nadir, tilted), _ = imported("pavetwin", folder)

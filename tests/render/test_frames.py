@@ -1,12 +1,14 @@
 """Labels, depths and places in frames, against a ray caster that shares no code with the renderer but the view."""
 
 import os
+from dataclasses import replace
 from math import pi, radians
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pavetwin.render.exposure import Exposure
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.scene.light import Light
 from pavetwin.scene.view import View, look
@@ -23,6 +25,12 @@ VIEWS = {
     "tilted": look((0, -9, 10), yaw_rad=1.4, pitch_rad=radians(-55), size_px=SIZE, vertical_fov_rad=1.0),
     "along the street": look((-12, 1, 1.4), yaw_rad=0.1, pitch_rad=radians(-12), size_px=SIZE, vertical_fov_rad=0.9),
     "level": look((10, 14, 2.0), yaw_rad=-1.9, pitch_rad=0.0, size_px=SIZE, vertical_fov_rad=0.8),
+    "crop of a nadir frame": look(
+        (-2, 5, 9), yaw_rad=-2.3, pitch_rad=-pi / 2, size_px=(560, 400), vertical_fov_rad=1.6
+    ).crop((235, 5), SIZE),
+    "crop of a tilted frame": look(
+        (0, -9, 10), yaw_rad=1.4, pitch_rad=radians(-55), size_px=(480, 360), vertical_fov_rad=1.4
+    ).crop((15, 90), SIZE),
     "far from the origin": look((371.5, -360.25, 15), yaw_rad=0.4, pitch_rad=-1.3, size_px=SIZE, vertical_fov_rad=1.0),
 }
 
@@ -35,7 +43,7 @@ def frame(view: View, boxes: list[Box], **options: object) -> RenderedFrame:
 def scattered(view: View, count: int, seed: int, small: bool = False) -> list[Box]:
     """Boxes about what a view looks at, a third of them without a label, none around the camera."""
     rng = np.random.default_rng(seed)
-    middle = view.position[:2] + 9 * view.rotation[:2, 2]
+    middle = view.position[:2] + 9 * view.rays(np.array(view.size_px) / 2)[:2]
     found: list[Box] = []
     reach = 5 if small else 9
     while len(found) < count:
@@ -156,3 +164,28 @@ def test_frames_leave_no_memory_behind() -> None:
     for _ in range(120):
         frame(view, boxes)
     assert resident_mib() - before < 10
+
+
+@pytest.mark.parametrize(("name", "row"), [("nadir, turned", 6), ("level", 64)])
+def test_a_crop_is_the_part_of_the_whole_frame_that_it_is(name: str, row: int) -> None:
+    """Also of the sky, of what moves under a rolling shutter, and where the lens darkens."""
+    whole, boxes = VIEWS[name], scattered(VIEWS[name], 24, seed=1)
+    column, width, height = 200, 104, 88
+    rolling = CAMERA.model_copy(update={"readout_s": 0.05})
+    options = {"camera": rolling, "exposure": Exposure(1 / 500, 2.8, 100.0), "light": LIGHT}
+    options["instances"] = tuple(box.instance for box in boxes)
+
+    def moving(view: View) -> View:
+        return replace(view, velocity_mps=np.array([4.0, 1.0, 0.0]))
+
+    # The crop's middle row is exposed earlier than the whole frame's, when the camera is farther back.
+    earlier_s = rolling.readout_s * (row + height / 2 - whole.size_px[1] / 2) / whole.size_px[1]
+    crop = moving(whole).crop((column, row), (width, height))
+    crop = replace(crop, position=crop.position + earlier_s * crop.velocity_mps)
+    big, small = (plane_renderer().frame(each, **options) for each in (moving(whole), crop))
+    part = np.s_[row : row + height, column : column + width]
+    assert (big.labels[part] != small.labels).mean() < 0.003
+    assert len(np.unique(small.labels)) >= 2
+    away = np.abs(big.rgb[part].astype(int) - small.rgb).mean(axis=2)
+    assert np.median(away) < 4  # noise differs, and the white balance a little
+    assert abs(big.rgb[part].mean() - small.rgb.mean()) < 2

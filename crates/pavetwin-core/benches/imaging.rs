@@ -1,7 +1,7 @@
 //! What a sensor costs: a picture of 640 × 640 with grain and edges, still and in motion.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use pavetwin_core::imaging::{Light, Motion, Sensor};
+use pavetwin_core::imaging::{Crop, Light, Motion, Sensor};
 use std::collections::HashMap;
 use std::hint::black_box;
 
@@ -35,12 +35,14 @@ fn sensor() -> Sensor {
 
 fn exposing(criterion: &mut Criterion) {
     let (halves, sensor) = (pavement(), sensor());
+    let crop = Crop::whole((SIDE, SIDE));
     let light = Light { width: SIDE, height: SIDE, halves: &halves };
-    criterion.bench_function("still", |bencher| bencher.iter(|| sensor.expose(black_box(&light), None, 7)));
+    criterion.bench_function("still", |bencher| bencher.iter(|| sensor.expose(black_box(&light), crop, None, 7)));
     let depth = vec![10.0_f32; SIDE * SIDE];
     let motion =
         Motion { depth: &depth, labels: &[], focal: SIDE as f32, still: [0.0, 0.0125, 0.0], moving: HashMap::new() };
-    criterion.bench_function("moving", |bencher| bencher.iter(|| sensor.expose(black_box(&light), Some(&motion), 7)));
+    criterion
+        .bench_function("moving", |bencher| bencher.iter(|| sensor.expose(black_box(&light), crop, Some(&motion), 7)));
 }
 
 criterion_group! {

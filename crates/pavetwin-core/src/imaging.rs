@@ -39,6 +39,28 @@ pub struct Sensor {
     pub curve: Vec<f32>,
 }
 
+/// Where a picture lies in the camera's whole frame, whose middle the lens's axis goes through.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crop {
+    /// Width and height of the whole frame in pixels.
+    pub frame: (usize, usize),
+    /// Column and row of the picture's first pixel in it.
+    pub corner: (usize, usize),
+}
+
+impl Crop {
+    /// The whole frame.
+    pub fn whole(frame: (usize, usize)) -> Self {
+        Self { frame, corner: (0, 0) }
+    }
+
+    /// From the picture's upper left corner to where the axis goes through, in pixels.
+    fn axis(&self) -> (f32, f32) {
+        let (frame, corner) = (self.frame, self.corner);
+        (0.5 * frame.0 as f32 - corner.0 as f32, 0.5 * frame.1 as f32 - corner.1 as f32)
+    }
+}
+
 /// Rows are worked on in bands, on all cores: `work` is told each band's first row. What it fills a row with must not
 /// depend on the band, so that the result does not depend on how many cores there are.
 fn in_bands<T: Send>(row_length: usize, out: &mut [T], work: impl Fn(usize, &mut [T]) + Sync) {
@@ -54,7 +76,7 @@ fn in_bands<T: Send>(row_length: usize, out: &mut [T], work: impl Fn(usize, &mut
 
 impl Sensor {
     /// The picture, (height × width × 3) values of sRGB.
-    pub fn expose(&self, light: &Light<'_>, motion: Option<&Motion<'_>>, seed: u64) -> Vec<u8> {
+    pub fn expose(&self, light: &Light<'_>, crop: Crop, motion: Option<&Motion<'_>>, seed: u64) -> Vec<u8> {
         let size = (light.width, light.height);
         let tones = self.tones(light);
         // Light that is stored as white: what is brighter would widen an edge by whole steps of its stairs.
@@ -64,10 +86,10 @@ impl Sensor {
             tones.smooth(row, line, white, |column, row| light.pixel(column, row));
         };
         match motion {
-            None => self.picture(size, seed, smooth),
+            None => self.picture(size, crop, seed, smooth),
             Some(motion) => {
                 let plane = Plane::of(size, smooth);
-                self.picture(size, seed, |row, line| motion.gather(&plane, row, line))
+                self.picture(size, crop, seed, |row, line| motion.gather(&plane, crop, row, line))
             }
         }
     }
@@ -75,11 +97,11 @@ impl Sensor {
     /// What is stored of rows of light as `seen` fills them: each goes through the lens, is developed and sharpened
     /// while its neighbours are at hand. A row holds its reds, then its greens, then its blues: what is done to all of
     /// them a processor does to many at once.
-    fn picture(&self, size: (usize, usize), seed: u64, seen: impl Fn(usize, &mut [f32]) + Sync) -> Vec<u8> {
+    fn picture(&self, size: (usize, usize), crop: Crop, seed: u64, seen: impl Fn(usize, &mut [f32]) + Sync) -> Vec<u8> {
         let (width, height) = size;
         let values = width * 3;
         let tail = (0.5 * self.blur_px * self.blur_px).min(0.25);
-        let film = Film::of(self, size, seed);
+        let film = Film::of(self, size.0, crop, seed);
         let mut picture = vec![0_u8; values * height];
         in_bands(values, &mut picture, |first, band| {
             let (mut lens, mut developed) = (Window::over(width, height), Window::over(width, height));

@@ -4,14 +4,14 @@ use crate::plain;
 use numpy::{
     IntoPyArray, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods,
 };
-use pavetwin_core::imaging::{Light, Motion, Sensor};
+use pavetwin_core::imaging::{Crop, Light, Motion, Sensor};
 use pyo3::prelude::*;
 use std::collections::HashMap;
 
 #[pyfunction]
 #[pyo3(signature = (
     light, *, seed, electrons_per_light, full_electrons, read_electrons, vignetting, blur_px, white_balance, saturation,
-    sharpening, curve, depth=None, labels=None, focal_px=1.0, still_m=[0.0; 3], moving_m=HashMap::new()
+    sharpening, curve, depth=None, labels=None, focal_px=1.0, frame_px=None, corner_px=(0, 0), still_m=[0.0; 3], moving_m=HashMap::new()
 ))]
 #[allow(clippy::too_many_arguments)] // a camera's settings, each by name
 pub fn expose<'py>(
@@ -30,6 +30,8 @@ pub fn expose<'py>(
     depth: Option<PyReadonlyArray2<'py, f32>>,
     labels: Option<PyReadonlyArray2<'py, u32>>,
     focal_px: f32,
+    frame_px: Option<(usize, usize)>,
+    corner_px: (usize, usize),
     still_m: [f32; 3],
     moving_m: HashMap<u32, [f32; 3]>,
 ) -> PyResult<Bound<'py, PyArray3<u8>>> {
@@ -40,6 +42,10 @@ pub fn expose<'py>(
     }
     if !depth.as_ref().is_none_or(|it| same(it.shape())) || !labels.as_ref().is_none_or(|it| same(it.shape())) {
         return Err(plain("depth and labels have the picture's height and width"));
+    }
+    let crop = Crop { frame: frame_px.unwrap_or((width, height)), corner: corner_px };
+    if corner_px.0 + width > crop.frame.0 || corner_px.1 + height > crop.frame.1 {
+        return Err(plain("a crop lies within its frame"));
     }
     let sensor = Sensor {
         electrons_per_light,
@@ -57,7 +63,7 @@ pub fn expose<'py>(
         let depth = depth.as_ref().map(|depth| depth.as_slice()).transpose()?;
         let labels = labels.as_ref().map(|labels| labels.as_slice()).transpose()?.unwrap_or(&[]);
         let motion = depth.map(|depth| Motion { depth, labels, focal: focal_px, still: still_m, moving: moving_m });
-        py.detach(|| sensor.expose(&light, motion.as_ref(), seed))
+        py.detach(|| sensor.expose(&light, crop, motion.as_ref(), seed))
     };
     picture.into_pyarray(py).reshape([height, width, 3])
 }

@@ -28,6 +28,8 @@ def expose(
     depth: Float32Array | None = None,
     labels: UInt32Array | None = None,
     focal_px: float = 1.0,
+    frame_px: tuple[int, int] | None = None,
+    corner_px: tuple[int, int] = (0, 0),
     still_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
     moving_m: dict[int, tuple[float, float, float]] = {},
 ) -> UInt8Array:

@@ -84,7 +84,8 @@ def pose_text(camera: Mapping[str, Any]) -> str:
     if platform not in PLATFORMS.names() or not flying([platform]):  # the plugin of another may not be given here
         return str(camera["mount"])
     tilt = f", tilted {90 + camera['pitch_deg']:.0f}°" if camera["pitch_deg"] >= -87.5 else ""
-    return f"{camera['altitude_m']:g} m{tilt}"
+    resolution = f"{camera['gsd_mm']:.2g} mm/px, " if "frame_px" in camera and camera["gsd_mm"] else ""
+    return f"{resolution}{round(camera['altitude_m'], 1):g} m{tilt}"
 
 
 def _cell(folder: Path, record: Record, colour_of: Mapping[str, str]) -> Image.Image:

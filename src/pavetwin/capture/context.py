@@ -3,16 +3,17 @@
 from collections.abc import Mapping, Set
 from functools import partial
 
+from pavetwin.capture.airspace import Airspace
 from pavetwin.capture.defect_index import AIMED_WITHIN_M, DefectIndex
 from pavetwin.capture.formats import FORMATS, find_formats
 from pavetwin.capture.platforms import PLATFORMS, CaptureContext, flying
+from pavetwin.capture.resolution import check_resolution
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.splits import RECORDED_S, defect_streets, street_splits
-from pavetwin.config.mission import UavSettings
 from pavetwin.defects.registry import DEFECT_CLASSES, kinds
 from pavetwin.errors import PaveTwinError, naming
 from pavetwin.mission.inputs import OnProgress
-from pavetwin.navigation.navmesh import navmesh
+from pavetwin.navigation.domain import flight_domain
 from pavetwin.plugins import load_plugins
 from pavetwin.registry import packages_of
 from pavetwin.traffic.demand import density_named
@@ -37,10 +38,14 @@ def check(settings: CaptureSettings) -> None:
         find_camera(settings.camera)
     for name in settings.densities:
         density_named(name)
-    if flyers and not settings.altitudes_m:
+    if flyers and not (settings.altitudes_m or settings.gsd_mm):
         raise PaveTwinError(f"`altitudes_m`: say how high the {flyers[0]} flies, for example `altitudes_m` 10.")
-    if settings.altitudes_m and not flyers:
-        raise PaveTwinError(f"`altitudes_m`: a {settings.platforms[0]} does not fly; leave it out.")
+    if settings.altitudes_m and settings.gsd_mm:
+        raise PaveTwinError("`gsd_mm`: the ground resolution decides the altitude; give it or `altitudes_m`, not both.")
+    for name in ("altitudes_m", "gsd_mm"):
+        if getattr(settings, name) and not flyers:
+            raise PaveTwinError(f"`{name}`: a {settings.platforms[0]} does not fly; leave it out.")
+    check_resolution(settings)
     for altitude in settings.altitudes_m:
         if altitude >= AIMED_WITHIN_M:
             raise PaveTwinError(
@@ -78,10 +83,8 @@ def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | N
         DEFECT_CLASSES.get(kind)  # a class whose plugin is missing is named before anything takes time
     defect_streets(world, settings.split)  # checked before traffic is recorded
     report = on_progress or (lambda _share, _what: None)
-    meshes = {}
-    for number, altitude in enumerate(settings.altitudes_m):
-        report(number / len(settings.altitudes_m), f"Baking the NavMesh at {altitude:g} m")
-        meshes[altitude] = navmesh(world, altitude, UavSettings().radius_m)
+    for altitude in settings.altitudes_m:
+        flight_domain(world, altitude)  # one without free airspace is named before anything takes time
     recordings: dict[str, Recording] = {}
     densities = list(dict.fromkeys(settings.densities))
 
@@ -102,7 +105,7 @@ def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | N
         defect_index=DefectIndex(world, splits),
         recordings=recordings,
         traces={name: trace_of(recording) for name, recording in recordings.items()},
-        meshes=meshes,
+        airspace=Airspace.of(world),
     )
 
 

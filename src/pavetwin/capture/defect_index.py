@@ -22,7 +22,9 @@ INNER = 0.8
 """The centre of a defect that an image aims at lies in this central share of its width and height."""
 
 AIMED_WITHIN_M = 20.0
-"""Of the camera."""
+AIMED_PIXEL_M = 0.0133
+"""A defect that an image aims at is within this distance of the camera, or a pixel covers no more than this there:
+20 m at a focal length of 1500 pixels. Long lenses see farther than wide ones."""
 
 AIMED_WIDTH_PX = 0.4
 """Least width of the widest opening, seen from straight above: finer cracks are seldom visible."""
@@ -116,6 +118,7 @@ class DefectIndex:
         aims = np.setdiff1d(np.intersect1d(near, self.candidates(spec)), covered)
         within = view.project(self.centres[aims]) / view.size_px
         away = np.linalg.norm(self.centres[aims] - view.position, axis=1)
-        clear = (away < AIMED_WITHIN_M) & (self.widths_m[aims] * view.focal_px > AIMED_WIDTH_PX * away)
+        near_enough = away < max(AIMED_WITHIN_M, AIMED_PIXEL_M * view.focal_px)
+        clear = near_enough & (self.widths_m[aims] * view.focal_px > AIMED_WIDTH_PX * away)
         with np.errstate(invalid="ignore"):
             return bool(((np.abs(within - 0.5) < INNER / 2).all(axis=1) & clear).any())

@@ -4,7 +4,7 @@ photogrammetry programs read for the direction of view."""
 import io
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from math import cos, degrees, hypot, radians, sin, tan
+from math import cos, degrees, hypot, radians, sin
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -12,6 +12,7 @@ from PIL import ExifTags, Image, PngImagePlugin
 
 from pavetwin.arrays import UInt8Array
 from pavetwin.capture.platforms import Pose
+from pavetwin.capture.resolution import image_gsd_mm
 from pavetwin.render.exposure import Exposure
 from pavetwin.world.georeference import GeoReference
 
@@ -46,9 +47,9 @@ class ImageMetadata:
 
     @property
     def sensor_mm(self) -> tuple[float, float]:
-        """Width and height of the part of the sensor that the image shows: its whole height."""
-        height = 2 * self.pose.camera.focal_mm * tan(self.pose.camera.fov_rad / 2)
-        return height * self.pose.view.size_px[0] / self.pose.view.size_px[1], height
+        """Width and height of the part of the sensor that the image shows: its whole height, or a crop."""
+        view, focal_mm = self.pose.view, self.pose.camera.focal_mm
+        return focal_mm * view.size_px[0] / view.focal_px, focal_mm * view.size_px[1] / view.focal_px
 
     def as_dict(self) -> dict[str, Any]:
         """For the image's file: pose in the world frame and on the earth."""
@@ -58,6 +59,8 @@ class ImageMetadata:
             "position_m": [round(float(value), 4) for value in self.pose.view.position],
             "rotation": [[round(float(value), 8) for value in row] for row in self.pose.view.rotation],
             "focal_px": round(self.pose.view.focal_px, 4),
+            **self._crop,
+            **self._resolution,
             "vertical_fov_deg": round(self.pose.camera.fov_deg, 4),
             "velocity_mps": [round(float(value), 3) for value in self.pose.view.velocity_mps],
             "longitude": round(longitude, 8),
@@ -68,6 +71,16 @@ class ImageMetadata:
             "roll_deg": 0.0,
             **self._settings,
         }
+
+    @property
+    def _crop(self) -> dict[str, list[int]]:
+        """Where a crop lies in the whole frame; its principal point is that frame's middle."""
+        view = self.pose.view
+        return {} if view.frame_px is None else {"frame_px": list(view.frame_px), "corner_px": list(view.corner_px)}
+
+    @property
+    def _resolution(self) -> dict[str, float | None]:
+        return {"gsd_mm": image_gsd_mm(self.pose.view)} if self.is_airborne else {}
 
     @property
     def _settings(self) -> dict[str, float]:

@@ -21,6 +21,8 @@ class ImageSpec:
     """It must show one of these classes; empty: it must show no defect."""
     density: str
     altitude_m: float | None
-    """Of what flies."""
+    """Of what flies; None where the ground resolution decides it."""
+    gsd_mm: float | None
+    """Ground resolution of an image that is a crop of the whole frame [mm a pixel]; None for whole images."""
     share: float
     """0 … 1, from which the platform derives its own choices."""

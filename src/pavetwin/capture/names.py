@@ -19,7 +19,9 @@ def platform_prefix(world: World, settings: CaptureSettings, platform: str) -> s
     """
     others = {"images", "platforms", "formats", "plugins"}
     if not PLATFORMS.get(platform).uses_altitude:
-        others |= {"altitudes_m", "camera"}
+        others |= {"altitudes_m", "camera", "gsd_mm"}
+    if settings.gsd_mm is None:
+        others |= {"gsd_mm"}
     if not parking_in(settings, world).enabled:
         others |= {"parking"}
     made_from = settings.model_dump(mode="json", exclude=others)

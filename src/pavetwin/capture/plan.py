@@ -14,6 +14,7 @@ import numpy as np
 from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.names import image_name, platform_prefix
 from pavetwin.capture.platforms import PLATFORMS
+from pavetwin.capture.resolution import drawn_gsd_mm
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.labels import SPLITS
 from pavetwin.labels.classes import Category, category_of_defect
@@ -63,7 +64,8 @@ def _spec(
         split=SPLITS[open_splits[int(np.searchsorted(reached, draw[0], side="right"))]],
         aims=() if is_empty else (_pick(aims, draw[2]),),
         density=_pick(list(settings.densities), draw[3]),
-        altitude_m=_pick(list(settings.altitudes_m), draw[4]) if flies else None,
+        altitude_m=_pick(list(settings.altitudes_m), draw[4]) if flies and settings.altitudes_m else None,
+        gsd_mm=drawn_gsd_mm(settings.gsd_mm, draw[4]) if flies and settings.gsd_mm else None,
         share=draw[5],
     )
 

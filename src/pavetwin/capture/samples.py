@@ -8,6 +8,7 @@ from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.parked_bodies import ParkedBodies
 from pavetwin.capture.plan import SAMPLE, aims_of, platform_key
 from pavetwin.capture.platforms import Platform, Pose
+from pavetwin.capture.resolution import drawn_gsd_mm
 from pavetwin.config import Conditions
 from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
@@ -18,6 +19,10 @@ PROPOSALS: Final = 300
 STRICT, EASIER, ANYWHERE = 8, 8, 24
 """Attempts at a spec as it is; then for any class of defects (or for no defect, from any altitude); then for any class
 from any altitude."""
+
+
+_GOLDEN: Final = 0.6180339887
+"""Its multiples modulo 1 fill the range evenly."""
 
 
 @dataclass(frozen=True)
@@ -61,18 +66,26 @@ def relaxed(platform: Platform, spec: ImageSpec, attempt: int) -> ImageSpec:
     if attempt >= STRICT + EASIER + ANYWHERE:
         raise PaveTwinError(
             f"Image {spec.name}: no place was found on the streets of {spec.split} where a defect can be seen; "
-            "choose another altitude, a larger `size_px`, other `split` shares, or a world with more defects."
+            "choose another altitude or ground resolution, a larger `size_px`, other `split` shares, or a world with "
+            "more defects."
         )
     if attempt < STRICT:
         return spec
-    anything = replace(spec, aims=tuple(aims_of(platform.context.world)))
-    if spec.altitude_m is None:
-        return anything
-    heights = platform.context.settings.altitudes_m
-    height = heights[(attempt - STRICT) % len(heights)]
+    any_class = tuple(aims_of(platform.context.world))
     if attempt >= STRICT + EASIER:
-        return replace(anything, altitude_m=height)
-    return anything if spec.aims else replace(spec, altitude_m=height)
+        return replace(_from_elsewhere(platform, spec, attempt), aims=any_class)
+    flies = spec.altitude_m is not None or spec.gsd_mm is not None
+    return replace(spec, aims=any_class) if spec.aims or not flies else _from_elsewhere(platform, spec, attempt)
+
+
+def _from_elsewhere(platform: Platform, spec: ImageSpec, attempt: int) -> ImageSpec:
+    """A spec at another of the altitudes or ground resolutions."""
+    settings, turn = platform.context.settings, attempt - STRICT
+    if spec.gsd_mm is not None and settings.gsd_mm is not None:
+        return replace(spec, gsd_mm=drawn_gsd_mm(settings.gsd_mm, (spec.share + turn * _GOLDEN) % 1.0))
+    if spec.altitude_m is not None:
+        return replace(spec, altitude_m=settings.altitudes_m[turn % len(settings.altitudes_m)])
+    return spec
 
 
 def next_attempt(spec: ImageSpec, attempt: int, sample: CameraSample | None) -> int:

@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from pavetwin.config.altitude import Altitude
 from pavetwin.config.base import NameOrFile, PluginFiles, Settings, complaint
-from pavetwin.config.mission import Share
+from pavetwin.config.mission import Positive, Share
 from pavetwin.config.parking import ParkingSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
@@ -24,7 +24,7 @@ from pavetwin.world.model import World
 
 ImageSidePx = Annotated[int, Field(ge=64, le=8192)]
 
-FORMAT: Final = 5
+FORMAT: Final = 6
 """Version of the dataset's format; raised when older datasets cannot be read or resumed."""
 
 CAMERA_HASH: Final = "camera_sha256"
@@ -44,12 +44,16 @@ class CaptureSettings(Settings):
     images: Annotated[int, Field(ge=1, le=10_000_000)]
     """Of each platform."""
     seed: Annotated[int, Field(ge=0)] = 0
+    gsd_mm: tuple[Positive, Positive] | None = None
+    """Finest and coarsest ground resolution of the UAV's images [mm a pixel], one drawn for each, log-uniform: crops of
+    the camera's whole frame, from the altitude that gives it. None: whole images from `altitudes_m`."""
     altitudes_m: tuple[Altitude, ...] = ()
     """Of the UAV, one drawn for each image."""
     densities: Annotated[tuple[str, ...], Field(min_length=1)] = (DEFAULT_TRAFFIC,)
     """Names of the traffic (`pavetwin.traffic.demand.density_named`), one drawn for each image."""
     size_px: tuple[ImageSidePx, ImageSidePx] = (640, 640)
-    """Width, height. The camera's vertical field of view is kept, so that a square is its middle."""
+    """Width, height. The camera's vertical field of view is kept, so that a square is its middle; with `gsd_mm` images
+    are crops of that size."""
     camera: NameOrFile = "paper"
     """Of the UAV: a name of the camera database, or a path to a YAML file of the same form."""
     formats: Annotated[tuple[str, ...], Field(min_length=1)] = ("yolo", "yolo-seg", "voc", "coco")
@@ -77,6 +81,13 @@ class CaptureSettings(Settings):
         """Over all platforms."""
         return self.images * len(self.platforms)
 
+    @field_validator("gsd_mm")
+    @classmethod
+    def _finest_first(cls, bounds: tuple[float, float] | None) -> tuple[float, float] | None:
+        if bounds is not None and bounds[0] > bounds[1]:
+            raise ValueError("the finest ground resolution comes first, then the coarsest")
+        return bounds
+
     @model_validator(mode="after")
     def _shares_sum_to_one(self) -> Self:
         if abs(sum(self.split) - 1) > 1e-6:
@@ -87,7 +98,7 @@ class CaptureSettings(Settings):
 NO_PARKING: Final = ParkingSettings(enabled=False)
 """Of datasets that were begun before there were parked vehicles, too."""
 
-JOINED_BY: Final = {"size_px": "x", "split": "/", "formats": ","}
+JOINED_BY: Final = {"size_px": "x", "split": "/", "formats": ",", "gsd_mm": " "}
 """Separator of options that take several values at once; other options are given several times."""
 
 
@@ -245,6 +256,8 @@ def _as_parameter(key: str, value: Any) -> str:
         return f"with `picture={value}`"
     if key == "parking":
         return f"with `parking` {_parking(value)}"
+    if value in (None, []):
+        return f"without `{key}`"
     values = value if isinstance(value, list) else [value]
     texts = [_plain(100 * each if key == "split" else each) for each in values]
     return f"with `{key}` {JOINED_BY.get(key, ', ').join(texts)}"

@@ -32,6 +32,9 @@ LEAST_INSIDE_SHARE: Final = 0.15
 LARGE_PX_SHARE: Final = 0.01
 """Share of the image: an object whose visible part is larger is labelled, however much of it lies outside."""
 
+FAR_FOCAL_PX: Final = 1500.0
+"""Up to this focal length a class's greatest distance holds; longer lenses see farther in proportion."""
+
 
 class Reason(StrEnum):
     """Why a visible object is not labelled. The first reason that holds is given."""
@@ -140,19 +143,25 @@ def _labelled_object(
         distance_m=round(distance, 3),
         position_m=(round(float(middle[0]), 3), round(float(middle[1]), 3), round(float(middle[2]), 3)),
         details=details,
-        ignored=_reason(instance, category, visible, is_cut, distance, is_faint),
+        ignored=_reason(instance, category, visible, is_cut, distance, frame.view.focal_px, is_faint),
         mask=encode(instance.mask(size)),
     )
 
 
 def _reason(
-    instance: InstanceMask, category: Category, visible: float, is_cut: bool, distance_m: float, is_faint: bool
+    instance: InstanceMask,
+    category: Category,
+    visible: float,
+    is_cut: bool,
+    distance_m: float,
+    focal_px: float,
+    is_faint: bool,
 ) -> str | None:
     if visible < LEAST_VISIBLE_SHARE:
         return Reason.HIDDEN.value
     if is_cut:
         return Reason.CUT.value
-    if distance_m > category.farthest_m:
+    if distance_m > max(category.farthest_m, category.farthest_m / FAR_FOCAL_PX * focal_px):
         return Reason.FAR.value
     longer, shorter = instance.sides_px
     is_short = longer < category.least_side_px or shorter < category.least_short_side_px

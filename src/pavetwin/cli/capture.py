@@ -77,6 +77,14 @@ def make(
     altitude: Annotated[
         list[float] | None, typer.Option(help="Of the UAV, in metres; may be repeated. 6, 10 and 15 unless given.")
     ] = None,
+    gsd_mm: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            metavar="FINEST COARSEST",
+            help="Ground resolution of the UAV's images, in millimetres a pixel: crops of the camera's whole frame, "
+            "each from the altitude that gives it. With it the camera is phantom4pro unless given.",
+        ),
+    ] = None,
     los: Annotated[
         list[str] | None,
         typer.Option(metavar="A…F", help="Traffic by level of service; may be repeated. C unless given."),
@@ -92,7 +100,9 @@ def make(
     seed: Annotated[
         int, typer.Option(help="Random seed of places, light, traffic and parked vehicles; 0 is a seed too.")
     ] = 0,
-    size: Annotated[str, typer.Option(metavar="WxH", help="Of the images, in pixels.")] = "640x640",
+    size: Annotated[
+        str, typer.Option(metavar="WxH", help="Of the images, in pixels; with --gsd-mm of the crops.")
+    ] = "640x640",
     camera: Annotated[str | None, typer.Option(help="Of the UAV: {cameras}, or a YAML file.")] = None,
     look: Annotated[
         str | None,
@@ -118,6 +128,7 @@ def make(
     pavetwin capture worlds/town -o datasets/both --platform uav,car --images 200 --seed 3 --jobs 2
     pavetwin capture worlds/town -o datasets/parked --parking by-time
     pavetwin capture worlds/town -o datasets/grey --look uniform
+    pavetwin capture worlds/town -o datasets/crops --gsd-mm 2 8 --images 500
     pavetwin capture worlds/town -o datasets/sharp --camera phantom4pro --size 1280x960 --png --formats yolo
 
     Missing traffic is recorded first. Labels are Single Crack, Crocodile Crack, Pothole, Person and Car, then
@@ -130,10 +141,11 @@ def make(
         "platforms": platforms,
         "images": images,
         "altitudes_m": tuple(altitude or ()),
+        "gsd_mm": gsd_mm,
         "densities": _traffics(los or (), hour or (), density or (), mix),
         "seed": seed,
         "size_px": _size(size),
-        "camera": camera or "paper",
+        "camera": camera or ("phantom4pro" if gsd_mm else "paper"),
         "formats": tuple(re.split(r"[,\s]+", formats.strip())),
         "split": split_shares(split, option="--split"),
         "empty": empty,
@@ -157,7 +169,7 @@ def make(
         flies = bool(flying(platforms))
         if camera is not None and not flies:
             raise PaveTwinError(f"--camera: a {platforms[0]} has cameras of its own; leave it out.")
-        if flies and not altitude:
+        if flies and not altitude and not gsd_mm:
             values["altitudes_m"] = _UAV_ALTITUDES
         settings = settings_of(values, typed={"size_px": size, "split": split})
         check(settings)

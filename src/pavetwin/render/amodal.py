@@ -131,7 +131,7 @@ def _atlas_cell(obj: AmodalObject, view: View, margin_px: float) -> _AtlasCell |
         points = _in_front(points, margin_px / view.focal_px)
     if len(points) == 0:
         return None
-    pixels = points[:, :2] / points[:, 2:] * view.focal_px + (width / 2, height / 2)
+    pixels = points[:, :2] / points[:, 2:] * view.focal_px + view.principal_px
     low, high = pixels.min(axis=0) - margin_px, pixels.max(axis=0) + margin_px
     x, y = np.clip(np.floor(low), 0, (width, height)).astype(int)
     right, bottom = np.clip(np.ceil(high), 0, (width, height)).astype(int)

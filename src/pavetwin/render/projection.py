@@ -61,12 +61,19 @@ def to_clip(view: View) -> Float64Array:
     """(4, 4) from positions relative to the camera to clip space, depth 1 at `NEAR_M` falling to 0 at infinity."""
     width, height = view.size_px
     right, down, forward = view.rotation.T
+    aside, above = off_axis(view)
     matrix = np.zeros((4, 4))
-    matrix[0, :3] = 2 * view.focal_px / width * right
-    matrix[1, :3] = -2 * view.focal_px / height * down
+    matrix[0, :3] = 2 * view.focal_px / width * right + aside * forward
+    matrix[1, :3] = -2 * view.focal_px / height * down + above * forward
     matrix[2, 3] = NEAR_M
     matrix[3, :3] = forward
     return matrix
+
+
+def off_axis(view: View) -> tuple[float, float]:
+    """Where the axis goes through the picture, x and y of clip space: 0, 0 unless the view is a crop."""
+    x, y = (2 * view.principal_px / view.size_px - 1).tolist()
+    return x, -y
 
 
 @dataclass(frozen=True)
@@ -170,15 +177,15 @@ def frame_info(view: View, light: Light, shadow: ShadowFit, *, readout_s: float)
     info["camera"][0, :3], info["camera"][0, 3] = view.position, 1 / view.focal_px
     info["axis"][0, :3], info["axis"][0, 3] = view.rotation[:, 2], light.haze_m
     info["drift"][0] = -(clip @ np.append(view.velocity_mps, 0.0))
-    info["shutter"][0, 0] = readout_s
+    info["shutter"][0, 0], info["shutter"][0, 2:] = readout_s, off_axis(view)
     return info
 
 
 def planes(view: View) -> Float64Array:
     """(4, 3) inward normals of the planes through the camera that bound what it sees: left, right, top, bottom."""
-    width, height = view.size_px
-    x, y = width / 2 / view.focal_px, height / 2 / view.focal_px
-    bounds = np.array([[1.0, 0.0, x], [-1.0, 0.0, x], [0.0, 1.0, y], [0.0, -1.0, y]])
+    left, top = view.principal_px / view.focal_px
+    right, bottom = (view.size_px - view.principal_px) / view.focal_px
+    bounds = np.array([[1.0, 0.0, left], [-1.0, 0.0, right], [0.0, 1.0, top], [0.0, -1.0, bottom]])
     return np.asarray(bounds / np.linalg.norm(bounds, axis=1, keepdims=True) @ view.rotation.T)
 
 

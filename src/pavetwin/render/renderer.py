@@ -108,7 +108,7 @@ class Renderer:
             shadow_only=shadow_only,
             light=light,
             velocities=moving,
-            readout_s=camera.readout_s if drifts else 0.0,
+            readout_s=camera.readout_s * view.size_px[1] / view.whole_px[1] if drifts else 0.0,
             truth=labels or depth or drifts,
             amodal=labels,
         )

@@ -66,7 +66,7 @@ def picture(
 
     Args:
         radiance: (height, width, 4) linear RGB, kcd/m².
-        view: its pinhole and velocity.
+        view: its pinhole, its place in the whole frame, and its velocity.
         light: that the white balance adapts to.
         depth: (height, width) metres along the axis, for motion blur; None for none.
         labels: (height, width), to look up velocities.
@@ -95,6 +95,8 @@ def picture(
         depth=depth,
         labels=labels if depth is not None else None,
         focal_px=view.focal_px,
+        frame_px=view.whole_px,
+        corner_px=view.corner_px,
         still_m=_three(still),
         moving_m=moving if depth is not None else {},
     )

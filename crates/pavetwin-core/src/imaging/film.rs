@@ -1,7 +1,7 @@
 //! Where light becomes a picture: electrons, their noise, white balance and tone.
 
 use super::noise::Normal;
-use super::{Sensor, channels, channels_mut};
+use super::{Crop, Sensor, channels, channels_mut};
 
 /// Steps of the tone curve as it is looked up: a step is less than a fifth of one of 255.
 const TONES: usize = 4096;
@@ -13,7 +13,7 @@ const WHOLE: f32 = 8_388_608.0;
 pub struct Film<'a> {
     sensor: &'a Sensor,
     width: usize,
-    height: usize,
+    crop: Crop,
     seed: u64,
     normal: &'static Normal,
     /// By the square root of the input.
@@ -21,8 +21,8 @@ pub struct Film<'a> {
 }
 
 impl<'a> Film<'a> {
-    /// For a picture of (width, height); `seed`: of its noise.
-    pub fn of(sensor: &'a Sensor, (width, height): (usize, usize), seed: u64) -> Self {
+    /// For a picture of that width; `seed`: of its noise.
+    pub fn of(sensor: &'a Sensor, width: usize, crop: Crop, seed: u64) -> Self {
         let last = (sensor.curve.len() - 1) as f32;
         let tone = |step: usize| {
             let at = step as f32 / (TONES - 1) as f32 * last;
@@ -30,14 +30,16 @@ impl<'a> Film<'a> {
             let share = at - low as f32;
             sensor.curve[low] * (1.0 - share) + sensor.curve[low + 1] * share
         };
-        Self { sensor, width, height, seed, normal: Normal::table(), tones: (0..TONES).map(tone).collect() }
+        Self { sensor, width, crop, seed, normal: Normal::table(), tones: (0..TONES).map(tone).collect() }
     }
 
     /// One row of light as tones, 0 … 1, with its noise. One kind of work at a time, over the whole row.
     pub fn develop(&self, light: &[f32], row: usize, out: &mut [f32]) {
         self.normal.fill(self.seed, row * self.width, channels_mut(out));
-        let (middle_x, middle_y) = (0.5 * (self.width as f32 - 1.0), 0.5 * (self.height as f32 - 1.0));
-        let corner = (middle_x * middle_x + middle_y * middle_y).max(1.0);
+        // Of the middle of the first pixel.
+        let ((axis_x, axis_y), (across, down)) = (self.crop.axis(), Crop::whole(self.crop.frame).axis());
+        let (middle_x, middle_y) = (axis_x - 0.5, axis_y - 0.5);
+        let corner = ((across - 0.5).powi(2) + (down - 0.5).powi(2)).max(1.0);
         let y = row as f32 - middle_y;
         let Sensor { electrons_per_light, full_electrons, read_electrons, vignetting, saturation, .. } = *self.sensor;
         let dark = read_electrons * read_electrons;
@@ -66,7 +68,7 @@ impl<'a> Film<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Film, Sensor};
+    use super::{Crop, Film, Sensor};
 
     #[test]
     fn light_without_noise_is_its_tone() {
@@ -82,7 +84,7 @@ mod tests {
             curve: vec![0.0, 0.25, 1.0],
         };
         let light = [0.0, 0.0625, 0.25, 0.5625, 1.0, 9.0];
-        let film = Film::of(&sensor, (2, 1), 3);
+        let film = Film::of(&sensor, 2, Crop::whole((2, 1)), 3);
         let mut out = [0.0; 6];
         film.develop(&light, 0, &mut out);
         for (out, wanted) in out.iter().zip([0.0, 0.125, 0.25, 0.625, 1.0, 1.0]) {

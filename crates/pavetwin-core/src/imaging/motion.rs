@@ -1,5 +1,6 @@
 //! What moves while the shutter is open, smeared along its way.
 
+use super::Crop;
 use std::collections::HashMap;
 use wide::f32x4;
 
@@ -25,33 +26,27 @@ const LONGEST_PX: f32 = 64.0;
 
 impl Motion<'_> {
     /// Pixels that the image moves at a pixel.
-    pub fn at(&self, width: usize, height: usize, column: usize, row: usize) -> (f32, f32) {
+    pub fn at(&self, width: usize, crop: Crop, column: usize, row: usize) -> (f32, f32) {
         let at = row * width + column;
         let depth = self.depth[at];
         if !depth.is_finite() {
             return (0.0, 0.0);
         }
         let way = self.labels.get(at).and_then(|label| self.moving.get(label)).unwrap_or(&self.still);
-        self.along(way, depth, (width, height), column, row)
+        self.along(way, depth, crop, column, row)
     }
 
     /// Pixels that what moves so far is moved at a pixel.
-    fn along(
-        &self,
-        way: &[f32; 3],
-        depth: f32,
-        (width, height): (usize, usize),
-        column: usize,
-        row: usize,
-    ) -> (f32, f32) {
-        let x = (column as f32 + 0.5 - 0.5 * width as f32) / self.focal;
-        let y = (row as f32 + 0.5 - 0.5 * height as f32) / self.focal;
+    fn along(&self, way: &[f32; 3], depth: f32, crop: Crop, column: usize, row: usize) -> (f32, f32) {
+        let axis = crop.axis();
+        let x = (column as f32 + 0.5 - axis.0) / self.focal;
+        let y = (row as f32 + 0.5 - axis.1) / self.focal;
         let scale = self.focal / depth;
         ((way[0] - x * way[2]) * scale, (way[1] - y * way[2]) * scale)
     }
 
     /// One row's reds, greens and blues, each pixel smeared along its way.
-    pub(super) fn gather(&self, plane: &Plane, row: usize, out: &mut [f32]) {
+    pub(super) fn gather(&self, plane: &Plane, crop: Crop, row: usize, out: &mut [f32]) {
         let here = row * plane.width..(row + 1) * plane.width;
         // Neighbours mostly show the same thing: its way is looked up where another one begins.
         let (mut shown, mut way) = (None, &self.still);
@@ -62,17 +57,17 @@ impl Motion<'_> {
                 shown = label;
                 way = label.and_then(|label| self.moving.get(label)).unwrap_or(&self.still);
             }
-            [*red, *green, *blue, _] = self.smeared(plane, way, column, row).to_array();
+            [*red, *green, *blue, _] = self.smeared(plane, way, crop, column, row).to_array();
         }
     }
 
     /// What a pixel takes up from all that passes it, where it moves so far.
-    fn smeared(&self, plane: &Plane, way: &[f32; 3], column: usize, row: usize) -> f32x4 {
+    fn smeared(&self, plane: &Plane, way: &[f32; 3], crop: Crop, column: usize, row: usize) -> f32x4 {
         let depth = self.depth[row * plane.width + column];
         if !depth.is_finite() {
             return plane.at(column, row);
         }
-        let (dx, dy) = self.along(way, depth, (plane.width, plane.height), column, row);
+        let (dx, dy) = self.along(way, depth, crop, column, row);
         let length = (dx * dx + dy * dy).sqrt();
         if length < SHARP_PX {
             return plane.at(column, row);

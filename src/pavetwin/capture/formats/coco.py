@@ -50,6 +50,7 @@ def _image(record: Record) -> dict[str, Any]:
         "file_name": f"{record.name}{record.suffix}",
         "width": width,
         "height": height,
+        **({"gsd_mm": record.camera["gsd_mm"]} if "gsd_mm" in record.camera else {}),
         "date_captured": record.light["utc"],
         "camera": record.camera,
         "light": record.light,

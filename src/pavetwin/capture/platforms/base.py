@@ -7,7 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from pavetwin._core import NavMesh, Trace
+from pavetwin._core import Trace
+from pavetwin.capture.airspace import Airspace
 from pavetwin.capture.defect_index import DefectIndex
 from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.settings import CaptureSettings
@@ -31,8 +32,8 @@ class CaptureContext:
     recordings: Mapping[str, Recording]
     """By density name."""
     traces: Mapping[str, Trace]
-    meshes: Mapping[float, NavMesh]
-    """Where the UAV may be, by altitude in metres; empty for ground vehicles."""
+    airspace: Airspace
+    """Where the UAV may be."""
 
     def parked(self, conditions: Conditions, density: str) -> ParkedVehicles:
         """The vehicles that stand parked at the date and time of an image, of the mix of its traffic."""

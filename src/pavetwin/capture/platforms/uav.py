@@ -1,7 +1,8 @@
 """The UAV's camera over a street: mostly nadir and along the street, as inspections are flown, with some variation."""
 
+from dataclasses import replace
 from functools import cached_property
-from math import atan2, pi, radians, tan
+from math import atan2, floor, log2, pi, radians, tan
 from typing import Final
 
 import numpy as np
@@ -12,6 +13,7 @@ from pavetwin.capture.clearings import Clearings
 from pavetwin.capture.defect_index import INNER
 from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.platforms.base import CaptureContext, Platform, Pose, platform
+from pavetwin.config.altitude import CEILING_M, LOWEST_M
 from pavetwin.scene.view import View, look
 from pavetwin.uav.cameras import find_camera
 from pavetwin.world.model import Segment
@@ -30,6 +32,9 @@ _HOVERING: Final = 0.25
 _SPEED_MPS: Final = (2.0, 6.0)
 """Range of the images that are not taken while hovering: around the 5 m/s of an inspection."""
 
+_CLEARINGS_AN_OCTAVE: Final = 4
+"""Steps of the ground resolution for which places without defects are prepared."""
+
 _ROAD_M: Final = 1.0
 """The middle of every image lies on the road, or at most this far beside it."""
 
@@ -44,8 +49,7 @@ class Uav(Platform):
         self._clearings: dict[tuple[str, float], Clearings] = {}
 
     def propose(self, spec: ImageSpec, rng: np.random.Generator) -> Pose | None:
-        assert spec.altitude_m is not None
-        drawn = self._aimed_at(spec, rng) if spec.aims else self._clear_place(spec.split, spec.altitude_m, rng)
+        drawn = self._aimed_at(spec, rng) if spec.aims else self._clear_place(spec, rng)
         if drawn is None:
             return None
         aim, along_rad = drawn
@@ -55,23 +59,23 @@ class Uav(Platform):
         speed = 0.0 if rng.random() < _HOVERING else float(rng.uniform(*_SPEED_MPS))
         place = rng.uniform(0.5 - INNER / 2, 0.5 + INNER / 2, size=2) if spec.aims else np.full(2, 0.5)
         size = self.context.settings.size_px
-        forward = np.array([np.cos(heading), np.sin(heading), 0.0])
-
-        def view_from(xy: Float64Array) -> View:
-            return look(
-                np.array([*xy, spec.altitude_m]),
-                yaw_rad=heading,
-                pitch_rad=pitch,
-                size_px=size,
-                vertical_fov_rad=self._camera.fov_rad,
-                velocity_mps=speed * forward,
-            )
-
+        view = look(
+            (0.0, 0.0, spec.altitude_m or 1.0),
+            yaw_rad=heading,
+            pitch_rad=pitch,
+            size_px=size if spec.gsd_mm is None else self._camera.image_px,
+            vertical_fov_rad=self._camera.fov_rad,
+            velocity_mps=speed * np.array([np.cos(heading), np.sin(heading), 0.0]),
+        )
+        if spec.gsd_mm is not None:
+            view = _crop_of_resolution(view, size, spec.gsd_mm, rng)
         # The aim's ground position seen from above the origin gives the camera's position.
-        xy = aim - view_from(np.zeros(2)).ground(place * size)
-        if not np.isfinite(xy).all() or not self.context.meshes[spec.altitude_m].contains(float(xy[0]), float(xy[1])):
+        xy, altitude_m = aim - view.ground(place * size), float(view.position[2])
+        if not np.isfinite(xy).all() or not LOWEST_M <= altitude_m <= CEILING_M:
             return None
-        view = view_from(xy)
+        if not self.context.airspace.contains(float(xy[0]), float(xy[1]), altitude_m):
+            return None
+        view = replace(view, position=np.array([*xy, altitude_m]))
         if not shapely.dwithin(self.context.defect_index.road, shapely.Point(view.ground(np.array(size) / 2)), _ROAD_M):
             return None
         time_s = float(rng.uniform(0.0, self.context.recordings[spec.density].duration_s))
@@ -83,19 +87,23 @@ class Uav(Platform):
         segment = self.context.world.segment(defect.segment)
         return np.array([defect.centre.x, defect.centre.y]), _direction(segment, defect.centre)
 
-    def _clear_place(
-        self, split: str, altitude_m: float, rng: np.random.Generator
-    ) -> tuple[Float64Array, float] | None:
+    def _clear_place(self, spec: ImageSpec, rng: np.random.Generator) -> tuple[Float64Array, float] | None:
         """The centre (2,) of an image that must show no defect, and the direction of its street."""
-        if (split, altitude_m) not in self._clearings:
-            width, height = self.context.settings.size_px
-            # This disc lies within every nadir image, and nearly within every tilted one.
-            radius_m = altitude_m * tan(self._camera.fov_rad / 2) * min(1.0, width / height)
-            self._clearings[split, altitude_m] = Clearings.of(
-                self._of_split[split], self.context.defect_index.outlines, radius_m
-            )
-        drawn = self._clearings[split, altitude_m].draw(rng)
+        key = spec.split, self._clear_radius_m(spec)
+        if key not in self._clearings:
+            self._clearings[key] = Clearings.of(self._of_split[spec.split], self.context.defect_index.outlines, key[1])
+        drawn = self._clearings[key].draw(rng)
         return None if drawn is None else (drawn[0], _direction(drawn[1], shapely.Point(drawn[0])))
+
+    def _clear_radius_m(self, spec: ImageSpec) -> float:
+        """Of a disc that lies within every nadir image of a spec, and nearly within every tilted one."""
+        width, height = self.context.settings.size_px
+        if spec.gsd_mm is None:
+            assert spec.altitude_m is not None
+            return spec.altitude_m * tan(self._camera.fov_rad / 2) * min(1.0, width / height)
+        # In steps, so that few are prepared.
+        step = floor(log2(spec.gsd_mm) * _CLEARINGS_AN_OCTAVE) / _CLEARINGS_AN_OCTAVE
+        return float(2.0**step) / 1000 * min(width, height) / 2
 
     def _heading(self, along_rad: float, rng: np.random.Generator) -> float:
         how = rng.random()
@@ -113,6 +121,15 @@ class Uav(Platform):
             if segment.street in splits:
                 found.setdefault(splits[segment.street], []).append(segment)
         return found
+
+
+def _crop_of_resolution(view: View, size_px: tuple[int, int], gsd_mm: float, rng: np.random.Generator) -> View:
+    """A crop anywhere in a view, which moves to the altitude that gives the crop's middle a ground resolution."""
+    (width, height), (wide, high) = view.size_px, size_px
+    corner = int(rng.integers(width - wide + 1)), int(rng.integers(height - high + 1))
+    crop = view.crop(corner, size_px)
+    finer = gsd_mm / 1000 / float(crop.ground_resolution_m(np.array(size_px) / 2))
+    return replace(crop, position=crop.position * finer)
 
 
 def _direction(segment: Segment, place: shapely.Point) -> float:

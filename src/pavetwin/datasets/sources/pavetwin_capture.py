@@ -19,7 +19,7 @@ class CaptureLayout(CocoLayout):
         split = PurePosixPath(labels).stem.removeprefix("instances_")
         camera = image.get("camera") or {}
         kept = {key: str(camera[key]) for key in ("platform", "altitude_m") if key in camera}
-        return {"attributes": {"split": split, **kept}, **_resolution(camera)}
+        return {"attributes": {"split": split, **kept}, **({"gsd_mm": camera["gsd_mm"]} if "gsd_mm" in camera else {})}
 
     def ignored(self, content: Mapping[str, Any]) -> str | None:
         reason = content.get("ignored")
@@ -27,15 +27,6 @@ class CaptureLayout(CocoLayout):
 
     def object_details(self, content: Mapping[str, Any]) -> dict[str, str]:
         return {key: str(content[key]) for key in _KEPT if content.get(key) is not None}
-
-
-def _resolution(camera: Mapping[str, Any]) -> dict[str, float]:
-    """Of an image that looks straight down; others have no single ground resolution."""
-    altitude_m, focal_px, pitch_deg = (camera.get(key) for key in ("altitude_m", "focal_px", "pitch_deg"))
-    is_nadir = isinstance(pitch_deg, int | float) and pitch_deg <= -87.5
-    if is_nadir and altitude_m and focal_px:
-        return {"gsd_mm": round(1000 * altitude_m / focal_px, 3)}
-    return {}
 
 
 SOURCES.add(

@@ -9,10 +9,13 @@ struct Seen {
     let corner = vec2f(f32(k & 1u) * 4.0 - 1.0, f32(k >> 1u) * 4.0 - 1.0);
     var out: Seen;
     out.clip = vec4f(corner, 0.0, 1.0);
-    // Rows of the projection hold the camera's axes times the focal length: the ray is their sum.
+    // Rows of the projection hold the camera's axes times the focal length, and of a crop some of its forward axis: the
+    // ray is their sum.
     let m = transpose(frame.to_clip);
-    let x = m[0].xyz; let y = m[1].xyz;
-    out.ray = frame.axis.xyz + x * (corner.x / dot(x, x)) + y * (corner.y / dot(y, y));
+    let centre = frame.shutter.zw;
+    let x = m[0].xyz - centre.x * frame.axis.xyz; let y = m[1].xyz - centre.y * frame.axis.xyz;
+    let beside = corner - centre;
+    out.ray = frame.axis.xyz + x * (beside.x / dot(x, x)) + y * (beside.y / dot(y, y));
     return out;
 }
 
