@@ -15,6 +15,7 @@ from shapely.ops import nearest_points
 from pavetwin.config.base import NameOrFile, Settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256, hint
+from pavetwin.world.bridges import bridges_on
 from pavetwin.world.buildings import buildings_by_rule, clear_of_roads
 from pavetwin.world.connected import LeftOut
 from pavetwin.world.content import content_hash, snapped_world
@@ -236,7 +237,11 @@ def _build(
             georeference=plan.georeference,
             left_hand=net.left_hand,
             streets=tuple(
-                replace(surface.street, latin_name=features.latin_names.get(surface.street.name, ""))
+                replace(
+                    surface.street,
+                    latin_name=features.latin_names.get(surface.street.name, ""),
+                    bridges=bridges_on(surface.street.centre_line, features.bridges),
+                )
                 for surface in streets
             ),
             segments=segments,

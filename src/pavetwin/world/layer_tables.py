@@ -90,9 +90,12 @@ LAYERS = (
         "LineString",
         attrgetter("streets"),
         _LINE,
-        {**_STREET_COLUMNS, "length_m": float, "latin_name": str},
-        {**_EDGES, **_LENGTH, "from_junction": attrgetter("start"), "to_junction": attrgetter("end")},
-        frozenset({"latin_name"}),
+        {**_STREET_COLUMNS, "length_m": float, "latin_name": str, "bridges": str},
+        {
+            **{**_EDGES, **_LENGTH, "from_junction": attrgetter("start"), "to_junction": attrgetter("end")},
+            "bridges": lambda item: "; ".join(f"{first:.2f} {last:.2f}" for first, last in item.bridges),
+        },
+        frozenset({"latin_name", "bridges"}),
     ),
     Layer(
         "segments",
@@ -172,7 +175,11 @@ def collections_of(tables: Mapping[str, Sequence[LayerRow]]) -> dict[str, Any]:
     lanes = [*tables["lanes"], *tables["sidewalks"]]
     return {
         "streets": tuple(
-            _item(Street, row, "centre_line", edges=_edges(row), start=row["from_junction"], end=row["to_junction"])
+            _item(
+                *(Street, row, "centre_line"),
+                **{"edges": _edges(row), "start": row["from_junction"], "end": row["to_junction"]},
+                bridges=_stations(row.get("bridges") or ""),
+            )
             for row in tables["streets"]
         ),
         "segments": tuple(
@@ -204,6 +211,12 @@ def _item(cls: type[Item], row: LayerRow, shape: str, **other: Any) -> Item:
 
 def _edges(row: LayerRow) -> tuple[str, ...]:
     return tuple(row["edges"].split(" "))
+
+
+def _stations(text: str) -> tuple[tuple[float, float], ...]:
+    """From `12.50 40.25; …`."""
+    pairs = (part.split() for part in text.split(";") if part.strip())
+    return tuple((float(first), float(last)) for first, last in pairs)
 
 
 def _signal(row: LayerRow) -> SignalLink | None:

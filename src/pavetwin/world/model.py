@@ -75,6 +75,8 @@ class Street:
     """Of the carriageway, from junction to junction."""
     latin_name: str = field(default="", hash=False)
     """The name in Latin letters where the map has one beside a name in another script; not part of content hashes."""
+    bridges: tuple[tuple[float, float], ...] = field(default=(), hash=False)
+    """Stations of its centre line between which it lies on a bridge [m]; not part of content hashes."""
 
     @property
     def length_m(self) -> float:

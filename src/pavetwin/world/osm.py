@@ -16,6 +16,7 @@ from shapely import LineString, Point, Polygon
 
 from pavetwin.world.georeference import GeoReference, from_wgs84
 from pavetwin.world.model import FurnitureKind, Surface
+from pavetwin.world.network import is_street
 from pavetwin.world.osm_file import osm_objects
 from pavetwin.world.parking.mapped import MappedArea, Obstacle, ParkingMap, obstacle_kind
 from pavetwin.world.parking.tags import area_parking
@@ -61,6 +62,8 @@ class MapFeatures:
     parks: list[Polygon] = field(default_factory=list)
     latin_names: dict[str, str] = field(default_factory=dict)
     """By the name of a street in another script."""
+    bridges: list[LineString] = field(default_factory=list)
+    """Of streets."""
     parking: ParkingMap = field(default_factory=ParkingMap)
 
 
@@ -121,6 +124,8 @@ class _FeatureReader:
         corners = self._metres(way.nodes)
         if len(corners) > 1 and self._reach.intersects(line := LineString(corners)):
             self.features.parking.take_way(line, tags)
+            if tags.get("bridge", "no") != "no" and is_street(tags):
+                self.features.bridges.append(line)
 
     def take_node(self, node: Any, tags: Mapping[str, str]) -> None:
         kind, obstacle = _point_kind(tags), obstacle_kind(tags)

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 import shapely
 
+from pavetwin.scene.ground.distractors.bridge_joints import modules
 from pavetwin.scene.ground.layout.lines import direction
 from pavetwin.scene.ground.layout.relief import heights
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
@@ -26,6 +27,8 @@ REACH_M: Final = {
     "valve": 0.13,
     "leaves": 0.9,
     "litter": 0.5,
+    "joint_comb": 0.36,
+    "joint_strip": 0.29,
 }
 """Radius of each model."""
 
@@ -42,8 +45,8 @@ GRATE_AT_M: Final = {"grate": 0.155, "grate_slots": 0.205}
 MOST_COVERS: Final = 0.6
 """Share of a town's covers that are of its usual kind; the others are of any."""
 
-LOOSE: Final = frozenset({"leaves", "litter"})
-"""What may lie on other fixtures."""
+LOOSE: Final = frozenset({"leaves", "litter", "joint_comb", "joint_strip"})
+"""What may lie on other fixtures, or beside its own kind."""
 
 LITTER_KEY: Final = 13
 """Key of litter's children of the scene's random stream."""
@@ -69,6 +72,7 @@ def placed(layout: SurfaceLayout) -> tuple[Fixture, ...]:
             found += _on_segment(layout, segment, covers)
     for junction in layout.world.junctions:
         found += _on_junction(layout, junction, covers)
+    found += [Fixture(model, x, y, 0.0, turn) for model, x, y, turn in modules(layout)]
     return tuple(_apart(layout, [*found, *_litter(layout), *_leaves(layout)]))
 
 

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import Float64Array
+from pavetwin.scene.ground.distractors.bridge_joints import plugs
 from pavetwin.scene.ground.distractors.fixtures import Fixture
 from pavetwin.scene.ground.distractors.junction_repairs import junction_repairs
 from pavetwin.scene.ground.distractors.patching import Patching
@@ -51,6 +52,10 @@ def repairs(plan: SurfaceLayout, fixtures: Sequence[Fixture]) -> Repairs:
             found.seal(plan, line, width, SEALED_GAPS[0] + (SEALED_GAPS[1] - SEALED_GAPS[0]) * draw)
     for fixture in fixtures:
         _around(plan, fixture, found)
+    for patch, edges in plugs(plan):
+        found.patches.append(patch)
+        for line in edges:
+            found.seal(plan, line, SEAM_HALF_M[1], SEALED_GAPS[0])
     return found
 
 
@@ -141,9 +146,11 @@ class _OnSegment(SegmentMarks):
             return
         first = slabs.every_m * self.plan.chance(f"slabs {self.segment.id}")
         across = np.linspace(-self.half - 0.3, self.half + 0.3, 2 + round(4 * self.half))
-        for station in np.arange(first, self.length, slabs.every_m):
+        for number, station in enumerate(np.arange(first, self.length, slabs.every_m)):
+            expands = slabs.expansion_every is not None and number % slabs.expansion_every == slabs.expansion_every // 2
+            half_m = slabs.expansion_half_width_m if expands else slabs.half_width_m
             line = self.world(station + wander(self.rng, across, 0.004), across)
-            self.found.seal(self.plan, line, slabs.half_width_m, slabs.lost)
+            self.found.seal(self.plan, line, half_m, slabs.lost)
         stations = np.arange(0.0, self.length, 0.9)
         for left in self._lane_borders():
             line = self.world(stations, left + wander(self.rng, stations, 0.004))

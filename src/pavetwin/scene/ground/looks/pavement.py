@@ -84,6 +84,9 @@ class Slabs(Settings):
     """Half the width of the sealant and its overband; finer lines than the maps resolve would alias."""
     lost: Share = 0.03
     """Share of the sealant that has gone."""
+    expansion_every: Annotated[int, Field(ge=2, le=100)] | None = None
+    """One of so many joints across is an expansion joint; None where there are none."""
+    expansion_half_width_m: Annotated[float, Field(ge=0.012, le=0.06)] = 0.028
 
 
 class Pavement(Settings):

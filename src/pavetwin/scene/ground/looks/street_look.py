@@ -24,6 +24,7 @@ DEFAULT_LOOK: Final = "varied"
 
 CoverName = Literal["cover_iron", "cover_filled", "cover_square", "cover_collared"]
 GrateName = Literal["grate", "grate_slots"]
+JointName = Literal["joint_comb", "joint_strip", "plug"]
 
 
 class Stretches(Settings):
@@ -65,6 +66,9 @@ class StreetLook(Settings):
     """Kinds of manhole covers; most of a town's are of one kind."""
     grates: Annotated[Mapping[GrateName, Weight], Field(min_length=1)] = {"grate": 1}
     """Kinds of gully grates, of which a town has one."""
+    bridge_joints: Annotated[Mapping[JointName, Weight], Field(min_length=1)] = {"joint_strip": 1, "plug": 1}
+    """Kinds of joints at both ends of bridges: steel fingers, a rubber profile between steel edges, or a plug of
+    asphalt and binder."""
     litter_per_100_m: Annotated[float, Field(ge=0, le=100)] = 0.0
     marks: Mapping[str, Annotated[float, Field(ge=0, le=50)]] = Field(default_factory=dict)
     """Painted marks by name, or by a file beside this one: mean number on 100 m of a street that may have them."""

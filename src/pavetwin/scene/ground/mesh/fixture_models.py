@@ -12,6 +12,7 @@ from shapely import Point, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float64Array
+from pavetwin.scene.ground.distractors.bridge_joints import MODULE_M
 from pavetwin.scene.model import Mesh, Model
 from pavetwin.scene.models import BODY
 from pavetwin.seeds import Stream, child
@@ -31,6 +32,9 @@ FRAME_M: Final = 0.785
 
 GRATE_M: Final = (0.46, 0.26)
 """Sides of a gully grate inside its frame of 500 mm × 300 mm, as wide as a gutter (DIN 19594)."""
+
+STEEL: Final = (0.15, 0.145, 0.14)
+RUBBER: Final = (0.022, 0.022, 0.023)
 
 COLLAR: Final = (0.30, 0.295, 0.275)
 
@@ -62,6 +66,8 @@ def fixture_models() -> Mapping[str, Model]:
         "grate": _grate(),
         "grate_slots": _slotted(),
         "valve": _valve(),
+        "joint_comb": _comb(),
+        "joint_strip": _strip(),
     }
     meshes = {name: _plates(of) for name, of in layers.items()} | {"leaves": _leaves(), "litter": _litter()}
     return MappingProxyType({name: Model(name, {BODY: mesh}) for name, mesh in meshes.items()})
@@ -148,6 +154,34 @@ def _slotted() -> list[Layer]:
         (outer.difference(inner), 0.002, COLLAR, 0.85, 0.0),
         (inner, 0.004, IRON, 0.65, 0.3),
         (shapely.union_all(slots), 0.005, SLOT, 0.95, 0.0),
+    ]
+
+
+def _comb() -> list[Layer]:
+    """A module of a finger joint of a bridge: two steel combs in each other; x is along the street."""
+    half, deep = MODULE_M / 2, 0.20
+    fingers = [
+        box(side * 0.02 - 0.09, y - 0.016, side * 0.02 + 0.09, y + 0.016)
+        for number, y in enumerate(np.linspace(-half + 0.025, half - 0.025, 10))
+        for side in (1 - 2 * (number % 2),)
+    ]
+    plates = [box(-deep, -half, -0.07, half), box(0.07, -half, deep, half)]
+    bolts = [Point(side * 0.155, y).buffer(0.014, quad_segs=2) for side in (-1, 1) for y in (-0.125, 0.125)]
+    return [
+        (box(-deep, -half, deep, half), 0.001, SLOT, 0.95, 0.0),
+        (shapely.union_all([*plates, *fingers]), 0.004, STEEL, 0.55, 0.35),
+        (shapely.union_all(bolts), 0.005, IRON, 0.7, 0.2),
+    ]
+
+
+def _strip() -> list[Layer]:
+    """A module of a strip seal of a bridge: a rubber profile between two steel edges."""
+    half = MODULE_M / 2
+    edges = [box(-0.10, -half, -0.04, half), box(0.04, -half, 0.10, half)]
+    return [
+        (box(-0.04, -half, 0.04, half), 0.001, RUBBER, 0.8, 0.0),
+        (shapely.union_all(edges), 0.003, STEEL, 0.55, 0.35),
+        (box(-0.006, -half, 0.006, half), 0.002, SLOT, 0.95, 0.0),
     ]
 
 
