@@ -4,13 +4,19 @@ import math
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 import shapely
+from benchmarks.damage import __main__ as command
 from benchmarks.damage import statistics as stats
 from benchmarks.damage.placed import Placed, placed
-from benchmarks.damage.sources import photographs
+from benchmarks.damage.plot import save_plot
+from benchmarks.damage.sources import Photographs, rdd2022, uav_pdd2023
+from benchmarks.damage.widths import crack_widths
+from PIL import Image
 from shapely import Point
 
+from pavetwin.defects import DefectOptions, place
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.model import Defect, Segment, Severity
 
@@ -98,27 +104,105 @@ def test_potholes_beside_networks_and_boxes_in_one_view_are_counted() -> None:
     assert stats.per_km(found, "pothole", by="town")["per_km"].to_list() == [40.0]
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    """Three photographs: two boxes, one of them cut; a patch; nothing."""
-    (tmp_path / "annotations" / "xmls").mkdir(parents=True)
-    boxes = (
-        BOX.format("D00", 100, 100, 130, 400) + BOX.format("D40", 480, 20, 511, 60),
-        BOX.format("D20", 10, 10, 110, 60) + BOX.format("Repair", 1, 2, 3, 4),
-        "",
-    )
-    for number, text in enumerate(boxes):
-        (tmp_path / "annotations" / "xmls" / f"{number}.xml").write_text(f"<annotation>{text}</annotation>")
-    return tmp_path
+@pytest.fixture(scope="module")
+def rdd(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Photographs in the form of RDD2022: a crack, a network and a pothole in each, a second crack in the first half, a
+    crack cut by the border in the first, and one without boxes."""
+    folder, rng = tmp_path_factory.mktemp("rdd"), np.random.default_rng(3)
+    for part in ("images", "annotations/xmls"):
+        (folder / part).mkdir(parents=True)
+    for number in range(13):
+        boxes = []
+        if number < 12:
+            sides = np.exp(rng.normal(np.log([150, 120, 60]), 0.4)).round()
+            boxes = [("D00", 240, 30, 270, 30 + sides[0]), ("D20", 20, 300, 20 + sides[1], 300 + sides[1] / 2)]
+            boxes += [("D40", 380, 380, 380 + sides[2], 430), ("Repair", 1, 2, 3, 4)]
+        boxes += [("D10", 300, 20, 400, 40)] * (number < 6) + [("D00", 480, 20, 511, 90)] * (number == 0)
+        text = "".join(BOX.format(*box) for box in boxes)
+        (folder / "annotations" / "xmls" / f"{number:03d}.xml").write_text(f"<annotation>{text}</annotation>")
+        Image.fromarray(road(rng, 0.0)).save(folder / "images" / f"{number:03d}.jpg")
+    return folder
 
 
-def test_boxes_of_photographs_are_read_with_what_their_border_cuts(folder: Path) -> None:
-    seen = photographs(folder)
-    assert seen.images == 3
-    assert seen.boxes["kind"].to_list() == ["single_crack", "pothole", "crocodile_crack"]
-    assert seen.boxes["cut"].to_list() == [False, True, False]
-    sizes, cut = stats.photograph_sizes(seen.boxes, "single_crack")
-    assert (sizes.tolist(), cut.tolist()) == ([pytest.approx(math.hypot(30, 300))], [False])
-    assert stats.boxes_in_photographs(seen).tolist() == [0.5, 0.5, 0, 0, 0]
-    with pytest.raises(PaveTwinError, match="annotations"):
-        photographs(folder / "annotations")
+def road(rng: np.random.Generator, crack_px: float) -> np.ndarray:
+    """A photograph of pavement with an upright crack of a width at column 255."""
+    grey = rng.normal(150, 4, (512, 512))
+    grey[:, 255] *= 1 - 0.65 * crack_px
+    return np.clip(grey, 0, 255).astype(np.uint8)
+
+
+def test_boxes_of_photographs_are_read_with_what_their_border_cuts(rdd: Path, tmp_path: Path) -> None:
+    seen = rdd2022(rdd)
+    assert seen.images == 13
+    assert dict(seen.boxes.group_by("kind").len().iter_rows()) == {
+        "single_crack": 19, "crocodile_crack": 12, "pothole": 12
+    }  # fmt: skip
+    assert seen.boxes.filter("cut")["xmin"].to_list() == [480.0]
+    assert stats.boxes_in_photographs(seen).tolist() == pytest.approx([0, 0, 6 / 12, 5 / 12, 1 / 12])
+    with pytest.raises(PaveTwinError, match="has no annotations/xmls"):
+        rdd2022(tmp_path)
+    with pytest.raises(PaveTwinError, match="UAV-PDD2023"):
+        uav_pdd2023(tmp_path)
+
+
+@pytest.mark.parametrize("crack_px", [0.0, 0.5, 0.9])
+def test_the_width_of_a_crack_is_what_it_darkens(tmp_path: Path, crack_px: float) -> None:
+    """Of clear cracks a little less: the darkness that noise alone would have is subtracted."""
+    Image.fromarray(road(np.random.default_rng(1), crack_px)).save(tmp_path / "a.png")
+    rows = [(str(tmp_path / "a.png"), "single_crack", 240.0, 40.0, 270.0, 440.0, False)]
+    boxes = pl.DataFrame(rows, schema=["image", "kind", "xmin", "ymin", "xmax", "ymax", "cut"], orient="row")
+    assert crack_widths(Photographs("a", 1, boxes, 512)).tolist() == [pytest.approx(crack_px, abs=0.17)]
+
+
+@pytest.fixture(scope="module")
+def surveyed() -> Placed:
+    """Ten streets of three segments."""
+    streets = [strip(number, f"street {number // 3}") for number in range(30)]
+    return placed([("t", streets, place(streets, 2, DefectOptions()))])
+
+
+def test_a_survey_places_what_its_sources_found(surveyed: Placed) -> None:
+    cracks, networks, potholes = stats.mix(surveyed)
+    assert 0.80 < cracks < 0.95
+    assert 0.03 < networks < 0.18
+    assert 0.005 < potholes < 0.06
+    along, across, _ = stats.directions(surveyed)
+    assert 0.38 < along < 0.64
+    assert 0.28 < across < 0.52
+    diagonals, sides = (stats.fitted(stats.box_sizes(surveyed, kind)) for kind in ("single_crack", "crocodile_crack"))
+    assert 1.15 < diagonals.median < 1.65
+    assert 0.55 < diagonals.sigma < 0.9
+    assert 0.75 < sides.median < 1.5
+    assert 4.0 < 1000 * surveyed.of("single_crack")["width_m"].median() < 7.2  # type: ignore[operator]
+    low, medium, high = stats.severities(surveyed, "single_crack")
+    assert 0.08 < medium < 0.35
+    assert high < 0.02
+    assert low + medium + high == pytest.approx(1)
+    near, lanes = stats.pairs(surveyed), stats.from_lane_centres(surveyed)
+    assert near.near > 1.3 * near.near_random
+    assert 0.35 < lanes["from_centre_m"].is_between(*stats.WHEEL_PATH_M).mean() < 0.7  # type: ignore[operator]
+    streets = stats.per_km(surveyed)["per_km"].to_numpy()
+    assert 0.4 < stats.fitted(streets[streets > 0]).sigma < 1.9
+
+
+def test_the_command_prints_the_table(
+    surveyed: Placed, rdd: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(command, "towns", lambda *_: [])
+    monkeypatch.setattr(command, "placed", lambda _: surveyed)
+    assert command.main(["--rdd", str(rdd)]) == 0
+    said = capsys.readouterr().out
+    assert f"at {1000 * stats.pixel_m(surveyed, rdd2022(rdd)):.1f} mm a pixel" in said
+    assert "| box of potholes, longer side: median, σ (number) | " in said
+    assert "RDD2022 88 : 9.6 : 2.8; UAV-PDD2023 93 : 5.5 : 1.8" in said
+    assert all(line.count("|") == 4 for line in said.splitlines() if line)
+    assert command.main(["--rdd", str(tmp_path)]) == 2
+
+
+@pytest.mark.slow
+def test_the_distributions_are_drawn(surveyed: Placed, rdd: Path, tmp_path: Path) -> None:
+    for number, seen in enumerate(([], [rdd2022(rdd)])):
+        save_plot(surveyed, seen, tmp_path / f"{number}.png")
+    with Image.open(tmp_path / "0.png") as alone, Image.open(tmp_path / "1.png") as both:
+        assert alone.width == both.width > 1500
+        assert alone.tobytes() != both.tobytes()

@@ -1,9 +1,10 @@
-"""`python -m benchmarks.damage [PHOTOGRAPHS]`: what a damage population places, beside what its sources found.
+"""`python -m benchmarks.damage`: what a damage population places, beside what its sources found.
 
-    python -m benchmarks.damage ../shared/data/real/rdd2022_china_drone/China_Drone/train --plot docs/images/damage.png
+    python -m benchmarks.damage --rdd ../shared/data/real/rdd2022_china_drone/China_Drone/train \\
+        --pdd ../shared/data/real/uav_pdd2023_samples --plot docs/images/damage.png
 
-builds several towns and prints the table of docs/explanation/defects.md. Without the folder of photographs (RDD2022's
-China drone subset) their boxes are left out.
+builds several towns and prints the table of docs/explanation/defects.md. Without the folders of photographs (RDD2022's
+China drone subset, samples of UAV-PDD2023) their boxes are left out.
 """
 
 import argparse
@@ -14,7 +15,7 @@ from typing import Final
 
 from benchmarks.damage.placed import placed
 from benchmarks.damage.plot import save_plot
-from benchmarks.damage.sources import photographs
+from benchmarks.damage.sources import rdd2022, uav_pdd2023
 from benchmarks.damage.table import table
 from pavetwin.cli.console import fail, out, progress
 from pavetwin.defects import DefectOptions, place
@@ -44,14 +45,15 @@ def towns(
 def main(arguments: Sequence[str] | None = None) -> int:
     """The exit code."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.damage", description=__doc__.splitlines()[0])
-    parser.add_argument("photographs", nargs="?", type=Path, help="folder of RDD2022's China drone subset: its train/")
+    parser.add_argument("--rdd", type=Path, metavar="FOLDER", help="RDD2022's China drone subset: its train/")
+    parser.add_argument("--pdd", type=Path, metavar="FOLDER", help="samples of UAV-PDD2023")
     parser.add_argument("--maps", nargs="*", default=[], metavar="MAP.osm", help="towns of maps, beside generated ones")
     parser.add_argument("--towns", type=int, default=TOWNS, help="how many towns to generate")
     parser.add_argument("--population", default="survey", help="damage population: a name or a file")
     parser.add_argument("--plot", type=Path, help="draw the distributions into this file")
     asked = parser.parse_args(arguments)
     try:
-        seen = None if asked.photographs is None else photographs(asked.photographs)
+        seen = [read(folder) for read, folder in ((rdd2022, asked.rdd), (uav_pdd2023, asked.pdd)) if folder]
         with progress("Building towns") as tell:
             found = placed(list(towns(asked.maps, asked.towns, asked.population, tell)))
         if asked.plot is not None:

@@ -12,7 +12,7 @@ from pavetwin.world.model import Defect, Segment
 from pavetwin.world.segments import direction_at
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Placed:
     """Segments and the defects on them."""
 

@@ -1,6 +1,6 @@
 """The distributions in one picture, beside those of the sources."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -12,20 +12,23 @@ from scipy.stats import lognorm
 from benchmarks.damage import statistics as stats
 from benchmarks.damage.placed import Placed
 from benchmarks.damage.sources import CLASSES, COUNTS, NAMES, POTHOLES_PER_KM, Photographs
+from benchmarks.damage.table import LEAST_BOXES
+from benchmarks.damage.widths import crack_widths
 from pavetwin.arrays import Float64Array
 from pavetwin.defects.severity import CRACK_MEDIUM_M
 from pavetwin.draw import style
 
-Panel = Callable[[Axes, Placed, Photographs | None], None]
+Panel = Callable[[Axes, Placed, Sequence[Photographs]], None]
 
 ACROSS, DOWN = 4, 2
 WIDTH_IN, HEIGHT_IN = 2.35, 1.75
 GAP_IN: Final = (0.62, 0.85)
-OURS, THEIRS, PLAIN = "#1F6FB2", "#C2571A", "#B9B3A9"
+OURS, THEIRS, LIGHT, PLAIN = "#1F6FB2", "#C2571A", "#E8B48C", "#B9B3A9"
+DASHES: Final = ((0, (3, 2)), (0, (1, 1.2)))
 SEVERITIES: Final = ("#D9D4CB", "#E0A458", "#A63446")
 
 
-def save_plot(found: Placed, seen: Photographs | None, path: Path) -> None:
+def save_plot(found: Placed, seen: Sequence[Photographs], path: Path) -> None:
     """Eight panels; what is placed is blue, what photographs show is orange."""
     panels: tuple[tuple[str, Panel], ...] = (
         ("Classes", _mix),
@@ -38,8 +41,8 @@ def save_plot(found: Placed, seen: Photographs | None, path: Path) -> None:
         ("Boxes in one view", _views),
     )
     with style.styled():
-        width = 0.55 + ACROSS * (WIDTH_IN + GAP_IN[0]) - GAP_IN[0] + 0.12
-        figure = style.new_figure(width, 0.5 + DOWN * (HEIGHT_IN + GAP_IN[1]) - 0.35)
+        width = 0.55 + ACROSS * (WIDTH_IN + GAP_IN[0]) - GAP_IN[0] + 0.15
+        figure = style.new_figure(width, 0.5 + DOWN * (HEIGHT_IN + GAP_IN[1]) - 0.55)
         for number, (title, draw) in enumerate(panels):
             axes = _axes(figure, number)
             axes.set_title(title, fontsize=8)
@@ -54,11 +57,11 @@ def _axes(figure: Figure, number: int) -> Axes:
     return style.axes_in(figure, left, bottom, WIDTH_IN, HEIGHT_IN)
 
 
-def _mix(axes: Axes, found: Placed, _seen: Photographs | None) -> None:
+def _mix(axes: Axes, found: Placed, _seen: Sequence[Photographs]) -> None:
     shown = {"placed": stats.mix(found)} | {name: np.array(counts) / sum(counts) for name, counts in COUNTS.items()}
     for at, (name, shares) in enumerate(shown.items()):
         places = np.arange(len(CLASSES)) + 0.27 * (at - 1)
-        axes.bar(places, 100 * shares, 0.25, color=(OURS, THEIRS, "#E8B48C")[at], label=name)
+        axes.bar(places, 100 * shares, 0.25, color=(OURS, THEIRS, LIGHT)[at], label=name)
         for place, share in zip(places, shares, strict=True):
             axes.annotate(
                 f"{100 * share:.0f}",
@@ -74,24 +77,30 @@ def _mix(axes: Axes, found: Placed, _seen: Photographs | None) -> None:
     axes.legend()
 
 
-def _sizes(axes: Axes, found: Placed, seen: Photographs | None) -> None:
-    pixel_m = None if seen is None else stats.pixel_m(found, seen)
+def _sizes(axes: Axes, found: Placed, seen: Sequence[Photographs]) -> None:
     grid = np.geomspace(0.1, 12, 200)
     for kind in CLASSES:
         colour = style.DEFECT_COLOURS[kind]
         sizes = np.sort(stats.box_sizes(found, kind))
         axes.plot(sizes, 100 * np.arange(1, len(sizes) + 1) / len(sizes), color=colour, label=NAMES[kind])
-        if seen is not None and pixel_m is not None:
-            fit = stats.fitted(*stats.photograph_sizes(seen.boxes, kind))
-            theirs = lognorm.cdf(grid, fit.sigma, scale=fit.median * pixel_m)
-            axes.plot(grid, 100 * theirs, color=colour, linewidth=1.0, linestyle=(0, (3, 2)))
+        for source, dash in zip(seen, DASHES, strict=False):
+            boxes = stats.photograph_sizes(source.boxes, kind)
+            if len(boxes[0]) >= LEAST_BOXES:
+                fit = stats.fitted(*boxes)
+                theirs = lognorm.cdf(grid, fit.sigma, scale=fit.median * stats.pixel_m(found, source))
+                axes.plot(grid, 100 * theirs, color=colour, linewidth=1.0, linestyle=dash)
     axes.set(xscale="log", xlim=(0.1, 12), ylim=(0, 100), ylabel="% are smaller")
     axes.set_xticks([0.1, 0.3, 1, 3, 10], ["0.1", "0.3", "1", "3", "10"])
-    axes.set_xlabel("m" if pixel_m is None else f"m; dashed: RDD2022 at {1000 * pixel_m:.1f} mm a pixel")
+    known = zip(
+        (f"{source.name} at {1000 * stats.pixel_m(found, source):.1f} mm" for source in seen),
+        ("– –", "· ·"),
+        strict=False,
+    )
+    axes.set_xlabel("; ".join(["m", *(f"{dash} {name}" for name, dash in known)]), fontsize=6.5)
     axes.legend(loc="upper left", handlelength=1.2)
 
 
-def _severity(axes: Axes, found: Placed, _seen: Photographs | None) -> None:
+def _severity(axes: Axes, found: Placed, _seen: Sequence[Photographs]) -> None:
     shares = np.array([stats.severities(found, kind) for kind in CLASSES])
     left = np.zeros(len(CLASSES))
     for at, name in enumerate(("low", "medium", "high")):
@@ -108,22 +117,32 @@ def _severity(axes: Axes, found: Placed, _seen: Photographs | None) -> None:
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)
 
 
-def _widths(axes: Axes, found: Placed, _seen: Photographs | None) -> None:
+def _widths(axes: Axes, found: Placed, seen: Sequence[Photographs]) -> None:
     widths = 1000 * found.of("single_crack")["width_m"].to_numpy()
-    axes.hist(widths, np.geomspace(1, 80, 34), color=OURS, weights=np.full(len(widths), 100 / len(widths)))
+    axes.hist(widths, np.geomspace(1, 80, 30), color=OURS, weights=np.full(len(widths), 100 / len(widths)))
     axes.axvline(1000 * CRACK_MEDIUM_M, color=style.INK_SOFT, linewidth=0.8, linestyle=(0, (3, 2)))
-    axes.annotate(
-        "medium", (1000 * CRACK_MEDIUM_M, 1), (3, -8), ("data", "axes fraction"), "offset points", fontsize=6.5
-    )
-    axes.set(xscale="log", xlim=(1, 80), ylabel="% of cracks", xlabel="mm")
+    axes.annotate("medium\nseverity", (11, 0.62), xycoords=("data", "axes fraction"), fontsize=6.5, va="top")
+    for source, colour in zip(seen, (THEIRS, LIGHT), strict=False):
+        middle = 1000 * stats.pixel_m(found, source) * float(np.median(crack_widths(source)))
+        axes.axvline(middle, color=colour, linewidth=1.2, label=f"median, {source.name}")
+    if seen:
+        axes.legend(loc="upper right", handlelength=1.0, borderaxespad=0)
+    axes.set_ylim(0, 1.6 * axes.get_ylim()[1])
+    axes.set(xscale="log", xlim=(1, 80), ylabel="% of cracks", xlabel="mm where they are widest")
     axes.set_xticks([1, 3, 10, 30], ["1", "3", "10", "30"])
 
 
-def _density(axes: Axes, found: Placed, _seen: Photographs | None) -> None:
+def _density(axes: Axes, found: Placed, _seen: Sequence[Photographs]) -> None:
     streets = stats.per_km(found)["per_km"].to_numpy()
     least = 10.0
     edges = np.geomspace(least, 3000, 18)
     axes.hist(np.maximum(streets, least), edges, color=OURS, weights=np.full(len(streets), 100 / len(streets)))
+    fit = stats.fitted(streets[streets > 0])
+    shares = np.diff(lognorm.cdf(edges, fit.sigma, scale=fit.median)) * float((streets > 0).mean())
+    label = f"lognormal, σ {fit.sigma:.2f}"
+    axes.plot(np.sqrt(edges[1:] * edges[:-1]), 100 * shares, color=style.INK, linewidth=0.9, label=label)
+    axes.legend(loc="upper right", handlelength=1.2)
+    axes.set_ylim(0, 1.3 * axes.get_ylim()[1])
     holes = stats.per_km(found, "pothole", by="town")
     mean = 1000 * holes["number"].sum() / holes["length_m"].sum()
     ends = sorted(POTHOLES_PER_KM.values())
@@ -135,34 +154,31 @@ def _density(axes: Axes, found: Placed, _seen: Photographs | None) -> None:
     )  # fmt: skip
 
 
-def _pairs(axes: Axes, found: Placed, _seen: Photographs | None) -> None:
+def _pairs(axes: Axes, found: Placed, _seen: Sequence[Photographs]) -> None:
     near = stats.pairs(found)
-    axes.plot(near.distance_m, near.over_all, color=OURS, label="of random places on all streets")
-    axes.plot(
-        near.distance_m, near.on_streets, color=OURS, linestyle=(0, (3, 2)), label="of random places on its segment"
-    )
+    axes.plot(near.distance_m, near.over_all, color=OURS, label="as at random on all streets")
+    axes.plot(near.distance_m, near.on_streets, color=OURS, linestyle=(0, (3, 2)), label="as at random on the segment")
     axes.axhline(1, color=style.INK_SOFT, linewidth=0.6)
-    axes.set(xlim=(0, 10), ylim=(0, None), ylabel="times as many pairs as", xlabel="m apart")
+    axes.set(xlim=(0, 10), ylim=(0, 1.45 * float(near.over_all.max())), ylabel="times as many pairs", xlabel="m apart")
     axes.legend(loc="upper right", handlelength=1.6)
 
 
-def _lanes(axes: Axes, found: Placed, _seen: Photographs | None) -> None:
+def _lanes(axes: Axes, found: Placed, _seen: Sequence[Photographs]) -> None:
     lanes = stats.from_lane_centres(found)["from_centre_m"].to_numpy()
     edges = np.arange(0, 2.6, 0.1)
     axes.hist(lanes, edges, color=OURS, weights=np.full(len(lanes), 100 / len(lanes)))
     axes.axvspan(*stats.WHEEL_PATH_M, color=PLAIN, alpha=0.35, zorder=0, linewidth=0)
-    axes.annotate("wheel path", (0.82, 0.97), xycoords=("data", "axes fraction"), ha="center", va="top", fontsize=6.5)
+    axes.annotate("wheel path", (1.15, 0.80), xycoords=("data", "axes fraction"), ha="left", va="top", fontsize=6.5)
     axes.annotate(
         "joint or\nedge", (1.85, 0.97), xycoords=("data", "axes fraction"), ha="center", va="top", fontsize=6.5
     )
     axes.set(xlim=(0, 2.5), ylabel="% of them", xlabel="m from the middle of the lane")
 
 
-def _views(axes: Axes, found: Placed, seen: Photographs | None) -> None:
-    side_m = 3.0 if seen is None else stats.side_of_photographs_m(stats.pixel_m(found, seen))
+def _views(axes: Axes, found: Placed, seen: Sequence[Photographs]) -> None:
+    side_m = seen[0].side_px * stats.pixel_m(found, seen[0]) if seen else 3.0
     shown: list[tuple[str, str, Float64Array]] = [("placed", OURS, stats.boxes_in_view(found, side_m))]
-    if seen is not None:
-        shown.append(("RDD2022", THEIRS, stats.boxes_in_photographs(seen)))
+    shown += [(source.name, THEIRS, stats.boxes_in_photographs(source)) for source in seen[:1]]
     for at, (name, colour, shares) in enumerate(shown):
         axes.bar(np.arange(1, 6) + 0.4 * (at - 0.5), 100 * shares, 0.38, color=colour, label=name)
     axes.set_xticks(range(1, 6), ["1", "2", "3", "4", "≥ 5"])

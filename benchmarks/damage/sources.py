@@ -12,16 +12,17 @@ from pavetwin.errors import PaveTwinError
 
 CLASSES: Final = ("single_crack", "crocodile_crack", "pothole")
 NAMES: Final = {"single_crack": "cracks", "crocodile_crack": "networks", "pothole": "potholes"}
+RDD, PDD = "RDD2022", "UAV-PDD2023"
 
-COUNTS: Final[Mapping[str, tuple[int, int, int]]] = {"RDD2022": (2689, 293, 86), "UAV-PDD2023": (10078, 603, 195)}
+COUNTS: Final[Mapping[str, tuple[int, int, int]]] = {RDD: (2689, 293, 86), PDD: (10078, 603, 195)}
 """Boxes of cracks, networks and potholes in drones' photographs: the China drone subset of RDD2022 (Arya et al. 2022)
 and UAV-PDD2023."""
 
-DIRECTIONS: Final[Mapping[str, tuple[int, int, int]]] = {"RDD2022": (1126, 1010, 0), "UAV-PDD2023": (2994, 5398, 1686)}
+DIRECTIONS: Final[Mapping[str, tuple[int, int, int]]] = {RDD: (1126, 1010, 0), PDD: (2994, 5398, 1686)}
 """Of their cracks along the street, across it, and oblique; RDD2022 has no oblique ones."""
 
 POTHOLES_PER_KM: Final[Mapping[str, float]] = {
-    "photographs of US streets, each of 3 m (RoadBotics)": 2800 / 9144,
+    "photographs of US streets (RoadBotics)": 2800 / 9144,
     "councils of England without London (ALARM 2007)": 3 / 1.609344,
     "counted on foot in Great Britain (AA Streetwatch 2012)": 6.25 / 1.609344,
     "London's councils (ALARM 2007)": 28 / 1.609344,
@@ -30,37 +31,69 @@ POTHOLES_PER_KM: Final[Mapping[str, float]] = {
 REPAIRED_M: Final = (0.04, 0.20)
 """Depth and width from which a council repairs a pothole (Suffolk County Council)."""
 
-SIDE_PX: Final = 512
-"""Of the photographs of RDD2022's China drone subset."""
+PDD_PIXEL_M: Final = 0.010
+"""Of the samples of UAV-PDD2023, 1280 pixels wide: lanes of 3.5 to 3.75 m are 350 to 380 pixels wide in them, and a car
+some 500 long."""
 
-CLASS_OF: Final = {"D00": "single_crack", "D10": "single_crack", "D20": "crocodile_crack", "D40": "pothole"}
+_CLASS_OF: Final = {
+    **{"D00": "single_crack", "D10": "single_crack", "D20": "crocodile_crack", "D40": "pothole"},
+    **dict.fromkeys(("Longitudinal crack", "Transverse crack", "Oblique crack"), "single_crack"),
+    **{"Alligator crack": "crocodile_crack", "Pothole": "pothole"},
+}
 _CORNERS: Final = ("xmin", "ymin", "xmax", "ymax")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Photographs:
     """The labels of photographs."""
 
+    name: str
     images: int
     boxes: pl.DataFrame
-    """Columns `image`, `kind`, `xmin`, `ymin`, `xmax`, `ymax` (pixels), and `cut`: whether the border cuts the box."""
+    """Columns `image` (its file), `kind`, `xmin`, `ymin`, `xmax`, `ymax` (pixels), and `cut`: whether the border cuts
+    the box."""
+    side_px: int
+    """Of the shorter side of a photograph."""
+    pixel_m: float | None = None
+    """What a pixel covers, where it is known."""
 
 
-def photographs(folder: Path) -> Photographs:
-    """The boxes of RDD2022's China drone subset; `folder` holds its `annotations/xmls`.
+def rdd2022(folder: Path) -> Photographs:
+    """The China drone subset of RDD2022; `folder` is its `train`, with `images` and `annotations/xmls`.
 
     Raises:
-        PaveTwinError: there are none.
+        PaveTwinError: there are no annotations.
     """
     files = sorted((folder / "annotations" / "xmls").glob("*.xml"))
+    _check(files, folder, "annotations/xmls/*.xml of RDD2022's China drone subset")
+    images = [folder / "images" / f"{file.stem}.jpg" for file in files]
+    return Photographs(RDD, len(files), _boxes(files, images, (512, 512)), 512)
+
+
+def uav_pdd2023(folder: Path) -> Photographs:
+    """Samples of UAV-PDD2023 of 1280 × 960 pixels, with `annotations`.
+
+    Raises:
+        PaveTwinError: there are no annotations.
+    """
+    files = sorted((folder / "annotations").glob("*_annotation.xml"))
+    _check(files, folder, "annotations/*_annotation.xml of UAV-PDD2023")
+    images = [folder / f"{file.stem.removesuffix('_annotation')}.jpg" for file in files]
+    return Photographs(PDD, len(files), _boxes(files, images, (1280, 960)), 960, PDD_PIXEL_M)
+
+
+def _check(files: list[Path], folder: Path, what: str) -> None:
     if not files:
-        raise PaveTwinError(f"'{folder}' has no annotations/xmls/*.xml of RDD2022's China drone subset.")
+        raise PaveTwinError(f"'{folder}' has no {what}.")
+
+
+def _boxes(files: list[Path], images: list[Path], size_px: tuple[int, int]) -> pl.DataFrame:
     rows = []
-    for file in files:
+    for file, image in zip(files, images, strict=True):
         for thing in ElementTree.parse(file).getroot().iter("object"):
-            kind = CLASS_OF.get(thing.findtext("name", ""))
+            kind = _CLASS_OF.get(thing.findtext("name", ""))
             if kind is not None:
                 corners = [float(thing.findtext(f"bndbox/{name}", "nan")) for name in _CORNERS]
-                cut = min(corners) <= 1 or max(corners) >= SIDE_PX - 2
-                rows.append((file.stem, kind, *corners, cut))
-    return Photographs(len(files), pl.DataFrame(rows, schema=["image", "kind", *_CORNERS, "cut"], orient="row"))
+                inside = min(corners) > 1 and corners[2] < size_px[0] - 2 and corners[3] < size_px[1] - 2
+                rows.append((str(image), kind, *corners, not inside))
+    return pl.DataFrame(rows, schema=["image", "kind", *_CORNERS, "cut"], orient="row")

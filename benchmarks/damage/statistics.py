@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -9,7 +10,7 @@ import polars as pl
 from scipy import stats
 
 from benchmarks.damage.placed import Placed
-from benchmarks.damage.sources import CLASSES, SIDE_PX, Photographs
+from benchmarks.damage.sources import CLASSES, Photographs
 from pavetwin.arrays import Float64Array
 
 NEAR_M: Final = 2.0
@@ -68,8 +69,12 @@ def _sizes(along: Float64Array, across: Float64Array, kind: str) -> Float64Array
     return np.hypot(along, across) if kind == "single_crack" else np.maximum(along, across)
 
 
+@cache
 def pixel_m(found: Placed, seen: Photographs) -> float:
-    """The one ground resolution at which the medians of the three classes are, as a whole, those of photographs [m]."""
+    """What a pixel covers [m]; where it is not known, the one resolution at which the medians of the three classes are,
+    as a whole, what is placed."""
+    if seen.pixel_m is not None:
+        return seen.pixel_m
     ratios = [
         math.log(fitted(box_sizes(found, kind)).median / fitted(*photograph_sizes(seen.boxes, kind)).median)
         for kind in CLASSES
@@ -230,11 +235,6 @@ def shares_of_counts(counts: Float64Array) -> Float64Array:
     return np.bincount(some, minlength=6)[1:] / len(some)
 
 
-def side_of_photographs_m(pixel: float) -> float:
-    """What a photograph shows [m]."""
-    return SIDE_PX * pixel
-
-
 def worn_share(found: Placed, area: float = 0.2) -> Float64Array:
     """(2,) shares of the networks and of the potholes on that share of the area that has most cracks."""
     worst = per_km(found, "single_crack", by="at").sort("per_100_m2", descending=True)
@@ -242,3 +242,10 @@ def worn_share(found: Placed, area: float = 0.2) -> Float64Array:
     chosen = worst.filter(pl.col("area_m2").cum_sum() <= area * whole)["at"].implode()
     shares = [found.of(kind)["at"].is_in(chosen).mean() for kind in CLASSES[1:]]
     return np.array([float(share or 0.0) for share in shares])  # type: ignore[arg-type]
+
+
+def slenderness(boxes: pl.DataFrame) -> float:
+    """The median of the shorter over the longer side of the networks that are seen whole."""
+    whole = boxes.filter(pl.col("kind") == "crocodile_crack", ~pl.col("cut"))
+    sides = np.stack([whole[f"{name}max"].to_numpy() - whole[f"{name}min"].to_numpy() for name in ("x", "y")])
+    return float(np.median(sides.min(axis=0) / sides.max(axis=0)))

@@ -1,6 +1,7 @@
 """The comparison as a Markdown table: what a population places, beside its sources."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Final
 
 import numpy as np
 import polars as pl
@@ -8,18 +9,22 @@ import polars as pl
 from benchmarks.damage import statistics as stats
 from benchmarks.damage.placed import Placed
 from benchmarks.damage.sources import CLASSES, COUNTS, DIRECTIONS, NAMES, POTHOLES_PER_KM, REPAIRED_M, Photographs
+from benchmarks.damage.widths import crack_widths
 
 Row = tuple[str, str, str]
 """What, what is placed, what the sources have."""
 
+LEAST_BOXES: Final = 10
+"""Of fewer no distribution is told."""
 
-def table(found: Placed, seen: Photographs | None) -> str:
+
+def table(found: Placed, photographs: Sequence[Photographs]) -> str:
     """All rows; of photographs where there are some."""
     lines = ["| what | placed | sources |", "|---|---|---|"]
-    return "\n".join(lines + [f"| {' | '.join(row)} |" for row in rows(found, seen)])
+    return "\n".join(lines + [f"| {' | '.join(row)} |" for row in rows(found, photographs)])
 
 
-def rows(found: Placed, seen: Photographs | None) -> Iterator[Row]:
+def rows(found: Placed, photographs: Sequence[Photographs]) -> Iterator[Row]:
     """One after the other."""
     yield (
         "cracks : networks : potholes, %",
@@ -31,50 +36,54 @@ def rows(found: Placed, seen: Photographs | None) -> Iterator[Row]:
         _percents(stats.directions(found)),
         _listed((name, _percents(_shares(counts))) for name, counts in DIRECTIONS.items()),
     )
-    yield from _sizes(found, seen)
+    yield from _sizes(found, photographs)
+    widths = 1000 * found.of("single_crack")["width_m"].to_numpy()
+    theirs = _listed((seen.name, _widths(found, seen)) for seen in photographs)
+    yield "widths of cracks at their widest, mm: 5 %, median, 95 %", _quantiles(widths, 1), theirs or "–"
     for kind in CLASSES:
         yield f"{NAMES[kind]} of low : medium : high severity, %", _percents(stats.severities(found, kind)), "–"
-    widths = found.of("single_crack")["width_m"].to_numpy() * 1000
-    yield "widths of cracks, mm: 5 %, median, 95 %", _quantiles(widths, 1), "–"
     holes = found.of("pothole")
     deep = (holes["depth_m"] >= REPAIRED_M[0]) & (holes["width_m"] >= REPAIRED_M[1])
     which = f"potholes at least {1000 * REPAIRED_M[0]:.0f} mm deep and {100 * REPAIRED_M[1]:.0f} cm wide, %"
     yield which, f"{100 * float(deep.mean() or 0):.0f}", "from here a council repairs them (Suffolk)"
     yield from _densities(found)
     yield from _places(found)
-    if seen is not None:
-        side_m = stats.side_of_photographs_m(stats.pixel_m(found, seen))
+    for seen in photographs[:1]:
+        side_m = seen.side_px * stats.pixel_m(found, seen)
         yield (
             f"squares of {side_m:.1f} m with 1 : 2 : 3 : 4 : more boxes, of those with any, %",
             _percents(stats.boxes_in_view(found, side_m)),
-            f"RDD2022 {_percents(stats.boxes_in_photographs(seen))}",
+            f"{seen.name} {_percents(stats.boxes_in_photographs(seen))}",
         )
 
 
-def _sizes(found: Placed, seen: Photographs | None) -> Iterator[Row]:
-    pixel_m = stats.pixel_m(found, seen) if seen is not None else 0.0
+def _sizes(found: Placed, photographs: Sequence[Photographs]) -> Iterator[Row]:
     for kind in CLASSES:
-        own, theirs = stats.fitted(stats.box_sizes(found, kind)), ""
-        if seen is not None:
-            fit = stats.fitted(*stats.photograph_sizes(seen.boxes, kind))
-            theirs = (
-                f"RDD2022 {fit.median:.0f} pixels, at {1000 * pixel_m:.1f} mm {fit.median * pixel_m:.2f} m; "
-                f"σ {fit.sigma:.2f}"
-            )
+        own, theirs = stats.fitted(stats.box_sizes(found, kind)), []
+        for seen in photographs:
+            boxes, pixel_m = stats.photograph_sizes(seen.boxes, kind), stats.pixel_m(found, seen)
+            if len(boxes[0]) >= LEAST_BOXES:
+                fit = stats.fitted(*boxes)
+                theirs.append((seen.name, f"{fit.median * pixel_m:.2f} m, σ {fit.sigma:.2f} ({fit.number})"))
         what = "diagonal" if kind == "single_crack" else "longer side"
-        yield f"box of {NAMES[kind]}, {what}: median, σ", f"{own.median:.2f} m; σ {own.sigma:.2f}", theirs or "–"
+        yield (
+            f"box of {NAMES[kind]}, {what}: median, σ (number)",
+            f"{own.median:.2f} m, σ {own.sigma:.2f} ({own.number})",
+            _listed(theirs) or "–",
+        )
     networks = found.of("crocodile_crack")
-    ratio = networks.select((pl.col("across_m") / pl.col("along_m")).median()).item()
-    yield "networks: across over along, median", f"{ratio:.2f}", _ratio(seen)
+    slender = networks.select(pl.min_horizontal("across_m", "along_m") / pl.max_horizontal("across_m", "along_m"))
+    yield (
+        "networks: shorter over longer side, median",
+        f"{slender.to_series().median():.2f}",
+        _listed((seen.name, f"{stats.slenderness(seen.boxes):.2f}") for seen in photographs) or "–",
+    )
 
 
-def _ratio(seen: Photographs | None) -> str:
-    if seen is None:
-        return "–"
-    whole = seen.boxes.filter(pl.col("kind") == "crocodile_crack", ~pl.col("cut"))
-    sides = np.stack([whole[f"{name}max"].to_numpy() - whole[f"{name}min"].to_numpy() for name in ("x", "y")])
-    upright, slender = np.median(sides[0] / sides[1]), np.median(sides.min(0) / sides.max(0))
-    return f"RDD2022 {upright:.2f}; shorter over longer {slender:.2f}"
+def _widths(found: Placed, seen: Photographs) -> str:
+    """The median and what 95 % stay below, of which noise is a part."""
+    middle, most = np.quantile(crack_widths(seen), [0.5, 0.95]) * 1000 * stats.pixel_m(found, seen)
+    return f"median {middle:.1f}, 95 % {most:.0f} at {1000 * stats.pixel_m(found, seen):.1f} mm a pixel"
 
 
 def _densities(found: Placed) -> Iterator[Row]:
