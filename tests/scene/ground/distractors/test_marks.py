@@ -10,7 +10,7 @@ import shapely
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.scene.ground import GroundPlan, fixture_models, fixtures, plan_ground
-from pavetwin.scene.ground.distractors.fixtures import REACH_M
+from pavetwin.scene.ground.distractors.fixtures import LEAVES, LITTER, REACH_M
 from pavetwin.scene.ground.distractors.marks import marks
 from pavetwin.scene.ground.looks import mark, street_look
 from pavetwin.scene.ground.looks.mark import mark_names
@@ -18,7 +18,7 @@ from pavetwin.scene.ground.markings.painter import Paint
 from pavetwin.scene.ground.markings.placement import markings
 from pavetwin.scene.ground.markings.standard import paint
 from pavetwin.scene.model import TILE_M
-from scenes import built
+from scenes import built, tiny
 
 TOWN = "seattle_roosevelt"
 
@@ -85,10 +85,34 @@ def test_distractors_have_no_label() -> None:
 
 def test_every_flush_fixture_has_a_model_within_its_reach() -> None:
     assert set(REACH_M) == set(fixture_models())
-    for name in ("cover_square", "cover_collared", "grate_slots"):
-        positions = fixture_models()[name].parts["body"].positions
-        assert np.hypot(positions[:, 0], positions[:, 1]).max() <= REACH_M[name]
-        assert positions[:, 2].max() < 0.01
+    for name, model in fixture_models().items():
+        positions = model.parts["body"].positions
+        assert np.hypot(positions[:, 0], positions[:, 1]).max() <= REACH_M[name], name
+        assert positions[:, 2].max() < (0.05 if name.startswith(("lea", "litter")) else 0.01), name
+
+
+def test_litter_and_leaves_are_of_many_forms_and_leaves_drift_to_kerbs() -> None:
+    forms = [fixture_models()[name].parts["body"].positions for name in (*LITTER, *LEAVES)]
+    assert len({form.tobytes() for form in forms}) == len(LITTER) + len(LEAVES)
+    found = Counter(fixture.model for fixture in plan().fixtures)
+    assert min(found[name] for name in (*LITTER, *LEAVES)) > 0
+    drifts = [fixture for fixture in plan().fixtures if fixture.model == "leaf_drift"]
+    assert len(drifts) > 10
+    to_kerb = shapely.distance(plan().road.boundary, shapely.points([(each.x, each.y) for each in drifts]))
+    assert to_kerb.max() < 0.05
+    assert all(plan().road.contains(shapely.Point(each.x, each.y)) for each in drifts)
+
+
+def test_water_runs_along_kerbs_as_often_as_the_look_says() -> None:
+    world = tiny.straight(length_m=400.0)
+    varied = street_look("varied")
+    dry, wet = (
+        varied.model_copy(update={"dirt": varied.dirt.model_copy(update={"water": water})}) for water in (0.0, 3.0)
+    )
+    few, many = (np.array(plan_ground(world, 3, look=look).repairs.spots) for look in (dry, wet))
+    assert len(many) > len(few) + 100
+    damp = many[many[:, 2] > 0.04]
+    assert (np.abs(damp[:, 1]) > 2.5).mean() > 0.6
 
 
 @pytest.mark.parametrize(

@@ -24,9 +24,15 @@ REACH_M: Final = {
     "cover_collared": 0.62,
     "grate": 0.33,
     "grate_slots": 0.43,
-    "valve": 0.13,
+    "valve": 0.145,
     "leaves": 0.9,
-    "litter": 0.5,
+    "leaves_few": 0.9,
+    "leaf_drift": 1.7,
+    "litter": 0.65,
+    "litter_paper": 0.5,
+    "litter_bag": 0.3,
+    "litter_tyre": 0.65,
+    "litter_small": 0.75,
     "joint_comb": 0.36,
     "joint_strip": 0.29,
 }
@@ -45,8 +51,22 @@ GRATE_AT_M: Final = {"grate": 0.155, "grate_slots": 0.205}
 MOST_COVERS: Final = 0.6
 """Share of a town's covers that are of its usual kind; the others are of any."""
 
-LOOSE: Final = frozenset({"leaves", "litter", "joint_comb", "joint_strip"})
+LEAVES: Final = ("leaves", "leaves_few")
+LITTER: Final = ("litter", "litter_paper", "litter_bag", "litter_tyre", "litter_small")
+
+LOOSE: Final = frozenset({*LEAVES, "leaf_drift", *LITTER, "joint_comb", "joint_strip"})
 """What may lie on other fixtures, or beside its own kind."""
+
+DRIFTS: Final = 0.6
+"""Share of trees with leaves along the kerb beside them. Ours."""
+
+DRIFT_REACH_M: Final = 6.0
+DRIFT_HALF_M: Final = 1.5
+STRAIGHT_M: Final = 0.04
+"""A tree's distance from the kerb, and half the length of kerb that must be straight to so much, for leaves there."""
+
+DRIFT_KEY: Final = 15
+"""Key of their child of the scene's random stream."""
 
 LITTER_KEY: Final = 13
 """Key of litter's children of the scene's random stream."""
@@ -73,7 +93,7 @@ def placed(layout: SurfaceLayout) -> tuple[Fixture, ...]:
     for junction in layout.world.junctions:
         found += _on_junction(layout, junction, covers)
     found += [Fixture(model, x, y, 0.0, turn) for model, x, y, turn in modules(layout)]
-    return tuple(_apart(layout, [*found, *_litter(layout), *_leaves(layout)]))
+    return tuple(_apart(layout, [*found, *_litter(layout), *_leaves(layout), *_drifts(layout)]))
 
 
 def _apart(layout: SurfaceLayout, candidates: Sequence[Fixture]) -> Iterator[Fixture]:
@@ -162,7 +182,8 @@ def _litter(layout: SurfaceLayout) -> Iterator[Fixture]:
                 away = min(float(rng.exponential(0.5)) + 0.3, segment.width_m - 0.6)
                 left = (half - away) * float(rng.choice([-1.0, 1.0]))
                 station = float(rng.uniform(0.0, segment.length_m))
-                yield _beside(segment, "litter", station, left, float(rng.uniform(0, 6.28)))
+                model = LITTER[int(rng.integers(len(LITTER)))]
+                yield _beside(segment, model, station, left, float(rng.uniform(0, 6.28)))
 
 
 def _leaves(layout: SurfaceLayout) -> Iterator[Fixture]:
@@ -183,4 +204,22 @@ def _leaves(layout: SurfaceLayout) -> Iterator[Fixture]:
         for index in range(len(part)):
             if kept[start + index] and np.ptp(levels[:, index]) < 0.004:
                 x, y = part[index]
-                yield Fixture("leaves", float(x), float(y), float(levels[0, index]), float(turns[start + index]))
+                model = LEAVES[(start + index) % len(LEAVES)]
+                yield Fixture(model, float(x), float(y), float(levels[0, index]), float(turns[start + index]))
+
+
+def _drifts(layout: SurfaceLayout) -> Iterator[Fixture]:
+    """Leaves along kerbs near trees."""
+    rng = child(layout.seed, Stream.SCENE, DRIFT_KEY)
+    for tree, draw in zip(layout.trees.shapes, rng.random((len(layout.trees.shapes), 3)).tolist(), strict=True):
+        if draw[0] >= min(1.0, DRIFTS * layout.look.dirt.leaves):
+            continue
+        line = layout.edges.pieces[int(layout.edges.tree.nearest(tree))]
+        if line.distance(tree) > DRIFT_REACH_M or line.length < 2 * DRIFT_HALF_M:
+            continue
+        station = float(np.clip(line.project(tree) + 6.0 * draw[1] - 3.0, DRIFT_HALF_M, line.length - DRIFT_HALF_M))
+        foot, (dx, dy) = line.interpolate(station), direction(line, station)
+        ends = [line.interpolate(station + side * DRIFT_HALF_M) for side in (-1.0, 1.0)]
+        straight = all(abs((end.x - foot.x) * dy - (end.y - foot.y) * dx) < STRAIGHT_M for end in ends)
+        if straight and heights(layout, [(foot.x + 0.3 * dy, foot.y - 0.3 * dx)])[0] > 0.1:
+            yield Fixture("leaf_drift", foot.x - 0.03 * dy, foot.y + 0.03 * dx, 0.0, float(np.arctan2(dy, dx)))

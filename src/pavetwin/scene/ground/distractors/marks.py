@@ -5,7 +5,7 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from shapely import LineString, MultiLineString, STRtree
+from shapely import LineString, MultiLineString, Polygon, STRtree
 
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.layout.lines import LineFrame
@@ -61,8 +61,9 @@ class _Placing:
         self.plan = plan
         self.painter = Painter()
         self.parked = STRtree([place.centre for place in plan.world.parking])
-        self.painted = STRtree([LineString(ends) for ends in _ends(markings.bars)])
-        self.colours = markings.bar_looks[:, 0]
+        painted = [LineString(ends) for ends in _ends(markings.bars)] + [Polygon(ring) for ring in markings.outlines]
+        self.painted = STRtree(painted)
+        self.colours = np.concatenate([markings.bar_looks[:, 0], markings.outline_looks[:, 0]])
         self.marked: Nearby[float] = Nearby(4.0)
 
     def place(self, street: StreetPlan, segment: Segment, kind: Mark, rng: np.random.Generator) -> None:

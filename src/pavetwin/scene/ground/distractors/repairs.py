@@ -31,6 +31,9 @@ from pavetwin.world.model import Lane
 PUDDLES_M: Final = 28.0
 """Mean distance along a street between marks of puddles, both sides together; ours."""
 
+RUNNELS_M: Final = 90.0
+"""Mean distance along a street between damp courses of water along a kerb, both sides together; ours."""
+
 WHEELS_M: Final = 0.78
 """Half the track of a car."""
 
@@ -88,6 +91,8 @@ class _OnSegment(SegmentMarks):
         rates = self.pavement.repairs
         for _ in range(self.count(self.plan.look.dirt.water * self.length / PUDDLES_M)):
             self._puddle()
+        for _ in range(self.count(self.plan.look.dirt.water * self.length / RUNNELS_M)):
+            self._runnel()
         Patching(self).draw()
         for _ in range(self.count(rates.sealed_cracks * self.cracked * self.length / 20)):
             self._crack_across()
@@ -138,6 +143,17 @@ class _OnSegment(SegmentMarks):
             offset = self.rng.normal(0.0, (0.55, 0.14))
             x, y = self.world(along + offset[0], np.clip(left + offset[1], -self.half, self.half))
             self.found.spots.append((float(x), float(y), self.between(0.12, 0.5), strength))
+
+    def _runnel(self) -> None:
+        """The damp course of water that ran along a kerb."""
+        reach, strength = self.between(3.0, 12.0), self.between(0.15, 0.45)
+        side = float(self.rng.choice([-1.0, 1.0]))
+        stations = np.arange(0.0, reach, 0.22) + self.between(0.0, max(0.1, self.length - reach))
+        away = 0.2 + 0.10 * np.abs(wander(self.rng, stations, 0.6))
+        widths = np.linspace(self.between(0.05, 0.1), self.between(0.14, 0.26), len(stations))
+        inside = (stations > 0) & (stations < self.length)
+        for (x, y), width in zip(self.world(stations, side * (self.half - away))[inside], widths[inside], strict=True):
+            self.found.spots.append((float(x), float(y), float(width), strength))
 
     def _slab_joints(self) -> None:
         """Between slabs: across the carriageway, and along it between lanes."""

@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.distractors.bridge_joints import MODULE_M
+from pavetwin.scene.ground.distractors.fixtures import LEAVES, LITTER
 from pavetwin.scene.model import Mesh, Model
 from pavetwin.scene.models import BODY
 from pavetwin.seeds import Stream, child
@@ -38,17 +39,27 @@ RUBBER: Final = (0.022, 0.022, 0.023)
 
 COLLAR: Final = (0.30, 0.295, 0.275)
 
-LITTER: Final = 5
 LITTER_KINDS: Final = (
     ((0.62, 0.61, 0.58), 0.11, 0.07),
     ((0.24, 0.17, 0.10), 0.16, 0.10),
     ((0.50, 0.51, 0.52), 0.12, 0.065),
     ((0.55, 0.53, 0.48), 0.05, 0.03),
     ((0.30, 0.03, 0.03), 0.09, 0.04),
+    ((0.03, 0.035, 0.04), 0.34, 0.05),
+    ((0.58, 0.60, 0.62), 0.30, 0.24),
+    ((0.10, 0.075, 0.05), 0.42, 0.018),
 )
-"""Linear reflectance and sides [m]: paper, carton, a flattened can, a receipt, a wrapper. Ours."""
+"""Linear reflectance and sides [m]: paper, carton, a flattened can, a receipt, a wrapper, a strip of a tyre, a bag, a
+stick. Ours."""
 
-LEAVES: Final = 46
+LITTER_PIECES: Final = (((0, 1, 2, 3, 4), 0.4), ((0, 3, 3), 0.25), ((6,), 0.05), ((5, 7), 0.3), ((2, 4, 7, 3), 0.45))
+"""Which pieces each model has, and how far they are scattered [m]."""
+
+LEAF_COUNTS: Final = (46, 14)
+DRIFT_LEAVES: Final = 90
+DRIFT_M: Final = (1.5, 0.10)
+"""Half length and spread of leaves that lie along a kerb."""
+
 LEAF_TONES: Final = (
     (0.20, 0.115, 0.04), (0.26, 0.17, 0.05), (0.13, 0.07, 0.03), (0.17, 0.15, 0.05), (0.22, 0.09, 0.035),
 )  # fmt: skip
@@ -69,7 +80,9 @@ def fixture_models() -> Mapping[str, Model]:
         "joint_comb": _comb(),
         "joint_strip": _strip(),
     }
-    meshes = {name: _plates(of) for name, of in layers.items()} | {"leaves": _leaves(), "litter": _litter()}
+    meshes = {name: _plates(of) for name, of in layers.items()}
+    meshes |= {name: _leaves(number) for number, name in enumerate(LEAVES)} | {"leaf_drift": _drift()}
+    meshes |= {name: _litter(number) for number, name in enumerate(LITTER)}
     return MappingProxyType({name: Model(name, {BODY: mesh}) for name, mesh in meshes.items()})
 
 
@@ -185,13 +198,14 @@ def _strip() -> list[Layer]:
     ]
 
 
-def _litter() -> Mesh:
-    """Paper, cartons and a flattened can, scattered over a square metre."""
-    rng = child(1, Stream.SCENE, 101)
+def _litter(model: int) -> Mesh:
+    """Paper, cartons, cans and the like, scattered over a square metre at most."""
+    rng = child(1, Stream.SCENE, 101, model)
     positions, colours = [], []
-    for number in range(LITTER):
-        tone, long_m, wide_m = LITTER_KINDS[number % len(LITTER_KINDS)]
-        middle, turn = rng.uniform(-0.4, 0.4, 2), rng.uniform(0, 2 * np.pi)
+    pieces, apart_m = LITTER_PIECES[model]
+    for kind in pieces:
+        tone, long_m, wide_m = LITTER_KINDS[kind]
+        middle, turn = rng.uniform(-apart_m, apart_m, 2), rng.uniform(0, 2 * np.pi)
         square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (long_m / 2, wide_m / 2)
         outline = square * rng.uniform(0.75, 1.0, (4, 2))
         cos, sin = np.cos(turn), np.sin(turn)
@@ -248,12 +262,23 @@ def _plates(layers: Sequence[Layer]) -> Mesh:
     return _mesh(np.concatenate(positions), np.concatenate(colours), np.concatenate(surface))
 
 
-def _leaves() -> Mesh:
-    """Leaves scattered over a disc, denser in its middle, each a little bent up at its tip."""
-    rng = child(1, Stream.SCENE, 100)
+def _leaves(model: int) -> Mesh:
+    """Leaves scattered over a disc, denser in its middle."""
+    rng = child(1, Stream.SCENE, 100, model)
+    return _scattered(rng, np.clip(rng.normal(0.0, 0.36, (LEAF_COUNTS[model], 2)), -0.6, 0.6))
+
+
+def _drift() -> Mesh:
+    """Leaves that wind and water left along a kerb; x is along it."""
+    rng = child(1, Stream.SCENE, 103)
+    along = DRIFT_M[0] * rng.uniform(-1.0, 1.0, DRIFT_LEAVES) * np.sqrt(rng.uniform(0.1, 1.0, DRIFT_LEAVES))
+    return _scattered(rng, np.column_stack([along, np.abs(rng.normal(0.0, DRIFT_M[1], DRIFT_LEAVES))]))
+
+
+def _scattered(rng: np.random.Generator, middles: Float64Array) -> Mesh:
+    """A leaf at each place (n, 2), a little bent up at its tip."""
     positions, colours = [], []
-    for _ in range(LEAVES):
-        middle = rng.normal(0.0, 0.36, 2)
+    for middle in middles:
         turn, half = rng.uniform(0, 2 * np.pi), rng.uniform(0.018, 0.042)
         outline = np.array([[-1.0, 0.0], [-0.2, -0.55], [1.0, 0.0], [-0.2, 0.55]]) * half
         cos, sin = np.cos(turn), np.sin(turn)
