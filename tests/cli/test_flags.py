@@ -73,6 +73,8 @@ USUAL: dict[str, tuple[str, ...]] = {
     "fly": ("town", "-o", "new"),
     "capture make": ("town", "-o", "new"),
     "data import": ("uav-cars", "town", "-o", "new"),
+    "data pack": ("roads", "-o", "new"),
+    "train": ("roads", "-o", "new"),
     "experiment init": ("new.yaml",),
     "experiment run": ("plain.yaml", "-o", "new"),
 }
@@ -83,6 +85,7 @@ NEEDS_RESULTS = {
     "data export --formats",
     "experiment recommend --traffic",
     "experiment recommend --world",
+    "train --device",
 }
 """Options of commands that read a dataset or a study; tested with those commands."""
 

@@ -9,7 +9,7 @@ import typer
 
 from pavetwin.cli.arguments import DatasetFolder, NamingCommand, SheetCount, SheetFile, split_shares
 from pavetwin.cli.console import err, out, progress
-from pavetwin.errors import PaveTwinError, naming
+from pavetwin.errors import PaveTwinError, naming, no_such
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -260,6 +260,39 @@ def export(
     out.line(f"{told} in {output}/")
     if counts.get("yolo-seg") is not None:
         out.line("yolo-seg has the images whose labels all have outlines.")
+
+
+@app.command()
+def pack(
+    datasets: Annotated[list[Path], typer.Argument(help="Folders with COCO files: exported datasets and captures.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="File to write.")] = None,
+    max_mb: Annotated[float, typer.Option(help="Size of the file in millions of bytes, at most.")] = 60.0,
+    quality: Annotated[int, typer.Option(help="Of WebP, 1 to 100; lowered where the file would be too large.")] = 90,
+    longest: Annotated[
+        int | None, typer.Option(help="Longer side of pictures in pixels, at most; as they are unless given.")
+    ] = None,
+    splits: Annotated[str, typer.Option(help="Splits to pack, with commas.")] = "train,val",
+) -> None:
+    """Pack datasets into one file, to train from it here or on another machine.
+
+    \b
+    pavetwin data pack datasets/all-coco datasets/town -o all.pack
+    pavetwin data pack datasets/all-coco -o small.pack --max-mb 20 --longest 512
+    """
+    from pavetwin.labels import SPLITS
+    from pavetwin.perception.examples.opening import read_examples
+    from pavetwin.perception.examples.pack import PackOptions, write_pack
+
+    if output is None:
+        raise PaveTwinError("Say where the file goes with -o, for example -o all.pack.")
+    names = tuple(re.split(r"[,\s]+", splits.strip()))
+    for name in names:
+        if name not in SPLITS:
+            raise PaveTwinError(no_such("split", name, SPLITS, key="`splits`"))
+    options = PackOptions(max_mb, quality, longest or 0)
+    with progress("Packing", lines=True) as tell:
+        summary = write_pack(read_examples(datasets, names), output, options, tell)
+    out.line(f"{summary.images} images in {output}: {summary.size_mb:.1f} MB at quality {summary.quality}")
 
 
 @app.command()

@@ -8,13 +8,13 @@ import torch
 from pavetwin.perception.training.assignment import assign, uncounted
 from pavetwin.perception.training.losses import (
     Losses,
-    LossWeights,
     complete_iou,
     detection_losses,
     mask_loss,
     subtype_loss,
 )
 from pavetwin.perception.training.network import Anchors, Encoded
+from pavetwin.perception.training.options import LossWeights
 from pavetwin.perception.training.targets import Targets, no_targets
 
 STRIDES = (8, 16, 32)

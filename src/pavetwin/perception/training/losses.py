@@ -17,22 +17,10 @@ from torch.nn import functional
 from pavetwin.perception.training.architecture import REG_MAX
 from pavetwin.perception.training.assignment import assign, iou, uncounted
 from pavetwin.perception.training.network import Anchors, Encoded
+from pavetwin.perception.training.options import LossWeights
 from pavetwin.perception.training.targets import Targets
 
 _EPS: Final = 1e-7
-
-
-@dataclass(frozen=True, slots=True)
-class LossWeights:
-    """Of the parts; the first three are those of the published YOLOv8."""
-
-    box: float = 7.5
-    classes: float = 0.5
-    distribution: float = 1.5
-    subtype: float = 1.0
-    """α"""
-    mask: float = 1.0
-    """μ; 0 trains no masks."""
 
 
 @dataclass(frozen=True, slots=True)

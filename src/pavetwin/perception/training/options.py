@@ -8,11 +8,23 @@ from pavetwin.errors import PaveTwinError, nearest_name, no_such
 from pavetwin.perception.classes import COARSE, SUBTYPES
 from pavetwin.perception.training.architecture import Architecture, variant
 from pavetwin.perception.training.augment import ViewOptions
-from pavetwin.perception.training.losses import LossWeights
 
 ORDERS: Final = ("real-synthetic", "synthetic-real", "mixed", "real", "synthetic")
 """Stages of the detector: photographs and then synthetic images with some photographs among them, the other way round,
 both together with the same share of photographs, or one of them alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class LossWeights:
+    """Of the parts; the first three are those of the published YOLOv8."""
+
+    box: float = 7.5
+    classes: float = 0.5
+    distribution: float = 1.5
+    subtype: float = 1.0
+    """α"""
+    mask: float = 1.0
+    """μ; 0 trains no masks."""
 
 
 def _about(text: str, default: Any, low: float | None = None, high: float | None = None) -> Any:

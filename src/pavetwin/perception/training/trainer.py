@@ -92,10 +92,10 @@ class Trainer:
         torch.backends.cudnn.deterministic = True
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(options.seed)
-            self._network = DetectorNetwork(options.architecture)
+            self.network = DetectorNetwork(options.architecture)
         if start is not None:
-            load_weights(self._network, start)
-        self._network.to(self._device)
+            load_weights(self.network, start)
+        self.network.to(self._device)
         self._is_new = start is None
         self._folder = RunFolder(folder)
         begun = load_network(start)[1].get("run", str(start.name)) if start is not None else None
@@ -130,12 +130,13 @@ class Trainer:
 
     def _begin(self, phase: Phase) -> None:
         """A fresh optimiser and moving average, over what the phase trains."""
-        trained = self._network.regions if phase.classifier else self._network
-        decayed = [each for each in trained.parameters() if each.ndim > 1]
-        others = [each for each in trained.parameters() if each.ndim <= 1]
+        trained = self.network.regions if phase.classifier else self.network
+        self._trained = list(trained.parameters())
+        decayed = [each for each in self._trained if each.ndim > 1]
+        others = [each for each in self._trained if each.ndim <= 1]
         groups = [{"params": decayed, "weight_decay": self._options.weight_decay}, {"params": others}]
         self._optimiser = torch.optim.AdamW(groups, lr=self._options.rate, weight_decay=0.0)
-        self._average = MovingAverage(self._network, self._options)
+        self._average = MovingAverage(self.network, self._options)
 
     def _resume(self) -> None:
         state = self._folder.load(self._device)
@@ -143,9 +144,8 @@ class Trainer:
             return
         try:
             self._progress = _Progress(**state["progress"], curves=state["curves"])
-            if self._progress.phase < len(self._phases):
-                self._begin(self._phases[self._progress.phase])
-            self._network.load_state_dict(state["network"])
+            self._begin(self._phases[min(self._progress.phase, len(self._phases) - 1)])
+            self.network.load_state_dict(state["network"])
             self._average.network.load_state_dict(state["average"])
             self._average.steps = state["average_steps"]
             self._optimiser.load_state_dict(state["optimiser"])
@@ -168,7 +168,7 @@ class Trainer:
                     "best_epoch": it.best_epoch,
                 },
                 "curves": it.curves,
-                "network": self._network.state_dict(),
+                "network": self.network.state_dict(),
                 "average": self._average.network.state_dict(),
                 "average_steps": self._average.steps,
                 "optimiser": self._optimiser.state_dict(),
@@ -207,16 +207,16 @@ class Trainer:
 
     def _step(self, batch: Batch, phase: Phase, rate: float) -> list[float]:
         """The losses of a batch, the total last; the weights have moved."""
-        self._network.train()
+        self.network.train()
         if phase.classifier:
-            for part in (self._network.backbone, self._network.neck, self._network.detection):
+            for part in (self.network.backbone, self.network.neck, self.network.detection):
                 part.eval()
         momentum = (
             max(NORM_MOMENTUM, 1 / (1 + self._average.steps))
             if self._is_new and not self._progress.phase
             else NORM_MOMENTUM
         )
-        for each in self._network.modules():
+        for each in self.network.modules():
             if isinstance(each, nn.BatchNorm2d):
                 each.momentum = momentum
         for group in self._optimiser.param_groups:
@@ -234,9 +234,9 @@ class Trainer:
         self._optimiser.zero_grad(set_to_none=True)
         if total.requires_grad:
             total.backward()
-            nn.utils.clip_grad_norm_(self._network.parameters(), LONGEST_GRADIENT)
+            nn.utils.clip_grad_norm_(self._trained, LONGEST_GRADIENT)
             self._optimiser.step()
-        self._average.update(self._network)
+        self._average.update(self.network)
         return values
 
     def _losses(self, batch: Batch, phase: Phase) -> Losses:
@@ -247,9 +247,9 @@ class Trainer:
         half = self._machine.half and self._device.type == "cuda" and torch.cuda.is_bf16_supported()
         with torch.autocast(self._device.type, dtype=torch.bfloat16, enabled=half):
             with torch.set_grad_enabled(not phase.classifier):
-                encoded = self._network(images)
+                encoded = self.network(images)
             if len(targets.regions):
-                logits, masks = self._network.regions(encoded.maps, targets.regions)
+                logits, masks = self.network.regions(encoded.maps, targets.regions)
         if not phase.classifier:
             box, classes, distribution = detection_losses(encoded, targets)
         if len(targets.regions):
@@ -299,7 +299,7 @@ class Trainer:
         it.phase, it.epoch, it.best_epoch = it.phase + 1, 0, -1
         if it.phase == len(self._phases):
             return
-        load_weights(self._network, self._folder.path / "best.pt")
+        load_weights(self.network, self._folder.path / "best.pt")
         if not self._phases[it.phase].classifier:
             it.best = -1.0
         self._begin(self._phases[it.phase])
@@ -329,6 +329,8 @@ def _check(training: Sequence[Any], validation: Sequence[Any], options: Training
     for name, members in (("train", training), ("val", validation)):
         if not members:
             raise PaveTwinError(f"The datasets have no images in their split '{name}'; split them with both.")
+    if not any(not each.is_ignored for _, example in validation for each in example.objects):
+        raise PaveTwinError("The validation images have no labelled object, by which a network could be judged.")
     missing = missing_classes(example for _, example in training)
     if absent := [name for name in missing if name not in options.without_classes]:
         names = ", ".join(absent)

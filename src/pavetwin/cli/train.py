@@ -1,0 +1,100 @@
+"""`pavetwin train`: train the detector."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from shlex import quote
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pavetwin.cli.console import err, out
+from pavetwin.errors import PaveTwinError
+
+if TYPE_CHECKING:
+    from pavetwin.perception.training.trainer import Watcher
+
+
+def train(
+    datasets: Annotated[list[Path], typer.Argument(help="Folders with COCO files, or packed files (`data pack`).")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the run.")] = None,
+    size: Annotated[str | None, typer.Option(help="n, s, m or l; n unless given.")] = None,
+    image: Annotated[int | None, typer.Option(help="Side of images in pixels; 640 unless given.")] = None,
+    native: Annotated[
+        bool, typer.Option("--native", help="Crops at native resolution from larger images: thin cracks stay visible.")
+    ] = False,
+    order: Annotated[
+        str | None,
+        typer.Option(help="real-synthetic, synthetic-real, mixed, real or synthetic; the first unless given."),
+    ] = None,
+    epochs: Annotated[int | None, typer.Option(help="Of the detector in each stage; 40 unless given.")] = None,
+    batch: Annotated[int | None, typer.Option(help="Images of a step; 16 unless given.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Random seed; 0 is a seed too.")] = None,
+    without: Annotated[
+        str | None, typer.Option(help="Classes that the data need not have, as in --without Person,Car.")
+    ] = None,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="Any other setting, as in --set width=0.125; repeatable."),
+    ] = None,
+    start: Annotated[Path | None, typer.Option(help="Weights to begin with, as in --start other/best.pt.")] = None,
+    stop_after: Annotated[
+        float | None, typer.Option(metavar="MINUTES", min=0, help="Save after this time and stop; run again to go on.")
+    ] = None,
+    device: Annotated[str, typer.Option(help="cpu or cuda; a graphics card where there is one unless given.")] = "",
+    workers: Annotated[int, typer.Option(min=0, help="Processes that prepare images.")] = 0,
+) -> None:
+    """Train the detector on labelled images, or go on with a run that was stopped.
+
+    \b
+    pavetwin train datasets/china datasets/town -o runs/first
+    pavetwin train datasets/china -o runs/real --size s --without Person,Car
+    pavetwin train datasets.pack -o runs/small --image 320 --native --set width=0.125 --stop-after 9
+
+    Needs PyTorch (`pip install pavetwin[train]`). The same settings, data and hardware give the same weights.
+    """
+    if output is None:
+        raise PaveTwinError("Say where the run goes with -o, for example -o runs/first.")
+    from pavetwin.perception.examples.opening import read_examples
+    from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
+
+    given: dict[str, Any] = {"size": size, "image_px": image, "order": order, "epochs": epochs, "batch": batch}
+    given |= {"seed": seed, "without": without, "native": native or None}
+    pairs = [f"{name}={value}" for name, value in given.items() if value is not None]
+    options = TrainingOptions.parse([*pairs, *(overrides or [])])
+    if start is not None and not start.is_file():
+        raise PaveTwinError(f"`start`: there is no file of weights '{start}'; a run keeps its best in best.pt.")
+    _check_installed()
+    from pavetwin.perception.training.trainer import Trainer
+
+    with _watched() as watcher:
+        trainer = Trainer(read_examples(datasets), output, options, TrainingMachine(device, workers), watcher, start)
+        finished = trainer.run(60 * stop_after if stop_after is not None else None)
+    if not finished:
+        out.line(f"Stopped in time; the same command goes on with {output}/.")
+        return
+    best = max((row["map50"] for row in trainer.curves), default=0.0)
+    out.line(f"Trained: {quote(str(output / 'best.pt'))}, mAP@0.5 up to {best:.3f} on the validation images.")
+
+
+def _check_installed() -> None:
+    from importlib.util import find_spec
+
+    if find_spec("torch") is None or find_spec("torchvision") is None:
+        raise PaveTwinError("Training needs PyTorch, which is an extra; install it with `pip install pavetwin[train]`.")
+
+
+@contextmanager
+def _watched() -> Iterator["Watcher"]:
+    """Live curves on a terminal, plain lines elsewhere."""
+    if not err.rich.is_terminal:
+        from pavetwin.perception.training.watchers import PlainLines
+
+        yield PlainLines()
+        return
+    from rich.live import Live
+
+    from pavetwin.cli.training_curves import LiveCurves
+
+    with Live(console=err.rich, refresh_per_second=4) as live:
+        yield LiveCurves(live)

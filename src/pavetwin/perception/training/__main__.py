@@ -1,0 +1,47 @@
+"""`python -m pavetwin.perception.training`: training where there are only torch, torchvision, NumPy and Pillow."""
+
+import argparse
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.perception.examples.opening import read_examples
+from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
+from pavetwin.perception.training.trainer import Trainer
+from pavetwin.perception.training.watchers import PlainLines
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Train as `pavetwin train` does. Exit codes: 0 finished or stopped in time, 2 something the user can fix."""
+    parser = argparse.ArgumentParser(
+        prog="pavetwin.perception.training", description="Train the detector, or go on with a run."
+    )
+    parser.add_argument("datasets", nargs="+", type=Path, help="folders with COCO files, or packed files")
+    parser.add_argument("-o", "--output", type=Path, required=True, help="folder of the run")
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a setting; may be repeated")
+    parser.add_argument("--start", type=Path, help="weights to begin with")
+    parser.add_argument("--stop-after", type=float, metavar="MINUTES", help="save after this time, and stop")
+    parser.add_argument("--device", default="", help="cpu or cuda; a graphics card where there is one unless given")
+    parser.add_argument("--workers", type=int, default=0, help="processes that prepare images")
+    given = parser.parse_args(arguments)
+    try:
+        trainer = Trainer(
+            read_examples(given.datasets),
+            given.output,
+            TrainingOptions.parse(given.set),
+            TrainingMachine(given.device, given.workers),
+            PlainLines(),
+            given.start,
+        )
+        finished = trainer.run(60 * given.stop_after if given.stop_after is not None else None)
+    except PaveTwinError as error:
+        sys.stderr.write(f"Error: {re.sub(r'`overrides`', 'settings', str(error))}\n")
+        return 2
+    print(f"{'Finished' if finished else 'Stopped; the same command goes on'}: {given.output}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

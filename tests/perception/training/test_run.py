@@ -1,0 +1,257 @@
+"""A run: stopped and continued, killed and continued, refused; always with one curve and nothing lost."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.perception.examples.coco import read_coco
+from pavetwin.perception.examples.example import ExampleSet
+from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
+from pavetwin.perception.training.run_folder import load_network
+from pavetwin.perception.training.schedule import epoch_order, phases_of, rate_at
+from pavetwin.perception.training.trainer import Trainer
+from pavetwin.perception.training.watchers import Silent
+from scenes.drawn_roads import drawn_roads
+
+TINY = TrainingOptions(
+    width=0.03, depth=0.01, image_px=64, epochs=2, classifier_epochs=1, batch=4, warmup_epochs=1, mosaic_off=1, seed=3
+)
+BLOCKED = (
+    *("contourpy", "cv2", "defusedxml", "distributed", "duckdb", "libsumo", "matplotlib", "osmium"),
+    *("polars", "pyarrow", "pydantic", "pyogrio", "pyproj", "rich", "scipy", "shapely", "typer", "wgpu", "yaml"),
+    "pavetwin._core",
+)
+"""What PaveTwin uses and a machine that only trains need not have."""
+
+CPU = TrainingMachine(device="cpu")
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return drawn_roads(tmp_path_factory.mktemp("data"), {"train": 12, "val": 3}, size=(64, 48))
+
+
+@pytest.fixture(scope="module")
+def data(folder: Path) -> list[ExampleSet]:
+    return [read_coco(folder, ("train", "val"))]
+
+
+@pytest.fixture(scope="module")
+def whole(data: list[ExampleSet], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run without interruption."""
+    path = tmp_path_factory.mktemp("runs") / "whole"
+    assert Trainer(data, path, TINY, CPU, Silent()).run()
+    return path
+
+
+def same(one: Path, other: Path) -> bool:
+    """Whether two runs have the same curves and the same weights, bit by bit."""
+    weights = [load_network(path / "best.pt")[0].state_dict() for path in (one, other)]
+    equal = all(torch.equal(value, weights[1][name]) for name, value in weights[0].items())
+    return equal and (one / "curves.csv").read_bytes() == (other / "curves.csv").read_bytes()
+
+
+def test_a_run_has_a_row_for_each_epoch_and_weights(whole: Path) -> None:
+    lines = (whole / "curves.csv").read_text().splitlines()
+    assert lines[0].startswith("phase,epoch,rate,box,classes,distribution,subtype,mask,total,map50,map,Single Crack,")
+    assert [line.split(",")[:2] for line in lines[1:]] == [["all", "1"], ["all", "2"], ["all", "1"]] or len(lines) == 4
+    assert sorted(path.name for path in whole.iterdir()) == ["best.pt", "checkpoint.pt", "curves.csv", "run.json"]
+    network, told = load_network(whole / "best.pt")
+    assert network.architecture == TINY.architecture
+    assert told["options"]["seed"] == 3
+
+
+def test_a_finished_run_is_not_trained_again(whole: Path, data: list[ExampleSet]) -> None:
+    before = (whole / "curves.csv").read_bytes()
+    assert Trainer(data, whole, TINY, CPU, Silent()).run()
+    assert (whole / "curves.csv").read_bytes() == before
+
+
+def test_a_run_in_chunks_is_the_same_run(whole: Path, data: list[ExampleSet], tmp_path: Path) -> None:
+    """Stopped after every step, within epochs too."""
+    chunks = 1
+    while not Trainer(data, tmp_path / "run", TINY, CPU, Silent()).run(stop_after_s=0.0):
+        chunks += 1
+    assert chunks > 6
+    assert same(tmp_path / "run", whole)
+
+
+def test_a_killed_run_goes_on_to_the_same_curve(whole: Path, folder: Path, tmp_path: Path) -> None:
+    values = [f"--set={name}={value}" for name, value in TINY.as_mapping().items() if value != ""]
+    command = [sys.executable, "-m", "pavetwin.perception.training", folder, "-o", tmp_path / "run", "--device=cpu"]
+    started = subprocess.Popen(
+        [*map(str, command), *values], stderr=subprocess.PIPE, env={**os.environ, "PYTHONHASHSEED": "1"}
+    )
+    deadline = time.monotonic() + 120
+    while not (tmp_path / "run" / "checkpoint.pt").exists() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    started.send_signal(signal.SIGKILL)
+    started.wait()
+    ended = subprocess.run([*map(str, command), *values], capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stdout.startswith("Finished")
+    assert same(tmp_path / "run", whole)
+
+
+def test_another_seed_is_another_run(whole: Path, data: list[ExampleSet], tmp_path: Path) -> None:
+    Trainer(data, tmp_path / "run", replace(TINY, seed=4), CPU, Silent()).run()
+    assert not same(tmp_path / "run", whole)
+
+
+def test_workers_do_not_change_a_run(whole: Path, data: list[ExampleSet], tmp_path: Path) -> None:
+    assert Trainer(data, tmp_path / "run", TINY, TrainingMachine("cpu", workers=1), Silent()).run()
+    assert same(tmp_path / "run", whole)
+
+
+def test_training_needs_nothing_but_torch_numpy_and_pillow(folder: Path, tmp_path: Path) -> None:
+    """With everything else that PaveTwin uses blocked, the kernel too, a run is trained."""
+    script = f"""
+import sys
+sys.modules.update(dict.fromkeys({BLOCKED!r}))
+from pavetwin.perception.training.__main__ import main
+sys.exit(main([{str(folder)!r}, "-o", {str(tmp_path / "run")!r}, "--device", "cpu", "--set", "width=0.03", "--set",
+               "epochs=1", "--set", "classifier_epochs=0", "--set", "image_px=64", "--set", "depth=0.01"]))
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "run" / "best.pt").is_file()
+
+
+def refusal(*arguments: object) -> str:
+    with pytest.raises(PaveTwinError) as refused:
+        Trainer(*arguments)  # type: ignore[arg-type]
+    assert "\n" not in str(refused.value)
+    return str(refused.value)
+
+
+def test_a_folder_with_a_run_of_other_settings_is_refused(whole: Path, data: list[ExampleSet]) -> None:
+    before = {path: path.read_bytes() for path in whole.iterdir()}
+    other = replace(TINY, rate=0.5)
+    assert "holds a run with rate 0.001, not 0.5; give what it has" in refusal(data, whole, other, CPU, Silent())
+    changed = [replace(data[0], fingerprint="0" * 64)]
+    assert "holds a run with data " in refusal(changed, whole, TINY, CPU, Silent())
+    assert {path: path.read_bytes() for path in whole.iterdir()} == before
+
+
+def test_a_folder_with_something_else_is_refused(data: list[ExampleSet], folder: Path) -> None:
+    assert "exists and holds no run" in refusal(data, folder, TINY, CPU, Silent())
+
+
+def test_a_checkpoint_of_another_architecture_is_refused(whole: Path, data: list[ExampleSet], tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    run.mkdir()
+    (run / "checkpoint.pt").write_bytes((whole / "checkpoint.pt").read_bytes())
+    settings = json.loads((whole / "run.json").read_text())
+    settings["options"]["p2"] = True
+    (run / "run.json").write_text(json.dumps(settings))
+    told = refusal(data, run, replace(TINY, p2=True), CPU, Silent())
+    assert "is of another architecture or version" in told
+    assert (run / "checkpoint.pt").read_bytes() == (whole / "checkpoint.pt").read_bytes()
+
+
+def test_weights_of_another_architecture_are_refused(whole: Path, data: list[ExampleSet], tmp_path: Path) -> None:
+    start = whole / "best.pt"
+    told = refusal(data, tmp_path / "run", replace(TINY, activation="relu"), CPU, Silent(), start)
+    assert "is of another architecture: activation silu, not relu" in told
+    assert not (tmp_path / "run").exists()
+
+
+def test_weights_to_begin_with_are_taken(whole: Path, data: list[ExampleSet], tmp_path: Path) -> None:
+    trainer = Trainer(data, tmp_path / "run", TINY, CPU, Silent(), whole / "best.pt")
+    begun = trainer.network.state_dict()
+    wanted = load_network(whole / "best.pt")[0].state_dict()
+    assert all(torch.equal(value, begun[name]) for name, value in wanted.items())
+
+
+@pytest.mark.parametrize("content", [b"", b"no weights", b"PK\x03\x04" + 100 * b"\0"])
+def test_a_damaged_checkpoint_is_refused(whole: Path, data: list[ExampleSet], tmp_path: Path, content: bytes) -> None:
+    run = tmp_path / "run"
+    run.mkdir()
+    (run / "run.json").write_bytes((whole / "run.json").read_bytes())
+    (run / "checkpoint.pt").write_bytes(content)
+    assert "is damaged, or no file of this program's" in refusal(data, run, TINY, CPU, Silent())
+
+
+def test_a_dataset_without_a_class_is_refused_unless_told(tmp_path: Path) -> None:
+    folder = drawn_roads(
+        tmp_path / "d", {"train": 9, "val": 2}, size=(64, 48), names=("Pothole", "Single Crack", "Car")
+    )
+    data = [read_coco(folder, ("train", "val"))]
+    told = refusal(data, tmp_path / "run", TINY, CPU, Silent())
+    assert told == (
+        "No training image shows a labelled Crocodile Crack, Person; add a dataset that has some, or leave them out "
+        "(`without=Crocodile Crack,Person`)."
+    )
+    assert not (tmp_path / "run").exists()
+    Trainer(data, tmp_path / "run", replace(TINY, without="Crocodile Crack,Person"), CPU, Silent())
+
+
+def test_a_loss_that_is_not_finite_stops_the_run_and_keeps_the_checkpoint(
+    data: list[ExampleSet], tmp_path: Path
+) -> None:
+    trainer = Trainer(data, tmp_path / "run", TINY, CPU, Silent())
+    assert not trainer.run(stop_after_s=0.0)
+    before = (tmp_path / "run" / "checkpoint.pt").read_bytes()
+    with torch.no_grad():
+        trainer.network.detection.classes[0][-1].bias.fill_(float("nan"))
+    with pytest.raises(PaveTwinError, match=r"A loss is not finite \(phase 'all', epoch 1, step 2: .*classes nan"):
+        trainer.run()
+    assert (tmp_path / "run" / "checkpoint.pt").read_bytes() == before
+
+
+def test_the_stages_have_their_images(folder: Path, tmp_path: Path) -> None:
+    synthetic = read_coco(drawn_roads(tmp_path, {"train": 30, "val": 1}, size=(64, 48), synthetic=True), ("train",))
+    real = read_coco(folder, ("train",))
+    members = [(data, example) for data in (real, synthetic) for example in data.examples]
+    for order, expected in {
+        "real-synthetic": [("real", 12, 0), ("synthetic", 30, 10), ("synthetic, classifier", 30, 10)],
+        "synthetic-real": [("synthetic", 30, 0), ("real", 12, 4), ("real, classifier", 12, 4)],
+        "mixed": [("mixed", 30, 10), ("mixed, classifier", 30, 10)],
+        "real": [("real", 12, 0), ("real, classifier", 12, 0)],
+        "synthetic": [("synthetic", 30, 0), ("synthetic, classifier", 30, 0)],
+    }.items():
+        phases = phases_of(members, replace(TINY, order=order))
+        assert [(phase.name, phase.main, phase.drawn) for phase in phases] == expected
+    phase = phases_of(members, TINY)[1]
+    for epoch in range(3):
+        shown = [phase.members[at][1].is_synthetic for at in epoch_order(phase, (0, 1, epoch))]
+        assert (sum(shown), len(shown)) == (30, 40)
+    assert epoch_order(phase, (0, 1, 0)) != epoch_order(phase, (0, 1, 1))
+
+
+def test_the_rate_rises_and_falls() -> None:
+    rates = [rate_at(step, 100, 10, TINY) for step in range(100)]
+    assert rates[0] == pytest.approx(TINY.rate / 10)
+    assert max(rates) == rates[9] == pytest.approx(TINY.rate)
+    assert rates[55] == pytest.approx(TINY.rate * (0.01 + 0.99 / 2))
+    assert rates[-1] == pytest.approx(TINY.rate * 0.01, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (["epoch=3"], "`overrides`: no setting 'epoch' (did you mean 'epochs'?)"),
+        (["epochs=three"], "`overrides`: epochs takes a whole number (got 'three')."),
+        (["masks=yes"], "`overrides`: masks takes true or false (got 'yes')."),
+        (["epochs"], "`overrides`: 'epochs' is no setting; give name=value"),
+        (["rate=2"], "`rate` 2: it must be from 0 to 1."),
+        (["image_px=100"], "`image_px` 100: it must be a multiple of 32."),
+        (["order=real-sinthetic"], "`order`: no order 'real-sinthetic' (did you mean 'real-synthetic'?)"),
+        (["without=Cra"], "`without`: no class 'Cra'"),
+    ],
+)
+def test_wrong_settings_are_refused(values: list[str], message: str) -> None:
+    with pytest.raises(PaveTwinError) as refused:
+        TrainingOptions.parse(values)
+    assert message in str(refused.value)
