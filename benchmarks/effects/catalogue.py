@@ -128,6 +128,7 @@ VARIANTS: Final[Sequence[Variant]] = (
     Variant("phantom", "a Phantom 4 Pro", Kind.ASSUMPTION, settings={"aircraft": "phantom4pro"}),
     Variant("camera-paper", "the paper's camera", Kind.ASSUMPTION, settings={"camera.model": "paper"}),
     Variant("defects", "30 defects a segment instead of 15", Kind.ASSUMPTION, defects={**DEFECTS, "per_segment": 30}),
+    Variant("survey", "damage as surveys find it", Kind.ASSUMPTION, defects={"population": "survey"}),
     Variant("cracks", "only cracks", Kind.ASSUMPTION, defects=CRACKS, altitudes_m=CRACKS_ALTITUDES_M),
     Variant(
         "cracks-coarse", "only cracks, the paper's camera (against *only cracks*)", Kind.ASSUMPTION,
