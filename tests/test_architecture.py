@@ -382,7 +382,7 @@ def test_what_a_user_installs_is_what_the_package_imports() -> None:
 
 def test_the_lock_covers_what_is_asked_for() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    extras = [*project["project"]["optional-dependencies"]["augment"]]
+    extras = [each for name in ("augment", "evaluate") for each in project["project"]["optional-dependencies"][name]]
     names = distributions_in(project["project"]["dependencies"] + extras + project["dependency-groups"]["dev"])
     lock = (ROOT / "requirements.lock").read_text(encoding="utf-8").splitlines()
     locked = {line.partition("==")[0] for line in lock if "==" in line and not line.startswith((" ", "#"))}

@@ -1,0 +1,135 @@
+"""Bootstrap intervals over images (Efron 1979): images of one group, which show one place, are drawn together.
+
+Two files of detections of the same images are compared on the same draws.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from pavetwin.arrays import Float64Array
+from pavetwin.perception.classes import ROAD_DEFECT
+from pavetwin.perception.evaluation.matching import HALF, Matched
+from pavetwin.perception.evaluation.scores import weighted_precision
+
+SHARE: Final = 0.95
+"""Of an interval: between the quantiles that leave out half of the rest on either side."""
+
+Metrics = Mapping[str, float]
+"""Name → value, NaN where it is undefined."""
+
+
+@dataclass(frozen=True, slots=True)
+class ResampledInterval:
+    """A value and its percentile interval; NaN where it is undefined."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class ResampledDifference:
+    """Of a metric: the second file's value less the first's."""
+
+    value: float
+    low: float
+    high: float
+    p: float
+    """Twice the smaller share of draws on one side of 0, at most 1; ties count on both sides."""
+
+
+def metrics_of(five: Matched, coarse: Matched, confidence: float) -> Callable[[Float64Array], Metrics]:
+    """The metrics of a detector as functions of how often each image is there."""
+
+    def values(weights: Float64Array) -> Metrics:
+        found: dict[str, float] = {}
+        precision = [weighted_precision(each, weights) for each in five.classes]
+        found["map50"] = _mean([float(each[HALF]) for each in precision])
+        found["map50_95"] = _mean([float(each.mean()) for each in precision])
+        half = slice(HALF, HALF + 1)
+        found["coarse_map50"] = _mean([float(weighted_precision(each, weights, half)[0]) for each in coarse.classes])
+        counts = np.array([_counts(five, at, weights, confidence) for at in range(len(five.classes))])
+        there = counts[:, 0] > 0
+        objects, hits, said = counts[there].T
+        found["precision"] = _mean(list(np.divide(hits, said, out=np.zeros_like(hits), where=said > 0)))
+        found["recall"] = _mean(list(hits / objects))
+        found["f1"] = _mean(list(2 * hits / (said + objects)))
+        for each, row in zip(five.classes, precision, strict=True):
+            found[f"ap50 {each.name}"] = float(row[HALF])
+        defects = coarse.classes[ROAD_DEFECT]
+        found[f"ap50 {defects.name}"] = float(weighted_precision(defects, weights, half)[0])
+        return found
+
+    return values
+
+
+def _counts(matched: Matched, at: int, weights: Float64Array, confidence: float) -> tuple[float, float, float]:
+    """Objects, hits and detections that count of a class."""
+    each = matched.classes[at]
+    used = np.where((each.confidence >= confidence) & ~each.left_out[HALF], weights[each.image], 0.0)
+    return float(weights[each.true_image].sum()), float(used[each.hit[HALF]].sum()), float(used.sum())
+
+
+def _mean(values: list[float]) -> float:
+    """Over what is defined."""
+    known = [value for value in values if not np.isnan(value)]
+    return float(np.mean(known)) if known else float("nan")
+
+
+def intervals(
+    metrics: Callable[[Float64Array], Metrics], groups: tuple[str, ...], *, resamples: int, seed: int
+) -> dict[str, ResampledInterval]:
+    """Of each metric.
+
+    Args:
+        groups: of each image.
+        resamples: 0 for values without intervals.
+    """
+    value = metrics(np.ones(len(groups)))
+    drawn = [metrics(weights) for weights in _draws(groups, resamples, seed)]
+    return {name: ResampledInterval(value[name], *_limits([each[name] for each in drawn])) for name in value}
+
+
+def differences(
+    first: Callable[[Float64Array], Metrics],
+    second: Callable[[Float64Array], Metrics],
+    groups: tuple[str, ...],
+    *,
+    resamples: int,
+    seed: int,
+) -> dict[str, ResampledDifference]:
+    """Of each metric: the second less the first, in pairs."""
+    whole = np.ones(len(groups))
+    value = {name: told - first(whole)[name] for name, told in second(whole).items()}
+    drawn: dict[str, list[float]] = {name: [] for name in value}
+    for weights in _draws(groups, resamples, seed):
+        one, other = first(weights), second(weights)
+        for name in drawn:
+            drawn[name].append(other[name] - one[name])
+    return {name: ResampledDifference(value[name], *_limits(row), _p(row)) for name, row in drawn.items()}
+
+
+def _draws(groups: tuple[str, ...], resamples: int, seed: int) -> list[Float64Array]:
+    """How often each image is there, draw by draw."""
+    names, place = np.unique(groups, return_inverse=True)
+    rng = np.random.default_rng(seed)
+    drawn = (rng.integers(len(names), size=len(names)) for _ in range(resamples))
+    return [np.bincount(each, minlength=len(names))[place].astype(np.float64) for each in drawn]
+
+
+def _limits(values: list[float]) -> tuple[float, float]:
+    known = [value for value in values if not np.isnan(value)]
+    if not known:
+        return float("nan"), float("nan")
+    low, high = np.quantile(known, [(1 - SHARE) / 2, (1 + SHARE) / 2])
+    return float(low), float(high)
+
+
+def _p(values: list[float]) -> float:
+    known = np.array([value for value in values if not np.isnan(value)])
+    if not len(known):
+        return float("nan")
+    return float(min(1.0, 2 * min((known <= 0).mean(), (known >= 0).mean())))
