@@ -23,6 +23,7 @@ from pydantic import Field, model_validator
 from shapely import Point, Polygon
 
 from pavetwin.config.base import NameOrFile, Settings
+from pavetwin.defects.context import Feature, poses_at, room_for
 from pavetwin.defects.heightfield import Heightfield
 from pavetwin.defects.measures import measure
 from pavetwin.defects.population import ClassPopulation, DefectDensity, Population, Shares, population
@@ -182,17 +183,27 @@ class SegmentPlacement:
         for shape_seed in self._rng.integers(2**32, size=SHAPES).tolist():
             parameters = of_class.parameters(self._rng, worn)
             poses = self._near_others(of_class, of_class.poses(self._rng, kind, self._road, PLACES))
+            beside = None
+            if of_class.context is not None:
+                beside, more = of_class.context.draw(shape_seed)
+                parameters += more
+                poses = poses if beside is None else poses_at(shape_seed, beside, self._road, PLACES)
             shape = kind.shape(shape_seed, parameters)
             if shape.outline.area > self._budget:
                 continue
-            placed = self._first_place(shape.outline, poses)
+            placed = self._first_place(shape.outline, poses, beside)
             if placed is None:
                 continue
             centre, yaw, polygon, pose = placed
             self._taken.append(polygon)
             self._budget -= polygon.area
             self._poses.setdefault(kind.name, []).append(pose)
-            return _defect(self.segment, kind, shape, shape_seed, parameters, (centre, yaw, polygon))
+            made = _defect(self.segment, kind, shape, shape_seed, parameters, (centre, yaw, polygon))
+            if beside is None:
+                return made
+            if (room := room_for(beside, polygon, yaw)) is not None:
+                self._taken.append(room)
+            return replace(made, beside=beside.value)
         return None
 
     def _near_others(self, of_class: ClassPopulation, poses: Poses) -> Poses:
@@ -214,8 +225,11 @@ class SegmentPlacement:
         away = np.hypot(moved[:, 0] * self._road.length_m - along * self._road.length_m, moved[:, 1] - offset)
         return np.asarray(moved[np.argsort(away, kind="stable")])
 
-    def _first_place(self, outline: Polygon, poses: Poses) -> tuple[Point, float, Polygon, tuple[float, float]] | None:
-        """The first pose at which an outline lies on the asphalt and clear of others: centre, direction, outline."""
+    def _first_place(
+        self, outline: Polygon, poses: Poses, beside: Feature | None
+    ) -> tuple[Point, float, Polygon, tuple[float, float]] | None:
+        """The first pose at which an outline, and what it starts at, lie on the asphalt and clear of others: centre,
+        direction, outline."""
         line = self.segment.centre_line
         ring = np.asarray(outline.exterior.coords)[:-1]
         others = np.array(self._taken)
@@ -236,6 +250,12 @@ class SegmentPlacement:
                 shapely.prepare(polygon)
                 if shapely.dwithin(polygon, others[near], APART_M).any():
                     continue
+            room = None if beside is None else room_for(beside, polygon, yaw)
+            if room is not None and not (
+                shapely.contains_properly(self._allowed, room)
+                and (not self._taken or not shapely.intersects(room, others).any())
+            ):
+                continue
             return Point(x, y), yaw, polygon, (along, offset)
         return None
 

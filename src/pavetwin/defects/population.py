@@ -23,6 +23,7 @@ from pydantic import Field, model_validator
 from pavetwin.config.base import Settings
 from pavetwin.config.mission import Positive, Share
 from pavetwin.config.named import names_in, read_named
+from pavetwin.defects.context import CrackContext
 from pavetwin.defects.poses import Poses, Position, RoadSection, positioned
 from pavetwin.defects.registry import DEFECT_CLASSES, DefectKind, kinds
 from pavetwin.errors import PaveTwinError
@@ -127,6 +128,8 @@ class ClassPopulation(Settings):
     """Weights of the positions on the road; empty for what the class itself says."""
     near: Mapping[str, Beside] = Field(default_factory=dict)
     """Which share of them is tried near defects of which class: this one, or one listed before it."""
+    context: CrackContext | None = None
+    """Which shares start at manhole covers and patches, run along trenches, or are overgrown; none unless given."""
 
     def parameters(self, rng: np.random.Generator, worn: float = 1.0) -> ShapeParameters:
         """The sizes of one defect, by name; `worn` as `Population.worn` has it."""
@@ -201,6 +204,8 @@ class Population(Settings):
             for parameter, size in of_class.sizes.items():
                 for value in (size.least, size.most):
                     kind.parameters_from(((parameter, value),), where=f"{where}: classes.{name}.sizes")
+            if of_class.context is not None and of_class.context.overgrown:
+                kind.parameters_from((("overgrown", 1.0),), where=f"{where}: classes.{name}.context")
 
     def of_class(self, name: str) -> ClassPopulation:
         """The defects of a class; of one that it does not list, as the class itself has them."""

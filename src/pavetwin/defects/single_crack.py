@@ -81,6 +81,8 @@ class SingleCrackParameters(Settings):
     """Mean number of branches per metre."""
     spalled: ShareRange = (0.0, 0.7)
     """Share of its length along which an edge has chipped."""
+    overgrown: ShareRange = (0.0, 0.0)
+    """Share of its length in which grass and moss grow. They are drawn by scenes, and change nothing of its shape."""
 
 
 def sample_single_crack_poses(rng: np.random.Generator, road: poses.RoadSection, count: int) -> poses.Poses:

@@ -153,14 +153,15 @@ LAYERS = (
         _AREA,
         {
             **{"id": int, "segment": str, "kind": str, "centre_east_m": float, "centre_north_m": float},
-            **{"seed": int, "yaw_rad": float, "severity": str, **_DEFECT_SIZES, "parameters": str},
+            **{"seed": int, "yaw_rad": float, "severity": str, **_DEFECT_SIZES},
+            **{"parameters": str, "beside": str},
         },
         {
             **_CENTRE,
             "area_m2": lambda item: round(item.area_m2, 6),
             "parameters": lambda item: json.dumps(dict(item.parameters)) if item.parameters else "",
         },
-        frozenset({"parameters"}),
+        frozenset({"parameters", "beside"}),
     ),
 )
 

@@ -265,6 +265,8 @@ class Defect:
     """Volume missing below the road surface."""
     parameters: ShapeParameters = ()
     """What a damage population drew of its shape; the rest comes from the seed."""
+    beside: str = ""
+    """What it starts at or runs along (`pavetwin.defects.context`): `cover`, `patch`, `trench`; empty for nothing."""
 
     def __post_init__(self) -> None:
         if not is_class_name(self.kind):

@@ -13,6 +13,7 @@ from shapely.ops import substring
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.distractors.fixtures import Fixture, placed
 from pavetwin.scene.ground.distractors.marks import marks
+from pavetwin.scene.ground.distractors.plants import plants
 from pavetwin.scene.ground.distractors.repairs import repairs
 from pavetwin.scene.ground.distractors.segment_marks import Repairs
 from pavetwin.scene.ground.layout.bays import GAP_M, bays_of, in_bays
@@ -42,7 +43,8 @@ class GroundPlan(SurfaceLayout):
     @cached_property
     def paint(self) -> Paint:
         drawn = markings(self, self.standard).resurfaced(shapely.union_all([shape for shape, _ in self._stretches]))
-        return drawn.joined(marks(self, drawn))
+        drawn = drawn.joined(marks(self, drawn))
+        return drawn.joined(plants(self, drawn))
 
     @cached_property
     def repairs(self) -> Repairs:

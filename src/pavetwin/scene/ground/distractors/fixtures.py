@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 import shapely
 
+from pavetwin.scene.ground.distractors.beside_cracks import cover_places
 from pavetwin.scene.ground.distractors.bridge_joints import modules
 from pavetwin.scene.ground.layout.lines import direction
 from pavetwin.scene.ground.layout.relief import heights
@@ -87,6 +88,7 @@ def placed(layout: SurfaceLayout) -> tuple[Fixture, ...]:
     """All flush objects of a world; none touches the patch of a defect."""
     found: list[Fixture] = []
     covers = pick(layout.look.covers, layout.chance("covers"))
+    found += (Fixture(covers, x, y, 0.0, turn) for x, y, turn in cover_places(layout, REACH_M[covers]))
     for street in layout.streets:
         for segment in street.segments:
             found += _on_segment(layout, segment, covers)

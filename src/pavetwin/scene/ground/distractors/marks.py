@@ -61,7 +61,7 @@ class _Placing:
         self.plan = plan
         self.painter = Painter()
         self.parked = STRtree([place.centre for place in plan.world.parking])
-        painted = [LineString(ends) for ends in _ends(markings.bars)] + [Polygon(ring) for ring in markings.outlines]
+        painted = [LineString(ends) for ends in markings.ends()] + [Polygon(ring) for ring in markings.outlines]
         self.painted = STRtree(painted)
         self.colours = np.concatenate([markings.bar_looks[:, 0], markings.outline_looks[:, 0]])
         self.marked: Nearby[float] = Nearby(4.0)
@@ -100,12 +100,6 @@ class _Placing:
         return bool((self.colours[near] == colour).all()) and all(
             other == colour for other in self.marked.query(strokes.buffer(APART_M).bounds)
         )
-
-
-def _ends(bars: Float64Array) -> Float64Array:
-    """(n, 2, 2) the ends of bars (n, 5)."""
-    along = np.column_stack([np.cos(bars[:, 2]), np.sin(bars[:, 2])]) * bars[:, 3:4]
-    return np.stack([bars[:, :2] - along, bars[:, :2] + along], axis=1)
 
 
 def _frames(

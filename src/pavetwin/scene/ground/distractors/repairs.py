@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import Float64Array
+from pavetwin.scene.ground.distractors.beside_cracks import patch_bars
 from pavetwin.scene.ground.distractors.bridge_joints import plugs
 from pavetwin.scene.ground.distractors.fixtures import Fixture
 from pavetwin.scene.ground.distractors.junction_repairs import junction_repairs
@@ -53,6 +54,7 @@ def repairs(plan: SurfaceLayout, fixtures: Sequence[Fixture]) -> Repairs:
             draw = plan.chance(f"seal {junction.id} {number}")
             width = SEAL_HALF_M[0] + 0.6 * (SEAL_HALF_M[1] - SEAL_HALF_M[0]) * draw
             found.seal(plan, line, width, SEALED_GAPS[0] + (SEALED_GAPS[1] - SEALED_GAPS[0]) * draw)
+    found.patches += patch_bars(plan)
     for fixture in fixtures:
         _around(plan, fixture, found)
     for patch, edges in plugs(plan):

@@ -36,6 +36,11 @@ class Paint:
     scars: Float64Array
     """(m, 6): bars where markings were removed or masked, and the factor on the reflectance there."""
 
+    def ends(self) -> Float64Array:
+        """(n, 2, 2) the ends of the bars."""
+        along = np.column_stack([np.cos(self.bars[:, 2]), np.sin(self.bars[:, 2])]) * self.bars[:, 3:4]
+        return np.stack([self.bars[:, :2] - along, self.bars[:, :2] + along], axis=1)
+
     def joined(self, *others: "Paint") -> "Paint":
         """This paint and others."""
         every = (self, *others)

@@ -55,8 +55,12 @@ PAINTS: Final = {
     "red": (0.36, 0.035, 0.03),
     "blue": (0.045, 0.12, 0.36),
     "green": (0.06, 0.26, 0.10),
+    "moss": (0.035, 0.050, 0.014),
+    "grass": (0.060, 0.095, 0.025),
+    "straw": (0.170, 0.140, 0.070),
 }
-"""In the order of the maps' numbers, evenly spaced over 0 … 1."""
+"""In the order of the maps' numbers, evenly spaced over 0 … 1. The last three are plants in cracks: grass reflects 0.05
+to 0.10 in the visible, dry grass more."""
 
 RAGGED_M: Final = 0.016
 """Edges of paint and bitumen move by half of this with the height of the grain [m]."""

@@ -1,0 +1,113 @@
+"""What cracks start at or run along: manhole covers, the corners of patches, the edges of trenches.
+
+A population's class may say for which shares of its cracks this holds. Such a crack is placed as any other, where there
+is room for both; what it starts at is kept with the defect, and a scene draws it there. So the cracks of a world do not
+depend on a scene, and are exact in each.
+
+The end of a crack at which it starts is the one with the largest x of its own frame; trenches lie to the right of their
+crack (smaller y).
+"""
+
+import math
+from enum import StrEnum
+from typing import Final, Self
+
+import numpy as np
+import shapely
+from pydantic import model_validator
+from shapely import Point, Polygon
+
+from pavetwin.arrays import Float64Array
+from pavetwin.config.base import Settings
+from pavetwin.config.mission import Share
+from pavetwin.defects.poses import ALONG_SPREAD_RAD, Poses, Position, RoadSection, anywhere, poses, positioned
+from pavetwin.defects.shapes import between
+from pavetwin.seeds import Stream, child
+from pavetwin.world.model import ShapeParameters
+
+COVER_ROOM_M: Final = 0.68
+"""Radius of the room that is kept for a cover: the largest with its collar has 0.62 m."""
+
+TRENCHES_ACROSS: Final = 0.6
+"""Share of the trenches beside cracks that lie across the street: connections of houses are more than mains. Ours."""
+
+
+OVERGROWN: Final = (0.08, 0.8)
+"""Shares of its length that are overgrown in an overgrown crack. Ours."""
+
+_FEATURES, _POSES = 1, 2
+"""Keys of random numbers under the seed of a shape."""
+
+
+class Feature(StrEnum):
+    """What a crack starts at, or runs along."""
+
+    COVER = "cover"
+    PATCH = "patch"
+    TRENCH = "trench"
+
+
+class CrackContext(Settings):
+    """Shares of a class's defects that start at something; the others have their `positions`."""
+
+    cover: Share = 0.0
+    """At the frame of a manhole cover, away from it."""
+    patch: Share = 0.0
+    """At the corner of a patch, where stresses concentrate, obliquely."""
+    trench: Share = 0.0
+    """Along the edge of a trench, where old and new pavement meet."""
+    overgrown: Share = 0.0
+    """With grass and moss in a part of their length: the class's parameter of this name."""
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        if self.cover + self.patch + self.trench > 1:
+            raise ValueError("the shares of cover, patch and trench sum to more than 1")
+        return self
+
+    def draw(self, seed: int) -> tuple[Feature | None, ShapeParameters]:
+        """What one defect starts at, if anything, and the parameters of what grows in it.
+
+        Args:
+            seed: of its shape; other defects do not depend on what is drawn here.
+        """
+        rng = child(seed, Stream.DEFECTS, _FEATURES)
+        number, plants = rng.random(2).tolist()
+        grown = ("overgrown", float(f"{between(rng, OVERGROWN):.4g}"))
+        parameters = (grown,) if plants < self.overgrown else ()
+        for feature in Feature:
+            number -= getattr(self, feature.value)
+            if number < 0:
+                return feature, parameters
+        return None, parameters
+
+
+def poses_at(seed: int, feature: Feature, road: RoadSection, count: int) -> Poses:
+    """Poses of a defect that starts at a feature; `seed` is that of its shape."""
+    rng = child(seed, Stream.DEFECTS, _POSES)
+    match feature:
+        case Feature.COVER:
+            return positioned(rng, Position.ANYWHERE, road, count)
+        case Feature.PATCH:
+            return positioned(rng, Position.OBLIQUE, road, count)
+        case Feature.TRENCH if rng.random() < TRENCHES_ACROSS:
+            return positioned(rng, Position.ACROSS, road, count)
+        case _:
+            return poses(rng, anywhere(rng, road, count), 0.0, ALONG_SPREAD_RAD)
+
+
+def start_of(outline: Polygon, yaw_rad: float) -> tuple[Float64Array, Float64Array]:
+    """Where a defect with an outline and a direction starts, (2,) in the world frame, and the unit direction (2,) from
+    there away from it."""
+    corners = shapely.get_coordinates(outline)
+    away = np.array([math.cos(yaw_rad), math.sin(yaw_rad)])
+    return np.asarray(corners[int(np.argmax(corners @ away))]), away
+
+
+def room_for(feature: Feature, outline: Polygon, yaw_rad: float) -> Polygon | None:
+    """The room that a feature needs beside a defect, free of others; None if it needs none, as patches lie in the
+    pavement."""
+    if feature is not Feature.COVER:
+        return None
+    start, away = start_of(outline, yaw_rad)
+    return Point(start + away * COVER_ROOM_M).buffer(COVER_ROOM_M, quad_segs=6)

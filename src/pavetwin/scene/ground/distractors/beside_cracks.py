@@ -1,0 +1,68 @@
+"""Covers, patches and trenches that cracks start at or run along, as a world's defects say (`Defect.beside`)."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from pavetwin.arrays import Float64Array
+from pavetwin.defects.context import Feature, start_of
+from pavetwin.scene.ground.layout.lines import direction
+from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
+from pavetwin.seeds import Stream, child
+from pavetwin.world.model import Defect
+
+KEY: Final = 14
+"""Key of this module's children of the scene's random stream."""
+
+GAP_M: Final = 0.06
+"""From the outline of a crack to the model that it starts at: that must not touch the patch of the crack."""
+
+PATCH_HALF_M: Final = (0.35, 1.1)
+TRENCH_HALF_M: Final = (0.26, 0.5)
+TONES: Final = (0.66, 0.93)
+"""Half the sides of patches, half the width of trenches [m], and the factor on the reflectance around them: as of other
+repairs (`repairs`)."""
+
+
+def cover_places(layout: SurfaceLayout, reach_m: float) -> Iterator[tuple[float, float, float]]:
+    """Middle x and y and direction of the covers that cracks start at, world frame.
+
+    Args:
+        reach_m: radius of the covers.
+    """
+    for defect, rng in _beside(layout, Feature.COVER):
+        start, away = start_of(defect.polygon, defect.yaw_rad)
+        x, y = start + away * (reach_m + GAP_M)
+        yield float(x), float(y), float(rng.uniform(0.0, 2 * np.pi))
+
+
+def patch_bars(layout: SurfaceLayout) -> Iterator[tuple[float, ...]]:
+    """The patches and trenches, as `Repairs` holds them."""
+    for defect, rng in _beside(layout, Feature.PATCH):
+        start, away = start_of(defect.polygon, defect.yaw_rad)
+        line = layout.world.segment(defect.segment).centre_line
+        dx, dy = direction(line, line.project(defect.centre))
+        # Square to the street, so that the crack meets the corner between the sides that face it.
+        ahead, street = np.arctan2(away[1], away[0]), np.arctan2(dy, dx)
+        turn = float(street + np.pi / 2 * np.ceil((ahead - street) / (np.pi / 2)))
+        half = rng.uniform(*PATCH_HALF_M), rng.uniform(*PATCH_HALF_M)
+        middle = start + _turned(np.array([half[0], -half[1]]), turn)
+        yield (*map(float, middle), turn, *map(float, half), float(rng.uniform(*TONES)))
+    for defect, rng in _beside(layout, Feature.TRENCH):
+        low, high = np.array([defect.polygon.bounds[:2], defect.polygon.bounds[2:]])
+        reach = float(np.hypot(*(high - low))) / 2 + rng.uniform(0.3, 2.5)
+        half = float(rng.uniform(*TRENCH_HALF_M))
+        middle = np.array([defect.centre.x, defect.centre.y]) + _turned(np.array([0.0, -half]), defect.yaw_rad)
+        yield (*map(float, middle), defect.yaw_rad, reach, half, float(rng.uniform(*TONES)))
+
+
+def _beside(layout: SurfaceLayout, feature: Feature) -> Iterator[tuple[Defect, np.random.Generator]]:
+    for defect in layout.world.defects:
+        if defect.beside == feature.value:
+            yield defect, child(layout.seed, Stream.SCENE, KEY, defect.seed)
+
+
+def _turned(point: Float64Array, turn_rad: float) -> Float64Array:
+    cos, sin = np.cos(turn_rad), np.sin(turn_rad)
+    return np.array([cos * point[0] - sin * point[1], sin * point[0] + cos * point[1]])
