@@ -13,13 +13,14 @@ from pavetwin.render.sensor import ImageProcessing, picture
 from pavetwin.render.tiles import TileCache
 from pavetwin.scene.light import Light, harmonics
 from pavetwin.scene.view import View, look
-from pavetwin.uav.cameras import find_camera
+from pavetwin.uav.cameras import Development, find_camera
 from scenes.stage import Box, plane_renderer
 
 LIGHT = Light(45.0, 180.0)
 CAMERA = find_camera("phantom4pro")
 ROLLING = find_camera("phantom4")
 PLAIN = ImageProcessing(contrast=1.0, saturation=1.0, adaptation=0.0, sharpening=0.0, blur_px=0.0, vignetting=0.0)
+PLAIN = replace(PLAIN, from_mosaic=False)
 """Nothing but light and electrons."""
 
 LIGHTS = (LIGHT, Light(20.0, 90.0, cloud_cover=0.4))
@@ -64,6 +65,30 @@ def test_the_seed_alone_decides_the_noise() -> None:
     other = of(1.0, seed=1)
     assert (of(1.0, seed=0) != other).mean() > 0.3
     assert other.mean() == pytest.approx(of(1.0, seed=0).mean(), abs=0.3)
+
+
+def shown(view: View, development: Development | None) -> np.ndarray:
+    """An even grey with noise, as a camera with this development stores it."""
+    radiance = np.full((160, 240, 4), 1.0, dtype=np.float16)
+    camera = CAMERA.model_copy(update={"development": development})
+    settings = Exposure(0.2 / Exposure(1.0, 4.0, 400.0).share_per_light, 4.0, 400.0)
+    style = ImageProcessing(vignetting=0.0)
+    return picture(radiance, view=view, camera=camera, light=LIGHT, exposure=settings, seed=0, style=style)
+
+
+def test_a_mosaic_makes_neighbours_alike_and_noise_reduction_takes_noise_out() -> None:
+    plain, mosaic, quiet = (
+        shown(CROP, of) for of in (None, Development(lens_px=0.0), Development(lens_px=0.0, noise_reduction=6.0))
+    )
+    alike = [np.corrcoef(each[:, :-1, 0].ravel(), each[:, 1:, 0].ravel())[0, 1] for each in (plain, mosaic)]
+    assert alike[0] < 0.2
+    assert alike[1] > 0.3
+    assert quiet[..., 1].std() < 0.6 * mosaic[..., 1].std()
+    assert quiet.mean() == pytest.approx(plain.mean(), abs=1.0)
+
+
+def test_pictures_of_fewer_pixels_than_the_sensor_have_nothing_of_its_mosaic() -> None:
+    assert np.array_equal(shown(ABOVE, Development(noise_reduction=6.0)), shown(ABOVE, None))
 
 
 def test_corners_are_darker_by_what_the_style_says() -> None:

@@ -30,6 +30,7 @@ fn sensor() -> Sensor {
         saturation: 1.1,
         sharpening: 0.5,
         curve: (0..1024).map(|step| step as f32 / 1023.0).collect(),
+        mosaic: None,
     }
 }
 

@@ -4,11 +4,13 @@
 mod edges;
 mod film;
 mod light;
+mod mosaic;
 mod motion;
 mod noise;
 mod window;
 
 pub use light::Light;
+pub use mosaic::Mosaic;
 pub use motion::Motion;
 
 use edges::Tones;
@@ -37,6 +39,8 @@ pub struct Sensor {
     pub sharpening: f32,
     /// Output 0 … 1 at inputs (i / (n − 1))², so that the dark end is fine.
     pub curve: Vec<f32>,
+    /// Where a pixel of the picture is one of the sensor; None where it is the mean of many.
+    pub mosaic: Option<Mosaic>,
 }
 
 /// Where a picture lies in the camera's whole frame, whose middle the lens's axis goes through.
@@ -98,6 +102,9 @@ impl Sensor {
     /// while its neighbours are at hand. A row holds its reds, then its greens, then its blues: what is done to all of
     /// them a processor does to many at once.
     fn picture(&self, size: (usize, usize), crop: Crop, seed: u64, seen: impl Fn(usize, &mut [f32]) + Sync) -> Vec<u8> {
+        if let Some(mosaic) = self.mosaic {
+            return self.developed(mosaic, size, crop, seed, seen);
+        }
         let (width, height) = size;
         let values = width * 3;
         let tail = (0.5 * self.blur_px * self.blur_px).min(0.25);

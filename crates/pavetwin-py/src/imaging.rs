@@ -4,14 +4,15 @@ use crate::plain;
 use numpy::{
     IntoPyArray, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods,
 };
-use pavetwin_core::imaging::{Crop, Light, Motion, Sensor};
+use pavetwin_core::imaging::{Crop, Light, Mosaic, Motion, Sensor};
 use pyo3::prelude::*;
 use std::collections::HashMap;
 
 #[pyfunction]
 #[pyo3(signature = (
     light, *, seed, electrons_per_light, full_electrons, read_electrons, vignetting, blur_px, white_balance, saturation,
-    sharpening, curve, depth=None, labels=None, focal_px=1.0, frame_px=None, corner_px=(0, 0), still_m=[0.0; 3], moving_m=HashMap::new()
+    sharpening, curve, mosaic=None, depth=None, labels=None, focal_px=1.0, frame_px=None, corner_px=(0, 0),
+    still_m=[0.0; 3], moving_m=HashMap::new()
 ))]
 #[allow(clippy::too_many_arguments)] // a camera's settings, each by name
 pub fn expose<'py>(
@@ -27,6 +28,7 @@ pub fn expose<'py>(
     saturation: f32,
     sharpening: f32,
     curve: PyReadonlyArray1<'py, f32>,
+    mosaic: Option<(f32, usize)>,
     depth: Option<PyReadonlyArray2<'py, f32>>,
     labels: Option<PyReadonlyArray2<'py, u32>>,
     focal_px: f32,
@@ -57,6 +59,7 @@ pub fn expose<'py>(
         saturation,
         sharpening,
         curve: curve.as_slice()?.to_vec(),
+        mosaic: mosaic.map(|(noise_reduction, colour_reach)| Mosaic { noise_reduction, colour_reach }),
     };
     let picture = {
         let light = Light { width, height, halves: light.as_slice()? };

@@ -25,6 +25,7 @@ def expose(
     saturation: float,
     sharpening: float,
     curve: Float32Array,
+    mosaic: tuple[float, int] | None = None,
     depth: Float32Array | None = None,
     labels: UInt32Array | None = None,
     focal_px: float = 1.0,
@@ -47,6 +48,9 @@ def expose(
         saturation: distance of colours from grey, 1 as they are.
         sharpening: how much of the difference to its neighbours is added to a pixel.
         curve: (n,) output 0 … 1 at inputs (i / (n − 1))².
+        mosaic: where a pixel is one of the sensor, how many standard deviations of the noise its reduction takes for
+            noise, and over how many pixels around it takes the mean of colours (0 to 2); None where a pixel is the mean
+            of many.
         depth: (height, width) metres along the axis; None for no motion.
         labels: (height, width), to tell what moves by itself.
         focal_px: focal length.

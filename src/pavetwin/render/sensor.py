@@ -25,6 +25,9 @@ READ_NOISE: Final = 2.5
 
 _READ_PITCH_UM: Final = 2.4
 
+NATIVE: Final = 1.4
+"""A pixel of a picture that covers fewer of the sensor's than this, along a side, counts as one of the sensor's."""
+
 _PAVEMENT_WARMTH: Final = 0.08
 """Logarithm of red over blue of aged asphalt and concrete under white light."""
 
@@ -46,6 +49,9 @@ class ImageProcessing:
     """Standard deviation of the point spread of lens, pixels and demosaicing together."""
     vignetting: float = 0.14
     """Share of the cos⁴ falloff that the camera's correction leaves."""
+    from_mosaic: bool = True
+    """Whether pictures at the sensor's own pixels are made as the camera's `development` says, instead of with the
+    `blur_px` and `sharpening` above, which hold for pictures that are brought to fewer pixels."""
 
 
 def picture(
@@ -74,6 +80,7 @@ def picture(
         white: gains of the white balance; None for automatic white balance.
     """
     pitch_um = camera.focal_mm / view.focal_px * 1000
+    development = camera.development if style.from_mosaic and pitch_um < NATIVE * (camera.pitch_um or 0.0) else None
     wells = pitch_um**2 * FULL_WELL_PER_UM2 * camera.iso[0] / exposure.iso
     still = -(view.velocity_mps @ view.rotation) * exposure.shutter_s
     moving = {
@@ -87,11 +94,12 @@ def picture(
         full_electrons=wells,
         read_electrons=READ_NOISE * pitch_um / _READ_PITCH_UM,
         vignetting=style.vignetting,
-        blur_px=style.blur_px,
+        blur_px=development.lens_px if development else style.blur_px,
         white_balance=white or white_balance(light, radiance, style.adaptation),
         saturation=style.saturation,
-        sharpening=style.sharpening,
+        sharpening=development.sharpening if development else style.sharpening,
         curve=tone_curve(style.contrast),
+        mosaic=(development.noise_reduction, development.colour_reach_px) if development else None,
         depth=depth,
         labels=labels if depth is not None else None,
         focal_px=view.focal_px,

@@ -13,6 +13,23 @@ from pavetwin.uav.entries import find_entry, parse_entries
 Pixels = Annotated[int, Field(gt=0)]
 
 
+class Development(Settings):
+    """What a camera makes of the mosaic of its sensor before it stores a JPEG.
+
+    It holds for pictures at the sensor's own pixels; in one that is brought to fewer pixels nothing of it is left.
+    """
+
+    lens_px: Annotated[float, Field(ge=0, le=0.7)] = 0.5
+    """Standard deviation of the point spread of lens and photosite."""
+    noise_reduction: Annotated[float, Field(ge=0, le=20)] = 0.0
+    """Differences of brightness to neighbours up to this many standard deviations of the sensor's noise are averaged
+    out, fully where they are small."""
+    colour_reach_px: Annotated[int, Field(ge=0, le=2)] = 0
+    """Colours are means over this many pixels around."""
+    sharpening: Annotated[float, Field(ge=0, le=3)] = 0.0
+    """Share of the difference to a blurred picture (Gaussian of one pixel) that is added."""
+
+
 class Camera(Settings):
     """A pinhole camera that looks straight down, its image rows along the track."""
 
@@ -32,6 +49,8 @@ class Camera(Settings):
     """The lowest and the highest of still pictures."""
     readout_s: Annotated[float, Field(ge=0)] = 0.0
     """Rolling-shutter readout: from the exposure of the first row to that of the last."""
+    development: Development | None = None
+    """From its mosaic to its picture; None where that is not known."""
     source: str = ""
 
     @model_validator(mode="after")
@@ -55,6 +74,11 @@ class Camera(Settings):
     def focal_mm(self) -> float:
         """Focal length; for a camera without a given sensor that of a 1/2.3" sensor, 4.55 mm high."""
         return self.focal_length_mm or 4.55 / (2 * tan(self.fov_rad / 2))
+
+    @property
+    def pitch_um(self) -> float | None:
+        """Side of a photosite; None where the sensor's size is not known."""
+        return None if self.sensor_mm is None else 1000 * self.sensor_mm[1] / self.image_px[1]
 
     @property
     def fov_deg(self) -> float:

@@ -33,6 +33,12 @@ impl<'a> Film<'a> {
         Self { sensor, width, crop, seed, normal: Normal::table(), tones: (0..TONES).map(tone).collect() }
     }
 
+    /// The tone of a share of saturation.
+    pub fn tone(&self, share: f32) -> f32 {
+        let at = share.clamp(0.0, 1.0).sqrt() * (TONES - 1) as f32 + WHOLE;
+        self.tones[at.to_bits() as usize % TONES]
+    }
+
     /// One row of light as tones, 0 … 1, with its noise. One kind of work at a time, over the whole row.
     pub fn develop(&self, light: &[f32], row: usize, out: &mut [f32]) {
         self.normal.fill(self.seed, row * self.width, channels_mut(out));
@@ -82,6 +88,7 @@ mod tests {
             saturation: 1.0,
             sharpening: 0.0,
             curve: vec![0.0, 0.25, 1.0],
+            mosaic: None,
         };
         let light = [0.0, 0.0625, 0.25, 0.5625, 1.0, 9.0];
         let film = Film::of(&sensor, 2, Crop::whole((2, 1)), 3);

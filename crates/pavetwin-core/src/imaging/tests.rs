@@ -12,6 +12,7 @@ fn sensor() -> Sensor {
         saturation: 1.0,
         sharpening: 0.0,
         curve: (0..256).map(|step| (step as f32 / 255.0).powi(2)).collect(),
+        mosaic: None,
     }
 }
 
