@@ -1,9 +1,10 @@
 """`python -m gallery.compare PHOTOGRAPHS`: how frames of the twin differ from photographs, in numbers.
 
-Both are 512 × 512 pixels and stored as JPEG; frames have the ground resolutions that drones' photographs of roads have.
-Of every picture: mean lightness and its spread, chroma, and how much detail there is at one, four and sixteen pixels
-(standard deviation of the difference between two Gaussian blurs, in lightness). Each is given as the median and the
-middle 80 % over the pictures. Then how well a classifier on texture statistics (`gallery.texture`) tells them apart.
+Frames are crops of a drone's camera at its own resolution, taken in flight along streets and stored as the photographs
+were. Of every picture: mean lightness and its spread, chroma, and how much detail there is at one, four and sixteen
+pixels (standard deviation of the difference between two Gaussian blurs, in lightness). Each is given as the median and
+the middle 80 % over the pictures. Then how well a classifier on texture statistics (`gallery.texture`) tells the two
+apart.
 """
 
 import argparse
@@ -23,13 +24,21 @@ from gallery.sheet import grid, save
 from gallery.texture import GROUPS, SIDE_PX, texture_statistics, told_apart
 from pavetwin.cli.console import fail, out
 from pavetwin.scene.view import look
+from pavetwin.world.segments import direction_at
 
 FRAMES: Final = 120
 PHOTOGRAPHS: Final = 240
-ALTITUDE_M: Final = 10.0
-GSD_M: Final = (0.002, 0.008)
-"""Range of the frames' ground resolutions, even in their logarithm: a Phantom 4 Pro has 1.6 mm a pixel from 6 m and
-8 mm from 30 m."""
+GSD_M: Final = (0.003, 0.017)
+"""Range of the frames' ground resolutions, even in their logarithm: by their markings, that of the China drone subset
+of RDD2022. A Phantom 4 Pro has 3 mm a pixel from 11 m, and 17 mm from 62 m."""
+HOVERING: Final = 4
+"""Every so many frames is taken while hovering; the others while flying along the street at `SPEED_MPS`, as those of
+datasets are. (Photographs show it: without motion their finest detail is told apart more easily.)"""
+SPEED_MPS: Final = (2.0, 6.0)
+STORED: Final = (75, 95)
+"""Qualities at which pictures were stored one after the other, as JPEG with halved colours. The coefficients of all 40
+photographs of RDD2022's China drone subset that were looked at are multiples of the table of quality 75, aligned with
+the picture; the table of their files is that of 95."""
 SHOWN: Final = 24
 CELL_PX: Final = (240, 240)
 BLANK: Final = 0.01
@@ -62,18 +71,32 @@ def frames(renderer: GalleryRenderer, take: Callable[..., Picture]) -> Iterable[
     """Frames of empty streets over evenly chosen defects, at even steps of ground resolution, under three skies."""
     defects = renderer.world.defects[:: max(1, len(renderer.world.defects) // FRAMES)][:FRAMES]
     finest, coarsest = GSD_M
+    focal_px = renderer.camera.image_px[1] / (2 * math.tan(renderer.camera.fov_rad / 2))
     for index, defect in enumerate(defects):
         gsd_m = finest * (coarsest / finest) ** (index * 0.618034 % 1)
+        line = renderer.world.segment(defect.segment).centre_line
+        dx, dy = direction_at(line, line.project(defect.centre))
+        yaw = math.atan2(dy, dx) + 0.15 * math.sin(7 * index)
+        slow, fast = SPEED_MPS
+        speed = slow + (fast - slow) * (index * 0.414214 % 1) if index % HOVERING else 0.0
         view = look(
-            (defect.centre.x, defect.centre.y, ALTITUDE_M),
-            yaw_rad=0.7 * index,
+            (defect.centre.x, defect.centre.y, gsd_m * focal_px),
+            yaw_rad=yaw,
             pitch_rad=-math.pi / 2,
             size_px=(SIDE_PX, SIDE_PX),
-            vertical_fov_rad=2 * math.atan(SIDE_PX * gsd_m / 2 / ALTITUDE_M),
+            vertical_fov_rad=2 * math.atan(SIDE_PX / 2 / focal_px),
+            velocity_mps=(speed * math.cos(yaw), speed * math.sin(yaw), 0.0),
         )
-        stored = BytesIO()
-        Image.fromarray(take(view, (MORNING, LOW_SUN, OVERCAST)[index % 3])).save(stored, "JPEG", quality=92)
-        yield Image.open(stored).convert("RGB")
+        yield stored(Image.fromarray(take(view, (MORNING, LOW_SUN, OVERCAST)[index % 3])))
+
+
+def stored(picture: Image.Image) -> Image.Image:
+    """A picture after it was stored as the photographs were."""
+    for quality in STORED:
+        file = BytesIO()
+        picture.save(file, "JPEG", quality=quality, subsampling="4:2:0")
+        picture = Image.open(file).convert("RGB")
+    return picture
 
 
 def photographs(found: list[Path]) -> Iterable[Image.Image]:

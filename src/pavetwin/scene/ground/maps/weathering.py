@@ -135,9 +135,9 @@ def _road_tone(ground: _CoarseFields) -> Float32Array:
     pass_tone = np.where(lanes.index >= 0, passes[lanes.index], 1.0)
     wheel = np.where(lanes.index >= 0, worn[lanes.index], -0.05) * ground.wheels
     slow = blotches * (
-        0.030 * ground.plane(tables.broad) + 0.024 * ground.plane(tables.blotch) + 0.020 * ground.plane(tables.fine)
+        0.030 * ground.plane(tables.broad) + 0.024 * ground.plane(tables.blotch) + 0.034 * ground.plane(tables.fine)
     )
-    tone = pass_tone * (1.0 + on_street * streaks * (0.042 * streak + 0.052 * band + 0.022 * scuff) + wheel + slow)
+    tone = pass_tone * (1.0 + on_street * streaks * (0.024 * streak + 0.028 * band + 0.014 * scuff) + wheel + slow)
     return np.asarray(tone, dtype=np.float32)
 
 

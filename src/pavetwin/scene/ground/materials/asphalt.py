@@ -5,10 +5,16 @@ from typing import Final
 
 import numpy as np
 
+from pavetwin.arrays import Float32Array
 from pavetwin.scene.ground.materials.grain import SIDE_PX, blurred, cells, detail, noise, stones
 from pavetwin.scene.model import Detail
 
 SIZE_M: Final = 2.0
+
+
+SEGREGATION: Final = ((0.022, 0.070), (0.055, 0.095))
+"""Wavelengths [m] and standard deviations of the mix's own changes of reflectance. Stones alone average out over a few
+centimetres; in photographs of pavements the deviation falls with the scale s as s^-0.35. Ours, after photographs."""
 
 
 @dataclass(frozen=True)
@@ -89,9 +95,18 @@ def _bound(rng: np.random.Generator, mix: StoneMix) -> Detail:
     # Hollows see little of the sky: they are darker and hold grime.
     hollow = np.clip((blurred(level, 2.2) - level) * mix.hollow, 0.0, 0.72)
     albedo = albedo * (1.0 - hollow)[..., None] * (1.0 - 0.88 * pits)[..., None]
-    albedo = albedo * (1.0 + 0.022 * noise(rng, 45.0, octaves=1.8))[..., None]
+    albedo = albedo * (1.0 + 0.022 * noise(rng, 45.0, octaves=1.8) + _segregation(rng, texel_m))[..., None]
     roughness = np.clip(0.86 - 0.12 * stone * (1 - filmed) + 0.04 * fine, 0.5, 1.0)
     return detail(SIZE_M, albedo, level, roughness, _hold(rng, level), mix.depth_m, mix.reflectance)
+
+
+def _segregation(rng: np.random.Generator, texel_m: float) -> Float32Array:
+    """Share by which the mix is paler or darker over a few stones, as paving leaves it: crowds of coarse or of fine
+    stones, of more or less binder."""
+    found = np.zeros((SIDE_PX, SIDE_PX), dtype=np.float32)
+    for wavelength_m, deviation in SEGREGATION:
+        found += np.float32(deviation) * noise(rng, wavelength_m / texel_m, octaves=0.8)
+    return found
 
 
 def _pits(rng: np.random.Generator, per_m2: float) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
