@@ -12,7 +12,7 @@ from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Defect
 
-KEY: Final = 14
+KEY: Final = 16
 """Key of this module's children of the scene's random stream."""
 
 GAP_M: Final = 0.06

@@ -18,7 +18,7 @@ from pavetwin.scene.ground.materials.compose import PAINTS
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Defect
 
-KEY: Final = 15
+KEY: Final = 17
 """Key of this module's children of the scene's random stream."""
 
 LEAST: Final = 0.03
