@@ -192,14 +192,7 @@ fn colour_of(column: usize, row: usize) -> usize {
 
 /// One row of tones of a mosaic, its colours interpolated with the gradient of the colour that is there (Malvar, He,
 /// Cutler 2004).
-fn interpolated(
-    raw: &Padded,
-    film: &Film<'_>,
-    saturation: f32,
-    corner: (usize, usize),
-    row: usize,
-    out: &mut [f32],
-) {
+fn interpolated(raw: &Padded, film: &Film<'_>, saturation: f32, corner: (usize, usize), row: usize, out: &mut [f32]) {
     let width = raw.width;
     let line = |down: isize, right: isize| raw.line(row, down, right);
     let (own, up, down, left, right) = (line(0, 0), line(-1, 0), line(1, 0), line(0, -1), line(0, 1));
@@ -334,7 +327,8 @@ mod tests {
             (0..64).flat_map(|row| picture[row * 64 + 4..row * 64 + 28].to_vec()).collect()
         };
         assert!(deviation(&left(&reduced)) < 0.5 * deviation(&left(&plain)));
-        let step = |picture: &[f32]| -> f32 { (0..64).map(|row| picture[row * 64 + 33] - picture[row * 64 + 30]).sum() };
+        let step =
+            |picture: &[f32]| -> f32 { (0..64).map(|row| picture[row * 64 + 33] - picture[row * 64 + 30]).sum() };
         assert!(step(&reduced) > 0.95 * step(&plain));
     }
 }
