@@ -52,9 +52,9 @@ def patch_bars(layout: SurfaceLayout) -> Iterator[tuple[float, ...]]:
     for defect, rng in _beside(layout, Feature.TRENCH):
         low, high = np.array([defect.polygon.bounds[:2], defect.polygon.bounds[2:]])
         reach = float(np.hypot(*(high - low))) / 2 + rng.uniform(0.3, 2.5)
-        half = float(rng.uniform(*TRENCH_HALF_M))
-        middle = np.array([defect.centre.x, defect.centre.y]) + _turned(np.array([0.0, -half]), defect.yaw_rad)
-        yield (*map(float, middle), defect.yaw_rad, reach, half, float(rng.uniform(*TONES)))
+        wide = float(rng.uniform(*TRENCH_HALF_M))
+        middle = np.array([defect.centre.x, defect.centre.y]) + _turned(np.array([0.0, -wide]), defect.yaw_rad)
+        yield (*map(float, middle), defect.yaw_rad, reach, wide, float(rng.uniform(*TONES)))
 
 
 def _beside(layout: SurfaceLayout, feature: Feature) -> Iterator[tuple[Defect, np.random.Generator]]:
