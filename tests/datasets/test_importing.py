@@ -172,6 +172,8 @@ def test_memory_holds_a_few_pictures_at_a_time(tmp_path: Path, monkeypatch: pyte
 MANY = """
 import resource, sys
 from pathlib import Path
+from pavetwin.datasets.annotated import class_names
+from pavetwin.datasets.exporting import export
 from pavetwin.datasets.importing import import_source
 from pavetwin.datasets.merging import merge
 from pavetwin.datasets.normalise import ImageSize
@@ -181,6 +183,11 @@ folder, output = map(Path, sys.argv[1:])
 made = import_source(*source_of("highrpd"), folder, output / "one", size=ImageSize())
 merged = merge([made.folder], output / "all")
 split_dataset(merged.folder, (0.7, 0.2, 0.1))
+export(merged.folder, output / "exported", ("yolo", "coco"))
+rules = "".join(f"  {name}: {name}\\n" for name in class_names())
+(output / "again.yaml").write_text("labels: {format: coco}\\nclasses:\\n" + rules)
+again = import_source(*source_of(str(output / "again.yaml")), output / "exported", output / "again", size=ImageSize())
+assert again.images == merged.images > 10_000, (again.images, merged.images)
 print(made.images, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 """
 

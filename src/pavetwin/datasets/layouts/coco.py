@@ -1,7 +1,5 @@
-"""COCO: one JSON file for many images. Masks without a box get the box around them."""
+"""COCO: one JSON file for many images, read entry by entry. Masks without a box get the box around them."""
 
-import json
-from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from math import isfinite
 from pathlib import Path, PurePosixPath
@@ -12,6 +10,7 @@ import numpy as np
 from pavetwin.arrays import BoolArray
 from pavetwin.datasets.annotated import Polygon
 from pavetwin.datasets.layouts.base import LabelLayout, RawImage, RawObject, unlabelled
+from pavetwin.datasets.layouts.coco_file import CocoFile, CocoFileError, as_id, coco_file
 from pavetwin.datasets.layouts.yolo import box_around
 from pavetwin.datasets.pictures import PictureIndex, files_in, inside
 from pavetwin.datasets.report import Finding, Report
@@ -26,36 +25,40 @@ LARGEST_MASK_PX: Final = 100_000_000
 
 
 class CocoLayout(LabelLayout):
-    """`iscrowd` objects are ignored, as COCO's own evaluation does. A file is held in memory while it is read."""
+    """`iscrowd` objects are ignored, as COCO's own evaluation does."""
 
     format: Literal["coco"] = "coco"
 
     def images(self, folder: Path, report: Report) -> Iterator[RawImage]:
         pictures = PictureIndex(folder)
         for labels in files_in(folder, frozenset({".json"})):
-            content = _content(folder / labels, labels, report)
-            if content is None:
-                continue
-            names = {_key(each.get("id")): str(each.get("name")) for each in _dicts(content["categories"])}
-            by_image: dict[object, list[dict[str, Any]]] = defaultdict(list)
-            for each in _dicts(content["annotations"]):
-                by_image[_key(each.get("image_id"))].append(each)
-            for each in sorted(_dicts(content["images"]), key=lambda each: str(each.get("file_name"))):
-                path = self._picture(folder, labels, str(each.get("file_name")), report)
-                if path is None:
-                    continue
-                original = path.relative_to(folder.resolve()).as_posix()
-                pictures.unused.pop(original, None)
-                annotations = by_image[_key(each.get("id"))]
-                try:
-                    objects = tuple(self._object(one, names) for one in annotations)
-                except (ValueError, TypeError, KeyError, IndexError) as error:
-                    words = str(error) if isinstance(error, ValueError) else "an annotation is not as COCO has it"
-                    report.add(Finding.REFUSED, labels, f"image '{original}': {words}; the image is left out")
-                    continue
-                size_px = _size(each)
-                yield RawImage(path, original, labels, objects, size_px=size_px, **self.details(labels, each))
+            try:
+                with coco_file(folder / labels) as content:
+                    if content is not None:
+                        yield from self._images_of(content, folder, labels, pictures, report)
+            except CocoFileError as error:
+                report.add(Finding.REFUSED, labels, f"is not JSON ({error})", error.line)
+            except (OSError, UnicodeDecodeError, RecursionError) as error:
+                report.add(Finding.REFUSED, labels, f"cannot be read ({type(error).__name__})")
         yield from unlabelled(folder, pictures)
+
+    def _images_of(
+        self, content: CocoFile, folder: Path, labels: str, pictures: PictureIndex, report: Report
+    ) -> Iterator[RawImage]:
+        names = {as_id(each.get("id")): str(each.get("name")) for each in content.categories}
+        for image, annotations in content.images():
+            path = self._picture(folder, labels, str(image.get("file_name")), report)
+            if path is None:
+                continue
+            original = path.relative_to(folder.resolve()).as_posix()
+            pictures.unused.pop(original, None)
+            try:
+                objects = tuple(self._object(one, names) for one in annotations)
+            except (ValueError, TypeError, KeyError, IndexError) as error:
+                words = str(error) if isinstance(error, ValueError) else "an annotation is not as COCO has it"
+                report.add(Finding.REFUSED, labels, f"image '{original}': {words}; the image is left out")
+                continue
+            yield RawImage(path, original, labels, objects, size_px=_size(image), **self.details(labels, image))
 
     def details(self, labels: str, image: Mapping[str, Any]) -> dict[str, Any]:
         """What else is known of an image: `gsd_mm`, `group`, `attributes` of its RawImage."""
@@ -87,7 +90,7 @@ class CocoLayout(LabelLayout):
         """Raises:
         ValueError: it has no class or no place; other exceptions where it is not as COCO has it.
         """
-        label = names.get(_key(content["category_id"]))
+        label = names.get(as_id(content["category_id"]))
         if label is None:
             raise ValueError(
                 f"annotation {content.get('id')} has category {content['category_id']}, which is not listed"
@@ -122,33 +125,9 @@ class CocoLayout(LabelLayout):
         return {}
 
 
-def _content(path: Path, labels: str, report: Report) -> dict[str, Any] | None:
-    """A COCO file's content; None where it is another JSON file, or, with a line in the report, no JSON."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except json.JSONDecodeError as error:
-        report.add(Finding.REFUSED, labels, f"is not JSON ({error.msg})", error.lineno)
-        return None
-    except (OSError, ValueError, RecursionError) as error:
-        report.add(Finding.REFUSED, labels, f"cannot be read ({type(error).__name__})")
-        return None
-    keys = ("images", "annotations", "categories")
-    is_coco = isinstance(content, dict) and all(isinstance(content.get(key), list) for key in keys)
-    return content if is_coco else None
-
-
-def _dicts(values: list[Any]) -> list[dict[str, Any]]:
-    return [each for each in values if isinstance(each, dict)]
-
-
 def _size(image: Mapping[str, Any]) -> tuple[int, int] | None:
     width, height = image.get("width"), image.get("height")
     return (width, height) if isinstance(width, int) and isinstance(height, int) else None
-
-
-def _key(value: object) -> object:
-    """An id as it may be compared: lists and the like are none."""
-    return value if isinstance(value, int | str) else None
 
 
 def _shape(segmentation: Any) -> tuple[FloatBox, Polygon | None] | None:

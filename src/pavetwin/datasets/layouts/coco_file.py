@@ -1,0 +1,176 @@
+"""A COCO file read entry by entry: memory holds one image with its annotations, however large the file is.
+
+COCO lists annotations in any order, often far from their image. So a file is read once from the beginning to the end:
+the text of every image and annotation is put into a temporary file, and only where it begins is kept. Then each image
+is read back with its annotations.
+"""
+
+import json
+import tempfile
+from array import array
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any, Final
+
+CHUNK: Final = 1 << 20
+"""Characters that are read at a time."""
+
+LARGEST: Final = 1 << 28
+"""Characters of one entry, at most."""
+
+_UNDECIDED: Final = 2
+"""Characters of a number that it may have beyond a shorter one: `.`, `e+`."""
+
+_LISTS: Final = ("categories", "images", "annotations")
+
+
+class CocoFileError(ValueError):
+    """A file is not JSON; the message says why."""
+
+    def __init__(self, words: str, line: int) -> None:
+        super().__init__(words)
+        self.line = line
+
+
+class CocoFile:
+    """The entries of a file that was read once."""
+
+    def __init__(self, entries: IO[bytes]) -> None:
+        self._entries = entries
+        self.categories: list[dict[str, Any]] = []
+        self._images: list[tuple[str, object, int]] = []
+        """`file_name`, id, and where its text begins."""
+        self._annotations: dict[object, array[int]] = {}
+        """By id of the image: where their texts begin."""
+
+    def add(self, key: str, content: Any, text: str) -> None:
+        """Take up an entry of one of the file's lists, and its text."""
+        if not isinstance(content, dict):
+            return
+        if key == "categories":
+            self.categories.append(content)
+            return
+        begins = self._entries.tell()
+        self._entries.write(text.encode().replace(b"\n", b" ") + b"\n")
+        if key == "images":
+            self._images.append((str(content.get("file_name")), as_id(content.get("id")), begins))
+        else:
+            self._annotations.setdefault(as_id(content.get("image_id")), array("q")).append(begins)
+
+    def images(self) -> Iterator[tuple[dict[str, Any], list[dict[str, Any]]]]:
+        """Every image with its annotations, by `file_name`, the annotations in the file's order."""
+        for _, number, begins in sorted(self._images, key=lambda image: image[0]):
+            annotations = [self._entry(each) for each in self._annotations.get(number, ())]
+            yield self._entry(begins), annotations
+
+    def _entry(self, begins: int) -> dict[str, Any]:
+        self._entries.seek(begins)
+        return dict(json.loads(self._entries.readline()))
+
+
+def as_id(value: object) -> object:
+    """An id as it may be compared: lists and the like are none."""
+    return value if isinstance(value, int | str) else None
+
+
+@contextmanager
+def coco_file(path: Path) -> Iterator[CocoFile | None]:
+    """A file's entries while the block runs; None for a JSON file that is not COCO.
+
+    Raises:
+        CocoFileError: it is not JSON.
+        OSError, UnicodeDecodeError, RecursionError: it cannot be read.
+    """
+    with path.open(encoding="utf-8-sig") as stream, tempfile.TemporaryFile() as entries:
+        found, scanner, there = CocoFile(entries), _Scanner(stream), set()
+        for key, content, text in scanner.entries():
+            if key in _LISTS:
+                there.add(key)
+                if text is not None:
+                    found.add(key, content, text)
+        yield found if len(there) == len(_LISTS) else None
+
+
+class _Scanner:
+    """Reads the lists of a JSON object entry by entry."""
+
+    def __init__(self, stream: IO[str]) -> None:
+        self._stream = stream
+        self._decoder = json.JSONDecoder()
+        self._text, self._at, self._line = "", 0, 1
+
+    def entries(self) -> Iterator[tuple[str, Any, str | None]]:
+        """Of every entry of a list: the list's key, content and text; of a list first its key alone."""
+        if self._next() != "{":
+            return
+        self._take("{")
+        while self._next() != "}":
+            key, _ = self._value()
+            self._take(":")
+            if self._next() != "[":
+                self._value()
+            else:
+                yield str(key), None, None
+                yield from self._list(str(key))
+            if self._next() != "}":
+                self._take(",")
+        self._take("}")
+        if self._next():
+            raise self._error("Extra data")
+
+    def _list(self, key: str) -> Iterator[tuple[str, Any, str | None]]:
+        self._take("[")
+        while self._next() != "]":
+            yield key, *self._value()
+            if self._next() != "]":
+                self._take(",")
+                if self._next() == "]":
+                    raise self._error("Expecting value")
+        self._take("]")
+
+    def _next(self) -> str:
+        """The next character that is not space; empty at the end."""
+        while True:
+            while self._at < len(self._text) and self._text[self._at].isspace():
+                self._at += 1
+            if self._at < len(self._text):
+                return self._text[self._at]
+            if not self._more(CHUNK):
+                return ""
+
+    def _take(self, character: str) -> None:
+        if self._next() != character:
+            raise self._error(f"Expecting '{character}' delimiter")
+        self._at += 1
+
+    def _value(self) -> tuple[Any, str]:
+        """The next value and its text."""
+        self._next()
+        size = CHUNK
+        while True:
+            try:
+                content, end = self._decoder.raw_decode(self._text, self._at)
+            except json.JSONDecodeError as error:
+                if not self._more(size):
+                    raise self._error(error.msg, error.pos) from error
+            else:
+                # A number near the end of what was read may go on (`1e+` is read as 1).
+                if end + _UNDECIDED < len(self._text) or not self._more(size):
+                    text, self._at = self._text[self._at : end], end
+                    return content, text
+            size = min(2 * len(self._text), LARGEST)
+            if len(self._text) - self._at > LARGEST:
+                raise self._error(f"one entry has more than {LARGEST // 10**6} million characters")
+
+    def _more(self, size: int) -> bool:
+        """Whether there was more to read."""
+        chunk = self._stream.read(size)
+        if not chunk:
+            return False
+        self._line += self._text.count("\n", 0, self._at)
+        self._text, self._at = self._text[self._at :] + chunk, 0
+        return True
+
+    def _error(self, words: str, at: int | None = None) -> CocoFileError:
+        return CocoFileError(words, self._line + self._text.count("\n", 0, self._at if at is None else at))
