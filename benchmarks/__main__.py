@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from itertools import count
 from pathlib import Path
 
-from benchmarks import defects, frames, growing, machine, missions, startup, streets, studies, worlds
+from benchmarks import defects, frames, growing, machine, missions, photographs, startup, streets, studies, worlds
 from benchmarks.measure import Line, Size
 from benchmarks.table import as_json, notes, table
 from pavetwin.cli.console import fail, out, progress
@@ -22,7 +22,7 @@ from pavetwin.world.folder import CACHE_VARIABLE
 from pavetwin.world.store import load_world
 
 FULL = Size(segments=8, runs=9, recorded_s=FIRST_DURATION_S, crowd_s=worlds.RECORDED_S, streets_m=(1000.0, 3000.0))
-QUICK = Size(segments=3, runs=3, recorded_s=600.0, crowd_s=60.0, study={"replicates": 2})
+QUICK = Size(segments=3, runs=3, recorded_s=600.0, crowd_s=60.0, photographs=100, study={"replicates": 2})
 
 
 def measure(world_folder: Path | None, size: Size, folder: Path, begin: Callable[[str], None]) -> Iterator[Line]:
@@ -56,6 +56,8 @@ def measure(world_folder: Path | None, size: Size, folder: Path, begin: Callable
     yield missions.look_line(course, size.runs)
     begin("frames")
     yield from frames.lines(world, replay, size)
+    begin("photographs")
+    yield photographs.line(folder, size)
     begin("memory")
     yield missions.memory_line(world_folder, len(course.targets))
     begin("city × 100")
@@ -64,7 +66,7 @@ def measure(world_folder: Path | None, size: Size, folder: Path, begin: Callable
     yield from worlds.record_crowd(folder / "random", size.crowd, size.crowd_s)
 
 
-PARTS = 12
+PARTS = 13
 
 
 def main(arguments: list[str]) -> int:

@@ -14,12 +14,13 @@ class Kind(Enum):
 
     SECONDS = "s"
     REAL_TIME = "× real time"
+    PER_SECOND = "/s"
     RATIO = "ratio"
     MEBIBYTES = "MiB"
 
     @property
     def more_is_better(self) -> bool:
-        return self is Kind.REAL_TIME
+        return self in (Kind.REAL_TIME, Kind.PER_SECOND)
 
     def shown(self, value: float) -> str:
         match self:
@@ -32,6 +33,8 @@ class Kind(Enum):
                 return f"{value * factor:.3g} {unit}"
             case Kind.REAL_TIME:
                 return f"{value:,.0f} ×"
+            case Kind.PER_SECOND:
+                return f"{value:,.0f} a second"
             case Kind.RATIO:
                 return f"{value:.2f} times"
             case Kind.MEBIBYTES:
@@ -57,6 +60,8 @@ class Size:
     places: int = 9
     """Of frames: over streets, evenly along their whole length, each at another time of the recording."""
     frame_px: tuple[int, int] = (640, 640)
+    photographs: int = 600
+    """That are imported."""
     copies: int = 10
     """Of the town, east and north, for the city that is larger."""
     streets_m: tuple[float, ...] = (1000.0,)
