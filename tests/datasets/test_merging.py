@@ -1,6 +1,7 @@
 """Datasets merged: the same photograph once, one place one scene."""
 
 import shutil
+import tracemalloc
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
@@ -9,8 +10,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from pavetwin.datasets import overlaps
 from pavetwin.datasets.common_form import read_images
-from pavetwin.datasets.duplicates import alike, thumbnail
+from pavetwin.datasets.duplicates import alike, read_grey, thumbnail
 from pavetwin.datasets.importing import import_source
 from pavetwin.datasets.merging import merge
 from pavetwin.datasets.normalise import ImageSize
@@ -116,19 +118,19 @@ def noise(seed: int, bar: int = 0) -> bytes:
 
 
 def test_black_bars_and_flat_pictures_are_like_nothing() -> None:
-    barred = np.array([thumbnail(noise(seed, 24)) for seed in range(8)])
+    barred = np.array([thumbnail(read_grey(noise(seed, 24))) for seed in range(8)])
     assert list(alike(barred, 0.6)) == []
     held = BytesIO()
     Image.new("RGB", (64, 64), (90, 90, 90)).save(held, "JPEG")
-    flat = thumbnail(held.getvalue())
+    flat = thumbnail(read_grey(held.getvalue()))
     assert not flat.any()
     assert list(alike(np.array([flat, flat]))) == []
-    (pair,) = alike(np.array([thumbnail(noise(1)), thumbnail(noise(1, 24))]), 0.8)
+    (pair,) = alike(np.array([thumbnail(read_grey(noise(1))), thumbnail(read_grey(noise(1, 24)))]), 0.8)
     assert pair[:2] == (0, 1)
 
 
 def test_all_pairs_are_found_whatever_the_size_of_the_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    rows = np.array([thumbnail(noise(seed % 5)) for seed in range(17)])
+    rows = np.array([thumbnail(read_grey(noise(seed % 5))) for seed in range(17)])
     whole = [pair[:2] for pair in alike(rows)]
     assert sorted(whole) == sorted((a, b) for a in range(17) for b in range(a + 1, 17) if a % 5 == b % 5)
     monkeypatch.setattr("pavetwin.datasets.duplicates.BLOCK", 4)
@@ -143,3 +145,92 @@ def test_an_unfinished_dataset_and_the_output_itself_are_refused(two: tuple[Path
     with pytest.raises(PaveTwinError, match="is not finished"):
         merge(two, tmp_path / "all")
     assert not (tmp_path / "all").exists()
+
+
+# --- Overlaps --------------------------------------------------------------------------------------------------------
+
+
+def street(seed: int) -> Image.Image:
+    """A place with coarse and fine detail, as weathered asphalt has, 900 × 700."""
+    rng = np.random.default_rng(seed)
+    grey = np.full((700, 900), 120.0)
+    for columns, rows in ((18, 14), (45, 35), (90, 70)):
+        grain = Image.fromarray(rng.normal(0.0, 18.0, (rows, columns)).astype(np.float32))
+        grey += np.asarray(grain.resize((900, 700), Image.Resampling.BICUBIC))
+    return Image.fromarray(np.clip(grey, 0, 255).astype(np.uint8))
+
+
+def seen(place: Image.Image, box: tuple[int, int, int, int], scale: float = 1.0, turn_deg: float = 0.0) -> Image.Image:
+    part = place.rotate(turn_deg, Image.Resampling.BICUBIC, center=((box[0] + box[2]) / 2, (box[1] + box[3]) / 2))
+    return part.crop(box).resize((round(scale * (box[2] - box[0])), round(scale * (box[3] - box[1]))))
+
+
+def described(picture: Image.Image, quality: int = 90) -> overlaps.Features:
+    held = BytesIO()
+    picture.save(held, "JPEG", quality=quality)
+    return overlaps.features(np.asarray(read_grey(held.getvalue())))
+
+
+@pytest.mark.parametrize(
+    ("box", "scale", "turn_deg"),
+    [
+        ((250, 100, 750, 600), 1.0, 0.0),  # half of the first
+        ((150, 100, 530, 480), 0.8, 0.0),  # cut out of it
+        ((60, 60, 560, 560), 0.9, 7.0),
+    ],
+)
+def test_a_picture_that_overlaps_another_is_found(
+    box: tuple[int, int, int, int], scale: float, turn_deg: float
+) -> None:
+    first = seen(street(1), (50, 50, 550, 550))
+    other = seen(street(1), box, scale, turn_deg)
+    pictures = [described(first), described(street(2)), described(other, quality=60)]
+    found = list(overlaps.candidates(pictures))
+    assert (0, 2) in found
+    assert [pair for pair in found if overlaps.overlap(*(pictures[at] for at in pair))] == [(0, 2)]
+    size = (32, 32)
+    same = [thumbnail(each.resize(size)) for each in (first, other)]
+    assert list(alike(np.array(same))) == []  # what small pictures alone do not find
+
+
+def test_pictures_without_corners_overlap_nothing() -> None:
+    flat = overlaps.features(np.full((300, 400), 90, dtype=np.uint8))
+    assert len(flat.places) == len(flat.patterns) == 0
+    assert list(overlaps.candidates([flat, flat])) == []
+    assert not overlaps.overlap(flat, flat)
+    assert list(overlaps.candidates([])) == []
+
+
+@pytest.mark.slow
+def test_the_patterns_of_twenty_thousand_pictures_fit_into_a_gibibyte() -> None:
+    rng = np.random.default_rng(0)
+    tracemalloc.start()
+    pictures = [
+        overlaps.Features(
+            rng.uniform(0, 512, (overlaps.FEATURES, 2)).astype(np.float16),
+            rng.integers(0, 256, (overlaps.FEATURES, 32), dtype=np.uint8),
+        )
+        for _ in range(20_000)
+    ]
+    pictures[19_000] = pictures[7]
+    assert list(overlaps.candidates(pictures)) == [(7, 19_000)]
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 0.6 * 2**30
+
+
+def test_what_overlaps_is_one_scene_after_a_merge(tmp_path: Path) -> None:
+    folder = tmp_path / "one"
+    folder.mkdir()
+    for number, left in enumerate((0, 220, 400)):  # the first and the third share 80 of 480 columns
+        seen(street(3), (left, 0, left + 480, 480)).save(folder / f"{number}.jpg")
+    street(4).crop((0, 0, 480, 480)).save(folder / "3.jpg")
+    for number in range(4):
+        yolo(folder / f"{number}.txt", "0 0.5 0.5 0.5 0.5")
+    summary = merge([made("highrpd", folder)], tmp_path / "all")
+    first, second, third, other = (image.group for image in read_images(tmp_path / "all"))
+    assert first == second == third != other
+    assert [str(each) for each in summary.report] == [
+        "one-set/highrpd-1: overlaps one-set/highrpd-0; their scenes are one",
+        "one-set/highrpd-2: overlaps one-set/highrpd-1; their scenes are one",
+    ]

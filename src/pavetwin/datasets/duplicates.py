@@ -5,6 +5,7 @@ pictures alike; two are compared by zero-mean normalised correlation. All pairs 
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
@@ -15,6 +16,7 @@ from PIL import Image
 from scipy import ndimage
 
 from pavetwin.arrays import Float32Array
+from pavetwin.datasets.overlaps import LONGEST_PX, Features, features
 from pavetwin.datasets.pictures import PictureError
 
 SIDE_PX: Final = 32
@@ -40,18 +42,23 @@ BLACK: Final = 24.0
 BLOCK: Final = 1024
 
 
-def thumbnail(content: bytes) -> Float32Array:
-    """What is compared of a picture's file: (SIDE_PX²,), of length 1; zeros where it shows too little.
+def read_grey(content: bytes) -> Image.Image:
+    """A picture's file in grey.
 
     Raises:
         PictureError: it is damaged.
     """
     try:
         with Image.open(BytesIO(content), formats=("JPEG", "PNG")) as picture:
-            picture.draft("L", (4 * SIDE_PX, 4 * SIDE_PX))
-            small = picture.convert("L").resize((SIDE_PX, SIDE_PX), Image.Resampling.BOX)
+            picture.draft("L", (LONGEST_PX, LONGEST_PX))
+            return picture.convert("L")
     except (OSError, SyntaxError) as error:
         raise PictureError("the picture is damaged") from error
+
+
+def thumbnail(picture: Image.Image) -> Float32Array:
+    """What is compared of a grey picture: (SIDE_PX²,), of length 1; zeros where it shows too little."""
+    small = picture.resize((SIDE_PX, SIDE_PX), Image.Resampling.BOX)
     whole = np.zeros((SIDE_PX, SIDE_PX), dtype=np.float32)
     grey = np.asarray(small, dtype=np.float32)
     rows, columns = _shown(grey.max(axis=1)), _shown(grey.max(axis=0))
@@ -73,12 +80,18 @@ def _shown(brightest: Float32Array) -> slice:
     return slice(first + (first > 0), end - (end < len(brightest)))
 
 
-Signature = tuple[str, Float32Array]
-"""The hash of a picture's file, and its thumbnail."""
+@dataclass(frozen=True, slots=True)
+class Signature:
+    """What says whether two pictures are the same, or show one place."""
+
+    sha256: str
+    """Of the file."""
+    thumbnail: Float32Array
+    features: Features
 
 
 def signature(path: Path) -> Signature:
-    """The hash of a picture's file, and its thumbnail.
+    """Of a picture's file.
 
     Raises:
         PictureError: it is damaged or missing.
@@ -87,7 +100,8 @@ def signature(path: Path) -> Signature:
         content = path.read_bytes()
     except OSError as error:
         raise PictureError("the picture cannot be read") from error
-    return sha256(content).hexdigest(), thumbnail(content)
+    grey = read_grey(content)
+    return Signature(sha256(content).hexdigest(), thumbnail(grey), features(np.asarray(grey)))
 
 
 def alike(thumbnails: Float32Array, threshold: float = ALIKE) -> Iterator[tuple[int, int, float]]:

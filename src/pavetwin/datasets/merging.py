@@ -2,8 +2,8 @@
 
 1. Of pictures that are the same (`duplicates.SAME`, or the same file) the first is kept, in the order in which the
    datasets are given and then by name. The others are dropped, with their labels.
-2. Pictures that show one place (`duplicates.ALIKE`) become one scene with all of their scenes' images, so that a
-   split cannot put them on both sides.
+2. Pictures that show one place, as a whole (`duplicates.ALIKE`) or where they overlap (`overlaps`), become one scene
+   with all of their scenes' images, so that a split cannot put them on both sides.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -29,6 +29,7 @@ from pavetwin.datasets.common_form import (
 )
 from pavetwin.datasets.duplicates import SAME, Signature, alike, signature
 from pavetwin.datasets.importing import ImportSummary, check_same, move_in
+from pavetwin.datasets.overlaps import Features, candidates, overlap
 from pavetwin.datasets.pictures import PictureError
 from pavetwin.datasets.report import FILE as REPORT
 from pavetwin.datasets.report import Finding, Report
@@ -103,18 +104,19 @@ def _sorted_out(places: list[ImagePlace], report: Report, on_progress: OnMerge) 
     readable: list[ImagePlace] = []
     groups: list[str] = []
     rows: list[Float32Array] = []
+    described: list[Features] = []
     for done, (place, found) in enumerate(_signatures(places), start=1):
         on_progress(done / len(places), f"Comparing {done}/{len(places)}")
         folder, name = place
         if isinstance(found, PictureError):
             report.add(Finding.REFUSED, _told(place), f"{found}; the image is left out")
             continue
-        digest, thumbnail = found
-        if (first := hashes.setdefault(digest, place)) != place:
+        if (first := hashes.setdefault(found.sha256, place)) != place:
             report.add(Finding.DROPPED, _told(place), f"the same picture as {_told(first)}")
             continue
         readable.append(place)
-        rows.append(thumbnail)
+        rows.append(found.thumbnail)
+        described.append(found.features)
         groups.append(read_image(annotation_path(folder, name)).group)
     dropped: set[int] = set()
     for one, other, correlation in alike(np.array(rows, dtype=np.float32)) if rows else ():
@@ -125,6 +127,15 @@ def _sorted_out(places: list[ImagePlace], report: Report, on_progress: OnMerge) 
             report.add(Finding.DROPPED, _told(readable[other]), f"the same picture as {_told(readable[one])}")
         elif scenes.join(groups[one], groups[other]):
             words = f"shows the same place as {_told(readable[one])}; their scenes are one"
+            report.add(Finding.NOTE, _told(readable[other]), words)
+    pairs = list(candidates(described))
+    for done, (one, other) in enumerate(pairs, start=1):
+        on_progress(done / len(pairs), f"Comparing places {done}/{len(pairs)}")
+        if one in dropped or other in dropped or scenes.of(groups[one]) == scenes.of(groups[other]):
+            continue
+        if overlap(described[one], described[other]):
+            scenes.join(groups[one], groups[other])
+            words = f"overlaps {_told(readable[one])}; their scenes are one"
             report.add(Finding.NOTE, _told(readable[other]), words)
     return [place for at, place in enumerate(readable) if at not in dropped], scenes
 
