@@ -125,7 +125,7 @@ def test_failed_and_undefined_missions_are_told() -> None:
     table = without(study(), pl.col("replicate") == 2, failed=False)
     table = without(table, (pl.col("replicate") == 3) & (pl.col("policy") == "micro"), failed=True)
     assert concluded(table)[-1] == (
-        "2 of 120 missions failed and 6 of 120 had no defects to find; "
+        "2 of 120 missions failed and 6 of 120 missions had no defects to find; "
         "they are in no mean coverage, neither as 0 nor as 100 %."
     )
 

@@ -20,6 +20,8 @@ _MOST_RESTS: Final = 3
 _MOST_MAPS: Final = 4
 _WORST: Final = 10
 """Segments in the table of the least covered."""
+_FEW: Final = 10
+"""Of fewer defects not even half of the coverage is known: 3 of 6 found may be 12 to 88 %."""
 _MOST_REASONS: Final = 20
 _MOST_PLACES: Final = 4
 
@@ -111,7 +113,11 @@ def _worst(world: str, means: pl.DataFrame) -> Table:
     )
     words = f"The {_WORST} least covered segments" if means.height > _WORST else "Segments, the least covered first,"
     heads = ("Street", "Segment", "Length (m)", "Missions (replicates)", "Defects", f"Mean {heading(coverage).lower()}")
-    notes = ("Missions of one replicate share their traffic and defects: what counts as evidence is the replicates.",)
+    notes: tuple[str, ...] = (
+        "Missions of one replicate share their traffic and defects: what counts as evidence is the replicates.",
+    )
+    if any(row["defects"] < _FEW for row in means.head(_WORST).iter_rows(named=True)):
+        notes += (f"A coverage of fewer than {_FEW} defects says little of its segment.",)
     return Table(f"{words} of {world}", (*heads, f"Mean {heading(time).lower()}"), rows, notes=notes, merged=False)
 
 

@@ -267,6 +267,6 @@ def _missing(summary: pl.DataFrame) -> list[str]:
     missions = int(rows.select(pl.sum_horizontal("n", "undefined", "failed").sum()).item())
     failed, undefined = int(rows["failed"].sum()), int(rows["undefined"].sum())
     parts = [f"{failed} of {missions} missions failed"] * bool(failed)
-    parts += [f"{undefined} of {missions} had no defects to find"] * bool(undefined)
+    parts += [f"{undefined} of {missions} missions had no defects to find"] * bool(undefined)
     mean = f"mean {metric_named(_MAIN).label.lower()}"
     return [opened(f"{listed(parts)}; they are in no {mean}, neither as 0 nor as 100 %")] if parts else []
