@@ -5,6 +5,9 @@ from typing import Final
 SUBTYPES: Final = ("Single Crack", "Crocodile Crack", "Pothole")
 """What the subtype head tells apart, by number; the first classes of label files."""
 
+CRACKS: Final = SUBTYPES[:2]
+"""Of which a part looks like the whole."""
+
 ROAD_DEFECT, PERSON, CAR = range(3)
 
 COARSE: Final = ("Road Defect", "Person", "Car")

@@ -100,15 +100,28 @@ def test_tiles_cover_the_image_at_its_own_resolution(data: ExampleSet) -> None:
         assert (view_of([part], 64).pixels == whole[y : y + 64, x : x + 64]).all()
 
 
-def test_what_is_cut_to_a_rest_is_ignored(data: ExampleSet) -> None:
-    example = data.examples[0]
-    left, _, right, _ = example.objects[0].box
-    for share, ignored in ((0.2, True), (0.5, False)):
-        part = replace(fitted(data, example, 128), left=0.0, top=0.0, scale=1.0)
-        part = replace(part, left=-(right - share * (right - left)))
-        (seen, *_) = view_of([part], 128).objects
-        assert 0 <= seen.box[0] < 3
-        assert seen.is_ignored is ignored
+@pytest.mark.parametrize(
+    ("category", "scale", "share", "ignored"),
+    [
+        ("Pothole", 1.0, 0.2, True),
+        ("Pothole", 1.0, 0.5, False),
+        ("Pothole", 4.0, 0.2, True),
+        ("Single Crack", 4.0, 0.2, False),
+        ("Single Crack", 0.5, 0.2, True),
+    ],
+)
+def test_what_is_cut_to_a_rest_is_ignored_but_for_cracks(
+    data: ExampleSet, category: str, scale: float, share: float, ignored: bool
+) -> None:
+    """A part of a crack that is long enough is a crack."""
+    example, true = next((one, each) for one in data.examples for each in one.objects if each.category == category)
+    example = replace(example, objects=(true,))
+    left, right = (scale * side for side in (true.box[0], true.box[2]))
+    part = replace(fitted(data, example, 128), top=-scale * true.box[1], scale=scale)
+    part = replace(part, left=-(right - share * (right - left)))
+    (seen,) = view_of([part], 128).objects
+    assert 0 <= seen.box[0] < 5
+    assert seen.is_ignored is ignored
 
 
 def test_the_same_key_gives_the_same_views_in_any_process(data: ExampleSet) -> None:

@@ -15,6 +15,7 @@ from PIL import Image
 from pavetwin.arrays import Float32Array, UInt8Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import FloatBox, PixelBox, share_within, within
+from pavetwin.perception.classes import CRACKS
 from pavetwin.perception.examples.example import Example, ExampleSet, Shape, TrueObject, mask_in
 
 GREY: Final = 114
@@ -22,6 +23,9 @@ GREY: Final = 114
 
 LEAST_SHARE: Final = 0.3
 """Of an object's box that a view must show; what shows less is ignored, since it may or may not be told."""
+
+LEAST_CRACK_PX: Final = 24.0
+"""Longer side of a part of a crack that is told for what it is, however long the rest is."""
 
 LEAST_SIDE_PX: Final = 2.0
 """Of the longer side of a box in a view; what is smaller is ignored."""
@@ -178,8 +182,10 @@ def _seen(part: ImagePart) -> list[SeenObject]:
             inside = _tightened(part, true.shape, inside)
             if inside is None:
                 continue
-        is_small = max(inside[2] - inside[0], inside[3] - inside[1]) < LEAST_SIDE_PX
-        is_cut = share_within(whole, window) < LEAST_SHARE
+        side = max(inside[2] - inside[0], inside[3] - inside[1])
+        is_small = side < LEAST_SIDE_PX
+        is_told = true.category in CRACKS and side >= LEAST_CRACK_PX
+        is_cut = share_within(whole, window) < LEAST_SHARE and not is_told
         found.append(SeenObject(true, inside, true.is_ignored or is_small or is_cut, part))
     return found
 
