@@ -129,8 +129,9 @@ def test_the_highest_option_that_finds_enough_is_chosen(place: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert re.search(r"^Fly (baseline|hover) at 10 m:", done.stdout, re.MULTILINE)
     assert "No higher option was flown." in done.stdout
-    refused = plain_refusal(pavetwin("experiment", "recommend", "study", "--choose", "fastest", cwd=place))
-    assert refused.startswith("Error: --choose fastest: without a limit")
+    asked = ("experiment", "recommend", "study", "--choose", "fastest", "--max-energy", "50")
+    refused = plain_refusal(pavetwin(*asked, cwd=place))
+    assert refused.startswith("Error: --choose fastest: without a least coverage")
     assert "give --min-coverage" in refused
 
 

@@ -120,8 +120,9 @@ def test_few_replicates_choose_without_saying_how_sure() -> None:
 
 
 def test_objectives_that_say_nothing_are_refused(table: pl.DataFrame) -> None:
-    with pytest.raises(PaveTwinError, match=r"`objective` fastest: without a limit .* give `min_coverage`"):
-        recommend(table, MissionLimits(), objective=Objective.FASTEST)
+    for limits in (MissionLimits(), MissionLimits(max_time_s=100.0, max_energy=0.5), MissionLimits(min_coverage=0.0)):
+        with pytest.raises(PaveTwinError, match=r"`objective` fastest: without a least coverage .* `min_coverage`"):
+            recommend(table, limits, objective=Objective.FASTEST)
     with pytest.raises(PaveTwinError, match="the options have no altitude"):
         recommend(table, A_QUARTER, ("policy",), objective=Objective.HIGHEST)
     with pytest.raises(PaveTwinError, match=r"no objective 'hihgest' \(did you mean 'highest'\?\); known are most-"):

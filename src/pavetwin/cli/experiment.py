@@ -46,7 +46,8 @@ Choose = Annotated[
     str,
     typer.Option(
         help="Of the options within the limits, the one with the best coverage (most-found), the highest altitude "
-        "(highest), the least time (fastest) or the least of a battery (least-energy); all but the first need a limit."
+        "(highest), the least time (fastest) or the least of a battery (least-energy); all but the first "
+        "need --min-coverage."
     ),
 ]
 

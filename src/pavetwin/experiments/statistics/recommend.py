@@ -76,8 +76,8 @@ def recommend(
     that it does not depend on how many others do the same.
 
     Raises:
-        PaveTwinError: the objective is another than the most found, and nothing says what must be kept; or it is the
-            highest, and `by` has no altitude.
+        PaveTwinError: the objective is another than the most found, and nothing says how much must be found; or it is
+            the highest, and `by` has no altitude.
     """
     _check(limits, by, objective)
     errors = [metric for metric in metrics_in(table) if metric in (*TOUR_METRICS, *ERROR_METRICS)]
@@ -126,9 +126,10 @@ def recommend(
 
 
 def _check(limits: MissionLimits, by: Sequence[str], objective: Objective) -> None:
-    if objective is not Objective.MOST_FOUND and not limits.named:
+    if objective is not Objective.MOST_FOUND and not limits.min_coverage:
         raise PaveTwinError(
-            f"`objective` {objective}: without a limit that may be an option that finds nothing; give `min_coverage`."
+            f"`objective` {objective}: without a least coverage above 0 that may be an option that finds nothing; give "
+            "`min_coverage`."
         )
     if objective is Objective.HIGHEST and ALTITUDE not in by:
         raise PaveTwinError(f"`objective` {objective}: the options have no altitude; name `{ALTITUDE}` in `by`.")
