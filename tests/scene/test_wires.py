@@ -119,3 +119,10 @@ def test_shadows_too_far_from_their_wire_are_left_out() -> None:
     low = np.array([-np.cos(0.1), 0.0, np.sin(0.1)])
     wire = np.array([[0.0, -5.0, 8.0, 0.0, 5.0, 8.0, 0.01]])
     assert not len(shaded_strips(wire, low, lambda xy: np.zeros(len(np.asarray(xy)))))
+
+
+def test_another_light_makes_no_tile_again() -> None:
+    scene = Scene(world(), seed=3)
+    for sun in (SUN, np.array([0.6, 0.0, 0.8])):
+        assert len(np.concatenate([scene.strips_on(key, sun) for key in keys_of((0.0, -12.0, 60.0, 20.0))]))
+    assert scene._tile.cache_info().misses == 0

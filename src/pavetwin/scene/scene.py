@@ -58,6 +58,9 @@ TILES_KEPT: Final = 8
 PATCHES_KEPT: Final = 96
 """Whole patches in memory, some MB each at most, since the other parts of one lie on the next tiles."""
 
+THIN_KEPT: Final = 512
+"""Tiles whose wires and twigs are in memory, some KB each: they are needed again under every light."""
+
 EAVES_M: Final = 0.35
 """Greatest overhang of roofs beyond walls."""
 
@@ -79,6 +82,7 @@ class Scene:
         self.seed = seed
         self._tile = lru_cache(tiles_kept)(self._make)
         self._patch = lru_cache(PATCHES_KEPT)(self._patch_of)
+        self._thin = lru_cache(THIN_KEPT)(self._thin_of)
         self._actors: Actors | None = None
 
     def tile(self, key: TileKey) -> Tile:
@@ -157,7 +161,7 @@ class Scene:
 
     def strips_on(self, key: TileKey, to_sun: Float64Array) -> Float64Array:
         """(n, 8): the strips of ground that a tile's wires and twigs shade (`thin.shaded_strips`), for a sun (3,)."""
-        thin = self.tile(key).thin
+        thin = self._thin(key)
         return shaded_strips(thin, to_sun, self.heights) if len(thin) else np.zeros((0, 8))
 
     def buildings_on(self, key: TileKey) -> Sequence[int]:
@@ -266,18 +270,21 @@ class Scene:
     def _make(self, key: TileKey) -> Tile:
         origin = key[0] * TILE_M, key[1] * TILE_M
         facades = [self._builder.pieces(number, origin) for number in self._buildings.get(key, [])]
-        bare, twigs = self._bare_trees(key)
         return Tile(
             key=key,
             ground=ground_pieces(self._plan, key),
             facades=tuple(piece for pieces in facades for piece in pieces),
-            instances=(*self._standing(key), *bare, *self._wire_instances.get(key, ()), *fixtures(self._plan, key)),
-            thin=np.concatenate([self._wires.pieces[self._wire_pieces.get(key, [])], *twigs]),
+            instances=(*self._standing(key), *self._wire_instances.get(key, ()), *fixtures(self._plan, key)),
+            thin=self._thin(key),
         )
 
-    def _bare_trees(self, key: TileKey) -> tuple[list[Instance], list[Float64Array]]:
-        """The trees without leaves on a tile, and the segments (n, 7) of each."""
-        found, twigs = [], []
+    def _thin_of(self, key: TileKey) -> Float64Array:
+        """(n, 7): wires and twigs on a tile."""
+        twigs = [segments for _, segments in self._bare_trees(key)]
+        return np.concatenate([self._wires.pieces[self._wire_pieces.get(key, [])], *twigs])
+
+    def _bare_trees(self, key: TileKey) -> Iterator[tuple[Instance, Float64Array]]:
+        """The trees without leaves on a tile, each with its segments (n, 7)."""
         for number in self._furniture.get(key, []):
             item = self.world.furniture[number]
             if self._is_bare_tree(number):
@@ -285,12 +292,11 @@ class Scene:
                 ground_m = float(self.heights([(item.position.x, item.position.y)])[0])
                 turn = math.tau * self._plan.chance(f"turn {number}")
                 place, segments = bare_tree_of(item, ground_m, form, turn)
-                found.append(Instance(f"bare_{form}", BODY, place, tints()))
-                twigs.append(segments)
-        return found, twigs
+                yield Instance(f"bare_{form}", BODY, place, tints()), segments
 
     def _standing(self, key: TileKey) -> Iterator[Instance]:
-        """The furniture, but for trees without leaves, and objects on a tile as instances."""
+        """The furniture and objects on a tile as instances."""
+        yield from (tree for tree, _ in self._bare_trees(key))
         numbers = [number for number in self._furniture.get(key, []) if not self._is_bare_tree(number)]
         items = [self.world.furniture[number] for number in numbers]
         feet = self.heights(np.array([(item.position.x, item.position.y) for item in items]).reshape(-1, 2))

@@ -124,6 +124,19 @@ def test_the_pavement_around_a_defect_is_that_of_its_street(tmp_path: Path) -> N
     assert patch.kind is GroundKind.SLABS
 
 
+def test_a_look_changes_no_label() -> None:
+    """Repairs, markings and what hangs over a street leave holes and masks of defects as they are."""
+    there = tiny.straight(*((6.0 + 5.0 * k, (k % 3 - 1) * 2.0) for k in range(10)))
+    scenes = [Scene(there, seed=3, look=look) for look in ("uniform", "varied")]
+    for key in ((0, -1), (0, 0), (1, -1), (1, 0)):
+        plain, varied = (dict(scene.holes_on(key)) for scene in scenes)
+        assert plain == varied
+        for number in plain:
+            masks = [part.mask for scene in scenes if (part := scene.patch_on(key, number)) is not None]
+            assert all(np.array_equal(mask, masks[0]) for mask in masks)
+            assert len(masks) in (0, 2)
+
+
 def test_the_hash_of_a_look_covers_its_pavements(tmp_path: Path) -> None:
     hashes = set()
     for number, red in enumerate((0.7, 0.8)):
