@@ -82,6 +82,9 @@ USUAL: dict[str, tuple[str, ...]] = {
 
 NEEDS_RESULTS = {
     "capture show --split",
+    "data composite --objects",
+    "data composite --road-masks",
+    "data composite --roads",
     "data export --formats",
     "experiment recommend --traffic",
     "experiment recommend --world",

@@ -47,7 +47,7 @@ def build(
     recipe: Annotated[Path, typer.Argument(metavar="RECIPE.yaml", help="What the dataset is made of.")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the stages.")] = None,
 ) -> None:
-    """Import, merge, balance, split and export in one go, from a recipe; or go on with a build that was stopped.
+    """Import, merge, compose, balance, split and export, from a recipe; or go on with a build that was stopped.
 
     \b
     pavetwin data build recipe.yaml -o datasets/everything
@@ -57,6 +57,7 @@ def build(
       - {source: rdd2022-china-drone, folder: downloads/China_Drone}
       - {source: mine.yaml, folder: photos, background: checked.txt, gsd_mm: 2.5}
     size: {longest_px: 640, tiles: true}
+    composite: {objects: [mine], roads: [rdd2022-china-drone]}
     balance: {copies: 50}
     split: [70, 20, 10]
     export: [yolo, coco]
@@ -215,6 +216,57 @@ def balance(
         summary = balanced(dataset, output, settings, seed=seed, on_progress=tell)
     _tell(summary.report, output)
     out.print(_balance(summary.plan))
+    out.line(f"{summary.images} images in {output}/. Next: pavetwin data show {quote(str(output))}")
+    if summary.report.has_refusals:
+        raise typer.Exit(REFUSED_CODE)
+
+
+@app.command()
+def composite(
+    dataset: DatasetFolder,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the new dataset.")] = None,
+    objects: Annotated[
+        str, typer.Option(help="Sources to cut people and vehicles out of, with commas, as in uav-cars,uav-people.")
+    ] = "uav-cars,uav-people",
+    roads: Annotated[
+        str, typer.Option(help="Sources whose pictures look straight down on roads, with commas, as in uav-pdd2023.")
+    ] = "",
+    share: Annotated[float, typer.Option(help="Percent of the road images that become a composite too.")] = 30.0,
+    road_masks: Annotated[
+        Path | None,
+        typer.Option(help="Folder of masks NAME.png, white where an image shows road; else its look decides."),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Random seed; 0 is a seed too.")] = 0,
+) -> None:
+    """Put people and vehicles, cut out of some images, on the roads of others: new images beside those there are.
+
+    \b
+    pavetwin data composite datasets/all -o datasets/mixed --objects uav-cars --roads uav-pdd2023
+    pavetwin data composite datasets/all -o datasets/mixed --objects pavetwin --roads rdd2022-china-drone --share 20
+
+    Ground resolutions must fit: give them with --gsd at the import. Needs OpenCV: pip install 'pavetwin\\[augment]'.
+    """
+    from pavetwin.datasets.compositing import CompositeSettings, compose
+
+    if output is None:
+        raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/mixed.")
+    if not roads:
+        raise PaveTwinError("Say which sources show roads from above with --roads, for example --roads uav-pdd2023.")
+    if not 0 < share <= 100:
+        raise PaveTwinError(f"--share {share:g}: give a percentage above 0, up to 100.")
+    values = {
+        "objects": [name for name in re.split(r"[,\s]+", objects) if name],
+        "roads": [name for name in re.split(r"[,\s]+", roads) if name],
+        "share": share / 100,
+        "road_masks": road_masks,
+    }
+    names = {"`objects`": "--objects", "`roads`": "--roads", "`road_masks`": "--road-masks"}
+    with naming(names), progress("Composing", lines=True) as tell:
+        settings = CompositeSettings.parse(values, where="The composition")
+        summary = compose(dataset, output, settings, seed=seed, on_progress=tell)
+    _tell(summary.report, output)
+    cut = " and ".join(f"{count} of {name}" for name, count in sorted(summary.cut_outs.items())) or "none"
+    out.line(f"Cut-outs: {cut}. Composites: {summary.composites}.")
     out.line(f"{summary.images} images in {output}/. Next: pavetwin data show {quote(str(output))}")
     if summary.report.has_refusals:
         raise typer.Exit(REFUSED_CODE)

@@ -1,4 +1,5 @@
-"""A whole dataset from one file: sources imported, merged, balanced if asked for, split and exported.
+"""A whole dataset from one file: sources imported, merged, split and exported; composites
+and equal classes between, where asked for.
 
 Every stage has a folder of its own in the output and is resumable by itself, so a recipe that is run again goes on
 where it stopped, and the same recipe over the same files gives the same bytes.
@@ -16,6 +17,7 @@ from pavetwin.config.base import Settings
 from pavetwin.config.text import parse_yaml
 from pavetwin.datasets.allocation import CopyPlan
 from pavetwin.datasets.balancing import BalanceSettings, balance
+from pavetwin.datasets.compositing import CompositeSettings, compose
 from pavetwin.datasets.exporting import FORMATS_OF_EXPORT, export
 from pavetwin.datasets.importing import import_source
 from pavetwin.datasets.merging import merge
@@ -28,6 +30,7 @@ from pavetwin.files import working_in
 
 IMPORTS: Final = "imports"
 MERGED: Final = "merged"
+COMPOSITES: Final = "composites"
 BALANCED: Final = "balanced"
 EXPORT: Final = "export"
 
@@ -48,10 +51,11 @@ class Recipe(Settings):
         min_length=1, description="In the order in which the first picture counts."
     )
     size: ImageSize = Field(default=ImageSize(), description="How large images become.")
+    composite: CompositeSettings | None = Field(default=None, description="What is put on which roads; null: nothing.")
     balance: BalanceSettings | None = Field(default=None, description="How classes are balanced; null leaves them.")
     split: tuple[float, float, float] = Field(default=(70.0, 20.0, 10.0), description="Percent of train, val and test.")
     export: tuple[str, ...] = Field(default=("yolo", "coco"), description="Formats; none are allowed.")
-    seed: int = Field(default=0, ge=0, description="Random seed of the balance and the split.")
+    seed: int = Field(default=0, ge=0, description="Random seed of composites, copies and the split.")
 
     @field_validator("export")
     @classmethod
@@ -126,6 +130,11 @@ def build(
         merged = merge([folder for folder, _ in stages], output / MERGED, on_progress=on_stage)
         stages.append((merged.folder, merged.report))
         last, plan = merged.folder, None
+        if recipe.composite is not None:
+            composite = _beside(recipe.composite, beside)
+            composed = compose(last, output / COMPOSITES, composite, seed=recipe.seed, on_progress=on_stage)
+            stages.append((composed.folder, composed.report))
+            last = composed.folder
         if recipe.balance is not None:
             balanced = balance(last, output / BALANCED, recipe.balance, seed=recipe.seed, on_progress=on_stage)
             stages.append((balanced.folder, balanced.report))
@@ -135,6 +144,12 @@ def build(
         on_stage(0.0, "Exporting")
         exported = export(last, output / EXPORT, recipe.export) if recipe.export else {}
     return BuildSummary(tuple(stages), plan, shares, exported)
+
+
+def _beside(composite: CompositeSettings, folder: Path) -> CompositeSettings:
+    """The settings with their paths beside the recipe."""
+    masks = folder / composite.road_masks if composite.road_masks is not None else None
+    return composite.model_copy(update={"road_masks": masks})
 
 
 def _named(sources: Sequence[RecipeSource], beside: Path) -> list[tuple[str, DatasetSource, RecipeSource]]:

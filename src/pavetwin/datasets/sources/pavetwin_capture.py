@@ -19,7 +19,9 @@ class CaptureLayout(CocoLayout):
         split = PurePosixPath(labels).stem.removeprefix("instances_")
         camera = image.get("camera") or {}
         kept = {key: str(camera[key]) for key in ("platform", "altitude_m") if key in camera}
-        return {"attributes": {"split": split, **kept}, **({"gsd_mm": camera["gsd_mm"]} if "gsd_mm" in camera else {})}
+        shadow = _shadow(camera, image.get("light") or {})
+        resolution = {"gsd_mm": camera["gsd_mm"]} if "gsd_mm" in camera else {}
+        return {"attributes": {"split": split, **kept, **shadow}, **resolution}
 
     def ignored(self, content: Mapping[str, Any]) -> str | None:
         reason = content.get("ignored")
@@ -27,6 +29,18 @@ class CaptureLayout(CocoLayout):
 
     def object_details(self, content: Mapping[str, Any]) -> dict[str, str]:
         return {key: str(content[key]) for key in _KEPT if content.get(key) is not None}
+
+
+def _shadow(camera: Mapping[str, Any], light: Mapping[str, Any]) -> dict[str, str]:
+    """Where shadows fall in an image that looks straight down, whose top is what lies ahead of the camera."""
+    heading_deg, azimuth_deg, clouds = camera.get("heading_deg"), light.get("sun_azimuth_deg"), light.get("cloud_cover")
+    if "gsd_mm" not in camera or None in (heading_deg, azimuth_deg, clouds):
+        return {}
+    return {
+        "shadow_deg": f"{(float(azimuth_deg or 0) + 180 - float(heading_deg or 0)) % 360:.1f}",
+        "sun_elevation_deg": str(light["sun_elevation_deg"]),
+        "cloud_cover": str(clouds),
+    }
 
 
 SOURCES.add(

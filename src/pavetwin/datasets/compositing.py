@@ -1,0 +1,301 @@
+"""People and vehicles cut out of images and put on the roads of others: new images beside those that are there.
+
+Every road image draws for itself, from the seed and its labels, whether it becomes a composite, and what of.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from dataclasses import dataclass, field, replace
+from functools import partial
+from hashlib import sha256
+from io import BytesIO
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from PIL import Image
+from pydantic import Field
+
+from pavetwin.arrays import BoolArray, UInt8Array
+from pavetwin.config.base import Settings
+from pavetwin.datasets.ahead import made_ahead
+from pavetwin.datasets.annotated import AnnotatedImage, Annotation, defect_names
+from pavetwin.datasets.blending import Sun, blended, turned
+from pavetwin.datasets.common_form import (
+    ANNOTATIONS,
+    PICTURES,
+    annotation_path,
+    as_xml,
+    image_names,
+    read_images,
+    write_description,
+)
+from pavetwin.datasets.covering import covered, filled, pasted
+from pavetwin.datasets.cutout_library import CUT_OUTS, StoredCutOut, cut_out_all, read_picture
+from pavetwin.datasets.cutouts import CutOut, cut_outs, ground_resolution
+from pavetwin.datasets.extra import opencv
+from pavetwin.datasets.importing import check_same, move_in
+from pavetwin.datasets.merging import OnMerge, described
+from pavetwin.datasets.pictures import PictureError, opened
+from pavetwin.datasets.placing import Ground, road_direction_deg, road_mask
+from pavetwin.datasets.report import FILE as REPORT
+from pavetwin.datasets.report import Finding, Report
+from pavetwin.errors import PaveTwinError, no_such
+from pavetwin.files import link_or_copy, staging_folder, working_in
+from pavetwin.labels.classes import CAR
+from pavetwin.seeds import Stream, child
+
+SMALLEST: Final = 0.15
+"""A cut-out is scaled down to this at most: what is far finer than its place has been seen from much nearer."""
+
+LARGEST: Final = 0.35
+"""Of a picture's area: what an object may cover."""
+
+STRAY_DEG: Final = 3.0
+"""Standard deviation of a vehicle's direction from the road's."""
+
+
+class CompositeSettings(Settings):
+    """What is put where."""
+
+    objects: tuple[str, ...] = Field(min_length=1, description="Sources that people and vehicles are cut out of.")
+    roads: tuple[str, ...] = Field(min_length=1, description="Sources whose pictures look straight down on roads.")
+    share: float = Field(default=0.3, gt=0.0, le=1.0, description="Of the road images that become a composite too.")
+    most: int = Field(default=3, ge=1, le=20, description="Objects on an image.")
+    enlarge: float = Field(default=1.5, ge=1.0, le=4.0, description="An object is scaled up by this at most.")
+    gap_m: float = Field(default=0.5, ge=0.0, le=10.0, description="Between objects, on the ground.")
+    road_masks: Path | None = Field(
+        default=None, description="Folder of masks NAME.png, white where an image shows road; else its look decides."
+    )
+    quality: int = Field(default=92, ge=50, le=100, description="Of JPEG.")
+
+
+@dataclass(frozen=True)
+class CompositeSummary:
+    """What the composition left."""
+
+    folder: Path
+    images: int
+    report: Report
+    composites: int
+    cut_outs: Counter[str]
+    """By class."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Composite:
+    """A new image, or why there is none."""
+
+    image: AnnotatedImage | None = None
+    content: bytes = b""
+    reasons: Counter[str] = field(default_factory=Counter)
+
+
+def compose(
+    folder: Path,
+    output: Path,
+    settings: CompositeSettings,
+    *,
+    seed: int = 0,
+    on_progress: OnMerge = lambda _share, _what: None,
+) -> CompositeSummary:
+    """A dataset with composites beside its images; what an unfinished run made is kept and not made again.
+
+    Raises:
+        PaveTwinError: OpenCV is not installed, the folder holds no finished dataset or none of the sources, or the
+            output holds another one or cannot be written.
+    """
+    opencv()
+    made_by = {
+        "made_by": "composite",
+        "dataset": described(folder),
+        "settings": settings.model_dump(mode="json"),
+        "seed": seed,
+    }
+    if folder.resolve() == output.resolve():
+        raise PaveTwinError("The dataset with composites needs a folder of its own.")
+    _check_sources(folder, settings)
+    if settings.road_masks is not None and not settings.road_masks.is_dir():
+        raise PaveTwinError(f"`road_masks`: there is no folder '{settings.road_masks}'.")
+    report = Report()
+    with working_in(output):
+        check_same(output, made_by)
+        write_description(output, {**made_by, "complete": False})
+        for inner in (PICTURES, ANNOTATIONS, CUT_OUTS):
+            (output / inner).mkdir(exist_ok=True)
+        with staging_folder(output / "staging") as staging:
+            library = cut_out_all(folder, output, staging, settings.objects, report, on_progress)
+            composites = _compose(folder, output, staging, library, settings, seed, report, on_progress)
+        images = len(image_names(output))
+        report.save(output / REPORT)
+        write_description(output, {**made_by, "complete": True, "images": images})
+    return CompositeSummary(output, images, report, composites, Counter(each.category for each in library))
+
+
+def _check_sources(folder: Path, settings: CompositeSettings) -> None:
+    known = sorted({image.source for image in read_images(folder)})
+    for key, names in (("objects", settings.objects), ("roads", settings.roads)):
+        for name in names:
+            if name not in known:
+                raise PaveTwinError(no_such("source of this dataset", name, known, key=f"`{key}`"))
+
+
+def _compose(
+    folder: Path,
+    output: Path,
+    staging: Path,
+    library: list[StoredCutOut],
+    settings: CompositeSettings,
+    seed: int,
+    report: Report,
+    on_progress: OnMerge,
+) -> int:
+    """Link all images and write the composites. Returns how many these are."""
+    names = image_names(folder)
+    chosen = partial(_random_numbers, seed=seed)
+
+    def found() -> Iterator[AnnotatedImage]:
+        for done, image in enumerate(read_images(folder), start=1):
+            on_progress(done / len(names), f"Composing {done}/{len(names)}")
+            if not annotation_path(output, image.name).is_file():
+                link_or_copy(folder / PICTURES / image.picture, output / PICTURES / image.picture)
+                move_in(staging, annotation_path(output, image.name), as_xml(image))
+            if image.source in settings.roads and chosen(image).random() < settings.share:
+                yield image
+
+    make = partial(_made, folder, output / CUT_OUTS, library, settings, chosen)
+    done = 0
+    for image, job in made_ahead(found(), make, exists=lambda image: annotation_path(output, _name(image)).is_file()):
+        done += job is None or _write(image, job, output, staging, report)
+    return done
+
+
+def _name(image: AnnotatedImage) -> str:
+    return f"{image.name}-composite"
+
+
+def _random_numbers(image: AnnotatedImage, *, seed: int) -> np.random.Generator:
+    """Those of an image, the first of which decides whether it becomes a composite."""
+    return child(seed, Stream.COMPOSITE, int.from_bytes(sha256(as_xml(image)).digest()[:8], "big"))
+
+
+def _made(
+    folder: Path,
+    cut_out_folder: Path,
+    library: list[StoredCutOut],
+    settings: CompositeSettings,
+    chosen: Callable[[AnnotatedImage], np.random.Generator],
+    image: AnnotatedImage,
+) -> _Composite:
+    """The composite of an image."""
+    reasons: Counter[str] = Counter()
+    rng = chosen(image)
+    rng.random()
+    gsd_mm, picture = image.gsd_mm, read_picture(folder, image)
+    if gsd_mm is None:
+        gsd_mm = ground_resolution(image, list(cut_outs(image, picture)))
+    if gsd_mm is None:
+        return _Composite(reasons=Counter(["its ground resolution is not known, and it shows nothing that tells it"]))
+    fitting = [each for each in library if SMALLEST <= each.gsd_mm / gsd_mm <= settings.enlarge]
+    if not fitting:
+        return _Composite(reasons=Counter(["no cut-out has a ground resolution that fits"]))
+    road = _road(image, picture, settings)
+    direction_deg = road_direction_deg(picture, road)
+    ground = Ground(road, _taken(image), 1000 * settings.gap_m / gsd_mm)
+    sun, masks = _sun(image), list[tuple[BoolArray, CutOut]]()
+    categories = sorted({each.category for each in fitting})
+    for _ in range(int(rng.integers(1, settings.most + 1))):
+        category = categories[int(rng.integers(len(categories)))]
+        of_class = [each for each in fitting if each.category == category]
+        cut_out = of_class[int(rng.integers(len(of_class)))].loaded(cut_out_folder)
+        assert cut_out.gsd_mm is not None
+        angle_deg = _angle(cut_out, direction_deg, rng)
+        shown = turned(cut_out, cut_out.gsd_mm / gsd_mm, angle_deg)
+        if (shown.opacity > 0.5).mean() * shown.opacity.size > LARGEST * road.size:
+            reasons["an object would cover too much of it"] += 1
+            continue
+        standing = ground.place(shown.opacity, rng)
+        if standing is None:
+            reasons["no free place on its road"] += 1
+            continue
+        picture = blended(picture, shown, standing, cut_out, gsd_mm=gsd_mm, sun=sun)
+        ground.take(standing)
+        mask = np.zeros(road.shape, dtype=np.bool_)
+        mask[standing.window] = shown.opacity > 0.5
+        masks.append((mask, cut_out))
+    if not masks:
+        return _Composite(reasons=reasons)
+    held = BytesIO()
+    Image.fromarray(picture).save(held, "JPEG", quality=settings.quality, subsampling=0)
+    return _Composite(_labelled(image, masks, reasons), held.getvalue(), reasons)
+
+
+def _angle(cut_out: CutOut, direction_deg: float | None, rng: np.random.Generator) -> float:
+    """How far an object is turned, clockwise: a vehicle along the road where its direction is known."""
+    about = float(rng.uniform(0.0, 360.0))
+    if cut_out.category != CAR.name or direction_deg is None:
+        return about
+    return direction_deg - cut_out.angle_deg + (180.0 if about > 180 else 0.0) + float(rng.normal(0.0, STRAY_DEG))
+
+
+def _road(image: AnnotatedImage, picture: UInt8Array, settings: CompositeSettings) -> BoolArray:
+    """Where the image shows road: by its mask where there is one."""
+    path = settings.road_masks / f"{image.name}.png" if settings.road_masks is not None else None
+    if path is None or not path.is_file():
+        return road_mask(picture)
+    with opened(path) as file:
+        return np.asarray(file.convert("L").resize(image.size_px, Image.Resampling.NEAREST)) > 127
+
+
+def _taken(image: AnnotatedImage) -> BoolArray:
+    """Where people, vehicles and ignored things of other kinds than damage stand."""
+    taken = np.zeros(image.size_px[::-1], dtype=np.bool_)
+    for each in image.annotations:
+        if each.category is not None and each.category not in defect_names():
+            taken |= filled(each, image.size_px)
+    return taken
+
+
+def _sun(image: AnnotatedImage) -> Sun | None:
+    """As captures state it; of photographs it is not known."""
+    values: list[Any] = [image.attributes.get(key) for key in ("shadow_deg", "sun_elevation_deg", "cloud_cover")]
+    return Sun(*map(float, values)) if None not in values else None
+
+
+def _labelled(image: AnnotatedImage, masks: list[tuple[BoolArray, CutOut]], reasons: Counter[str]) -> AnnotatedImage:
+    """The composite's labels: what is covered of the road's own, then the objects."""
+    whole = np.logical_or.reduce([mask for mask, _ in masks])
+    kept: list[Annotation] = []
+    for each in image.annotations:
+        left = covered(each, whole, image.size_px)
+        if left is None or (left.ignored is not None and each.ignored is None):
+            reasons["labels are covered: " + ("gone" if left is None else "ignored")] += 1
+        if left is not None:
+            kept.append(left)
+    objects = (pasted(mask, cut_out.category, cut_out.name) for mask, cut_out in masks)
+    return replace(
+        image,
+        name=_name(image),
+        suffix=".jpg",
+        is_background=False,
+        annotations=(*kept, *objects),
+        attributes={**image.attributes, "composite_of": image.name},
+    )
+
+
+def _write(image: AnnotatedImage, job: Future[_Composite], output: Path, staging: Path, report: Report) -> bool:
+    """Whether there is a composite."""
+    try:
+        made = job.result()
+    except PictureError as error:
+        report.add(Finding.REFUSED, image.name, f"{error}; it becomes no composite")
+        return False
+    for reason, count in made.reasons.items():
+        for _ in range(count):
+            report.add(Finding.NOTE, image.name, reason, alike=reason)
+    if made.image is None:
+        return False
+    move_in(staging, output / PICTURES / made.image.picture, made.content)
+    move_in(staging, annotation_path(output, made.image.name), as_xml(made.image))
+    return True

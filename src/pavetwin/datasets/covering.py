@@ -1,0 +1,74 @@
+"""What is left of labels where objects were put over them, and the labels of these objects.
+
+By the share of an annotation's area that is still visible:
+
+1. From `KEPT_SHARE` on it stays, with the box and the outline of what is visible.
+2. Below that it is ignored, neither an object nor background.
+3. Below `GONE_SHARE` it is left out.
+"""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from pavetwin.arrays import BoolArray
+from pavetwin.datasets.annotated import Annotation, Polygon
+from pavetwin.datasets.changes import GONE_SHARE
+from pavetwin.labels.boxes import PixelBox
+from pavetwin.labels.outlines import outline
+
+KEPT_SHARE: Final = 0.6
+"""Of an annotation's area."""
+
+COVERED: Final = "covered"
+
+
+def filled(annotation: Annotation, size_px: tuple[int, int]) -> BoolArray:
+    """(height, width) What an annotation covers: its outline, or its box."""
+    if annotation.outline is None:
+        mask = np.zeros(size_px[::-1], dtype=np.bool_)
+        left, top, right, bottom = annotation.box
+        mask[top:bottom, left:right] = True
+        return mask
+    drawn = Image.new("1", size_px)
+    ImageDraw.Draw(drawn).polygon(list(annotation.outline), fill=1)
+    return np.array(drawn, dtype=np.bool_)
+
+
+def covered(annotation: Annotation, over: BoolArray, size_px: tuple[int, int]) -> Annotation | None:
+    """An annotation under objects; None where nothing is left of it.
+
+    Args:
+        over: (height, width) the pixels of the objects.
+    """
+    region = filled(annotation, size_px)
+    visible = region & ~over
+    if visible.sum() == region.sum():
+        return annotation
+    share = visible.sum() / region.sum()
+    if share < GONE_SHARE:
+        return None
+    ignored = COVERED if share < KEPT_SHARE and annotation.ignored is None else annotation.ignored
+    shape = _outline(visible) if annotation.outline is not None else None
+    return replace(annotation, box=_box(visible), outline=shape, ignored=ignored)
+
+
+def pasted(mask: BoolArray, category: str, name: str) -> Annotation:
+    """The label of an object that was put into an image.
+
+    Args:
+        mask: (height, width) its pixels.
+        name: of its cut-out.
+    """
+    return Annotation(category, _box(mask), outline=_outline(mask), original="cut out", attributes={"cut_out": name})
+
+
+def _box(mask: BoolArray) -> PixelBox:
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+
+
+def _outline(mask: BoolArray) -> Polygon:
+    return tuple((round(x, 2), round(y, 2)) for x, y in outline(mask).tolist())

@@ -1,0 +1,111 @@
+"""All objects cut out of a dataset's images, stored: a picture with opacity for each, and a file for each image."""
+
+import json
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from io import BytesIO
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from PIL import Image
+
+from pavetwin.arrays import UInt8Array
+from pavetwin.datasets.ahead import made_ahead
+from pavetwin.datasets.annotated import AnnotatedImage
+from pavetwin.datasets.common_form import PICTURES, image_names, read_images
+from pavetwin.datasets.cutouts import CutOut, cut_outs, ground_resolution
+from pavetwin.datasets.importing import move_in
+from pavetwin.datasets.merging import OnMerge
+from pavetwin.datasets.pictures import PictureError, opened
+from pavetwin.datasets.report import Finding, Report
+
+CUT_OUTS: Final = "CutOuts"
+"""Folder of the objects, beside the images."""
+
+
+@dataclass(frozen=True, slots=True)
+class StoredCutOut:
+    """What is known of a cut-out without its pixels."""
+
+    name: str
+    category: str
+    length_px: float
+    width_px: float
+    angle_deg: float
+    surroundings: tuple[float, float, float]
+    gsd_mm: float
+
+    @classmethod
+    def of(cls, cut_out: CutOut) -> "StoredCutOut":
+        assert cut_out.gsd_mm is not None
+        values = {key: getattr(cut_out, key) for key in cls.__dataclass_fields__}
+        return cls(**{**values, "gsd_mm": round(cut_out.gsd_mm, 3)})
+
+    def loaded(self, folder: Path) -> CutOut:
+        with opened(folder / f"{self.name}.png") as file:
+            pixels = np.asarray(file.convert("RGBA"))
+        return CutOut(pixels=pixels, **asdict(self))
+
+
+def read_picture(folder: Path, image: AnnotatedImage) -> UInt8Array:
+    """(height, width, 3) The picture of an image.
+
+    Raises:
+        PictureError: it is damaged or missing.
+    """
+    with opened(folder / PICTURES / image.picture) as file:
+        return np.asarray(file.convert("RGB"))
+
+
+def cut_out_all(
+    folder: Path, output: Path, staging: Path, sources: tuple[str, ...], report: Report, on_progress: OnMerge
+) -> list[StoredCutOut]:
+    """The good cut-outs of a dataset's images of these sources, in a folder of the output; those there are kept.
+
+    Args:
+        staging: a folder for files that are not whole yet.
+    """
+    names = image_names(folder)
+
+    def found() -> Iterator[AnnotatedImage]:
+        for done, image in enumerate(read_images(folder), start=1):
+            on_progress(done / len(names), f"Cutting out {done}/{len(names)}")
+            if image.source in sources:
+                yield image
+
+    library: list[StoredCutOut] = []
+    for image, job in made_ahead(
+        found(), partial(_cut, folder), exists=lambda image: (output / CUT_OUTS / f"{image.name}.json").is_file()
+    ):
+        path = output / CUT_OUTS / f"{image.name}.json"
+        if job is not None:
+            try:
+                made, reasons = job.result()
+            except PictureError as error:
+                report.add(Finding.REFUSED, image.name, f"{error}; nothing is cut out of it")
+                continue
+            for each in made:
+                held = BytesIO()
+                Image.fromarray(each.pixels, "RGBA").save(held, "PNG")
+                move_in(staging, output / CUT_OUTS / f"{each.name}.png", held.getvalue())
+            records = [asdict(StoredCutOut.of(each)) for each in made]
+            move_in(staging, path, json.dumps({"cut_outs": records, "not": reasons}, indent=1).encode())
+        content = json.loads(path.read_text(encoding="utf-8"))
+        library += [
+            StoredCutOut(**{**each, "surroundings": tuple(each["surroundings"])}) for each in content["cut_outs"]
+        ]
+        for reason, count in content["not"].items():
+            for _ in range(count):
+                report.add(Finding.DROPPED, image.name, f"an object is not cut out: {reason}", alike=reason)
+    return library
+
+
+def _cut(folder: Path, image: AnnotatedImage) -> tuple[list[CutOut], Counter[str]]:
+    """The cut-outs of an image, all with a ground resolution; and why other objects have none."""
+    reasons: Counter[str] = Counter()
+    made = list(cut_outs(image, read_picture(folder, image), lambda reason: reasons.update([reason])))
+    gsd_mm = ground_resolution(image, made)
+    return [replace(each, gsd_mm=gsd_mm) for each in made], reasons

@@ -1,0 +1,150 @@
+"""Where an object may stand on a picture of pavement that was taken straight down.
+
+Road is, where no mask says so, all that is grey like most of the picture and smooth: not green, not of another colour,
+not in the black of a bar, not rough like grass or gravel, and in a part of the picture that is large. What stands on it
+already is found by labels; an object without a label is kept off only as far as it is not grey and smooth.
+"""
+
+from dataclasses import dataclass
+from math import hypot
+from typing import Any, Final
+
+import numpy as np
+from scipy import ndimage
+
+from pavetwin.arrays import BoolArray, Float32Array, UInt8Array
+from pavetwin.datasets.extra import opencv
+
+COLOUR: Final = 14.0
+"""Distance in a* and b* of CIE L*a*b* to the picture's median beyond which it is not this road."""
+
+GREEN: Final = 0.06
+"""Excess of green, (2 g − r − b) of shares of red, green and blue, beyond which it is vegetation."""
+
+DARK: Final = 0.1
+"""Of the full scale; what is darker is a bar or a hole."""
+
+ROUGH: Final = 0.085
+"""Standard deviation of brightness within `ROUGH_SHARE` of the picture's longer side, of the full scale."""
+
+ROUGH_SHARE: Final = 0.02
+LEAST_PART: Final = 0.12
+"""Of the picture: what is smaller and all around it is not road is none."""
+
+COHERENT: Final = 0.5
+"""Coherence of edges, 0 … 1, from which their direction is taken for that of the road."""
+
+STRONGEST: Final = 0.05
+"""Share of the edges that tell the direction: those of markings, kerbs and joints."""
+
+
+def road_mask(picture: UInt8Array) -> BoolArray:
+    """Where a picture (height, width, 3) of pavement shows road."""
+    cv = opencv()
+    exact = picture.astype(np.float32) / 255
+    lab = cv.cvtColor(exact, cv.COLOR_RGB2LAB)
+    side = max(3, round(ROUGH_SHARE * max(picture.shape[:2])))
+    smooth = cv.blur(lab, (side, side))
+    colour = smooth[..., 1:] - np.median(smooth[..., 1:].reshape(-1, 2), axis=0)
+    shares = cv.blur(exact / np.maximum(exact.sum(axis=2, keepdims=True), 1e-6), (side, side))
+    grey = exact.mean(axis=2)
+    spread = np.sqrt(np.maximum(cv.blur(grey**2, (side, side)) - cv.blur(grey, (side, side)) ** 2, 0))
+    road = (
+        (np.hypot(colour[..., 0], colour[..., 1]) <= COLOUR)
+        & (3 * shares[..., 1] - 1 <= GREEN)
+        & (cv.blur(grey, (side, side)) >= DARK)
+        & (spread <= ROUGH)
+    )
+    # Markings and cracks have rough edges; what is narrow and lies in the road is road.
+    closed = ndimage.binary_closing(np.pad(road, 2 * side, mode="edge"), iterations=side)[
+        2 * side : -2 * side, 2 * side : -2 * side
+    ]
+    parts, count = ndimage.label(ndimage.binary_opening(closed, iterations=side))
+    sizes = np.bincount(parts.ravel(), minlength=count + 1)
+    sizes[0] = 0
+    return np.array(np.isin(parts, np.flatnonzero(sizes >= LEAST_PART * road.size)))
+
+
+def road_direction_deg(picture: UInt8Array, road: BoolArray) -> float | None:
+    """The direction of the strongest edges on the road, to the picture's columns, clockwise, −90 … 90; None where they
+    have none (structure tensor)."""
+    cv = opencv()
+    grey = cv.GaussianBlur(picture.astype(np.float32).mean(axis=2), (0, 0), 2.0)
+    across, down = cv.Sobel(grey, cv.CV_32F, 1, 0), cv.Sobel(grey, cv.CV_32F, 0, 1)
+    inner = ndimage.binary_erosion(road, iterations=4)
+    strength: Float32Array = np.hypot(across, down)
+    if not inner.any():
+        return None
+    chosen = inner & (strength >= np.quantile(strength[inner], 1 - STRONGEST))
+    twice = np.array(
+        [(across[chosen] ** 2 - down[chosen] ** 2).sum(), (2 * across[chosen] * down[chosen]).sum()], dtype=np.float64
+    )
+    total = float((strength[chosen].astype(np.float64) ** 2).sum())
+    if not total or hypot(*twice) / total < COHERENT:
+        return None
+    # Edges run across their gradient.
+    angle = float(np.degrees(np.arctan2(twice[1], twice[0])) / 2 + 90)
+    return (angle + 90) % 180 - 90
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """An object's opacity, placed in a picture."""
+
+    left: int
+    top: int
+    opacity: Float32Array
+    """(height, width) 0 … 1."""
+
+    @property
+    def window(self) -> Any:
+        height, width = self.opacity.shape
+        return np.s_[self.top : self.top + height, self.left : self.left + width]
+
+
+class Ground:
+    """The road of a picture, and what is taken of it."""
+
+    def __init__(self, road: BoolArray, taken: BoolArray, gap_px: float) -> None:
+        """Args:
+        road: (height, width)
+        taken: (height, width) where something stands.
+        gap_px: that stays free around each object.
+        """
+        self._gap = max(2, round(gap_px))
+        self._road = road
+        self._free = road & ~_grown(taken, self._gap)
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        return self._road.shape[1], self._road.shape[0]
+
+    def place(self, opacity: Float32Array, rng: np.random.Generator, tries: int = 40) -> Standing | None:
+        """A place for an object, wholly in the picture, on the road and free; None where none was found."""
+        height, width = opacity.shape
+        whole_height, whole_width = self._road.shape
+        if height >= whole_height or width >= whole_width or not self._free.any():
+            return None
+        solid = opacity > 0.5
+        rows, columns = np.nonzero(self._free)
+        for at in rng.integers(len(rows), size=tries).tolist():
+            left, top = int(columns[at]) - width // 2, int(rows[at]) - height // 2
+            if left < 0 or top < 0 or left + width > whole_width or top + height > whole_height:
+                continue
+            standing = Standing(left, top, opacity)
+            if self._free[standing.window][solid].all():
+                return standing
+        return None
+
+    def take(self, standing: Standing) -> None:
+        """Nothing else may stand there."""
+        taken = np.zeros_like(self._free)
+        taken[standing.window] = standing.opacity > 0.5
+        self._free &= ~_grown(taken, self._gap)
+
+
+def _grown(mask: BoolArray, by: int) -> BoolArray:
+    """A mask and all within a distance in pixels."""
+    if not mask.any():
+        return mask
+    return np.array(ndimage.distance_transform_edt(~mask) <= by)

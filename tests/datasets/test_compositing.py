@@ -1,0 +1,171 @@
+"""People and vehicles on the roads of other images: a dataset with composites, and that it is the same again."""
+
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pavetwin.datasets import extra
+from pavetwin.datasets.common_form import read_images
+from pavetwin.datasets.compositing import CompositeSettings, CompositeSummary, compose
+from pavetwin.datasets.importing import import_source
+from pavetwin.datasets.merging import merge
+from pavetwin.datasets.normalise import ImageSize
+from pavetwin.datasets.sources import source_of
+from pavetwin.datasets.sources.pavetwin_capture import CaptureLayout
+from scenes.command_line import pavetwin, plain_refusal
+from scenes.photographs import pavement, voc, with_car, yolo
+
+SIZE = (320, 240)
+SETTINGS = CompositeSettings(objects=("uav-cars",), roads=("uapd",), share=1.0)
+
+
+def saved(path: Path, picture: np.ndarray) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(picture).save(path, quality=95)
+    return path
+
+
+def imported(name: str, folder: Path, gsd_mm: float | None) -> Path:
+    _, source = source_of(name)
+    output = folder.parent / f"{folder.name}-set"
+    import_source(name, source.model_copy(update={"gsd_mm": gsd_mm}), folder, output, size=ImageSize())
+    return output
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two pictures of one car each, whose ground resolution is not known, and four of cracks, with 60 mm a pixel."""
+    folder = tmp_path_factory.mktemp("composite")
+    for number in range(2):
+        saved(folder / "cars" / f"film-{number}.jpg", with_car(pavement(SIZE, 9 + number), (150, 120), 60))
+        yolo(folder / "cars" / f"film-{number}.txt", "0 0.46875 0.5 0.1875 0.1")
+    for number in range(4):
+        saved(folder / "roads" / f"{number}.jpg", pavement(SIZE, number, 100 + 10 * number))
+        voc(folder / "roads" / f"{number}.xml", [("LC", (11, 1, 310, 240))], SIZE)
+    return merge(
+        [imported("uav-cars", folder / "cars", None), imported("uapd", folder / "roads", 60)], folder / "all"
+    ).folder
+
+
+@pytest.fixture(scope="module")
+def composed(dataset: Path) -> CompositeSummary:
+    return compose(dataset, dataset.parent / "composed", SETTINGS)
+
+
+def content(folder: Path) -> dict[str, str]:
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def test_cars_stand_on_roads_as_large_as_they_are(dataset: Path, composed: CompositeSummary) -> None:
+    images = {image.name: image for image in read_images(composed.folder)}
+    originals = {image.name: image for image in read_images(dataset)}
+    assert {name for name in images if not name.endswith("-composite")} == originals.keys()
+    assert (composed.composites, composed.images, composed.cut_outs["Car"]) == (4, 10, 2)
+    for name in originals:
+        if not name.startswith("uapd"):
+            continue
+        image, road = images[f"{name}-composite"], originals[name]
+        assert (image.group, image.gsd_mm, image.attributes["composite_of"]) == (road.group, 60, name)
+        cars = [each for each in image.labelled if each.category == "Car"]
+        assert 1 <= len(cars) <= 3
+        shown = np.asarray(Image.open(composed.folder / "JPEGImages" / image.picture)).astype(int)
+        before = np.asarray(Image.open(dataset / "JPEGImages" / road.picture)).astype(int)
+        changed = np.abs(shown - before).sum(axis=2) > 90
+        for car in cars:
+            assert car.outline is not None
+            corners = np.array(car.outline)
+            longest = np.linalg.norm(corners[:, None] - corners[None], axis=2).max()
+            # 4.5 m (and its diagonal) at 60 mm a pixel; the outermost pixels are cut off.
+            assert longest == pytest.approx(4500 / 60, rel=0.12)
+            left, top, right, bottom = car.box
+            assert changed[top:bottom, left:right].mean() > 0.35
+            changed[top:bottom, left:right] = False
+        assert changed.mean() < 0.01
+
+
+def test_resumed_or_again_it_is_the_same_bytes(dataset: Path, composed: CompositeSummary, tmp_path: Path) -> None:
+    for _ in range(2):
+        compose(dataset, tmp_path / "again", SETTINGS)
+        assert content(tmp_path / "again") == content(composed.folder)
+        next((tmp_path / "again" / "Annotations").glob("*-composite.xml")).unlink()
+        next((tmp_path / "again" / "CutOuts").glob("*.json")).unlink()
+    compose(dataset, tmp_path / "other", SETTINGS, seed=1)
+    assert content(tmp_path / "other") != content(composed.folder)
+
+
+def test_road_masks_say_where_objects_may_stand(dataset: Path, tmp_path: Path) -> None:
+    mask = np.zeros(SIZE[::-1], dtype=np.uint8)
+    mask[:, :150] = 255
+    for number in range(4):
+        saved(tmp_path / "masks" / f"uapd-{number}.png", mask)
+    summary = compose(dataset, tmp_path / "out", SETTINGS.model_copy(update={"road_masks": tmp_path / "masks"}))
+    cars = [each for image in read_images(summary.folder) for each in image.labelled if each.original == "cut out"]
+    assert cars
+    assert max(car.box[2] for car in cars) <= 152
+
+
+def test_what_does_not_fit_is_told(dataset: Path, tmp_path: Path) -> None:
+    cars = dataset.parent / "cars-set"
+    for gsd_mm, words in (
+        (None, "its ground resolution is not known"),
+        (12, "no cut-out has a ground resolution that"),
+    ):
+        roads = tmp_path / f"roads-{gsd_mm}"
+        saved(roads / "a.jpg", pavement(SIZE, 3))
+        voc(roads / "a.xml", [("LC", (11, 1, 310, 240))], SIZE)
+        merged = merge([cars, imported("uapd", roads, gsd_mm)], tmp_path / f"all-{gsd_mm}").folder
+        summary = compose(merged, tmp_path / f"out-{gsd_mm}", SETTINGS)
+        assert summary.composites == 0
+        assert any(words in each.text for each in summary.report)
+
+
+def test_the_command_and_its_refusals(dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ask = ("data", "composite", dataset, "-o", tmp_path / "out", "--objects", "uav-cars")
+    done = pavetwin(*ask, "--roads", "uapd", "--share", "100")
+    assert done.returncode == 0, done.stderr
+    assert "Cut-outs: 2 of Car. Composites: 4." in done.stdout
+    for more, words in (
+        ((), "Say which sources show roads"),
+        (("--roads", "uadp"), "--roads: no source of this dataset 'uadp' (did you mean 'uapd'?)"),
+        (("--roads", "uapd", "--share", "0"), "--share 0: give a percentage above 0"),
+        (("--roads", "uapd", "--road-masks", tmp_path / "no"), "--road-masks: there is no folder"),
+    ):
+        assert words in plain_refusal(pavetwin(*ask, *more))
+    refused = plain_refusal(pavetwin(*ask[:-1], "uav-car", "--roads", "uapd"))
+    assert "--objects: no source of this dataset 'uav-car' (did you mean 'uav-cars'?)" in refused
+
+    def missing(name: str) -> None:
+        raise ImportError(name)
+
+    monkeypatch.setattr(extra, "import_module", missing)
+    refused = plain_refusal(pavetwin("data", "composite", dataset, "-o", tmp_path / "no", "--roads", "uapd"))
+    assert "need OpenCV, which is not installed; get it with `pip install 'pavetwin[augment]'`" in refused
+
+
+def test_a_recipe_composes_before_it_balances(dataset: Path, tmp_path: Path) -> None:
+    (tmp_path / "recipe.yaml").write_text(
+        f"sources:\n  - {{source: uav-cars, folder: {dataset.parent}/cars}}\n"
+        f"  - {{source: uapd, folder: {dataset.parent}/roads, gsd_mm: 60}}\n"
+        "composite: {objects: [uav-cars], roads: [uapd], share: 1.0}\n"
+        "balance: {copies: 1}\nexport: []\nsplit: [50, 25, 25]\n"
+    )
+    done = pavetwin("data", "build", tmp_path / "recipe.yaml", "-o", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    names = {image.name for image in read_images(tmp_path / "out" / "balanced")}
+    assert {f"uapd-{number}-composite" for number in range(4)} <= names
+
+
+def test_captures_tell_where_shadows_fall() -> None:
+    camera = {"gsd_mm": 10.0, "heading_deg": 350.0}
+    light = {"sun_azimuth_deg": 200.0, "sun_elevation_deg": 30.0, "cloud_cover": 0.25}
+    layout: CaptureLayout = source_of("pavetwin")[1].labels  # type: ignore[assignment]
+    details: Callable[..., dict[str, dict[str, str]]] = layout.details
+    told = details("instances_train.json", {"camera": camera, "light": light})["attributes"]
+    assert (told["shadow_deg"], told["sun_elevation_deg"], told["cloud_cover"]) == ("30.0", "30.0", "0.25")
+    tilted = details("instances_train.json", {"camera": {"heading_deg": 350.0}, "light": light})
+    assert "shadow_deg" not in tilted["attributes"]
