@@ -34,7 +34,7 @@ class CaptureLayout(CocoLayout):
 def _shadow(camera: Mapping[str, Any], light: Mapping[str, Any]) -> dict[str, str]:
     """Where shadows fall in an image that looks straight down, whose top is what lies ahead of the camera."""
     heading_deg, azimuth_deg, clouds = camera.get("heading_deg"), light.get("sun_azimuth_deg"), light.get("cloud_cover")
-    if "gsd_mm" not in camera or None in (heading_deg, azimuth_deg, clouds):
+    if not camera.get("gsd_mm") or None in (heading_deg, azimuth_deg, clouds):
         return {}
     return {
         "shadow_deg": f"{(float(azimuth_deg or 0) + 180 - float(heading_deg or 0)) % 360:.1f}",
