@@ -9,7 +9,7 @@ from pavetwin.datasets.annotated import Annotation
 from pavetwin.datasets.blending import EDGE_PX, Sun, blended, turned
 from pavetwin.datasets.covering import GONE_SHARE, KEPT_SHARE, covered, pasted
 from pavetwin.datasets.cutouts import CutOut
-from pavetwin.datasets.placing import Ground, Standing, road_direction_deg, road_mask
+from pavetwin.datasets.placing import FreeRoad, Standing, road_direction_deg, road_mask
 from scenes.photographs import pavement
 
 SIZE = (200, 160)
@@ -48,7 +48,7 @@ def test_nothing_leaves_the_road_or_comes_near_what_stands_there(seed: int, gap:
     road, taken = np.zeros(SIZE[::-1], dtype=np.bool_), np.zeros(SIZE[::-1], dtype=np.bool_)
     road[:, 40:180] = True
     taken[60:80, 90:120] = True
-    ground, places = Ground(road, taken, gap), []
+    ground, places = FreeRoad(road, taken, gap), []
     while len(places) < 3 and (standing := ground.place(SOLID, rng)) is not None:
         assert road[standing.window].all()
         ground.take(standing)
@@ -58,7 +58,7 @@ def test_nothing_leaves_the_road_or_comes_near_what_stands_there(seed: int, gap:
         for other in boxes[:at]:
             apart = (max(one[0], other[0]) - min(one[2], other[2]), max(one[1], other[1]) - min(one[3], other[3]))
             assert np.hypot(*np.maximum(apart, 0)) >= max(gap, 2) - 1e-9
-    assert Ground(road, road, gap).place(SOLID, rng) is None
+    assert FreeRoad(road, road, gap).place(SOLID, rng) is None
     assert ground.place(np.ones((400, 40), dtype=np.float32), rng) is None
 
 

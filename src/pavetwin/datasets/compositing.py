@@ -38,7 +38,7 @@ from pavetwin.datasets.extra import opencv
 from pavetwin.datasets.importing import check_same, move_in
 from pavetwin.datasets.merging import OnMerge, described
 from pavetwin.datasets.pictures import PictureError, opened
-from pavetwin.datasets.placing import Ground, road_direction_deg, road_mask
+from pavetwin.datasets.placing import FreeRoad, road_direction_deg, road_mask
 from pavetwin.datasets.report import FILE as REPORT
 from pavetwin.datasets.report import Finding, Report
 from pavetwin.errors import PaveTwinError, no_such
@@ -202,7 +202,7 @@ def _made(
         return _Composite(reasons=Counter(["no cut-out has a ground resolution that fits"]))
     road = _road(image, picture, settings)
     direction_deg = road_direction_deg(picture, road)
-    ground = Ground(road, _taken(image), 1000 * settings.gap_m / gsd_mm)
+    ground = FreeRoad(road, _taken(image), 1000 * settings.gap_m / gsd_mm)
     sun, masks = _sun(image), list[tuple[BoolArray, CutOut]]()
     categories = sorted({each.category for each in fitting})
     for _ in range(int(rng.integers(1, settings.most + 1))):

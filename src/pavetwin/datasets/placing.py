@@ -102,7 +102,7 @@ class Standing:
         return np.s_[self.top : self.top + height, self.left : self.left + width]
 
 
-class Ground:
+class FreeRoad:
     """The road of a picture, and what is taken of it."""
 
     def __init__(self, road: BoolArray, taken: BoolArray, gap_px: float) -> None:
