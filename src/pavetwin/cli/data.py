@@ -3,30 +3,17 @@
 import re
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from pavetwin.cli.arguments import DatasetFolder, NamingCommand, SheetCount, SheetFile, split_shares
-from pavetwin.cli.console import err, out, progress
+from pavetwin.cli.console import out, progress
+from pavetwin.cli.data_tables import balance_table, counts_table, splits_table, tell_report
 from pavetwin.errors import PaveTwinError, naming, no_such
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from pavetwin.datasets.allocation import CopyPlan
-    from pavetwin.datasets.report import Report
-    from pavetwin.datasets.splitting import SplitShares
-    from pavetwin.datasets.statistics import DatasetCounts
 
 REFUSED_CODE = 1
 """Where files of a source were refused; the others are in the dataset."""
-
-SHOWN = 20
-"""Lines of a report on the terminal; all are in its file."""
-
-NOTES_SHOWN = 3
-"""Of its notes: a merge has one for every two pictures of one place."""
 
 app = typer.Typer(
     help="""Convert public datasets and your own images into one form, count them and look at them.
@@ -72,11 +59,11 @@ def build(
     with progress("Building", lines=True) as tell:
         summary = built(read_recipe(recipe), recipe.absolute().parent, output, on_stage=tell)
     for folder, report in summary.stages:
-        _tell(report, folder)
-        out.print(_counts(str(folder), count_images(read_images(folder))))
+        tell_report(report, folder)
+        out.print(counts_table(str(folder), count_images(read_images(folder))))
     if summary.balance is not None:
-        out.print(_balance(summary.balance))
-    out.print(_splits(summary.shares))
+        out.print(balance_table(summary.balance))
+    out.print(splits_table(summary.shares))
     told = "".join(f", {count} images as {name}" for name, count in summary.exported.items())
     out.line(f"Built in {output}/{told}. Next: pavetwin data show {quote(str(summary.stages[-1][0]))}")
     if any(report.has_refusals for _, report in summary.stages):
@@ -150,7 +137,7 @@ def import_folder(
             tell(min(1.0, done / total), f"Importing {name} {done}/{total}")
 
         summary = import_source(name, found, folder, output, size=size, backgrounds=backgrounds, on_image=on_image)
-    _tell(summary.report, output)
+    tell_report(summary.report, output)
     images = "1 image" if summary.images == 1 else f"{summary.images} images"
     out.line(f"{images} in {output}/. Next: pavetwin data stats {quote(str(output))}")
     if summary.report.has_refusals:
@@ -177,7 +164,7 @@ def merge(
         raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/all.")
     with progress("Merging", lines=True) as tell:
         summary = merged(datasets, output, on_progress=tell)
-    _tell(summary.report, output)
+    tell_report(summary.report, output)
     out.line(f"{summary.images} images in {output}/. Next: pavetwin data stats {quote(str(output))}")
     if summary.report.has_refusals:
         raise typer.Exit(REFUSED_CODE)
@@ -214,8 +201,8 @@ def balance(
         settings = BalanceSettings.parse(values, where="The balance")
     with progress("Balancing", lines=True) as tell:
         summary = balanced(dataset, output, settings, seed=seed, on_progress=tell)
-    _tell(summary.report, output)
-    out.print(_balance(summary.plan))
+    tell_report(summary.report, output)
+    out.print(balance_table(summary.plan))
     out.line(f"{summary.images} images in {output}/. Next: pavetwin data show {quote(str(output))}")
     if summary.report.has_refusals:
         raise typer.Exit(REFUSED_CODE)
@@ -264,7 +251,7 @@ def composite(
     with naming(names), progress("Composing", lines=True) as tell:
         settings = CompositeSettings.parse(values, where="The composition")
         summary = compose(dataset, output, settings, seed=seed, on_progress=tell)
-    _tell(summary.report, output)
+    tell_report(summary.report, output)
     cut = " and ".join(f"{count} of {name}" for name, count in sorted(summary.cut_outs.items())) or "none"
     out.line(f"Cut-outs: {cut}. Composites: {summary.composites}.")
     out.line(f"{summary.images} images in {output}/. Next: pavetwin data show {quote(str(output))}")
@@ -288,7 +275,7 @@ def split(
 
     with progress("Splitting"):
         found = split_dataset(dataset, split_shares(shares, option="--shares"), seed)
-    out.print(_splits(found))
+    out.print(splits_table(found))
 
 
 @app.command()
@@ -365,7 +352,7 @@ def stats(
             counts = count_images(read_images(folder))
         if not description.get("complete"):
             out.print(f"[yellow]Note:[/] {folder} is not finished; run the same command again.", soft_wrap=True)
-        out.print(_counts(str(folder), counts))
+        out.print(counts_table(str(folder), counts))
 
 
 @app.command()
@@ -386,77 +373,3 @@ def show(
     with progress("Drawing"):
         drawn = save_contact_sheet(dataset, path, count=count)
     out.line(f"{drawn} images on {path}")
-
-
-def _tell(report: "Report", folder: Path) -> None:
-    """The report's first lines, refusals first, on the error stream; and where all of it is."""
-    from pavetwin.datasets.report import FILE, Finding
-
-    order = list(Finding)
-    lines = sorted(report, key=lambda problem: order.index(problem.finding))
-    found = [problem for problem in lines if problem.finding is not Finding.NOTE]
-    notes = [problem for problem in lines if problem.finding is Finding.NOTE]
-    for problem in found[:SHOWN] + notes[:NOTES_SHOWN]:
-        err.line(f"{problem.finding.value}: {problem}")
-    if lines:
-        counts = ", ".join(f"{report.counts[each]} {each.value}" for each in order if report.counts[each])
-        more = f" but {report.untold}, which are only counted" if report.untold else ""
-        err.line(f"{counts}; all{more} in {folder / FILE}")
-
-
-def _splits(found: "SplitShares") -> "Table":
-    """A row a class: the share of its instances in each split."""
-    from rich.table import Table
-
-    from pavetwin.labels import SPLITS
-
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("share of", no_wrap=True)
-    for name in SPLITS:
-        table.add_column(f"{name} %", justify="right")
-    for name, shares in found.shares.items():
-        table.add_row(name, *(f"{100 * share:.1f}" for share in shares))
-    return table
-
-
-def _balance(plan: "CopyPlan") -> "Table":
-    """A row a class that the dataset shows: its instances before and after."""
-    from rich.table import Table
-
-    from pavetwin.datasets.annotated import class_names
-
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("instances of", no_wrap=True)
-    for heading in ("before", "after", "of target %"):
-        table.add_column(heading, justify="right")
-    for name, before, after in zip(class_names(), plan.present.tolist(), plan.reached.tolist(), strict=True):
-        if before:
-            table.add_row(name, str(before), str(after), f"{100 * after / plan.target:.1f}")
-    return table
-
-
-def _counts(title: str, counts: "DatasetCounts") -> "Table":
-    """A row a source, and the sums."""
-    from rich.table import Table
-
-    from pavetwin.datasets.annotated import class_names
-
-    several = len(counts.sources) > 1
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False, header_style="bold", show_footer=several)
-    table.add_column("source", "all", no_wrap=True)
-    for name in class_names():
-        table.add_column(name.replace(" ", "\n"), str(counts.of_class(name)), justify="right", vertical="bottom")
-    sums = (
-        ("ignored", counts.ignored),
-        ("images\nannotated", counts.annotated),
-        ("images\nbackground", counts.background),
-        ("images\ntotal", counts.annotated + counts.background),
-    )
-    for heading, counter in sums:
-        table.add_column(heading, str(counter.total()), justify="right", vertical="bottom")
-    table.add_column("scenes", str(sum(map(len, counts.groups.values()))), justify="right", vertical="bottom")
-    for source in counts.sources:
-        cells = [counts.instances[source, name] for name in class_names()]
-        cells += [counter[source] for _, counter in sums]
-        table.add_row(source, *map(str, cells), str(len(counts.groups[source])))
-    return table
