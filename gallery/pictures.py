@@ -163,7 +163,8 @@ def street(renderer: GalleryRenderer) -> Picture:
 
 
 def streets(renderer: GalleryRenderer) -> Picture:
-    """Streets of many looks as the UAV sees them, under changing skies."""
+    """Streets of many looks as the UAV sees them, under changing skies; each sky has one exposure, so that pale streets
+    are pale and dark ones dark."""
     by_street = sorted(renderer.world.segments, key=lambda segment: (segment.street, segment.id))
     cells = []
     for index in range(STREETS):
@@ -173,7 +174,8 @@ def streets(renderer: GalleryRenderer) -> Picture:
         view = nadir(
             renderer.camera, (place.x, place.y, ALTITUDES_M[1]), yaw_rad=math.atan2(dy, dx), size_px=(640, 480)
         )
-        taken = Image.fromarray(renderer.take(view, (MORNING, OVERCAST, LOW_SUN, OVERCAST)[index % 4]))
+        light = (MORNING, OVERCAST, LOW_SUN, OVERCAST)[index % 4]
+        taken = Image.fromarray(renderer.take(view, light, exposure=renderer.grey_card(light)))
         cells.append(np.asarray(taken.resize((320, 240), Image.Resampling.LANCZOS)))
     return grid(cells, columns=4)
 

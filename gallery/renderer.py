@@ -12,8 +12,9 @@ import numpy.typing as npt
 from pavetwin._core import Trace
 from pavetwin.cli.demo import TOWN_SEED
 from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.render.exposure import METERED, Exposure, programme
 from pavetwin.render.renderer import Renderer
-from pavetwin.scene.light import Light
+from pavetwin.scene.light import LUMINANCE, Light, harmonics
 from pavetwin.scene.model import Instance, labelled_agent
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.view import View
@@ -30,6 +31,9 @@ Picture = npt.NDArray[np.uint8]
 RECORDED_S: Final = 600.0
 SEED: Final = 1
 DENSITY: Final = "high"
+
+GREY: Final = 0.14
+"""Reflectance of asphalt of some years."""
 
 MORNING: Final = Light(38.0, 118.0, cloud_cover=0.1)
 LOW_SUN: Final = Light(16.0, 255.0, cloud_cover=0.15, turbidity=4.0)
@@ -78,6 +82,7 @@ class GalleryRenderer:
         time_s: float | None = None,
         without: int | None = None,
         more: Sequence[Instance] = (),
+        exposure: Exposure | None = None,
     ) -> Picture:
         """A picture (height, width, 3).
 
@@ -87,11 +92,25 @@ class GalleryRenderer:
             time_s: of the recording; None for empty streets.
             without: an agent that is left out: the car that carries the camera.
             more: additional instances.
+            exposure: None for automatic exposure.
         """
         near = (float(view.position[0]), float(view.position[1]), 160.0)
         agents = self.scene.agents(None if time_s is None else self.recording, time_s or 0.0, near)
         shown = [agent for agent in agents if without is None or labelled_agent(agent.label) != without]
         frame = self.renderer.frame(
-            view, light=light, camera=self.camera, instances=[*shown, *more], seed=SEED, labels=False, depth=False
+            view,
+            light=light,
+            camera=self.camera,
+            instances=[*shown, *more],
+            exposure=exposure,
+            seed=SEED,
+            labels=False,
+            depth=False,
         )
         return frame.rgb
+
+    def grey_card(self, light: Light) -> Exposure:
+        """The exposure for level ground of `GREY` in the open: what is paler or darker stays so in the picture."""
+        shade = light.sky_irradiance.T @ harmonics(np.array([0.0, 0.0, 1.0]))
+        lit = float((light.sun_klux * light.to_sun[2] + shade) @ LUMINANCE)
+        return programme(self.camera, METERED / (GREY * lit / np.pi))

@@ -35,8 +35,17 @@ impl<'a> Film<'a> {
 
     /// The tone of a share of saturation.
     pub fn tone(&self, share: f32) -> f32 {
-        let at = share.clamp(0.0, 1.0).sqrt() * (TONES - 1) as f32 + WHOLE;
-        self.tones[at.to_bits() as usize % TONES]
+        self.tone_at(Self::place_of(share))
+    }
+
+    /// Where the tone of a share of saturation is looked up.
+    pub fn place_of(share: f32) -> f32 {
+        share.clamp(0.0, 1.0).sqrt() * (TONES - 1) as f32 + WHOLE
+    }
+
+    /// The tone at a place.
+    pub fn tone_at(&self, place: f32) -> f32 {
+        self.tones[place.to_bits() as usize % TONES]
     }
 
     /// One row of light as tones, 0 … 1, with its noise. One kind of work at a time, over the whole row.

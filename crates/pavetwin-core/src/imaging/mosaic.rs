@@ -42,22 +42,23 @@ impl Padded {
                 make(row, line);
             }
         });
-        Self::around(&inner, (width, height))
+        Self::around((width, height), |row| &inner[row * width..][..width])
     }
 
     /// Mirrored at the border pixel, which keeps the colours of a mosaic in their places.
-    fn around(inner: &[f32], (width, height): (usize, usize)) -> Self {
+    fn around<'a>((width, height): (usize, usize), inner: impl Fn(usize) -> &'a [f32]) -> Self {
         let mirrored = |at: usize, size: usize| {
             let away = at.abs_diff(REACH);
             let inside = if at < REACH { away } else { at - REACH };
-            if inside < size { inside } else { (2 * (size - 1)).saturating_sub(inside) }
+            let inside = if inside < size { inside } else { (2 * (size - 1)).saturating_sub(inside) };
+            inside.min(size - 1)
         };
         let mut values = Vec::with_capacity((width + 2 * REACH) * (height + 2 * REACH));
         for row in 0..height + 2 * REACH {
-            let line = &inner[mirrored(row, height).min(height - 1) * width..][..width];
-            values.extend((0..REACH).map(|at| line[mirrored(at, width).min(width - 1)]));
+            let line = inner(mirrored(row, height));
+            values.extend((0..REACH).map(|at| line[mirrored(at, width)]));
             values.extend_from_slice(line);
-            values.extend((width + REACH..width + 2 * REACH).map(|at| line[mirrored(at, width).min(width - 1)]));
+            values.extend((width + REACH..width + 2 * REACH).map(|at| line[mirrored(at, width)]));
         }
         Self { width, values }
     }
@@ -90,9 +91,7 @@ impl Sensor {
             }
         });
         let channel = |number: usize| {
-            Padded::of((width, height), |row, line| {
-                line.copy_from_slice(channels(&tones[row * width * 3..][..width * 3])[number]);
-            })
+            Padded::around((width, height), |row| channels(&tones[row * width * 3..][..width * 3])[number])
         };
         let (bright, reds, blues) = (channel(0), channel(1), channel(2));
         let noise = self.noise_of_tones(&film, mosaic.noise_reduction);
@@ -107,14 +106,15 @@ impl Sensor {
                 convolved(&quiet, row, &SOFT, &mut soft);
                 mean(&reds, row, mosaic.colour_reach, &mut red);
                 mean(&blues, row, mosaic.colour_reach, &mut blue);
-                let own = quiet.line(row, 0, 0);
-                for (column, stored) in stored.chunks_exact_mut(3).enumerate() {
-                    let value = own[column] + self.sharpening * (own[column] - soft[column]);
-                    let (red, blue) = (red[column], blue[column]);
-                    let green = -(LUMA[0] * red + LUMA[2] * blue) / LUMA[1];
-                    for (stored, other) in stored.iter_mut().zip([red, green, blue]) {
-                        *stored = ((value + other).clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
-                    }
+                let pixels = red.iter_mut().zip(blue.iter_mut()).zip(soft.iter_mut());
+                for (((red, blue), soft), own) in pixels.zip(quiet.line(row, 0, 0)) {
+                    let value = own + self.sharpening * (own - *soft);
+                    let green = -(LUMA[0] * *red + LUMA[2] * *blue) / LUMA[1];
+                    (*red, *soft, *blue) = (byte(value + *red), byte(value + green), byte(value + *blue));
+                }
+                let stored = stored.chunks_exact_mut(3);
+                for (stored, ((red, green), blue)) in stored.zip(red.iter().zip(&soft).zip(&blue)) {
+                    stored.copy_from_slice(&[*red as u8, *green as u8, *blue as u8]);
                 }
             }
         });
@@ -156,7 +156,7 @@ impl Sensor {
                 }
             }
         });
-        Padded::around(&raw, (width, height))
+        Padded::around((width, height), |row| &raw[row * width..][..width])
     }
 
     /// By brightness, in `STEPS`: `times` the standard deviation of its noise, as the camera knows its sensor.
@@ -214,11 +214,24 @@ fn interpolated(raw: &Padded, film: &Film<'_>, saturation: f32, corner: (usize, 
             (0, _) => [along, centre, across],
             _ => [across, centre, along],
         };
-        let grey = LUMA[0] * red + LUMA[1] * green + LUMA[2] * blue;
-        let [red, green, blue] = [red, green, blue].map(|own| film.tone(grey + saturation * (own - grey)));
-        let bright = LUMA[0] * red + LUMA[1] * green + LUMA[2] * blue;
-        (luma[column], reds[column], blues[column]) = (bright, red - bright, blue - bright);
+        (luma[column], reds[column], blues[column]) = (green, red, blue);
     }
+    for ((green, red), blue) in luma.iter_mut().zip(reds.iter_mut()).zip(blues.iter_mut()) {
+        let grey = LUMA[0] * *red + LUMA[1] * *green + LUMA[2] * *blue;
+        for own in [green, red, blue] {
+            *own = Film::place_of(grey + saturation * (*own - grey));
+        }
+    }
+    for ((green, red), blue) in luma.iter_mut().zip(reds).zip(blues) {
+        let [own_red, own_green, own_blue] = [*red, *green, *blue].map(|place| film.tone_at(place));
+        let bright = LUMA[0] * own_red + LUMA[1] * own_green + LUMA[2] * own_blue;
+        (*green, *red, *blue) = (bright, own_red - bright, own_blue - bright);
+    }
+}
+
+/// A tone as it is stored, before its fraction is cut off.
+fn byte(tone: f32) -> f32 {
+    tone.clamp(0.0, 1.0) * 255.0 + 0.5
 }
 
 /// A row of brightness with its noise reduced: means of the 5 × 5 around, weighted by Tukey's biweight of their
@@ -238,12 +251,14 @@ fn reduced(bright: &Padded, noise: &[f32], row: usize, out: &mut [f32]) {
             }
             let near = SOFT[(2 + down) as usize] * SOFT[(2 + right) as usize] / (SOFT[2] * SOFT[2]);
             let other = bright.line(row, down, right);
-            for column in 0..width {
-                let away = (other[column] - own[column]) * inverse[column];
-                let kept = (1.0 - away * away).max(0.0);
+            let sums = sum.iter_mut().zip(weights.iter_mut());
+            for ((sum, weights), (other, (own, inverse))) in sums.zip(other.iter().zip(own.iter().zip(&inverse))) {
+                let away = (other - own) * inverse;
+                let kept = 1.0 - away * away;
+                let kept = if kept > 0.0 { kept } else { 0.0 };
                 let weight = near * kept * kept;
-                sum[column] += weight * other[column];
-                weights[column] += weight;
+                *sum += weight * other;
+                *weights += weight;
             }
         }
     }
