@@ -14,7 +14,7 @@ NAN = float("nan")
 @pytest.mark.parametrize(
     ("row", "message"),
     [
-        (said(9, CAR), "is of image 9, which the dataset does not have"),
+        (said(9, CAR), "is of image 9, which is not in test of the dataset"),
         (said(1, RUT), "has category 6, which is none of the detector's five classes"),
         (said(1, 17), "has category 17, which the dataset does not have"),
         (said(1, CAR, (1, 2, 3)), "has no `bbox` of left, top, width and height"),

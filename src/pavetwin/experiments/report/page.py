@@ -26,14 +26,14 @@ MOST_WHOLE, MOST_GROUPS = 4, 16
 def page(study: Study, sections: Sequence[Section]) -> str:
     """The text of `report.html`. Needs no network, no script and no installed font."""
     environment = Environment(
-        loader=PackageLoader("pavetwin.experiments.report", "."),
+        loader=PackageLoader("pavetwin.experiments", "."),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=StrictUndefined,
     )
     environment.filters["identity"] = id
-    return environment.get_template("page.html.jinja").render(
+    return environment.get_template("report/page.html.jinja").render(
         study=study,
         question=front.question(study),
         answers=[(each.assumption, each.sentences) for each in study.advice],

@@ -56,9 +56,17 @@ def read_detections(path: Path, splits: tuple[LabelledSplit, ...]) -> tuple[Foun
         PaveTwinError: the file is not as described; the message names the entry.
     """
     rows = _list(path)
-    images = {image.number: image.example.size_px for split in splits for image in split.images}
+    images = {image.number for split in splits for image in split.images}
     categories = {number: kind for split in splits for number, kind in split.categories.items()}
-    return tuple(_found(row, f"'{path}': entry {at}", images, categories) for at, row in enumerate(rows, start=1))
+    found = []
+    for at, row in enumerate(rows, start=1):
+        where = f"'{path}': entry {at}"
+        image = _number(row, "image_id", where)
+        if image not in images:
+            there = " and ".join(split.name for split in splits)
+            raise PaveTwinError(f"{where} is of image {image:g}, which is not in {there} of the dataset.")
+        found.append(_found(row, int(image), where, categories))
+    return tuple(found)
 
 
 def read_subtypes(path: Path, split: LabelledSplit) -> dict[int, int]:
@@ -98,20 +106,14 @@ def _list(path: Path) -> list[Any]:
     return content
 
 
-def _found(
-    row: Any, where: str, images: Mapping[int, tuple[int, int]], categories: Mapping[int, tuple[int, int]]
-) -> FoundBox:
-    image = _number(row, "image_id", where)
-    if image not in images:
-        raise PaveTwinError(f"{where} is of image {image:g}, which the dataset does not have.")
+def _found(row: Any, image: int, where: str, categories: Mapping[int, tuple[int, int]]) -> FoundBox:
     coarse, subtype = _kind(row, where, categories)
     number = class_of(coarse, subtype)
-    if number is None:
-        raise PaveTwinError(f"{where} has category {row['category_id']}, which is none of the detector's five classes.")
+    assert number is not None
     detection, confidence = _confidences(row, coarse, where)
     said = row.get("attributes") or {}
     sizes = {name: _positive(said, name, where) for name in SIZES if said.get(name) is not None}
-    return FoundBox(int(image), coarse, number, _box(row, where), detection, confidence, sizes)
+    return FoundBox(image, coarse, number, _box(row, where), detection, confidence, sizes)
 
 
 def _kind(row: Any, where: str, categories: Mapping[int, tuple[int, int]]) -> tuple[int, int]:

@@ -38,7 +38,7 @@ class ResampledDifference:
     low: float
     high: float
     p: float
-    """Twice the smaller share of draws on one side of 0, at most 1; ties count on both sides."""
+    """Twice the smaller share of draws on one side of 0, at most 1; ties, and the value itself, count on both sides."""
 
 
 def metrics_of(five: Matched, coarse: Matched, confidence: float) -> Callable[[Float64Array], Metrics]:
@@ -132,4 +132,5 @@ def _p(values: list[float]) -> float:
     known = np.array([value for value in values if not np.isnan(value)])
     if not len(known):
         return float("nan")
-    return float(min(1.0, 2 * min((known <= 0).mean(), (known >= 0).mean())))
+    fewer = min(int((known <= 0).sum()), int((known >= 0).sum()))
+    return min(1.0, 2 * (1 + fewer) / (1 + len(known)))

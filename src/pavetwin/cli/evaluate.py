@@ -1,0 +1,157 @@
+"""`pavetwin evaluate`: how good detections are, against a dataset's labels."""
+
+from math import isnan
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pavetwin.cli.console import out, progress
+from pavetwin.errors import PaveTwinError, about, no_such
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from pavetwin.perception.evaluation.evaluate import DetectorEvaluation
+    from pavetwin.perception.evaluation.labelled import LabelledSplit
+    from pavetwin.perception.evaluation.resampling import ResampledDifference
+
+VALIDATION = "val"
+"""The split on which the best confidence is chosen."""
+
+
+def evaluate(
+    detections: Annotated[Path, typer.Argument(metavar="DETECTIONS.json", help="COCO's form of results.")],
+    dataset: Annotated[Path, typer.Argument(help="Folder with annotations/instances_SPLIT.json and images/SPLIT/.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the report.")] = None,
+    split: Annotated[str, typer.Option(help="Of the dataset: test, val or train.")] = "test",
+    confidence: Annotated[float, typer.Option(help="At which precision, recall and F1 are stated.")] = 0.25,
+    against: Annotated[
+        Path | None, typer.Option(help="Other detections of the same split; differences are these less the others.")
+    ] = None,
+    regions: Annotated[
+        Path | None, typer.Option(help="What the subtype head says at true regions, see the how-to.")
+    ] = None,
+    resamples: Annotated[int, typer.Option(help="Of the bootstrap over images; 0 for no intervals.")] = 1000,
+    seed: Annotated[int, typer.Option(help="Random seed of the bootstrap; 0 is a seed too.")] = 0,
+) -> None:
+    """Measure detections against a dataset's labels: average precision, errors, what they depend on.
+
+    \b
+    pavetwin evaluate detections.json datasets/streets -o evaluation
+    pavetwin evaluate mixed.json datasets/china-coco -o evaluation --against real-only.json
+
+    The dataset is a capture, or what `pavetwin data export --formats coco` writes. The file may hold detections of the
+    split val too: the confidence with the best F1 is chosen there.
+
+    Needs pycocotools: pip install 'pavetwin\\[evaluate]'.
+    """
+    from pavetwin.experiments.detector_report.write import write_detector_report
+    from pavetwin.labels import SPLITS
+    from pavetwin.perception.evaluation.detections import read_detections, read_subtypes
+    from pavetwin.perception.evaluation.evaluate import compare_in_pairs
+    from pavetwin.perception.evaluation.evaluate import evaluate as evaluated
+    from pavetwin.perception.evaluation.labelled import read_split
+
+    if output is None:
+        raise PaveTwinError("Say where the report goes with -o, for example -o evaluation.")
+    if split not in SPLITS:
+        raise PaveTwinError(no_such("split", split, SPLITS, key="`split`"))
+    with progress("Evaluating") as tell:
+        chosen = read_split(dataset, split)
+        splits = (chosen, *_others(dataset, split))
+        found = read_detections(detections, splits)
+        other = told = differences = None
+        if against is not None:
+            with about("against"):
+                other = read_detections(against, splits)
+        if regions is not None:
+            with about("regions"):
+                told = read_subtypes(regions, chosen)
+        validation = next((each for each in splits[1:] if each.name == VALIDATION), None)
+        how: dict[str, Any] = {"confidence": confidence, "resamples": resamples, "seed": seed}
+        result = evaluated(chosen, found, validation=validation, subtypes=told, **how)
+        tell(0.5)
+        if other is not None:
+            differences = compare_in_pairs(chosen, other, found, **how)
+        tell(0.7)
+        files = write_detector_report(result, output, title=detections.stem, differences=differences)
+    _tell(result)
+    if differences is not None:
+        _tell_differences(differences)
+    out.line(f"Report: {files[0]}")
+
+
+def _others(dataset: Path, split: str) -> "list[LabelledSplit]":
+    """The splits of which the file of detections may hold some too, if the dataset has them."""
+    from pavetwin.perception.evaluation.labelled import read_split
+
+    others = [name for name in (VALIDATION, "test") if name != split]
+    return [
+        read_split(dataset, name) for name in others if (dataset / "annotations" / f"instances_{name}.json").is_file()
+    ]
+
+
+def _table(*headings: str) -> "Table":
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for at, heading in enumerate(headings):
+        table.add_column(heading, justify="right" if at else "left", no_wrap=True)
+    return table
+
+
+def _percent(value: float | None) -> str:
+    return "–" if value is None or isnan(value) else f"{100 * value:.1f}"
+
+
+def _interval(low: float, high: float) -> str:
+    return "" if isnan(low) else f"{100 * low:.1f} – {100 * high:.1f}"
+
+
+def _tell(result: "DetectorEvaluation") -> None:
+    """A row a class, then the metrics of all with their intervals."""
+    from pavetwin.experiments.detector_report.sections import METRICS
+    from pavetwin.experiments.words import counted
+    from pavetwin.perception.evaluation.matching import HALF
+
+    table = _table("per cent", "objects", "AP@0.5", "AP@0.5:0.95", "precision", "recall", "F1")
+    for matched, scores in zip(result.five.classes, result.at_stated.classes, strict=True):
+        precision = matched.average_precision
+        values = (float(precision[HALF]), float(precision.mean()), scores.precision, scores.recall, scores.f1)
+        table.add_row(matched.name, str(matched.objects), *map(_percent, values))
+    out.print(table)
+    out.line("")
+    table = _table("all classes, per cent", "value", "95 % interval")
+    for name, words in METRICS.items():
+        each = result.intervals[name]
+        table.add_row(words, _percent(each.value), _interval(each.low, each.high))
+    table.add_row("subtype macro F1 on matched regions", _percent(result.subtypes_matched.macro_f1), "")
+    if result.subtypes_true is not None:
+        table.add_row("subtype macro F1 on true regions", _percent(result.subtypes_true.macro_f1), "")
+    if result.at_best is not None:
+        words = f"macro F1 at {result.at_best.confidence:.3f}, best of the split {VALIDATION}"
+        table.add_row(words, _percent(result.at_best.f1), "")
+    table.add_row("expected calibration error", _percent(result.reliability_in_use.error), "")
+    out.print(table)
+    images = counted(len(result.split.images), "image")
+    empty = sum(not image.regions for image in result.split.images)
+    out.line(
+        f"\n{images}, {empty} of them empty. Precision, recall, F1 and calibration: confidence from "
+        f"{result.at_stated.confidence:g}, IoU 0.5."
+    )
+    if result.unlabelled:
+        left = counted(result.unlabelled, "detection")
+        out.line(f"Left out: {left} of classes that an image's source does not label.")
+
+
+def _tell_differences(found: "dict[str, ResampledDifference]") -> None:
+    from pavetwin.experiments.detector_report.sections import METRICS
+
+    table = _table("less the others, points", "difference", "95 % interval", "p")
+    for name, words in METRICS.items():
+        each = found[name]
+        p = "" if isnan(each.p) else f"{each.p:.3f}"
+        table.add_row(words, f"{100 * each.value:+.1f}", _interval(each.low, each.high), p)
+    out.line("")
+    out.print(table)
