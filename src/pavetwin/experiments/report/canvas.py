@@ -90,7 +90,7 @@ def beside_each_other(panels: int, height_in: float) -> tuple[Figure, Sequence[A
 def policy_legend(
     figure: Figure, chosen: Looks, more: Sequence[Line2D] = (), drawn: Collection[str] | None = None
 ) -> None:
-    """One line above the panels. Nothing when there is nothing to tell apart.
+    """Above the panels, in one line where the figure is wide enough. Nothing when there is nothing to tell apart.
 
     Args:
         drawn: those of the policies that are in the figure; all unless given.
@@ -104,11 +104,14 @@ def policy_legend(
         if drawn is None or policy in drawn
     ]  # fmt: skip
     handles = [*(marks if len(chosen) > 1 else []), *more]
-    if handles:
-        figure.legend(
-            handles=handles, loc="outside upper left", ncols=min(len(handles), 9), borderaxespad=0.2,
-            columnspacing=1.4, handlelength=1.7,
+    for columns in range(min(len(handles), 9), 0, -1):
+        legend = figure.legend(
+            handles=handles, loc="outside upper left", ncols=columns, borderaxespad=0.2, columnspacing=1.4,
+            handlelength=1.7,
         )  # fmt: skip
+        if columns == 1 or legend.get_window_extent().width <= figure.bbox.width:
+            break
+        legend.remove()
 
 
 def panel_title(axes: Axes, words: str) -> None:

@@ -59,7 +59,9 @@ def across(group: Group, factor: str, metric: Metric, traffics: Sequence[Any]) -
 
 
 def traffic_title(traffic: Any) -> str:
-    return f"{level_text('traffic', traffic)} traffic".capitalize()
+    """Names such as `los-C` keep their letters."""
+    text = f"{level_text('traffic', traffic)} traffic"
+    return text.capitalize() if str(traffic).isalpha() else text
 
 
 def _draw(group: Group, rows: Sequence[PanelRow], traffics: Sequence[Any], factor: str, ticks: Sequence[Any]) -> Figure:
