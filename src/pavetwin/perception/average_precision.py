@@ -68,18 +68,17 @@ def _match(boxes: Float64Array, true: Float64Array, ignored: BoolArray) -> tuple
     if not len(true):
         return hits, out
     overlap = _overlap(boxes, true, ignored)
-    for at, threshold in enumerate(THRESHOLDS):
-        free = np.ones(len(true), dtype=np.bool_)
-        for detection in range(len(boxes)):
-            row = np.where(overlap[detection] >= threshold, overlap[detection], -1.0)
-            real = np.where(free & ~ignored, row, -1.0)
-            # Of equal overlaps the last, as the published evaluation has it.
-            best = len(real) - 1 - int(np.argmax(real[::-1]))
-            if real[best] >= 0:
-                hits[at, detection] = True
-                free[best] = False
-            else:
-                out[at, detection] = bool((row[ignored] >= 0).any())
+    free = np.tile(~ignored, (len(THRESHOLDS), 1))
+    each = np.arange(len(THRESHOLDS))
+    for detection in range(len(boxes)):
+        enough = overlap[detection] >= THRESHOLDS[:, None]
+        open_to_it = np.where(free & enough, overlap[detection], -1.0)
+        # Of equal overlaps the last, as the published evaluation has it.
+        best = len(true) - 1 - np.argmax(open_to_it[:, ::-1], axis=1)
+        is_hit = open_to_it[each, best] >= 0
+        hits[:, detection] = is_hit
+        free[each[is_hit], best[is_hit]] = False
+        out[:, detection] = ~is_hit & (enough & ignored).any(axis=1)
     return hits, out
 
 

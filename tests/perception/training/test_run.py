@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from math import exp
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,7 @@ from pavetwin.perception.examples.coco import read_coco
 from pavetwin.perception.examples.example import ExampleSet
 from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
 from pavetwin.perception.training.run_folder import load_network
-from pavetwin.perception.training.schedule import epoch_order, phases_of, rate_at
+from pavetwin.perception.training.schedule import MovingAverage, epoch_order, phases_of, rate_at
 from pavetwin.perception.training.trainer import Trainer
 from pavetwin.perception.training.watchers import Silent
 from scenes.drawn_roads import drawn_roads
@@ -255,3 +256,18 @@ def test_wrong_settings_are_refused(values: list[str], message: str) -> None:
     with pytest.raises(PaveTwinError) as refused:
         TrainingOptions.parse(values)
     assert message in str(refused.value)
+
+
+def test_the_average_forgets_fast_at_first_and_slowly_later() -> None:
+    network = torch.nn.Sequential(torch.nn.Linear(1, 1, bias=False), torch.nn.BatchNorm1d(1))
+    options = replace(TINY, ema_decay=0.9, ema_steps=10)
+    average, expected = MovingAverage(network, options), network[0].weight.item()
+    for step in range(1, 6):
+        with torch.no_grad():
+            network[0].weight.fill_(float(step))
+            network[1].num_batches_tracked.fill_(step)
+        average.update(network)
+        decay = 0.9 * (1 - exp(-step / 10))
+        expected = decay * expected + (1 - decay) * step
+        assert average.network[0].weight.item() == pytest.approx(expected, rel=1e-5)
+        assert int(average.network[1].num_batches_tracked) == step

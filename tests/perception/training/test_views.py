@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.classes import ROAD_DEFECT
@@ -62,21 +63,19 @@ def test_boxes_lie_where_the_picture_shows_the_thing(data: ExampleSet, name: str
 
 @pytest.mark.parametrize("name", VARIED)
 def test_masks_lie_where_the_picture_shows_the_thing(data: ExampleSet, name: str) -> None:
+    """Also of a crack from one corner to another, which no mirror image of it covers."""
     agreement = []
     for seed in range(20):
         view = random_view(members(data)[seed % 8], members(data), VARIED[name], np.random.default_rng(seed))
+        dark = Image.fromarray(np.uint8(255 * (view.pixels.max(axis=2) < 90)))
         for each in view.objects:
-            if each.is_ignored or each.true.category != "Pothole" or each.box[2] - each.box[0] < 14:
+            if each.is_ignored or min(each.box[2] - each.box[0], each.box[3] - each.box[1]) < 20:
                 continue
-            mask = mask_of(each, each.box, 28)
-            assert mask is not None
-            left, top, right, bottom = each.box
-            columns = (left + (np.arange(28) + 0.5) / 28 * (right - left)).astype(int)
-            rows = (top + (np.arange(28) + 0.5) / 28 * (bottom - top)).astype(int)
-            dark = view.pixels.max(axis=2)[np.ix_(rows.clip(0, 127), columns.clip(0, 127))] < DARK + 10
-            agreement.append(((mask > 0.5) == dark).mean())
+            mask = mask_of(each, each.box, 14)
+            shown = np.asarray(dark.resize((14, 14), Image.Resampling.BOX, box=each.box), dtype=np.float64)
+            agreement.append(np.corrcoef(mask.ravel(), shown.ravel())[0, 1])
     assert len(agreement) > 4
-    assert np.mean(agreement) > 0.93
+    assert np.mean(agreement) > 0.8
 
 
 def test_a_letterbox_shows_the_whole_image_in_the_middle(data: ExampleSet) -> None:

@@ -83,9 +83,12 @@ class RegionHead(nn.Module):
 
 
 def sample_regions(maps: Tensor, boxes: Tensor, points: int) -> Tensor:
-    """ROIAlign (He et al. 2017) with one sample a point: (boxes, channels, points, points)."""
+    """ROIAlign (He et al. 2017) with one sample a point: (boxes, channels, points, points).
+
+    In single precision: half precision would round the edges of boxes to several pixels.
+    """
     return roi_align(
-        maps, boxes.to(maps.dtype), (points, points), spatial_scale=1 / REGION_STRIDE, sampling_ratio=1, aligned=True
+        maps.float(), boxes.float(), (points, points), spatial_scale=1 / REGION_STRIDE, sampling_ratio=1, aligned=True
     )
 
 

@@ -8,6 +8,7 @@ from math import cos, exp, pi
 import numpy as np
 import torch
 from torch import nn
+from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.training.augment import Member
@@ -124,9 +125,9 @@ class MovingAverage:
         """Take one step's weights in."""
         self.steps += 1
         decay = self._decay * (1 - exp(-self.steps / self._tau))
-        current = network.state_dict()
-        for name, value in self.network.state_dict().items():
-            if value.is_floating_point():
-                value.mul_(decay).add_(current[name], alpha=1 - decay)
-            else:
-                value.copy_(current[name])
+        current, own = network.state_dict(), self.network.state_dict()
+        names = [name for name, value in own.items() if value.is_floating_point()]
+        average = get_ema_multi_avg_fn(decay)
+        average([own[name] for name in names], [current[name] for name in names], None)
+        for name in own.keys() - set(names):
+            own[name].copy_(current[name])
