@@ -133,6 +133,12 @@ def test_the_final_confidence_is_the_product_for_defects_only(tmp_path: Path) ->
     assert found.subtypes_matched.regions == 1
 
 
+def test_regions_below_the_confidence_have_no_subtype(tmp_path: Path) -> None:
+    rows = [said(1, CRACK, det=0.24), said(1, POTHOLE, FAR, det=0.26)]
+    found = evaluated(tmp_path, [[true(CRACK), true(POTHOLE, FAR)]], rows)
+    assert found.subtypes_matched.counts.tolist() == [[0, 0, 0], [0, 0, 0], [0, 0, 1]]
+
+
 def test_the_best_confidence_is_chosen_on_the_validation_split(tmp_path: Path) -> None:
     """False alarms of 0.3 in its images, and a car of 0.6: from 0.6 on all is right. The test split decides nothing."""
     write_labels(tmp_path, [[true(CAR)], []], split="val")
