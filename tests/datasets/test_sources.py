@@ -188,8 +188,17 @@ def test_own_captures_keep_what_is_ignored_and_the_ground_resolution(tmp_path: P
         {"id": 1, "file_name": "town-000001.jpg", "width": 64, "height": 64, "camera": camera},
         {"id": 2, "file_name": "town-000002.jpg", "width": 64, "height": 64, "camera": {**camera, "gsd_mm": None}},
     ]
+    images.append({"id": 3, "file_name": "town-000003.jpg", "width": 64, "height": 64, "camera": camera})
+    annotations.append(
+        {"id": 4, "image_id": 3, "category_id": 1, "bbox": [5, 5, 9, 9], "iscrowd": 1, "ignored": "faint"}
+    )
+    picture(folder / "images" / "val" / "town-000003.jpg", (64, 64), 2)
+    picture(folder / "voc" / "JPEGImages" / "town-000001.jpg", (64, 64))
     coco(folder / "annotations" / "instances_val.json", images, annotations, list(class_names()[:5]))
-    (nadir, tilted), _ = imported("pavetwin", folder)
+    (nadir, tilted, empty), report = imported("pavetwin", folder)
+    assert list(report) == []
+    assert (empty.is_background, nadir.is_background) == (True, False)
+    assert [each.ignored for each in empty.annotations] == ["faint"]
     assert labels(nadir) == [(POTHOLE, (10, 20, 12, 25))]
     assert nadir.labelled[0].attributes == {"severity": "low"}
     assert nadir.labelled[0].outline is not None

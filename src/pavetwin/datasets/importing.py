@@ -156,7 +156,7 @@ def _work(
             source_name=name,
             name=image_name,
             suffix=".jpg",
-            is_background=raw.original in backgrounds,
+            is_background=raw.is_background or raw.original in backgrounds,
         )
         if image is None:
             continue

@@ -49,6 +49,8 @@ class RawImage:
     """Width, height of the picture that the labels were made for, where they say so."""
     gsd_mm: float | None = None
     group: str | None = None
+    is_background: bool = False
+    """The source says that it shows nothing of any class."""
     attributes: Mapping[str, str] = field(default_factory=dict)
 
 

@@ -1,6 +1,6 @@
 """COCO: one JSON file for many images, read entry by entry. Masks without a box get the box around them."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite
 from pathlib import Path, PurePosixPath
 from typing import Any, Final, Literal
@@ -40,7 +40,19 @@ class CocoLayout(LabelLayout):
                 report.add(Finding.REFUSED, labels, f"is not JSON ({error})", error.line)
             except (OSError, UnicodeDecodeError, RecursionError) as error:
                 report.add(Finding.REFUSED, labels, f"cannot be read ({type(error).__name__})")
+        for name in [name for name in pictures.unused if not self.is_picture(name)]:
+            del pictures.unused[name]
         yield from unlabelled(folder, pictures)
+
+    def is_picture(self, name: str) -> bool:
+        """Whether a file is a picture of the dataset, not a copy for another format."""
+        del name
+        return True
+
+    def is_background(self, objects: Sequence[RawObject]) -> bool:
+        """Whether an image with these objects is known to show nothing of any class."""
+        del objects
+        return False
 
     def _images_of(
         self, content: CocoFile, folder: Path, labels: str, pictures: PictureIndex, report: Report
@@ -58,7 +70,8 @@ class CocoLayout(LabelLayout):
                 words = str(error) if isinstance(error, ValueError) else "an annotation is not as COCO has it"
                 report.add(Finding.REFUSED, labels, f"image '{original}': {words}; the image is left out")
                 continue
-            yield RawImage(path, original, labels, objects, size_px=_size(image), **self.details(labels, image))
+            known = {"is_background": self.is_background(objects), **self.details(labels, image)}
+            yield RawImage(path, original, labels, objects, size_px=_size(image), **known)
 
     def details(self, labels: str, image: Mapping[str, Any]) -> dict[str, Any]:
         """What else is known of an image: `gsd_mm`, `group`, `attributes` of its RawImage."""

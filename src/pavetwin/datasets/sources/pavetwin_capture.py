@@ -1,11 +1,12 @@
 """PaveTwin's own captures: datasets made by `pavetwin capture`, from their COCO files."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import PurePosixPath
 from typing import Any
 
 from pavetwin.datasets.annotated import class_names
 from pavetwin.datasets.layouts import CocoLayout
+from pavetwin.datasets.layouts.base import RawObject
 from pavetwin.datasets.sources.base import SOURCES, DatasetSource
 
 _KEPT = ("visible_fraction", "severity", "width_m", "area_m2")
@@ -13,7 +14,14 @@ _KEPT = ("visible_fraction", "severity", "width_m", "area_m2")
 
 
 class CaptureLayout(CocoLayout):
-    """Ignored objects say why. The capture's own split, by streets, is kept: no defect is in two of them."""
+    """Ignored objects say why. The capture's own split, by streets, is kept: no defect is in two of them. An image
+    without labels is background: a capture labels everything that it shows."""
+
+    def is_picture(self, name: str) -> bool:
+        return name.startswith("images/")
+
+    def is_background(self, objects: Sequence[RawObject]) -> bool:
+        return all(each.ignored is not None for each in objects)
 
     def details(self, labels: str, image: Mapping[str, Any]) -> dict[str, Any]:
         split = PurePosixPath(labels).stem.removeprefix("instances_")
