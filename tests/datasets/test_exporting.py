@@ -96,6 +96,41 @@ def test_coco_is_read_by_pycocotools(exported: Path) -> None:
     ]
 
 
+@pytest.mark.parametrize("layout", ["coco", "yolo"])
+def test_datumaro_of_cvat_opens_it(exported: Path, layout: str) -> None:
+    components = pytest.importorskip(
+        "datumaro.components.dataset", reason="Datumaro is not installed: it needs older versions of Pillow and PyArrow"
+    )
+    found = components.Dataset.import_from(str(exported), layout)
+    items = {item.id.split("/")[-1]: item for item in found}
+    assert sorted(items) == ["a", "b", "c"]
+    assert {name: item.subset for name, item in items.items()} == {name: place(exported, name) for name in items}
+    names = [label.name for label in found.categories()[next(iter(found.categories()))].items]
+    assert names == list(class_names())
+    boxes = {
+        (names[each.label], tuple(map(round, each.points)), bool(each.attributes.get("is_crowd")))
+        for each in items["b"].annotations
+        if each.type.name == "bbox"
+    }
+    ignored = {("Car", HIDDEN.box, True)} if layout == "coco" else set()
+    assert boxes == {("Car", CAR.box, False)} | ignored
+
+
+@pytest.mark.parametrize("layout", ["COCODetectionDataset", "YOLOv5Dataset"])
+def test_fiftyone_opens_it(exported: Path, layout: str) -> None:
+    fiftyone = pytest.importorskip("fiftyone", reason="FiftyOne is not installed: it runs a MongoDB server")
+    split, kind = place(exported, "b"), getattr(fiftyone.types, layout)
+    if layout == "YOLOv5Dataset":
+        options = {"dataset_dir": str(exported), "yaml_path": "data.yaml", "split": split}
+    else:
+        options = {"data_path": str(exported / "images" / split)}
+        options["labels_path"] = str(exported / "annotations" / f"instances_{split}.json")
+    (sample,) = fiftyone.Dataset.from_dir(dataset_type=kind, **options)
+    found = next(field for name in sample.field_names if hasattr(field := sample[name], "detections"))
+    assert [each.label for each in found.detections][:1] == ["Car"]
+    assert found.detections[0].bounding_box == pytest.approx([0, 0, 1, 1], abs=1e-6)
+
+
 def test_coco_is_imported_again_with_scenes_and_ground_resolution(exported: Path, tmp_path: Path) -> None:
     mapping = tmp_path / "again.yaml"
     rules = "".join(f"  {name}: {name}\n" for name in class_names())
