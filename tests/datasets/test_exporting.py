@@ -116,21 +116,6 @@ def test_datumaro_of_cvat_opens_it(exported: Path, layout: str) -> None:
     assert boxes == {("Car", CAR.box, False)} | ignored
 
 
-@pytest.mark.parametrize("layout", ["COCODetectionDataset", "YOLOv5Dataset"])
-def test_fiftyone_opens_it(exported: Path, layout: str) -> None:
-    fiftyone = pytest.importorskip("fiftyone", reason="FiftyOne is not installed: it runs a MongoDB server")
-    split, kind = place(exported, "b"), getattr(fiftyone.types, layout)
-    if layout == "YOLOv5Dataset":
-        options = {"dataset_dir": str(exported), "yaml_path": "data.yaml", "split": split}
-    else:
-        options = {"data_path": str(exported / "images" / split)}
-        options["labels_path"] = str(exported / "annotations" / f"instances_{split}.json")
-    (sample,) = fiftyone.Dataset.from_dir(dataset_type=kind, **options)
-    found = next(field for name in sample.field_names if hasattr(field := sample[name], "detections"))
-    assert [each.label for each in found.detections][:1] == ["Car"]
-    assert found.detections[0].bounding_box == pytest.approx([0, 0, 1, 1], abs=1e-6)
-
-
 def test_coco_is_imported_again_with_scenes_and_ground_resolution(exported: Path, tmp_path: Path) -> None:
     mapping = tmp_path / "again.yaml"
     rules = "".join(f"  {name}: {name}\n" for name in class_names())
