@@ -56,3 +56,10 @@ def test_fly_takes_an_aircraft_by_name_and_refuses_wind_above_its_limit(tmp_path
     (tmp_path / "own.yaml").write_text("mine: {mass_kg: 1}", encoding="utf-8")
     line = plain_refusal(pavetwin("fly", "--settings", "--aircraft", tmp_path / "own.yaml"))
     assert "own.yaml, aircraft 'mine': title: Field required" in line
+
+
+def test_what_is_shown_is_a_file_of_the_same_aircraft(tmp_path: Path) -> None:
+    said = pavetwin("aircraft", "show", "matrice350").stdout
+    own = tmp_path / "own.yaml"
+    own.write_text(said, encoding="utf-8")
+    assert pavetwin("aircraft", "show", f"{own}:matrice350").stdout == said

@@ -50,12 +50,16 @@ def show(
 ) -> None:
     """Show one aircraft: its maker's figures and where they are from; and the model's power and tilt over airspeed.
 
+    What is printed is a file for an aircraft of your own: change its figures.
+
     \b
     pavetwin aircraft show mavic3e
-    pavetwin aircraft show mine.yaml:survey
+    pavetwin aircraft show mavic3e > mine.yaml
+    pavetwin aircraft show mine.yaml:mavic3e
     """
+    from pathlib import Path
+
     import yaml
-    from rich.table import Table
 
     from pavetwin.uav import find_aircraft, find_camera
     from pavetwin.uav.energy import airspeeds
@@ -64,20 +68,16 @@ def show(
 
     profile = find_aircraft(name)
     find_camera(profile.camera)
-    figures = profile.model_dump(mode="json", exclude_defaults=True)
+    entry = {Path(name.rpartition(":")[2]).stem: profile.model_dump(mode="json", exclude_defaults=True)}
     out.line("# The maker's figures, except where the sources say otherwise")
-    out.print(yaml.safe_dump(figures, sort_keys=False, allow_unicode=True, width=100).rstrip(), markup=False)
+    out.print(yaml.safe_dump(entry, sort_keys=False, allow_unicode=True, width=100).rstrip(), markup=False)
     power_w, speeds = rotor_power(profile).total_w, airspeeds()
     out.line("\n# The model's, from these")
-    for line in (*_of_the_model(profile), ""):
-        out.line(line)
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for heading in ("airspeed m/s", "power W", "tilt °"):
-        table.add_column(heading, justify="right")
+    for line in (*_of_the_model(profile), "", "airspeed m/s  power W  tilt °"):
+        out.line(f"# {line}".rstrip())
     for mps in range(0, int(profile.top_speed_mps) + 1, 2):
         row = int(abs(speeds - mps).argmin())
-        table.add_row(f"{mps}", f"{power_w[row]:.0f}", f"{tilt_deg(profile, mps):.1f}")
-    out.print(table)
+        out.line(f"# {mps:12d} {power_w[row]:8.0f} {tilt_deg(profile, mps):7.1f}")
 
 
 def _of_the_model(profile: "AircraftProfile") -> list[str]:
