@@ -47,6 +47,9 @@ BAY_RIM_M: Final = 0.16
 
 _PAD_M: Final = 6.0
 
+_GRID_M: Final = 1e-8
+"""Finer than `EXACT_M`, so that corners on an edge stay on it."""
+
 
 @dataclass(frozen=True)
 class Face:
@@ -69,7 +72,10 @@ def faces_of(plan: GroundPlan, key: tuple[int, int], relief: Relief) -> list[Fac
     box = tile_box(key)
     wide = tile_box(key, _PAD_M)
     cut = _Cut(plan, box, wide, relief)
-    net = shapely.union_all([box.boundary, *(shapely.intersection(line, box) for line in cut.lines())])
+    # Lines that end on another one are cut there only up to rounding, unless all are snapped to a grid.
+    net = shapely.union_all(
+        [box.boundary, *(shapely.intersection(line, box) for line in cut.lines())], grid_size=_GRID_M
+    )
     polygons = [
         part for part in shapely.get_parts(shapely.polygonize(shapely.get_parts(net))) if isinstance(part, Polygon)
     ]
