@@ -1,5 +1,7 @@
 """What is wrong with a file is told with its name and line, and the rest goes on."""
 
+import errno
+import os
 import struct
 import zlib
 from collections.abc import Callable
@@ -223,6 +225,31 @@ def test_a_coco_file_that_climbs_out_or_has_no_place(tmp_path: Path) -> None:
         "segmentation; the image is left out",
         "refused broken.json:2: is not JSON (Expecting value)",
     ]
+
+
+def test_what_may_not_be_read_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Folders, links to folders, label files; and names that are no text."""
+    folder = tmp_path / "photos"
+    for number, name in enumerate(("good", "closed/one", "bad", "caf\udce9")):
+        picture(folder / f"{name}.jpg", seed=number)
+        yolo(folder / f"{name}.txt", "0 0.5 0.5 0.5 0.5" if name != "caf\udce9" else "0 0.5")
+    (folder / "elsewhere").symlink_to(tmp_path)
+    read_text, scandir = Path.read_text, os.scandir
+
+    def refused(path: str) -> None:
+        if Path(path).name in ("closed", "bad.txt"):
+            raise PermissionError(errno.EACCES, "Permission denied", path)
+
+    # As for a user who is not root, as who tests may run.
+    monkeypatch.setattr(os, "scandir", lambda path: (refused(str(path)), scandir(path))[1])
+    monkeypatch.setattr(Path, "read_text", lambda path, *a, **b: (refused(str(path)), read_text(path, *a, **b))[1])
+    assert told("highrpd", folder) == [
+        "note elsewhere: a link to another folder is not followed; what is in it is left out",
+        "refused closed: the folder cannot be read; what is in it is left out",
+        "refused bad.txt: cannot be read (Permission denied); the image is left out",
+        "refused caf\udce9.txt:1: 2 words where a class and four numbers should be; the image is left out",
+    ]
+    assert "caf\\udce9.txt" in (tmp_path / "dataset" / "report.csv").read_text(encoding="utf-8")
 
 
 def test_a_picture_that_was_turned_is_stored_as_it_is_seen(tmp_path: Path) -> None:

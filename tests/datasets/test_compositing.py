@@ -20,7 +20,7 @@ from scenes.command_line import pavetwin, plain_refusal
 from scenes.photographs import pavement, voc, with_car, yolo
 
 SIZE = (320, 240)
-SETTINGS = CompositeSettings(objects=("uav-cars",), roads=("uapd",), share=1.0)
+SETTINGS = CompositeSettings(objects=("uav-cars",), roads=("uapd",), share=1.0, gap_m=6)
 
 
 def saved(path: Path, picture: np.ndarray) -> Path:
@@ -93,7 +93,9 @@ def test_resumed_or_again_it_is_the_same_bytes(dataset: Path, composed: Composit
         compose(dataset, tmp_path / "again", SETTINGS)
         assert content(tmp_path / "again") == content(composed.folder)
         next((tmp_path / "again" / "Annotations").glob("*-composite.xml")).unlink()
-        next((tmp_path / "again" / "CutOuts").glob("*.json")).unlink()
+        next((tmp_path / "again" / "CutOuts").glob("uav-cars-*.json")).unlink()
+    # What is told of composites that were there already is told again.
+    assert any("no free place" in each.text for each in composed.report)
     compose(dataset, tmp_path / "other", SETTINGS, seed=1)
     assert content(tmp_path / "other") != content(composed.folder)
 

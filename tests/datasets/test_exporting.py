@@ -10,6 +10,7 @@ from pavetwin.datasets.annotated import AnnotatedImage, Annotation, class_names
 from pavetwin.datasets.common_form import annotation_path, as_xml, read_images, write_description
 from pavetwin.datasets.exporting import export
 from pavetwin.datasets.importing import import_source
+from pavetwin.datasets.merging import merge
 from pavetwin.datasets.normalise import ImageSize
 from pavetwin.datasets.sources import source_of
 from pavetwin.datasets.splitting import split_dataset
@@ -135,9 +136,20 @@ def test_coco_is_imported_again_with_scenes_and_ground_resolution(exported: Path
 def test_again_gives_the_same_bytes(dataset: Path, exported: Path, tmp_path: Path) -> None:
     export(dataset, tmp_path / "again", ("yolo", "yolo-seg", "coco"))
     files = [path.relative_to(exported) for path in exported.rglob("*") if path.is_file()]
-    assert len(files) == 3 * 2 + 2 * 2 + 2 + 3
+    assert len(files) == 3 * 2 + 2 * 2 + 2 + 3 + 1
     for path in files:
         assert (tmp_path / "again" / path).read_bytes() == (exported / path).read_bytes(), path
+
+
+def test_another_split_needs_another_folder(dataset: Path, tmp_path: Path) -> None:
+    """Else images that were in train would stay there, and be in test too."""
+    merged = merge([dataset], tmp_path / "merged").folder
+    split_dataset(merged, (0.34, 0.33, 0.33))
+    export(merged, tmp_path / "out", ("yolo",))
+    export(merged, tmp_path / "out", ("coco",))
+    split_dataset(merged, (1.0, 0.0, 0.0))
+    with pytest.raises(PaveTwinError, match="made with another split; choose another folder"):
+        export(merged, tmp_path / "out", ("yolo",))
 
 
 def test_unknown_formats_and_the_dataset_itself_are_refused(dataset: Path, tmp_path: Path) -> None:

@@ -111,6 +111,42 @@ def test_names_are_kept_apart_by_folders_where_they_must_be(tmp_path: Path) -> N
     ]
 
 
+def test_names_without_latin_letters_and_long_ones_are_kept_apart(tmp_path: Path) -> None:
+    folder = tmp_path / "photos"
+    stems = ("道路", "坑洞", "Straße", "strasse", "a (1)", "a 1", 200 * "x")
+    for number, stem in enumerate(stems):
+        picture(folder / f"{stem}.JPG", seed=number)
+        yolo(folder / f"{stem}.TXT", "0 0.5 0.5 0.5 0.5")
+    picture(folder / "e\N{COMBINING ACUTE ACCENT}.jpg", seed=9)
+    yolo(folder / "\N{LATIN SMALL LETTER E WITH ACUTE}.txt", "0 0.5 0.5 0.5 0.5")
+    assert not list(run(folder, tmp_path / "out").report)
+    images = list(read_images(tmp_path / "out"))
+    assert len({image.original for image in images}) == len({image.name for image in images}) == len(stems) + 1
+    assert max(len(image.name) for image in images) < 120
+    assert all(image.name.isascii() for image in images)
+    run(folder, tmp_path / "out")
+    assert len(list(read_images(tmp_path / "out"))) == len(stems) + 1
+
+
+def test_pictures_of_16_bits_keep_their_greys(tmp_path: Path) -> None:
+    """Of a camera with 12 bits too; what cannot be brought to 8 bits is refused."""
+    folder = tmp_path / "photos"
+    grey = np.asarray(Image.linear_gradient("L"))
+    made = {"16": grey.astype(np.uint16) * 257, "12": grey.astype(np.uint16) * 16, "f": grey / np.float32(255)}
+    for name, values in made.items():
+        folder.mkdir(exist_ok=True)
+        Image.fromarray(values).save(folder / f"{name}.tif")
+        yolo(folder / f"{name}.txt", "0 0.5 0.5 0.5 0.5")
+    Image.fromarray(grey).convert("CMYK").save(folder / "cmyk.jpg", quality=95)
+    yolo(folder / "cmyk.txt", "0 0.5 0.5 0.5 0.5")
+    assert [str(each) for each in run(folder, tmp_path / "out").report] == [
+        "f.tif: the picture's pixels are not whole numbers; store it with 8 or 16 bits; the image is left out"
+    ]
+    for image in read_images(tmp_path / "out"):
+        with Image.open(tmp_path / "out" / "JPEGImages" / image.picture) as stored:
+            assert np.abs(np.asarray(stored.convert("L"), dtype=float) - grey).mean() < 3, image.name
+
+
 def image_of(size_px: tuple[int, int], *annotations: Annotation, gsd_mm: float | None = None) -> AnnotatedImage:
     return AnnotatedImage("a", ".jpg", size_px, "uapd", "a", "a", gsd_mm, annotations=annotations)
 

@@ -59,6 +59,10 @@ def test_a_build_makes_every_stage_and_again_the_same_bytes(recipe: Path, tmp_pa
     assert content(tmp_path / "again") == content(tmp_path / "out")
     build(read_recipe(recipe), tmp_path, tmp_path / "again")
     assert content(tmp_path / "again") == content(tmp_path / "out")
+    recipe.write_text(RECIPE + "seed: 1\n")
+    with pytest.raises(PaveTwinError, match="made with another seed; choose another folder"):
+        build(read_recipe(recipe), tmp_path, tmp_path / "again")
+    assert content(tmp_path / "again") == content(tmp_path / "out")
 
 
 @pytest.mark.slow

@@ -154,20 +154,20 @@ def read_images(folder: Path) -> Iterator[AnnotatedImage]:
         yield read_image(annotation_path(folder, name))
 
 
-def write_description(folder: Path, content: Mapping[str, Any]) -> None:
-    """Write `dataset.yaml`: what made the dataset, its classes, and whether it is complete."""
+def write_description(folder: Path, content: Mapping[str, Any], name: str = DESCRIPTION) -> None:
+    """Write `dataset.yaml`, or a file of another name: what made the dataset, its classes, whether it is complete."""
     whole = {"format": FORMAT, "classes": list(class_names()), **content}
-    with writing(folder / DESCRIPTION) as temporary:
+    with writing(folder / name) as temporary:
         temporary.write_text(yaml.safe_dump(whole, sort_keys=False, allow_unicode=True), encoding="utf-8")
 
 
-def read_description(folder: Path) -> dict[str, Any]:
-    """What `dataset.yaml` holds.
+def read_description(folder: Path, name: str = DESCRIPTION) -> dict[str, Any]:
+    """What `dataset.yaml` holds, or such a file of another name.
 
     Raises:
         PaveTwinError: there is none, it is damaged, or of another version's format.
     """
-    path = folder / DESCRIPTION
+    path = folder / name
     if not path.is_file():
         raise PaveTwinError(f"'{folder}' holds no dataset; make one with `pavetwin data import SOURCE FOLDER`.")
     try:

@@ -3,6 +3,7 @@
 Every road image draws for itself, from the seed and its labels, whether it becomes a composite, and what of.
 """
 
+import json
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -167,7 +168,7 @@ def _compose(
     make = partial(_made, folder, output / CUT_OUTS, library, settings, chosen)
     done = 0
     for image, job in made_ahead(found(), make, exists=lambda image: annotation_path(output, _name(image)).is_file()):
-        done += job is None or _write(image, job, output, staging, report)
+        done += _write(image, job, output, staging, report)
     return done
 
 
@@ -284,18 +285,23 @@ def _labelled(image: AnnotatedImage, masks: list[tuple[BoolArray, CutOut]], reas
     )
 
 
-def _write(image: AnnotatedImage, job: Future[_Composite], output: Path, staging: Path, report: Report) -> bool:
-    """Whether there is a composite."""
-    try:
-        made = job.result()
-    except PictureError as error:
-        report.add(Finding.REFUSED, image.name, f"{error}; it becomes no composite")
-        return False
-    for reason, count in made.reasons.items():
+def _write(image: AnnotatedImage, job: Future[_Composite] | None, output: Path, staging: Path, report: Report) -> bool:
+    """Whether there is a composite. What could not be put on it is kept in a file of its own, for another run."""
+    path = output / CUT_OUTS / f"{_name(image)}.json"
+    if job is None:
+        reasons = Counter[str](json.loads(path.read_text(encoding="utf-8")))
+    else:
+        try:
+            made = job.result()
+        except PictureError as error:
+            report.add(Finding.REFUSED, image.name, f"{error}; it becomes no composite")
+            return False
+        reasons = made.reasons
+        if made.image is not None:
+            move_in(staging, path, json.dumps(reasons, indent=1).encode())
+            move_in(staging, output / PICTURES / made.image.picture, made.content)
+            move_in(staging, annotation_path(output, made.image.name), as_xml(made.image))
+    for reason, count in reasons.items():
         for _ in range(count):
             report.add(Finding.NOTE, image.name, reason, alike=reason)
-    if made.image is None:
-        return False
-    move_in(staging, output / PICTURES / made.image.picture, made.content)
-    move_in(staging, annotation_path(output, made.image.name), as_xml(made.image))
-    return True
+    return job is None or made.image is not None

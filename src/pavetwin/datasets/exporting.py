@@ -8,13 +8,16 @@
 
 import json
 from collections.abc import Iterator
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from pavetwin.datasets.annotated import AnnotatedImage, Annotation, class_names, defect_names
-from pavetwin.datasets.common_form import PICTURES, annotation_path, read_image
+from pavetwin.datasets.common_form import PICTURES, annotation_path, read_image, write_description
+from pavetwin.datasets.importing import check_same
+from pavetwin.datasets.merging import described
 from pavetwin.datasets.splitting import split_names
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.files import link_or_copy, working_in, writing
@@ -26,6 +29,9 @@ FORMATS_OF_EXPORT: Final = ("yolo", "yolo-seg", "coco")
 
 SEGMENTATION: Final = "yolo-seg"
 
+DESCRIPTION: Final = "export.yaml"
+"""Says of which dataset and split the files are: those of two splits in one folder would mix train and test."""
+
 
 def export(folder: Path, output: Path, formats: tuple[str, ...]) -> dict[str, int]:
     """Write a dataset's splits in formats; what is there already is written again.
@@ -34,7 +40,8 @@ def export(folder: Path, output: Path, formats: tuple[str, ...]) -> dict[str, in
         The number of images by format.
 
     Raises:
-        PaveTwinError: a format is not known, the dataset is not split, or the output cannot be written.
+        PaveTwinError: a format is not known, the dataset is not split, the output holds another dataset or split, or
+            it cannot be written.
     """
     for name in formats:
         if name not in FORMATS_OF_EXPORT:
@@ -44,7 +51,11 @@ def export(folder: Path, output: Path, formats: tuple[str, ...]) -> dict[str, in
         raise PaveTwinError("The exported dataset needs a folder of its own.")
     splits = tuple(split for split, held in names.items() if held)
     counts = dict.fromkeys(formats, 0)
+    held_by = sha256(json.dumps(names).encode()).hexdigest()
+    made_by = {"made_by": "export", "dataset": described(folder), "split": held_by}
     with working_in(output):
+        check_same(output, made_by, DESCRIPTION)
+        write_description(output, made_by, DESCRIPTION)
         for split in splits:
             for name in names[split]:
                 image = read_image(annotation_path(folder, name))

@@ -4,14 +4,16 @@ Pictures are decoded and encoded in threads, a few at a time and in order, so th
 of images and a run that is repeated gives the same bytes. Images that exist are not made again.
 """
 
+import os
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
+from hashlib import sha256
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, Final
 
 from pavetwin.datasets.ahead import made_ahead
 from pavetwin.datasets.annotated import AnnotatedImage
@@ -33,6 +35,9 @@ from pavetwin.datasets.report import Finding, Report
 from pavetwin.datasets.sources import DatasetSource
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.files import staging_folder, working_in
+
+LONGEST_NAME: Final = 100
+"""Characters of an image's name: file systems allow 255 bytes, and composites and copies add to it."""
 
 OnImage = Callable[[int, int], None]
 """Told the number of images looked at, and of all pictures."""
@@ -78,14 +83,21 @@ def import_source(
     """
     if not folder.is_dir():
         raise PaveTwinError(f"There is no folder '{folder}'; give the one that the dataset was unpacked to.")
-    pictures = files_in(folder, SUFFIXES)
+    report = Report()
+
+    def on_closed(place: str, is_link: bool) -> None:
+        if is_link:
+            report.add(Finding.NOTE, place, "a link to another folder is not followed; what is in it is left out")
+        else:
+            report.add(Finding.REFUSED, place, "the folder cannot be read; what is in it is left out")
+
+    pictures = files_in(folder, SUFFIXES, on_closed)
     if not pictures:
         raise PaveTwinError(f"'{folder}' holds no picture; give the folder that the dataset was unpacked to.")
     for path in sorted(backgrounds - set(pictures)):
         raise PaveTwinError(
             no_such("picture", path, pictures[:1000], key="`backgrounds`").partition("; known")[0] + "."
         )
-    report = Report()
     expected = {
         "made_by": "import",
         "source": name,
@@ -106,15 +118,19 @@ def import_source(
     return ImportSummary(output, images, report)
 
 
-def check_same(output: Path, expected: dict[str, Any]) -> None:
-    """Refuse a folder that holds something else than an earlier run of the same."""
+def check_same(output: Path, expected: dict[str, Any], name: str = DESCRIPTION) -> None:
+    """Refuse a folder that holds something else than an earlier run of the same, as a file of this name tells.
+
+    Raises:
+        PaveTwinError: it does.
+    """
     if output.exists() and not output.is_dir():
         raise PaveTwinError(f"'{output}' is a file; choose another folder.")
-    if not (output / DESCRIPTION).is_file():
+    if not (output / name).is_file():
         if output.is_dir() and any(output.iterdir()):
             raise PaveTwinError(f"'{output}' holds something else; choose another folder.")
         return
-    found = read_description(output)
+    found = read_description(output, name)
     differ = [key for key, value in expected.items() if found.get(key) != value]
     if differ:
         raise PaveTwinError(f"'{output}' holds a dataset made with another {differ[0]}; choose another folder.")
@@ -132,6 +148,7 @@ def _work(
 ) -> Iterator[_Work]:
     """What is to be made, in order; the rest is told to the report."""
     stems = Counter(_stem(path) for path in pictures)
+    names = Counter(_name(name, path, stems).casefold() for path in pictures)
     taken: dict[str, str] = {}
     for done, raw in enumerate(source.labels.images(folder, report), start=1):
         on_image(done, len(pictures))
@@ -140,7 +157,7 @@ def _work(
         except PictureError as error:
             report.add(Finding.REFUSED, raw.original, f"{error}; the image is left out")
             continue
-        image_name = _name(name, raw.original, stems)
+        image_name = _distinct(name, _name(name, raw.original, stems), raw.original, names)
         if (other := taken.get(image_name.casefold())) is not None:
             words = (
                 "its labels are given twice" if other == raw.original else f"two files of one name, this and {other}"
@@ -181,6 +198,13 @@ def _name(source: str, original: str, stems: Counter[str]) -> str:
     parts = path.parts[:-1] if stems[_stem(original)] > 1 else ()
     words = (re.sub(r"[^A-Za-z0-9_-]+", "-", part).strip("-") for part in (*parts, path.stem))
     return "-".join(filter(None, (source, *words)))
+
+
+def _distinct(source: str, name: str, original: str, names: Counter[str]) -> str:
+    """The name; with a hash of the picture's path where others have the same, it is too long, or has no letter left."""
+    if names[name.casefold()] < 2 and len(name) <= LONGEST_NAME and name != source:
+        return name
+    return f"{name[:LONGEST_NAME]}-{sha256(os.fsencode(original)).hexdigest()[:8]}"
 
 
 def _exists(output: Path, work: _Work) -> bool:

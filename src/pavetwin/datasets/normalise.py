@@ -13,7 +13,7 @@ from pydantic import Field
 
 from pavetwin.config.base import Settings
 from pavetwin.datasets.annotated import AnnotatedImage, Annotation, Polygon
-from pavetwin.datasets.pictures import opened, orientation
+from pavetwin.datasets.pictures import as_rgb, opened, orientation
 from pavetwin.labels.boxes import PixelBox, moved, scaled, share_within, to_pixels, within
 
 LEAST_SHARE: Final = 0.3
@@ -161,7 +161,7 @@ def encoded_views(path: Path, image_views: list[ImageView], quality: int) -> Ite
     with opened(path) as picture:
         if is_whole and orientation(picture) == 1:  # a JPEG is decoded at a half, a quarter or an eighth, not below
             picture.draft("RGB", image_views[0].size_px)
-        turned = ImageOps.exif_transpose(picture).convert("RGB")
+        turned = as_rgb(ImageOps.exif_transpose(picture))
     for view in image_views:
         part = turned if is_whole else turned.crop(view.window)
         if part.size != view.size_px:

@@ -1,12 +1,15 @@
 """Pictures from anywhere, opened with care, and found by the names of their label files."""
 
+import os
 import warnings
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Final
+from unicodedata import normalize
 
+import numpy as np
 from PIL import Image
 
 SUFFIXES: Final = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp"})
@@ -75,6 +78,24 @@ def picture_size(path: Path) -> tuple[int, int]:
         return (height, width) if orientation(picture) in _TURNED else (width, height)
 
 
+def as_rgb(picture: Image.Image) -> Image.Image:
+    """A picture with 8 bits of red, green and blue. Greys of more bits than 8 lose their lowest: as many bits are
+    counted as the brightest pixel needs, since cameras of 10 or 12 bits store them in 16.
+
+    Raises:
+        PictureError: its pixels are not whole numbers, or some are negative.
+    """
+    if picture.mode == "F":
+        raise PictureError("the picture's pixels are not whole numbers; store it with 8 or 16 bits")
+    if picture.mode != "I" and not picture.mode.startswith("I;"):
+        return picture.convert("RGB")
+    values = np.asarray(picture)
+    if values.min() < 0:
+        raise PictureError("the picture has pixels below 0")
+    bits = max(8, int(values.max()).bit_length())
+    return Image.fromarray((values >> (bits - 8)).astype(np.uint8)).convert("RGB")
+
+
 class PictureIndex:
     """The pictures below a folder, found by the path of a label file."""
 
@@ -90,7 +111,7 @@ class PictureIndex:
             path = PurePosixPath(name)
             if not path.stem.endswith(ending):
                 continue
-            stem = path.stem.removesuffix(ending).casefold()
+            stem = _key(path.stem.removesuffix(ending))
             self._by_place[_place(path), stem].append(name)
             self._by_stem[stem].append(name)
             self.unused[name] = None
@@ -98,28 +119,44 @@ class PictureIndex:
     def find(self, labels: str, stem: str) -> list[str]:
         """The pictures that labels may belong to: in the same folder or the one beside it, else anywhere if there is
         one of that name only. None or several mean that it is not known."""
-        key = stem.casefold()
+        key = _key(stem)
         found = self._by_place.get((_place(PurePosixPath(labels)), key)) or self._by_stem.get(key, [])
         for each in found:
             self.unused.pop(each, None)
         return found
 
 
+def _key(stem: str) -> str:
+    """What names of one picture have in common, in upper or lower case, and with accents stored either way."""
+    return normalize("NFC", stem).lower()
+
+
 def _place(path: PurePosixPath) -> str:
     return "/".join(part for part in path.parent.parts if part.casefold() not in _CONTAINERS)
 
 
-def files_in(folder: Path, suffixes: frozenset[str]) -> list[str]:
-    """The files below a folder with these suffixes, as paths with slashes, sorted; hidden ones are left out."""
+def files_in(
+    folder: Path, suffixes: frozenset[str], on_closed: Callable[[str, bool], None] = lambda _place, _is_link: None
+) -> list[str]:
+    """The files below a folder with these suffixes, as paths with slashes, sorted; hidden ones are left out.
+
+    Args:
+        on_closed: told each folder that is not looked into, and whether that is because it is a link.
+    """
     found = []
-    for path in folder.rglob("*"):
-        relative = path.relative_to(folder)
-        if (
-            path.suffix.lower() in suffixes
-            and path.is_file()
-            and not any(part.startswith(".") for part in relative.parts)
-        ):
-            found.append(relative.as_posix())
+
+    def told(error: OSError) -> None:
+        on_closed(Path(os.fsdecode(error.filename)).relative_to(folder).as_posix(), False)
+
+    for place, inner, files in os.walk(folder, onerror=told):
+        inner[:] = [name for name in inner if not name.startswith(".")]
+        for name in inner:
+            if (Path(place) / name).is_symlink():
+                on_closed((Path(place) / name).relative_to(folder).as_posix(), True)
+        for name in files:
+            path = Path(place) / name
+            if path.suffix.lower() in suffixes and not name.startswith(".") and path.is_file():
+                found.append(path.relative_to(folder).as_posix())
     return sorted(found)
 
 

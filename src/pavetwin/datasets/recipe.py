@@ -17,9 +17,10 @@ from pavetwin.config.base import Settings
 from pavetwin.config.text import parse_yaml
 from pavetwin.datasets.allocation import CopyPlan
 from pavetwin.datasets.balancing import BalanceSettings, balance
+from pavetwin.datasets.common_form import write_description
 from pavetwin.datasets.compositing import CompositeSettings, compose
 from pavetwin.datasets.exporting import FORMATS_OF_EXPORT, export
-from pavetwin.datasets.importing import import_source
+from pavetwin.datasets.importing import check_same, import_source
 from pavetwin.datasets.merging import merge
 from pavetwin.datasets.normalise import ImageSize
 from pavetwin.datasets.report import Report
@@ -33,6 +34,9 @@ MERGED: Final = "merged"
 COMPOSITES: Final = "composites"
 BALANCED: Final = "balanced"
 EXPORT: Final = "export"
+
+DESCRIPTION: Final = "build.yaml"
+"""Says what a build was asked for: another recipe needs another folder."""
 
 
 class RecipeSource(Settings):
@@ -111,7 +115,11 @@ def build(
     """
     named = _named(recipe.sources, beside)
     stages: list[tuple[Path, Report]] = []
+    asked = recipe.model_dump(mode="json", include={"size", "composite", "balance", "split", "seed"})
+    made_by = {"made_by": "build", "sources": [name for name, _, _ in named], **asked}
     with working_in(output):
+        check_same(output, made_by, DESCRIPTION)
+        write_description(output, made_by, DESCRIPTION)
         for folder, (name, source, each) in zip(_folders(named), named, strict=True):
 
             def on_image(done: int, total: int, name: str = name) -> None:

@@ -81,7 +81,11 @@ class Report:
 
     def save(self, path: Path) -> None:
         """Write it as a table, one finding a row."""
-        with writing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
+        with (
+            writing(path) as temporary,
+            # Names of files need not be text on every system.
+            temporary.open("w", encoding="utf-8", errors="backslashreplace", newline="") as stream,
+        ):
             table = csv.writer(stream, lineterminator="\n")
             table.writerow(("finding", "file", "line", "count", "text"))
             for each in self:

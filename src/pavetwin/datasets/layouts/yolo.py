@@ -62,6 +62,8 @@ class YoloLayout(LabelLayout):
             lines = path.read_text(encoding="utf-8-sig").splitlines()
         except (OSError, ValueError) as error:
             words = "is not text" if isinstance(error, UnicodeDecodeError) else str(error)
+            if isinstance(error, OSError):
+                words = f"cannot be read ({error.strerror})"
             report.add(Finding.REFUSED, labels, f"{words}; the image is left out")
             return None
         for number, line in enumerate(lines, start=1):
