@@ -1,6 +1,7 @@
 """`python -m benchmarks.damage`: its arithmetic on made-up defects, and that what `survey` places is as its sources."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -100,6 +101,9 @@ def test_potholes_beside_networks_and_boxes_in_one_view_are_counted() -> None:
     ]
     found = placed([("t", [strip(0, "a", width_m=4.0)], damage)])
     assert stats.beside_networks(found) == 0.5
+    assert stats.within_networks(found) == 0.0
+    notched = [replace(damage[0], notch=((0.0, 0.0), (0.4, 0.0), (0.4, 0.4))), *damage[1:]]
+    assert stats.within_networks(placed([("t", [strip(0, "a", width_m=4.0)], notched)])) == 0.5
     assert stats.boxes_in_view(found, 5.0).tolist() == pytest.approx([3 / 4, 1 / 4, 0, 0, 0])
     assert stats.per_km(found, "pothole", by="town")["per_km"].to_list() == [40.0]
 
@@ -137,6 +141,12 @@ def test_boxes_of_photographs_are_read_with_what_their_border_cuts(rdd: Path, tm
     assert dict(seen.boxes.group_by("kind").len().iter_rows()) == {
         "single_crack": 19, "crocodile_crack": 12, "pothole": 12
     }  # fmt: skip
+    assert stats.touching_networks(seen) == (0, 12)
+    wide = seen.boxes.with_columns(ymax=pl.when(kind="crocodile_crack").then(500.0).otherwise("ymax"))
+    assert (
+        stats.touching_networks(replace(seen, boxes=wide))[0]
+        == (wide.filter(kind="crocodile_crack")["xmax"] > 380).sum()
+    )
     assert seen.boxes.filter("cut")["xmin"].to_list() == [480.0]
     assert stats.boxes_in_photographs(seen).tolist() == pytest.approx([0, 0, 6 / 12, 5 / 12, 1 / 12])
     with pytest.raises(PaveTwinError, match="has no annotations/xmls"):

@@ -21,7 +21,7 @@ class Placed:
     defects: pl.DataFrame
     """A row a defect: `at` (of its segment), `kind`, `severity`, `station_m` along the street and `offset_m` to the
     left of its middle, `turn_deg` from its direction (0 … 90), `along_m` and `across_m` of the box around its outline,
-    `width_m`, `depth_m`, `area_m2`."""
+    `width_m`, `depth_m`, `area_m2`, `is_notched` where another one lies within it."""
 
     def of(self, kind: str) -> pl.DataFrame:
         return self.defects.filter(pl.col("kind") == kind)
@@ -72,4 +72,5 @@ def _rows(segments: Sequence[Segment], defects: Sequence[Defect], first: int) ->
             "width_m": defect.width_m,
             "depth_m": defect.depth_m,
             "area_m2": defect.polygon.area,
+            "is_notched": bool(defect.notch),
         }

@@ -209,6 +209,22 @@ def beside_networks(found: Placed, within_m: float = 0.5) -> float:
     return hits / max(found.of("pothole").height, 1)
 
 
+def within_networks(found: Placed) -> float:
+    """The share of potholes that lie within a network, which lost the part there."""
+    return int(found.of("crocodile_crack")["is_notched"].sum()) / max(found.of("pothole").height, 1)
+
+
+def touching_networks(seen: Photographs) -> tuple[int, int]:
+    """Of the potholes in photographs those whose box touches that of a network, and all."""
+    holes, networks = (seen.boxes.filter(pl.col("kind") == kind) for kind in ("pothole", "crocodile_crack"))
+    both = holes.with_row_index().join(networks, on="image", suffix="_of_network")
+    touched = both.filter(
+        *(pl.col(f"{side}min") < pl.col(f"{side}max_of_network") for side in "xy"),
+        *(pl.col(f"{side}max") > pl.col(f"{side}min_of_network") for side in "xy"),
+    )
+    return touched["index"].n_unique(), holes.height
+
+
 def boxes_in_view(found: Placed, side_m: float) -> Float64Array:
     """(5,) shares of squares along the streets with 1, 2, 3, 4, and 5 or more boxes, of those that show any."""
     counts: list[int] = []

@@ -47,7 +47,7 @@ def rows(found: Placed, photographs: Sequence[Photographs]) -> Iterator[Row]:
     which = f"potholes at least {1000 * REPAIRED_M[0]:.0f} mm deep and {100 * REPAIRED_M[1]:.0f} cm wide, %"
     yield which, f"{100 * float(deep.mean() or 0):.0f}", "from here a council repairs them (Suffolk)"
     yield from _densities(found)
-    yield from _places(found)
+    yield from _places(found, photographs)
     for seen in photographs[:1]:
         side_m = seen.side_px * stats.pixel_m(found, seen)
         yield (
@@ -98,7 +98,7 @@ def _densities(found: Placed) -> Iterator[Row]:
     yield "potholes a kilometre", f"{holes:.1f} ({ends})", theirs
 
 
-def _places(found: Placed) -> Iterator[Row]:
+def _places(found: Placed, seen: Sequence[Photographs]) -> Iterator[Row]:
     near, lanes = stats.pairs(found), stats.from_lane_centres(found)
     ratio = near.near / near.near_random
     yield (
@@ -108,7 +108,12 @@ def _places(found: Placed) -> Iterator[Row]:
     )
     worn = stats.worn_share(found)
     yield "share of networks and potholes on the worst fifth of the area, %", _percents(worn), _LONDON
-    yield "potholes with a network within 50 cm, %", f"{100 * stats.beside_networks(found):.0f}", "–"
+    touching = [(each.name, *stats.touching_networks(each)) for each in seen]
+    yield (
+        "potholes within a network : with one within 50 cm, %",
+        f"{100 * stats.within_networks(found):.0f} : {100 * stats.beside_networks(found):.0f}",
+        "; ".join(f"{name} {some} of {all_} touch one's box" for name, some, all_ in touching if all_ > 9) or "–",
+    )
     paths = float(lanes["from_centre_m"].is_between(*stats.WHEEL_PATH_M).mean() or 0)
     joints, edges = (float((lanes[name] < limit).mean() or 0) for name, limit in stats.STRIPS_M.items())
     yield (

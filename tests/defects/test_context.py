@@ -6,17 +6,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+from shapely import LineString, Point
 
 from pavetwin.defects import DefectOptions, place
 from pavetwin.defects.context import COVER_ROOM_M, Feature, room_for, start_of
 from pavetwin.errors import PaveTwinError
+from pavetwin.scene.ground.distractors.beside_cracks import SlabCracks
+from pavetwin.scene.ground.distractors.edge_plants import GROWS_FROM_AGE, WIDTH_M, edge_plants
 from pavetwin.scene.ground.distractors.fixtures import REACH_M
 from pavetwin.scene.ground.distractors.plants import plants
+from pavetwin.scene.ground.looks import street_look
 from pavetwin.scene.ground.markings.painter import Painter
 from pavetwin.scene.ground.markings.standard import paint
 from pavetwin.scene.ground.plan import plan_ground
 from pavetwin.scene.patches import holes_of
-from pavetwin.world.model import World
+from pavetwin.world.joints import has_slabs, is_paved_apart, joints_across, joints_along, lane_joints
+from pavetwin.world.model import Defect, World
+from pavetwin.world.segments import direction_at, point_at
 from pavetwin.world.store import load_world, save_world
 from scenes import built
 
@@ -89,6 +95,8 @@ def _ring(patch: np.ndarray) -> np.ndarray:
 
 def test_plants_grow_in_overgrown_cracks_only(cracked: World, plan) -> None:  # type: ignore[no-untyped-def]
     none = Painter().done()
+    dirt = plan.look.dirt.model_copy(update={"plants": 0.0})
+    plan = replace(plan, look=plan.look.model_copy(update={"dirt": dirt}))
     tufts = plants(plan, none).bars
     assert len(tufts) > len(cracked.defects)
     outlines = shapely.union_all([defect.polygon for defect in cracked.defects])
@@ -96,6 +104,99 @@ def test_plants_grow_in_overgrown_cracks_only(cracked: World, plan) -> None:  # 
     bare = tuple(replace(each, parameters=()) for each in cracked.defects)
     assert not len(plants(replace(plan, world=replace(cracked, defects=bare)), none).bars)
     assert (plan.paint.bar_looks[:, 0] > paint("green")).any()
+
+
+def on_street(name: str, per_100_m2: float, context: str, folder: Path) -> World:
+    """The first segment's street of the cross under another name, with cracks on it."""
+    file = folder / "joints.yaml"
+    file.write_text(
+        CRACKS.replace("100_m2: 6", f"100_m2: {per_100_m2}").split("    context")[0] + f"    context: {context}"
+    )
+    town = built("cross").world
+    first = town.segments[0]
+    streets = tuple(replace(each, name=name) if each.edges == first.edges else each for each in town.streets)
+    segments = tuple(replace(each, street=name) if each.edges == first.edges else each for each in town.segments)
+    defects = place([segments[0]], 5, DefectOptions(population=str(file)))
+    return replace(town, streets=streets, segments=segments, defects=defects)
+
+
+def in_street(world: World) -> list[tuple[float, float, float]]:
+    """Station, offset to the left and |cos| of the angle to the street of each defect."""
+    found = []
+    for defect in world.defects:
+        line = world.segments[0].centre_line
+        station = line.project(defect.centre)
+        (dx, dy), (x, y) = direction_at(line, station), point_at(line, station)
+        left = (defect.centre.y - y) * dx - (defect.centre.x - x) * dy
+        found.append((station, left, abs(np.cos(defect.yaw_rad) * dx + np.sin(defect.yaw_rad) * dy)))
+    return found
+
+
+def test_cracks_run_along_joints_between_slabs_and_scenes_draw_these(tmp_path: Path) -> None:
+    name = next(name for number in range(99) if has_slabs(name := f"Slab Road {number}"))
+    world = on_street(name, 2.0, "{slab_joint: 1.0}", tmp_path)
+    segment, cracks = world.segments[0], in_street(world)
+    across, along = joints_across(segment), joints_along(segment)
+    lie_across = [(station, left) for station, left, cos in cracks if cos < 0.1]
+    lie_along = [left for _, left, cos in cracks if cos > 0.9]
+    assert len(cracks) == len(lie_across) + len(lie_along) == len(of(world, Feature.SLAB_JOINT)) > 8
+    assert min(len(lie_across), len(lie_along)) > 1
+    assert max(min(abs(across - station)) for station, _ in lie_across) < 0.01
+    assert max(min(abs(along - left)) for left in lie_along) < 0.01
+    plan = plan_ground(world, 1, holes_of(world.defects), street_look("varied"))
+    assert plan.pavement(plan.streets[0]).slabs is not None
+    seals = shapely.MultiLineString([LineString(line) for line in plan.repairs.seals])
+    ends = [end for defect in world.defects for end in _ends(defect)]
+    assert np.median([seals.distance(end) for end in ends]) < 0.12  # the joint goes on where the crack ends
+    moved = SlabCracks.of(plan, segment).across(joints_across(segment, 7.0))
+    assert all(min(abs(moved - station)) < 0.01 for station, _ in lie_across)
+
+
+def _ends(defect: Defect) -> tuple[Point, Point]:
+    corners = shapely.get_coordinates(defect.polygon)
+    along = corners @ (np.cos(defect.yaw_rad), np.sin(defect.yaw_rad))
+    return Point(corners[along.argmin()]), Point(corners[along.argmax()])
+
+
+def test_cracks_run_along_joints_between_lanes_of_two_tones(tmp_path: Path) -> None:
+    name = next(name for number in range(99) if is_paved_apart(name := f"Lane Road {number}"))
+    world = on_street(name, 2.0, "{lane_joint: 1.0}", tmp_path)
+    segment, cracks = world.segments[0], in_street(world)
+    joints = lane_joints(segment)
+    assert len(cracks) == len(of(world, Feature.LANE_JOINT)) > 4
+    assert max(min(abs(joints - left)) for _, left, _ in cracks) < 0.01
+    assert min(cos for _, _, cos in cracks) > 0.99
+    plan = plan_ground(world, 1, holes_of(world.defects))
+    for defect, (_, left, _) in zip(world.defects, cracks, strict=True):
+        side = np.array([-np.sin(defect.yaw_rad), np.cos(defect.yaw_rad)])
+        tones = [plan.paved_at(*(np.array(defect.centre.coords[0]) + away * side)).tone for away in (-0.6, 0.6)]
+        assert tones[0] != tones[1], left
+
+
+def test_no_cracks_run_along_joints_where_a_street_has_none(tmp_path: Path) -> None:
+    name = next(name for n in range(99) if not has_slabs(name := f"Plain Road {n}") and not is_paved_apart(name))
+    world = on_street(name, 1.0, "{slab_joint: 1.0, lane_joint: 1.0}", tmp_path)
+    assert world.defects
+    assert not any(each.beside for each in world.defects)
+
+
+def test_plants_grow_at_kerbs_and_in_joints_of_worn_streets_only(cracked: World) -> None:
+    plans = (plan_ground(replace(cracked, defects=()), seed) for seed in range(99))
+    plan = next(
+        plan for plan in plans if len({plan.ageing(street).age > GROWS_FROM_AGE for street in plan.streets}) > 1
+    )
+    edges = shapely.boundary(plan.road)
+    tufts = {street.key: [] for street in plan.streets}
+    for bar, _ in edge_plants(plan):
+        near = min(plan.streets, key=lambda street: street.street.centre_line.distance(Point(bar[:2])))
+        tufts[near.key].append(bar)
+    old = [street for street in plan.streets if plan.ageing(street).age > GROWS_FROM_AGE]
+    assert 0 < len(old) < len(plan.streets)
+    for street in plan.streets:
+        assert bool(tufts[street.key]) == (street in old)
+    asphalt = [street for street in old if plan.pavement(street).slabs is None]
+    for bar in (bar for street in asphalt for bar in tufts[street.key]):
+        assert edges.distance(Point(bar[:2])) < WIDTH_M[1]
 
 
 def test_what_a_crack_starts_at_is_stored_and_counts_as_content(cracked: World, tmp_path: Path) -> None:
@@ -112,5 +213,7 @@ def test_what_a_crack_starts_at_is_stored_and_counts_as_content(cracked: World, 
 def test_shares_that_sum_to_more_than_all_are_one_line(tmp_path: Path) -> None:
     file = tmp_path / "cracks.yaml"
     file.write_text(CRACKS.replace("trench: 0.3", "trench: 0.4"))
-    with pytest.raises(PaveTwinError, match=r"context: the shares of cover, patch and trench sum to more than 1"):
+    with pytest.raises(
+        PaveTwinError, match=r"context: the shares of cover, patch, trench and of a joint sum to more than 1"
+    ):
         DefectOptions(population=str(file)).effective()

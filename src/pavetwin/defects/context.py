@@ -1,8 +1,8 @@
-"""What cracks start at or run along: manhole covers, the corners of patches, the edges of trenches.
+"""What cracks start at or run along: manhole covers, the corners of patches, the edges of trenches, joints.
 
 A population's class may say for which shares of its cracks this holds. Such a crack is placed as any other, where there
 is room for both; what it starts at is kept with the defect, and a scene draws it there. So the cracks of a world do not
-depend on a scene, and are exact in each.
+depend on a scene, and are exact in each. Where joints are, the world says (`pavetwin.world.joints`).
 
 The end of a crack at which it starts is the one with the largest x of its own frame; trenches lie to the right of their
 crack (smaller y).
@@ -23,7 +23,8 @@ from pavetwin.config.mission import Share
 from pavetwin.defects.poses import ALONG_SPREAD_RAD, Poses, Position, RoadSection, anywhere, poses, positioned
 from pavetwin.defects.shapes import between
 from pavetwin.seeds import Stream, child
-from pavetwin.world.model import ShapeParameters
+from pavetwin.world.joints import has_slabs, is_paved_apart, joints_across, joints_along, lane_joints
+from pavetwin.world.model import Segment, ShapeParameters
 
 COVER_ROOM_M: Final = 0.68
 """Radius of the room that is kept for a cover: the largest with its collar has 0.62 m."""
@@ -35,6 +36,15 @@ TRENCHES_ACROSS: Final = 0.6
 OVERGROWN: Final = (0.08, 0.8)
 """Shares of its length that are overgrown in an overgrown crack. Ours."""
 
+JOINTS_ACROSS: Final = 0.7
+"""Share of the cracks at joints between slabs that are at those across the street. Ours."""
+
+JOINT_SPREAD_RAD: Final = 0.004
+"""Standard deviation of their direction from that of the joint."""
+
+STRAIGHT: Final[ShapeParameters] = (("wander", 0.3), ("branches", 0.25))
+"""Of cracks along joints, which hardly leave them."""
+
 _FEATURES, _POSES = 1, 2
 """Keys of random numbers under the seed of a shape."""
 
@@ -45,6 +55,21 @@ class Feature(StrEnum):
     COVER = "cover"
     PATCH = "patch"
     TRENCH = "trench"
+    SLAB_JOINT = "slab_joint"
+    LANE_JOINT = "lane_joint"
+
+    def is_on(self, street: str) -> bool:
+        """Whether the street of a name may have it."""
+        match self:
+            case Feature.SLAB_JOINT:
+                return has_slabs(street)
+            case Feature.LANE_JOINT:
+                return is_paved_apart(street)
+            case _:
+                return True
+
+
+_JOINTS: Final = (Feature.SLAB_JOINT, Feature.LANE_JOINT)
 
 
 class CrackContext(Settings):
@@ -56,36 +81,57 @@ class CrackContext(Settings):
     """At the corner of a patch, where stresses concentrate, obliquely."""
     trench: Share = 0.0
     """Along the edge of a trench, where old and new pavement meet."""
+    slab_joint: Share = 0.0
+    """On streets of slabs: along a joint between two of them."""
+    lane_joint: Share = 0.0
+    """On streets whose lanes were paved apart: along the joint between two of them."""
     overgrown: Share = 0.0
     """With grass and moss in a part of their length: the class's parameter of this name."""
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
-        if self.cover + self.patch + self.trench > 1:
-            raise ValueError("the shares of cover, patch and trench sum to more than 1")
+        if self.cover + self.patch + self.trench + max(self.slab_joint, self.lane_joint) > 1:
+            raise ValueError("the shares of cover, patch, trench and of a joint sum to more than 1")
         return self
 
-    def draw(self, seed: int) -> tuple[Feature | None, ShapeParameters]:
+    @property
+    def along_joints(self) -> bool:
+        """Whether some run along joints."""
+        return self.slab_joint > 0 or self.lane_joint > 0
+
+    def draw(self, seed: int, street: str) -> tuple[Feature | None, ShapeParameters]:
         """What one defect starts at, if anything, and the parameters of what grows in it.
 
         Args:
             seed: of its shape; other defects do not depend on what is drawn here.
+            street: the name of the street it is on.
         """
         rng = child(seed, Stream.DEFECTS, _FEATURES)
         number, plants = rng.random(2).tolist()
         grown = ("overgrown", float(f"{between(rng, OVERGROWN):.4g}"))
         parameters = (grown,) if plants < self.overgrown else ()
-        for feature in Feature:
+        for feature in filter(lambda each: each.is_on(street), Feature):
             number -= getattr(self, feature.value)
             if number < 0:
-                return feature, parameters
+                return feature, (*STRAIGHT, *parameters) if feature in _JOINTS else parameters
         return None, parameters
 
 
-def poses_at(seed: int, feature: Feature, road: RoadSection, count: int) -> Poses:
+def poses_at(seed: int, feature: Feature, segment: Segment, count: int) -> Poses:
     """Poses of a defect that starts at a feature; `seed` is that of its shape."""
     rng = child(seed, Stream.DEFECTS, _POSES)
+    road = RoadSection.of(segment)
     match feature:
+        case Feature.SLAB_JOINT if rng.random() < JOINTS_ACROSS and len(joints := joints_across(segment)):
+            found = poses(rng, anywhere(rng, road, count), math.pi / 2, JOINT_SPREAD_RAD)
+            found[:, 0] = rng.choice(joints, count) / segment.length_m
+            return found
+        case Feature.SLAB_JOINT if len(joints := joints_along(segment)):
+            return poses(rng, rng.choice(joints, count), 0.0, JOINT_SPREAD_RAD)
+        case Feature.LANE_JOINT:
+            return poses(rng, rng.choice(lane_joints(segment), count), 0.0, JOINT_SPREAD_RAD)
+        case Feature.SLAB_JOINT:
+            return np.empty((0, 3))
         case Feature.COVER:
             return positioned(rng, Position.ANYWHERE, road, count)
         case Feature.PATCH:

@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
+import shapely
 from shapely import Polygon
 
 from pavetwin.arrays import BoolArray, Float32Array, Float64Array
@@ -18,6 +19,9 @@ from pavetwin.defects.marking import Marking, mark, outline
 Lattice = tuple[tuple[int, int], float, tuple[float, float]]
 
 COARSEST_CELL_M = 0.005
+
+FADE_M = (0.0, 0.012, 0.024, 0.036)
+"""Distances from a notch at which what remains loses a share of its depth each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +125,17 @@ class Heightfield:
         """Texture coordinates (n, 2) of points (n, 2): (0, 0) is the outer corner of cell [0, 0], v grows with y."""
         x0, y0, x1, y1 = self.bounds_m
         return np.asarray((xy - (x0, y0)) / (x1 - x0, y1 - y0), dtype=np.float32)
+
+    def without(self, ring: Float64Array) -> Self:
+        """The same with the defect-free road within a ring (n, 2), own frame; what remains fades out before it."""
+        notch = Polygon(ring)
+        (rows, cols), (x0, y0) = self.shape, self.origin_m
+        x, y = np.meshgrid(x0 + self.cell_m * np.arange(cols), y0 + self.cell_m * np.arange(rows))
+        kept = np.zeros(self.shape, dtype=np.float32)
+        for away_m in FADE_M:
+            kept += ~shapely.contains_xy(notch.buffer(away_m, quad_segs=4), x, y) / np.float32(len(FADE_M))
+        fields = {name: getattr(self, name) * kept for name in ("height_m", "opening", "exposed")}
+        return replace(self, **fields).settled()
 
     def settled(self) -> Self:
         """The same with the defect-free road outside its mask: height 0 and nothing broken there; stains and dust

@@ -12,7 +12,7 @@ result does not depend on the number of threads.
 
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Annotated, Any, Self
@@ -26,9 +26,10 @@ from pavetwin.config.base import NameOrFile, Settings
 from pavetwin.defects.context import Feature, poses_at, room_for
 from pavetwin.defects.heightfield import Heightfield
 from pavetwin.defects.measures import measure
+from pavetwin.defects.notches import Host, Notched, places_in
 from pavetwin.defects.population import ClassPopulation, DefectDensity, Population, Shares, population
 from pavetwin.defects.poses import Poses, RoadSection
-from pavetwin.defects.registry import DefectKind, failures_named, kinds, mixed
+from pavetwin.defects.registry import DEFECT_CLASSES, DefectKind, failures_named, heightfield_of, kinds, mixed
 from pavetwin.defects.shapes import turned
 from pavetwin.seeds import Stream, child
 from pavetwin.world.build import BuildRecord, Built
@@ -40,6 +41,12 @@ from pavetwin.world.segments import direction_at, point_at, segment_key
 SHAPES, PLACES = 3, 30
 LARGEST_SHARE = 0.15
 EDGE_M, APART_M = 0.05, 0.10
+
+HOSTS, PLACES_WITHIN = 3, 12
+"""The largest defects within which one is tried to lie, and the places tried in each."""
+
+WITHIN = 4
+"""Key of the random numbers under the seed of a shape for its places within another."""
 
 Placed = tuple[Point, float, Polygon]
 """Where a shape lies: its centre, its direction [rad], and its outline there."""
@@ -147,7 +154,7 @@ def place(
     shares = whole.shares()
     defects: list[Defect] = []
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        found = pool.map(lambda segment: tuple(SegmentPlacement(segment, seed, whole, shares).defects()), segments)
+        found = pool.map(lambda segment: SegmentPlacement(segment, seed, whole, shares).defects(), segments)
         for done, own in enumerate(found, start=1):
             defects += [replace(defect, id=index) for index, defect in enumerate(own, start=len(defects))]
             if on_progress is not None:
@@ -166,15 +173,19 @@ class SegmentPlacement:
         shapely.prepare(self._allowed)
         self._budget = LARGEST_SHARE * segment.area_m2
         self._taken: list[Polygon] = []
+        self._found: list[Defect] = []
+        self._outline_at: list[int] = []
+        """Of each defect found, the place of its outline in `_taken`."""
         self._poses: dict[str, list[tuple[float, float]]] = {}
 
-    def defects(self) -> Iterator[Defect]:
-        """One after the other, as many as find a place."""
+    def defects(self) -> list[Defect]:
+        """In the order of their placement, as many as find a place."""
         for kind in self.population.kinds_on(self.segment, self.shares, self.seed, self._rng):
             with failures_named(kind.name):
                 defect = self._placed(kind)
             if defect is not None:
-                yield defect
+                self._found.append(defect)
+        return self._found
 
     def _placed(self, kind: DefectKind) -> Defect | None:
         """A defect of a class, or None where no shape finds a place."""
@@ -185,18 +196,20 @@ class SegmentPlacement:
             poses = self._near_others(of_class, of_class.poses(self._rng, kind, self._road, PLACES))
             beside = None
             if of_class.context is not None:
-                beside, more = of_class.context.draw(shape_seed)
+                beside, more = of_class.context.draw(shape_seed, self.segment.street)
                 parameters += more
-                poses = poses if beside is None else poses_at(shape_seed, beside, self._road, PLACES)
+                poses = poses if beside is None else poses_at(shape_seed, beside, self.segment, PLACES)
             shape = kind.shape(shape_seed, parameters)
             if shape.outline.area > self._budget:
                 continue
+            if (host := of_class.host(shape_seed)) and (within := self._within(host, shape.outline, shape_seed)):
+                self._take(within[2])
+                return _defect(self.segment, kind, shape, shape_seed, parameters, within)
             placed = self._first_place(shape.outline, poses, beside)
             if placed is None:
                 continue
             centre, yaw, polygon, pose = placed
-            self._taken.append(polygon)
-            self._budget -= polygon.area
+            self._take(polygon)
             self._poses.setdefault(kind.name, []).append(pose)
             made = _defect(self.segment, kind, shape, shape_seed, parameters, (centre, yaw, polygon))
             if beside is None:
@@ -205,6 +218,50 @@ class SegmentPlacement:
                 self._taken.append(room)
             return replace(made, beside=beside.value)
         return None
+
+    def _take(self, polygon: Polygon) -> None:
+        """Keep the outline of a defect free of others."""
+        self._outline_at.append(len(self._taken))
+        self._taken.append(polygon)
+        self._budget -= polygon.area
+
+    def _within(self, host: str, outline: Polygon, seed: int) -> Placed | None:
+        """Where an outline lies within a defect of a class, which loses the part there; None where it fits in none."""
+        rng = child(seed, Stream.DEFECTS, WITHIN)
+        found = [number for number, defect in enumerate(self._found) if defect.kind == host and not defect.notch]
+        found.sort(key=lambda number: -self._found[number].polygon.area)
+        low_x, low_y, high_x, high_y = outline.bounds
+        length = max(high_x - low_x, high_y - low_y)
+        ring = np.asarray(outline.exterior.coords)[:-1]
+        for number in found[:HOSTS]:
+            defect, at = self._found[number], self._outline_at[number]
+            whole = Host(heightfield_of(defect), defect.centre, defect.yaw_rad)
+            others = np.array([*self._taken[:at], *self._taken[at + 1 :]])
+            for x, y in places_in(whole, length, rng, PLACES_WITHIN):
+                yaw = float(rng.uniform(-math.pi, math.pi))
+                polygon = Polygon(turned(ring, yaw) + (x, y))
+                if not shapely.contains_properly(self._allowed, polygon):
+                    continue
+                if shapely.dwithin(others, polygon, APART_M).any():
+                    continue
+                left = whole.notched(polygon, APART_M)
+                if left is None:
+                    continue
+                self._notch(number, left)
+                return Point(x, y), yaw, polygon
+        return None
+
+    def _notch(self, number: int, left: Notched) -> None:
+        """Let a defect found lose its notch."""
+        before, at = self._found[number], self._outline_at[number]
+        outline = turned(np.asarray(left.shape.outline.exterior.coords)[:-1], before.yaw_rad)
+        polygon = Polygon(outline + np.array(before.centre.coords[0]))
+        placed = before.centre, before.yaw_rad, polygon
+        kind = DEFECT_CLASSES.get(before.kind)
+        made = _defect(self.segment, kind, left.shape, before.seed, before.parameters, placed)
+        self._found[number] = replace(made, notch=left.ring, beside=before.beside)
+        self._taken[at] = polygon
+        self._budget += before.polygon.area - polygon.area
 
     def _near_others(self, of_class: ClassPopulation, poses: Poses) -> Poses:
         """The poses, moved near a defect of another class where the population says so."""

@@ -23,7 +23,7 @@ from pydantic import Field, model_validator
 from pavetwin.config.base import Settings
 from pavetwin.config.mission import Positive, Share
 from pavetwin.config.named import names_in, read_named
-from pavetwin.defects.context import CrackContext
+from pavetwin.defects.context import STRAIGHT, CrackContext
 from pavetwin.defects.poses import Poses, Position, RoadSection, positioned
 from pavetwin.defects.registry import DEFECT_CLASSES, DefectKind, kinds
 from pavetwin.errors import PaveTwinError
@@ -32,6 +32,9 @@ from pavetwin.world.model import Segment, ShapeParameters
 from pavetwin.world.segments import segment_key
 
 Spread = Annotated[float, Field(ge=0, le=3)]
+
+_WITHIN: Final = 3
+"""Key of the random number under the seed of a shape that says within what it lies; `context` has two more."""
 
 _STREETS: Final = 1
 """Key of the random numbers that all segments of a street share; those of a segment have no second key."""
@@ -128,8 +131,12 @@ class ClassPopulation(Settings):
     """Weights of the positions on the road; empty for what the class itself says."""
     near: Mapping[str, Beside] = Field(default_factory=dict)
     """Which share of them is tried near defects of which class: this one, or one listed before it."""
+    within: Mapping[str, Share] = Field(default_factory=dict)
+    """Which share of them is tried within a defect of which class, one listed before it: that loses the part where they
+    lie."""
     context: CrackContext | None = None
-    """Which shares start at manhole covers and patches, run along trenches, or are overgrown; none unless given."""
+    """Which shares start at manhole covers and patches, run along trenches and joints, or are overgrown; none unless
+    given."""
 
     def parameters(self, rng: np.random.Generator, worn: float = 1.0) -> ShapeParameters:
         """The sizes of one defect, by name; `worn` as `Population.worn` has it."""
@@ -155,6 +162,19 @@ class ClassPopulation(Settings):
             number -= near.share
         return None
 
+    def host(self, seed: int) -> str | None:
+        """Within which class one defect is tried to lie; None for anywhere.
+
+        Args:
+            seed: of its shape; other defects do not depend on what is drawn here.
+        """
+        number = float(child(seed, Stream.DEFECTS, _WITHIN).random())
+        for name, share in self.within.items():
+            if number < share:
+                return name
+            number -= share
+        return None
+
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         known: set[str] = set()
@@ -167,6 +187,8 @@ class ClassPopulation(Settings):
             raise ValueError("the weights of the positions sum to 0")
         if sum(each.share for each in self.near.values()) > 1:
             raise ValueError("the shares in near sum to more than 1")
+        if sum(self.within.values()) > 1:
+            raise ValueError("the shares in within sum to more than 1")
         return self
 
 
@@ -182,6 +204,9 @@ class Population(Settings):
     def _consistent(self) -> Self:
         known: list[str] = []
         for name, of_class in self.classes.items():
+            for other in of_class.within:
+                if other not in known:
+                    raise ValueError(f"classes.{name}.within names '{other}', which is not listed before it")
             known.append(name)
             for other in of_class.near:
                 if other not in known:
@@ -204,8 +229,11 @@ class Population(Settings):
             for parameter, size in of_class.sizes.items():
                 for value in (size.least, size.most):
                     kind.parameters_from(((parameter, value),), where=f"{where}: classes.{name}.sizes")
-            if of_class.context is not None and of_class.context.overgrown:
-                kind.parameters_from((("overgrown", 1.0),), where=f"{where}: classes.{name}.context")
+            if of_class.context is not None:
+                needed: ShapeParameters = (("overgrown", 1.0),) if of_class.context.overgrown else ()
+                needed += STRAIGHT if of_class.context.along_joints else ()
+                if needed:
+                    kind.parameters_from(needed, where=f"{where}: classes.{name}.context")
 
     def of_class(self, name: str) -> ClassPopulation:
         """The defects of a class; of one that it does not list, as the class itself has them."""

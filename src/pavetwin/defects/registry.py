@@ -184,7 +184,7 @@ def failures_named(name: str) -> Iterator[None]:
 
 
 def heightfield_of(defect: Defect) -> Heightfield:
-    """The shape of a placed defect, regenerated from its seed and its parameters.
+    """The shape of a placed defect, regenerated from its seed and its parameters, without its notch.
 
     Its outline turned by `yaw_rad` about the origin and moved to `centre` is the defect's polygon.
 
@@ -193,4 +193,5 @@ def heightfield_of(defect: Defect) -> Heightfield:
     """
     kind = DEFECT_CLASSES.get(defect.kind)
     with failures_named(kind.name):
-        return kind.shape(defect.seed, defect.parameters)
+        shape = kind.shape(defect.seed, defect.parameters)
+        return shape.without(np.array(defect.notch)) if defect.notch else shape

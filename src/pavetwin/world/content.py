@@ -94,7 +94,7 @@ def _without_minus_zero(value: Any) -> Any:
     return value + 0.0 if isinstance(value, float) else value
 
 
-_APART = ("polygon", "centre", "parameters", "beside")
+_APART = ("polygon", "centre", "parameters", "notch", "beside")
 
 
 def defects_hash(defects: Iterable[Defect]) -> str:
@@ -104,6 +104,8 @@ def defects_hash(defects: Iterable[Defect]) -> str:
         values = {name: str(value) for name, value in asdict(defect).items() if name not in _APART}
         if defect.parameters:  # defects without any keep the hash that they had before there were parameters
             values["parameters"] = str(defect.parameters)
+        if defect.notch:
+            values["notch"] = str(defect.notch)
         if defect.beside:
             values["beside"] = defect.beside
         digest.update(repr(sorted(values.items())).encode() + defect.polygon.wkb + defect.centre.wkb)

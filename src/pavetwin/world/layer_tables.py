@@ -154,14 +154,15 @@ LAYERS = (
         {
             **{"id": int, "segment": str, "kind": str, "centre_east_m": float, "centre_north_m": float},
             **{"seed": int, "yaw_rad": float, "severity": str, **_DEFECT_SIZES},
-            **{"parameters": str, "beside": str},
+            **{"parameters": str, "notch": str, "beside": str},
         },
         {
             **_CENTRE,
             "area_m2": lambda item: round(item.area_m2, 6),
             "parameters": lambda item: json.dumps(dict(item.parameters)) if item.parameters else "",
+            "notch": lambda item: json.dumps(item.notch) if item.notch else "",
         },
-        frozenset({"parameters", "beside"}),
+        frozenset({"parameters", "notch", "beside"}),
     ),
 )
 
@@ -227,7 +228,9 @@ def _signal(row: LayerRow) -> SignalLink | None:
 def _defect(row: LayerRow) -> Defect:
     centre = Point(row["centre_east_m"], row["centre_north_m"])
     parameters = tuple(json.loads(row.get("parameters") or "{}").items())
-    return _item(Defect, row, "polygon", centre=centre, severity=Severity(row["severity"]), parameters=parameters)
+    notch = tuple((float(x), float(y)) for x, y in json.loads(row.get("notch") or "[]"))
+    own = {"centre": centre, "severity": Severity(row["severity"]), "parameters": parameters, "notch": notch}
+    return _item(Defect, row, "polygon", **own)
 
 
 def _parking_place(row: LayerRow) -> ParkingPlace:

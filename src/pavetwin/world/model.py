@@ -265,6 +265,9 @@ class Defect:
     """Volume missing below the road surface."""
     parameters: ShapeParameters = ()
     """What a damage population drew of its shape; the rest comes from the seed."""
+    notch: tuple[tuple[float, float], ...] = ()
+    """Ring in its local frame [m] within which it has been lost to a defect that lies there: to a pothole in a network;
+    empty for nothing."""
     beside: str = ""
     """What it starts at or runs along (`pavetwin.defects.context`): `cover`, `patch`, `trench`; empty for nothing."""
 

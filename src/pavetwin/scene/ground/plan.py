@@ -103,7 +103,7 @@ class GroundPlan(SurfaceLayout):
     @cached_property
     def paved(self) -> tuple[SpatialIndex, tuple[PavedSurface, ...]]:
         """Surfaces of one pavement and age each; later ones cover earlier ones."""
-        streets = {street.key: self._paved(street) for street in self.streets}
+        streets = {street.key: self.surface_of(street) for street in self.streets}
         segments = [(segment.polygon, streets[street.key]) for segment, street in self.segments]
         junctions = self._paved_junctions(streets)
         # First all surfaces a little widened: rounded corners belong to the surface next to them, bays to their street.
@@ -113,6 +113,8 @@ class GroundPlan(SurfaceLayout):
             *((shape.buffer(WIDENED_M, quad_segs=2), paved) for shape, paved in (*segments, *junctions)),
         ]
         shapes += [*junctions, *segments]
+        for segment, _ in self.segments:
+            shapes += self.repairs.lanes.get(segment.id, ())
         shapes += self._stretches
         for segment, _ in self.segments:
             shapes += self.repairs.cuts.get(segment.id, ())
@@ -133,10 +135,6 @@ class GroundPlan(SurfaceLayout):
         index, surfaces = self.paved
         found = index.near(shapely.Point(x_m, y_m))
         return surfaces[found[-1]] if found else PLAIN
-
-    def _paved(self, street: StreetPlan) -> PavedSurface:
-        tint, grain = (self.chance(f"{what} {street.name}") for what in ("tint", "grain"))
-        return PavedSurface.of(self.pavement(street), self.ageing(street).reflectance, tint, grain)
 
     def _paved_junctions(self, streets: dict[str, PavedSurface]) -> list[tuple[Surface, PavedSurface]]:
         """Each junction with its surface: that of the most important street that meets there."""

@@ -1,4 +1,4 @@
-"""Grass and moss in old cracks, as a world's defects say (their parameter `overgrown`).
+"""Grass and moss: in old cracks, as a world's defects say (their parameter `overgrown`), and as `edge_plants` says.
 
 They are held in the maps like paint: they cover what is below, and their edges follow the stones. So the outline of a
 crack and its label stay as they are.
@@ -12,6 +12,7 @@ import shapely
 from shapely import LineString, Point, STRtree
 
 from pavetwin.arrays import Float64Array
+from pavetwin.scene.ground.distractors.edge_plants import edge_plants
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
 from pavetwin.scene.ground.markings.painter import Paint
 from pavetwin.scene.ground.materials.compose import PAINTS
@@ -40,7 +41,7 @@ KINDS: Final = ("moss", "grass", "straw")
 
 
 def plants(layout: SurfaceLayout, painted: Paint) -> Paint:
-    """All plants in cracks of a world.
+    """All plants on the carriageways of a world.
 
     Args:
         painted: what is painted already; plants keep off it, as maps mix the colours of neighbouring texels.
@@ -59,6 +60,11 @@ def plants(layout: SurfaceLayout, painted: Paint) -> Paint:
             if not len(lines.query(Point(tuft[:2]), "dwithin", distance=APART_M)):
                 bars.append(tuft)
                 looks.append((which, wear))
+    for tuft, rng in edge_plants(layout):
+        if not len(lines.query(Point(tuft[:2]), "dwithin", distance=APART_M)):
+            bars.append(tuft)
+            which = list(PAINTS).index(KINDS[int(rng.integers(len(KINDS)))]) / (len(PAINTS) - 1)
+            looks.append((which, float(rng.uniform(0.1, 0.5))))
     tufts = np.array(bars, dtype=np.float64).reshape(-1, 5)
     is_former = np.zeros(len(tufts), dtype=np.bool_)
     return Paint(tufts, np.array(looks).reshape(-1, 2), (), np.zeros((0, 2)), is_former, np.zeros((0, 6)))

@@ -4,12 +4,15 @@ Each segment draws its own from a child of the seed keyed by the segment, so tha
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
+import shapely
+from shapely import Polygon
 
 from pavetwin.arrays import Float64Array
-from pavetwin.scene.ground.distractors.beside_cracks import patch_bars
+from pavetwin.scene.ground.distractors.beside_cracks import SlabCracks, lane_joints_cracked, patch_bars
 from pavetwin.scene.ground.distractors.bridge_joints import plugs
 from pavetwin.scene.ground.distractors.fixtures import Fixture
 from pavetwin.scene.ground.distractors.junction_repairs import junction_repairs
@@ -27,13 +30,21 @@ from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
 from pavetwin.scene.ground.looks import pavement
 from pavetwin.scene.ground.looks.weights import pick
 from pavetwin.seeds import Stream, child
+from pavetwin.world.joints import joints_across, joints_along
 from pavetwin.world.model import Lane
+from pavetwin.world.streets import polygons_of, surface_of
 
 PUDDLES_M: Final = 28.0
 """Mean distance along a street between marks of puddles, both sides together; ours."""
 
 RUNNELS_M: Final = 90.0
 """Mean distance along a street between damp courses of water along a kerb, both sides together; ours."""
+
+APART_TONE: Final = 0.06
+"""Lanes that were paved apart differ in reflectance by up to this share; ours."""
+
+SEALED_APART: Final = 0.6
+"""Share of streets paved apart whose joint was sealed where it opened; ours."""
 
 WHEELS_M: Final = 0.78
 """Half the track of a car."""
@@ -125,16 +136,38 @@ class _OnSegment(SegmentMarks):
         Unsealed ones are not drawn: some millimetres are finer than the maps resolve, and would alias into dots.
         """
         name = self.street.name
-        if self.plan.chance(f"joint {name}") > self.pavement.repairs.joint_share or self.length < 4.0:
+        share = self.pavement.repairs.joint_share
+        if self._paved_apart() or self.plan.chance(f"joint {name}") > share or self.length < 4.0:
             return
         left = 0.5 * self.plan.chance(f"beside {name}") - 0.25
         stations = np.arange(0.0, self.length, 0.45)
-        line = self.world(stations, left + wander(self.rng, stations, 0.014))
+        self._seal_joint(self.world(stations, left + wander(self.rng, stations, 0.014)))
+
+    def _seal_joint(self, line: Float64Array) -> None:
         half, worn = (
-            low + (high - low) * self.plan.chance(f"joint's {what} {name}")
+            low + (high - low) * self.plan.chance(f"joint's {what} {self.street.name}")
             for what, (low, high) in (("width", SEAM_HALF_M), ("wear", SEALED_GAPS))
         )
         self.found.seal(self.plan, line, half, worn)
+
+    def _paved_apart(self) -> bool:
+        """Lanes of slightly different tones, and the sealed joints between them where cracks opened along them; whether
+        there are any."""
+        lefts = lane_joints_cracked(self.plan, self.segment)
+        if not lefts or self.pavement.slabs is not None:
+            return False
+        surface, polygon = self.plan.surface_of(self.street), self.segment.polygon
+        ends = np.array([-1.0, self.length + 1.0])
+        stations = np.unique(np.concatenate([ends, np.arange(0.0, self.length, 0.45)]))
+        for number, left in enumerate(lefts):
+            line = self.world(stations, left + wander(self.rng, stations, 0.008))
+            if self.plan.chance(f"joint {self.street.name}") < SEALED_APART:
+                self._seal_joint(line[1:-1])
+            tone = 1.0 + (self.plan.chance(f"lane {self.street.name} {number}") - 0.5) * 2 * APART_TONE
+            aside = Polygon([*line, *self.world(stations[::-1], np.full(len(stations), self.half + 2.0))])
+            strip = surface_of(polygons_of(shapely.intersection(shapely.make_valid(aside), polygon)))
+            self.found.lanes.setdefault(self.segment.id, []).append((strip, replace(surface, tone=surface.tone * tone)))
+        return True
 
     def _puddle(self) -> None:
         """The damp that a puddle leaves: a few overlapping rounds, most of them along a kerb."""
@@ -162,22 +195,17 @@ class _OnSegment(SegmentMarks):
         slabs = self.pavement.slabs
         if slabs is None or self.length < slabs.every_m:
             return
-        first = slabs.every_m * self.plan.chance(f"slabs {self.segment.id}")
+        cracked = SlabCracks.of(self.plan, self.segment)
         across = np.linspace(-self.half - 0.3, self.half + 0.3, 2 + round(4 * self.half))
-        for number, station in enumerate(np.arange(first, self.length, slabs.every_m)):
+        for number, station in enumerate(cracked.across(joints_across(self.segment, slabs.every_m))):
             expands = slabs.expansion_every is not None and number % slabs.expansion_every == slabs.expansion_every // 2
             half_m = slabs.expansion_half_width_m if expands else slabs.half_width_m
             line = self.world(station + wander(self.rng, across, 0.004), across)
             self.found.seal(self.plan, line, half_m, slabs.lost)
         stations = np.arange(0.0, self.length, 0.9)
-        for left in self._lane_borders():
+        for left in cracked.along(joints_along(self.segment)):
             line = self.world(stations, left + wander(self.rng, stations, 0.004))
             self.found.seal(self.plan, line, slabs.half_width_m, slabs.lost)
-
-    def _lane_borders(self) -> list[float]:
-        """Offsets to the left of the centre line at which slabs of 3 to 5 m width meet."""
-        slabs = max(1, round(2 * self.half / 3.6))
-        return [-self.half + 2 * self.half * number / slabs for number in range(1, slabs)]
 
     def _crack_across(self) -> None:
         """A sealed crack across the carriageway or a part of it, irregular, with occasional offsets."""

@@ -12,7 +12,7 @@ from pavetwin.scene.ground.layout.paved import PavedSurface
 from pavetwin.scene.ground.layout.streets import StreetPlan
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
 from pavetwin.seeds import Stream, child
-from pavetwin.world.model import Segment
+from pavetwin.world.model import Segment, Surface
 from pavetwin.world.segments import segment_key
 
 SEAL_HALF_M: Final = (0.013, 0.034)
@@ -38,6 +38,8 @@ class Repairs:
     """Share of each that has come off."""
     stretches: dict[str, list[tuple[float, float, PavedSurface]]] = field(default_factory=dict)
     """Of a segment: from and to along its centre line, and what it was paved with since."""
+    lanes: dict[str, list[tuple[Surface, PavedSurface]]] = field(default_factory=dict)
+    """Of a segment: strips that were paved apart from the rest, later ones over earlier ones."""
     cuts: dict[str, list[tuple[Polygon, PavedSurface]]] = field(default_factory=dict)
     """Of a segment: repairs of another material, later ones over earlier ones."""
     spots: list[tuple[float, float, float, float]] = field(default_factory=list)

@@ -15,10 +15,12 @@ from pavetwin.scene.ground.layout.ageing import Ageing, ageing
 from pavetwin.scene.ground.layout.bays import on_sidewalks
 from pavetwin.scene.ground.layout.edges import Edges
 from pavetwin.scene.ground.layout.gutters import gutters_of
+from pavetwin.scene.ground.layout.paved import PavedSurface
 from pavetwin.scene.ground.layout.streets import StreetPlan
 from pavetwin.scene.ground.layout.turns import Approach, Path, paths_of
 from pavetwin.scene.ground.looks import Pavement, StreetLook
 from pavetwin.scene.model import TILE_M
+from pavetwin.world.joints import SLAB_SHARE, has_slabs
 from pavetwin.world.model import Direction, FurnitureKind, Lane, LaneKind, World
 
 CORNERS_TOUCH_M: Final = 0.6
@@ -193,8 +195,16 @@ class SurfaceLayout:
         return ageing(self.pavement(street), (age, tone, paint), self.look.paint_wear)
 
     def pavement(self, street: StreetPlan) -> Pavement:
-        """What a street is paved with."""
-        return self.look.pavement(main=street.main, chance=self.chance(f"pavement {street.name}"))
+        """What a street is paved with: of concrete first those that the world has slabs for, as far as the look's share
+        of concrete goes."""
+        chance = self.chance(f"pavement {street.name}")
+        rank = SLAB_SHARE * chance if has_slabs(street.name) else SLAB_SHARE + (1 - SLAB_SHARE) * chance
+        return self.look.pavement(main=street.main, chance=rank)
+
+    def surface_of(self, street: StreetPlan) -> PavedSurface:
+        """The surface of a street, where nothing was paved since."""
+        tint, grain = (self.chance(f"{what} {street.name}") for what in ("tint", "grain"))
+        return PavedSurface.of(self.pavement(street), self.ageing(street).reflectance, tint, grain)
 
     def name_hash(self, what: str) -> int:
         """A 32-bit hash of a name and the plan's seed, from which random choices are made."""

@@ -45,6 +45,8 @@ class Dirt(Settings):
     tyre_marks: Factor = 1.0
     oil: Factor = 1.0
     leaves: Factor = 1.0
+    plants: Factor = 1.0
+    """Grass and moss at the kerbs of worn streets and in joints between worn slabs."""
 
 
 class StreetLook(Settings):
@@ -76,8 +78,10 @@ class StreetLook(Settings):
     """A marking standard by name, or by a file beside this one; the one of the place unless given."""
 
     def pavement(self, *, main: bool, chance: float) -> Pavement:
-        """The pavement of a street for a random number 0 … 1."""
-        return pavement(pick(self.main if main else self.other, chance))
+        """The pavement of a street for a random number 0 … 1; pavements of slabs have the lowest."""
+        table = self.main if main else self.other
+        ordered = sorted(table, key=lambda name: pavement(name).slabs is None)
+        return pavement(pick({name: table[name] for name in ordered}, chance))
 
 
 def look_names() -> list[str]:
