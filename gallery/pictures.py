@@ -21,7 +21,7 @@ from pavetwin.draw.mission_style import agent_group
 from pavetwin.scene.agents import quadrotor
 from pavetwin.scene.view import View, look, nadir
 from pavetwin.twin import Mode, UavState
-from pavetwin.world.model import Defect
+from pavetwin.world.model import Defect, Segment
 from pavetwin.world.segments import direction_at
 
 SEVERITIES: Final = ("low", "medium", "high")
@@ -31,6 +31,9 @@ CLOSE_UP_M: Final = {"single_crack": 2.4, "crocodile_crack": 3.8, "pothole": 2.0
 """Height of the ground that a picture of a defect shows [m]."""
 
 STREETS: Final = 24
+
+IN_SIGHT_M: Final = 4.0
+"""Half of what the camera shows of a street's length from 10 m, less a margin."""
 
 HIGH_M: Final = 120.0
 _HIGH_FOV: Final = math.radians(46.0)
@@ -163,13 +166,14 @@ def street(renderer: GalleryRenderer) -> Picture:
 
 
 def streets(renderer: GalleryRenderer) -> Picture:
-    """Streets of many looks as the UAV sees them, under changing skies; each sky has one exposure, so that pale streets
-    are pale and dark ones dark."""
+    """Streets of many looks as the UAV sees them, from the one with least damage to the one with most, under changing
+    skies; each sky has one exposure, so that pale streets are pale and dark ones dark."""
     by_street = sorted(renderer.world.segments, key=lambda segment: (segment.street, segment.id))
+    shown = [by_street[index * len(by_street) // STREETS] for index in range(STREETS)]
+    damage = {segment.id: len(list(renderer.world.defects_of(segment.id))) / segment.area_m2 for segment in shown}
     cells = []
-    for index in range(STREETS):
-        segment = by_street[index * len(by_street) // STREETS]
-        station = 0.5 * segment.length_m
+    for index, segment in enumerate(sorted(shown, key=lambda segment: (damage[segment.id], segment.id))):
+        station = _worst_station(renderer, segment)
         place, (dx, dy) = segment.centre_line.interpolate(station), direction_at(segment.centre_line, station)
         view = nadir(
             renderer.camera, (place.x, place.y, ALTITUDES_M[1]), yaw_rad=math.atan2(dy, dx), size_px=(640, 480)
@@ -178,6 +182,16 @@ def streets(renderer: GalleryRenderer) -> Picture:
         taken = Image.fromarray(renderer.take(view, light, exposure=renderer.grey_card(light)))
         cells.append(np.asarray(taken.resize((320, 240), Image.Resampling.LANCZOS)))
     return grid(cells, columns=4)
+
+
+def _worst_station(renderer: GalleryRenderer, segment: Segment) -> float:
+    """Where on a segment most damage is in sight [m]; its middle where it has none."""
+    line = segment.centre_line
+    stations = np.array([line.project(defect.centre) for defect in renderer.world.defects_of(segment.id)])
+    if not len(stations):
+        return 0.5 * segment.length_m
+    in_sight = (abs(stations[:, None] - stations) < IN_SIGHT_M).sum(axis=1)
+    return float(stations[int(in_sight.argmax())])
 
 
 def map_view(renderer: GalleryRenderer) -> Picture:
@@ -232,10 +246,12 @@ def _defects(renderer: GalleryRenderer, view: Callable[[Defect], View]) -> Pictu
     cells = []
     for kind in CLOSE_UP_M:
         for severity in SEVERITIES:
-            defect = shown_best(renderer, kind, severity)
+            defect = shown_best(renderer.paper, kind, severity)
             name = kind.replace("_", " ")
             size = f"{defect.width_m * 1000:.0f} mm wide, {defect.depth_m * 1000:.0f} mm deep"
-            cells.append(captioned(renderer.take(view(defect), MORNING), f"{name}, {severity}   {size}", height_px=426))
+            cells.append(
+                captioned(renderer.paper.take(view(defect), MORNING), f"{name}, {severity}   {size}", height_px=426)
+            )
     return grid(cells, columns=3)
 
 

@@ -45,14 +45,21 @@ class GalleryRenderer:
     """Opens worlds, traffic and the renderer on demand."""
 
     folder: Path
+    population: str = "survey"
+    """Of the town's damage."""
+
+    @cached_property
+    def paper(self) -> "GalleryRenderer":
+        """The town with the damage of the paper, which has every class at every severity."""
+        return GalleryRenderer(self.folder / "paper", "paper")
 
     @cached_property
     def world(self) -> World:
         town = self.folder / "town"
         if town.is_dir():
             return load_world(town)
-        many = DefectOptions(population="paper")
-        return save_world(add_defects(build_world("town", BuildOptions(seed=TOWN_SEED)), many), town)
+        damage = DefectOptions(population=self.population)
+        return save_world(add_defects(build_world("town", BuildOptions(seed=TOWN_SEED)), damage), town)
 
     @cached_property
     def recording(self) -> Recording:
