@@ -55,7 +55,7 @@ def test_fly_takes_an_aircraft_by_name_and_refuses_wind_above_its_limit(tmp_path
     assert pavetwin(*windy, "10").returncode == 0
     (tmp_path / "own.yaml").write_text("mine: {mass_kg: 1}", encoding="utf-8")
     line = plain_refusal(pavetwin("fly", "--settings", "--aircraft", tmp_path / "own.yaml"))
-    assert "own.yaml, aircraft 'mine': title: Field required" in line
+    assert "own.yaml, aircraft 'mine': title: it must be given" in line
 
 
 def test_what_is_shown_is_a_file_of_the_same_aircraft(tmp_path: Path) -> None:

@@ -267,6 +267,11 @@ SURVEY = yaml.safe_load("title: t\ndensity: {per_100_m2: 2}\nclasses: {pothole: 
             {"classes": {"pothole": {"weight": 1, "sizes": {"diameter_m": {"median": 1, "least": 2, "most": 1}}}}},
             "least 2",
         ),
+        (
+            {"classes": {"pothole": {"weight": 1, "sizes": {"diameter_m": {"median": 36, "least": 36, "most": 36}}}}},
+            "36 m is more than the 5 m that are possible",
+        ),
+        ({"classes": {"pothole": {"weight": 1, "context": {"lane_joint": 0.2}}}}, "parameters wander and branches"),
         ({"classes": {"pothole": {"weight": 1, "growth": 9}}}, "classes.pothole.growth"),
         (
             {"classes": {"pothole": {"weight": 1, "near": {"single_crack": {"share": 1, "along_m": 1}}}}},
@@ -287,6 +292,35 @@ def test_a_mistake_in_a_file_is_one_line_with_its_place(tmp_path: Path, change: 
     assert said in str(caught.value)
     assert "mine.yaml" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (b"title: t\n\tdensity: {per_segment: 3}\n", "line 2, column 1: a tab, where YAML takes spaces"),
+        (b"title: t\ndensity\nclasses: {}\n", "line 3, column 8: "),
+        (b"", "is empty"),
+        (b"# only a comment\n", "is empty"),
+        (b"- title\n", "a list of keys with values is expected"),
+        (b"title: \xff", "it is not text in UTF-8"),
+        (b"density: {per_segment: 3}", "title: it must be given"),
+    ],
+)
+def test_a_file_that_is_no_settings_file_is_one_line(tmp_path: Path, text: bytes, said: str) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_bytes(text)
+    with pytest.raises(PaveTwinError) as caught:
+        population(str(path))
+    assert said in str(caught.value)
+    assert "mine.yaml" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_folder_and_a_missing_file_are_told(tmp_path: Path) -> None:
+    (tmp_path / "folder.yaml").mkdir()
+    for name, said in (("folder.yaml", "is a directory"), ("missing.yaml", "no such file")):
+        with pytest.raises(PaveTwinError, match=f"{name}' cannot be read: {said}"):
+            population(str(tmp_path / name))
 
 
 def test_unknown_populations_are_refused_with_the_nearest() -> None:

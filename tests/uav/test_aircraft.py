@@ -209,7 +209,7 @@ def test_an_unknown_aircraft_is_refused_with_the_nearest_name() -> None:
     [
         (("mass_kg: 2.5", "mass_kg: 0"), "mass_kg: it must be greater than 0"),
         (("mass_kg: 2.5", "mass: 2.5"), "unknown key 'mass' (did you mean 'mass_kg'"),
-        (("  mass_kg: 2.5\n", ""), "mass_kg: Field required"),
+        (("  mass_kg: 2.5\n", ""), "mass_kg: it must be given"),
         (("rotors: 6", "rotors: 2"), "rotors: it must be greater than or equal to 3"),
         (("flight_time_min: 30", "flight_time_min: 30\n  hover_time_min: 31"), "hovering cannot last longer"),
         (("flight_time_min: 30", "flight_time_min: 30\n  hover_time_min: 5"), "less than half of flight_time_min"),
@@ -219,7 +219,7 @@ def test_an_unknown_aircraft_is_refused_with_the_nearest_name() -> None:
         (("[-90, 30]", "[-60, 30]"), "gimbal: tilt_deg: the camera must reach straight down"),
         (("axes: 3", "axes: 0"), "gimbal: holds_deg: a camera without stabilised axes"),
         (("source: its data sheet", "sources: {weight: x}\n  source: y"), "sources: 'weight' is no key"),
-        (("source: its data sheet", ""), "source: Field required"),
+        (("source: its data sheet", ""), "source: it must be given"),
     ],
 )
 def test_a_mistake_in_an_own_aircraft_is_one_plain_line_with_its_place(

@@ -83,7 +83,7 @@ class Settings(BaseModel):
 def describe(error: ValidationError) -> str:
     """The first complaint of a validation error, as `key: what is wrong`, without a full stop."""
     first = error.errors()[0]
-    place = ".".join(str(part) for part in first["loc"])
+    place = ".".join(str(part) for part in first["loc"] if part != "[key]")
     message = complaint(error)
     given = first["input"]
     shown = f" (got {given!r})" if isinstance(given, str | int | float | bool) else ""
@@ -94,7 +94,10 @@ def complaint(error: ValidationError) -> str:
     """What a validation error says first, without its place and a full stop."""
     first = error.errors()[0]
     if first["type"] == "too_short":
-        return "give at least one"
+        least = first["ctx"]["min_length"]
+        return f"give at least {'one' if least == 1 else least}"
+    if first["type"] == "missing":
+        return "it must be given"
     return first["msg"].removeprefix("Value error, ").replace("Input should be", "it must be").removesuffix(".")
 
 

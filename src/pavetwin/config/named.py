@@ -8,7 +8,7 @@ from typing import TypeVar
 from yaml import YAMLError
 
 from pavetwin.config.base import Settings
-from pavetwin.config.text import parse_yaml
+from pavetwin.config.text import parse_yaml, why_unread
 from pavetwin.errors import PaveTwinError, no_such
 
 Data = TypeVar("Data", bound=Settings)
@@ -36,9 +36,11 @@ def read_named(
     if name.endswith((".yaml", ".yml")):
         try:
             text = Path(name).read_text(encoding="utf-8")
-            values = parse_yaml(text, where=f"'{name}'") or {}
+            values = parse_yaml(text, where=f"'{name}'")
         except (OSError, UnicodeDecodeError, YAMLError, ValueError) as error:
-            raise PaveTwinError(f"The {what} '{name}' cannot be read: {' '.join(str(error).split())}.") from error
+            raise PaveTwinError(f"The {what} '{name}' cannot be read: {why_unread(error)}.") from error
+        if values is None:
+            raise PaveTwinError(f"The {what} '{name}' is empty.")
     elif name in (known := names_in(package, folder)):
         values = parse_yaml((files(package) / folder / f"{name}.yaml").read_text(encoding="utf-8"), where=name)
     else:

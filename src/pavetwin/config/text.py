@@ -57,3 +57,16 @@ def parse_yaml(text: str, where: str) -> Any:
         return loader.get_single_data()
     finally:
         loader.dispose()
+
+
+def why_unread(error: OSError | UnicodeDecodeError | yaml.YAMLError | ValueError) -> str:
+    """Why a settings file could not be read, in plain words without a full stop."""
+    if isinstance(error, OSError):
+        return (error.strerror or str(error)).lower()
+    if isinstance(error, UnicodeDecodeError):
+        return f"it is not text in UTF-8 (byte {error.start})"
+    if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
+        mark, problem = error.problem_mark, error.problem or "it is not valid YAML"
+        what = "a tab, where YAML takes spaces" if "'\\t'" in problem else problem
+        return f"line {mark.line + 1}, column {mark.column + 1}: {what}"
+    return " ".join(str(error).split())

@@ -3,6 +3,7 @@ blocks, longer along the wheel path than across."""
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from pavetwin.defects.severity import crocodile_severity
 from pavetwin.defects.shapes import (
     Range,
     ShareRange,
+    at_most,
     between,
     centres,
     lattice_around,
@@ -65,9 +67,9 @@ class Patch:
 
 
 class CrocodileCrackParameters(Settings):
-    length_m: Range = (2.5, 3.5)
+    length_m: Annotated[Range, at_most(20.0)] = (2.5, 3.5)
     """Along the wheel path."""
-    width_m: Range = (1.5, 2.5)
+    width_m: Annotated[Range, at_most(10.0)] = (1.5, 2.5)
     blocks: Range = (60, 220)
     """Number of blocks, including those cut by its border: a third to half of them are whole."""
     crack_m: Range = (0.002, 0.025)

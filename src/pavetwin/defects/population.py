@@ -231,7 +231,12 @@ class Population(Settings):
                     kind.parameters_from(((parameter, value),), where=f"{where}: classes.{name}.sizes")
             if of_class.context is not None:
                 needed: ShapeParameters = (("overgrown", 1.0),) if of_class.context.overgrown else ()
-                needed += STRAIGHT if of_class.context.along_joints else ()
+                names = kind.parameters.model_fields if kind.parameters else {}
+                if of_class.context.along_joints and not all(key in names for key, _ in STRAIGHT):
+                    raise PaveTwinError(
+                        f"{where}: classes.{name}.context: `slab_joint` and `lane_joint` need a class with the "
+                        f"parameters {' and '.join(key for key, _ in STRAIGHT)}; '{name}' has none."
+                    )
                 if needed:
                     kind.parameters_from(needed, where=f"{where}: classes.{name}.context")
 

@@ -14,7 +14,7 @@ from pavetwin.defects.marking import Marking
 from pavetwin.defects.pit import AGGREGATE_M, aggregate, dug, loose_stones, opened
 from pavetwin.defects.registry import defect_class
 from pavetwin.defects.severity import pothole_severity
-from pavetwin.defects.shapes import Range, between, centres, lattice_around, log_between, noise, smooth, turned
+from pavetwin.defects.shapes import Range, at_most, between, centres, lattice_around, log_between, noise, smooth, turned
 from pavetwin.defects.strokes import STEP_M, Stroke, traced, wandering
 
 CELL_M = 0.005
@@ -37,9 +37,9 @@ IN_WHEEL_PATH, AT_EDGE = 0.65, 0.20
 
 
 class PotholeParameters(Settings):
-    diameter_m: Range = (0.25, 1.0)
+    diameter_m: Annotated[Range, at_most(5.0)] = (0.25, 1.0)
     """Of its longest side."""
-    depth_m: Range = (0.013, 0.2)
+    depth_m: Annotated[Range, at_most(1.0)] = (0.013, 0.2)
     """Greatest depth; log-uniform, and not above 0.25 of the diameter while the range allows."""
     fullness: Range = (0.5, 0.85)
     """Its volume over that of a cylinder of its rim and depth: a cone has 1/3, a box 1."""

@@ -26,6 +26,18 @@ def _ordered_share(limits: tuple[float, float]) -> tuple[float, float]:
 Range = Annotated[tuple[float, float], AfterValidator(_ordered)]
 """Least and largest value of a size."""
 
+
+def at_most(largest_m: float) -> AfterValidator:
+    """Refuse ranges that reach further: sizes given in centimetres, say, whose cells would fill the memory."""
+
+    def check(limits: tuple[float, float]) -> tuple[float, float]:
+        if limits[1] > largest_m:
+            raise ValueError(f"{limits[1]:g} m is more than the {largest_m:g} m that are possible")
+        return limits
+
+    return AfterValidator(check)
+
+
 ShareRange = Annotated[tuple[float, float], AfterValidator(_ordered_share)]
 """Least and largest value of a share."""
 

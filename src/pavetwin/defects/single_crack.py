@@ -20,6 +20,7 @@ from pavetwin.defects.severity import crack_severity
 from pavetwin.defects.shapes import (
     Range,
     ShareRange,
+    at_most,
     between,
     lattice_around,
     log_between,
@@ -66,9 +67,9 @@ ALONG_IN_WHEEL_PATH, ALONG_AT_JOINT = 0.60, 0.25
 
 
 class SingleCrackParameters(Settings):
-    length_m: Range = (0.5, 6.0)
+    length_m: Annotated[Range, at_most(30.0)] = (0.5, 6.0)
     """Along its chord."""
-    width_m: Range = (0.002, 0.08)
+    width_m: Annotated[Range, at_most(0.5)] = (0.002, 0.08)
     """Greatest width; log-uniform, since narrow cracks are the common ones, and not above a fortieth of the length
     while the range allows."""
     depth_m: Range = (0.005, 0.06)
