@@ -298,7 +298,7 @@ def test_a_mistake_in_a_file_is_one_line_with_its_place(tmp_path: Path, change: 
     ("text", "said"),
     [
         (b"title: t\n\tdensity: {per_segment: 3}\n", "line 2, column 1: a tab, where YAML takes spaces"),
-        (b"title: t\ndensity\nclasses: {}\n", "line 3, column 8: "),
+        (b"title: t\ndensity\nclasses: {}\n", "line 3, column 1: could not find expected"),
         (b"", "is empty"),
         (b"# only a comment\n", "is empty"),
         (b"- title\n", "a list of keys with values is expected"),
