@@ -220,6 +220,7 @@ def test_an_unknown_aircraft_is_refused_with_the_nearest_name() -> None:
         (("axes: 3", "axes: 0"), "gimbal: holds_deg: a camera without stabilised axes"),
         (("source: its data sheet", "sources: {weight: x}\n  source: y"), "sources: 'weight' is no key"),
         (("source: its data sheet", ""), "source: it must be given"),
+        (("camera: phantom4pro", "camera: phantom5pro"), "camera: no camera 'phantom5pro' (did you mean 'phantom4pro'"),
     ],
 )
 def test_a_mistake_in_an_own_aircraft_is_one_plain_line_with_its_place(

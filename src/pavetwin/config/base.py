@@ -80,12 +80,21 @@ class Settings(BaseModel):
             raise PaveTwinError(f"{where}: {describe(error)}.") from error
 
 
+_BY_NAME: Final = ("dict_type", "mapping_type", "model_type")
+_ONE_VALUE: Final = ("string_type", "float_type", "int_type", "bool_type")
+"""Types of validation errors: a single value where values by name belong, and the other way round."""
+
+
 def describe(error: ValidationError) -> str:
     """The first complaint of a validation error, as `key: what is wrong`, without a full stop."""
     first = error.errors()[0]
     place = ".".join(str(part) for part in first["loc"] if part != "[key]")
     message = complaint(error)
     given = first["input"]
+    if first["type"] in _BY_NAME and place:
+        message = f"it has values by name; give {place}.NAME"
+    elif first["type"] in _ONE_VALUE and isinstance(given, Mapping) and given:
+        message = f"it is one value and has no '{next(iter(given))}'"
     shown = f" (got {given!r})" if isinstance(given, str | int | float | bool) else ""
     return f"{place}: {message}{shown}" if place else message
 

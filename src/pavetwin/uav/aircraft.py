@@ -15,7 +15,7 @@ from pavetwin.config.base import Settings
 from pavetwin.config.mission import MissionSettings, NonNegative, Positive
 from pavetwin.errors import PaveTwinError
 from pavetwin.registry import Registry
-from pavetwin.uav.cameras import Camera, find_camera
+from pavetwin.uav.cameras import CAMERAS, Camera, find_camera
 from pavetwin.uav.entries import find_entry, mappings_in, own_file
 
 Angle = Annotated[float, Field(ge=-180, le=180)]
@@ -130,10 +130,10 @@ def parse_aircraft(text: str, where: str, folder: Path | None = None) -> dict[st
 
     Args:
         where: names the file in messages.
-        folder: cameras' files are relative to it.
+        folder: of a user's own file: cameras' files are relative to it, and every profile's camera must be known.
 
     Raises:
-        PaveTwinError: it is not valid YAML, or does not hold profiles.
+        PaveTwinError: it is not valid YAML, does not hold profiles, or one of them names a camera that there is not.
     """
     profiles = {}
     for name, entry in mappings_in("aircraft", text, where):
@@ -141,7 +141,16 @@ def parse_aircraft(text: str, where: str, folder: Path | None = None) -> dict[st
         if folder is not None and isinstance(camera, str) and own_file(camera) is not None:
             entry = entry | {"camera": str(folder / camera)}
         profiles[name] = AircraftProfile.parse(entry, where=f"{where}, aircraft '{name}'")
+        if folder is not None:
+            _check_camera(profiles[name], f"{where}, aircraft '{name}'")
     return profiles
+
+
+def _check_camera(profile: AircraftProfile, where: str) -> None:
+    try:
+        find_camera(profile.camera)
+    except PaveTwinError as error:
+        raise PaveTwinError(f"{where}: camera: {str(error).removeprefix(f'{CAMERAS.key}: ')}") from error
 
 
 AIRCRAFT: Registry[AircraftProfile] = Registry(
