@@ -41,6 +41,7 @@ from scenes.painter import Painter, full_disk, slow_painter
 UAV = CaptureSettings(
     platforms=("uav",), images=60, altitudes_m=(5.0, 6.0, 8.0), densities=("medium",), seed=3, size_px=(320, 320)
 )
+FEW = UAV.model_copy(update={"images": 20})
 SPLITS = ("train", "val", "test")
 
 
@@ -56,6 +57,14 @@ def dataset(world: Path) -> Path:
     folder = world.parent / "dataset"
     capture(world, UAV, folder, frame_source_factory=Painter)
     return folder
+
+
+@pytest.fixture(scope="module")
+def few(world: Path) -> dict[str, bytes]:
+    """The contents of a dataset of few images, to compare with what interruptions leave."""
+    folder = world.parent / "few"
+    capture(world, FEW, folder, frame_source_factory=Painter)
+    return contents(folder)
 
 
 @pytest.fixture(scope="module")
@@ -163,12 +172,12 @@ def test_a_smaller_dataset_is_the_beginning_of_a_larger_one(world: Path, dataset
     assert contents(tmp_path / "grown") == contents(dataset)
 
 
-def test_more_processes_take_the_same_images(world: Path, dataset: Path, tmp_path: Path) -> None:
-    capture(world, UAV, tmp_path / "two", frame_source_factory=Painter, jobs=2)
-    assert contents(tmp_path / "two") == contents(dataset)
+def test_more_processes_take_the_same_images(world: Path, few: dict[str, bytes], tmp_path: Path) -> None:
+    capture(world, FEW, tmp_path / "two", frame_source_factory=Painter, jobs=2)
+    assert contents(tmp_path / "two") == few
 
 
-def test_a_process_that_dies_is_replaced_and_costs_no_image(world: Path, dataset: Path, tmp_path: Path) -> None:
+def test_a_process_that_dies_is_replaced_and_costs_no_image(world: Path, few: dict[str, bytes], tmp_path: Path) -> None:
     killed: list[int] = []
 
     def kill_one(share: float, what: str) -> None:  # noqa: ARG001 - the signature of who is told of progress
@@ -178,9 +187,9 @@ def test_a_process_that_dies_is_replaced_and_costs_no_image(world: Path, dataset
             os.kill(killed[0], signal.SIGKILL)
 
     folder = tmp_path / "disturbed"
-    capture(world, UAV, folder, frame_source_factory=slow_painter, jobs=2, on_progress=kill_one)
+    capture(world, FEW, folder, frame_source_factory=slow_painter, jobs=2, on_progress=kill_one)
     assert killed
-    assert contents(folder) == contents(dataset)
+    assert contents(folder) == few
 
 
 def test_another_seed_takes_other_images(world: Path, dataset: Path, tmp_path: Path) -> None:
@@ -454,14 +463,14 @@ def test_a_platform_that_can_not_reach_a_split_says_so() -> None:
 # --- Interruptions and refusals -------------------------------------------------------------------------------------
 
 
-def test_a_killed_run_leaves_whole_images_and_goes_on(world: Path, dataset: Path, tmp_path: Path) -> None:
+def test_a_killed_run_leaves_whole_images_and_goes_on(world: Path, few: dict[str, bytes], tmp_path: Path) -> None:
     """Killed when none of its processes gets further, each with less than a shard."""
     folder = tmp_path / "killed"
     script = (
         "from pathlib import Path; from pavetwin.capture.run import capture; from scenes.painter import tired_painter\n"
         "from pavetwin.capture.settings import CaptureSettings\n"
         "if __name__ == '__main__':\n"
-        f" settings = CaptureSettings.model_validate_json({UAV.model_dump_json()!r})\n"
+        f" settings = CaptureSettings.model_validate_json({FEW.model_dump_json()!r})\n"
         f" capture(Path({str(world)!r}), settings, Path({str(folder)!r}), frame_source_factory=tired_painter, jobs=2)\n"
     )
     (tmp_path / "run.py").write_text(script)
@@ -483,10 +492,10 @@ def test_a_killed_run_leaves_whole_images_and_goes_on(world: Path, dataset: Path
             image.load()
         assert (folder / "labels" / record.split / f"{record.name}.txt").is_file()
         assert (folder / "voc" / "Annotations" / f"{record.name}.xml").is_file()
-    rest = capture(world, UAV, folder, frame_source_factory=Painter)
-    assert rest.taken == UAV.images - len(there)
+    rest = capture(world, FEW, folder, frame_source_factory=Painter)
+    assert rest.taken == FEW.images - len(there)
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
-    assert contents(folder) == contents(dataset)
+    assert contents(folder) == few
 
 
 def _alive(group: int) -> bool:
@@ -503,7 +512,7 @@ def _alive(group: int) -> bool:
 
 
 def test_a_full_disk_is_said_plainly_and_leaves_nothing_half_written(
-    world: Path, dataset: Path, tmp_path: Path
+    world: Path, few: dict[str, bytes], tmp_path: Path
 ) -> None:
     folder = tmp_path / "full"
     script = (
@@ -511,7 +520,7 @@ def test_a_full_disk_is_said_plainly_and_leaves_nothing_half_written(
         "from scenes.painter import Painter; from pavetwin.capture.settings import CaptureSettings\n"
         "from pavetwin.errors import PaveTwinError\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (9000, 9000))\n"
-        f"settings = CaptureSettings.model_validate_json({UAV.model_dump_json()!r})\n"
+        f"settings = CaptureSettings.model_validate_json({FEW.model_dump_json()!r})\n"
         f"try: capture(Path({str(world)!r}), settings, Path({str(folder)!r}), frame_source_factory=Painter)\n"
         "except PaveTwinError as error: print(error)"
     )
@@ -519,12 +528,11 @@ def test_a_full_disk_is_said_plainly_and_leaves_nothing_half_written(
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment, check=False)
     assert "Cannot write" in done.stdout, done.stderr
     assert "Free some space" in done.stdout
-    whole = contents(dataset)
     left = {name: content for name, content in contents(folder).items() if name != "capture.yaml"}
-    assert len(left) < len(whole)
-    assert left.items() <= whole.items()
-    capture(world, UAV, folder, frame_source_factory=Painter)
-    assert contents(folder) == whole
+    assert len(left) < len(few)
+    assert left.items() <= few.items()
+    capture(world, FEW, folder, frame_source_factory=Painter)
+    assert contents(folder) == few
 
 
 def test_a_disk_too_small_is_noticed_at_once(world: Path, tmp_path: Path) -> None:
@@ -545,7 +553,7 @@ def test_the_room_that_is_asked_for_is_about_what_is_taken() -> None:
 
 def test_a_failure_in_another_process_is_ours_too(world: Path, tmp_path: Path) -> None:
     with pytest.raises(OSError, match="No space"):
-        capture(world, UAV, tmp_path / "failing", frame_source_factory=full_disk, jobs=2)
+        capture(world, FEW, tmp_path / "failing", frame_source_factory=full_disk, jobs=2)
     assert not list((tmp_path / "failing").glob("images/*/*"))
 
 
@@ -555,20 +563,20 @@ def test_what_can_not_be_planned_leaves_nothing(world: Path, tmp_path: Path, mon
 
     monkeypatch.setattr("pavetwin.capture.run.draw_sample", no_place)
     with pytest.raises(PaveTwinError, match="nowhere"):
-        capture(world, UAV, tmp_path / "d", frame_source_factory=Painter)
+        capture(world, FEW, tmp_path / "d", frame_source_factory=Painter)
     assert not (tmp_path / "d").exists()
 
 
 def test_a_run_that_came_to_no_image_is_no_obstacle(
-    world: Path, dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    world: Path, few: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patched:
         patched.setattr("pavetwin.capture.images.meets_spec", lambda *_: False)
         with pytest.raises(PaveTwinError, match="no place was found"):
-            capture(world, UAV.model_copy(update={"seed": 4}), tmp_path / "d", frame_source_factory=Painter)
+            capture(world, FEW.model_copy(update={"seed": 4}), tmp_path / "d", frame_source_factory=Painter)
     assert list(contents(tmp_path / "d")) == ["capture.yaml"]
-    assert capture(world, UAV, tmp_path / "d", frame_source_factory=Painter).taken == UAV.images
-    assert contents(tmp_path / "d") == contents(dataset)
+    assert capture(world, FEW, tmp_path / "d", frame_source_factory=Painter).taken == FEW.images
+    assert contents(tmp_path / "d") == few
 
 
 @pytest.mark.parametrize(
