@@ -10,6 +10,7 @@ from benchmarks.calibration import OBJECTIVES, outcomes
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.statistics import MissionLimits, Objective, recommend
 from pavetwin.experiments.statistics.flips import sign_flip_p
+from pavetwin.experiments.words import percent
 from scenes.studies import PAPER, study
 
 LEVELS = {**PAPER, "traffic": ("low",), "altitude_m": (6.0, 15.0, 30.0), "policy": ("baseline", "hover")}
@@ -100,6 +101,19 @@ def test_an_option_that_keeps_the_limit_just_so_is_told_with_one_that_surely_doe
     warned, surer = made.sentences[-2:]
     assert warned.startswith("Its true means may break the limit: with a probability of ")
     assert surer.startswith("Hover at 6 m keeps the limit with a probability of ")
+
+
+def test_an_option_that_is_likelier_the_best_than_the_proposed_one_is_told_with_the_reason(table: pl.DataFrame) -> None:
+    hovering = table.filter(altitude_m=15.0, policy="hover")["coverage"].mean()
+    made = recommend(table, MissionLimits(min_coverage=hovering - 0.0001), objective=Objective.FASTEST)
+    likelier = made.options.sort("certainty").row(-1, named=True)
+    assert (made.best["altitude_m"], likelier["altitude_m"]) == (15.0, 6.0)
+    told = f"Baseline at 6 m is the best with a higher probability, {percent(likelier['certainty'])}: the "
+    (said,) = [sentence for sentence in made.sentences if "higher probability" in sentence]
+    assert said.startswith(told)
+    assert said.endswith(" allows for their random errors and for how surely the limit is kept.")
+    sure = recommend(table, A_QUARTER, objective=Objective.FASTEST)
+    assert not any("higher probability" in sentence for sentence in sure.sentences)
 
 
 @pytest.mark.parametrize("objective", [Objective.HIGHEST, Objective.FASTEST, Objective.LEAST_ENERGY])

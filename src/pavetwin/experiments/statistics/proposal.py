@@ -82,6 +82,7 @@ def proposal(
         *_lead(best, others, by, limits, objective),
         *_beyond(best, others, by, limits, objective),
         *_corrected(options, limits, objective),
+        *_likelier(best, others, by, limits),
         *_warnings(best, limits),
         *_surer(best, others, by, limits, objective),
         *_left_out(others, by),
@@ -148,6 +149,23 @@ def _corrected(options: Sequence[Row], limits: MissionLimits, objective: Objecti
     return [
         f"corrected for its choice among {len(rivals) + 1}, its coverage is expected at {coverage}{cost}; with a "
         f"probability of {sure} it keeps {limits.words} and no {_SPOKEN[objective].better} does"
+    ]
+
+
+def _likelier(best: Row, others: Sequence[Row], by: Sequence[str], limits: MissionLimits) -> list[str]:
+    """Another option that the table says to be the best with a higher probability, and why it is not proposed."""
+    rivals = [other for other in others if other["certainty"] is not None]
+    if best["certainty"] is None or not rivals:
+        return []
+    likeliest = max(rivals, key=lambda other: float(other["certainty"]))
+    if round(likeliest["certainty"], 2) <= round(best["certainty"], 2):
+        return []
+    kept = (
+        f" and for how surely {limits.words} {'is' if len(limits.named) == 1 else 'are'} kept" if limits.named else ""
+    )
+    return [
+        f"{_option(likeliest, by)} is the best with a higher probability, {percent(likeliest['certainty'])}: the "
+        f"proposal follows the means of what was flown, the probability allows for their random errors{kept}"
     ]
 
 
