@@ -111,7 +111,7 @@ def test_an_option_that_is_likelier_the_best_than_the_proposed_one_is_told_with_
     told = f"Baseline at 6 m is the best with a higher probability, {percent(likelier['certainty'])}: the "
     (said,) = [sentence for sentence in made.sentences if "higher probability" in sentence]
     assert said.startswith(told)
-    assert said.endswith(" allows for their random errors and for how surely the limit is kept.")
+    assert said.endswith(" allows for their random errors and for how surely an option keeps the limit.")
     sure = recommend(table, A_QUARTER, objective=Objective.FASTEST)
     assert not any("higher probability" in sentence for sentence in sure.sentences)
 
