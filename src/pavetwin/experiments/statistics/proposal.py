@@ -160,9 +160,7 @@ def _likelier(best: Row, others: Sequence[Row], by: Sequence[str], limits: Missi
     likeliest = max(rivals, key=lambda other: float(other["certainty"]))
     if round(likeliest["certainty"], 2) <= round(best["certainty"], 2):
         return []
-    kept = (
-        f" and for how surely {limits.words} {'is' if len(limits.named) == 1 else 'are'} kept" if limits.named else ""
-    )
+    kept = f" and for how surely an option keeps {limits.words}" if limits.named else ""
     return [
         f"{_option(likeliest, by)} is the best with a higher probability, {percent(likeliest['certainty'])}: the "
         f"proposal follows the means of what was flown, the probability allows for their random errors{kept}"
