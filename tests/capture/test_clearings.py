@@ -27,7 +27,10 @@ def context(tmp_path_factory: pytest.TempPathFactory) -> CaptureContext:
         add_defects(built("cross"), DefectOptions(population="paper", per_segment=24)),
         tmp_path_factory.mktemp("clear") / "w",
     )
-    return prepare(world, CaptureSettings(platforms=("uav",), images=100, altitudes_m=(8.0, 19.0), seed=5, empty=0.5))
+    return prepare(
+        world,
+        CaptureSettings(platforms=("uav",), images=100, altitudes_m=(8.0, 19.0), densities=("low",), seed=5, empty=0.5),
+    )
 
 
 def test_points_are_drawn_from_all_of_the_road_that_is_clear_and_from_nothing_else() -> None:
@@ -71,9 +74,7 @@ def test_a_car_s_pictures_without_a_defect_show_road(
     world = save_world(
         add_defects(built("cross"), DefectOptions(population="paper", per_segment=per_segment)), tmp_path / "w"
     )
-    settings = CaptureSettings(
-        platforms=("car",), images=60, densities=("high",), seed=5, empty=0.5, size_px=(320, 320)
-    )
+    settings = CaptureSettings(platforms=("car",), images=60, densities=("low",), seed=5, empty=0.5, size_px=(320, 320))
     platform = Car(prepare(world, settings))
     defect_index = platform.context.defect_index
     taken = []

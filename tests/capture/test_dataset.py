@@ -332,7 +332,7 @@ def test_a_car_drives_in_the_recorded_traffic_and_does_not_see_itself(world: Pat
     settings = CaptureSettings(
         platforms=("car",),
         images=12,
-        densities=("high",),
+        densities=("medium",),
         seed=3,
         size_px=(256, 256),
         split=(1, 0, 0),
@@ -344,7 +344,7 @@ def test_a_car_drives_in_the_recorded_traffic_and_does_not_see_itself(world: Pat
     from pavetwin.traffic.record import record as record_traffic
     from pavetwin.traffic.trace import trace_of
 
-    recording = record_traffic(load_world(world), "high", 3, 600.0)
+    recording = record_traffic(load_world(world), "medium", 3, 600.0)
     trace, asides = trace_of(recording), []
     for record in taken:
         ego = int(record.traffic["ego"].removeprefix("agent "))

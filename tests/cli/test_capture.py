@@ -138,7 +138,7 @@ def test_a_folder_that_holds_something_else_is_refused(world: Path, tmp_path: Pa
 def test_a_dataset_by_the_real_renderer(world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Its boxes are tight, its shares are shares, its pictures show something, and it can be shown and counted."""
     _needs_an_adapter()
-    options = ("--images", 4, "--size", "160x160", "--altitude", 6, "--density", "high", "--seed", 2)
+    options = ("--images", 4, "--size", "160x160", "--altitude", 6, "--density", "low", "--seed", 2)
     done = pavetwin("capture", world, "-o", tmp_path / "d", *options)
     assert done.returncode == 0, done.stderr
     assert "4 images taken" in done.stdout

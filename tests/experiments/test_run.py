@@ -251,7 +251,11 @@ def test_a_unit_that_kills_whoever_flies_it_is_given_up(world: Path, tmp_path: P
 
 
 @pytest.mark.parametrize(
-    "defects", [{"population": "paper", "per_100_m2": 4}, "placed"], ids=["by the design", "as the world has them"]
+    "defects",
+    [
+        pytest.param({"population": "paper", "per_100_m2": 4}, id="by the design"),
+        pytest.param("placed", id="as the world has them", marks=pytest.mark.slow),
+    ],
 )
 def test_a_study_of_defects_by_area_is_read_and_resumed(tmp_path: Path, defects: object) -> None:
     place, folder = tmp_path / "cross", tmp_path / "study"

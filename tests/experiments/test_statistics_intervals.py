@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy import stats
@@ -163,6 +163,7 @@ def test_p_is_a_probability_and_knows_no_direction(values: np.ndarray) -> None:
     assert sign_flip_p(-values).tolist() == p.tolist()
 
 
+@settings(max_examples=30)
 @given(hnp.arrays(np.float64, st.integers(1, 30), elements=st.floats(0, 1)))
 def test_holm_agrees_with_statsmodels(p: np.ndarray) -> None:
     corrected = holm(p)
