@@ -13,8 +13,9 @@ from pavetwin.world.model import Defect
 from pavetwin.world.segments import direction_at
 
 TIMES = 60
+MOST_DEFECTS = 12
 MOST_PEDESTRIANS = 3
-"""More of them add nothing to a picture: crowds wait at corners, and hide no pavement."""
+"""More add nothing to a picture: crowds wait at corners, and hide no pavement."""
 
 
 @dataclass(frozen=True)
@@ -57,18 +58,16 @@ def _times(renderer: GalleryRenderer) -> list[float]:
 def _placements(renderer: GalleryRenderer) -> Iterator[tuple[float, CameraPlacement, Defect]]:
     defects = np.array([[defect.centre.x, defect.centre.y] for defect in renderer.world.defects])
     broken = [index for index, defect in enumerate(renderer.world.defects) if defect.severity != "low"]
-    worth = np.zeros(len(defects))
-    worth[broken] = [renderer.world.defects[index].area_m2 for index in broken]
     for time_s in _times(renderer):
         poses = renderer.trace.agents_at(time_s)
         agents = np.stack([poses["x_m"], poses["y_m"]], axis=1)
         for index in broken[::2]:
             near = np.linalg.norm(agents - defects[index], axis=1)
-            damage = float(worth[np.linalg.norm(defects - defects[index], axis=1) < 3.0].sum())
+            damage = int((np.linalg.norm(defects - defects[index], axis=1) < 4.0).sum())
             walking = poses["is_pedestrian"] & (near < 8.0)
             vehicles = int((~poses["is_pedestrian"] & (near < 8.0)).sum())
             agents_worth = 2.0 * vehicles + min(int(walking.sum()), MOST_PEDESTRIANS)
-            score = agents_worth + min(damage, 6.0) - 6.0 * float((near < 2.5).sum())
+            score = agents_worth + min(damage, MOST_DEFECTS) - 6.0 * float((near < 2.5).sum())
             place = defects[index].tolist()
             defect = renderer.world.defects[index]
             yield score, CameraPlacement(place[0], place[1], _street_yaw(renderer, defect), time_s), defect
