@@ -115,7 +115,7 @@ def a_box_twice(folder: Path) -> None:
     [
         (
             a_bomb,
-            "refused bad.xml: has a document type or entities, which label files never need; the image is left out",
+            "refused bad.xml:2: has a document type or entities, which label files never need; the image is left out",
         ),
         (
             a_name_that_climbs_out,

@@ -19,12 +19,12 @@ from pavetwin.datasets.sources import source_of
 from pavetwin.errors import PaveTwinError
 from scenes.photographs import picture, yolo
 
-FITS, LARGE = 6, 4
+FITS, LARGE = 3, 2
 
 
 @pytest.fixture
 def photos(tmp_path: Path) -> Path:
-    """Ten pictures, four of which are larger than 640 pixels, and one that is damaged."""
+    """Five pictures, two of which are larger than 640 pixels, and one that is damaged."""
     folder = tmp_path / "photos"
     for number in range(FITS + LARGE):
         picture(folder / f"{number}.jpg", (64, 48) if number < FITS else (1000, 500), number)

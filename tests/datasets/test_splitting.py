@@ -55,6 +55,16 @@ def test_every_class_has_its_shares_and_no_scene_is_divided() -> None:
     assert set(found.splits) == {each.group for each in images}
 
 
+def test_a_class_that_few_scenes_hold_has_its_shares_where_they_allow_it() -> None:
+    """Vehicles of real aerial pictures: one scene has half of them, so no scene can be moved alone for the better."""
+    held = {"one": 871, "two": 335, "three": 220, "four": 99, "five": 78, "six": 52}
+    cars = [image(f"car {scene}", scene, *["Car"] * count) for scene, count in held.items()]
+    cracks = [image(f"crack {at}", f"street {at}", "Single Crack") for at in range(300)]
+    found = split_groups([*cars, *cracks], SHARES, seed=0)
+    assert found.shares["Car"] == pytest.approx(SHARES, abs=0.01)
+    assert found.shares["Single Crack"] == pytest.approx(SHARES, abs=0.01)
+
+
 def test_it_depends_on_the_seed_and_on_nothing_else() -> None:
     images = town(600)
     again = split_groups(reversed(images), SHARES, seed=0)

@@ -229,7 +229,7 @@ def composite(
 
     \b
     pavetwin data composite datasets/all -o datasets/mixed --objects uav-cars --roads uav-pdd2023
-    pavetwin data composite datasets/all -o datasets/mixed --objects pavetwin --roads rdd2022-china-drone --share 20
+    pavetwin data composite datasets/all -o datasets/mixed --objects pavetwin --roads uav-pdd2023 --share 20
 
     Ground resolutions must fit: give them with --gsd at the import. Needs OpenCV: pip install 'pavetwin\\[augment]'.
     """

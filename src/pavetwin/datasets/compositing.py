@@ -53,6 +53,9 @@ SMALLEST: Final = 0.15
 LARGEST: Final = 0.35
 """Of a picture's area: what an object may cover."""
 
+OFTEN: Final = 20
+"""Images with the same object, beyond which a note says so: a detector learns that object instead of its class."""
+
 STRAY_DEG: Final = 3.0
 """Standard deviation of a vehicle's direction from the road's."""
 
@@ -128,6 +131,7 @@ def compose(
         with staging_folder(output / "staging") as staging:
             library = cut_out_all(folder, output, staging, settings.objects, report, on_progress)
             composites = _compose(folder, output, staging, library, settings, seed, report, on_progress)
+        _note_repeated(output, report)
         images = len(image_names(output))
         report.save(output / REPORT)
         write_description(output, {**made_by, "complete": True, "images": images})
@@ -170,6 +174,18 @@ def _compose(
     for image, job in made_ahead(found(), make, exists=lambda image: annotation_path(output, _name(image)).is_file()):
         done += _write(image, job, output, staging, report)
     return done
+
+
+def _note_repeated(output: Path, report: Report) -> None:
+    """Tell which cut-outs stand on very many images, since too few others fit."""
+    stands_on: Counter[tuple[str, str]] = Counter()
+    for image in read_images(output):
+        if "composite_of" in image.attributes:
+            stands_on.update({(each.attributes.get("cut_out", ""), each.category or "") for each in image.annotations})
+    for (cut_out, category), count in sorted(stands_on.items()):
+        if cut_out and count > OFTEN:
+            text = f"this {category} stands on {count} images; few of its class have a ground resolution that fits them"
+            report.add(Finding.NOTE, cut_out, text)
 
 
 def _name(image: AnnotatedImage) -> str:

@@ -57,11 +57,7 @@ def _cell(folder: Path, image: AnnotatedImage, colour_of: dict[str, str]) -> Ima
     width, height = image.size_px
     return captioned(
         drawn,
-        _short(image.name),
+        image.name,
         f"{image.source} · {width} × {height}{resolution}",
         count + (f", {ignored} ignored" if ignored else ""),
     )
-
-
-def _short(name: str) -> str:
-    return name if len(name) <= 28 else f"{name[:12]}…{name[-15:]}"

@@ -56,11 +56,15 @@ class _Builder(ContentHandler):
     def setDocumentLocator(self, locator: Any) -> None:  # noqa: N802 - SAX names it
         self._locator = locator
 
+    @property
+    def line(self) -> int:
+        """Where the parser is."""
+        return int(self._locator.getLineNumber() or 0)
+
     def startElement(self, name: str, attrs: Any) -> None:  # noqa: ARG002, N802 - SAX names it
-        line = int(self._locator.getLineNumber() or 0)
         if len(self._open) >= DEEPEST:
-            raise XmlError(f"more than {DEEPEST} elements lie within each other", line)
-        element = Element(name, line)
+            raise XmlError(f"more than {DEEPEST} elements lie within each other", self.line)
+        element = Element(name, self.line)
         if self._open:
             self._open[-1].children.append(element)
         else:
@@ -80,16 +84,16 @@ def parse_xml(path: Path) -> Element:
     Raises:
         XmlError: it is not XML, too large, or has a document type or entities, which label files never need.
     """
+    builder, parser = _Builder(), make_parser()
     try:
         if path.stat().st_size > LARGEST_BYTES:
             raise XmlError(f"larger than {LARGEST_BYTES >> 20} MiB, which no label file is")
-        builder, parser = _Builder(), make_parser()
         parser.forbid_dtd = True
         parser.setContentHandler(builder)
         with path.open("rb") as stream:
             parser.parse(stream)
     except DefusedXmlException as error:
-        raise XmlError("has a document type or entities, which label files never need") from error
+        raise XmlError("has a document type or entities, which label files never need", builder.line) from error
     except SAXParseException as error:
         raise XmlError(f"is not XML ({error.getMessage()})", error.getLineNumber()) from error
     except (OSError, ValueError) as error:

@@ -3,7 +3,8 @@
 The counts of a scene are shares of each class's instances over the dataset, so a rare class weighs as much as a common
 one. Scenes are assigned from the largest to the smallest, each to the split where the squared distance to the wanted
 shares becomes least (the idea of iterative stratification: Sechidis, Tsoumakas and Vlahavas 2011), then moved one by
-one while that helps.
+one while that helps. Where few scenes hold most of a class, that is not enough: so each of the largest is also moved
+although it does not help, and the others of the largest after it, and what came of it is kept where it is better.
 """
 
 from collections import defaultdict
@@ -27,6 +28,12 @@ LISTS: Final = Path("ImageSets") / "Main"
 
 PASSES: Final = 20
 """Over all scenes, at most."""
+
+LEAST_GAIN: Final = 1e-12
+"""Of the squared distance: less is rounding."""
+
+LARGEST: Final = 50
+"""Scenes that are moved together; more take long."""
 
 KEPT: Final = "split"
 """Attribute of images whose split is given: captures are split by streets already."""
@@ -96,27 +103,59 @@ def _assign(
     for scene in shuffled[np.argsort(-weights[shuffled].max(axis=1), kind="stable")]:
         chosen[scene] = _best(state, weights[scene], scale)
         state[chosen[scene]] += weights[scene]
+    _improve(state, weights, chosen, shuffled, scale)
+    largest = shuffled[np.argsort(-weights[shuffled].max(axis=1), kind="stable")[:LARGEST]]
     for _ in range(PASSES):
-        moved = False
-        for scene in shuffled:
-            before = chosen[scene]
-            state[before] -= weights[scene]
-            chosen[scene] = _best(state, weights[scene], scale, before)
-            state[chosen[scene]] += weights[scene]
-            moved |= bool(chosen[scene] != before)
-        if not moved:
+        if not _exchange(state, weights, chosen, largest, scale):
             return
+        _improve(state, weights, chosen, shuffled, scale)
 
 
-def _best(state: Float64Array, weight: Float64Array, scale: Float64Array, now: int | None = None) -> int:
-    """The split to which adding a scene costs least; `now` where none is better.
+def _best(state: Float64Array, weight: Float64Array, scale: Float64Array) -> int:
+    """The split to which adding a scene costs least.
 
     Args:
         state: (splits, classes) what each has, less what it should have.
     """
-    cost = ((2 * state * weight + weight**2) * scale).sum(axis=1)
-    best = int(np.argmin(cost))
-    return best if now is None or cost[best] < cost[now] - 1e-15 else now
+    return int(np.argmin(((2 * state * weight + weight**2) * scale).sum(axis=1)))
+
+
+def _improve(
+    state: Float64Array, weights: Float64Array, chosen: IndexArray, scenes: IndexArray, scale: Float64Array
+) -> None:
+    """Move the scene that gains most by it to another split, in place, until none gains."""
+    each = weights[scenes, None]
+    for _ in range(len(scenes) * PASSES):
+        now = chosen[scenes]
+        added = ((2 * state * each + each**2) * scale).sum(axis=2)
+        costs = added + (((weights[scenes] - 2 * state[now]) * weights[scenes]) * scale[now]).sum(axis=1)[:, None]
+        costs[np.arange(len(scenes)), now] = 0.0
+        at, split = divmod(int(np.argmin(costs)), len(state))
+        if costs[at, split] > -LEAST_GAIN:
+            return
+        state[now[at]] -= weights[scenes[at]]
+        state[split] += weights[scenes[at]]
+        chosen[scenes[at]] = split
+
+
+def _exchange(
+    state: Float64Array, weights: Float64Array, chosen: IndexArray, scenes: IndexArray, scale: Float64Array
+) -> bool:
+    """Move each scene to every other split and let the others follow, in place where that costs less in the end.
+    Returns whether it did."""
+    exchanged = False
+    for scene in scenes:
+        others = scenes[scenes != scene]
+        for split in set(range(len(state))) - {int(chosen[scene])}:
+            tried, placed = state.copy(), chosen.copy()
+            tried[placed[scene]] -= weights[scene]
+            tried[split] += weights[scene]
+            placed[scene] = split
+            _improve(tried, weights, placed, others, scale)
+            if (scale * (tried**2 - state**2)).sum() < -LEAST_GAIN:
+                state[:], chosen[:] = tried, placed
+                exchanged = True
+    return exchanged
 
 
 def split_dataset(folder: Path, shares: Sequence[float], seed: int = 0) -> SplitShares:

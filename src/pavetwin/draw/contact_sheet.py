@@ -18,7 +18,7 @@ CELL_PX: Final = 420
 CAPTION_PX: Final = 46
 """Height of the two lines below an image."""
 
-_GAP_PX, _MARGIN_PX, _HEADER_PX = 18, 36, 96
+_GAP_PX, _MARGIN_PX, _TITLE_PX, _LEGEND_PX = 18, 36, 40, 28
 _HALO, _IGNORED = "#101010", "#E8E8E8"
 _DASH_PX: Final = 5
 
@@ -51,13 +51,12 @@ def assembled(cells: Sequence[Image.Image], title: str, colour_of: Mapping[str, 
     columns = _columns(len(cells))
     rows = [cells[start : start + columns] for start in range(0, len(cells), columns)]
     heights = [max(cell.height for cell in row) for row in rows]
-    size = (
-        2 * _MARGIN_PX + columns * CELL_PX + (columns - 1) * _GAP_PX,
-        2 * _MARGIN_PX + _HEADER_PX + sum(heights) + _GAP_PX * (len(rows) - 1),
-    )
+    width = columns * CELL_PX + (columns - 1) * _GAP_PX
+    legend = _legend(colour_of, ignored, width)
+    top = _MARGIN_PX + _TITLE_PX + _LEGEND_PX * (1 + legend[-1][1]) + _LEGEND_PX
+    size = 2 * _MARGIN_PX + width, _MARGIN_PX + top + sum(heights) + _GAP_PX * (len(rows) - 1)
     sheet = Image.new("RGB", size, PAPER)
-    _header(sheet, title, colour_of, ignored)
-    top = _MARGIN_PX + _HEADER_PX
+    _header(sheet, title, legend, colour_of)
     for row, height in zip(rows, heights, strict=True):
         for column, cell in enumerate(row):
             sheet.paste(cell, (_MARGIN_PX + column * (CELL_PX + _GAP_PX), top))
@@ -70,10 +69,20 @@ def captioned(drawn: Image.Image, heading: str, text: str, right: str) -> Image.
     cell = Image.new("RGB", (CELL_PX, drawn.height + CAPTION_PX), PAPER)
     cell.paste(drawn, (0, 0))
     pen = ImageDraw.Draw(cell)
-    pen.text((0, drawn.height + 5), heading, INK, font(15, bold=True))
+    room = CELL_PX - pen.textlength(right, font(13)) - _GAP_PX
+    pen.text((0, drawn.height + 5), _shortened(heading, room), INK, font(15, bold=True))
     pen.text((0, drawn.height + 25), text, INK_SOFT, font(13))
     pen.text((CELL_PX, drawn.height + 5), right, INK_SOFT, font(13), anchor="ra")
     return cell
+
+
+def _shortened(heading: str, room: float) -> str:
+    """A heading, without its middle where it is wider than the room in pixels: names differ at their ends."""
+    shown, kept = heading, len(heading)
+    while kept and font(15, bold=True).getlength(shown) > room:
+        kept -= 1
+        shown = f"{heading[: kept // 3]}…{heading[len(heading) - kept + kept // 3 :]}"
+    return shown
 
 
 def _columns(count: int) -> int:
@@ -83,18 +92,32 @@ def _columns(count: int) -> int:
     return min(min(choices, key=lambda columns: (-count % columns, abs(columns - wanted))), count)
 
 
-def _header(sheet: Image.Image, title: str, colour_of: Mapping[str, str], ignored: str) -> None:
+def _legend(colour_of: Mapping[str, str], ignored: str, width: float) -> list[tuple[float, int, str]]:
+    """Entries as (left, line, words): as many on a line as it has room for."""
+    entries, left, line = list[tuple[float, int, str]](), 0.0, 0
+    for words in (*colour_of, ignored):
+        needed = 26 + font(16).getlength(words)
+        if left and left + needed > width:
+            left, line = 0.0, line + 1
+        entries.append((left, line, words))
+        left += needed + 30
+    return entries
+
+
+def _header(
+    sheet: Image.Image, title: str, legend: Sequence[tuple[float, int, str]], colour_of: Mapping[str, str]
+) -> None:
     pen = ImageDraw.Draw(sheet)
     name, _, rest = title.partition("   ")
     end = write(pen, (_MARGIN_PX, _MARGIN_PX - 8), name, 26, bold=True, fill=INK)
     write(pen, (end + 16, _MARGIN_PX + 1), rest, 17, fill=INK_SOFT)
-    x = float(_MARGIN_PX)
-    for category, colour in colour_of.items():
-        pen.rectangle((x, _MARGIN_PX + 40, x + 18, _MARGIN_PX + 58), fill=colour, outline=INK)
-        pen.text((x + 26, _MARGIN_PX + 40), category, INK, font(16))
-        x += 26 + pen.textlength(category, font(16)) + 30
-    _dashed(pen, (x, _MARGIN_PX + 40, x + 18, _MARGIN_PX + 58), INK_SOFT)
-    pen.text((x + 26, _MARGIN_PX + 40), ignored, INK, font(16))
+    for left, line, words in legend:
+        x, y = _MARGIN_PX + left, _MARGIN_PX + _TITLE_PX + _LEGEND_PX * line
+        if words in colour_of:
+            pen.rectangle((x, y, x + 18, y + 18), fill=colour_of[words], outline=INK)
+        else:
+            _dashed(pen, (x, y, x + 18, y + 18), INK_SOFT)
+        pen.text((x + 26, y), words, INK, font(16))
 
 
 def draw_box(pen: ImageDraw.ImageDraw, box: tuple[float, float, float, float], colour: str | None) -> None:
