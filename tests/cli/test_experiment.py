@@ -86,13 +86,14 @@ def test_wind_is_no_option_and_an_unfinished_study_says_so(place: Path) -> None:
     values |= {
         "sweep": {"conditions.wind_mps": [0, 8], "tau_o": [0.5, 0.9]},
         "set": {"sensing.recall": 0.7},
+        "altitudes_m": [10],
         "replicates": 2,
     }
     (place / "windy.yaml").write_text(yaml.safe_dump(values))
     assert pavetwin("experiment", "run", "windy.yaml", "-o", "windy", cwd=place).returncode == 0
     next((place / "windy" / "segments.parquet").glob("*r00001*")).unlink()
     done = pavetwin("experiment", "recommend", "windy", cwd=place)
-    assert "only 16 of 32 missions are flown" in done.stdout
+    assert "only 8 of 16 missions are flown" in done.stdout
     headings = done.stdout.partition("0.5")[0]
     assert "tau_o" in headings
     assert "wind" not in headings

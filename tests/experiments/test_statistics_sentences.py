@@ -39,9 +39,18 @@ def hover_helps_in_high_traffic(cell: dict[str, Any]) -> dict[str, float]:
     return {"coverage": added[0] * busy + 0.01 * cell["altitude_m"], "time_s": added[1] * busy}
 
 
-def test_a_real_difference_is_told_with_its_interval_and_its_price() -> None:
-    table = study(PAPER, truth=hover_helps_in_high_traffic)
-    first, second, silent, *rest = concluded(table)
+@pytest.fixture(scope="module")
+def helped() -> pl.DataFrame:
+    return study(PAPER, truth=hover_helps_in_high_traffic)
+
+
+@pytest.fixture(scope="module")
+def helped_said(helped: pl.DataFrame) -> list[str]:
+    return concluded(helped)
+
+
+def test_a_real_difference_is_told_with_its_interval_and_its_price(helped_said: list[str]) -> None:
+    first, second, silent, *rest = helped_said
     assert re.fullmatch(
         r"In high traffic at \d+ m, coverage is \d\.\d percentage points higher with hover than with baseline "
         r"\(95 % interval \d\.\d to \d\.\d, p (?:= 0\.\d+|< 0\.001)\); "
@@ -60,16 +69,15 @@ def test_a_real_difference_is_told_with_its_interval_and_its_price() -> None:
     assert re.search(r"\d+ % lies between segments \(replicates\), \d+ % is explained by altitude", explained)
 
 
-def test_shown_numbers_are_those_of_the_tables() -> None:
-    table = study(PAPER, truth=hover_helps_in_high_traffic)
-    gaps = differences(table, BY).filter(metric="coverage", traffic="high", policy="hover")
+def test_shown_numbers_are_those_of_the_tables(helped: pl.DataFrame, helped_said: list[str]) -> None:
+    gaps = differences(helped, BY).filter(metric="coverage", traffic="high", policy="hover")
     largest = gaps.sort("mean", descending=True).row(0, named=True)
-    first = concluded(table)[0]
+    first = helped_said[0]
     assert f"coverage is {100 * largest['mean']:.1f} percentage points higher with hover" in first
     assert f"(95 % interval {100 * largest['low']:.1f} to {100 * largest['high']:.1f}," in first
 
 
-@pytest.mark.parametrize("studies", [10, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("studies", [5, pytest.param(60, marks=pytest.mark.slow)])
 def test_nothing_is_claimed_where_there_is_nothing(studies: int) -> None:
     """Studies without an effect: differences at 5 %, factors at 1 %, within what chance allows."""
     false = [sum(bool(CLAIM.search(said)) for said in concluded(study(seed=seed))) > 0 for seed in range(studies)]
@@ -99,13 +107,13 @@ def test_a_finding_names_its_one_setting_or_counts_within_its_traffic() -> None:
 
 
 def test_at_most_a_dozen_sentences() -> None:
-    policies = ("baseline", *(f"policy {k}" for k in range(9)))
-    table = study({**PAPER, "policy": policies}, 18, lambda cell: {
+    policies = ("baseline", *(f"policy {k}" for k in range(5)))
+    table = study({**SMALL, "policy": policies}, 18, lambda cell: {
         "coverage": -0.02 * policies.index(cell["policy"]), "time_s": 10.0 * policies.index(cell["policy"]),
     })  # fmt: skip
     said = concluded(without(table, pl.col("replicate") == 0, failed=True))
     assert len(said) <= 12
-    assert any("The table of differences has 6 more" in sentence for sentence in said)
+    assert any("The table of differences has 2 more" in sentence for sentence in said)
 
 
 def test_too_few_replicates_are_said_to_be_too_few() -> None:
@@ -152,17 +160,16 @@ def test_few_missions_or_small_waits_make_no_heavy_tail(waits: tuple[int, ...], 
     assert any("heavy tail" in sentence for sentence in said) is heavy
 
 
-def test_the_sentence_on_factors_says_how_it_names_them() -> None:
-    named, silent = concluded(study(PAPER, truth=hover_helps_in_high_traffic)), concluded(study())
+def test_the_sentence_on_factors_says_how_it_names_them(helped_said: list[str]) -> None:
+    silent = concluded(study())
     rule = "A factor is named where it holds at 1 % after Holm's correction for {} terms."
-    assert rule.format(6) in named
+    assert rule.format(6) in helped_said
     assert any("none could be shown to be explained by a factor" in it for it in silent)
     assert rule.format(3) in silent
 
 
-def test_energy_is_told_by_itself_where_time_is_not() -> None:
-    table = study(PAPER, truth=hover_helps_in_high_traffic)
-    dearer = table.with_columns(energy=pl.col("energy") + 0.01 * (pl.col("policy") == "micro"))
+def test_energy_is_told_by_itself_where_time_is_not(helped: pl.DataFrame) -> None:
+    dearer = helped.with_columns(energy=pl.col("energy") + 0.01 * (pl.col("policy") == "micro"))
     said = [sentence for sentence in concluded(dearer) if "energy is" in sentence]
     assert len(said) == 1
     assert re.search(r"energy is 1\.\d\d % of a battery higher with micro", said[0])
