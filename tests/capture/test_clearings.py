@@ -16,17 +16,20 @@ from pavetwin.capture.platforms.uav import Uav
 from pavetwin.capture.samples import draw_sample, next_attempt, relaxed
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.world.build import Built
 from pavetwin.world.store import save_world
 from scenes import built
 from scenes.tiny import straight
 
 
 @pytest.fixture(scope="module")
-def context(tmp_path_factory: pytest.TempPathFactory) -> CaptureContext:
-    world = save_world(
-        add_defects(built("cross"), DefectOptions(population="paper", per_segment=24)),
-        tmp_path_factory.mktemp("clear") / "w",
-    )
+def crowded() -> Built:
+    return add_defects(built("cross"), DefectOptions(population="paper", per_segment=24))
+
+
+@pytest.fixture(scope="module")
+def context(crowded: Built, tmp_path_factory: pytest.TempPathFactory) -> CaptureContext:
+    world = save_world(crowded, tmp_path_factory.mktemp("clear") / "w")
     return prepare(
         world,
         CaptureSettings(platforms=("uav",), images=100, altitudes_m=(8.0, 19.0), densities=("low",), seed=5, empty=0.5),
@@ -68,12 +71,11 @@ def test_no_defect_is_shown_wherever_none_is_asked_for(context: CaptureContext) 
 
 @pytest.mark.parametrize(("per_segment", "ahead"), [(24, (0.0, 0.1)), (1, (0.4, 0.9))])
 def test_a_car_s_pictures_without_a_defect_show_road(
-    tmp_path: Path, per_segment: int, ahead: tuple[float, float]
+    crowded: Built, tmp_path: Path, per_segment: int, ahead: tuple[float, float]
 ) -> None:
     """Where defects lie close, all that is free of them ahead is the meadow beyond a street's end."""
-    world = save_world(
-        add_defects(built("cross"), DefectOptions(population="paper", per_segment=per_segment)), tmp_path / "w"
-    )
+    few = DefectOptions(population="paper", per_segment=per_segment)
+    world = save_world(crowded if per_segment == 24 else add_defects(built("cross"), few), tmp_path / "w")
     settings = CaptureSettings(platforms=("car",), images=60, densities=("low",), seed=5, empty=0.5, size_px=(320, 320))
     platform = Car(prepare(world, settings))
     defect_index = platform.context.defect_index

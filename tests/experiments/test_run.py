@@ -253,13 +253,13 @@ def test_a_unit_that_kills_whoever_flies_it_is_given_up(world: Path, tmp_path: P
 @pytest.mark.parametrize(
     "defects",
     [
-        pytest.param({"population": "paper", "per_100_m2": 4}, id="by the design"),
+        pytest.param({"population": "paper", "per_100_m2": 1}, id="by the design"),
         pytest.param("placed", id="as the world has them", marks=pytest.mark.slow),
     ],
 )
 def test_a_study_of_defects_by_area_is_read_and_resumed(tmp_path: Path, defects: object) -> None:
     place, folder = tmp_path / "cross", tmp_path / "study"
-    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_100_m2=4)), place)
+    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_100_m2=1)), place)
     usual = {"densities": ["low"], "altitudes_m": [10], "defects": defects}
     ran = run(small(place, **usual, replicates=1), folder, Single())
     assert not ran.failures

@@ -143,7 +143,7 @@ def check_alone(table: pl.DataFrame, world: Path, images: ImageSourceFactory) ->
     [pytest.param(Pool(2), id="pool"), pytest.param(Cluster(jobs=2), id="dask", marks=pytest.mark.slow)],
 )
 def test_a_sensor_reads_the_pixels_of_its_images_in_two_processes(world: Path, tmp_path: Path, engine: Engine) -> None:
-    ran = run(design(world, "Dark"), tmp_path / "study", engine, image_source_factory=Painted)
+    ran = run(design(world, "Dark", altitudes_m=[6]), tmp_path / "study", engine, image_source_factory=Painted)
     check_alone(ran.table, world, Painted)
     assert ran.table["confirmed"].sum() > 0
     assert ran.table["duplicates"].sum() > 0, "each defect is in several captures"
