@@ -67,7 +67,7 @@ def test_a_mission_says_which_traffic_it_flew_in(
 ) -> None:
     printed = flown(world, tmp_path / "m", *options)
     (line,) = [line for line in printed.splitlines() if line.startswith(f"Traffic {name}: ")]
-    assert "% of free flow: level of service" in line
+    assert "% of the speed limits: level of service" in line
     assert "of vehicles stand" in line
     assert "gridlock" in line
     assert density_of(tmp_path / "m") == name
@@ -133,10 +133,10 @@ def test_info_says_how_a_recording_flows_and_what_one_of_before_needs_for_that(w
     known, unknown, told = (
         pavetwin("traffic", "info", *arguments).stdout for arguments in ((own,), (old,), (old, "--world", world))
     )
-    assert "of free flow: level of service" in known
+    assert "of the speed limits: level of service" in known
     assert "level of service needs its world: `--world FOLDER`." in unknown
-    assert "of free flow" not in unknown
-    shares = [int(re.search(r"(\d+) % of free flow: level of service", printed)[1]) for printed in (known, told)]  # type: ignore[index]
+    assert "of the speed limits" not in unknown
+    shares = [int(re.search(r"(\d+) % of the speed limits: level of service", printed)[1]) for printed in (known, told)]  # type: ignore[index]
     # Stored positions are rounded, and a vehicle at a junction can be nearest to another lane.
     assert abs(shares[0] - shares[1]) <= 1
 

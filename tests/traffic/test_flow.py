@@ -39,7 +39,8 @@ def test_a_hand_made_trace_has_the_ratio_that_one_can_compute(street: World) -> 
     hours = 2 * made.frames * made.step_s / 3600
     assert flow.removed_per_vehicle_hour == pytest.approx(2 / hours)
     assert "beyond capacity" in flow.removals_sentence
-    assert "level of service F; 50 % of vehicles stand" in flow.sentence
+    assert "25 % of the speed limits: level of service F by chance, since so few drive; 50 %" in flow.sentence
+    assert "level of service F; 50 % of vehicles stand" in replace(flow, vehicle_hours=2.0).sentence
     assert as_values(flow)["level_of_service"] == "F"
 
 

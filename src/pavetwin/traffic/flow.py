@@ -32,6 +32,10 @@ SPACING_M: Final = 4.0
 TURNED_M: Final = 12.0
 """A lane in the opposite direction counts as twice this much farther away."""
 
+FEW_VEHICLE_HOURS: Final = 1.0
+"""Of fewer, such as five vehicles in ten minutes, the level of service rests on whether these met green signals: it may
+be better than any that the network keeps for longer. An assumption of ours."""
+
 MOST_REMOVALS_PER_HOUR: Final = 0.05
 """Vehicles taken out of gridlock per vehicle-hour; more of them say that traffic is beyond the network's capacity."""
 
@@ -78,7 +82,10 @@ class Flow:
         """What the traffic is, in one line."""
         if self.speed_kmh is None or self.standing is None:
             return "There are no vehicles."
-        ratio = "" if self.ratio is None else f", {100 * self.ratio:.0f} % of free flow: level of service {self.level}"
+        ratio = ""
+        if self.ratio is not None:
+            few = " by chance, since so few drive" if self.vehicle_hours < FEW_VEHICLE_HOURS else ""
+            ratio = f", {100 * self.ratio:.0f} % of the speed limits: level of service {self.level}{few}"
         flow = "" if self.flow_per_lane_h is None else f"; {self.flow_per_lane_h:.0f} vehicles/h per lane"
         return f"Mean speed {self.speed_kmh:.0f} km/h{ratio}; {100 * self.standing:.0f} % of vehicles stand{flow}."
 
