@@ -177,4 +177,4 @@ class TrainingMachine:
     workers: int = 0
     """Processes that make views; 0 makes them in the main process."""
     half: bool = True
-    """Mixed precision (bfloat16) on graphics cards that have it."""
+    """Mixed precision (bfloat16) on graphics cards that have it, and on processors with AMX."""
