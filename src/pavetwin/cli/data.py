@@ -7,13 +7,11 @@ from typing import Annotated
 
 import typer
 
+from pavetwin.cli import data_build
 from pavetwin.cli.arguments import DatasetFolder, NamingCommand, SheetCount, SheetFile, split_shares
 from pavetwin.cli.console import out, progress
-from pavetwin.cli.data_tables import balance_table, counts_table, splits_table, tell_report
+from pavetwin.cli.data_tables import REFUSED_CODE, balance_table, counts_table, splits_table, tell_report
 from pavetwin.errors import PaveTwinError, naming, no_such
-
-REFUSED_CODE = 1
-"""Where files of a source were refused; the others are in the dataset."""
 
 app = typer.Typer(
     help="""Convert public datasets and your own images into one form, count them and look at them.
@@ -29,45 +27,7 @@ app = typer.Typer(
 )
 
 
-@app.command()
-def build(
-    recipe: Annotated[Path, typer.Argument(metavar="RECIPE.yaml", help="What the dataset is made of.")],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the stages.")] = None,
-) -> None:
-    """Import, merge, compose, balance, split and export, from a recipe; or go on with a build that was stopped.
-
-    \b
-    pavetwin data build recipe.yaml -o datasets/everything
-
-    \b
-    sources:
-      - {source: rdd2022-china-drone, folder: downloads/China_Drone}
-      - {source: mine.yaml, folder: photos, background: checked.txt, gsd_mm: 2.5}
-    size: {longest_px: 640, tiles: true}
-    composite: {objects: [mine], roads: [rdd2022-china-drone]}
-    balance: {copies: 50}
-    split: [70, 20, 10]
-    export: [yolo, coco]
-    """
-    from pavetwin.datasets.common_form import read_images
-    from pavetwin.datasets.recipe import build as built
-    from pavetwin.datasets.recipe import read_recipe
-    from pavetwin.datasets.statistics import count_images
-
-    if output is None:
-        raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/everything.")
-    with progress("Building", lines=True) as tell:
-        summary = built(read_recipe(recipe), recipe.absolute().parent, output, on_stage=tell)
-    for folder, report in summary.stages:
-        tell_report(report, folder)
-        out.print(counts_table(str(folder), count_images(read_images(folder))))
-    if summary.balance is not None:
-        out.print(balance_table(summary.balance))
-    out.print(splits_table(summary.shares))
-    told = "".join(f", {count} images as {name}" for name, count in summary.exported.items())
-    out.line(f"Built in {output}/{told}. Next: pavetwin data show {quote(str(summary.stages[-1][0]))}")
-    if any(report.has_refusals for _, report in summary.stages):
-        raise typer.Exit(REFUSED_CODE)
+app.command()(data_build.build)
 
 
 @app.command("sources")

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from pavetwin.datasets.splitting import SplitShares
     from pavetwin.datasets.statistics import DatasetCounts
 
+REFUSED_CODE = 1
+"""Exit code where files of a source were refused; the others are in the dataset."""
+
 SHOWN = 20
 """Lines of a report on the terminal; all are in its file."""
 

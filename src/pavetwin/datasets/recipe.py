@@ -8,7 +8,7 @@ where it stopped, and the same recipe over the same files gives the same bytes.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from pydantic import Field, field_validator
 from yaml import YAMLError
@@ -91,6 +91,15 @@ def read_recipe(path: Path) -> Recipe:
     Raises:
         PaveTwinError: it cannot be read, or a key or value does not fit.
     """
+    return Recipe.parse(recipe_values(path), where=f"the recipe '{path}'")
+
+
+def recipe_values(path: Path) -> dict[str, Any]:
+    """The keys and values of a recipe's file, not checked yet.
+
+    Raises:
+        PaveTwinError: it cannot be read, or holds no keys.
+    """
     try:
         content = parse_yaml(path.read_text(encoding="utf-8"), where=f"the recipe '{path}'")
     except (OSError, UnicodeDecodeError) as error:
@@ -99,7 +108,7 @@ def read_recipe(path: Path) -> Recipe:
         raise PaveTwinError(f"The recipe '{path}' is not valid YAML: {' '.join(str(error).split())}.") from error
     if not isinstance(content, dict):
         raise PaveTwinError(f"The recipe '{path}' must hold keys such as sources and split.")
-    return Recipe.parse(content, where=f"the recipe '{path}'")
+    return content
 
 
 def build(

@@ -1,0 +1,180 @@
+"""Synthetic images of many worlds from one file: worlds are built, images of each are captured, all are joined.
+
+Each world belongs to one split as a whole, so that no street of a test image is in a training image. Every stage is
+resumable by itself: the same recipe continues where it stopped.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, Self
+
+from pydantic import Field, StringConstraints, model_validator
+
+from pavetwin.capture.context import check
+from pavetwin.capture.image_workers import FrameSourceFactory
+from pavetwin.capture.joining import JoinedImages, join
+from pavetwin.capture.run import capture
+from pavetwin.capture.settings import CaptureSettings
+from pavetwin.config.base import Settings
+from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import file_sha256, working_in
+from pavetwin.labels import SPLITS
+from pavetwin.plugins import load_plugins
+from pavetwin.world.build import BuildOptions, build_world
+from pavetwin.world.generate import network_kind
+from pavetwin.world.store import load_record, save_world
+
+WORLDS: Final = "worlds"
+CAPTURES: Final = "captures"
+JOINED: Final = "synthetic"
+
+Name = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
+"""Of a folder."""
+
+_OF_WORLD: Final = ("split", "seed")
+"""Settings of captures that the recipe or the world decides."""
+
+
+class RecipeWorld(Settings):
+    """One world of a recipe."""
+
+    generate: str | None = Field(default=None, description="Kind of generated streets: town, grid, spider or random.")
+    map: Path | None = Field(default=None, description="Instead: a map or a SUMO network, beside the recipe.")
+    split: Literal["train", "val", "test"] = Field(default="train", description="Split of all images of the world.")
+    streets: BuildOptions = Field(default=BuildOptions(), description="How the world is built, with its seed.")
+    defects: DefectOptions = Field(default=DefectOptions(), description="Which defects it has.")
+
+    @model_validator(mode="after")
+    def _has_one_source(self) -> Self:
+        if (self.generate is None) == (self.map is None):
+            raise ValueError("give either generate or map")
+        if self.generate is not None:
+            network_kind(self.generate)
+        return self
+
+
+class SyntheticRecipe(Settings):
+    """What synthetic images are made of."""
+
+    worlds: dict[Name, RecipeWorld] = Field(min_length=1, description="Worlds by name.")
+    captures: dict[Name, CaptureSettings] = Field(min_length=1, description="Captures of every world, by name.")
+    seed: int = Field(default=0, ge=0, description="Random seed of places, light, traffic and parked vehicles.")
+
+    @model_validator(mode="after")
+    def _leave_to_the_recipe(self) -> Self:
+        for name, given in self.captures.items():
+            for key in _OF_WORLD:
+                if key in given.model_fields_set:
+                    raise ValueError(f"captures.{name}.{key}: the recipe says it, as `seed` and the worlds' `split`")
+        return self
+
+
+@dataclass(frozen=True)
+class SyntheticSummary:
+    """What a build left."""
+
+    folder: Path
+    """COCO files and images of all worlds."""
+    taken: int
+    """Images that this call took; the others existed."""
+    joined: JoinedImages
+
+
+OnStage = Callable[[float, str], None]
+"""Told the share of a stage that is done, and the stage."""
+
+
+def build_synthetic(
+    recipe: SyntheticRecipe,
+    beside: Path,
+    output: Path,
+    *,
+    frame_source_factory: FrameSourceFactory,
+    adapter: str = "",
+    jobs: int = 1,
+    on_stage: OnStage = lambda _share, _what: None,
+) -> SyntheticSummary:
+    """Build what is missing of the worlds and captures, and join all captures.
+
+    Args:
+        beside: folder of the recipe's file; maps are relative to it.
+        frame_source_factory: makes the frame source of each process.
+        adapter: name of the graphics adapter.
+        jobs: number of processes that take images.
+
+    Raises:
+        PaveTwinError: a world cannot be built, a capture does not fit, or the output holds the work of another recipe.
+    """
+    every = [(name, world, of) for name, world in recipe.worlds.items() for of in _captures(recipe, world)]
+    for _, _, (_, settings) in every:
+        load_plugins(tuple(map(Path, settings.plugins)))
+        check(settings)
+    for name, world in recipe.worlds.items():
+        _check_source(output / WORLDS / name, world, beside)
+    taken, folders = 0, []
+    with working_in(output):
+        for name, world in recipe.worlds.items():
+            _built(output / WORLDS / name, world, beside, on_stage)
+        for number, (name, _, (what, settings)) in enumerate(every, start=1):
+            stage = f"{name}, {what} ({number}/{len(every)})"
+
+            def on_progress(share: float, doing: str, stage: str = stage) -> None:
+                on_stage(share, f"{stage}: {doing}")
+
+            folder = output / CAPTURES / f"{name}-{what}"
+            done = capture(
+                output / WORLDS / name,
+                settings,
+                folder,
+                frame_source_factory=frame_source_factory,
+                adapter=adapter,
+                jobs=jobs,
+                on_progress=on_progress,
+            )
+            taken += done.taken
+            folders.append(folder)
+        on_stage(0.0, "Joining")
+        joined = join(folders, output / JOINED)
+    return SyntheticSummary(output / JOINED, taken, joined)
+
+
+def _captures(recipe: SyntheticRecipe, world: RecipeWorld) -> Iterator[tuple[str, CaptureSettings]]:
+    shares = tuple(float(split == world.split) for split in SPLITS)
+    for name, given in recipe.captures.items():
+        formats = given.formats if "formats" in given.model_fields_set else ()
+        update: dict[str, Any] = {"split": shares, "seed": recipe.seed}
+        yield name, given.model_copy(update={**update, "formats": tuple(dict.fromkeys((*formats, "coco")))})
+
+
+def _check_source(folder: Path, world: RecipeWorld, beside: Path) -> None:
+    """Raises:
+    PaveTwinError: there is no such map, or another world in the folder.
+    """
+    if world.map is not None and not (beside / world.map).is_file():
+        raise PaveTwinError(f"There is no map '{beside / world.map}', which the recipe names.")
+    if not folder.is_dir():
+        return
+    record = load_record(folder)
+    source = f"generated {world.generate}" if world.map is None else world.map.name
+    is_same = (record.source, record.options) == (source, world.streets)
+    if world.map is not None:
+        is_same &= record.source_sha256 == file_sha256(beside / world.map)
+    placed = DefectOptions.of_record(record)
+    if not world.defects.mix:
+        placed = placed.model_copy(update={"mix": {}})
+    if not is_same or placed != world.defects:
+        raise PaveTwinError(
+            f"The world '{folder}' was built otherwise than the recipe says; choose another folder, or remove it."
+        )
+
+
+def _built(folder: Path, world: RecipeWorld, beside: Path, on_stage: OnStage) -> None:
+    if folder.is_dir():
+        return
+    stage = f"Building the world {folder.name}"
+    source = beside / world.map if world.map is not None else network_kind(world.generate or "")
+    built = build_world(source, world.streets, lambda _what, share: on_stage(0.25 * share, stage))
+    damaged = add_defects(built, world.defects, lambda share: on_stage(0.25 + 0.7 * share, stage))
+    save_world(damaged, folder)

@@ -1,0 +1,133 @@
+"""Synthetic images of several worlds from one file: each world in one split, joined, resumed."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from pavetwin.capture.recipe import JOINED, SyntheticRecipe, SyntheticSummary, build_synthetic
+from pavetwin.cli.data_build import _parts
+from pavetwin.datasets.packing import RecipePack, pack
+from pavetwin.errors import PaveTwinError
+from pavetwin.perception.examples.opening import read_examples
+from scenes import scene_file
+from scenes.folders import contents
+from scenes.painter import Painter
+
+RECIPE = """
+worlds:
+  west: {map: cross.osm, streets: {seed: 1}, defects: {population: paper, per_segment: 12}}
+  east: {map: cross.osm, split: test, streets: {seed: 1}, defects: {population: paper, per_segment: 8}}
+captures:
+  air: {platforms: [uav], images: 3, altitudes_m: [5], densities: [medium], size_px: [128, 128], empty: 0.34}
+seed: 4
+"""
+
+
+def recipe(folder: Path, text: str = RECIPE) -> SyntheticRecipe:
+    shutil.copy(scene_file("cross"), folder / "cross.osm")
+    (folder / "recipe.yaml").write_text(text)
+    photographs, synthetic, _ = _parts(folder / "recipe.yaml")
+    assert photographs is None
+    assert synthetic is not None
+    return synthetic
+
+
+@pytest.fixture(scope="module")
+def output(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("synthetic")
+    build(folder, recipe(folder))
+    return folder / "out"
+
+
+def build(folder: Path, synthetic: SyntheticRecipe) -> SyntheticSummary:
+    return build_synthetic(synthetic, folder, folder / "out", frame_source_factory=Painter)
+
+
+@pytest.mark.slow
+def test_every_world_is_in_one_split(output: Path) -> None:
+    captures = {}
+    for split in ("train", "test"):
+        content = json.loads((output / JOINED / "annotations" / f"instances_{split}.json").read_text())
+        captures[split] = {image["capture"] for image in content["images"]}
+        assert [image["id"] for image in content["images"]] == [0, 1, 2]
+        assert {each["image_id"] for each in content["annotations"]} <= {0, 1, 2}
+        assert len({each["id"] for each in content["annotations"]}) == len(content["annotations"])
+    assert captures == {"train": {"west-air"}, "test": {"east-air"}}
+    assert not (output / JOINED / "annotations" / "instances_val.json").exists()
+
+
+@pytest.mark.slow
+def test_labels_stay_with_their_images(output: Path) -> None:
+    """A world's file and the joined one say the same of each picture."""
+    joined = {
+        each.name: (each.objects, data.encoded(each))
+        for data in read_examples([output / JOINED], ("train", "test"))
+        for each in data.examples
+    }
+    assert len(joined) == 6
+    for name in ("west-air", "east-air"):
+        for data in read_examples([output / "captures" / name], ("train", "test")):
+            for each in data.examples:
+                assert joined[each.name] == (each.objects, data.encoded(each))
+
+
+@pytest.mark.slow
+def test_only_what_is_missing_is_captured_again(output: Path, tmp_path: Path) -> None:
+    shutil.copytree(output.parent, tmp_path, dirs_exist_ok=True)
+    whole = contents(tmp_path / "out" / JOINED)
+    shutil.rmtree(tmp_path / "out" / JOINED)
+    shutil.rmtree(tmp_path / "out" / "captures" / "east-air")
+    assert build(tmp_path, recipe(tmp_path)).taken == 3
+    assert contents(tmp_path / "out" / JOINED) == whole
+
+
+@pytest.mark.slow
+def test_a_world_of_another_recipe_is_refused(output: Path, tmp_path: Path) -> None:
+    shutil.copytree(output.parent, tmp_path, dirs_exist_ok=True)
+    with pytest.raises(PaveTwinError, match="east' was built otherwise than the recipe says"):
+        build(tmp_path, recipe(tmp_path, RECIPE.replace("per_segment: 8", "per_segment: 9")))
+
+
+@pytest.mark.slow
+def test_all_splits_that_are_asked_for_are_packed(output: Path, tmp_path: Path) -> None:
+    file = tmp_path / "all.pack"
+    pack([output / JOINED], file, RecipePack(splits=("train", "test")))
+    assert {each.split for data in read_examples([file], ("train", "test")) for each in data.examples} == {
+        "train",
+        "test",
+    }
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ("seed: 4", "seed: 4\nimages: 3", "unknown key 'images'"),
+        ("{map: cross.osm, split: test,", "{split: test,", r"worlds\.east: give either generate or map"),
+        ("densities: [medium]", "split: [1, 0, 0]", r"captures\.air\.split: the recipe says it"),
+        ("split: test", "split: all", r"worlds\.east\.split"),
+    ],
+)
+def test_what_a_recipe_cannot_say_is_refused(tmp_path: Path, before: str, after: str, message: str) -> None:
+    with pytest.raises(PaveTwinError, match=message):
+        recipe(tmp_path, RECIPE.replace(before, after))
+
+
+def test_a_missing_map_is_refused_before_anything_is_built(tmp_path: Path) -> None:
+    synthetic = recipe(tmp_path, RECIPE.replace("east: {map: cross.osm", "east: {map: gone.osm"))
+    with pytest.raises(PaveTwinError, match=r"no map '.*gone\.osm'"):
+        build(tmp_path, synthetic)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["synthetic", "mixed", "real"])
+def test_the_recipes_of_the_project_are_read(name: str) -> None:
+    """Where there are worlds there are at least eight, and streets that no training image shows."""
+    photographs, synthetic, packed = _parts(Path(__file__).parents[2] / "recipes" / f"{name}.yaml")
+    assert packed is not None
+    assert packed.most_mb <= 60
+    assert (photographs is None, synthetic is None) == (name == "synthetic", name == "real")
+    if synthetic is not None:
+        assert len(synthetic.worlds) >= 8
+        assert {world.split for world in synthetic.worlds.values()} == {"train", "val", "test"}
