@@ -4,7 +4,7 @@ Each world belongs to one split as a whole, so that no street of a test image is
 resumable by itself: the same recipe continues where it stopped.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Self
@@ -21,6 +21,7 @@ from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256, working_in
 from pavetwin.labels import SPLITS
+from pavetwin.mission.inputs import OnProgress
 from pavetwin.plugins import load_plugins
 from pavetwin.world.build import BuildOptions, build_world
 from pavetwin.world.generate import network_kind
@@ -82,10 +83,6 @@ class SyntheticSummary:
     joined: JoinedImages
 
 
-OnStage = Callable[[float, str], None]
-"""Told the share of a stage that is done, and the stage."""
-
-
 def build_synthetic(
     recipe: SyntheticRecipe,
     beside: Path,
@@ -94,7 +91,7 @@ def build_synthetic(
     frame_source_factory: FrameSourceFactory,
     adapter: str = "",
     jobs: int = 1,
-    on_stage: OnStage = lambda _share, _what: None,
+    on_stage: OnProgress = lambda _share, _what: None,
 ) -> SyntheticSummary:
     """Build what is missing of the worlds and captures, and join all captures.
 
@@ -103,6 +100,7 @@ def build_synthetic(
         frame_source_factory: makes the frame source of each process.
         adapter: name of the graphics adapter.
         jobs: number of processes that take images.
+        on_stage: told the share of a stage that is done, and the stage.
 
     Raises:
         PaveTwinError: a world cannot be built, a capture does not fit, or the output holds the work of another recipe.
@@ -170,7 +168,7 @@ def _check_source(folder: Path, world: RecipeWorld, beside: Path) -> None:
         )
 
 
-def _built(folder: Path, world: RecipeWorld, beside: Path, on_stage: OnStage) -> None:
+def _built(folder: Path, world: RecipeWorld, beside: Path, on_stage: OnProgress) -> None:
     if folder.is_dir():
         return
     stage = f"Building the world {folder.name}"
