@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.world.store import save_world
-from scenes import built
+from scenes import damaged
 
 ROOT = Path(__file__).resolve().parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
@@ -68,9 +67,7 @@ def code_blocks(page: str, language: str) -> list[str]:
 
 def test_the_readmes_code_runs(tmp_path: Path) -> None:
     (snippet,) = code_blocks("README.md", "python")
-    save_world(
-        add_defects(built("cross"), DefectOptions(population="paper", per_segment=8)), tmp_path / "worlds" / "my-town"
-    )
+    save_world(damaged("cross", 8), tmp_path / "worlds" / "my-town")
     assert "coverage=" in run(["-c", snippet], tmp_path)
 
 

@@ -18,13 +18,13 @@ from pavetwin.capture.settings import CaptureSettings
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.world.build import Built
 from pavetwin.world.store import save_world
-from scenes import built
+from scenes import built, damaged
 from scenes.tiny import straight
 
 
 @pytest.fixture(scope="module")
 def crowded() -> Built:
-    return add_defects(built("cross"), DefectOptions(population="paper", per_segment=24))
+    return damaged("cross", 24)
 
 
 @pytest.fixture(scope="module")

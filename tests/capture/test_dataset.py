@@ -28,13 +28,12 @@ from pavetwin.capture.record import Record, read_records
 from pavetwin.capture.run import capture
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.statistics import counted
-from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.rle import decode
 from pavetwin.mission import versions
 from pavetwin.navigation.domain import flight_domain
 from pavetwin.world.store import load_world, save_world
-from scenes import built
+from scenes import damaged
 from scenes.folders import contents
 from scenes.painter import Painter, full_disk, slow_painter
 
@@ -48,7 +47,7 @@ SPLITS = ("train", "val", "test")
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("capture") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=12)), folder)
+    save_world(damaged("cross", 12), folder)
     return folder
 
 
@@ -617,7 +616,7 @@ def test_a_folder_of_another_version_or_adapter_is_refused(
 def test_a_folder_of_another_world_is_refused(world: Path, dataset: Path, tmp_path: Path) -> None:
     changed = tmp_path / "cross"
     shutil.copytree(world, changed)
-    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=7)), changed, force=True)
+    save_world(damaged("cross", 7), changed, force=True)
     with pytest.raises(PaveTwinError, match="other defects"):
         capture(changed, UAV, dataset, frame_source_factory=Painter)
 

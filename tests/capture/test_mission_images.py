@@ -15,7 +15,6 @@ from PIL import Image
 from pavetwin.capture.mission_images import MissionImages, check_frames
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.config import Conditions, load_settings
-from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.replay import Replay
 from pavetwin.scene.view import View
@@ -23,7 +22,7 @@ from pavetwin.sensing import Frame
 from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.uav.cameras import find_camera
 from pavetwin.world.store import save_world
-from scenes import built
+from scenes import damaged
 from scenes.parking import FULL, full_street
 from scenes.recordings import recording
 from scenes.tiny import empty_street, straight
@@ -53,7 +52,7 @@ class Looker(Sensor):
 @pytest.mark.needs_adapter
 def test_a_sensor_of_ones_own_sees_the_image_that_is_saved(tmp_path: Path) -> None:
     """From the command line; the saved file decodes to the very pixels of the sensor's image, compressed alike."""
-    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=6)), tmp_path / "cross")
+    save_world(damaged("cross", 6), tmp_path / "cross")
     (tmp_path / "looker.py").write_text(LOOKER)
     flown = ("--density", "high", "--segments", "1", "--seed", "1", "--policy", "baseline", "--save-frames")
     sensor = f"sensing.sensor={tmp_path / 'looker.py'}:Looker"

@@ -20,7 +20,6 @@ from pavetwin.capture.settings import FILE, CaptureSettings
 from pavetwin.capture.truth import SceneState, labelled_objects
 from pavetwin.config import Conditions
 from pavetwin.config.parking import ParkingSettings
-from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.classes import category_of_defect
 from pavetwin.plugins import plugin_hashes
@@ -31,7 +30,7 @@ from pavetwin.traffic.parked import ParkedVehicles, parked_vehicles
 from pavetwin.uav.cameras import find_camera
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world, save_world
-from scenes import built
+from scenes import damaged
 from scenes.folders import contents
 from scenes.painter import Painter
 from scenes.parking import kerb_place, with_places
@@ -52,7 +51,7 @@ PARKED = CaptureSettings(
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = add_defects(built("cross"), DefectOptions(population="paper", per_segment=12))
+    made = damaged("cross", 12)
     assert len(made.world.parking) > 10
     folder = tmp_path_factory.mktemp("capture") / "cross"
     save_world(made, folder)

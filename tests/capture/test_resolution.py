@@ -13,13 +13,12 @@ from pavetwin.capture.record import Record, read_records
 from pavetwin.capture.run import capture
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.config.altitude import LOWEST_M
-from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.navigation.domain import flight_domain
 from pavetwin.scene.view import View
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world, save_world
-from scenes import built
+from scenes import damaged
 from scenes.painter import Painter
 
 CROPS = CaptureSettings(
@@ -38,7 +37,7 @@ FRAME = (5472, 3648)
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("crops") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=12)), place)
+    save_world(damaged("cross", 12), place)
     return place
 
 

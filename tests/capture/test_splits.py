@@ -11,19 +11,18 @@ from pavetwin.capture import context, splits
 from pavetwin.capture.presence import SAMPLED_S, presence
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.splits import split_streets
-from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels import SPLITS
 from pavetwin.traffic.record import record
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world, save_world
-from scenes import built
+from scenes import damaged
 
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> World:
     folder = tmp_path_factory.mktemp("splits") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=12)), folder)
+    save_world(damaged("cross", 12), folder)
     return load_world(folder)
 
 

@@ -22,7 +22,6 @@ from pavetwin.capture.record import read_records
 from pavetwin.cli import app
 from pavetwin.cli.capture import make, show, stats
 from pavetwin.cli.flags import with_flags
-from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.rle import decode
 from pavetwin.mission.defect_files import detections_geojson
@@ -36,7 +35,7 @@ from pavetwin.scene.model import defect_label
 from pavetwin.scene.view import View
 from pavetwin.world.model import Defect
 from pavetwin.world.store import save_world
-from scenes import built
+from scenes import damaged
 from scenes.command_line import pavetwin, pavetwin_process, plain_refusal
 from scenes.recordings import recording
 from scenes.tiny import empty_street
@@ -45,7 +44,7 @@ from scenes.tiny import empty_street
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("capture-cli") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=6)), folder)
+    save_world(damaged("cross", 6), folder)
     return folder
 
 

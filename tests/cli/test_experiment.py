@@ -11,10 +11,9 @@ import polars as pl
 import pytest
 import yaml
 
-from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.experiments.store import Store
 from pavetwin.world.store import save_world
-from scenes import built
+from scenes import damaged
 from scenes.command_line import command, pavetwin, plain_refusal
 
 
@@ -22,9 +21,7 @@ from scenes.command_line import command, pavetwin, plain_refusal
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a world, a design over it, and the study that was flown."""
     folder = tmp_path_factory.mktemp("studies")
-    save_world(
-        add_defects(built("cross"), DefectOptions(population="paper", per_segment=6)), folder / "worlds" / "cross"
-    )
+    save_world(damaged("cross", 6), folder / "worlds" / "cross")
     made = pavetwin("experiment", "init", "study.yaml", "--world", "worlds/cross", cwd=folder)
     assert made.returncode == 0, made.stderr
     assert "Wrote study.yaml with the preset default. Next: pavetwin experiment run study.yaml -o study" in made.stdout

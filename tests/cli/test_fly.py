@@ -14,11 +14,10 @@ import pytest
 import yaml
 from shapely import Point, union_all
 
-from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.world.cache import cached
 from pavetwin.world.folder import read_description
 from pavetwin.world.store import load_world, save_world
-from scenes import HERE, built
+from scenes import HERE, built, damaged
 from scenes.command_line import command, pavetwin, pavetwin_process, plain_refusal
 from scenes.folders import digests
 from scenes.processes import is_over, simulations
@@ -29,7 +28,7 @@ SHORT = ("--density", "low", "--segments", "2", "--seed", "1")
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("fly") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=8)), folder)
+    save_world(damaged("cross", 8), folder)
     done = pavetwin("fly", folder, *SHORT, "-o", folder.parent / "warm")
     assert done.returncode == 0, done.stderr
     return folder
@@ -271,7 +270,7 @@ def test_defects_that_changed_in_the_world_are_named(world: Path, tmp_path: Path
     shutil.copytree(world, own)
     done = pavetwin("fly", own, *SHORT, "-o", tmp_path / "m")
     assert done.returncode == 0, done.stderr
-    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=2)), own, force=True)
+    save_world(damaged("cross", 2), own, force=True)
     line = plain_refusal(pavetwin("fly", "--again", tmp_path / "m" / "mission.yaml"))
     assert "the world 'cross' has other defects than those that were looked for" in line
 

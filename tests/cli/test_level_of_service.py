@@ -15,7 +15,7 @@ from pavetwin.traffic.flow import flow_of
 from pavetwin.traffic.recording import load_recording, save_recording
 from pavetwin.world.cache import cached
 from pavetwin.world.store import load_world, save_world
-from scenes import built
+from scenes import built, damaged
 from scenes.command_line import pavetwin, plain_refusal
 from scenes.demand import know_demand, on_the_curve
 
@@ -23,7 +23,7 @@ from scenes.demand import know_demand, on_the_curve
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("los") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=4)), folder)
+    save_world(damaged("cross", 4), folder)
     know_demand(load_world(folder), "europe", "south_asia")
     return folder
 

@@ -13,7 +13,6 @@ from PIL import Image
 from shapely import affinity
 
 from pavetwin.cli import main
-from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.draw import lettering, style
 from pavetwin.draw.carriageway import lane_lines
 from pavetwin.draw.shapes import shadow, stripes
@@ -21,7 +20,7 @@ from pavetwin.draw.world_map import ABOVE_WORLD, draw_world
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.model import World
 from pavetwin.world.store import attribution, load_world, save_world
-from scenes import built
+from scenes import damaged
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *words: str | Path) -> int:
@@ -35,14 +34,14 @@ def run(monkeypatch: pytest.MonkeyPatch, *words: str | Path) -> int:
 @pytest.fixture(scope="module")
 def cross(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("worlds") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=4)), folder)
+    save_world(damaged("cross", 4), folder)
     return folder
 
 
 @pytest.fixture(scope="module")
 def town(tmp_path_factory: pytest.TempPathFactory) -> World:
     folder = tmp_path_factory.mktemp("worlds") / "town"
-    return save_world(add_defects(built("town"), DefectOptions(population="paper", per_segment=6)), folder)
+    return save_world(damaged("town", 4), folder)
 
 
 def test_show_says_where_the_map_is(

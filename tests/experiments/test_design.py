@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pavetwin.config import load_settings
-from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.defects import DefectOptions
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design, placed_at, preset_names, preset_text, read_design
 from pavetwin.experiments.plan import Plan, cells_of, units_of, world_of_study
@@ -19,7 +19,7 @@ from pavetwin.experiments.store import Store
 from pavetwin.uav import find_camera
 from pavetwin.world.model import World
 from pavetwin.world.store import save_world
-from scenes import built, tiny
+from scenes import damaged, tiny
 
 
 def design(**values: object) -> Design:
@@ -356,11 +356,9 @@ def test_a_study_from_before_there_were_populations_has_the_papers_defects(tmp_p
 def test_a_study_over_a_world_s_own_defects_notices_that_they_changed(tmp_path: Path) -> None:
     made = design(worlds=[str(tmp_path / "cross")], altitudes_m=[10], densities=["low"], defects="world")
     placed = made.model_copy(update={"defects": "placed"})
-    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=2)), tmp_path / "cross")
+    save_world(damaged("cross", 2), tmp_path / "cross")
     before = {each.defects: plan(each, load_worlds(each)).hashes[0] for each in (made, placed)}
-    save_world(
-        add_defects(built("cross"), DefectOptions(population="paper", per_segment=3)), tmp_path / "cross", force=True
-    )
+    save_world(damaged("cross", 3), tmp_path / "cross", force=True)
     after = {each.defects: plan(each, load_worlds(each)).hashes[0] for each in (made, placed)}
     assert after["placed"] == before["placed"]
     assert after["world"] != before["world"]

@@ -9,7 +9,6 @@ import yaml
 from polars.testing import assert_frame_equal
 
 from pavetwin.config import load_settings
-from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.advice import advise
 from pavetwin.experiments.design import Design
@@ -25,7 +24,7 @@ from pavetwin.experiments.statistics import MissionLimits, differences, effects
 from pavetwin.experiments.store import Store
 from pavetwin.policies import policy_class
 from pavetwin.world.store import save_world
-from scenes import built
+from scenes import damaged
 from scenes.studies import SMALL, study
 
 MINE = """
@@ -86,7 +85,7 @@ def test_a_setting_that_no_policy_of_the_design_reads_is_refused(monkeypatch: py
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("owners") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=6)), folder)
+    save_world(damaged("cross", 6), folder)
     return folder
 
 

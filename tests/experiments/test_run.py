@@ -45,7 +45,7 @@ from pavetwin.traffic.record import Recorder, record
 from pavetwin.traffic.recording import load_recording, save_recording
 from pavetwin.world.cache import cached
 from pavetwin.world.store import load_world, save_world
-from scenes import built
+from scenes import built, damaged
 from scenes.folders import digests
 from scenes.parking import save_cross_with_rows, with_places
 
@@ -77,7 +77,7 @@ class Mine(Policy):
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("study") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=6)), folder)
+    save_world(damaged("cross", 6), folder)
     return folder
 
 
@@ -144,7 +144,7 @@ def test_a_study_is_not_resumed_with_other_parking_places(lined: Path, tmp_path:
     shutil.copytree(lined, town)
     design = small(town, densities=["low"], altitudes_m=[6], policies=["baseline"], replicates=1)
     run(design, tmp_path / "study", Single())
-    fewer = add_defects(built("cross"), DefectOptions(population="paper", per_segment=6))
+    fewer = damaged("cross", 6)
     save_world(replace(fewer, world=with_places(fewer.world, *load_world(lined).parking[1:])), town, force=True)
     with pytest.raises(PaveTwinError, match="was begun with another world than 'cross' is now"):
         run(design, tmp_path / "study", Single())
@@ -637,8 +637,8 @@ def test_a_damaged_part_is_flown_again(world: Path, tmp_path: Path) -> None:
     run(design, tmp_path / "study", Single())
     (part,) = (tmp_path / "study" / "segments.parquet").iterdir()
     whole = part.read_bytes()
-    for damaged in (whole[: len(whole) // 2], whole[:40] + bytes(2000) + whole[2040:]):
-        part.write_bytes(damaged)
+    for broken in (whole[: len(whole) // 2], whole[:40] + bytes(2000) + whole[2040:]):
+        part.write_bytes(broken)
         with pytest.raises(PaveTwinError, match="is damaged; run the study again"):
             Store(tmp_path / "study").table()
         assert run(design, tmp_path / "study", Single()).missions_flown == 4

@@ -6,7 +6,6 @@ import polars as pl
 import pytest
 
 from pavetwin.config import load_settings
-from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.advice import advise
 from pavetwin.experiments.design import Design
@@ -22,7 +21,7 @@ from pavetwin.experiments.tours import by_mission
 from pavetwin.mission.environment import prepare
 from pavetwin.mission.targets import choose_targets
 from pavetwin.world.store import load_world, save_world
-from scenes import built
+from scenes import damaged
 from scenes.report_studies import page_of
 
 THREE = ["s0001", "s0003", "s0005"]
@@ -31,7 +30,7 @@ THREE = ["s0001", "s0003", "s0005"]
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("tours") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=3)), folder)
+    save_world(damaged("cross", 3), folder)
     return folder
 
 

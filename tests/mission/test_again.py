@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from pavetwin.config import load_settings
-from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.defects import DefectOptions
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission import fly, load_inputs, plan_mission, save_mission
 from pavetwin.mission.again import FormerMission, check_replaceable, read_mission
@@ -17,7 +17,7 @@ from pavetwin.mission.inputs import world_of
 from pavetwin.mission.spec import DefectInput, TrafficInput
 from pavetwin.traffic.demand import density_named
 from pavetwin.world.store import load_world, save_world
-from scenes import built
+from scenes import built, damaged
 
 POLICY = """
 from pathlib import Path
@@ -33,7 +33,7 @@ class Patient(Policy):
 
 def place(folder: Path) -> Path:
     """A folder with a world, a policy of the user's own with its data, and a mission of them. Its mission.yaml."""
-    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=8)), folder / "town")
+    save_world(damaged("cross", 8), folder / "town")
     (folder / "patient.py").write_text(POLICY)
     (folder / "seconds.txt").write_text("2.0")
     world = load_world(folder / "town")

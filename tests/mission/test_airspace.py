@@ -9,12 +9,11 @@ import pytest
 
 from pavetwin._core import Trace
 from pavetwin.config import load_settings
-from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission import choose_targets, prepare, totals
 from pavetwin.mission.airspace import SPAN_M, Aircraft, load_airspace, with_aircraft
 from pavetwin.mission.fly import MissionResult, fly_over
-from scenes import built, tiny
+from scenes import damaged, tiny
 
 HEADER = "aircraft,t_s,x_m,y_m,altitude_m\n"
 ALTITUDE_M = 6.0
@@ -128,7 +127,7 @@ def test_a_table_that_is_none_is_refused_in_one_line(tmp_path: Path, text: str, 
 
 def test_an_aircraft_that_stands_anywhere_on_the_route_is_flown_round() -> None:
     """In a town, where corners, trees and the ends of passes leave less room than a straight street."""
-    world = add_defects(built("town"), DefectOptions(population="paper", per_segment=4)).world
+    world = damaged("town", 4).world
     settings = load_settings("default", altitude_m=ALTITUDE_M, uav={"base": "street"})
     environment = prepare(world, settings)
     targets = choose_targets(environment, count=3, seed=1)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import shapely
 
-from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.mission.environment import inspect_speed_mps, prepare
 from pavetwin.mission.fly import MissionResult, fly_over
 from pavetwin.mission.targets import choose_targets
@@ -17,7 +16,7 @@ from pavetwin.navigation.domain import flight_domain
 from pavetwin.navigation.navmesh import navmesh, polygons
 from pavetwin.twin import Mode
 from pavetwin.world.store import load_world, save_world
-from scenes import built
+from scenes import damaged
 from scenes.tiny import TRUCK, Scene, bent, block, parked, straight
 
 if TYPE_CHECKING:
@@ -179,7 +178,7 @@ def test_in_a_town_the_limits_hold_and_a_mesh_read_is_flown_as_the_one_baked(
     policy: str, altitude_m: float, tmp_path: Path
 ) -> None:
     """Trucks stand all over the streets of the generated town. The second flight finds the mesh of the first."""
-    town = save_world(add_defects(built("town"), DefectOptions(population="paper", per_segment=4)), tmp_path / "town")
+    town = save_world(damaged("town", 4), tmp_path / "town")
     rng = np.random.default_rng(5)
     trucks = []
     for segment in town.segments:

@@ -8,19 +8,18 @@ import pytest
 from pyproj import Transformer
 
 from pavetwin.config import load_settings
-from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.mission import choose_targets, fly_over, prepare, replay_of
 from pavetwin.mission.defect_files import detections_geojson
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.results import track_table
 from pavetwin.world.store import load_world, save_world
-from scenes import built
+from scenes import damaged
 
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> MissionResult:
     folder = tmp_path_factory.mktemp("positions") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=14)), folder)
+    save_world(damaged("cross", 14), folder)
     world, settings = load_world(folder), load_settings()
     environment = prepare(world, settings)
     return fly_over(

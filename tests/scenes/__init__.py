@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.world.build import BuildOptions, Built, build_world
 from pavetwin.world.network import network_from_osm, source_kind
 from pavetwin.world.roadnet import RoadNet, read_roadnet
@@ -31,6 +32,13 @@ def built(name: str, seed: int = 1, parking_rule: str = "europe") -> Built:
     if name in ("town", "grid", "spider", "random"):
         return build_world(name, BuildOptions(seed=seed, parking_rule=parking_rule))
     return build_world(scene_file(name), BuildOptions(seed=seed, parking_rule=parking_rule))
+
+
+@cache
+def damaged(name: str = "cross", per_segment: int = 8) -> Built:
+    """The same with as many defects on every segment as the population `paper` places; each is placed once a session,
+    since a defect takes some 10 ms."""
+    return add_defects(built(name), DefectOptions(population="paper", per_segment=per_segment))
 
 
 def net_of(name: str, folder: Path) -> RoadNet:

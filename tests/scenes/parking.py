@@ -8,12 +8,11 @@ from shapely import Point
 
 from pavetwin.config.conditions import Conditions
 from pavetwin.config.parking import ParkingSettings
-from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.traffic.parked import parked_vehicles
 from pavetwin.world.model import World
 from pavetwin.world.parking import ParkingOrientation, ParkingPlace, ParkingPosition, ParkingSource, StreetSide
 from pavetwin.world.store import save_world
-from scenes import built
+from scenes import damaged
 from scenes.tiny import Scene, straight
 
 FULL, EMPTY = "parking.occupancy=1", "parking.enabled=false"
@@ -57,7 +56,7 @@ def with_places(world: World, *places: ParkingPlace) -> World:
 
 def save_cross_with_rows(folder: Path, per_segment: int) -> Path:
     """The cross with `per_segment` defects and a row of four places on the carriageway of every segment."""
-    bare = add_defects(built("cross"), DefectOptions(population="paper", per_segment=per_segment))
+    bare = damaged("cross", per_segment)
     places = [
         kerb_place(at.x, at.y, name=f"{segment.id}-{number}-", segment=segment.id, length_m=6.0, width_m=2.4)
         for segment in bare.world.segments

@@ -8,7 +8,6 @@ import pytest
 
 from pavetwin.config import load_settings
 from pavetwin.config.mission import SensingSettings
-from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
 from pavetwin.experiments.engines import Pool
@@ -20,7 +19,7 @@ from pavetwin.mission.results import save_mission
 from pavetwin.mission.spec import files_of_settings
 from pavetwin.sensing import Detection, Frame, Ideal, Sensor, load_sensor
 from pavetwin.world.store import load_world, save_world
-from scenes import built
+from scenes import damaged
 
 CHOOSY = """
 from pavetwin.sensing import Detection, Sensor
@@ -46,7 +45,7 @@ def choosy(tmp_path: Path) -> str:
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("options") / "cross"
-    save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=8)), folder)
+    save_world(damaged("cross", 8), folder)
     return folder
 
 

@@ -8,7 +8,7 @@ from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.world.build import BuildOptions, build_world
 from pavetwin.world.paving import paving_m2, paving_words
 from pavetwin.world.store import save_world
-from scenes import HERE, built
+from scenes import HERE, built, damaged
 from scenes.command_line import pavetwin
 
 
@@ -55,7 +55,7 @@ def test_what_is_not_inspected_and_not_surveyed_is_said(mapped: Path, tmp_path: 
 
 def test_streets_are_listed_with_their_segments(tmp_path: Path) -> None:
     folder = tmp_path / "cross"
-    world = save_world(add_defects(built("cross"), DefectOptions(population="paper", per_segment=0)), folder)
+    world = save_world(damaged("cross", 0), folder)
     lines = pavetwin("world", "info", folder, "--streets").stdout.splitlines()
     names = {segment.street_name for segment in world.segments}
     assert len(lines) == 1 + len(names)

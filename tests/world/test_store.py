@@ -17,7 +17,7 @@ from pavetwin.world.model import Furniture, FurnitureKind, World
 from pavetwin.world.store import load_record, load_world, save_world
 from scenes import built, scene_file
 
-FEW = DefectOptions(population="paper", per_segment=3)
+FEW = DefectOptions(population="paper", per_segment=1)
 
 
 @pytest.fixture
