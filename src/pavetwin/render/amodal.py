@@ -70,8 +70,8 @@ class AmodalAtlas:
         self._size = (0, 0)
         self._records: Any = None
 
-    def count(self, objects: Sequence[AmodalObject], view: View, frame: Any, margin_px: float) -> dict[int, int]:
-        """Label → amodal pixels, 0 for objects outside the picture.
+    def count(self, objects: Sequence[AmodalObject], view: View, frame: Any, margin_px: float) -> "AmodalCount":
+        """The count of a frame's objects, prepared; it is used up before the next one is prepared.
 
         Args:
             objects: to count; those of one label are added up, so they must not overlap.
@@ -79,17 +79,17 @@ class AmodalAtlas:
             frame: bind group of the frame.
             margin_px: how far the rolling shutter may move an object from its projected box.
         """
-        found = {obj.label: 0 for obj in objects}
         cells = [cell for obj in objects if (cell := _atlas_cell(obj, view, margin_px)) is not None]
         self._ensure((max(_SIDE_PX, view.size_px[0]), max(_SIDE_PX, view.size_px[1])), len(cells))
-        for page in _pages(cells, self._size):
-            self._draw(page, view, frame)
-            used = max(cell.top + cell.height for cell in page)
-            seen = read(self._gpu, self._target, (self._size[0], used), np.uint32, 1)
-            for cell in page:
-                inside = seen[cell.top : cell.top + cell.height, cell.left : cell.left + cell.width]
-                found[cell.obj.label] += int(np.count_nonzero(inside))
-        return found
+        return AmodalCount(self, [obj.label for obj in objects], _pages(cells, self._size), view, frame)
+
+    def read(self, page: list[_AtlasCell], found: dict[int, int]) -> None:
+        """Add the pixels of the drawn page to those of its labels."""
+        used = max(cell.top + cell.height for cell in page)
+        seen = read(self._gpu, self._target, (self._size[0], used), np.uint32, 1)
+        for cell in page:
+            inside = seen[cell.top : cell.top + cell.height, cell.left : cell.left + cell.width]
+            found[cell.obj.label] += int(np.count_nonzero(inside))
 
     def _ensure(self, size: tuple[int, int], objects: int) -> None:
         if self._size != size:
@@ -100,7 +100,8 @@ class AmodalAtlas:
         needed = max(objects, 64) * RECORD.itemsize
         self._records = self._gpu.grown(self._records, needed, wgpu.BufferUsage.VERTEX)
 
-    def _draw(self, page: list[_AtlasCell], view: View, frame: Any) -> None:
+    def recorded(self, page: list[_AtlasCell], view: View, frame: Any) -> Any:
+        """The commands that draw a page."""
         rows = np.concatenate([cell.obj.record for cell in page])
         rows["shift"] = [_shift(cell, view.size_px, self._size) for cell in page]
         self._gpu.queue.write_buffer(self._records, 0, rows.view(np.uint8))
@@ -120,7 +121,35 @@ class AmodalAtlas:
                     render_pass.set_scissor_rect(cell.left, cell.top, cell.width, cell.height)
                     cell.obj.mesh.draw(render_pass, 1, index, attributes=masked)
         render_pass.end()
-        self._gpu.queue.submit([encoder.finish()])
+        return encoder.finish()
+
+    def submit(self, commands: Any) -> None:
+        """Start drawing a page."""
+        self._gpu.queue.submit([commands])
+
+
+class AmodalCount:
+    """The count of one frame's objects: started, it is drawn while the picture is developed."""
+
+    def __init__(
+        self, atlas: AmodalAtlas, labels: Sequence[int], pages: list[list[_AtlasCell]], view: View, frame: Any
+    ) -> None:
+        self._atlas, self._labels, self._pages, self._view, self._frame = atlas, labels, pages, view, frame
+        self._first = atlas.recorded(pages[0], view, frame) if pages else None
+
+    def start(self) -> None:
+        """Draw the first page; later ones need its place."""
+        if self._pages:
+            self._atlas.submit(self._first)
+
+    def result(self) -> dict[int, int]:
+        """Label → amodal pixels, 0 for objects outside the picture."""
+        found = dict.fromkeys(self._labels, 0)
+        for number, page in enumerate(self._pages):
+            if number:
+                self._atlas.submit(self._atlas.recorded(page, self._view, self._frame))
+            self._atlas.read(page, found)
+        return found
 
 
 def _atlas_cell(obj: AmodalObject, view: View, margin_px: float) -> _AtlasCell | None:

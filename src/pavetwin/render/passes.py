@@ -6,7 +6,7 @@ from typing import Any, Final
 import numpy as np
 import wgpu
 
-from pavetwin.arrays import AnyArray, Int64Array
+from pavetwin.arrays import AnyArray, Float16Array, Float32Array, Int64Array, UInt32Array
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.meshes import GpuMesh
 from pavetwin.render.pipelines import DEPTH_FORMAT, DISTANCE_FORMAT, LABEL_FORMAT, LIGHT_FORMAT, Pipelines
@@ -72,7 +72,7 @@ class Materials:
 
 
 class RenderTargets:
-    """The render targets of one picture size."""
+    """The render targets of one picture size, and a buffer to read them through."""
 
     def __init__(self, gpu: Gpu, size_px: tuple[int, int]) -> None:
         self.size_px = size_px
@@ -80,10 +80,48 @@ class RenderTargets:
         self.labels = gpu.target(size_px, LABEL_FORMAT, usage=_READ)
         self.distances = gpu.target(size_px, DISTANCE_FORMAT, usage=_READ)
         self.depth = gpu.target(size_px, DEPTH_FORMAT)
+        self._light_row, self._truth_row = (_padded(size_px[0] * texel) for texel in (8, 4))
+        self._staging = gpu.empty_buffer(
+            size_px[1] * (self._light_row + 2 * self._truth_row), wgpu.BufferUsage.MAP_READ
+        )
 
     @property
-    def textures(self) -> tuple[Any, ...]:
-        return self.light, self.labels, self.distances, self.depth
+    def resources(self) -> tuple[Any, ...]:
+        """What it holds on the device."""
+        return self.light, self.labels, self.distances, self.depth, self._staging
+
+    def copy(self, encoder: Any, *, truth: bool) -> None:
+        """Record the copies that `read` reads; `truth`: distances and labels too."""
+        (width, height), offset = self.size_px, 0
+        for texture, row in self._copied(truth):
+            place = {"buffer": self._staging, "offset": offset, "bytes_per_row": row, "rows_per_image": height}
+            encoder.copy_texture_to_buffer({"texture": texture}, place, (width, height, 1))
+            offset += height * row
+
+    def read(self, *, truth: bool) -> tuple[Float16Array, Float32Array | None, UInt32Array | None]:
+        """Wait for the copies: light (height, width, 4), distances and labels (height, width)."""
+        (width, height), offset, found = self.size_px, 0, []
+        copied = self._copied(truth)
+        self._staging.map_sync(wgpu.MapMode.READ, 0, height * sum(row for _, row in copied))
+        for _, row in copied:
+            found.append(np.frombuffer(self._staging.read_mapped(offset, height * row), np.uint8).reshape(height, row))
+            offset += height * row
+        self._staging.unmap()
+        light = np.ascontiguousarray(found[0][:, : width * 8]).view(np.float16).reshape(height, width, 4)
+        if not truth:
+            return light, None, None
+        distances, labels = (np.ascontiguousarray(each[:, : width * 4]) for each in found[1:])
+        return light, distances.view(np.float32), labels.view(np.uint32)
+
+    def _copied(self, truth: bool) -> list[tuple[Any, int]]:
+        """Textures, and bytes of their rows in the buffer."""
+        others = [(texture, self._truth_row) for texture in (self.distances, self.labels)]
+        return [(self.light, self._light_row), *(others if truth else [])]
+
+
+def _padded(row: int) -> int:
+    """Bytes of a row in a buffer that a texture is copied to: a multiple of 256."""
+    return -(-row // 256) * 256
 
 
 def shadow_map(gpu: Gpu, side_px: int) -> Any:

@@ -1,7 +1,7 @@
 """Frames of a scene: rendered by the device, and imaged by a camera model."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
 
@@ -11,13 +11,13 @@ import wgpu
 
 from pavetwin.arrays import Float16Array, Float32Array, Float64Array, UInt32Array
 from pavetwin.render.adapter import open_device
-from pavetwin.render.amodal import AmodalAtlas, AmodalObject
+from pavetwin.render.amodal import AmodalAtlas, AmodalCount, AmodalObject
 from pavetwin.render.exposure import Exposure, meter, programme
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.gpu_scene import GpuScene
 from pavetwin.render.instances import InstanceBatch, InstanceBuffer, instance_rows
-from pavetwin.render.passes import DrawList, FramePasses, Materials, RenderTargets, read, shadow_map
+from pavetwin.render.passes import DrawList, FramePasses, Materials, RenderTargets, shadow_map
 from pavetwin.render.pipelines import compile_pipelines
 from pavetwin.render.projection import FRAME_INFO, NEAR_M, corners, fit_shadow, frame_info
 from pavetwin.render.sensor import SHARP_PX, ImageProcessing, farthest_motion_px, picture, white_balance
@@ -102,7 +102,7 @@ class Renderer:
         """
         moving = velocities or {}
         drifts = bool(moving) or bool(np.any(view.velocity_mps))
-        seen = self.light(
+        seen, count = self._drawn(
             view,
             instances=instances,
             shadow_only=shadow_only,
@@ -127,14 +127,16 @@ class Renderer:
             velocities=moving,
             white=white_balance(light, seen.radiance, style.adaptation),
         )
+        taken = take(seen.radiance)
+        repaired = take(_without_defects(seen.radiance)) if defect_free else None
         return RenderedFrame(
             view,
-            take(seen.radiance),
+            taken,
             seen.depth_m if depth else None,
             seen.labels if labels else None,
-            seen.amodal_px,
+            count.result() if count else {},
             settings,
-            take(_without_defects(seen.radiance)) if defect_free else None,
+            repaired,
         )
 
     def _uniform_entry(self) -> dict[str, Any]:
@@ -161,7 +163,7 @@ class Renderer:
     def _sized(self, size_px: tuple[int, int]) -> RenderTargets:
         if self._targets is None or self._targets.size_px != size_px:
             if self._targets is not None:
-                self.gpu.free(*self._targets.textures)
+                self.gpu.free(*self._targets.resources)
             self._targets = RenderTargets(self.gpu, size_px)
         return self._targets
 
@@ -201,6 +203,31 @@ class Renderer:
         amodal: bool = False,
     ) -> SceneRadiance:
         """The light that reaches the sensor."""
+        seen, count = self._drawn(
+            view,
+            instances=instances,
+            shadow_only=shadow_only,
+            light=light,
+            velocities=velocities,
+            readout_s=readout_s,
+            truth=truth,
+            amodal=amodal,
+        )
+        return replace(seen, amodal_px=count.result()) if count else seen
+
+    def _drawn(
+        self,
+        view: View,
+        *,
+        instances: Sequence[Instance],
+        shadow_only: Sequence[Instance],
+        light: Light,
+        velocities: Mapping[int, npt.ArrayLike] | None,
+        readout_s: float,
+        truth: bool,
+        amodal: bool,
+    ) -> tuple[SceneRadiance, AmodalCount | None]:
+        """The light that reaches the sensor, and the count of amodal pixels, started, where it is asked for."""
         targets, shadow = self._sized(view.size_px), fit_shadow(view, light)
         records = InstanceBuffer(view.position)
         agents = InstanceBatch.of(instances, self._gpu_scene.parts, velocities)
@@ -216,20 +243,18 @@ class Renderer:
         passes = FramePasses(encoder, self._pipelines, self._frame, self._materials, self._records, draws)
         passes.shadows(shaded, shadow.used_px)
         passes.light(targets, lit)
+        targets.copy(encoder, truth=truth)
         self.gpu.queue.submit([encoder.finish()])
-        counted: dict[int, int] = {}
+        count = None
         if amodal:
             speed = float(np.linalg.norm(view.velocity_mps)) + float(np.abs(agents.velocity).sum(axis=1).max(initial=0))
             margin = 2 + speed * readout_s * view.focal_px / 2
-            counted = self._atlas.count(self._amodal_objects(view.position, agents, draws), view, self._frame, margin)
+            count = self._atlas.count(self._amodal_objects(view.position, agents, draws), view, self._frame, margin)
+        seen = SceneRadiance(*targets.read(truth=truth), {})
+        if count:
+            count.start()
         self._gpu_scene.tiles.trim(len(draws.tiles), len(draws.grounds))
-        size = view.size_px
-        return SceneRadiance(
-            read(self.gpu, targets.light, size, np.float16, 4),
-            read(self.gpu, targets.distances, size, np.float32, 1) if truth else None,
-            read(self.gpu, targets.labels, size, np.uint32, 1) if truth else None,
-            counted,
-        )
+        return seen, count
 
     def _amodal_objects(self, camera: Float64Array, agents: InstanceBatch, draws: DrawList) -> list[AmodalObject]:
         """The labelled objects that may be in the picture, with the meshes that they are drawn with."""
