@@ -1,5 +1,6 @@
 """An import: images brought to size, resumed where it stopped, the same bytes each time."""
 
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -98,6 +99,24 @@ def test_another_import_into_the_same_folder_is_refused(photos: Path, tmp_path: 
         run(photos, tmp_path / "mine")
 
 
+@pytest.mark.parametrize("change", ["a label", "a picture", "no picture"])
+def test_input_that_changed_is_not_taken_for_what_was_imported(photos: Path, tmp_path: Path, change: str) -> None:
+    mine = tmp_path / "mine"
+    shutil.copytree(photos, mine, copy_function=shutil.copy)
+    run(photos, tmp_path / "out")
+    run(mine, tmp_path / "out")
+    if change == "a label":
+        label = next(path for path in sorted(mine.rglob("*.txt")) if path.read_text())
+        label.write_text(label.read_text().replace("0.5", "0.4"))
+    else:
+        shown = next(path for path in sorted(mine.rglob("*.jpg")))
+        shown.unlink()
+        if change == "a picture":
+            picture(shown, (300, 200), seed=99)
+    with pytest.raises(PaveTwinError, match="made with another input; choose another folder"):
+        run(mine, tmp_path / "out")
+
+
 def test_names_are_kept_apart_by_folders_where_they_must_be(tmp_path: Path) -> None:
     folder = tmp_path / "photos"
     for number, place in enumerate(("train/images/1", "val/images/1", "val/images/2")):
@@ -181,6 +200,15 @@ def test_a_target_resolution_scales_down_and_never_up() -> None:
     assert coarser.size_px == (600, 400)
     (unknown,) = views(image_of((600, 400)), ImageSize(target_gsd_mm=4.0))
     assert unknown.size_px == (600, 400)
+
+
+def test_tiles_without_a_label_are_left_out_and_told(tmp_path: Path) -> None:
+    picture(tmp_path / "photos" / "wide.jpg", (1280, 640))
+    yolo(tmp_path / "photos" / "wide.txt", "0 0.1 0.5 0.05 0.1")
+    summary = run(tmp_path / "photos", tmp_path / "out", tiles=True)
+    assert summary.images == 1
+    (told,) = summary.report
+    assert told.text == "2 of its 3 tiles show no label and are left out"
 
 
 def test_tiles_of_one_picture_are_images_of_their_own(tmp_path: Path) -> None:

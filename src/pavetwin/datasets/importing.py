@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
-from hashlib import sha256
+from hashlib import file_digest, sha256
 from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
@@ -38,6 +38,8 @@ from pavetwin.files import staging_folder, working_in
 
 LONGEST_NAME: Final = 100
 """Characters of an image's name: file systems allow 255 bytes, and composites and copies add to it."""
+
+_LABEL_SUFFIXES: Final = frozenset({".xml", ".txt", ".json", ".yaml", ".yml", ".csv"})
 
 OnImage = Callable[[int, int], None]
 """Told the number of images looked at, and of all pictures."""
@@ -103,6 +105,7 @@ def import_source(
         "source": name,
         "settings": {**source.model_dump(mode="json"), "size": size.model_dump(mode="json")},
         "backgrounds": sorted(backgrounds),
+        "input": _fingerprint(folder),
     }
     with working_in(output):
         check_same(output, expected)
@@ -116,6 +119,25 @@ def import_source(
         report.save(output / REPORT)
         write_description(output, {**expected, "complete": True, "images": images})
     return ImportSummary(output, images, report)
+
+
+def _fingerprint(folder: Path) -> str:
+    """SHA-256 of what a source's folder holds: the names and sizes of pictures, and the content of label files.
+
+    With it, labels that were corrected and pictures that were exchanged are not taken for those imported before.
+    """
+    digest = sha256()
+    for path in files_in(folder, SUFFIXES | _LABEL_SUFFIXES):
+        file = folder / path
+        try:
+            told = str(file.stat().st_size)
+            if file.suffix.lower() in _LABEL_SUFFIXES:
+                with file.open("rb") as labels:
+                    told = file_digest(labels, "sha256").hexdigest()
+        except OSError:
+            told = "unreadable"
+        digest.update(os.fsencode(f"{path}\0{told}\0"))
+    return digest.hexdigest()
 
 
 def check_same(output: Path, expected: dict[str, Any], name: str = DESCRIPTION) -> None:
@@ -184,6 +206,11 @@ def _work(
         suffix = raw.picture.suffix.lower() if len(shown) == 1 and kept_as_it_is(raw.picture, shown[0]) else ".jpg"
         made = [seen_through(image, view, suffix.replace("jpeg", "jpg")) for view in shown]
         kept = [at for at, each in enumerate(made) if each.labelled or each.is_background]
+        if not kept:
+            report.add(Finding.DROPPED, raw.original, "no label is left in any of its views; the image is left out")
+        elif len(kept) < len(made):
+            words = f"{len(made) - len(kept)} of its {len(made)} tiles show no label and are left out"
+            report.add(Finding.NOTE, raw.original, words, alike="tiles without labels")
         if kept:
             yield _Work(raw, [shown[at] for at in kept], [made[at] for at in kept])
 
