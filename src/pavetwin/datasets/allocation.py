@@ -178,10 +178,10 @@ def _calibrated(shows: Float64Array, missing: Float64Array, most: int, *, leave_
     scale = max(float(np.abs(missing).max(initial=0.0)), 1.0)
 
     def dual(multipliers: Float64Array) -> tuple[float, Float64Array]:
-        wish = shares @ multipliers
-        copies = np.clip(np.where(wish < 0, wish / dear, wish), least, float(most))
+        unbounded = shares @ multipliers
+        copies = np.clip(np.where(unbounded < 0, unbounded / dear, unbounded), least, float(most))
         cost = np.where(copies < 0, dear, 1.0) * copies**2 / 2
-        value = (size * (wish * copies - cost)).sum() - multipliers @ missing
+        value = (size * (unbounded * copies - cost)).sum() - multipliers @ missing
         ridge = _STIFFNESS * scale / 2 * (multipliers @ multipliers)
         slope = shows.T @ copies - missing + _STIFFNESS * scale * multipliers
         return float(value + ridge) / scale, slope / scale
@@ -189,8 +189,8 @@ def _calibrated(shows: Float64Array, missing: Float64Array, most: int, *, leave_
     if not shows.size:
         return np.zeros(len(shows))
     found = optimize.minimize(dual, np.zeros(shows.shape[1]), jac=True, method="L-BFGS-B", options={"maxiter": 2000})
-    wish = shares @ found.x
-    copies: Float64Array = np.clip(np.where(wish < 0, wish / dear, wish), least, float(most))
+    unbounded = shares @ found.x
+    copies: Float64Array = np.clip(np.where(unbounded < 0, unbounded / dear, unbounded), least, float(most))
     return copies
 
 
