@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pavetwin.datasets import compositing, extra
+from pavetwin.datasets import compositing
 from pavetwin.datasets.common_form import read_images
 from pavetwin.datasets.compositing import CompositeSettings, CompositeSummary, compose
 from pavetwin.datasets.importing import import_source
@@ -138,7 +138,7 @@ def test_what_does_not_fit_is_told(dataset: Path, tmp_path: Path) -> None:
         assert any(words in each.text for each in summary.report)
 
 
-def test_the_command_and_its_refusals(dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_and_its_refusals(dataset: Path, tmp_path: Path) -> None:
     ask = ("data", "composite", dataset, "-o", tmp_path / "out", "--objects", "uav-cars")
     done = pavetwin(*ask, "--roads", "uapd", "--share", "100")
     assert done.returncode == 0, done.stderr
@@ -152,13 +152,6 @@ def test_the_command_and_its_refusals(dataset: Path, tmp_path: Path, monkeypatch
         assert words in plain_refusal(pavetwin(*ask, *more))
     refused = plain_refusal(pavetwin(*ask[:-1], "uav-car", "--roads", "uapd"))
     assert "--objects: no source of this dataset 'uav-car' (did you mean 'uav-cars'?)" in refused
-
-    def missing(name: str) -> None:
-        raise ImportError(name)
-
-    monkeypatch.setattr(extra, "import_module", missing)
-    refused = plain_refusal(pavetwin("data", "composite", dataset, "-o", tmp_path / "no", "--roads", "uapd"))
-    assert "need OpenCV, which is not installed; get it with `pip install 'pavetwin[augment]'`" in refused
 
 
 def test_a_recipe_composes_before_it_balances(dataset: Path, tmp_path: Path) -> None:

@@ -9,11 +9,12 @@ from functools import cache
 from importlib import import_module
 from typing import Any, Final
 
+import cv2
 import numpy as np
 
 from pavetwin.arrays import Float32Array, UInt8Array
 from pavetwin.datasets.changes import ImageChange, shown_window
-from pavetwin.datasets.extra import missing, opencv
+from pavetwin.errors import PaveTwinError
 
 FULL_SCALE: Final = 255.0
 
@@ -30,7 +31,10 @@ def library() -> Any:
     try:
         return import_module("albumentations")
     except ImportError as error:
-        raise missing("Augmented images", "Albumentations") from error
+        raise PaveTwinError(
+            "Augmented images need Albumentations, which is not installed; get it with `pip install "
+            "'pavetwin[augment]'`."
+        ) from error
 
 
 def changed_picture(picture: UInt8Array, change: ImageChange) -> UInt8Array:
@@ -47,8 +51,7 @@ def changed_picture(picture: UInt8Array, change: ImageChange) -> UInt8Array:
         left, top, right, bottom = shown_window((width, height), change.rotation_deg)
         angle = change.rotation_deg
         # The border shows only where interpolation reaches over it.
-        reflected = opencv().BORDER_REFLECT_101
-        steps.append(library().Rotate(limit=(angle, angle), border_mode=reflected, p=1.0))
+        steps.append(library().Rotate(limit=(angle, angle), border_mode=cv2.BORDER_REFLECT_101, p=1.0))
         steps.append(library().Crop(x_min=left, y_min=top, x_max=right, y_max=bottom, p=1.0))
     if change.brightness or change.contrast:
         # It scales about black; the picture's mean shall stay where it is.

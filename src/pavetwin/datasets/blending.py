@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from math import cos, radians, sin, tan
 from typing import Final
 
+import cv2
 import numpy as np
 from scipy import ndimage
 
 from pavetwin.arrays import BoolArray, Float32Array, UInt8Array
 from pavetwin.datasets.cutouts import CutOut
-from pavetwin.datasets.extra import opencv
 from pavetwin.datasets.placing import Standing
 from pavetwin.labels.classes import CAR, PERSON
 
@@ -67,7 +67,6 @@ class Turned:
 
 def turned(cut_out: CutOut, scale: float, angle_deg: float) -> Turned:
     """A cut-out scaled and turned clockwise; its outermost pixels, which hold some of its old place, are cut off."""
-    cv = opencv()
     pixels = cut_out.pixels.astype(np.float32) / 255
     mask = pixels[..., 3] > 0.5
     inside = ndimage.distance_transform_edt(mask) - ndimage.distance_transform_edt(~mask)
@@ -81,16 +80,16 @@ def turned(cut_out: CutOut, scale: float, angle_deg: float) -> Turned:
     colour = pixels[..., :3][tuple(nearest)]
     if scale < 1:
         size = tuple(max(1, round(side * scale)) for side in solid.shape[::-1])
-        colour, solid = (cv.resize(each, size, interpolation=cv.INTER_AREA) for each in (colour, solid))
+        colour, solid = (cv2.resize(each, size, interpolation=cv2.INTER_AREA) for each in (colour, solid))
         scale = 1.0
     height, width = solid.shape
     c, s = abs(cos(radians(angle_deg))) * scale, abs(sin(radians(angle_deg))) * scale
     size = (round(width * c + height * s) + 6, round(width * s + height * c) + 6)
-    matrix = cv.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), -angle_deg, scale)
+    matrix = cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), -angle_deg, scale)
     matrix[:, 2] += (size[0] - width) / 2, (size[1] - height) / 2
-    opacity = cv.GaussianBlur(cv.warpAffine(solid, matrix, size, flags=cv.INTER_LINEAR), (0, 0), EDGE_PX)
-    shown = cv.warpAffine(colour, matrix, size, flags=cv.INTER_LINEAR, borderMode=cv.BORDER_REPLICATE)
-    return Turned(shown, opacity)
+    opacity = cv2.GaussianBlur(cv2.warpAffine(solid, matrix, size, flags=cv2.INTER_LINEAR), (0, 0), EDGE_PX)
+    shown = cv2.warpAffine(colour, matrix, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return Turned(np.asarray(shown, dtype=np.float32), np.asarray(opacity, dtype=np.float32))
 
 
 def blended(

@@ -35,7 +35,6 @@ from pavetwin.datasets.common_form import (
 from pavetwin.datasets.covering import covered, filled, pasted
 from pavetwin.datasets.cutout_library import CUT_OUTS, StoredCutOut, cut_out_all, read_picture
 from pavetwin.datasets.cutouts import CutOut, cut_outs, ground_resolution
-from pavetwin.datasets.extra import opencv
 from pavetwin.datasets.importing import check_same, move_in
 from pavetwin.datasets.merging import OnMerge, described
 from pavetwin.datasets.pictures import PictureError, opened
@@ -107,10 +106,9 @@ def compose(
     """A dataset with composites beside its images; what an unfinished run made is kept and not made again.
 
     Raises:
-        PaveTwinError: OpenCV is not installed, the folder holds no finished dataset or none of the sources, or the
-            output holds another one or cannot be written.
+        PaveTwinError: the folder holds no finished dataset or none of the sources, or the output holds another one or
+            cannot be written.
     """
-    opencv()
     made_by = {
         "made_by": "composite",
         "dataset": described(folder),

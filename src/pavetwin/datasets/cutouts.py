@@ -8,15 +8,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import hypot, sqrt
 from statistics import median
-from typing import Any, Final
+from typing import Final
 
+import cv2
 import numpy as np
 from PIL import Image, ImageDraw
 from scipy import ndimage
 
 from pavetwin.arrays import BoolArray, Float64Array, UInt8Array
 from pavetwin.datasets.annotated import AnnotatedImage, Annotation
-from pavetwin.datasets.extra import opencv
 from pavetwin.labels.boxes import PixelBox, area, within
 from pavetwin.labels.classes import CAR, PERSON
 
@@ -197,32 +197,31 @@ def _filled(annotation: Annotation, window: PixelBox) -> BoolArray:
 
 def segmented(part: UInt8Array, box: PixelBox) -> BoolArray:
     """The mask of what stands in a box of a picture (height, width, 3), by GrabCut; the same for the same input."""
-    cv = opencv()
     left, top, right, bottom = box
     longer = max(right - left, bottom - top)
     factor = float(np.clip(longer, *_WORKING_PX)) / longer
     size = (round(part.shape[1] * factor), round(part.shape[0] * factor))
-    seen = cv.resize(part, size, interpolation=cv.INTER_CUBIC if factor > 1 else cv.INTER_AREA)
+    seen = cv2.resize(part, size, interpolation=cv2.INTER_CUBIC if factor > 1 else cv2.INTER_AREA)
     x, y = np.meshgrid(np.arange(size[0]) / factor, np.arange(size[1]) / factor)
     across = (x - (left + right) / 2) / ((right - left) / 2)
     down = (y - (top + bottom) / 2) / ((bottom - top) / 2)
-    labels = np.full(seen.shape[:2], cv.GC_BGD, dtype=np.uint8)
-    labels[(np.abs(across) <= 1) & (np.abs(down) <= 1)] = cv.GC_PR_BGD
-    labels[across**2 + down**2 <= 1.0] = cv.GC_PR_FGD
-    labels[across**2 + down**2 <= 0.05] = cv.GC_FGD
-    cv.setRNGSeed(0)
+    labels = np.full(seen.shape[:2], cv2.GC_BGD, dtype=np.uint8)
+    labels[(np.abs(across) <= 1) & (np.abs(down) <= 1)] = cv2.GC_PR_BGD
+    labels[across**2 + down**2 <= 1.0] = cv2.GC_PR_FGD
+    labels[across**2 + down**2 <= 0.05] = cv2.GC_FGD
+    cv2.setRNGSeed(0)
     models = np.zeros((1, 65)), np.zeros((1, 65))
-    cv.grabCut(np.ascontiguousarray(seen), labels, None, *models, 6, cv.GC_INIT_WITH_MASK)
-    mask = np.isin(labels, (cv.GC_FGD, cv.GC_PR_FGD))
+    # The rectangle is not read where a mask is given.
+    cv2.grabCut(np.ascontiguousarray(seen), labels, (0, 0, 1, 1), *models, 6, cv2.GC_INIT_WITH_MASK)
+    mask = np.isin(labels, (cv2.GC_FGD, cv2.GC_PR_FGD))
     mask = ndimage.binary_fill_holes(ndimage.binary_opening(mask, iterations=max(1, round(factor))))
-    how = cv.INTER_AREA if factor > 1 else cv.INTER_LINEAR
-    shrunk = cv.resize(mask.astype(np.float32), part.shape[1::-1], interpolation=how)
+    how = cv2.INTER_AREA if factor > 1 else cv2.INTER_LINEAR
+    shrunk = cv2.resize(mask.astype(np.float32), part.shape[1::-1], interpolation=how)
     return np.array(shrunk > 0.5)
 
 
 def _judged(category: str, part: UInt8Array, mask: BoolArray, box: PixelBox, *, is_exact: bool) -> tuple[_Mask, float]:
     """What a mask is judged by, and the angle of its length. Only its largest part is left in the mask."""
-    cv = opencv()
     parts, count = ndimage.label(mask, structure=np.ones((3, 3)))
     sizes = np.bincount(parts.ravel(), minlength=count + 1)[1:]
     if not count or sizes.max() < 20:
@@ -231,9 +230,9 @@ def _judged(category: str, part: UInt8Array, mask: BoolArray, box: PixelBox, *, 
     mask &= parts == int(sizes.argmax()) + 1
     points = np.argwhere(mask)[:, ::-1]
     corners = np.concatenate([points + np.array(to) for to in ((0, 0), (1, 0), (0, 1), (1, 1))]).astype(np.float32)
-    hull = cv.convexHull(corners)
-    _, sides, _ = rectangle = cv.minAreaRect(corners)
-    first, second, third = cv.boxPoints(rectangle)[:3]
+    hull = cv2.convexHull(corners)
+    _, sides, _ = rectangle = cv2.minAreaRect(corners)
+    first, second, third = cv2.boxPoints(rectangle)[:3]
     along = max((second - first, third - second), key=lambda side: hypot(*side))
     pixels = float(mask.sum())
     (left, top), (right, bottom) = corners.min(axis=0), corners.max(axis=0)
@@ -242,10 +241,10 @@ def _judged(category: str, part: UInt8Array, mask: BoolArray, box: PixelBox, *, 
         is_exact=is_exact,
         box_share=pixels / area(box),
         extent=float(min((right - left) / (box[2] - box[0]), (bottom - top) / (box[3] - box[1]))),
-        solidity=pixels / float(cv.contourArea(hull)),
+        solidity=pixels / float(cv2.contourArea(hull)),
         fullness=pixels / (sides[0] * sides[1]),
         main_part=pixels / whole,
-        difference=_difference(cv, part, mask),
+        difference=_difference(part, mask),
         length_px=float(max(sides)),
         width_px=float(min(sides)),
     )
@@ -253,9 +252,9 @@ def _judged(category: str, part: UInt8Array, mask: BoolArray, box: PixelBox, *, 
     return judged, (angle + 90) % 180 - 90
 
 
-def _difference(cv: Any, part: UInt8Array, mask: BoolArray) -> float:
+def _difference(part: UInt8Array, mask: BoolArray) -> float:
     """Mean distance in L*a*b* of the pixels inside the border to the mean of those next to them outside."""
-    lab: Float64Array = cv.cvtColor(part.astype(np.float32) / 255, cv.COLOR_RGB2LAB).astype(np.float64)
+    lab: Float64Array = cv2.cvtColor(part.astype(np.float32) / 255, cv2.COLOR_RGB2LAB).astype(np.float64)
     inside = mask & ~ndimage.binary_erosion(mask, iterations=_RING_PX)
     outside = ndimage.binary_dilation(mask, iterations=_RING_PX + 1) & ~ndimage.binary_dilation(mask)
     if not inside.any() or not outside.any():

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Any, Final
 
+import cv2
 import numpy as np
 from scipy import ndimage
 
 from pavetwin.arrays import BoolArray, Float32Array, UInt8Array
-from pavetwin.datasets.extra import opencv
 
 COLOUR: Final = 14.0
 """Distance in a* and b* of CIE L*a*b* to the picture's median beyond which it is not this road."""
@@ -40,19 +40,18 @@ STRONGEST: Final = 0.05
 
 def road_mask(picture: UInt8Array) -> BoolArray:
     """Where a picture (height, width, 3) of pavement shows road."""
-    cv = opencv()
     exact = picture.astype(np.float32) / 255
-    lab = cv.cvtColor(exact, cv.COLOR_RGB2LAB)
+    lab = cv2.cvtColor(exact, cv2.COLOR_RGB2LAB)
     side = max(3, round(ROUGH_SHARE * max(picture.shape[:2])))
-    smooth = cv.blur(lab, (side, side))
+    smooth = cv2.blur(lab, (side, side))
     colour = smooth[..., 1:] - np.median(smooth[..., 1:].reshape(-1, 2), axis=0)
-    shares = cv.blur(exact / np.maximum(exact.sum(axis=2, keepdims=True), 1e-6), (side, side))
+    shares = cv2.blur(exact / np.maximum(exact.sum(axis=2, keepdims=True), 1e-6), (side, side))
     grey = exact.mean(axis=2)
-    spread = np.sqrt(np.maximum(cv.blur(grey**2, (side, side)) - cv.blur(grey, (side, side)) ** 2, 0))
+    spread = np.sqrt(np.maximum(cv2.blur(grey**2, (side, side)) - cv2.blur(grey, (side, side)) ** 2, 0))
     road = (
         (np.hypot(colour[..., 0], colour[..., 1]) <= COLOUR)
         & (3 * shares[..., 1] - 1 <= GREEN)
-        & (cv.blur(grey, (side, side)) >= DARK)
+        & (cv2.blur(grey, (side, side)) >= DARK)
         & (spread <= ROUGH)
     )
     # Markings and cracks have rough edges; what is narrow and lies in the road is road.
@@ -68,9 +67,8 @@ def road_mask(picture: UInt8Array) -> BoolArray:
 def road_direction_deg(picture: UInt8Array, road: BoolArray) -> float | None:
     """The direction of the strongest edges on the road, to the picture's columns, clockwise, −90 … 90; None where they
     have none (structure tensor)."""
-    cv = opencv()
-    grey = cv.GaussianBlur(picture.astype(np.float32).mean(axis=2), (0, 0), 2.0)
-    across, down = cv.Sobel(grey, cv.CV_32F, 1, 0), cv.Sobel(grey, cv.CV_32F, 0, 1)
+    grey = cv2.GaussianBlur(picture.astype(np.float32).mean(axis=2), (0, 0), 2.0)
+    across, down = cv2.Sobel(grey, cv2.CV_32F, 1, 0), cv2.Sobel(grey, cv2.CV_32F, 0, 1)
     inner = ndimage.binary_erosion(road, iterations=4)
     strength: Float32Array = np.hypot(across, down)
     if not inner.any():
