@@ -38,11 +38,12 @@ IN_WHEEL_PATH, AT_EDGE = 0.65, 0.20
 
 class PotholeParameters(Settings):
     diameter_m: Annotated[Range, at_most(5.0)] = (0.25, 1.0)
-    """Of its longest side."""
+    """Of its longest side; where sub-bowls that hardly overlap come apart, only the largest, shorter one is left."""
     depth_m: Annotated[Range, at_most(1.0)] = (0.013, 0.2)
     """Greatest depth; log-uniform, and not above 0.25 of the diameter while the range allows."""
     fullness: Range = (0.5, 0.85)
-    """Its volume over that of a cylinder of its rim and depth: a cone has 1/3, a box 1."""
+    """Its volume over that of a cylinder of its rim and depth: a cone has 1/3, a box 1. Holes that are too narrow for
+    such slopes are fuller."""
     bowls: tuple[int, int] = (2, 5)
     """Sub-bowls that have merged."""
     stone_m: Range = (0.008, 0.02)
