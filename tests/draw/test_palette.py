@@ -1,0 +1,29 @@
+"""The palette of a PNG: no colour of a map is lost in it."""
+
+import numpy as np
+from PIL import Image
+
+from pavetwin.draw.style import with_palette
+
+
+def test_a_palette_keeps_large_areas_and_rare_colours() -> None:
+    red, green = np.meshgrid(np.arange(256), np.arange(256))
+    pixels = np.stack([red, green, 255 - red], axis=-1).astype(np.uint8)  # 65,536 colours, as edges make many
+    pixels[:128] = (244, 241, 235)
+    pixels[200, 7:9] = (0, 132, 0)  # a mark of two pixels, unlike all others
+    image = Image.fromarray(pixels)
+    drawn = with_palette(image)
+    assert drawn.mode == "P"
+    shown = np.asarray(drawn.convert("RGB")).astype(int)
+    away = np.abs(shown - pixels).max(axis=-1)
+    assert away[:128].max() <= 1
+    assert away[200, 7:9].max() <= 16
+    assert away.max() <= 16
+    assert len(np.unique(shown.reshape(-1, 3), axis=0)) <= 256
+
+
+def test_few_colours_stay_as_they_are() -> None:
+    pixels = np.zeros((4, 5, 3), dtype=np.uint8)
+    pixels[1:3] = (255, 255, 255)
+    pixels[0, 0] = (31, 58, 95)
+    assert np.array_equal(np.asarray(with_palette(Image.fromarray(pixels)).convert("RGB")), pixels)
