@@ -7,6 +7,7 @@ import resource
 import shutil
 import signal
 import subprocess
+import sys
 from pathlib import Path
 
 import polars as pl
@@ -81,6 +82,49 @@ def test_a_mission_leaves_its_files_and_says_where(world: Path, tmp_path: Path) 
     description = yaml.safe_load((tmp_path / "m" / "mission.yaml").read_text())
     assert description["totals"]["confirmed"] == len(features)
     assert description["settings"]["altitude_m"] == 10.0
+
+
+def test_the_table_is_printed_before_the_map_is_drawn(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise ValueError("no ink")
+
+    monkeypatch.setattr("pavetwin.draw.mission_map.save_mission_map", fail)
+    done = pavetwin("fly", world, *SHORT, "-o", tmp_path / "m")
+    assert "'map.png' could not be drawn" in plain_refusal(done).replace(f"{tmp_path / 'm'}/", "")
+    assert "of the surface seen" in done.stdout
+    assert "Results in" not in done.stdout
+
+
+def test_a_mission_without_a_map_loads_nothing_that_draws(world: Path, tmp_path: Path) -> None:
+    command = [
+        "fly",
+        str(world),
+        *SHORT,
+        "--no-map",
+        "--policy",
+        "hover",
+        "--policy",
+        "skip",
+        "-o",
+        str(tmp_path / "m"),
+    ]
+    script = f"""
+import sys
+sys.argv = {["pavetwin", *command]!r}
+from pavetwin.cli import main
+try:
+    main()
+finally:
+    print(*sorted({{name.partition(".")[0] for name in sys.modules}}))
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    *told, loaded = done.stdout.splitlines()
+    assert done.returncode == 0, done.stderr
+    assert sorted({"matplotlib", "PIL", "wgpu", "fontTools"} & set(loaded.split())) == []
+    assert not (tmp_path / "m" / "map.png").exists()
+    assert told[-1].startswith(f"Results in {tmp_path / 'm'}/: streets.csv, defects.gpkg, ")
 
 
 @pytest.mark.parametrize("seed", [3, pytest.param(0, marks=pytest.mark.slow)])

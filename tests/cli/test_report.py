@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 from rich.table import Table
 
-from pavetwin.cli import report
+from pavetwin.cli import pictures, report
 from pavetwin.draw import mission_map
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.fly import MissionResult
@@ -33,7 +33,9 @@ def names(folder: Path) -> set[str]:
 def save(
     missions: Iterator[MissionResult] | list[MissionResult], folder: Path, *, several: bool
 ) -> list[MissionResult]:
-    return report.save(missions, folder, several=several, animated=lambda _: False)
+    results = report.save(missions, folder, several=several)
+    pictures.draw(results, folder, several=several)
+    return results
 
 
 def test_what_parked_vehicles_leave_to_be_seen_is_told_beside_what_was_seen() -> None:
@@ -125,7 +127,7 @@ def test_a_flight_that_ends_badly_costs_none_before_it(tmp_path: Path) -> None:
         save(missions(), tmp_path / "all", several=True)
     assert names(tmp_path / "all") == {"baseline", "hover", "mission.parquet", "streets.csv"}
     assert pl.read_parquet(tmp_path / "all" / "mission.parquet")["policy"].to_list() == ["baseline", "hover"]
-    assert names(tmp_path / "all" / "hover") == {*NUMBERS, "map.png"}
+    assert names(tmp_path / "all" / "hover") == NUMBERS
 
 
 def test_a_mission_has_the_same_bytes_alone_and_among_others(tmp_path: Path) -> None:
@@ -135,15 +137,20 @@ def test_a_mission_has_the_same_bytes_alone_and_among_others(tmp_path: Path) -> 
     assert digests(tmp_path / "all" / "micro") == digests(tmp_path / "alone")
 
 
+def test_without_maps_there_is_no_comparison_either(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    missions = [tiny.result("lively_street", policy) for policy in ("baseline", "micro")]
+    report.save(missions, tmp_path, several=True)
+    pictures.draw(missions, tmp_path, several=True, maps=False)
+    assert not [*tmp_path.rglob("*.png")]
+    pictures.tell_files(missions, tmp_path, maps=False, animate=False, frames=False)
+    assert ".png" not in capsys.readouterr().out
+
+
 def test_nothing_of_a_former_mission_stays(tmp_path: Path) -> None:
     result = tiny.result("lively_street", "hover")
-
-    def moving(_: MissionResult, path: Path) -> None:
-        path.write_bytes(b"GIF89a")
-
-    save_mission(result, tmp_path / "m", [("mission.gif", moving)])
-    assert names(tmp_path / "m") == {*NUMBERS, "mission.gif"}
-    save_missions([(result, [])], tmp_path / "m")
+    save_mission(result, tmp_path / "m")
+    (tmp_path / "m" / "mission.gif").write_bytes(b"GIF89a")
+    save_missions([result], tmp_path / "m")
     assert names(tmp_path / "m") == {"hover", "mission.parquet", "streets.csv"}
     save_mission(result, tmp_path / "m")
     assert names(tmp_path / "m") == NUMBERS

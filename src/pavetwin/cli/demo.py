@@ -34,7 +34,7 @@ def demo(
     pavetwin demo
     pavetwin demo -o /tmp/demo
     """
-    from pavetwin.cli import report
+    from pavetwin.cli import pictures, report
     from pavetwin.config import load_settings
     from pavetwin.config.mission import UavSettings
     from pavetwin.draw.world_map import save_world_map
@@ -72,7 +72,8 @@ def demo(
     minutes = sum(mission.duration_s for mission in results) / 60
     out.print(f"[3/4] Flown: {len(results)} missions over {SEGMENTS} segments at {ALTITUDE_M:g} m, {minutes:.0f} min.")
     folder = output / "missions"
-    report.save(
+    report.save(results, folder, several=True)
+    pictures.draw(
         results, folder, several=True, animated=lambda mission: mission.policy == "hover", title="[4/4] Drawing"
     )
     out.print()

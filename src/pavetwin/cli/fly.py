@@ -116,6 +116,7 @@ def fly(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the results.")] = None,
     cache: CacheFolder = None,  # noqa: ARG001 - its callback does it
     force: Annotated[bool, typer.Option("--force", help="Replace another mission in the folder.")] = False,
+    no_map: Annotated[bool, typer.Option("--no-map", help="Draw no map.")] = False,
     animate: Annotated[bool, typer.Option("--animate", help="Also draw an animation, mission.gif.")] = False,
     save_frames: Annotated[
         bool, typer.Option("--save-frames", help="Also render labelled frames of confirmed defects into frames/.")
@@ -163,7 +164,7 @@ def fly(
         )
     )
 
-    from pavetwin.cli import report
+    from pavetwin.cli import pictures, report
     from pavetwin.mission.again import check_replaceable
     from pavetwin.mission.environment import prepare
     from pavetwin.mission.inputs import defects_of, load_inputs, world_of
@@ -260,8 +261,9 @@ def fly(
         out.line(instead)
     flow = flow_of(inputs.replay.recording, inputs.environment.world)
     out.line(f"Traffic {inputs.replay.recording.name}: {flow.sentence} {flow.removals_sentence}")
-    results = _fly_and_save(specs, inputs, folder, animate=animate, save_frames=save_frames)
-    report.tell(results, inputs, folder, former, animate=animate, frames=save_frames)
+    maps = not no_map
+    results = _fly_and_draw(specs, inputs, folder, former, maps=maps, animate=animate, save_frames=save_frames)
+    pictures.tell_files(results, folder, maps=maps, animate=animate, frames=save_frames)
     if former is not None and former.is_contradicted_by(results[0]):
         raise typer.Exit(1)
 
@@ -283,22 +285,24 @@ def _former(context: typer.Context, again: Path | None, *, other_policy: bool) -
         return read_mission(again, other_policy=other_policy)
 
 
-def _fly_and_save(
+def _fly_and_draw(
     specs: Sequence["MissionSpec"],
     inputs: "MissionInputs",
     folder: Path,
+    former: "FormerMission | None",
     *,
+    maps: bool,
     animate: bool,
     save_frames: bool,
 ) -> list["MissionResult"]:
-    """Fly missions that differ in their policy, and write each as soon as it is flown."""
+    """Fly missions that differ in their policy, write each as soon as it is flown, print what came out, then draw."""
     from pavetwin.capture.mission_images import MissionImages
-    from pavetwin.cli import report
+    from pavetwin.cli import pictures, report
     from pavetwin.mission.fly import fly as fly_mission
 
-    replay = inputs.replay
-    environment = inputs.environment
+    replay, environment, several = inputs.replay, inputs.environment, len(specs) > 1
     images = MissionImages(environment.inspected_world, replay, specs[0].seed, environment.parked)
+    frames = pictures.taking_frames(images) if save_frames else None
 
     def missions() -> Iterator["MissionResult"]:
         for spec in specs:
@@ -307,13 +311,10 @@ def _fly_and_save(
                 yield fly_mission(spec, inputs=inputs, image_source=images, on_progress=tell)
 
     with replay:
-        return report.save(
-            missions(),
-            folder,
-            several=len(specs) > 1,
-            animated=lambda _: animate,
-            frames=images if save_frames else None,
-        )
+        results = report.save(missions(), folder, several=several)
+        report.tell(results, inputs, former)
+        pictures.draw(results, folder, several=several, maps=maps, animated=lambda _: animate, frames=frames)
+    return results
 
 
 def _settings(

@@ -1,4 +1,4 @@
-"""What `fly` prints and writes: tables, a sentence, files."""
+"""What `fly` prints and writes of numbers: tables, a sentence, files."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -10,16 +10,15 @@ from rich.cells import cell_len
 from rich.table import Table
 from rich.text import Text
 
-from pavetwin.cli.console import note_fonts, out, progress
+from pavetwin.cli.console import out
 from pavetwin.mission.environment import INSPECT_MPS, capture_interval_s, inspect_speed_mps, window_m
 from pavetwin.mission.found_share import found_share
 from pavetwin.mission.inspected_defects import MissReason, inspected_defects
 from pavetwin.mission.metrics import SegmentMetrics
-from pavetwin.mission.results import Drawing, Totals, save_mission, save_missions, totals
+from pavetwin.mission.results import Totals, save_mission, save_missions, totals
 from pavetwin.traffic.demand import density_named
 
 if TYPE_CHECKING:
-    from pavetwin.capture.mission_images import MissionImages
     from pavetwin.config import MissionSettings
     from pavetwin.mission.again import FormerMission
     from pavetwin.mission.fly import MissionResult
@@ -54,77 +53,29 @@ def nearest_line(usual: str, nearest: str, world: str) -> str:
     )
 
 
-def save(
-    missions: Iterable["MissionResult"],
-    folder: Path,
-    *,
-    several: bool,
-    animated: Callable[["MissionResult"], bool],
-    frames: "MissionImages | None" = None,
-    title: str = "Drawing",
-) -> list["MissionResult"]:
-    """Write missions into `folder`, each as it comes: its numbers, then its pictures. Returns the missions.
+def save(missions: Iterable["MissionResult"], folder: Path, *, several: bool) -> list["MissionResult"]:
+    """Write the numbers of missions into `folder`, each as it comes. Returns the missions.
 
     Args:
-        several: a folder for each policy, and a comparison.
-        animated: whether a mission is shown moving as well.
-        frames: takes the frames of its confirmed defects; none are saved unless given.
-
-    Raises:
-        PaveTwinError: frames are wanted and there is no adapter to draw with; nothing was flown then.
+        several: a folder for each policy.
     """
-    from pavetwin.draw.animation import save_animation
-    from pavetwin.draw.mission_map import save_comparison_map, save_mission_map
-
     result: list[MissionResult] = []
-    takes = [("frames", _frames_of(frames))] if frames is not None else []
 
-    def draw_map(mission: "MissionResult", path: Path) -> None:
-        with progress(f"{title}: {mission.policy}"):
-            save_mission_map(mission, path)
-
-    def draw_animation(mission: "MissionResult", path: Path) -> None:
-        with progress(f"{title}: {mission.policy}, moving") as tell:
-            save_animation(mission, path, on_progress=tell)
-
-    def drawn() -> Iterator[tuple["MissionResult", list[tuple[str, Drawing]]]]:
+    def flown() -> Iterator["MissionResult"]:
         for mission in missions:
             result.append(mission)
-            moving: list[tuple[str, Drawing]] = [("mission.gif", draw_animation)] if animated(mission) else []
-            yield mission, [("map.png", draw_map), *moving, *takes]
+            yield mission
 
     if several:
-        save_missions(drawn(), folder, [("comparison.png", lambda path: save_comparison_map(result, path))])
+        save_missions(flown(), folder)
     else:
-        for mission, drawings in drawn():
-            save_mission(mission, folder, drawings)
+        for mission in flown():
+            save_mission(mission, folder)
     return result
 
 
-def _frames_of(images: "MissionImages") -> Drawing:
-    """Takes a mission's frames."""
-    from pavetwin.capture.mission_frames import save_frames
-    from pavetwin.render.adapter import find_adapter
-
-    adapter = str(find_adapter())
-
-    def take(mission: "MissionResult", path: Path) -> None:
-        with progress(f"Taking frames: {mission.policy}") as tell:
-            save_frames(mission, images, path.parent, adapter=adapter, on_progress=tell)
-
-    return take
-
-
-def tell(
-    results: Sequence["MissionResult"],
-    inputs: "MissionInputs",
-    folder: Path,
-    former: "FormerMission | None",
-    *,
-    animate: bool,
-    frames: bool,
-) -> None:
-    """Print what came out, how it compares with a former flight of the same mission, and where it is."""
+def tell(results: Sequence["MissionResult"], inputs: "MissionInputs", former: "FormerMission | None") -> None:
+    """Print what came out, and how it compares with a former flight of the same mission."""
     for remark in inputs.replay.recording.remarks:
         out.print(f"[yellow]Note:[/] {remark}")
     out.print(segments_table(results[0]) if len(results) == 1 else comparison_table(results))
@@ -138,25 +89,6 @@ def tell(
         if changes := former.version_changes():
             out.print(f"[yellow]Note:[/] flown before with {', '.join(changes)}.", soft_wrap=True)
         out.print(former.verdict(results[0]), markup=False, soft_wrap=True)
-    note_fonts(inputs.environment.world)
-    written = listing(results, animate=animate, frames=frames)
-    out.print(f"Results in {folder}/: {written}", markup=False, soft_wrap=True)
-
-
-def listing(result: Sequence["MissionResult"], *, animate: bool, frames: bool = False) -> str:
-    """Which files were written."""
-    files = (
-        "map.png, "
-        + ("mission.gif, " if animate else "")
-        + ("frames/, " if frames else "")
-        + "streets.csv, defects.gpkg, defects.csv, captures.geojson, "
-        + "mission.parquet, track.parquet, detections.parquet, mission.yaml"
-    )
-    return (
-        files
-        if len(result) == 1
-        else f"comparison.png, mission.parquet, streets.csv, and a folder for each policy with {files}"
-    )
 
 
 PLACED: Final = "placed by the program, not surveyed"

@@ -1,9 +1,8 @@
-"""A mission's folder: its tables, its defects, its description, its pictures; and its totals."""
+"""A mission's folder: its tables, its defects, its description; and its totals."""
 
 import shutil
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -166,47 +165,29 @@ def description(result: MissionResult) -> dict[str, Any]:
     return {**result.spec.as_values(), TOTALS: asdict(totals(result))}
 
 
-Drawing = Callable[[MissionResult, Path], None]
-"""Draws a mission into a file, whole or not at all."""
-
-
-def save_mission(result: MissionResult, folder: Path | str, drawings: Iterable[tuple[str, Drawing]] = ()) -> None:
-    """Write a mission's files into `folder`: the numbers first, all or none, then picture by picture.
-
-    A mission that is there already is replaced.
-
-    Args:
-        drawings: names of further files, each with what draws it.
+def save_mission(result: MissionResult, folder: Path | str) -> None:
+    """Write a mission's files into `folder`, all or none. A mission that is there already is replaced.
 
     Raises:
-        PaveTwinError: the folder holds something else or cannot be written, or a picture failed; the numbers stay.
+        PaveTwinError: the folder holds something else or cannot be written.
     """
     folder = Path(folder)
     check_mission_folder(folder)
     with writing_folder(folder, replace=True) as temporary:
         _write(result, temporary)
-    _raise_first(_draw(result, folder, drawings))
 
 
-def save_missions(
-    missions: Iterable[tuple[MissionResult, Iterable[tuple[str, Drawing]]]],
-    folder: Path,
-    extras: Iterable[tuple[str, Callable[[Path], None]]] = (),
-) -> None:
+def save_missions(missions: Iterable[MissionResult], folder: Path) -> None:
     """Write several missions into one folder, a folder each named by its policy.
 
     Each is written as soon as `missions` yields it, so an error in a later one loses none of those before.
 
-    Args:
-        extras: names of files over all missions, each with what draws it, once all are there.
-
     Raises:
-        PaveTwinError: as `save_mission`. A picture that failed is named at the end, when all else is written.
+        PaveTwinError: as `save_mission`.
     """
     check_mission_folder(folder)
     tables: list[pl.DataFrame] = []
-    failures: list[PaveTwinError] = []
-    for result, drawings in missions:
+    for result in missions:
         tables.append(segment_table(result))
         if len(tables) == 1:
             with writing_folder(folder, replace=True) as temporary:
@@ -224,10 +205,6 @@ def save_missions(
             heads = streets[0].read_text(encoding="utf-8").partition("\n")[0]
             with writing(folder / STREETS) as path:
                 path.write_text(f"{heads}\n{both}", encoding="utf-8")
-        failures += _draw(result, folder / result.policy, drawings)
-    for name, draw in extras:
-        failures += _failures(draw, folder / name)
-    _raise_first(failures)
 
 
 def check_mission_folder(folder: Path) -> None:
@@ -251,31 +228,6 @@ def _write(result: MissionResult, folder: Path) -> None:
     reasons = pl.read_csv(folder / "defects.csv", columns=["segment", "reason"], schema_overrides=_TEXTS)
     street_table(result, reasons).write_csv(folder / STREETS)
     (folder / "mission.yaml").write_text(yaml.safe_dump(description(result), sort_keys=False), encoding="utf-8")
-
-
-def _draw(result: MissionResult, folder: Path, drawings: Iterable[tuple[str, Drawing]]) -> list[PaveTwinError]:
-    return [failure for name, draw in drawings for failure in _failures(partial(draw, result), folder / name)]
-
-
-def _failures(draw: Callable[[Path], None], path: Path) -> list[PaveTwinError]:
-    """Draw one picture. Whatever is wrong with it must not cost the numbers, nor the next picture."""
-    try:
-        draw(path)
-    except PaveTwinError as error:
-        return [PaveTwinError(f"'{path}' was not drawn: {error} The numbers are in '{path.parent}'.")]
-    except Exception as error:
-        failure = PaveTwinError(
-            f"'{path}' could not be drawn ({type(error).__name__}: {error}); the numbers are in '{path.parent}'. "
-            "Please report this."
-        )
-        failure.__cause__ = error
-        return [failure]
-    return []
-
-
-def _raise_first(failures: Sequence[PaveTwinError]) -> None:
-    if failures:
-        raise failures[0]
 
 
 def _write_table(table: pl.DataFrame, path: Path) -> None:
