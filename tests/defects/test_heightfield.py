@@ -16,6 +16,7 @@ from pavetwin.defects import (
     Stains,
     albedo_factor,
     kinds,
+    lost_surface,
     measure,
     mesh_of,
     normal_map,
@@ -155,6 +156,18 @@ def test_the_maps_fit_the_heightfield(kind) -> None:  # type: ignore[no-untyped-
     assert occlusion[deep].mean() < occlusion[~shape.mask].mean()
     if (shape.opening > 0.9).any():
         assert albedo[shape.opening > 0.9].mean() < 0.5, "little light comes out of a crack"
+
+
+def test_the_surface_is_lost_where_it_is_open_or_broken_and_not_where_a_block_sank() -> None:
+    def lost(**fields: float) -> float:
+        layers = {name: np.full(flat().shape, value, dtype=np.float32) for name, value in fields.items()}
+        return float(lost_surface(replace(flat(), **layers))[40, 60])
+
+    assert lost(height_m=-0.02) == 0.0
+    assert lost(height_m=-0.02, exposed=0.4) == 1.0
+    assert lost(height_m=-0.003, exposed=0.4) == pytest.approx(0.4)
+    assert lost(height_m=-0.010, exposed=0.4) == pytest.approx(0.5)
+    assert lost(height_m=-0.003, opening=0.6) == pytest.approx(0.6)
 
 
 def test_normals_lean_away_from_a_rise() -> None:

@@ -85,9 +85,11 @@ def radiance(
 def expected(
     kind: GroundKind, view: View, light: Light, at: np.ndarray, relief: np.ndarray | None = None
 ) -> np.ndarray:
-    """(n, 3) kcd/m² of ground at points (n, 3), by the formula; `relief` (n, 4) as in `DefectPatch`, 0 … 255."""
+    """(n, 3) kcd/m² of ground at points (n, 3), by the formula; `relief` (n, 5): the maps of a `DefectPatch`, its lost
+    share last, 0 … 255."""
     local = at[:, :2] - ORIGIN
-    found = surface(kind, grain_xy(kind, local), local, ORIGIN, pyramids(), footprint_m(view, at), finish(kind))
+    lost = 0.0 if relief is None else relief[:, 4] / 255
+    found = surface(kind, grain_xy(kind, local), local, ORIGIN, pyramids(), footprint_m(view, at), finish(kind), lost)
     slope = found.normal[:, :2].astype(np.float64) / found.normal[:, 2:] @ axes(kind)
     towards = (view.position - at) / np.linalg.norm(view.position - at, axis=1)[:, None]
     if relief is None:
@@ -143,12 +145,14 @@ def test_a_defect_looks_as_its_heightfield_says(hole: Renderer, light: Light) ->
     shown = seen.labels == defect_label(defect.id)
     at = points(view, seen)[shown]
     own = (at[:, :2] - (defect.centre.x, defect.centre.y)) @ rotation(defect.yaw_rad).T
-    relief = patch_of(defect).relief.astype(np.float64)
+    patch = patch_of(defect)
+    relief = np.concatenate([patch.relief, patch.lost[..., None]], axis=-1).astype(np.float64)
     texel = heightfield_of(defect).uv(own)[:, ::-1] * relief.shape[:2] - 0.5
     there = np.stack([map_coordinates(layer, texel.T, order=1) for layer in np.moveaxis(relief, 2, 0)]).T
     steep = maximum_filter(np.abs(uniform_filter(relief[..., :2], (4, 4, 0)) - 128).max(axis=2), 9)
     gentle = map_coordinates(steep, texel.T, order=0) < 50
     assert gentle.sum() > 3000
+    assert (there[gentle, 4] > 250).mean() > 0.3, "without its paint"
     wanted = expected(GroundKind.SLABS, view, light, at[gentle], there[gentle])
     assert_alike(seen.radiance[shown][gentle], wanted)
     # What is left when the defect's own share is taken out is the pavement that was there before.

@@ -33,7 +33,7 @@ class Wall(Strips):
         place = np.eye(4)
         place[:2, :2], place[:2, 3] = rotation(turn_rad).T, MIDDLE[:2]
         mask = np.full((60, 200), 255, dtype=np.uint8)
-        self._patches = (DefectPatch(defect_label(0), mesh, mesh, place, relief, mask),)
+        self._patches = (DefectPatch(defect_label(0), mesh, mesh, place, relief, mask, np.zeros_like(mask)),)
         self._holes = {0: (*(MIDDLE[:2] - 1.0).tolist(), *(MIDDLE[:2] + 1.0).tolist())}
 
     def tile(self, key: tuple[int, int]) -> Tile:

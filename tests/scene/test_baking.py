@@ -5,11 +5,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pavetwin.scene.export.baking import BakedTexture, bake_tile
-from pavetwin.scene.ground.materials.compose import surface
+from pavetwin.scene.export.baking import BakedTexture, bake_patch, bake_tile
+from pavetwin.scene.ground.materials.compose import MapPyramids, surface
 from pavetwin.scene.ground.materials.sampling import srgb_of_linear
-from pavetwin.scene.model import TILE_M, GroundKind
-from scenes.strips import KEY, ORIGIN, STRIP_M, Strips, axes, finish, grain_xy, pyramids
+from pavetwin.scene.model import TILE_M, GroundKind, GroundMaps
+from pavetwin.scene.patches import patch_of
+from scenes.strips import KEY, ORIGIN, STRIP_M, Strips, axes, finish, grain_xy, pothole, pyramids, weathered
 
 TEXEL_M = 0.032
 
@@ -30,3 +31,17 @@ def test_grain_is_baked_along_the_pictures_axes_whichever_way_it_lies(kind: Grou
     assert np.abs(picture.colour[inside] - 255 * srgb_of_linear(found.albedo)).max() < 1.5
     bent = (picture.normal[inside].astype(float)[:, :2] - 128) / 127
     assert np.abs(bent - found.normal[:, :2] @ axes(kind)).max() < 0.006
+
+
+def test_no_paint_lies_on_the_floor_of_a_baked_pothole() -> None:
+    patch = patch_of(pothole())
+    painted, unpainted = weathered().drawn.copy(), weathered().drawn.copy()
+    painted[...], unpainted[..., 0], unpainted[..., 3] = (255, 0, 0, 1), 1, 1
+    seen, bare = (
+        bake_patch(patch, ORIGIN, MapPyramids.of(GroundMaps(weathered().weathering, drawn)), 0.005).colour.astype(int)
+        for drawn in (painted, unpainted)
+    )
+    floor = patch.lost[::-1] == 255
+    assert floor.sum() > 500
+    assert np.array_equal(seen[floor], bare[floor])
+    assert (seen - bare)[patch.lost[::-1] == 0].mean() > 50

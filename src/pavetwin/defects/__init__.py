@@ -1,7 +1,7 @@
 """Defects: heightfields of the registered classes, what is derived from them, placement, sample points."""
 
 from pavetwin.defects.heightfield import Heightfield, Stains
-from pavetwin.defects.maps import albedo_factor, normal_map, occlusion_map
+from pavetwin.defects.maps import albedo_factor, lost_surface, normal_map, occlusion_map
 from pavetwin.defects.marking import Marking
 from pavetwin.defects.measures import Measures, measure
 from pavetwin.defects.mesh import DefectMesh, mesh_of
@@ -24,6 +24,7 @@ __all__ = [
     "defect_class",
     "heightfield_of",
     "kinds",
+    "lost_surface",
     "measure",
     "mesh_of",
     "normal_map",

@@ -19,6 +19,11 @@ STONE = (1.45, 1.40, 1.32)
 STONE_CONTRAST = 0.3
 """How much lighter or darker single stones are than their mean."""
 
+BROKEN_SHARE = (0.0, 0.2)
+"""Exposed shares between which a cell of a hole becomes wholly broken; blocks that sank as a whole have none."""
+LOST_M = (0.005, 0.015)
+"""Depths between which nothing of a broken surface is left: stones of its course are 5 to 15 mm. Ours."""
+
 CAVITY_SCALES_M = (0.02, 0.08, 0.25)
 CAVITY_STRENGTH = 1.1
 
@@ -41,6 +46,14 @@ def albedo_factor(heightfield: Heightfield) -> Float32Array:
     factor = _mixed(factor, np.array(DIRT, dtype=np.float32), stains.dirt)
     factor = _mixed(factor, _within(heightfield), heightfield.opening)
     return _mixed(factor, contrast * np.array(STONE, dtype=np.float32), stains.stone)
+
+
+def lost_surface(heightfield: Heightfield) -> Float32Array:
+    """(rows, cols) share of the road's surface that is gone, with the paint and sealant on it: open, bare, or below it
+    where it is broken. Blocks that sank whole keep theirs."""
+    broken = smooth(heightfield.exposed, *BROKEN_SHARE) * smooth(-heightfield.height_m, *LOST_M)
+    left = (1 - heightfield.opening) * (1 - np.maximum(heightfield.exposed, broken))
+    return np.asarray(1 - left, dtype=np.float32)
 
 
 def occlusion_map(heightfield: Heightfield) -> UInt8Array:

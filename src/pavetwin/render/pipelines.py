@@ -180,6 +180,7 @@ def _ground_numbers(details: dict[GroundKind, Detail]) -> str:
         "GRAINS_SEEN_M": compose.GRAINS_SEEN_M,
         "GRAINS_MELTED_M": compose.GRAINS_MELTED_M,
         "MEAN_HEIGHT": compose.MEAN_HEIGHT,
+        "FIRST_PLANT": compose.FIRST_PLANT,
         "SECOND_COS": math.cos(compose.SECOND_TURN_RAD),
         "SECOND_SIN": math.sin(compose.SECOND_TURN_RAD),
         "SECOND_SCALE": compose.SECOND_SCALE,

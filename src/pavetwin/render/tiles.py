@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Protocol, TypeVar
 
+import numpy as np
 import wgpu
 
 from pavetwin.arrays import Float64Array, UInt8Array
@@ -51,7 +52,7 @@ class GpuPatch:
     mesh: GpuMesh
     coarse: GpuMesh
     textures: tuple[Any, Any]
-    """Relief and mask."""
+    """Relief; mask and lost share."""
     shading: Any
     """Bind group with both."""
     masked: Any
@@ -142,7 +143,7 @@ class TileCache:
 
     def _fill(self, patch: DefectPatch, origin: tuple[float, float]) -> GpuPatch:
         relief = self._gpu.texture([patch.relief])
-        mask = self._gpu.texture([patch.mask[..., None]], levels=False)
+        mask = self._gpu.texture([np.stack([patch.mask, patch.lost], axis=-1)])
         mesh = upload_patch(self._gpu, patch, patch.mesh, origin)
         return GpuPatch(
             patch.label,

@@ -191,6 +191,8 @@ class DefectPatch:
     """(rows, columns, 4): normal x and y (128 for 0), reflectance × value / 128, ambient occlusion (255 open)."""
     mask: UInt8Array
     """(rows, columns): 255 where the label is, else 0."""
+    lost: UInt8Array
+    """(rows, columns): share of the road's surface that is gone, with the paint and sealant on it, 0 … 255."""
     kind: GroundKind = GroundKind.ASPHALT
     """Of the pavement that it lies in."""
     finish: Finish = PLAIN_FINISH

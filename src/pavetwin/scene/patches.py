@@ -17,7 +17,7 @@ from shapely import Polygon
 
 from pavetwin._core import relief_mesh
 from pavetwin.arrays import Float32Array, Float64Array, UInt8Array
-from pavetwin.defects import Heightfield, albedo_factor, heightfield_of, normal_map, occlusion_map
+from pavetwin.defects import Heightfield, albedo_factor, heightfield_of, lost_surface, normal_map, occlusion_map
 from pavetwin.defects.registry import failures_named
 from pavetwin.scene.agents import upright
 from pavetwin.scene.model import PLAIN_FINISH, TILE_M, DefectPatch, Finish, GroundKind, Mesh, defect_label
@@ -84,7 +84,7 @@ def _patch(defect: Defect, field: Heightfield) -> DefectPatch:
     if not shapely.LinearRing(ring).is_ccw:
         ring = ring[::-1]
     ring = np.ascontiguousarray(ring @ transform[:2, :2])
-    relief, mask = _maps(field)
+    relief, mask, lost = _maps(field)
     return DefectPatch(
         label=defect_label(defect.id),
         mesh=_mesh(defect, field, ring, TOLERANCE_M, MOST_VERTICES),
@@ -92,6 +92,7 @@ def _patch(defect: Defect, field: Heightfield) -> DefectPatch:
         transform=transform,
         relief=relief,
         mask=mask,
+        lost=lost,
     )
 
 
@@ -124,18 +125,18 @@ def _mesh(defect: Defect, field: Heightfield, ring: Float64Array, tolerance_m: f
     return Mesh(positions, upright, indices, uv=field.uv(positions[:, :2].astype(np.float64)))
 
 
-def _maps(field: Heightfield) -> tuple[UInt8Array, UInt8Array]:
-    """(rows, cols, 4) normal x and y, reflectance, openness; and (rows, cols) the label's mask."""
+def _maps(field: Heightfield) -> tuple[UInt8Array, UInt8Array, UInt8Array]:
+    """(rows, cols, 4) normal x and y, reflectance, openness; (rows, cols) the label's mask; and the lost share."""
     share = _inward(field)
     factor = 1 + (albedo_factor(field) @ LUMINANCE - 1) * share
     normal = normal_map(field)[..., :2].astype(np.float32) - 127.5
     bent = 128 + normal * share[..., None] * (127 / 127.5)
     openness = 255 + (occlusion_map(field).astype(np.float32) - 255) * share
-    relief = np.concatenate([bent, 128 * factor[..., None], openness[..., None]], axis=-1)
-    mask = 255 * field.mask.astype(np.float32)
-    step = max(1, int(np.ceil(np.sqrt(mask.size / MOST_TEXELS))))
-    coarse = np.clip(np.round(averaged(relief, step)), 0, 255).astype(np.uint8)
-    return coarse, (255 * (averaged(mask[..., None], step)[..., 0] >= 127.5)).astype(np.uint8)
+    channels = (128 * factor, openness, 255 * field.mask.astype(np.float32), 255 * lost_surface(field))
+    step = max(1, int(np.ceil(np.sqrt(field.mask.size / MOST_TEXELS))))
+    means = averaged(np.concatenate([bent, np.stack(channels, axis=-1)], axis=-1), step)
+    coarse = np.clip(np.round(means), 0, 255).astype(np.uint8)
+    return coarse[..., :4], (255 * (means[..., 4] >= 127.5)).astype(np.uint8), coarse[..., 5]
 
 
 def _inward(field: Heightfield) -> Float32Array:

@@ -17,7 +17,7 @@ struct Vertex {
     let flat_n = normalize(in.axis);
     let kind = u32(in.kind.x);
     let footprint = footprint_of(in.relative, flat_n, in.world.w);
-    let surface = ground_surface(in.kind, in.uv, in.local, in.world.xy, footprint);
+    let surface = covered(bare_ground(in.kind, in.uv, in.local, in.world.xy, footprint), 0.0);
     var axes = grain_axes(in.relative, in.uv, flat_n);
     // Texture axes of loose ground are the world's, which avoids differences of large numbers.
     if ((LOOSE_KINDS >> kind & 1u) == 1u) { axes = mat2x3f(1.0, 0.0, 0.0, 0.0, 1.0, 0.0); }

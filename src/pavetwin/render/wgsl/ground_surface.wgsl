@@ -13,6 +13,15 @@ struct Surface {
     roughness: f32,
 }
 
+// The pavement, and what lies on it.
+struct Ground {
+    bare: Surface,
+    paint: vec3f,        // its reflectance, with dirt
+    painted: f32,        // share where there is no sealant
+    sealed: f32,
+    overgrown: bool,     // the paint is a plant
+}
+
 struct Detail {
     colour: vec4f,
     relief: vec4f,
@@ -107,7 +116,7 @@ fn edge_share(distance: f32, height: f32, edge: f32, footprint: f32) -> f32 {
 }
 
 // `of_kind`: as `Seen` has it.
-fn ground_surface(of_kind: vec4f, uv: vec2f, local: vec2f, world: vec2f, footprint: f32) -> Surface {
+fn bare_ground(of_kind: vec4f, uv: vec2f, local: vec2f, world: vec2f, footprint: f32) -> Ground {
     let kind = u32(of_kind.x);
     // One sample or the other, never both: texture samples dominate the cost of the ground.
     let second = (LOOSE_KINDS >> kind & 1u) == 1u && second_share(world) > grain_noise(local);
@@ -127,6 +136,7 @@ fn ground_surface(of_kind: vec4f, uv: vec2f, local: vec2f, world: vec2f, footpri
     let polish = weathering.w;
     let height = detail.relief.z;
 
+    var found: Ground;
     var out: Surface;
     let grain = 2.0 * fract(of_kind.x);
     let mean = mean_reflectance(kind);
@@ -137,10 +147,8 @@ fn ground_surface(of_kind: vec4f, uv: vec2f, local: vec2f, world: vec2f, footpri
     out.slope = detail.relief.xy * (grain * (1.0 - 0.45 * polish) * (1.0 - 0.5 * dust));
     out.roughness = detail.relief.w - 0.15 * polish - 0.25 * stain;
 
-    let sealed = edge_share(metres(drawn.w), height, BITUMEN_EDGE_M, footprint);
-    out.albedo = mix(out.albedo, BITUMEN, 0.92 * sealed);
-    out.slope *= 1.0 - 0.75 * sealed;
-    out.roughness = mix(out.roughness, 0.55, sealed);
+    found.bare = out;
+    found.sealed = edge_share(metres(drawn.w), height, BITUMEN_EDGE_M, footprint);
 
     let wear = drawn.z;
     let hold = detail.colour.a;
@@ -148,10 +156,23 @@ fn ground_surface(of_kind: vec4f, uv: vec2f, local: vec2f, world: vec2f, footpri
     let near = smoothstep(least - KEPT_SOFT, least + KEPT_SOFT, hold);
     let far = clamp(1.0 - wear + 5.0 * wear * (1.0 - wear) * (hold - 0.5), 0.0, 1.0);
     let kept = mix(near, far, smoothstep(GRAINS_SEEN_M, GRAINS_MELTED_M, footprint));
-    let painted = edge_share(metres(drawn.x), height, PAINT_EDGE_M, footprint) * kept * (1.0 - 0.8 * sealed);
+    found.painted = edge_share(metres(drawn.x), height, PAINT_EDGE_M, footprint) * kept;
     let grime = (1.0 - 0.3 * polish) * (1.0 + 0.35 * (height - MEAN_HEIGHT));
     let dirt = (1.0 - 0.35 * wear) * mix(1.0, tone, 0.5) * (1.0 - 0.5 * stain) * grime;
-    out.albedo = mix(out.albedo, paint_of(drawn.y) * dirt, painted);
+    found.paint = paint_of(drawn.y) * dirt;
+    found.overgrown = drawn.y > FIRST_PLANT;
+    return found;
+}
+
+// The pavement with its sealant and paint, but for a share that was lost with its surface; plants grow in it.
+fn covered(ground: Ground, lost: f32) -> Surface {
+    var out = ground.bare;
+    let sealed = ground.sealed * (1.0 - lost);
+    out.albedo = mix(out.albedo, BITUMEN, 0.92 * sealed);
+    out.slope *= 1.0 - 0.75 * sealed;
+    out.roughness = mix(out.roughness, 0.55, sealed);
+    let painted = ground.painted * (1.0 - 0.8 * sealed) * (1.0 - select(lost, 0.0, ground.overgrown));
+    out.albedo = mix(out.albedo, ground.paint, painted);
     out.slope *= 1.0 - 0.4 * painted;
     out.roughness = clamp(mix(out.roughness, 0.6, painted), 0.05, 1.0);
     out.albedo = clamp(out.albedo, vec3f(0.0), vec3f(1.0));

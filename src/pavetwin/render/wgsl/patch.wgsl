@@ -1,7 +1,7 @@
 // The pavement around a defect: as beside it, with the relief, reflectance and shade of the heightfield.
 
 @group(3) @binding(0) var relief_map: texture_2d<f32>;    // normal x, y, reflectance, openness
-@group(3) @binding(1) var mask: texture_2d<f32>;
+@group(3) @binding(1) var mask: texture_2d<f32>;          // label, lost share of the surface
 
 const LUMINANCE = vec3f(0.2126, 0.7152, 0.0722);
 const WALL_LEVEL = 2.0;    // of the relief's texels of 5 mm: 2 cm
@@ -32,9 +32,11 @@ struct Vertex {
     let facing = abs(along * mean.x + across * mean.y);
     let beside = select(world.x, world.y, facing.x > facing.y);
     let grain = select(world, vec2f(beside, in.world.z), length(facing) > 0.55);
-    var surface = ground_surface(in.kind, grain, in.local, world, footprint);
+    let ground = bare_ground(in.kind, grain, in.local, world, footprint);
+    let before = covered(ground, 0.0);
+    var surface = covered(ground, textureSample(mask, smooth_sampler, in.uv).g);
     let lit = sunlight(in.shadow, up, in.world.w, pixel_jitter(in.clip.xy), vec2f(0.0));
-    let defect_free = ground_radiance(surface, normalize(vec3f(surface.slope, 1.0)), in.relative, lit, 1.0);
+    let defect_free = ground_radiance(before, normalize(vec3f(before.slope, 1.0)), in.relative, lit, 1.0);
     let bent = (relief.xy * 255.0 - 128.0) / 127.0;
     // From a unit normal back to a slope, as slopes can be added.
     let slope = bent / sqrt(max(1.0 - dot(bent, bent), 0.02));

@@ -77,14 +77,17 @@ def bake_patch(patch: DefectPatch, origin: tuple[float, float], maps: MapPyramid
     """
     low, high = _extent(patch)
     cell_m = float(high[0] - low[0]) / patch.relief.shape[1]
-    relief = averaged(patch.relief.astype(np.float32), max(1, round(texel_m / cell_m)))
+    layers = np.concatenate([patch.relief, patch.lost[..., None]], axis=-1).astype(np.float32)
+    relief = averaged(layers, max(1, round(texel_m / cell_m)))
     rows, cols = relief.shape[:2]
     x = low[0] + (np.arange(cols) + 0.5) * (high[0] - low[0]) / cols
     y = low[1] + (np.arange(rows) + 0.5) * (high[1] - low[1]) / rows
     own = np.stack(np.meshgrid(x, y), axis=-1)
     turn = patch.transform[:2, :2]
     world = own @ turn.T + patch.transform[:2, 3]
-    seen = surface(patch.kind, world, world - origin, origin, maps, float((high[0] - low[0]) / cols), patch.finish)
+    footprint_m = float((high[0] - low[0]) / cols)
+    lost = relief[..., 4] / 255
+    seen = surface(patch.kind, world, world - origin, origin, maps, footprint_m, patch.finish, lost)
     bent = (relief[..., :2] - 128) / 127
     slope = bent / np.sqrt(np.maximum(1e-3, 1 - (bent**2).sum(axis=-1, keepdims=True)))
     grain = (seen.normal[..., :2] / seen.normal[..., 2:]) @ turn.astype(np.float32)

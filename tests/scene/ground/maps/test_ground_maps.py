@@ -200,19 +200,22 @@ def test_grain_reflects_as_much_as_its_kind_does(kind: GroundKind) -> None:
     assert (slope**2).sum(axis=-1).max() < 1.0
 
 
-def plain(paint: int, wear: int, bitumen: int = 1) -> GroundMaps:
+def plain(paint: int, wear: int, bitumen: int = 1, which: int = 0) -> GroundMaps:
     """Maps of one value everywhere: no weathering."""
     weathering = np.zeros((MAP_PX, MAP_PX, 4), dtype=np.uint8)
     weathering[..., 0] = 128
     drawn = np.zeros((MAP_PX, MAP_PX, 4), dtype=np.uint8)
-    drawn[...] = paint, 0, wear, bitumen
+    drawn[...] = paint, which, wear, bitumen
     return GroundMaps(weathering, drawn)
 
 
 @cache
-def look(paint: int, wear: int, bitumen: int = 1, footprint_m: float = 0.005) -> np.ndarray:
+def look(
+    paint: int, wear: int, bitumen: int = 1, footprint_m: float = 0.005, which: int = 0, lost: float = 0.0
+) -> np.ndarray:
     xy = np.random.default_rng(0).uniform(2.0, 30.0, (4000, 2))
-    return surface(GroundKind.ASPHALT, xy, xy, (0.0, 0.0), plain(paint, wear, bitumen), footprint_m).albedo
+    maps = plain(paint, wear, bitumen, which)
+    return surface(GroundKind.ASPHALT, xy, xy, (0.0, 0.0), maps, footprint_m, lost=lost).albedo
 
 
 def test_paint_covers_and_wear_takes_it_off_in_proportion() -> None:
@@ -228,6 +231,16 @@ def test_paint_covers_and_wear_takes_it_off_in_proportion() -> None:
 def test_bitumen_is_darker_than_asphalt_and_hides_its_grain() -> None:
     assert look(1, 0, 255).mean() < 0.5 * look(1, 0).mean()
     assert look(1, 0, 255).std() < 0.3 * look(1, 0).std()
+
+
+def test_paint_and_bitumen_are_lost_with_the_surface_below_and_plants_are_not() -> None:
+    bare = look(1, 0)
+    assert np.allclose(look(255, 0, lost=1.0), bare, atol=1e-6)
+    assert np.allclose(look(1, 0, 255, lost=1.0), bare, atol=1e-6)
+    assert look(255, 0, lost=0.5).mean() == pytest.approx((look(255, 0).mean() + bare.mean()) / 2, rel=1e-3)
+    moss = round(255 * list(PAINTS).index("moss") / (len(PAINTS) - 1))
+    assert np.array_equal(look(255, 0, which=moss, lost=1.0), look(255, 0, which=moss))
+    assert not np.allclose(look(255, 0, which=moss), bare, atol=0.01)
 
 
 def test_an_edge_of_paint_lies_where_its_distance_is_none() -> None:

@@ -21,6 +21,8 @@ ground [m], D(kind, uv) the detail (linear reflectance ρ, hold of paint a, norm
    hollows, tyres darken: ρ ← mix(ρ, paint · (1 − 0.35 · wear) · mix(1, tone, 0.5) · (1 − 0.5 · stain) · (1 − 0.3 ·
    polish) · (1 + 0.35 · (h − MEAN_HEIGHT)), s · k); n ← n · (1 − 0.4 · s · k); r ← mix(r, 0.6, s · k).
 7. On patches of defects ρ ← ρ · (their reflectance) and their normal is added before normalising: (n + n_defect, 1).
+   Where a share l of the surface is lost (open cracks, holes, broken edges), so are the sealant and the paint that lay
+   on it: b ← b · (1 − l) in 5, and s ← s · (1 − l) in 6 but for plants, which grow in cracks.
 
 Reflectances: paint and bitumen after the ranges of road lighting practice (CIE 144:2001; worn white road paint has a
 luminance factor of 0.4 to 0.7, EN 1436 class B2 to B5), dust after dry mineral soil (0.25 to 0.35 in the visible).
@@ -61,6 +63,9 @@ PAINTS: Final = {
 }
 """In the order of the maps' numbers, evenly spaced over 0 … 1. The last three are plants in cracks: grass reflects 0.05
 to 0.10 in the visible, dry grass more."""
+
+FIRST_PLANT: Final = (list(PAINTS).index("moss") - 0.5) / (len(PAINTS) - 1)
+"""From this number of the maps on it is no paint but a plant."""
 
 RAGGED_M: Final = 0.016
 """Edges of paint and bitumen move by half of this with the height of the grain [m]."""
@@ -112,6 +117,7 @@ def surface(
     maps: GroundMaps | MapPyramids,
     footprint_m: float | FloatArray,
     finish: Finish = PLAIN_FINISH,
+    lost: float | FloatArray = 0.0,
 ) -> Surface:
     """The surface of ground of one kind at many points.
 
@@ -122,6 +128,7 @@ def surface(
         origin: the tile's south-west corner in the world frame, metres.
         footprint_m: side of a pixel's footprint on the ground, one number or (...).
         finish: of the piece of ground.
+        lost: share of the surface that is gone with the sealant and paint on it, one number or (...).
     """
     reflectance, hold, normal, height, rough = _detail(kind, uv, local_xy, origin, footprint_m)
     weathering, drawn = _maps(maps, local_xy, footprint_m)
@@ -140,12 +147,13 @@ def surface(
     albedo = albedo * (1.0 - 0.8 * stain)[..., None]
     rough = rough - 0.25 * stain
 
-    sealed = _share(bitumen_m, height, BITUMEN_EDGE_M, footprint_m)
+    sealed = _share(bitumen_m, height, BITUMEN_EDGE_M, footprint_m) * (1 - np.asarray(lost, dtype=np.float32))
     albedo = _mix(albedo, BITUMEN, 0.92 * sealed)
     rough = rough + (0.55 - rough) * sealed
     normal = normal * (1.0 - 0.75 * sealed)[..., None]
 
     painted = _share(paint_m, height, PAINT_EDGE_M, footprint_m) * _kept(hold, wear, footprint_m) * (1 - 0.8 * sealed)
+    painted = painted * (1 - np.where(which > FIRST_PLANT, np.float32(0), np.asarray(lost, dtype=np.float32)))
     dirt = (1.0 - 0.35 * wear) * (0.5 + 0.5 * tone) * (1.0 - 0.5 * stain) * (1.0 - 0.3 * polish)
     dirt = dirt * (1.0 + 0.35 * (height - MEAN_HEIGHT))
     places = np.linspace(0.0, 1.0, len(PAINTS))
