@@ -93,7 +93,8 @@ lint:  ## ruff, mypy --strict, clippy with warnings as errors, rustfmt
 
 lock:  ## Write the lock files again from what is asked for (UPGRADE=1: the newest of everything)
 	@scripts/setup.sh packages
-	@.venv/bin/uv pip compile pyproject.toml --extra augment --extra evaluate --group dev --universal --python-version 3.11 \
+	@.venv/bin/uv pip compile pyproject.toml --extra augment --extra detect --extra evaluate --group dev \
+		--universal --python-version 3.11 \
 		--generate-hashes --no-emit-index-url --no-header --quiet $(if $(UPGRADE),--upgrade) \
 		--output-file requirements.lock
 	@.venv/bin/uv pip compile pyproject.toml --all-extras --group dev --constraint requirements.lock --universal \

@@ -88,6 +88,7 @@ NEEDS_RESULTS = {
     "evaluate --regions",
     "experiment recommend --traffic",
     "experiment recommend --world",
+    "export --licence",
     "train --device",
 }
 """Options of commands that read a dataset or a study; tested with those commands."""

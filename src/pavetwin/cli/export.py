@@ -1,0 +1,49 @@
+"""`pavetwin export`: a trained detector as one ONNX file."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pavetwin.cli.console import out, progress
+from pavetwin.errors import PaveTwinError
+
+
+def export(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its best.pt.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="The file, such as model.onnx.")] = None,
+    half: Annotated[
+        bool, typer.Option("--half", help="Store the weights in half precision: half the size, the same speed.")
+    ] = False,
+    licence: Annotated[str, typer.Option(help="Of the weights, as the file shall say it, such as Apache-2.0.")] = "",
+) -> None:
+    """Write a trained detector as one ONNX file, which runs without PyTorch.
+
+    \b
+    pavetwin export runs/first -o model.onnx
+    pavetwin export runs/first/best.pt -o small.onnx --half --licence Apache-2.0
+
+    Needs PyTorch (`pip install pavetwin[train]`); `pavetwin detect` and `pavetwin serve` run the file without it.
+    """
+    if output is None:
+        raise PaveTwinError("Say where the model goes with -o, for example -o model.onnx.")
+    if output.is_dir():
+        raise PaveTwinError(f"`output` '{output}' is a folder; name a file in it, for example {output}/model.onnx.")
+    if not run.exists():
+        raise PaveTwinError(f"There is no run '{run}'; `pavetwin train` makes one.")
+    _check_installed()
+    from pavetwin.perception.training.export import export as exported
+
+    with progress("Exporting"):
+        facts = exported(run, output, licence=licence, half=half)
+    masks = "with masks" if facts.mask_px else "without masks"
+    out.line(f"Model: {output}, {output.stat().st_size / 1e6:.1f} MB, {masks}, for images of {facts.image_px} px.")
+
+
+def _check_installed() -> None:
+    from importlib.util import find_spec
+
+    if any(find_spec(name) is None for name in ("torch", "torchvision", "onnx", "onnxscript")):
+        raise PaveTwinError(
+            "Exporting needs PyTorch and onnx, which are an extra; install them with `pip install pavetwin[train]`."
+        )

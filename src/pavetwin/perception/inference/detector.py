@@ -1,0 +1,161 @@
+"""A detector that is ready for use: `Detector("model.onnx").detect(["street.jpg"])`."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from PIL import Image, ImageOps
+
+from pavetwin.arrays import Float32Array, UInt8Array
+from pavetwin.errors import PaveTwinError
+from pavetwin.labels.boxes import PixelBox
+from pavetwin.perception.classes import SUBTYPES
+from pavetwin.perception.inference.detections import Detections, MaskPart
+from pavetwin.perception.inference.model_file import open_session
+from pavetwin.perception.inference.tiles import merged, tile_windows
+
+GREY: Final = 114
+"""Beside and below an image that is no multiple of the stride, as in training."""
+
+BATCH: Final = 4
+"""Tiles that run together."""
+
+MOST: Final = 300
+"""Detections of an image or a tile, the most confident ones."""
+
+Picture = str | Path | Image.Image | UInt8Array
+"""A file, a picture of Pillow's, or pixels (rows, columns, 3) of red, green and blue."""
+
+
+class Detector:
+    """A model file, opened. It may be used from several threads at a time."""
+
+    def __init__(
+        self,
+        path: str | Path,
+        *,
+        confidence: float = 0.25,
+        overlap: float = 0.7,
+        tiled: bool | None = None,
+        image_px: int = 0,
+        threads: int = 0,
+    ) -> None:
+        """Args:
+            path: ONNX file of `pavetwin export`.
+            confidence: the least final confidence of what is said.
+            overlap: IoU from which the less confident of two boxes of a coarse class is dropped.
+            tiled: look at images that are larger than `image_px` in tiles at their own resolution, else as a whole that
+                is scaled to `image_px`; None does what the model was trained on.
+            image_px: longer side of what the network sees; 0 takes what it was trained on.
+            threads: of one image; 0 takes one for each core.
+
+        Raises:
+            PaveTwinError: the file is not there, damaged, or another model, or a value is out of its bounds.
+        """
+        for name, value in (("confidence", confidence), ("overlap", overlap)):
+            if not 0.0 < value < 1.0:
+                raise PaveTwinError(f"`{name}` {value:g}: it is above 0 and below 1.")
+        self._session, self.facts = open_session(Path(path), threads)
+        self.image_px = image_px or self.facts.image_px
+        if not 64 <= self.image_px <= 4096 or self.image_px % self.facts.stride:
+            raise PaveTwinError(f"`image_px` {self.image_px}: a multiple of {self.facts.stride} from 64 to 4096.")
+        self.tiled = self.facts.native if tiled is None else tiled
+        self._confidence, self._overlap = confidence, overlap
+
+    def detect(self, images: Iterable[Picture]) -> list[Detections]:
+        """The detections of each image.
+
+        Raises:
+            PaveTwinError: a file cannot be read as an image.
+        """
+        return list(self.each(images))
+
+    def each(self, images: Iterable[Picture]) -> Iterator[Detections]:
+        """The same, one image after the other: for more than fit into memory."""
+        return (self._of_image(pixels_of(image)) for image in images)
+
+    def _of_image(self, pixels: UInt8Array) -> Detections:
+        size = (pixels.shape[1], pixels.shape[0])
+        if not self.tiled or max(size) <= self.image_px:
+            return self._whole(pixels)
+        tiles = tile_windows(size, self.image_px)
+        found: list[Detections] = []
+        for start in range(0, len(tiles), BATCH):
+            found += self._tiles(pixels, tiles[start : start + BATCH])
+        return merged(found, tiles)
+
+    def _whole(self, pixels: UInt8Array) -> Detections:
+        """The image, scaled so that its longer side is what the network was trained on."""
+        height, width = pixels.shape[:2]
+        scale = self.image_px / max(width, height)
+        small = (max(1, round(scale * width)), max(1, round(scale * height)))
+        shown = pixels if small == (width, height) else _resized(pixels, small)
+        step = np.array([width / small[0], height / small[1]] * 2, dtype=np.float32)
+        (found,) = self._run([shown])
+        return _detections((width, height), found, step, (0, 0))
+
+    def _tiles(self, pixels: UInt8Array, tiles: Sequence[PixelBox]) -> Iterator[Detections]:
+        size = (pixels.shape[1], pixels.shape[0])
+        shown = [pixels[top:bottom, left:right] for left, top, right, bottom in tiles]
+        for tile, found in zip(tiles, self._run(shown), strict=True):
+            yield _detections(size, found, np.ones(4, dtype=np.float32), tile[:2])
+
+    def _run(self, shown: Sequence[UInt8Array]) -> list[dict[str, Any]]:
+        """What the model says of pictures of one size, in their pixels."""
+        height, width = shown[0].shape[:2]
+        step = self.facts.stride
+        canvas = np.full((len(shown), -(-height // step) * step, -(-width // step) * step, 3), GREY, dtype=np.uint8)
+        for at, each in enumerate(shown):
+            canvas[at, :height, :width] = each
+        limits = {"confidence": self._confidence, "overlap": self._overlap}
+        given = {name: np.array([limit], dtype=np.float32) for name, limit in limits.items()}
+        names = [each.name for each in self._session.get_outputs()]
+        told = dict(zip(names, self._session.run(names, {"images": canvas, **given}), strict=True))
+        told["boxes"] = np.minimum(told["boxes"], np.array([width, height] * 2, dtype=np.float32))
+        final = told["detection"] * told["subtype"]
+        rows = []
+        for at in range(len(shown)):
+            sides = told["boxes"][:, 2:] - told["boxes"][:, :2]
+            mine = np.flatnonzero((told["image"] == at) & (final >= self._confidence) & (sides > 0).all(axis=1))
+            best = mine[np.argsort(-final[mine], kind="stable")][:MOST]
+            rows.append({name: values[best] for name, values in told.items()})
+        return rows
+
+
+def _detections(
+    size: tuple[int, int], found: dict[str, Any], step: Float32Array, corner: tuple[int, int]
+) -> Detections:
+    """What was said of a picture, in pixels of the image that it is of: scaled by `step`, moved to `corner`."""
+    limits = np.array([*size, *size], dtype=np.float32)
+    boxes = np.clip(found["boxes"] * step + np.array([*corner, *corner], dtype=np.float32), 0, limits)
+    classes = found["classes"]
+    grids = found.get("masks")
+    masks: list[tuple[MaskPart, ...]] = []
+    for at, box in enumerate(boxes.tolist()):
+        has_mask = grids is not None and classes[at] < len(SUBTYPES)
+        masks.append((MaskPart((box[0], box[1], box[2], box[3]), grids[at]),) if has_mask else ())  # type: ignore[index]
+    return Detections(size, boxes, classes, found["detection"], found["subtype"], tuple(masks))
+
+
+def pixels_of(image: Picture) -> UInt8Array:
+    """An image as red, green and blue (rows, columns, 3), turned as its EXIF says.
+
+    Raises:
+        PaveTwinError: it cannot be read as an image.
+    """
+    if isinstance(image, np.ndarray):
+        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8 or not image.size:
+            raise PaveTwinError("An image as an array is uint8 of (rows, columns, 3): red, green, blue.")
+        return image
+    try:
+        held = Image.open(image) if isinstance(image, str | Path) else image
+        return np.asarray(ImageOps.exif_transpose(held).convert("RGB"))
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        what = f"'{image}'" if isinstance(image, str | Path) else "The image"
+        raise PaveTwinError(f"{what} cannot be read as an image ({error}).") from error
+
+
+def _resized(pixels: UInt8Array, size: tuple[int, int]) -> UInt8Array:
+    """By the filter that training uses."""
+    return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.BILINEAR, reducing_gap=3.0))

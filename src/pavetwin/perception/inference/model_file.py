@@ -1,0 +1,129 @@
+"""The detector's file: an ONNX model that says of itself what it takes and gives.
+
+Input `images`: uint8 (batch, rows, columns, 3) red, green, blue; rows and columns are multiples of `stride`. The
+inputs `confidence` and `overlap` may be left out. Outputs, a row for each detection of any image of the batch:
+
+- `image` (n,) int64: which image it is of
+- `boxes` (n, 4) float32: left, top, right, bottom in pixels, within the image
+- `classes` (n,) int64: number in the list of classes
+- `detection` (n,) float32: confidence in the coarse class
+- `subtype` (n,) float32: confidence in the subtype of a defect; 1 for others
+- `masks` (n, side, side) float32: probabilities within the box, 0 for what is no defect; only with a mask head
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.perception.classes import CLASSES
+
+FORMAT: Final = 1
+"""Of the file's inputs, outputs and properties."""
+
+OUTPUTS: Final = ("image", "boxes", "classes", "detection", "subtype", "masks")
+
+INPUT: Final = "uint8 (batch, rows, columns, 3), red, green, blue; divided by 255 within"
+"""What the file says of its input's normalisation."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModelFacts:
+    """What a file says of itself."""
+
+    classes: tuple[str, ...] = CLASSES
+    image_px: int = 640
+    """Side of the images it was trained on."""
+    native: bool = False
+    """Whether it was trained on crops at native resolution."""
+    stride: int = 32
+    """Sides of images are multiples of it."""
+    mask_px: int = 0
+    """Side of a mask; 0 without masks."""
+    recipe: str = ""
+    """SHA-256 of the training's settings and data (`run.json`); empty where they are not known."""
+    licence: str = ""
+    """Of the weights; empty where nothing is said."""
+    architecture: Mapping[str, Any] = field(default_factory=dict)
+
+    def as_properties(self) -> dict[str, str]:
+        """As the file holds them (`metadata_props`): texts by name."""
+        return {
+            "pavetwin_detector": str(FORMAT),
+            "classes": json.dumps(self.classes),
+            "input": INPUT,
+            "image_px": str(self.image_px),
+            "native": json.dumps(self.native),
+            "stride": str(self.stride),
+            "mask_px": str(self.mask_px),
+            "recipe": self.recipe,
+            "licence": self.licence,
+            "architecture": json.dumps(dict(self.architecture)),
+        }
+
+    @classmethod
+    def of_properties(cls, told: Mapping[str, str], where: str) -> "ModelFacts":
+        """What a file's properties say.
+
+        Raises:
+            PaveTwinError: they are not those of a detector of this version.
+        """
+        if "pavetwin_detector" not in told:
+            raise PaveTwinError(f"{where} is an ONNX model, but no detector of this program's (`pavetwin export`).")
+        if told["pavetwin_detector"] != str(FORMAT):
+            raise PaveTwinError(
+                f"{where} is of format {told['pavetwin_detector']}, this version's is {FORMAT}; export it again."
+            )
+        try:
+            facts = cls(
+                classes=tuple(json.loads(told["classes"])),
+                image_px=int(told["image_px"]),
+                native=bool(json.loads(told["native"])),
+                stride=int(told["stride"]),
+                mask_px=int(told["mask_px"]),
+                recipe=told["recipe"],
+                licence=told["licence"],
+                architecture=json.loads(told["architecture"]),
+            )
+        except (KeyError, ValueError, TypeError) as error:
+            raise PaveTwinError(f"{where} has damaged properties ({error}); export it again.") from error
+        if facts.classes != CLASSES:
+            names = ", ".join(facts.classes)
+            raise PaveTwinError(f"{where} has the classes {names}; this version's are {', '.join(CLASSES)}.")
+        return facts
+
+
+def open_session(path: Path, threads: int) -> tuple[Any, ModelFacts]:
+    """An onnxruntime session on the processor, and what the file says of itself.
+
+    Args:
+        threads: of the session; 0 takes one for each core.
+
+    Raises:
+        PaveTwinError: there is no such file, it is damaged, it is another model, or onnxruntime is not installed.
+    """
+    if not path.is_file():
+        raise PaveTwinError(f"There is no model '{path}'; `pavetwin export RUN output={path}` writes one.")
+    try:
+        onnxruntime: Any = import_module("onnxruntime")
+    except ImportError as error:
+        raise PaveTwinError(
+            "Detecting needs onnxruntime, which is an extra; install it with `pip install pavetwin[detect]`."
+        ) from error
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.inter_op_num_threads = 1
+    options.log_severity_level = 4
+    try:
+        session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    # Its exceptions have no class in common but this one.
+    except Exception as error:
+        raise PaveTwinError(f"'{path}' is damaged, or no ONNX model.") from error
+    facts = ModelFacts.of_properties(session.get_modelmeta().custom_metadata_map, f"'{path}'")
+    wanted = OUTPUTS if facts.mask_px else OUTPUTS[:-1]
+    if tuple(each.name for each in session.get_outputs()) != wanted:
+        raise PaveTwinError(f"'{path}' has other outputs than its properties say; export it again.")
+    return session, facts

@@ -1,0 +1,140 @@
+"""One ONNX file of a trained network: images in, boxes, classes, confidences and masks out.
+
+PyTorch exports the encoder and the heads of regions; what lies between them is `export_graph`.
+"""
+
+from dataclasses import asdict
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, Final
+
+import onnx
+import torch
+from onnx import compose, helper
+from torch import Tensor, nn
+from torch.export import Dim
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import writing
+from pavetwin.perception.classes import CLASSES
+from pavetwin.perception.inference.model_file import OUTPUTS, ModelFacts
+from pavetwin.perception.training.detect import DetectLimits
+from pavetwin.perception.training.export_graph import OPSET, answers, joined, store_in_half, suppression
+from pavetwin.perception.training.heads import REGION_STRIDE, RegionHead, pooled
+from pavetwin.perception.training.network import DetectorNetwork
+from pavetwin.perception.training.run_folder import BEST, SETTINGS, load_network
+
+SIDE_STEP: Final = 32
+"""Sides of images are multiples of it."""
+
+_LARGEST_STEPS: Final = 512
+"""Longest side of an image, in such steps."""
+
+
+class _Encoder(nn.Module):
+    """Images as they are stored → boxes, scores, and the map that regions are cut from."""
+
+    def __init__(self, network: DetectorNetwork) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        encoded = self.network(images.permute(0, 3, 1, 2).float() / 255)
+        rows, columns = images.shape[1], images.shape[2]
+        sides = encoded.boxes.unbind(dim=2)
+        boxes = torch.stack([side.clamp(0, limit) for side, limit in zip(sides, (columns, rows) * 2, strict=True)], 2)
+        return boxes, encoded.scores.sigmoid(), encoded.maps
+
+
+class _Regions(nn.Module):
+    """Sampled regions (n, channels, points, points) → probabilities of subtypes, and masks where there is a head."""
+
+    def __init__(self, head: RegionHead) -> None:
+        super().__init__()
+        self.head = head
+
+    def forward(self, sampled: Tensor) -> tuple[Tensor, ...]:
+        subtypes = self.head.subtype(pooled(sampled)).softmax(dim=1)
+        if self.head.mask is None:
+            return (subtypes,)
+        return subtypes, self.head.mask(sampled).squeeze(1).sigmoid()
+
+
+def export(run: Path, target: Path, *, licence: str = "", half: bool = False) -> ModelFacts:
+    """Write the ONNX file of a run's best weights, or of a file of weights.
+
+    Args:
+        licence: of the weights, as the file shall say it.
+        half: store the weights in half precision: half the size; they are computed with in single precision.
+
+    Raises:
+        PaveTwinError: there are no weights, they are damaged, or the file cannot be written.
+    """
+    weights = run / BEST if run.is_dir() else run
+    network, told = load_network(weights)
+    options, settings = told.get("options", {}), weights.parent / SETTINGS
+    facts = ModelFacts(
+        classes=CLASSES,
+        image_px=int(options.get("image_px", 640)),
+        native=bool(options.get("native", False)),
+        stride=SIDE_STEP,
+        mask_px=network.architecture.mask_px if network.architecture.masks else 0,
+        recipe=sha256(settings.read_bytes()).hexdigest() if settings.is_file() else "",
+        licence=licence,
+        architecture=network.architecture.as_mapping(),
+    )
+    content = onnx_model(network, facts, half=half).SerializeToString()
+    with writing(target) as temporary:
+        temporary.write_bytes(content)
+    return facts
+
+
+def onnx_model(
+    network: DetectorNetwork, facts: ModelFacts, *, limits: DetectLimits | None = None, half: bool = False
+) -> Any:
+    """A network on the processor, in `eval` mode, as an ONNX model.
+
+    Args:
+        limits: what is kept; confidence and overlap may be changed when it runs.
+
+    Raises:
+        PaveTwinError: a weight is not finite.
+    """
+    if not all(torch.isfinite(each).all() for each in network.state_dict().values()):
+        raise PaveTwinError("The weights are not all finite numbers; export those of another run.")
+    images = torch.zeros(2, 2 * SIDE_STEP, 3 * SIDE_STEP, 3, dtype=torch.uint8)
+    steps = {name: SIDE_STEP * Dim(name, min=1, max=_LARGEST_STEPS) for name in ("down", "across")}
+    encoder = _exported(
+        _Encoder(network),
+        images,
+        {0: Dim("batch"), 1: steps["down"], 2: steps["across"]},
+        ["images"],
+        ["all_boxes", "scores", "maps"],
+    )
+    channels = network.neck.outputs[network.architecture.strides.index(REGION_STRIDE)]
+    sampled = torch.zeros(2, channels, network.regions.points, network.regions.points)
+    names = ["of_subtypes", "of_masks"] if facts.mask_px else ["of_subtypes"]
+    regions = _exported(_Regions(network.regions), sampled, {0: Dim("regions")}, ["sampled"], names)
+    between = suppression(channels, network.regions.points, REGION_STRIDE, **asdict(limits or DetectLimits()))
+    parts = (encoder, between, regions, answers(facts.mask_px))
+    model = joined(parts, OUTPUTS if facts.mask_px else OUTPUTS[:-1])
+    if half:
+        store_in_half(model)
+    helper.set_model_props(model, facts.as_properties())
+    onnx.checker.check_model(model, full_check=True)
+    return model
+
+
+def _exported(module: nn.Module, example: Tensor, dims: dict[int, Any], inputs: list[str], outputs: list[str]) -> Any:
+    program = torch.onnx.export(
+        module.eval(),
+        (example,),
+        dynamo=True,
+        dynamic_shapes=(dims,),
+        input_names=inputs,
+        output_names=outputs,
+        opset_version=OPSET,
+        external_data=False,
+        verbose=False,
+    )
+    return compose.add_prefix(program.model_proto, f"{outputs[0]}/", rename_inputs=False, rename_outputs=False)

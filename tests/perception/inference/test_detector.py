@@ -1,0 +1,126 @@
+"""A detector from its file alone: what it finds, on which images, and which files it refuses."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.perception.inference import Detections, Detector
+from scenes.drawn_detector import FILE, ROAD, SIDE_PX, drawn
+
+STREET = drawn((SIDE_PX, 64), ("Pothole", (10, 8, 40, 48)), ("Car", (60, 12, 90, 56)))
+CRACKS = drawn((SIDE_PX, 64), ("Single Crack", (6, 4, 26, 60)), ("Crocodile Crack", (40, 10, 88, 50)))
+SIDEWALK = drawn((SIDE_PX, 64), ("Person", (30, 8, 54, 60)))
+
+
+@pytest.fixture(scope="module")
+def detector() -> Detector:
+    return Detector(FILE, threads=1)
+
+
+def same(one: Detections, other: Detections) -> bool:
+    names = ("boxes", "classes", "detection", "subtype")
+    alike = all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
+    return alike and one.size_px == other.size_px and len(one.masks) == len(other.masks)
+
+
+def test_it_finds_what_was_drawn(detector: Detector) -> None:
+    """Edges to the pixel, classes, both confidences, the most confident first, and masks of defects alone."""
+    street, cracks, sidewalk = detector.detect([STREET, CRACKS, SIDEWALK])
+    assert street.names == ["Car", "Pothole"]
+    np.testing.assert_allclose(street.boxes, [[60, 12, 90, 56], [10, 8, 40, 48]], atol=0.01)
+    assert sorted(cracks.names) == ["Crocodile Crack", "Single Crack"]
+    assert sidewalk.names == ["Person"]
+    assert (street.subtype[0], street.detection[0] > 0.7) == (1.0, True)
+    np.testing.assert_allclose(cracks.confidence, cracks.detection * cracks.subtype)
+    assert 0.8 < cracks.subtype.min() < cracks.subtype.max() < 0.99
+    assert street.mask(0) is None
+    window_and_mask = street.mask(1)
+    assert window_and_mask is not None
+    assert window_and_mask[0] == (10, 8, 40, 48)
+    assert window_and_mask[1].mean() > 0.95
+
+
+def test_the_same_images_give_the_same_alone_and_together(detector: Detector, tmp_path: Path) -> None:
+    images = [STREET, CRACKS, SIDEWALK]
+    for at, image in enumerate(images):
+        image.save(tmp_path / f"{at}.png")
+    together = detector.detect(images)
+    alone = [detector.detect([tmp_path / f"{at}.png"])[0] for at in range(3)]
+    assert all(map(same, together, alone))
+    assert detector.detect([]) == []
+
+
+def test_images_of_every_shape_and_kind_are_taken(detector: Detector) -> None:
+    wide = Image.new("RGB", (3 * SIDE_PX, 40), ROAD)
+    kinds = [wide, Image.new("RGB", (1, 1)), STREET.convert("L"), STREET.convert("RGBA"), CRACKS.convert("P")]
+    found = detector.detect(kinds)
+    assert [each.size_px for each in found] == [kind.size for kind in kinds]
+    assert same(found[3], detector.detect([STREET])[0])
+    assert "Pothole" in found[2].names
+    for each in found:
+        assert (each.boxes >= 0).all()
+        assert (each.boxes <= np.array([*each.size_px, *each.size_px])).all()
+
+
+def test_tiles_find_what_the_whole_shows_also_across_seams() -> None:
+    """Things much larger than a tile, on its seams, and within it: once each, as a look at all of it gives them."""
+    things = (
+        ("Crocodile Crack", (30, 20, 190, 60)),
+        ("Single Crack", (210, 70, 235, 220)),
+        ("Pothole", (60, 85, 100, 125)),
+        ("Car", (120, 150, 180, 190)),
+    )
+    sheet = drawn((288, 256), *things)
+    (whole,) = Detector(FILE, tiled=False, image_px=288, threads=1).detect([sheet])
+    (tiled,) = Detector(FILE, tiled=True, threads=1).detect([sheet])
+    for found in (whole, tiled):
+        told = sorted(zip(found.names, np.round(found.boxes).astype(int).tolist(), strict=True))
+        assert told == sorted((name, list(box)) for name, box in things)
+        crack = found.mask(found.names.index("Single Crack"))
+        assert crack is not None
+        assert crack[1].mean() > 0.9
+
+
+def test_detections_become_those_of_supervision(detector: Detector) -> None:
+    (found,) = detector.detect([STREET])
+    told = found.to_supervision()
+    assert told.xyxy.tolist() == found.boxes.tolist()
+    assert told.data["class_name"].tolist() == found.names
+    assert told.mask.shape == (2, 64, SIDE_PX)
+    assert found.to_supervision(masks=False).mask is None
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"confidence": 25}, "`confidence` 25"),
+        ({"overlap": 0}, "`overlap` 0"),
+        ({"image_px": 100}, "`image_px` 100: a multiple of 32"),
+    ],
+)
+def test_values_out_of_bounds_are_refused(options: dict[str, float], words: str) -> None:
+    with pytest.raises(PaveTwinError, match=words):
+        Detector(FILE, **options)
+
+
+def test_other_files_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    content = FILE.read_bytes()
+    half, foreign, image = tmp_path / "half.onnx", tmp_path / "foreign.onnx", tmp_path / "a.jpg"
+    half.write_bytes(content[: len(content) // 2])
+    foreign.write_bytes(content.replace(b"pavetwin_detector", b"another__detector"))
+    image.write_text("text")
+    with pytest.raises(PaveTwinError, match=r"There is no model '.*gone\.onnx'"):
+        Detector(tmp_path / "gone.onnx")
+    with pytest.raises(PaveTwinError, match=r"half\.onnx' is damaged, or no ONNX model"):
+        Detector(half)
+    with pytest.raises(PaveTwinError, match=r"is an ONNX model, but no detector"):
+        Detector(foreign)
+    with pytest.raises(PaveTwinError, match=r"a\.jpg' cannot be read as an image"):
+        Detector(FILE, threads=1).detect([image])
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)
+    with pytest.raises(PaveTwinError, match=r"needs onnxruntime.*pip install pavetwin\[detect\]"):
+        Detector(FILE)

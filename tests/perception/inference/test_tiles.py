@@ -1,0 +1,95 @@
+"""Tiles cover an image, and what several of them see is one object."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pavetwin.labels.boxes import FloatBox, PixelBox, within
+from pavetwin.perception.inference import Detections
+from pavetwin.perception.inference.detections import MaskPart
+from pavetwin.perception.inference.tiles import EDGE_PX, OVERLAP, merged, tile_windows
+
+SIDE = 128
+SIZE = (300, 220)
+POTHOLE, CAR = 2, 4
+
+FEW = settings(max_examples=40, deadline=None)
+
+
+def seen(box: FloatBox, tiles: list[PixelBox], *, kind: int = POTHOLE, confidence: float = 0.8) -> list[Detections]:
+    """What each tile says of an object, if it sees it: the part within the tile, fully covered by its mask."""
+    found = []
+    for tile in tiles:
+        part = within(box, tile)
+        parts = [part] if part is not None and part[2] - part[0] > 1 and part[3] - part[1] > 1 else []
+        count = len(parts)
+        grid = np.ones((4, 4), dtype=np.float32)
+        found.append(
+            Detections(
+                SIZE,
+                np.array(parts, dtype=np.float32).reshape(-1, 4),
+                np.full(count, kind, dtype=np.int64),
+                np.full(count, confidence, dtype=np.float32),
+                np.ones(count, dtype=np.float32),
+                tuple((MaskPart(each, grid),) if kind == POTHOLE else () for each in parts),
+            )
+        )
+    return found
+
+
+@FEW
+@given(st.integers(1, 900), st.integers(1, 900), st.sampled_from([64, 96, 320]))
+def test_tiles_cover_the_image_and_overlap(width: int, height: int, side: int) -> None:
+    tiles = tile_windows((width, height), side)
+    for along, length in ((0, width), (1, height)):
+        spans = sorted({(tile[along], tile[along + 2]) for tile in tiles})
+        assert spans[0][0] == 0
+        assert spans[-1][1] == length
+        assert all(end - start == min(side, length) for start, end in spans)
+        for one, other in pairwise(spans):
+            assert one[1] - other[0] >= OVERLAP * side - 1  # starts are whole pixels
+    assert len(set(tiles)) == len(tiles)
+
+
+@FEW
+@given(st.data())
+def test_what_lies_within_a_tile_comes_out_once_and_unchanged(data: st.DataObject) -> None:
+    tiles = tile_windows(SIZE, SIDE)
+    tile = data.draw(st.sampled_from(tiles))
+    left, top = (data.draw(st.integers(tile[at] + 5, tile[at + 2] - 30)) for at in (0, 1))
+    width, height = data.draw(st.integers(12, 24)), data.draw(st.integers(12, 24))
+    box = (float(left), float(top), float(left + width), float(top + height))
+    result = merged(seen(box, tiles, kind=data.draw(st.sampled_from([POTHOLE, CAR]))), tiles)
+    assert result.boxes.tolist() == [list(box)]
+    assert result.confidence.tolist() == [pytest.approx(0.8)]
+
+
+@FEW
+@given(st.integers(0, 60), st.integers(180, 290), st.integers(5, 60), st.integers(80, 210))
+def test_what_crosses_seams_comes_out_once_with_the_whole_box(left: int, right: int, top: int, bottom: int) -> None:
+    tiles = tile_windows(SIZE, SIDE)
+    box = (float(left), float(top), float(right), float(bottom))
+    parts = seen(box, tiles)
+    assert sum(map(len, parts)) > 1
+    result = merged(parts, tiles)
+    np.testing.assert_allclose(result.boxes, [box], atol=EDGE_PX)
+    mask = result.mask(0)
+    assert mask is not None
+    assert mask[1].mean() > 0.98
+
+
+def test_neighbours_of_other_classes_or_places_stay_apart() -> None:
+    tiles = tile_windows(SIZE, SIDE)
+    first, second = (90.0, 40.0, 120.0, 70.0), (90.0, 80.0, 120.0, 110.0)
+    scenes = [seen(first, tiles), seen(first, tiles, kind=CAR), seen(second, tiles, confidence=0.9)]
+    together = []
+    for each in zip(*scenes, strict=True):
+        arrays = [np.concatenate([getattr(one, name) for one in each]) for name in ("boxes", "classes")]
+        confidences = [np.concatenate([getattr(one, name) for one in each]) for name in ("detection", "subtype")]
+        together.append(Detections(SIZE, *arrays, *confidences, sum((one.masks for one in each), ())))
+    result = merged(together, tiles)
+    assert result.names == ["Pothole", "Pothole", "Car"]
+    assert result.boxes.tolist() == [list(second), list(first), list(first)]

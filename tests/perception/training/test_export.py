@@ -1,0 +1,174 @@
+"""The ONNX file of a network says what the network says, on any number of images of any size."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnxruntime
+import pytest
+import torch
+from torch import nn
+from torchvision.ops import box_iou
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.perception.inference import Detector
+from pavetwin.perception.inference.model_file import ModelFacts
+from pavetwin.perception.training.architecture import variant
+from pavetwin.perception.training.detect import DetectLimits, ImageDetections, detect
+from pavetwin.perception.training.export import export, onnx_model
+from pavetwin.perception.training.network import DetectorNetwork
+from scenes.command_line import pavetwin
+
+pytestmark = pytest.mark.slow
+
+
+def lively_network(**others: object) -> DetectorNetwork:
+    """Random weights, normalised on noise: scores, boxes and subtypes vary as those of a trained network do."""
+    torch.manual_seed(5)
+    network = DetectorNetwork(variant("n", width=0.0625, depth=0.1, **others))
+    for module in network.modules():
+        if isinstance(module, nn.BatchNorm2d):
+            module.momentum = None  # the statistics of all that it was shown
+    for branch in network.detection.boxes:
+        nn.init.normal_(branch[-1].weight, 0.0, 0.15)
+    nn.init.normal_(network.regions.subtype[-1].weight, 0.0, 3.0)
+    images = torch.from_numpy(images_of(4, (96, 128), np.random.default_rng(3)))
+    with torch.no_grad():
+        encoded = network.train()(images.permute(0, 3, 1, 2).float() / 255)
+        network.regions(encoded.maps, torch.tensor([[at, 8.0, 8.0, 60.0 + 20 * at, 60.0] for at in range(4)]))
+        logits = network.eval()(images.permute(0, 3, 1, 2).float() / 255).scores.flatten(0, 1)
+        middle = logits.mean(dim=0)
+        slope = 2.5 / (logits.amax(dim=0) - middle)
+        for branch in network.detection.classes:
+            branch[-1].weight *= slope[:, None, None, None]
+            branch[-1].bias.copy_(slope * (branch[-1].bias - middle) - 1.5)
+    return network
+
+
+def images_of(count: int, size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
+    """(count, rows, columns, 3): patches of colours over noise."""
+    coarse = rng.integers(0, 255, (count, size[0] // 16, size[1] // 16, 3)).repeat(16, 1).repeat(16, 2)
+    return np.clip(coarse + rng.normal(0, 12, (count, *size, 3)), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("others", "limits"),
+    [
+        ({}, DetectLimits(confidence=0.3, most=8)),
+        ({"masks": False, "p2": True, "activation": "relu"}, DetectLimits(confidence=0.3, candidates=60)),
+    ],
+)
+def test_the_file_says_what_the_network_says(others: dict[str, object], limits: DetectLimits) -> None:
+    network = lively_network(**others)
+    facts = ModelFacts(mask_px=28 if network.architecture.masks else 0)
+    session = session_of(onnx_model(network, facts, limits=limits))
+    names = [each.name for each in session.get_outputs()]
+    rng = np.random.default_rng(3)
+    tally = Tally(limits)
+    for batch, rows, columns in ((50, 96, 128), (40, 64, 64), (60, 128, 96), (49, 32, 160), (1, 480, 640)):
+        images = images_of(batch, (rows, columns), rng)
+        given = {"images": images, "confidence": np.float32([limits.confidence]), "overlap": np.float32([0.7])}
+        told = dict(zip(names, session.run(names, given), strict=True))
+        wanted = detect(network, torch.from_numpy(images).permute(0, 3, 1, 2).float() / 255, limits)
+        for at, each in enumerate(wanted):
+            tally.compare(each, {name: values[told["image"] == at] for name, values in told.items()})
+    assert tally.images == 200
+    assert (tally.same > 20).sum() >= 4, tally.same  # classes among what was compared
+    assert tally.full > 5 or limits.most == 300  # images with more than the file may say of one
+    assert tally.borderline <= 0.01 * tally.same.sum(), tally.borderline
+    if facts.mask_px:
+        # Convolutions add in another order, which these weights amplify in a few pixels.
+        away = np.concatenate(tally.masks_away)
+        assert np.quantile(away, 0.999) < 1e-3
+        assert away.max() < 0.05
+
+
+def session_of(model: Any) -> Any:
+    options = onnxruntime.SessionOptions()
+    options.log_severity_level = 4
+    return onnxruntime.InferenceSession(model.SerializeToString(), options)
+
+
+class Tally:
+    """What two sides agree on, image by image; a difference that no rounding explains fails.
+
+    A detection of one side alone may be explained by a value within 1e-3 of what decides: its score of the threshold
+    or of the last one that an image may have, the IoU with a more confident box of the limit of suppression, or the
+    best two subtypes of each other.
+    """
+
+    def __init__(self, limits: DetectLimits) -> None:
+        self.limits = limits
+        self.images = self.borderline = self.full = 0
+        self.same = np.zeros(5, dtype=int)
+        self.masks_away: list[np.ndarray] = []
+
+    def compare(self, wanted: ImageDetections, told: dict[str, np.ndarray]) -> None:
+        boxes, classes = wanted.boxes.numpy(), wanted.classes.numpy()
+        scores = wanted.detection.numpy()
+        assert (np.diff(told["detection"]) <= 0).all()
+        free = np.ones(len(told["boxes"]), dtype=bool)
+        for row in range(len(boxes)):
+            away = np.abs(told["boxes"] - boxes[row]).max(axis=1, initial=0) + 1e3 * ~free
+            away += 1e3 * (told["classes"] != classes[row])
+            away += 1e3 * (np.abs(told["detection"] - scores[row]) > 1e-3)
+            best = int(np.argmin(away)) if len(away) else -1
+            if best < 0 or away[best] > 0.5:
+                rivals = wanted.subtypes[row].sort().values[-2:]
+                undecided = int(wanted.coarse[row]) == 0 and float(rivals[1] - rivals[0]) < 1e-3
+                self._explain(boxes, scores, boxes[row], scores[row], undecided)
+                continue
+            free[best] = False
+            final = float(told["detection"][best] * told["subtype"][best])
+            assert final == pytest.approx(float(wanted.confidence[row]), abs=1e-3)
+            self.same[classes[row]] += 1
+            if wanted.masks is not None:
+                self.masks_away.append(np.abs(told["masks"][best] - wanted.masks[row].numpy()).ravel())
+        for row in np.flatnonzero(free):
+            self._explain(boxes, scores, told["boxes"][row], told["detection"][row], False)
+        self.images += 1
+        self.full += len(boxes) == self.limits.most
+
+    def _explain(self, boxes: np.ndarray, scores: np.ndarray, box: np.ndarray, score: float, known: bool) -> None:
+        self.borderline += 1
+        last = scores[-1] if len(scores) == self.limits.most else self.limits.confidence
+        overlaps = box_iou(torch.from_numpy(boxes), torch.from_numpy(box)[None]).numpy()
+        known |= abs(score - last) < 1e-3 or bool((np.abs(overlaps - self.limits.overlap) < 1e-3).any())
+        assert known, (box, score, last)
+
+
+def saved(network: DetectorNetwork, run: Path) -> Path:
+    run.mkdir()
+    weights = {"format": 1, "architecture": network.architecture.as_mapping(), "weights": network.state_dict()}
+    torch.save({**weights, "options": {"image_px": 96, "native": True}}, run / "best.pt")
+    (run / "run.json").write_text("{}")
+    return run
+
+
+def test_the_file_knows_what_it_is_and_runs_without_torch(tmp_path: Path) -> None:
+    network = lively_network()
+    run = saved(network, tmp_path / "run")
+    done = pavetwin("export", run, "-o", tmp_path / "whole.onnx", "--licence", "Apache-2.0")
+    assert (done.returncode, done.stdout.count("MB, with masks, for images of 96 px")) == (0, 1), done.stderr
+    export(run, tmp_path / "half.onnx", half=True)
+    facts = Detector(tmp_path / "whole.onnx").facts
+    assert (facts.image_px, facts.native, facts.mask_px, facts.licence) == (96, True, 28, "Apache-2.0")
+    assert facts.architecture["width"] == 0.0625
+    assert len(facts.recipe) == 64
+    assert (tmp_path / "half.onnx").stat().st_size < 0.6 * (tmp_path / "whole.onnx").stat().st_size
+    image = images_of(1, (96, 96), np.random.default_rng(1))[0]
+    found = [Detector(tmp_path / f"{name}.onnx", confidence=0.05).detect([image])[0] for name in ("whole", "half")]
+    assert len(found[0]) > 0
+    assert abs(len(found[0]) - len(found[1])) <= 2
+    text = (tmp_path / "whole.onnx").read_bytes()
+    assert str(Path(__file__).parents[3]).encode() not in text  # no path of this machine
+
+
+def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
+    network = lively_network()
+    with torch.no_grad():
+        network.regions.subtype[-1].bias[0] = float("nan")
+    run = saved(network, tmp_path / "run")
+    with pytest.raises(PaveTwinError, match="not all finite"):
+        export(run, tmp_path / "model.onnx")
+    assert not (tmp_path / "model.onnx").exists()
