@@ -72,6 +72,7 @@ USUAL: dict[str, tuple[str, ...]] = {
     "evaluate": ("new.json", "town", "-o", "new"),
     "data import": ("uav-cars", "town", "-o", "new"),
     "data pack": ("roads", "-o", "new"),
+    "detect": ("town", "-o", "new"),
     "train": ("roads", "-o", "new"),
     "experiment init": ("new.yaml",),
     "experiment run": ("plain.yaml", "-o", "new"),

@@ -18,6 +18,7 @@ FLAGS: Final = {
     "count": "--segments",
     "count=None": "--segments all",
     "densities": "--density",
+    "every_s": "--every",
     "image_px": "--image",
     "longest_px": "--longest",
     "max_time_s": "--max-time",

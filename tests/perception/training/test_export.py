@@ -31,17 +31,17 @@ def lively_network(**others: object) -> DetectorNetwork:
             module.momentum = None  # the statistics of all that it was shown
     for branch in network.detection.boxes:
         nn.init.normal_(branch[-1].weight, 0.0, 0.15)
-    nn.init.normal_(network.regions.subtype[-1].weight, 0.0, 3.0)
+    nn.init.normal_(network.regions.subtype[-1].weight, 0.0, 1.5)
     images = torch.from_numpy(images_of(4, (96, 128), np.random.default_rng(3)))
     with torch.no_grad():
         encoded = network.train()(images.permute(0, 3, 1, 2).float() / 255)
         network.regions(encoded.maps, torch.tensor([[at, 8.0, 8.0, 60.0 + 20 * at, 60.0] for at in range(4)]))
         logits = network.eval()(images.permute(0, 3, 1, 2).float() / 255).scores.flatten(0, 1)
         middle = logits.mean(dim=0)
-        slope = 2.5 / (logits.amax(dim=0) - middle)
+        slope = 1.2 / (logits.amax(dim=0) - middle)
         for branch in network.detection.classes:
             branch[-1].weight *= slope[:, None, None, None]
-            branch[-1].bias.copy_(slope * (branch[-1].bias - middle) - 1.5)
+            branch[-1].bias.copy_(slope * (branch[-1].bias - middle) - 1.0)
     return network
 
 
@@ -54,8 +54,8 @@ def images_of(count: int, size: tuple[int, int], rng: np.random.Generator) -> np
 @pytest.mark.parametrize(
     ("others", "limits"),
     [
-        ({}, DetectLimits(confidence=0.3, most=8)),
-        ({"masks": False, "p2": True, "activation": "relu"}, DetectLimits(confidence=0.3, candidates=60)),
+        ({}, DetectLimits(confidence=0.35, most=8)),
+        ({"masks": False, "p2": True, "activation": "relu"}, DetectLimits(confidence=0.35, candidates=60)),
     ],
 )
 def test_the_file_says_what_the_network_says(others: dict[str, object], limits: DetectLimits) -> None:

@@ -1,0 +1,91 @@
+"""Detect in a source and write everything: annotated pictures, and files for other programs."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Final
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import writing
+from pavetwin.perception.inference.detector import Detector
+from pavetwin.perception.results.detected_image import DetectedImage, described
+from pavetwin.perception.results.forms import coco, geojson, label_studio, table
+from pavetwin.perception.results.pictures import annotated
+from pavetwin.perception.results.sources import source_images
+
+PICTURES_FOLDER: Final = "pictures"
+COCO_FILE: Final = "coco.json"
+LABEL_STUDIO_FILE: Final = "label-studio.json"
+TABLE_FILE: Final = "detections.csv"
+GEOJSON_FILE: Final = "detections.geojson"
+
+_QUALITY: Final = 90
+
+
+@dataclass(frozen=True, slots=True)
+class DetectOutcome:
+    """What was done."""
+
+    images: tuple[DetectedImage, ...]
+    unreadable: tuple[str, ...]
+    """Files of a folder that could not be read as images, and why."""
+    files: tuple[Path, ...]
+    """Those written, but for the annotated pictures."""
+
+
+def detect_source(
+    detector: Detector,
+    source: Path,
+    output: Path,
+    *,
+    every_s: float = 1.0,
+    gsd_mm: float | None = None,
+    pictures: bool = True,
+    tell: Callable[[float, str], None] = lambda share, what: None,  # noqa: ARG005
+) -> DetectOutcome:
+    """Detect in every image of a source. Memory holds one image, and what is said of all.
+
+    Args:
+        output: folder of the files; it may exist.
+        every_s: seconds between the frames of a video.
+        gsd_mm: ground resolution of all images, which counts for more than what photographs say.
+        pictures: write annotated ones too.
+        tell: is called with the share that is done, and words.
+
+    Raises:
+        PaveTwinError: the source holds no image that can be read, a value is out of its bounds, or a file cannot be
+            written.
+    """
+    if gsd_mm is not None and gsd_mm <= 0:
+        raise PaveTwinError(f"`gsd_mm` {gsd_mm:g}: it is above 0.")
+    done: list[DetectedImage] = []
+    unreadable: list[str] = []
+    for image in source_images(source, every_s):
+        tell(image.share, f"Detecting in image {len(done) + 1}")
+        try:
+            pixels, pose = image.read()
+        except PaveTwinError as error:
+            if not source.is_dir():
+                raise
+            unreadable.append(str(error))
+            continue
+        (found,) = detector.detect([pixels])
+        done.append(described(image.name, found, pose, gsd_mm))
+        if pictures:
+            name = PurePosixPath(image.name)
+            target = output / PICTURES_FOLDER / name.with_name(f"{name.name.replace('.', '-')}.jpg")
+            with writing(target) as temporary:
+                annotated(pixels, done[-1]).save(temporary, "JPEG", quality=_QUALITY)
+    if not done:
+        raise PaveTwinError(unreadable[0] if unreadable else f"'{source}' has no frame that can be read.")
+    return DetectOutcome(tuple(done), tuple(unreadable), _write(done, output))
+
+
+def _write(images: list[DetectedImage], output: Path) -> tuple[Path, ...]:
+    contents = {COCO_FILE: coco(images), LABEL_STUDIO_FILE: label_studio(images), TABLE_FILE: table(images)}
+    if (places := geojson(images)) is not None:
+        contents[GEOJSON_FILE] = places
+    for name, text in contents.items():
+        with writing(output / name) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return tuple(output / name for name in contents)

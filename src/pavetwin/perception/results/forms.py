@@ -1,0 +1,152 @@
+"""Files of detections for other programs: COCO (CVAT), Label Studio, a table, and GeoJSON."""
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from typing import Any, Final
+
+from pavetwin.perception.classes import CLASSES, SUBTYPES
+from pavetwin.perception.results.detected_image import DetectedImage, DetectedThing
+from pavetwin.perception.results.photograph import LonLat
+
+SIZES: Final = ("area_m2", "length_m", "mean_width_mm", "diameter_mm")
+"""Columns of sizes, in the order of the table."""
+
+COLUMNS: Final = (
+    *("image", "class", "confidence", "det_conf", "cls_conf", "left", "top", "right", "bottom"),
+    *(*SIZES, "longitude", "latitude"),
+)
+"""Of the table."""
+
+
+def coco(images: Sequence[DetectedImage]) -> str:
+    """COCO's annotations. CVAT reads `attributes`; masks are polygons."""
+    rows: list[dict[str, Any]] = []
+    for number, image in enumerate(images, start=1):
+        for thing in image.things:
+            rows.append(_annotation(thing, len(rows) + 1, number))
+    held = [
+        {
+            "id": number,
+            "file_name": image.name,
+            "width": image.size_px[0],
+            "height": image.size_px[1],
+            **({"gsd_mm": image.gsd_mm} if image.gsd_mm else {}),
+        }
+        for number, image in enumerate(images, start=1)
+    ]
+    kinds = [
+        {"id": at + 1, "name": name, "supercategory": "defect" if at < len(SUBTYPES) else "traffic"}
+        for at, name in enumerate(CLASSES)
+    ]
+    return _json({"images": held, "annotations": rows, "categories": kinds})
+
+
+def _annotation(thing: DetectedThing, number: int, image: int) -> dict[str, Any]:
+    left, top, right, bottom = thing.box
+    return {
+        "id": number,
+        "image_id": image,
+        "category_id": thing.number + 1,
+        "bbox": [left, top, round(right - left, 2), round(bottom - top, 2)],
+        "area": round(thing.area_px, 1),
+        "segmentation": [[side for corner in thing.outline for side in corner]] if thing.outline else [],
+        "iscrowd": 0,
+        "score": round(thing.confidence, 4),
+        "attributes": thing.attributes,
+    }
+
+
+def label_studio(images: Sequence[DetectedImage]) -> str:
+    """Tasks with predictions: `rectanglelabels` of a control `label` for an `Image` named `image`."""
+    return _json(
+        [
+            {
+                "data": {"image": image.name},
+                "predictions": [
+                    {
+                        "model_version": "pavetwin",
+                        "score": round(max((thing.confidence for thing in image.things), default=0.0), 4),
+                        "result": [_region(thing, at, image.size_px) for at, thing in enumerate(image.things)],
+                    }
+                ],
+            }
+            for image in images
+        ]
+    )
+
+
+def _region(thing: DetectedThing, at: int, size: tuple[int, int]) -> dict[str, Any]:
+    left, top, right, bottom = thing.box
+    across, down = 100 / size[0], 100 / size[1]
+    return {
+        "id": f"r{at + 1}",
+        "type": "rectanglelabels",
+        "from_name": "label",
+        "to_name": "image",
+        "original_width": size[0],
+        "original_height": size[1],
+        "image_rotation": 0,
+        "score": round(thing.confidence, 4),
+        "value": {
+            "x": round(left * across, 4),
+            "y": round(top * down, 4),
+            "width": round((right - left) * across, 4),
+            "height": round((bottom - top) * down, 4),
+            "rotation": 0,
+            "rectanglelabels": [thing.name],
+        },
+        "meta": {"text": [f"{name} {value}" for name, value in thing.attributes.items()]},
+    }
+
+
+def table(images: Sequence[DetectedImage]) -> str:
+    """A row for each detection; sizes and places are empty where they are not known."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for image in images:
+        for thing in image.things:
+            confidences = (thing.confidence, thing.detection, thing.subtype)
+            longitude, latitude = _middle(thing.ground) if thing.ground else ("", "")
+            sizes = [thing.sizes.get(name, "") for name in SIZES]
+            row = [image.name, thing.name, *(f"{each:.4f}" for each in confidences), *thing.box]
+            writer.writerow([*row, *sizes, longitude, latitude])
+    return text.getvalue()
+
+
+def geojson(images: Sequence[DetectedImage]) -> str | None:
+    """A feature for each detection of a photograph that knows its position; None where none does.
+
+    The box's outline on the ground where the photograph tells how the camera looked, or else the camera's own place:
+    the property `place` says which.
+    """
+    features = []
+    for image in images:
+        for thing in image.things:
+            if thing.ground is None and image.lonlat is None:
+                continue
+            about = {"image": image.name, "class": thing.name, "confidence": round(thing.confidence, 4)}
+            about |= {**thing.attributes, "place": "ground" if thing.ground else "camera"}
+            features.append({"type": "Feature", "geometry": _geometry(thing, image), "properties": about})
+    if not any(image.lonlat for image in images):
+        return None
+    return _json({"type": "FeatureCollection", "features": features})
+
+
+def _geometry(thing: DetectedThing, image: DetectedImage) -> dict[str, Any]:
+    if thing.ground is None:
+        return {"type": "Point", "coordinates": image.lonlat}
+    # The right-hand rule of RFC 7946: counter-clockwise on the earth, which clockwise in the picture is not.
+    ring = [*reversed(thing.ground)]
+    return {"type": "Polygon", "coordinates": [[*ring, ring[0]]]}
+
+
+def _middle(ring: Sequence[LonLat]) -> LonLat:
+    count = len(ring)
+    return round(sum(place[0] for place in ring) / count, 8), round(sum(place[1] for place in ring) / count, 8)
+
+
+def _json(content: Any) -> str:
+    return json.dumps(content, ensure_ascii=False, indent=1) + "\n"

@@ -1,0 +1,94 @@
+"""Images to detect in: a file, all of a folder and the folders within, or the frames of a video."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import cv2
+import numpy as np
+from PIL import Image
+
+from pavetwin.arrays import UInt8Array
+from pavetwin.errors import PaveTwinError
+from pavetwin.perception.inference.detector import pixels_of
+from pavetwin.perception.results.photograph import PhotographPose, pose_of
+
+PICTURES: Final = frozenset({".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff"})
+
+VIDEOS: Final = frozenset({".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm"})
+
+
+@dataclass(frozen=True, slots=True)
+class SourceImage:
+    """One image to look at."""
+
+    name: str
+    """Path below the folder, or the video's name with the frame's number."""
+    read: Callable[[], tuple[UInt8Array, PhotographPose | None]]
+    """Its pixels, and what it says of how it was taken; raises a `PaveTwinError` where it cannot be read."""
+    share: float
+    """Of the source that is done before it, 0 … 1."""
+
+
+def source_images(source: Path, every_s: float = 1.0) -> Iterator[SourceImage]:
+    """The images of a source, one at a time.
+
+    Args:
+        source: a picture, a video, or a folder of pictures.
+        every_s: seconds between the frames of a video; 0 takes every frame.
+
+    Raises:
+        PaveTwinError: there is no such source, or nothing in it.
+    """
+    if every_s < 0:
+        raise PaveTwinError(f"`every_s` {every_s:g}: 0 or more seconds.")
+    if source.is_dir():
+        return _of_folder(source)
+    if not source.is_file():
+        raise PaveTwinError(f"There is no picture, video or folder '{source}'.")
+    if source.suffix.lower() in VIDEOS:
+        return _of_video(source, every_s)
+    return iter((SourceImage(source.name, lambda: _read(source), 0.0),))
+
+
+def _of_folder(folder: Path) -> Iterator[SourceImage]:
+    files = sorted(each for each in folder.rglob("*") if each.suffix.lower() in PICTURES and each.is_file())
+    if not files:
+        kinds = ", ".join(sorted(each.removeprefix(".") for each in PICTURES))
+        raise PaveTwinError(f"There is no picture in '{folder}' or the folders within ({kinds}).")
+    return (
+        SourceImage(file.relative_to(folder).as_posix(), lambda file=file: _read(file), at / len(files))  # type: ignore[misc]
+        for at, file in enumerate(files)
+    )
+
+
+def _read(file: Path) -> tuple[UInt8Array, PhotographPose]:
+    pixels = pixels_of(file)
+    with Image.open(file) as held:
+        return pixels, pose_of(held)
+
+
+def _of_video(file: Path, every_s: float) -> Iterator[SourceImage]:
+    film = cv2.VideoCapture(str(file))
+    if not film.isOpened():
+        raise PaveTwinError(f"'{file}' cannot be read as a video.")
+    return _frames(film, file.stem, every_s)
+
+
+def _frames(film: cv2.VideoCapture, name: str, every_s: float) -> Iterator[SourceImage]:
+    rate, count = film.get(cv2.CAP_PROP_FPS) or 25.0, film.get(cv2.CAP_PROP_FRAME_COUNT)
+    step = max(1, round(every_s * rate))
+    at = 0
+    try:
+        while film.grab():
+            if at % step == 0:
+                is_whole, frame = film.retrieve()
+                if not is_whole:
+                    break
+                pixels = np.ascontiguousarray(frame[:, :, ::-1], dtype=np.uint8)
+                share = min(1.0, at / count) if count > 0 else 0.0
+                yield SourceImage(f"{name}-{at:06}.jpg", lambda pixels=pixels: (pixels, None), share)  # type: ignore[misc]
+            at += 1
+    finally:
+        film.release()

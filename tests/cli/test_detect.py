@@ -1,0 +1,126 @@
+"""`pavetwin detect`: from pictures, folders and videos to annotated pictures and files; and what is refused."""
+
+import csv
+import json
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from scenes.aerial import HEIGHT_M, LATITUDE, LONGITUDE, aerial_photograph
+from scenes.command_line import pavetwin, plain_refusal
+from scenes.drawn_detector import FILE, drawn
+
+STREET = drawn((640, 480), ("Pothole", (100, 100, 160, 150)), ("Car", (300, 200, 420, 330)))
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results of a folder with an aerial photograph, a plain picture in a folder within, and a text file."""
+    folder = tmp_path_factory.mktemp("detect")
+    (folder / "in" / "sub").mkdir(parents=True)
+    (folder / "in" / "a.jpg").write_bytes(aerial_photograph(STREET))
+    drawn((96, 96), ("Person", (30, 10, 60, 90))).save(folder / "in" / "sub" / "b.png")
+    (folder / "in" / "c.jpg").write_text("text")
+    done = pavetwin("detect", folder / "in", "--model", FILE, "-o", folder / "out")
+    assert done.returncode == 0, done.stderr
+    assert "2 images, 3 detections: Pothole 1, Person 1, Car 1." in done.stdout
+    assert "Left out: 1 file that cannot be read" in done.stdout
+    return folder / "out"
+
+
+def test_every_form_holds_the_same_detections(found: Path) -> None:
+    rows = list(csv.DictReader((found / "detections.csv").open()))
+    assert [(row["image"], row["class"]) for row in rows] == [
+        ("a.jpg", "Car"),
+        ("a.jpg", "Pothole"),
+        ("sub/b.png", "Person"),
+    ]
+    coco = json.loads((found / "coco.json").read_text())
+    names = {kind["id"]: kind["name"] for kind in coco["categories"]}
+    pothole = next(each for each in coco["annotations"] if names[each["category_id"]] == "Pothole")
+    assert pothole["bbox"] == pytest.approx([100, 100, 60, 50], abs=0.5)
+    said = pothole["attributes"]
+    assert said["det_conf"] * said["cls_conf"] == pytest.approx(pothole["score"], abs=1e-3)
+    outline = np.array(pothole["segmentation"][0]).reshape(-1, 2)
+    assert (outline.min(axis=0), outline.max(axis=0)) == (
+        pytest.approx((100, 100), abs=1.1),
+        pytest.approx((160, 150), abs=1.1),
+    )
+    task = json.loads((found / "label-studio.json").read_text())[0]
+    value = task["predictions"][0]["result"][1]["value"]
+    assert (value["x"], value["width"]) == pytest.approx((100 / 6.4, 60 / 6.4), abs=0.1)
+    assert value["rectanglelabels"] == ["Pothole"]
+
+
+def test_a_photograph_gives_sizes_and_places_on_the_ground(found: Path) -> None:
+    """Straight down from 10 m, heading north: the pothole lies 190 px left of the middle and 115 px ahead of it."""
+    gsd_m = HEIGHT_M * 13.2 / 8.8 / 640
+    row = list(csv.DictReader((found / "detections.csv").open()))[1]
+    assert float(row["area_m2"]) == pytest.approx(60 * 50 * gsd_m**2, rel=0.03)
+    assert float(row["latitude"]) == pytest.approx(LATITUDE + 115 * gsd_m / 111_265, abs=1e-7)
+    features = json.loads((found / "detections.geojson").read_text())["features"]
+    assert [each["properties"]["image"] for each in features] == ["a.jpg", "a.jpg"]
+    ring = np.array(features[1]["geometry"]["coordinates"][0])
+    assert (ring[:, 0].max() < LONGITUDE, ring[:, 1].min() > LATITUDE) == (True, True)
+    x, y = ring[:, 0], ring[:, 1]
+    assert (x[:-1] * y[1:] - x[1:] * y[:-1]).sum() > 0  # counter-clockwise
+
+
+def test_annotated_pictures_show_the_boxes(found: Path) -> None:
+    with Image.open(found / "pictures" / "a-jpg.jpg") as shown:
+        away = np.abs(np.asarray(shown, dtype=int) - np.asarray(STREET, dtype=int)).sum(axis=2) > 60
+    assert away[100:151, 100:103].all(axis=0).any()
+    assert not away[350:, :].any()
+    assert (found / "pictures" / "sub" / "b-png.jpg").is_file()
+
+
+def test_a_video_is_looked_at_every_second(tmp_path: Path) -> None:
+    film = cv2.VideoWriter(str(tmp_path / "v.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 5.0, (96, 96))
+    for at in range(10):
+        car = drawn((96, 96), ("Car", (10 + at, 20, 50 + at, 70)))
+        film.write(np.asarray(car)[:, :, ::-1].copy())
+    film.release()
+    done = pavetwin("detect", "v.avi", "--model", FILE, "-o", "out", "--no-pictures", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    rows = list(csv.DictReader((tmp_path / "out" / "detections.csv").open()))
+    assert [(row["image"], row["class"]) for row in rows] == [("v-000000.jpg", "Car"), ("v-000005.jpg", "Car")]
+    assert float(rows[1]["left"]) - float(rows[0]["left"]) == pytest.approx(5, abs=1)
+    assert not (tmp_path / "out" / "pictures").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("in.png", "-o", "new"), "Say which model with --model"),
+        (("in.png", "--model", FILE), "Say where the results go"),
+        (("gone", "--model", FILE, "-o", "new"), "There is no picture, video or folder 'gone'"),
+        (("empty", "--model", FILE, "-o", "new"), "There is no picture in 'empty'"),
+        (("text.jpg", "--model", FILE, "-o", "new"), "'text.jpg' cannot be read as an image"),
+        (("text.mp4", "--model", FILE, "-o", "new"), "'text.mp4' cannot be read as a video"),
+        (("in.png", "--model", "text.jpg", "-o", "new"), "'text.jpg' is damaged, or no ONNX model"),
+        (("in.png", "--model", FILE, "-o", "new", "--gsd-mm", "0"), "--gsd-mm 0: it is above 0"),
+        (("in.png", "--model", FILE, "-o", "new", "--confidence", "25"), "--confidence 25: it is above 0"),
+        (("in.png", "--model", FILE, "-o", "new", "--image", "100"), "--image 100: a multiple of 32"),
+        (("in.png", "--model", FILE, "-o", "new", "--every", "-1"), "--every -1: 0 or more seconds"),
+        (("in.png", "--model", FILE, "-o", "."), "--output '.' exists and holds something"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_one_line(tmp_path: Path, arguments: tuple[object, ...], words: str) -> None:
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "text.jpg").write_text("text")
+    (tmp_path / "text.mp4").write_text("text")
+    drawn((64, 64)).save(tmp_path / "in.png")
+    assert words in plain_refusal(pavetwin("detect", *arguments, cwd=tmp_path))
+    assert not (tmp_path / "new").exists()
+
+
+def test_exporting_without_pytorch_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("torch", "torchvision", "onnx", "onnxscript"):
+        monkeypatch.setitem(sys.modules, name, None)
+    (tmp_path / "best.pt").write_text("text")
+    line = plain_refusal(pavetwin("export", "best.pt", "-o", "m.onnx", cwd=tmp_path))
+    assert "Exporting needs PyTorch and onnx" in line
