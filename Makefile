@@ -48,8 +48,10 @@ pictures: demo study  ## The pictures of the documentation, made again from the 
 	@cp out/study/figures/figure-1.svg docs/images/study.svg
 	@.venv/bin/python -m gallery.aircraft
 
-gallery: setup  ## The pictures of docs/gallery: defects, frames from above and from a car, rendered again
+gallery: setup  ## The pictures of docs/gallery, rendered again (PHOTOGRAPHS=FOLDER: frames beside photographs too)
 	@.venv/bin/python -m gallery
+	@$(if $(PHOTOGRAPHS),.venv/bin/python -m gallery --photographs $(PHOTOGRAPHS) \
+		$(if $(SOURCE),--source $(SOURCE)) $(if $(GSD_MM),--gsd-mm $(GSD_MM)),:)
 
 docs: setup .venv-docs/.done  ## The documentation as a site that opens offline: out/site/index.html
 	@NO_MKDOCS_2_WARNING=1 .venv-docs/bin/python -m mkdocs build --strict --quiet --site-dir out/site

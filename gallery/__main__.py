@@ -4,18 +4,28 @@ import argparse
 import sys
 import time
 from pathlib import Path
+from typing import Final
 
+from gallery.matched import metres
+from gallery.paired import beside_photographs
 from gallery.pictures import PICTURES
 from gallery.renderer import GalleryRenderer
 from gallery.sheet import save
 from pavetwin.cli.console import fail, out
+from pavetwin.datasets.sources.base import source_of
 from pavetwin.errors import PaveTwinError, nearest_name
+
+BESIDE: Final = "photographs"
+"""The sheet of frames beside photographs."""
 
 
 def main() -> int:
     """Render all pictures, or those that are named."""
     parser = argparse.ArgumentParser(prog="python -m gallery", description=__doc__)
     parser.add_argument("names", nargs="*", help=f"of {', '.join(PICTURES)}; all unless given")
+    parser.add_argument("--photographs", type=Path, help="folder of photographs: makes the sheet of frames beside them")
+    parser.add_argument("--source", help="how their labels are read: a source of `pavetwin dataset import`")
+    parser.add_argument("--gsd-mm", type=float, help="their ground resolution; told by painted lines unless given")
     parser.add_argument("--output", type=Path, default=Path("docs/gallery"), help="folder of the pictures")
     parser.add_argument("--work", type=Path, default=Path("out/gallery"), help="folder of the town and its traffic")
     options = parser.parse_args()
@@ -25,11 +35,17 @@ def main() -> int:
                 raise PaveTwinError(
                     f"No picture '{name}'{nearest_name(name, PICTURES)}; there are {', '.join(PICTURES)}."
                 )
+        source = None if options.source is None else source_of(options.source)[1]
         renderer = GalleryRenderer(options.work)
+        pictures = {name: PICTURES[name] for name in options.names or ([] if options.photographs else PICTURES)}
+        if options.photographs:
+            pictures[BESIDE] = lambda renderer: beside_photographs(
+                renderer, options.photographs, source, metres(options.gsd_mm)
+            )
         options.output.mkdir(parents=True, exist_ok=True)
-        for name in options.names or PICTURES:
+        for name, take in pictures.items():
             begun = time.perf_counter()
-            size = save(PICTURES[name](renderer), options.output / f"{name}.jpg")
+            size = save(take(renderer), options.output / f"{name}.jpg")
             out.print(f"{options.output / name}.jpg   {size / 1000:.0f} kB, {time.perf_counter() - begun:.1f} s")
     except PaveTwinError as error:
         fail(str(error))

@@ -5,13 +5,16 @@ were. Of every picture: mean lightness and its spread, chroma, and how much deta
 pixels (standard deviation of the difference between two Gaussian blurs, in lightness). Each is given as the median and
 the middle 80 % over the pictures. Then how well a classifier on texture statistics (`gallery.texture`) tells the two
 apart.
+
+Once more by ground resolution: of the photographs in which the width of a painted line tells it (`gallery.resolution`)
+and as many frames, each of the resolution of one photograph, over damage of the same kind, with a line too.
 """
 
 import argparse
 import math
 import sys
-from collections.abc import Callable, Iterable
-from io import BytesIO
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
@@ -19,31 +22,27 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageFilter
 
-from gallery.renderer import LOW_SUN, MORNING, OVERCAST, GalleryRenderer, Picture
-from gallery.sheet import grid, save
+from gallery.matched import Pair, flight_view, frame_like, is_padded, metres, photographs, pictures_in, stored
+from gallery.paired import paired_sheet
+from gallery.renderer import LOW_SUN, MORNING, OVERCAST, GalleryRenderer
+from gallery.resolution import LINE_M
+from gallery.sheet import save
 from gallery.texture import GROUPS, SIDE_PX, texture_statistics, told_apart
 from pavetwin.cli.console import fail, out
-from pavetwin.scene.view import look
-from pavetwin.world.segments import direction_at
+from pavetwin.datasets.sources.base import source_of
+from pavetwin.errors import PaveTwinError
 
 FRAMES: Final = 120
 PHOTOGRAPHS: Final = 240
 GSD_M: Final = (0.003, 0.017)
 """Range of the frames' ground resolutions, even in their logarithm: by their markings, that of the China drone subset
 of RDD2022. A Phantom 4 Pro has 3 mm a pixel from 11 m, and 17 mm from 62 m."""
-HOVERING: Final = 4
-"""Every so many frames is taken while hovering; the others while flying along the street at `SPEED_MPS`, as those of
-datasets are. (Photographs show it: without motion their finest detail is told apart more easily.)"""
-SPEED_MPS: Final = (2.0, 6.0)
-STORED: Final = (75, 95)
-"""Qualities at which pictures were stored one after the other, as JPEG with halved colours. The coefficients of all 40
-photographs of RDD2022's China drone subset that were looked at are multiples of the table of quality 75, aligned with
-the picture; the table of their files is that of 95."""
-SHOWN: Final = 24
-CELL_PX: Final = (240, 240)
-BLANK: Final = 0.01
-"""Photographs with more of pure black than this were padded."""
+BORDERS_M: Final = (0.0, 0.006, 0.012, math.inf)
+"""Between ground resolutions that are compared by themselves."""
+FEWEST: Final = 20
+"""Pairs that a comparison needs."""
 SCALES_PX: Final = (1.0, 4.0, 16.0)
+READINGS: Final = ("lightness L*", "spread of L*", "chroma", *(f"detail at {scale:g} px" for scale in SCALES_PX))
 
 Float = npt.NDArray[np.float64]
 
@@ -67,44 +66,14 @@ def _band(lightness: Float, scale_px: float) -> float:
     return float((fine - coarse).std() / 2.55)
 
 
-def frames(renderer: GalleryRenderer, take: Callable[..., Picture]) -> Iterable[Image.Image]:
+def frames(renderer: GalleryRenderer) -> Iterable[Image.Image]:
     """Frames of empty streets over evenly chosen defects, at even steps of ground resolution, under three skies."""
     defects = renderer.world.defects[:: max(1, len(renderer.world.defects) // FRAMES)][:FRAMES]
     finest, coarsest = GSD_M
-    focal_px = renderer.camera.image_px[1] / (2 * math.tan(renderer.camera.fov_rad / 2))
     for index, defect in enumerate(defects):
         gsd_m = finest * (coarsest / finest) ** (index * 0.618034 % 1)
-        line = renderer.world.segment(defect.segment).centre_line
-        dx, dy = direction_at(line, line.project(defect.centre))
-        yaw = math.atan2(dy, dx) + 0.15 * math.sin(7 * index)
-        slow, fast = SPEED_MPS
-        speed = slow + (fast - slow) * (index * 0.414214 % 1) if index % HOVERING else 0.0
-        view = look(
-            (defect.centre.x, defect.centre.y, gsd_m * focal_px),
-            yaw_rad=yaw,
-            pitch_rad=-math.pi / 2,
-            size_px=(SIDE_PX, SIDE_PX),
-            vertical_fov_rad=2 * math.atan(SIDE_PX / 2 / focal_px),
-            velocity_mps=(speed * math.cos(yaw), speed * math.sin(yaw), 0.0),
-        )
-        yield stored(Image.fromarray(take(view, (MORNING, LOW_SUN, OVERCAST)[index % 3])))
-
-
-def stored(picture: Image.Image) -> Image.Image:
-    """A picture after it was stored as the photographs were."""
-    for quality in STORED:
-        file = BytesIO()
-        picture.save(file, "JPEG", quality=quality, subsampling="4:2:0")
-        picture = Image.open(file).convert("RGB")
-    return picture
-
-
-def photographs(found: list[Path]) -> Iterable[Image.Image]:
-    """At most `PHOTOGRAPHS`, evenly chosen."""
-    for path in found[:: max(1, math.ceil(len(found) / PHOTOGRAPHS))]:
-        picture = Image.open(path).convert("RGB")
-        if float((np.asarray(picture).max(axis=2) < 4).mean()) < BLANK:
-            yield picture
+        view = flight_view(renderer, defect, (defect.centre.x, defect.centre.y), gsd_m, index, SIDE_PX)
+        yield stored(Image.fromarray(renderer.take(view, (MORNING, LOW_SUN, OVERCAST)[index % 3])))
 
 
 def main() -> int:
@@ -113,50 +82,68 @@ def main() -> int:
     parser.add_argument("photographs", type=Path, help="folder of photographs of roads from above")
     parser.add_argument("--work", type=Path, default=Path("out/gallery"), help="folder of the town")
     parser.add_argument("--held-out", action="store_true", help="use every second photograph only, by name")
-    parser.add_argument("--sheet", type=Path, help="a picture to write: photographs on the left, frames on the right")
+    parser.add_argument("--source", help="how the photographs' labels are read: a source of `pavetwin dataset import`")
+    parser.add_argument("--gsd-mm", type=float, help="of all photographs; told by painted lines unless given")
+    parser.add_argument("--line-width-m", type=float, default=LINE_M, help="width of painted lines in them")
+    parser.add_argument("--markings", help="marking standard of the frames' streets, such as china")
+    parser.add_argument("--sheet", type=Path, help="a picture to write: photographs, with frames to their right")
     parser.add_argument("--keep", type=Path, help="folder to keep the frames in")
     options = parser.parse_args()
-    found = sorted(path for path in options.photographs.rglob("*") if path.suffix.lower() in (".jpg", ".jpeg", ".png"))
+    found = pictures_in(options.photographs)
     if not found:
         fail(f"'{options.photographs}' holds no JPEG or PNG.")
         return 2
-    pictures = list(photographs(found[1::2] if options.held_out else found))
-    renderer = GalleryRenderer(options.work)
-    made = list(frames(renderer, renderer.take))
+    found = found[1::2] if options.held_out else found
+    try:
+        source = None if options.source is None else source_of(options.source)[1]
+        renderer = GalleryRenderer.with_markings(options.work, options.markings)
+        some = [Image.open(path).convert("RGB") for path in found[:: max(1, math.ceil(len(found) / PHOTOGRAPHS))]]
+        pictures = [each for each in some if not is_padded(each)]
+        made = list(frames(renderer))
+        out.print(f"{len(pictures)} photographs, {len(made)} frames: median (10 % … 90 %)")
+        _compare(pictures, made)
+        known = photographs(
+            options.photographs, found, source=source, gsd_m=metres(options.gsd_mm), line_m=options.line_width_m
+        )
+        pairs = [(each, frame_like(renderer, each, index)) for index, each in enumerate(known)]
+        _compare_by_resolution(pairs)
+    except PaveTwinError as error:
+        fail(str(error))
+        return 2
     if options.keep:
         options.keep.mkdir(parents=True, exist_ok=True)
-        for index, frame in enumerate(made):
+        for index, frame in enumerate((*made, *(frame for _, frame in pairs))):
             frame.save(options.keep / f"{index:03}.png")
     if options.sheet:
-        save(_sheet(pictures, made), options.sheet)
-    _print_readings(np.array([readings(each) for each in pictures]), np.array([readings(each) for each in made]))
-    ours, real = (np.array([texture_statistics(each) for each in side]) for side in (made, pictures))
-    out.print("\ntold apart by texture: AUC (95 %)")
-    for name, part in GROUPS.items():
-        auc, low, high = told_apart(ours[:, part], real[:, part])
-        out.print(f"{name:32} {auc:.3f} ({low:.3f} … {high:.3f})")
+        save(paired_sheet(pairs, source), options.sheet)
     return 0
 
 
-def _sheet(pictures: list[Image.Image], made: list[Image.Image]) -> Picture:
-    """`SHOWN` of each side, evenly chosen."""
-    halves = []
-    for side in (pictures, made):
-        shown = side[:: max(1, len(side) // SHOWN)][:SHOWN]
-        halves.append(grid([np.asarray(each.resize(CELL_PX)) for each in shown], columns=4))
-    return grid(halves, columns=2)
+def _compare_by_resolution(pairs: Sequence[Pair]) -> None:
+    for finest, coarsest in pairwise(BORDERS_M):
+        of = [pair for pair in pairs if finest <= pair[0].gsd_m < coarsest]
+        if len(of) < FEWEST:
+            continue
+        low, high = (1000 * pick(photograph.gsd_m for photograph, _ in of) for pick in (min, max))
+        out.print(f"\n{low:.1f} to {high:.1f} mm a pixel, {len(of)} pairs: median (10 % … 90 %)")
+        _compare([photograph.picture for photograph, _ in of], [frame for _, frame in of])
 
 
-def _print_readings(real: Float, ours: Float) -> None:
-    names = ["lightness L*", "spread of L*", "chroma", *(f"detail at {scale:g} px" for scale in SCALES_PX)]
-    out.print(f"{len(real)} photographs, {len(ours)} frames: median (10 % … 90 %)")
-    for index, name in enumerate(names):
+def _compare(pictures: Sequence[Image.Image], made: Sequence[Image.Image]) -> None:
+    """Print the readings of photographs and frames, and how well they are told apart."""
+    real, ours = (np.array([readings(each) for each in side]) for side in (pictures, made))
+    for index, name in enumerate(READINGS):
         low, middle, high = np.quantile(real[:, index], (0.1, 0.5, 0.9))
         low_o, middle_o, high_o = np.quantile(ours[:, index], (0.1, 0.5, 0.9))
         out.print(
             f"{name:16} photographs {middle:5.1f} ({low:5.1f} … {high:5.1f})   "
             f"frames {middle_o:5.1f} ({low_o:5.1f} … {high_o:5.1f})"
         )
+    real, ours = (np.array([texture_statistics(each) for each in side]) for side in (pictures, made))
+    out.print("told apart by texture: AUC (95 %)")
+    for name, part in GROUPS.items():
+        auc, low, high = told_apart(ours[:, part], real[:, part])
+        out.print(f"{name:32} {auc:.3f} ({low:.3f} … {high:.3f})")
 
 
 if __name__ == "__main__":

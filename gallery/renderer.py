@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
@@ -12,8 +13,10 @@ import numpy.typing as npt
 from pavetwin._core import Trace
 from pavetwin.cli.demo import TOWN_SEED
 from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.files import writing
 from pavetwin.render.exposure import METERED, Exposure, programme
 from pavetwin.render.renderer import Renderer
+from pavetwin.scene.ground.looks import DEFAULT_LOOK
 from pavetwin.scene.light import LUMINANCE, Light, harmonics
 from pavetwin.scene.model import Instance, labelled_agent
 from pavetwin.scene.scene import Scene
@@ -47,6 +50,19 @@ class GalleryRenderer:
     folder: Path
     population: str = "survey"
     """Of the town's damage."""
+    look: str = DEFAULT_LOOK
+    """Of its streets."""
+
+    @classmethod
+    def with_markings(cls, folder: Path, markings: str | None) -> "GalleryRenderer":
+        """The town with the default look and a marking standard; that of its place for None."""
+        if markings is None:
+            return cls(folder)
+        look = folder / f"markings-{markings}.yaml"
+        shipped = files("pavetwin.scene.ground.looks").joinpath("streets", f"{DEFAULT_LOOK}.yaml")
+        with writing(look) as temporary:
+            temporary.write_text(f"{shipped.read_text(encoding='utf-8')}markings: {markings}\n", encoding="utf-8")
+        return cls(folder, look=str(look))
 
     @cached_property
     def paper(self) -> "GalleryRenderer":
@@ -71,7 +87,7 @@ class GalleryRenderer:
 
     @cached_property
     def scene(self) -> Scene:
-        return Scene(self.world, seed=SEED)
+        return Scene(self.world, seed=SEED, look=self.look)
 
     @cached_property
     def renderer(self) -> Renderer:
