@@ -20,11 +20,19 @@ from pavetwin.scene.ground.markings.painter import Painter
 from pavetwin.scene.ground.markings.standard import paint
 from pavetwin.scene.ground.plan import plan_ground
 from pavetwin.scene.patches import holes_of
-from pavetwin.world.joints import has_slabs, is_paved_apart, joints_across, joints_along, lane_joints
+from pavetwin.world.joints import (
+    SLAB_M,
+    has_slabs,
+    is_paved_apart,
+    joints_across,
+    joints_along,
+    lane_joints,
+    slab_width_m,
+)
 from pavetwin.world.model import Defect, World
 from pavetwin.world.segments import direction_at, point_at
 from pavetwin.world.store import load_world, save_world
-from scenes import built
+from scenes import built, tiny
 
 CRACKS = """
 title: cracks that start at something
@@ -173,6 +181,63 @@ def test_cracks_run_along_joints_between_lanes_of_two_tones(tmp_path: Path) -> N
         assert tones[0] != tones[1], left
 
 
+def test_corner_breaks_end_at_two_joints_within_half_a_slab_of_where_they_meet(tmp_path: Path) -> None:
+    name = next(name for number in range(99) if has_slabs(name := f"Slab Road {number}"))
+    world = on_street(name, 2.0, "{slab_corner: 1.0}", tmp_path)
+    segment, cracks = world.segments[0], of(world, Feature.SLAB_CORNER)
+    assert len(cracks) == len(world.defects) > 5
+    across, along, line = joints_across(segment), joints_along(segment), segment.centre_line
+    sides = set()
+    for crack in cracks:
+        (dx, dy), (x, y) = direction_at(line, 0.0), point_at(line, 0.0)
+        ends = np.array([end.coords[0] for end in _ends(crack)]) - (x, y)
+        stations, lefts = ends @ (dx, dy), ends @ (-dy, dx)
+        joint, seam = (each[np.abs(each - at.mean()).argmin()] for each, at in ((across, stations), (along, lefts)))
+        # One end is at the joint across, half a slab from the corner at most, and the other at the joint along.
+        for near, far in ((0, 1), (1, 0)):
+            if abs(stations[near] - joint) < 0.15 and abs(lefts[far] - seam) < 0.15:
+                assert abs(lefts[near] - seam) < slab_width_m(segment) / 2
+                assert abs(stations[far] - joint) < SLAB_M / 2
+                sides.add((stations[far] > joint, lefts[near] > seam))
+                break
+        else:
+            raise AssertionError((stations - joint, lefts - seam))
+    assert len(sides) > 2, "on several sides of where slabs meet"
+    plan = plan_ground(world, 1, holes_of(world.defects), street_look("varied"))
+    moved = SlabCracks.of(plan, segment)
+    assert set(np.round(moved.stations, 6)) <= set(np.round(across, 6))
+    assert set(np.round(moved.lefts, 6)) <= set(np.round(along, 6))
+    assert moved.stations
+    assert moved.lefts
+
+
+def test_a_survey_places_cracks_instead_of_networks_on_slabs() -> None:
+    slabs = next(name for number in range(99) if has_slabs(name := f"Slab Road {number}"))
+    segment = replace(tiny.street("street", (0.0, 0.0), (60.0, 0.0)), street=slabs)
+    assert segment.street == slabs
+    networks = DefectOptions(per_segment=8, mix={"crocodile_crack": 3.0, "single_crack": 1.0})
+    assert {defect.kind for defect in place([segment], 1, networks)} == {"single_crack"}
+    plain = replace(segment, street="Plain Road 0")
+    assert not has_slabs(plain.street)
+    assert "crocodile_crack" in {defect.kind for defect in place([plain], 1, networks)}
+    alone = DefectOptions(per_segment=3, mix={"crocodile_crack": 1.0})
+    assert {defect.kind for defect in place([segment], 1, alone)} == {"crocodile_crack"}, "nothing else was asked for"
+
+
+def test_no_slabs_are_drawn_where_a_street_has_networks(tmp_path: Path) -> None:
+    name = next(name for number in range(99) if has_slabs(name := f"Slab Road {number}"))
+    world = on_street(name, 0.5, "{slab_joint: 1.0}", tmp_path)
+    look = street_look("varied")
+    found = plan_ground(world, 1, (), look)
+    assert found.pavement(found.streets[0]).slabs is not None
+    network = replace(world, defects=(replace(world.defects[0], kind="crocodile_crack"),))
+    found = plan_ground(network, 1, (), look)
+    assert found.pavement(found.streets[0]).slabs is None
+    only = look.model_copy(update={"main": {"concrete": 1.0}, "other": {"concrete": 1.0}})
+    found = plan_ground(network, 1, (), only)
+    assert found.pavement(found.streets[0]).slabs is not None, "the look has nothing else"
+
+
 def test_no_cracks_run_along_joints_where_a_street_has_none(tmp_path: Path) -> None:
     name = next(name for n in range(99) if not has_slabs(name := f"Plain Road {n}") and not is_paved_apart(name))
     world = on_street(name, 1.0, "{slab_joint: 1.0, lane_joint: 1.0}", tmp_path)
@@ -214,6 +279,6 @@ def test_shares_that_sum_to_more_than_all_are_one_line(tmp_path: Path) -> None:
     file = tmp_path / "cracks.yaml"
     file.write_text(CRACKS.replace("trench: 0.3", "trench: 0.4"))
     with pytest.raises(
-        PaveTwinError, match=r"context: the shares of cover, patch, trench and of a joint sum to more than 1"
+        PaveTwinError, match=r"context: the shares of cover, patch, trench and of joints sum to more than 1"
     ):
         DefectOptions(population=str(file)).effective()

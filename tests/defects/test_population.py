@@ -191,7 +191,7 @@ def test_potholes_lie_beside_networks_where_the_population_says_so() -> None:
     def distances(beside: float) -> list[float]:
         near = {"crocodile_crack": {"share": beside, "along_m": 1.2, "across_m": 0.8}} if beside else {}
         classes = {
-            "crocodile_crack": {**_values("crocodile_crack"), "weight": 1, "near": {}},
+            "crocodile_crack": {**_values("crocodile_crack"), "weight": 1, "near": {}, "on_slabs": None},
             "pothole": {**_values("pothole"), "weight": 2, "near": near},
         }
         of = Population.parse(
@@ -273,6 +273,7 @@ SURVEY = yaml.safe_load("title: t\ndensity: {per_100_m2: 2}\nclasses: {pothole: 
         ),
         ({"classes": {"pothole": {"weight": 1, "context": {"lane_joint": 0.2}}}}, "parameters wander and branches"),
         ({"classes": {"pothole": {"weight": 1, "growth": 9}}}, "classes.pothole.growth"),
+        ({"classes": {"pothole": {"weight": 1, "on_slabs": "crack"}}}, "classes.pothole.on_slabs names 'crack'"),
         (
             {"classes": {"pothole": {"weight": 1, "near": {"single_crack": {"share": 1, "along_m": 1}}}}},
             "not listed before",

@@ -1,4 +1,4 @@
-"""What cracks start at or run along: manhole covers, the corners of patches, the edges of trenches, joints.
+"""What cracks start at or run along: manhole covers, the corners of patches and slabs, the edges of trenches, joints.
 
 A population's class may say for which shares of its cracks this holds. Such a crack is placed as any other, where there
 is room for both; what it starts at is kept with the defect, and a scene draws it there. So the cracks of a world do not
@@ -23,7 +23,15 @@ from pavetwin.config.mission import Share
 from pavetwin.defects.poses import ALONG_SPREAD_RAD, Poses, Position, RoadSection, anywhere, poses, positioned
 from pavetwin.defects.shapes import between
 from pavetwin.seeds import Stream, child
-from pavetwin.world.joints import has_slabs, is_paved_apart, joints_across, joints_along, lane_joints
+from pavetwin.world.joints import (
+    SLAB_M,
+    has_slabs,
+    is_paved_apart,
+    joints_across,
+    joints_along,
+    lane_joints,
+    slab_width_m,
+)
 from pavetwin.world.model import Segment, ShapeParameters
 
 COVER_ROOM_M: Final = 0.68
@@ -39,11 +47,14 @@ OVERGROWN: Final = (0.08, 0.8)
 JOINTS_ACROSS: Final = 0.7
 """Share of the cracks at joints between slabs that are at those across the street. Ours."""
 
+CORNER_RAD: Final = (math.radians(30.0), math.radians(60.0))
+"""Angles between the street and cracks across the corner of a slab. Ours."""
+
 JOINT_SPREAD_RAD: Final = 0.004
 """Standard deviation of their direction from that of the joint."""
 
 STRAIGHT: Final[ShapeParameters] = (("wander", 0.3), ("branches", 0.25))
-"""Of cracks along joints, which hardly leave them."""
+"""Of cracks along joints, which hardly leave them, and of those across corners."""
 
 _FEATURES, _POSES = 1, 2
 """Keys of random numbers under the seed of a shape."""
@@ -56,12 +67,13 @@ class Feature(StrEnum):
     PATCH = "patch"
     TRENCH = "trench"
     SLAB_JOINT = "slab_joint"
+    SLAB_CORNER = "slab_corner"
     LANE_JOINT = "lane_joint"
 
     def is_on(self, street: str) -> bool:
         """Whether the street of a name may have it."""
         match self:
-            case Feature.SLAB_JOINT:
+            case Feature.SLAB_JOINT | Feature.SLAB_CORNER:
                 return has_slabs(street)
             case Feature.LANE_JOINT:
                 return is_paved_apart(street)
@@ -69,7 +81,7 @@ class Feature(StrEnum):
                 return True
 
 
-_JOINTS: Final = (Feature.SLAB_JOINT, Feature.LANE_JOINT)
+_JOINTS: Final = (Feature.SLAB_JOINT, Feature.SLAB_CORNER, Feature.LANE_JOINT)
 
 
 class CrackContext(Settings):
@@ -83,6 +95,8 @@ class CrackContext(Settings):
     """Along the edge of a trench, where old and new pavement meet."""
     slab_joint: Share = 0.0
     """On streets of slabs: along a joint between two of them."""
+    slab_corner: Share = 0.0
+    """On streets of slabs: across a corner of one, from joint to joint (a corner break)."""
     lane_joint: Share = 0.0
     """On streets whose lanes were paved apart: along the joint between two of them."""
     overgrown: Share = 0.0
@@ -90,14 +104,14 @@ class CrackContext(Settings):
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
-        if self.cover + self.patch + self.trench + max(self.slab_joint, self.lane_joint) > 1:
-            raise ValueError("the shares of cover, patch, trench and of a joint sum to more than 1")
+        if self.cover + self.patch + self.trench + max(self.slab_joint + self.slab_corner, self.lane_joint) > 1:
+            raise ValueError("the shares of cover, patch, trench and of joints sum to more than 1")
         return self
 
     @property
     def along_joints(self) -> bool:
         """Whether some run along joints."""
-        return self.slab_joint > 0 or self.lane_joint > 0
+        return max(self.slab_joint, self.slab_corner, self.lane_joint) > 0
 
     def draw(self, seed: int, street: str) -> tuple[Feature | None, ShapeParameters]:
         """What one defect starts at, if anything, and the parameters of what grows in it.
@@ -117,8 +131,8 @@ class CrackContext(Settings):
         return None, parameters
 
 
-def poses_at(seed: int, feature: Feature, segment: Segment, count: int) -> Poses:
-    """Poses of a defect that starts at a feature; `seed` is that of its shape."""
+def poses_at(seed: int, feature: Feature, segment: Segment, count: int, length_m: float) -> Poses:
+    """Poses of a defect of a length that starts at a feature; `seed` is that of its shape."""
     rng = child(seed, Stream.DEFECTS, _POSES)
     road = RoadSection.of(segment)
     match feature:
@@ -130,6 +144,8 @@ def poses_at(seed: int, feature: Feature, segment: Segment, count: int) -> Poses
             return poses(rng, rng.choice(joints, count), 0.0, JOINT_SPREAD_RAD)
         case Feature.LANE_JOINT:
             return poses(rng, rng.choice(lane_joints(segment), count), 0.0, JOINT_SPREAD_RAD)
+        case Feature.SLAB_CORNER:
+            return _across_corners(rng, segment, count, length_m)
         case Feature.SLAB_JOINT:
             return np.empty((0, 3))
         case Feature.COVER:
@@ -140,6 +156,24 @@ def poses_at(seed: int, feature: Feature, segment: Segment, count: int) -> Poses
             return positioned(rng, Position.ACROSS, road, count)
         case _:
             return poses(rng, anywhere(rng, road, count), 0.0, ALONG_SPREAD_RAD)
+
+
+def _across_corners(rng: np.random.Generator, segment: Segment, count: int, length_m: float) -> Poses:
+    """Poses across corners of slabs, with both ends at a joint at most half a slab from the corner (ASTM D6433: farther
+    it is a linear crack); none for a defect that is too long, or where four slabs meet nowhere."""
+    across, along = joints_across(segment), joints_along(segment)
+    angle = rng.uniform(*CORNER_RAD, count)
+    legs = length_m * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    fits = (legs <= (SLAB_M / 2, slab_width_m(segment) / 2)).all(axis=1)
+    if not (len(across) and len(along) and fits.any()):
+        return np.empty((0, 3))
+    angle, legs = angle[fits], legs[fits]
+    ahead, left = rng.choice([-1.0, 1.0], (2, len(angle)))
+    stations = rng.choice(across, len(angle)) + ahead * legs[:, 0] / 2
+    offsets = rng.choice(along, len(angle)) + left * legs[:, 1] / 2
+    inside = (stations > 0) & (stations < segment.length_m)
+    found = np.stack([stations / segment.length_m, offsets, -ahead * left * angle], axis=1)
+    return np.asarray(found[inside], dtype=np.float64)
 
 
 def start_of(outline: Polygon, yaw_rad: float) -> tuple[Float64Array, Float64Array]:

@@ -180,7 +180,8 @@ class SegmentPlacement:
 
     def defects(self) -> list[Defect]:
         """In the order of their placement, as many as find a place."""
-        for kind in self.population.kinds_on(self.segment, self.shares, self.seed, self._rng):
+        for drawn in self.population.kinds_on(self.segment, self.shares, self.seed, self._rng):
+            kind = self.population.kind_on(self.segment.street, drawn)
             with failures_named(kind.name):
                 defect = self._placed(kind)
             if defect is not None:
@@ -198,8 +199,10 @@ class SegmentPlacement:
             if of_class.context is not None:
                 beside, more = of_class.context.draw(shape_seed, self.segment.street)
                 parameters += more
-                poses = poses if beside is None else poses_at(shape_seed, beside, self.segment, PLACES)
             shape = kind.shape(shape_seed, parameters)
+            if beside is not None:
+                low_x, _, high_x, _ = shape.outline.bounds
+                poses = poses_at(shape_seed, beside, self.segment, PLACES, high_x - low_x)
             if shape.outline.area > self._budget:
                 continue
             if (host := of_class.host(shape_seed)) and (within := self._within(host, shape.outline, shape_seed)):

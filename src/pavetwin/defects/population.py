@@ -28,6 +28,7 @@ from pavetwin.defects.poses import Poses, Position, RoadSection, positioned
 from pavetwin.defects.registry import DEFECT_CLASSES, DefectKind, kinds
 from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
+from pavetwin.world.joints import has_slabs
 from pavetwin.world.model import Segment, ShapeParameters
 from pavetwin.world.segments import segment_key
 
@@ -134,6 +135,8 @@ class ClassPopulation(Settings):
     within: Mapping[str, Share] = Field(default_factory=dict)
     """Which share of them is tried within a defect of which class, one listed before it: that loses the part where they
     lie."""
+    on_slabs: str | None = None
+    """The class that is placed instead on streets of slabs of concrete; this one unless given."""
     context: CrackContext | None = None
     """Which shares start at manhole covers and patches, run along trenches and joints, or are overgrown; none unless
     given."""
@@ -204,6 +207,8 @@ class Population(Settings):
     def _consistent(self) -> Self:
         known: list[str] = []
         for name, of_class in self.classes.items():
+            if of_class.on_slabs is not None and of_class.on_slabs not in self.classes:
+                raise ValueError(f"classes.{name}.on_slabs names '{of_class.on_slabs}', which is not listed")
             for other in of_class.within:
                 if other not in known:
                     raise ValueError(f"classes.{name}.within names '{other}', which is not listed before it")
@@ -234,8 +239,8 @@ class Population(Settings):
                 names = kind.parameters.model_fields if kind.parameters else {}
                 if of_class.context.along_joints and not all(key in names for key, _ in STRAIGHT):
                     raise PaveTwinError(
-                        f"{where}: classes.{name}.context: `slab_joint` and `lane_joint` need a class with the "
-                        f"parameters {' and '.join(key for key, _ in STRAIGHT)}; '{name}' has none."
+                        f"{where}: classes.{name}.context: `slab_joint`, `slab_corner` and `lane_joint` need a class "
+                        f"with the parameters {' and '.join(key for key, _ in STRAIGHT)}; '{name}' has none."
                     )
                 if needed:
                     kind.parameters_from(needed, where=f"{where}: classes.{name}.context")
@@ -262,6 +267,13 @@ class Population(Settings):
         weights = np.array([share for _, share in shares])
         for _ in range(self._count_on(segment, rng)):
             yield shares[int(rng.choice(len(shares), p=weights))][0]
+
+    def kind_on(self, street: str, kind: DefectKind) -> DefectKind:
+        """The class that is placed on the street of a name where one was drawn."""
+        instead = self.of_class(kind.name).on_slabs
+        if instead is None or instead not in self.classes or not has_slabs(street):
+            return kind
+        return DEFECT_CLASSES.get(instead)
 
     def worn(self, name: str, segment: Segment, seed: int) -> float:
         """The condition of a segment relative to the one that half of the defects of a class lie beyond."""

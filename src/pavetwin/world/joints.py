@@ -46,6 +46,11 @@ def joints_along(segment: Segment) -> Float64Array:
     return _borders(segment, max(1, round(segment.width_m / SLAB_WIDTH_M)))
 
 
+def slab_width_m(segment: Segment) -> float:
+    """Of a segment's slabs [m]."""
+    return segment.width_m / (len(joints_along(segment)) + 1)
+
+
 def lane_joints(segment: Segment) -> Float64Array:
     """Offsets to the left of a segment's centre line at which lanes meet [m]; a single lane is paved in two halves."""
     return _borders(segment, max(2, segment.lanes))

@@ -11,7 +11,7 @@ from pavetwin.defects.context import Feature, start_of
 from pavetwin.scene.ground.layout.lines import direction
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
 from pavetwin.seeds import Stream, child
-from pavetwin.world.joints import lane_joints
+from pavetwin.world.joints import joints_across, joints_along, lane_joints
 from pavetwin.world.model import Defect, Segment
 from pavetwin.world.segments import direction_at, point_at
 
@@ -81,7 +81,9 @@ class SlabCracks:
         across, _ = _in_street(layout, segment, Feature.SLAB_JOINT, is_across=True)
         _, along = _in_street(layout, segment, Feature.SLAB_JOINT, is_across=False)
         _, lanes = _in_street(layout, segment, Feature.LANE_JOINT)
-        return cls(tuple(across), (*along, *lanes))
+        corners = _in_street(layout, segment, Feature.SLAB_CORNER)
+        across += _nearest(joints_across(segment), corners[0])
+        return cls(tuple(across), (*along, *lanes, *_nearest(joints_along(segment), corners[1])))
 
     def across(self, joints: Float64Array) -> Float64Array:
         """Joints across a street, the nearest to a crack moved to it: slabs of a look may have another length."""
@@ -90,6 +92,11 @@ class SlabCracks:
     def along(self, joints: Float64Array) -> Float64Array:
         """The same of joints along it."""
         return _moved(joints, self.lefts)
+
+
+def _nearest(joints: Float64Array, cracks: list[float]) -> list[float]:
+    """The joint nearest to each crack, at most half a slab away."""
+    return [float(joints[np.argmin(np.abs(joints - at))]) for at in cracks]
 
 
 def _moved(joints: Float64Array, cracks: tuple[float, ...]) -> Float64Array:

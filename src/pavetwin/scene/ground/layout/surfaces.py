@@ -30,6 +30,9 @@ LARGEST_LOT_M2: Final = 2500.0
 """Land farther from a house than this is not its yard."""
 
 
+NETWORK: Final = "crocodile_crack"
+"""The class of defects that slabs of concrete do not have: ASTM D6433 lists alligator cracking for asphalt only."""
+
 GUTTERED_NEAR_M: Final = 0.5
 """Kerbs this near to a sidewalk or to a corner with sidewalks may have a gutter."""
 
@@ -195,11 +198,20 @@ class SurfaceLayout:
         return ageing(self.pavement(street), (age, tone, paint), self.look.paint_wear)
 
     def pavement(self, street: StreetPlan) -> Pavement:
-        """What a street is paved with: of concrete first those that the world has slabs for, as far as the look's share
-        of concrete goes."""
+        """What a street is paved with: of slabs of concrete first those that the world has slabs for, as far as the
+        look's share of them goes, and none with networks of cracks, which are a distress of asphalt."""
         chance = self.chance(f"pavement {street.name}")
         rank = SLAB_SHARE * chance if has_slabs(street.name) else SLAB_SHARE + (1 - SLAB_SHARE) * chance
-        return self.look.pavement(main=street.main, chance=rank)
+        found = self.look.pavement(main=street.main, chance=rank)
+        if found.slabs is None or street.name not in self._with_networks:
+            return found
+        return self.look.pavement(main=street.main, chance=chance, slabs=False)
+
+    @cached_property
+    def _with_networks(self) -> frozenset[str]:
+        """Names of the streets that have networks of cracks."""
+        found = {defect.segment for defect in self.world.defects if defect.kind == NETWORK}
+        return frozenset(self.world.segment(segment).street for segment in found)
 
     def surface_of(self, street: StreetPlan) -> PavedSurface:
         """The surface of a street, where nothing was paved since."""

@@ -77,10 +77,18 @@ class StreetLook(Settings):
     markings: str | None = None
     """A marking standard by name, or by a file beside this one; the one of the place unless given."""
 
-    def pavement(self, *, main: bool, chance: float) -> Pavement:
-        """The pavement of a street for a random number 0 … 1; pavements of slabs have the lowest."""
+    def pavement(self, *, main: bool, chance: float, slabs: bool = True) -> Pavement:
+        """The pavement of a street for a random number 0 … 1; pavements of slabs have the lowest.
+
+        Args:
+            main: whether it is a main street.
+            chance: the random number.
+            slabs: False for none of slabs, if the look has others.
+        """
         table = self.main if main else self.other
         ordered = sorted(table, key=lambda name: pavement(name).slabs is None)
+        if not slabs and any(table[name] > 0 and pavement(name).slabs is None for name in table):
+            ordered = [name for name in ordered if pavement(name).slabs is None]
         return pavement(pick({name: table[name] for name in ordered}, chance))
 
 
