@@ -81,7 +81,7 @@ def _copied(course: Course, side: int) -> tuple[MissionEnvironment, Trace]:
     )
     shifts = (np.array(steps) - steps[0]) * pitch
     rings = [_rings(segment.polygon) for segment in world.segments]
-    points = [sample_points(defect) for defect in course.environment.defects]
+    defects = course.environment.defects
     index = {segment.id: number for number, segment in enumerate(world.segments)}
     count = len(shifts)
     ground = Ground(
@@ -98,12 +98,9 @@ def _copied(course: Course, side: int) -> tuple[MissionEnvironment, Trace]:
         solid_z1=np.tile(standing.z1, count),
         solid_is_parked=np.zeros(count * len(standing.z1), dtype=bool),
         # Defects are looked up by segment: those of the other copies would be copies of the list, nothing more.
-        defect_centres=np.array(
-            [(d.centre.x, d.centre.y) for d in course.environment.defects], dtype=np.float64
-        ).reshape(-1, 2),
-        defect_offsets=np.concatenate([[0], np.cumsum([len(some) for some in points])]).astype(np.uint32),
-        defect_points=np.concatenate(points) if points else np.empty((0, 2)),
-        defect_segments=np.array([index[defect.segment] for defect in course.environment.defects], dtype=np.uint32),
+        defect_centres=np.array([(d.centre.x, d.centre.y) for d in defects], dtype=np.float64).reshape(-1, 2),
+        defect_segments=np.array([index[defect.segment] for defect in defects], dtype=np.uint32),
+        defect_points=lambda number: sample_points(defects[number]),
     )
     return replace(course.environment, ground=ground), _crowd(course, shifts)
 

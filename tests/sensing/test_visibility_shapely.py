@@ -124,9 +124,8 @@ def ground(surface: Polygon, blocks: list[Block], cell_m: float) -> Ground:
         solid_z1=np.array([block.high_m for block in blocks]),
         solid_is_parked=np.zeros(len(blocks), dtype=bool),
         defect_centres=np.empty((0, 2)),
-        defect_offsets=np.zeros(1, dtype=np.uint32),
-        defect_points=np.empty((0, 2)),
         defect_segments=np.empty(0, dtype=np.uint32),
+        defect_points=lambda _: np.empty((0, 2)),
     )
 
 

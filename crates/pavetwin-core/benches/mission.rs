@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use pavetwin_core::geometry::Vec2;
-use pavetwin_core::mission::{Battery, DefectTarget, DrainCurve, Event, Flight, Ground, Settings};
+use pavetwin_core::mission::{Battery, DefectTarget, DrainCurve, Event, Flight, Ground, GroundError, Settings};
 use pavetwin_core::navigation::{BakeConfig, Limits, NavMesh};
 use pavetwin_core::sensing::{Body, BodyClass, Prism, Solids, SurfaceGrid, Trace, TraceColumns};
 use support::{AGENT, DEFAULT, camera};
@@ -51,13 +51,17 @@ fn ground() -> Ground {
     };
     let defect = |i: u32| {
         let centre = on_street((scattered(i) - 0.5) * STREET_M, (scattered(7 * i + 3) - 0.5) * 13.0);
-        let points = (0..16).map(|k| centre + Vec2::new(f64::from(k % 4), f64::from(k / 4)) * 0.1).collect();
-        DefectTarget { centre, points }
+        DefectTarget::at(centre)
     };
     let grid = SurfaceGrid::from_rings(&[rectangle(0.5 * STREET_M, 7.0)], 0.25).expect("a grid");
     let defects: Vec<DefectTarget> = (0..DEFECTS).map(defect).collect();
     let solids = Solids::new((0..17).map(tree).collect::<Vec<Prism>>());
-    Ground::new(mesh, solids, vec![grid], defects, &[0; DEFECTS as usize]).expect("a ground")
+    let ground = Ground::new(mesh, solids, vec![grid], defects, &[0; DEFECTS as usize]).expect("a ground");
+    for (number, defect) in (0..).zip(&ground.defects) {
+        let points = (0..16).map(|k| defect.centre + Vec2::new(f64::from(k % 4), f64::from(k / 4)) * 0.1).collect();
+        ground.sample(number, || Ok::<_, GroundError>(points)).expect("points");
+    }
+    ground
 }
 
 /// Vehicles drive to and fro on their lanes at up to 8 m/s, pedestrians walk along the kerbs.

@@ -1,7 +1,7 @@
 //! `Flight`, its events, and the prediction of visibility that a policy may ask for.
 
 use crate::arrays::{points, to_array};
-use crate::ground::Ground;
+use crate::ground::{DefectSampler, Ground};
 use crate::plain;
 use crate::settings::FlightSettings;
 use crate::trace::Trace;
@@ -114,7 +114,7 @@ impl DisplacementPredictor {
 }
 
 #[pyclass(module = "pavetwin._core")]
-pub struct Flight(core::Flight);
+pub struct Flight(core::Flight, DefectSampler);
 
 #[pymethods]
 impl Flight {
@@ -122,7 +122,8 @@ impl Flight {
     #[pyo3(signature = (ground, trace, settings, *, base))]
     fn new(ground: &Ground, trace: &Trace, settings: &FlightSettings, base: (f64, f64)) -> PyResult<Self> {
         let base = Vec2::new(base.0, base.1);
-        core::Flight::new(ground.0.clone(), trace.0.clone(), settings.0.clone(), base).map(Self).map_err(plain)
+        let flight = core::Flight::new(ground.0.clone(), trace.0.clone(), settings.0.clone(), base).map_err(plain)?;
+        Ok(Self(flight, ground.1.clone()))
     }
 
     #[pyo3(signature = (until_s = None))]
@@ -150,11 +151,13 @@ impl Flight {
         self.0.turn_to(yaw_rad);
     }
 
-    fn inspect(&mut self, segment: u32, line: PyReadonlyArray2<'_, f64>) -> PyResult<()> {
+    fn inspect(&mut self, py: Python<'_>, segment: u32, line: PyReadonlyArray2<'_, f64>) -> PyResult<()> {
+        self.1.sample_segment(py, segment)?;
         self.0.inspect(segment, &points(&line)?).map_err(plain)
     }
 
-    fn revisit(&mut self, segment: u32, stay_s: f64) -> PyResult<()> {
+    fn revisit(&mut self, py: Python<'_>, segment: u32, stay_s: f64) -> PyResult<()> {
+        self.1.sample_segment(py, segment)?;
         self.0.revisit(segment, stay_s).map_err(plain)
     }
 

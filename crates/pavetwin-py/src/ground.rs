@@ -13,15 +13,61 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
 
+/// Asks Python for the points of a defect when its segment is first inspected.
+#[derive(Clone)]
+pub struct DefectSampler {
+    ground: Arc<core::Ground>,
+    points_of: Arc<Py<PyAny>>,
+}
+
+impl DefectSampler {
+    /// Samples the defects of a segment; none where there is no such segment.
+    pub fn sample_segment(&self, py: Python<'_>, segment: u32) -> PyResult<()> {
+        let defects = self.ground.segments.get(segment as usize).map_or(&[][..], |surface| &surface.defects);
+        defects.iter().try_for_each(|&defect| self.sample(py, defect).map(|_| ()))
+    }
+
+    fn sample(&self, py: Python<'_>, defect: u32) -> PyResult<&[Vec2]> {
+        let sample = || {
+            let array = self.points_of.call1(py, (defect,)).map_err(Failure::Python)?;
+            let array =
+                array.extract::<PyReadonlyArray2<'_, f64>>(py).map_err(|error| Failure::Python(error.into()))?;
+            points(&array).map_err(Failure::Python)
+        };
+        self.ground.sample(defect, sample).map_err(Failure::into_python)
+    }
+}
+
+/// Why a defect has no points.
+enum Failure {
+    Python(PyErr),
+    Ground(core::GroundError),
+}
+
+impl From<core::GroundError> for Failure {
+    fn from(error: core::GroundError) -> Self {
+        Self::Ground(error)
+    }
+}
+
+impl Failure {
+    fn into_python(self) -> PyErr {
+        match self {
+            Self::Python(error) => error,
+            Self::Ground(error) => plain(error),
+        }
+    }
+}
+
 #[pyclass(frozen, module = "pavetwin._core")]
-pub struct Ground(pub Arc<core::Ground>);
+pub struct Ground(pub Arc<core::Ground>, pub DefectSampler);
 
 #[pymethods]
 impl Ground {
     #[new]
     #[pyo3(signature = (
         mesh, *, cell_m, surface_rings, solid_offsets, solid_xy, solid_z0, solid_z1, solid_is_parked, defect_centres,
-        defect_offsets, defect_points, defect_segments
+        defect_segments, defect_points
     ))]
     #[allow(clippy::too_many_arguments)] // ragged arrays, each by name
     fn new(
@@ -34,9 +80,8 @@ impl Ground {
         solid_z1: PyReadonlyArray1<'_, f64>,
         solid_is_parked: PyReadonlyArray1<'_, bool>,
         defect_centres: PyReadonlyArray2<'_, f64>,
-        defect_offsets: PyReadonlyArray1<'_, u32>,
-        defect_points: PyReadonlyArray2<'_, f64>,
         defect_segments: PyReadonlyArray1<'_, u32>,
+        defect_points: Py<PyAny>,
     ) -> PyResult<Self> {
         let mut grids = Vec::with_capacity(surface_rings.len());
         for rings in &surface_rings {
@@ -52,12 +97,10 @@ impl Ground {
             if is_parked { &mut parked } else { &mut fixed }.push(prism);
         }
         let solids = Solids::new(fixed).with_parked(parked);
-        let samples = ragged(&defect_offsets, &points(&defect_points)?)?;
-        let centres = points(&defect_centres)?;
-        let defects = centres.into_iter().zip(samples);
-        let defects = defects.map(|(centre, points)| core::DefectTarget { centre, points }).collect();
+        let defects = points(&defect_centres)?.into_iter().map(core::DefectTarget::at).collect();
         let ground = core::Ground::new(mesh.0.clone(), solids, grids, defects, defect_segments.as_slice()?);
-        ground.map(|ground| Self(Arc::new(ground))).map_err(plain)
+        let ground = Arc::new(ground.map_err(plain)?);
+        Ok(Self(ground.clone(), DefectSampler { ground, points_of: Arc::new(defect_points) }))
     }
 
     fn observe<'py>(
@@ -106,14 +149,16 @@ impl Ground {
     fn defect_shares<'py>(
         &self,
         py: Python<'py>,
-        defect: usize,
+        defect: u32,
         trace: &Trace,
         time_s: f64,
         viewpoint: &Viewpoint,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let defects = &self.0.defects;
-        let missing = || plain(format!("there is no defect {defect}; the ground has {}", defects.len()));
-        let points = &defects.get(defect).ok_or_else(missing)?.points;
+        let count = self.0.defects.len();
+        if defect as usize >= count {
+            return Err(plain(format!("there is no defect {defect}; the ground has {count}")));
+        }
+        let points = self.1.sample(py, defect)?;
         let shares = Observer::new().point_shares(&self.0.solids, &trace.0, &viewpoint.0, time_s, points);
         let shares = shares.map_err(plain)?.expect("a ground has no defect without points");
         let columns = PyDict::new(py);

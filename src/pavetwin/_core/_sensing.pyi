@@ -1,5 +1,6 @@
 """The recorded traffic, the camera, and what it sees of the ground."""
 
+from collections.abc import Callable
 from typing import Final, TypedDict
 
 from pavetwin._core._navigation import NavMesh
@@ -151,10 +152,16 @@ class Ground:
         solid_z1: Float64Array,
         solid_is_parked: BoolArray,
         defect_centres: Float64Array,
-        defect_offsets: UInt32Array,
-        defect_points: Float64Array,
         defect_segments: UInt32Array,
-    ) -> None: ...
+        defect_points: Callable[[int], Float64Array],
+    ) -> None:
+        """Of n defects, centres (n, 2) and the index of each one's segment.
+
+        Args:
+            defect_points: gives the sample points (k, 2) of a defect by its index; asked once for each defect of a
+                segment, when that is first inspected.
+        """
+
     def observe(
         self, segment: int, trace: Trace, time_s: float, camera: NadirCamera, viewpoint: Viewpoint
     ) -> LookColumns:

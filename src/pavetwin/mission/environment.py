@@ -167,7 +167,6 @@ def prepare(
         check_base(world, around.base, settings.altitude_m, settings.uav.radius_m, boxes)
     standing = around.solids.with_others(boxes)
     index = {segment.id: number for number, segment in enumerate(world.segments)}
-    samples = [sample_points(defect) for defect in chosen]
     ground = Ground(
         around.mesh,
         cell_m=settings.visibility.cell_m,
@@ -178,9 +177,8 @@ def prepare(
         solid_z1=standing.z1,
         solid_is_parked=standing.kind == SolidKind.PARKED_VEHICLE,
         defect_centres=np.array([(d.centre.x, d.centre.y) for d in chosen], dtype=np.float64).reshape(-1, 2),
-        defect_offsets=np.concatenate([[0], np.cumsum([len(points) for points in samples])]).astype(np.uint32),
-        defect_points=np.concatenate(samples) if samples else np.empty((0, 2)),
         defect_segments=np.array([index[defect.segment] for defect in chosen], dtype=np.uint32),
+        defect_points=lambda number: sample_points(chosen[number]),
     )
     flown = replace(world, base=around.base)
     return MissionEnvironment(

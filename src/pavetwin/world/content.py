@@ -7,8 +7,8 @@ one exactly.
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator
-from dataclasses import asdict, fields, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -97,18 +97,21 @@ def _without_minus_zero(value: Any) -> Any:
 _APART = ("polygon", "centre", "parameters", "notch", "beside")
 
 
-def defects_hash(defects: Iterable[Defect]) -> str:
+def defects_hash(defects: Sequence[Defect]) -> str:
     """SHA-256 over defects in their order; a world's content hash excludes them."""
+    names = sorted(field.name for field in fields(Defect) if field.name not in _APART)
+    polygons = shapely.to_wkb(np.array([defect.polygon for defect in defects], dtype=object))
+    centres = shapely.to_wkb(np.array([defect.centre for defect in defects], dtype=object))
     digest = hashlib.sha256()
-    for defect in defects:
-        values = {name: str(value) for name, value in asdict(defect).items() if name not in _APART}
+    for defect, polygon, centre in zip(defects, polygons, centres, strict=True):
+        values = {name: str(getattr(defect, name)) for name in names}
         if defect.parameters:  # defects without any keep the hash that they had before there were parameters
             values["parameters"] = str(defect.parameters)
         if defect.notch:
             values["notch"] = str(defect.notch)
         if defect.beside:
             values["beside"] = defect.beside
-        digest.update(repr(sorted(values.items())).encode() + defect.polygon.wkb + defect.centre.wkb)
+        digest.update(repr(sorted(values.items())).encode() + polygon + centre)
     return digest.hexdigest()
 
 

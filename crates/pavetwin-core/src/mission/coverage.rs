@@ -62,8 +62,8 @@ impl Coverage {
                 continue;
             }
             let (solids, trace) = (&sight.ground.solids, sight.trace);
-            let share =
-                self.observer.visible_fraction(solids, trace, &sight.viewpoint, sight.time_s, &target.points)?;
+            let points = target.points().ok_or(FlightError::NotSampled { defect })?;
+            let share = self.observer.visible_fraction(solids, trace, &sight.viewpoint, sight.time_s, points)?;
             let visible_fraction = share.unwrap_or(0.0);
             if visible_fraction >= min_visible_fraction {
                 sightings.push(Sighting { defect, visible_fraction });

@@ -47,6 +47,8 @@ pub enum FlightError {
     UnknownSegment { segment: u32, segments: usize },
     #[error("the battery ran empty after {time_s:.0} s in the air; raise energy.reserve or shorten the way")]
     BatteryEmpty { time_s: f64 },
+    #[error("defect {defect} was not sampled before its segment was inspected")]
+    NotSampled { defect: u32 },
     #[error("the extended recording does not begin with the present one")]
     OtherRecording,
 }

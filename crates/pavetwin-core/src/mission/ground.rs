@@ -3,6 +3,7 @@
 use crate::geometry::Vec2;
 use crate::navigation::NavMesh;
 use crate::sensing::{Solids, SurfaceGrid};
+use std::sync::OnceLock;
 
 /// A segment's surface cells and the defects that lie on it.
 #[derive(Debug, Clone)]
@@ -12,12 +13,26 @@ pub struct SegmentSurface {
     pub defects: Vec<u32>,
 }
 
-/// A defect as the camera meets it.
+/// A defect as the camera meets it. A town has thousands, of which a mission meets a few: each is sampled when its
+/// segment is first inspected.
 #[derive(Debug, Clone)]
 pub struct DefectTarget {
     pub centre: Vec2,
-    /// Points spread over its area.
-    pub points: Vec<Vec2>,
+    points: OnceLock<Vec<Vec2>>,
+}
+
+impl DefectTarget {
+    /// A defect that is not sampled yet.
+    #[must_use]
+    pub fn at(centre: Vec2) -> Self {
+        Self { centre, points: OnceLock::new() }
+    }
+
+    /// Points spread over its area; `None` before it is sampled.
+    #[must_use]
+    pub fn points(&self) -> Option<&[Vec2]> {
+        self.points.get().map(Vec::as_slice)
+    }
 }
 
 /// Shared by every mission over the same world at the same altitude.
@@ -35,14 +50,14 @@ pub enum GroundError {
     #[error("defect {defect} lies on segment {segment}, but there are {segments} segments")]
     UnknownSegment { defect: usize, segment: u32, segments: usize },
     #[error("defect {defect} has no sample points")]
-    NoPoints { defect: usize },
+    NoPoints { defect: u32 },
 }
 
 impl Ground {
     /// Joins the parts; `segment_of` names each defect's segment.
     ///
     /// # Errors
-    /// When a defect names a segment that is not there or has no points.
+    /// When a defect names a segment that is not there.
     pub fn new(
         mesh: NavMesh,
         solids: Solids,
@@ -52,14 +67,31 @@ impl Ground {
     ) -> Result<Self, GroundError> {
         let mut segments: Vec<_> = grids.into_iter().map(|grid| SegmentSurface { grid, defects: Vec::new() }).collect();
         let count = segments.len();
-        for (defect, (target, &segment)) in defects.iter().zip(segment_of).enumerate() {
-            if target.points.is_empty() {
-                return Err(GroundError::NoPoints { defect });
-            }
+        for (defect, &segment) in segment_of.iter().enumerate() {
             let surface = segments.get_mut(segment as usize);
             let surface = surface.ok_or(GroundError::UnknownSegment { defect, segment, segments: count })?;
             surface.defects.push(defect as u32);
         }
         Ok(Self { mesh, solids, segments, defects })
+    }
+
+    /// Gives the points of a defect, unless they are there already.
+    ///
+    /// # Errors
+    /// What `sample` returns, or that it gave no points.
+    pub fn sample<E: From<GroundError>>(
+        &self,
+        defect: u32,
+        sample: impl FnOnce() -> Result<Vec<Vec2>, E>,
+    ) -> Result<&[Vec2], E> {
+        let target = &self.defects[defect as usize].points;
+        if let Some(points) = target.get() {
+            return Ok(points);
+        }
+        let points = sample()?;
+        if points.is_empty() {
+            return Err(GroundError::NoPoints { defect }.into());
+        }
+        Ok(target.get_or_init(|| points))
     }
 }
