@@ -5,6 +5,7 @@ from math import atan, exp, log, pi
 import pytest
 import torch
 
+from pavetwin.perception.training.architecture import Architecture
 from pavetwin.perception.training.assignment import assign, uncounted
 from pavetwin.perception.training.losses import (
     Losses,
@@ -13,7 +14,7 @@ from pavetwin.perception.training.losses import (
     mask_loss,
     subtype_loss,
 )
-from pavetwin.perception.training.network import Anchors, Encoded
+from pavetwin.perception.training.network import Anchors, DetectorNetwork, Encoded
 from pavetwin.perception.training.options import LossWeights
 from pavetwin.perception.training.targets import Targets, no_targets
 
@@ -178,6 +179,16 @@ def test_every_object_has_anchors_even_a_thin_crack() -> None:
         thin = labels(((5.0 + offset, 2.0, 6.0 + offset, 62.0), 0, False))
         assigned = assign(encoded.scores.sigmoid(), encoded.boxes, encoded.anchors, thin)
         assert (assigned.objects >= 0).sum() == 10
+
+
+def test_a_small_object_has_a_share_of_the_loss_from_the_first_step_on() -> None:
+    """Of what an untrained network says, a thing of 15 px has at least a tenth of the target of one of 44 px, the size
+    that the finest boxes begin with."""
+    encoded = DetectorNetwork(Architecture(width=0.125)).eval()(torch.zeros(1, 3, *SIZE))
+    small, fitting = ((10.0, 10.0, 25.0, 25.0), 0, False), ((38.0, 10.0, 82.0, 54.0), 2, False)
+    assigned = assign(encoded.scores.sigmoid(), encoded.boxes, encoded.anchors, labels(small, fitting))
+    targets = [float(assigned.scores[assigned.objects == at].max()) for at in range(2)]
+    assert targets[0] > 0.1 * targets[1] > 0.08
 
 
 def test_an_ignored_region_has_neither_loss_nor_reward() -> None:

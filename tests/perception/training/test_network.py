@@ -1,10 +1,13 @@
 """The network: its published size, one encoding of an image, and what its heads look at."""
 
+from math import exp, log
+
 import pytest
 import torch
 from torchvision.ops import roi_align
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.perception.classes import COARSE
 from pavetwin.perception.training.architecture import Architecture, variant
 from pavetwin.perception.training.cost import gflops, parameters
 from pavetwin.perception.training.detect import DetectLimits, detect
@@ -69,6 +72,19 @@ def test_anchors_lie_in_the_middle_of_their_cells() -> None:
     assert anchors.centres[:3].tolist() == [[4, 4], [12, 4], [20, 4]]
     assert anchors.centres[-2:].tolist() == [[16, 16], [48, 16]]
     assert anchors.strides.tolist() == [8.0] * 32 + [16.0] * 8 + [32.0] * 2
+
+
+def test_before_training_boxes_are_five_strides_wide_and_objects_are_rare() -> None:
+    """A black image leaves the biases alone. The share of bin i of a distance is e^(−0.3 i), up to a factor."""
+    said = DetectorNetwork(TINY).eval()(torch.zeros(1, 3, 64, 96))
+    shares = [exp(-0.3 * each) for each in range(16)]
+    reach = sum(each * share for each, share in enumerate(shares)) / sum(shares)
+    sides = torch.cat([said.anchors.centres - said.boxes[0, :, :2], said.boxes[0, :, 2:] - said.anchors.centres], dim=1)
+    torch.testing.assert_close(sides / said.anchors.strides[:, None], torch.full_like(sides, reach))
+    assert 2 * reach == pytest.approx(5.45, abs=0.01)
+    for stride in (8, 16, 32):
+        expected = log(5 / len(COARSE) / (640 / stride) ** 2)
+        assert said.scores[0, said.anchors.strides == stride].unique().tolist() == pytest.approx([expected])
 
 
 def test_roi_align_reads_a_ramp_where_the_box_is() -> None:

@@ -19,6 +19,11 @@ POOLED: Final = 7
 REGION_STRIDE: Final = 8
 """Of the map from which boxes are cut."""
 
+_BIN_FALL: Final = 0.3
+"""Difference between the first logits of one bin of a distance and the next: the first boxes are about 5 strides wide.
+Equal bins, as published for YOLOv8, make them 15 strides wide. An object counts in the loss of boxes by the overlap of
+the boxes predicted for it, so that small objects would begin with nearly no share of it, and be learned very late."""
+
 _PRIOR_OBJECTS: Final = 5
 """Objects in an image of 640 px before anything is learned; the bias of the class scores says so."""
 
@@ -33,7 +38,7 @@ class DetectionHead(nn.Module):
         self.boxes = nn.ModuleList(_branch(each, for_boxes, 4 * REG_MAX, it.activation) for each in inputs)
         self.classes = nn.ModuleList(_branch(each, for_classes, it.classes, it.activation) for each in inputs)
         for boxes, classes, stride in zip(self.boxes, self.classes, it.strides, strict=True):
-            nn.init.ones_(boxes[-1].bias)
+            boxes[-1].bias.data = (-_BIN_FALL * torch.arange(REG_MAX)).repeat(4)
             nn.init.constant_(classes[-1].bias, log(_PRIOR_OBJECTS / it.classes / (640 / stride) ** 2))
 
     def forward(self, levels: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
