@@ -48,8 +48,8 @@ pictures: demo study  ## The pictures of the documentation, made again from the 
 	@cp out/study/figures/figure-1.svg docs/images/study.svg
 	@.venv/bin/python -m gallery.aircraft
 
-gallery: setup  ## The pictures of docs/gallery, rendered again (PHOTOGRAPHS=FOLDER: frames beside photographs too)
-	@.venv/bin/python -m gallery
+gallery: setup  ## The pictures of docs/gallery, rendered again (PHOTOGRAPHS, MAPS=FOLDER: with these)
+	@.venv/bin/python -m gallery $(if $(MAPS),--maps $(MAPS))
 	@$(if $(PHOTOGRAPHS),.venv/bin/python -m gallery --photographs $(PHOTOGRAPHS) \
 		$(if $(SOURCE),--source $(SOURCE)) $(if $(GSD_MM),--gsd-mm $(GSD_MM)),:)
 

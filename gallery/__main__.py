@@ -26,6 +26,9 @@ def main() -> int:
     parser.add_argument("--photographs", type=Path, help="folder of photographs: makes the sheet of frames beside them")
     parser.add_argument("--source", help="how their labels are read: a source of `pavetwin dataset import`")
     parser.add_argument("--gsd-mm", type=float, help="their ground resolution; told by painted lines unless given")
+    parser.add_argument(
+        "--maps", type=Path, help="folder of berlin_neukoelln.osm and seattle_roosevelt.osm: real streets too"
+    )
     parser.add_argument("--output", type=Path, default=Path("docs/gallery"), help="folder of the pictures")
     parser.add_argument("--work", type=Path, default=Path("out/gallery"), help="folder of the town and its traffic")
     options = parser.parse_args()
@@ -36,7 +39,7 @@ def main() -> int:
                     f"No picture '{name}'{nearest_name(name, PICTURES)}; there are {', '.join(PICTURES)}."
                 )
         source = None if options.source is None else source_of(options.source)[1]
-        renderer = GalleryRenderer(options.work)
+        renderer = GalleryRenderer(options.work, maps=options.maps)
         pictures = {name: PICTURES[name] for name in options.names or ([] if options.photographs else PICTURES)}
         if options.photographs:
             pictures[BESIDE] = lambda renderer: beside_photographs(

@@ -7,12 +7,12 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-from PIL import Image
 from shapely import Polygon
 
-from gallery.places import busy_street, drive, shown_best
+from gallery.places import busy_street, drive, shown_best, street_ahead
 from gallery.renderer import LOW_SUN, MORNING, OVERCAST, GalleryRenderer, Picture
 from gallery.sheet import captioned, grid
+from gallery.streets import streets
 from pavetwin.capture.platforms.car import FRONT, REAR, Mount
 from pavetwin.draw.frame import DefectMark, MissionState
 from pavetwin.draw.frame import MapView as MapView
@@ -21,19 +21,13 @@ from pavetwin.draw.mission_style import agent_group
 from pavetwin.scene.agents import quadrotor
 from pavetwin.scene.view import View, look, nadir
 from pavetwin.twin import Mode, UavState
-from pavetwin.world.model import Defect, Segment
-from pavetwin.world.segments import direction_at
+from pavetwin.world.model import Defect
 
 SEVERITIES: Final = ("low", "medium", "high")
 ALTITUDES_M: Final = (6.0, 10.0, 15.0)
 
 CLOSE_UP_M: Final = {"single_crack": 2.4, "crocodile_crack": 3.8, "pothole": 2.0}
 """Height of the ground that a picture of a defect shows [m]."""
-
-STREETS: Final = 24
-
-IN_SIGHT_M: Final = 4.0
-"""Half of what the camera shows of a street's length from 10 m, less a margin."""
 
 HIGH_M: Final = 120.0
 _HIGH_FOV: Final = math.radians(46.0)
@@ -134,7 +128,7 @@ def car(renderer: GalleryRenderer) -> Picture:
 
 def quadrotor_over_street(renderer: GalleryRenderer) -> Picture:
     """The UAV at work, seen from another one behind it."""
-    placement = busy_street(renderer)
+    placement = street_ahead(renderer)
     along = np.array([math.cos(placement.yaw_rad), math.sin(placement.yaw_rad)])
     place = np.array([placement.x_m, placement.y_m])
     flier = quadrotor((*place.tolist(), 9.0), placement.yaw_rad)
@@ -152,7 +146,7 @@ def quadrotor_over_street(renderer: GalleryRenderer) -> Picture:
 
 def street(renderer: GalleryRenderer) -> Picture:
     """The town from above its roofs."""
-    placement = busy_street(renderer)
+    placement = street_ahead(renderer)
     x = placement.x_m - 34.0 * math.cos(placement.yaw_rad)
     y = placement.y_m - 34.0 * math.sin(placement.yaw_rad)
     view = look(
@@ -163,35 +157,6 @@ def street(renderer: GalleryRenderer) -> Picture:
         vertical_fov_rad=math.radians(50.0),
     )
     return renderer.take(view, MORNING, time_s=placement.time_s)
-
-
-def streets(renderer: GalleryRenderer) -> Picture:
-    """Streets of many looks as the UAV sees them, from the one with least damage to the one with most, under changing
-    skies; each sky has one exposure, so that pale streets are pale and dark ones dark."""
-    by_street = sorted(renderer.world.segments, key=lambda segment: (segment.street, segment.id))
-    shown = [by_street[index * len(by_street) // STREETS] for index in range(STREETS)]
-    damage = {segment.id: len(list(renderer.world.defects_of(segment.id))) / segment.area_m2 for segment in shown}
-    cells = []
-    for index, segment in enumerate(sorted(shown, key=lambda segment: (damage[segment.id], segment.id))):
-        station = _worst_station(renderer, segment)
-        place, (dx, dy) = segment.centre_line.interpolate(station), direction_at(segment.centre_line, station)
-        view = nadir(
-            renderer.camera, (place.x, place.y, ALTITUDES_M[1]), yaw_rad=math.atan2(dy, dx), size_px=(640, 480)
-        )
-        light = (MORNING, OVERCAST, LOW_SUN, OVERCAST)[index % 4]
-        taken = Image.fromarray(renderer.take(view, light, exposure=renderer.grey_card(light)))
-        cells.append(np.asarray(taken.resize((320, 240), Image.Resampling.LANCZOS)))
-    return grid(cells, columns=4)
-
-
-def _worst_station(renderer: GalleryRenderer, segment: Segment) -> float:
-    """Where on a segment most damage is in sight [m]; its middle where it has none."""
-    line = segment.centre_line
-    stations = np.array([line.project(defect.centre) for defect in renderer.world.defects_of(segment.id)])
-    if not len(stations):
-        return 0.5 * segment.length_m
-    in_sight = (abs(stations[:, None] - stations) < IN_SIGHT_M).sum(axis=1)
-    return float(stations[int(in_sight.argmax())])
 
 
 def map_view(renderer: GalleryRenderer) -> Picture:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from shapely import LineString, Polygon
@@ -14,6 +14,9 @@ from pavetwin.world.segments import direction_at
 
 TIMES = 60
 MOST_DEFECTS = 12
+CONSIDERED = 400
+SIGHT_M = (160.0, 50.0)
+"""Ahead and to each side, of a picture along a street."""
 MOST_PEDESTRIANS = 3
 """More add nothing to a picture: crowds wait at corners, and hide no pavement."""
 
@@ -43,6 +46,19 @@ def busy_street(renderer: GalleryRenderer) -> CameraPlacement:
     """Where most vehicles and people are within sight of a camera 15 m above broken pavement in the morning's sun."""
     ranked = sorted(_placements(renderer), key=lambda found: -found[0])
     return next((placement for _, placement, defect in ranked if _is_sunny(renderer, defect)), ranked[0][1])
+
+
+def street_ahead(renderer: GalleryRenderer) -> CameraPlacement:
+    """Of the busiest places, the one and the direction along its street with most houses ahead."""
+    ranked = sorted(_placements(renderer), key=lambda found: -found[0])[:CONSIDERED]
+    houses = np.array([each.polygon.centroid.coords[0] for each in renderer.world.buildings])
+
+    def ahead(placement: CameraPlacement) -> int:
+        found = _ahead(np.array([placement.x_m, placement.y_m]), placement.yaw_rad)(houses)
+        return int(((found[:, 0] > 0) & (found[:, 0] < SIGHT_M[0]) & (abs(found[:, 1]) < SIGHT_M[1])).sum())
+
+    both = [replace(placement, yaw_rad=placement.yaw_rad + turn) for _, placement, _ in ranked for turn in (0, math.pi)]
+    return max(both, key=ahead)
 
 
 def drive(renderer: GalleryRenderer) -> CameraPlacement:

@@ -1,7 +1,7 @@
 """Shared by all pictures: the demo's town, its traffic, its scene, and one renderer."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
@@ -52,6 +52,11 @@ class GalleryRenderer:
     """Of the town's damage."""
     look: str = DEFAULT_LOOK
     """Of its streets."""
+    source: str | Path = "town"
+    options: BuildOptions = field(default_factory=lambda: BuildOptions(seed=TOWN_SEED))
+    """What the town is built from, and how."""
+    maps: Path | None = None
+    """Folder of OpenStreetMap extracts for pictures of several towns."""
 
     @classmethod
     def with_markings(cls, folder: Path, markings: str | None) -> "GalleryRenderer":
@@ -75,7 +80,7 @@ class GalleryRenderer:
         if town.is_dir():
             return load_world(town)
         damage = DefectOptions(population=self.population)
-        return save_world(add_defects(build_world("town", BuildOptions(seed=TOWN_SEED)), damage), town)
+        return save_world(add_defects(build_world(self.source, self.options), damage), town)
 
     @cached_property
     def recording(self) -> Recording:
