@@ -73,6 +73,7 @@ USUAL: dict[str, tuple[str, ...]] = {
     "data import": ("uav-cars", "town", "-o", "new"),
     "data pack": ("roads", "-o", "new"),
     "detect": ("town", "-o", "new"),
+    "serve": ("--port", "0"),
     "train": ("roads", "-o", "new"),
     "experiment init": ("new.yaml",),
     "experiment run": ("plain.yaml", "-o", "new"),
@@ -90,6 +91,7 @@ NEEDS_RESULTS = {
     "experiment recommend --traffic",
     "experiment recommend --world",
     "export --licence",
+    "serve --host",
     "train --device",
 }
 """Options of commands that read a dataset or a study; tested with those commands."""

@@ -24,7 +24,7 @@ INTERRUPTED = 130
 
 COMMANDS = (
     *("world", "traffic", "fly", "aircraft", "policy", "sensor", "defect"),
-    *("capture", "data", "evaluate", "train", "export", "detect", "experiment", "demo", "doctor"),
+    *("capture", "data", "evaluate", "train", "export", "detect", "serve", "experiment", "demo", "doctor"),
 )
 """Each a module of this package with a group `app`, or a function of its own name."""
 

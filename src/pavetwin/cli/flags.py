@@ -22,6 +22,7 @@ FLAGS: Final = {
     "image_px": "--image",
     "longest_px": "--longest",
     "max_time_s": "--max-time",
+    "megapixels": "--max-megapixels",
     "most_mb": "--max-mb",
     "names": "--segment",
     "objective": "--choose",
@@ -36,6 +37,7 @@ FLAGS: Final = {
     "size_px": "--size",
     "take_off_s": "--take-off",
     "texel_m": "--texel",
+    "upload_mb": "--max-mb",
 }
 """Options of another name, by parameter, or by parameter and value where an option has no value of its own."""
 

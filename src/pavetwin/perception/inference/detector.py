@@ -1,6 +1,6 @@
 """A detector that is ready for use: `Detector("model.onnx").detect(["street.jpg"])`."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -63,25 +63,30 @@ class Detector:
         self.tiled = self.facts.native if tiled is None else tiled
         self._confidence, self._overlap = confidence, overlap
 
-    def detect(self, images: Iterable[Picture]) -> list[Detections]:
+    def detect(self, images: Iterable[Picture], between: Callable[[], None] | None = None) -> list[Detections]:
         """The detections of each image.
+
+        Args:
+            between: is called before each image and every few tiles; what it raises ends the work.
 
         Raises:
             PaveTwinError: a file cannot be read as an image.
         """
-        return list(self.each(images))
+        return list(self.each(images, between))
 
-    def each(self, images: Iterable[Picture]) -> Iterator[Detections]:
+    def each(self, images: Iterable[Picture], between: Callable[[], None] | None = None) -> Iterator[Detections]:
         """The same, one image after the other: for more than fit into memory."""
-        return (self._of_image(pixels_of(image)) for image in images)
+        return (self._of_image(pixels_of(image), between or (lambda: None)) for image in images)
 
-    def _of_image(self, pixels: UInt8Array) -> Detections:
+    def _of_image(self, pixels: UInt8Array, between: Callable[[], None]) -> Detections:
+        between()
         size = (pixels.shape[1], pixels.shape[0])
         if not self.tiled or max(size) <= self.image_px:
             return self._whole(pixels)
         tiles = tile_windows(size, self.image_px)
         found: list[Detections] = []
         for start in range(0, len(tiles), BATCH):
+            between()
             found += self._tiles(pixels, tiles[start : start + BATCH])
         return merged(found, tiles)
 
@@ -151,7 +156,8 @@ def pixels_of(image: Picture) -> UInt8Array:
     try:
         held = Image.open(image) if isinstance(image, str | Path) else image
         return np.asarray(ImageOps.exif_transpose(held).convert("RGB"))
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+    # Pillow's decoders raise nearly anything for damaged files.
+    except Exception as error:
         what = f"'{image}'" if isinstance(image, str | Path) else "The image"
         raise PaveTwinError(f"{what} cannot be read as an image ({error}).") from error
 

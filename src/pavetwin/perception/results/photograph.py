@@ -93,6 +93,14 @@ class PhotographPose:
 
 def pose_of(image: Image.Image) -> PhotographPose:
     """What a picture that was opened by Pillow says. Damaged tags count as none."""
+    try:
+        return _pose(image)
+    # Pillow's readers of tags raise nearly anything for damaged ones.
+    except Exception:
+        return PhotographPose(image.size)
+
+
+def _pose(image: Image.Image) -> PhotographPose:
     exif, dji = image.getexif(), _dji(image)
     turned = exif.get(ExifTags.Base.Orientation, 1) in (5, 6, 7, 8)
     size = (image.height, image.width) if turned else image.size

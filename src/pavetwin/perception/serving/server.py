@@ -1,0 +1,292 @@
+"""The HTTP server. Images are received at the same time and looked at one after the other."""
+
+import asyncio
+import errno
+import json
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from time import monotonic
+from typing import Any, Final
+
+from tornado.httpserver import HTTPServer
+from tornado.httputil import HTTPFile
+from tornado.netutil import bind_sockets
+from tornado.web import Application, HTTPError, RequestHandler, stream_request_body
+
+from pavetwin._core import __version__
+from pavetwin.errors import PaveTwinError
+from pavetwin.perception.inference.detector import Detector
+from pavetwin.perception.results.detected_image import DetectedImage, described
+from pavetwin.perception.serving.openapi import description, page
+from pavetwin.perception.serving.replies import FORMS
+from pavetwin.perception.serving.uploads import RefusedRequestError, ServerLimits, decoded, files_of
+
+MEGABYTE: Final = 1_000_000
+
+_LARGEST_DISCARDED: Final = 1 << 30
+"""Bytes of a body that is refused, which are read and dropped so that the client gets to read the answer."""
+
+_BUSY: Final = "The server is busy; try again in a second."
+
+_BUFFER: Final = 1 << 20
+"""Of a connection, in bytes."""
+
+
+class PredictionServer:
+    """A detector, what it is doing, and the limits."""
+
+    def __init__(self, detector: Detector, model: str, limits: ServerLimits | None = None) -> None:
+        """Args:
+        model: name that `/health` tells.
+        """
+        self.detector, self.model = detector, model
+        self.limits = limits or ServerLimits()
+        self.held = 0
+        """Bytes of bodies that are being received or wait."""
+        self.waiting = 0
+        """Requests that wait for the detector, and the one that it looks at."""
+        self._started_s = monotonic()
+        self._worker = ThreadPoolExecutor(1, "detector")
+        self._http: HTTPServer | None = None
+        self._is_stopped = False
+
+    def start(self, host: str, port: int) -> int:
+        """Listen, within a running event loop.
+
+        Args:
+            port: 0 takes a free one.
+
+        Returns:
+            The port.
+
+        Raises:
+            PaveTwinError: the address is in use, or not of this machine.
+        """
+        try:
+            sockets = bind_sockets(port, host)
+        except (OSError, UnicodeError) as error:
+            if getattr(error, "errno", None) == errno.EADDRINUSE:
+                raise PaveTwinError(f"`port` {port}: it is in use at {host}; choose another.") from error
+            raise PaveTwinError(f"`host` {host}: no listening there ({error}); 127.0.0.1 is this machine.") from error
+        handlers = [
+            (r"/", _PageHandler),
+            (r"/openapi.json", _DocumentHandler),
+            (r"/health", _HealthHandler),
+            (r"/predict", _OneHandler),
+            (r"/predict/batch", _BatchHandler),
+        ]
+        application = Application(
+            [(path, handler, {"server": self}) for path, handler in handlers],
+            default_handler_class=_AnyHandler,
+            default_handler_args={"server": self},
+            log_function=lambda handler: None,  # noqa: ARG005
+        )
+        self._http = HTTPServer(
+            application,
+            max_body_size=_LARGEST_DISCARDED,
+            max_buffer_size=_BUFFER,
+            body_timeout=self.limits.timeout_s,
+            idle_connection_timeout=self.limits.timeout_s,
+        )
+        self._http.add_sockets(sockets)
+        return int(sockets[0].getsockname()[1])
+
+    async def stop(self) -> None:
+        """Listen no more, close all connections, and end what the detector is doing after its present tiles."""
+        self._is_stopped = True
+        if self._http is not None:
+            self._http.stop()
+            await self._http.close_all_connections()
+        self._worker.shutdown(wait=False, cancel_futures=True)
+
+    @property
+    def health(self) -> dict[str, Any]:
+        facts = self.detector.facts
+        return {
+            "status": "ok",
+            "version": __version__,
+            "model": self.model,
+            "classes": list(facts.classes),
+            "image_px": self.detector.image_px,
+            "tiled": self.detector.tiled,
+            "waiting": self.waiting,
+            "uptime_s": round(monotonic() - self._started_s, 1),
+        }
+
+    async def detect(self, files: list[HTTPFile], is_gone: Callable[[], bool]) -> list[DetectedImage]:
+        """The detections of files, by the one thread that detects.
+
+        Args:
+            is_gone: whether nobody waits for the answer any more.
+        """
+        return await asyncio.get_running_loop().run_in_executor(self._worker, self._detect, files, is_gone)
+
+    def _detect(self, files: list[HTTPFile], is_gone: Callable[[], bool]) -> list[DetectedImage]:
+        until_s = monotonic() + self.limits.look_s
+
+        def check() -> None:
+            if is_gone() or self._is_stopped:
+                raise RefusedRequestError(400, "Nobody waits for the answer.")
+            if monotonic() > until_s:
+                words = f"Looking at it takes longer than {self.limits.look_s:g} s; send fewer or smaller images."
+                raise RefusedRequestError(413, words)
+
+        done = []
+        for file in files:
+            check()
+            pixels, pose = decoded(file, self.limits.megapixels)
+            (found,) = self.detector.detect([pixels], check)
+            done.append(described(file["filename"], found, pose))
+        return done
+
+
+class _AnyHandler(RequestHandler):
+    """Errors as JSON; an address that is not known is one."""
+
+    allowed = "GET"
+    """The method that is answered."""
+
+    def initialize(self, server: PredictionServer) -> None:
+        self.server = server
+
+    def set_default_headers(self) -> None:
+        self.set_header("Server", "PaveTwin")
+        self.set_header("X-Content-Type-Options", "nosniff")
+
+    async def prepare(self) -> None:
+        if type(self) is _AnyHandler:
+            raise HTTPError(404)
+
+    def write_error(self, status_code: int, **how: Any) -> None:
+        error = how.get("exc_info", (None, None, None))[1]
+        words = str(error) if isinstance(error, RefusedRequestError) else f"{self._reason}."
+        if status_code == 405:
+            self.set_header("Allow", self.allowed)
+        self.tell({"error": words})
+
+    def tell(self, content: Any) -> None:
+        """Answer with JSON."""
+        self.set_header("Content-Type", "application/json; charset=utf-8")
+        self.finish(json.dumps(content, ensure_ascii=False))
+
+
+class _HealthHandler(_AnyHandler):
+    def get(self) -> None:
+        self.tell(self.server.health)
+
+
+class _DocumentHandler(_AnyHandler):
+    def get(self) -> None:
+        self.tell(description(__version__, self.server.limits))
+
+
+class _PageHandler(_AnyHandler):
+    def get(self) -> None:
+        self.finish(page(description(__version__, self.server.limits)))
+
+
+@stream_request_body
+class _PredictHandler(_AnyHandler):
+    allowed = "POST"
+    most = 1
+    """Files."""
+
+    def initialize(self, server: PredictionServer) -> None:
+        super().initialize(server)
+        self._body = bytearray()
+        self._held, self._is_gone = 0, False
+        self._refusal: RefusedRequestError | None = None
+
+    async def prepare(self) -> None:
+        length = self.request.headers.get("Content-Length", "0")
+        if self.request.method == "POST" and length.isdecimal():
+            self._check_length(int(length))
+
+    def data_received(self, chunk: bytes) -> None:
+        self._check_length(len(self._body) + len(chunk))
+        if self._refusal is None:
+            self._body += chunk
+            self._held += len(chunk)
+            self.server.held += len(chunk)
+
+    def _check_length(self, length: int) -> None:
+        """Keep no more of a body that is too long. The rest is read and dropped before it is answered, since a client
+        that still sends does not read."""
+        limits = self.server.limits
+        if self._refusal is not None:
+            return
+        if length > limits.upload_mb * MEGABYTE:
+            self._refusal = RefusedRequestError(413, f"The request is larger than {limits.upload_mb:g} MB.")
+        elif self.server.held - self._held + length > limits.held_mb * MEGABYTE:
+            self._refusal = RefusedRequestError(429, _BUSY)
+        if self._refusal is not None:
+            self._release()
+
+    async def post(self) -> None:
+        if self._refusal is not None:
+            raise self._refusal
+        asked = self.get_query_argument("format", next(iter(FORMS)))
+        if asked not in FORMS:
+            raise RefusedRequestError(400, f"No format '{asked[:40]}'; known are {', '.join(FORMS)}.")
+        if self.server.waiting >= self.server.limits.waiting:
+            raise RefusedRequestError(429, _BUSY)
+        body, self._body = bytes(self._body), bytearray()
+        files = files_of(self.request.headers.get("Content-Type", ""), body, self.most)
+        del body
+        self.server.waiting += 1
+        try:
+            found = await self.server.detect(files, lambda: self._is_gone)
+        finally:
+            self.server.waiting -= 1
+        if not self._is_gone:
+            self.answer([FORMS[asked](image) for image in found])
+
+    def answer(self, images: list[Any]) -> None:
+        """Tell what was found."""
+        self.tell(images[0])
+
+    def send_error(self, status_code: int = 500, **how: Any) -> None:
+        error = how.get("exc_info", (None, None, None))[1]
+        super().send_error(error.status if isinstance(error, RefusedRequestError) else status_code, **how)
+
+    def log_exception(self, kind: Any, error: Any, trace: Any) -> None:
+        if not isinstance(error, RefusedRequestError):
+            super().log_exception(kind, error, trace)
+
+    def on_connection_close(self) -> None:
+        self._is_gone = True
+        self._release()
+
+    def on_finish(self) -> None:
+        self._release()
+
+    def _release(self) -> None:
+        self.server.held -= self._held
+        self._held = 0
+        self._body = bytearray()
+
+
+class _OneHandler(_PredictHandler):
+    pass
+
+
+class _BatchHandler(_PredictHandler):
+    def initialize(self, server: PredictionServer) -> None:
+        super().initialize(server)
+        self.most = server.limits.batch
+
+    def answer(self, images: list[Any]) -> None:
+        self.tell(images)
+
+
+async def serve_forever(server: PredictionServer, host: str, port: int, tell: Callable[[int], None]) -> None:
+    """Run until the task is cancelled.
+
+    Args:
+        tell: is called with the port once it listens.
+    """
+    tell(server.start(host, port))
+    try:
+        await asyncio.Event().wait()
+    finally:
+        await server.stop()

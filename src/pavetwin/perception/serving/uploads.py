@@ -1,0 +1,106 @@
+"""What clients send: how much is taken, and images from bytes that nobody has checked."""
+
+from dataclasses import dataclass
+from io import BytesIO
+from typing import Final
+
+from PIL import Image, UnidentifiedImageError
+from tornado.httputil import HTTPFile, HTTPInputError, ParseMultipartConfig, parse_multipart_form_data
+
+from pavetwin.arrays import UInt8Array
+from pavetwin.errors import PaveTwinError
+from pavetwin.perception.inference.detector import pixels_of
+from pavetwin.perception.results.photograph import PhotographPose, pose_of
+
+FIELD: Final = "file"
+"""Of the multipart form."""
+
+KINDS: Final = ("JPEG", "PNG", "WEBP", "BMP", "TIFF")
+"""What is taken, as Pillow names it; a JPEG may hold several pictures (MPO)."""
+
+
+@dataclass(frozen=True, slots=True)
+class ServerLimits:
+    """What a server takes. What is more is refused with a 4xx."""
+
+    upload_mb: float = 32.0
+    """Of one request."""
+    megapixels: float = 50.0
+    """Of one image."""
+    batch: int = 16
+    """Images of one request."""
+    waiting: int = 64
+    """Requests that wait for the detector or are being looked at."""
+    held_mb: float = 256.0
+    """Of all requests together that are being received or wait."""
+    timeout_s: float = 30.0
+    """For the headers of a request, and for its body."""
+    look_s: float = 60.0
+    """For the detector to look at all images of a request, between whose tiles it is checked."""
+
+    def __post_init__(self) -> None:
+        for name in ("upload_mb", "megapixels", "batch", "waiting", "held_mb", "timeout_s", "look_s"):
+            if not getattr(self, name) > 0:
+                raise PaveTwinError(f"`{name}` {getattr(self, name):g}: it is above 0.")
+
+
+class RefusedRequestError(Exception):
+    """A request that is answered with an error of the client's."""
+
+    def __init__(self, status: int, words: str) -> None:
+        super().__init__(words)
+        self.status = status
+
+
+def files_of(content_type: str, body: bytes, most: int) -> list[HTTPFile]:
+    """The files of a multipart form's field `file`, at least one.
+
+    Raises:
+        RefusedRequestError: it is no such form, or has none or too many.
+    """
+    kind, _, rest = content_type.partition(";")
+    boundary = next((part.strip()[9:] for part in rest.split(";") if part.strip().startswith("boundary=")), "")
+    if kind.strip().lower() != "multipart/form-data" or not boundary.strip('"'):
+        raise RefusedRequestError(415, f"Send a form of multipart/form-data with an image as its field '{FIELD}'.")
+    files: dict[str, list[HTTPFile]] = {}
+    config = ParseMultipartConfig(max_parts=2 * most + 8)
+    try:
+        parse_multipart_form_data(boundary.encode(), body, {}, files, config=config)
+    except (HTTPInputError, ValueError) as error:
+        raise RefusedRequestError(400, f"The form cannot be read: {error}.") from error
+    found = files.get(FIELD, [])
+    if not found:
+        raise RefusedRequestError(400, f"The form has no file as its field '{FIELD}'.")
+    if len(found) > most:
+        raise RefusedRequestError(400, f"{len(found)} files; at most {most} are taken in one request.")
+    return found
+
+
+def decoded(file: HTTPFile, megapixels: float) -> tuple[UInt8Array, PhotographPose]:
+    """An image as red, green and blue (rows, columns, 3), turned as its EXIF says, and how it was taken.
+
+    Its size is read before its pixels are.
+
+    Raises:
+        RefusedRequestError: it is no image of a known kind, is damaged, or has too many pixels.
+    """
+    name = file["filename"][:100] or "the file"
+    Image.init()  # its readers of all kinds, once
+    try:
+        with Image.open(BytesIO(file["body"]), formats=KINDS) as held:
+            if held.width * held.height > megapixels * 1e6:
+                raise RefusedRequestError(
+                    413, f"'{name}' has {held.width} × {held.height} px; at most {megapixels:g} megapixels are taken."
+                )
+            pose = pose_of(held)
+            return pixels_of(held), pose
+    except Image.DecompressionBombError as error:
+        words = f"'{name}' has too many pixels; at most {megapixels:g} megapixels are taken."
+        raise RefusedRequestError(413, words) from error
+    except UnidentifiedImageError as error:
+        raise RefusedRequestError(415, f"'{name}' is no image of a kind that is taken: {', '.join(KINDS)}.") from error
+    except RefusedRequestError:
+        raise
+    # Pillow's decoders raise nearly anything for damaged files.
+    except Exception as error:
+        raise RefusedRequestError(400, f"'{name}' is damaged: {error}") from error

@@ -1,0 +1,49 @@
+"""`pavetwin serve` as a process: it says where it listens, answers, and ends when told to."""
+
+import json
+import re
+import signal
+import socket
+import subprocess
+from pathlib import Path
+from urllib.request import urlopen
+
+import pytest
+
+from scenes.command_line import command, pavetwin, plain_refusal
+from scenes.drawn_detector import FILE
+
+
+def test_it_listens_answers_and_ends() -> None:
+    words = command("serve", "--model", FILE, "--port", 0)
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            line = process.stdout.readline()
+            found = re.search(r"Listening at (http://127\.0\.0\.1:\d+/)", line)
+            assert found is not None, line
+            with urlopen(f"{found[1]}health", timeout=10) as answer:
+                assert json.load(answer)["model"] == "rectangles.onnx"
+        finally:
+            process.send_signal(signal.SIGTERM)
+        assert process.wait(10) == 143
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((), "Say which model with --model"),
+        (("--model", "gone.onnx"), "--model: there is no file 'gone.onnx'"),
+        (("--model", FILE, "--max-mb", "0"), "--max-mb 0: it is above 0"),
+        (("--model", FILE, "--max-megapixels", "-1"), "--max-megapixels -1: it is above 0"),
+        (("--model", FILE, "--host", "256.0.0.1"), "--host 256.0.0.1: no listening there"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_one_line(tmp_path: Path, arguments: tuple[object, ...], words: str) -> None:
+    assert words in plain_refusal(pavetwin("serve", *arguments, cwd=tmp_path))
+
+
+def test_a_port_in_use_is_told() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        assert f"--port {port}: it is in use" in plain_refusal(pavetwin("serve", "--model", FILE, "--port", port))

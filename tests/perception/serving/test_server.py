@@ -1,0 +1,229 @@
+"""The server answers correctly or refuses with a 4xx, whatever it is sent, and goes on."""
+
+import asyncio
+import http.client
+import json
+import socket
+import struct
+import threading
+import time
+import zlib
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.perception.inference import Detector
+from pavetwin.perception.serving.server import PredictionServer
+from pavetwin.perception.serving.uploads import ServerLimits
+from scenes.drawn_detector import FILE, drawn
+
+STREET = drawn((96, 64), ("Pothole", (10, 8, 40, 48)), ("Car", (60, 12, 90, 56)))
+BOUNDARY = "x-boundary"
+
+
+@dataclass(frozen=True)
+class Running:
+    server: PredictionServer
+    port: int
+
+    def ask(self, method: str, path: str, body: Any = None, kind: str = "") -> tuple[int, Any]:
+        """Status, and the answer."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=20)
+        try:
+            connection.request(method, path, body, {"Content-Type": kind} if kind else {})
+            answer = connection.getresponse()
+            text = answer.read()
+            return answer.status, json.loads(text) if "json" in answer.headers["Content-Type"] else text.decode()
+        finally:
+            connection.close()
+
+    def send(self, *files: bytes, path: str = "/predict", field: str = "file") -> tuple[int, Any]:
+        return self.ask("POST", path, form(*files, field=field), f"multipart/form-data; boundary={BOUNDARY}")
+
+
+@contextmanager
+def running(**limits: float) -> Iterator[Running]:
+    server = PredictionServer(Detector(FILE, threads=1), "rectangles.onnx", ServerLimits(**limits))
+    ports, ended = [], threading.Event()
+
+    async def run() -> None:
+        ports.append(server.start("127.0.0.1", 0))
+        while not ended.is_set():
+            await asyncio.sleep(0.01)
+        await server.stop()
+
+    thread = threading.Thread(target=asyncio.run, args=(run(),))
+    thread.start()
+    while not ports:
+        time.sleep(0.005)
+    try:
+        yield Running(server, ports[0])
+    finally:
+        ended.set()
+        thread.join()
+
+
+@pytest.fixture(scope="module")
+def service() -> Iterator[Running]:
+    with running(upload_mb=1.0, megapixels=2.0, batch=3, timeout_s=1.0) as each:
+        yield each
+
+
+def form(*files: bytes, field: str = "file") -> bytes:
+    parts = [
+        f'--{BOUNDARY}\r\nContent-Disposition: form-data; name="{field}"; filename="{at}.jpg"\r\n'
+        f"Content-Type: image/jpeg\r\n\r\n".encode()
+        + content
+        + b"\r\n"
+        for at, content in enumerate(files)
+    ]
+    return b"".join(parts) + f"--{BOUNDARY}--\r\n".encode()
+
+
+def encoded(picture: Image.Image, kind: str = "PNG") -> bytes:
+    stream = BytesIO()
+    picture.save(stream, kind)
+    return stream.getvalue()
+
+
+def png_of(width: int, height: int) -> bytes:
+    """A picture that says to be of this size, with the pixels of none."""
+
+    def chunk(kind: bytes, content: bytes) -> bytes:
+        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+
+    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(b""))
+
+
+def test_it_says_what_the_detector_says(service: Running) -> None:
+    status, told = service.send(encoded(STREET))
+    assert status == 200, told
+    (found,) = Detector(FILE, threads=1).detect([STREET])
+    assert (status, told["width"], told["height"]) == (200, 96, 64)
+    assert [each["class"] for each in told["detections"]] == found.names
+    np.testing.assert_allclose([each["box"] for each in told["detections"]], found.boxes, atol=0.01)
+    np.testing.assert_allclose([each["confidence"] for each in told["detections"]], found.confidence, atol=1e-4)
+    assert len(told["detections"][1]["outline"]) >= 4
+
+
+def test_the_form_of_the_papers_server(service: Running) -> None:
+    status, told = service.send(encoded(STREET, "JPEG"), path="/predict?format=rdmo")
+    assert status == 200
+    assert [set(each) for each in told] == [{"clase", "det_conf", "cls_conf", "caja"}] * 2
+    assert told[1]["clase"] == "Pothole"
+    assert told[1]["caja"] == pytest.approx([10, 8, 40, 48], abs=1)
+    assert told[0]["cls_conf"] == 1.0
+
+
+def test_a_batch_is_answered_in_its_order(service: Running) -> None:
+    status, told = service.send(encoded(drawn((32, 32))), encoded(STREET), path="/predict/batch")
+    assert status == 200
+    assert [(each["name"], len(each["detections"])) for each in told] == [("0.jpg", 0), ("1.jpg", 2)]
+    assert service.send(*[encoded(STREET)] * 4, path="/predict/batch")[0] == 400
+
+
+def test_health_page_and_description(service: Running) -> None:
+    status, told = service.ask("GET", "/health")
+    assert (status, told["status"], told["model"], told["waiting"]) == (200, "ok", "rectangles.onnx", 0)
+    status, document = service.ask("GET", "/openapi.json")
+    assert (status, sorted(document["paths"])) == (200, ["/health", "/predict", "/predict/batch"])
+    status, text = service.ask("GET", "/")
+    assert status == 200
+    assert all(path in text for path in document["paths"])
+
+
+@pytest.mark.parametrize(
+    ("content", "status", "words"),
+    [
+        (b"only text", 415, "is no image of a kind"),
+        (b"", 415, "is no image of a kind"),
+        (encoded(Image.effect_noise((64, 64), 50))[:-900], 400, "is damaged"),
+        (png_of(20_000, 10_000), 413, "at most 2 megapixels"),
+        (png_of(2_000_000, 2_000_000), 413, "megapixels"),
+        (encoded(STREET, "GIF"), 415, "is no image of a kind"),
+    ],
+    ids=["text", "empty", "truncated", "200 megapixels", "bomb", "gif"],
+)
+def test_what_is_no_image_of_the_limits_is_refused(service: Running, content: bytes, status: int, words: str) -> None:
+    answered, told = service.send(content)
+    assert (answered, words in told["error"]) == (status, True), told
+    assert service.send(encoded(STREET))[0] == 200
+
+
+def test_what_is_no_such_request_is_refused(service: Running) -> None:
+    good = encoded(STREET)
+    assert service.send(good, field="image")[0] == 400
+    assert service.send(good, path="/predict?format=xml")[0] == 400
+    assert service.send(good, good)[0] == 400
+    assert service.ask("POST", "/predict", good, "image/png")[0] == 415
+    assert service.ask("POST", "/predict", b"--x\r\nbroken", "multipart/form-data; boundary=x")[0] == 400
+    assert service.ask("GET", "/predict")[0] == 405
+    assert service.ask("GET", "/nothing")[0] == 404
+
+
+def test_a_large_upload_is_refused_and_not_kept(service: Running) -> None:
+    """100 MB against a limit of 1 MB, with its length told and in chunks of unknown number."""
+    assert service.send(bytes(100_000_000))[0] == 413
+    chunks = iter([form(bytes(700_000))] * 3)
+    assert service.ask("POST", "/predict", chunks, f"multipart/form-data; boundary={BOUNDARY}")[0] == 413
+    assert service.server.held == 0
+
+
+def test_hung_clients_are_dropped_and_hold_nobody_up(service: Running) -> None:
+    """One that sends no request, one that stops within its headers, one within its body."""
+    hung = []
+    head = f"POST /predict HTTP/1.1\r\nHost: here\r\nContent-Type: multipart/form-data; boundary={BOUNDARY}\r\n"
+    for sent in (b"", head.encode(), f"{head}Content-Length: 5000\r\n\r\n--{BOUNDARY}".encode()):
+        client = socket.create_connection(("127.0.0.1", service.port), timeout=10)
+        client.sendall(sent)
+        hung.append(client)
+    assert service.send(encoded(STREET))[0] == 200
+    for client in hung:
+        assert client.recv(1000) == b""  # closed by the server
+        client.close()
+    until = time.monotonic() + 5
+    while service.server.held and time.monotonic() < until:
+        time.sleep(0.01)
+    assert service.server.held == 0
+
+
+def test_32_clients_get_their_own_answers(service: Running) -> None:
+    pictures = [drawn((96, 64), ("Car", (20 + at, 12, 50 + at, 56))) for at in range(32)]
+    with ThreadPoolExecutor(32) as clients:
+        answers = list(clients.map(lambda picture: service.send(encoded(picture)), pictures))
+    assert [status for status, _ in answers] == [200] * 32
+    lefts = [told["detections"][0]["box"][0] for _, told in answers]
+    assert lefts == pytest.approx([20 + at for at in range(32)], abs=0.5)
+
+
+def test_more_than_may_wait_is_told_to_come_again() -> None:
+    with running(waiting=2) as service, ThreadPoolExecutor(12) as clients:
+        look = service.server.detector.detect
+        service.server.detector.detect = lambda *given: (time.sleep(0.1), look(*given))[1]  # type: ignore[method-assign]
+        answers = list(clients.map(lambda _: service.send(encoded(STREET))[0], range(12)))
+        assert set(answers) == {200, 429}
+        assert service.send(encoded(STREET))[0] == 200
+
+
+def test_what_takes_too_long_is_given_up() -> None:
+    with running(look_s=0.3, megapixels=50.0) as service:
+        before = time.monotonic()
+        status, told = service.send(encoded(drawn((2400, 2400))))
+        assert (status, "takes longer than 0.3 s" in told["error"]) == (413, True)
+        assert time.monotonic() - before < 10
+        assert service.send(encoded(drawn((32, 32))))[0] == 200
+
+
+def test_an_address_in_use_is_told(service: Running) -> None:
+    other = PredictionServer(service.server.detector, "m")
+    with pytest.raises(PaveTwinError, match=rf"`port` {service.port}: it is in use at 127\.0\.0\.1"):
+        other.start("127.0.0.1", service.port)
