@@ -12,9 +12,11 @@ from PIL import Image
 from pavetwin.datasets import compositing
 from pavetwin.datasets.common_form import read_images
 from pavetwin.datasets.compositing import CompositeSettings, CompositeSummary, compose
+from pavetwin.datasets.cutout_library import cut_out_all
 from pavetwin.datasets.importing import import_source
 from pavetwin.datasets.merging import merge
 from pavetwin.datasets.normalise import ImageSize
+from pavetwin.datasets.report import Report
 from pavetwin.datasets.sources import source_of
 from pavetwin.datasets.sources.pavetwin_capture import CaptureLayout
 from scenes.command_line import pavetwin, plain_refusal
@@ -96,13 +98,55 @@ def test_resumed_or_again_it_is_the_same_bytes(dataset: Path, composed: Composit
         next((tmp_path / "again" / "Annotations").glob("*-composite.xml")).unlink()
         next((tmp_path / "again" / "CutOuts").glob("uav-cars-*.json")).unlink()
     # What is told of composites that were there already is told again.
-    assert any("no free place" in each.text for each in composed.report)
+    assert any("no other Car fits" in each.text for each in composed.report)
     compose(dataset, tmp_path / "other", SETTINGS, seed=1)
     assert content(tmp_path / "other") != content(composed.folder)
 
 
-def test_road_masks_say_where_objects_may_stand(dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compositing, "OFTEN", 1)
+def test_cars_of_one_film_have_one_ground_resolution(tmp_path: Path) -> None:
+    for number, length in enumerate((60, 72, 30)):
+        saved(tmp_path / "cars" / f"film-{number}.jpg", with_car(pavement(SIZE, number), (150, 120), length))
+        share = length / 320
+        yolo(tmp_path / "cars" / f"film-{number}.txt", f"0 0.46875 0.5 {share} {length * 0.4 / 240}")
+    merged = merge([imported("uav-cars", tmp_path / "cars", None)], tmp_path / "all").folder
+    (tmp_path / "out" / "CutOuts").mkdir(parents=True)
+    report = Report()
+    found = cut_out_all(merged, tmp_path / "out", tmp_path, ("uav-cars",), report, lambda _share, _what: None)
+    # 4.5 m over the median of 30, 60 and 72 pixels; at that, the smallest is no car.
+    assert [(each.name, each.gsd_mm) for each in found] == [
+        (f"uav-cars-film-{at}-000", pytest.approx(75, rel=0.08)) for at in (0, 1)
+    ]
+    assert found[0].gsd_mm == found[1].gsd_mm
+    assert any(each.file == "uav-cars-film-2-000" and "size of its class" in each.text for each in report)
+
+
+def test_a_road_is_scaled_down_for_coarser_objects_and_told_by_its_lane_lines(tmp_path: Path) -> None:
+    """Cars of 75 mm a pixel on a road of 25: they are enlarged to 1.5 times, the road becomes half as large."""
+    for number in range(2):
+        saved(tmp_path / "cars" / f"film-{number}.jpg", with_car(pavement(SIZE, 9 + number), (150, 120), 60))
+        yolo(tmp_path / "cars" / f"film-{number}.txt", "0 0.46875 0.5 0.1875 0.1")
+    road = pavement((640, 480), 3)
+    road[:, 300:306] = 210
+    saved(tmp_path / "roads" / "a.jpg", road)
+    voc(tmp_path / "roads" / "a.xml", [("LC", (401, 101, 500, 300))], (640, 480))
+    merged = merge(
+        [imported("uav-cars", tmp_path / "cars", None), imported("uapd", tmp_path / "roads", None)], tmp_path / "all"
+    ).folder
+    compose(merged, tmp_path / "out", SETTINGS.model_copy(update={"gap_m": 0.5}))
+    (image,) = (each for each in read_images(tmp_path / "out") if "composite_of" in each.attributes)
+    gsd_mm = float(image.attributes["estimated_gsd_mm"])
+    assert image.gsd_mm is None
+    assert gsd_mm == pytest.approx(75 / 1.5, rel=0.08)
+    assert image.size_px[0] == pytest.approx(640 * 25 / gsd_mm, rel=0.1)
+    crack = next(each for each in image.annotations if each.category == "Single Crack")
+    assert crack.box[1] == pytest.approx(100 * image.size_px[0] / 640, abs=1)
+    for car in (each for each in image.labelled if each.category == "Car"):
+        corners = np.array(car.outline)
+        longest = np.linalg.norm(corners[:, None] - corners[None], axis=2).max()
+        assert longest == pytest.approx(4500 / gsd_mm, rel=0.12)
+
+
+def test_road_masks_say_where_objects_may_stand(dataset: Path, tmp_path: Path) -> None:
     mask = np.zeros(SIZE[::-1], dtype=np.uint8)
     mask[:, :150] = 255
     for number in range(4):
@@ -111,23 +155,44 @@ def test_road_masks_say_where_objects_may_stand(dataset: Path, tmp_path: Path, m
     cars = [each for image in read_images(summary.folder) for each in image.labelled if each.original == "cut out"]
     assert cars
     assert max(car.box[2] for car in cars) <= 152
-    # Two cut-outs on four images: one of them is repeated, which is told.
-    stands_on = Counter(
-        name
-        for image in read_images(summary.folder)
-        for name in {each.attributes["cut_out"] for each in image.labelled if each.original == "cut out"}
+
+
+def stands_on(folder: Path) -> Counter[str]:
+    """On how many images each cut-out stands."""
+    return Counter(
+        each.attributes["cut_out"]
+        for image in read_images(folder)
+        for each in image.labelled
+        if each.original == "cut out"
     )
-    often = {each.file: each.text for each in summary.report if "few of its class" in each.text}
-    assert often.keys() == {name for name, count in stands_on.items() if count > 1}
-    assert all(f"this Car stands on {stands_on[name]} images" in text for name, text in often.items())
-    assert often
+
+
+def test_no_cut_out_stands_on_too_many_images(dataset: Path, tmp_path: Path, composed: CompositeSummary) -> None:
+    many = SETTINGS.model_copy(update={"gap_m": 0})
+    for limit, expected in ((1, {1}), (2, {1, 2})):
+        few = compose(dataset, tmp_path / f"{limit}", many.model_copy(update={"repeat": limit}))
+        assert set(stands_on(few.folder).values()) <= expected
+        assert sum(each.count for each in few.report if f"stands on {limit} images already" in each.text) >= 3
+    assert max(stands_on(composed.folder).values()) > 2
+
+
+def test_composites_are_no_roads_again(tmp_path: Path, composed: CompositeSummary) -> None:
+    again = compose(composed.folder, tmp_path / "again", SETTINGS)
+    assert (again.composites, again.images) == (0, composed.images)
+    (told,) = (each for each in again.report if each.text == compositing.THERE)
+    assert told.count == 4
+    # Without those they were made from, composites stay what they are.
+    for name in ("uapd-0", "uapd-1", "uapd-2", "uapd-3"):
+        (again.folder / "Annotations" / f"{name}.xml").unlink()
+    third = compose(again.folder, tmp_path / "third", SETTINGS)
+    assert (third.composites, third.images) == (0, 6)
 
 
 def test_what_does_not_fit_is_told(dataset: Path, tmp_path: Path) -> None:
     cars = dataset.parent / "cars-set"
     for gsd_mm, words in (
         (None, "its ground resolution is not known"),
-        (12, "no cut-out has a ground resolution that"),
+        (12, "no cut-out has a ground resolution and a size that fit"),
     ):
         roads = tmp_path / f"roads-{gsd_mm}"
         saved(roads / "a.jpg", pavement(SIZE, 3))

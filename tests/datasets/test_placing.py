@@ -34,6 +34,34 @@ def test_road_is_what_is_grey_and_smooth() -> None:
     assert road[10:-10, 60:170].mean() > 0.97
 
 
+def verge(share: float, colour: tuple[int, int, int] = (150, 128, 90)) -> tuple[np.ndarray, np.ndarray]:
+    """Pavement with dry grass, smooth, over a share of its left; and damage labelled on the rest."""
+    picture, damage = pavement(SIZE), np.zeros(SIZE[::-1], dtype=np.bool_)
+    picture[:, : int(share * SIZE[0])] = colour
+    damage[70:90, 160:190] = True
+    return picture, damage
+
+
+def test_damage_tells_which_colour_road_has() -> None:
+    picture, damage = verge(0.7)
+    assert not road_mask(picture).any(), "most of it is no pavement"
+    road = road_mask(picture, damage)
+    assert road[:, :136].mean() < 0.01
+    assert road[:, 148:-4].mean() > 0.97
+
+
+def test_a_part_without_the_labelled_damage_is_no_road() -> None:
+    picture, damage = verge(0.3)
+    picture[:, :20] = pavement((20, SIZE[1]))
+    picture[:, 20:60] = (60, 110, 40)
+    picture[:, 60:120] = pavement((60, SIZE[1]))
+    picture[:, 120:140] = (60, 110, 40)
+    assert road_mask(picture)[:, 70:110].mean() > 0.97
+    road = road_mask(picture, damage)
+    assert road[:, :130].mean() < 0.01
+    assert road[:, 148:-4].mean() > 0.97
+
+
 def test_markings_tell_the_direction_of_a_road() -> None:
     picture, road = pavement(SIZE), np.ones(SIZE[::-1], dtype=np.bool_)
     assert road_direction_deg(picture, road) is None

@@ -8,6 +8,7 @@ from hashlib import sha256
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from pavetwin.datasets.recipe import build, read_recipe
 from pavetwin.errors import PaveTwinError
@@ -17,7 +18,7 @@ from scenes.photographs import picture, voc, yolo
 RECIPE = """
 sources:
   - {source: uapd, folder: roads}
-  - {source: mine.yaml, folder: cars, background: checked.txt, gsd_mm: 12}
+  - {source: mine.yaml, folder: cars, background: checked.txt, gsd_mm: 12, size: {longest_px: 160}}
 size: {longest_px: 128}
 split: [50, 25, 25]
 export: [yolo, coco]
@@ -51,6 +52,8 @@ def test_a_build_makes_every_stage_and_again_the_same_bytes(recipe: Path, tmp_pa
     assert done.returncode == 1, "a damaged picture was refused"
     assert "refused: 7.jpg: the picture is damaged; the image is left out" in done.stderr
     assert "dropped: mine/mine-0: the same picture as uapd/uapd-0" in done.stderr
+    assert Image.open(tmp_path / "out" / "merged" / "JPEGImages" / "mine-1.jpg").size == (160, 160)
+    assert Image.open(tmp_path / "out" / "merged" / "JPEGImages" / "uapd-1.jpg").size == (128, 64)
     rows = [line.split() for line in done.stdout.splitlines()]
     assert ["mine", "0", "0", "0", "0", "9", "0", "9", "1", "10", "10"] in rows
     assert "22 images as yolo, 22 images as coco" in done.stdout

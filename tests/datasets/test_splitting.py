@@ -79,6 +79,16 @@ def test_captures_keep_their_own_split() -> None:
     assert [found.splits[f"street {at}"] for at in range(30)] == [SPLITS[at % 3] for at in range(30)]
 
 
+def test_of_captures_that_show_one_place_the_split_of_most_counts_which_is_told() -> None:
+    own = ("train", "val", "val", None)
+    joined = [image(f"c{at}", "corner", "Car", split=split) for at, split in enumerate(own)]
+    square = [image(f"d{at}", "square", split="test") for at in range(2)]
+    found = split_groups([*town(300), *joined, *square], SHARES, seed=0)
+    assert (found.splits["corner"], found.splits["square"]) == ("val", "test")
+    (told,) = found.report
+    assert str(told) == "corner: captured images of train (1) are in val, with others that show the same place"
+
+
 def test_a_split_of_nothing_gets_nothing() -> None:
     found = split_groups(town(300), (0.8, 0.2, 0.0), seed=0)
     assert set(found.splits.values()) == {"train", "val"}
@@ -103,7 +113,11 @@ def test_the_lists_name_every_image_once(tmp_path: Path) -> None:
     images = town(60)
     for each in images:
         annotation_path(tmp_path, each.name).write_bytes(as_xml(each))
+    for at, split in enumerate(("test", "val")):
+        images.append(image(f"c{at}", "corner", split=split))
+        annotation_path(tmp_path, images[-1].name).write_bytes(as_xml(images[-1]))
     found = split_dataset(tmp_path, SHARES)
+    assert "captured images of test (1) are in val" in (tmp_path / "ImageSets/Main/report.csv").read_text()
     names = split_names(tmp_path)
     assert sorted(name for held in names.values() for name in held) == sorted(each.name for each in images)
     groups = {each.name: each.group for each in images}

@@ -179,6 +179,7 @@ def composite(
         str, typer.Option(help="Sources whose pictures look straight down on roads, with commas, as in uav-pdd2023.")
     ] = "",
     share: Annotated[float, typer.Option(help="Percent of the road images that become a composite too.")] = 30.0,
+    repeat: Annotated[int, typer.Option(min=1, help="Images that one cut-out stands on, at most.")] = 20,
     road_masks: Annotated[
         Path | None,
         typer.Option(help="Folder of masks NAME.png, white where an image shows road; else its look decides."),
@@ -191,7 +192,8 @@ def composite(
     pavetwin data composite datasets/all -o datasets/mixed --objects uav-cars --roads uav-pdd2023
     pavetwin data composite datasets/all -o datasets/mixed --objects pavetwin --roads uav-pdd2023 --share 20
 
-    Ground resolutions must fit: give them with --gsd at the import. Needs OpenCV: pip install 'pavetwin\\[augment]'.
+    Ground resolutions must fit. Give them with --gsd at the import where you know them; else those of objects follow
+    from their usual size, and those of roads from the width of lane lines.
     """
     from pavetwin.datasets.compositing import CompositeSettings, compose
 
@@ -205,6 +207,7 @@ def composite(
         "objects": [name for name in re.split(r"[,\s]+", objects) if name],
         "roads": [name for name in re.split(r"[,\s]+", roads) if name],
         "share": share / 100,
+        "repeat": repeat,
         "road_masks": road_masks,
     }
     names = {"`objects`": "--objects", "`roads`": "--roads", "`road_masks`": "--road-masks"}
@@ -231,10 +234,11 @@ def split(
     pavetwin data split datasets/all
     pavetwin data split datasets/all --shares 80/10/10 --seed 3
     """
-    from pavetwin.datasets.splitting import split_dataset
+    from pavetwin.datasets.splitting import LISTS, split_dataset
 
     with progress("Splitting"):
         found = split_dataset(dataset, split_shares(shares, option="--shares"), seed)
+    tell_report(found.report, dataset / LISTS)
     out.print(splits_table(found))
 
 

@@ -103,6 +103,7 @@ def _parts(path: Path) -> "tuple[Recipe | None, SyntheticRecipe | None, RecipePa
 def _photographs(recipe: "Recipe", beside: Path, output: Path) -> "BuildSummary":
     from pavetwin.datasets.common_form import read_images
     from pavetwin.datasets.recipe import build as built
+    from pavetwin.datasets.splitting import LISTS
     from pavetwin.datasets.statistics import count_images
 
     with progress("Building", lines=True) as tell:
@@ -112,6 +113,7 @@ def _photographs(recipe: "Recipe", beside: Path, output: Path) -> "BuildSummary"
         out.print(counts_table(str(folder), count_images(read_images(folder))))
     if summary.balance is not None:
         out.print(balance_table(summary.balance))
+    tell_report(summary.shares.report, summary.stages[-1][0] / LISTS)
     out.print(splits_table(summary.shares))
     told = "".join(f", {count} images as {name}" for name, count in summary.exported.items())
     out.line(f"Built in {output}/{told}. Next: pavetwin data show {quote(str(summary.stages[-1][0]))}")

@@ -1,6 +1,8 @@
 """People and vehicles cut out of images and put on the roads of others: new images beside those that are there.
 
-Every road image draws for itself, from the seed and its labels, whether it becomes a composite, and what of.
+Every road image draws for itself, from the seed and its labels, whether it becomes a composite; what stands on it
+depends on those before it too, since no object may stand on too many. Composites are no roads, and an image that has
+one gets no other.
 """
 
 import json
@@ -32,11 +34,13 @@ from pavetwin.datasets.common_form import (
     read_images,
     write_description,
 )
+from pavetwin.datasets.composite_plan import CompositePlan, CompositePlanner, road_gsd_mm
 from pavetwin.datasets.covering import covered, filled, pasted
 from pavetwin.datasets.cutout_library import CUT_OUTS, StoredCutOut, cut_out_all, read_picture
-from pavetwin.datasets.cutouts import CutOut, cut_outs, ground_resolution
+from pavetwin.datasets.cutouts import CutOut
 from pavetwin.datasets.importing import check_same, move_in
 from pavetwin.datasets.merging import OnMerge, described
+from pavetwin.datasets.normalise import scaled_down
 from pavetwin.datasets.pictures import PictureError, opened
 from pavetwin.datasets.placing import FreeRoad, road_direction_deg, road_mask
 from pavetwin.datasets.report import FILE as REPORT
@@ -46,14 +50,13 @@ from pavetwin.files import link_or_copy, staging_folder, working_in
 from pavetwin.labels.classes import CAR
 from pavetwin.seeds import Stream, child
 
-SMALLEST: Final = 0.15
-"""A cut-out is scaled down to this at most: what is far finer than its place has been seen from much nearer."""
+THERE: Final = "it has a composite already"
 
-LARGEST: Final = 0.35
-"""Of a picture's area: what an object may cover."""
+COMPOSITE_OF: Final = "composite_of"
+"""Attribute of a composite: the image whose road it shows."""
 
-OFTEN: Final = 20
-"""Images with the same object, beyond which a note says so: a detector learns that object instead of its class."""
+ESTIMATED_GSD: Final = "estimated_gsd_mm"
+"""Attribute of a composite whose ground resolution is not known: by what its objects have their size."""
 
 STRAY_DEG: Final = 3.0
 """Standard deviation of a vehicle's direction from the road's."""
@@ -67,6 +70,10 @@ class CompositeSettings(Settings):
     share: float = Field(default=0.3, gt=0.0, le=1.0, description="Of the road images that become a composite too.")
     most: int = Field(default=3, ge=1, le=20, description="Objects on an image.")
     enlarge: float = Field(default=1.5, ge=1.0, le=4.0, description="An object is scaled up by this at most.")
+    reduce: float = Field(
+        default=2.0, ge=1.0, le=4.0, description="A road picture is scaled down by this at most, for coarser objects."
+    )
+    repeat: int = Field(default=20, ge=1, description="Images that one cut-out stands on, at most.")
     gap_m: float = Field(default=0.5, ge=0.0, le=10.0, description="Between objects, on the ground.")
     road_masks: Path | None = Field(
         default=None, description="Folder of masks NAME.png, white where an image shows road; else its look decides."
@@ -84,6 +91,16 @@ class CompositeSummary:
     composites: int
     cut_outs: Counter[str]
     """By class."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Work:
+    """A road image that is to become a composite."""
+
+    plan: CompositePlan
+    picture: UInt8Array
+    road: BoolArray
+    rng: np.random.Generator
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +146,6 @@ def compose(
         with staging_folder(output / "staging") as staging:
             library = cut_out_all(folder, output, staging, settings.objects, report, on_progress)
             composites = _compose(folder, output, staging, library, settings, seed, report, on_progress)
-        _note_repeated(output, report)
         images = len(image_names(output))
         report.save(output / REPORT)
         write_description(output, {**made_by, "complete": True, "images": images})
@@ -156,34 +172,40 @@ def _compose(
 ) -> int:
     """Link all images and write the composites. Returns how many these are."""
     names = image_names(folder)
-    chosen = partial(_random_numbers, seed=seed)
+    known = set(names)
+    planner = CompositePlanner(
+        library, most=settings.most, enlarge=settings.enlarge, reduce=settings.reduce, repeat=settings.repeat
+    )
 
-    def found() -> Iterator[AnnotatedImage]:
+    def found() -> Iterator[_Work]:
         for done, image in enumerate(read_images(folder), start=1):
             on_progress(done / len(names), f"Composing {done}/{len(names)}")
             if not annotation_path(output, image.name).is_file():
                 link_or_copy(folder / PICTURES / image.picture, output / PICTURES / image.picture)
                 move_in(staging, annotation_path(output, image.name), as_xml(image))
-            if image.source in settings.roads and chosen(image).random() < settings.share:
-                yield image
+            rng = _random_numbers(image, seed=seed)
+            if image.source not in settings.roads or COMPOSITE_OF in image.attributes:
+                continue
+            if rng.random() >= settings.share:
+                continue
+            if _name(image) in known:
+                report.add(Finding.NOTE, image.name, THERE, alike=THERE)
+                continue
+            try:
+                picture = read_picture(folder, image)
+                road = _road(image, picture, settings)
+            except PictureError as error:
+                report.add(Finding.REFUSED, image.name, f"{error}; it becomes no composite")
+                continue
+            yield _Work(planner.plan(image, road_gsd_mm(image, picture, road), rng), picture, road, rng)
 
-    make = partial(_made, folder, output / CUT_OUTS, library, settings, chosen)
+    make = partial(_made, output / CUT_OUTS, settings)
     done = 0
-    for image, job in made_ahead(found(), make, exists=lambda image: annotation_path(output, _name(image)).is_file()):
-        done += _write(image, job, output, staging, report)
+    for work, job in made_ahead(
+        found(), make, exists=lambda work: annotation_path(output, _name(work.plan.image)).is_file()
+    ):
+        done += _write(work.plan.image, job, output, staging, report)
     return done
-
-
-def _note_repeated(output: Path, report: Report) -> None:
-    """Tell which cut-outs stand on very many images, since too few others fit."""
-    stands_on: Counter[tuple[str, str]] = Counter()
-    for image in read_images(output):
-        if "composite_of" in image.attributes:
-            stands_on.update({(each.attributes.get("cut_out", ""), each.category or "") for each in image.annotations})
-    for (cut_out, category), count in sorted(stands_on.items()):
-        if cut_out and count > OFTEN:
-            text = f"this {category} stands on {count} images; few of its class have a ground resolution that fits them"
-            report.add(Finding.NOTE, cut_out, text)
 
 
 def _name(image: AnnotatedImage) -> str:
@@ -195,46 +217,29 @@ def _random_numbers(image: AnnotatedImage, *, seed: int) -> np.random.Generator:
     return child(seed, Stream.COMPOSITE, int.from_bytes(sha256(as_xml(image)).digest()[:8], "big"))
 
 
-def _made(
-    folder: Path,
-    cut_out_folder: Path,
-    library: list[StoredCutOut],
-    settings: CompositeSettings,
-    chosen: Callable[[AnnotatedImage], np.random.Generator],
-    image: AnnotatedImage,
-) -> _Composite:
-    """The composite of an image."""
-    reasons: Counter[str] = Counter()
-    rng = chosen(image)
-    rng.random()
-    gsd_mm, picture = image.gsd_mm, read_picture(folder, image)
-    if gsd_mm is None:
-        gsd_mm = ground_resolution(image, list(cut_outs(image, picture)))
-    if gsd_mm is None:
-        return _Composite(reasons=Counter(["its ground resolution is not known, and it shows nothing that tells it"]))
-    fitting = [each for each in library if SMALLEST <= each.gsd_mm / gsd_mm <= settings.enlarge]
-    if not fitting:
-        return _Composite(reasons=Counter(["no cut-out has a ground resolution that fits"]))
-    road = _road(image, picture, settings)
+def _made(cut_out_folder: Path, settings: CompositeSettings, work: _Work) -> _Composite:
+    """The composite of a road image."""
+    plan, road, rng = work.plan, work.road, work.rng
+    reasons, picture = plan.reasons.copy(), work.picture
+    if not plan.objects:
+        return _Composite(reasons=reasons)
+    image = scaled_down(plan.image, plan.factor)
+    if plan.factor < 1:
+        picture = np.asarray(Image.fromarray(picture).resize(image.size_px, Image.Resampling.BOX))
+        road = np.asarray(Image.fromarray(road).resize(image.size_px, Image.Resampling.NEAREST))
     direction_deg = road_direction_deg(picture, road)
-    ground = FreeRoad(road, _taken(image), 1000 * settings.gap_m / gsd_mm)
+    ground = FreeRoad(road, _taken(image), 1000 * settings.gap_m / plan.gsd_mm)
     sun, masks = _sun(image), list[tuple[BoolArray, CutOut]]()
-    categories = sorted({each.category for each in fitting})
-    for _ in range(int(rng.integers(1, settings.most + 1))):
-        category = categories[int(rng.integers(len(categories)))]
-        of_class = [each for each in fitting if each.category == category]
-        cut_out = of_class[int(rng.integers(len(of_class)))].loaded(cut_out_folder)
+    for each in plan.objects:
+        cut_out = each.loaded(cut_out_folder)
         assert cut_out.gsd_mm is not None
         angle_deg = _angle(cut_out, direction_deg, rng)
-        shown = turned(cut_out, cut_out.gsd_mm / gsd_mm, angle_deg)
-        if (shown.opacity > 0.5).mean() * shown.opacity.size > LARGEST * road.size:
-            reasons["an object would cover too much of it"] += 1
-            continue
+        shown = turned(cut_out, cut_out.gsd_mm / plan.gsd_mm, angle_deg)
         standing = ground.place(shown.opacity, rng)
         if standing is None:
             reasons["no free place on its road"] += 1
             continue
-        picture = blended(picture, shown, standing, cut_out, gsd_mm=gsd_mm, sun=sun)
+        picture = blended(picture, shown, standing, cut_out, gsd_mm=plan.gsd_mm, sun=sun)
         ground.take(standing)
         mask = np.zeros(road.shape, dtype=np.bool_)
         mask[standing.window] = shown.opacity > 0.5
@@ -243,6 +248,8 @@ def _made(
         return _Composite(reasons=reasons)
     held = BytesIO()
     Image.fromarray(picture).save(held, "JPEG", quality=settings.quality, subsampling=0)
+    if image.gsd_mm is None:
+        image = replace(image, attributes={**image.attributes, ESTIMATED_GSD: f"{plan.gsd_mm:.1f}"})
     return _Composite(_labelled(image, masks, reasons), held.getvalue(), reasons)
 
 
@@ -258,18 +265,23 @@ def _road(image: AnnotatedImage, picture: UInt8Array, settings: CompositeSetting
     """Where the image shows road: by its mask where there is one."""
     path = settings.road_masks / f"{image.name}.png" if settings.road_masks is not None else None
     if path is None or not path.is_file():
-        return road_mask(picture)
+        return road_mask(picture, _filled(image, lambda category: category in defect_names()))
     with opened(path) as file:
         return np.asarray(file.convert("L").resize(image.size_px, Image.Resampling.NEAREST)) > 127
 
 
 def _taken(image: AnnotatedImage) -> BoolArray:
     """Where people, vehicles and ignored things of other kinds than damage stand."""
-    taken = np.zeros(image.size_px[::-1], dtype=np.bool_)
+    return _filled(image, lambda category: category not in defect_names())
+
+
+def _filled(image: AnnotatedImage, is_wanted: Callable[[str], bool]) -> BoolArray:
+    """What the image's annotations of some classes cover."""
+    covers = np.zeros(image.size_px[::-1], dtype=np.bool_)
     for each in image.annotations:
-        if each.category is not None and each.category not in defect_names():
-            taken |= filled(each, image.size_px)
-    return taken
+        if each.category is not None and is_wanted(each.category):
+            covers |= filled(each, image.size_px)
+    return covers
 
 
 def _sun(image: AnnotatedImage) -> Sun | None:
@@ -295,7 +307,7 @@ def _labelled(image: AnnotatedImage, masks: list[tuple[BoolArray, CutOut]], reas
         suffix=".jpg",
         is_background=False,
         annotations=(*kept, *objects),
-        attributes={**image.attributes, "composite_of": image.name},
+        attributes={**image.attributes, COMPOSITE_OF: image.name},
     )
 
 

@@ -19,7 +19,7 @@ from pavetwin.datasets.layouts.base import SWAPPED, RawImage, RawObject
 from pavetwin.datasets.report import Finding, Report
 from pavetwin.datasets.rules import DISCARD, DROP, IGNORE, outcome, unknown_class
 from pavetwin.datasets.sources.base import DatasetSource
-from pavetwin.labels.boxes import FloatBox, area, ordered, scaled, to_pixels, within
+from pavetwin.labels.boxes import FloatBox, PixelBox, area, ordered, scaled, to_pixels, within
 
 ROUNDING_PX: Final = 0.5
 """So far a box may reach beyond the image unreported: shares with six digits are not exact."""
@@ -53,6 +53,7 @@ def convert(
         report.add(Finding.REFUSED, raw.labels, words)
         return None
     annotations: list[Annotation] = []
+    known: set[tuple[str | None, PixelBox]] = set()
     for each in raw.objects:
         becomes = outcome(source.classes, each.label)
         if becomes is None:
@@ -68,9 +69,10 @@ def convert(
         annotation = _annotation(each, becomes, raw, size_px, report)
         if annotation is None:
             continue
-        if any((annotation.category, annotation.box) == (other.category, other.box) for other in annotations):
+        if (annotation.category, annotation.box) in known:
             report.add(Finding.DROPPED, raw.labels, TWICE, each.line)
             continue
+        known.add((annotation.category, annotation.box))
         annotations.append(annotation)
     has_labels = any(each.ignored is None for each in annotations)
     if is_background and has_labels:

@@ -1,12 +1,13 @@
 """All objects cut out of a dataset's images, stored: a picture with opacity for each, and a file for each image."""
 
 import json
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from io import BytesIO
 from pathlib import Path
+from statistics import median
 from typing import Final
 
 import numpy as np
@@ -16,11 +17,12 @@ from pavetwin.arrays import UInt8Array
 from pavetwin.datasets.ahead import made_ahead
 from pavetwin.datasets.annotated import AnnotatedImage
 from pavetwin.datasets.common_form import PICTURES, image_names, read_images
-from pavetwin.datasets.cutouts import CutOut, cut_outs, ground_resolution
+from pavetwin.datasets.cutouts import IMPLAUSIBLE, CutOut, cut_outs, is_plausible, usual_gsd_mm
 from pavetwin.datasets.importing import move_in
 from pavetwin.datasets.merging import OnMerge
 from pavetwin.datasets.pictures import PictureError, opened
 from pavetwin.datasets.report import Finding, Report
+from pavetwin.labels.classes import CAR, PERSON
 
 CUT_OUTS: Final = "CutOuts"
 """Folder of the objects, beside the images."""
@@ -36,13 +38,12 @@ class StoredCutOut:
     width_px: float
     angle_deg: float
     surroundings: tuple[float, float, float]
-    gsd_mm: float
+    gsd_mm: float | None
+    """As its source states it; in a library that of its scene, where its source does not."""
 
     @classmethod
     def of(cls, cut_out: CutOut) -> "StoredCutOut":
-        assert cut_out.gsd_mm is not None
-        values = {key: getattr(cut_out, key) for key in cls.__dataclass_fields__}
-        return cls(**{**values, "gsd_mm": round(cut_out.gsd_mm, 3)})
+        return cls(**{key: getattr(cut_out, key) for key in cls.__dataclass_fields__})
 
     def loaded(self, folder: Path) -> CutOut:
         with opened(folder / f"{self.name}.png") as file:
@@ -63,7 +64,8 @@ def read_picture(folder: Path, image: AnnotatedImage) -> UInt8Array:
 def cut_out_all(
     folder: Path, output: Path, staging: Path, sources: tuple[str, ...], report: Report, on_progress: OnMerge
 ) -> list[StoredCutOut]:
-    """The good cut-outs of a dataset's images of these sources, in a folder of the output; those there are kept.
+    """The good cut-outs of a dataset's images of these sources, in a folder of the output; those there are kept. All
+    have a ground resolution.
 
     Args:
         staging: a folder for files that are not whole yet.
@@ -76,7 +78,7 @@ def cut_out_all(
             if image.source in sources:
                 yield image
 
-    library: list[StoredCutOut] = []
+    library: list[tuple[str, StoredCutOut]] = []
     for image, job in made_ahead(
         found(), partial(_cut, folder), exists=lambda image: (output / CUT_OUTS / f"{image.name}.json").is_file()
     ):
@@ -95,17 +97,35 @@ def cut_out_all(
             move_in(staging, path, json.dumps({"cut_outs": records, "not": reasons}, indent=1).encode())
         content = json.loads(path.read_text(encoding="utf-8"))
         library += [
-            StoredCutOut(**{**each, "surroundings": tuple(each["surroundings"])}) for each in content["cut_outs"]
+            (image.group, StoredCutOut(**{**each, "surroundings": tuple(each["surroundings"])}))
+            for each in content["cut_outs"]
         ]
         for reason, count in content["not"].items():
             for _ in range(count):
                 report.add(Finding.DROPPED, image.name, f"an object is not cut out: {reason}", alike=reason)
+    return _resolved(library, report)
+
+
+def _resolved(found: list[tuple[str, StoredCutOut]], report: Report) -> list[StoredCutOut]:
+    """Cut-outs, each with its scene, with a ground resolution: as stated, else the median by which the vehicles of
+    their scene have their usual size, or where it has none, its people."""
+    estimates: dict[tuple[str, str], list[float]] = defaultdict(list)
+    for scene, each in found:
+        estimates[scene, each.category].append(usual_gsd_mm(each.category, each.length_px, each.width_px))
+    library = []
+    for scene, each in found:
+        gsd_mm = each.gsd_mm
+        if gsd_mm is None:
+            gsd_mm = round(median(estimates.get((scene, CAR.name)) or estimates[scene, PERSON.name]), 3)
+        if is_plausible(each.category, each.length_px, each.width_px, gsd_mm):
+            library.append(replace(each, gsd_mm=gsd_mm))
+        else:
+            report.add(Finding.DROPPED, each.name, f"an object is not cut out: {IMPLAUSIBLE}", alike=IMPLAUSIBLE)
     return library
 
 
 def _cut(folder: Path, image: AnnotatedImage) -> tuple[list[CutOut], Counter[str]]:
-    """The cut-outs of an image, all with a ground resolution; and why other objects have none."""
+    """The cut-outs of an image; and why other objects have none."""
     reasons: Counter[str] = Counter()
     made = list(cut_outs(image, read_picture(folder, image), lambda reason: reasons.update([reason])))
-    gsd_mm = ground_resolution(image, made)
-    return [replace(each, gsd_mm=gsd_mm) for each in made], reasons
+    return made, reasons

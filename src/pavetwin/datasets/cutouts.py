@@ -27,6 +27,8 @@ images whose ground resolution is not known."""
 PLAUSIBLE_M: Final = {CAR.name: ((3.0, 20.0), (1.3, 3.6)), PERSON.name: ((0.3, 1.4), (0.2, 1.0))}
 """Least and greatest length and width; an arm, a bag and a lean towards the border make people longer."""
 
+IMPLAUSIBLE: Final = "it has not the size of its class on the ground"
+
 LEAST_PX: Final = {CAR.name: 12, PERSON.name: 8}
 """Of a cut-out's width."""
 
@@ -68,9 +70,7 @@ class CutOut:
 
     @property
     def estimated_gsd_mm(self) -> float:
-        """By the usual size of its class."""
-        length_m, width_m = SIZES_M[self.category]
-        return 1000 * sqrt(length_m * width_m / (self.length_px * self.width_px))
+        return usual_gsd_mm(self.category, self.length_px, self.width_px)
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,10 +162,8 @@ def _cut_out(image: AnnotatedImage, number: int, picture: UInt8Array) -> CutOut 
     for reason, is_good in QUALITY:
         if not is_good(judged):
             return reason
-    if image.gsd_mm is not None:
-        sides_m = (judged.length_px * image.gsd_mm / 1000, judged.width_px * image.gsd_mm / 1000)
-        if any(not low <= side <= high for side, (low, high) in zip(sides_m, PLAUSIBLE_M[each.category], strict=True)):
-            return "it has not the size of its class on the ground"
+    if image.gsd_mm is not None and not is_plausible(each.category, judged.length_px, judged.width_px, image.gsd_mm):
+        return IMPLAUSIBLE
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     place = np.s_[max(rows[0] - 2, 0) : rows[-1] + 3, max(columns[0] - 2, 0) : columns[-1] + 3]
     around = ndimage.binary_dilation(mask, iterations=8) & ~ndimage.binary_dilation(mask, iterations=3)
@@ -180,6 +178,18 @@ def _cut_out(image: AnnotatedImage, number: int, picture: UInt8Array) -> CutOut 
         surroundings=(red, green, blue),
         gsd_mm=image.gsd_mm,
     )
+
+
+def usual_gsd_mm(category: str, length_px: float, width_px: float) -> float:
+    """Millimetres a pixel covers where an object has the usual size of its class."""
+    length_m, width_m = SIZES_M[category]
+    return 1000 * sqrt(length_m * width_m / (length_px * width_px))
+
+
+def is_plausible(category: str, length_px: float, width_px: float, gsd_mm: float) -> bool:
+    """Whether an object has a size of its class on the ground."""
+    sides_m = (length_px * gsd_mm / 1000, width_px * gsd_mm / 1000)
+    return all(low <= side <= high for side, (low, high) in zip(sides_m, PLAUSIBLE_M[category], strict=True))
 
 
 def _common(box: PixelBox, other: PixelBox) -> float:

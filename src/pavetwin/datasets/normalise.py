@@ -101,6 +101,13 @@ def seen_through(image: AnnotatedImage, view: ImageView, suffix: str) -> Annotat
     )
 
 
+def scaled_down(image: AnnotatedImage, factor: float) -> AnnotatedImage:
+    """The whole image at a smaller size, with its annotations; itself for a factor of 1."""
+    if factor >= 1:
+        return image
+    return seen_through(image, ImageView((0, 0, *image.size_px), _size(*image.size_px, factor)), image.suffix)
+
+
 def _seen(annotation: Annotation, view: ImageView, factors: tuple[float, float]) -> Annotation | None:
     inside = within(annotation.box, view.window)
     if inside is None:

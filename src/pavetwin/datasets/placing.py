@@ -1,8 +1,10 @@
 """Where an object may stand on a picture of pavement that was taken straight down.
 
-Road is, where no mask says so, all that is grey like most of the picture and smooth: not green, not of another colour,
-not in the black of a bar, not rough like grass or gravel, and in a part of the picture that is large. What stands on it
-already is found by labels; an object without a label is kept off only as far as it is not grey and smooth.
+Road is, where no mask says so, all that has the colour of the pavement and is smooth: not green, not of another colour,
+not in the black of a bar, not rough like grass or gravel, and in a part of the picture that is large. The colour is
+that around labelled damage, else that of most of the picture; what is far from grey is no pavement. Of several parts
+those count that show labelled damage, where there is any. What stands on it already is found by labels; an object
+without a label is kept off only as far as it is not grey and smooth.
 """
 
 from dataclasses import dataclass
@@ -15,11 +17,15 @@ from scipy import ndimage
 
 from pavetwin.arrays import BoolArray, Float32Array, UInt8Array
 
-COLOUR: Final = 14.0
-"""Distance in a* and b* of CIE L*a*b* to the picture's median beyond which it is not this road."""
+COLOUR: Final = 11.0
+"""Distance in a* and b* of CIE L*a*b* to the pavement's median beyond which it is not this road."""
+
+GREY: Final = 14.0
+"""Distance in a* and b* to grey, of a colour that pavement may have: asphalt and concrete, also in blue shadow."""
 
 GREEN: Final = 0.06
-"""Excess of green, (2 g − r − b) of shares of red, green and blue, beyond which it is vegetation."""
+"""Excess green index beyond which it is vegetation: (2 g − r − b) of shares of red, green and blue (Woebbecke et al.
+1995); the limit is our choice."""
 
 DARK: Final = 0.1
 """Of the full scale; what is darker is a bar or a hole."""
@@ -38,13 +44,21 @@ STRONGEST: Final = 0.05
 """Share of the edges that tell the direction: those of markings, kerbs and joints."""
 
 
-def road_mask(picture: UInt8Array) -> BoolArray:
-    """Where a picture (height, width, 3) of pavement shows road."""
+def road_mask(picture: UInt8Array, damage: BoolArray | None = None) -> BoolArray:
+    """Where a picture (height, width, 3) of pavement shows road; nowhere, where it shows none that is grey.
+
+    Args:
+        damage: (height, width) where damage of the pavement is labelled.
+    """
     exact = picture.astype(np.float32) / 255
     lab = cv2.cvtColor(exact, cv2.COLOR_RGB2LAB)
     side = max(3, round(ROUGH_SHARE * max(picture.shape[:2])))
     smooth = cv2.blur(lab, (side, side))
-    colour = smooth[..., 1:] - np.median(smooth[..., 1:].reshape(-1, 2), axis=0)
+    known = damage if damage is not None and damage.any() else None
+    pavement = np.median(smooth[known][:, 1:] if known is not None else smooth[..., 1:].reshape(-1, 2), axis=0)
+    if hypot(*pavement) > GREY:
+        return np.zeros(picture.shape[:2], dtype=np.bool_)
+    colour = smooth[..., 1:] - pavement
     shares = cv2.blur(exact / np.maximum(exact.sum(axis=2, keepdims=True), 1e-6), (side, side))
     grey = exact.mean(axis=2)
     spread = np.sqrt(np.maximum(cv2.blur(grey**2, (side, side)) - cv2.blur(grey, (side, side)) ** 2, 0))
@@ -61,7 +75,10 @@ def road_mask(picture: UInt8Array) -> BoolArray:
     parts, count = ndimage.label(ndimage.binary_opening(closed, iterations=side))
     sizes = np.bincount(parts.ravel(), minlength=count + 1)
     sizes[0] = 0
-    return np.array(np.isin(parts, np.flatnonzero(sizes >= LEAST_PART * road.size)))
+    large = sizes >= LEAST_PART * road.size
+    if known is not None:
+        large &= np.bincount(parts[known], minlength=count + 1) > 0
+    return np.array(np.isin(parts, np.flatnonzero(large)))
 
 
 def road_direction_deg(picture: UInt8Array, road: BoolArray) -> float | None:

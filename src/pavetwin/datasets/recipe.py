@@ -46,6 +46,7 @@ class RecipeSource(Settings):
     folder: Path = Field(description="Where its dataset was unpacked.")
     background: Path | None = Field(default=None, description="List of pictures that someone has checked.")
     gsd_mm: float | None = Field(default=None, gt=0, le=1000, description="Millimetres a pixel covers, if known.")
+    size: ImageSize | None = Field(default=None, description="How large its images become; null: as all others.")
 
 
 class Recipe(Settings):
@@ -139,7 +140,7 @@ def build(
                 source,
                 beside / each.folder,
                 output / IMPORTS / folder,
-                size=recipe.size,
+                size=each.size or recipe.size,
                 backgrounds=backgrounds_in(beside / each.background) if each.background is not None else frozenset(),
                 on_image=on_image,
             )

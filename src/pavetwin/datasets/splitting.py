@@ -7,7 +7,7 @@ one while that helps. Where few scenes hold most of a class, that is not enough:
 although it does not help, and the others of the largest after it, and what came of it is kept where it is better.
 """
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +18,8 @@ import numpy as np
 from pavetwin.arrays import Float64Array, IndexArray
 from pavetwin.datasets.annotated import AnnotatedImage, class_names
 from pavetwin.datasets.common_form import read_description, read_images
+from pavetwin.datasets.report import FILE as REPORT
+from pavetwin.datasets.report import Finding, Report
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.labels import SPLITS
@@ -47,6 +49,8 @@ class SplitShares:
     """Scene → split."""
     shares: Mapping[str, tuple[float, ...]]
     """Class, or `images` → the share of its instances in each of `SPLITS`; classes without any are left out."""
+    report: Report
+    """Captured images that are not in their own split, because they show one place with those of another."""
 
 
 def split_groups(images: Iterable[AnnotatedImage], shares: Sequence[float], seed: int) -> SplitShares:
@@ -62,7 +66,7 @@ def split_groups(images: Iterable[AnnotatedImage], shares: Sequence[float], seed
         raise PaveTwinError(f"`shares`: train, val and test must sum to 100 % (got {sum(shares):.0%}).")
     columns = {name: at for at, name in enumerate((*class_names(), "images"))}
     tallies: dict[str, Float64Array] = defaultdict(lambda: np.zeros(len(columns)))
-    given: dict[str, str] = {}
+    own: dict[str, Counter[str]] = defaultdict(Counter)
     for image in images:
         tally = tallies[image.group]
         tally[columns["images"]] += 1
@@ -70,7 +74,9 @@ def split_groups(images: Iterable[AnnotatedImage], shares: Sequence[float], seed
             assert each.category is not None
             tally[columns[each.category]] += 1
         if (split := image.attributes.get(KEPT)) in SPLITS:
-            given[image.group] = split
+            own[image.group][split] += 1
+    report = Report()
+    given = {group: _given(group, of_scene, report) for group, of_scene in sorted(own.items())}
     groups = sorted(tallies)
     free = [at for at, group in enumerate(groups) if group not in given]
     if len(groups) < np.count_nonzero(shares):
@@ -82,7 +88,18 @@ def split_groups(images: Iterable[AnnotatedImage], shares: Sequence[float], seed
     _assign(weights, chosen, np.array(free, dtype=np.intp), np.array(shares), child(seed, Stream.DATASET))
     reached = np.array([counts[chosen == at].sum(axis=0) for at in range(len(SPLITS))]) / np.maximum(totals, 1.0)
     told = {name: tuple(reached[:, at].tolist()) for name, at in columns.items() if totals[at]}
-    return SplitShares({group: SPLITS[at] for group, at in zip(groups, chosen.tolist(), strict=True)}, told)
+    splits = {group: SPLITS[at] for group, at in zip(groups, chosen.tolist(), strict=True)}
+    return SplitShares(splits, told, report)
+
+
+def _given(group: str, own: Counter[str], report: Report) -> str:
+    """The split of a scene whose images have splits of their own: that of most; of two with as many, the first."""
+    split = max(SPLITS, key=lambda name: own[name])
+    for other, count in own.items():
+        if other != split:
+            words = f"captured images of {other} ({count}) are in {split}, with others that show the same place"
+            report.add(Finding.NOTE, group, words)
+    return split
 
 
 def _assign(
@@ -173,6 +190,7 @@ def split_dataset(folder: Path, shares: Sequence[float], seed: int = 0) -> Split
     for split, held in names.items():
         with writing(folder / LISTS / f"{split}.txt") as temporary:
             temporary.write_text("".join(f"{name}\n" for name in held), encoding="utf-8")
+    found.report.save(folder / LISTS / REPORT)
     return found
 
 

@@ -7,7 +7,8 @@ from pavetwin.datasets.sources.base import SOURCES, DatasetSource
 SOURCES.add(
     "highrpd",
     DatasetSource(
-        title="HighRPD",
+        title="HighRPD: a high-altitude drone dataset of road pavement distress (He et al. 2025)",
+        home="https://data.mendeley.com/datasets/sywswj7djj/1",
         licence="CC BY 4.0",
         labels=YoloLayout(names=("line", "block", "pit")),
         # From 50 m a pit can hardly be told from a stain, so no image with one is used.

@@ -6,8 +6,9 @@ from pavetwin.datasets.sources.base import SOURCES, DatasetSource
 SOURCES.add(
     "pothrgbd",
     DatasetSource(
-        title="PothRGBD",
-        licence="see its page",
+        title="PothRGBD (Yurdakul and Tasdemir 2025)",
+        home="https://www.kaggle.com/datasets/mahyeks/pothrgbd-rgb-and-depth-images-of-potholes",
+        licence="see its page (others report MIT)",
         labels=YoloLayout(names=("pothole",), polygons=True),
         classes={"pothole": "Pothole"},
     ),
