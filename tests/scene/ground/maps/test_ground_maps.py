@@ -7,14 +7,14 @@ import pytest
 import shapely
 
 from pavetwin.scene.ground import GroundPlan, details, ground_maps, plan_ground
-from pavetwin.scene.ground.distractors.segment_marks import SEAM_HALF_M
+from pavetwin.scene.ground.distractors.segment_marks import SEAM_HALF_M, Repairs
 from pavetwin.scene.ground.layout.surfaces import tile_box
 from pavetwin.scene.ground.markings.placement import markings
 from pavetwin.scene.ground.markings.standard import paint
 from pavetwin.scene.ground.materials.compose import PAINTS, surface
 from pavetwin.scene.ground.materials.sampling import Pyramid, linear_of_srgb, srgb_of_linear
 from pavetwin.scene.model import MAP_MARGIN_M, MAP_PX, SIGNED_DISTANCE_M, TILE_M, GroundKind, GroundMaps
-from scenes import built
+from scenes import built, tiny
 
 TEXEL_M = (TILE_M + 2 * MAP_MARGIN_M) / MAP_PX
 MEANS = {
@@ -60,6 +60,22 @@ def drawn_at(name: str, x: float, y: float) -> int:
     key = key_at(x, y)
     column, row = ((np.array([x, y]) - np.array(key) * TILE_M + MAP_MARGIN_M) / TEXEL_M).astype(int)
     return int(maps(name, key).drawn[row, column, 0])
+
+
+def test_the_mark_of_a_locked_wheel_grows_from_nothing_and_fades_where_it_ends() -> None:
+    one = plan_ground(tiny.straight(length_m=30.0), 3)
+    (x, y), length = one.world.segments[0].centre_line.coords[0], 8.0
+    line = np.column_stack([np.linspace(x + 6.0, x + 6.0 + length, 6), np.full(6, y + 1.0)])
+    marked = plan_ground(one.world, 3)
+    one.__dict__["repairs"], marked.__dict__["repairs"] = Repairs(), Repairs(skids=[(line, 0.4)])
+    key = key_at(*line.mean(axis=0).tolist())
+    at = np.column_stack([line[0, 0] + length * np.array([0.01, 0.2, 0.5, 0.9, 0.995]), np.full(5, y + 1.0)])
+    clean, dark = (sampled(ground_maps(each, key).weathering, key, at)[:, 1] for each in (one, marked))
+    start, growing, middle, nearly, end = (dark - clean).tolist()
+    assert middle == pytest.approx(nearly, abs=3)
+    assert middle > 60
+    assert 0.2 * middle < growing < 0.8 * middle
+    assert max(start, end) < 0.1 * middle
 
 
 @pytest.mark.parametrize("name", ["cross", "berlin_neukoelln", "seattle_roosevelt"])

@@ -17,15 +17,23 @@ from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from pavetwin.scene.ground.distractors.repairs import WHEELS_M
+from pavetwin.scene.ground.layout.lines import ways_along
 from pavetwin.scene.ground.layout.relief import KERB_WIDTH_M
 from pavetwin.scene.ground.layout.surfaces import tile_box
 from pavetwin.scene.ground.maps.noise_tables import NoiseTables, noise_tables
 from pavetwin.scene.ground.maps.raster import RasterGrid, Tracks, bars, tracks, widened
+from pavetwin.scene.ground.materials.sampling import smoothstep
 from pavetwin.scene.ground.plan import GroundPlan
 from pavetwin.scene.model import MAP_MARGIN_M, MAP_PX
 
 EDGE_REACH_M: Final = 1.4
 """Distance from the kerb within which it has dirt."""
+
+SKID_GROWS: Final = 0.45
+"""Share of its length over which the mark of a locked wheel grows, as the tyre heats up. Ours."""
+
+SKID_ENDS_M: Final = 0.7
+"""And the length over which it ends, where the vehicle stands. Ours."""
 
 WHEEL_SPREAD_M: Final = 0.24
 """Standard deviation of wheels around their path."""
@@ -94,7 +102,7 @@ class _CoarseFields:
             found = _ribbon(self.raster, line, reach)
             if found is None:
                 continue
-            window, across = found
+            window, across, _ = found
             passed[window] += np.float32(0.45) * np.exp(-0.5 * ((np.abs(across) - WHEELS_M) / 0.17) ** 2)
         return passed
 
@@ -254,21 +262,26 @@ def _spilled(plan: GroundPlan, raster: RasterGrid) -> Float32Array:
         line, strength = plan.repairs.skids[number]
         found = _ribbon(raster, line, 0.2)
         if found is not None:
-            window_at, across = found
-            stain[window_at] += np.float32(strength) * np.exp(-((across / 0.085) ** 4))
+            window_at, across, along = found
+            length = float(ways_along(line)[-1])
+            shown = smoothstep(0.0, SKID_GROWS * length, along) * smoothstep(length, length - SKID_ENDS_M, along)
+            stain[window_at] += np.float32(strength) * shown * np.exp(-((across / 0.085) ** 4))
     return stain
 
 
-def _ribbon(raster: RasterGrid, line: Float64Array, reach_m: float) -> tuple[tuple[slice, slice], Float32Array] | None:
-    """Offset to the left of a line in the window about it, far away where none is near; None if outside the grid."""
+def _ribbon(
+    raster: RasterGrid, line: Float64Array, reach_m: float
+) -> tuple[tuple[slice, slice], Float32Array, Float32Array] | None:
+    """Offset to the left of a line in the window about it, far away where none is near, and the way along it; None if
+    outside the grid."""
     points = raster.local(line)
     window = raster.window(points.min(axis=0) - reach_m, points.max(axis=0) + reach_m)
     if window is None:
         return None
     best = np.full((len(window.y), window.x.shape[1]), np.float32(9.0))
-    across = best.copy()
+    across, along = best.copy(), np.zeros_like(best)
     rows, columns = window.at
-    for a, b in pairwise(points):
+    for (a, b), begin in zip(pairwise(points), ways_along(points).tolist(), strict=False):
         length = float(np.hypot(*(b - a)))
         near = raster.window(np.minimum(a, b) - reach_m, np.maximum(a, b) + reach_m)
         if length < 1e-6 or near is None:
@@ -283,8 +296,9 @@ def _ribbon(raster: RasterGrid, line: Float64Array, reach_m: float) -> tuple[tup
         )
         nearer = away < best[part]
         np.copyto(across[part], np.copysign(away, left), where=nearer)
+        np.copyto(along[part], np.float32(begin) + np.clip(ahead, 0, np.float32(length)), where=nearer)
         np.copyto(best[part], away, where=nearer)
-    return window.at, across
+    return window.at, across, along
 
 
 def _inside(raster: RasterGrid, shape: BaseGeometry) -> BoolArray:

@@ -18,6 +18,9 @@ from pavetwin.scene.ground.markings.standard import paint
 _OVERLAP_M: Final = 0.3
 """Bars of one line overlap, so that no gap shows where they meet."""
 
+_BEYOND_M: Final = 0.004
+"""At a corner the square end of a bar reaches this far beyond the other bar: less than its edge is uneven."""
+
 
 @dataclass(frozen=True)
 class Paint:
@@ -100,15 +103,22 @@ class Painter:
         self, path: LineString, start: float, end: float, width_m: float, wear: float, colour: PaintName
     ) -> None:
         coords = _between(path, start, end)
-        for leg in range(len(coords) - 1):
-            a, b = coords[leg], coords[leg + 1]
-            step = b - a
-            length = float(np.hypot(*step))
-            if length < 1e-6:
-                continue
-            lap = min(_OVERLAP_M, length) * step / length
-            inner = a if leg == 0 else a - lap / 2
-            self.bar(inner, b if leg == len(coords) - 2 else b + lap / 2, width_m, wear, colour=colour)
+        steps = np.diff(coords, axis=0)
+        kept = np.hypot(*steps.T) > 1e-6
+        if not kept.any():
+            return
+        steps, coords = steps[kept], np.concatenate([coords[:1], coords[1:][kept]])
+        lengths = np.hypot(*steps.T)
+        laps = np.zeros(len(coords))
+        laps[1:-1] = _laps(steps[:-1], steps[1:], width_m)
+        if path.is_closed:
+            corners = shapely.get_coordinates(path)
+            closing = _laps(corners[-1:] - corners[-2:-1], corners[1:2] - corners[:1], width_m)[0]
+            laps[0] = closing if start <= 0.0 else 0.0
+            laps[-1] = closing if end >= path.length else 0.0
+        for leg, (step, length) in enumerate(zip(steps, lengths.tolist(), strict=True)):
+            lap = np.minimum(laps[leg : leg + 2, None], length / 2) * step / length
+            self.bar(coords[leg] - lap[0], coords[leg + 1] + lap[1], width_m, wear, colour=colour)
 
     def outline(self, ring: npt.ArrayLike, wear: float, *, colour: PaintName = "white") -> None:
         """A filled polygon (n, 2)."""
@@ -123,6 +133,15 @@ class Painter:
         looks = np.array([(which, wear) for _, which, wear in self._outlines]).reshape(-1, 2)
         rings, new = tuple(ring for ring, _, _ in self._outlines), np.zeros(len(bars), dtype=np.bool_)
         return Paint(bars[:, :5], bars[:, 5:], rings, looks, new, np.array(self._scars).reshape(-1, 6))
+
+
+def _laps(before: Float64Array, after: Float64Array, width_m: float) -> Float64Array:
+    """How far two bars reach over the corner between them: to the outer corner that both share, so that no square end
+    juts out; (n,) for the directions (n, 2) before and after."""
+    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    turn, half = np.abs(np.arctan2(cross, (before * after).sum(axis=1))), width_m / 2
+    reach = (half * (1 - np.cos(turn)) + _BEYOND_M) / np.maximum(np.sin(turn), 1e-9)
+    return np.asarray(np.where(turn < np.pi / 2, np.minimum(_OVERLAP_M / 2, reach), half), dtype=np.float64)
 
 
 def _dashes(length_m: float, dash_m: tuple[float, float] | None) -> Iterator[tuple[float, float]]:
