@@ -34,6 +34,11 @@ def test_a_crack_has_its_length_and_width_however_it_bends(points: list[tuple[in
     assert told["area_m2"] == pytest.approx(mask.sum() * GSD_MM**2 / 1e6, abs=1e-4)
 
 
+def test_a_rectangle_has_its_own_sides() -> None:
+    told = measured("Single Crack", np.ones((8, 20), bool), GSD_MM)
+    assert (told["length_m"], told["mean_width_mm"]) == pytest.approx((20 * GSD_MM / 1000, 8 * GSD_MM), rel=0.01)
+
+
 def test_a_pothole_has_the_diameter_of_its_disc() -> None:
     rows, columns = np.mgrid[:100, :100]
     mask = np.hypot(rows - 50, columns - 50) < 30

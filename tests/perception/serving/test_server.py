@@ -147,11 +147,12 @@ def test_health_page_and_description(service: Running) -> None:
         (b"only text", 415, "is no image of a kind"),
         (b"", 415, "is no image of a kind"),
         (encoded(Image.effect_noise((64, 64), 50))[:-900], 400, "is damaged"),
+        (encoded(drawn((2000, 1100))), 413, "has 2000 × 1100 px; at most 2 megapixels"),
         (png_of(20_000, 10_000), 413, "at most 2 megapixels"),
         (png_of(2_000_000, 2_000_000), 413, "megapixels"),
         (encoded(STREET, "GIF"), 415, "is no image of a kind"),
     ],
-    ids=["text", "empty", "truncated", "200 megapixels", "bomb", "gif"],
+    ids=["text", "empty", "truncated", "2.2 megapixels", "200 megapixels", "bomb", "gif"],
 )
 def test_what_is_no_image_of_the_limits_is_refused(service: Running, content: bytes, status: int, words: str) -> None:
     answered, told = service.send(content)

@@ -8,8 +8,8 @@ from pavetwin.perception.serving.replies import FORMS
 from pavetwin.perception.serving.uploads import FIELD, ServerLimits
 
 _ERRORS: Final = {
-    "400": "The form or an image is damaged, or a parameter is not known.",
-    "413": "Too many bytes, pixels or files.",
+    "400": "The form or an image is damaged, there are too many files, or a parameter is not known.",
+    "413": "Too many bytes or pixels, or looking at them takes too long.",
     "415": "No form with files, or a file that is no image.",
     "429": "Busy: try again in a second.",
 }
@@ -75,7 +75,7 @@ def description(version: str, limits: ServerLimits) -> dict[str, Any]:
             "/predict/batch": {
                 "post": _predict("predictBatch", "Detections of several images, in their order", many, all_of_them)
             },
-            "/health": {"get": {"operationId": "health", "summary": "Is it running?", "responses": health}},
+            "/health": {"get": {"operationId": "health", "summary": "Whether it is running", "responses": health}},
         },
         "components": {"schemas": _SCHEMAS},
     }
@@ -122,7 +122,7 @@ def page(document: dict[str, Any]) -> str:
 <html lang="en"><head><meta charset="utf-8"><title>{escape(about["title"])}</title>
 <style>body {{ font: 16px/1.5 sans-serif; max-width: 46rem; margin: 2rem auto; padding: 0 1rem; color: #1c1c1c }}
 h2 {{ margin: 2rem 0 0; font-size: 1.1rem }} code {{ background: #f0f0f0; padding: .1rem .3rem }}
-pre {{ background: #f0f0f0; padding: .6rem; overflow: auto }}</style></head><body>
+pre {{ background: #f0f0f0; padding: .6rem; white-space: pre-wrap }}</style></head><body>
 <h1>{escape(about["title"])} {escape(about["version"])}</h1><p>{escape(about["description"])}</p>
 <form action="/predict" method="post" enctype="multipart/form-data">
 <input type="file" name="{FIELD}" accept="image/*" required> <button>Detect</button></form>
