@@ -17,7 +17,6 @@ from pavetwin.defects import sample_points
 from pavetwin.mission.environment import MissionEnvironment, new_flight
 from pavetwin.navigation.navmesh import navmesh
 from pavetwin.navigation.patterns import passes
-from pavetwin.traffic.trace import trace_arguments
 from pavetwin.world.model import Surface
 from pavetwin.world.solids import solids
 
@@ -72,8 +71,8 @@ def _copied(course: Course, side: int) -> tuple[MissionEnvironment, Trace]:
     world, settings = course.environment.world, course.settings
     standing = solids(world)
     mesh = navmesh(world, settings.altitude_m, settings.uav.radius_m, standing)
-    columns = trace_arguments(course.replay.recording.until(TRAFFIC_S))
-    places = np.vstack([mesh.vertices(), standing.xy, np.column_stack([columns["x_m"], columns["y_m"]])])
+    traffic = course.replay.recording.until(TRAFFIC_S).tracks.rows
+    places = np.vstack([mesh.vertices(), standing.xy, np.column_stack([traffic.x, traffic.y])])
     pitch = np.ptp(places, axis=0) + GAP_M
     steps = sorted(
         ((i, j) for i in range(side) for j in range(side)),
@@ -107,26 +106,27 @@ def _copied(course: Course, side: int) -> tuple[MissionEnvironment, Trace]:
 
 def _crowd(course: Course, shifts: npt.NDArray[np.float64]) -> Trace:
     """The recording with a copy of every agent in every copy of the town."""
-    columns = trace_arguments(course.replay.recording.until(TRAFFIC_S))
-    agents, count = len(columns["length_m"]), len(shifts)
-    offsets = columns["step_offsets"].astype(np.int64)
+    recording = course.replay.recording.until(TRAFFIC_S)
+    traffic, bodies = recording.tracks.rows, recording.agents
+    agents, count = len(bodies), len(shifts)
+    offsets = traffic.step_offsets.astype(np.int64)
     pairs = list(itertools.pairwise(offsets))
     # Rows stay sorted by step, and within a step by agent: one copy after the other.
     rows = np.concatenate([np.tile(np.arange(a, b), count) for a, b in pairs])
     copy = np.concatenate([np.repeat(np.arange(count), b - a) for a, b in pairs])
     return Trace(
-        step_s=columns["step_s"],
+        step_s=recording.step_s,
         step_offsets=(offsets * count).astype(np.uint32),
-        agent=(columns["agent"][rows] + copy * agents).astype(np.uint32),
-        x_m=(columns["x_m"][rows] + shifts[copy, 0]).astype(np.float32),
-        y_m=(columns["y_m"][rows] + shifts[copy, 1]).astype(np.float32),
-        yaw_rad=columns["yaw_rad"][rows],
-        speed_mps=columns["speed_mps"][rows],
-        length_m=np.tile(columns["length_m"], count),
-        width_m=np.tile(columns["width_m"], count),
-        height_m=np.tile(columns["height_m"], count),
+        agent=(traffic.agent[rows] + copy * agents).astype(np.uint32),
+        x_m=(traffic.x[rows] + shifts[copy, 0]).astype(np.float32),
+        y_m=(traffic.y[rows] + shifts[copy, 1]).astype(np.float32),
+        yaw_rad=traffic.yaw_rad[rows],
+        speed_mps=traffic.speed_mps[rows],
+        length_m=np.tile(bodies.length_m, count),
+        width_m=np.tile(bodies.width_m, count),
+        height_m=np.tile(bodies.height_m, count),
         base_m=np.zeros(agents * count, dtype=np.float32),
-        is_pedestrian=np.tile(columns["is_pedestrian"], count),
+        is_pedestrian=np.tile(bodies.is_pedestrian, count),
     )
 
 

@@ -22,7 +22,7 @@ from pavetwin.mission.fly import MissionResult, fly_over
 from pavetwin.mission.replay import Replay
 from pavetwin.mission.targets import choose_targets
 from pavetwin.policies import policy_names
-from pavetwin.traffic.recording import load_recording
+from pavetwin.traffic.recording_file import load_recording
 from pavetwin.world.cache import cached
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world

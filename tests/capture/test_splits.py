@@ -14,6 +14,7 @@ from pavetwin.capture.splits import split_streets
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels import SPLITS
 from pavetwin.traffic.record import record
+from pavetwin.traffic.tracks import Rows, Tracks
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world, save_world
 from scenes import damaged
@@ -86,15 +87,11 @@ def test_an_agent_is_present_on_the_street_it_is_on(world: World) -> None:
     assert 0.5 * 2 * vehicles[sampled].mean() < total[0] <= 2 * vehicles[sampled].mean() + 1e-9
     assert 0.5 * 2 * people[sampled].mean() < total[1] <= 2 * people[sampled].mean() + 1e-9
     middle = world.segments[0].centre_line.interpolate(0.5, normalized=True)
+    one, place = np.array([0, 1], dtype=np.uint32), np.float32([[middle.x], [middle.y], [0.0], [0.0]])
     lone = replace(
         recording,
         agents=recording.agents.first(1),
-        step_offsets=np.array([0, 1], dtype=np.uint32),
-        agent=np.zeros(1, dtype=np.uint32),
-        x=np.array([middle.x], dtype=np.float32),
-        y=np.array([middle.y], dtype=np.float32),
-        yaw_rad=np.zeros(1, dtype=np.float32),
-        speed_mps=np.zeros(1, dtype=np.float32),
+        tracks=Tracks.of(Rows(one, one[:1], *place), recording.agents.first(1).is_pedestrian, recording.step_s),
     )
     alone = presence(world, [lone])
     walks = int(recording.agents.is_pedestrian[0])

@@ -12,7 +12,7 @@ import yaml
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.traffic.demand_search import DemandSearch
 from pavetwin.traffic.flow import flow_of
-from pavetwin.traffic.recording import load_recording, save_recording
+from pavetwin.traffic.recording_file import load_recording, save_recording
 from pavetwin.world.cache import cached
 from pavetwin.world.store import load_world, save_world
 from scenes import built, damaged
@@ -129,7 +129,7 @@ def test_info_says_how_a_recording_flows_and_what_one_of_before_needs_for_that(w
     own, old = tmp_path / "own.parquet", tmp_path / "old.parquet"
     assert pavetwin("traffic", "record", world, "--los", "E", "--duration", 60, "-o", own).returncode == 0
     recording = load_recording(own)
-    save_recording(replace(recording, free_flow_mps=None), old)
+    save_recording(replace(recording, at_limits=None), old)
     known, unknown, told = (
         pavetwin("traffic", "info", *arguments).stdout for arguments in ((own,), (old,), (old, "--world", world))
     )

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pavetwin.traffic.recording import load_recording
+from pavetwin.traffic.recording_file import load_recording
 from pavetwin.world.build import BuildOptions, build_world
 from pavetwin.world.cache import cached
 from pavetwin.world.store import load_world, save_world

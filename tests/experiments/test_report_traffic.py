@@ -10,7 +10,8 @@ from pavetwin.experiments.report.parts import Table
 from pavetwin.experiments.report.traffic import traffic_section
 from pavetwin.traffic.flow import flow_of
 from pavetwin.traffic.record import record
-from pavetwin.traffic.recording import Recording, save_recording
+from pavetwin.traffic.recording import Recording
+from pavetwin.traffic.recording_file import save_recording
 from pavetwin.world.model import World
 from scenes.report_studies import study_of, table_of
 from scenes.traffic import ROUTES, scene_world

@@ -42,7 +42,7 @@ from pavetwin.navigation.patterns import PATTERNS
 from pavetwin.policies import POLICIES
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder, record
-from pavetwin.traffic.recording import load_recording, save_recording
+from pavetwin.traffic.recording_file import load_recording, save_recording
 from pavetwin.world.cache import cached
 from pavetwin.world.store import load_world, save_world
 from scenes import built, damaged

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,28 +12,24 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.mission import choose_targets, prepare, totals
 from pavetwin.mission.airspace import SPAN_M, Aircraft, load_airspace, with_aircraft
 from pavetwin.mission.fly import MissionResult, fly_over
+from pavetwin.traffic.trace import TraceArguments, trace_arguments
 from scenes import damaged, tiny
+from scenes.recordings import recording
 
 HEADER = "aircraft,t_s,x_m,y_m,altitude_m\n"
 ALTITUDE_M = 6.0
 FRAMES = 1201
 
 
-def empty_sky() -> dict[str, Any]:
-    singles, indices = np.empty(0, dtype=np.float32), np.empty(0, dtype=np.uint32)
-    moving = dict.fromkeys(("x_m", "y_m", "yaw_rad", "speed_mps"), singles)
-    bodies = dict.fromkeys(("length_m", "width_m", "height_m", "base_m"), singles)
-    offsets = np.zeros(FRAMES + 1, dtype=np.uint32)
-    return dict(
-        step_s=0.5, step_offsets=offsets, agent=indices, is_pedestrian=np.empty(0, dtype=np.bool_), **moving, **bodies
-    )
+def empty_sky() -> TraceArguments:
+    return trace_arguments(recording([], lambda *_: (0.0, 0.0, 0.0, 0.0), FRAMES))
 
 
 class Sky:
     """Nothing on the ground, aircraft above it."""
 
     def __init__(self, aircraft: Sequence[Aircraft]) -> None:
-        self._trace = Trace(**with_aircraft(empty_sky(), aircraft))
+        self._trace = Trace.of_parts(**with_aircraft(empty_sky(), aircraft))
 
     def trace(self) -> Trace:
         return self._trace
@@ -90,7 +85,7 @@ def test_an_aircraft_above_or_below_is_passed_by(altitude_m: float) -> None:
 def test_aircraft_come_first_so_that_extending_keeps_the_numbering() -> None:
     ground = tiny.trace_of([tiny.parked(10, 0)], 5.0)
     assert ground.agents_at(0.0)["agent"].tolist() == [0]
-    merged = Trace(**with_aircraft(empty_sky(), [HANGS, OPPOSES]))
+    merged = Trace.of_parts(**with_aircraft(empty_sky(), [HANGS, OPPOSES]))
     poses = merged.agents_at(30.0)
     assert poses["agent"].tolist() == [0, 1]
     np.testing.assert_allclose(poses["x_m"], [30.0, 0.0], atol=1e-3)

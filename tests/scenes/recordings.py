@@ -1,12 +1,18 @@
 """Hand-written recordings of traffic."""
 
+import json
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from pavetwin.traffic.demand import Capacity
 from pavetwin.traffic.kinds import KINDS
 from pavetwin.traffic.recording import Agents, Origin, Recording
+from pavetwin.traffic.tracks import COLUMNS, Rows
 
 STEP_S = 0.5
 Pose = tuple[float, float, float, float]
@@ -15,8 +21,9 @@ Pose = tuple[float, float, float, float]
 def recording(kinds: Sequence[str], poses: Callable[[int, float], Pose], frames: int = 21) -> Recording:
     """Agents of some kinds; `poses(agent, time)` gives x, y, yaw and speed."""
     known = [KINDS[kind] if kind in KINDS else KINDS["suv"] for kind in kinds]
-    rows = np.array([poses(agent, k * STEP_S) for k in range(frames) for agent in range(len(kinds))], dtype=np.float32)
-    return Recording(
+    poses_of = [poses(agent, k * STEP_S) for k in range(frames) for agent in range(len(kinds))]
+    rows = np.array(poses_of, dtype=np.float32).reshape(-1, 4)
+    return Recording.of_rows(
         origin=Origin("", "", 0, None, Capacity(1.0, 1.0), "", 0.0),
         step_s=STEP_S,
         agents=Agents(
@@ -25,14 +32,34 @@ def recording(kinds: Sequence[str], poses: Callable[[int, float], Pose], frames:
             length_m=np.array([kind.length_m for kind in known], dtype=np.float32),
             width_m=np.array([kind.width_m for kind in known], dtype=np.float32),
             height_m=np.array([kind.height_m for kind in known], dtype=np.float32),
-            is_pedestrian=np.array([kind.agent_class == "pedestrian" for kind in known]),
+            is_pedestrian=np.array([kind.agent_class == "pedestrian" for kind in known], dtype=np.bool_),
         ),
-        step_offsets=(len(kinds) * np.arange(frames + 1)).astype(np.uint32),
-        agent=np.tile(np.arange(len(kinds), dtype=np.uint32), frames),
-        x=np.ascontiguousarray(rows[:, 0]),
-        y=np.ascontiguousarray(rows[:, 1]),
-        yaw_rad=np.ascontiguousarray(rows[:, 2]),
-        speed_mps=np.ascontiguousarray(rows[:, 3]),
-        removals=(),
+        rows=Rows(
+            step_offsets=(len(kinds) * np.arange(frames + 1)).astype(np.uint32),
+            agent=np.tile(np.arange(len(kinds), dtype=np.uint32), frames),
+            x=np.ascontiguousarray(rows[:, 0]),
+            y=np.ascontiguousarray(rows[:, 1]),
+            yaw_rad=np.ascontiguousarray(rows[:, 2]),
+            speed_mps=np.ascontiguousarray(rows[:, 3]),
+        ),
         signals={},
     )
+
+
+def save_first_version(made: Recording, path: Path) -> None:
+    """Write a recording as the first version did: a row for every pose, sorted by step and agent."""
+    rows, agents = made.tracks.rows, made.agents
+    columns = {"step": rows.frame.astype(np.int32), "agent": rows.agent.astype(np.int32)}
+    sizes = {name: getattr(agents, name).tolist() for name in ("length_m", "width_m", "height_m")}
+    classes = [agents.agent_class(agent) for agent in range(len(agents))]
+    metadata = {
+        "format": 1,
+        "origin": asdict(made.origin),
+        "step_s": made.step_s,
+        "frames": made.frames,
+        "removals": made.removals,
+        "signals": made.signals,
+        "agents": {"id": agents.id, "class": classes, "kind": agents.kind, **sizes},
+    }
+    table = pa.table({**columns, **{name: getattr(rows, name) for name in COLUMNS}})
+    pq.write_table(table.replace_schema_metadata({b"pavetwin": json.dumps(metadata).encode()}), path)

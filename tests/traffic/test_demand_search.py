@@ -213,7 +213,7 @@ def test_pedestrians_that_are_not_read_change_no_vehicle(tmp_path: Path) -> None
             job = replace(inputs.job(folder), reads_pedestrians=reads, warm_up_s=(20.0, 20.0))
             with closing(SimulationProcess(job)) as simulation:
                 parts.append(simulation.record(40))
-    both, vehicles = (to_recording(part, inputs.origin(part)) for part in parts)
+    both, vehicles = (to_recording(part, inputs.origin(part), inputs.speed_limits) for part in parts)
     driving = ~both.agents.is_pedestrian[both.agent]
     assert 0 < driving.sum() < len(driving)
     assert not vehicles.agents.is_pedestrian.any()

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from pavetwin.traffic.flow import SpeedLimits, as_values, flow_of, free_flow_mps
-from pavetwin.traffic.recording import load_recording, save_recording
+from pavetwin.traffic.flow import SpeedLimits, as_values, flow_of, with_limits
+from pavetwin.traffic.recording_file import load_recording, save_recording
 from pavetwin.world.model import World
 from scenes.recordings import Pose, recording
 from scenes.traffic import scene_world
@@ -75,8 +75,8 @@ def test_a_recording_knows_its_free_flow_speed_and_an_old_one_asks_for_its_world
     assert flow_of(old).ratio is None
     assert flow_of(old).speed_kmh is not None
     assert flow_of(old, street).ratio == pytest.approx(0.25, rel=1e-3)
-    free = free_flow_mps(made, SpeedLimits.of(street))
-    new = load_recording(save_recording(replace(made, free_flow_mps=free), tmp_path / "new.parquet").path or "")
+    limited = with_limits(made, SpeedLimits.of(street))
+    new = load_recording(save_recording(limited, tmp_path / "new.parquet").path or "")
     assert flow_of(new).ratio == pytest.approx(0.25, rel=1e-3)
     assert new.speed_ratio == flow_of(new).ratio
 

@@ -19,7 +19,7 @@ from pavetwin.mission.replay import Replay
 from pavetwin.traffic.demand import density_of
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder, record
-from pavetwin.traffic.recording import load_recording
+from pavetwin.traffic.recording_file import load_recording
 from pavetwin.world.cache import cached
 from pavetwin.world.model import World
 from scenes.traffic import ROUTES, SOURCES, bytes_of, scene_world, world_on

@@ -12,7 +12,7 @@ import pytest
 from pavetwin.errors import PaveTwinError
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder, record
-from pavetwin.traffic.recording import save_recording
+from pavetwin.traffic.recording_file import save_recording
 from pavetwin.world.model import World
 from scenes.processes import is_gone, is_over, simulations
 from scenes.traffic import ROUTES, SOURCES, bytes_of, scene_world

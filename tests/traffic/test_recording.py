@@ -12,8 +12,11 @@ from hypothesis import strategies as st
 from pavetwin.errors import PaveTwinError
 from pavetwin.traffic.demand import DENSITIES, Capacity, density_named, density_of
 from pavetwin.traffic.kinds import KINDS, PEDESTRIANS, VEHICLES, sumo_types
-from pavetwin.traffic.recording import Agents, Origin, Recording, load_recording, save_recording
-from pavetwin.traffic.trace import trace_arguments
+from pavetwin.traffic.recording import Agents, Origin, Recording
+from pavetwin.traffic.recording_file import load_recording, save_recording
+from pavetwin.traffic.trace import trace_arguments, trace_of
+from pavetwin.traffic.tracks import COLUMNS, Rows, Tracks
+from scenes.recordings import recording, save_first_version
 
 
 def recording_of(counts: list[int], walkers: int = 1) -> Recording:
@@ -22,7 +25,7 @@ def recording_of(counts: list[int], walkers: int = 1) -> Recording:
     agent = np.concatenate([np.arange(count) for count in counts]).astype(np.uint32)
     rows = len(agent)
     place = np.arange(rows, dtype=np.float32)
-    return Recording(
+    return Recording.of_rows(
         origin=Origin("world", "inputs", 3, DENSITIES["low"], Capacity(0.5, 0.05), "SUMO 1.28.0", 120.0),
         step_s=0.5,
         agents=Agents(
@@ -33,12 +36,14 @@ def recording_of(counts: list[int], walkers: int = 1) -> Recording:
             height_m=np.linspace(1, 2, agents).round(3).astype(np.float32),
             is_pedestrian=np.arange(agents) < walkers,
         ),
-        step_offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32),
-        agent=agent,
-        x=place,
-        y=place + 1,
-        yaw_rad=place * 0.01,
-        speed_mps=place * 0.1,
+        rows=Rows(
+            step_offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32),
+            agent=agent,
+            x=place,
+            y=place + 1,
+            yaw_rad=place * np.float32(0.01),
+            speed_mps=place * np.float32(0.1),
+        ),
         removals=((0, 1), (len(counts) - 1, 2)),
         signals={"tls": ((0, "Gr"), (len(counts) - 1, "rG"))},
     )
@@ -108,18 +113,20 @@ def test_the_file_is_sorted_and_small_in_type(tmp_path: Path) -> None:
     path = tmp_path / "t.parquet"
     save_recording(recording_of([2, 0, 3]), path)
     table = pq.read_table(path)
-    assert table.column_names == ["step", "agent", "x", "y", "yaw_rad", "speed_mps"]
-    assert [str(column.type) for column in table.columns] == ["int32", "int32", *["float"] * 4]
-    assert table["step"].to_pylist() == [0, 0, 2, 2, 2]
+    assert table.column_names == ["agent", "step", "x", "y", "yaw_rad", "speed_mps", "is_last"]
+    assert [str(column.type) for column in table.columns] == ["int32", "int32", *["float"] * 4, "bool"]
+    assert table["agent"].to_pylist() == [0, 0, 1, 1, 2]
+    assert table["step"].to_pylist() == [0, 2, 0, 2, 2]
 
 
 def test_columns_have_the_types_of_the_kernel() -> None:
     columns = trace_arguments(recording_of([2, 3]))
-    kinds = {name: np.asarray(value).dtype.name for name, value in columns.items() if name != "step_s"}
+    arrays = {**columns, **columns["read"](0)}.items()
+    kinds = {name: value.dtype.name for name, value in arrays if isinstance(value, np.ndarray)}
     assert kinds == {
-        **dict.fromkeys(("step_offsets", "agent"), "uint32"),
+        **dict.fromkeys(("agent", "step"), "uint32"),
         **dict.fromkeys(("x_m", "y_m", "yaw_rad", "speed_mps", "length_m", "width_m", "height_m", "base_m"), "float32"),
-        "is_pedestrian": "bool",
+        **dict.fromkeys(("is_pedestrian", "is_last"), "bool"),
     }
 
 
@@ -166,3 +173,54 @@ def test_the_kinds_are_whole() -> None:
     rng = np.random.default_rng(0)
     heights = [KINDS["man"].height_of_one(rng) for _ in range(500)]
     assert 1.6 < min(heights) < 1.7 < 1.83 < max(heights) < 1.92
+
+
+def test_a_file_of_the_first_version_is_read(tmp_path: Path) -> None:
+    made, path = recording_of([2, 0, 3, 3]), tmp_path / "low-3.parquet"
+    save_first_version(made, path)
+    old = load_recording(path)
+    assert old.same_traffic(made)
+    assert np.array_equal(old.tracks.numbers.known, made.tracks.numbers.known)
+    assert old.free_flow_mps is None
+
+
+@given(frame_counts, st.integers(1, 5), st.data())
+def test_key_frames_give_all_poses_back(counts: list[int], length: int, data: st.DataObject) -> None:
+    made = recording_of(counts)
+    stands = made.agent < data.draw(st.integers(0, 6))
+    columns = {name: np.where(stands, np.float32(1), getattr(made, name)) for name in COLUMNS}
+    rows, walks = Rows(made.step_offsets, made.agent, **columns), made.agents.is_pedestrian
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("pavetwin.traffic.tracks.PART_STEPS", length)
+        tracks = Tracks.of(rows, walks, 0.5)
+        cut = data.draw(st.integers(1, len(counts) - 1))
+        grown = Tracks.of(rows.between(0, cut), walks, 0.5)
+        grown = grown.followed_by(rows.between(cut, len(counts)), walks, 0.5)
+    assert len(tracks.parts) == -(-(len(counts) - 1) // length)
+    for each in (tracks, grown):
+        assert all(part.is_as(other) for part, other in zip(each.parts, tracks.parts, strict=True))
+        for name in ("step_offsets", "agent", *COLUMNS):
+            assert np.array_equal(getattr(each.rows, name), getattr(rows, name))
+    assert grown.fastest_mps == tracks.fastest_mps
+    assert np.array_equal(grown.numbers.known, tracks.numbers.known)
+
+
+def test_a_standing_agent_needs_two_key_frames() -> None:
+    standing = recording(["suv", "man"], lambda agent, time_s: (agent * (5.0 + time_s), 0.0, 0.0, 0.0), frames=200)
+    (part,) = standing.tracks.parts
+    assert [int((part.load().agent == agent).sum()) for agent in (0, 1)] == [2, 200]
+
+
+def test_a_part_that_is_damaged_is_said_when_the_clock_gets_there(tmp_path: Path) -> None:
+    moving = recording(["suv"] * 40, lambda agent, time_s: (7.3 * agent + time_s**1.5, 0.0, 0.0, 0.0), frames=300)
+    path = tmp_path / "r.parquet"
+    save_recording(moving, path)
+    group = pq.ParquetFile(path).metadata.row_group(1).column(2)
+    data = bytearray(path.read_bytes())
+    begin = group.data_page_offset
+    data[begin : begin + group.total_compressed_size] = bytes(group.total_compressed_size)
+    path.write_bytes(data)
+    trace = trace_of(load_recording(path))
+    assert len(trace.agents_at(119.9)["agent"]) == 40
+    with pytest.raises(PaveTwinError, match=f"The recording '{path}' is damaged; record it again"):
+        trace.agents_at(120.0)

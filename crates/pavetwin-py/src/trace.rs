@@ -3,7 +3,7 @@
 use crate::plain;
 use numpy::{PyArray1, PyReadonlyArray1, ToPyArray};
 use pavetwin_core::geometry::Vec2;
-use pavetwin_core::sensing::{self as core, AgentPose, Body, BodyClass, TraceColumns};
+use pavetwin_core::sensing::{self as core, AgentPose, Body, BodyClass, KeyFrames, Stretch, TraceColumns, TraceError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ impl Trace {
     #[new]
     #[pyo3(signature = (
         *, step_s, step_offsets, agent, x_m, y_m, yaw_rad, speed_mps, length_m, width_m, height_m, base_m,
-        is_pedestrian, known=None
+        is_pedestrian
     ))]
     #[allow(clippy::too_many_arguments)] // the columns of a recording, each by name
     fn new(
@@ -33,21 +33,7 @@ impl Trace {
         height_m: PyReadonlyArray1<'_, f32>,
         base_m: PyReadonlyArray1<'_, f32>,
         is_pedestrian: PyReadonlyArray1<'_, bool>,
-        known: Option<&Self>,
     ) -> PyResult<Self> {
-        let wide = |array: &PyReadonlyArray1<'_, f32>| -> PyResult<Vec<f64>> {
-            Ok(array.as_slice()?.iter().map(|value| f64::from(*value)).collect())
-        };
-        let (length_m, width_m, height_m, base_m) =
-            (wide(&length_m)?, wide(&width_m)?, wide(&height_m)?, wide(&base_m)?);
-        let class_of = |is_pedestrian: &bool| if *is_pedestrian { BodyClass::Pedestrian } else { BodyClass::Vehicle };
-        let bodies = is_pedestrian.as_slice()?.iter().enumerate().map(|(agent, is_pedestrian)| Body {
-            class: class_of(is_pedestrian),
-            length_m: length_m[agent],
-            width_m: width_m[agent],
-            height_m: height_m[agent],
-            base_m: base_m[agent],
-        });
         let columns = TraceColumns {
             step_s,
             step_offsets: step_offsets.as_slice()?.to_vec(),
@@ -56,13 +42,41 @@ impl Trace {
             y_m: wide(&y_m)?,
             yaw_rad: yaw_rad.as_slice()?.to_vec(),
             speed_mps: speed_mps.as_slice()?.to_vec(),
-            bodies: bodies.collect(),
+            bodies: bodies(&length_m, &width_m, &height_m, &base_m, &is_pedestrian)?,
         };
-        let made = || match known {
-            Some(known) => core::Trace::beginning_with(&known.0, columns),
-            None => core::Trace::new(columns),
+        py.detach(|| core::Trace::new(columns)).map(|trace| Self(Arc::new(trace))).map_err(plain)
+    }
+
+    #[staticmethod]
+    #[pyo3(signature = (
+        read, *, step_s, first_step, step_count, starts, max_speed_mps, length_m, width_m, height_m, base_m,
+        is_pedestrian, known=None
+    ))]
+    #[allow(clippy::too_many_arguments)] // what a recording is beside its parts, each by name
+    fn of_parts(
+        read: Py<PyAny>,
+        step_s: f64,
+        first_step: usize,
+        step_count: usize,
+        starts: Vec<usize>,
+        max_speed_mps: f64,
+        length_m: PyReadonlyArray1<'_, f32>,
+        width_m: PyReadonlyArray1<'_, f32>,
+        height_m: PyReadonlyArray1<'_, f32>,
+        base_m: PyReadonlyArray1<'_, f32>,
+        is_pedestrian: PyReadonlyArray1<'_, bool>,
+        known: Option<&Self>,
+    ) -> PyResult<Self> {
+        let bodies = bodies(&length_m, &width_m, &height_m, &base_m, &is_pedestrian)?;
+        let agents = bodies.len();
+        let read: core::ReadPart =
+            Box::new(move |part| Python::attach(|py| stretch(read.bind(py), part, agents, step_s)));
+        let parts = core::TraceParts { step_s, first_step, step_count, starts, read, bodies, max_speed_mps };
+        let made = match known {
+            Some(known) => core::Trace::going_on(&known.0, parts),
+            None => core::Trace::of_parts(parts),
         };
-        py.detach(made).map(|trace| Self(Arc::new(trace))).map_err(plain)
+        made.map(|trace| Self(Arc::new(trace))).map_err(plain)
     }
 
     #[getter]
@@ -71,7 +85,7 @@ impl Trace {
     }
 
     fn agents_at<'py>(&self, py: Python<'py>, time_s: f64) -> PyResult<Bound<'py, PyDict>> {
-        pose_columns(py, &self.0.agents_at(time_s).map_err(plain)?.collect::<Vec<_>>())
+        pose_columns(py, &self.0.agents_at(time_s).map_err(plain)?)
     }
 
     fn agents_near<'py>(
@@ -88,6 +102,57 @@ impl Trace {
         poses.sort_by_key(|pose| pose.agent);
         pose_columns(py, &poses)
     }
+}
+
+fn wide(array: &PyReadonlyArray1<'_, f32>) -> PyResult<Vec<f64>> {
+    Ok(array.as_slice()?.iter().map(|value| f64::from(*value)).collect())
+}
+
+fn bodies(
+    length_m: &PyReadonlyArray1<'_, f32>,
+    width_m: &PyReadonlyArray1<'_, f32>,
+    height_m: &PyReadonlyArray1<'_, f32>,
+    base_m: &PyReadonlyArray1<'_, f32>,
+    is_pedestrian: &PyReadonlyArray1<'_, bool>,
+) -> PyResult<Vec<Body>> {
+    let (length_m, width_m, height_m, base_m) = (wide(length_m)?, wide(width_m)?, wide(height_m)?, wide(base_m)?);
+    let class_of = |is_pedestrian: &bool| if *is_pedestrian { BodyClass::Pedestrian } else { BodyClass::Vehicle };
+    let body = |(agent, is_pedestrian): (usize, &bool)| Body {
+        class: class_of(is_pedestrian),
+        length_m: length_m[agent],
+        width_m: width_m[agent],
+        height_m: height_m[agent],
+        base_m: base_m[agent],
+    };
+    Ok(is_pedestrian.as_slice()?.iter().enumerate().map(body).collect())
+}
+
+/// What `read` gives for a part: a dictionary of the fields of `KeyFrames`.
+fn stretch(read: &Bound<'_, PyAny>, part: usize, agents: usize, step_s: f64) -> Result<Stretch, TraceError> {
+    let py = read.py();
+    let made = || -> PyResult<Result<Stretch, TraceError>> {
+        let fields = read.call1((part,))?;
+        let step = |name: &str| fields.get_item(name)?.extract::<u32>();
+        let counts = |name: &str| Ok::<_, PyErr>(fields.get_item(name)?.extract::<PyReadonlyArray1<'_, u32>>()?);
+        let values = |name: &str| Ok::<_, PyErr>(fields.get_item(name)?.extract::<PyReadonlyArray1<'_, f32>>()?);
+        let (agent, steps) = (counts("agent")?, counts("step")?);
+        let (x_m, y_m) = (values("x_m")?, values("y_m")?);
+        let (yaw_rad, speed_mps) = (values("yaw_rad")?, values("speed_mps")?);
+        let is_last = fields.get_item("is_last")?.extract::<PyReadonlyArray1<'_, bool>>()?;
+        let keys = KeyFrames {
+            first_step: step("first_step")?,
+            last_step: step("last_step")?,
+            agent: agent.as_slice()?,
+            step: steps.as_slice()?,
+            x_m: x_m.as_slice()?,
+            y_m: y_m.as_slice()?,
+            yaw_rad: yaw_rad.as_slice()?,
+            speed_mps: speed_mps.as_slice()?,
+            is_last: is_last.as_slice()?,
+        };
+        Ok(Stretch::of_key_frames(&keys, agents, step_s))
+    };
+    made().unwrap_or_else(|error| Err(TraceError::Unreadable { reason: error.value(py).to_string() }))
 }
 
 /// Poses as one array a column.

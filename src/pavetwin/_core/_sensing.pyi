@@ -1,7 +1,7 @@
 """The recorded traffic, the camera, and what it sees of the ground."""
 
-from collections.abc import Callable
-from typing import Final, TypedDict
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final, TypedDict
 
 from pavetwin._core._navigation import NavMesh
 from pavetwin.arrays import BoolArray, Float32Array, Float64Array, UInt32Array
@@ -78,9 +78,33 @@ class Trace:
         height_m: Float32Array,
         base_m: Float32Array,
         is_pedestrian: BoolArray,
+    ) -> None: ...
+    @staticmethod
+    def of_parts(
+        read: Callable[[int], Mapping[str, Any]],
+        *,
+        step_s: float,
+        first_step: int,
+        step_count: int,
+        starts: Sequence[int],
+        max_speed_mps: float,
+        length_m: Float32Array,
+        width_m: Float32Array,
+        height_m: Float32Array,
+        base_m: Float32Array,
+        is_pedestrian: BoolArray,
         known: Trace | None = None,
-    ) -> None:
-        """`known`: a trace whose rows are the first of these, so that only what follows is computed."""
+    ) -> Trace:
+        """A recording that is read part by part, when the clock gets there.
+
+        Args:
+            read: gives the key frames of a part by its number, as `pavetwin.traffic.trace.KeyFrameColumns`.
+            first_step: of the recording, which is time 0.
+            step_count: from there on.
+            starts: the first step of each part, ascending from 0.
+            max_speed_mps: at least the largest speed.
+            known: a trace with which this one begins, whose parts in memory are used again.
+        """
     duration_s: Final[float]
     def agents_at(self, time_s: float) -> PoseColumns: ...
     def agents_near(self, east_m: float, north_m: float, radius_m: float, time_s: float) -> PoseColumns:

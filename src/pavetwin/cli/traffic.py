@@ -53,7 +53,7 @@ def record(
     pavetwin traffic record worlds/town --routes mine.rou.xml --duration 900
     """
     from pavetwin.traffic.record import record as record_traffic
-    from pavetwin.traffic.recording import save_recording
+    from pavetwin.traffic.recording_file import save_recording
     from pavetwin.world.store import load_world
 
     if routes and mix is not None:
@@ -105,7 +105,7 @@ def info(
     pavetwin traffic info high.parquet
     pavetwin traffic info old.parquet --world worlds/town
     """
-    from pavetwin.traffic.recording import load_recording
+    from pavetwin.traffic.recording_file import load_recording
     from pavetwin.world.store import load_world
 
     loaded = None if world is None else load_world(world)

@@ -153,7 +153,7 @@ def _parked(
 
 def _moment(world: "World", traffic: Path | None, at: float | None) -> "TrafficSnapshot | None":
     from pavetwin.scene.export import TrafficSnapshot
-    from pavetwin.traffic.recording import load_recording
+    from pavetwin.traffic.recording_file import load_recording
 
     if traffic is None:
         if at is not None:

@@ -289,7 +289,7 @@ def _replay(plan: Plan, unit: Unit, world: World, entry: WorldEntry) -> Replay:
     seed = plan.seeds(unit.replicate).traffic
     recorder = Recorder(Inputs.of(world, density, seed, routes))
     recording = recorder.until(take_off_s + (QUIET_S if routes else RECORDED_S) * len(plan.segments(unit)))
-    if routes and not len(recording.after(take_off_s).agent):
+    if routes and recording.after(take_off_s).is_empty:
         raise PaveTwinError(
             f"Nothing moves {take_off_s:.0f} s after the first departure: its demand has ended; change take_off_s."
         )

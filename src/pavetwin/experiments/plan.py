@@ -25,7 +25,8 @@ from pavetwin.policies import policy_class
 from pavetwin.seeds import Stream, child
 from pavetwin.sensing import ImageSource, sensor_class
 from pavetwin.traffic.own_demand import own_demand
-from pavetwin.traffic.recording import Recording, load_recording
+from pavetwin.traffic.recording import Recording
+from pavetwin.traffic.recording_file import load_recording
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world
 

@@ -3,13 +3,14 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 import numpy as np
 import polars as pl
 
-from pavetwin.arrays import Float64Array
+from pavetwin.arrays import AnyArray, Float64Array, Int64Array
 from pavetwin.errors import PaveTwinError
+from pavetwin.traffic.trace import KeyFrameColumns, TraceArguments
 
 COLUMNS = ("aircraft", "t_s", "x_m", "y_m", "altitude_m")
 
@@ -67,19 +68,21 @@ def _aircraft(name: str, part: pl.DataFrame, path: Path) -> Aircraft:
     return Aircraft(name, numbers[:, 0], numbers[:, 1:3], float(numbers[0, 3]))
 
 
-def with_aircraft(columns: Mapping[str, Any], aircraft: Sequence[Aircraft]) -> Mapping[str, Any]:
+def with_aircraft(ground: TraceArguments, aircraft: Sequence[Aircraft]) -> TraceArguments:
     """`trace_arguments` with the aircraft before what moves on the ground, so that extending keeps the numbering."""
     if not aircraft:
-        return columns
-    offsets, count = columns["step_offsets"], len(aircraft)
-    air = [_rows(number, craft, len(offsets) - 1, columns["step_s"]) for number, craft in enumerate(aircraft)]
-    ground = {
-        **columns,
-        "step": np.repeat(np.arange(len(offsets) - 1), np.diff(offsets)),
-        "agent": columns["agent"] + count,
-    }
-    rows = {name: np.concatenate([*(craft[name] for craft in air), ground[name]]) for name in air[0]}
-    order = np.lexsort((rows["agent"], rows["step"]))
+        return ground
+    count = len(aircraft)
+    first, last = ground["first_step"], ground["first_step"] + ground["step_count"] - 1
+
+    def read(number: int) -> KeyFrameColumns:
+        part = ground["read"](number)
+        steps = np.arange(max(part["first_step"], first), min(part["last_step"], last) + 1)
+        air = [_key_frames(number, craft, steps, first, ground["step_s"]) for number, craft in enumerate(aircraft)]
+        below = {**part, "agent": part["agent"] + np.uint32(count)}
+        columns = {name: np.concatenate([*(craft[name] for craft in air), below[name]]) for name in air[0]}
+        return cast("KeyFrameColumns", {**below, **columns})
+
     altitude_m, span_m = np.array([craft.altitude_m for craft in aircraft]), np.full(count, SPAN_M)
     bodies = {
         "length_m": span_m,
@@ -88,22 +91,34 @@ def with_aircraft(columns: Mapping[str, Any], aircraft: Sequence[Aircraft]) -> M
         "base_m": np.maximum(altitude_m - HALF_HEIGHT_M, 0.0),
         "is_pedestrian": np.zeros(count),
     }
+    given = cast("Mapping[str, AnyArray]", ground)
+    both = {name: np.append(values.astype(given[name].dtype), given[name]) for name, values in bodies.items()}
+    fastest = max(float(np.hypot(*_velocities(craft)).max()) for craft in aircraft)
+    speeds = {"read": read, "max_speed_mps": max(ground["max_speed_mps"], fastest)}
+    return cast("TraceArguments", {**ground, **both, **speeds})
+
+
+def _key_frames(
+    number: int, craft: Aircraft, steps: Int64Array, first_step: int, step_s: float
+) -> Mapping[str, AnyArray]:
+    """The aircraft at those of the steps of a recording that its track covers; it takes off with the UAV at the
+    first."""
+    times = (steps - first_step) * step_s
+    covered = (times >= craft.t_s[0]) & (times <= craft.t_s[-1])
+    at = times[covered]
+    leg = np.clip(np.searchsorted(craft.t_s, at, side="right") - 1, 0, len(craft.t_s) - 2)
+    east, north = _velocities(craft)[:, leg]
+    x_m, y_m = (np.interp(at, craft.t_s, craft.xy_m[:, axis]) for axis in (0, 1))
+    poses = {"x_m": x_m, "y_m": y_m, "yaw_rad": np.arctan2(north, east), "speed_mps": np.hypot(east, north)}
     return {
-        "step_s": columns["step_s"],
-        "step_offsets": np.searchsorted(rows.pop("step")[order], np.arange(len(offsets))).astype(np.uint32),
-        **{name: values[order].astype(columns[name].dtype) for name, values in rows.items()},
-        **{name: np.append(values.astype(columns[name].dtype), columns[name]) for name, values in bodies.items()},
+        "agent": np.full(len(at), number, dtype=np.uint32),
+        "step": steps[covered].astype(np.uint32),
+        "is_last": np.zeros(len(at), dtype=np.bool_),
+        **{name: values.astype(np.float32) for name, values in poses.items()},
     }
 
 
-def _rows(number: int, craft: Aircraft, frames: int, step_s: float) -> dict[str, Any]:
-    """The aircraft at every step of the recording that its track covers."""
-    times = np.arange(frames) * step_s
-    step = np.flatnonzero((times >= craft.t_s[0]) & (times <= craft.t_s[-1]))
-    at = times[step]
-    x_m, y_m = (np.interp(at, craft.t_s, craft.xy_m[:, axis]) for axis in (0, 1))
-    leg = np.clip(np.searchsorted(craft.t_s, at, side="right") - 1, 0, len(craft.t_s) - 2)
-    east, north = (np.diff(craft.xy_m, axis=0)[leg] / np.diff(craft.t_s)[leg, None]).T
-    agent, yaw_rad = np.full(len(step), number), np.arctan2(north, east)
-    columns = {"step": step, "agent": agent, "x_m": x_m, "y_m": y_m, "yaw_rad": yaw_rad}
-    return {**columns, "speed_mps": np.hypot(east, north)}
+def _velocities(craft: Aircraft) -> Float64Array:
+    """(2, legs) east and north, metres a second."""
+    velocities: Float64Array = (np.diff(craft.xy_m, axis=0) / np.diff(craft.t_s)[:, None]).T
+    return velocities

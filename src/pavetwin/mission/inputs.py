@@ -15,7 +15,7 @@ from pavetwin.mission.parked import ParkingInput
 from pavetwin.mission.replay import Replay, replay_of
 from pavetwin.mission.spec import HANDED_IN, DefectInput, FileInput, MissionSpec, TrafficInput, WorldInput
 from pavetwin.traffic.nearest_level import within_reach
-from pavetwin.traffic.recording import load_recording
+from pavetwin.traffic.recording_file import load_recording
 from pavetwin.world.model import Defect, World
 from pavetwin.world.store import load_world
 

@@ -24,7 +24,7 @@ from pavetwin.sensing import load_sensor
 from pavetwin.traffic.demand import DEFAULT_TRAFFIC, Density, density_named
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.own_demand import own_demand
-from pavetwin.traffic.recording import load_recording
+from pavetwin.traffic.recording_file import load_recording
 from pavetwin.uav import camera_of, energy_curve
 from pavetwin.uav.wind import check_wind
 from pavetwin.world.model import World

@@ -68,7 +68,7 @@ class Replay:
             raise PaveTwinError(
                 f"`take_off_s` {start_s:g}: the recording ends after {self.recording.duration_s:g} s; take off earlier."
             )
-        if self.recording.origin.asked is None and not len(self.recording.after(start_s).agent):
+        if self.recording.origin.asked is None and self.recording.after(start_s).is_empty:
             raise PaveTwinError(
                 f"`take_off_s` {start_s:g}: nothing moves from then on, the demand has ended; take off earlier."
             )
@@ -86,7 +86,8 @@ class Replay:
 
     def _traced(self, known: Trace | None) -> Trace:
         """The recording from take-off on, with the aircraft before all others; `known` is its beginning, if traced."""
-        return Trace(**with_aircraft(trace_arguments(self.recording.after(self.start_s)), self.aircraft), known=known)
+        ground = trace_arguments(self.recording.after(self.start_s))
+        return Trace.of_parts(**with_aircraft(ground, self.aircraft), known=known)
 
     def extend(self, needed_s: float) -> Trace:
         """A trace that begins with the present one and lasts beyond `needed_s`.

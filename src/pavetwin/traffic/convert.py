@@ -5,16 +5,19 @@ on the ground and a yaw in radians counter-clockwise from east.
 """
 
 from collections.abc import Sequence
-from typing import Any, Final
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from pavetwin.arrays import Float32Array, Float64Array
 from pavetwin.seeds import Stream, child
+from pavetwin.traffic.flow import SpeedLimits, at_limits, with_limits
 from pavetwin.traffic.job import STEP_S, Body, Part
 from pavetwin.traffic.kinds import KINDS
 from pavetwin.traffic.recording import Agents, Origin, Recording
+from pavetwin.traffic.tracks import Rows
 
 _NONE: Final = np.zeros(0, dtype=np.float32)
 NOBODY: Final = Agents((), (), _NONE, _NONE, _NONE, np.zeros(0, dtype=np.bool_))
@@ -34,38 +37,45 @@ def centre_of_front(front: npt.ArrayLike, yaw_rad: npt.ArrayLike, length_m: npt.
     return centre
 
 
-def to_recording(part: Part, origin: Origin, before: Recording | None = None) -> Recording:
+def to_recording(part: Part, origin: Origin, limits: SpeedLimits, before: Recording | None = None) -> Recording:
     """The recording of `before` (the same simulation so far) followed by `part`.
 
     The result does not depend on how a simulation is divided into parts.
+
+    Args:
+        limits: the world's speed limits.
     """
     known = before.agents if before is not None else NOBODY
     agents = _agents(known, part.bodies, origin.seed)
     yaw = yaw_of_heading(part.heading_deg)
     centre = centre_of_front(np.stack([part.x, part.y], axis=-1), yaw, agents.length_m[part.agent])
-    columns: dict[str, Any] = {
-        "agent": part.agent,
-        "x": centre[:, 0].astype(np.float32),
-        "y": centre[:, 1].astype(np.float32),
-        "yaw_rad": yaw.astype(np.float32),
-        "speed_mps": part.speed_mps.astype(np.float32),
-    }
-    offsets = np.cumsum(np.concatenate([[0], part.rows])).astype(np.uint32)
-    removals, signals = tuple(part.removals), {name: tuple(states) for name, states in part.signals.items()}
-    if before is not None:
-        columns = {name: np.concatenate([getattr(before, name), column]) for name, column in columns.items()}
-        offsets = np.concatenate([before.step_offsets, before.step_offsets[-1] + offsets[1:]])
-        removals = before.removals + removals
-        signals = {name: before.signals[name] + states for name, states in signals.items()}
-    return Recording(
-        origin=origin,
-        step_s=STEP_S,
-        agents=agents,
-        step_offsets=offsets,
-        removals=removals,
-        signals=signals,
-        **columns,
+    rows = Rows(
+        step_offsets=np.cumsum(np.concatenate([[0], part.rows])).astype(np.uint32),
+        agent=part.agent,
+        x=centre[:, 0].astype(np.float32),
+        y=centre[:, 1].astype(np.float32),
+        yaw_rad=yaw.astype(np.float32),
+        speed_mps=part.speed_mps.astype(np.float32),
     )
+    removals, signals = tuple(part.removals), {name: tuple(states) for name, states in part.signals.items()}
+    if before is None:
+        recording = Recording.of_rows(
+            origin=origin, step_s=STEP_S, agents=agents, rows=rows, removals=removals, signals=signals
+        )
+        return with_limits(recording, limits)
+    return replace(
+        before,
+        origin=origin,
+        agents=agents,
+        tracks=before.tracks.followed_by(rows, agents.is_pedestrian, STEP_S),
+        removals=before.removals + removals,
+        signals={name: before.signals[name] + states for name, states in signals.items()},
+        at_limits=_followed(before, at_limits(rows, agents.is_pedestrian, limits, STEP_S, before.frames)),
+    )
+
+
+def _followed(before: Recording, samples: Float64Array | None) -> Float64Array | None:
+    return None if before.at_limits is None or samples is None else np.concatenate([before.at_limits, samples])
 
 
 def _agents(known: Agents, bodies: Sequence[Body], seed: int) -> Agents:

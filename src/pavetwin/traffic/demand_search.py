@@ -23,7 +23,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.traffic.convert import to_recording
 from pavetwin.traffic.demand import BUSIEST, JAM_VEHICLES_PER_LANE_KM, Density, density_named, share_of_busiest
-from pavetwin.traffic.flow import flow_of, free_flow_mps
+from pavetwin.traffic.flow import flow_of
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.job import STEP_S, Part
 from pavetwin.traffic.level_of_service import LevelOfService, level_of
@@ -227,8 +227,7 @@ class DemandSearch:
         )
 
     def _measured(self, inputs: Inputs, part: Part) -> Trial:
-        recording = to_recording(part, inputs.origin(part))
-        flow = flow_of(replace(recording, free_flow_mps=free_flow_mps(recording, self._inputs.speed_limits)))
+        flow = flow_of(to_recording(part, inputs.origin(part), self._inputs.speed_limits))
         asked = inputs.asked.vehicles_per_lane_km if inputs.asked else None
         return Trial(
             asked or 0.0,

@@ -8,23 +8,17 @@ stays below 1.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
 from typing import Final, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from pavetwin.arrays import Float64Array
+from pavetwin.arrays import BoolArray, Float64Array
 from pavetwin.traffic.level_of_service import LevelOfService, level_of
-from pavetwin.traffic.recording import Recording
+from pavetwin.traffic.recording import SAMPLED_S, Recording
+from pavetwin.traffic.tracks import Rows
 from pavetwin.world.model import LaneKind, World
-
-STANDING_MPS: Final = 0.1
-"""A slower vehicle stands; SUMO's threshold of waiting."""
-
-SAMPLED_S: Final = 5.0
-"""Speed limits are looked up in frames this far apart: within it a vehicle rarely changes the kind of street."""
 
 SPACING_M: Final = 4.0
 """Between the points of a lane's centre line that stand for it."""
@@ -154,34 +148,29 @@ def _key(x: npt.ArrayLike, y: npt.ArrayLike, yaw_rad: npt.ArrayLike) -> Float64A
     return key
 
 
-@dataclass(frozen=True, eq=False)
-class _Vehicles:
-    """The rows of a recording that are vehicles."""
-
-    recording: Recording
-
-    @cached_property
-    def rows(self) -> npt.NDArray[np.intp]:
-        return np.flatnonzero(~self.recording.agents.is_pedestrian[self.recording.agent])
-
-    def sampled(self) -> npt.NDArray[np.intp]:
-        """Those of every frame that is a multiple of `SAMPLED_S`."""
-        every = max(1, round(SAMPLED_S / self.recording.step_s))
-        frame = np.repeat(np.arange(self.recording.frames), np.diff(self.recording.step_offsets))
-        kept: npt.NDArray[np.intp] = self.rows[frame[self.rows] % every == 0]
-        return kept
-
-
-def free_flow_mps(recording: Recording, limits: SpeedLimits) -> float | None:
-    """The free-flow speed of a recording's vehicles where they drove; None where none moved."""
+def at_limits(
+    rows: Rows, is_pedestrian: BoolArray, limits: SpeedLimits, step_s: float, first_frame: int = 0
+) -> Float64Array | None:
+    """(samples, 2): `Recording.at_limits` of consecutive frames, of which the first has that number in the recording.
+    None in a world without lanes."""
     if not limits:
         return None
-    rows = _Vehicles(recording).sampled()
-    speed = recording.speed_mps[rows].astype(np.float64)
-    if not speed.sum() > 0:
-        return None
-    free = limits.at(recording.x[rows], recording.y[rows], recording.yaw_rad[rows])
-    return float(speed.sum() / (speed / free).sum())
+    every = round(SAMPLED_S / step_s)
+    frame = rows.frame + first_frame
+    chosen = np.flatnonzero((frame % every == 0) & ~is_pedestrian[rows.agent])
+    speed = rows.speed_mps[chosen].astype(np.float64)
+    free = limits.at(rows.x[chosen], rows.y[chosen], rows.yaw_rad[chosen]) if len(chosen) else speed
+    begin, end = -(-first_frame // every), -(-(first_frame + rows.frames) // every)
+    sample = frame[chosen] // every - begin
+    return np.stack([np.bincount(sample, weight, end - begin) for weight in (speed, speed / free)], axis=-1)
+
+
+def with_limits(recording: Recording, limits: SpeedLimits) -> Recording:
+    """A whole recording, with what its vehicles would have driven at the speed limits."""
+    walks = recording.agents.is_pedestrian
+    samples = [at_limits(rows, walks, limits, recording.step_s, frame) for frame, rows in recording.tracks.pieces()]
+    known = [some for some in samples if some is not None]
+    return replace(recording, at_limits=np.concatenate(known) if known else None)
 
 
 def flow_of(recording: Recording, world: World | None = None) -> Flow:
@@ -190,19 +179,21 @@ def flow_of(recording: Recording, world: World | None = None) -> Flow:
     Args:
         world: that it was made for; a recording that an earlier version made does not know its free-flow speed without.
     """
-    rows = _Vehicles(recording).rows
-    hours = len(rows) * recording.step_s / 3600
+    numbers = recording.tracks.numbers
+    count = int(numbers.vehicles.sum())
+    hours = count * recording.step_s / 3600
     lanes_km = recording.origin.capacity.lanes_km
-    if not len(rows):
+    if not count:
         return Flow(0.0, None, None, None, 0.0 if lanes_km > 0 else None, None, None)
-    speed_kmh = 3.6 * (recording.speed_mps_of_vehicles or 0.0)
-    free_mps = recording.free_flow_mps if world is None else free_flow_mps(recording, SpeedLimits.of(world))
-    density = len(rows) / recording.frames / lanes_km if lanes_km > 0 else None
+    if world is not None and recording.at_limits is None:
+        recording = with_limits(recording, SpeedLimits.of(world))
+    speed_kmh, free_mps = 3.6 * (recording.speed_mps_of_vehicles or 0.0), recording.free_flow_mps
+    density = count / recording.frames / lanes_km if lanes_km > 0 else None
     return Flow(
         vehicle_hours=hours,
         speed_kmh=speed_kmh,
         free_flow_kmh=None if free_mps is None else 3.6 * free_mps,
-        standing=float((recording.speed_mps[rows] < STANDING_MPS).mean()),
+        standing=int(numbers.standing.sum()) / count,
         per_lane_km=density,
         flow_per_lane_h=None if density is None else density * speed_kmh,
         removed_per_vehicle_hour=recording.removed / hours,

@@ -13,10 +13,10 @@ from pavetwin.files import check_writable
 from pavetwin.traffic.convert import to_recording
 from pavetwin.traffic.demand import Density
 from pavetwin.traffic.demand_search import found
-from pavetwin.traffic.flow import free_flow_mps
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.job import STEP_S
-from pavetwin.traffic.recording import Recording, frames_of, load_recording, save_recording
+from pavetwin.traffic.recording import Recording, frames_of
+from pavetwin.traffic.recording_file import load_recording, save_recording
 from pavetwin.traffic.runner import OnRecorded, SimulationProcess, require_sumo, termination_as_exit, workplace
 from pavetwin.world.folder import CACHE_VARIABLE
 from pavetwin.world.model import World
@@ -56,17 +56,26 @@ class Recorder:
     reproduce it.
     """
 
-    def __init__(self, inputs: Inputs, *, force: bool = False) -> None:
+    def __init__(self, inputs: Inputs, *, force: bool = False, unchanged: Path | None = None) -> None:
+        """
+        Args:
+            force: record again, whatever is in the cache.
+            unchanged: a file that is never written, even where it is the one in the cache.
+        """
         self._inputs = inputs
         self._longest = None if force else _kept(inputs)
         """The longest recording so far."""
         self._written = self._longest
-        self._unchanged: Path | None = None
+        self._unchanged = unchanged
         self._entered = False
         self._simulation: SimulationProcess | None = None
         """A running simulation is at the end of `_longest`."""
         self._alive = ExitStack()
         finalize(self, self._alive.close)
+        if self._longest is not None and not self._longest.tracks.is_stored:
+            self._written = None  # a file of an earlier version, which takes long to read
+            with suppress(PaveTwinError):
+                self._write()
 
     @classmethod
     def of(
@@ -92,8 +101,7 @@ class Recorder:
                 "This recording cannot be extended: its world, its routes or SUMO's version is another now; "
                 "record again."
             )
-        recorder = cls(inputs)
-        recorder._unchanged = unchanged
+        recorder = cls(inputs, unchanged=unchanged)
         recorder._take(recording)
         return recorder
 
@@ -145,7 +153,7 @@ class Recorder:
             return
         if self._longest is not None and self._longest is not self._written:
             save_recording(self._longest, path)
-            self._written = self._longest
+            self._longest = self._written = load_recording(path)  # its parts need not stay in memory
 
     def _take(self, recording: Recording) -> None:
         """Keep `recording` when it is longer; it must agree with the recording so far."""
@@ -172,9 +180,8 @@ class Recorder:
             self._end()  # its position is unknown
             raise
         self._simulation = simulation
-        recording = to_recording(part, self._inputs.origin(part), before)
-        free_flow = free_flow_mps(recording, self._inputs.speed_limits)
-        recording = replace(recording, path=self._inputs.path, free_flow_mps=free_flow)
+        recording = to_recording(part, self._inputs.origin(part), self._inputs.speed_limits, before)
+        recording = replace(recording, path=self._inputs.path)
         if before is None:
             self._take(recording)
         else:

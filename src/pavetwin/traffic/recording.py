@@ -1,35 +1,25 @@
-"""A recording: every agent's pose at every step, and its file.
+"""A recording: every agent's pose at every step, with what is known of the agents and the signals."""
 
-The file is one Parquet table, its rows sorted by (step, agent), with everything else as JSON in its schema's metadata
-under the key `pavetwin`. The same recording gives the same bytes.
-"""
-
-import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
-from functools import cached_property
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final, Self
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
-from pavetwin.arrays import BoolArray, Float32Array, Int64Array, UInt32Array
-from pavetwin.errors import PaveTwinError
-from pavetwin.files import writing
+from pavetwin.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt32Array
 from pavetwin.traffic.demand import TOLERANCE, USER, Capacity, Density
 from pavetwin.traffic.kinds import AgentClass
 from pavetwin.traffic.level_of_service import level_of
 from pavetwin.traffic.mix import DEFAULT_MIX
 from pavetwin.traffic.own_demand import WARM_UP_S
-from pavetwin.world.model import World
+from pavetwin.traffic.tracks import Rows, Tracks
 
-FORMAT: Final = 1
-_KEY: Final = b"pavetwin"
-_COLUMNS: Final = ("x", "y", "yaw_rad", "speed_mps")
-_SIZES: Final = ("length_m", "width_m", "height_m")
+SAMPLED_S: Final = 5.0
+"""Speed limits are looked up in frames this far apart: within it a vehicle rarely changes the kind of street."""
+
+SIZES: Final = ("length_m", "width_m", "height_m")
 
 REMOVED_REMARK: Final = 0.1
 """A larger share of removed vehicles, of those present at a time, becomes a remark."""
@@ -49,7 +39,7 @@ class Agents:
     is_pedestrian: BoolArray
 
     def __post_init__(self) -> None:
-        for name in ("kind", *_SIZES, "is_pedestrian"):
+        for name in ("kind", *SIZES, "is_pedestrian"):
             if len(getattr(self, name)) != len(self.id):
                 raise ValueError(f"Agents.{name} has {len(getattr(self, name))} entries for {len(self.id)} agents")
 
@@ -93,58 +83,80 @@ class Recording:
     origin: Origin
     step_s: float
     agents: Agents
-    step_offsets: UInt32Array
-    """(frames + 1,): the rows of step k are step_offsets[k] … step_offsets[k + 1], sorted by agent."""
-    agent: UInt32Array
-    """(rows,) index in `agents`"""
-    x: Float32Array
-    """(rows,) centre of the body on the ground, metres east"""
-    y: Float32Array
-    """(rows,) metres north"""
-    yaw_rad: Float32Array
-    """(rows,) counter-clockwise from east, −π … π"""
-    speed_mps: Float32Array
-    """(rows,)"""
+    tracks: Tracks
     removals: tuple[tuple[int, int], ...]
     """(step, how many): vehicles that SUMO removed after they had blocked traffic (its teleports)."""
     signals: Mapping[str, tuple[tuple[int, str], ...]]
     """Per traffic light of the network: (step, state of its links, SUMO's letters) at step 0 and at each change."""
     path: Path | None = field(default=None)
     """Its file, which may hold a longer recording."""
-    free_flow_mps: float | None = field(default=None)
-    """The mean speed that the vehicles would have had at the speed limits (`flow.free_flow_mps`); None where nothing
-    moved, or in a file of an earlier version."""
+    at_limits: Float64Array | None = field(default=None)
+    """(samples, 2): of the frames at 0, `SAMPLED_S`, 2 · `SAMPLED_S` …, the sums over vehicles of speed, and of speed
+    over the speed limit where they are (`flow.at_limits`). None in a file of an earlier version."""
 
-    def __post_init__(self) -> None:
-        rows = len(self.agent)
-        if len(self.step_offsets) < 2 or self.step_offsets[0] != 0 or self.step_offsets[-1] != rows:
-            raise ValueError("Recording.step_offsets must begin with 0, end with the number of rows, and hold a frame")
-        for name in _COLUMNS:
-            column = getattr(self, name)
-            if column.shape != (rows,) or column.dtype != np.float32:
-                raise ValueError(f"Recording.{name} must be float32 of shape ({rows},)")
+    @classmethod
+    def of_rows(
+        cls,
+        *,
+        origin: Origin,
+        step_s: float,
+        agents: Agents,
+        rows: Rows,
+        removals: tuple[tuple[int, int], ...] = (),
+        signals: Mapping[str, tuple[tuple[int, str], ...]],
+        path: Path | None = None,
+    ) -> Self:
+        """From all poses."""
+        tracks = Tracks.of(rows, agents.is_pedestrian, step_s)
+        return cls(origin, step_s, agents, tracks, removals, signals, path)
 
     @property
     def frames(self) -> int:
-        return len(self.step_offsets) - 1
+        return self.tracks.frames
 
     @property
     def duration_s(self) -> float:
         return (self.frames - 1) * self.step_s
 
     @property
+    def step_offsets(self) -> UInt32Array:
+        """(frames + 1,): as all columns of `Rows`, for what needs every pose in memory."""
+        return self.tracks.rows.step_offsets
+
+    @property
+    def agent(self) -> UInt32Array:
+        return self.tracks.rows.agent
+
+    @property
+    def x(self) -> Float32Array:
+        return self.tracks.rows.x
+
+    @property
+    def y(self) -> Float32Array:
+        return self.tracks.rows.y
+
+    @property
+    def yaw_rad(self) -> Float32Array:
+        return self.tracks.rows.yaw_rad
+
+    @property
+    def speed_mps(self) -> Float32Array:
+        return self.tracks.rows.speed_mps
+
+    @property
     def name(self) -> str:
         """Of its density: low, medium, high, one from numbers, a level of service, an hour, or `user`."""
         return self.origin.asked.name if self.origin.asked else USER
 
-    @cached_property
+    @property
     def counts(self) -> tuple[Int64Array, Int64Array]:
         """Vehicles and pedestrians in each frame, two arrays (frames,)."""
-        offsets = self.step_offsets.astype(np.int64)
-        walkers = np.zeros(len(self.agent) + 1, dtype=np.int64)
-        np.cumsum(self.agents.is_pedestrian[self.agent], out=walkers[1:])
-        pedestrians: Int64Array = walkers[offsets[1:]] - walkers[offsets[:-1]]
-        return offsets[1:] - offsets[:-1] - pedestrians, pedestrians
+        return self.tracks.numbers.vehicles, self.tracks.numbers.pedestrians
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nobody is on the streets at any time."""
+        return not any(count.any() for count in self.counts)
 
     @property
     def vehicles_per_lane_km(self) -> float | None:
@@ -158,11 +170,18 @@ class Recording:
         sidewalks_km = self.origin.capacity.sidewalks_km
         return float(self.counts[1].mean()) / sidewalks_km if sidewalks_km > 0 else None
 
-    @cached_property
+    @property
     def speed_mps_of_vehicles(self) -> float | None:
         """Space mean speed: distance over time of all vehicles; None without vehicles."""
-        speed = self.speed_mps[~self.agents.is_pedestrian[self.agent]]
-        return float(speed.mean(dtype=np.float64)) if len(speed) else None
+        numbers = self.tracks.numbers
+        return float(numbers.speed_mps.sum() / numbers.vehicles.sum()) if numbers.vehicles.any() else None
+
+    @property
+    def free_flow_mps(self) -> float | None:
+        """The mean speed that the vehicles would have had at the speed limits; None where nothing moved, or in a file
+        of an earlier version."""
+        driven, at_limit = (0.0, 0.0) if self.at_limits is None else self.at_limits.sum(axis=0)
+        return float(driven / at_limit) if at_limit > 0 else None
 
     @property
     def speed_ratio(self) -> float | None:
@@ -188,11 +207,11 @@ class Recording:
         """
         if self.origin.asked is not None:
             return 0.0
-        agents, rows = np.unique(self.agent[~self.agents.is_pedestrian[self.agent]], return_index=True)
-        if not len(agents):
+        known = self.tracks.numbers.known
+        vehicles = np.flatnonzero(~self.agents.is_pedestrian[: known[-1]])
+        if not len(vehicles):
             return 0.0
-        vehicle_rows = np.flatnonzero(~self.agents.is_pedestrian[self.agent])[rows]
-        last = int(np.searchsorted(self.step_offsets, vehicle_rows.max(), side="right")) - 1
+        last = int(np.searchsorted(known, vehicles[-1] + 1))  # the frame in which the last vehicle appears
         return float(math.floor(min(WARM_UP_S, last * self.step_s, self.duration_s / 2)))
 
     def agents_at(self, time_s: float) -> tuple[int, int]:
@@ -212,9 +231,7 @@ class Recording:
             raise ValueError(f"The recording lasts {self.duration_s:g} s, not {duration_s:g} s")
         if frames == self.frames:
             return self
-        rows = int(self.step_offsets[frames])
-        count = int(self.agent[:rows].max()) + 1 if rows else 0
-        return replace(self._between(0, frames), agents=self.agents.first(count))
+        return replace(self._between(0, frames), agents=self.agents.first(int(self.tracks.numbers.known[frames - 1])))
 
     def after(self, start_s: float) -> "Recording":
         """The recording from `start_s` on, with that as time 0; agents keep their numbers.
@@ -229,26 +246,26 @@ class Recording:
 
     def _between(self, first: int, end: int) -> "Recording":
         """The frames from `first` up to but not `end`."""
-        rows = slice(int(self.step_offsets[first]), int(self.step_offsets[end]))
-        columns: dict[str, Any] = {name: getattr(self, name)[rows] for name in ("agent", *_COLUMNS)}
+        every = round(SAMPLED_S / self.step_s)
+        samples = slice(-(-first // every), -(-end // every))
         return replace(
             self,
-            step_offsets=self.step_offsets[first : end + 1] - self.step_offsets[first],
+            tracks=self.tracks.between(first, end),
+            at_limits=None if self.at_limits is None else self.at_limits[samples],
             removals=tuple((step - first, count) for step, count in self.removals if first <= step < end),
             signals={name: _between(states, first, end) for name, states in self.signals.items()},
-            **columns,
         )
 
     def same_traffic(self, other: "Recording") -> bool:
         """Whether agents, poses and signals are exactly equal."""
-        arrays = ("step_offsets", "agent", *_COLUMNS)
         return (
             (self.agents.id, self.signals, self.step_s) == (other.agents.id, other.signals, other.step_s)
-            and all(np.array_equal(getattr(self, name), getattr(other, name)) for name in arrays)
+            and self.frames == other.frames
             and all(
                 np.array_equal(getattr(self.agents, name), getattr(other.agents, name))
-                for name in (*_SIZES, "is_pedestrian")
+                for name in (*SIZES, "is_pedestrian")
             )
+            and self.tracks.begin_alike(other.tracks)
         )
 
 
@@ -300,100 +317,3 @@ def _missed(who: str, way: str, wanted: float | None, achieved: float | None) ->
         missed = f"{achieved:.1f} {who} per {way}-kilometre instead of {wanted:g}"
         return [f"{missed}: outside ±{TOLERANCE * 100:.0f} % of what was asked"]
     return []
-
-
-def save_recording(recording: Recording, path: str | Path) -> Recording:
-    """Write the recording to `path`, whole or not at all; returns it with its path.
-
-    Raises:
-        PaveTwinError: the file cannot be written.
-    """
-    path = Path(path)
-    step = np.repeat(np.arange(recording.frames, dtype=np.int32), np.diff(recording.step_offsets))
-    columns = {"step": step, "agent": recording.agent.astype(np.int32)}
-    table = pa.table({**columns, **{name: getattr(recording, name) for name in _COLUMNS}})
-    text = json.dumps(_metadata(recording), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
-    with writing(path) as temporary:
-        pq.write_table(
-            table.replace_schema_metadata({_KEY: text.encode()}),
-            temporary,
-            compression="zstd",
-            use_dictionary=list(columns),  # values of the others hardly repeat
-        )
-    return replace(recording, path=path)
-
-
-def _metadata(recording: Recording) -> dict[str, Any]:
-    agents = recording.agents
-    return {
-        "format": FORMAT,
-        "origin": asdict(recording.origin),
-        "step_s": recording.step_s,
-        "duration_s": recording.duration_s,
-        "frames": recording.frames,
-        "achieved": {
-            "vehicles_per_lane_km": recording.vehicles_per_lane_km,
-            "pedestrians_per_sidewalk_km": recording.pedestrians_per_sidewalk_km,
-        },
-        "free_flow_mps": recording.free_flow_mps,
-        "remarks": recording.remarks,
-        "removals": recording.removals,
-        "signals": recording.signals,
-        "agents": {
-            "id": agents.id,
-            "class": [agents.agent_class(i).value for i in range(len(agents))],
-            "kind": agents.kind,
-            **{name: [round(float(value), 3) for value in getattr(agents, name)] for name in _SIZES},
-        },
-    }
-
-
-def load_recording(path: str | Path, world: World | None = None) -> Recording:
-    """Read a recording, and check that it was made for `world` where one is given.
-
-    Raises:
-        PaveTwinError: there is no such file, it is not a recording of ours, or it belongs to another world.
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise PaveTwinError(f"There is no recording '{path}'; make one with `pavetwin traffic record`.")
-    try:
-        table = pq.read_table(path)
-        metadata = json.loads((table.schema.metadata or {})[_KEY])
-        if metadata["format"] != FORMAT:
-            raise PaveTwinError(
-                f"The recording '{path}' has format {metadata['format']}, this version reads {FORMAT}; record it again."
-            )
-        recording = _recording(table, metadata, path)
-    except (pa.ArrowException, OSError, KeyError, ValueError, TypeError) as error:
-        raise PaveTwinError(f"'{path}' is not a complete recording of PaveTwin; record it again.") from error
-    if world is not None and recording.origin.world != world.content_hash:
-        raise PaveTwinError(
-            f"The recording '{path}' was made for another world than '{world.name}'; record it again with "
-            "`pavetwin traffic record`."
-        )
-    return recording
-
-
-def _recording(table: pa.Table, metadata: dict[str, Any], path: Path) -> Recording:
-    origin, who = metadata["origin"], metadata["agents"]
-    asked = Density(**origin["asked"]) if origin["asked"] else None
-    step = table["step"].to_numpy()
-    offsets = np.searchsorted(step, np.arange(metadata["frames"] + 1)).astype(np.uint32)
-    return Recording(
-        origin=Origin(**{**origin, "asked": asked, "capacity": Capacity(**origin["capacity"])}),
-        step_s=metadata["step_s"],
-        agents=Agents(
-            id=tuple(who["id"]),
-            kind=tuple(who["kind"]),
-            is_pedestrian=np.array([name == AgentClass.PEDESTRIAN for name in who["class"]], dtype=np.bool_),
-            **{name: np.array(who[name], dtype=np.float32) for name in _SIZES},
-        ),
-        step_offsets=offsets,
-        agent=table["agent"].to_numpy().astype(np.uint32),
-        removals=tuple((int(step), int(count)) for step, count in metadata["removals"]),
-        signals={name: tuple((int(s), str(t)) for s, t in states) for name, states in metadata["signals"].items()},
-        path=path,
-        free_flow_mps=metadata.get("free_flow_mps"),
-        **{name: table[name].to_numpy() for name in _COLUMNS},
-    )

@@ -20,7 +20,7 @@ use super::uav::UavState;
 use super::way_home::WayHome;
 use crate::geometry::Vec2;
 use crate::navigation::TurnTo;
-use crate::sensing::{Trace, Viewpoint};
+use crate::sensing::{SenseError, Trace, Viewpoint};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -181,7 +181,7 @@ impl Flight {
     /// # Errors
     /// When it does not.
     pub fn extend(&mut self, trace: Arc<Trace>) -> Result<(), FlightError> {
-        if !self.trace.is_prefix_of(&trace) {
+        if !self.trace.is_prefix_of(&trace).map_err(SenseError::from)? {
             return Err(FlightError::OtherRecording);
         }
         self.shared_airspace = shares_airspace(&trace, &self.settings);

@@ -13,6 +13,7 @@ mod raster;
 mod reach;
 mod shadow;
 mod solids;
+mod stretch;
 mod trace;
 mod trace_columns;
 
@@ -23,5 +24,6 @@ pub use patch::Patch;
 pub use predict::Predictor;
 pub use reach::Reach;
 pub use solids::{MIN_BASE_M2, Prism, Solid, SolidError, Solids};
-pub use trace::{AgentPose, TELEPORT_MPS, Trace};
+pub use stretch::{KeyFrames, Stretch, TELEPORT_MPS};
+pub use trace::{AgentPose, ReadPart, Trace, TraceParts};
 pub use trace_columns::{Body, BodyClass, TraceColumns, TraceError};

@@ -1,25 +1,12 @@
 //! The recorded traffic: any agent's pose at any time, and the agents near a place.
 
-use super::cells::{CellBlock, key_of};
+use super::stretch::{Row, Stretch, wrapped};
 use super::trace_columns::{Body, TraceColumns, TraceError};
-use crate::geometry::{Vec2, wrap_angle};
+use crate::geometry::Vec2;
+use std::sync::{Arc, Mutex, PoisonError};
 
-/// Speed above which a displacement between two steps is a teleport of the traffic engine, metres a second. SUMO takes
-/// jammed vehicles out and puts them back elsewhere; drawing that as motion would sweep them across the town.
-pub const TELEPORT_MPS: f64 = 40.0;
-
-const NONE: u32 = u32::MAX;
-
-/// One agent in one step; 32 bytes, with 8 more in the index.
-#[derive(Debug, Clone, Copy)]
-struct Row {
-    position: Vec2,
-    yaw_rad: f32,
-    speed_mps: f32,
-    agent: u32,
-    /// Row of the same agent in the next step, `NONE` when it is absent there or was teleported.
-    next: u32,
-}
+/// Rows that are held at most beside those in use, some 130 MB. More were read before and are read again when needed.
+const HELD_ROWS: usize = 3 << 20;
 
 /// Where an agent is at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,26 +28,53 @@ impl AgentPose {
     }
 }
 
+/// Reads a part of a recording by its number.
+pub type ReadPart = Box<dyn Fn(usize) -> Result<Stretch, TraceError> + Send + Sync>;
+
+/// A recording in parts, which are read when the clock reaches them.
+pub struct TraceParts {
+    /// Time between two steps, seconds.
+    pub step_s: f64,
+    /// The step of the recording that is time 0.
+    pub first_step: usize,
+    /// From there on.
+    pub step_count: usize,
+    /// The first step of each part, ascending from 0. A part ends with the first step of the next one, the last part
+    /// with the recording, at `first_step + step_count` or later.
+    pub starts: Vec<usize>,
+    pub read: ReadPart,
+    /// Sizes, indexed by agent.
+    pub bodies: Vec<Body>,
+    /// At least the largest speed in the recording, metres a second.
+    pub max_speed_mps: f64,
+}
+
 /// A recording of traffic, valid for times in `[0, duration_s]`.
 ///
 /// Between two steps an agent's position is interpolated linearly and its yaw the shorter way round. An agent that is
-/// absent from the next step, or that is farther away there than [`TELEPORT_MPS`] allows, stands at its last pose
-/// until the next step begins. Velocity is the difference of the two positions over the step, or where there is no
+/// absent from the next step, or that is farther away there than [`super::TELEPORT_MPS`] allows, stands at its last
+/// pose until the next step begins. Velocity is the difference of the two positions over the step, or where there is no
 /// second one, speed along the heading.
-#[derive(Debug, Clone, Default)]
 pub struct Trace {
     step_s: f64,
-    step_offsets: Vec<u32>,
-    rows: Vec<Row>,
+    first_step: usize,
+    step_count: usize,
+    starts: Vec<usize>,
+    read: ReadPart,
     bodies: Vec<Body>,
-    /// For each step, the hash keys of its rows in ascending order. A row is filed under the middle of its motion.
-    cell_keys: Vec<u32>,
-    /// The row that each entry of `cell_keys` belongs to.
-    cell_rows: Vec<u32>,
-    /// For each step, the longest displacement to the next one, metres.
-    longest_move_m: Vec<f64>,
     max_half_diagonal_m: f64,
     max_speed_mps: f64,
+    /// The parts in memory, by number, the last used at the end.
+    held: Mutex<Vec<(usize, Arc<Stretch>)>>,
+    /// The same value in traces of which one begins with the other.
+    lineage: Arc<()>,
+}
+
+impl std::fmt::Debug for Trace {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (steps, agents) = (self.step_count, self.bodies.len());
+        write!(f, "Trace of {steps} steps of {} s, {agents} agents, {} parts", self.step_s, self.starts.len())
+    }
 }
 
 impl Trace {
@@ -70,44 +84,72 @@ impl Trace {
     /// The first flaw found in the columns.
     pub fn new(columns: TraceColumns) -> Result<Self, TraceError> {
         columns.check()?;
-        Ok(Self::going_on(Self::default(), columns))
+        let stretch = Stretch::of_columns(&columns);
+        let parts = TraceParts {
+            step_s: columns.step_s,
+            first_step: 0,
+            step_count: stretch.step_count(),
+            starts: vec![0],
+            max_speed_mps: stretch.max_speed_mps(columns.step_s),
+            read: Box::new(|part| Err(TraceError::Unreadable { reason: format!("there is no part {part}") })),
+            bodies: columns.bodies,
+        };
+        let trace = Self::of_parts(parts)?;
+        trace.hold(0, Arc::new(stretch));
+        Ok(trace)
     }
 
-    /// As `new`, where the rows of `known` are the first of the columns and so need no work again. Where its steps or
-    /// bodies are not the columns' first, everything is computed again.
+    /// A recording that is read part by part, when it is needed.
     ///
     /// # Errors
-    /// The first flaw found in the columns.
-    pub fn beginning_with(known: &Self, columns: TraceColumns) -> Result<Self, TraceError> {
-        columns.check()?;
-        let begins = known.step_s == columns.step_s
-            && columns.step_offsets.starts_with(&known.step_offsets)
-            && columns.bodies.starts_with(&known.bodies);
-        Ok(Self::going_on(if begins { known.clone() } else { Self::default() }, columns))
+    /// The first flaw found in what is not read part by part.
+    pub fn of_parts(parts: TraceParts) -> Result<Self, TraceError> {
+        let TraceParts { step_s, first_step, step_count, starts, read, bodies, max_speed_mps } = parts;
+        if !(step_s.is_finite() && step_s > 0.0) {
+            return Err(TraceError::Step { step_s });
+        }
+        if step_count == 0 || starts.first() != Some(&0) || !starts.is_sorted_by(|a, b| a < b) {
+            return Err(TraceError::NoSteps);
+        }
+        if let Some(agent) = bodies.iter().position(|body| !body.is_sound()) {
+            return Err(TraceError::Body { agent });
+        }
+        Ok(Self {
+            step_s,
+            first_step,
+            step_count,
+            starts,
+            read,
+            max_half_diagonal_m: bodies.iter().map(Body::half_diagonal_m).fold(0.0, f64::max),
+            max_speed_mps,
+            bodies,
+            held: Mutex::default(),
+            lineage: Arc::default(),
+        })
     }
 
-    /// `known` with the rows of the columns that it does not have yet.
-    fn going_on(known: Self, columns: TraceColumns) -> Self {
-        let mut rows = known.rows;
-        rows.extend(rows_of(&columns, rows.len()));
-        // The last step that was known had no next one.
-        let first = known.longest_move_m.len().saturating_sub(1);
-        link_steps(&mut rows, &columns.step_offsets[first..], TELEPORT_MPS * columns.step_s);
-        let mut trace = Self {
-            step_s: columns.step_s,
-            step_offsets: columns.step_offsets,
-            max_half_diagonal_m: columns.bodies.iter().map(Body::half_diagonal_m).fold(0.0, f64::max),
-            bodies: columns.bodies,
-            rows,
-            ..known
-        };
-        trace.build_index(first);
-        trace
+    /// As `of_parts`, for a recording that begins with all of `known`; the parts that it has in memory stay there.
+    ///
+    /// # Errors
+    /// As `of_parts`.
+    pub fn going_on(known: &Self, parts: TraceParts) -> Result<Self, TraceError> {
+        let trace = Self::of_parts(parts)?;
+        let begins = known.step_s == trace.step_s
+            && known.first_step == trace.first_step
+            && known.step_count <= trace.step_count
+            && trace.starts.starts_with(&known.starts)
+            && trace.bodies.starts_with(&known.bodies);
+        if !begins {
+            return Ok(trace);
+        }
+        let mut held = known.held.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        held.retain(|(part, _)| part + 1 < known.starts.len()); // the last one goes on
+        Ok(Self { held: Mutex::new(held), lineage: known.lineage.clone(), ..trace })
     }
 
     /// Time of the last step, seconds.
     pub fn duration_s(&self) -> f64 {
-        (self.step_count() - 1) as f64 * self.step_s
+        (self.step_count - 1) as f64 * self.step_s
     }
 
     /// Time between two steps, seconds.
@@ -116,12 +158,7 @@ impl Trace {
     }
 
     pub fn step_count(&self) -> usize {
-        self.step_offsets.len() - 1
-    }
-
-    /// Number of rows over all steps.
-    pub fn row_count(&self) -> usize {
-        self.rows.len()
+        self.step_count
     }
 
     /// Sizes, indexed by agent.
@@ -129,7 +166,7 @@ impl Trace {
         &self.bodies
     }
 
-    /// Largest speed in the recording, metres a second.
+    /// At least the largest speed in the recording, metres a second.
     pub fn max_speed_mps(&self) -> f64 {
         self.max_speed_mps
     }
@@ -137,28 +174,28 @@ impl Trace {
     /// The pose of `agent` at `t_s`, `None` while it is not in the traffic.
     ///
     /// # Errors
-    /// `PastEnd` or `NotATime` for a time outside the recording.
+    /// `PastEnd` or `NotATime` for a time outside the recording, `Unreadable` where its part cannot be read.
     pub fn pose(&self, agent: u32, t_s: f64) -> Result<Option<AgentPose>, TraceError> {
-        let (step, share) = self.moment(t_s)?;
-        let rows = &self.rows[self.rows_of_step(step)];
+        let moment = self.moment(t_s)?;
+        let rows = moment.stretch.rows_at(moment.step);
         let found = rows.binary_search_by_key(&agent, |row| row.agent).ok();
-        Ok(found.map(|index| self.pose_of(&rows[index], share)))
+        Ok(found.map(|index| self.pose_of(&rows[index], &moment)))
     }
 
     /// Every agent in the traffic at `t_s`, in ascending order of agent.
     ///
     /// # Errors
-    /// `PastEnd` or `NotATime` for a time outside the recording.
-    pub fn agents_at(&self, t_s: f64) -> Result<impl Iterator<Item = AgentPose>, TraceError> {
-        let (step, share) = self.moment(t_s)?;
-        Ok(self.rows[self.rows_of_step(step)].iter().map(move |row| self.pose_of(row, share)))
+    /// As `pose`.
+    pub fn agents_at(&self, t_s: f64) -> Result<Vec<AgentPose>, TraceError> {
+        let moment = self.moment(t_s)?;
+        Ok(moment.stretch.rows_at(moment.step).iter().map(|row| self.pose_of(row, &moment)).collect())
     }
 
     /// Calls `visit` with exactly those agents whose centre at `t_s` is within `radius_m` plus half their own diagonal
     /// of `centre`, so with every agent that may reach into the disc. The order is that of the index.
     ///
     /// # Errors
-    /// `PastEnd` or `NotATime` for a time outside the recording.
+    /// As `pose`.
     pub fn agents_near(
         &self,
         centre: Vec2,
@@ -166,35 +203,42 @@ impl Trace {
         t_s: f64,
         visit: &mut impl FnMut(AgentPose),
     ) -> Result<(), TraceError> {
-        let (step, share) = self.moment(t_s)?;
-        let rows = self.rows_of_step(step);
-        let moved_m = (share - 0.5).abs() * self.longest_move_m[step];
-        let half_m = radius_m + self.max_half_diagonal_m + moved_m;
-        let corner = Vec2::new(half_m, half_m);
-        CellBlock::covering(centre - corner, centre + corner).visit(&self.cell_keys[rows.clone()], |entry| {
-            let row = &self.rows[self.cell_rows[rows.start + entry] as usize];
-            let offset = self.position_of(row, share) - centre;
+        let moment = self.moment(t_s)?;
+        let half_m = radius_m + self.max_half_diagonal_m;
+        moment.stretch.rows_near(moment.step, moment.share, centre, half_m, |row| {
+            let offset = moment.stretch.position_of(row, moment.share) - centre;
             let reach_m = radius_m + self.bodies[row.agent as usize].half_diagonal_m();
             if offset.dot(offset) <= reach_m * reach_m {
-                visit(self.pose_of(row, share));
+                visit(self.pose_of(row, &moment));
             }
         });
         Ok(())
     }
 
     /// Whether `other` begins with exactly this recording: same step, same rows, same agents, possibly more of each.
-    pub fn is_prefix_of(&self, other: &Self) -> bool {
-        let same = |(a, b): (&Row, &Row)| {
-            a.agent == b.agent && a.position == b.position && a.yaw_rad == b.yaw_rad && a.speed_mps == b.speed_mps
-        };
-        self.step_s == other.step_s
-            && other.step_offsets.starts_with(&self.step_offsets)
-            && other.bodies.starts_with(&self.bodies)
-            && self.rows.iter().zip(&other.rows).all(same)
+    ///
+    /// # Errors
+    /// `Unreadable` where a part of either cannot be read.
+    pub fn is_prefix_of(&self, other: &Self) -> Result<bool, TraceError> {
+        let begins = self.step_s == other.step_s
+            && self.step_count <= other.step_count
+            && other.bodies.starts_with(&self.bodies);
+        if !begins || Arc::ptr_eq(&self.lineage, &other.lineage) {
+            return Ok(begins);
+        }
+        for step in 0..self.step_count {
+            let (step, theirs) = (step + self.first_step, step + other.first_step);
+            let (mine, its) = (self.stretch_of(step)?, other.stretch_of(theirs)?);
+            let (rows, others) = (mine.rows_at(step), its.rows_at(theirs));
+            if rows.len() != others.len() || !rows.iter().zip(others).all(|(a, b)| a.is_as(b)) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     /// The step at or before `t_s`, and the share of the way to the next.
-    fn moment(&self, t_s: f64) -> Result<(usize, f64), TraceError> {
+    fn moment(&self, t_s: f64) -> Result<Moment, TraceError> {
         if t_s.is_nan() || t_s < 0.0 {
             return Err(TraceError::NotATime { t_s });
         }
@@ -202,27 +246,49 @@ impl Trace {
             return Err(TraceError::PastEnd { t_s, duration_s: self.duration_s() });
         }
         let steps = t_s / self.step_s;
-        let step = (steps as usize).min(self.step_count() - 1);
-        Ok((step, (steps - step as f64).clamp(0.0, 1.0)))
+        let step = (steps as usize).min(self.step_count - 1);
+        let share = (steps - step as f64).clamp(0.0, 1.0);
+        let (is_end, step) = (step + 1 == self.step_count, step + self.first_step);
+        Ok(Moment { stretch: self.stretch_of(step)?, step, share, is_end })
     }
 
-    fn rows_of_step(&self, step: usize) -> std::ops::Range<usize> {
-        self.step_offsets[step] as usize..self.step_offsets[step + 1] as usize
-    }
-
-    fn position_of(&self, row: &Row, share: f64) -> Vec2 {
-        match self.rows.get(row.next as usize) {
-            Some(next) => row.position.lerp(next.position, share),
-            None => row.position,
+    /// The part that tells where agents are between a step of the recording and the next.
+    fn stretch_of(&self, step: usize) -> Result<Arc<Stretch>, TraceError> {
+        let part = self.starts.partition_point(|start| *start <= step) - 1;
+        let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(at) = held.iter().rposition(|(number, _)| *number == part) {
+            let found = held[at].1.clone();
+            held[at..].rotate_left(1);
+            return Ok(found);
         }
+        drop(held); // reading may wait for others who ask for a pose meanwhile
+        let stretch = Arc::new((self.read)(part)?);
+        let covered = stretch.first_step()..stretch.first_step() + stretch.step_count();
+        if stretch.first_step() != self.starts[part] || !covered.contains(&step) {
+            return Err(TraceError::Unreadable { reason: format!("part {part} of the recording lacks step {step}") });
+        }
+        self.hold(part, stretch.clone());
+        Ok(stretch)
     }
 
-    fn pose_of(&self, row: &Row, share: f64) -> AgentPose {
+    fn hold(&self, part: usize, stretch: Arc<Stretch>) {
+        let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
+        held.retain(|(number, _)| *number != part);
+        let mut rows: usize = held.iter().map(|(_, other)| other.row_count()).sum();
+        while rows > HELD_ROWS {
+            rows -= held.remove(0).1.row_count();
+        }
+        held.push((part, stretch));
+    }
+
+    fn pose_of(&self, row: &Row, moment: &Moment) -> AgentPose {
         let from_rad = f64::from(row.yaw_rad);
-        let (position, yaw_rad, velocity) = match self.rows.get(row.next as usize) {
+        let next = if moment.is_end { None } else { moment.stretch.next(row) };
+        let (position, yaw_rad, velocity) = match next {
             Some(next) => {
                 let moved = next.position - row.position;
                 let turn_rad = wrapped(f64::from(next.yaw_rad) - from_rad);
+                let share = moment.share;
                 (row.position + moved * share, from_rad + turn_rad * share, moved * (1.0 / self.step_s))
             }
             None => (row.position, from_rad, Vec2::from_yaw(from_rad) * f64::from(row.speed_mps)),
@@ -230,67 +296,15 @@ impl Trace {
         let body = self.bodies[row.agent as usize];
         AgentPose { agent: row.agent, body, position, yaw_rad: wrapped(yaw_rad), velocity }
     }
-
-    /// From step `first` on; what comes before is indexed.
-    fn build_index(&mut self, first: usize) {
-        let indexed = self.step_offsets[first] as usize;
-        self.cell_keys.truncate(indexed);
-        self.cell_rows.truncate(indexed);
-        self.cell_keys.reserve(self.rows.len() - indexed);
-        self.cell_rows.reserve(self.rows.len() - indexed);
-        self.longest_move_m.truncate(first);
-        let mut entries: Vec<(u32, u32)> = Vec::new();
-        for step in first..self.step_count() {
-            let mut longest_m = 0.0f64;
-            entries.clear();
-            for index in self.rows_of_step(step) {
-                let row = &self.rows[index];
-                let moved_m = self.position_of(row, 1.0).distance(row.position);
-                longest_m = longest_m.max(moved_m);
-                let speed_mps = f64::from(row.speed_mps.abs()).max(moved_m / self.step_s);
-                self.max_speed_mps = self.max_speed_mps.max(speed_mps);
-                entries.push((key_of(self.position_of(row, 0.5)), index as u32));
-            }
-            entries.sort_unstable();
-            self.longest_move_m.push(longest_m);
-            self.cell_keys.extend(entries.iter().map(|entry| entry.0));
-            self.cell_rows.extend(entries.iter().map(|entry| entry.1));
-        }
-    }
 }
 
-/// `wrap_angle` without its division for the angles that need none, which are nearly all.
-fn wrapped(angle_rad: f64) -> f64 {
-    let is_inside = angle_rad > -std::f64::consts::PI && angle_rad <= std::f64::consts::PI;
-    if is_inside { angle_rad } else { wrap_angle(angle_rad) }
-}
-
-/// The rows from `first` on.
-fn rows_of(columns: &TraceColumns, first: usize) -> impl Iterator<Item = Row> {
-    (first..columns.agent.len()).map(|row| Row {
-        position: Vec2::new(columns.x_m[row], columns.y_m[row]),
-        yaw_rad: columns.yaw_rad[row],
-        speed_mps: columns.speed_mps[row],
-        agent: columns.agent[row],
-        next: NONE,
-    })
-}
-
-/// Points every row at the same agent's row in the next step, unless the way there is longer than `longest_m`.
-fn link_steps(rows: &mut [Row], step_offsets: &[u32], longest_m: f64) {
-    for bounds in step_offsets.windows(3) {
-        let mut next = bounds[1] as usize;
-        for index in bounds[0] as usize..bounds[1] as usize {
-            let row = rows[index];
-            while next < bounds[2] as usize && rows[next].agent < row.agent {
-                next += 1;
-            }
-            if next < bounds[2] as usize
-                && rows[next].agent == row.agent
-                && rows[next].position.distance(row.position) <= longest_m
-            {
-                rows[index].next = next as u32;
-            }
-        }
-    }
+/// A time of a recording.
+struct Moment {
+    stretch: Arc<Stretch>,
+    /// Of the recording, at or before the time.
+    step: usize,
+    /// Of the way to the next step.
+    share: f64,
+    /// Whether the trace ends here, though its recording may go on.
+    is_end: bool,
 }

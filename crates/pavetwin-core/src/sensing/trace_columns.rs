@@ -31,7 +31,7 @@ impl Body {
         0.5 * (self.length_m * self.length_m + self.width_m * self.width_m).sqrt()
     }
 
-    fn is_sound(&self) -> bool {
+    pub(super) fn is_sound(&self) -> bool {
         let sizes = [self.length_m, self.width_m, self.height_m, self.base_m];
         sizes.iter().all(|size| size.is_finite())
             && self.length_m > 0.0
@@ -87,6 +87,8 @@ pub enum TraceError {
     NotATime { t_s: f64 },
     #[error("the time {t_s} s is past the end of the recording ({duration_s} s): record a longer one")]
     PastEnd { t_s: f64, duration_s: f64 },
+    #[error("{reason}")]
+    Unreadable { reason: String },
 }
 
 impl TraceColumns {

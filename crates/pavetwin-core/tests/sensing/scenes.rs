@@ -37,7 +37,7 @@ pub fn standing(agents: &[Placed]) -> Trace {
 
 /// The trace's own poses: what the kernel was given, single precision of the yaw included.
 pub fn poses(trace: &Trace) -> Vec<AgentPose> {
-    trace.agents_at(0.0).expect("time 0").collect()
+    trace.agents_at(0.0).expect("time 0")
 }
 
 pub fn ring(corners: &[(f64, f64)]) -> Vec<Vec2> {

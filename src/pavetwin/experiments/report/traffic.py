@@ -13,10 +13,12 @@ from pavetwin.experiments.reach import replaced_sentence
 from pavetwin.experiments.report.parts import Section, Table, TableCell, text_cells
 from pavetwin.experiments.report.study import Study
 from pavetwin.experiments.words import MISSING, level_text
-from pavetwin.traffic.flow import MOST_REMOVALS_PER_HOUR, STANDING_MPS, Flow, flow_of
+from pavetwin.traffic.flow import MOST_REMOVALS_PER_HOUR, Flow, flow_of
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.level_of_service import level_of
-from pavetwin.traffic.recording import Recording, load_recording
+from pavetwin.traffic.recording import Recording
+from pavetwin.traffic.recording_file import load_recording
+from pavetwin.traffic.tracks import STANDING_MPS
 from pavetwin.world.model import World
 
 MOST_RECORDINGS: Final = 4

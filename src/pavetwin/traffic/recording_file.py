@@ -1,0 +1,179 @@
+"""The file of a recording: one Parquet table of key frames, its parts as row groups.
+
+Everything else is JSON in the schema's metadata under the key `pavetwin`. The same recording gives the same bytes.
+"""
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, fields, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import writing
+from pavetwin.traffic.demand import Capacity, Density
+from pavetwin.traffic.kinds import AgentClass
+from pavetwin.traffic.recording import SIZES, Agents, Origin, Recording
+from pavetwin.traffic.tracks import COLUMNS, FrameNumbers, Part, Rows, StoredPart, Tracks
+from pavetwin.world.model import World
+
+FORMAT: Final = 2
+"""Version of the file. The first one, a row for every pose, is still read."""
+
+_KEY: Final = b"pavetwin"
+_COUNTED: Final = ("agent", "step")
+_SCHEMA: Final = pa.schema(
+    [*((name, pa.int32()) for name in _COUNTED), *((name, pa.float32()) for name in COLUMNS), ("is_last", pa.bool_())]
+)
+_ENCODING: Final = {
+    **dict.fromkeys(_COUNTED, "DELTA_BINARY_PACKED"),
+    **dict.fromkeys(COLUMNS, "BYTE_STREAM_SPLIT"),
+    "is_last": "RLE",
+}
+
+
+def save_recording(recording: Recording, path: str | Path) -> Recording:
+    """Write the recording to `path`, whole or not at all; returns it with its path.
+
+    Raises:
+        PaveTwinError: the file cannot be written.
+    """
+    path = Path(path)
+    if recording.tracks.first_step or recording.tracks.parts[-1].last_step >= recording.frames:
+        recording = replace(recording, tracks=recording.tracks.copied(recording.agents.is_pedestrian, recording.step_s))
+    text = json.dumps(_metadata(recording), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+    schema = _SCHEMA.with_metadata({_KEY: text.encode()})
+    with (
+        writing(path) as temporary,
+        pq.ParquetWriter(
+            temporary, schema, compression="zstd", use_dictionary=False, column_encoding=_ENCODING
+        ) as writer,
+    ):
+        for part in recording.tracks.parts:
+            table = _table(part.load(), schema)
+            writer.write_table(table, row_group_size=max(1, len(table)))
+    return replace(recording, path=path)
+
+
+def _table(part: Part, schema: pa.Schema) -> pa.Table:
+    columns = {name: getattr(part, name) for name in (*COLUMNS, "is_last")}
+    return pa.table({**{name: getattr(part, name).astype(np.int32) for name in _COUNTED}, **columns}, schema=schema)
+
+
+def _metadata(recording: Recording) -> dict[str, Any]:
+    agents, tracks = recording.agents, recording.tracks
+    return {
+        "format": FORMAT,
+        "origin": asdict(recording.origin),
+        "step_s": recording.step_s,
+        "duration_s": recording.duration_s,
+        "frames": recording.frames,
+        "achieved": {
+            "vehicles_per_lane_km": recording.vehicles_per_lane_km,
+            "pedestrians_per_sidewalk_km": recording.pedestrians_per_sidewalk_km,
+        },
+        "free_flow_mps": recording.free_flow_mps,
+        "at_limits": None if recording.at_limits is None else recording.at_limits.tolist(),
+        "remarks": recording.remarks,
+        "removals": recording.removals,
+        "signals": recording.signals,
+        "numbers": {each.name: getattr(tracks.numbers, each.name).tolist() for each in fields(tracks.numbers)},
+        "fastest_mps": tracks.fastest_mps,
+        "parts": [(part.first_step, part.last_step) for part in tracks.parts],
+        "agents": {
+            "id": agents.id,
+            "class": [agents.agent_class(i).value for i in range(len(agents))],
+            "kind": agents.kind,
+            **{name: [round(float(value), 3) for value in getattr(agents, name)] for name in SIZES},
+        },
+    }
+
+
+def load_recording(path: str | Path, world: World | None = None) -> Recording:
+    """Open a recording, and check that it was made for `world` where one is given. Its parts are read when they are
+    needed; a part that is then found damaged is a `PaveTwinError`, too.
+
+    Raises:
+        PaveTwinError: there is no such file, it is not a recording of ours, or it belongs to another world.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise PaveTwinError(f"There is no recording '{path}'; make one with `pavetwin traffic record`.")
+    try:
+        file = pq.ParquetFile(path)
+        metadata = json.loads((file.schema_arrow.metadata or {})[_KEY])
+        if metadata["format"] not in (1, FORMAT):
+            raise PaveTwinError(
+                f"The recording '{path}' has format {metadata['format']}, this version reads {FORMAT}; record it again."
+            )
+        recording = _recording(file, metadata, path)
+    except (pa.ArrowException, OSError, KeyError, ValueError, TypeError) as error:
+        raise PaveTwinError(f"'{path}' is not a complete recording of PaveTwin; record it again.") from error
+    if world is not None and recording.origin.world != world.content_hash:
+        raise PaveTwinError(
+            f"The recording '{path}' was made for another world than '{world.name}'; record it again with "
+            "`pavetwin traffic record`."
+        )
+    return recording
+
+
+def _recording(file: pq.ParquetFile, metadata: dict[str, Any], path: Path) -> Recording:
+    origin, who = metadata["origin"], metadata["agents"]
+    asked = Density(**origin["asked"]) if origin["asked"] else None
+    agents = Agents(
+        id=tuple(who["id"]),
+        kind=tuple(who["kind"]),
+        is_pedestrian=np.array([name == AgentClass.PEDESTRIAN for name in who["class"]], dtype=np.bool_),
+        **{name: np.array(who[name], dtype=np.float32) for name in SIZES},
+    )
+    recording = Recording(
+        origin=Origin(**{**origin, "asked": asked, "capacity": Capacity(**origin["capacity"])}),
+        step_s=metadata["step_s"],
+        agents=agents,
+        tracks=(_tracks if metadata["format"] == FORMAT else _tracks_of_all_rows)(file, metadata, agents, path),
+        removals=tuple((int(step), int(count)) for step, count in metadata["removals"]),
+        signals={name: tuple((int(s), str(t)) for s, t in states) for name, states in metadata["signals"].items()},
+        path=path,
+    )
+    limits = metadata.get("at_limits")
+    return recording if limits is None else replace(recording, at_limits=np.array(limits, float).reshape(-1, 2))
+
+
+def _tracks(file: pq.ParquetFile, metadata: dict[str, Any], agents: Agents, path: Path) -> Tracks:  # noqa: ARG001
+    steps = metadata["parts"]
+    if len(steps) != file.metadata.num_row_groups:
+        raise ValueError(f"{file.metadata.num_row_groups} row groups for {len(steps)} parts")
+    parts = [
+        StoredPart(first, last, _reader(file, number, first, last, path)) for number, (first, last) in enumerate(steps)
+    ]
+    given = metadata["numbers"]
+    vehicles, pedestrians, known, standing = (
+        np.array(given[name], np.int64) for name in ("vehicles", "pedestrians", "known", "standing")
+    )
+    numbers = FrameNumbers(vehicles, pedestrians, known, standing, np.array(given["speed_mps"], np.float64))
+    return Tracks(tuple(parts), 0, numbers, metadata["fastest_mps"])
+
+
+def _reader(file: pq.ParquetFile, group: int, first: int, last: int, path: Path) -> Callable[[], Part]:
+    def read() -> Part:
+        try:
+            table = file.read_row_group(group, use_threads=False)
+        except (pa.ArrowException, OSError) as error:
+            raise PaveTwinError(f"The recording '{path}' is damaged; record it again.") from error
+        columns = {name: table[name].to_numpy() for name in table.column_names}
+        return Part(first, last, **{**columns, **{name: columns[name].view(np.uint32) for name in _COUNTED}})
+
+    return read
+
+
+def _tracks_of_all_rows(file: pq.ParquetFile, metadata: dict[str, Any], agents: Agents, path: Path) -> Tracks:  # noqa: ARG001
+    """Of a file of the first version."""
+    table = file.read()
+    offsets = np.searchsorted(table["step"].to_numpy(), np.arange(metadata["frames"] + 1)).astype(np.uint32)
+    columns = {name: table[name].to_numpy() for name in COLUMNS}
+    rows = Rows(offsets, table["agent"].to_numpy().astype(np.uint32), **columns)
+    return Tracks.of(rows, agents.is_pedestrian, metadata["step_s"])
