@@ -3,7 +3,7 @@
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -37,6 +37,7 @@ from pavetwin.twin import InspectionMemory
 
 if TYPE_CHECKING:
     from pavetwin._core import CaptureColumns, TrackColumns
+    from pavetwin.mission.inspected_defects import InspectedDefect
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,10 @@ class MissionResult:
     """Everything that happened, in the order of time."""
     recording: Recording | None = None
     """The recorded traffic; None where it was handed in as a value."""
+    _inspected_defects: "list[tuple[InspectedDefect, ...]]" = field(
+        default_factory=list, init=False, repr=False, compare=False
+    )
+    """Their outcomes, once they were asked for: they take a walk through the recorded traffic."""
 
     @cached_property
     def flow(self) -> Flow | None:

@@ -104,7 +104,10 @@ class InspectedDefect:
 
 def inspected_defects(result: MissionResult) -> tuple[InspectedDefect, ...]:
     """The outcome of every defect of the inspected segments, in the order of inspection."""
-    return tuple(_Judge(result).outcomes())
+    known = result._inspected_defects
+    if not known:
+        known.append(tuple(_Judge(result).outcomes()))
+    return known[0]
 
 
 def captured_frame(result: MissionResult, capture: int) -> Frame:
