@@ -14,7 +14,7 @@ from pavetwin.capture.splits import split_streets
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels import SPLITS
 from pavetwin.traffic.record import record
-from pavetwin.traffic.tracks import Rows, Tracks
+from pavetwin.traffic.tracks import AgentTracks, PoseRows
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world, save_world
 from scenes import damaged
@@ -91,7 +91,9 @@ def test_an_agent_is_present_on_the_street_it_is_on(world: World) -> None:
     lone = replace(
         recording,
         agents=recording.agents.first(1),
-        tracks=Tracks.of(Rows(one, one[:1], *place), recording.agents.first(1).is_pedestrian, recording.step_s),
+        tracks=AgentTracks.of(
+            PoseRows(one, one[:1], *place), recording.agents.first(1).is_pedestrian, recording.step_s
+        ),
     )
     alone = presence(world, [lone])
     walks = int(recording.agents.is_pedestrian[0])

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 from pavetwin.traffic.demand import Capacity
 from pavetwin.traffic.kinds import KINDS
 from pavetwin.traffic.recording import Agents, Origin, Recording
-from pavetwin.traffic.tracks import COLUMNS, Rows
+from pavetwin.traffic.tracks import COLUMNS, PoseRows
 
 STEP_S = 0.5
 Pose = tuple[float, float, float, float]
@@ -34,7 +34,7 @@ def recording(kinds: Sequence[str], poses: Callable[[int, float], Pose], frames:
             height_m=np.array([kind.height_m for kind in known], dtype=np.float32),
             is_pedestrian=np.array([kind.agent_class == "pedestrian" for kind in known], dtype=np.bool_),
         ),
-        rows=Rows(
+        rows=PoseRows(
             step_offsets=(len(kinds) * np.arange(frames + 1)).astype(np.uint32),
             agent=np.tile(np.arange(len(kinds), dtype=np.uint32), frames),
             x=np.ascontiguousarray(rows[:, 0]),

@@ -15,7 +15,7 @@ from pavetwin.traffic.kinds import KINDS, PEDESTRIANS, VEHICLES, sumo_types
 from pavetwin.traffic.recording import Agents, Origin, Recording
 from pavetwin.traffic.recording_file import load_recording, save_recording
 from pavetwin.traffic.trace import trace_arguments, trace_of
-from pavetwin.traffic.tracks import COLUMNS, Rows, Tracks
+from pavetwin.traffic.tracks import COLUMNS, AgentTracks, PoseRows
 from scenes.recordings import recording, save_first_version
 
 
@@ -36,7 +36,7 @@ def recording_of(counts: list[int], walkers: int = 1) -> Recording:
             height_m=np.linspace(1, 2, agents).round(3).astype(np.float32),
             is_pedestrian=np.arange(agents) < walkers,
         ),
-        rows=Rows(
+        rows=PoseRows(
             step_offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32),
             agent=agent,
             x=place,
@@ -189,12 +189,12 @@ def test_key_frames_give_all_poses_back(counts: list[int], length: int, data: st
     made = recording_of(counts)
     stands = made.agent < data.draw(st.integers(0, 6))
     columns = {name: np.where(stands, np.float32(1), getattr(made, name)) for name in COLUMNS}
-    rows, walks = Rows(made.step_offsets, made.agent, **columns), made.agents.is_pedestrian
+    rows, walks = PoseRows(made.step_offsets, made.agent, **columns), made.agents.is_pedestrian
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr("pavetwin.traffic.tracks.PART_STEPS", length)
-        tracks = Tracks.of(rows, walks, 0.5)
+        tracks = AgentTracks.of(rows, walks, 0.5)
         cut = data.draw(st.integers(1, len(counts) - 1))
-        grown = Tracks.of(rows.between(0, cut), walks, 0.5)
+        grown = AgentTracks.of(rows.between(0, cut), walks, 0.5)
         grown = grown.followed_by(rows.between(cut, len(counts)), walks, 0.5)
     assert len(tracks.parts) == -(-(len(counts) - 1) // length)
     for each in (tracks, grown):

@@ -17,7 +17,7 @@ from pavetwin.traffic.flow import SpeedLimits, at_limits, with_limits
 from pavetwin.traffic.job import STEP_S, Body, Part
 from pavetwin.traffic.kinds import KINDS
 from pavetwin.traffic.recording import Agents, Origin, Recording
-from pavetwin.traffic.tracks import Rows
+from pavetwin.traffic.tracks import PoseRows
 
 _NONE: Final = np.zeros(0, dtype=np.float32)
 NOBODY: Final = Agents((), (), _NONE, _NONE, _NONE, np.zeros(0, dtype=np.bool_))
@@ -49,7 +49,7 @@ def to_recording(part: Part, origin: Origin, limits: SpeedLimits, before: Record
     agents = _agents(known, part.bodies, origin.seed)
     yaw = yaw_of_heading(part.heading_deg)
     centre = centre_of_front(np.stack([part.x, part.y], axis=-1), yaw, agents.length_m[part.agent])
-    rows = Rows(
+    rows = PoseRows(
         step_offsets=np.cumsum(np.concatenate([[0], part.rows])).astype(np.uint32),
         agent=part.agent,
         x=centre[:, 0].astype(np.float32),

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from pavetwin.arrays import BoolArray, Float64Array
 from pavetwin.traffic.level_of_service import LevelOfService, level_of
 from pavetwin.traffic.recording import SAMPLED_S, Recording
-from pavetwin.traffic.tracks import Rows
+from pavetwin.traffic.tracks import PoseRows
 from pavetwin.world.model import LaneKind, World
 
 SPACING_M: Final = 4.0
@@ -149,7 +149,7 @@ def _key(x: npt.ArrayLike, y: npt.ArrayLike, yaw_rad: npt.ArrayLike) -> Float64A
 
 
 def at_limits(
-    rows: Rows, is_pedestrian: BoolArray, limits: SpeedLimits, step_s: float, first_frame: int = 0
+    rows: PoseRows, is_pedestrian: BoolArray, limits: SpeedLimits, step_s: float, first_frame: int = 0
 ) -> Float64Array | None:
     """(samples, 2): `Recording.at_limits` of consecutive frames, of which the first has that number in the recording.
     None in a world without lanes."""

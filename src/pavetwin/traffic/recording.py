@@ -14,7 +14,7 @@ from pavetwin.traffic.kinds import AgentClass
 from pavetwin.traffic.level_of_service import level_of
 from pavetwin.traffic.mix import DEFAULT_MIX
 from pavetwin.traffic.own_demand import WARM_UP_S
-from pavetwin.traffic.tracks import Rows, Tracks
+from pavetwin.traffic.tracks import AgentTracks, PoseRows
 
 SAMPLED_S: Final = 5.0
 """Speed limits are looked up in frames this far apart: within it a vehicle rarely changes the kind of street."""
@@ -83,7 +83,7 @@ class Recording:
     origin: Origin
     step_s: float
     agents: Agents
-    tracks: Tracks
+    tracks: AgentTracks
     removals: tuple[tuple[int, int], ...]
     """(step, how many): vehicles that SUMO removed after they had blocked traffic (its teleports)."""
     signals: Mapping[str, tuple[tuple[int, str], ...]]
@@ -101,13 +101,13 @@ class Recording:
         origin: Origin,
         step_s: float,
         agents: Agents,
-        rows: Rows,
+        rows: PoseRows,
         removals: tuple[tuple[int, int], ...] = (),
         signals: Mapping[str, tuple[tuple[int, str], ...]],
         path: Path | None = None,
     ) -> Self:
         """From all poses."""
-        tracks = Tracks.of(rows, agents.is_pedestrian, step_s)
+        tracks = AgentTracks.of(rows, agents.is_pedestrian, step_s)
         return cls(origin, step_s, agents, tracks, removals, signals, path)
 
     @property
@@ -120,7 +120,7 @@ class Recording:
 
     @property
     def step_offsets(self) -> UInt32Array:
-        """(frames + 1,): as all columns of `Rows`, for what needs every pose in memory."""
+        """(frames + 1,): as all columns of `PoseRows`, for what needs every pose in memory."""
         return self.tracks.rows.step_offsets
 
     @property

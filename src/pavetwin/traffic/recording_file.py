@@ -18,7 +18,7 @@ from pavetwin.files import writing
 from pavetwin.traffic.demand import Capacity, Density
 from pavetwin.traffic.kinds import AgentClass
 from pavetwin.traffic.recording import SIZES, Agents, Origin, Recording
-from pavetwin.traffic.tracks import COLUMNS, FrameNumbers, Part, Rows, StoredPart, Tracks
+from pavetwin.traffic.tracks import COLUMNS, AgentTracks, FrameNumbers, PoseRows, StoredPart, TrackPart
 from pavetwin.world.model import World
 
 FORMAT: Final = 2
@@ -59,7 +59,7 @@ def save_recording(recording: Recording, path: str | Path) -> Recording:
     return replace(recording, path=path)
 
 
-def _table(part: Part, schema: pa.Schema) -> pa.Table:
+def _table(part: TrackPart, schema: pa.Schema) -> pa.Table:
     columns = {name: getattr(part, name) for name in (*COLUMNS, "is_last")}
     return pa.table({**{name: getattr(part, name).astype(np.int32) for name in _COUNTED}, **columns}, schema=schema)
 
@@ -143,7 +143,7 @@ def _recording(file: pq.ParquetFile, metadata: dict[str, Any], path: Path) -> Re
     return recording if limits is None else replace(recording, at_limits=np.array(limits, float).reshape(-1, 2))
 
 
-def _tracks(file: pq.ParquetFile, metadata: dict[str, Any], agents: Agents, path: Path) -> Tracks:  # noqa: ARG001
+def _tracks(file: pq.ParquetFile, metadata: dict[str, Any], agents: Agents, path: Path) -> AgentTracks:  # noqa: ARG001
     steps = metadata["parts"]
     if len(steps) != file.metadata.num_row_groups:
         raise ValueError(f"{file.metadata.num_row_groups} row groups for {len(steps)} parts")
@@ -155,25 +155,25 @@ def _tracks(file: pq.ParquetFile, metadata: dict[str, Any], agents: Agents, path
         np.array(given[name], np.int64) for name in ("vehicles", "pedestrians", "known", "standing")
     )
     numbers = FrameNumbers(vehicles, pedestrians, known, standing, np.array(given["speed_mps"], np.float64))
-    return Tracks(tuple(parts), 0, numbers, metadata["fastest_mps"])
+    return AgentTracks(tuple(parts), 0, numbers, metadata["fastest_mps"])
 
 
-def _reader(file: pq.ParquetFile, group: int, first: int, last: int, path: Path) -> Callable[[], Part]:
-    def read() -> Part:
+def _reader(file: pq.ParquetFile, group: int, first: int, last: int, path: Path) -> Callable[[], TrackPart]:
+    def read() -> TrackPart:
         try:
             table = file.read_row_group(group, use_threads=False)
         except (pa.ArrowException, OSError) as error:
             raise PaveTwinError(f"The recording '{path}' is damaged; record it again.") from error
         columns = {name: table[name].to_numpy() for name in table.column_names}
-        return Part(first, last, **{**columns, **{name: columns[name].view(np.uint32) for name in _COUNTED}})
+        return TrackPart(first, last, **{**columns, **{name: columns[name].view(np.uint32) for name in _COUNTED}})
 
     return read
 
 
-def _tracks_of_all_rows(file: pq.ParquetFile, metadata: dict[str, Any], agents: Agents, path: Path) -> Tracks:  # noqa: ARG001
+def _tracks_of_all_rows(file: pq.ParquetFile, metadata: dict[str, Any], agents: Agents, path: Path) -> AgentTracks:  # noqa: ARG001
     """Of a file of the first version."""
     table = file.read()
     offsets = np.searchsorted(table["step"].to_numpy(), np.arange(metadata["frames"] + 1)).astype(np.uint32)
     columns = {name: table[name].to_numpy() for name in COLUMNS}
-    rows = Rows(offsets, table["agent"].to_numpy().astype(np.uint32), **columns)
-    return Tracks.of(rows, agents.is_pedestrian, metadata["step_s"])
+    rows = PoseRows(offsets, table["agent"].to_numpy().astype(np.uint32), **columns)
+    return AgentTracks.of(rows, agents.is_pedestrian, metadata["step_s"])

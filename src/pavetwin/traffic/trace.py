@@ -14,7 +14,7 @@ _NAMES: Final = {"x": "x_m", "y": "y_m"}
 
 
 class KeyFrameColumns(TypedDict):
-    """A part as the kernel takes it; see `Part`."""
+    """A part as the kernel takes it; see `TrackPart`."""
 
     first_step: int
     last_step: int

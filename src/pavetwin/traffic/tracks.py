@@ -27,7 +27,7 @@ COLUMNS: Final = ("x", "y", "yaw_rad", "speed_mps")
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class PoseRows:
     """Consecutive frames with every agent's pose."""
 
     step_offsets: UInt32Array
@@ -46,11 +46,11 @@ class Rows:
     def __post_init__(self) -> None:
         rows = len(self.agent)
         if len(self.step_offsets) < 2 or self.step_offsets[0] != 0 or self.step_offsets[-1] != rows:
-            raise ValueError("Rows.step_offsets must begin with 0, end with the number of rows, and hold a frame")
+            raise ValueError("PoseRows.step_offsets must begin with 0, end with the number of rows, and hold a frame")
         for name in COLUMNS:
             column = getattr(self, name)
             if column.shape != (rows,) or column.dtype != np.float32:
-                raise ValueError(f"Rows.{name} must be float32 of shape ({rows},)")
+                raise ValueError(f"PoseRows.{name} must be float32 of shape ({rows},)")
 
     @property
     def frames(self) -> int:
@@ -61,20 +61,20 @@ class Rows:
         """(rows,) the frame of each row."""
         return np.repeat(np.arange(self.frames), np.diff(self.step_offsets))
 
-    def between(self, first: int, end: int) -> "Rows":
+    def between(self, first: int, end: int) -> "PoseRows":
         """The frames from `first` up to but not `end`."""
         rows = slice(int(self.step_offsets[first]), int(self.step_offsets[end]))
         offsets = self.step_offsets[first : end + 1] - self.step_offsets[first]
-        return Rows(offsets, *(getattr(self, name)[rows] for name in ("agent", *COLUMNS)))
+        return PoseRows(offsets, *(getattr(self, name)[rows] for name in ("agent", *COLUMNS)))
 
-    def followed_by(self, later: "Rows") -> "Rows":
+    def followed_by(self, later: "PoseRows") -> "PoseRows":
         offsets = np.concatenate([self.step_offsets, self.step_offsets[-1] + later.step_offsets[1:]])
         both = (np.concatenate([getattr(self, name), getattr(later, name)]) for name in ("agent", *COLUMNS))
-        return Rows(offsets, *both)
+        return PoseRows(offsets, *both)
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class TrackPart:
     """Key frames of some steps of a recording. All arrays (key frames,), in ascending order of (agent, step)."""
 
     first_step: int
@@ -91,7 +91,7 @@ class Part:
     """Whether the agent is absent after this step until its next key frame, or the part ends."""
 
     @classmethod
-    def of(cls, rows: Rows, first_step: int = 0) -> Self:
+    def of(cls, rows: PoseRows, first_step: int = 0) -> Self:
         """The key frames of all poses from a step on."""
         order = np.lexsort((rows.frame, rows.agent))
         agent, frame = rows.agent[order], rows.frame[order]
@@ -111,10 +111,10 @@ class Part:
             **{name: column[kept] for name, column in columns.items()},
         )
 
-    def load(self) -> "Part":
+    def load(self) -> "TrackPart":
         return self
 
-    def rows(self) -> Rows:
+    def rows(self) -> PoseRows:
         """All poses, every step of the part a frame."""
         count = len(self.agent)
         following = np.append(self.step[1:], 0).astype(np.int64)
@@ -126,9 +126,9 @@ class Part:
         order = np.argsort(frame, kind="stable")
         frames = self.last_step - self.first_step + 1
         offsets = np.concatenate([[0], np.cumsum(np.bincount(frame, minlength=frames))]).astype(np.uint32)
-        return Rows(offsets, *(getattr(self, name)[key][order] for name in ("agent", *COLUMNS)))
+        return PoseRows(offsets, *(getattr(self, name)[key][order] for name in ("agent", *COLUMNS)))
 
-    def is_as(self, other: "Part") -> bool:
+    def is_as(self, other: "TrackPart") -> bool:
         return all(np.array_equal(getattr(self, each.name), getattr(other, each.name)) for each in fields(self))
 
 
@@ -138,9 +138,9 @@ class StoredPart:
 
     first_step: int
     last_step: int
-    read: Callable[[], Part]
+    read: Callable[[], TrackPart]
 
-    def load(self) -> Part:
+    def load(self) -> TrackPart:
         """Raises:
         PaveTwinError: the file is damaged.
         """
@@ -161,7 +161,7 @@ class FrameNumbers:
     """Sum over the vehicles."""
 
     @classmethod
-    def of(cls, rows: Rows, is_pedestrian: BoolArray, known: int = 0) -> Self:
+    def of(cls, rows: PoseRows, is_pedestrian: BoolArray, known: int = 0) -> Self:
         """Those of the next frames, after frames in which `known` agents have appeared."""
         drives = ~is_pedestrian[rows.agent]
         speed = rows.speed_mps.astype(np.float64)
@@ -190,10 +190,10 @@ class FrameNumbers:
 
 
 @dataclass(frozen=True, eq=False)
-class Tracks:
+class AgentTracks:
     """Frames of a recording, a window of all that its parts hold."""
 
-    parts: tuple[Part | StoredPart, ...]
+    parts: tuple[TrackPart | StoredPart, ...]
     """Of the whole recording: part k begins at step k · `PART_STEPS` and ends where the next one begins."""
     first_step: int
     """The window's."""
@@ -203,7 +203,7 @@ class Tracks:
     """At least the largest speed, and displacement over time of what moves."""
 
     @classmethod
-    def of(cls, rows: Rows, is_pedestrian: BoolArray, step_s: float) -> Self:
+    def of(cls, rows: PoseRows, is_pedestrian: BoolArray, step_s: float) -> Self:
         parts = tuple(_parts(rows, 0))
         return cls(parts, 0, FrameNumbers.of(rows, is_pedestrian), _fastest_mps(parts, step_s))
 
@@ -221,31 +221,31 @@ class Tracks:
         """The first step of each part."""
         return tuple(part.first_step for part in self.parts)
 
-    def between(self, first: int, end: int) -> "Tracks":
+    def between(self, first: int, end: int) -> "AgentTracks":
         """The window's frames from `first` up to but not `end`."""
         return replace(self, first_step=self.first_step + first, numbers=self.numbers.between(first, end))
 
-    def followed_by(self, rows: Rows, is_pedestrian: BoolArray, step_s: float) -> "Tracks":
+    def followed_by(self, rows: PoseRows, is_pedestrian: BoolArray, step_s: float) -> "AgentTracks":
         """Longer by some frames; of a window that is the whole recording."""
         last = self.parts[-1].load()
         known = int(self.numbers.known[-1])
         longer = tuple(_parts(last.rows().followed_by(rows), last.first_step))
-        return Tracks(
+        return AgentTracks(
             (*self.parts[:-1], *longer),
             self.first_step,
             self.numbers.followed_by(FrameNumbers.of(rows, is_pedestrian, known)),
             max(self.fastest_mps, _fastest_mps(longer, step_s)),
         )
 
-    def copied(self, is_pedestrian: BoolArray, step_s: float) -> "Tracks":
+    def copied(self, is_pedestrian: BoolArray, step_s: float) -> "AgentTracks":
         """The window as a recording of its own."""
         pieces = (rows for _, rows in self.pieces())
-        made = Tracks.of(next(pieces), is_pedestrian, step_s)
+        made = AgentTracks.of(next(pieces), is_pedestrian, step_s)
         for rows in pieces:
             made = made.followed_by(rows, is_pedestrian, step_s)
         return made
 
-    def pieces(self) -> Iterator[tuple[int, Rows]]:
+    def pieces(self) -> Iterator[tuple[int, PoseRows]]:
         """The window's rows part by part, each with the frame of the window that it begins with."""
         end = self.first_step + self.frames
         for part, following in pairwise([*self.parts, None]):
@@ -257,15 +257,15 @@ class Tracks:
                 yield first - self.first_step, rows.between(first - part.first_step, last - part.first_step)
 
     @cached_property
-    def rows(self) -> Rows:
+    def rows(self) -> PoseRows:
         """All rows of the window, in memory."""
         pieces = [rows for _, rows in self.pieces()]
         begins = np.cumsum([0, *(len(rows.agent) for rows in pieces)])
         shifted = [rows.step_offsets[1:] + begin for rows, begin in zip(pieces, begins, strict=False)]
         columns = (np.concatenate([getattr(rows, name) for rows in pieces]) for name in ("agent", *COLUMNS))
-        return Rows(np.concatenate([[0], *shifted]).astype(np.uint32), *columns)
+        return PoseRows(np.concatenate([[0], *shifted]).astype(np.uint32), *columns)
 
-    def begin_alike(self, other: "Tracks") -> bool:
+    def begin_alike(self, other: "AgentTracks") -> bool:
         """Whether the shorter of two whole recordings is the beginning of the other."""
         frames = min(self.frames, other.frames)
         mine, its = self.between(0, frames), other.between(0, frames)
@@ -275,14 +275,14 @@ class Tracks:
         return True
 
 
-def _parts(rows: Rows, first_step: int) -> Iterator[Part]:
+def _parts(rows: PoseRows, first_step: int) -> Iterator[TrackPart]:
     """The parts of frames that begin with a part's first step."""
     for begin in range(0, max(rows.frames - 1, 1), PART_STEPS):
         end = min(begin + PART_STEPS + 1, rows.frames)
-        yield Part.of(rows.between(begin, end), first_step + begin)
+        yield TrackPart.of(rows.between(begin, end), first_step + begin)
 
 
-def _fastest_mps(parts: Iterable[Part], step_s: float) -> float:
+def _fastest_mps(parts: Iterable[TrackPart], step_s: float) -> float:
     fastest = 0.0
     for part in parts:
         follows = ~part.is_last[:-1]
