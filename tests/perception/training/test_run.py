@@ -139,7 +139,7 @@ def refusal(*arguments: object) -> str:
 def test_a_folder_with_a_run_of_other_settings_is_refused(whole: Path, data: list[ExampleSet]) -> None:
     before = {path: path.read_bytes() for path in whole.iterdir()}
     other = replace(TINY, rate=0.5)
-    assert "holds a run with rate 0.0005, not 0.5; give what it has" in refusal(data, whole, other, CPU, Silent())
+    assert "holds a run with rate 0.0002, not 0.5; give what it has" in refusal(data, whole, other, CPU, Silent())
     changed = [replace(data[0], fingerprint="0" * 64)]
     assert "holds a run with data " in refusal(changed, whole, TINY, CPU, Silent())
     assert {path: path.read_bytes() for path in whole.iterdir()} == before
