@@ -11,7 +11,19 @@ from collections.abc import Callable, Iterator
 from itertools import count
 from pathlib import Path
 
-from benchmarks import defects, frames, growing, machine, missions, photographs, startup, streets, studies, worlds
+from benchmarks import (
+    commands,
+    defects,
+    frames,
+    growing,
+    machine,
+    missions,
+    photographs,
+    startup,
+    streets,
+    studies,
+    worlds,
+)
 from benchmarks.measure import Line, Size
 from benchmarks.table import as_json, notes, table
 from pavetwin.cli.console import fail, out, progress
@@ -50,6 +62,8 @@ def measure(world_folder: Path | None, size: Size, folder: Path, begin: Callable
     begin("missions")
     course = missions.Course.over(world, replay, min(size.segments, len(world.segments)))
     yield from missions.lines(course, size.runs)
+    begin("commands")
+    yield from commands.lines(world_folder, folder, size)
     begin("the paper's study")
     yield from studies.lines(world_folder, folder, size.study)
     begin("visibility")
@@ -66,7 +80,7 @@ def measure(world_folder: Path | None, size: Size, folder: Path, begin: Callable
     yield from worlds.record_crowd(folder / "random", size.crowd, size.crowd_s)
 
 
-PARTS = 13
+PARTS = 14
 
 
 def main(arguments: list[str]) -> int:

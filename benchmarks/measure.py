@@ -53,6 +53,10 @@ class Size:
     """Traffic of the missions, and of the frames."""
     crowd_s: float
     """Traffic of the crowd."""
+    few: int = 3
+    """Segments of a short command."""
+    mapped: int = 100
+    """Segments on the map whose drawing is measured."""
     crowd: int = 600
     """Vehicles, and as many pedestrians."""
     shapes: int = 40

@@ -12,15 +12,17 @@ from types import SimpleNamespace
 from unittest.mock import create_autospec
 
 import pytest
-from benchmarks import coverage, frames, machine, startup, streets, waiting, worlds
+from benchmarks import commands, coverage, frames, machine, startup, streets, waiting, worlds
 from benchmarks.__main__ import PARTS, main, measure
 from benchmarks.measure import Kind, Line, Size, median_s
 from benchmarks.table import as_json, notes, table
 from rich.console import Console
 
+from pavetwin.errors import PaveTwinError
 from pavetwin.mission.replay import replay_of
 from pavetwin.world.folder import CACHE_VARIABLE
 from pavetwin.world.store import load_world
+from scenes.command_line import pavetwin
 from scenes.traffic import make_network
 
 SMOKE = Size(
@@ -28,6 +30,8 @@ SMOKE = Size(
     runs=1,
     recorded_s=340.0,
     crowd_s=5.0,
+    few=1,
+    mapped=1,
     crowd=20,
     shapes=3,
     places=1,
@@ -87,9 +91,16 @@ def test_streets_are_measured_and_tabled() -> None:
 
 def test_starting_is_measured_in_processor_time() -> None:
     lines = list(startup.lines(runs=1))
-    assert [line.what for line in lines] == ["pavetwin --version", "pavetwin fly, a misspelt world", "import pavetwin"]
+    assert [line.what for line in lines] == [
+        *("pavetwin --version", "pavetwin fly, a misspelt world", "pavetwin fly --help", "import pavetwin")
+    ]
     assert all(line.value > 0 for line in lines)
-    assert [line.target for line in lines] == [0.2, 0.5, None]
+    assert [line.target for line in lines] == [0.2, 0.6, None, None]
+
+
+def test_a_command_that_fails_is_no_measurement() -> None:
+    with pytest.raises(PaveTwinError, match=r"`pavetwin fly no-such-world` failed: Error: "):
+        startup.processor_s(["fly", "no-such-world"])
 
 
 def test_a_world_that_is_not_there_is_one_plain_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -112,6 +123,8 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], list[
         renderer.return_value.gpu = SimpleNamespace(held_bytes=2**20)
         patch.setattr(frames, "Renderer", renderer)
         patch.setattr(frames, "find_adapter", lambda: "none")
+        # Whole commands take seconds each; here their words are checked.
+        patch.setattr(commands, "processor_s", lambda words: float(not pavetwin(*words, "--settings").returncode))
         built = worlds.build(folder / "short", network, defects_per_segment=3)
         lines = [built, *measure(folder / "short", SMOKE, folder, begun.append)]
     return begun, lines, folder
@@ -123,6 +136,7 @@ def test_every_part_measures_something(measured: tuple[list[str], list[Line], Pa
     assert all(math.isfinite(line.value) and line.value > 0 for line in lines if line.kind is not Kind.SECONDS)
     Console(width=100, record=True).print(table(lines))
     assert len({line.what for line in lines}) > 2 * PARTS
+    assert next(line for line in lines if line.what == "pavetwin fly, segments: 1, high traffic recorded").value == 1.0
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from rich.text import Text
 from pavetwin.cli.console import out
 from pavetwin.mission.environment import INSPECT_MPS, capture_interval_s, inspect_speed_mps, window_m
 from pavetwin.mission.found_share import found_share
-from pavetwin.mission.inspected_defects import MissReason, inspected_defects
+from pavetwin.mission.inspected_defects import MissReason
 from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.results import Totals, save_mission, save_missions, totals
 from pavetwin.traffic.demand import density_named
@@ -300,7 +300,7 @@ def missed_lines(results: Sequence["MissionResult"]) -> list[str]:
     """For each mission that missed something, how many defects and why."""
     lines = []
     for result in results:
-        reasons = Counter(outcome.reason for outcome in inspected_defects(result))
+        reasons = Counter(outcome.reason for outcome in result.inspected_defects)
         found = reasons.pop(None, 0)
         if missed := reasons.total():
             whose = f"{result.policy} missed" if len(results) > 1 else "Missed"

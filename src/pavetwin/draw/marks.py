@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from pavetwin.arrays import Float64Array
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
-from pavetwin.mission.inspected_defects import MissReason, inspected_defects
+from pavetwin.mission.inspected_defects import MissReason
 from pavetwin.mission.timeline import Timeline
 from pavetwin.uav import camera_of
 
@@ -37,7 +37,7 @@ class DefectOutcome(StrEnum):
 def outcomes(result: MissionResult) -> dict[int, DefectOutcome]:
     """Of every defect of the inspected segments, and of those confirmed elsewhere in passing."""
     visited = {row.segment for row in result.rows}
-    missed = {each.defect.id: each.reason for each in inspected_defects(result) if not each.is_found}
+    missed = {each.defect.id: each.reason for each in result.inspected_defects if not each.is_found}
     found = {}
     for defect in result.environment.defects:
         confirmation = result.memory.confirmed.get(defect.id)

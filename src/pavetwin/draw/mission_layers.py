@@ -68,12 +68,17 @@ def wait_area(seconds: float, weights: Weights) -> float:
 def draw_surfaces(axes: Axes, result: MissionResult, turn: MapTransform) -> None:
     """The inspected segments: what some captured window covered, and the gaps."""
     index = {segment.id: number for number, segment in enumerate(result.environment.world.segments)}
-    for name in dict.fromkeys(row.segment for row in result.rows):
-        polygon = turn.shape(result.environment.world.segment(name).polygon)
-        corners, _ = windows(result, index[name])
-        covered = shapely.union_all(shapely.polygons(turn.points(corners))) if len(corners) else shapely.Polygon()
-        shapes.fill(axes, [polygon], _SURFACE, GAP)
-        shapes.fill(axes, [shapely.intersection(polygon, covered)], _SURFACE, CAPTURED)
+    names = list(dict.fromkeys(row.segment for row in result.rows))
+    polygons = [turn.shape(result.environment.world.segment(name).polygon) for name in names]
+    shown = shapes.seen(axes, polygons)
+    covered = []
+    for number in shown:
+        corners, _ = windows(result, index[names[number]])
+        if len(corners):
+            captured = shapely.union_all(shapely.polygons(turn.points(corners)))
+            covered.append(shapely.intersection(polygons[number], captured))
+    shapes.fill(axes, [polygons[number] for number in shown], _SURFACE, GAP)
+    shapes.fill(axes, covered, _SURFACE, CAPTURED)
 
 
 def draw_windows(axes: Axes, result: MissionResult, turn: MapTransform, segment: int) -> None:

@@ -10,7 +10,7 @@ import polars as pl
 
 from pavetwin.files import writing
 from pavetwin.mission.fly import MissionResult
-from pavetwin.mission.inspected_defects import HIDDEN, InspectedDefect, inspected_defects
+from pavetwin.mission.inspected_defects import HIDDEN, InspectedDefect
 from pavetwin.world.layers import write_layer
 from pavetwin.world.model import Defect, World
 
@@ -44,7 +44,7 @@ def described(defect: Defect, world: World) -> dict[str, Any]:
 
 def defects_table(result: MissionResult) -> pl.DataFrame:
     """One row a defect of the inspected segments: what it is, whether it was found, and if not, why."""
-    rows = [_row(outcome, result.environment.world) for outcome in inspected_defects(result)]
+    rows = [_row(outcome, result.environment.world) for outcome in result.inspected_defects]
     return pl.DataFrame(rows, schema=_COLUMNS)
 
 

@@ -88,6 +88,13 @@ class MissionResult:
         """How the recorded traffic flows."""
         return None if self.recording is None else flow_of(self.recording)
 
+    @cached_property
+    def inspected_defects(self) -> tuple["InspectedDefect", ...]:
+        """Every defect of the inspected segments: found, or missed and why."""
+        from pavetwin.mission.inspected_defects import inspected_defects
+
+        return inspected_defects(self)
+
     @property
     def settings(self) -> MissionSettings:
         return self.spec.settings
