@@ -30,8 +30,7 @@ impl DefectSampler {
     fn sample(&self, py: Python<'_>, defect: u32) -> PyResult<&[Vec2]> {
         let sample = || {
             let array = self.points_of.call1(py, (defect,)).map_err(Failure::Python)?;
-            let array =
-                array.extract::<PyReadonlyArray2<'_, f64>>(py).map_err(|error| Failure::Python(error.into()))?;
+            let array = array.extract::<PyReadonlyArray2<'_, f64>>(py).map_err(Failure::Python)?;
             points(&array).map_err(Failure::Python)
         };
         self.ground.sample(defect, sample).map_err(Failure::into_python)
