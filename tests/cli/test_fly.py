@@ -98,18 +98,8 @@ def test_the_table_is_printed_before_the_map_is_drawn(
 
 
 def test_a_mission_without_a_map_loads_nothing_that_draws(world: Path, tmp_path: Path) -> None:
-    command = [
-        "fly",
-        str(world),
-        *SHORT,
-        "--no-map",
-        "--policy",
-        "hover",
-        "--policy",
-        "skip",
-        "-o",
-        str(tmp_path / "m"),
-    ]
+    policies = ["--policy", "hover", "--policy", "skip"]
+    command = ["fly", str(world), *SHORT, "--no-map", *policies, "-o", str(tmp_path / "m")]
     script = f"""
 import sys
 sys.argv = {["pavetwin", *command]!r}
@@ -124,7 +114,8 @@ finally:
     assert done.returncode == 0, done.stderr
     assert sorted({"matplotlib", "PIL", "wgpu", "fontTools"} & set(loaded.split())) == []
     assert not (tmp_path / "m" / "map.png").exists()
-    assert told[-1].startswith(f"Results in {tmp_path / 'm'}/: streets.csv, defects.gpkg, ")
+    folder = "mission.parquet, streets.csv, and a folder for each policy with streets.csv, defects.gpkg, "
+    assert told[-1].startswith(f"Results in {tmp_path / 'm'}/: {folder}")
 
 
 @pytest.mark.parametrize("seed", [3, pytest.param(0, marks=pytest.mark.slow)])

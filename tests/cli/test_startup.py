@@ -59,4 +59,4 @@ def test_a_misspelt_command_is_told_the_nearest(
     monkeypatch.setattr(sys, "argv", ["pavetwin", word])
     with pytest.raises(SystemExit):
         main()
-    assert f"Did you mean {meant}?" in capsys.readouterr().err
+    assert f"Did you mean {meant}" in capsys.readouterr().err

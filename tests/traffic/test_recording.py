@@ -195,6 +195,10 @@ def test_key_frames_give_all_poses_back(counts: list[int], length: int, data: st
         tracks = AgentTracks.of(rows, walks, 0.5)
         cut = data.draw(st.integers(1, len(counts) - 1))
         grown = AgentTracks.of(rows.between(0, cut), walks, 0.5)
+        assert grown.begin_alike(tracks)
+        assert tracks.begin_alike(grown)
+        moved = AgentTracks.of(replace(rows, x=rows.x + np.float32(1) * (rows.frame == cut - 1)), walks, 0.5)
+        assert moved.begin_alike(grown) == (counts[cut - 1] == 0)
         grown = grown.followed_by(rows.between(cut, len(counts)), walks, 0.5)
     assert len(tracks.parts) == -(-(len(counts) - 1) // length)
     for each in (tracks, grown):

@@ -133,8 +133,8 @@ fn stretch(read: &Bound<'_, PyAny>, part: usize, agents: usize, step_s: f64) -> 
     let made = || -> PyResult<Result<Stretch, TraceError>> {
         let fields = read.call1((part,))?;
         let step = |name: &str| fields.get_item(name)?.extract::<u32>();
-        let counts = |name: &str| Ok::<_, PyErr>(fields.get_item(name)?.extract::<PyReadonlyArray1<'_, u32>>()?);
-        let values = |name: &str| Ok::<_, PyErr>(fields.get_item(name)?.extract::<PyReadonlyArray1<'_, f32>>()?);
+        let counts = |name: &str| fields.get_item(name)?.extract::<PyReadonlyArray1<'_, u32>>();
+        let values = |name: &str| fields.get_item(name)?.extract::<PyReadonlyArray1<'_, f32>>();
         let (agent, steps) = (counts("agent")?, counts("step")?);
         let (x_m, y_m) = (values("x_m")?, values("y_m")?);
         let (yaw_rad, speed_mps) = (values("yaw_rad")?, values("speed_mps")?);
