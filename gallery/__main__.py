@@ -24,7 +24,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m gallery", description=__doc__)
     parser.add_argument("names", nargs="*", help=f"of {', '.join(PICTURES)}; all unless given")
     parser.add_argument("--photographs", type=Path, help="folder of photographs: makes the sheet of frames beside them")
-    parser.add_argument("--source", help="how their labels are read: a source of `pavetwin dataset import`")
+    parser.add_argument("--source", help="how their labels are read: a source of `pavetwin data import`")
     parser.add_argument("--gsd-mm", type=float, help="their ground resolution; told by painted lines unless given")
     parser.add_argument(
         "--maps", type=Path, help="folder of berlin_neukoelln.osm and seattle_roosevelt.osm: real streets too"

@@ -82,7 +82,7 @@ def main() -> int:
     parser.add_argument("photographs", type=Path, help="folder of photographs of roads from above")
     parser.add_argument("--work", type=Path, default=Path("out/gallery"), help="folder of the town")
     parser.add_argument("--held-out", action="store_true", help="use every second photograph only, by name")
-    parser.add_argument("--source", help="how the photographs' labels are read: a source of `pavetwin dataset import`")
+    parser.add_argument("--source", help="how the photographs' labels are read: a source of `pavetwin data import`")
     parser.add_argument("--gsd-mm", type=float, help="of all photographs; told by painted lines unless given")
     parser.add_argument("--line-width-m", type=float, default=LINE_M, help="width of painted lines in them")
     parser.add_argument("--markings", help="marking standard of the frames' streets, such as china")
