@@ -5,6 +5,8 @@ import re
 import signal
 import socket
 import subprocess
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from urllib.request import urlopen
 
@@ -15,8 +17,12 @@ from scenes.drawn_detector import FILE
 
 
 def test_it_listens_answers_and_ends() -> None:
+    """Told to end while it answers: wherever in the loop the signal arrives."""
     words = command("serve", "--model", FILE, "--port", 0)
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with (
+        subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process,
+        ThreadPoolExecutor(1) as client,
+    ):
         try:
             assert process.stdout is not None
             line = process.stdout.readline()
@@ -24,9 +30,25 @@ def test_it_listens_answers_and_ends() -> None:
             assert found is not None, line
             with urlopen(f"{found[1]}health", timeout=10) as answer:
                 assert json.load(answer)["model"] == "rectangles.onnx"
-        finally:
+            asked = client.submit(ask_until_it_ends, f"{found[1]}health")
+            time.sleep(0.1)
             process.send_signal(signal.SIGTERM)
-        assert process.wait(10) == 143
+            assert process.wait(10) == 143
+        finally:
+            process.kill()
+        assert asked.result() > 0
+
+
+def ask_until_it_ends(address: str) -> int:
+    """How many times it answered."""
+    count = 0
+    try:
+        while True:
+            with urlopen(address, timeout=10) as answer:
+                answer.read()
+            count += 1
+    except OSError:
+        return count
 
 
 @pytest.mark.parametrize(

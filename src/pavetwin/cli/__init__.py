@@ -22,6 +22,9 @@ from pavetwin.errors import PaveTwinError
 INTERRUPTED = 130
 """The exit code after Ctrl-C: of shells, and what typer makes of a KeyboardInterrupt within a command."""
 
+TERMINATED = 143
+"""The exit code after SIGTERM, of shells."""
+
 COMMANDS = (
     *("world", "traffic", "fly", "aircraft", "policy", "sensor", "defect"),
     *("capture", "data", "evaluate", "train", "export", "detect", "serve", "experiment", "demo", "doctor"),
@@ -139,8 +142,7 @@ def _run() -> int:
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
     except _Terminated:
-        fail("Terminated; nothing half-written was left behind.")
-        return 143
+        code = TERMINATED
     except Exception as error:
         if os.environ.get("PAVETWIN_DEBUG"):
             raise
@@ -149,8 +151,8 @@ def _run() -> int:
             "run with PAVETWIN_DEBUG=1 for the traceback."
         )
         return 1
-    if code == INTERRUPTED:
-        fail("Interrupted; nothing half-written was left behind.")
+    if code in (INTERRUPTED, TERMINATED):
+        fail(f"{'Interrupted' if code == INTERRUPTED else 'Terminated'}; nothing half-written was left behind.")
     return code if isinstance(code, int) else 0
 
 

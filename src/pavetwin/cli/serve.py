@@ -1,5 +1,6 @@
 """`pavetwin serve`: the detector as a service for other programs."""
 
+import signal
 import sys
 from typing import Annotated
 
@@ -47,4 +48,14 @@ def serve(
         out.line(f"Listening at http://{shown}:{at}/, which says how to ask; Ctrl-C ends it.")
         sys.stdout.flush()  # whoever started it with a pipe waits for this line
 
-    asyncio.run(serve_forever(server, host, port, tell))
+    async def until_terminated() -> None:
+        """SIGTERM cancels the task: an exception of its handler would be lost where it met the task of a request."""
+        task = asyncio.current_task()
+        assert task is not None
+        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)
+        await serve_forever(server, host, port, tell)
+
+    try:
+        asyncio.run(until_terminated())
+    except asyncio.CancelledError:
+        raise typer.Exit(128 + signal.SIGTERM) from None
