@@ -91,7 +91,11 @@ def _densities(found: Placed) -> Iterator[Row]:
     total = 100 * found.defects.height / found.segments["area_m2"].sum()
     yield "defects on 100 m²", f"{total:.1f}", "–"
     yield "defects a kilometre, by street: 5 %, median, 95 %", _quantiles(streets["per_km"].to_numpy(), 0), "–"
-    yield "σ of the logarithm of the density between streets", f"{stats.street_spread(found):.2f}", "–"
+    yield (
+        "σ of the logarithm of the density between streets, without what small numbers add",
+        f"{stats.street_spread(found):.2f}",
+        "–",
+    )
     holes = towns["number"].sum() / towns["length_m"].sum() * 1000
     ends = f"{towns['per_km'].min():.1f} to {towns['per_km'].max():.1f} by town"
     theirs = _listed((name, f"{value:.1f}") for name, value in POTHOLES_PER_KM.items())

@@ -14,6 +14,7 @@ from PIL import Image
 from pavetwin.datasets.common_form import read_images
 from pavetwin.datasets.importing import import_source
 from pavetwin.datasets.normalise import ImageSize
+from pavetwin.datasets.pictures import picture_size
 from pavetwin.datasets.report import Finding
 from pavetwin.datasets.sources import source_of
 from pavetwin.errors import PaveTwinError
@@ -68,12 +69,20 @@ def half_a_picture(folder: Path) -> None:
     voc(folder / "bad.xml", [("LC", (1, 1, 9, 9))], (256, 256))
 
 
+def chunk(kind: bytes, data: bytes) -> bytes:
+    """Of a PNG."""
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+
+def much_text_behind_the_pixels(folder: Path) -> None:
+    whole = picture(folder / "bad.png", seed=1)
+    text, end = chunk(b"zTXt", b"k\0\0" + zlib.compress(bytes(70 * 2**20))), chunk(b"IEND", b"")
+    whole.write_bytes(whole.read_bytes().removesuffix(end) + text + end)
+    voc(folder / "bad.xml", [("LC", (1, 1, 9, 9))])
+
+
 def a_picture_that_claims(folder: Path, width: int, height: int) -> None:
     """So many pixels, in a few hundred bytes of PNG."""
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
     header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
     rows = chunk(b"IDAT", zlib.compress(bytes(100_000)))
     (folder / "bad.png").write_bytes(b"\x89PNG\r\n\x1a\n" + header + rows + chunk(b"IEND", b""))
@@ -132,6 +141,7 @@ def a_box_twice(folder: Path) -> None:
             "refused bad.xml: the labels are for 64 × 48 pixels, the picture has 80 × 48; the image is left out",
         ),
         (half_a_picture, "refused bad.jpg: the picture is damaged; the image is left out"),
+        (much_text_behind_the_pixels, "refused bad.png: the picture is damaged; the image is left out"),
         (
             a_picture_of_gigabytes,
             "refused bad.png: the picture is too large; at most 100 million pixels are read; the image is left out",
@@ -225,6 +235,40 @@ def test_a_coco_file_that_climbs_out_or_has_no_place(tmp_path: Path) -> None:
         "segmentation; the image is left out",
         "refused broken.json:2: is not JSON (Expecting value)",
     ]
+
+
+@pytest.mark.parametrize(
+    "runs",
+    [
+        {"size": [48, 64], "counts": [2**63 - 1, 2**63 - 1, 48 * 64 + 2]},
+        {"size": [48, 64], "counts": [10**30, 1]},
+        {"size": [float("inf"), 64], "counts": [1]},
+    ],
+)
+def test_a_mask_of_impossible_numbers(tmp_path: Path, runs: dict[str, object]) -> None:
+    """Of which the first ones are the right sum, in 64 bits."""
+    folder = tmp_path / "photos"
+    for seed, name in enumerate(("good", "bad")):
+        picture(folder / "images" / "train" / f"{name}.jpg", seed=seed)
+    images: list[dict[str, object]] = [{"id": 1, "file_name": "good.jpg"}, {"id": 2, "file_name": "bad.jpg"}]
+    annotations: list[dict[str, object]] = [
+        {"id": 1, "image_id": 1, "category_id": 1, "bbox": [1, 2, 3, 4]},
+        {"id": 2, "image_id": 2, "category_id": 1, "segmentation": runs},
+        {"id": 3, "image_id": 3, "category_id": 1, "bbox": [1, 2, 3, 4]},
+    ]
+    images.append({"id": 3, "file_name": "no\0name.jpg"})
+    coco(folder / "annotations" / "instances_train.json", images, annotations, ["Car"])
+    bad, nameless = told("pavetwin", folder)
+    assert bad.startswith("refused annotations/instances_train.json: image 'images/train/bad.jpg': ")
+    assert nameless.endswith("leads out of the folder; the image is left out")
+
+
+def test_an_orientation_that_is_none_is_as_stored(tmp_path: Path) -> None:
+    path = picture(tmp_path / "text.jpg")
+    text = b"Exif\0\0II*\0\x08\0\0\0" + struct.pack("<HHHI4sI", 1, 0x112, 2, 4, b"abc\0", 0)
+    with Image.open(path) as image:
+        image.save(path, exif=text)
+    assert picture_size(path) == (64, 48)
 
 
 def test_what_may_not_be_read_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,7 @@
 """Pictures from anywhere, opened with care, and found by the names of their label files."""
 
 import os
+import struct
 import warnings
 from collections import defaultdict
 from collections.abc import Callable, Iterator
@@ -24,6 +25,9 @@ _CONTAINERS: Final = frozenset(
     {"images", "image", "jpegimages", "img", "labels", "label", "annotations", "annotation", "xmls", "xml", "txt"}
 )
 """Folders that hold pictures or labels beside each other: they do not tell one picture from another."""
+
+_ORIENTATIONS: Final = range(1, 9)
+"""Of EXIF."""
 
 _TURNED: Final = frozenset({5, 6, 7, 8})
 """EXIF orientations that swap width and height."""
@@ -63,8 +67,16 @@ def opened(path: Path) -> Iterator[Image.Image]:
 
 
 def orientation(picture: Image.Image) -> int:
-    """EXIF's orientation, 1 where it is as stored."""
-    return int(picture.getexif().get(0x0112, 1) or 1)
+    """EXIF's orientation, 1 where it is as stored, or where what is said of it is none.
+
+    Raises:
+        PictureError: the picture is damaged.
+    """
+    try:
+        said = picture.getexif().get(0x0112)
+    except (ValueError, struct.error) as error:  # text or EXIF data behind the pixels
+        raise PictureError("the picture is damaged") from error
+    return said if isinstance(said, int) and said in _ORIENTATIONS else 1
 
 
 def picture_size(path: Path) -> tuple[int, int]:
@@ -161,6 +173,10 @@ def files_in(
 
 
 def inside(folder: Path, name: str) -> Path | None:
-    """The file of a name that a label file gives, or None where it leads out of the folder, by `..` or by a link."""
-    path = (folder / name.replace("\\", "/")).resolve()
+    """The file of a name that a label file gives, or None where it leads out of the folder, by `..` or by a link, or
+    is no name of a file."""
+    try:
+        path = (folder / name.replace("\\", "/")).resolve()
+    except ValueError:  # a zero byte
+        return None
     return path if path.is_relative_to(folder.resolve()) else None

@@ -66,7 +66,7 @@ class CocoLayout(LabelLayout):
             pictures.unused.pop(original, None)
             try:
                 objects = tuple(self._object(one, names) for one in annotations)
-            except (ValueError, TypeError, KeyError, IndexError) as error:
+            except (ValueError, TypeError, KeyError, IndexError, OverflowError) as error:
                 words = str(error) if isinstance(error, ValueError) else "an annotation is not as COCO has it"
                 report.add(Finding.REFUSED, labels, f"image '{original}': {words}; the image is left out")
                 continue
@@ -168,7 +168,7 @@ def _mask(runs: Mapping[str, Any]) -> BoolArray:
     counts = runs["counts"]
     if isinstance(counts, str):
         return decode(counts, (height, width))
-    lengths = np.asarray(counts, dtype=np.int64)
-    if lengths.min(initial=0) < 0 or lengths.sum() != height * width:
+    lengths = [int(count) for count in counts]  # of any size: their sum in 64 bits could come round to the right one
+    if min(lengths, default=0) < 0 or sum(lengths) != height * width:
         raise ValueError("run lengths do not fill their mask")
     return np.repeat(np.arange(len(lengths)) % 2 == 1, lengths).reshape((height, width), order="F")
