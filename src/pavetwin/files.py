@@ -16,6 +16,9 @@ from types import ModuleType
 
 from pavetwin.errors import PaveTwinError
 
+PICTURE_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp"})
+"""Of pictures that are read, in lower case."""
+
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """A full disk, a used-up quota, and a file that may not grow."""
 
@@ -117,7 +120,7 @@ def link_or_copy(source: Path, target: Path) -> None:
     target.unlink(missing_ok=True)
     try:
         os.link(source, target)
-    except (OSError, NotImplementedError):
+    except OSError:
         with writing(target) as temporary:
             shutil.copyfile(source, temporary)
 

@@ -112,10 +112,10 @@ def test_without_albumentations_one_line_says_how_to_get_it(
     def missing(name: str) -> None:
         raise ImportError(name)
 
-    augmenting.library.cache_clear()
+    augmenting.albumentations.cache_clear()
     monkeypatch.setattr(augmenting, "import_module", missing)
     refused = plain_refusal(pavetwin("data", "balance", dataset, "-o", tmp_path / "out"))
-    augmenting.library.cache_clear()
+    augmenting.albumentations.cache_clear()
     assert "not installed; get it with `pip install 'pavetwin[augment]'`" in refused
     assert not (tmp_path / "out").exists()
 

@@ -14,6 +14,19 @@ if TYPE_CHECKING:
 Model = Annotated[Path | None, typer.Option("--model", help="ONNX file of `pavetwin export`.")]
 
 
+def named(model: Path | None) -> Path:
+    """The file of a model, which must be there.
+
+    Raises:
+        PaveTwinError: it is not given, or there is none.
+    """
+    if model is None:
+        raise PaveTwinError("Say which model with --model, for example --model model.onnx.")
+    if not model.is_file():
+        raise PaveTwinError(f"`model`: there is no file '{model}'; `pavetwin export RUN output={model}` writes one.")
+    return model
+
+
 def detect(
     source: Annotated[Path, typer.Argument(help="A picture, a video, or a folder of pictures.")],
     model: Model = None,
@@ -46,10 +59,7 @@ def detect(
 
     Needs onnxruntime (`pip install pavetwin\\[detect]`), and no PyTorch.
     """
-    if model is None:
-        raise PaveTwinError("Say which model with --model, for example --model model.onnx.")
-    if not model.is_file():
-        raise PaveTwinError(f"`model`: there is no file '{model}'; `pavetwin export RUN output={model}` writes one.")
+    path = named(model)
     if output is None:
         raise PaveTwinError("Say where the results go with -o, for example -o found.")
     if output.exists() and (not output.is_dir() or any(output.iterdir())) and not force:
@@ -57,7 +67,7 @@ def detect(
     from pavetwin.perception.inference import Detector
     from pavetwin.perception.results.detect_folder import detect_source
 
-    detector = Detector(model, confidence=confidence, overlap=overlap, tiled=tiled, image_px=image)
+    detector = Detector(path, confidence=confidence, overlap=overlap, tiled=tiled, image_px=image)
     with progress("Detecting", lines=True) as tell:
         outcome = detect_source(detector, source, output, every_s=every, gsd_mm=gsd_mm, pictures=pictures, tell=tell)
     _tell(outcome, output, pictures=pictures)

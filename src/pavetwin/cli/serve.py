@@ -7,8 +7,7 @@ from typing import Annotated
 import typer
 
 from pavetwin.cli.console import out
-from pavetwin.cli.detect import Model
-from pavetwin.errors import PaveTwinError
+from pavetwin.cli.detect import Model, named
 
 
 def serve(
@@ -30,10 +29,7 @@ def serve(
 
     Only this machine is answered unless --host says otherwise; there is no password and no encryption.
     """
-    if model is None:
-        raise PaveTwinError("Say which model with --model, for example --model model.onnx.")
-    if not model.is_file():
-        raise PaveTwinError(f"`model`: there is no file '{model}'; `pavetwin export RUN output={model}` writes one.")
+    path = named(model)
     import asyncio
 
     from pavetwin.perception.inference import Detector
@@ -41,7 +37,7 @@ def serve(
     from pavetwin.perception.serving.uploads import ServerLimits
 
     limits = ServerLimits(upload_mb=upload_mb, megapixels=megapixels)
-    server = PredictionServer(Detector(model, confidence=confidence, tiled=tiled), model.name, limits)
+    server = PredictionServer(Detector(path, confidence=confidence, tiled=tiled), path.name, limits)
     shown = f"[{host}]" if ":" in host else host
 
     def tell(at: int) -> None:

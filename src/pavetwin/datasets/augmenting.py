@@ -20,8 +20,8 @@ FULL_SCALE: Final = 255.0
 
 
 @cache
-def library() -> Any:
-    """Albumentations, which an extra installs.
+def albumentations() -> Any:
+    """The library, which an extra installs.
 
     Raises:
         PaveTwinError: it is not installed; the message says how to get it.
@@ -46,24 +46,24 @@ def changed_picture(picture: UInt8Array, change: ImageChange) -> UInt8Array:
     height, width = picture.shape[:2]
     steps: list[Any] = []
     if change.is_flipped:
-        steps.append(library().HorizontalFlip(p=1.0))
+        steps.append(albumentations().HorizontalFlip(p=1.0))
     if change.rotation_deg:
         left, top, right, bottom = shown_window((width, height), change.rotation_deg)
         angle = change.rotation_deg
         # The border shows only where interpolation reaches over it.
-        steps.append(library().Rotate(limit=(angle, angle), border_mode=cv2.BORDER_REFLECT_101, p=1.0))
-        steps.append(library().Crop(x_min=left, y_min=top, x_max=right, y_max=bottom, p=1.0))
+        steps.append(albumentations().Rotate(limit=(angle, angle), border_mode=cv2.BORDER_REFLECT_101, p=1.0))
+        steps.append(albumentations().Crop(x_min=left, y_min=top, x_max=right, y_max=bottom, p=1.0))
     if change.brightness or change.contrast:
         # It scales about black; the picture's mean shall stay where it is.
         brightness = change.brightness - change.contrast * float(picture.mean()) / FULL_SCALE
         steps.append(
-            library().RandomBrightnessContrast(
+            albumentations().RandomBrightnessContrast(
                 brightness_limit=(brightness, brightness), contrast_limit=(change.contrast, change.contrast), p=1.0
             )
         )
     if change.noise:
-        steps.append(library().GaussNoise(std_range=(change.noise, change.noise), p=1.0))
+        steps.append(albumentations().GaussNoise(std_range=(change.noise, change.noise), p=1.0))
     # Of whole numbers it would cut off the noise towards zero.
     exact = np.divide(picture, FULL_SCALE, dtype=np.float32)
-    result: Float32Array = library().Compose(steps, seed=change.noise_seed)(image=exact)["image"]
+    result: Float32Array = albumentations().Compose(steps, seed=change.noise_seed)(image=exact)["image"]
     return np.rint(result.clip(0.0, 1.0) * FULL_SCALE).astype(np.uint8)

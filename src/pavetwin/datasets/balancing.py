@@ -22,7 +22,7 @@ from pavetwin.config.base import Settings
 from pavetwin.datasets.ahead import made_ahead
 from pavetwin.datasets.allocation import TOLERANCE, CopyPlan, plan_copies
 from pavetwin.datasets.annotated import AnnotatedImage, class_names
-from pavetwin.datasets.augmenting import changed_picture, library
+from pavetwin.datasets.augmenting import albumentations, changed_picture
 from pavetwin.datasets.changes import COPY_OF, ImageChange, changed
 from pavetwin.datasets.common_form import (
     ANNOTATIONS,
@@ -128,7 +128,7 @@ def balance(
         PaveTwinError: Albumentations is not installed, the folder holds no finished dataset, or the output holds
             another one or cannot be written.
     """
-    library()
+    albumentations()
     made_by = {"made_by": "balance", "dataset": described(folder), "settings": settings.model_dump(), "seed": seed}
     if folder.resolve() == output.resolve():
         raise PaveTwinError("The balanced dataset needs a folder of its own.")

@@ -29,12 +29,12 @@ from pavetwin.datasets.common_form import (
 from pavetwin.datasets.convert import convert
 from pavetwin.datasets.layouts.base import RawImage
 from pavetwin.datasets.normalise import ImageSize, ImageView, encoded_views, kept_as_it_is, seen_through, views
-from pavetwin.datasets.pictures import SUFFIXES, PictureError, files_in, picture_size
+from pavetwin.datasets.pictures import PictureError, files_in, picture_size
 from pavetwin.datasets.report import FILE as REPORT
 from pavetwin.datasets.report import Finding, Report
 from pavetwin.datasets.sources import DatasetSource
 from pavetwin.errors import PaveTwinError, no_such
-from pavetwin.files import staging_folder, working_in
+from pavetwin.files import PICTURE_SUFFIXES, staging_folder, working_in
 
 LONGEST_NAME: Final = 100
 """Characters of an image's name: file systems allow 255 bytes, and composites and copies add to it."""
@@ -93,7 +93,7 @@ def import_source(
         else:
             report.add(Finding.REFUSED, place, "the folder cannot be read; what is in it is left out")
 
-    pictures = files_in(folder, SUFFIXES, on_closed)
+    pictures = files_in(folder, PICTURE_SUFFIXES, on_closed)
     if not pictures:
         raise PaveTwinError(f"'{folder}' holds no picture; give the folder that the dataset was unpacked to.")
     for path in sorted(backgrounds - set(pictures)):
@@ -127,7 +127,7 @@ def _fingerprint(folder: Path) -> str:
     With it, labels that were corrected and pictures that were exchanged are not taken for those imported before.
     """
     digest = sha256()
-    for path in files_in(folder, SUFFIXES | _LABEL_SUFFIXES):
+    for path in files_in(folder, PICTURE_SUFFIXES | _LABEL_SUFFIXES):
         file = folder / path
         try:
             told = str(file.stat().st_size)

@@ -13,7 +13,7 @@ from unicodedata import normalize
 import numpy as np
 from PIL import Image
 
-SUFFIXES: Final = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp"})
+from pavetwin.files import PICTURE_SUFFIXES
 
 _FORMATS: Final = ("JPEG", "PNG", "BMP", "TIFF", "WEBP")
 """Pillow's other readers, some of which start programs, are never asked."""
@@ -119,7 +119,7 @@ class PictureIndex:
         self._by_stem: dict[str, list[str]] = defaultdict(list)
         self.unused: dict[str, None] = {}
         """Those that were not asked for yet, in order."""
-        for name in files_in(folder, SUFFIXES):
+        for name in files_in(folder, PICTURE_SUFFIXES):
             path = PurePosixPath(name)
             if not path.stem.endswith(ending):
                 continue

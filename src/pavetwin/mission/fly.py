@@ -3,7 +3,7 @@
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -78,10 +78,6 @@ class MissionResult:
     """Everything that happened, in the order of time."""
     recording: Recording | None = None
     """The recorded traffic; None where it was handed in as a value."""
-    _inspected_defects: "list[tuple[InspectedDefect, ...]]" = field(
-        default_factory=list, init=False, repr=False, compare=False
-    )
-    """Their outcomes, once they were asked for: they take a walk through the recorded traffic."""
 
     @cached_property
     def flow(self) -> Flow | None:
@@ -90,7 +86,7 @@ class MissionResult:
 
     @cached_property
     def inspected_defects(self) -> tuple["InspectedDefect", ...]:
-        """Every defect of the inspected segments: found, or missed and why."""
+        """Every defect of the inspected segments: found, or missed and why. Judged once: it is slow."""
         from pavetwin.mission.inspected_defects import inspected_defects
 
         return inspected_defects(self)

@@ -104,10 +104,7 @@ class InspectedDefect:
 
 def inspected_defects(result: MissionResult) -> tuple[InspectedDefect, ...]:
     """The outcome of every defect of the inspected segments, in the order of inspection."""
-    known = result._inspected_defects
-    if not known:
-        known.append(tuple(_Judge(result).outcomes()))
-    return known[0]
+    return tuple(_Judge(result).outcomes())
 
 
 def captured_frame(result: MissionResult, capture: int) -> Frame:

@@ -11,10 +11,9 @@ from PIL import Image
 
 from pavetwin.arrays import UInt8Array
 from pavetwin.errors import PaveTwinError
+from pavetwin.files import PICTURE_SUFFIXES
 from pavetwin.perception.inference.detector import pixels_of
 from pavetwin.perception.results.photograph import PhotographPose, pose_of
-
-PICTURES: Final = frozenset({".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff"})
 
 VIDEOS: Final = frozenset({".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm"})
 
@@ -53,9 +52,9 @@ def source_images(source: Path, every_s: float = 1.0) -> Iterator[SourceImage]:
 
 
 def _of_folder(folder: Path) -> Iterator[SourceImage]:
-    files = sorted(each for each in folder.rglob("*") if each.suffix.lower() in PICTURES and each.is_file())
+    files = sorted(each for each in folder.rglob("*") if each.suffix.lower() in PICTURE_SUFFIXES and each.is_file())
     if not files:
-        kinds = ", ".join(sorted(each.removeprefix(".") for each in PICTURES))
+        kinds = ", ".join(sorted(each.removeprefix(".") for each in PICTURE_SUFFIXES))
         raise PaveTwinError(f"There is no picture in '{folder}' or the folders within ({kinds}).")
     return (
         SourceImage(file.relative_to(folder).as_posix(), lambda file=file: _read(file), at / len(files))  # type: ignore[misc]
