@@ -237,6 +237,20 @@ def test_a_coco_file_that_climbs_out_or_has_no_place(tmp_path: Path) -> None:
     ]
 
 
+def test_a_coco_name_that_is_too_long_for_a_file_is_its_own_fault_alone(tmp_path: Path) -> None:
+    folder = tmp_path / "photos"
+    picture(folder / "images" / "train" / "good.jpg")
+    images: list[dict[str, object]] = [{"id": 1, "file_name": "a" * 6000 + ".jpg"}, {"id": 2, "file_name": "good.jpg"}]
+    annotations: list[dict[str, object]] = [
+        {"id": number, "image_id": number, "category_id": 1, "bbox": [1, 2, 3, 4]} for number in (1, 2)
+    ]
+    coco(folder / "annotations" / "instances_train.json", images, annotations, ["Car"])
+    (line,) = told("pavetwin", folder)
+    assert line.startswith("note annotations/instances_train.json: there is no picture 'aaaa")
+    assert line.endswith("aaa.jpg'; left out")
+    assert len(line) < 500
+
+
 @pytest.mark.parametrize(
     "runs",
     [

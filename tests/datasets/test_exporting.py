@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 import supervision as sv
 from pycocotools.coco import COCO
+from pycocotools.cocoeval import COCOeval
 
 from pavetwin.datasets.annotated import AnnotatedImage, Annotation, class_names
 from pavetwin.datasets.common_form import annotation_path, as_xml, read_images, write_description
@@ -80,13 +81,13 @@ def test_polygons_are_there_for_images_whose_labels_have_outlines(exported: Path
 def test_coco_is_read_by_pycocotools(exported: Path) -> None:
     cocos = {split: COCO(str(exported / f"annotations/instances_{split}.json")) for split in ("train", "val", "test")}
     ids = [each["id"] for coco in cocos.values() for each in coco.dataset["annotations"]]
-    assert len(ids) == len(set(ids)) == 1 + 3 + 2
+    assert len(ids) == len(set(ids)) == 1 + len(class_names()) + 2
     first = cocos[place(exported, "a")]
     pothole, *blocks = first.dataset["annotations"]
     assert pothole["bbox"] == [10, 20, 20, 20]
     assert first.loadCats(pothole["category_id"])[0]["name"] == "Pothole"
     assert first.annToMask(pothole).sum() == pytest.approx(200, abs=30)
-    assert [first.loadCats(each["category_id"])[0]["name"] for each in blocks] == list(class_names()[:3])
+    assert [first.loadCats(each["category_id"])[0]["name"] for each in blocks] == list(class_names())
     assert all(each["iscrowd"] == 1 and first.annToMask(each).sum() == 16 for each in blocks)
     (image,) = first.dataset["images"]
     assert (image["gsd_mm"], image["group"], image["source"]) == (2.5, "a", "uapd")
@@ -95,6 +96,26 @@ def test_coco_is_read_by_pycocotools(exported: Path) -> None:
         (0, None, {"kind": "van"}),
         (1, "hidden", {}),
     ]
+
+
+def test_what_a_region_of_no_class_hides_is_neither_right_nor_wrong(exported: Path) -> None:
+    """By COCO's own evaluation, class by class: a detection in it is left out, and one beside it counts."""
+    truth = COCO(str(exported / f"annotations/instances_{place(exported, 'a')}.json"))
+    (image,) = truth.dataset["images"]
+    pothole = truth.getCatIds(["Pothole"])[0]
+    left, top, right, bottom = BLOCK.box
+    for category in truth.getCatIds():
+        right_one = {"image_id": image["id"], "category_id": pothole, "bbox": [10, 20, 20, 20], "score": 0.5}
+        for corner, expected in (((left, top), 0), ((50, 0), 1)):
+            box = [*corner, right - left, bottom - top]
+            other = {"image_id": image["id"], "category_id": category, "bbox": box, "score": 0.9}
+            evaluation = COCOeval(truth, truth.loadRes([right_one, other]), "bbox")
+            evaluation.evaluate()
+            counted = [each for each in evaluation.evalImgs if each is not None and each["aRng"] == [0, 1e10]]
+            wrong = sum(
+                int((~each["dtIgnore"][0].astype(bool) & (each["dtMatches"][0] == 0)).sum()) for each in counted
+            )
+            assert wrong == expected, (category, corner)
 
 
 @pytest.mark.parametrize("layout", ["coco", "yolo"])

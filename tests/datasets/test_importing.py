@@ -99,7 +99,7 @@ def test_another_import_into_the_same_folder_is_refused(photos: Path, tmp_path: 
         run(photos, tmp_path / "mine")
 
 
-@pytest.mark.parametrize("change", ["a label", "a picture", "no picture"])
+@pytest.mark.parametrize("change", ["a label", "a picture", "a picture of as many bytes", "no picture"])
 def test_input_that_changed_is_not_taken_for_what_was_imported(photos: Path, tmp_path: Path, change: str) -> None:
     mine = tmp_path / "mine"
     shutil.copytree(photos, mine, copy_function=shutil.copy)
@@ -108,6 +108,9 @@ def test_input_that_changed_is_not_taken_for_what_was_imported(photos: Path, tmp
     if change == "a label":
         label = next(path for path in sorted(mine.rglob("*.txt")) if path.read_text())
         label.write_text(label.read_text().replace("0.5", "0.4"))
+    elif change == "a picture of as many bytes":
+        shown = next(path for path in sorted(mine.rglob("*.jpg")))
+        shown.write_bytes(shown.read_bytes()[:-1] + b"\0")
     else:
         shown = next(path for path in sorted(mine.rglob("*.jpg")))
         shown.unlink()

@@ -2,23 +2,31 @@
 
 import shutil
 import tracemalloc
+from collections import defaultdict
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 from PIL import Image
 
 from pavetwin.datasets import overlaps
-from pavetwin.datasets.common_form import read_images
+from pavetwin.datasets.annotated import AnnotatedImage, Annotation
+from pavetwin.datasets.common_form import annotation_path, as_xml, read_images, write_description
 from pavetwin.datasets.duplicates import alike, read_grey, thumbnail
 from pavetwin.datasets.importing import import_source
 from pavetwin.datasets.merging import merge
 from pavetwin.datasets.normalise import ImageSize
 from pavetwin.datasets.sources import source_of
+from pavetwin.datasets.splitting import split_groups
 from pavetwin.errors import PaveTwinError
 from scenes.photographs import picture, voc, yolo
+
+BOX = (1, 1, 50, 50)
 
 
 def made(source: str, folder: Path) -> Path:
@@ -84,6 +92,57 @@ def test_pictures_of_one_place_are_one_scene(tmp_path: Path) -> None:
     assert "one-set/highrpd-1: shows the same place as one-set/highrpd-0; their scenes are one" in map(
         str, summary.report
     )
+
+
+FORMS = ("itself", "compressed again", "shifted")
+
+
+def variant(place: int, form: str) -> bytes:
+    """A picture of a place: the same bytes, the same photograph, or a neighbouring frame."""
+    grey = np.random.default_rng(place).integers(40, 216, (16, 16), dtype=np.uint8)
+    whole = Image.fromarray(grey).resize((136, 136), Image.Resampling.BICUBIC)
+    left = 2 if form == "shifted" else 0
+    held = BytesIO()
+    whole.crop((left, 0, left + 128, 128)).save(held, "JPEG", quality=70 if form == "compressed again" else 90)
+    return held.getvalue()
+
+
+@given(
+    st.lists(
+        st.tuples(st.booleans(), st.integers(0, 5), st.integers(0, 4), st.sampled_from(FORMS)), min_size=2, max_size=9
+    )
+)
+@example([(False, 0, 0, "itself"), (False, 1, 1, "itself"), (True, 0, 2, "itself"), (True, 2, 2, "itself")])
+@example([(False, 0, 0, "itself"), (True, 0, 2, "compressed again"), (True, 2, 2, "itself")])
+@settings(max_examples=10, deadline=None)
+def test_what_places_or_scenes_connect_is_in_one_split(pictures: list[tuple[bool, int, int, str]]) -> None:
+    """Pictures connect their scenes, also those that are dropped as the same: flights whose pictures are in two
+    datasets are one."""
+    with TemporaryDirectory() as folder:
+        datasets = [Path(folder) / each for each in ("one", "two")]
+        for dataset in datasets:
+            (dataset / "Annotations").mkdir(parents=True)
+            (dataset / "JPEGImages").mkdir()
+            write_description(dataset, {"complete": True, "name": dataset.name})
+        above: dict[object, object] = {}
+
+        def of(node: object) -> object:
+            return of(above[node]) if node in above else node
+
+        for number, (is_second, place, flight, form) in enumerate(pictures):
+            scene, name = f"{int(is_second)}:{flight}", f"i{number}"
+            image = AnnotatedImage(name, ".jpg", (128, 128), "s", name, scene, annotations=(Annotation("Car", BOX),))
+            (datasets[is_second] / "JPEGImages" / image.picture).write_bytes(variant(place, form))
+            annotation_path(datasets[is_second], name).write_bytes(as_xml(image))
+            if of(place) != of(scene):
+                above[of(scene)] = of(place)
+        merged = merge(datasets, Path(folder) / "all").folder
+        splits = split_groups(read_images(merged), (1.0, 0.0, 0.0), seed=0).splits
+        connected: dict[object, set[str]] = defaultdict(set)
+        for image in read_images(merged):
+            connected[of(pictures[int(image.name[1:])][1])].add(image.group)
+        assert all(len(groups) == 1 for groups in connected.values())
+        assert len(splits) == len(connected)
 
 
 def test_uapd_and_the_china_drone_subset_share_pictures(shared_file: Callable[[str], Path], tmp_path: Path) -> None:

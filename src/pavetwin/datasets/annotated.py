@@ -34,7 +34,7 @@ class Annotation:
     """One labelled thing, or a region that is neither an object nor background."""
 
     category: str | None
-    """One of `class_names()`; None for an ignored region that may be damage of any class."""
+    """One of `class_names()`; None for an ignored region, which may hide objects of any class."""
     box: PixelBox
     ignored: str | None = None
     """Why it counts neither as an object nor as background; None for what is labelled."""

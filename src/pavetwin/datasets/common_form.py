@@ -2,7 +2,7 @@
 
 `Annotations/NAME.xml` and `JPEGImages/NAME.jpg`; an image is in the dataset when its XML file is there, which is
 written last. Boxes count pixels from 1 and include their last. Ignored annotations are `difficult`, which VOC's own
-evaluation leaves out; a region that may be damage of any class has the name `ignored`.
+evaluation leaves out; a region of no class has the name `ignored`.
 """
 
 import re
@@ -24,7 +24,7 @@ PICTURES: Final = "JPEGImages"
 FORMAT: Final = 1
 """Of these files; a dataset of another format is not read."""
 
-ANY_DAMAGE: Final = "ignored"
+NO_CLASS: Final = "ignored"
 
 _FORBIDDEN: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What XML 1.0 cannot hold."""
@@ -53,7 +53,7 @@ def as_xml(image: AnnotatedImage) -> bytes:
 
 def _add(root: ElementTree.Element, annotation: Annotation) -> None:
     node = ElementTree.SubElement(root, "object")
-    name, is_ignored = annotation.category or ANY_DAMAGE, annotation.ignored is not None
+    name, is_ignored = annotation.category or NO_CLASS, annotation.ignored is not None
     _texts(node, name=name, pose="Unspecified", truncated=0, difficult=int(is_ignored))
     left, top, right, bottom = annotation.box
     _texts(ElementTree.SubElement(node, "bndbox"), xmin=left + 1, ymin=top + 1, xmax=right, ymax=bottom)
@@ -111,7 +111,7 @@ def _annotation(node: Element) -> Annotation:
     left, top, right, bottom = (int(_text(corners, tag)) for tag in ("xmin", "ymin", "xmax", "ymax"))
     outline = extra.value("outline")
     return Annotation(
-        category=None if name == ANY_DAMAGE else name,
+        category=None if name == NO_CLASS else name,
         box=(left - 1, top - 1, right, bottom),
         ignored=extra.value("ignored"),
         outline=_corners(outline) if outline is not None else None,

@@ -271,15 +271,15 @@ def _road(image: AnnotatedImage, picture: UInt8Array, settings: CompositeSetting
 
 
 def _taken(image: AnnotatedImage) -> BoolArray:
-    """Where people, vehicles and ignored things of other kinds than damage stand."""
+    """Where people and vehicles stand, and where something may that is ignored: all that is not damage by its class."""
     return _filled(image, lambda category: category not in defect_names())
 
 
-def _filled(image: AnnotatedImage, is_wanted: Callable[[str], bool]) -> BoolArray:
+def _filled(image: AnnotatedImage, is_wanted: Callable[[str | None], bool]) -> BoolArray:
     """What the image's annotations of some classes cover."""
     covers = np.zeros(image.size_px[::-1], dtype=np.bool_)
     for each in image.annotations:
-        if each.category is not None and is_wanted(each.category):
+        if is_wanted(each.category):
             covers |= filled(each, image.size_px)
     return covers
 

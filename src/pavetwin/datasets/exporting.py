@@ -2,8 +2,8 @@
 
 - `yolo`: `images/SPLIT`, `labels/SPLIT`, `data.yaml`. Ignored regions cannot be told and are left out.
 - `yolo-seg`: the same below `yolo-seg`, one polygon a line; only images whose labels all have an outline.
-- `coco`: `annotations/instances_SPLIT.json`. Ignored regions have `iscrowd` 1 and run lengths of their box; one that
-  may be damage of any class is there once for each class of defects, since COCO matches class by class.
+- `coco`: `annotations/instances_SPLIT.json`. Ignored regions have `iscrowd` 1 and run lengths of their box; one
+  of no class is there once for each class, since COCO matches class by class.
 """
 
 import json
@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from pavetwin.datasets.annotated import AnnotatedImage, Annotation, class_names, defect_names
+from pavetwin.datasets.annotated import AnnotatedImage, Annotation, class_names
 from pavetwin.datasets.common_form import PICTURES, annotation_path, read_image, write_description
 from pavetwin.datasets.importing import check_same
 from pavetwin.datasets.merging import described
@@ -143,7 +143,7 @@ def _rows(number: int, image: AnnotatedImage) -> Iterator[dict[str, Any]]:
             "original": each.original,
             "attributes": dict(each.attributes),
         }
-        for category in defect_names() if each.category is None else (each.category,):
+        for category in class_names() if each.category is None else (each.category,):
             yield {"category_id": ids[category], **row}
 
 

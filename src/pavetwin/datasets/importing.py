@@ -122,7 +122,7 @@ def import_source(
 
 
 def _fingerprint(folder: Path) -> str:
-    """SHA-256 of what a source's folder holds: the names and sizes of pictures, and the content of label files.
+    """SHA-256 of what a source's folder holds: the names and contents of pictures, masks and label files.
 
     With it, labels that were corrected and pictures that were exchanged are not taken for those imported before.
     """
@@ -130,10 +130,8 @@ def _fingerprint(folder: Path) -> str:
     for path in files_in(folder, PICTURE_SUFFIXES | _LABEL_SUFFIXES):
         file = folder / path
         try:
-            told = str(file.stat().st_size)
-            if file.suffix.lower() in _LABEL_SUFFIXES:
-                with file.open("rb") as labels:
-                    told = file_digest(labels, "sha256").hexdigest()
+            with file.open("rb") as stream:
+                told = file_digest(stream, "sha256").hexdigest()
         except OSError:
             told = "unreadable"
         digest.update(os.fsencode(f"{path}\0{told}\0"))

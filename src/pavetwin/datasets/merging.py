@@ -2,8 +2,8 @@
 
 1. Of pictures that are the same (`duplicates.SAME`, or the same file) the first is kept, in the order in which the
    datasets are given and then by name. The others are dropped, with their labels.
-2. Pictures that show one place, as a whole (`duplicates.ALIKE`) or where they overlap (`overlaps`), become one scene
-   with all of their scenes' images, so that a split cannot put them on both sides.
+2. Pictures that show one place, those that are dropped too, as a whole (`duplicates.ALIKE`) or where they overlap
+   (`overlaps`), become one scene with all of their scenes' images, so that a split cannot put them on both sides.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -100,7 +100,7 @@ def described(folder: Path) -> dict[str, str]:
 
 def _sorted_out(places: list[ImagePlace], report: Report, on_progress: OnMerge) -> tuple[list[ImagePlace], _Scenes]:
     """The images that are kept, and their scenes."""
-    scenes, hashes = _Scenes(), dict[str, ImagePlace]()
+    scenes, hashes = _Scenes(), dict[str, tuple[ImagePlace, str]]()
     readable: list[ImagePlace] = []
     groups: list[str] = []
     rows: list[Float32Array] = []
@@ -111,27 +111,28 @@ def _sorted_out(places: list[ImagePlace], report: Report, on_progress: OnMerge) 
         if isinstance(found, PictureError):
             report.add(Finding.REFUSED, _told(place), f"{found}; the image is left out")
             continue
-        if (first := hashes.setdefault(found.sha256, place)) != place:
-            report.add(Finding.DROPPED, _told(place), f"the same picture as {_told(first)}")
+        scene = read_image(annotation_path(folder, name)).group
+        if (first := hashes.setdefault(found.sha256, (place, scene)))[0] != place:
+            report.add(Finding.DROPPED, _told(place), f"the same picture as {_told(first[0])}")
+            scenes.join(first[1], scene)
             continue
         readable.append(place)
         rows.append(found.thumbnail)
         described.append(found.features)
-        groups.append(read_image(annotation_path(folder, name)).group)
+        groups.append(scene)
     dropped: set[int] = set()
     for one, other, correlation in alike(np.array(rows, dtype=np.float32)) if rows else ():
-        if one in dropped or other in dropped:
-            continue
-        if correlation >= SAME:
+        are_two = scenes.join(groups[one], groups[other])
+        if correlation >= SAME and not {one, other} & dropped:
             dropped.add(other)
             report.add(Finding.DROPPED, _told(readable[other]), f"the same picture as {_told(readable[one])}")
-        elif scenes.join(groups[one], groups[other]):
+        elif are_two:
             words = f"shows the same place as {_told(readable[one])}; their scenes are one"
             report.add(Finding.NOTE, _told(readable[other]), words)
     pairs = list(candidates(described))
     for done, (one, other) in enumerate(pairs, start=1):
         on_progress(done / len(pairs), f"Comparing places {done}/{len(pairs)}")
-        if one in dropped or other in dropped or scenes.of(groups[one]) == scenes.of(groups[other]):
+        if scenes.of(groups[one]) == scenes.of(groups[other]):
             continue
         if overlap(described[one], described[other]):
             scenes.join(groups[one], groups[other])

@@ -180,3 +180,11 @@ def inside(folder: Path, name: str) -> Path | None:
     except ValueError:  # a zero byte
         return None
     return path if path.is_relative_to(folder.resolve()) else None
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is a file; none is where the path is longer than the system allows."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False

@@ -15,6 +15,9 @@ FILE: Final = "report.csv"
 MOST: Final = 20_000
 """Lines that are kept; more are only counted, so that memory does not grow with the dataset."""
 
+LONGEST: Final = 400
+"""Characters of a finding's words: names and classes in files of others may be of any length."""
+
 
 class Finding(StrEnum):
     """What was done."""
@@ -61,6 +64,7 @@ class Report:
             alike: what is found again under this key is counted with the first, and has no line of its own.
         """
         self.counts[finding] += 1
+        text = text if len(text) <= LONGEST else f"{text[: LONGEST // 2]}…{text[-LONGEST // 2 :]}"
         key: object = (finding, alike) if alike is not None else len(self._problems)
         if (known := self._problems.get(key)) is not None:
             known.count += 1

@@ -12,7 +12,7 @@ from pavetwin.datasets.annotated import Polygon
 from pavetwin.datasets.layouts.base import LabelLayout, RawImage, RawObject, unlabelled
 from pavetwin.datasets.layouts.coco_file import CocoFile, CocoFileError, as_id, coco_file
 from pavetwin.datasets.layouts.yolo import box_around
-from pavetwin.datasets.pictures import PictureIndex, files_in, inside
+from pavetwin.datasets.pictures import PictureIndex, files_in, inside, is_file
 from pavetwin.datasets.report import Finding, Report
 from pavetwin.labels.boxes import FloatBox
 from pavetwin.labels.outlines import outline
@@ -94,7 +94,7 @@ class CocoLayout(LabelLayout):
             return None
         for place in self.picture_places(labels):
             path = inside(folder, f"{place}/{name}")
-            if path is not None and path.is_file():
+            if path is not None and is_file(path):
                 return path
         report.add(Finding.NOTE, labels, f"there is no picture '{name}'; left out", alike=f"missing in {labels}")
         return None
