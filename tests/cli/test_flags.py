@@ -70,6 +70,7 @@ USUAL: dict[str, tuple[str, ...]] = {
     "fly": ("town", "-o", "new"),
     "capture make": ("town", "-o", "new"),
     "evaluate": ("new.json", "town", "-o", "new"),
+    "data composite --shares": ("town", "-o", "new", "--roads", "uapd"),
     "data import": ("uav-cars", "town", "-o", "new"),
     "data pack": ("roads", "-o", "new"),
     "detect": ("town", "-o", "new"),

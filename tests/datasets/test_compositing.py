@@ -1,6 +1,6 @@
 """People and vehicles on the roads of other images: a dataset with composites, and that it is the same again."""
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
@@ -19,11 +19,13 @@ from pavetwin.datasets.normalise import ImageSize
 from pavetwin.datasets.report import Report
 from pavetwin.datasets.sources import source_of
 from pavetwin.datasets.sources.pavetwin_capture import CaptureLayout
+from pavetwin.datasets.splitting import split_dataset, split_names
 from scenes.command_line import pavetwin, plain_refusal
 from scenes.photographs import pavement, voc, with_car, yolo
 
 SIZE = (320, 240)
 SETTINGS = CompositeSettings(objects=("uav-cars",), roads=("uapd",), share=1.0, gap_m=6)
+ALL_TRAIN = (1.0, 0.0, 0.0)
 
 
 def saved(path: Path, picture: np.ndarray) -> Path:
@@ -56,7 +58,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def composed(dataset: Path) -> CompositeSummary:
-    return compose(dataset, dataset.parent / "composed", SETTINGS)
+    return compose(dataset, dataset.parent / "composed", SETTINGS, shares=ALL_TRAIN)
 
 
 def content(folder: Path) -> dict[str, str]:
@@ -93,14 +95,76 @@ def test_cars_stand_on_roads_as_large_as_they_are(dataset: Path, composed: Compo
 
 def test_resumed_or_again_it_is_the_same_bytes(dataset: Path, composed: CompositeSummary, tmp_path: Path) -> None:
     for _ in range(2):
-        compose(dataset, tmp_path / "again", SETTINGS)
+        compose(dataset, tmp_path / "again", SETTINGS, shares=ALL_TRAIN)
         assert content(tmp_path / "again") == content(composed.folder)
         next((tmp_path / "again" / "Annotations").glob("*-composite.xml")).unlink()
         next((tmp_path / "again" / "CutOuts").glob("uav-cars-*.json")).unlink()
+        (tmp_path / "again" / "Annotations" / "uapd-1.xml").unlink()
     # What is told of composites that were there already is told again.
     assert any("no other Car fits" in each.text for each in composed.report)
-    compose(dataset, tmp_path / "other", SETTINGS, seed=1)
+    compose(dataset, tmp_path / "other", SETTINGS, seed=1, shares=ALL_TRAIN)
     assert content(tmp_path / "other") != content(composed.folder)
+
+
+@pytest.fixture(scope="module")
+def towns(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Eight films of one car each and twelve roads, every one a scene of its own."""
+    folder = tmp_path_factory.mktemp("towns")
+    for number in range(8):
+        x, y = 60 + 28 * number, 60 + 17 * number
+        saved(folder / "cars" / f"film{number}-0.jpg", with_car(pavement(SIZE, 20 + number), (x, y), 60))
+        yolo(folder / "cars" / f"film{number}-0.txt", f"0 {x / 320} {y / 240} 0.1875 0.1")
+    for number in range(12):
+        saved(folder / "roads" / f"{number}.jpg", pavement(SIZE, number, 100 + 5 * number))
+        voc(folder / "roads" / f"{number}.xml", [("LC", (11, 1, 310, 240))], SIZE)
+    return merge(
+        [imported("uav-cars", folder / "cars", None), imported("uapd", folder / "roads", 60)], folder / "all"
+    ).folder
+
+
+@pytest.mark.parametrize(("seed", "later"), [(0, 0), (0, 5), (3, 0)])
+def test_no_cut_out_is_in_two_splits(towns: Path, tmp_path: Path, seed: int, later: int) -> None:
+    """Neither on two roads nor on a road and in its own picture, also where the split draws other numbers."""
+    composed = compose(towns, tmp_path / "out", SETTINGS, seed=seed)
+    split_dataset(composed.folder, (0.7, 0.2, 0.1), later)
+    split_of = {name: split for split, names in split_names(composed.folder).items() for name in names}
+    seen: dict[str, set[str]] = defaultdict(set)
+    for image in read_images(composed.folder):
+        for each in image.labelled:
+            if (cut_out := each.attributes.get("cut_out")) is not None:
+                seen[cut_out] |= {split_of[image.name], split_of[cut_out.rpartition("-")[0]]}
+    assert len(seen) >= 3
+    assert {name: splits for name, splits in seen.items() if len(splits) > 1} == {}
+    assert set(split_of.values()) == {"train", "val", "test"}
+
+
+def test_a_split_with_too_few_cut_outs_says_how_many_it_has(towns: Path, tmp_path: Path) -> None:
+    composed = compose(towns, tmp_path / "out", SETTINGS)
+    told = {each.file: each.text for each in composed.report if "cut-outs" in each.text}
+    split_dataset(composed.folder, (0.7, 0.2, 0.1))
+    names = split_names(composed.folder)
+    for split, text in told.items():
+        roads = sum(name.startswith("uapd") and not name.endswith("composite") for name in names[split])
+        cars = sum(name.startswith("uav-cars") for name in names[split])
+        assert f"of its {roads} road images have fewer objects than drawn; its own cut-outs: {cars or 'none'}" in text
+    assert "test" in told
+
+
+def test_images_that_no_composite_needs_are_free_for_another_split(towns: Path, tmp_path: Path) -> None:
+    few = compose(towns, tmp_path / "out", SETTINGS.model_copy(update={"share": 0.3, "most": 1}))
+    images = {image.name: image for image in read_images(few.folder)}
+    needed = {
+        images[name].group
+        for image in images.values()
+        if "composite_of" in image.attributes
+        for name in (
+            image.name,
+            *(each.attributes["cut_out"].rpartition("-")[0] for each in image.labelled if each.category == "Car"),
+        )
+    }
+    given = {image.group for image in images.values() if "split" in image.attributes}
+    assert given == needed
+    assert 2 <= len(given) < len({image.group for image in images.values()})
 
 
 def test_cars_of_one_film_have_one_ground_resolution(tmp_path: Path) -> None:
@@ -113,10 +177,10 @@ def test_cars_of_one_film_have_one_ground_resolution(tmp_path: Path) -> None:
     report = Report()
     found = cut_out_all(merged, tmp_path / "out", tmp_path, ("uav-cars",), report, lambda _share, _what: None)
     # 4.5 m over the median of 30, 60 and 60 pixels; at that, the smallest is no car.
-    assert [(each.name, each.gsd_mm) for each in found] == [
+    assert [(each.name, each.gsd_mm) for _, each in found] == [
         (f"uav-cars-film-{at}-000", pytest.approx(75, rel=0.08)) for at in (0, 1)
     ]
-    assert found[0].gsd_mm == found[1].gsd_mm
+    assert len({(scene, each.gsd_mm) for scene, each in found}) == 1
     assert any(each.file == "uav-cars-film-2-000" and "size of its class" in each.text for each in report)
 
 
@@ -132,7 +196,7 @@ def test_a_road_is_scaled_down_for_coarser_objects_and_told_by_its_lane_lines(tm
     merged = merge(
         [imported("uav-cars", tmp_path / "cars", None), imported("uapd", tmp_path / "roads", None)], tmp_path / "all"
     ).folder
-    compose(merged, tmp_path / "out", SETTINGS.model_copy(update={"gap_m": 0.5}))
+    compose(merged, tmp_path / "out", SETTINGS.model_copy(update={"gap_m": 0.5}), shares=ALL_TRAIN)
     (image,) = (each for each in read_images(tmp_path / "out") if "composite_of" in each.attributes)
     gsd_mm = float(image.attributes["estimated_gsd_mm"])
     assert image.gsd_mm is None
@@ -151,7 +215,9 @@ def test_road_masks_say_where_objects_may_stand(dataset: Path, tmp_path: Path) -
     mask[:, :150] = 255
     for number in range(4):
         saved(tmp_path / "masks" / f"uapd-{number}.png", mask)
-    summary = compose(dataset, tmp_path / "out", SETTINGS.model_copy(update={"road_masks": tmp_path / "masks"}))
+    summary = compose(
+        dataset, tmp_path / "out", SETTINGS.model_copy(update={"road_masks": tmp_path / "masks"}), shares=ALL_TRAIN
+    )
     cars = [each for image in read_images(summary.folder) for each in image.labelled if each.original == "cut out"]
     assert cars
     assert max(car.box[2] for car in cars) <= 152
@@ -170,21 +236,21 @@ def stands_on(folder: Path) -> Counter[str]:
 def test_no_cut_out_stands_on_too_many_images(dataset: Path, tmp_path: Path, composed: CompositeSummary) -> None:
     many = SETTINGS.model_copy(update={"gap_m": 0})
     for limit, expected in ((1, {1}), (2, {1, 2})):
-        few = compose(dataset, tmp_path / f"{limit}", many.model_copy(update={"repeat": limit}))
+        few = compose(dataset, tmp_path / f"{limit}", many.model_copy(update={"repeat": limit}), shares=ALL_TRAIN)
         assert set(stands_on(few.folder).values()) <= expected
         assert sum(each.count for each in few.report if f"stands on {limit} images already" in each.text) >= 3
     assert max(stands_on(composed.folder).values()) > 2
 
 
 def test_composites_are_no_roads_again(tmp_path: Path, composed: CompositeSummary) -> None:
-    again = compose(composed.folder, tmp_path / "again", SETTINGS)
+    again = compose(composed.folder, tmp_path / "again", SETTINGS, shares=ALL_TRAIN)
     assert (again.composites, again.images) == (0, composed.images)
     (told,) = (each for each in again.report if each.text == compositing.THERE)
     assert told.count == 4
     # Without those they were made from, composites stay what they are.
     for name in ("uapd-0", "uapd-1", "uapd-2", "uapd-3"):
         (again.folder / "Annotations" / f"{name}.xml").unlink()
-    third = compose(again.folder, tmp_path / "third", SETTINGS)
+    third = compose(again.folder, tmp_path / "third", SETTINGS, shares=ALL_TRAIN)
     assert (third.composites, third.images) == (0, 6)
 
 
@@ -198,14 +264,14 @@ def test_what_does_not_fit_is_told(dataset: Path, tmp_path: Path) -> None:
         saved(roads / "a.jpg", pavement(SIZE, 3))
         voc(roads / "a.xml", [("LC", (11, 1, 310, 240))], SIZE)
         merged = merge([cars, imported("uapd", roads, gsd_mm)], tmp_path / f"all-{gsd_mm}").folder
-        summary = compose(merged, tmp_path / f"out-{gsd_mm}", SETTINGS)
+        summary = compose(merged, tmp_path / f"out-{gsd_mm}", SETTINGS, shares=ALL_TRAIN)
         assert summary.composites == 0
         assert any(words in each.text for each in summary.report)
 
 
 def test_the_command_and_its_refusals(dataset: Path, tmp_path: Path) -> None:
     ask = ("data", "composite", dataset, "-o", tmp_path / "out", "--objects", "uav-cars")
-    done = pavetwin(*ask, "--roads", "uapd", "--share", "100")
+    done = pavetwin(*ask, "--roads", "uapd", "--share", "100", "--shares", "100/0/0")
     assert done.returncode == 0, done.stderr
     assert "Cut-outs: 2 of Car. Composites: 4." in done.stdout
     for more, words in (

@@ -86,7 +86,7 @@ def test_of_captures_that_show_one_place_the_split_of_most_counts_which_is_told(
     found = split_groups([*town(300), *joined, *square], SHARES, seed=0)
     assert (found.splits["corner"], found.splits["square"]) == ("val", "test")
     (told,) = found.report
-    assert str(told) == "corner: captured images of train (1) are in val, with others that show the same place"
+    assert str(told) == "corner: images given to train (1) are in val, with others that show the same place"
 
 
 def test_a_split_of_nothing_gets_nothing() -> None:
@@ -117,7 +117,7 @@ def test_the_lists_name_every_image_once(tmp_path: Path) -> None:
         images.append(image(f"c{at}", "corner", split=split))
         annotation_path(tmp_path, images[-1].name).write_bytes(as_xml(images[-1]))
     found = split_dataset(tmp_path, SHARES)
-    assert "captured images of test (1) are in val" in (tmp_path / "ImageSets/Main/report.csv").read_text()
+    assert "images given to test (1) are in val" in (tmp_path / "ImageSets/Main/report.csv").read_text()
     names = split_names(tmp_path)
     assert sorted(name for held in names.values() for name in held) == sorted(each.name for each in images)
     groups = {each.name: each.group for each in images}

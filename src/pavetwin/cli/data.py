@@ -184,6 +184,7 @@ def composite(
         Path | None,
         typer.Option(help="Folder of masks NAME.png, white where an image shows road; else its look decides."),
     ] = None,
+    shares: Annotated[str, typer.Option(help="Percent of train/val/test, as the dataset will be split.")] = "70/20/10",
     seed: Annotated[int, typer.Option(help="Random seed; 0 is a seed too.")] = 0,
 ) -> None:
     """Put people and vehicles, cut out of some images, on the roads of others: new images beside those there are.
@@ -191,6 +192,9 @@ def composite(
     \b
     pavetwin data composite datasets/all -o datasets/mixed --objects uav-cars --roads uav-pdd2023
     pavetwin data composite datasets/all -o datasets/mixed --objects pavetwin --roads uav-pdd2023 --share 20
+
+    An object stands on roads of its own split only, so scenes are split before; those of composites and of their
+    objects keep that split.
 
     Ground resolutions must fit. Give them with --gsd at the import where you know them; else those of objects follow
     from their usual size, and those of roads from the width of lane lines.
@@ -213,7 +217,9 @@ def composite(
     names = {"`objects`": "--objects", "`roads`": "--roads", "`road_masks`": "--road-masks"}
     with naming(names), progress("Composing", lines=True) as tell:
         settings = CompositeSettings.parse(values, where="The composition")
-        summary = compose(dataset, output, settings, seed=seed, on_progress=tell)
+        summary = compose(
+            dataset, output, settings, shares=split_shares(shares, option="--shares"), seed=seed, on_progress=tell
+        )
     tell_report(summary.report, output)
     cut = " and ".join(f"{count} of {name}" for name, count in sorted(summary.cut_outs.items())) or "none"
     out.line(f"Cut-outs: {cut}. Composites: {summary.composites}.")

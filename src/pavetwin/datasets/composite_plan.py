@@ -1,8 +1,8 @@
-"""Which objects are to stand on which road picture: by ground resolution and size, evenly, and none too often."""
+"""Which objects are to stand on which road picture: by split, ground resolution and size, none too often."""
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -12,6 +12,9 @@ from pavetwin.datasets.annotated import AnnotatedImage
 from pavetwin.datasets.cutout_library import StoredCutOut
 from pavetwin.datasets.cutouts import cut_outs, ground_resolution
 from pavetwin.datasets.markings import marking_gsd_mm
+from pavetwin.datasets.report import Finding, Report
+from pavetwin.datasets.splitting import KEPT
+from pavetwin.labels import SPLITS
 
 SMALLEST: Final = 0.15
 """A cut-out is scaled down to this at most: what is far finer than its place has been seen from much nearer."""
@@ -97,6 +100,52 @@ class CompositePlanner:
             and cut_out.length_px * scale < max(width, height)
             and cut_out.length_px * cut_out.width_px * scale**2 <= LARGEST * width * height
         )
+
+
+class SplitPlanner:
+    """Plans road pictures with the objects of their own split alone, so that none is in train and in test."""
+
+    def __init__(
+        self,
+        library: Sequence[tuple[str, StoredCutOut]],
+        splits: Mapping[str, str],
+        *,
+        most: int,
+        enlarge: float,
+        reduce: float,
+        repeat: int,
+    ) -> None:
+        """Args:
+        library: each with its scene.
+        splits: scene → split.
+        most, enlarge, reduce, repeat: as of `CompositePlanner`.
+        """
+        self._splits = splits
+        self._libraries = {name: [each for scene, each in library if splits[scene] == name] for name in SPLITS}
+        self._planners = {
+            name: CompositePlanner(held, most=most, enlarge=enlarge, reduce=reduce, repeat=repeat)
+            for name, held in self._libraries.items()
+        }
+        self._asked: Counter[str] = Counter()
+        self._short: Counter[str] = Counter()
+
+    def plan(self, image: AnnotatedImage, gsd_mm: float | None, rng: np.random.Generator) -> CompositePlan:
+        """What is to stand on a road picture of this ground resolution; its split is given from now on."""
+        split = self._splits[image.group]
+        image = replace(image, attributes={**image.attributes, KEPT: split})
+        plan = self._planners[split].plan(image, gsd_mm, rng)
+        if gsd_mm is not None:
+            self._asked[split] += 1
+            self._short[split] += bool(plan.reasons)
+        return plan
+
+    def tell(self, report: Report) -> None:
+        """Say of each split whose road pictures wanted more objects how many it has."""
+        for split in (name for name in SPLITS if self._short[name]):
+            held = Counter(each.category for each in self._libraries[split])
+            told = ", ".join(f"{count} of {name}" for name, count in sorted(held.items())) or "none"
+            words = f"{self._short[split]} of its {self._asked[split]} road images have fewer objects than drawn"
+            report.add(Finding.NOTE, split, f"{words}; its own cut-outs: {told}, and those of other splits stay there")
 
 
 def _known(cut_out: StoredCutOut) -> float:

@@ -3,11 +3,15 @@
 Every road image draws for itself, from the seed and its labels, whether it becomes a composite; what stands on it
 depends on those before it too, since no object may stand on too many. Composites are no roads, and an image that has
 one gets no other.
+
+An object stands on roads of its own split only. So the scenes are split first, as `pavetwin data split` does; those
+that composites show, and those that their objects are of, keep that split (attribute `splitting.KEPT`), all others are
+free to be split otherwise.
 """
 
 import json
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -31,26 +35,31 @@ from pavetwin.datasets.common_form import (
     annotation_path,
     as_xml,
     image_names,
+    read_image,
     read_images,
     write_description,
 )
-from pavetwin.datasets.composite_plan import CompositePlan, CompositePlanner, road_gsd_mm
-from pavetwin.datasets.covering import covered, filled, pasted
-from pavetwin.datasets.cutout_library import CUT_OUTS, StoredCutOut, cut_out_all, read_picture
+from pavetwin.datasets.composite_plan import CompositePlan, SplitPlanner, road_gsd_mm
+from pavetwin.datasets.covering import CUT_OUT, covered, filled, pasted
+from pavetwin.datasets.cutout_library import CUT_OUTS, cut_out_all, read_picture
 from pavetwin.datasets.cutouts import CutOut
-from pavetwin.datasets.importing import check_same, move_in
+from pavetwin.datasets.importing import check_same, fingerprint, move_in
 from pavetwin.datasets.merging import OnMerge, described
 from pavetwin.datasets.normalise import scaled_down
 from pavetwin.datasets.pictures import PictureError, opened
 from pavetwin.datasets.placing import FreeRoad, road_direction_deg, road_mask
 from pavetwin.datasets.report import FILE as REPORT
 from pavetwin.datasets.report import Finding, Report
+from pavetwin.datasets.splitting import KEPT, USUAL_SHARES, split_groups
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.files import link_or_copy, staging_folder, working_in
 from pavetwin.labels.classes import CAR
 from pavetwin.seeds import Stream, child
 
 THERE: Final = "it has a composite already"
+
+PLANNED: Final = {"most", "enlarge", "reduce", "repeat"}
+"""Settings that decide what stands on which road."""
 
 COMPOSITE_OF: Final = "composite_of"
 """Attribute of a composite: the image whose road it shows."""
@@ -117,19 +126,24 @@ def compose(
     output: Path,
     settings: CompositeSettings,
     *,
+    shares: Sequence[float] = USUAL_SHARES,
     seed: int = 0,
     on_progress: OnMerge = lambda _share, _what: None,
 ) -> CompositeSummary:
     """A dataset with composites beside its images; what an unfinished run made is kept and not made again.
 
+    Args:
+        shares: of train, val and test, as the dataset will be split.
+
     Raises:
-        PaveTwinError: the folder holds no finished dataset or none of the sources, or the output holds another one or
-            cannot be written.
+        PaveTwinError: the folder holds no finished dataset or none of the sources, it cannot be split, or the output
+            holds another one or cannot be written.
     """
     made_by = {
         "made_by": "composite",
         "dataset": described(folder),
         "settings": settings.model_dump(mode="json"),
+        "shares": list(shares),
         "seed": seed,
     }
     if folder.resolve() == output.resolve():
@@ -137,6 +151,10 @@ def compose(
     _check_sources(folder, settings)
     if settings.road_masks is not None and not settings.road_masks.is_dir():
         raise PaveTwinError(f"`road_masks`: there is no folder '{settings.road_masks}'.")
+    if settings.road_masks is not None:
+        made_by["masks"] = fingerprint(settings.road_masks)
+    on_progress(0.0, "Splitting")
+    splits = split_groups(read_images(folder), shares, seed)
     report = Report()
     with working_in(output):
         check_same(output, made_by)
@@ -145,11 +163,18 @@ def compose(
             (output / inner).mkdir(exist_ok=True)
         with staging_folder(output / "staging") as staging:
             library = cut_out_all(folder, output, staging, settings.objects, report, on_progress)
-            composites = _compose(folder, output, staging, library, settings, seed, report, on_progress)
+            planner = SplitPlanner(library, splits.splits, **settings.model_dump(include=PLANNED))
+            composites = _compose(folder, output, staging, planner, settings, seed, report, on_progress)
+            scenes = _scenes_of(output, composites, {each.name: scene for scene, each in library})
+            given = {scene: splits.splits[scene] for scene in scenes}
+            _keep(folder, output, staging, given, on_progress)
+        for each in splits.report:
+            if each.file in given:
+                report.add(Finding.NOTE, each.file, each.text)
         images = len(image_names(output))
         report.save(output / REPORT)
         write_description(output, {**made_by, "complete": True, "images": images})
-    return CompositeSummary(output, images, report, composites, Counter(each.category for each in library))
+    return CompositeSummary(output, images, report, len(composites), Counter(each.category for _, each in library))
 
 
 def _check_sources(folder: Path, settings: CompositeSettings) -> None:
@@ -164,25 +189,19 @@ def _compose(
     folder: Path,
     output: Path,
     staging: Path,
-    library: list[StoredCutOut],
+    planner: SplitPlanner,
     settings: CompositeSettings,
     seed: int,
     report: Report,
     on_progress: OnMerge,
-) -> int:
-    """Link all images and write the composites. Returns how many these are."""
+) -> list[str]:
+    """Write the composites. Returns the names of all there are now."""
     names = image_names(folder)
     known = set(names)
-    planner = CompositePlanner(
-        library, most=settings.most, enlarge=settings.enlarge, reduce=settings.reduce, repeat=settings.repeat
-    )
 
     def found() -> Iterator[_Work]:
         for done, image in enumerate(read_images(folder), start=1):
             on_progress(done / len(names), f"Composing {done}/{len(names)}")
-            if not annotation_path(output, image.name).is_file():
-                link_or_copy(folder / PICTURES / image.picture, output / PICTURES / image.picture)
-                move_in(staging, annotation_path(output, image.name), as_xml(image))
             rng = _random_numbers(image, seed=seed)
             if image.source not in settings.roads or COMPOSITE_OF in image.attributes:
                 continue
@@ -200,12 +219,40 @@ def _compose(
             yield _Work(planner.plan(image, road_gsd_mm(image, picture, road), rng), picture, road, rng)
 
     make = partial(_made, output / CUT_OUTS, settings)
-    done = 0
-    for work, job in made_ahead(
-        found(), make, exists=lambda work: annotation_path(output, _name(work.plan.image)).is_file()
-    ):
-        done += _write(work.plan.image, job, output, staging, report)
-    return done
+    made = made_ahead(found(), make, exists=lambda work: annotation_path(output, _name(work.plan.image)).is_file())
+    composites = [_name(work.plan.image) for work, job in made if _write(work.plan.image, job, output, staging, report)]
+    planner.tell(report)
+    return composites
+
+
+def _scenes_of(output: Path, composites: list[str], scene_of: Mapping[str, str]) -> set[str]:
+    """The scenes of composites, and those that their objects are of.
+
+    Args:
+        scene_of: cut-out → scene.
+    """
+    images = [read_image(annotation_path(output, name)) for name in composites]
+    donors = {
+        scene_of[each.attributes[CUT_OUT]] for image in images for each in image.labelled if CUT_OUT in each.attributes
+    }
+    return donors | {image.group for image in images}
+
+
+def _keep(folder: Path, output: Path, staging: Path, given: Mapping[str, str], on_progress: OnMerge) -> None:
+    """Link all images.
+
+    Args:
+        given: scene → the split that its images keep.
+    """
+    names = image_names(folder)
+    for done, image in enumerate(read_images(folder), start=1):
+        on_progress(done / len(names), f"Linking {done}/{len(names)}")
+        if annotation_path(output, image.name).is_file():
+            continue
+        if (split := given.get(image.group)) is not None:
+            image = replace(image, attributes={**image.attributes, KEPT: split})
+        link_or_copy(folder / PICTURES / image.picture, output / PICTURES / image.picture)
+        move_in(staging, annotation_path(output, image.name), as_xml(image))
 
 
 def _name(image: AnnotatedImage) -> str:

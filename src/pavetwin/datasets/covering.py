@@ -24,6 +24,9 @@ KEPT_SHARE: Final = 0.6
 
 COVERED: Final = "covered"
 
+CUT_OUT: Final = "cut_out"
+"""Attribute of an object that was put into an image: the name of its cut-out."""
+
 
 def filled(annotation: Annotation, size_px: tuple[int, int]) -> BoolArray:
     """(height, width) What an annotation covers: its outline, or its box."""
@@ -62,7 +65,7 @@ def pasted(mask: BoolArray, category: str, name: str) -> Annotation:
         mask: (height, width) its pixels.
         name: of its cut-out.
     """
-    return Annotation(category, _box(mask), outline=_outline(mask), original="cut out", attributes={"cut_out": name})
+    return Annotation(category, _box(mask), outline=_outline(mask), original="cut out", attributes={CUT_OUT: name})
 
 
 def _box(mask: BoolArray) -> PixelBox:

@@ -63,9 +63,9 @@ def read_picture(folder: Path, image: AnnotatedImage) -> UInt8Array:
 
 def cut_out_all(
     folder: Path, output: Path, staging: Path, sources: tuple[str, ...], report: Report, on_progress: OnMerge
-) -> list[StoredCutOut]:
-    """The good cut-outs of a dataset's images of these sources, in a folder of the output; those there are kept. All
-    have a ground resolution.
+) -> list[tuple[str, StoredCutOut]]:
+    """The good cut-outs of a dataset's images of these sources, each with its scene, in a folder of the output; those
+    there are kept. All have a ground resolution.
 
     Args:
         staging: a folder for files that are not whole yet.
@@ -106,7 +106,7 @@ def cut_out_all(
     return _resolved(library, report)
 
 
-def _resolved(found: list[tuple[str, StoredCutOut]], report: Report) -> list[StoredCutOut]:
+def _resolved(found: list[tuple[str, StoredCutOut]], report: Report) -> list[tuple[str, StoredCutOut]]:
     """Cut-outs, each with its scene, with a ground resolution: as stated, else the median by which the vehicles of
     their scene have their usual size, or where it has none, its people."""
     estimates: dict[tuple[str, str], list[float]] = defaultdict(list)
@@ -118,7 +118,7 @@ def _resolved(found: list[tuple[str, StoredCutOut]], report: Report) -> list[Sto
         if gsd_mm is None:
             gsd_mm = round(median(estimates.get((scene, CAR.name)) or estimates[scene, PERSON.name]), 3)
         if is_plausible(each.category, each.length_px, each.width_px, gsd_mm):
-            library.append(replace(each, gsd_mm=gsd_mm))
+            library.append((scene, replace(each, gsd_mm=gsd_mm)))
         else:
             report.add(Finding.DROPPED, each.name, f"an object is not cut out: {IMPLAUSIBLE}", alike=IMPLAUSIBLE)
     return library

@@ -105,7 +105,7 @@ def import_source(
         "source": name,
         "settings": {**source.model_dump(mode="json"), "size": size.model_dump(mode="json")},
         "backgrounds": sorted(backgrounds),
-        "input": _fingerprint(folder),
+        "input": fingerprint(folder),
     }
     with working_in(output):
         check_same(output, expected)
@@ -121,8 +121,8 @@ def import_source(
     return ImportSummary(output, images, report)
 
 
-def _fingerprint(folder: Path) -> str:
-    """SHA-256 of what a source's folder holds: the names and contents of pictures, masks and label files.
+def fingerprint(folder: Path) -> str:
+    """SHA-256 of what a folder holds: the names and contents of pictures, masks and label files.
 
     With it, labels that were corrected and pictures that were exchanged are not taken for those imported before.
     """

@@ -147,10 +147,12 @@ def build(
             stages.append((imported.folder, imported.report))
         merged = merge([folder for folder, _ in stages], output / MERGED, on_progress=on_stage)
         stages.append((merged.folder, merged.report))
-        last, plan = merged.folder, None
+        last, plan, shares_asked = merged.folder, None, [percent / 100 for percent in recipe.split]
         if recipe.composite is not None:
             composite = _beside(recipe.composite, beside)
-            composed = compose(last, output / COMPOSITES, composite, seed=recipe.seed, on_progress=on_stage)
+            composed = compose(
+                last, output / COMPOSITES, composite, shares=shares_asked, seed=recipe.seed, on_progress=on_stage
+            )
             stages.append((composed.folder, composed.report))
             last = composed.folder
         if recipe.balance is not None:
@@ -158,7 +160,7 @@ def build(
             stages.append((balanced.folder, balanced.report))
             last, plan = balanced.folder, balanced.plan
         on_stage(0.0, "Splitting")
-        shares = split_dataset(last, [percent / 100 for percent in recipe.split], recipe.seed)
+        shares = split_dataset(last, shares_asked, recipe.seed)
         on_stage(0.0, "Exporting")
         exported = export(last, output / EXPORT, recipe.export) if recipe.export else {}
     return BuildSummary(tuple(stages), plan, shares, exported)

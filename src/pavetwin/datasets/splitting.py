@@ -38,7 +38,11 @@ LARGEST: Final = 50
 """Scenes that are moved together; more take long."""
 
 KEPT: Final = "split"
-"""Attribute of images whose split is given: captures are split by streets already."""
+"""Attribute of images whose split is given: captures are split by streets already, and composites before they are
+made."""
+
+USUAL_SHARES: Final = (0.7, 0.2, 0.1)
+"""Of train, val and test."""
 
 
 @dataclass(frozen=True)
@@ -50,14 +54,14 @@ class SplitShares:
     shares: Mapping[str, tuple[float, ...]]
     """Class, or `images` → the share of its instances in each of `SPLITS`; classes without any are left out."""
     report: Report
-    """Captured images that are not in their own split, because they show one place with those of another."""
+    """Images that are not in the split that was given to them, because they show one place with those of another."""
 
 
 def split_groups(images: Iterable[AnnotatedImage], shares: Sequence[float], seed: int) -> SplitShares:
     """The split of every scene.
 
     Args:
-        shares: of train, val and test, which sum to 1; one of 0 gets no scene but those of captures that have it.
+        shares: of train, val and test, which sum to 1; one of 0 gets no scene but those to which it was given.
 
     Raises:
         PaveTwinError: the shares do not sum to 1, or there are fewer scenes than splits.
@@ -97,7 +101,7 @@ def _given(group: str, own: Counter[str], report: Report) -> str:
     split = max(SPLITS, key=lambda name: own[name])
     for other, count in own.items():
         if other != split:
-            words = f"captured images of {other} ({count}) are in {split}, with others that show the same place"
+            words = f"images given to {other} ({count}) are in {split}, with others that show the same place"
             report.add(Finding.NOTE, group, words)
     return split
 
