@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageDraw
 
 from pavetwin.datasets import compositing
 from pavetwin.datasets.common_form import read_images
@@ -208,6 +208,32 @@ def test_a_road_is_scaled_down_for_coarser_objects_and_told_by_its_lane_lines(tm
         corners = np.array(car.outline)
         longest = np.linalg.norm(corners[:, None] - corners[None], axis=2).max()
         assert longest == pytest.approx(4500 / gsd_mm, rel=0.12)
+
+
+@pytest.mark.parametrize("own_deg", [-35.0, 25.0])
+def test_a_vehicle_stands_along_the_road_however_it_stood_before(tmp_path: Path, own_deg: float) -> None:
+    """Two lane lines, 20° clockwise from the columns; the car stood at another angle."""
+    car = with_car(pavement(SIZE, 9), (150, 120), 60, own_deg)
+    rows, columns = np.nonzero(np.abs(car.astype(int) - pavement(SIZE, 9)).sum(axis=2) > 60)
+    middle = (columns.min() + columns.max()) / 2 / SIZE[0], (rows.min() + rows.max()) / 2 / SIZE[1]
+    side = np.ptp(columns) / SIZE[0], np.ptp(rows) / SIZE[1]
+    saved(tmp_path / "cars" / "film-0.jpg", car)
+    yolo(tmp_path / "cars" / "film-0.txt", f"0 {middle[0]} {middle[1]} {side[0]} {side[1]}")
+    drawn = Image.fromarray(pavement(SIZE, 1))
+    for top in (-40, 170):
+        ImageDraw.Draw(drawn).line((0, top, 320, top + 320 * np.tan(np.radians(20))), fill=(210, 210, 210), width=5)
+    saved(tmp_path / "roads" / "0.jpg", np.asarray(drawn))
+    voc(tmp_path / "roads" / "0.xml", [("LC", (11, 1, 310, 240))], SIZE)
+    merged = merge(
+        [imported("uav-cars", tmp_path / "cars", None), imported("uapd", tmp_path / "roads", 60)], tmp_path / "all"
+    ).folder
+    compose(merged, tmp_path / "out", SETTINGS.model_copy(update={"most": 1, "gap_m": 0.5}), shares=ALL_TRAIN)
+    (stands,) = (
+        each for image in read_images(tmp_path / "out") for each in image.labelled if each.original == "cut out"
+    )
+    spread = np.array(stands.outline) - np.mean(np.array(stands.outline), axis=0)
+    along = np.linalg.svd(spread)[2][0]
+    assert abs((np.degrees(np.arctan2(along[1], along[0])) - 20 + 90) % 180 - 90) < 12
 
 
 def test_road_masks_say_where_objects_may_stand(dataset: Path, tmp_path: Path) -> None:
