@@ -96,6 +96,26 @@ def test_a_build_that_is_killed_goes_on_to_the_same_bytes(recipe: Path, tmp_path
         ("source: uapd", "source: uadp", "no dataset source 'uadp' (did you mean 'uapd'?)"),
         ("folder: cars", "folder: cats", "There is no folder"),
         ("[50, 25, 25]", "[50, 25]", "split"),
+        ("[50, 25, 25]", "[50, 25, 30]", "line 6: split: train, val and test must sum to 100 percent"),
+        ("[50, 25, 25]", "[110, -20, 10]", "none below 0"),
+        ("split:", "splitt:", "line 6: unknown key 'splitt'"),
+        ("gsd_mm: 12,", "gsd_mm: -1,", "line 4: sources.1.gsd_mm: "),
+        ("checked.txt", "chekced.txt", "chekced.txt' cannot be read as a list of pictures"),
+        (
+            "size: {longest_px: 128}",
+            "composite:\n  objects: [mine]\n  roads: [uapd, uadp]",
+            "line 7: composite.roads: no source of this recipe 'uadp' (did you mean 'uapd'?); known are uapd, mine.",
+        ),
+        (
+            "size: {longest_px: 128}",
+            "composite: {objects: [mien], roads: [uapd]}",
+            "line 5: composite.objects: no source of this recipe 'mien' (did you mean 'mine'?)",
+        ),
+        (
+            "size: {longest_px: 128}",
+            "composite: {objects: [mine], roads: [uapd], road_masks: gone}",
+            "road_masks`: there is no folder",
+        ),
     ],
 )
 def test_a_wrong_recipe_is_refused_plainly(recipe: Path, tmp_path: Path, old: str, new: str, words: str) -> None:

@@ -86,7 +86,7 @@ def _parts(path: Path) -> "tuple[Recipe | None, SyntheticRecipe | None, RecipePa
     from pavetwin.datasets.recipe import Recipe, recipe_values
 
     where = f"the recipe '{path}'"
-    values = recipe_values(path)
+    values, text = recipe_values(path)
     packed = RecipePack.parse(values.pop("pack") or {}, where=f"{where}: pack") if "pack" in values else None
     of_worlds = {key: values.pop(key) for key in SYNTHETIC_KEYS if key in values}
     synthetic = None
@@ -94,10 +94,10 @@ def _parts(path: Path) -> "tuple[Recipe | None, SyntheticRecipe | None, RecipePa
         from pavetwin.capture.recipe import SyntheticRecipe
 
         seed = {key: value for key, value in values.items() if key == "seed"}
-        synthetic = SyntheticRecipe.parse(of_worlds | seed, where=where)
+        synthetic = SyntheticRecipe.parse(of_worlds | seed, where, text)
         if values.keys() <= {"seed"}:
             return None, synthetic, packed
-    return Recipe.parse(values, where=where), synthetic, packed
+    return Recipe.parse(values, where, text), synthetic, packed
 
 
 def _photographs(recipe: "Recipe", beside: Path, output: Path) -> "BuildSummary":

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Final, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, model_validator
 from yaml import YAMLError
 
-from pavetwin.config.text import parse_yaml
+from pavetwin.config.text import line_of, parse_yaml
 from pavetwin.errors import PaveTwinError, nearest_name
 
 
@@ -44,6 +44,17 @@ MEANT: Final[Mapping[str, str]] = {
 """Names from memory, each with the one that is meant."""
 
 
+class PlacedValueError(ValueError):
+    """What a validator of a whole section raises about a part of it."""
+
+    def __init__(self, place: tuple[object, ...], words: str) -> None:
+        """Args:
+        place: keys and numbers of entries, from the section on.
+        """
+        super().__init__(words)
+        self.place = place
+
+
 class Settings(BaseModel):
     """The base of every configuration of ours."""
 
@@ -64,12 +75,15 @@ class Settings(BaseModel):
                     meant = MEANT.get(str(key), "")
                     named = f" (did you mean '{meant}'?)" if meant in cls.model_fields else ""
                     near = named or nearest_name(str(key), cls.model_fields)
-                    raise ValueError(f"unknown key '{key}'{near or f'; known are {known}'}")
+                    raise PlacedValueError((key,), f"unknown key '{key}'{near or f'; known are {known}'}")
         return values
 
     @classmethod
-    def parse(cls, values: Mapping[str, Any], where: str) -> Self:
+    def parse(cls, values: Mapping[str, Any], where: str, text: str | None = None) -> Self:
         """Build from plain values.
+
+        Args:
+            text: of the file that the values are from; messages then tell the line.
 
         Raises:
             PaveTwinError: a key is unknown or a value does not fit; `where` names the source in the message.
@@ -77,7 +91,15 @@ class Settings(BaseModel):
         try:
             return cls.model_validate(values)
         except ValidationError as error:
-            raise PaveTwinError(f"{where}: {describe(error)}.") from error
+            line = f", line {line_of(text, _place(error))}" if text is not None else ""
+            raise PaveTwinError(f"{where}{line}: {describe(error)}.") from error
+
+
+def _place(error: ValidationError) -> tuple[object, ...]:
+    """Of the first complaint, from the outermost key."""
+    first = error.errors()[0]
+    raised = first.get("ctx", {}).get("error")
+    return (*first["loc"], *(raised.place if isinstance(raised, PlacedValueError) else ()))
 
 
 _BY_NAME: Final = ("dict_type", "mapping_type", "model_type")

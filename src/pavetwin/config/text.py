@@ -1,6 +1,7 @@
 """Settings files as text: YAML in which no key is given twice and 10:30 is a time, not a number."""
 
 import re
+from collections.abc import Sequence
 from typing import Any, Final
 
 import yaml
@@ -57,6 +58,28 @@ def parse_yaml(text: str, where: str) -> Any:
         return loader.get_single_data()
     finally:
         loader.dispose()
+
+
+def line_of(text: str, place: Sequence[object]) -> int:
+    """The line, from 1, in which a settings file says something.
+
+    Args:
+        text: valid YAML.
+        place: keys and numbers of entries, from the outermost; what the file does not hold is where it would be.
+    """
+    node = yaml.compose(text, Loader=yaml.SafeLoader)
+    line = node.start_mark.line + 1 if node is not None else 1
+    for step in place:
+        if isinstance(node, yaml.MappingNode):
+            found = next(((key, value) for key, value in node.value if key.value == str(step)), None)
+        elif isinstance(node, yaml.SequenceNode) and isinstance(step, int) and step < len(node.value):
+            found = (node.value[step], node.value[step])
+        else:
+            found = None
+        if found is None:
+            break
+        line, node = found[0].start_mark.line + 1, found[1]
+    return line
 
 
 def why_unread(error: OSError | UnicodeDecodeError | yaml.YAMLError | ValueError) -> str:

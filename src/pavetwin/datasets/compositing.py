@@ -149,8 +149,7 @@ def compose(
     if folder.resolve() == output.resolve():
         raise PaveTwinError("The dataset with composites needs a folder of its own.")
     _check_sources(folder, settings)
-    if settings.road_masks is not None and not settings.road_masks.is_dir():
-        raise PaveTwinError(f"`road_masks`: there is no folder '{settings.road_masks}'.")
+    check_masks(settings.road_masks)
     if settings.road_masks is not None:
         made_by["masks"] = fingerprint(settings.road_masks)
     on_progress(0.0, "Splitting")
@@ -175,6 +174,16 @@ def compose(
         report.save(output / REPORT)
         write_description(output, {**made_by, "complete": True, "images": images})
     return CompositeSummary(output, images, report, len(composites), Counter(each.category for _, each in library))
+
+
+def check_masks(folder: Path | None) -> None:
+    """Refuse masks of roads that are not there.
+
+    Raises:
+        PaveTwinError: they are not.
+    """
+    if folder is not None and not folder.is_dir():
+        raise PaveTwinError(f"`road_masks`: there is no folder '{folder}'.")
 
 
 def _check_sources(folder: Path, settings: CompositeSettings) -> None:

@@ -8,25 +8,26 @@ where it stopped, and the same recipe over the same files gives the same bytes.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Self
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 from yaml import YAMLError
 
-from pavetwin.config.base import Settings
+from pavetwin.config.base import PlacedValueError, Settings
 from pavetwin.config.text import parse_yaml
 from pavetwin.datasets.allocation import CopyPlan
+from pavetwin.datasets.augmenting import albumentations
 from pavetwin.datasets.balancing import BalanceSettings, balance
 from pavetwin.datasets.common_form import write_description
-from pavetwin.datasets.compositing import CompositeSettings, compose
+from pavetwin.datasets.compositing import CompositeSettings, check_masks, compose
 from pavetwin.datasets.exporting import FORMATS_OF_EXPORT, export
 from pavetwin.datasets.importing import check_same, import_source
 from pavetwin.datasets.merging import merge
 from pavetwin.datasets.normalise import ImageSize
 from pavetwin.datasets.report import Report
-from pavetwin.datasets.sources import DatasetSource, source_of
+from pavetwin.datasets.sources import DatasetSource, is_mapping_file, source_name, source_of
 from pavetwin.datasets.splitting import SplitShares, split_dataset
-from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.errors import PaveTwinError, nearest_name, no_such
 from pavetwin.files import working_in
 
 IMPORTS: Final = "imports"
@@ -62,6 +63,23 @@ class Recipe(Settings):
     export: tuple[str, ...] = Field(default=("yolo", "coco"), description="Formats; none are allowed.")
     seed: int = Field(default=0, ge=0, description="Random seed of composites, copies and the split.")
 
+    @field_validator("split")
+    @classmethod
+    def _is_whole(cls, percent: tuple[float, float, float]) -> tuple[float, float, float]:
+        if min(percent) < 0 or abs(sum(percent) - 100) > 1e-4:
+            raise ValueError(f"train, val and test must sum to 100 percent, none below 0; they sum to {sum(percent):g}")
+        return percent
+
+    @model_validator(mode="after")
+    def _composes_its_own_sources(self) -> Self:
+        known = [source_name(each.source) for each in self.sources]
+        for key in ("objects", "roads") if self.composite is not None else ():
+            for at, name in enumerate(getattr(self.composite, key)):
+                if name not in known:
+                    words = no_such("source of this recipe", name, known, key=f"composite.{key}").rstrip(".")
+                    raise PlacedValueError(("composite", key, at), words)
+        return self
+
     @field_validator("export")
     @classmethod
     def _are_known(cls, formats: tuple[str, ...]) -> tuple[str, ...]:
@@ -92,24 +110,26 @@ def read_recipe(path: Path) -> Recipe:
     Raises:
         PaveTwinError: it cannot be read, or a key or value does not fit.
     """
-    return Recipe.parse(recipe_values(path), where=f"the recipe '{path}'")
+    values, text = recipe_values(path)
+    return Recipe.parse(values, where=f"the recipe '{path}'", text=text)
 
 
-def recipe_values(path: Path) -> dict[str, Any]:
-    """The keys and values of a recipe's file, not checked yet.
+def recipe_values(path: Path) -> tuple[dict[str, Any], str]:
+    """The keys and values of a recipe's file, not checked yet, and its text.
 
     Raises:
         PaveTwinError: it cannot be read, or holds no keys.
     """
     try:
-        content = parse_yaml(path.read_text(encoding="utf-8"), where=f"the recipe '{path}'")
+        text = path.read_text(encoding="utf-8")
+        content = parse_yaml(text, where=f"the recipe '{path}'")
     except (OSError, UnicodeDecodeError) as error:
         raise PaveTwinError(f"The recipe '{path}' cannot be read.") from error
     except (YAMLError, ValueError) as error:
         raise PaveTwinError(f"The recipe '{path}' is not valid YAML: {' '.join(str(error).split())}.") from error
     if not isinstance(content, dict):
         raise PaveTwinError(f"The recipe '{path}' must hold keys such as sources and split.")
-    return content
+    return content, text
 
 
 def build(
@@ -124,13 +144,16 @@ def build(
         PaveTwinError: a source cannot be imported, or the output holds the work of another recipe.
     """
     named = _named(recipe.sources, beside)
+    composite = _beside(recipe.composite, beside) if recipe.composite is not None else None
+    if recipe.balance is not None:
+        albumentations()
     stages: list[tuple[Path, Report]] = []
     asked = recipe.model_dump(mode="json", include={"size", "composite", "balance", "split", "seed"})
-    made_by = {"made_by": "build", "sources": [name for name, _, _ in named], **asked}
+    made_by = {"made_by": "build", "sources": [name for name, *_ in named], **asked}
     with working_in(output):
         check_same(output, made_by, DESCRIPTION)
         write_description(output, made_by, DESCRIPTION)
-        for folder, (name, source, each) in zip(_folders(named), named, strict=True):
+        for folder, (name, source, each, backgrounds) in zip(_folders(named), named, strict=True):
 
             def on_image(done: int, total: int, name: str = name) -> None:
                 on_stage(min(1.0, done / total), f"Importing {name} {done}/{total}")
@@ -141,15 +164,14 @@ def build(
                 beside / each.folder,
                 output / IMPORTS / folder,
                 size=each.size or recipe.size,
-                backgrounds=backgrounds_in(beside / each.background) if each.background is not None else frozenset(),
+                backgrounds=backgrounds,
                 on_image=on_image,
             )
             stages.append((imported.folder, imported.report))
         merged = merge([folder for folder, _ in stages], output / MERGED, on_progress=on_stage)
         stages.append((merged.folder, merged.report))
         last, plan, shares_asked = merged.folder, None, [percent / 100 for percent in recipe.split]
-        if recipe.composite is not None:
-            composite = _beside(recipe.composite, beside)
+        if composite is not None:
             composed = compose(
                 last, output / COMPOSITES, composite, shares=shares_asked, seed=recipe.seed, on_progress=on_stage
             )
@@ -169,26 +191,31 @@ def build(
 def _beside(composite: CompositeSettings, folder: Path) -> CompositeSettings:
     """The settings with their paths beside the recipe."""
     masks = folder / composite.road_masks if composite.road_masks is not None else None
+    check_masks(masks)
     return composite.model_copy(update={"road_masks": masks})
 
 
-def _named(sources: Sequence[RecipeSource], beside: Path) -> list[tuple[str, DatasetSource, RecipeSource]]:
-    """Every source with its name; all are found before the first is imported."""
+_Named = tuple[str, DatasetSource, RecipeSource, frozenset[str]]
+"""A source's name, itself, what the recipe says of it, and its pictures of verified background."""
+
+
+def _named(sources: Sequence[RecipeSource], beside: Path) -> list[_Named]:
+    """Every source; all are found before the first is imported."""
     found = []
     for each in sources:
         if not (beside / each.folder).is_dir():
             raise PaveTwinError(f"There is no folder '{beside / each.folder}', which the recipe names.")
-        is_file = each.source.lower().endswith((".yaml", ".yml"))
-        name, source = source_of(str(beside / each.source) if is_file else each.source)
+        name, source = source_of(str(beside / each.source) if is_mapping_file(each.source) else each.source)
         if each.gsd_mm is not None:
             source = source.model_copy(update={"gsd_mm": each.gsd_mm})
-        found.append((name, source, each))
+        listed = backgrounds_in(beside / each.background) if each.background is not None else frozenset[str]()
+        found.append((name, source, each, listed))
     return found
 
 
-def _folders(named: Sequence[tuple[str, DatasetSource, RecipeSource]]) -> list[str]:
+def _folders(named: Sequence[_Named]) -> list[str]:
     """Names of folders: the sources' own, and a number behind one that is there again."""
-    names = [name for name, _, _ in named]
+    names = [name for name, *_ in named]
     return [name if name not in names[:at] else f"{name}-{names[:at].count(name) + 1}" for at, name in enumerate(names)]
 
 

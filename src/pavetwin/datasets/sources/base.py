@@ -82,17 +82,28 @@ SOURCES: Final[Registry[DatasetSource]] = Registry(
 )
 
 
+def is_mapping_file(name: str) -> bool:
+    """Whether a source is named by a mapping file."""
+    return name.lower().endswith((".yaml", ".yml"))
+
+
+def source_name(name: str) -> str:
+    """The name that images get of a known source, or of one in a mapping file (`mine.yaml`)."""
+    return re.sub(r"[^A-Za-z0-9]+", "-", Path(name).stem).strip("-") or "own" if is_mapping_file(name) else name
+
+
 def source_of(name: str) -> tuple[str, DatasetSource]:
     """A source by its name, or from a mapping file (`mine.yaml`); and the name that its images get.
 
     Raises:
         PaveTwinError: there is no such source; the message names the nearest. Or the mapping file cannot be read.
     """
-    if not name.lower().endswith((".yaml", ".yml")):
+    if not is_mapping_file(name):
         return name, SOURCES.get(name, instead=", or a mapping file (mine.yaml)")
     path = Path(name)
     try:
-        content = parse_yaml(path.read_text(encoding="utf-8"), where=f"the mapping file '{name}'")
+        text = path.read_text(encoding="utf-8")
+        content = parse_yaml(text, where=f"the mapping file '{name}'")
     except (OSError, UnicodeDecodeError) as error:
         raise PaveTwinError(f"`source`: the mapping file '{name}' cannot be read.") from error
     except (YAMLError, ValueError) as error:
@@ -100,4 +111,4 @@ def source_of(name: str) -> tuple[str, DatasetSource]:
         raise PaveTwinError(f"`source`: the mapping file '{name}' is not valid YAML: {words}.") from error
     if not isinstance(content, dict):
         raise PaveTwinError(f"`source`: the mapping file '{name}' must hold keys such as labels and classes.")
-    return re.sub(r"[^A-Za-z0-9]+", "-", path.stem).strip("-") or "own", MappingFile.parse(content, where=f"'{name}'")
+    return source_name(name), MappingFile.parse(content, where=f"'{name}'", text=text)
