@@ -19,6 +19,7 @@ from pavetwin.capture.mission_frames import frame_size, save_frames
 from pavetwin.capture.mission_images import MissionImages
 from pavetwin.capture.platforms import PLATFORMS, Platform, Pose
 from pavetwin.capture.record import read_records
+from pavetwin.capture.settings import FORMAT, CaptureSettings, description
 from pavetwin.cli import app
 from pavetwin.cli.capture import make, show, stats
 from pavetwin.cli.flags import with_flags
@@ -28,13 +29,14 @@ from pavetwin.mission.defect_files import detections_geojson
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.replay import Replay
 from pavetwin.mission.results import save_mission
+from pavetwin.mission.versions import software_versions
 from pavetwin.render.adapter import find_adapter
 from pavetwin.render.exposure import Exposure
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.scene.model import defect_label
 from pavetwin.scene.view import View
 from pavetwin.world.model import Defect
-from pavetwin.world.store import save_world
+from pavetwin.world.store import load_world, save_world
 from scenes import damaged
 from scenes.command_line import pavetwin, pavetwin_process, plain_refusal
 from scenes.recordings import recording
@@ -126,6 +128,20 @@ def test_a_contact_sheet_says_how_high_a_platform_flew(platform: str, text: str)
 
 
 @pytest.mark.needs_adapter
+def test_a_dataset_of_an_earlier_format_is_refused(world: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "d"
+    (folder / "images").mkdir(parents=True)
+    begun = description(
+        CaptureSettings(platforms=("uav",), images=1, altitudes_m=(8.0,)),
+        load_world(world),
+        software_versions(images=True),
+    )
+    (folder / "capture.yaml").write_text(yaml.safe_dump(begun | {"format": 6}), encoding="utf-8")
+    for command in (("capture", world, "-o", folder, "--images", 2), ("capture", "stats", folder)):
+        told = plain_refusal(pavetwin(*command))
+        assert f"is of format 6, this version's is {FORMAT}; capture into another folder." in told
+
+
 def test_a_folder_that_holds_something_else_is_refused(world: Path, tmp_path: Path) -> None:
     (tmp_path / "letter.txt").write_text("dear")
     assert "exists and holds no dataset" in plain_refusal(pavetwin("capture", world, "-o", tmp_path))

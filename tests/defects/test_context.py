@@ -177,7 +177,7 @@ def test_cracks_run_along_joints_between_lanes_of_two_tones(tmp_path: Path) -> N
     plan = plan_ground(world, 1, holes_of(world.defects))
     for defect, (_, left, _) in zip(world.defects, cracks, strict=True):
         side = np.array([-np.sin(defect.yaw_rad), np.cos(defect.yaw_rad)])
-        tones = [plan.paved_at(*(np.array(defect.centre.coords[0]) + away * side)).tone for away in (-0.6, 0.6)]
+        tones = [plan.paved_at(*(np.array(defect.centre.coords[0]) + away * side)).shade for away in (-0.6, 0.6)]
         assert tones[0] != tones[1], left
 
 

@@ -122,7 +122,7 @@ class Strips:
 
 def finish(kind: GroundKind) -> Finish:
     """Another one for each kind."""
-    return Finish(1 + kind / 64, 1 - kind / 32, 0.5 + kind / 8)
+    return Finish(1 + kind / 64, 1 - kind / 32, 0.5 + kind / 8, 0.75 + kind / 16)
 
 
 def strip(kind: GroundKind) -> GroundPiece:

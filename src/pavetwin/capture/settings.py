@@ -24,7 +24,7 @@ from pavetwin.world.model import World
 
 ImageSidePx = Annotated[int, Field(ge=64, le=8192)]
 
-FORMAT: Final = 6
+FORMAT: Final = 7
 """Version of the dataset's format; raised when older datasets cannot be read or resumed."""
 
 CAMERA_HASH: Final = "camera_sha256"

@@ -130,7 +130,7 @@ def upload_ground(gpu: Gpu, pieces: tuple[GroundPiece, ...]) -> GpuMesh | None:
     rows["normal"][:, :3], rows["normal"][:, 3] = _packed(mesh.normals), _each_vertex(pieces, "kind")
     rows["uv"] = mesh.positions[:, :2] if mesh.uv is None else mesh.uv
     counts = [len(piece.mesh.positions) for piece in pieces]
-    rows["finish"][:, :3] = np.repeat([_finish(piece.finish) for piece in pieces], counts, axis=0)
+    rows["finish"] = np.repeat([_finish(piece.finish) for piece in pieces], counts, axis=0)
     return _upload(gpu, mesh.positions, rows, mesh.indices)
 
 
@@ -159,7 +159,7 @@ def upload_patch(gpu: Gpu, patch: DefectPatch, mesh: Mesh, origin: tuple[float, 
     rows = np.zeros(len(moved), dtype=_PATCH)
     rows["normal"][:, :3] = _packed(mesh.normals @ patch.transform[:3, :3].T)
     rows["along"] = along
-    rows["normal"][:, 3], rows["finish"][:, :3] = int(patch.kind), _finish(patch.finish)
+    rows["normal"][:, 3], rows["finish"] = int(patch.kind), _finish(patch.finish)
     if mesh.uv is not None:
         rows["uv"] = mesh.uv
     return _upload(gpu, moved.astype(np.float32), rows, mesh.indices)

@@ -49,6 +49,8 @@ class Finish(NamedTuple):
     """On the reflectance; green stays."""
     grain: float = 1.0
     """On the contrast and relief of the detail."""
+    tone: float = 1.0
+    """On the reflectance of all colours: of its pavement and its age."""
 
 
 PLAIN_FINISH: Final = Finish()
@@ -147,7 +149,8 @@ class GroundMaps:
     """Weathering and marking maps of a tile's ground. Row 0 is south; a texel is (TILE_M + 2·MARGIN) / MAP_PX."""
 
     weathering: UInt8Array
-    """(MAP_PX, MAP_PX, 4): tone (reflectance × value / 128), stain (oil, rubber, damp), dust, polish (wheel paths)."""
+    """(MAP_PX, MAP_PX, 4): tone (factor on that of the ground's finish, × 128), stain (oil, rubber, damp), dust, polish
+    (wheel paths)."""
     drawn: UInt8Array
     """(MAP_PX, MAP_PX, 4): signed distance to paint, which paint of `compose.PAINTS` (0 … 255), its wear, signed
     distance to bitumen (sealed cracks and seams)."""

@@ -260,7 +260,7 @@ class Scene:
 
     def _patch_of(self, number: int) -> DefectPatch:
         defect = self.world.defects[number]
-        paved = self._plan.paved_at(defect.centre.x, defect.centre.y)
+        paved = self._plan.paved_in(number)
         return patch_of(defect, paved.kind, paved.finish)
 
     @cached_property

@@ -4,7 +4,7 @@ struct Vertex {
     @location(10) position: vec3f,
     @location(11) normal: vec4u,    // and the kind
     @location(12) uv: vec2f,
-    @location(13) finish: vec4u,    // red, blue and grain, 128 for 1
+    @location(13) finish: vec4u,    // red, blue, grain and tone, 128 for 1
 }
 
 @vertex fn vertex(at: Instance, in: Vertex) -> Seen {
@@ -14,10 +14,10 @@ struct Vertex {
 
 @fragment fn fragment(in: Seen) -> Pixel {
     lamp = lamp_of(in);
-    let flat_n = normalize(in.axis);
+    let flat_n = normalize(in.axis.xyz);
     let kind = u32(in.kind.x);
     let footprint = footprint_of(in.relative, flat_n, in.world.w);
-    let surface = covered(bare_ground(in.kind, in.uv, in.local, in.world.xy, footprint), 0.0);
+    let surface = covered(bare_ground(in.kind, in.axis.w, in.uv, in.local, in.world.xy, footprint), 0.0);
     var axes = grain_axes(in.relative, in.uv, flat_n);
     // Texture axes of loose ground are the world's, which avoids differences of large numbers.
     if ((LOOSE_KINDS >> kind & 1u) == 1u) { axes = mat2x3f(1.0, 0.0, 0.0, 0.0, 1.0, 0.0); }

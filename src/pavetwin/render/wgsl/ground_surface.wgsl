@@ -31,7 +31,8 @@ struct Detail {
 struct Seen {
     @builtin(position) clip: vec4f,
     @location(0) relative: vec3f,
-    @location(1) axis: vec3f,       // of ground its normal; of a patch the defect's x axis, and the upper half of its label
+    // Of ground its normal; of a patch the defect's x axis, and the upper half of its label. w: tone of its finish.
+    @location(1) axis: vec4f,
     @location(2) uv: vec2f,
     @location(3) local: vec2f,
     @location(4) world: vec4f,      // east, north, up, and the side of a pixel there [m]
@@ -51,7 +52,7 @@ struct Seen {
 fn seen_at(at: Instance, position: vec3f, normal: vec3f, axis: vec3f, uv: vec2f, kind: u32, finish: vec4u) -> Seen {
     let relative = place(at, position);
     return Seen(
-        project(relative, vec3f(0.0)), relative, axis, uv, position.xy,
+        project(relative, vec3f(0.0)), relative, vec4f(axis, f32(finish.w) / 128.0), uv, position.xy,
         vec4f(relative + frame.camera.xyz, pixel_at(relative)), in_shadow_map(relative, normal),
         vec4f(f32(kind) + f32(finish.z) / 256.0, detail_size(kind), vec2f(finish.xy) / 128.0), frame.to_sun, frame.sun, frame.sky[0], frame.sky[1], frame.sky[2],
         frame.sky[3], frame.sky[4], frame.sky[5], vec4f(frame.sky[6].xyz, f32(at.label & 0xffffu)),
@@ -115,8 +116,8 @@ fn edge_share(distance: f32, height: f32, edge: f32, footprint: f32) -> f32 {
     return smoothstep(-e, e, distance + RAGGED_M * (height - 0.5));
 }
 
-// `of_kind`: as `Seen` has it.
-fn bare_ground(of_kind: vec4f, uv: vec2f, local: vec2f, world: vec2f, footprint: f32) -> Ground {
+// `of_kind`, and `of_tone`, that of its finish: as `Seen` has them.
+fn bare_ground(of_kind: vec4f, of_tone: f32, uv: vec2f, local: vec2f, world: vec2f, footprint: f32) -> Ground {
     let kind = u32(of_kind.x);
     // One sample or the other, never both: texture samples dominate the cost of the ground.
     let second = (LOOSE_KINDS >> kind & 1u) == 1u && second_share(world) > grain_noise(local);
@@ -130,7 +131,7 @@ fn bare_ground(of_kind: vec4f, uv: vec2f, local: vec2f, world: vec2f, footprint:
     let lod = level_of(footprint / MAP_SIDE_M * f32(textureDimensions(weathering_map).x));
     let weathering = textureSampleLevel(weathering_map, smooth_sampler, at, lod);
     let drawn = textureSampleLevel(drawn_map, smooth_sampler, at, lod);
-    let tone = weathering.x * (255.0 / 128.0);
+    let tone = of_tone * weathering.x * (255.0 / 128.0);
     let stain = weathering.y;
     let dust = weathering.z;
     let polish = weathering.w;

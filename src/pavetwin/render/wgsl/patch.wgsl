@@ -32,7 +32,7 @@ struct Vertex {
     let facing = abs(along * mean.x + across * mean.y);
     let beside = select(world.x, world.y, facing.x > facing.y);
     let grain = select(world, vec2f(beside, in.world.z), length(facing) > 0.55);
-    let ground = bare_ground(in.kind, grain, in.local, world, footprint);
+    let ground = bare_ground(in.kind, in.axis.w, grain, in.local, world, footprint);
     let before = covered(ground, 0.0);
     var surface = covered(ground, textureSample(mask, smooth_sampler, in.uv).g);
     let lit = sunlight(in.shadow, up, in.world.w, pixel_jitter(in.clip.xy), vec2f(0.0));

@@ -136,12 +136,17 @@ class GroundPlan(SurfaceLayout):
         found = index.near(shapely.Point(x_m, y_m))
         return surfaces[found[-1]] if found else PLAIN
 
+    def paved_in(self, hole: int) -> PavedSurface:
+        """The surface that the patch in a hole is made of: the one in its middle."""
+        middle = self.holes.shapes[hole].centroid
+        return self.paved_at(middle.x, middle.y)
+
     def _paved_junctions(self, streets: dict[str, PavedSurface]) -> list[tuple[Surface, PavedSurface]]:
         """Each junction with its surface: that of the most important street that meets there."""
         best: dict[str, tuple[int, float, str]] = {}
         for path in self.paths:
             street, junction = path.approach.street, path.approach.junction.id
-            rank = (len(street.lanes), streets[street.key].tone, street.key)
+            rank = (len(street.lanes), streets[street.key].finish.tone, street.key)
             best[junction] = max(rank, best.get(junction, rank))
         return [
             (junction.polygon, streets[best[junction.id][2]] if junction.id in best else PLAIN)

@@ -111,9 +111,9 @@ def test_a_look_may_name_a_pavement_beside_it(tmp_path: Path) -> None:
     written(tmp_path / "blue.yaml", BLUE)
     found = plan(look_of(tmp_path, "blue.yaml"))
     (piece,) = (each for each in ground_pieces(found, tile_on_street()) if each.kind is GroundKind.ASPHALT)
-    assert piece.finish == pytest.approx((0.7, 1.4, 0.5), abs=1 / 128)
+    assert piece.finish == pytest.approx((0.7, 1.4, 0.5, 0.1 / 0.135), abs=1 / 128)
     x, y = world().segments[0].centre_line.interpolate(0.5, normalized=True).coords[0]
-    assert found.paved_at(x, y).tone == pytest.approx(0.1 / 0.135)
+    assert found.paved_at(x, y).reflectance == pytest.approx(0.1, rel=0.01)
 
 
 def test_the_pavement_around_a_defect_is_that_of_its_street(tmp_path: Path) -> None:

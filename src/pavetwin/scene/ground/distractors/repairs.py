@@ -166,7 +166,7 @@ class _OnSegment(SegmentMarks):
             tone = 1.0 + (self.plan.chance(f"lane {self.street.name} {number}") - 0.5) * 2 * APART_TONE
             aside = Polygon([*line, *self.world(stations[::-1], np.full(len(stations), self.half + 2.0))])
             strip = surface_of(polygons_of(shapely.intersection(shapely.make_valid(aside), polygon)))
-            self.found.lanes.setdefault(self.segment.id, []).append((strip, replace(surface, tone=surface.tone * tone)))
+            self.found.lanes.setdefault(self.segment.id, []).append((strip, replace(surface, shade=tone)))
         return True
 
     def _puddle(self) -> None:

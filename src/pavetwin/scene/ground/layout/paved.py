@@ -16,7 +16,7 @@ REFLECTANCES: Final = {
 """Means of the detail textures of carriageways."""
 
 FINISH_STEP: Final = 1 / 128
-"""Of factors on the device."""
+"""Of factors on the device, 255 steps at most."""
 
 
 @dataclass(frozen=True)
@@ -24,23 +24,32 @@ class PavedSurface:
     """A surface of one pavement and age."""
 
     kind: GroundKind
-    tone: float
-    """Factor on the reflectance of the kind's detail texture."""
     finish: Finish
+    shade: float = 1.0
+    """Factor on the reflectance that its finish says: drawn in maps, as where lanes were paved apart."""
 
     @classmethod
     def of(cls, pavement: Pavement, reflectance: float, tint: float, grain: float) -> "PavedSurface":
         """A pavement of a reflectance, with random numbers 0 … 1 for its tint and its grain."""
         kind = pavement.material.ground
-        factors = (*pavement.tint.at(tint), pavement.grain.at(grain))
-        finish = Finish(*(round(factor / FINISH_STEP) * FINISH_STEP for factor in factors))
-        return cls(kind, reflectance / REFLECTANCES[kind], finish)
+        factors = (*pavement.tint.at(tint), pavement.grain.at(grain), reflectance / REFLECTANCES[kind])
+        return cls(kind, Finish(*(min(255, round(factor / FINISH_STEP)) * FINISH_STEP for factor in factors)))
 
     @property
     def material(self) -> tuple[GroundKind, Finish]:
         """What meshes are divided by."""
         return self.kind, self.finish
 
+    @property
+    def reflectance(self) -> float:
+        """Mean over visible light."""
+        return self.bare_reflectance * self.shade
 
-PLAIN: Final = PavedSurface(GroundKind.ASPHALT, 1.0, PLAIN_FINISH)
+    @property
+    def bare_reflectance(self) -> float:
+        """The same of its kind and finish alone, without what is drawn in maps."""
+        return REFLECTANCES[self.kind] * self.finish.tone
+
+
+PLAIN: Final = PavedSurface(GroundKind.ASPHALT, PLAIN_FINISH)
 """Where no street leads."""

@@ -8,7 +8,7 @@ import shapely
 from pavetwin.arrays import Float32Array, UInt8Array
 from pavetwin.scene.ground.layout.lines import boxes_of
 from pavetwin.scene.ground.maps.noise_tables import noise_tables
-from pavetwin.scene.ground.maps.raster import RasterGrid, bars, outlines, tracks, widened
+from pavetwin.scene.ground.maps.raster import RasterGrid, bars, bytes_of, outlines, tracks, widened
 from pavetwin.scene.ground.materials.sampling import smoothstep
 from pavetwin.scene.ground.plan import GroundPlan
 from pavetwin.scene.model import MAP_PX, SIGNED_DISTANCE_M
@@ -54,8 +54,7 @@ def drawn(plan: GroundPlan, key: tuple[int, int], worn: Float32Array) -> UInt8Ar
     if found:
         distance += _uneven(plan, key) * (distance > -SIGNED_DISTANCE_M)
     wear = np.clip(wear * worn, 0.0, 1.0)
-    layers = np.stack([_coded(distance), which * 255, wear * 255, _coded(_bitumen(plan, raster))], axis=-1)
-    return np.asarray(layers + np.float32(0.5), dtype=np.uint8)
+    return bytes_of(_coded(distance), which * 255, wear * 255, _coded(_bitumen(plan, raster)))
 
 
 def _uneven(plan: GroundPlan, key: tuple[int, int]) -> Float32Array:

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from pavetwin.arrays import Float32Array, Float64Array, Int64Array
+from pavetwin.arrays import Float32Array, Float64Array, Int32Array, Int64Array
 from pavetwin.seeds import Stream, child
 
 _PX: Final = 1024
@@ -46,11 +46,14 @@ class NoiseTables:
         rows = (np.floor(y / _PLANE_STEP_M).astype(np.int64) + 613 * turn) % _PX
         return np.asarray(table[rows].take(columns, axis=1))
 
-    def road(self, table: Float32Array, along: Float32Array, across: Float32Array, offset: Int64Array) -> Float32Array:
-        """A table along a street, (...); `offset` selects the street."""
-        rows = (np.floor(along / _ALONG_STEP_M).astype(np.int64) + offset) % _PX
-        columns = (np.floor(across / _ACROSS_STEP_M).astype(np.int64) + offset // 7) % _ACROSS_PX
-        return np.asarray(table[rows, columns])
+    def road(
+        self, tables: tuple[Float32Array, ...], along: Float32Array, across: Float32Array, offset: Int32Array
+    ) -> list[Float32Array]:
+        """Tables along a street, (...) each; `offset` selects the street. Sides of the tables are powers of two."""
+        rows = (np.floor(along * np.float32(1 / _ALONG_STEP_M)).astype(np.int32) + offset) & (_PX - 1)
+        columns = np.floor(across * np.float32(1 / _ACROSS_STEP_M)).astype(np.int32) + offset // 7
+        at = rows * np.int32(_ACROSS_PX) + (columns & (_ACROSS_PX - 1))
+        return [table.reshape(-1).take(at) for table in tables]
 
     def edge(self, along: Float32Array, offset: Int64Array) -> Float32Array:
         """Offset of an edge at stations along it, (...); `offset` selects the edge."""

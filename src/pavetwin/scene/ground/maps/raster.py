@@ -1,21 +1,29 @@
 """Distances to lines and outlines on a tile's raster grid, each computed only where needed."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import cv2
 import numpy as np
 import numpy.typing as npt
-from PIL import Image
+import shapely
+from PIL import Image, ImageDraw
+from shapely.geometry.base import BaseGeometry
 
-from pavetwin.arrays import BoolArray, Float32Array, Float64Array, Int32Array
+from pavetwin.arrays import BoolArray, Float32Array, Float64Array, Int32Array, UInt8Array
 from pavetwin.scene.model import MAP_MARGIN_M, MAP_PX, TILE_M
 
 SIDE_M: Final = TILE_M + 2 * MAP_MARGIN_M
 
 _LEG_M: Final = 5.0
 """Longer segments are split: the window around an oblique segment grows with its length squared."""
+
+
+SAMPLES: Final = 3
+"""Points along each side of a cell of `filled`. Pillow fills pixels that an edge only touches: edges lie a ninth of a
+cell too far out."""
 
 
 @dataclass(frozen=True)
@@ -211,6 +219,23 @@ def outlines(
         yield number, window, np.where(inside, away, -away)
 
 
+def filled(raster: RasterGrid, rings: Iterable[tuple[BaseGeometry, int]], level: int) -> Float32Array:
+    """Rings filled with levels 0 … 255 over another level, later ones over earlier ones; the mean over each cell."""
+    px, cell_m = raster.px * SAMPLES, raster.cell_m / SAMPLES
+    image = Image.new("L", (px, px), level)
+    pen = ImageDraw.Draw(image)
+    for ring, inside in rings:
+        # In Pillow's coordinates 0 is the centre of the first pixel.
+        corners = raster.local(shapely.get_coordinates(ring)) / cell_m - 0.5
+        pen.polygon([tuple(corner) for corner in corners.tolist()], fill=inside)
+    return np.asarray(image.reduce(SAMPLES), dtype=np.float32)
+
+
 def widened(field: Float32Array, px: int) -> Float32Array:
     """A coarser grid's field resampled on a finer one, bilinearly."""
-    return np.asarray(Image.fromarray(field, mode="F").resize((px, px), Image.Resampling.BILINEAR), dtype=np.float32)
+    return np.asarray(cv2.resize(field, (px, px), interpolation=cv2.INTER_LINEAR), dtype=np.float32)
+
+
+def bytes_of(*layers: Float32Array) -> UInt8Array:
+    """Layers of values 0 … 255 as the channels of one map, rounded."""
+    return np.asarray(cv2.merge([(layer + np.float32(0.5)).astype(np.uint8) for layer in layers]), dtype=np.uint8)

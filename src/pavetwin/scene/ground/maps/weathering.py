@@ -12,16 +12,15 @@ from typing import Final
 
 import numpy as np
 import shapely
-from PIL import Image, ImageDraw
-from shapely.geometry.base import BaseGeometry
 
-from pavetwin.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
+from pavetwin.arrays import Float32Array, Float64Array, UInt8Array
 from pavetwin.scene.ground.distractors.repairs import WHEELS_M
 from pavetwin.scene.ground.layout.lines import ways_along
 from pavetwin.scene.ground.layout.relief import KERB_WIDTH_M
 from pavetwin.scene.ground.layout.surfaces import tile_box
 from pavetwin.scene.ground.maps.noise_tables import NoiseTables, noise_tables
-from pavetwin.scene.ground.maps.raster import RasterGrid, Tracks, bars, tracks, widened
+from pavetwin.scene.ground.maps.raster import RasterGrid, Tracks, bars, bytes_of, filled, tracks, widened
+from pavetwin.scene.ground.maps.shades import shades
 from pavetwin.scene.ground.materials.sampling import smoothstep
 from pavetwin.scene.ground.plan import GroundPlan
 from pavetwin.scene.model import MAP_MARGIN_M, MAP_PX
@@ -112,26 +111,31 @@ def weathering(plan: GroundPlan, key: tuple[int, int]) -> tuple[UInt8Array, Floa
     ground = _CoarseFields(plan, key)
     raster = RasterGrid(key)
     on_road = _road_share(plan, key, raster)
-    repaired = _age_tone(plan, key, raster) * _repair_tone(plan, raster)
-    road, stain, dust = (widened(field, raster.px) for field in (_road_tone(ground), _stain(ground), _dust(ground)))
+    repaired = _repair_tone(plan, raster)
+    if (shade := shades(plan, key, raster)) is not None:
+        repaired = repaired * shade
     land = widened(_land_tone(ground), raster.px)
-    tone = land + (road * repaired - land) * on_road
+    tone = land + (widened(_road_tone(ground), raster.px) * repaired - land) * on_road
+    stain, dust = (_beside_and_on(*sides, on_road) for sides in (_stain(ground), _dust(ground)))
     stain = np.clip(stain + _spilled(plan, raster), 0.0, 0.95)
     polish = widened(ground.wheels, raster.px) * on_road
-    layers = np.stack([np.clip(tone, 0.2, 1.98) * 128, stain * 255, np.clip(dust, 0, 1) * 255, polish * 230], axis=-1)
-    worn = widened(_worn(ground), raster.px)
-    return np.asarray(layers + np.float32(0.5), dtype=np.uint8), worn
+    layers = bytes_of(np.clip(tone, 0.2, 1.98) * 128, stain * 255, np.clip(dust, 0, 1) * 255, polish * 230)
+    return layers, widened(_worn(ground), raster.px)
+
+
+def _beside_and_on(beside: Float32Array, road: Float32Array, on_road: Float32Array) -> Float32Array:
+    """Fields of the ground beside the kerb and of the carriageway, each given on both sides of it, joined there."""
+    px = len(on_road)
+    return widened(beside, px) + widened(road - beside, px) * on_road
 
 
 def _road_tone(ground: _CoarseFields) -> Float32Array:
     """Reflectance factor from wheels, rollers and weather, before that of age."""
     plan, tables = ground.plan, ground.tables
     streets = ground.segments
-    parts = np.array([*(plan.name_hash(f"part {street.name}") % 4096 for _, street in plan.segments), 0])
+    parts = np.array([*(plan.name_hash(f"part {street.name}") % 4096 for _, street in plan.segments), 0], np.int32)
     offset = parts[streets.index]
-    streak = tables.road(tables.streak, streets.along, streets.across + 8.0, offset)
-    scuff = tables.road(tables.scuff, streets.along, streets.across + 8.0, offset)
-    band = tables.road(tables.band, streets.along, streets.across + 8.0, offset)
+    streak, scuff, band = tables.road((tables.streak, tables.scuff, tables.band), streets.along, streets.across, offset)
     on_street = (streets.index >= 0).astype(np.float32)
     lanes = ground.lanes
     passes = _table(0.97 + 0.06 * plan.chance(f"pass {lane.id}") for lane, _ in plan.lanes)
@@ -149,55 +153,40 @@ def _road_tone(ground: _CoarseFields) -> Float32Array:
     return np.asarray(tone, dtype=np.float32)
 
 
-def _age_tone(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> Float32Array:
-    """Reflectance factor from the surface's age."""
-    spatial_index, surfaces = plan.paved
-    image = Image.new("F", (raster.px, raster.px), 1.0)
-    pen = ImageDraw.Draw(image)
-    for index in spatial_index.near(tile_box(key, MAP_MARGIN_M + 0.1)):
-        for part in shapely.get_parts(spatial_index.shapes[index]):
-            if isinstance(part, shapely.Polygon):
-                pen.polygon(_pixels(raster, part.exterior), fill=surfaces[index].tone)
-    return np.asarray(image, dtype=np.float32)
-
-
-def _stain(ground: _CoarseFields) -> Float32Array:
-    """Oil along lanes, rubber across junctions, damp at kerbs, spots anywhere."""
+def _stain(ground: _CoarseFields) -> tuple[Float32Array, Float32Array]:
+    """Beside the kerb and on the carriageway: oil along lanes, rubber across junctions, damp at kerbs, spots."""
     tables, lanes, edge, dirt = ground.tables, ground.lanes, ground.edge, ground.plan.look.dirt
     middle = np.where(lanes.index >= 0, np.exp(-0.5 * (lanes.across / 0.33) ** 2), 0.0)
-    offset = lanes.index.astype(np.int64) * 131
-    oily = np.clip(0.55 + 0.5 * tables.road(tables.band, lanes.along, lanes.across + 8.0, offset), 0.1, 1.6)
+    (band,) = tables.road((tables.band,), lanes.along, lanes.across, lanes.index * np.int32(131))
+    oily = np.clip(0.55 + 0.5 * band, 0.1, 1.6)
     of_lane = _table(ground.plan.pavement(street).oil for _, street in ground.plan.lanes)[lanes.index]
     stain = 0.095 * dirt.oil * of_lane * middle * oily
     stain = stain + 0.17 * dirt.tyre_marks * np.minimum(ground.turns, 1.5) * np.clip(
         0.8 + 0.3 * ground.plane(tables.blotch, 1), 0.2, 1.6
     )
-    inside = np.where(np.isfinite(edge.distance) & (edge.across > 0), edge.distance, np.inf)
     wet = np.clip(0.9 * ground.plane(tables.blotch, 2) + 0.7 * ground.plane(tables.broad, 1) - 0.75, 0.0, 1.0)
-    stain = stain + 0.55 * dirt.water * wet * np.exp(-((inside / 0.28) ** 2)) + 0.30 * np.exp(-((inside / 0.06) ** 2))
-    outside = np.where(np.isfinite(edge.distance) & (edge.across <= 0), edge.distance, np.inf)
-    stain = stain + 0.14 * np.exp(-(((outside - KERB_WIDTH_M) / 0.03) ** 2))
+    away = edge.distance
+    on_road = 0.55 * dirt.water * wet * np.exp(-((away / 0.28) ** 2)) + 0.30 * np.exp(-((away / 0.06) ** 2))
+    beside = 0.14 * np.exp(-(((away - KERB_WIDTH_M) / 0.03) ** 2))
     spots = np.clip(1.6 * (ground.plane(tables.fine, 3) - 2.75), 0.0, 0.35)
     faint = np.clip(0.10 * (ground.plane(tables.blotch, 3) + 0.4 * ground.plane(tables.fine, 5) - 1.9), 0.0, 0.14)
-    return np.asarray(stain + spots + faint, dtype=np.float32)
+    stain = stain + spots + faint
+    return np.asarray(stain + beside, dtype=np.float32), np.asarray(stain + on_road, dtype=np.float32)
 
 
-def _dust(ground: _CoarseFields) -> Float32Array:
-    """Dust along the kerb, and litter under trees."""
+def _dust(ground: _CoarseFields) -> tuple[Float32Array, Float32Array]:
+    """Dust along the kerb, beside it and on the carriageway."""
     tables, edge = ground.tables, ground.edge
     noise = ground.plane(tables.blotch, 4)
     distance = np.where(np.isfinite(edge.distance), edge.distance, np.float32(99.0))
-    inside = edge.across > 0
     silt = 0.7 * np.exp(-distance / 0.17) * np.clip(0.65 + 0.5 * noise, 0.05, 1.6)
     film = 0.13 * np.exp(-((distance / 0.75) ** 2)) * np.clip(0.7 + 0.5 * ground.plane(tables.broad, 2), 0.0, 1.5)
-    dust = np.where(
-        inside,
-        ground.plan.look.dirt.sand * (silt + film),
-        0.25 * np.exp(-distance / 0.2) * np.clip(0.6 + 0.5 * noise, 0.0, 1.5),
-    )
+    on_road = ground.plan.look.dirt.sand * (silt + film)
+    beside = 0.25 * np.exp(-distance / 0.2) * np.clip(0.6 + 0.5 * noise, 0.0, 1.5)
     unused = np.where(ground.lanes.index >= 0, 0.05 * (1.0 - ground.wheels), 0.04)
-    dust = dust + unused * np.clip(0.6 + 0.6 * ground.plane(tables.broad, 3) + 0.3 * noise, 0.0, 2.0)
-    return np.asarray(np.clip(dust, 0.0, 0.85), dtype=np.float32)
+    dust = unused * np.clip(0.6 + 0.6 * ground.plane(tables.broad, 3) + 0.3 * noise, 0.0, 2.0)
+    beside, on_road = (np.clip(dust + each, 0.0, 0.85) for each in (beside, on_road))
+    return np.asarray(beside, dtype=np.float32), np.asarray(on_road, dtype=np.float32)
 
 
 def _land_tone(ground: _CoarseFields) -> Float32Array:
@@ -216,13 +205,9 @@ def _worn(ground: _CoarseFields) -> Float32Array:
 def _road_share(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> Float32Array:
     """Share of carriageway in each cell, with an antialiased edge."""
     road = plan.road_near(tile_box(key, 2.0))
-    share = _inside(raster, road).astype(np.float32)
-    edges = plan.edges
-    near = sorted(int(index) for index in edges.tree.query(tile_box(key, MAP_MARGIN_M + 0.2)))
-    found = tracks(raster, [shapely.get_coordinates(edges.pieces[index]) for index in near], [0.06] * len(near))
-    band = found.index >= 0
-    share[band] = np.clip(0.5 + found.across[band] / raster.cell_m, 0.0, 1.0)
-    return share
+    parts = [part for part in shapely.get_parts(road) if isinstance(part, shapely.Polygon)]
+    rings = [(ring, 0 if number else 255) for part in parts for number, ring in enumerate(shapely.get_rings(part))]
+    return filled(raster, rings, 0) / np.float32(255)
 
 
 def _repair_tone(plan: GroundPlan, raster: RasterGrid) -> Float32Array:
@@ -299,22 +284,6 @@ def _ribbon(
         np.copyto(along[part], np.float32(begin) + np.clip(ahead, 0, np.float32(length)), where=nearer)
         np.copyto(best[part], away, where=nearer)
     return window.at, across, along
-
-
-def _inside(raster: RasterGrid, shape: BaseGeometry) -> BoolArray:
-    """Which cells' middles lie inside a shape."""
-    mask = Image.new("L", (raster.px, raster.px))
-    pen = ImageDraw.Draw(mask)
-    for part in shapely.get_parts(shape):
-        if isinstance(part, shapely.Polygon):
-            for number, ring in enumerate(shapely.get_rings(part)):
-                pen.polygon(_pixels(raster, ring), fill=int(number == 0))
-    return np.asarray(mask) > 0
-
-
-def _pixels(raster: RasterGrid, ring: BaseGeometry) -> list[tuple[float, ...]]:
-    """A ring's corners in Pillow's coordinates: 0 is the centre of the first cell."""
-    return [tuple(point) for point in (raster.local(shapely.get_coordinates(ring)) / raster.cell_m - 0.5).tolist()]
 
 
 def _table(values: Iterable[float]) -> Float32Array:

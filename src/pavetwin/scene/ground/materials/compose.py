@@ -8,8 +8,9 @@ ground [m], D(kind, uv) the detail (linear reflectance ρ, hold of paint a, norm
    are taken at uv turned by SECOND_TURN_RAD and × SECOND_SCALE, their normals turned back: those of cells of GRAIN_M
    whose random number (`grain_noise`) is below w(p) (`second_share`). Mixed samples would be paler and softer than
    either.
-2. Finish and age, ρ̄ the detail's mean. ρ ← (ρ̄ + (ρ − ρ̄) · grain) · (red, 1, blue) · tone · (1 + WARMING · (tone − 1)),
-   as binder is bluish, bare stones and dust are warm; n ← n · grain · (1 − 0.45 · polish); r ← r − 0.15 · polish.
+2. Finish and age, ρ̄ the detail's mean, tone that of the finish × that of the maps.
+   ρ ← (ρ̄ + (ρ − ρ̄) · grain) · (red, 1, blue) · tone · (1 + WARMING · (tone − 1)), as binder is bluish, bare stones and
+   dust are warm; n ← n · grain · (1 − 0.45 · polish); r ← r − 0.15 · polish.
 3. Dust lies in the hollows: ρ ← mix(ρ, DUST, dust · (1.15 − 0.5 · h)); n ← n · (1 − 0.5 · dust).
 4. Stain (oil, rubber, damp): ρ ← ρ · (1 − 0.8 · stain); r ← r − 0.25 · stain.
 5. Bitumen: its edge follows the grain, d = D_bitumen + RAGGED_M · (h − ½), its share b = smoothstep(−e, e, d) with
@@ -133,7 +134,7 @@ def surface(
     reflectance, hold, normal, height, rough = _detail(kind, uv, local_xy, origin, footprint_m)
     weathering, drawn = _maps(maps, local_xy, footprint_m)
     tone, stain, dust, polish = (weathering[..., channel] for channel in range(4))
-    tone = tone * np.float32(255 / 128)
+    tone = tone * np.float32(255 / 128 * finish.tone)
     paint_m, bitumen_m = (_metres(drawn[..., channel]) for channel in (0, 3))
     which, wear = drawn[..., 1], drawn[..., 2]
 

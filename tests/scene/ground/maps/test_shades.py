@@ -1,0 +1,138 @@
+"""Brightness of pavements: finish and maps together give what data files say, edges lie where surfaces end."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+from shapely import Polygon, affinity
+
+from pavetwin.scene.ground import GroundPlan, ground_maps, ground_pieces, plan_ground
+from pavetwin.scene.ground.distractors.segment_marks import Repairs
+from pavetwin.scene.ground.layout.paved import REFLECTANCES, PavedSurface
+from pavetwin.scene.ground.looks import pavement, street_look
+from pavetwin.scene.ground.looks.pavement import pavement_names
+from pavetwin.scene.ground.maps.raster import RasterGrid, filled
+from pavetwin.scene.ground.materials.compose import surface
+from pavetwin.scene.model import MAP_MARGIN_M, MAP_PX, TILE_M
+from pavetwin.scene.scene import Scene
+from scenes import tiny
+
+TEXEL_M = (TILE_M + 2 * MAP_MARGIN_M) / MAP_PX
+PLACE = (16.0, 0.0)
+"""On the street of `tiny.straight`, in the middle of a tile along it."""
+
+
+def key_at(x: float, y: float) -> tuple[int, int]:
+    return int(x // TILE_M), int(y // TILE_M)
+
+
+@cache
+def one_pavement(name: str, folder: Path) -> GroundPlan:
+    """A street of one pavement without repairs, and the same seed for each."""
+    look = {"title": "one", "main": {name: 1}, "other": {name: 1}, "stretches": {"share": 0, "pavements": {name: 1}}}
+    (folder / f"{name}.yaml").write_text(yaml.safe_dump(look), encoding="utf-8")
+    found = plan_ground(tiny.straight(), 3, look=street_look(str(folder / f"{name}.yaml")))
+    found.__dict__["repairs"] = Repairs()
+    return found
+
+
+@pytest.mark.parametrize("name", pavement_names())
+def test_a_street_is_as_bright_as_its_pavement(name: str, tmp_path: Path) -> None:
+    plan = one_pavement(name, tmp_path)
+    (street,) = plan.streets
+    wanted = plan.ageing(street).reflectance
+    of = pavement(name).reflectance
+    assert wanted == pytest.approx(of.at(plan.ageing(street).age, 0.5), rel=of.spread + 1e-9)
+    line = plan.world.segments[0].centre_line
+    middle = line.interpolate(0.5, normalized=True)
+    key = key_at(middle.x, middle.y)
+    maps, origin = ground_maps(plan, key), (key[0] * TILE_M, key[1] * TILE_M)
+    kind = pavement(name).material.ground
+    (piece,) = {each.finish for each in ground_pieces(plan, key) if each.kind is kind}
+    xy = np.random.default_rng(1).uniform(0, TILE_M, (20000, 2)) + origin
+    xy = xy[shapely.contains_xy(plan.world.segments[0].polygon.buffer(-0.8), *xy.T)]
+    assert len(xy) > 500
+    seen = surface(kind, xy, xy - origin, origin, maps, 0.05, piece).albedo.mean(axis=-1)
+    assert np.median(seen) == pytest.approx(wanted, rel=0.13)
+
+
+def shaded(plain: GroundPlan, repairs: Repairs, holes: tuple[Polygon, ...] = ()) -> np.ndarray:
+    """The factor by which the tone in the tile at PLACE differs from a plan without repairs, (MAP_PX, MAP_PX)."""
+    changed = plan_ground(plain.world, plain.seed, holes, look=plain.look)
+    changed.__dict__["repairs"] = repairs
+    tones = [ground_maps(plan, key_at(*PLACE)).weathering[..., 0].astype(float) for plan in (changed, plain)]
+    return np.asarray(tones[0] / tones[1])
+
+
+def inside(shape: Polygon, by_m: float) -> np.ndarray:
+    """Which texels of the tile at PLACE lie in a shape made narrower by some metres."""
+    axes = ((np.arange(MAP_PX) + 0.5) * TEXEL_M - MAP_MARGIN_M + TILE_M * each for each in key_at(*PLACE))
+    x, y = np.meshgrid(*axes)
+    return np.asarray(shapely.contains_xy(shape.buffer(-by_m), x, y))
+
+
+def test_lanes_that_were_paved_apart_differ_up_to_their_edge_which_is_smooth(tmp_path: Path) -> None:
+    plain = one_pavement("dense_asphalt", tmp_path)
+    segment, (street,) = plain.world.segments[0], plain.streets
+    lane = affinity.rotate(shapely.box(*PLACE, PLACE[0] + 8.0, PLACE[1] + 1.5), 7.0)
+    lane = shapely.intersection(lane, shapely.intersection(segment.polygon, shapely.box(*tile(PLACE))))
+    assert lane.area > 5
+    surface = plain.surface_of(street)
+    factor = shaded(plain, Repairs(lanes={segment.id: [(lane, replace(surface, shade=1.25))]}))
+    assert np.median(factor[inside(lane, 0.05)]) == pytest.approx(1.25, abs=0.01)
+    beside = inside(lane, -0.3) & ~inside(lane, -0.05)
+    assert np.median(factor[beside]) == pytest.approx(1.0, abs=0.005)
+    edge = factor[inside(lane, -TEXEL_M) & ~inside(lane, TEXEL_M)]
+    assert ((edge > 1.04) & (edge < 1.21)).mean() > 0.25, "a staircase has no values between"
+    share = (factor[inside(lane, -0.1)] - 1.0).sum() / 0.25 * TEXEL_M**2
+    assert share == pytest.approx(lane.area, abs=0.007 * lane.length)
+
+
+def tile(place: tuple[float, float]) -> tuple[float, float, float, float]:
+    (column, row) = key_at(*place)
+    return column * TILE_M, row * TILE_M, (column + 1) * TILE_M, (row + 1) * TILE_M
+
+
+def test_the_patch_of_a_defect_across_a_joint_is_as_bright_as_the_pavement_on_either_side(tmp_path: Path) -> None:
+    plain = one_pavement("dense_asphalt", tmp_path)
+    segment = plain.world.segments[0]
+    x, y = PLACE[0], PLACE[1] + 0.8
+    dark = PavedSurface.of(pavement("overlay"), 0.6 * plain.surface_of(plain.streets[0]).reflectance, 0.5, 0.5)
+    cut, hole = shapely.box(x, y - 0.5, x + 3.0, y + 0.5), shapely.box(x - 0.6, y - 0.1, x + 0.4, y + 0.1)
+    repairs = Repairs(cuts={segment.id: [(cut, dark)]})
+    factor = shaded(plain, repairs, (hole,))
+    in_cut, beside = shapely.intersection(hole, cut), shapely.difference(hole, cut)
+    assert np.median(factor[inside(beside, 0.05)]) == pytest.approx(1.0, abs=0.005)
+    wanted = dark.reflectance / plain.surface_of(plain.streets[0]).reflectance
+    assert wanted == pytest.approx(0.6, abs=0.01)
+    assert np.median(factor[inside(in_cut, 0.05)]) == pytest.approx(wanted, abs=0.015)
+    # Around the patch the mesh is cut, and its finish says how dark the repair is.
+    assert np.median(factor[inside(shapely.difference(cut, hole.buffer(0.1)), 0.05)]) == pytest.approx(1.0, abs=0.005)
+
+
+def test_a_patch_has_the_finish_of_the_pavement_in_its_middle() -> None:
+    there = tiny.straight((20.0, 1.0))
+    scene = Scene(there, seed=3, look="varied")
+    patch = scene.patch_on(key_at(20.0, 1.0), 0)
+    assert patch is not None
+    paved = scene._plan.paved_at(20.0, 1.0)
+    assert (patch.kind, patch.finish) == paved.material
+    assert paved.reflectance == pytest.approx(REFLECTANCES[paved.kind] * paved.finish.tone * paved.shade)
+
+
+@given(
+    st.lists(st.tuples(st.floats(2, 30), st.floats(2, 30)), min_size=3, max_size=3, unique=True),
+    st.integers(20, 250),
+)
+def test_filled_polygons_have_their_area(corners: list[tuple[float, float]], level: int) -> None:
+    """To within a ninth of a cell along the edge, and a cell at each corner."""
+    shape, raster = Polygon(corners), RasterGrid((0, 0), 256)
+    found = filled(raster, [(shape.exterior, level)], 0)
+    area = float(found.sum()) / level * raster.cell_m**2
+    assert area == pytest.approx(shape.area, abs=raster.cell_m * (0.2 * shape.length + 4 * raster.cell_m))
