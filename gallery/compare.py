@@ -6,8 +6,9 @@ pixels (standard deviation of the difference between two Gaussian blurs, in ligh
 the middle 80 % over the pictures. Then how well a classifier on texture statistics (`gallery.texture`) tells the two
 apart.
 
-Once more by ground resolution: of the photographs in which the width of a painted line tells it (`gallery.resolution`)
-and as many frames, each of the resolution of one photograph, over damage of the same kind, with a line too.
+Once more by ground resolution: of the photographs in which the width of a painted line tells it
+(`pavetwin.datasets.markings`) and as many frames, each of the resolution of one photograph, over damage of the same
+kind, with a line too.
 """
 
 import argparse
@@ -25,10 +26,11 @@ from PIL import Image, ImageFilter
 from gallery.matched import Pair, flight_view, frame_like, is_padded, metres, photographs, pictures_in, stored
 from gallery.paired import paired_sheet
 from gallery.renderer import LOW_SUN, MORNING, OVERCAST, GalleryRenderer
-from gallery.resolution import LINE_M
+from gallery.scenes import scenes_of
 from gallery.sheet import save
 from gallery.texture import GROUPS, SIDE_PX, texture_statistics, told_apart
 from pavetwin.cli.console import fail, out
+from pavetwin.datasets.markings import LINE_WIDTH_M
 from pavetwin.datasets.sources.base import source_of
 from pavetwin.errors import PaveTwinError
 
@@ -84,7 +86,7 @@ def main() -> int:
     parser.add_argument("--held-out", action="store_true", help="use every second photograph only, by name")
     parser.add_argument("--source", help="how the photographs' labels are read: a source of `pavetwin data import`")
     parser.add_argument("--gsd-mm", type=float, help="of all photographs; told by painted lines unless given")
-    parser.add_argument("--line-width-m", type=float, default=LINE_M, help="width of painted lines in them")
+    parser.add_argument("--line-width-m", type=float, default=LINE_WIDTH_M, help="width of painted lines in them")
     parser.add_argument("--markings", help="marking standard of the frames' streets, such as china")
     parser.add_argument("--sheet", type=Path, help="a picture to write: photographs, with frames to their right")
     parser.add_argument("--keep", type=Path, help="folder to keep the frames in")
@@ -97,11 +99,12 @@ def main() -> int:
     try:
         source = None if options.source is None else source_of(options.source)[1]
         renderer = GalleryRenderer.with_markings(options.work, options.markings)
-        some = [Image.open(path).convert("RGB") for path in found[:: max(1, math.ceil(len(found) / PHOTOGRAPHS))]]
-        pictures = [each for each in some if not is_padded(each)]
+        some = found[:: max(1, math.ceil(len(found) / PHOTOGRAPHS))]
+        paths = [path for path in some if not is_padded(Image.open(path).convert("RGB"))]
+        pictures = [Image.open(path).convert("RGB") for path in paths]
         made = list(frames(renderer))
         out.print(f"{len(pictures)} photographs, {len(made)} frames: median (10 % … 90 %)")
-        _compare(pictures, made)
+        _compare(pictures, made, scenes_of(paths))
         known = photographs(
             options.photographs, found, source=source, gsd_m=metres(options.gsd_mm), line_m=options.line_width_m
         )
@@ -126,11 +129,12 @@ def _compare_by_resolution(pairs: Sequence[Pair]) -> None:
             continue
         low, high = (1000 * pick(photograph.gsd_m for photograph, _ in of) for pick in (min, max))
         out.print(f"\n{low:.1f} to {high:.1f} mm a pixel, {len(of)} pairs: median (10 % … 90 %)")
-        _compare([photograph.picture for photograph, _ in of], [frame for _, frame in of])
+        scenes = scenes_of([photograph.path for photograph, _ in of])
+        _compare([photograph.picture for photograph, _ in of], [frame for _, frame in of], scenes)
 
 
-def _compare(pictures: Sequence[Image.Image], made: Sequence[Image.Image]) -> None:
-    """Print the readings of photographs and frames, and how well they are told apart."""
+def _compare(pictures: Sequence[Image.Image], made: Sequence[Image.Image], scenes: Sequence[int]) -> None:
+    """Print the readings of photographs, each of a scene, and of frames, and how well they are told apart."""
     real, ours = (np.array([readings(each) for each in side]) for side in (pictures, made))
     for index, name in enumerate(READINGS):
         low, middle, high = np.quantile(real[:, index], (0.1, 0.5, 0.9))
@@ -140,9 +144,9 @@ def _compare(pictures: Sequence[Image.Image], made: Sequence[Image.Image]) -> No
             f"frames {middle_o:5.1f} ({low_o:5.1f} … {high_o:5.1f})"
         )
     real, ours = (np.array([texture_statistics(each) for each in side]) for side in (pictures, made))
-    out.print("told apart by texture: AUC (95 %)")
+    out.print(f"told apart by texture: AUC (95 %); photographs of {len(set(scenes))} scenes")
     for name, part in GROUPS.items():
-        auc, low, high = told_apart(ours[:, part], real[:, part])
+        auc, low, high = told_apart(ours[:, part], real[:, part], scenes=scenes)
         out.print(f"{name:32} {auc:.3f} ({low:.3f} … {high:.3f})")
 
 

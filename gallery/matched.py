@@ -11,8 +11,8 @@ import numpy as np
 from PIL import Image
 
 from gallery.renderer import MORNING, OVERCAST, GalleryRenderer
-from gallery.resolution import ground_resolution_m, painted_lines
 from gallery.texture import SIDE_PX
+from pavetwin.datasets.markings import marking_gsd_mm, painted_lines
 from pavetwin.datasets.report import Report
 from pavetwin.datasets.rules import outcome
 from pavetwin.datasets.sources.base import DatasetSource
@@ -55,6 +55,8 @@ INSIDE: Final = 0.8
 class Photograph:
     """A photograph, or a part of one, of at most `SIDE_PX` squared."""
 
+    path: Path
+    """Of the whole."""
     name: str
     picture: Image.Image
     gsd_m: float
@@ -100,7 +102,7 @@ def photographs(
         whole = Image.open(path).convert("RGB")
         if is_padded(whole):
             continue
-        resolution = gsd_m or ground_resolution_m(whole, line_m)
+        resolution = gsd_m or metres(marking_gsd_mm(np.asarray(whole), line_m=line_m))
         if resolution is None:
             continue
         boxes = [(_kind(source, each.label), each.box) for each in labels.get(path, ())] if source else []
@@ -108,7 +110,9 @@ def photographs(
             part = whole.crop((*corner, corner[0] + SIDE_PX, corner[1] + SIDE_PX))
             seen = {kind for kind, box in boxes if _is_within(box, corner)}
             kind = next((each for each in KINDS.values() if each in seen), None)
-            yield Photograph(f"{path.stem}-{number}", part, resolution, kind, bool(painted_lines(part)))
+            yield Photograph(
+                path, f"{path.stem}-{number}", part, resolution, kind, bool(painted_lines(np.asarray(part)))
+            )
 
 
 def _kind(source: DatasetSource, label: str) -> str | None:

@@ -9,8 +9,8 @@ from PIL import Image
 
 from gallery.matched import Pair, Photograph, frame_like, photographs, pictures_in
 from gallery.renderer import GalleryRenderer, Picture
-from gallery.resolution import LINE_M
 from gallery.sheet import captioned, grid
+from pavetwin.datasets.markings import LINE_WIDTH_M
 from pavetwin.datasets.sources.base import DatasetSource
 from pavetwin.errors import PaveTwinError
 
@@ -54,7 +54,7 @@ def beside_photographs(
     Raises:
         PaveTwinError: no photograph there has a known ground resolution.
     """
-    found = list(photographs(folder, pictures_in(folder), source=source, gsd_m=gsd_m, line_m=LINE_M))
+    found = list(photographs(folder, pictures_in(folder), source=source, gsd_m=gsd_m, line_m=LINE_WIDTH_M))
     if not found:
         raise PaveTwinError(f"'{folder}' holds no photograph whose ground resolution is known; give it.")
     pairs = [(found[index], frame_like(renderer, found[index], index)) for index in evenly(found)]

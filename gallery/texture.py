@@ -20,7 +20,7 @@ RINGS: Final = 14
 SECTORS: Final = 8
 FOLDS: Final = 10
 PENALTY: Final = 3.0
-RESAMPLES: Final = 2000
+RESAMPLES: Final = 200
 
 GROUPS: Final = {
     "all statistics": slice(None),
@@ -33,6 +33,7 @@ GROUPS: Final = {
 """Columns of the statistics, by what they say."""
 
 Float = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.intp]
 
 
 def texture_statistics(picture: Image.Image) -> Float:
@@ -77,28 +78,61 @@ def _spectrum(field: Float) -> Iterator[Float]:
     yield np.where(count.min(axis=1) > 0, mean.std(axis=1), 0.0)
 
 
-def told_apart(ours: Float, real: Float, seed: int = 0) -> tuple[float, float, float]:
-    """The AUC of a classifier that tells the rows of two tables apart, and its 95 % interval over the pictures.
+def told_apart(
+    ours: Float, real: Float, *, scenes: Sequence[int] | None = None, resamples: int = RESAMPLES, seed: int = 0
+) -> tuple[float, float, float]:
+    """The AUC of a classifier that tells the rows of two tables apart, and its 95 % interval.
+
+    The interval is that of a bootstrap over scenes, with the classifier fitted and cross-validated anew on each
+    resample, so that it holds the chance of training too. Photographs of one scene are drawn together and held out
+    together, and so are the copies of a picture that is drawn several times: no picture is scored by a classifier that
+    knows its place. A resample has fewer different pictures than there are, so its classifier tells less; the quantiles
+    of the resampled AUC are therefore taken as deviations from their median.
 
     Args:
         ours, real: (n, k) statistics, a picture a row.
+        scenes: number of the scene of each row of `real`; each row is one by itself unless given.
+        resamples: of the bootstrap.
         seed: of the folds and of the resampling.
     """
     rng = np.random.default_rng(seed)
+    real_scenes = np.arange(len(real)) if scenes is None else np.unique(scenes, return_inverse=True)[1]
+    auc = _cross_validated(ours, np.arange(len(ours)), real, real_scenes, rng)
+    drawn = []
+    for _ in range(resamples):
+        first = _resampled(np.arange(len(ours)), rng)
+        second = _resampled(real_scenes, rng)
+        drawn.append(_cross_validated(ours[first], first, real[second], real_scenes[second], rng))
+    low, middle, high = np.quantile(drawn, (0.025, 0.5, 0.975))
+    return auc, max(0.0, auc + float(low - middle)), min(1.0, auc + float(high - middle))
+
+
+def _resampled(scenes: Integers, rng: np.random.Generator) -> Integers:
+    """Rows of as many scenes as there are, drawn with replacement, all rows of each."""
+    order = np.argsort(scenes, kind="stable")
+    parts = np.split(order, np.cumsum(np.bincount(scenes))[:-1])
+    return np.concatenate([parts[number] for number in rng.integers(len(parts), size=len(parts))])
+
+
+def _cross_validated(
+    ours: Float, our_scenes: Integers, real: Float, real_scenes: Integers, rng: np.random.Generator
+) -> float:
+    """The AUC of scores that each scene has from a classifier which was fitted without it."""
     table, is_real = np.concatenate([ours, real]), np.repeat([0.0, 1.0], [len(ours), len(real)])
-    fold = np.empty(len(table), dtype=int)
-    for part in (np.arange(len(ours)), len(ours) + np.arange(len(real))):
-        fold[rng.permutation(part)] = np.arange(len(part)) % FOLDS
+    fold = np.concatenate([_folds(scenes, rng) for scenes in (our_scenes, real_scenes)])
     score = np.empty(len(table))
     for number in range(FOLDS):
         held = fold == number
         mean, spread = table[~held].mean(axis=0), table[~held].std(axis=0) + 1e-9
         weights = _fitted((table[~held] - mean) / spread, is_real[~held])
         score[held] = _with_one((table[held] - mean) / spread) @ weights
-    first, second = score[: len(ours)], score[len(ours) :]
-    drawn = [_auc(rng.choice(first, len(first)), rng.choice(second, len(second))) for _ in range(RESAMPLES)]
-    low, high = np.quantile(drawn, (0.025, 0.975))
-    return _auc(first, second), float(low), float(high)
+    return _auc(score[: len(ours)], score[len(ours) :])
+
+
+def _folds(scenes: Integers, rng: np.random.Generator) -> Integers:
+    """The fold of each row: whole scenes, about as many in each fold."""
+    names, place = np.unique(scenes, return_inverse=True)
+    return np.asarray(rng.permutation(np.arange(len(names)) % FOLDS)[place])
 
 
 def _fitted(table: Float, label: Float) -> Float:

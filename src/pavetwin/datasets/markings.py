@@ -1,12 +1,13 @@
-"""The ground resolution of a picture of a road by the width of its lane lines.
+"""The ground resolution of a picture of a road that states none, by the width of the painted lines in it.
 
-A lane line is `LINE_WIDTH_M` wide here: our assumption. Roads have lines of 0.10 to 0.20 m, so an estimate may be wrong
-by a third. What is told from a lane line by its look is left out: bars of a crossing by their neighbours, kerbs and
-edges of another surface by what lies on either side.
+A line is `LINE_WIDTH_M` wide here. Roads have lines of 0.10 to 0.20 m, so an estimate may be wrong by a third. What is
+brighter or yellower than its surroundings, straight, evenly wide and several times as long as wide is taken for a line.
+Bars of a crossing are told by their neighbours, kerbs and edges of another surface by what lies on either side.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import hypot
+from math import pi
 from statistics import median
 from typing import Final
 
@@ -15,123 +16,244 @@ import numpy as np
 from scipy import ndimage
 
 from pavetwin.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
+from pavetwin.datasets.placing import road_mask
 
 LINE_WIDTH_M: Final = 0.15
+"""Lane lines of towns in China have 0.10 or 0.15 m (GB 51038-2015, 12.3.2). With 0.15 m the cars in photographs of
+RDD2022's China drone subset are as long as cars are."""
 
-CONTRAST: Final = 0.1
-"""Brightness of a lane line above that of the road around, of the full scale."""
+WIDTH_PX: Final = (4.5, 64.0)
+"""Widths that are measured: narrower lines are blurred, wider ones mostly no lines."""
 
-FAINT: Final = 0.05
+PLAUSIBLE_MM: Final = (2.0, 40.0)
+
+CONTRAST: Final = 9.0
+"""By which paint is lighter than its surroundings (L*) or yellower (b*)."""
+
+FAINT: Final = 5.0
 """The same of what may be a worn bar of a crossing."""
 
 SLENDER: Final = 9.0
-"""Length over width, at least: a dash of two metres has 13, a bar of a crossing less."""
+"""Length over width, at least: a dash of two metres has 13, a bar of a crossing mostly less."""
 
-LEAST_SHARE: Final = 0.12
-"""Length over the picture's longer side, at least."""
+CUT_OFF: Final = 5.0
+"""The same of a line that the border of the picture cuts off."""
 
-BAR_LIKE: Final = 4.0
+REDDISH: Final = 1.5
+"""By so much of its redness (a*) paint counts as less light and less yellow (b*): yellow lines have a quarter as much
+a* as b*, orange paint of utilities and bricks more than half."""
+
+BAR_LIKE: Final = 3.0
 """The same of what may be a bar of a crossing."""
 
-STRAIGHT: Final = 0.7
-"""Of the smallest rectangle around it that a line fills."""
+LEAST_LENGTH_PX: Final = 60.0
 
-ALIKE: Final = 0.08
-"""Difference of brightness between both sides, at most: a kerb has another surface on one side."""
+FILLED: Final = 0.75
+"""Share of the smallest rectangle around it that a line fills, at least."""
+
+WORN: Final = 0.5
+"""The same of what may be a worn bar of a crossing."""
+
+ALIKE: Final = 8.0
+"""Difference of lightness between both sides, at most: a kerb has another surface on one side."""
+
+ON_ROAD: Final = 0.8
+"""Share of either side that is road, at least."""
 
 BARS: Final = 3
 """So many strips beside each other, within `NEARBY` widths, are the bars of a crossing."""
 
 NEARBY: Final = 8.0
-PLAUSIBLE_MM: Final = (2.0, 40.0)
 
-_NEAR: Final = 0.2
-"""Side of what is around a pixel, of the picture's longer side."""
+EDGE: Final = 0.6
+"""Share of a line's rise in L* at its edge. Cameras blur light, and half of the light from road (L* 55) to paint (90)
+has L* 76."""
+
+_AROUND_PX: Final = 161
+"""Side of what is around a pixel."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Line:
-    middle: Float64Array
-    """(2,) column, row."""
-    along: Float64Array
-    """(2,) of length 1."""
-    length: float
-    width: float
+class PaintedStrip:
+    """A straight strip of paint in a picture: a line, or a bar of a crossing."""
+
+    middle_px: tuple[float, float]
+    """Column, row."""
+    direction_rad: float
+    """From the columns, clockwise, 0 … π."""
+    length_px: float
+    width_px: float
     contrast: float
-    """Brightness above that of the road around, of the full scale."""
+    """By which it is lighter (L*) or yellower (b*) than its surroundings."""
+    filled: float
+    """Share of the smallest rectangle around it."""
+    is_white: bool
+    """Else yellow."""
+    is_cut_off: bool
+    """By the border of the picture: it may be longer than it looks."""
+    is_whole: bool
+    """Both of its edges are in the picture, so that its width is measured."""
 
 
-def marking_gsd_mm(picture: UInt8Array, road: BoolArray) -> float | None:
-    """Millimetres a pixel covers, by the lane lines of a picture (height, width, 3); None where it shows none.
+def marking_gsd_mm(picture: UInt8Array, road: BoolArray | None = None, line_m: float = LINE_WIDTH_M) -> float | None:
+    """Millimetres a pixel covers, by the median width of the lines in a picture (height, width, 3); None without any.
 
     Args:
-        road: (height, width) where it shows road.
+        road: (height, width) where it shows road; its look decides unless given.
+        line_m: width of a line.
     """
-    grey = cv2.GaussianBlur(picture.astype(np.float32).mean(axis=2) / 255, (0, 0), 0.8)
-    bright, least = _bright_strips(grey), LEAST_SHARE * max(grey.shape)
-    widths = [
-        line.width
-        for line in bright
-        if line.contrast >= CONTRAST
-        and line.length >= max(SLENDER * line.width, least)
-        and _is_on_road(line, grey, road)
-        and sum(_is_beside(line, other) for other in bright) < BARS
-    ]
-    gsd_mm = 1000 * LINE_WIDTH_M / median(widths) if widths else 0.0
+    widths = [line.width_px for line in painted_lines(picture, road)]
+    gsd_mm = 1000 * line_m / median(widths) if widths else 0.0
     return gsd_mm if PLAUSIBLE_MM[0] <= gsd_mm <= PLAUSIBLE_MM[1] else None
 
 
-def _bright_strips(grey: Float32Array) -> list[_Line]:
-    """All that is straight, longer than wide and brighter than what is around it."""
-    height, width = grey.shape
-    half = cv2.resize((grey * 255).astype(np.uint8), (width // 2, height // 2), interpolation=cv2.INTER_AREA)
-    around = cv2.medianBlur(half, min(round(_NEAR * max(height, width) / 2), 127) | 1)
-    above = grey - cv2.resize(around, (width, height)).astype(np.float32) / 255
-    parts, _ = ndimage.label(above > FAINT)
+def painted_lines(picture: UInt8Array, road: BoolArray | None = None) -> list[PaintedStrip]:
+    """The lines of markings on the road of a picture (height, width, 3), without bars of crossings.
+
+    Args:
+        road: (height, width) where it shows road; its look decides unless given.
+    """
+    lab = cv2.cvtColor(picture.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
+    lightness, red, yellow = np.moveaxis(cv2.GaussianBlur(lab, (0, 0), 0.8).astype(np.float32), 2, 0)
+    reddish = REDDISH * np.maximum(red, 0)
     found = []
+    for field, is_white in ((lightness - reddish, True), (yellow - reddish, False)):
+        strips = list(_strips(field - _around(field), is_white=is_white))
+        found += [each for each in strips if _is_line(each) and not _is_bar(each, strips)]
+    if not found:
+        return []
+    where = road_mask(picture) if road is None else road
+    return [line for line in found if _is_on_road(line, lightness, where)]
+
+
+def _is_line(strip: PaintedStrip) -> bool:
+    return (
+        strip.contrast >= CONTRAST
+        and strip.filled >= FILLED
+        and strip.is_whole
+        and WIDTH_PX[0] <= strip.width_px <= WIDTH_PX[1]
+        and strip.length_px >= max(LEAST_LENGTH_PX, (CUT_OFF if strip.is_cut_off else SLENDER) * strip.width_px)
+    )
+
+
+def _is_bar(line: PaintedStrip, strips: Sequence[PaintedStrip]) -> bool:
+    """Whether it is one of the bars of a crossing: one of several, or beside another one and no more slender."""
+    beside = sum(_is_beside(line, other) for other in strips if other is not line)
+    is_slender = line.length_px >= SLENDER * line.width_px
+    return beside >= (BARS - 1 if is_slender or not line.is_white else 1)
+
+
+def _around(field: Float32Array) -> Float32Array:
+    """The median around each pixel, of a picture of quarter size."""
+    small = cv2.resize(field, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
+    # A median of this size takes bytes: half steps from −64 to 63.5 of b*, of L* less 50.
+    middle = float(np.median(small))
+    coded = np.clip(2 * (small - middle) + 128, 0, 255).astype(np.uint8)
+    blurred = cv2.medianBlur(coded, _AROUND_PX // 4 | 1).astype(np.float32)
+    return np.asarray(cv2.resize((blurred - 128) / 2 + middle, field.shape[::-1], interpolation=cv2.INTER_LINEAR))
+
+
+def _strips(rises: Float32Array, *, is_white: bool) -> Iterator[PaintedStrip]:
+    """All that is straight, evenly wide, longer than wide and rises above what is around it."""
+    parts, _ = ndimage.label(rises > FAINT)
     for number, place in enumerate(ndimage.find_objects(parts), start=1):
         part = parts[place] == number
-        if max(part.shape) < 0.5 * LEAST_SHARE * max(height, width):
+        if max(part.shape) < 0.5 * LEAST_LENGTH_PX:
             continue
-        # Its blurred edges are cut where they are half as bright as the line.
-        contrast = float(np.quantile(above[place][part], 0.8))
-        part &= above[place] >= 0.5 * contrast
-        line = _line(part, (place[1].start, place[0].start), contrast)
-        if line.length >= BAR_LIKE * line.width:
-            found.append(line)
-    return found
+        # What is fainter than half of a line is its blurred edge, or dirt beside it.
+        contrast = float(np.quantile(rises[place][part], 0.8))
+        part &= rises[place] >= 0.5 * contrast
+        mask = cv2.morphologyEx(np.pad(part, 1).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+        corner = (place[1].start - 1, place[0].start - 1)
+        for outline in cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE, offset=corner)[0]:
+            strip = _strip(rises, outline, contrast, is_white=is_white)
+            if strip is not None:
+                yield strip
 
 
-def _line(part: BoolArray, corner: tuple[int, int], contrast: float) -> _Line:
-    """The smallest rectangle around a part, with the mean width of what fills it; without length where it is bent."""
-    points = (np.argwhere(part)[:, ::-1] + np.array(corner)).astype(np.float32)
-    (x, y), sides, _ = rectangle = cv2.minAreaRect(points)
-    first, second, third = cv2.boxPoints(rectangle)[:3].astype(np.float64)
-    side = max(second - first, third - second, key=lambda each: hypot(*each))
-    length, across = max(sides) + 1.0, min(sides) + 1.0
-    width = len(points) / length
-    is_straight = len(points) >= STRAIGHT * length * across
-    return _Line(np.array([x, y]), side / max(hypot(*side), 1e-9), length if is_straight else 0.0, width, contrast)
+def _strip(rises: Float32Array, outline: cv2.typing.MatLike, contrast: float, *, is_white: bool) -> PaintedStrip | None:
+    """The strip that an outline is of; None unless it is straight, long and evenly wide, and whole across."""
+    (x, y), size, degrees = cv2.minAreaRect(outline)
+    length, across = max(size) + 1, min(size) + 1
+    if length < max(0.5 * LEAST_LENGTH_PX, BAR_LIKE * across) or not WIDTH_PX[0] <= across <= 1.3 * WIDTH_PX[1]:
+        return None
+    filled = (cv2.contourArea(outline) + 0.5 * len(outline)) / (length * across)
+    if filled < WORN:
+        return None
+    direction = np.radians(degrees if size[0] >= size[1] else degrees + 90.0)
+    along = np.array([np.cos(direction), np.sin(direction)])
+    width = _width_px(rises, np.array([x, y]), along, length, across, contrast)
+    low, high = outline[:, 0].min(axis=0), outline[:, 0].max(axis=0)
+    is_cut_off = bool(low.min() <= 1 or (high >= np.array(rises.shape[::-1]) - 2).any())
+    return PaintedStrip(
+        middle_px=(x, y),
+        direction_rad=float(direction % pi),
+        length_px=float(length),
+        width_px=float(across) if width is None else width,
+        contrast=contrast,
+        filled=float(filled),
+        is_white=is_white,
+        is_cut_off=is_cut_off,
+        is_whole=width is not None,
+    )
 
 
-def _is_on_road(line: _Line, grey: Float32Array, road: BoolArray) -> bool:
-    """Whether both of its sides are road of one brightness."""
-    steps = np.linspace(-0.45, 0.45, 21)[:, None] * line.length * line.along
-    normal = np.array([-line.along[1], line.along[0]])
-    brightness = []
+def _width_px(
+    rises: Float32Array, middle: Float64Array, along: Float64Array, length: float, across: float, contrast: float
+) -> float | None:
+    """Width at `EDGE` of the strip's rise over both its sides, of the median section; None where a side is cut off."""
+    normal = np.array([-along[1], along[0]])
+    offsets = np.arange(-2 * across - 4, 2 * across + 4, 0.25)
+    stations = np.linspace(-0.4, 0.4, 33) * length
+    points = (middle + stations[:, None, None] * along + offsets[None, :, None] * normal).astype(np.float32)
+    inside = ((points >= 0) & (points <= np.array(rises.shape[::-1]) - 1)).all(axis=2)
+    near = abs(offsets) < 1.5 * across + 3
+    whole = inside[:, near].all(axis=1)
+    if whole.sum() < 8:
+        return None
+    profile = cv2.remap(rises, points[..., 0], points[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    section = np.median(profile[whole], axis=0)
+    top = float(np.median(section[abs(offsets) < 0.25 * across]))
+    sides = [float(np.median(section[near & (sign * offsets > 0.8 * across)])) for sign in (-1, 1)]
+    if top - max(sides) < 0.5 * contrast:
+        return None
+    edges = 0.0
+    for sign, side in zip((-1, 1), sides, strict=True):
+        outwards = slice(None, None, sign)
+        away, height = (sign * offsets)[outwards], section[outwards] - side - EDGE * (top - side)
+        below = np.flatnonzero((away > 0) & (height < 0))
+        if not len(below):
+            return None
+        last, first = below[0] - 1, below[0]
+        edges += float(np.interp(0.0, [height[first], height[last]], [away[first], away[last]]))
+    return edges
+
+
+def _is_on_road(line: PaintedStrip, lightness: Float32Array, road: BoolArray) -> bool:
+    """Whether both of its sides are road of one lightness. Between two yellow lines there may be too little to tell."""
+    along = np.array([np.cos(line.direction_rad), np.sin(line.direction_rad)])
+    normal = np.array([-along[1], along[0]])
+    steps = np.linspace(-0.45, 0.45, 21)[:, None] * line.length_px * along
+    beside, on_road = [], []
     for side in (-1.0, 1.0):
-        columns, rows = np.rint(line.middle + steps + side * (1.5 * line.width + 2.0) * normal).astype(int).T
+        columns, rows = np.rint(line.middle_px + steps + side * (line.width_px + 2.0) * normal).astype(int).T
         inside = (columns >= 0) & (rows >= 0) & (columns < road.shape[1]) & (rows < road.shape[0])
-        if inside.mean() < 0.8 or road[rows[inside], columns[inside]].mean() < 0.8:
+        if inside.mean() < ON_ROAD:
             return False
-        brightness.append(float(np.median(grey[rows[inside], columns[inside]])))
-    return abs(brightness[0] - brightness[1]) <= ALIKE
+        on_road.append(bool(road[rows[inside], columns[inside]].mean() >= ON_ROAD))
+        beside.append(float(np.median(lightness[rows[inside], columns[inside]])))
+    return (all(on_road) if line.is_white else any(on_road)) and abs(beside[0] - beside[1]) <= ALIKE
 
 
-def _is_beside(line: _Line, other: _Line) -> bool:
-    """Whether another line, or itself, runs along it nearby."""
-    if abs(float(line.along @ other.along)) < 0.97:
+def _is_beside(line: PaintedStrip, other: PaintedStrip) -> bool:
+    """Whether another strip of about its width runs along it nearby."""
+    turn = abs((line.direction_rad - other.direction_rad + pi / 2) % pi - pi / 2)
+    if turn > 0.2:
         return False
-    apart = other.middle - line.middle
-    across = abs(float(apart @ np.array([-line.along[1], line.along[0]])))
-    return across <= NEARBY * line.width and abs(float(apart @ line.along)) <= 0.5 * line.length
+    apart = np.subtract(other.middle_px, line.middle_px)
+    along, across = np.cos(line.direction_rad), np.sin(line.direction_rad)
+    sideways = abs(float(-across * apart[0] + along * apart[1]))
+    lengthwise = abs(float(along * apart[0] + across * apart[1]))
+    return 0.8 * line.width_px < sideways <= NEARBY * line.width_px and lengthwise <= 0.5 * (
+        line.length_px + other.length_px
+    )
