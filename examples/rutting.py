@@ -46,6 +46,7 @@ def severity(sizes: Measures) -> Severity:
     width=lambda sizes: sizes.extent_width_m,
     weight=0.05,
     label=LabelRule(least_side_px=40, least_short_side_px=12, least_area_px=400, least_contrast=60.0),
+    distress="rutting",
 )
 def rutting(rng: np.random.Generator) -> Heightfield:
     """Two troughs with the section of a cosine, which wander a little along the road, worn dark by tyres."""

@@ -22,7 +22,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"config"}),
     frozenset({"world", "uav"}),
     frozenset({"traffic", "navigation", "defects"}),
-    frozenset({"twin", "scene", "labels"}),
+    frozenset({"twin", "scene", "labels", "pci"}),
     frozenset({"policies", "sensing", "render", "perception"}),
     frozenset({"mission"}),
     frozenset({"draw"}),

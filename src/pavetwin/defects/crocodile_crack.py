@@ -11,6 +11,7 @@ from pavetwin._core import relief_blocks, relief_largest_part, relief_noise
 from pavetwin.arrays import Float32Array, Float64Array, IndexArray, UInt16Array
 from pavetwin.config.base import Settings
 from pavetwin.defects import poses
+from pavetwin.defects.distress import Distress
 from pavetwin.defects.heightfield import Heightfield, Lattice, Stains
 from pavetwin.defects.marking import Marking
 from pavetwin.defects.registry import LabelRule, defect_class
@@ -94,6 +95,7 @@ def sample_crocodile_crack_poses(rng: np.random.Generator, road: poses.RoadSecti
     # A network has room for a block or two.
     label=LabelRule(least_side_px=8, least_short_side_px=8, least_area_px=20, least_contrast=17.0),
     parameters=CrocodileCrackParameters,
+    distress=Distress.ALLIGATOR_CRACKING,
 )
 def crocodile_crack(rng: np.random.Generator, parameters: CrocodileCrackParameters | None = None) -> Heightfield:
     """A patch around the origin; x runs along the wheel path."""

@@ -9,6 +9,7 @@ from pydantic import Field
 from pavetwin.arrays import Float32Array, Float64Array
 from pavetwin.config.base import Settings
 from pavetwin.defects import poses
+from pavetwin.defects.distress import Distress
 from pavetwin.defects.heightfield import Heightfield, Lattice, Stains
 from pavetwin.defects.marking import Marking
 from pavetwin.defects.pit import AGGREGATE_M, aggregate, dug, loose_stones, opened
@@ -74,6 +75,7 @@ def sample_pothole_poses(rng: np.random.Generator, road: poses.RoadSection, coun
     length=lambda measures: measures.crack_length_m,  # of those that leave its rim; 0 where none does
     weight=0.3,
     parameters=PotholeParameters,
+    distress=Distress.POTHOLES,
 )
 def pothole(rng: np.random.Generator, parameters: PotholeParameters | None = None) -> Heightfield:
     """A hole around the origin, its longest side on x."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from pavetwin.config.base import Settings
 from pavetwin.defects.conformance import SHAPES_WHEN_READ, check_defect_class
+from pavetwin.defects.distress import Distress
 from pavetwin.defects.heightfield import Heightfield
 from pavetwin.defects.measures import Measures, length_of
 from pavetwin.defects.poses import PoseSampler
@@ -55,6 +56,8 @@ class DefectKind:
     """Whether its outlines are so thin that boxes around them hardly overlap, see `pavetwin.sensing.match`."""
     parameters: type[Settings] | None = None
     """What its shapes may be given besides a seed; None for a class whose shapes come from the seed alone."""
+    distress: Distress | None = None
+    """As what it counts in the Pavement Condition Index; None for not at all."""
 
     @property
     def ships(self) -> bool:
@@ -120,6 +123,7 @@ def defect_class(
     label: LabelRule | None = None,
     is_thin: bool = False,
     parameters: type[Settings] | None = None,
+    distress: Distress | str | None = None,
 ) -> Callable[[Generate], Generate]:
     """Register what is decorated, which makes the shapes of a class, under the name of the class.
 
@@ -134,14 +138,17 @@ def defect_class(
         is_thin: its outlines are so thin that boxes around them hardly overlap; detections match by other rules.
         parameters: settings that what is decorated takes as its second argument, or None for their defaults; damage
             populations give some of them.
+        distress: as what it counts in the Pavement Condition Index, a name of `Distress`; not at all unless given.
 
     Raises:
-        ValueError: the name is taken or cannot name a class, or the weight is negative.
+        ValueError: the name is taken or cannot name a class, the weight is negative, or there is no such distress.
     """
+    counted = None if distress is None else Distress(distress)
 
     def register(generate: Generate) -> Generate:
         kind = DefectKind(
-            name, generate, sample_poses, rate, width, length, weight, label or LabelRule(), is_thin, parameters
+            *(name, generate, sample_poses, rate, width, length, weight),
+            *(label or LabelRule(), is_thin, parameters, counted),
         )
         DEFECT_CLASSES.add(name, kind)
         return generate

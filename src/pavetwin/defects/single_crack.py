@@ -12,6 +12,7 @@ from pavetwin._core import relief_pebbles
 from pavetwin.arrays import Float32Array, Float64Array, IndexArray
 from pavetwin.config.base import Settings
 from pavetwin.defects import poses
+from pavetwin.defects.distress import Distress
 from pavetwin.defects.heightfield import Heightfield, Lattice, Stains
 from pavetwin.defects.marking import Marking
 from pavetwin.defects.poses import Position
@@ -110,6 +111,7 @@ def sample_single_crack_poses(rng: np.random.Generator, road: poses.RoadSection,
     label=LabelRule(least_side_px=16, least_short_side_px=2, least_area_px=8, least_contrast=10.0),
     is_thin=True,
     parameters=SingleCrackParameters,
+    distress=Distress.LONGITUDINAL_AND_TRANSVERSE_CRACKING,
 )
 def single_crack(rng: np.random.Generator, parameters: SingleCrackParameters | None = None) -> Heightfield:
     """A crack with the middle of its chord at the origin, its chord on x."""

@@ -78,11 +78,14 @@ BATTERIES: Final = "batteries"
 TOUR_METRICS: Final = (Metric(BATTERIES, "Batteries", "", 1.0, 1, more_is_better=False),)
 """Of missions that are tours (`experiments.tours`): full batteries that one took."""
 
+CONDITION_METRICS: Final = (Metric("pci_error", "PCI error", "points", 1.0, 1, more_is_better=False),)
+"""What is missed makes a road look sounder than it is. Studies of earlier versions do not have it."""
+
 COMPARED: Final = ("coverage", "time_s", "energy")
 """What options are compared by: all tests of these together are one family."""
 
 
-EVERY_METRIC: Final = (*METRICS, *TOUR_METRICS, *PARKING_METRICS, *ERROR_METRICS)
+EVERY_METRIC: Final = (*METRICS, *TOUR_METRICS, *PARKING_METRICS, *ERROR_METRICS, *CONDITION_METRICS)
 
 
 def metric_named(name: str) -> Metric:
@@ -91,10 +94,12 @@ def metric_named(name: str) -> Metric:
 
 
 def metrics_in(table: "pl.DataFrame") -> tuple[Metric, ...]:
-    """What there is to show of a table: `METRICS`, those of tours where missions are such, what parked vehicles hide
-    where there are some, and those of a sensor's errors where a mission has such errors."""
+    """What there is to show of a table: `METRICS`, the error of the condition index where it was measured, those of
+    tours where missions are such, what parked vehicles hide where there are some, and those of a sensor's errors where
+    a mission has such errors."""
+    condition = [metric for metric in CONDITION_METRICS if metric.name in table.columns]
     tours = [metric for metric in TOUR_METRICS if metric.name in table.columns]
     names = ("permanently_hidden", "false_alarms", "duplicates")
     has = {name: name in table.columns and bool(table[name].sum()) for name in names}
     rest = (each for each in (*PARKING_METRICS, *ERROR_METRICS) if has.get(each.name, has["false_alarms"]))
-    return (*METRICS, *tours, *rest)
+    return (*METRICS, *condition, *tours, *rest)

@@ -21,8 +21,8 @@ _SUMMED: Final = (
     *("duplicates", "false_alarms"),
 )
 
-_OF_SURFACE: Final = ("surface_coverage", "permanently_hidden")
-"""Shares of a segment's surface. Studies from before vehicles were parked have the first alone."""
+_BY_AREA: Final = ("surface_coverage", "permanently_hidden", "pci", "pci_found", "pci_error")
+"""Means by area of the segments. Studies of earlier versions do not have all of them."""
 
 
 def is_by_mission(table: pl.DataFrame) -> bool:
@@ -41,13 +41,13 @@ def by_mission(table: pl.DataFrame) -> pl.DataFrame:
         return table
     before = table.columns[: table.columns.index("order")]
     keys = before[: before.index(REPLICATE) + 1]
-    of_surface = [name for name in _OF_SURFACE if name in flown.columns]
+    by_area = [name for name in _BY_AREA if name in flown.columns]
     sums = [pl.col(name).sum() for name in _SUMMED]
     missions = table.group_by(keys, maintain_order=True).agg(
         *(pl.col(name).first() for name in before if name not in keys),
         pl.len().alias(SEGMENTS),
         *sums,
-        *((pl.col(name) * pl.col("area_m2")).sum().alias(f"_{name}_m2") for name in of_surface),
+        *((pl.col(name) * pl.col("area_m2")).sum().alias(f"_{name}_m2") for name in by_area),
         *(pl.col(name).first() for name in MISSION_COLUMNS),
     )
     matched, reported = (
@@ -59,7 +59,7 @@ def by_mission(table: pl.DataFrame) -> pl.DataFrame:
         "coverage": _share(pl.col("confirmed"), pl.col("defects")),
         "swath_coverage": _share(pl.col("confirmed"), pl.col("swept")),
         "recovery": _share(pl.col("recovered"), pl.col("swept")),
-        **{name: _share(pl.col(f"_{name}_m2"), pl.col("area_m2")) for name in of_surface},
+        **{name: _share(pl.col(f"_{name}_m2"), pl.col("area_m2")) for name in by_area},
         "time_s": pl.col("mission_time_s"),
         "energy": pl.col("mission_energy"),
         "distance_m": pl.col("mission_distance_m"),

@@ -20,6 +20,7 @@ from pavetwin.mission.parked import ParkingInput, parked_agents, parked_solids, 
 from pavetwin.navigation.base import check_base, roadside
 from pavetwin.navigation.navmesh import navmesh, segments_in_reach
 from pavetwin.navigation.patterns import passes
+from pavetwin.pci import Survey, sample_units
 from pavetwin.sensing.frame import Sighting
 from pavetwin.sensing.resolution import orientations_of, smallest_extent_m
 from pavetwin.traffic.mix import DEFAULT_MIX
@@ -29,7 +30,7 @@ from pavetwin.uav import AircraftProfile, Camera, aircraft_of, camera_of, energy
 from pavetwin.uav.energy import CURVE_STEP_MPS
 from pavetwin.uav.wind import check_wind
 from pavetwin.world.content import defects_hash
-from pavetwin.world.model import Defect, Surface, World
+from pavetwin.world.model import Defect, Segment, Surface, World
 from pavetwin.world.solids import SolidKind, Solids, solids
 
 INSPECT_MPS: Final = 5.0
@@ -57,6 +58,7 @@ class MissionEnvironment:
     )
     _sightings: dict[int, Sighting] = field(default_factory=dict, init=False, repr=False, compare=False)
     """Whole, by the defect's id: what of them does not depend on the capture."""
+    _surveys: dict[str, Survey] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
     def parked_agents(self) -> tuple[Agent, ...]:
@@ -73,6 +75,13 @@ class MissionEnvironment:
             lines = passes(self.world.segments[index], camera.window_m(self.altitude_m)[0], settings.pattern)
             self._hidden[key] = permanently_hidden(self.ground, index, lines, camera, self.altitude_m)
         return self._hidden[key]
+
+    def survey_of(self, segment: Segment) -> Survey:
+        """The sample units of a segment with its defects, of which its condition index follows."""
+        if segment.id not in self._surveys:
+            here = [self.defects[number] for number in self.defects_by_segment.get(segment.id, ())]
+            self._surveys[segment.id] = Survey(sample_units([segment]), here)
+        return self._surveys[segment.id]
 
     @property
     def inspected_world(self) -> World:

@@ -50,6 +50,12 @@ class SegmentMetrics:
     """Detections that match a defect, as a share of those and the false alarms."""
     false_alarms_per_100_m2: float | None
     """Of the surface that was seen."""
+    pci: float
+    """Pavement Condition Index (ASTM D6433) of the segment."""
+    pci_found: float
+    """What it would be if nothing were there but the confirmed defects."""
+    pci_error: float
+    """The latter less the former, in points."""
 
 
 class SegmentMeter:
@@ -101,6 +107,8 @@ class SegmentMeter:
         false_alarms = outcomes[Outcome.FALSE_ALARM]
         surface_coverage = flight.surface_coverage(target)
         seen_m2 = surface_coverage * segment.area_m2
+        survey = self._environment.survey_of(segment)
+        pci, pci_found = survey.pci(), survey.pci(defect for defect in defects if defect in memory.confirmed)
         return SegmentMetrics(
             order=order,
             segment=segment.id,
@@ -125,4 +133,7 @@ class SegmentMeter:
             false_alarms=false_alarms,
             precision=matched / (matched + false_alarms) if matched + false_alarms else None,
             false_alarms_per_100_m2=100 * false_alarms / seen_m2 if seen_m2 else None,
+            pci=pci,
+            pci_found=pci_found,
+            pci_error=pci_found - pci,
         )

@@ -16,7 +16,8 @@ def street_table(result: MissionResult, reasons: pl.DataFrame) -> pl.DataFrame:
     """One row a street, in the order of inspection.
 
     Columns: `policy`, `street`, `segments` (ids), `length_m`, `area_m2`, `defects`, `found`, `coverage` (share of the
-    defects), `surface_coverage` (by area), `hidden`, `not_recognised`, `other_missed`, `time_s`.
+    defects), `surface_coverage` (by area), `hidden`, `not_recognised`, `other_missed`, `time_s`,
+    `pci` and `pci_found` (of the segments, by area).
 
     Args:
         reasons: `segment` and `reason` of each inspected defect, as in `defects.csv`; null where it was found.
@@ -52,4 +53,6 @@ def _street(name: str, rows: Sequence[SegmentMetrics], missed: Mapping[str, Sequ
         "not_recognised": unseen,
         "other_missed": len(reasons) - hidden - unseen,
         "time_s": round(sum(row.time_s for row in rows), 1),
+        "pci": round(sum(row.pci * row.area_m2 for row in rows) / area_m2, 1),
+        "pci_found": round(sum(row.pci_found * row.area_m2 for row in rows) / area_m2, 1),
     }

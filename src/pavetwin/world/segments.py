@@ -52,15 +52,24 @@ def segments_of(
 def pieces_of(street: StreetSurface, segment_length_m: float) -> Iterator[tuple[LineString, Surface]]:
     """The pieces of a street's centre line, each with its part of the carriageway."""
     count = math.ceil(street.length_m / segment_length_m - 1e-9)
+    return equal_pieces(street.centre_line, street.polygon, count)
+
+
+def equal_pieces(centre_line: LineString, polygon: Surface, count: int) -> Iterator[tuple[LineString, Surface]]:
+    """Pieces of equal length of a carriageway, each with its part of the centre line, in the order along it.
+
+    The cuts are perpendicular to the centre line; a piece that has no surface is left out.
+    """
     if count <= 1:
-        yield street.centre_line, street.polygon
+        yield centre_line, polygon
         return
-    stations = np.linspace(0.0, street.length_m, count + 1)
-    lines = [LineString(substring(street.centre_line, a, b).coords) for a, b in pairwise(stations)]
+    length_m = centre_line.length
+    stations = np.linspace(0.0, length_m, count + 1)
+    lines = [LineString(substring(centre_line, a, b).coords) for a, b in pairwise(stations)]
     shares: list[list[Polygon]] = [[] for _ in lines]
-    for part in _cut(street, stations[1:-1]):
-        along = street.centre_line.project(part.representative_point())
-        shares[min(count - 1, int(along / street.length_m * count))].append(part)
+    for part in _cut(centre_line, polygon, stations[1:-1]):
+        along = centre_line.project(part.representative_point())
+        shares[min(count - 1, int(along / length_m * count))].append(part)
     for line, parts in zip(lines, shares, strict=True):
         if parts:
             yield line, parts[0] if len(parts) == 1 else _joined(parts)
@@ -73,12 +82,12 @@ def _joined(parts: list[Polygon]) -> Surface:
     return surface_of(polygons_of(union) if abs(union.area - area) < 1e-6 * area else parts)
 
 
-def _cut(street: StreetSurface, stations: Iterable[float]) -> list[Polygon]:
-    """The street's polygons, cut across at the stations (metres along the centre line)."""
-    reach = shapely.hausdorff_distance(street.polygon.boundary, street.centre_line) + 1.0
-    parts = polygons_of(street.polygon)
+def _cut(centre_line: LineString, polygon: Surface, stations: Iterable[float]) -> list[Polygon]:
+    """The polygons of a carriageway, cut across at the stations (metres along its centre line)."""
+    reach = shapely.hausdorff_distance(polygon.boundary, centre_line) + 1.0
+    parts = polygons_of(polygon)
     for station in stations:
-        knife = cross_line(street.centre_line, station, reach)
+        knife = cross_line(centre_line, station, reach)
         parts = [piece for part in parts for piece in polygons_of(split(part, knife))]
     return parts
 

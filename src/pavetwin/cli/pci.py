@@ -1,0 +1,114 @@
+"""`pavetwin pci`: the Pavement Condition Index of a world, or of what a mission found."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from pavetwin.cli.console import note_fonts, out, progress
+from pavetwin.errors import PaveTwinError
+
+if TYPE_CHECKING:
+    import polars as pl
+    from rich.table import Table
+
+    from pavetwin.mission.condition import ConditionReport
+
+SHOWN: Final = 20
+"""Streets in the printed table; the file has all."""
+
+MISSION: Final = "mission.yaml"
+
+
+def pci(
+    folder: Annotated[Path, typer.Argument(metavar="WORLD|MISSION", help="Folder of a world or of a mission.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder for the files; pci in the given folder unless given.")
+    ] = None,
+) -> None:
+    """Rate pavement by ASTM D6433: by sample unit and street, as it is and as a mission found it.
+
+    \b
+    pavetwin pci worlds/berlin
+    pavetwin pci missions/monday/hover -o reports/monday
+
+    What a mission missed is missing from its index, so that roads look sounder than they are. Writes units.csv,
+    streets.csv, pci.gpkg (for QGIS) and a map.
+    """
+    from pavetwin.draw.pci_map import save_pci_map
+    from pavetwin.mission.condition import write_condition
+    from pavetwin.pci import rating_of
+
+    target = output or folder / "pci"
+    if target.exists() and not target.is_dir():
+        raise PaveTwinError(f"--output {target}: a file of that name is in the way; name a folder.")
+    with progress("Surveying") as tell:
+        report = _report(folder)
+        tell(0.5)
+        target.mkdir(parents=True, exist_ok=True)
+        write_condition(report, target)
+        tell(0.7)
+        save_pci_map(report.world, report.true, target / "pci.png", subtitle=f"as it is: {report.pci:.0f} on average")
+        if report.found is not None:
+            words = f"as the mission found it: {report.pci_found:.0f} on average, as it is: {report.pci:.0f}"
+            save_pci_map(report.world, report.found, target / "pci-found.png", subtitle=words)
+        tell(1.0)
+    out.print(_table(report))
+    out.line(f"PCI {report.pci:.1f}, {rating_of(report.pci).value}, over {len(report.true)} sample units.")
+    if report.pci_found is not None:
+        more = report.pci_found - report.pci
+        out.line(f"Of what was found it would be {report.pci_found:.1f}: {abs(more):.1f} points too {_side(more)}.")
+    if small := sum(not condition.unit.has_usual_size for condition in report.true):
+        units = "unit is" if small == 1 else "units are"
+        out.line(f"{small} {units} smaller than the 135 m² of the standard, as the segments are.")
+    out.line(f"Written to {target}.")
+    note_fonts(report.world)
+
+
+def _side(more: float) -> str:
+    return "high" if more >= 0 else "low"
+
+
+def _report(folder: Path) -> "ConditionReport":
+    """Raises:
+    PaveTwinError: the folder is neither a world nor a mission.
+    """
+    from pavetwin.mission.again import read_mission
+    from pavetwin.mission.condition import condition_of_mission, condition_of_world
+    from pavetwin.world.folder import DESCRIPTION
+    from pavetwin.world.store import load_world
+
+    if (folder / MISSION).is_file():
+        return condition_of_mission(read_mission(folder / MISSION))
+    if (folder / DESCRIPTION).is_file():
+        return condition_of_world(load_world(folder))
+    inner = sorted(path.parent.name for path in folder.glob(f"*/{MISSION}"))
+    if inner:
+        names = ", ".join(str(folder / name) for name in inner)
+        raise PaveTwinError(f"'{folder}' holds a mission for each policy; name one: {names}.")
+    raise PaveTwinError(f"'{folder}' is neither the folder of a world nor of a mission (it has no {MISSION}).")
+
+
+def _table(report: "ConditionReport") -> "Table":
+    from rich.table import Table
+
+    from pavetwin.mission.condition import street_condition
+
+    streets: pl.DataFrame = street_condition(report)
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    headings = ["street", "units", "area\nm²", "PCI", "rating", "worst unit"]
+    if report.found is not None:
+        headings += ["PCI of\nwhat was\nfound", "rating\nof that"]
+    for heading in headings:
+        left = heading in ("street", "rating", "worst unit", "rating\nof that")
+        table.add_column(heading, justify="left" if left else "right", vertical="bottom", no_wrap=heading != "street")
+    for row in streets.head(SHOWN).iter_rows(named=True):
+        cells = [row["street"], f"{row['units']}", f"{row['area_m2']:.0f}", f"{row['pci']:.1f}", row["rating"]]
+        cells.append(f"{row['worst_unit']}: {row['worst_pci']:.0f}")
+        if report.found is not None:
+            cells += [f"{row['pci_found']:.1f}", row["rating_found"]]
+        table.add_row(*cells)
+    if streets.height > SHOWN:
+        table.caption = f"and {streets.height - SHOWN} more streets in streets.csv; the worst come first"
+        table.caption_justify = "left"
+    return table

@@ -1,0 +1,141 @@
+"""The condition index of what a mission inspected: as it is, and as what was found would have it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import writing
+from pavetwin.mission.again import FormerMission
+from pavetwin.mission.inputs import check_unchanged, defects_of, world_of
+from pavetwin.pci import Survey, UnitCondition, mean_pci, rating_of, sample_units
+from pavetwin.world.layers import write_layer
+from pavetwin.world.model import World
+
+WORST_FIRST: Final = "pci"
+
+
+@dataclass(frozen=True)
+class ConditionReport:
+    """Sample units as they are and, where a mission inspected them, as its findings would have them."""
+
+    world: World
+    true: tuple[UnitCondition, ...]
+    found: tuple[UnitCondition, ...] | None
+    """Of the same units; None where nobody inspected them."""
+
+    @property
+    def pci(self) -> float:
+        return mean_pci(self.true)
+
+    @property
+    def pci_found(self) -> float | None:
+        return None if self.found is None else mean_pci(self.found)
+
+
+def condition_of_world(world: World) -> ConditionReport:
+    """The true condition of all of a world."""
+    return ConditionReport(world, Survey(sample_units(world.segments), world.defects).conditions(), None)
+
+
+def condition_of_mission(mission: FormerMission) -> ConditionReport:
+    """The condition of the segments that a mission inspected.
+
+    Raises:
+        PaveTwinError: its world has changed, or its `captures.geojson` is gone.
+    """
+    if mission.detections is None:
+        raise PaveTwinError(
+            f"'{mission.path.parent}' has no captures.geojson, which says what was found; fly it again."
+        )
+    world = world_of(mission.spec.world)
+    check_unchanged(mission.spec, world)
+    targets = [world.segment(name) for name in mission.spec.targets]
+    survey = Survey(sample_units(targets), defects_of(world, mission.spec.defects, mission.spec.targets))
+    found = [int(feature["id"]) for feature in mission.detections["features"]]
+    return ConditionReport(world, survey.conditions(), survey.conditions(found))
+
+
+def unit_table(report: ConditionReport) -> pl.DataFrame:
+    """One row a sample unit.
+
+    Columns: `unit`, `segment`, `street`, `area_m2`, `pci`, `rating`, for missions `pci_found` and `rating_found`, and
+    the quantity of each distress and severity that occurs, as `alligator_cracking_low_m2`.
+    """
+    rows = []
+    for number, condition in enumerate(report.true):
+        unit, found = condition.unit, report.found[number] if report.found else None
+        rows.append(
+            {
+                "unit": unit.id,
+                "segment": unit.segment.id,
+                "street": unit.segment.street_name,
+                "area_m2": round(unit.area_m2, 1),
+                **_index(condition.pci, ""),
+                **(_index(found.pci, "_found") if found else {}),
+                **{
+                    f"{deduct.distress}_{deduct.severity}_{deduct.distress.unit.replace('²', '2')}": deduct.quantity
+                    for deduct in condition.deducts
+                },
+            }
+        )
+    table = pl.DataFrame(rows, infer_schema_length=None)
+    extents = [name for name in table.columns if name.endswith(("_m2", "_m", "_number")) and name != "area_m2"]
+    return table.with_columns(pl.col(extents).fill_null(0.0).round(3))
+
+
+def street_condition(report: ConditionReport) -> pl.DataFrame:
+    """One row a street, the worst first.
+
+    Columns: `street`, `units`, `area_m2`, `pci`, `rating`, `worst_unit`, `worst_pci`, and for missions `pci_found` and
+    `rating_found`.
+    """
+    grouped: dict[str, list[int]] = {}
+    for number, condition in enumerate(report.true):
+        grouped.setdefault(condition.unit.segment.street_name, []).append(number)
+    rows = [_street(report, street, numbers) for street, numbers in grouped.items()]
+    return pl.DataFrame(rows, infer_schema_length=None).sort(WORST_FIRST)
+
+
+def _street(report: ConditionReport, street: str, numbers: Sequence[int]) -> dict[str, Any]:
+    true = [report.true[number] for number in numbers]
+    worst = min(true, key=lambda condition: condition.pci)
+    return {
+        "street": street,
+        "units": len(true),
+        "area_m2": round(sum(condition.unit.area_m2 for condition in true), 1),
+        **_index(mean_pci(true), ""),
+        "worst_unit": worst.unit.id,
+        "worst_pci": round(worst.pci, 1),
+        **(_index(mean_pci([report.found[number] for number in numbers]), "_found") if report.found else {}),
+    }
+
+
+def _index(pci: float, ending: str) -> dict[str, Any]:
+    return {f"pci{ending}": round(pci, 1), f"rating{ending}": rating_of(pci).value}
+
+
+def write_condition(report: ConditionReport, folder: Path) -> None:
+    """Write `units.csv`, `streets.csv` and `pci.gpkg`, whose layer `sample_units` has the units' outlines.
+
+    Raises:
+        OSError: the disk is full or the folder cannot be written.
+    """
+    table = unit_table(report)
+    with writing(folder / "units.csv") as temporary:
+        table.write_csv(temporary)
+    with writing(folder / "streets.csv") as temporary:
+        street_condition(report).write_csv(temporary)
+    columns = {
+        name: np.array(table[name].to_list(), dtype=object)
+        if table[name].dtype == pl.String
+        else table[name].to_numpy()
+        for name in table.columns
+    }
+    outlines = [condition.unit.polygon for condition in report.true]
+    with writing(folder / "pci.gpkg") as temporary:
+        write_layer(temporary, "sample_units", "MultiPolygon", outlines, columns, report.world.georeference)

@@ -1,0 +1,17 @@
+"""The Pavement Condition Index (PCI) by ASTM D6433: of sample units, segments and streets, from their defects."""
+
+from pavetwin.pci.index import Deduct, Rating, pavement_condition_index, rating_of
+from pavetwin.pci.sample_units import SampleUnit, sample_units
+from pavetwin.pci.survey import Survey, UnitCondition, mean_pci
+
+__all__ = [
+    "Deduct",
+    "Rating",
+    "SampleUnit",
+    "Survey",
+    "UnitCondition",
+    "mean_pci",
+    "pavement_condition_index",
+    "rating_of",
+    "sample_units",
+]

@@ -1,0 +1,150 @@
+"""A survey: the distresses and the condition index of sample units, from defects."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+from math import pi
+from typing import Final
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from pavetwin.defects.distress import Distress
+from pavetwin.defects.registry import DEFECT_CLASSES
+from pavetwin.pci.curves import deduct_value
+from pavetwin.pci.index import Deduct, Rating, pavement_condition_index, rating_of
+from pavetwin.pci.sample_units import SampleUnit
+from pavetwin.world.model import Defect, Severity
+
+WIDE_POTHOLE_M: Final = 0.75
+POTHOLE_AREA_M2: Final = 0.5
+"""A pothole wider than 0.75 m counts as many as its area holds of these (ASTM D6433, X1.13)."""
+
+
+@dataclass(frozen=True, slots=True)
+class UnitCondition:
+    """A sample unit as surveyed."""
+
+    unit: SampleUnit
+    deducts: tuple[Deduct, ...]
+    """By distress and severity."""
+    pci: float
+    """0 (failed) to 100 (without distress)."""
+
+    @property
+    def rating(self) -> Rating:
+        return rating_of(self.pci)
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """What a defect is of a distress in a unit."""
+
+    unit: int
+    distress: Distress
+    severity: Severity
+    quantity: float
+
+
+class Survey:
+    """The units of segments with all that their defects come to, so that the condition is quick to tell of some of
+    the defects: of those that were found.
+
+    A defect that lies in several units counts in each by the share of its outline there; a pothole counts where its
+    centre lies. Defects of classes that stand for no distress, or of other segments, do not count.
+    """
+
+    def __init__(self, units: Sequence[SampleUnit], defects: Iterable[Defect]) -> None:
+        """Raises:
+        PaveTwinError: the class of a defect is not registered here.
+        """
+        self.units = tuple(units)
+        self._parts = {defect.id: parts for defect, parts in _parts(self.units, defects)}
+
+    def conditions(self, found: Iterable[int] | None = None) -> tuple[UnitCondition, ...]:
+        """The condition of each unit, in their order.
+
+        Args:
+            found: ids of the defects that are known, of those surveyed; all unless given.
+        """
+        quantities: list[dict[tuple[Distress, Severity], float]] = [{} for _ in self.units]
+        for number in self._parts if found is None else found:
+            for part in self._parts.get(number, ()):
+                known, key = quantities[part.unit], (part.distress, part.severity)
+                known[key] = known.get(key, 0.0) + part.quantity
+        return tuple(_condition(unit, known) for unit, known in zip(self.units, quantities, strict=True))
+
+    def pci(self, found: Iterable[int] | None = None) -> float:
+        """The condition index of all units together, see `mean_pci`; of what is known, as in `conditions`."""
+        return mean_pci(self.conditions(found))
+
+
+def mean_pci(conditions: Iterable[UnitCondition]) -> float:
+    """The index of a segment, street or town: the mean of its units by area (ASTM D6433, section 10).
+
+    Raises:
+        ValueError: there is no unit.
+    """
+    known = list(conditions)
+    if not known:
+        raise ValueError("without a sample unit there is no condition index")
+    area = sum(condition.unit.area_m2 for condition in known)
+    return min(100.0, sum(condition.pci * condition.unit.area_m2 for condition in known) / area)
+
+
+def quantity_of(defect: Defect, distress: Distress) -> float:
+    """How much of a distress a defect is, in the distress's unit."""
+    if distress.unit == "m":
+        return defect.length_m
+    if distress.unit == "number":
+        wide = defect.width_m > WIDE_POTHOLE_M
+        return pi / 4 * defect.width_m**2 / POTHOLE_AREA_M2 if wide else 1.0
+    return defect.area_m2
+
+
+def _parts(units: Sequence[SampleUnit], defects: Iterable[Defect]) -> Iterator[tuple[Defect, tuple[_Part, ...]]]:
+    of_segment: dict[str, list[int]] = {}
+    for number, unit in enumerate(units):
+        of_segment.setdefault(unit.segment.id, []).append(number)
+    for unit in units:
+        shapely.prepare(unit.polygon)
+    for defect in defects:
+        distress = DEFECT_CLASSES.get(defect.kind).distress
+        near = of_segment.get(defect.segment)
+        if distress is None or not near:
+            continue
+        shares = _shares(defect, [units[number].polygon for number in near], whole=distress.unit == "number")
+        quantity = quantity_of(defect, distress)
+        yield (
+            defect,
+            tuple(
+                _Part(number, distress, defect.severity, share * quantity)
+                for number, share in zip(near, shares, strict=True)
+                if share > 0
+            ),
+        )
+
+
+def _shares(defect: Defect, polygons: Sequence[BaseGeometry], *, whole: bool) -> list[float]:
+    """The share of a defect in each of the polygons; they add up to 1."""
+    shape = defect.centre if whole else defect.polygon
+    within = [float(shapely.covers(polygon, shape)) for polygon in polygons]
+    if sum(within) == 1.0:
+        return within
+    areas = [0.0 if whole else float(shapely.intersection(polygon, shape).area) for polygon in polygons]
+    total = sum(areas)
+    if total > 0:
+        return [area / total for area in areas]
+    distances = shapely.distance(np.array(polygons), shape)
+    nearest = int(np.argmin(distances))  # of a centre on a cut, the first
+    return [float(number == nearest) for number in range(len(polygons))]
+
+
+def _condition(unit: SampleUnit, quantities: dict[tuple[Distress, Severity], float]) -> UnitCondition:
+    deducts = []
+    for distress, severity in product(Distress, Severity):
+        if quantity := quantities.get((distress, severity), 0.0):
+            density = 100 * quantity / unit.area_m2
+            deducts.append(Deduct(distress, severity, quantity, density, deduct_value(distress, severity, density)))
+    return UnitCondition(unit, tuple(deducts), pavement_condition_index(each.value for each in deducts))
