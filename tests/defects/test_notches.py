@@ -83,5 +83,5 @@ def test_notches_are_stored_and_count_as_content(broken: World, tmp_path: Path) 
 def test_only_classes_listed_before_can_hold_others(tmp_path: Path) -> None:
     file = tmp_path / "broken.yaml"
     file.write_text(BROKEN.replace("within: {crocodile_crack", "within: {pothole"))
-    with pytest.raises(PaveTwinError, match=r"classes\.pothole\.within names 'pothole', which is not listed before it"):
+    with pytest.raises(PaveTwinError, match=r"classes\.pothole\.within: 'pothole' is not listed before it"):
         DefectOptions(population=str(file)).effective()

@@ -273,7 +273,10 @@ SURVEY = yaml.safe_load("title: t\ndensity: {per_100_m2: 2}\nclasses: {pothole: 
         ),
         ({"classes": {"pothole": {"weight": 1, "context": {"lane_joint": 0.2}}}}, "parameters wander and branches"),
         ({"classes": {"pothole": {"weight": 1, "growth": 9}}}, "classes.pothole.growth"),
-        ({"classes": {"pothole": {"weight": 1, "on_slabs": "crack"}}}, "classes.pothole.on_slabs names 'crack'"),
+        (
+            {"classes": {"pothole": {"weight": 1, "on_slabs": "crack"}}},
+            "classes.pothole.on_slabs: 'crack' is not listed",
+        ),
         (
             {"classes": {"pothole": {"weight": 1, "near": {"single_crack": {"share": 1, "along_m": 1}}}}},
             "not listed before",

@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from pavetwin.config.altitude import Altitude
 from pavetwin.config.base import NameOrFile, PluginFiles, Settings, complaint
-from pavetwin.config.mission import Positive, Share
+from pavetwin.config.numbers import Positive, Share
 from pavetwin.config.parking import ParkingSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256

@@ -47,12 +47,15 @@ MEANT: Final[Mapping[str, str]] = {
 class PlacedValueError(ValueError):
     """What a validator of a whole section raises about a part of it."""
 
-    def __init__(self, place: tuple[object, ...], words: str) -> None:
+    def __init__(self, place: tuple[object, ...], words: str, *, named: bool = True) -> None:
         """Args:
         place: keys and numbers of entries, from the section on.
+        words: what is wrong, without a full stop.
+        named: False where the words name the last of the keys, and messages need not.
         """
         super().__init__(words)
         self.place = place
+        self.shown = tuple(str(key) for key in (place if named else place[:-1]))
 
 
 class Settings(BaseModel):
@@ -69,13 +72,14 @@ class Settings(BaseModel):
         if isinstance(values, Mapping):
             for key in values:
                 if key in cls.MOVED:
-                    raise ValueError(f"'{key}' has moved: give '{cls.MOVED[key]}'")
+                    raise PlacedValueError((key,), f"'{key}' has moved: give '{cls.MOVED[key]}'", named=False)
                 if key not in cls.model_fields:
                     known = ", ".join(cls.model_fields)
                     meant = MEANT.get(str(key), "")
                     named = f" (did you mean '{meant}'?)" if meant in cls.model_fields else ""
                     near = named or nearest_name(str(key), cls.model_fields)
-                    raise PlacedValueError((key,), f"unknown key '{key}'{near or f'; known are {known}'}")
+                    words = f"unknown key '{key}'{near or f'; known are {known}'}"
+                    raise PlacedValueError((key,), words, named=False)
         return values
 
     @classmethod
@@ -97,9 +101,13 @@ class Settings(BaseModel):
 
 def _place(error: ValidationError) -> tuple[object, ...]:
     """Of the first complaint, from the outermost key."""
-    first = error.errors()[0]
-    raised = first.get("ctx", {}).get("error")
-    return (*first["loc"], *(raised.place if isinstance(raised, PlacedValueError) else ()))
+    raised = _raised(error)
+    return (*error.errors()[0]["loc"], *(raised.place if raised is not None else ()))
+
+
+def _raised(error: ValidationError) -> PlacedValueError | None:
+    raised = error.errors()[0].get("ctx", {}).get("error")
+    return raised if isinstance(raised, PlacedValueError) else None
 
 
 _BY_NAME: Final = ("dict_type", "mapping_type", "model_type")
@@ -110,7 +118,9 @@ _ONE_VALUE: Final = ("string_type", "float_type", "int_type", "bool_type")
 def describe(error: ValidationError) -> str:
     """The first complaint of a validation error, as `key: what is wrong`, without a full stop."""
     first = error.errors()[0]
-    place = ".".join(str(part) for part in first["loc"] if part != "[key]")
+    raised = _raised(error)
+    parts = [str(part) for part in first["loc"] if part != "[key]"]
+    place = ".".join((*parts, *(raised.shown if raised is not None else ())))
     message = complaint(error)
     given = first["input"]
     if first["type"] in _BY_NAME and place:
@@ -127,6 +137,8 @@ def complaint(error: ValidationError) -> str:
     if first["type"] == "too_short":
         least = first["ctx"]["min_length"]
         return f"give at least {'one' if least == 1 else least}"
+    if first["type"] == "string_too_short":
+        return "it must not be empty"
     if first["type"] == "missing":
         return "it must be given"
     return first["msg"].removeprefix("Value error, ").replace("Input should be", "it must be").removesuffix(".")

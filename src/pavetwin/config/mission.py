@@ -10,15 +10,12 @@ from pydantic import Field, field_validator, model_validator
 from pavetwin.config.altitude import Altitude
 from pavetwin.config.base import NameOrFile, PluginFiles, Settings, overlay, with_overrides
 from pavetwin.config.conditions import Conditions
+from pavetwin.config.numbers import NonNegative, Positive, Share
 from pavetwin.config.options import Options
 from pavetwin.config.parking import ParkingSettings
 from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.plugins import load_plugins
-
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
-Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class UavSettings(Settings):

@@ -1,17 +1,21 @@
 """Data files that go by a name: those that ship with the package, and YAML files of the user's own."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from yaml import YAMLError
 
-from pavetwin.config.base import Settings
-from pavetwin.config.text import parse_yaml, why_unread
+from pavetwin.config.base import PlacedValueError, Settings
+from pavetwin.config.text import line_of, parse_yaml, why_unread
 from pavetwin.errors import PaveTwinError, no_such
 
 Data = TypeVar("Data", bound=Settings)
+
+
+def _no_more(data: Settings) -> None:
+    """The schema says all."""
 
 
 def names_in(package: str, folder: str) -> list[str]:
@@ -21,7 +25,15 @@ def names_in(package: str, folder: str) -> list[str]:
 
 
 def read_named(
-    schema: type[Data], name: str, *, what: str, key: str, package: str, folder: str, more: Sequence[str] = ()
+    schema: type[Data],
+    name: str,
+    *,
+    what: str,
+    key: str,
+    package: str,
+    folder: str,
+    more: Sequence[str] = (),
+    check: Callable[[Data], None] = _no_more,
 ) -> Data:
     """The data of a name, or of a file whose name ends in .yaml or .yml.
 
@@ -29,9 +41,11 @@ def read_named(
         what: one of them in words, such as `pavement`.
         key: the parameter that takes their names.
         more: other values of that parameter, for the message.
+        check: refuses what the schema cannot know, such as names of other files, by a `PlacedValueError`.
 
     Raises:
-        PaveTwinError: there is no such name or file, or it does not fit the schema; the message names file and key.
+        PaveTwinError: there is no such name or file, or it does not fit the schema; the message names file, line and
+            key.
     """
     if name.endswith((".yaml", ".yml")):
         try:
@@ -42,9 +56,37 @@ def read_named(
         if values is None:
             raise PaveTwinError(f"The {what} '{name}' is empty.")
     elif name in (known := names_in(package, folder)):
-        values = parse_yaml((files(package) / folder / f"{name}.yaml").read_text(encoding="utf-8"), where=name)
+        text = (files(package) / folder / f"{name}.yaml").read_text(encoding="utf-8")
+        values = parse_yaml(text, where=name)
     else:
         raise PaveTwinError(no_such(what, name, [*known, *more], key=f"`{key}`"))
     if not isinstance(values, dict):
         raise PaveTwinError(f"{what} '{name}': a list of keys with values is expected.")
-    return schema.parse(values, where=f"{what} '{name}'")
+    return checked(schema, values, text, where=f"{what} '{name}'", check=check)
+
+
+def checked(
+    schema: type[Data],
+    values: Mapping[str, Any],
+    text: str,
+    where: str,
+    check: Callable[[Data], None] = _no_more,
+) -> Data:
+    """What a data file says.
+
+    Args:
+        values: of the file, by key.
+        text: the file, for the lines of mistakes.
+        where: names the file in messages.
+        check: as `read_named` has it.
+
+    Raises:
+        PaveTwinError: a value does not fit; the message names file, line and key.
+    """
+    data = schema.parse(values, where, text)
+    try:
+        check(data)
+    except PlacedValueError as error:
+        place = f"{where}, line {line_of(text, error.place)}: {'.'.join(error.shown)}"
+        raise PaveTwinError(f"{place}: {str(error).removesuffix('.')}.") from error
+    return data

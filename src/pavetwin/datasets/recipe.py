@@ -76,8 +76,9 @@ class Recipe(Settings):
         for key in ("objects", "roads") if self.composite is not None else ():
             for at, name in enumerate(getattr(self.composite, key)):
                 if name not in known:
-                    words = no_such("source of this recipe", name, known, key=f"composite.{key}").rstrip(".")
-                    raise PlacedValueError(("composite", key, at), words)
+                    place = f"composite.{key}"
+                    words = no_such("source of this recipe", name, known, key=place).removeprefix(f"{place}: ")
+                    raise PlacedValueError(("composite", key, at), words.rstrip("."), named=False)
         return self
 
     @field_validator("export")

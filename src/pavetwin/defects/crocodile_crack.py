@@ -19,10 +19,10 @@ from pavetwin.defects.severity import crocodile_severity
 from pavetwin.defects.shapes import (
     Range,
     ShareRange,
-    at_most,
     between,
     centres,
     lattice_around,
+    limited,
     log_between,
     noise,
     smooth,
@@ -68,14 +68,14 @@ class Patch:
 
 
 class CrocodileCrackParameters(Settings):
-    length_m: Annotated[Range, at_most(20.0)] = (2.5, 3.5)
+    length_m: Annotated[Range, limited(0.2, 20.0)] = (2.5, 3.5)
     """Along the wheel path."""
-    width_m: Annotated[Range, at_most(10.0)] = (1.5, 2.5)
-    blocks: Range = (60, 220)
+    width_m: Annotated[Range, limited(0.2, 10.0)] = (1.5, 2.5)
+    blocks: Annotated[Range, limited(1, 10_000, unit="")] = (60, 220)
     """Number of blocks, including those cut by its border: a third to half of them are whole."""
-    crack_m: Range = (0.002, 0.025)
+    crack_m: Annotated[Range, limited(0.0005, 0.2)] = (0.002, 0.025)
     """Width of its thinnest and of its widest cracks."""
-    exponent: Range = (1.5, 3.0)
+    exponent: Annotated[Range, limited(1.0, 10.0, unit="")] = (1.5, 3.0)
     """Of the Minkowski metric that shapes the blocks; rounded to halves."""
     wear: ShareRange = (0.0, 1.0)
     """Progress of the damage: width of the cracks, broken edges, tilted and lost blocks."""

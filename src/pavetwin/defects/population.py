@@ -20,9 +20,9 @@ from typing import Annotated, Final, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from pavetwin.config.base import Settings
-from pavetwin.config.mission import Positive, Share
+from pavetwin.config.base import PlacedValueError, Settings
 from pavetwin.config.named import names_in, read_named
+from pavetwin.config.numbers import NUMBER, Positive, Share, Title, Weight
 from pavetwin.defects.context import STRAIGHT, CrackContext
 from pavetwin.defects.poses import Poses, Position, RoadSection, positioned
 from pavetwin.defects.registry import DEFECT_CLASSES, DefectKind, kinds
@@ -32,7 +32,7 @@ from pavetwin.world.joints import has_slabs
 from pavetwin.world.model import Segment, ShapeParameters
 from pavetwin.world.segments import segment_key
 
-Spread = Annotated[float, Field(ge=0, le=3)]
+Spread = Annotated[float, Field(ge=0, le=3), NUMBER]
 
 _WITHIN: Final = 3
 """Key of the random number under the seed of a shape that says within what it lies; `context` has two more."""
@@ -48,9 +48,9 @@ Shares = tuple[tuple[DefectKind, float], ...]
 class DefectDensity(Settings):
     """How many defects there are: either `per_segment`, or `per_100_m2` and how it varies."""
 
-    per_segment: Annotated[float | None, Field(ge=0, le=1000)] = None
+    per_segment: Annotated[float, Field(ge=0, le=1000), NUMBER] | None = None
     """On every segment the same number, rounded."""
-    per_100_m2: Annotated[float | None, Field(ge=0, le=100)] = None
+    per_100_m2: Annotated[float, Field(ge=0, le=100), NUMBER] | None = None
     """Mean over all streets."""
     street_sigma: Spread = 0.0
     """Standard deviation of the natural logarithm of the density between streets."""
@@ -82,11 +82,14 @@ class Size(Settings):
     """A lognormal size of defects, cut off at both ends."""
 
     median: Positive
+    """Between `least` and `most`; with `times`, its product with their medians is."""
     sigma: Spread = 0.0
     """Standard deviation of its natural logarithm."""
     least: Positive
+    """Smaller ones become so large."""
     most: Positive
-    growth: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """Larger ones become so small."""
+    growth: Annotated[float, Field(ge=0, le=1), NUMBER] = 0.0
     """By which power of the density it grows from segment to segment."""
     times: tuple[str, ...] = ()
     """Sizes named before this one; it is multiplied by them, and `least` and `most` hold for the product."""
@@ -95,7 +98,23 @@ class Size(Settings):
     def _ordered(self) -> Self:
         if self.least > self.most:
             raise ValueError(f"least {self.least:g} is larger than most {self.most:g}")
+        if not self.times:
+            self.contains(self.median)
         return self
+
+    def contains(self, median: float) -> None:
+        """Refuse a median outside the limits, which would be hardly ever drawn.
+
+        Raises:
+            PlacedValueError: it lies outside.
+        """
+        if not self.least <= median <= self.most:
+            product = (
+                f"median {self.median:g} times the medians of {' and '.join(self.times)} is " if self.times else ""
+            )
+            raise PlacedValueError(
+                ("median",), f"{product}{median:g}, outside least {self.least:g} and most {self.most:g}"
+            )
 
     def draw(self, rng: np.random.Generator, before: Mapping[str, float], worn: float = 1.0) -> float:
         """A size.
@@ -113,18 +132,19 @@ class Beside(Settings):
     """How defects lie near others on the same segment; normally distributed around their middle."""
 
     share: Share
-    along_m: Positive
+    """Of the defects of the class."""
+    along_m: Annotated[float, Field(gt=0, le=100), NUMBER]
     """Standard deviation of the distance along the street."""
-    across_m: Positive | None = None
+    across_m: Annotated[float, Field(gt=0, le=50), NUMBER] | None = None
     """Across it, and as close as they find room; unless given, they lie across where their `positions` say."""
 
 
 class ClassPopulation(Settings):
     """The defects of one class."""
 
-    weight: Annotated[float, Field(ge=0)]
+    weight: Weight
     """Its share of all defects, relative to the weights of the other classes."""
-    growth: Annotated[float, Field(ge=0, le=2)] = 0.0
+    growth: Annotated[float, Field(ge=0, le=2), NUMBER] = 0.0
     """By which power of the density its own share grows from segment to segment."""
     sizes: Mapping[str, Size] = Field(default_factory=dict)
     """Parameters of the class that are drawn from the population instead of the class's own ranges."""
@@ -180,25 +200,30 @@ class ClassPopulation(Settings):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        known: set[str] = set()
+        medians: dict[str, float] = {}
         for name, size in self.sizes.items():
             for factor in size.times:
-                if factor not in known:
-                    raise ValueError(f"sizes.{name}.times names '{factor}', which is not listed before it")
-            known.add(name)
+                if factor not in medians:
+                    raise PlacedValueError(("sizes", name, "times"), f"'{factor}' is not listed before it")
+            medians[name] = size.median * math.prod(medians[factor] for factor in size.times)
+            try:
+                size.contains(medians[name])
+            except PlacedValueError as error:
+                raise PlacedValueError(("sizes", name, *error.place), str(error)) from error
         if self.positions and not sum(self.positions.values()) > 0:
-            raise ValueError("the weights of the positions sum to 0")
+            raise PlacedValueError(("positions",), "the weights sum to 0")
         if sum(each.share for each in self.near.values()) > 1:
-            raise ValueError("the shares in near sum to more than 1")
+            raise PlacedValueError(("near",), "the shares sum to more than 1")
         if sum(self.within.values()) > 1:
-            raise ValueError("the shares in within sum to more than 1")
+            raise PlacedValueError(("within",), "the shares sum to more than 1")
         return self
 
 
 class Population(Settings):
     """A damage population."""
 
-    title: str
+    title: Title
+    """In words."""
     density: DefectDensity
     classes: Mapping[str, ClassPopulation] = Field(default_factory=dict)
     """In the order in which they are placed; empty for all classes with their own weights and sizes."""
@@ -207,43 +232,62 @@ class Population(Settings):
     def _consistent(self) -> Self:
         known: list[str] = []
         for name, of_class in self.classes.items():
-            if of_class.on_slabs is not None and of_class.on_slabs not in self.classes:
-                raise ValueError(f"classes.{name}.on_slabs names '{of_class.on_slabs}', which is not listed")
+            if (instead := of_class.on_slabs) is not None:
+                self._check_instead(name, instead)
             for other in of_class.within:
                 if other not in known:
-                    raise ValueError(f"classes.{name}.within names '{other}', which is not listed before it")
+                    raise PlacedValueError(
+                        ("classes", name, "within", other), f"'{other}' is not listed before it", named=False
+                    )
             known.append(name)
             for other in of_class.near:
                 if other not in known:
-                    raise ValueError(f"classes.{name}.near names '{other}', which is not listed before it")
+                    raise PlacedValueError(
+                        ("classes", name, "near", other), f"'{other}' is not listed before it", named=False
+                    )
         if self.classes and not sum(each.weight for each in self.classes.values()) > 0:
-            raise ValueError("the weights of the classes sum to 0")
+            raise PlacedValueError(("classes",), "the weights sum to 0")
         return self
 
-    def check(self, where: str) -> None:
+    def _check_instead(self, name: str, instead: str) -> None:
+        place = ("classes", name, "on_slabs")
+        if instead not in self.classes:
+            raise PlacedValueError(place, f"'{instead}' is not listed")
+        if self.classes[instead].on_slabs is not None:
+            raise PlacedValueError(place, f"'{instead}' is not placed on slabs itself")
+
+    def check(self) -> None:
         """Refuse what no registered class has.
 
         Raises:
-            PaveTwinError: an unknown class or parameter, or a size that its parameter cannot have.
+            PlacedValueError: an unknown class or parameter, or a size that its parameter cannot have.
         """
         for name, of_class in self.classes.items():
             try:
                 kind = DEFECT_CLASSES.get(name)
             except PaveTwinError as error:
-                raise PaveTwinError(f"{where}: classes: {error}") from error
+                raise PlacedValueError(("classes", name), str(error)) from error
             for parameter, size in of_class.sizes.items():
-                for value in (size.least, size.most):
-                    kind.parameters_from(((parameter, value),), where=f"{where}: classes.{name}.sizes")
+                for key, value in (("least", size.least), ("most", size.most)):
+                    try:
+                        kind.parameters_from(((parameter, value),), where=f"the class '{name}'")
+                    except PaveTwinError as error:
+                        known = kind.parameters and parameter in kind.parameters.model_fields
+                        place = ("classes", name, "sizes", parameter, *((key,) if known else ()))
+                        raise PlacedValueError(place, str(error)) from error
             if of_class.context is not None:
-                needed: ShapeParameters = (("overgrown", 1.0),) if of_class.context.overgrown else ()
-                names = kind.parameters.model_fields if kind.parameters else {}
-                if of_class.context.along_joints and not all(key in names for key, _ in STRAIGHT):
-                    raise PaveTwinError(
-                        f"{where}: classes.{name}.context: `slab_joint`, `slab_corner` and `lane_joint` need a class "
-                        f"with the parameters {' and '.join(key for key, _ in STRAIGHT)}; '{name}' has none."
-                    )
-                if needed:
-                    kind.parameters_from(needed, where=f"{where}: classes.{name}.context")
+                self._check_context(kind, of_class.context, "classes", name, "context")
+
+    def _check_context(self, kind: DefectKind, context: CrackContext, *place: str) -> None:
+        names = kind.parameters.model_fields if kind.parameters else {}
+        if context.along_joints and not all(key in names for key, _ in STRAIGHT):
+            raise PlacedValueError(
+                place,
+                "`slab_joint`, `slab_corner` and `lane_joint` need a class with the parameters "
+                f"{' and '.join(key for key, _ in STRAIGHT)}; '{kind.name}' has none",
+            )
+        if context.overgrown and "overgrown" not in names:
+            raise PlacedValueError((*place, "overgrown"), f"the class '{kind.name}' has no parameter overgrown")
 
     def of_class(self, name: str) -> ClassPopulation:
         """The defects of a class; of one that it does not list, as the class itself has them."""
@@ -322,7 +366,12 @@ def population(name: str) -> Population:
     Raises:
         PaveTwinError: there is no such population or file, or the file is none.
     """
-    what = "damage population"
-    found = read_named(Population, name, what=what, key="population", package="pavetwin.defects", folder="populations")
-    found.check(f"{what} '{name}'")
-    return found
+    return read_named(
+        Population,
+        name,
+        what="damage population",
+        key="population",
+        package="pavetwin.defects",
+        folder="populations",
+        check=Population.check,
+    )

@@ -15,7 +15,18 @@ from pavetwin.defects.marking import Marking
 from pavetwin.defects.pit import AGGREGATE_M, aggregate, dug, loose_stones, opened
 from pavetwin.defects.registry import defect_class
 from pavetwin.defects.severity import pothole_severity
-from pavetwin.defects.shapes import Range, at_most, between, centres, lattice_around, log_between, noise, smooth, turned
+from pavetwin.defects.shapes import (
+    Range,
+    between,
+    centres,
+    counts,
+    lattice_around,
+    limited,
+    log_between,
+    noise,
+    smooth,
+    turned,
+)
 from pavetwin.defects.strokes import STEP_M, Stroke, traced, wandering
 
 CELL_M = 0.005
@@ -38,20 +49,20 @@ IN_WHEEL_PATH, AT_EDGE = 0.65, 0.20
 
 
 class PotholeParameters(Settings):
-    diameter_m: Annotated[Range, at_most(5.0)] = (0.25, 1.0)
+    diameter_m: Annotated[Range, limited(0.1, 5.0)] = (0.25, 1.0)
     """Of its longest side; where sub-bowls that hardly overlap come apart, only the largest, shorter one is left."""
-    depth_m: Annotated[Range, at_most(1.0)] = (0.013, 0.2)
+    depth_m: Annotated[Range, limited(0.002, 1.0)] = (0.013, 0.2)
     """Greatest depth; log-uniform, and not above 0.25 of the diameter while the range allows."""
-    fullness: Range = (0.5, 0.85)
+    fullness: Annotated[Range, limited(0.05, 1.0, unit="")] = (0.5, 0.85)
     """Its volume over that of a cylinder of its rim and depth: a cone has 1/3, a box 1. Holes that are too narrow for
     such slopes are fuller."""
-    bowls: tuple[int, int] = (2, 5)
+    bowls: Annotated[tuple[int, int], counts(1, 20)] = (2, 5)
     """Sub-bowls that have merged."""
-    stone_m: Range = (0.008, 0.02)
+    stone_m: Annotated[Range, limited(0.002, 0.1)] = (0.008, 0.02)
     """Size of the aggregate on its floor."""
     loose: Annotated[float, Field(ge=0, le=400)] = 60.0
     """Mean number of loose stones per square metre of floor."""
-    cracks: tuple[int, int] = (1, 6)
+    cracks: Annotated[tuple[int, int], counts(0, 40)] = (1, 6)
     """Number of cracks that leave its rim."""
 
 

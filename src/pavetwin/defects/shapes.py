@@ -27,12 +27,26 @@ Range = Annotated[tuple[float, float], AfterValidator(_ordered)]
 """Least and largest value of a size."""
 
 
-def at_most(largest_m: float) -> AfterValidator:
-    """Refuse ranges that reach further: sizes given in centimetres, say, whose cells would fill the memory."""
+def counts(least: int, most: int) -> AfterValidator:
+    """Refuse ranges of numbers that are not whole within these."""
+
+    def check(limits: tuple[int, int]) -> tuple[int, int]:
+        if not least <= limits[0] <= limits[1] <= most:
+            raise ValueError(f"expected two numbers within {least} … {most}, the smaller first")
+        return limits
+
+    return AfterValidator(check)
+
+
+def limited(least: float, most: float, unit: str = " m") -> AfterValidator:
+    """Refuse ranges that reach further: sizes in centimetres, say, whose cells would fill the memory, or in kilometres,
+    which cells do not show."""
 
     def check(limits: tuple[float, float]) -> tuple[float, float]:
-        if limits[1] > largest_m:
-            raise ValueError(f"{limits[1]:g} m is more than the {largest_m:g} m that are possible")
+        if limits[1] > most:
+            raise ValueError(f"{limits[1]:g}{unit} is more than the {most:g}{unit} that are possible")
+        if limits[0] < least:
+            raise ValueError(f"{limits[0]:g}{unit} is less than the {least:g}{unit} that are possible")
         return limits
 
     return AfterValidator(check)

@@ -21,9 +21,10 @@ from pavetwin.defects.severity import crack_severity
 from pavetwin.defects.shapes import (
     Range,
     ShareRange,
-    at_most,
     between,
+    counts,
     lattice_around,
+    limited,
     log_between,
     noise,
     smooth,
@@ -68,16 +69,16 @@ ALONG_IN_WHEEL_PATH, ALONG_AT_JOINT = 0.60, 0.25
 
 
 class SingleCrackParameters(Settings):
-    length_m: Annotated[Range, at_most(30.0)] = (0.5, 6.0)
+    length_m: Annotated[Range, limited(0.05, 30.0)] = (0.5, 6.0)
     """Along its chord."""
-    width_m: Annotated[Range, at_most(0.5)] = (0.002, 0.08)
+    width_m: Annotated[Range, limited(0.001, 0.5)] = (0.002, 0.08)
     """Greatest width; log-uniform, since narrow cracks are the common ones, and not above a fortieth of the length
     while the range allows."""
-    depth_m: Range = (0.005, 0.06)
+    depth_m: Annotated[Range, limited(0.005, 1.0)] = (0.005, 0.06)
     """Depth above any fill; wider cracks are deeper."""
-    wander: Range = (0.6, 1.5)
+    wander: Annotated[Range, limited(0.01, 10.0, unit="")] = (0.6, 1.5)
     """Factor of the usual deviation from a straight line."""
-    steps: tuple[int, int] = (0, 2)
+    steps: Annotated[tuple[int, int], counts(0, 20)] = (0, 2)
     """Number of interruptions, where it continues with an offset."""
     branches: Annotated[float, Field(ge=0, le=5)] = 0.7
     """Mean number of branches per metre."""

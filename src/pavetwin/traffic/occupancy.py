@@ -13,7 +13,7 @@ from pydantic import Field, PositiveFloat
 
 from pavetwin.config.base import Settings
 from pavetwin.config.conditions import Conditions
-from pavetwin.config.mission import Share
+from pavetwin.config.numbers import Share
 from pavetwin.config.text import parse_yaml
 
 SATURDAY: Final = 5

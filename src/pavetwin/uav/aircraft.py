@@ -12,7 +12,8 @@ from typing import Annotated, Final, Literal, Self
 from pydantic import Field, model_validator
 
 from pavetwin.config.base import Settings
-from pavetwin.config.mission import MissionSettings, NonNegative, Positive
+from pavetwin.config.mission import MissionSettings
+from pavetwin.config.numbers import NonNegative, Positive
 from pavetwin.errors import PaveTwinError
 from pavetwin.registry import Registry
 from pavetwin.uav.cameras import CAMERAS, Camera, find_camera

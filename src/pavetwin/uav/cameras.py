@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from pavetwin.config.base import Settings
-from pavetwin.config.mission import Positive
+from pavetwin.config.numbers import Positive
 from pavetwin.registry import Registry
 from pavetwin.uav.entries import find_entry, parse_entries
 

@@ -98,5 +98,5 @@ def test_a_mistake_in_repairs_is_one_line_with_its_place(tmp_path: Path, repairs
         "title: one\nmain: {concrete: 1}\nother: {concrete: 1}\nstretches: {share: 0, pavements: {overlay: 1}}\n"
         f"repairs: {repairs}\n"
     )
-    with pytest.raises(PaveTwinError, match=rf"^street look '.*look\.yaml': {told}[^\n]*$"):
+    with pytest.raises(PaveTwinError, match=rf"^street look '.*look\.yaml', line 5: {told}[^\n]*$"):
         street_look(str(look))

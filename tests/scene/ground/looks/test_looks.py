@@ -170,5 +170,5 @@ def test_a_mistake_in_a_pavement_is_one_line_with_its_place(
 
 
 def test_a_look_says_which_of_its_pavements_is_not_known(tmp_path: Path) -> None:
-    with pytest.raises(PaveTwinError, match=r"look\.yaml': main: .*'tarmac'"):
+    with pytest.raises(PaveTwinError, match=r"look\.yaml', line 3: main: .*'tarmac'"):
         street_look(look_of(tmp_path, "tarmac"))

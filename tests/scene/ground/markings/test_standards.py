@@ -150,7 +150,7 @@ def test_the_hash_of_a_look_does_not_depend_on_the_folder_of_its_standard(tmp_pa
 
 
 def test_a_look_says_that_its_standard_is_not_known(tmp_path: Path) -> None:
-    with pytest.raises(PaveTwinError, match=r"look\.yaml': markings: .*'atlantis'"):
+    with pytest.raises(PaveTwinError, match=r"look\.yaml', line 5: markings: .*'atlantis'"):
         street_look(look_with(tmp_path, "atlantis"))
 
 
@@ -165,5 +165,5 @@ def test_an_outline_that_crosses_itself_is_refused(tmp_path: Path) -> None:
 def test_a_mistake_in_a_standard_is_one_line_with_its_place(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text("title: mine\nline_m: 12\n")
-    with pytest.raises(PaveTwinError, match=r"^marking standard '.*mine\.yaml': \w+: [^\n]*$"):
+    with pytest.raises(PaveTwinError, match=r"^marking standard '.*mine\.yaml', line \d+: \w+: [^\n]*$"):
         marking_standard(str(path))

@@ -4,25 +4,17 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Annotated, Final
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from pavetwin.config.base import Settings
-from pavetwin.config.mission import Share
+from pavetwin.config.numbers import NUMBER, SOME, Share, Weight, Weights
 from pavetwin.scene.ground.looks.values import ValueRange, within
 
 OWN: Final = "own"
 """The pavement of the street itself."""
 
 
-def _some(weights: Mapping[str, float]) -> Mapping[str, float]:
-    if not sum(weights.values()) > 0:
-        raise ValueError("the weights sum to 0")
-    return weights
-
-
-Weight = Annotated[float, Field(ge=0)]
-Weights = Annotated[Mapping[str, Weight], Field(min_length=1), AfterValidator(_some)]
-Per100M = Annotated[float, Field(ge=0, le=50)]
+Per100M = Annotated[float, Field(ge=0, le=50), NUMBER]
 
 
 class RepairMaterials(Settings):
@@ -65,7 +57,7 @@ class FormerMarkings(Settings):
 
     share: Share = 0.0
     """Of marked streets, and of crossings, that have some."""
-    kinds: Annotated[Mapping[FormerKind, Weight], Field(min_length=1), AfterValidator(_some)] = Field(
+    kinds: Annotated[Mapping[FormerKind, Weight], Field(min_length=1), SOME] = Field(
         default_factory=lambda: dict.fromkeys(FormerKind, 1.0)
     )
     wear: Annotated[ValueRange, within(0.0, 0.98)] = ValueRange(least=0.7, most=0.93)

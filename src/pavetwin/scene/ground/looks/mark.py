@@ -4,18 +4,20 @@ each."""
 from collections.abc import Mapping
 from enum import StrEnum
 from functools import cache
-from typing import Annotated, Final, Literal, Self
+from itertools import pairwise
+from typing import Annotated, Final, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator
 
-from pavetwin.config.base import Settings
+from pavetwin.config.base import PlacedValueError, Settings
 from pavetwin.config.named import names_in, read_named
+from pavetwin.config.numbers import NUMBER, SOME, Title, Weight
 from pavetwin.scene.ground.looks.pavement import PACKAGE
-from pavetwin.scene.ground.looks.values import ValueRange
+from pavetwin.scene.ground.looks.values import ValueRange, within
 
 PaintName = Literal["white", "yellow", "orange", "red", "blue", "green"]
 
-StrokeM = Annotated[float, Field(ge=-40, le=40)]
+StrokeM = Annotated[float, Field(ge=-40, le=40), NUMBER]
 Stroke = Annotated[tuple[tuple[StrokeM, StrokeM], ...], Field(min_length=2)]
 """A line in metres: along the street, and to its left."""
 
@@ -37,28 +39,30 @@ class MarkPosition(StrEnum):
 class Mark(Settings):
     """A painted mark."""
 
-    title: str
-    colours: Annotated[Mapping[PaintName, Annotated[float, Field(gt=0)]], Field(min_length=1)]
+    title: Title
+    """In words."""
+    colours: Annotated[Mapping[PaintName, Weight], Field(min_length=1), SOME]
     """With their relative frequencies."""
     strokes: Annotated[tuple[Stroke, ...], Field(min_length=1)]
-    width_m: Annotated[float, Field(ge=0.03, le=1.0)]
+    width_m: Annotated[float, Field(ge=0.03, le=1.0), NUMBER]
     """Of its strokes."""
     position: MarkPosition
     streets: Literal["all", "main", "other"] = "all"
     turned: bool = False
     """Whether it lies at any angle, not along the street."""
-    scale: ValueRange = ValueRange(least=1.0, most=1.0)
+    scale: Annotated[ValueRange, within(0.1, 10.0)] = ValueRange(least=1.0, most=1.0)
     """Factor on its lengths; strokes keep their width."""
-    wear: ValueRange
+    wear: Annotated[ValueRange, within(0.0, WORN)]
     """Of its paint, 0 … 1."""
 
-    @model_validator(mode="after")
-    def _possible(self) -> Self:
-        for name, low, high in (("scale", 0.1, 10.0), ("wear", 0.0, WORN)):
-            values: ValueRange = getattr(self, name)
-            if values.least < low or values.most > high:
-                raise ValueError(f"{name}: least and most lie between {low:g} and {high:g}")
-        return self
+    @field_validator("strokes")
+    @classmethod
+    def _drawn(cls, strokes: tuple[Stroke, ...]) -> tuple[Stroke, ...]:
+        for number, stroke in enumerate(strokes):
+            for index, (point, after) in enumerate(pairwise(stroke)):
+                if point == after:
+                    raise PlacedValueError((number,), f"points {index + 1} and {index + 2} are the same")
+        return strokes
 
 
 def mark_names() -> list[str]:

@@ -2,23 +2,23 @@
 
 from enum import StrEnum
 from functools import cache
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import shapely
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
-from pavetwin.config.base import Settings
-from pavetwin.config.mission import Share
+from pavetwin.config.base import PlacedValueError, Settings
 from pavetwin.config.named import names_in, read_named
+from pavetwin.config.numbers import NUMBER, SOME, Share, Title, Weight
 from pavetwin.scene.ground.looks.mark import PaintName
 from pavetwin.scene.ground.looks.pavement import PACKAGE
 
-WidthM = Annotated[float, Field(ge=0.05, le=1.2)]
-LengthM = Annotated[float, Field(ge=0.1, le=20)]
+WidthM = Annotated[float, Field(ge=0.05, le=1.2), NUMBER]
+LengthM = Annotated[float, Field(ge=0.1, le=20), NUMBER]
 Dash = tuple[LengthM, LengthM]
 """Painted and free length [m]."""
-LongitudeDeg = Annotated[float, Field(ge=-180, le=180)]
-LatitudeDeg = Annotated[float, Field(ge=-90, le=90)]
+LongitudeDeg = Annotated[float, Field(ge=-180, le=180), NUMBER]
+LatitudeDeg = Annotated[float, Field(ge=-90, le=90), NUMBER]
 Outline = Annotated[tuple[tuple[LongitudeDeg, LatitudeDeg], ...], Field(min_length=3)]
 """The corners of a polygon: longitude and latitude."""
 
@@ -35,7 +35,7 @@ class CrossingKind(StrEnum):
     NONE = "none"
 
 
-Crossings = Annotated[dict[CrossingKind, Annotated[float, Field(ge=0)]], Field(min_length=1)]
+Crossings = Annotated[dict[CrossingKind, Weight], Field(min_length=1), SOME]
 """Kinds with their relative frequencies."""
 
 
@@ -47,12 +47,18 @@ class Hatching(Settings):
     """Width of the line around an area."""
     stripe_m: Dash = (0.5, 0.5)
     """Painted and free, across the bars."""
-    angle_deg: Annotated[float, Field(ge=15, le=75)] = 45.0
+    angle_deg: Annotated[float, Field(ge=15, le=75), NUMBER] = 45.0
     """Of the bars to the street."""
     corner_share: Share = 0.0
     """Of ends of parking lanes that are kept free before junctions and crossings."""
     junction_share: Share = 0.0
     """Of junctions of main streets: where no way leads across."""
+
+    @model_validator(mode="after")
+    def _somewhere(self) -> Self:
+        if not {"corner_share", "junction_share"} & self.model_fields_set:
+            raise ValueError("nothing is hatched; give corner_share or junction_share")
+        return self
 
 
 class BoxJunction(Settings):
@@ -65,6 +71,12 @@ class BoxJunction(Settings):
     share: Share
     """Of signalled junctions."""
 
+    @model_validator(mode="after")
+    def _apart(self) -> Self:
+        if self.every_m <= self.line_m:
+            raise PlacedValueError(("every_m",), f"lines {self.line_m:g} m wide leave nothing free between them")
+        return self
+
 
 class RumbleStrips(Settings):
     """Groups of bars across a lane before a place to give way or a crossing without signals, felt by drivers."""
@@ -74,9 +86,9 @@ class RumbleStrips(Settings):
     colour: PaintName = "white"
     bar_m: Dash
     """Length along the lane and gap."""
-    bars: Annotated[int, Field(ge=1, le=30)]
+    bars: Annotated[int, Field(ge=1, le=30), NUMBER]
     """In a group."""
-    groups: Annotated[int, Field(ge=1, le=10)] = 1
+    groups: Annotated[int, Field(ge=1, le=10), NUMBER] = 1
     groups_every_m: LengthM = 10.0
     before_m: LengthM = 8.0
     """From the nearest one to where vehicles wait."""
@@ -84,11 +96,23 @@ class RumbleStrips(Settings):
     other_share: Share = 0.0
     """Of approaches on main and on other streets."""
 
+    @model_validator(mode="after")
+    def _apart(self) -> Self:
+        long_m = self.bars * sum(self.bar_m)
+        if self.groups > 1 and self.groups_every_m < long_m:
+            raise PlacedValueError(
+                ("groups_every_m",), f"groups of {self.bars} bars are {long_m:g} m long and would overlap"
+            )
+        if not {"main_share", "other_share"} & self.model_fields_set:
+            raise ValueError("no street has any; give main_share or other_share")
+        return self
+
 
 class MarkingStandard(Settings):
     """The road markings of a country. Widths and lengths in metres."""
 
-    title: str
+    title: Title
+    """The country, in words."""
     areas: tuple[Outline, ...] = ()
     """Where it holds, in degrees: rough outlines of the country. The first standard by name wins."""
     line_m: WidthM
@@ -141,8 +165,16 @@ class MarkingStandard(Settings):
     def _simple(cls, areas: tuple[Outline, ...]) -> tuple[Outline, ...]:
         for number, outline in enumerate(areas, start=1):
             if not shapely.Polygon(outline).is_valid:
-                raise ValueError(f"outline {number} crosses itself")
+                raise PlacedValueError((number - 1,), f"outline {number} crosses itself", named=False)
         return areas
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.kerb_colour is None and self.kerb_share > 0:
+            raise PlacedValueError(("kerb_share",), "lines along kerbs need kerb_colour")
+        if self.kerb_colour is not None and "kerb_share" not in self.model_fields_set:
+            raise PlacedValueError(("kerb_colour",), "no street has such lines; give kerb_share")
+        return self
 
     def holds_at(self, longitude: float, latitude: float) -> bool:
         """Whether a place (WGS 84, degrees) lies in its areas."""

@@ -3,7 +3,7 @@
 from typing import Annotated
 
 from pavetwin.config.base import Settings
-from pavetwin.config.mission import Share
+from pavetwin.config.numbers import Share
 from pavetwin.scene.ground.looks.values import ValueRange, within
 
 

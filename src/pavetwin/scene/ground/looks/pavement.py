@@ -2,21 +2,21 @@
 
 from enum import StrEnum
 from functools import cache
-from typing import Annotated, Final
+from typing import Annotated, Final, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from pavetwin.config.base import Settings
-from pavetwin.config.mission import Share
+from pavetwin.config.base import PlacedValueError, Settings
 from pavetwin.config.named import names_in, read_named
+from pavetwin.config.numbers import NUMBER, Share, Title
 from pavetwin.scene.ground.looks.values import ValueRange, within
 from pavetwin.scene.model import GroundKind
 
 PACKAGE: Final = "pavetwin.scene.ground.looks"
 
-Reflectance = Annotated[float, Field(ge=0.02, le=0.5)]
-Factor = Annotated[float, Field(ge=0, le=5)]
-ColourFactor = Annotated[float, Field(ge=0.6, le=1.4)]
+Reflectance = Annotated[float, Field(ge=0.02, le=0.5), NUMBER]
+Factor = Annotated[float, Field(ge=0, le=5), NUMBER]
+ColourFactor = Annotated[float, Field(ge=0.6, le=1.4), NUMBER]
 
 
 class Material(StrEnum):
@@ -43,7 +43,7 @@ class SurfaceReflectance(Settings):
 
     new: Reflectance
     aged: Reflectance
-    spread: Annotated[float, Field(ge=0, le=0.5)] = 0.08
+    spread: Annotated[float, Field(ge=0, le=0.5), NUMBER] = 0.08
     """Streets of one age differ by up to this share of it."""
 
     def at(self, age: float, chance: float) -> float:
@@ -56,7 +56,7 @@ class Tint(Settings):
 
     red: ColourFactor = 1.0
     blue: ColourFactor = 1.0
-    spread: Annotated[float, Field(ge=0, le=0.2)] = 0.03
+    spread: Annotated[float, Field(ge=0, le=0.2), NUMBER] = 0.03
     """Streets differ by up to this: red by more, blue by less, or the other way round."""
 
     def at(self, chance: float) -> tuple[float, float]:
@@ -78,21 +78,29 @@ class RepairRates(Settings):
 class Slabs(Settings):
     """Joints between slabs, filled with a dark sealant."""
 
-    every_m: Annotated[float, Field(ge=1, le=30)]
+    every_m: Annotated[float, Field(ge=1, le=30), NUMBER]
     """Between joints across the carriageway."""
-    half_width_m: Annotated[float, Field(ge=0.012, le=0.03)] = 0.015
+    half_width_m: Annotated[float, Field(ge=0.012, le=0.03), NUMBER] = 0.015
     """Half the width of the sealant and its overband; finer lines than the maps resolve would alias."""
     lost: Share = 0.03
     """Share of the sealant that has gone."""
-    expansion_every: Annotated[int, Field(ge=2, le=100)] | None = None
+    expansion_every: Annotated[int, Field(ge=2, le=100), NUMBER] | None = None
     """One of so many joints across is an expansion joint; None where there are none."""
-    expansion_half_width_m: Annotated[float, Field(ge=0.012, le=0.06)] = 0.028
+    expansion_half_width_m: Annotated[float, Field(ge=0.012, le=0.06), NUMBER] = 0.028
+    """Half the width of an expansion joint."""
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.expansion_every is None and "expansion_half_width_m" in self.model_fields_set:
+            raise PlacedValueError(("expansion_half_width_m",), "no joint is an expansion joint; give expansion_every")
+        return self
 
 
 class Pavement(Settings):
     """A pavement."""
 
-    title: str
+    title: Title
+    """In words."""
     material: Material
     reflectance: SurfaceReflectance
     tint: Tint = Tint()
@@ -110,6 +118,13 @@ class Pavement(Settings):
     """Strength of the band of oil in the middle of lanes."""
     repairs: RepairRates = RepairRates()
     slabs: Slabs | None = None
+    """Joints between its slabs; None for one without."""
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.slabs is not None and self.material is not Material.CONCRETE:
+            raise PlacedValueError(("slabs",), f"only concrete has slabs, and the material is {self.material.value}")
+        return self
 
 
 def pavement_names() -> list[str]:

@@ -1,19 +1,19 @@
 """The look of a town's streets: which pavements they have, and what lies on them. A YAML file each."""
 
 import json
-from collections.abc import Mapping
-from functools import cache
+from collections.abc import Callable, Mapping
+from functools import cache, partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
-from pavetwin.config.base import Settings
-from pavetwin.config.mission import Share
+from pavetwin.config.base import PlacedValueError, Settings
 from pavetwin.config.named import names_in, read_named
+from pavetwin.config.numbers import NUMBER, SOME, Share, Title, Weight, Weights
 from pavetwin.errors import PaveTwinError
-from pavetwin.scene.ground.looks.history import OWN, FormerMarkings, RepairMaterials, Weight, Weights
+from pavetwin.scene.ground.looks.history import OWN, FormerMarkings, RepairMaterials
 from pavetwin.scene.ground.looks.mark import mark
 from pavetwin.scene.ground.looks.marking_standard import marking_standard
 from pavetwin.scene.ground.looks.overhead import Overhead
@@ -52,7 +52,8 @@ class Dirt(Settings):
 class StreetLook(Settings):
     """The look of a town's streets."""
 
-    title: str
+    title: Title
+    """In words."""
     main: Weights
     """Pavements of main streets, by name, with their relative frequencies."""
     other: Weights
@@ -64,15 +65,15 @@ class StreetLook(Settings):
     dirt: Dirt = Dirt()
     paint_wear: Factor = 1.0
     """Wear of markings, × what the age of a street says."""
-    covers: Annotated[Mapping[CoverName, Weight], Field(min_length=1)] = {"cover_iron": 1, "cover_filled": 1}
+    covers: Annotated[Mapping[CoverName, Weight], Field(min_length=1), SOME] = {"cover_iron": 1, "cover_filled": 1}
     """Kinds of manhole covers; most of a town's are of one kind."""
-    grates: Annotated[Mapping[GrateName, Weight], Field(min_length=1)] = {"grate": 1}
+    grates: Annotated[Mapping[GrateName, Weight], Field(min_length=1), SOME] = {"grate": 1}
     """Kinds of gully grates, of which a town has one."""
-    bridge_joints: Annotated[Mapping[JointName, Weight], Field(min_length=1)] = {"joint_strip": 1, "plug": 1}
+    bridge_joints: Annotated[Mapping[JointName, Weight], Field(min_length=1), SOME] = {"joint_strip": 1, "plug": 1}
     """Kinds of joints at both ends of bridges: steel fingers, a rubber profile between steel edges, or a plug of
     asphalt and binder."""
-    litter_per_100_m: Annotated[float, Field(ge=0, le=100)] = 0.0
-    marks: Mapping[str, Annotated[float, Field(ge=0, le=50)]] = Field(default_factory=dict)
+    litter_per_100_m: Annotated[float, Field(ge=0, le=100), NUMBER] = 0.0
+    marks: Mapping[str, Annotated[float, Field(ge=0, le=50), NUMBER]] = Field(default_factory=dict)
     """Painted marks by name, or by a file beside this one: mean number on 100 m of a street that may have them."""
     markings: str | None = None
     """A marking standard by name, or by a file beside this one; the one of the place unless given."""
@@ -105,40 +106,55 @@ def street_look(name: str) -> StreetLook:
         PaveTwinError: there is no such look or file, the file is none, or it names a pavement, mark or marking
             standard that is none.
     """
-    found = read_named(StreetLook, name, what="street look", key="look", package=PACKAGE, folder="streets")
-    tables = {"main": found.main, "other": found.other, "stretches.pavements": found.stretches.pavements}
-    tables |= {f"repairs.{key}": weights for key, weights in found.repairs.tables.items()}
-    absolute: dict[str, dict[str, float]] = {}
-    for key, weights in tables.items():
-        absolute[key] = {_beside(name, each): weight for each, weight in weights.items()}
-        for each in absolute[key].keys() - ({OWN} if key.startswith("repairs.") else ()):
-            try:
-                pavement(each)
-            except PaveTwinError as error:
-                raise PaveTwinError(f"street look '{name}': {key}: {error}") from error
-    marks = {_beside(name, each): rate for each, rate in found.marks.items()}
-    for each in marks:
-        try:
-            mark(each)
-        except PaveTwinError as error:
-            raise PaveTwinError(f"street look '{name}': marks: {error}") from error
-    markings = None if found.markings is None else _beside(name, found.markings)
-    if markings is not None:
-        try:
-            marking_standard(markings)
-        except PaveTwinError as error:
-            raise PaveTwinError(f"street look '{name}': markings: {error}") from error
-    stretches = found.stretches.model_copy(update={"pavements": absolute["stretches.pavements"]})
-    repairs = found.repairs.model_copy(update={key: absolute[f"repairs.{key}"] for key in found.repairs.tables})
+    found = read_named(
+        StreetLook,
+        name,
+        what="street look",
+        key="look",
+        package=PACKAGE,
+        folder="streets",
+        check=partial(check_parts, name=name),
+    )
+
+    def beside(table: Mapping[str, float]) -> dict[str, float]:
+        return {_beside(name, each): value for each, value in table.items()}
+
+    repaired = {key: beside(table) for key, table in found.repairs.tables.items()}
     update: dict[str, Any] = {
-        "main": absolute["main"],
-        "other": absolute["other"],
-        "stretches": stretches,
-        "repairs": repairs,
-        "marks": marks,
-        "markings": markings,
+        "main": beside(found.main),
+        "other": beside(found.other),
+        "stretches": found.stretches.model_copy(update={"pavements": beside(found.stretches.pavements)}),
+        "repairs": found.repairs.model_copy(update=repaired),
+        "marks": beside(found.marks),
+        "markings": None if found.markings is None else _beside(name, found.markings),
     }
     return found.model_copy(update=update)
+
+
+def check_parts(look: StreetLook, name: str) -> None:
+    """Refuse a look that names what is not there.
+
+    Args:
+        name: its own, or its file; files that it names lie beside it.
+
+    Raises:
+        PlacedValueError: a pavement, mark or marking standard that it names is none.
+    """
+    tables = {("main",): look.main, ("other",): look.other, ("stretches", "pavements"): look.stretches.pavements}
+    tables |= {("repairs", key): weights for key, weights in look.repairs.tables.items()}
+    parts: list[tuple[tuple[str, ...], str, Callable[[str], object]]] = [
+        (path, each, pavement)
+        for path, weights in tables.items()
+        for each in weights
+        if not (path[0] == "repairs" and each == OWN)
+    ]
+    parts += [(("marks",), each, mark) for each in look.marks]
+    parts += [(("markings",), look.markings, marking_standard)] if look.markings is not None else []
+    for path, each, read in parts:
+        try:
+            read(_beside(name, each))
+        except PaveTwinError as error:
+            raise PlacedValueError((*path, each), str(error), named=False) from error
 
 
 def look_sha256(name: str) -> str:

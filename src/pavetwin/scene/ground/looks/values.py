@@ -5,13 +5,14 @@ from typing import Self
 from pydantic import AfterValidator, model_validator
 
 from pavetwin.config.base import Settings
+from pavetwin.config.numbers import Number
 
 
 class ValueRange(Settings):
     """Evenly from the least to the most of a value."""
 
-    least: float
-    most: float
+    least: Number
+    most: Number
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
