@@ -4,7 +4,8 @@ of all, and a car's view along a street there; and how much longer they take bes
 import math
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from pavetwin.render.adapter import find_adapter
 from pavetwin.render.nearby import FAR_M
 from pavetwin.render.renderer import Renderer
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import Instance
+from pavetwin.scene.model import TILE_M, Instance
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.view import View, look, nadir
 from pavetwin.traffic.parked import parked_vehicles
@@ -78,7 +79,28 @@ def lines(world: World, replay: Replay, size: Size) -> Iterator[Line]:
     yield Line("a car's frame with its labels", along_s, Kind.SECONDS, note="along the street there")
     yield from _beside_parked_vehicles(scene, renderer, size)
     yield Line("the first frame of a place", first_s, Kind.SECONDS, note="tiles made and uploaded; one run")
+    yield from _tiles(world, size)
     yield Line("what a renderer holds on its device", renderer.gpu.held_bytes / 2**20, Kind.MEBIBYTES)
+
+
+def _tiles(world: World, size: Size) -> Iterator[Line]:
+    """Processor time of a tile on a street: its ground's maps, and its meshes and objects; the least of the runs, the
+    median over the places."""
+    scene = Scene(world, seed=SEED, tiles_kept=0)
+    keys = [
+        (int(place[0] // TILE_M), int(place[1] // TILE_M)) for place, _ in _along_streets(world, max(2, size.places))
+    ]
+    note = f"processor time, without defects, median of {len(keys)} places"
+    for what, make in (("maps of a ground tile", scene.maps), ("meshes and objects of a tile", scene.tile)):
+        make(keys[0])
+        times = [min(_processor_s(partial(make, key)) for _ in range(size.runs)) for key in keys]
+        yield Line(what, float(np.median(times)), Kind.SECONDS, note=note)
+
+
+def _processor_s(work: Callable[[], object]) -> float:
+    begun = time.process_time()
+    work()
+    return time.process_time() - begun
 
 
 def _beside_parked_vehicles(scene: Scene, renderer: Renderer, size: Size) -> Iterator[Line]:
