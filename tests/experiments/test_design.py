@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from pavetwin.config import load_settings
 from pavetwin.defects import DefectOptions
+from pavetwin.defects import population as populations
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design, placed_at, preset_names, preset_text, read_design
 from pavetwin.experiments.plan import Plan, cells_of, units_of, world_of_study
@@ -365,3 +366,18 @@ def test_a_study_over_a_world_s_own_defects_notices_that_they_changed(tmp_path: 
     assert world_of_study(made.worlds[0].path, after["world"]).name == "cross"
     with pytest.raises(PaveTwinError, match="is not the one that the study began with"):
         world_of_study(made.worlds[0].path, before["world"])
+
+
+def test_a_study_notices_that_a_population_of_the_package_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_world(damaged("cross", 2), tmp_path / "cross")
+    made = design(worlds=[str(tmp_path / "cross")], altitudes_m=[10], densities=["low"], defects={"per_segment": 1})
+    store, begun = Store(tmp_path / "study"), plan(made, load_worlds(made))
+    store.begin(begun)
+    store.check(begun)
+    survey = populations.population("survey")
+    denser = survey.model_copy(update={"density": survey.density.model_copy(update={"segment_sigma": 2.0})})
+    monkeypatch.setattr(populations, "population", lambda name: denser if name == "survey" else survey)
+    with pytest.raises(PaveTwinError, match=r"begun with the damage population 'survey' of other content than it has"):
+        store.check(plan(made, load_worlds(made)))

@@ -11,10 +11,12 @@ Sizes may grow with the condition too. Half of the defects of a class lie where 
 variance of ln r; the median of a size is multiplied by (r / r̃)^k, with k its `growth`. Over all defects it holds.
 """
 
+import json
 import math
 import zlib
 from collections.abc import Iterator, Mapping
 from functools import cache
+from hashlib import sha256
 from typing import Annotated, Final, Self
 
 import numpy as np
@@ -357,6 +359,15 @@ _UNLISTED: Final = ClassPopulation(weight=0.0)
 def population_names() -> list[str]:
     """The populations that ship with the package."""
     return names_in("pavetwin.defects", "populations")
+
+
+def population_sha256(name: str) -> str:
+    """SHA-256 of all that a population says.
+
+    Raises:
+        PaveTwinError: there is no such population or file, or the file is none.
+    """
+    return sha256(json.dumps(population(name).model_dump(mode="json")).encode()).hexdigest()
 
 
 @cache

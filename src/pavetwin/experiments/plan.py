@@ -141,6 +141,8 @@ class Plan:
     """Those of the files that each cell depends on, traffic aside."""
     packages: Mapping[str, str] = field(default_factory=dict)
     """Versions by name of the installed packages that give a policy, a sensor or the like."""
+    populations: Mapping[str, str] = field(default_factory=dict)
+    """Hashes by name of the damage populations of the package that defects are placed by."""
     image_source_factory: ImageSourceFactory | None = None
     """For sensors that look at images; called in the worker processes."""
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pavetwin.config import MissionSettings
 from pavetwin.defects import DefectOptions
-from pavetwin.defects.population import population_names
+from pavetwin.defects.population import population_names, population_sha256
 from pavetwin.defects.registry import DEFECT_CLASSES, kinds
 from pavetwin.errors import PaveTwinError, naming, nearest_name
 from pavetwin.experiments.design import ALL, Design
@@ -57,8 +57,9 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
         _targets(design, world, named, _environments(design, world, cells, tell))
         for world, named in zip(worlds, _named(design, worlds), strict=True)
     )
-    populations = _populations(design, worlds)
-    used = {cell: {**_files_of(cell, design), **populations} for cell in cells}
+    named = _populations(design, worlds)
+    own = {name: file_sha256(Path(name)) for name in named if name not in population_names()}
+    used = {cell: {**_files_of(cell, design), **own} for cell in cells}
     routes = {route: file_sha256(Path(route)) for entry in design.worlds for route in entry.routes}
     return Plan(
         design,
@@ -70,6 +71,7 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
         files={path: content for files in used.values() for path, content in files.items()} | routes | recordings,
         used={cell: tuple(files) for cell, files in used.items()},
         packages=_packages(design, worlds, cells),
+        populations={name: population_sha256(name) for name in named if name not in own},
     )
 
 
@@ -127,16 +129,14 @@ def _files_of(cell: Cell, design: Design) -> dict[str, str]:
     return {file.path: file.sha256 for file in (*PolicyInput.of(cell.policy).files, *files_of_settings(own))}
 
 
-def _populations(design: Design, worlds: Sequence[World]) -> dict[str, str]:
-    """SHA-256 by path of the damage populations of the user's own that defects are placed by."""
+def _populations(design: Design, worlds: Sequence[World]) -> list[str]:
+    """The damage populations that defects are placed by: names, and paths of the user's own."""
     if design.defects == "world":
-        return {}
+        return []
     if isinstance(design.defects, DefectOptions):
-        names = {design.defects.population}
-    else:
-        folders = [world.folder for world in worlds if world.folder is not None]
-        names = {DefectOptions.of_record(load_record(folder)).population for folder in folders}
-    return {name: file_sha256(Path(name)) for name in sorted(names) if name not in population_names()}
+        return [design.defects.population]
+    folders = [world.folder for world in worlds if world.folder is not None]
+    return sorted({DefectOptions.of_record(load_record(folder)).population for folder in folders})
 
 
 def _packages(design: Design, worlds: Sequence[World], cells: Sequence[Cell]) -> dict[str, str]:

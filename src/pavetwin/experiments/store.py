@@ -66,6 +66,12 @@ class Store:
             raise PaveTwinError(
                 f"'{self.folder}' was begun with another world than '{name}' is now; choose another folder."
             )
+        placed_by = self.description().get("populations", {})
+        for name in (name for name, content in placed_by.items() if plan.populations.get(name) != content):
+            raise PaveTwinError(
+                f"'{self.folder}' was begun with the damage population '{name}' of other content than it has now; "
+                "choose another folder."
+            )
         _check_owners(self.folder, self.owners(), plan)
 
     def missing(self, plan: Plan, *, failed: bool = False) -> list[Unit]:
@@ -290,6 +296,7 @@ def _description(plan: Plan) -> dict[str, Any]:
         "versions": software_versions(packages=plan.packages),
         "worlds": dict(zip(plan.names, (content[:SHOWN] for content in plan.hashes), strict=True)),
         "files": {path: content[:SHOWN] for path, content in plan.files.items()},
+        **({"populations": dict(plan.populations)} if plan.populations else {}),
         **({"owners": {key: list(names) for key, names in plan.owners.items()}} if plan.owners else {}),
         "design": plan.design.model_dump(mode="json"),
     }
