@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pavetwin.arrays import BoolArray, UInt8Array
 from pavetwin.datasets.annotated import Annotation
 from pavetwin.datasets.blending import EDGE_PX, Sun, blended, turned
 from pavetwin.datasets.covering import GONE_SHARE, KEPT_SHARE, covered, pasted
@@ -60,6 +61,38 @@ def test_a_part_without_the_labelled_damage_is_no_road() -> None:
     road = road_mask(picture, damage)
     assert road[:, :130].mean() < 0.01
     assert road[:, 148:-4].mean() > 0.97
+
+
+def sidewalk(paving: str) -> tuple[UInt8Array, BoolArray]:
+    """A road with a lane line and labelled damage; beyond a kerb of stone, paving that is grey as well."""
+    picture, damage = pavement(SIZE), np.zeros(SIZE[::-1], dtype=np.bool_)
+    picture[:, 130:133] = 210
+    picture[:, 64:72] = pavement((8, SIZE[1]), 1, 150)
+    if paving == "lighter":
+        picture[:, :64] = pavement((64, SIZE[1]), 2, 165)
+    elif paving == "reddish":
+        picture[:, :64] = (pavement((64, SIZE[1]), 2).astype(int) + (9, 0, -2)).astype(np.uint8)
+    else:  # tiles
+        picture[::6, :64] = picture[:, :64:6] = 95
+    damage[70:90, 160:190] = True
+    return picture, damage
+
+
+@pytest.mark.parametrize("paving", ["lighter", "reddish", "tiles"])
+def test_grey_paving_beyond_a_kerb_is_no_road(paving: str) -> None:
+    picture, damage = sidewalk(paving)
+    road = road_mask(picture, damage)
+    assert road[:, :60].mean() < 0.02
+    assert road[6:-6, 84:190].mean() > 0.97, "the lane line lies in the road"
+    assert abs(road_direction_deg(picture, road) or 0.0) == pytest.approx(90, abs=3)
+
+
+def test_an_object_keeps_away_from_the_edge_of_the_road() -> None:
+    picture, damage = sidewalk("lighter")
+    road = road_mask(picture, damage)
+    edge = int(np.flatnonzero(road.all(axis=0))[0])
+    places = [FreeRoad(road, np.zeros_like(road), 12).place(SOLID, np.random.default_rng(seed)) for seed in range(20)]
+    assert min(each.left for each in places if each is not None) >= edge + 12
 
 
 def test_markings_tell_the_direction_of_a_road() -> None:

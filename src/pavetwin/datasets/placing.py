@@ -1,10 +1,11 @@
 """Where an object may stand on a picture of pavement that was taken straight down.
 
-Road is, where no mask says so, all that has the colour of the pavement and is smooth: not green, not of another colour,
-not in the black of a bar, not rough like grass or gravel, and in a part of the picture that is large. The colour is
-that around labelled damage, else that of most of the picture; what is far from grey is no pavement. Of several parts
-those count that show labelled damage, where there is any. What stands on it already is found by labels; an object
-without a label is kept off only as far as it is not grey and smooth.
+Road is, where no mask says so, all that looks like the pavement around labelled damage, or else like most of the
+picture, in colour, lightness and smoothness; how near it must come depends on how much the pavement itself differs
+there, so that paving and kerbs in another grey are none. It is not green, not in the black of a bar, and in a part of
+the picture that is large; what is far from grey is no pavement. Of several parts those count that show labelled
+damage, where there is any. What stands on it already is found by labels; an object without a label is kept off only as
+far as it differs from pavement.
 """
 
 from dataclasses import dataclass
@@ -17,8 +18,17 @@ from scipy import ndimage
 
 from pavetwin.arrays import BoolArray, Float32Array, UInt8Array
 
-COLOUR: Final = 11.0
-"""Distance in a* and b* of CIE L*a*b* to the pavement's median beyond which it is not this road."""
+AROUND_SHARE: Final = 0.04
+"""So far around labelled damage a picture shows its pavement, of its longer side."""
+
+SPREADS: Final = 4.0
+"""So many times the median distance that the pavement has to its own middle may road have."""
+
+COLOUR: Final = (2.5, 11.0)
+"""Least and greatest such distance in a* and b* of CIE L*a*b*."""
+
+LIGHTNESS: Final = (10.0, 25.0)
+"""The same in L*."""
 
 GREY: Final = 14.0
 """Distance in a* and b* to grey, of a colour that pavement may have: asphalt and concrete, also in blue shadow."""
@@ -30,15 +40,26 @@ GREEN: Final = 0.06
 DARK: Final = 0.1
 """Of the full scale; what is darker is a bar or a hole."""
 
-ROUGH: Final = 0.085
-"""Standard deviation of brightness within `ROUGH_SHARE` of the picture's longer side, of the full scale."""
+ROUGHER: Final = 2.0
+"""So many times as rough as the pavement may road be, by its median."""
+
+ROUGH: Final = (0.02, 0.085)
+"""Least and greatest such limit: standard deviation of brightness within `ROUGH_SHARE` of the picture's longer side,
+of the full scale."""
 
 ROUGH_SHARE: Final = 0.02
+
+WIDEST_GAP: Final = 2.8
+"""Of a gap within road that is road too, over `ROUGH_SHARE`: markings and cracks with their edges."""
+
 LEAST_PART: Final = 0.12
 """Of the picture: what is smaller and all around it is not road is none."""
 
 COHERENT: Final = 0.5
 """Coherence of edges, 0 … 1, from which their direction is taken for that of the road."""
+
+KERB_SHARE: Final = 0.05
+"""So far beside the road edges tell its direction too, of the picture's longer side."""
 
 STRONGEST: Final = 0.05
 """Share of the edges that tell the direction: those of markings, kerbs and joints."""
@@ -50,27 +71,31 @@ def road_mask(picture: UInt8Array, damage: BoolArray | None = None) -> BoolArray
     Args:
         damage: (height, width) where damage of the pavement is labelled.
     """
+    longest = max(picture.shape[:2])
     exact = picture.astype(np.float32) / 255
-    lab = cv2.cvtColor(exact, cv2.COLOR_RGB2LAB)
-    side = max(3, round(ROUGH_SHARE * max(picture.shape[:2])))
-    smooth = cv2.blur(lab, (side, side))
-    known = damage if damage is not None and damage.any() else None
-    pavement = np.median(smooth[known][:, 1:] if known is not None else smooth[..., 1:].reshape(-1, 2), axis=0)
-    if hypot(*pavement) > GREY:
-        return np.zeros(picture.shape[:2], dtype=np.bool_)
-    colour = smooth[..., 1:] - pavement
+    side = max(3, round(ROUGH_SHARE * longest))
+    smooth = cv2.blur(cv2.cvtColor(exact, cv2.COLOR_RGB2LAB), (side, side))
     shares = cv2.blur(exact / np.maximum(exact.sum(axis=2, keepdims=True), 1e-6), (side, side))
     grey = exact.mean(axis=2)
     spread = np.sqrt(np.maximum(cv2.blur(grey**2, (side, side)) - cv2.blur(grey, (side, side)) ** 2, 0))
+    known = damage if damage is not None and damage.any() else None
+    sample = _grown(known, round(AROUND_SHARE * longest)) if known is not None else np.ones(grey.shape, dtype=np.bool_)
+    lightness, *colour = np.median(smooth[sample], axis=0).tolist()
+    if hypot(*colour) > GREY:
+        return np.zeros(grey.shape, dtype=np.bool_)
+    away = np.linalg.norm(smooth[..., 1:] - np.array(colour), axis=2)
+    lighter = np.abs(smooth[..., 0] - lightness)
     road = (
-        (np.hypot(colour[..., 0], colour[..., 1]) <= COLOUR)
+        (away <= np.clip(SPREADS * np.median(away[sample]), *COLOUR))
+        & (lighter <= np.clip(SPREADS * np.median(lighter[sample]), *LIGHTNESS))
+        & (spread <= np.clip(ROUGHER * np.median(spread[sample]), *ROUGH))
         & (3 * shares[..., 1] - 1 <= GREEN)
         & (cv2.blur(grey, (side, side)) >= DARK)
-        & (spread <= ROUGH)
     )
     # Markings and cracks have rough edges; what is narrow and lies in the road is road.
-    closed = ndimage.binary_closing(np.pad(road, 2 * side, mode="edge"), iterations=side)[
-        2 * side : -2 * side, 2 * side : -2 * side
+    by = round(WIDEST_GAP * side / 2)
+    closed = ndimage.binary_closing(np.pad(road, 2 * by, mode="edge"), iterations=by)[
+        2 * by : -2 * by, 2 * by : -2 * by
     ]
     parts, count = ndimage.label(ndimage.binary_opening(closed, iterations=side))
     sizes = np.bincount(parts.ravel(), minlength=count + 1)
@@ -82,11 +107,11 @@ def road_mask(picture: UInt8Array, damage: BoolArray | None = None) -> BoolArray
 
 
 def road_direction_deg(picture: UInt8Array, road: BoolArray) -> float | None:
-    """The direction of the strongest edges on the road, to the picture's columns, clockwise, −90 … 90; None where they
-    have none (structure tensor)."""
+    """The direction of the strongest edges on the road and beside it, to the picture's columns, clockwise, −90 … 90;
+    None where they have none (structure tensor)."""
     grey = cv2.GaussianBlur(picture.astype(np.float32).mean(axis=2), (0, 0), 2.0)
     across, down = cv2.Sobel(grey, cv2.CV_32F, 1, 0), cv2.Sobel(grey, cv2.CV_32F, 0, 1)
-    inner = ndimage.binary_erosion(road, iterations=4)
+    inner = ndimage.binary_erosion(_grown(road, round(KERB_SHARE * max(road.shape))), iterations=4)
     strength: Float32Array = np.hypot(across, down)
     if not inner.any():
         return None
@@ -124,11 +149,11 @@ class FreeRoad:
         """Args:
         road: (height, width)
         taken: (height, width) where something stands.
-        gap_px: that stays free around each object.
+        gap_px: that stays free around each object, and to what is not road.
         """
         self._gap = max(2, round(gap_px))
         self._road = road
-        self._free = road & ~_grown(taken, self._gap)
+        self._free = road & ~_grown(taken | ~road, self._gap)
 
     @property
     def size_px(self) -> tuple[int, int]:
