@@ -14,10 +14,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from pavetwin.datasets import overlaps
+from pavetwin.datasets import merging, overlaps
 from pavetwin.datasets.annotated import AnnotatedImage, Annotation
 from pavetwin.datasets.common_form import annotation_path, as_xml, read_images, write_description
-from pavetwin.datasets.duplicates import alike, read_grey, thumbnail
+from pavetwin.datasets.duplicates import alike, read_grey, signature, thumbnail
 from pavetwin.datasets.importing import import_source
 from pavetwin.datasets.merging import merge
 from pavetwin.datasets.normalise import ImageSize
@@ -74,6 +74,24 @@ def test_a_merge_that_is_repeated_gives_the_same_bytes(two: tuple[Path, Path], t
     assert len(files) == 4 * 2 + 2
     for path in files:
         assert (tmp_path / "first" / path).read_bytes() == (tmp_path / "second" / path).read_bytes(), path
+
+
+def test_a_finished_merge_is_not_made_again_and_tells_the_same(
+    two: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = merge(two, tmp_path / "all")
+    compared: list[Path] = []
+    monkeypatch.setattr(merging, "signature", lambda path: (compared.append(path), signature(path))[1])
+    again = merge(two, tmp_path / "all")
+    assert compared == []
+    assert (again.images, again.report.counts) == (first.images, first.report.counts)
+    assert list(map(str, again.report)) == list(map(str, first.report))
+    (tmp_path / "all" / "Annotations" / "uapd-other.xml").unlink()
+    assert merge(two, tmp_path / "all").images == first.images
+    assert len(compared) == 5
+    (tmp_path / "all" / "report.csv").unlink()
+    merge(two, tmp_path / "all")
+    assert (tmp_path / "all" / "report.csv").is_file()
 
 
 def test_pictures_of_one_place_are_one_scene(tmp_path: Path) -> None:

@@ -67,7 +67,7 @@ class _Scenes:
 
 
 def merge(folders: Sequence[Path], output: Path, *, on_progress: OnMerge = lambda _share, _what: None) -> ImportSummary:
-    """Merge datasets into a new one; pictures are linked where the file system can.
+    """Merge datasets into a new one, unless that was done before; pictures are linked where the file system can.
 
     Raises:
         PaveTwinError: a folder holds no finished dataset, one is named twice, or the output cannot be written.
@@ -78,6 +78,8 @@ def merge(folders: Sequence[Path], output: Path, *, on_progress: OnMerge = lambd
     report = Report()
     with working_in(output):
         check_same(output, expected)
+        if (finished := _finished(output)) is not None:
+            return finished
         write_description(output, {**expected, "complete": False})
         places = [(folder, name) for folder in folders for name in image_names(folder)]
         kept, scenes = _sorted_out(places, report, on_progress)
@@ -85,6 +87,16 @@ def merge(folders: Sequence[Path], output: Path, *, on_progress: OnMerge = lambd
         report.save(output / REPORT)
         write_description(output, {**expected, "complete": True, "images": images})
     return ImportSummary(output, images, report)
+
+
+def _finished(output: Path) -> ImportSummary | None:
+    """What an earlier call left, where that is whole: to compare all pictures again takes minutes."""
+    description = read_description(output) if (output / DESCRIPTION).is_file() else {}
+    report = Report.load(output / REPORT)
+    names = image_names(output)
+    if not description.get("complete") or report is None or len(names) != description["images"]:
+        return None
+    return ImportSummary(output, len(names), report)
 
 
 def described(folder: Path) -> dict[str, str]:

@@ -83,6 +83,21 @@ class Report:
     def __iter__(self) -> Iterator[Problem]:
         return iter(self._problems.values())
 
+    @classmethod
+    def load(cls, path: Path) -> "Report | None":
+        """What `save` wrote; None where there is no such table, or it may not hold all that was found."""
+        report = cls()
+        try:
+            with path.open(encoding="utf-8", newline="") as stream:
+                for key, row in enumerate(csv.DictReader(stream)):
+                    line = int(row["line"]) if row["line"] else None
+                    each = Problem(Finding(row["finding"]), row["file"], line, row["text"], int(row["count"]))
+                    report._problems[key] = each
+                    report.counts[each.finding] += each.count
+        except (OSError, ValueError, KeyError):
+            return None
+        return report if len(report._problems) < MOST else None
+
     def save(self, path: Path) -> None:
         """Write it as a table, one finding a row."""
         with (
