@@ -16,12 +16,17 @@ import yaml
 
 from pavetwin.config.base import Settings
 from pavetwin.config.named import checked, names_in
+from pavetwin.defects import DEFECT_CLASSES, DefectOptions, place
 from pavetwin.defects.population import Population, population
 from pavetwin.errors import PaveTwinError
+from pavetwin.scene.ground import plan_ground
 from pavetwin.scene.ground.looks.mark import Mark, mark
 from pavetwin.scene.ground.looks.marking_standard import MarkingStandard, marking_standard
 from pavetwin.scene.ground.looks.pavement import PACKAGE, Pavement, pavement
 from pavetwin.scene.ground.looks.street_look import StreetLook, check_parts, street_look
+from pavetwin.scene.ground.markings.standard import paint
+from scenes import built
+from scenes.schema_rows import schema_rows
 
 Key = tuple[str | int, ...]
 
@@ -269,7 +274,8 @@ def lines(values: Any, here: Key = (), depth: int = 0) -> Iterator[tuple[str, Ke
 def test_a_mistake_is_told_with_file_line_and_key(tmp_path: Path, kind: str, name: str) -> None:
     values = KINDS[kind].values(name)
     values = {key: value for key, value in values.items() if key != "areas"}
-    for number, (_, key) in list(enumerate(lines(values), start=1))[:: 1 + len(values) // 8]:
+    numbered = list(enumerate(lines(values), start=1))
+    for number, (_, key) in numbered[:: 1 + len(numbered) // 10]:
         told = list(lines(with_value(values, key, [["nothing that fits"]])))
         path = tmp_path / f"{number}.yaml"
         path.write_text("\n".join(line for line, _ in told) + "\n", encoding="utf-8")
@@ -279,3 +285,56 @@ def test_a_mistake_is_told_with_file_line_and_key(tmp_path: Path, kind: str, nam
         assert found is not None, str(caught.value)
         assert int(found[1]) in (number, number + 1, number + 2), str(caught.value)
         assert found[2].startswith(shown(key)), str(caught.value)
+
+
+PAGE: Final = Path(__file__).resolve().parent.parent / "docs" / "reference" / "data-files.md"
+
+HEADINGS: Final = {
+    "Damage population": Population,
+    "Look": StreetLook,
+    "Pavement": Pavement,
+    "Mark": Mark,
+    "Marking standard": MarkingStandard,
+}
+
+
+def chapter(heading: str) -> str:
+    return PAGE.read_text(encoding="utf-8").partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
+
+
+@pytest.mark.parametrize("heading", HEADINGS)
+def test_the_reference_has_every_key_with_its_values_and_its_default(heading: str) -> None:
+    rows = re.findall(r"^\| `([\w.]+)` \| (.*?) \| (.*?) \| \w.* \|$", chapter(heading), flags=re.MULTILINE)
+    assert {key: (values.strip(), default.strip()) for key, values, default in rows} == schema_rows(HEADINGS[heading])
+
+
+def test_sizes_reach_as_far_as_the_reference_says() -> None:
+    rows = re.findall(r"^\| (`\w+`)? ?\| (`.*?) \| (\S+) … (\S+) \|$", chapter("Damage population"), flags=re.MULTILINE)
+    told, kind = set(), ""
+    for name, parameters, *limits in rows:
+        kind = name.strip("`") or kind
+        for parameter in re.findall(r"`(\w+)`", parameters):
+            told.add((kind, parameter))
+            low, high = map(float, limits)
+            take = partial(DEFECT_CLASSES.get(kind).parameters_from, where="here")
+            for inside in (low, high):
+                take(((parameter, inside),))
+            beyond = 1.0 if "whole" in parameters else 0.01 * low or 0.01
+            for outside in (low - beyond, high + beyond):
+                with pytest.raises(PaveTwinError):
+                    take(((parameter, outside),))
+    schemas = {kind.name: kind.parameters for kind in DEFECT_CLASSES.values() if kind.ships}
+    assert told == {(kind, name) for kind, schema in schemas.items() if schema for name in schema.model_fields}
+
+
+def test_the_files_of_the_reference_are_taken_and_used(tmp_path: Path) -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    for name, text in re.findall(r'^```yaml title="(.+?)"\n(.*?)^```', page, flags=re.MULTILINE | re.DOTALL):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    assert len(list(tmp_path.iterdir())) == len(HEADINGS)
+    placed = place(built("cross").world.segments[:3], 1, DefectOptions(population=str(tmp_path / "our-damage.yaml")))
+    assert "single_crack" in {defect.kind for defect in placed}
+    plan = plan_ground(built("cross").world, 3, look=street_look(str(tmp_path / "our-town.yaml")))
+    assert plan.standard.centre_colour == "yellow"
+    assert "chip seal of our quarry" in {plan.pavement(each).title for each in plan.streets}
+    assert (plan.paint.bar_looks[:, 0] == paint("yellow")).any()

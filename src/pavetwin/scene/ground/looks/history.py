@@ -8,7 +8,7 @@ from pydantic import Field
 
 from pavetwin.config.base import Settings
 from pavetwin.config.numbers import NUMBER, SOME, Share, Weight, Weights
-from pavetwin.scene.ground.looks.values import ValueRange, within
+from pavetwin.scene.ground.looks.values import ValueRange, Within
 
 OWN: Final = "own"
 """The pavement of the street itself."""
@@ -60,12 +60,12 @@ class FormerMarkings(Settings):
     kinds: Annotated[Mapping[FormerKind, Weight], Field(min_length=1), SOME] = Field(
         default_factory=lambda: dict.fromkeys(FormerKind, 1.0)
     )
-    wear: Annotated[ValueRange, within(0.0, 0.98)] = ValueRange(least=0.7, most=0.93)
+    wear: Annotated[ValueRange, Within(0.0, 0.98)] = ValueRange(least=0.7, most=0.93)
     """Of paint that was left."""
-    beside_m: Annotated[ValueRange, within(0.0, 0.3)] = ValueRange(least=0.03, most=0.12)
+    beside_m: Annotated[ValueRange, Within(0.0, 0.3)] = ValueRange(least=0.03, most=0.12)
     """From lines to those that were painted over them."""
-    moved_m: Annotated[ValueRange, within(0.0, 3.0)] = ValueRange(least=0.25, most=0.8)
+    moved_m: Annotated[ValueRange, Within(0.0, 3.0)] = ValueRange(least=0.25, most=0.8)
     """From lines to those of today's layout otherwise."""
-    removed_tone: Annotated[ValueRange, within(0.3, 1.8)] = ValueRange(least=0.84, most=1.16)
-    masked_tone: Annotated[ValueRange, within(0.3, 1.8)] = ValueRange(least=0.5, most=0.72)
+    removed_tone: Annotated[ValueRange, Within(0.3, 1.8)] = ValueRange(least=0.84, most=1.16)
+    masked_tone: Annotated[ValueRange, Within(0.3, 1.8)] = ValueRange(least=0.5, most=0.72)
     """Factors on the reflectance of the pavement."""

@@ -13,7 +13,7 @@ from pavetwin.config.base import PlacedValueError, Settings
 from pavetwin.config.named import names_in, read_named
 from pavetwin.config.numbers import NUMBER, SOME, Title, Weight
 from pavetwin.scene.ground.looks.pavement import PACKAGE
-from pavetwin.scene.ground.looks.values import ValueRange, within
+from pavetwin.scene.ground.looks.values import ValueRange, Within
 
 PaintName = Literal["white", "yellow", "orange", "red", "blue", "green"]
 
@@ -50,9 +50,9 @@ class Mark(Settings):
     streets: Literal["all", "main", "other"] = "all"
     turned: bool = False
     """Whether it lies at any angle, not along the street."""
-    scale: Annotated[ValueRange, within(0.1, 10.0)] = ValueRange(least=1.0, most=1.0)
+    scale: Annotated[ValueRange, Within(0.1, 10.0)] = ValueRange(least=1.0, most=1.0)
     """Factor on its lengths; strokes keep their width."""
-    wear: Annotated[ValueRange, within(0.0, WORN)]
+    wear: Annotated[ValueRange, Within(0.0, WORN)]
     """Of its paint, 0 … 1."""
 
     @field_validator("strokes")

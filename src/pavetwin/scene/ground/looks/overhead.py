@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pavetwin.config.base import Settings
 from pavetwin.config.numbers import Share
-from pavetwin.scene.ground.looks.values import ValueRange, within
+from pavetwin.scene.ground.looks.values import ValueRange, Within
 
 
 class Overhead(Settings):
@@ -12,11 +12,11 @@ class Overhead(Settings):
 
     wired: Share = 0.0
     """Of streets with poles that have wires between them."""
-    wires: Annotated[ValueRange, within(1, 6)] = ValueRange(least=1, most=4)
+    wires: Annotated[ValueRange, Within(1, 6)] = ValueRange(least=1, most=4)
     """On the poles of one street."""
-    diameter_m: Annotated[ValueRange, within(0.005, 0.08)] = ValueRange(least=0.012, most=0.03)
+    diameter_m: Annotated[ValueRange, Within(0.005, 0.08)] = ValueRange(least=0.012, most=0.03)
     """Of a wire; bundles of insulated ones are the thickest."""
-    sag: Annotated[ValueRange, within(0.0, 0.06)] = ValueRange(least=0.01, most=0.03)
+    sag: Annotated[ValueRange, Within(0.0, 0.06)] = ValueRange(least=0.01, most=0.03)
     """Of a wire's middle below its ends, × their distance."""
     connections: Share = 0.0
     """Of poles with a wire to a house, mostly over the street."""

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from pavetwin.config.base import PlacedValueError, Settings
 from pavetwin.config.named import names_in, read_named
 from pavetwin.config.numbers import NUMBER, Share, Title
-from pavetwin.scene.ground.looks.values import ValueRange, within
+from pavetwin.scene.ground.looks.values import ValueRange, Within
 from pavetwin.scene.model import GroundKind
 
 PACKAGE: Final = "pavetwin.scene.ground.looks"
@@ -104,11 +104,11 @@ class Pavement(Settings):
     material: Material
     reflectance: SurfaceReflectance
     tint: Tint = Tint()
-    age: Annotated[ValueRange, within(0.0, 1.0)] = ValueRange(least=0.0, most=1.0)
+    age: Annotated[ValueRange, Within(0.0, 1.0)] = ValueRange(least=0.0, most=1.0)
     """Of streets that have it: 0 newly paved, 1 due for renewal."""
-    grain: Annotated[ValueRange, within(0.0, 1.9)] = ValueRange(least=0.5, most=1.0)
+    grain: Annotated[ValueRange, Within(0.0, 1.9)] = ValueRange(least=0.5, most=1.0)
     """Contrast of its stones, × that of clean new ones: dust and wear level them."""
-    wheel_paths: Annotated[ValueRange, within(-0.5, 0.5)] = ValueRange(least=-0.065, most=0.075)
+    wheel_paths: Annotated[ValueRange, Within(-0.5, 0.5)] = ValueRange(least=-0.065, most=0.075)
     """Change of the reflectance where wheels pass, as a share: polished stones are paler, bleeding binder darker."""
     streaks: Factor = 1.0
     """Contrast of the streaks along the street that paver, rollers and tyres leave."""

@@ -1,8 +1,10 @@
 """Ranges of values in data files."""
 
-from typing import Self
+from dataclasses import dataclass
+from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, model_validator
+from pydantic import AfterValidator, GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
+from pydantic.json_schema import JsonSchemaValue
 
 from pavetwin.config.base import Settings
 from pavetwin.config.numbers import Number
@@ -25,12 +27,20 @@ class ValueRange(Settings):
         return self.least + (self.most - self.least) * chance
 
 
-def within(low: float, high: float) -> AfterValidator:
+@dataclass(frozen=True, slots=True)
+class Within:
     """Bounds of a range of values."""
 
-    def checked(values: ValueRange) -> ValueRange:
-        if values.least < low or values.most > high:
-            raise ValueError(f"least and most lie between {low:g} and {high:g}")
-        return values
+    low: float
+    high: float
 
-    return AfterValidator(checked)
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
+        return handler.generate_schema(Annotated[source, AfterValidator(self._checked)])
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return {**handler(schema), "within": [self.low, self.high]}
+
+    def _checked(self, values: ValueRange) -> ValueRange:
+        if values.least < self.low or values.most > self.high:
+            raise ValueError(f"least and most lie between {self.low:g} and {self.high:g}")
+        return values
