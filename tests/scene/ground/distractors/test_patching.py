@@ -3,15 +3,18 @@
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 import shapely
+import yaml
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.scene.ground import GroundPlan, ground_pieces, plan_ground
-from pavetwin.scene.ground.looks import look_sha256, street_look
+from pavetwin.scene.ground.looks import look_sha256, pavement, street_look
 from pavetwin.scene.ground.looks.history import RepairMaterials
 from pavetwin.scene.model import GroundKind
 from pavetwin.scene.patches import holes_of
+from pavetwin.world.joints import joints_along
 from scenes import tiny
 
 CONCRETE = {"repair_concrete": 1.0}
@@ -100,3 +103,26 @@ def test_a_mistake_in_repairs_is_one_line_with_its_place(tmp_path: Path, repairs
     )
     with pytest.raises(PaveTwinError, match=rf"^street look '.*look\.yaml', line 5: {told}[^\n]*$"):
         street_look(str(look))
+
+
+def test_sealed_cracks_along_slabs_keep_off_the_joints(tmp_path: Path) -> None:
+    repairs = {"patches": 0.0, "trenches": 0.0, "sealed_cracks": 4.0, "joint_share": 0.0}
+    values = pavement("concrete").model_dump(mode="json") | {"repairs": repairs}
+    (tmp_path / "cracked.yaml").write_text(yaml.safe_dump(values), encoding="utf-8")
+    only = {"cracked.yaml": 1}
+    path = tmp_path / "look.yaml"
+    look = {"title": "one", "main": only, "other": only, "stretches": {"share": 0, "pavements": only}}
+    path.write_text(yaml.safe_dump(look), encoding="utf-8")
+    world, slabs, count = tiny.straight(length_m=200.0), pavement("concrete").slabs, 0
+    assert slabs is not None
+    joints = joints_along(world.segments[0])
+    assert len(joints)
+    for seed in range(12):
+        found = plan_ground(world, seed, look=street_look(str(path))).repairs
+        for line, half_m in zip(found.seals, found.seal_halves_m, strict=True):
+            extent = np.ptp(line, axis=0)
+            if half_m in (slabs.half_width_m, slabs.expansion_half_width_m) or extent[0] < 3 * extent[1]:
+                continue
+            count += 1
+            assert np.abs(line[:, 1, None] - joints).min() > 0.3
+    assert count > 5

@@ -12,6 +12,7 @@ from pavetwin.scene.ground.layout.surfaces import tile_box
 from pavetwin.scene.ground.markings.placement import markings
 from pavetwin.scene.ground.markings.standard import paint
 from pavetwin.scene.ground.materials.compose import PAINTS, surface
+from pavetwin.scene.ground.materials.grain import blurred
 from pavetwin.scene.ground.materials.sampling import Pyramid, linear_of_srgb, srgb_of_linear
 from pavetwin.scene.model import MAP_MARGIN_M, MAP_PX, SIGNED_DISTANCE_M, TILE_M, GroundKind, GroundMaps
 from scenes import built, tiny
@@ -214,6 +215,14 @@ def test_grain_reflects_as_much_as_its_kind_does(kind: GroundKind) -> None:
     slope = (details()[kind].relief[..., :2].astype(float) - 128) / 127
     assert np.abs(slope.mean(axis=(0, 1))).max() < 0.01
     assert (slope**2).sum(axis=-1).max() < 1.0
+
+
+def test_worn_concrete_shows_its_stones() -> None:
+    """A twentieth of its texels is paler or darker than around them by an eighth, and some of both."""
+    light = linear_of_srgb(details()[GroundKind.SLABS].reflectance[..., :3] / 255).mean(axis=-1).astype(np.float32)
+    contrast = blurred(light, 1.2) / blurred(light, 12.0) - 1
+    assert 0.03 < (np.abs(contrast) > 0.12).mean() < 0.12
+    assert min((contrast > 0.12).mean(), (contrast < -0.12).mean()) > 0.005
 
 
 def plain(paint: int, wear: int, bitumen: int = 1, which: int = 0) -> GroundMaps:

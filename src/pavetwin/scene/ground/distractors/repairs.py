@@ -46,6 +46,9 @@ APART_TONE: Final = 0.06
 SEALED_APART: Final = 0.6
 """Share of streets paved apart whose joint was sealed where it opened; ours."""
 
+CLEAR_OF_JOINT_M: Final = 0.35
+"""Sealed cracks along slabs keep this far from the joints: nearer ones end there, as corner breaks do. Ours."""
+
 WHEELS_M: Final = 0.78
 """Half the track of a car."""
 
@@ -225,7 +228,9 @@ class _OnSegment(SegmentMarks):
         steps = max(5, int(reach / 0.4))
         along = self.between(0.0, max(0.1, self.length - reach)) + np.linspace(0.0, reach, steps)
         left = self.between(-self.half + 0.8, self.half - 0.8) + np.cumsum(self.rng.normal(0.0, 0.045, steps))
-        inside = (along < self.length) & (np.abs(left) < self.half - 0.5)
+        joints = np.empty(0) if self.pavement.slabs is None else joints_along(self.segment)
+        beside = np.abs(left[:, None] - joints).min(axis=1, initial=np.inf) > CLEAR_OF_JOINT_M
+        inside = (along < self.length) & (np.abs(left) < self.half - 0.5) & beside
         if inside.sum() > 3:
             self.seal(self.world(along[inside], left[inside]), self.between(*SEAL_HALF_M))
 

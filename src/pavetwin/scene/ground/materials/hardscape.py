@@ -12,6 +12,9 @@ CONCRETE_M: Final = 2.0
 CONCRETE_REFLECTANCE: Final = 0.29
 """Weathered cement concrete 0.25 to 0.35 (Levinson, Akbari 2002, Cement and Concrete Research 32)."""
 
+STONES: Final = 0.65
+"""Range of the reflectance of bare stones, × that of the concrete: from dark basalt to white quartz. Ours."""
+
 SLAB_M: Final = 0.40
 SLABS: Final = 6
 JOINT_M: Final = 0.006
@@ -43,10 +46,11 @@ def concrete(rng: np.random.Generator) -> Detail:
 def slabs(rng: np.random.Generator) -> Detail:
     """Concrete of a carriageway: its broomed skin worn off, sand and some stones bare, small voids."""
     clouds, sand, broom, voids = _cement(rng, CONCRETE_M)
-    radius = (2.0e-3 + 3.5e-3 * rng.random(9_000)) / (CONCRETE_M / SIDE_PX)
+    radius = (2.0e-3 + 6.0e-3 * rng.random(26_000) ** 2) / (CONCRETE_M / SIDE_PX)
     stone, number, rim = stones(rng, radius.astype(np.float32), depth=0.5)
-    bare = np.where((stone > 0) & (noise(rng, 50.0) > 0.1), 1.0 - rim, 0.0)
-    value = 1.0 + 0.035 * clouds + 0.085 * sand + 0.02 * broom - 0.55 * voids + 0.5 * bare * (number - 0.62)
+    worn = np.clip(0.85 + 0.5 * noise(rng, 160.0), 0.0, 1.0)
+    bare = np.where(stone > 0, worn * np.clip(4.0 * (1.0 - rim), 0.0, 1.0), 0.0)
+    value = 1.0 + 0.035 * clouds + 0.085 * sand + 0.02 * broom - 0.55 * voids + STONES * bare * (number - 0.55)
     albedo = _coloured(float32(value), 0.014 * noise(rng, 200.0))
     height = float32(np.clip(0.6 + 0.06 * sand + 0.03 * broom - 0.6 * voids + 0.06 * bare, 0.0, 1.0))
     hold = blurred(-height, 1.0) + 0.12 * clouds
