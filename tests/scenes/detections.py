@@ -22,7 +22,7 @@ def true(category: int, box: Sequence[float] = BOX, *, ignored: bool = False, **
 
 
 def said(
-    image: int, category: int, box: Sequence[float] = BOX, det: float = 0.9, cls: float = 1.0, **attributes: float
+    image: int, category: int, box: Sequence[float] = BOX, det: float = 0.9, cls: float = 1.0, **attributes: float | str
 ) -> dict[str, Any]:
     parts = {"det_conf": det, "cls_conf": cls} if category <= POTHOLE else {"det_conf": det}
     score = det * parts.get("cls_conf", 1.0)

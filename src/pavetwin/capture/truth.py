@@ -75,8 +75,8 @@ class LabelledObject:
     position_m: tuple[float, float, float]
     """Its centre, in the world frame."""
     details: dict[str, Any]
-    """Of defects: class, severity, width_m, depth_m, area_m2, segment, street, contrast. Of agents: kind, sizes, yaw,
-    speed. Of parked vehicles these, that they are `parked`, and the `place`."""
+    """Of defects: class, severity, width_m, depth_m, length_m, area_m2, segment, street, contrast. Of agents: kind,
+    sizes, yaw, speed. Of parked vehicles these, that they are `parked`, and the `place`."""
     ignored: str | None
     """A `Reason`; None for what is labelled."""
     mask: str

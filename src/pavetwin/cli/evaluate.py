@@ -10,8 +10,11 @@ from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError, about, no_such
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from rich.table import Table
 
+    from pavetwin.perception.evaluation.detections import FoundBox
     from pavetwin.perception.evaluation.evaluate import DetectorEvaluation
     from pavetwin.perception.evaluation.labelled import LabelledSplit
     from pavetwin.perception.evaluation.resampling import ResampledDifference
@@ -21,13 +24,15 @@ VALIDATION = "val"
 
 
 def evaluate(
-    detections: Annotated[Path, typer.Argument(metavar="DETECTIONS.json", help="COCO's form of results.")],
+    detections: Annotated[
+        Path, typer.Argument(metavar="MODEL", help="model.onnx, or its detections in COCO's form of results.")
+    ],
     dataset: Annotated[Path, typer.Argument(help="Folder with annotations/instances_SPLIT.json and images/SPLIT/.")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the report.")] = None,
     split: Annotated[str, typer.Option(help="Of the dataset: test, val or train.")] = "test",
     confidence: Annotated[float, typer.Option(help="At which precision, recall and F1 are stated.")] = 0.25,
     against: Annotated[
-        Path | None, typer.Option(help="Other detections of the same split; differences are these less the others.")
+        Path | None, typer.Option(help="Another model or its detections; differences are these less the others.")
     ] = None,
     regions: Annotated[
         Path | None, typer.Option(help="What the subtype head says at true regions, see the how-to.")
@@ -35,20 +40,21 @@ def evaluate(
     resamples: Annotated[int, typer.Option(help="Of the bootstrap over images; 0 for no intervals.")] = 1000,
     seed: Annotated[int, typer.Option(help="Random seed of the bootstrap; 0 is a seed too.")] = 0,
 ) -> None:
-    """Measure detections against a dataset's labels: average precision, errors, what they depend on.
+    """Measure a model, or detections, against a dataset's labels: average precision, errors, what they depend on.
 
     \b
+    pavetwin evaluate model.onnx datasets/streets -o evaluation
     pavetwin evaluate detections.json datasets/streets -o evaluation
     pavetwin evaluate mixed.json datasets/china-coco -o evaluation --against real-only.json
 
     The dataset is a capture, or what `pavetwin data export --formats coco` writes. The file may hold detections of the
     split val too: the confidence with the best F1 is chosen there.
 
-    Needs pycocotools: pip install 'pavetwin\\[evaluate]'.
+    Needs pycocotools: pip install 'pavetwin\\[evaluate]'; a model needs onnxruntime too, and no PyTorch.
     """
     from pavetwin.experiments.detector_report.write import write_detector_report
     from pavetwin.labels import SPLITS
-    from pavetwin.perception.evaluation.detections import read_detections, read_subtypes
+    from pavetwin.perception.evaluation.detections import read_subtypes
     from pavetwin.perception.evaluation.evaluate import compare_in_pairs
     from pavetwin.perception.evaluation.evaluate import evaluate as evaluated
     from pavetwin.perception.evaluation.labelled import read_split
@@ -60,11 +66,11 @@ def evaluate(
     with progress("Evaluating") as tell:
         chosen = read_split(dataset, split)
         splits = (chosen, *_others(dataset, split))
-        found = read_detections(detections, splits)
+        found = _found(detections, splits, tell)
         other = told = differences = None
         if against is not None:
             with about("against"):
-                other = read_detections(against, splits)
+                other = _found(against, splits, tell)
         if regions is not None:
             with about("regions"):
                 told = read_subtypes(regions, chosen)
@@ -80,6 +86,18 @@ def evaluate(
     if differences is not None:
         _tell_differences(differences)
     out.line(f"Report: {files[0]}")
+
+
+def _found(path: Path, splits: "tuple[LabelledSplit, ...]", tell: "Callable[[float], None]") -> "tuple[FoundBox, ...]":
+    """What a model says of the splits, or what a file of detections holds."""
+    from pavetwin.perception.evaluation.detections import read_detections
+
+    if path.suffix.lower() != ".onnx":
+        return read_detections(path, splits)
+    from pavetwin.perception.evaluation.running import LEAST_CONFIDENCE, found_by
+    from pavetwin.perception.inference import Detector
+
+    return found_by(Detector(path, confidence=LEAST_CONFIDENCE), splits, tell)
 
 
 def _others(dataset: Path, split: str) -> "list[LabelledSplit]":

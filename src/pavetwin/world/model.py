@@ -287,6 +287,7 @@ class Defect:
             "severity": self.severity.value,
             "width_m": round(self.width_m, 4),
             "depth_m": round(self.depth_m, 4),
+            "length_m": round(self.length_m, 4),
             "area_m2": round(self.area_m2, 4),
             "segment": self.segment,
         }

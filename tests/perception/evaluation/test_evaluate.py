@@ -214,6 +214,23 @@ def test_sizes_against_what_captures_know(tmp_path: Path) -> None:
     assert row.bias_percentage == pytest.approx(-10.0)
 
 
+def test_widths_and_diameters_follow_from_area_and_length(tmp_path: Path) -> None:
+    """A crack of 2 m with an outline of 0.1 m² is 50 mm wide; a pothole of π/4 m² has a diameter of 1 m."""
+    whole = {"visible_fraction": 1.0, "inside_fraction": 1.0}
+    images = [[true(CRACK, area_m2=0.1, length_m=2.0, **whole), true(POTHOLE, FAR, area_m2=np.pi / 4, **whole)]]
+    rows = [
+        said(1, CRACK, area_m2="not resolvable", length_m=1.8, mean_width_mm=60.0),
+        said(1, POTHOLE, FAR, diameter_mm=900.0),
+    ]
+    found = {(row.size, row.name): row.bias_percentage for row in evaluated(tmp_path, images, rows).sizes}
+    expected = {
+        ("length_m", "Single Crack"): -10,
+        ("mean_width_mm", "Single Crack"): 20,
+        ("diameter_mm", "Pothole"): -10,
+    }
+    assert found == {key: pytest.approx(value) for key, value in expected.items()}
+
+
 def some(
     rng: np.random.Generator, images: int, classes: int = RUT
 ) -> tuple[list[list[dict[str, Any]]], list[dict[str, Any]]]:

@@ -207,7 +207,7 @@ def _calibration_words(found: DetectorEvaluation) -> str:
 def _sizes(found: DetectorEvaluation) -> list[Block]:
     if not found.sizes:
         return []
-    words = {"area_m2": "area", "length_m": "length"}
+    words = {"area_m2": "area", "length_m": "length", "mean_width_mm": "mean width", "diameter_mm": "diameter"}
     rows = tuple(
         text_cells(
             words[each.size],

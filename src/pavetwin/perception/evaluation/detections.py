@@ -18,9 +18,10 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import FloatBox
 from pavetwin.perception.classes import NO_SUBTYPE, ROAD_DEFECT, class_of
 from pavetwin.perception.evaluation.labelled import LabelledSplit
+from pavetwin.perception.results.measuring import NOT_RESOLVABLE
 
-SIZES: Final = ("area_m2", "length_m")
-"""What a detector may say of a defect's size, among the attributes."""
+SIZES: Final = ("area_m2", "length_m", "mean_width_mm", "diameter_mm")
+"""What a detector may say of a defect's size, among the attributes; `not resolvable` is as not said."""
 
 _ROUNDING: Final = 2e-3
 """By how much `score` may differ from the product of its parts, which are often rounded to three digits."""
@@ -112,7 +113,7 @@ def _found(row: Any, image: int, where: str, categories: Mapping[int, tuple[int,
     assert number is not None
     detection, confidence = _confidences(row, coarse, where)
     said = row.get("attributes") or {}
-    sizes = {name: _positive(said, name, where) for name in SIZES if said.get(name) is not None}
+    sizes = {name: _positive(said, name, where) for name in SIZES if said.get(name) not in (None, NOT_RESOLVABLE)}
     return FoundBox(image, coarse, number, _box(row, where), detection, confidence, sizes)
 
 

@@ -8,11 +8,20 @@ import json
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, pi, sqrt
 from pathlib import Path
 from typing import Any, Final
 
-from pavetwin.perception.classes import COARSE, NO_SUBTYPE, ROAD_DEFECT, class_of, coarse_of, subtype_of
+from pavetwin.perception.classes import (
+    COARSE,
+    CRACKS,
+    NO_SUBTYPE,
+    ROAD_DEFECT,
+    SUBTYPES,
+    class_of,
+    coarse_of,
+    subtype_of,
+)
 from pavetwin.perception.examples.coco import read_coco
 from pavetwin.perception.examples.example import Example, ExampleSet, TrueObject, labelled_classes
 
@@ -21,7 +30,8 @@ IMAGE_FACTS: Final = ("altitude_m", "gsd_mm", "sun_elevation_deg", "cloud_cover"
 sun's elevation, and the share of the sky with clouds."""
 
 OBJECT_FACTS: Final = ("visible_fraction", "inside_fraction", "contrast", "area_m2", "length_m")
-"""What may be known of an object: see docs/explanation/labels.md. `length_m` of a defect only."""
+"""What may be known of an object: see docs/explanation/labels.md. Sizes of defects only. A single crack's mean width
+follows from its area and length, and the diameter of others from their area."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +124,12 @@ def _region(row: dict[str, Any], true: TrueObject) -> LabelledRegion:
     told = _numbers({**_mapping(row, "attributes"), **row}, OBJECT_FACTS)
     if true.coarse != ROAD_DEFECT:
         told.pop("length_m", None)
+        told.pop("area_m2", None)
+    elif "area_m2" in told and told["area_m2"] > 0:
+        if true.subtype != SUBTYPES.index(CRACKS[0]):
+            told["diameter_mm"] = 2000 * sqrt(told["area_m2"] / pi)
+        elif told.get("length_m", 0.0) > 0:
+            told["mean_width_mm"] = 1000 * told["area_m2"] / told["length_m"]
     return LabelledRegion(int(row["id"]), true, told)
 
 

@@ -1,0 +1,56 @@
+"""What a model says of a dataset's images, with the sizes of defects where an image's ground resolution is known."""
+
+from collections.abc import Callable, Sequence
+from io import BytesIO
+from typing import Final
+
+from PIL import Image
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.perception.classes import COARSE, ROAD_DEFECT, SUBTYPES
+from pavetwin.perception.evaluation.detections import FoundBox
+from pavetwin.perception.evaluation.labelled import LabelledImage, LabelledSplit
+from pavetwin.perception.inference.detector import Detector
+from pavetwin.perception.results.measuring import measured
+
+LEAST_CONFIDENCE: Final = 0.001
+"""Of the detector of an evaluation: average precision reads the whole curve."""
+
+
+def found_by(
+    detector: Detector, splits: Sequence[LabelledSplit], tell: Callable[[float], None] | None = None
+) -> tuple[FoundBox, ...]:
+    """The detections in all images of some splits of a dataset.
+
+    Raises:
+        PaveTwinError: a picture is missing, or no image.
+    """
+    images = [(split, image) for split in splits for image in split.images]
+    found: list[FoundBox] = []
+    for at, (split, image) in enumerate(images):
+        found += _found(detector, split, image)
+        if tell is not None:
+            tell((at + 1) / len(images))
+    return tuple(found)
+
+
+def _found(detector: Detector, split: LabelledSplit, image: LabelledImage) -> list[FoundBox]:
+    try:
+        picture = Image.open(BytesIO(split.data.encoded(image.example)))
+        picture.load()
+    except OSError as error:
+        raise PaveTwinError(f"The picture of '{image.example.name}' cannot be read as an image ({error}).") from error
+    (said,) = detector.detect([picture])
+    gsd_mm = image.facts.get("gsd_mm", image.example.gsd_mm)
+    rows = []
+    for at in range(len(said)):
+        number, mask = int(said.classes[at]), said.mask(at)
+        sizes = {}
+        if mask is not None and mask[1].any() and gsd_mm:
+            told = measured(said.names[at], mask[1], gsd_mm)
+            sizes = {name: value for name, value in told.items() if not isinstance(value, str) and value > 0}
+        coarse = ROAD_DEFECT if number < len(SUBTYPES) else COARSE.index(said.names[at])
+        detection = float(said.detection[at])
+        confidence = detection * float(said.subtype[at])
+        rows.append(FoundBox(image.number, coarse, number, said.box(at), detection, confidence, sizes))
+    return rows
