@@ -1,10 +1,11 @@
 """Boxes by their laws."""
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pavetwin.labels.boxes import area, moved, ordered, scaled, share_within, to_pixels, within
+from pavetwin.labels.boxes import area, moved, of_mask, ordered, scaled, share_within, to_pixels, within
 
 SIDE = st.integers(1, 3000)
 EDGE = st.floats(-2000, 4000, allow_nan=False)
@@ -68,3 +69,14 @@ def test_tiles_share_out_a_box(
 def test_a_box_thinner_than_a_pixel_gets_the_pixel_of_its_middle() -> None:
     assert to_pixels((3.1, 0.2, 3.3, 9.0), (10, 10)) == (3, 0, 4, 9)
     assert to_pixels((9.9, 9.9, 10.0, 10.0), (10, 10)) == (9, 9, 10, 10)
+
+
+@given(boxes_in_images())
+def test_the_box_of_a_mask_encloses_its_pixels_and_no_more(
+    box_and_size: tuple[tuple[int, ...], tuple[int, int]],
+) -> None:
+    (left, top, right, bottom), size = box_and_size
+    mask = np.zeros(size[::-1], dtype=np.bool_)
+    assert of_mask(mask) is None
+    mask[top, left] = mask[bottom - 1, right - 1] = True
+    assert of_mask(mask) == (left, top, right, bottom)

@@ -68,10 +68,6 @@ class CopyPlan:
         held = self.reached[self.present > 0]
         return 1 - float(held.min() / held.max()) if held.size else 0.0
 
-    @property
-    def is_balanced(self) -> bool:
-        return self.spread <= TOLERANCE
-
 
 CopyCounts = Callable[[int, int], Int64Array]
 """Of an image and the number of its copy, from 0: the instances (classes,) that it shows."""

@@ -16,7 +16,7 @@ from PIL import Image, ImageDraw
 from pavetwin.arrays import BoolArray
 from pavetwin.datasets.annotated import Annotation, Polygon
 from pavetwin.datasets.changes import GONE_SHARE
-from pavetwin.labels.boxes import PixelBox
+from pavetwin.labels.boxes import of_mask
 from pavetwin.labels.outlines import outline
 
 KEPT_SHARE: Final = 0.6
@@ -50,12 +50,12 @@ def covered(annotation: Annotation, over: BoolArray, size_px: tuple[int, int]) -
     visible = region & ~over
     if visible.sum() == region.sum():
         return annotation
-    share = visible.sum() / region.sum()
-    if share < GONE_SHARE:
+    share, box = visible.sum() / region.sum(), of_mask(visible)
+    if share < GONE_SHARE or box is None:
         return None
     ignored = COVERED if share < KEPT_SHARE and annotation.ignored is None else annotation.ignored
     shape = _outline(visible) if annotation.outline is not None else None
-    return replace(annotation, box=_box(visible), outline=shape, ignored=ignored)
+    return replace(annotation, box=box, outline=shape, ignored=ignored)
 
 
 def pasted(mask: BoolArray, category: str, name: str) -> Annotation:
@@ -65,12 +65,9 @@ def pasted(mask: BoolArray, category: str, name: str) -> Annotation:
         mask: (height, width) its pixels.
         name: of its cut-out.
     """
-    return Annotation(category, _box(mask), outline=_outline(mask), original="cut out", attributes={CUT_OUT: name})
-
-
-def _box(mask: BoolArray) -> PixelBox:
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+    box = of_mask(mask)
+    assert box is not None, "an object has pixels"
+    return Annotation(category, box, outline=_outline(mask), original="cut out", attributes={CUT_OUT: name})
 
 
 def _outline(mask: BoolArray) -> Polygon:

@@ -12,12 +12,12 @@ from typing import Final
 
 import cv2
 import numpy as np
-from PIL import Image, ImageDraw
 from scipy import ndimage
 
 from pavetwin.arrays import BoolArray, Float64Array, UInt8Array
-from pavetwin.datasets.annotated import AnnotatedImage, Annotation
-from pavetwin.labels.boxes import PixelBox, area, within
+from pavetwin.datasets.annotated import AnnotatedImage
+from pavetwin.datasets.covering import filled
+from pavetwin.labels.boxes import PixelBox, area, of_mask, within
 from pavetwin.labels.classes import CAR, PERSON
 
 SIZES_M: Final = {CAR.name: (4.5, 1.8), PERSON.name: (0.5, 0.35)}
@@ -157,15 +157,19 @@ def _cut_out(image: AnnotatedImage, number: int, picture: UInt8Array) -> CutOut 
     window = (max(left - margin, 0), max(top - margin, 0), min(right + margin, width), min(bottom + margin, height))
     part = picture[window[1] : window[3], window[0] : window[2]]
     box = (left - window[0], top - window[1], right - window[0], bottom - window[1])
-    mask = _filled(each, window) if each.outline is not None else segmented(part, box)
+    if each.outline is not None:
+        mask = filled(each, image.size_px)[window[1] : window[3], window[0] : window[2]].copy()
+    else:
+        mask = segmented(part, box)
     judged, angle_deg = _judged(each.category, part, mask, box, is_exact=each.outline is not None)
     for reason, is_good in QUALITY:
         if not is_good(judged):
             return reason
     if image.gsd_mm is not None and not is_plausible(each.category, judged.length_px, judged.width_px, image.gsd_mm):
         return IMPLAUSIBLE
-    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
-    place = np.s_[max(rows[0] - 2, 0) : rows[-1] + 3, max(columns[0] - 2, 0) : columns[-1] + 3]
+    held = of_mask(mask)
+    assert held is not None, "it was judged good"
+    place = np.s_[max(held[1] - 2, 0) : held[3] + 2, max(held[0] - 2, 0) : held[2] + 2]
     around = ndimage.binary_dilation(mask, iterations=8) & ~ndimage.binary_dilation(mask, iterations=3)
     red, green, blue = part[around].mean(axis=0).tolist()
     return CutOut(
@@ -195,14 +199,6 @@ def is_plausible(category: str, length_px: float, width_px: float, gsd_mm: float
 def _common(box: PixelBox, other: PixelBox) -> float:
     inside = within(box, other)
     return area(inside) if inside is not None else 0.0
-
-
-def _filled(annotation: Annotation, window: PixelBox) -> BoolArray:
-    """The mask of an outline in a window."""
-    drawn = Image.new("1", (window[2] - window[0], window[3] - window[1]))
-    assert annotation.outline is not None
-    ImageDraw.Draw(drawn).polygon([(x - window[0], y - window[1]) for x, y in annotation.outline], fill=1)
-    return np.array(drawn, dtype=np.bool_)
 
 
 def segmented(part: UInt8Array, box: PixelBox) -> BoolArray:

@@ -1,5 +1,4 @@
-"""A whole dataset from one file: sources imported, merged, split and exported; composites
-and equal classes between, where asked for.
+"""A whole dataset from one file: sources imported, merged, composed and balanced where asked for, split and exported.
 
 Every stage has a folder of its own in the output and is resumable by itself, so a recipe that is run again goes on
 where it stopped, and the same recipe over the same files gives the same bytes.

@@ -3,6 +3,10 @@
 from math import floor
 from typing import Final
 
+import numpy as np
+
+from pavetwin.arrays import BoolArray
+
 PixelBox = tuple[int, int, int, int]
 """Left, top, right, bottom in pixels; right and bottom are exclusive."""
 
@@ -49,6 +53,14 @@ def moved(box: FloatBox, right: float, down: float) -> FloatBox:
 def flipped(box: PixelBox, width: int) -> PixelBox:
     """The box in an image of this width whose left and right were exchanged."""
     return width - box[2], box[1], width - box[0], box[3]
+
+
+def of_mask(mask: BoolArray) -> PixelBox | None:
+    """The smallest box around a mask (height, width); None where it is empty."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not len(rows):
+        return None
+    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
 
 
 def to_pixels(box: FloatBox, size_px: tuple[int, int]) -> PixelBox | None:

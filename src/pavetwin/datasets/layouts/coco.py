@@ -14,7 +14,7 @@ from pavetwin.datasets.layouts.coco_file import CocoFile, CocoFileError, as_id, 
 from pavetwin.datasets.layouts.yolo import box_around
 from pavetwin.datasets.pictures import PictureIndex, files_in, inside, is_file
 from pavetwin.datasets.report import Finding, Report
-from pavetwin.labels.boxes import FloatBox
+from pavetwin.labels.boxes import FloatBox, of_mask
 from pavetwin.labels.outlines import outline
 from pavetwin.labels.rle import decode
 
@@ -153,9 +153,7 @@ def _shape(segmentation: Any) -> tuple[FloatBox, Polygon | None] | None:
         return around, parts[0] if len(parts) == 1 and len(parts[0]) > 2 else None
     if isinstance(segmentation, dict):
         mask = _mask(segmentation)
-        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-        if len(rows):
-            box = (float(columns[0]), float(rows[0]), float(columns[-1] + 1), float(rows[-1] + 1))
+        if (box := of_mask(mask)) is not None:
             middles = outline(mask) + 0.5
             return box, tuple((float(x), float(y)) for x, y in middles)
     return None
